@@ -1,0 +1,28 @@
+# Each target sets up what it needs first; scripts/ does the work.
+.PHONY: help demo test test-arm bench lint format clean
+
+help:  ## List the targets
+	@sed -n 's/^\([a-z-]*\):  ## /\1\t/p' Makefile | expand -t 12
+
+demo:  ## Fit Gaussians to rendered images and save the pictures in out/demo
+	@scripts/setup
+	@.venv/bin/python examples/fit_scene.py --out out/demo
+
+test:  ## Build, then run the C++ and Python tests
+	@scripts/test
+
+test-arm:  ## Cross-compile the C++ tests for 64-bit ARM and run them under QEMU
+	@scripts/setup arm
+	@scripts/ctest arm64
+
+bench:  ## Build and run the benchmarks
+	@scripts/bench
+
+lint:  ## Check formatting, style, types, layers and stubs
+	@scripts/lint
+
+format:  ## Format the sources and regenerate the stubs
+	@scripts/lint --fix
+
+clean:  ## Remove what was built
+	rm -rf build dist out .venv/gslts-stamp

@@ -1,0 +1,144 @@
+"""Counts what a workload asks of a rasterizer, in numpy and float64, independently of gslts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from workloads import NEAR_M, Floats, Size, Workload
+
+# The constants of 3DGS (Kerbl et al. 2023), as in gslts::raster::RenderOptions.
+ALPHA_MIN = 1 / 255
+ALPHA_MAX = 0.99
+TRANSMITTANCE_MIN = 1e-4
+EPS2D_PX2 = 0.3
+JACOBIAN_MARGIN = 0.3
+BAND_ROWS = 16
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Visible: some pixel has alpha >= 1/255. Blends: those before the transmittance ends."""
+
+    visible: int
+    blends_per_pixel: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Footprints:
+    """Projected Gaussians in front of the camera that can reach alpha >= 1/255, nearest first."""
+
+    means2d: Floats
+    """[V,2] px"""
+    conics: Floats
+    """[V,3] inverse covariance, (xx, xy, yy), 1/px^2"""
+    opacities: Floats
+    """[V]"""
+    extents: Floats
+    """[V,2] half sizes of the box that holds every pixel with alpha >= 1/255, px"""
+
+
+def rotation_matrices(quats: Floats) -> Floats:
+    """[N,3,3] of unit quaternions [N,4] wxyz."""
+    w, x, y, z = (quats / np.linalg.norm(quats, axis=1, keepdims=True)).T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
+def project(workload: Workload) -> Footprints:
+    """Projects all Gaussians (3DGS, Kerbl et al. 2023, eq. 5)."""
+    camera_from_world = np.linalg.inv(workload.world_from_camera)
+    rotation = camera_from_world[:3, :3]
+    x_in_camera = workload.means @ rotation.T + camera_from_world[:3, 3]
+    opacities = 1 / (1 + np.exp(-workload.logit_opacities.astype(float)))
+    keep = np.flatnonzero((x_in_camera[:, 2] > NEAR_M) & (opacities >= ALPHA_MIN))
+    keep = keep[np.argsort(x_in_camera[keep, 2], kind="stable")]
+    x, y, z = x_in_camera[keep].T
+    f, w, h = workload.focal_px, workload.width, workload.height
+    limit_x, limit_y = (1 + JACOBIAN_MARGIN) * w / 2 / f, (1 + JACOBIAN_MARGIN) * h / 2 / f
+    jacobian = np.zeros((len(keep), 2, 3))
+    jacobian[:, 0, 0] = jacobian[:, 1, 1] = f / z
+    jacobian[:, 0, 2] = -f / z * np.clip(x / z, -limit_x, limit_x)
+    jacobian[:, 1, 2] = -f / z * np.clip(y / z, -limit_y, limit_y)
+    axes = rotation_matrices(workload.quats[keep].astype(float))
+    axes *= np.exp(workload.log_scales[keep].astype(float))[:, None, :]
+    axes2d = jacobian @ rotation @ axes
+    covars2d = axes2d @ axes2d.transpose(0, 2, 1) + EPS2D_PX2 * np.eye(2)
+    inverses = np.linalg.inv(covars2d)
+    reach = 2 * np.log(opacities[keep] / ALPHA_MIN)
+    return Footprints(
+        means2d=np.stack([f * x / z + w / 2, f * y / z + h / 2], axis=1),
+        conics=np.stack([inverses[:, 0, 0], inverses[:, 0, 1], inverses[:, 1, 1]], axis=1),
+        opacities=opacities[keep],
+        extents=np.sqrt(reach[:, None] * np.stack([covars2d[:, 0, 0], covars2d[:, 1, 1]], axis=1)),
+    )
+
+
+def expand(starts: NDArray[np.int64], ends: NDArray[np.int64]) -> tuple[NDArray, NDArray]:
+    """All integers of the ranges [starts, ends), with the index of the range of each."""
+    lengths = np.maximum(ends - starts, 0)
+    owners = np.repeat(np.arange(len(starts)), lengths)
+    firsts = np.repeat(np.cumsum(lengths) - lengths, lengths)
+    return owners, np.arange(lengths.sum()) - firsts + starts[owners]
+
+
+def blended_pairs(
+    splats: Footprints, first_row: int, end_row: int, width: int
+) -> tuple[NDArray, NDArray, Floats]:
+    """Splat, pixel and alpha of every pair with alpha >= 1/255 in a band of rows, nearest first."""
+    low = np.ceil(splats.means2d - splats.extents - 0.5).astype(int)
+    high = np.floor(splats.means2d + splats.extents - 0.5).astype(int) + 1
+    row_starts, row_ends = np.maximum(low[:, 1], first_row), np.minimum(high[:, 1], end_row)
+    on_screen = (high[:, 0] > 0) & (low[:, 0] < width)
+    splat_of_row, rows = expand(row_starts, np.where(on_screen, row_ends, row_starts))
+    starts = np.maximum(low[splat_of_row, 0], 0)
+    ends = np.minimum(high[splat_of_row, 0], width)
+    row_of_pair, columns = expand(starts, ends)
+    splat, row = splat_of_row[row_of_pair], rows[row_of_pair]
+    dx = columns + 0.5 - splats.means2d[splat, 0]
+    dy = row + 0.5 - splats.means2d[splat, 1]
+    xx, xy, yy = splats.conics[splat].T
+    alpha = splats.opacities[splat] * np.exp(-0.5 * (xx * dx * dx + yy * dy * dy) - xy * dx * dy)
+    keep = alpha >= ALPHA_MIN
+    pixel = (row - first_row) * width + columns
+    return splat[keep], pixel[keep], np.minimum(alpha[keep], ALPHA_MAX)
+
+
+def count_blends(pixel: NDArray, alpha: Floats, pixels: int) -> NDArray[np.int64]:
+    """Blends at each pixel before its transmittance would fall below the minimum."""
+    order = np.argsort(pixel, kind="stable")
+    pixel, log_left = pixel[order], np.cumsum(np.log1p(-alpha[order]))
+    totals = np.bincount(pixel, minlength=pixels)
+    firsts = np.cumsum(totals) - totals
+    before = np.concatenate([[0.0], log_left])[firsts][pixel]
+    return np.bincount(pixel[log_left - before >= np.log(TRANSMITTANCE_MIN)], minlength=pixels)
+
+
+def count(workload: Workload) -> Counts:
+    """Counts visible Gaussians and blends, band by band to bound the memory."""
+    splats = project(workload)
+    visible = np.zeros(len(splats.opacities), bool)
+    blends = []
+    for first_row in range(0, workload.height, BAND_ROWS):
+        end_row = min(first_row + BAND_ROWS, workload.height)
+        splat, pixel, alpha = blended_pairs(splats, first_row, end_row, workload.width)
+        visible[splat] = True
+        blends.append(count_blends(pixel, alpha, (end_row - first_row) * workload.width))
+    return Counts(int(visible.sum()), np.concatenate(blends))
+
+
+def report(name: str, counts: Counts, size: Size) -> str:
+    """One line that sets the counts beside those of the experiment."""
+    blends = counts.blends_per_pixel
+    return (
+        f"{name}: visible {counts.visible / 1e3:.1f}k "
+        f"({counts.visible / size.expected_visible - 1:+.1%} of {size.expected_visible / 1e3:.1f}k), "
+        f"blends {blends.sum() / 1e6:.2f}M "
+        f"({blends.sum() / size.expected_blends - 1:+.1%} of {size.expected_blends / 1e6:.2f}M), "
+        f"per pixel mean {blends.mean():.1f}, max {blends.max()}"
+    )

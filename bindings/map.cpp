@@ -1,0 +1,185 @@
+#include <pybind11/operators.h>
+#include <pybind11/stl.h>
+
+#include <Eigen/Geometry>
+#include <array>
+#include <optional>
+
+#include "arrays.hpp"
+#include "gslts/map/camera.hpp"
+#include "gslts/map/gaussian_map.hpp"
+
+namespace gslts::python {
+namespace {
+
+using RowMajorMatrix4d = Eigen::Matrix<double, 4, 4, Eigen::RowMajor>;
+using Vector3 = std::array<double, 3>;
+
+Eigen::Vector3d to_eigen(const Vector3& vector) { return {vector[0], vector[1], vector[2]}; }
+
+Eigen::Isometry3d to_eigen(const py::array& transform, const char* name) {
+  const py::array contiguous = py::array::ensure(transform, py::array::c_style);
+  const Eigen::Map<const RowMajorMatrix4d> matrix(require_array<double>(contiguous, name, {4, 4}));
+  if (matrix.row(3) != Eigen::RowVector4d(0, 0, 0, 1)) {
+    throw py::value_error(std::string(name) + ": the last row must be (0, 0, 0, 1), got " +
+                          std::string(py::repr(transform.attr("tolist")().attr("pop")())));
+  }
+  Eigen::Isometry3d result;
+  result.matrix() = matrix;
+  return result;
+}
+
+py::array_t<double> to_numpy(const Eigen::Isometry3d& transform) {
+  py::array_t<double> result({4, 4});
+  Eigen::Map<RowMajorMatrix4d>(result.mutable_data()) = transform.matrix();
+  return result;
+}
+
+Camera make_camera(double fx, double fy, double cx, double cy, int width, int height,
+                   const py::array& world_from_camera) {
+  const Camera camera{fx, fy, cx, cy, width, height,
+                      to_eigen(world_from_camera, "world_from_camera")};
+  validate(camera, "Camera");
+  return camera;
+}
+
+bool equal(const Camera& a, const Camera& b) {
+  return a.fx == b.fx && a.fy == b.fy && a.cx == b.cx && a.cy == b.cy && a.width == b.width &&
+         a.height == b.height && a.world_from_camera.matrix() == b.world_from_camera.matrix();
+}
+
+void define_camera(py::module_& m) {
+  py::class_<Camera>(m, "Camera", R"(A pinhole camera at a pose in the world; immutable.
+
+Camera frame: OpenCV axes, x right, y down, z forward, metres. The pixel in column i and row j
+covers [i, i+1) x [j, j+1) of the image plane; its centre is (i + 0.5, j + 0.5). A point (x, y, z)
+in the camera frame is seen at (fx x/z + cx, fy y/z + cy) pixels.
+
+Args:
+    fx, fy: Focal lengths, px.
+    cx, cy: Principal point, px.
+    width, height: Image size, px.
+    world_from_camera: [4,4] float64, rigid transform from the camera frame to the world frame:
+        x_in_world = world_from_camera @ x_in_camera. Metres, world z up.
+
+Raises:
+    ValueError: A focal length that is not positive, a size outside 1..65536, a rotation that is not
+        orthonormal to 1e-6, anything not finite, or a pose of another shape or dtype.)")
+      .def(py::init(&make_camera), py::kw_only(), py::arg("fx"), py::arg("fy"), py::arg("cx"),
+           py::arg("cy"), py::arg("width"), py::arg("height"), py::arg("world_from_camera"))
+      .def_readonly("fx", &Camera::fx, "Horizontal focal length, px.")
+      .def_readonly("fy", &Camera::fy, "Vertical focal length, px.")
+      .def_readonly("cx", &Camera::cx, "Principal point, column, px.")
+      .def_readonly("cy", &Camera::cy, "Principal point, row, px.")
+      .def_readonly("width", &Camera::width, "Image width, px.")
+      .def_readonly("height", &Camera::height, "Image height, px.")
+      .def_property_readonly(
+          "world_from_camera", [](const Camera& camera) { return to_numpy(camera.world_from_camera); },
+          "[4,4] float64, a copy of the pose: x_in_world = world_from_camera @ x_in_camera.")
+      .def("__eq__", &equal, py::is_operator(), py::arg("other"))
+      .def("__repr__",
+           [](const Camera& c) {
+             return py::str("Camera(fx={}, fy={}, cx={}, cy={}, width={}, height={}, "
+                            "world_from_camera={})")
+                 .format(c.fx, c.fy, c.cx, c.cy, c.width, c.height,
+                         to_numpy(c.world_from_camera).attr("tolist")());
+           })
+      .def(py::pickle(
+          [](const Camera& c) {
+            return py::make_tuple(c.fx, c.fy, c.cx, c.cy, c.width, c.height,
+                                  to_numpy(c.world_from_camera));
+          },
+          [](const py::tuple& state) {
+            return make_camera(state[0].cast<double>(), state[1].cast<double>(),
+                               state[2].cast<double>(), state[3].cast<double>(),
+                               state[4].cast<int>(), state[5].cast<int>(),
+                               state[6].cast<py::array>());
+          }));
+
+  m.def(
+      "camera_from_fov",
+      [](int width, int height, double horizontal_fov_rad,
+         const std::optional<py::array>& world_from_camera) {
+        return world_from_camera
+                   ? camera_from_fov(width, height, horizontal_fov_rad,
+                                     to_eigen(*world_from_camera, "world_from_camera"))
+                   : camera_from_fov(width, height, horizontal_fov_rad);
+      },
+      py::arg("width"), py::arg("height"), py::arg("horizontal_fov_rad"),
+      py::arg("world_from_camera") = py::none(),
+      R"(Camera with square pixels and the principal point at the image centre.
+
+Args:
+    width, height: Image size, px.
+    horizontal_fov_rad: Horizontal field of view, rad, inside (0, pi).
+    world_from_camera: [4,4] float64, x_in_world = world_from_camera @ x_in_camera; None means
+        that the camera frame is the world frame.
+
+Raises:
+    ValueError: The field of view, the size or the pose is out of range.)");
+
+  m.def(
+      "look_at",
+      [](const Vector3& eye, const Vector3& target, const Vector3& up) {
+        return to_numpy(look_at(to_eigen(eye), to_eigen(target), to_eigen(up)));
+      },
+      py::arg("eye"), py::arg("target"), py::arg("up") = Vector3{0, 0, 1},
+      R"(Pose of a camera at `eye` that looks at `target`, its image upright with respect to `up`.
+
+Args:
+    eye: (3,) camera centre in the world, m.
+    target: (3,) point at the image centre, in the world, m.
+    up: (3,) direction in the world, of any length.
+
+Returns:
+    [4,4] float64 world_from_camera.
+
+Raises:
+    ValueError: The target is the eye, or the view direction is along `up`.)");
+}
+
+template <typename T>
+GaussianView<T> make_view(const py::array& means, const py::array& quats,
+                          const py::array& log_scales, const py::array& logit_opacities,
+                          const py::array& sh, const py::array& features,
+                          const py::array& origin) {
+  GaussianView<T> view;
+  view.means = require_array<T>(means, "means", {kAnyLength, 3});
+  const py::ssize_t size = means.shape(0);
+  view.size = static_cast<std::size_t>(size);
+  view.quats = require_array<T>(quats, "quats", {size, 4});
+  view.log_scales = require_array<T>(log_scales, "log_scales", {size, 3});
+  view.logit_opacities = require_array<T>(logit_opacities, "logit_opacities", {size});
+  view.sh = require_array<T>(sh, "sh", {size, kAnyLength, 3});
+  view.sh_bases = static_cast<int>(sh.shape(1));
+  view.features = require_array<T>(features, "features", {size, kAnyLength});
+  view.feature_dims = static_cast<int>(features.shape(1));
+  view.origin = Eigen::Map<const Eigen::Vector3d>(require_array<double>(origin, "origin", {3}));
+  validate(view, "GaussianView");
+  return view;
+}
+
+template <typename T>
+void define_gaussian_view(py::module_& m, const char* name) {
+  using View = GaussianView<T>;
+  // The view points into the arrays: it keeps each of them alive.
+  py::class_<View>(m, name, "Read-only view of the arrays of N Gaussians; it copies nothing.")
+      .def(py::init(&make_view<T>), py::kw_only(), py::arg("means"), py::arg("quats"),
+           py::arg("log_scales"), py::arg("logit_opacities"), py::arg("sh"), py::arg("features"),
+           py::arg("origin"), py::keep_alive<1, 2>(), py::keep_alive<1, 3>(),
+           py::keep_alive<1, 4>(), py::keep_alive<1, 5>(), py::keep_alive<1, 6>(),
+           py::keep_alive<1, 7>())
+      .def("require_finite", &require_finite<T>, py::arg("function"),
+           "Raises ValueError naming `function`, the first array with a number that is not finite "
+           "and its index.");
+}
+
+}  // namespace
+
+void define_map(py::module_ m) {
+  define_camera(m);
+  define_gaussian_view<float>(m, "GaussianViewFloat");
+  define_gaussian_view<double>(m, "GaussianViewDouble");
+}
+
+}  // namespace gslts::python

@@ -1,0 +1,14 @@
+#include <pybind11/pybind11.h>
+
+namespace gslts::python {
+void define_map(pybind11::module_ m);
+void define_raster(pybind11::module_ m);
+}  // namespace gslts::python
+
+// std::invalid_argument arrives in Python as ValueError, std::bad_alloc as MemoryError, and every
+// other standard exception as RuntimeError: pybind11's own translation.
+PYBIND11_MODULE(_core, m) {
+  m.doc() = "C++ core of gslts: strict and thin; the package gslts is its public face.";
+  gslts::python::define_map(m.def_submodule("map", "Cameras and views of Gaussians."));
+  gslts::python::define_raster(m.def_submodule("raster", "Rendering and its gradients."));
+}

@@ -1,0 +1,213 @@
+#include <pybind11/stl.h>
+#include <pybind11/typing.h>
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <stdexcept>
+
+#include "arrays.hpp"
+#include "gslts/raster/rasterizer.hpp"
+
+namespace gslts::python {
+namespace {
+
+using raster::Gradients;
+using raster::ImageGradients;
+using raster::Images;
+using raster::PixelMask;
+using raster::Rasterizer;
+using raster::RenderOptions;
+
+using OptionalArray = std::optional<py::array>;
+using Arrays = py::typing::Dict<py::str, py::array>;
+
+template <typename T>
+const T* optional_array(const OptionalArray& array, const char* name,
+                        const std::vector<py::ssize_t>& shape) {
+  return array ? require_array<T>(*array, name, shape) : nullptr;
+}
+
+/// `Rasterizer` with numpy arrays in place of pointers. While it works the GIL is free, so it turns
+/// away a second thread that comes in between.
+template <typename T>
+class NumpyRasterizer {
+ public:
+  Arrays forward(const GaussianView<T>& gaussians, const Camera& camera,
+                 const RenderOptions& options, const OptionalArray& mask) {
+    const Use use(*this);
+    PixelMask pixels;
+    if (mask) {
+      const bool* wanted = require_array<bool>(*mask, "mask", {camera.height, camera.width});
+      pixels = {reinterpret_cast<const std::uint8_t*>(wanted), camera.width, camera.height};
+    }
+    image_size_.reset();
+    Images<T> images = [&] {
+      const py::gil_scoped_release release;
+      return rasterizer_.forward(gaussians, camera, options, pixels);
+    }();
+    const py::ssize_t height = images.height, width = images.width, dims = images.feature_dims;
+    image_size_ = {height, width, dims};
+
+    Arrays result;
+    result["rgb"] = to_numpy(std::move(images.rgb), {height, width, 3});
+    result["depth"] = to_numpy(std::move(images.depth), {height, width});
+    result["alpha"] = to_numpy(std::move(images.alpha), {height, width});
+    result["features"] = to_numpy(std::move(images.features), {height, width, dims});
+    return result;
+  }
+
+  Arrays backward(const GaussianView<T>& gaussians, const OptionalArray& dL_drgb,
+                  const OptionalArray& dL_ddepth, const OptionalArray& dL_dalpha,
+                  const OptionalArray& dL_dfeatures, bool statistics) {
+    const Use use(*this);
+    if (!image_size_) throw std::logic_error("Rasterizer.backward: there was no forward");
+    const auto [height, width, dims] = *image_size_;
+    ImageGradients<T> images;
+    images.dL_drgb = optional_array<T>(dL_drgb, "dL_drgb", {height, width, 3});
+    images.dL_ddepth = optional_array<T>(dL_ddepth, "dL_ddepth", {height, width});
+    images.dL_dalpha = optional_array<T>(dL_dalpha, "dL_dalpha", {height, width});
+    images.dL_dfeatures = optional_array<T>(dL_dfeatures, "dL_dfeatures", {height, width, dims});
+    Gradients<T> gradients = [&] {
+      const py::gil_scoped_release release;
+      return rasterizer_.backward(gaussians, images, statistics);
+    }();
+
+    const auto visible = static_cast<py::ssize_t>(gradients.rows.size());
+    Arrays result;
+    result["rows"] = to_numpy(std::move(gradients.rows), {visible});
+    result["dL_dmeans"] = to_numpy(std::move(gradients.dL_dmeans), {visible, 3});
+    result["dL_dquats"] = to_numpy(std::move(gradients.dL_dquats), {visible, 4});
+    result["dL_dlog_scales"] = to_numpy(std::move(gradients.dL_dlog_scales), {visible, 3});
+    result["dL_dlogit_opacities"] = to_numpy(std::move(gradients.dL_dlogit_opacities), {visible});
+    result["dL_dsh"] = to_numpy(std::move(gradients.dL_dsh), {visible, gaussians.sh_bases, 3});
+    result["dL_dfeatures"] =
+        to_numpy(std::move(gradients.dL_dfeatures), {visible, gaussians.feature_dims});
+    result["dL_dtwist"] = py::array_t<double>(6, gradients.dL_dtwist.data());
+    if (statistics) {
+      result["abs_dL_dmeans2d"] = to_numpy(std::move(gradients.abs_dL_dmeans2d), {visible, 2});
+      result["max_weights"] = to_numpy(std::move(gradients.max_weights), {visible});
+      result["pixel_counts"] = to_numpy(std::move(gradients.pixel_counts), {visible});
+    }
+    return result;
+  }
+
+ private:
+  struct ImageSize {
+    py::ssize_t height, width, feature_dims;
+  };
+
+  /// Marks the rasterizer as used for its lifetime; made and destroyed with the GIL held.
+  struct Use {
+    explicit Use(NumpyRasterizer& rasterizer) : in_use(rasterizer.in_use_) {
+      if (in_use) {
+        throw std::runtime_error("Rasterizer: in use by another thread; each thread needs its own");
+      }
+      in_use = true;
+    }
+    ~Use() { in_use = false; }
+    Use(const Use&) = delete;
+    Use& operator=(const Use&) = delete;
+    bool& in_use;
+  };
+
+  Rasterizer<T> rasterizer_;
+  std::optional<ImageSize> image_size_;  ///< Of the last forward.
+  bool in_use_ = false;
+};
+
+RenderOptions make_options(std::array<double, 3> background, double near_m, int sh_degree,
+                           double eps2d_px2, bool antialias, double alpha_min,
+                           double transmittance_min, int threads) {
+  return {background, near_m,    sh_degree,         eps2d_px2,
+          antialias,  alpha_min, transmittance_min, threads};
+}
+
+/// The arguments of make_options.
+py::tuple fields(const RenderOptions& o) {
+  return py::make_tuple(py::make_tuple(o.background[0], o.background[1], o.background[2]),
+                        o.near_m, o.sh_degree, o.eps2d_px2, o.antialias, o.alpha_min,
+                        o.transmittance_min, o.threads);
+}
+
+void define_options(py::module_& m) {
+  const RenderOptions defaults;
+  py::class_<RenderOptions>(m, "RenderOptions", R"(How to render; immutable.
+
+The defaults are those of 3DGS (Kerbl et al. 2023) but for the near plane.
+
+Args:
+    background: RGB behind the Gaussians.
+    near_m: Gaussians with centre depth z <= near_m are not seen, m. > 0
+    sh_degree: Highest SH degree used, 0 to 3; the map's own degree caps it.
+    eps2d_px2: Variance added to each projected covariance, px^2. >= 0
+    antialias: Scale opacity by sqrt(det(cov2d) / det(cov2d + eps2d I)), so that small or distant
+        Gaussians keep their energy (Mip-Splatting, Yu et al. 2024, eq. 9).
+    alpha_min: A Gaussian is skipped at a pixel where its alpha is below this. In [1e-30, 0.99)
+    transmittance_min: A pixel ends before the Gaussian that would take its transmittance below
+        this. In [0, 1)
+    threads: 0 means one a hardware thread. Results do not depend on it.
+
+The values are checked by each rendering.)")
+      .def(py::init(&make_options),
+           py::kw_only(), py::arg("background") = defaults.background,
+           py::arg("near_m") = defaults.near_m, py::arg("sh_degree") = defaults.sh_degree,
+           py::arg("eps2d_px2") = defaults.eps2d_px2, py::arg("antialias") = defaults.antialias,
+           py::arg("alpha_min") = defaults.alpha_min,
+           py::arg("transmittance_min") = defaults.transmittance_min,
+           py::arg("threads") = defaults.threads)
+      .def_property_readonly(
+          "background", [](const RenderOptions& o) { return fields(o)[0].cast<py::tuple>(); },
+          "RGB behind the Gaussians.")
+      .def_readonly("near_m", &RenderOptions::near_m, "Near plane, m.")
+      .def_readonly("sh_degree", &RenderOptions::sh_degree, "Highest SH degree used.")
+      .def_readonly("eps2d_px2", &RenderOptions::eps2d_px2,
+                    "Variance added to each projected covariance, px^2.")
+      .def_readonly("antialias", &RenderOptions::antialias, "Keep the energy of small Gaussians.")
+      .def_readonly("alpha_min", &RenderOptions::alpha_min, "Least alpha that is blended.")
+      .def_readonly("transmittance_min", &RenderOptions::transmittance_min,
+                    "Least transmittance left at a pixel.")
+      .def_readonly("threads", &RenderOptions::threads, "Threads; 0 means one a hardware thread.")
+      .def(
+          "__eq__",
+          [](const RenderOptions& a, const RenderOptions& b) { return fields(a).equal(fields(b)); },
+          py::is_operator(), py::arg("other"))
+      .def("__repr__",
+           [](const RenderOptions& o) {
+             return py::str("RenderOptions(background={}, near_m={}, sh_degree={}, eps2d_px2={}, "
+                            "antialias={}, alpha_min={}, transmittance_min={}, threads={})")
+                 .format(*fields(o));
+           })
+      .def(py::pickle(&fields, [](const py::tuple& state) {
+        return make_options(state[0].cast<std::array<double, 3>>(), state[1].cast<double>(),
+                            state[2].cast<int>(), state[3].cast<double>(), state[4].cast<bool>(),
+                            state[5].cast<double>(), state[6].cast<double>(),
+                            state[7].cast<int>());
+      }));
+}
+
+template <typename T>
+void define_rasterizer(py::module_& m, const char* name) {
+  using Class = NumpyRasterizer<T>;
+  py::class_<Class>(m, name, "Rasterizer of one precision; see gslts.Rasterizer.")
+      .def(py::init<>())
+      .def("forward", &Class::forward, py::arg("gaussians"), py::kw_only(), py::arg("camera"),
+           py::arg("options"), py::arg("mask"),
+           "Renders one view; returns the arrays of `gslts.Images` by name.")
+      .def("backward", &Class::backward, py::arg("gaussians"), py::kw_only(), py::arg("dL_drgb"),
+           py::arg("dL_ddepth"), py::arg("dL_dalpha"), py::arg("dL_dfeatures"),
+           py::arg("statistics"),
+           "Differentiates the last forward; returns the arrays of `gslts.Gradients` by name.");
+}
+
+}  // namespace
+
+void define_raster(py::module_ m) {
+  define_options(m);
+  define_rasterizer<float>(m, "RasterizerFloat");
+  define_rasterizer<double>(m, "RasterizerDouble");
+  m.def("simd_target", &raster::simd_target,
+        "Name of the instruction set that the kernels use on this machine.");
+}
+
+}  // namespace gslts::python

@@ -1,0 +1,30 @@
+include(GNUInstallDirs)
+
+# Standard, warnings and floating-point rules that every target of the project shares.
+function(gslts_target_defaults target)
+  target_compile_features(${target} PUBLIC cxx_std_17)
+  set_target_properties(${target} PROPERTIES CXX_EXTENSIONS OFF POSITION_INDEPENDENT_CODE ON)
+  target_compile_options(${target} PRIVATE -Wall -Wextra -Wshadow -Wconversion -Wno-sign-conversion)
+  # Nobody reads errno or floating-point flags. Signed zeros, NaN and Inf keep their meaning.
+  target_compile_options(${target} PRIVATE -fno-math-errno -fno-trapping-math)
+  if(GSLTS_WARNINGS_AS_ERRORS)
+    target_compile_options(${target} PRIVATE -Werror)
+  endif()
+endfunction()
+
+# gslts_library(<name> SOURCES <files> HEADERS <files> [DEPENDS <targets>] [PRIVATE_DEPENDS <targets>])
+#
+# Declares the static library gslts::<name> of folder cpp/<name>, with the public headers
+# <gslts/<name>/...> under include/. Only what is declared can be included.
+function(gslts_library name)
+  cmake_parse_arguments(PARSE_ARGV 1 arg "" "" "SOURCES;HEADERS;DEPENDS;PRIVATE_DEPENDS")
+  set(target gslts_${name})
+  add_library(${target} STATIC ${arg_SOURCES})
+  add_library(gslts::${name} ALIAS ${target})
+  target_sources(${target} PUBLIC
+    FILE_SET HEADERS BASE_DIRS ${CMAKE_CURRENT_SOURCE_DIR}/include FILES ${arg_HEADERS})
+  target_link_libraries(${target} PUBLIC ${arg_DEPENDS} PRIVATE ${arg_PRIVATE_DEPENDS})
+  set_target_properties(${target} PROPERTIES EXPORT_NAME ${name} VERIFY_INTERFACE_HEADER_SETS ON)
+  gslts_target_defaults(${target})
+  set_property(GLOBAL APPEND PROPERTY GSLTS_LIBRARIES ${target})
+endfunction()

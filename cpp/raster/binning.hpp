@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "gslts/map/array.hpp"
+#include "setup.hpp"
+#include "splat.hpp"
+
+namespace gslts::raster {
+
+/// A splat in the list of a tile. Its gradient in that tile goes to place `gradient`; the places of
+/// one splat follow each other, and splats follow in the order of their slots.
+struct TileEntry {
+  std::uint32_t slot;
+  std::uint32_t gradient;
+};
+
+/// Tile rows [first_row, last_row) and, once binned, the lists of their tiles.
+struct Band {
+  int first_row = 0, last_row = 0;
+  std::vector<std::uint32_t> offsets;  ///< [tiles + 1] first entry of each tile's list
+  Array<TileEntry> entries;            ///< By tile, then by slot.
+  std::vector<std::uint32_t> first_gradients;  ///< [chunks + 1] first gradient place of each chunk
+};
+
+/// Number of entries that a splat with this rectangle has in the band.
+std::uint32_t count_entries(const TileRect& rect, const Band& band, int tiles_x,
+                            const WantedPixels& wanted);
+
+/// Cuts the image into bands of tile rows with a bounded number of entries each; one as a rule.
+template <typename T>
+std::vector<Band> plan_bands(const Splats<T>& splats, const RenderSetup<T>& setup);
+
+/// Fills the lists of the band.
+template <typename T>
+void bin_splats(const Splats<T>& splats, const RenderSetup<T>& setup, const WantedPixels& wanted,
+                Band& band);
+
+}  // namespace gslts::raster

@@ -1,0 +1,116 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+
+#include "gslts/map/array.hpp"
+#include "gslts/map/camera.hpp"
+#include "gslts/map/gaussian_map.hpp"
+
+namespace gslts::raster {
+
+/// How to render. The defaults are those of 3DGS (Kerbl et al. 2023) but for the near plane.
+struct RenderOptions {
+  std::array<double, 3> background{0.0, 0.0, 0.0};  ///< RGB behind the Gaussians.
+  double near_m = 0.05;  ///< Gaussians with centre depth z <= near_m are not seen, m. > 0
+  int sh_degree = 3;     ///< Highest SH degree used, 0 to 3; the map's own degree caps it.
+  /// Variance added to each projected covariance, px^2 (3DGS: 0.3). >= 0
+  double eps2d_px2 = 0.3;
+  /// Scale opacity by sqrt(det(cov2d) / det(cov2d + eps2d I)), so that small or distant Gaussians
+  /// keep their energy (Mip-Splatting, Yu et al. 2024, eq. 9).
+  bool antialias = false;
+  /// A Gaussian is skipped at a pixel where its alpha is below this. In [1e-30, 0.99)
+  double alpha_min = 1.0 / 255.0;
+  /// A pixel ends before the Gaussian that would take its transmittance below this. In [0, 1)
+  double transmittance_min = 1e-4;
+  int threads = 0;  ///< 0 means one a hardware thread. Results do not depend on it.
+};
+
+/// Pixels to render: row-major [H,W], nonzero means wanted. Null means all.
+/// Pixels not wanted come back as zero in every image and take no part in the gradients, and the
+/// work is proportional to the 4x4 blocks that the mask touches.
+struct PixelMask {
+  const std::uint8_t* data = nullptr;
+  int width = 0, height = 0;
+};
+
+/// Rendered images, row-major. With w_i = alpha_i prod_{j<i} (1 - alpha_j) at a pixel:
+template <typename T>
+struct Images {
+  int width = 0, height = 0, feature_dims = 0;
+  Array<T> rgb;  ///< [H,W,3] sum w_i c_i + (1 - alpha) background
+  /// [H,W] expected depth, sum w_i z_i / sum w_i, z of the centre in the camera frame, m; 0 where
+  /// nothing was blended.
+  Array<T> depth;
+  Array<T> alpha;     ///< [H,W] sum w_i
+  Array<T> features;  ///< [H,W,D] sum w_i f_i
+};
+
+/// Gradients of a scalar loss L with respect to `Images`; null means that L ignores that image.
+template <typename T>
+struct ImageGradients {
+  const T* dL_drgb = nullptr;       ///< [H,W,3]
+  const T* dL_ddepth = nullptr;     ///< [H,W]
+  const T* dL_dalpha = nullptr;     ///< [H,W]
+  const T* dL_dfeatures = nullptr;  ///< [H,W,D]
+};
+
+/// Gradients with respect to the stored parameters of the V Gaussians that the camera sees; all
+/// others have gradient zero.
+template <typename T>
+struct Gradients {
+  Array<std::uint32_t> rows;   ///< [V] rows of the map, ascending
+  Array<T> dL_dmeans;            ///< [V,3]
+  Array<T> dL_dquats;            ///< [V,4]
+  Array<T> dL_dlog_scales;       ///< [V,3]
+  Array<T> dL_dlogit_opacities;  ///< [V]
+  Array<T> dL_dsh;               ///< [V,K,3]
+  Array<T> dL_dfeatures;         ///< [V,D]
+  /// Gradient with respect to xi = (rho, phi), translation (m) before rotation (rad), both in the
+  /// camera frame, of world_from_camera(xi) = world_from_camera * exp(xi), at xi = 0.
+  std::array<double, 6> dL_dtwist{};
+  /// Filled on request, else empty; over the pixels at which the Gaussian was blended:
+  Array<T> abs_dL_dmeans2d;            ///< [V,2] sum of |dL/dmean2d|, per px (AbsGS, Ye et al. 2024)
+  Array<T> max_weights;                ///< [V] greatest blend weight w
+  Array<std::uint32_t> pixel_counts;  ///< [V] number of pixels
+};
+
+/// Renders Gaussians and differentiates the rendering (3D Gaussian splatting, Kerbl et al. 2023).
+///
+/// One object holds the working memory of one rendering: `backward` differentiates the last
+/// `forward`, and both reuse the memory of the call before. Use one object per thread of yours.
+/// T = float is the fast kernel; T = double evaluates the same algorithm without approximations.
+/// Results are bit-identical for any thread count.
+template <typename T>
+class Rasterizer {
+ public:
+  Rasterizer();
+  ~Rasterizer();
+  Rasterizer(Rasterizer&&) noexcept;
+  Rasterizer& operator=(Rasterizer&&) noexcept;
+
+  /// Renders one view.
+  /// @throws std::invalid_argument  for a bad camera, option or mask size, and for any number in
+  ///   the Gaussians that is not finite (naming the array and the index of its first).
+  Images<T> forward(const GaussianView<T>& gaussians, const Camera& camera,
+                    const RenderOptions& options = {}, const PixelMask& mask = {});
+
+  /// Gradients of the last `forward`.
+  /// @param gaussians  The same Gaussians, unchanged since.
+  /// @param statistics  Also fill abs_dL_dmeans2d, max_weights and pixel_counts.
+  /// @throws std::logic_error  if there was no forward.
+  /// @throws std::invalid_argument  if the sizes differ from those of the forward, or a number in
+  ///   the image gradients is not finite.
+  Gradients<T> backward(const GaussianView<T>& gaussians, const ImageGradients<T>& image_gradients,
+                        bool statistics = false);
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+/// Name of the instruction set that the kernels use on this machine, such as "AVX3" (AVX-512).
+const char* simd_target();
+
+}  // namespace gslts::raster

@@ -1,0 +1,76 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "binning.hpp"
+#include "gslts/raster/rasterizer.hpp"
+#include "setup.hpp"
+#include "splat.hpp"
+
+// The SIMD kernels, in the order in which a render and its backward pass call them. Each is compiled
+// for several instruction sets and picks the best that the machine has.
+
+namespace gslts::raster {
+
+/// Projects the Gaussians of one chunk into the chunk's slots.
+/// @return  false if a number among them is not finite.
+template <typename T>
+bool project_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup,
+                   const WantedPixels& wanted, std::size_t chunk, Splats<T>& splats);
+
+/// A tile's share of the image: per block, kBlockPixels values of each of red, green, blue,
+/// sum w z, sum w, features; before the background and the division of the depth.
+template <typename T>
+constexpr std::size_t tile_sums_size(int feature_dims) {
+  return std::size_t(kBlocksPerTile) * kBlockPixels * std::size_t(5 + feature_dims);
+}
+
+/// One tile with its list of splats.
+template <typename T>
+struct TileTask {
+  int x, y;                ///< In tiles.
+  std::uint64_t wanted;    ///< Wanted blocks.
+  TileEntry* entries;      ///< [count]
+  std::uint64_t* blocks;   ///< [count] blocks that each entry touches
+  std::uint32_t count;     ///< Entries.
+  std::uint32_t* reached;  ///< Number of entries before every pixel had ended.
+  T* sums;                 ///< [tile_sums_size]
+};
+
+/// Sorts the tile's entries by depth, finds the blocks that each touches, and blends them into sums.
+template <typename T>
+void blend_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const Splat<T>* splats,
+                const T* features, const WantedPixels& wanted);
+
+/// Sums over the pixels of one tile that the backward pass of a splat starts from. With G =
+/// dL/dlog(alpha) and w the blend weight: G, G u, G v, G u^2, G u v, G v^2, w dL/d(red, green, blue),
+/// w dL/d(sum w z), and two of padding.
+constexpr int kSumsPerEntry = 12;
+/// |dL/dmean2d| x and y, greatest w, number of pixels.
+constexpr int kStatisticsPerEntry = 4;
+
+template <typename T>
+struct EntryGradients {
+  T* sums;        ///< [entries, kSumsPerEntry]
+  T* features;    ///< [entries, D], or null if the loss ignores the features
+  T* statistics;  ///< [entries, kStatisticsPerEntry] or null
+};
+
+/// @return  false if a number among the image gradients of the tile is not finite.
+template <typename T>
+bool blend_tile_backward(const TileTask<T>& tile, const RenderSetup<T>& setup,
+                         const Splat<T>* splats, const T* features, const WantedPixels& wanted,
+                         const ImageGradients<T>& image_gradients,
+                         const EntryGradients<T>& entry_gradients);
+
+/// Gradients of the `count` splats of a chunk from their sums, into rows first_row... of `gradients`.
+/// Adds the chunk's part of the gradient of the pose to `twist`.
+template <typename T>
+void project_chunk_backward(const GaussianView<T>& gaussians, const RenderSetup<T>& setup,
+                            const Splat<T>* splats, std::size_t count, const T* sums,
+                            std::size_t first_row, Gradients<T>& gradients,
+                            std::array<double, 6>& twist);
+
+}  // namespace gslts::raster

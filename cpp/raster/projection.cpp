@@ -1,0 +1,248 @@
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "projection.cpp"
+#include "hwy/foreach_target.h"
+#include "hwy/highway.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "geometry-inl.hpp"
+#include "kernels.hpp"
+#include "sh-inl.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace gslts::raster::HWY_NAMESPACE {
+
+template <typename T>
+bool chunk_is_finite(const GaussianView<T>& gaussians, std::size_t begin, std::size_t n) {
+  const auto finite = [&](const T* values, std::size_t stride) {
+    return stride == 0 || all_finite(values + begin * stride, n * stride);
+  };
+  return finite(gaussians.means, 3) && finite(gaussians.quats, 4) &&
+         finite(gaussians.log_scales, 3) && finite(gaussians.logit_opacities, 1) &&
+         finite(gaussians.sh, std::size_t(gaussians.sh_bases) * 3) &&
+         finite(gaussians.features, std::size_t(gaussians.feature_dims));
+}
+
+/// Rows, relative to the chunk's first, of the Gaussians that may touch the wanted region: in front
+/// of the near plane, and with the region inside a circle that surely holds the footprint.
+template <typename T, typename Row>
+std::size_t cull_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup,
+                       std::size_t begin, std::size_t n, Row* rows) {
+  const Lanes<T> d;
+  const hn::RebindToSigned<decltype(d)> di;
+  const std::size_t lanes = hn::Lanes(d);
+  const T focal = std::max(setup.fx, setup.fy);
+  // alpha >= alpha_min within this many standard deviations, for an opacity of 1.
+  const T extent = std::sqrt(T(-2 * kLn2) * setup.log2_alpha_min);
+  const auto x0 = hn::Set(d, T(setup.region.x0)), x1 = hn::Set(d, T(setup.region.x1));
+  const auto y0 = hn::Set(d, T(setup.region.y0)), y1 = hn::Set(d, T(setup.region.y1));
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < n; i += lanes) {
+    hn::Vec<decltype(d)> mean[3], log_scale[3], center[3];
+    const T* means = gaussians.means + 3 * (begin + i);
+    const T* log_scales = gaussians.log_scales + 3 * (begin + i);
+    T padded[2][3 * kBlockPixels] = {};
+    const std::size_t valid = std::min(lanes, n - i);
+    if (valid < lanes) {
+      std::memcpy(padded[0], means, 3 * valid * sizeof(T));
+      std::memcpy(padded[1], log_scales, 3 * valid * sizeof(T));
+      means = padded[0];
+      log_scales = padded[1];
+    }
+    hn::LoadInterleaved3(d, means, mean[0], mean[1], mean[2]);
+    hn::LoadInterleaved3(d, log_scales, log_scale[0], log_scale[1], log_scale[2]);
+    to_camera(d, setup, mean, center);
+    const auto inverse_z = hn::Div(hn::Set(d, T(1)), center[2]);
+    const auto tan_x = hn::Mul(center[0], inverse_z);
+    const auto tan_y = hn::Mul(center[1], inverse_z);
+    const auto clamped_x =
+        hn::Clamp(tan_x, hn::Set(d, setup.min_tan_x), hn::Set(d, setup.max_tan_x));
+    const auto clamped_y =
+        hn::Clamp(tan_y, hn::Set(d, setup.min_tan_y), hn::Set(d, setup.max_tan_y));
+    // |J|^2 <= (f / z)^2 (1 + tan_x^2 + tan_y^2) bounds the longest axis in the image.
+    const auto secant = hn::Sqrt(hn::MulAdd(
+        clamped_x, clamped_x, hn::MulAdd(clamped_y, clamped_y, hn::Set(d, T(1)))));
+    const auto largest = hn::Min(hn::Max(hn::Max(log_scale[0], log_scale[1]), log_scale[2]),
+                                 hn::Set(d, T(kMaxLogScale)));
+    const auto sigma = hn::Mul(hn::Mul(hn::Exp(d, largest), secant),
+                               hn::Mul(hn::Set(d, focal), inverse_z));
+    // Half a pixel and the low-pass filter, by sqrt(a^2 + b) <= a + sqrt(b); 1 % for rounding.
+    const auto radius = hn::MulAdd(
+        hn::Set(d, T(1.01) * extent), sigma,
+        hn::Set(d, T(1) + T(1.01) * extent * std::sqrt(setup.eps2d_px2)));
+    const auto px = hn::MulAdd(tan_x, hn::Set(d, setup.fx), hn::Set(d, setup.cx));
+    const auto py = hn::MulAdd(tan_y, hn::Set(d, setup.fy), hn::Set(d, setup.cy));
+    auto seen = hn::And(hn::Gt(center[2], hn::Set(d, setup.near_m)), hn::FirstN(d, valid));
+    seen = hn::And(seen, hn::And(hn::Gt(hn::Add(px, radius), x0), hn::Lt(hn::Sub(px, radius), x1)));
+    seen = hn::And(seen, hn::And(hn::Gt(hn::Add(py, radius), y0), hn::Lt(hn::Sub(py, radius), y1)));
+    const auto index = hn::Iota(di, static_cast<Row>(i));
+    const auto seen_index = hn::RebindMask(di, seen);
+    hn::StoreU(hn::Compress(index, seen_index), di, rows + count);
+    count += hn::CountTrue(di, seen_index);
+  }
+  return count;
+}
+
+/// Colours max(0, 0.5 + SH) of one Gaussian a lane, seen from the camera.
+template <class D, typename T, typename Row>
+HWY_INLINE void evaluate_colors(D d, const GaussianView<T>& gaussians, const RenderSetup<T>& setup,
+                                std::size_t begin, const Row* rows, std::size_t count,
+                                T (*colors)[kBlockPixels]) {
+  using V = hn::Vec<D>;
+  const int bases = (setup.sh_degree + 1) * (setup.sh_degree + 1);
+  V basis[kMaxShBases];
+  V direction[3] = {hn::Zero(d), hn::Zero(d), hn::Zero(d)};
+  if (setup.sh_degree > 0) {
+    V mean[3];
+    gather_rows<3>(d, gaussians.means + 3 * begin, rows, mean);
+    for (int i = 0; i < 3; ++i) direction[i] = mean[i] - hn::Set(d, setup.camera_in_map[i]);
+    const V inverse_length = hn::Set(d, T(1)) / hn::Sqrt(dot3<D>(direction, direction));
+    for (int i = 0; i < 3; ++i) direction[i] = direction[i] * inverse_length;
+  }
+  sh_basis(d, setup.sh_degree, direction[0], direction[1], direction[2], basis);
+  HWY_ALIGN T values[kMaxShBases][kBlockPixels];
+  for (int k = 0; k < bases; ++k) hn::Store(basis[k], d, values[k]);
+  for (std::size_t lane = 0; lane < count; ++lane) {
+    const T* sh = gaussians.sh + (begin + std::size_t(rows[lane])) * setup.sh_bases * 3;
+    T red = T(0.5), green = T(0.5), blue = T(0.5);
+    for (int k = 0; k < bases; ++k) {
+      red += values[k][lane] * sh[3 * k];
+      green += values[k][lane] * sh[3 * k + 1];
+      blue += values[k][lane] * sh[3 * k + 2];
+    }
+    colors[0][lane] = std::max(red, T(0));
+    colors[1][lane] = std::max(green, T(0));
+    colors[2][lane] = std::max(blue, T(0));
+  }
+}
+
+bool touches_wanted(const TileRect& rect, const WantedPixels& wanted, int tiles_x) {
+  if (wanted.all()) return true;
+  for (int y = rect.y0; y < rect.y1; ++y) {
+    for (int x = rect.x0; x < rect.x1; ++x) {
+      if (wanted.blocks(y * tiles_x + x)) return true;
+    }
+  }
+  return false;
+}
+
+template <typename T>
+bool project_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup,
+                   const WantedPixels& wanted, std::size_t chunk, Splats<T>& out) {
+  const Lanes<T> d;
+  const hn::RebindToSigned<decltype(d)> di;
+  using V = hn::Vec<decltype(d)>;
+  using Row = hn::TFromD<decltype(di)>;
+  const std::size_t lanes = hn::Lanes(d);
+  const std::size_t begin = chunk * kChunkSize;
+  const std::size_t n = std::min<std::size_t>(kChunkSize, gaussians.size - begin);
+  out.counts[chunk] = 0;
+  if (!chunk_is_finite(gaussians, begin, n)) return false;
+
+  Row rows[kChunkSize + 2 * kBlockPixels];
+  const std::size_t candidates = cull_chunk(gaussians, setup, begin, n, rows);
+  if (candidates == 0) return true;
+  // The last vector is filled up with repetitions, which are not stored.
+  std::fill(rows + candidates, rows + candidates + lanes, rows[candidates - 1]);
+
+  GaussianView<T> local = gaussians;
+  local.means += 3 * begin;
+  local.quats += 4 * begin;
+  local.log_scales += 3 * begin;
+
+  Splat<T>* splats = out.splats.data() + begin;
+  TileRect* rects = out.rects.data() + begin;
+  std::size_t stored = 0;
+  for (std::size_t i = 0; i < candidates; i += lanes) {
+    const Geometry<Lanes<T>> g = project(d, local, setup, rows + i);
+    const Whitening<Lanes<T>> white = whitening(d, g);
+
+    V logit;
+    gather_rows<1>(d, gaussians.logit_opacities + begin, rows + i, &logit);
+    V opacity = hn::Set(d, T(1)) / (hn::Set(d, T(1)) + hn::Exp(d, hn::Neg(logit)));
+    if (setup.antialias) opacity = opacity * hn::Sqrt(g.det / g.filtered_det);
+    auto seen = hn::Ge(opacity, hn::Set(d, setup.alpha_min));
+    const V log2_opacity = hn::Log2(d, hn::Max(opacity, hn::Set(d, setup.alpha_min)));
+
+    // Half sizes of the box around the ellipse alpha = alpha_min, a little larger for rounding.
+    const V power = log2_opacity - hn::Set(d, setup.log2_alpha_min);
+    const V reach = hn::Sqrt(hn::MulAdd(power, hn::Set(d, T(1.001)), hn::Set(d, T(0.001))) *
+                             hn::Set(d, T(2 * kLn2))) / g.shrink;
+    const V half_x = reach * hn::Sqrt(g.filtered_xx), half_y = reach * hn::Sqrt(g.filtered_yy);
+    const V px = hn::MulAdd(g.x_over_z, hn::Set(d, setup.fx), hn::Set(d, setup.cx));
+    const V py = hn::MulAdd(g.y_over_z, hn::Set(d, setup.fy), hn::Set(d, setup.cy));
+    // First and last pixel whose centre lies in the box, cut to the region.
+    const V half = hn::Set(d, T(0.5));
+    const V x0 = hn::Max(hn::Ceil(px - half_x - half), hn::Set(d, T(setup.region.x0)));
+    const V y0 = hn::Max(hn::Ceil(py - half_y - half), hn::Set(d, T(setup.region.y0)));
+    const V x1 = hn::Min(hn::Floor(px + half_x - half), hn::Set(d, T(setup.region.x1 - 1)));
+    const V y1 = hn::Min(hn::Floor(py + half_y - half), hn::Set(d, T(setup.region.y1 - 1)));
+    // False also for NaN, which only footprints beyond float's range can give.
+    seen = hn::And(seen, hn::And(hn::Le(x0, x1), hn::Le(y0, y1)));
+    seen = hn::And(seen, hn::Gt(hn::Min(white.uu, white.vv), hn::Zero(d)));
+    if (hn::AllFalse(d, seen)) continue;
+
+    HWY_ALIGN T values[7][kBlockPixels], box[4][kBlockPixels], colors[3][kBlockPixels];
+    hn::Store(px, d, values[0]);
+    hn::Store(py, d, values[1]);
+    hn::Store(white.uu, d, values[2]);
+    hn::Store(white.uv, d, values[3]);
+    hn::Store(white.vv, d, values[4]);
+    hn::Store(log2_opacity, d, values[5]);
+    hn::Store(g.z, d, values[6]);
+    hn::Store(hn::IfThenElseZero(seen, x0), d, box[0]);
+    hn::Store(hn::IfThenElseZero(seen, y0), d, box[1]);
+    hn::Store(hn::IfThenElse(seen, x1, hn::Set(d, T(-1))), d, box[2]);
+    hn::Store(hn::IfThenElseZero(seen, y1), d, box[3]);
+    const std::size_t count = std::min(lanes, candidates - i);
+    evaluate_colors(d, gaussians, setup, begin, rows + i, count, colors);
+    for (std::size_t lane = 0; lane < count; ++lane) {
+      if (box[2][lane] < 0) continue;
+      const TileRect rect = {std::uint16_t(int(box[0][lane]) / kTileSize),
+                             std::uint16_t(int(box[1][lane]) / kTileSize),
+                             std::uint16_t(int(box[2][lane]) / kTileSize + 1),
+                             std::uint16_t(int(box[3][lane]) / kTileSize + 1)};
+      if (!touches_wanted(rect, wanted, setup.tiles_x)) continue;
+      rects[stored] = rect;
+      splats[stored++] = {values[0][lane], values[1][lane], values[2][lane], values[3][lane],
+                          values[4][lane], values[5][lane],
+                          {colors[0][lane], colors[1][lane], colors[2][lane]},
+                          values[6][lane], std::uint32_t(begin + std::size_t(rows[i + lane]))};
+    }
+  }
+  out.counts[chunk] = std::uint32_t(stored);
+  return true;
+}
+
+bool project_chunk_float(const GaussianView<float>& gaussians, const RenderSetup<float>& setup,
+                         const WantedPixels& wanted, std::size_t chunk, Splats<float>& splats) {
+  return HWY_NAMESPACE::project_chunk<float>(gaussians, setup, wanted, chunk, splats);
+}
+bool project_chunk_double(const GaussianView<double>& gaussians, const RenderSetup<double>& setup,
+                          const WantedPixels& wanted, std::size_t chunk, Splats<double>& splats) {
+  return HWY_NAMESPACE::project_chunk<double>(gaussians, setup, wanted, chunk, splats);
+}
+
+}  // namespace gslts::raster::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace gslts::raster {
+
+HWY_EXPORT(project_chunk_float);
+HWY_EXPORT(project_chunk_double);
+
+template <>
+bool project_chunk(const GaussianView<float>& gaussians, const RenderSetup<float>& setup,
+                   const WantedPixels& wanted, std::size_t chunk, Splats<float>& splats) {
+  return HWY_DYNAMIC_DISPATCH(project_chunk_float)(gaussians, setup, wanted, chunk, splats);
+}
+template <>
+bool project_chunk(const GaussianView<double>& gaussians, const RenderSetup<double>& setup,
+                   const WantedPixels& wanted, std::size_t chunk, Splats<double>& splats) {
+  return HWY_DYNAMIC_DISPATCH(project_chunk_double)(gaussians, setup, wanted, chunk, splats);
+}
+
+}  // namespace gslts::raster
+#endif

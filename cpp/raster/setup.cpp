@@ -1,0 +1,117 @@
+#include "setup.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+#include <stdexcept>
+
+#include "gslts/parallel/parallel_for.hpp"
+
+namespace gslts::raster {
+namespace {
+
+template <typename Value>
+void require(bool ok, const char* name, const char* rule, Value value) {
+  if (ok) return;
+  std::ostringstream message;
+  message << "Rasterizer::forward: options." << name << " must be " << rule << ", got " << value;
+  throw std::invalid_argument(message.str());
+}
+
+void validate(const RenderOptions& options) {
+  for (double value : options.background) {
+    require(std::isfinite(value), "background", "finite", value);
+  }
+  require(options.near_m > 0 && std::isfinite(options.near_m), "near_m", "positive", options.near_m);
+  require(options.sh_degree >= 0 && options.sh_degree <= 3, "sh_degree", "0, 1, 2 or 3",
+          options.sh_degree);
+  require(options.eps2d_px2 >= 0 && std::isfinite(options.eps2d_px2), "eps2d_px2", "at least 0",
+          options.eps2d_px2);
+  require(options.alpha_min >= 1e-30 && options.alpha_min < kMaxAlpha, "alpha_min",
+          "in [1e-30, 0.99)", options.alpha_min);
+  require(options.transmittance_min >= 0 && options.transmittance_min < 1, "transmittance_min",
+          "in [0, 1)", options.transmittance_min);
+}
+
+}  // namespace
+
+template <typename T>
+RenderSetup<T> make_setup(const GaussianView<T>& gaussians, const Camera& camera,
+                          const RenderOptions& options) {
+  gslts::validate(camera, "Rasterizer::forward");
+  validate(options);
+  RenderSetup<T> setup;
+  // World coordinates are huge far from the world's origin: they meet only here, in double.
+  const Eigen::Matrix3d rotation = camera.world_from_camera.linear().transpose();
+  const Eigen::Vector3d camera_in_map = camera.world_from_camera.translation() - gaussians.origin;
+  const Eigen::Vector3d origin_in_camera = -(rotation * camera_in_map);
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) setup.camera_from_map[i][j] = T(rotation(i, j));
+    setup.map_origin_in_camera[i] = T(origin_in_camera(i));
+    setup.camera_in_map[i] = T(camera_in_map(i));
+    setup.background[i] = T(options.background[i]);
+  }
+  setup.fx = T(camera.fx);
+  setup.fy = T(camera.fy);
+  setup.cx = T(camera.cx);
+  setup.cy = T(camera.cy);
+  const double margin_x = kJacobianMargin * 0.5 * camera.width / camera.fx;
+  const double margin_y = kJacobianMargin * 0.5 * camera.height / camera.fy;
+  setup.min_tan_x = T(-camera.cx / camera.fx - margin_x);
+  setup.max_tan_x = T((camera.width - camera.cx) / camera.fx + margin_x);
+  setup.min_tan_y = T(-camera.cy / camera.fy - margin_y);
+  setup.max_tan_y = T((camera.height - camera.cy) / camera.fy + margin_y);
+  setup.near_m = T(options.near_m);
+  setup.eps2d_px2 = T(options.eps2d_px2);
+  setup.alpha_min = T(options.alpha_min);
+  setup.log2_alpha_min = T(std::log2(options.alpha_min));
+  setup.transmittance_min = T(options.transmittance_min);
+  setup.antialias = options.antialias;
+  const int map_degree = gaussians.sh_bases >= 16  ? 3
+                         : gaussians.sh_bases >= 9 ? 2
+                         : gaussians.sh_bases >= 4 ? 1
+                                                   : 0;
+  setup.sh_degree = std::min(map_degree, options.sh_degree);
+  setup.sh_bases = gaussians.sh_bases;
+  setup.feature_dims = gaussians.feature_dims;
+  setup.width = camera.width;
+  setup.height = camera.height;
+  setup.tiles_x = (camera.width + kTileSize - 1) / kTileSize;
+  setup.tiles_y = (camera.height + kTileSize - 1) / kTileSize;
+  setup.threads = parallel::resolve_threads(options.threads);
+  setup.region = {0, 0, camera.width, camera.height};
+  return setup;
+}
+
+WantedPixels::WantedPixels(const PixelMask& mask, int width, int height) : width_(width) {
+  if (!mask.data) return;
+  if (mask.width != width || mask.height != height) {
+    std::ostringstream message;
+    message << "Rasterizer::forward: mask is " << mask.width << " x " << mask.height
+            << " pixels, but the camera's image is " << width << " x " << height;
+    throw std::invalid_argument(message.str());
+  }
+  pixels_.assign(mask.data, mask.data + std::size_t(width) * height);
+  const int tiles_x = (width + kTileSize - 1) / kTileSize;
+  const int tiles_y = (height + kTileSize - 1) / kTileSize;
+  blocks_.assign(std::size_t(tiles_x) * tiles_y, 0);
+  bounds_ = {width, height, 0, 0};
+  for (int y = 0; y < height; ++y) {
+    const std::uint8_t* row = pixels_.data() + std::size_t(y) * width;
+    for (int x = 0; x < width; ++x) {
+      if (!row[x]) continue;
+      const int bit = y % kTileSize / kBlockSize * kBlocksPerRow + x % kTileSize / kBlockSize;
+      blocks_[std::size_t(y / kTileSize) * tiles_x + x / kTileSize] |= std::uint64_t{1} << bit;
+      bounds_ = {std::min(bounds_.x0, x), std::min(bounds_.y0, y), std::max(bounds_.x1, x + 1),
+                 std::max(bounds_.y1, y + 1)};
+    }
+  }
+  if (bounds_.x1 == 0) bounds_ = {};
+}
+
+template RenderSetup<float> make_setup(const GaussianView<float>&, const Camera&,
+                                       const RenderOptions&);
+template RenderSetup<double> make_setup(const GaussianView<double>&, const Camera&,
+                                        const RenderOptions&);
+
+}  // namespace gslts::raster

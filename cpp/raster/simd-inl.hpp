@@ -1,0 +1,110 @@
+// Small vector functions that the kernels share. Included once per instruction set by Highway's
+// foreach_target.h, hence the toggling guard.
+
+#if defined(GSLTS_RASTER_SIMD_INL_HPP) == defined(HWY_TARGET_TOGGLE)
+#ifdef GSLTS_RASTER_SIMD_INL_HPP
+#undef GSLTS_RASTER_SIMD_INL_HPP
+#else
+#define GSLTS_RASTER_SIMD_INL_HPP
+#endif
+
+#include "constants.hpp"
+#include "hwy/contrib/math/math-inl.h"
+#include "hwy/highway.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace gslts::raster::HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+/// Lanes of T: as many as the machine has, at most the pixels of one block.
+template <typename T>
+using Lanes = hn::CappedTag<T, kBlockPixels>;
+
+/// 2^x for finite x in [-126, 0]; any value for smaller x. Relative error below 3e-7 in float
+/// (minimax polynomial of 2^f on [-1/2, 1/2]) and 1e-15 in double.
+template <class D, hwy::EnableIf<sizeof(hn::TFromD<D>) == 4>* = nullptr>
+HWY_INLINE hn::Vec<D> exp2_nonpositive(D d, hn::Vec<D> x) {
+  const hn::RebindToSigned<D> di;
+  // Adding 1.5 * 2^23 rounds to an integer, which then stands in the lowest bits.
+  const auto magic = hn::Set(d, 12582912.0f);
+  const auto shifted = hn::Add(x, magic);
+  const auto f = hn::Sub(x, hn::Sub(shifted, magic));
+  auto p = hn::MulAdd(hn::Set(d, 1.327647199e-3f), f, hn::Set(d, 9.675541334e-3f));
+  p = hn::MulAdd(p, f, hn::Set(d, 5.550713273e-2f));
+  p = hn::MulAdd(p, f, hn::Set(d, 2.402211972e-1f));
+  p = hn::MulAdd(p, f, hn::Set(d, 6.931469671e-1f));
+  p = hn::MulAdd(p, f, hn::Set(d, 1.0f));
+  const auto exponent = hn::ShiftLeft<23>(hn::BitCast(di, shifted));
+  return hn::BitCast(d, hn::Add(hn::BitCast(di, p), exponent));
+}
+template <class D, hwy::EnableIf<sizeof(hn::TFromD<D>) == 8>* = nullptr>
+HWY_INLINE hn::Vec<D> exp2_nonpositive(D d, hn::Vec<D> x) {
+  return hn::Exp(d, hn::Mul(x, hn::Set(d, kLn2)));
+}
+
+/// 1 / x to full precision.
+template <class D, hwy::EnableIf<sizeof(hn::TFromD<D>) == 4>* = nullptr>
+HWY_INLINE hn::Vec<D> reciprocal(D d, hn::Vec<D> x) {
+  const auto r = hn::ApproximateReciprocal(x);
+  return hn::Mul(r, hn::NegMulAdd(x, r, hn::Set(d, 2.0f)));
+}
+template <class D, hwy::EnableIf<sizeof(hn::TFromD<D>) == 8>* = nullptr>
+HWY_INLINE hn::Vec<D> reciprocal(D d, hn::Vec<D> x) {
+  return hn::Div(hn::Set(d, 1.0), x);
+}
+
+/// Adds up the 128-bit parts of a vector.
+template <class D>
+HWY_INLINE auto sum_parts(D d, hn::Vec<D> v) {
+  if constexpr (hn::MaxLanes(D()) * sizeof(hn::TFromD<D>) <= 16) {
+    return v;
+  } else {
+    const hn::Half<D> half;
+    return sum_parts(half, hn::Add(hn::LowerHalf(half, v), hn::UpperHalf(half, v)));
+  }
+}
+
+/// Stores the sums over the lanes of each of four vectors.
+template <class D, class V = hn::Vec<D>, hwy::EnableIf<sizeof(hn::TFromD<D>) == 4>* = nullptr>
+HWY_INLINE void store_sums(D d, V a, V b, V c, V e, float* out) {
+  // Transposing within the 128-bit parts leaves a, b, c, e side by side in each.
+  const hn::RepartitionToWide<D> wide;
+  const V ab = hn::Add(hn::InterleaveLower(d, a, b), hn::InterleaveUpper(d, a, b));
+  const V ce = hn::Add(hn::InterleaveLower(d, c, e), hn::InterleaveUpper(d, c, e));
+  const auto ab_pairs = hn::BitCast(wide, ab), ce_pairs = hn::BitCast(wide, ce);
+  const V sums = hn::Add(hn::BitCast(d, hn::InterleaveLower(wide, ab_pairs, ce_pairs)),
+                         hn::BitCast(d, hn::InterleaveUpper(wide, ab_pairs, ce_pairs)));
+  hn::StoreU(sum_parts(d, sums), hn::FixedTag<float, 4>(), out);
+}
+template <class D, class V = hn::Vec<D>, hwy::EnableIf<sizeof(hn::TFromD<D>) == 8>* = nullptr>
+HWY_INLINE void store_sums(D d, V a, V b, V c, V e, double* out) {
+  const hn::FixedTag<double, 2> part;
+  const V ab = hn::Add(hn::InterleaveLower(d, a, b), hn::InterleaveUpper(d, a, b));
+  const V ce = hn::Add(hn::InterleaveLower(d, c, e), hn::InterleaveUpper(d, c, e));
+  hn::StoreU(sum_parts(d, ab), part, out);
+  hn::StoreU(sum_parts(d, ce), part, out + 2);
+}
+
+/// Whether n numbers are all finite.
+template <typename T>
+bool all_finite(const T* values, std::size_t n) {
+  const Lanes<T> d;
+  const std::size_t lanes = hn::Lanes(d);
+  const auto zero = hn::Zero(d);
+  // x * 0 is 0 for finite x and NaN otherwise.
+  auto sum0 = zero, sum1 = zero;
+  std::size_t i = 0;
+  for (; i + 2 * lanes <= n; i += 2 * lanes) {
+    sum0 = hn::MulAdd(hn::LoadU(d, values + i), zero, sum0);
+    sum1 = hn::MulAdd(hn::LoadU(d, values + i + lanes), zero, sum1);
+  }
+  T rest = 0;
+  for (; i < n; ++i) rest += values[i] * T(0);
+  return hn::AllTrue(d, hn::Eq(hn::Add(sum0, sum1), zero)) && rest == T(0);
+}
+
+}  // namespace gslts::raster::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif

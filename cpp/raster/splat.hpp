@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "constants.hpp"
+#include "gslts/map/array.hpp"
+
+namespace gslts::raster {
+
+/// A Gaussian as the image sees it; one cache line in float.
+///
+/// Its footprint is kept as the whitening transform of the projected covariance, because sums of
+/// squares neither cancel nor need a division: with d = pixel centre - mean,
+///   u = uu d_x + uv d_y,   v = vv d_y,   log2(alpha) = log2_opacity - u^2 - v^2.
+template <typename T>
+struct alignas(64) Splat {
+  T mean_x, mean_y;  ///< px
+  T uu, uv, vv;      ///< 1/px
+  T log2_opacity;
+  T color[3];
+  T depth;                 ///< z of the centre in the camera frame, m
+  std::uint32_t gaussian;  ///< Row of the map.
+};
+
+/// Tiles that a splat may touch, half-open; empty if none.
+struct TileRect {
+  std::uint16_t x0, y0, x1, y1;
+};
+
+/// The Gaussians that the camera sees. Chunk c of the map owns the slots from c * kChunkSize on and
+/// fills the first counts[c] of them, in the order of the map; the slots between hold nothing.
+template <typename T>
+struct Splats {
+  Array<Splat<T>> splats;
+  Array<TileRect> rects;
+  std::vector<std::uint32_t> counts;
+};
+
+}  // namespace gslts::raster

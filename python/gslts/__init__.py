@@ -1,0 +1,22 @@
+"""Photorealistic, semantic 3D Gaussian maps that keep themselves up to date."""
+
+from importlib.metadata import version
+
+from gslts.camera import Camera, camera_from_fov, look_at
+from gslts.gaussian_map import GaussianMap
+from gslts.render import Gradients, Images, Rasterizer, RenderOptions, render
+
+__version__ = version("gslts")
+
+__all__ = [
+    "Camera",
+    "GaussianMap",
+    "Gradients",
+    "Images",
+    "Rasterizer",
+    "RenderOptions",
+    "__version__",
+    "camera_from_fov",
+    "look_at",
+    "render",
+]

@@ -1,0 +1,166 @@
+"""The map: a set of 3D Gaussians with identities that survive editing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from math import isqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from gslts._core.map import GaussianViewDouble, GaussianViewFloat
+
+FloatArray = NDArray[np.float32] | NDArray[np.float64]
+
+_VIEW_TYPES = {np.dtype(np.float32): GaussianViewFloat, np.dtype(np.float64): GaussianViewDouble}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GaussianMap:
+    """N Gaussians as arrays, all of one dtype, float32 or float64, and checked on construction.
+
+    Stored values are unconstrained, as 3DGS optimises them: scale = exp(log_scale), opacity =
+    sigmoid(logit_opacity), rotation = quat / |quat|. The map holds its arrays read-only and without
+    a copy where they are C-contiguous: do not write into them elsewhere while the map is in use.
+
+    Args:
+        means: [N,3] centres, m, relative to `origin`, world axes.
+        quats: [N,4] wxyz, rotations from the Gaussian's axes to the map's; any length, and no
+            rotation below 1e-12.
+        log_scales: [N,3] log of the standard deviations in m.
+        logit_opacities: [N].
+        sh: [N,K,3] spherical harmonics of degree 0 to 3, K = (degree + 1)^2; RGB colour =
+            max(0, 0.5 + SH(direction from the camera to the centre)).
+        features: [N,D] semantic features; D = 0 by default.
+        ids: [N] uint64, unique, never used again once removed; 0, 1, ... by default.
+        origin: (3,) float64, map origin in the world, m; zero by default. A map far from the world's
+            origin keeps its full resolution in float32.
+
+    Raises:
+        TypeError: An argument is no numpy array.
+        ValueError: An array has a wrong shape or dtype, or holds a number that is not finite (the
+            message names the array and the index of its first), or an id occurs twice.
+    """
+
+    means: FloatArray
+    quats: FloatArray
+    log_scales: FloatArray
+    logit_opacities: FloatArray
+    sh: FloatArray
+    features: FloatArray = None  # type: ignore[assignment]  # set in __post_init__
+    ids: NDArray[np.uint64] = None  # type: ignore[assignment]  # set in __post_init__
+    origin: NDArray[np.float64] = None  # type: ignore[assignment]  # set in __post_init__
+
+    def __post_init__(self) -> None:
+        means = _read_only("means", self.means)
+        size = means.shape[0] if means.ndim > 0 else 0
+        defaults: dict[str, NDArray[Any]] = {
+            "features": np.zeros((size, 0), means.dtype),
+            "ids": np.arange(size, dtype=np.uint64),
+            "origin": np.zeros(3),
+        }
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if value is None:
+                value = defaults.get(field.name)
+            object.__setattr__(self, field.name, _read_only(field.name, value))
+        self.view().require_finite("GaussianMap")
+        _check_ids(self.ids, size)
+
+    def __repr__(self) -> str:
+        return (
+            f"GaussianMap(size={self.size}, dtype={self.dtype}, sh_degree={self.sh_degree}, "
+            f"feature_dims={self.feature_dims}, origin={tuple(self.origin.tolist())})"
+        )
+
+    @property
+    def size(self) -> int:
+        """Number of Gaussians, N."""
+        return len(self.means)
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """float32 or float64."""
+        return self.means.dtype
+
+    @property
+    def sh_degree(self) -> int:
+        """Degree of the spherical harmonics, 0 to 3."""
+        return isqrt(self.sh.shape[1]) - 1
+
+    @property
+    def feature_dims(self) -> int:
+        """Length of a feature vector, D."""
+        return self.features.shape[1]
+
+    def view(self) -> GaussianViewFloat | GaussianViewDouble:
+        """What the C++ core takes; it copies nothing and keeps the arrays alive."""
+        if self.dtype not in _VIEW_TYPES:
+            raise ValueError(f"means: expected dtype float32 or float64, got {self.dtype}")
+        return _VIEW_TYPES[self.dtype](
+            means=self.means,
+            quats=self.quats,
+            log_scales=self.log_scales,
+            logit_opacities=self.logit_opacities,
+            sh=self.sh,
+            features=self.features,
+            origin=self.origin,
+        )
+
+    def astype(self, dtype: DTypeLike) -> GaussianMap:
+        """The same map with its numbers in float32 or float64; ids and origin stay as they are."""
+        return GaussianMap(
+            means=self.means.astype(dtype),
+            quats=self.quats.astype(dtype),
+            log_scales=self.log_scales.astype(dtype),
+            logit_opacities=self.logit_opacities.astype(dtype),
+            sh=self.sh.astype(dtype),
+            features=self.features.astype(dtype),
+            ids=self.ids,
+            origin=self.origin,
+        )
+
+    def select(self, rows: NDArray[Any]) -> GaussianMap:
+        """A new map of some of the Gaussians, with their ids.
+
+        Args:
+            rows: [M] integers, each row at most once, in the order wanted; or [N] bool.
+
+        Raises:
+            ValueError: A row occurs twice, or `rows` is neither.
+            IndexError: There is no such row.
+        """
+        rows = np.asarray(rows)
+        if rows.ndim != 1 or rows.dtype.kind not in "iub":
+            raise ValueError(
+                f"rows: expected [M] integers or [N] bool, got {rows.dtype} {rows.shape}"
+            )
+        return GaussianMap(
+            means=self.means[rows],
+            quats=self.quats[rows],
+            log_scales=self.log_scales[rows],
+            logit_opacities=self.logit_opacities[rows],
+            sh=self.sh[rows],
+            features=self.features[rows],
+            ids=self.ids[rows],
+            origin=self.origin,
+        )
+
+
+def _read_only(name: str, array: Any) -> NDArray[Any]:
+    """A view of the array that refuses writes; of a copy if it is not C-contiguous and aligned."""
+    if not isinstance(array, np.ndarray):
+        raise TypeError(f"{name}: expected a numpy array, got {type(array).__name__}")
+    result = np.require(array, requirements=["C", "ALIGNED", "ENSUREARRAY"]).view()
+    result.flags.writeable = False
+    return result
+
+
+def _check_ids(ids: NDArray[Any], size: int) -> None:
+    if ids.dtype != np.uint64 or ids.shape != (size,):
+        raise ValueError(f"ids: expected uint64 ({size},), got {ids.dtype} {ids.shape}")
+    ascending = ids if np.all(ids[1:] > ids[:-1]) else np.sort(ids)
+    repeated = np.flatnonzero(ascending[1:] == ascending[:-1])
+    if len(repeated) > 0:
+        raise ValueError(f"ids: {ascending[repeated[0]]} occurs more than once")

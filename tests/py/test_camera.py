@@ -1,0 +1,125 @@
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gslts
+
+IDENTITY = np.eye(4)
+
+
+def make_camera(**changes: Any) -> gslts.Camera:
+    arguments: dict[str, Any] = {
+        "fx": 100.0,
+        "fy": 110.0,
+        "cx": 31.0,
+        "cy": 24.5,
+        "width": 64,
+        "height": 48,
+        "world_from_camera": gslts.look_at((1, 2, 3), (0, 0, 0)),
+    }
+    return gslts.Camera(**(arguments | changes))
+
+
+def test_camera_holds_what_it_was_given():
+    pose = gslts.look_at((1, 2, 3), (0, 0, 0))
+    camera = make_camera(world_from_camera=pose)
+    assert (camera.fx, camera.fy, camera.cx, camera.cy) == (100.0, 110.0, 31.0, 24.5)
+    assert (camera.width, camera.height) == (64, 48)
+    np.testing.assert_array_equal(camera.world_from_camera, pose)
+
+
+def test_camera_is_immutable():
+    camera = make_camera()
+    with pytest.raises(AttributeError):
+        camera.fx = 1.0  # type: ignore[misc]
+    pose = camera.world_from_camera
+    pose[0, 3] = 99
+    assert camera.world_from_camera[0, 3] == 1
+
+
+def test_camera_takes_a_transposed_pose():
+    pose = gslts.look_at((1, 2, 3), (0, 0, 0))
+    camera = make_camera(world_from_camera=np.asfortranarray(pose))
+    np.testing.assert_array_equal(camera.world_from_camera, pose)
+
+
+def test_equal_cameras_compare_equal():
+    assert make_camera() == make_camera()
+    assert make_camera() != make_camera(cx=31.5)
+    assert make_camera() != make_camera(world_from_camera=IDENTITY)
+    assert make_camera() != "camera"
+
+
+def test_camera_survives_pickling():
+    camera = make_camera()
+    assert pickle.loads(pickle.dumps(camera)) == camera
+
+
+def test_repr_shows_every_field():
+    text = repr(make_camera(world_from_camera=IDENTITY))
+    for part in ("fx=100.0", "fy=110.0", "cx=31.0", "cy=24.5", "width=64", "height=48", "[[1.0,"):
+        assert part in text
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("fx", 0.0),
+        ("fx", -1.0),
+        ("fy", np.nan),
+        ("fy", np.inf),
+        ("cx", np.nan),
+        ("cy", -np.inf),
+        ("width", 0),
+        ("height", 65537),
+        ("world_from_camera", 2 * IDENTITY),
+        ("world_from_camera", np.diag([1.0, 1, -1, 1])),
+        ("world_from_camera", np.full((4, 4), np.nan)),
+        ("world_from_camera", np.diag([1.0, 1, 1, 2])),
+        ("world_from_camera", IDENTITY[:3]),
+        ("world_from_camera", IDENTITY[None]),
+        ("world_from_camera", IDENTITY.astype(np.float32)),
+    ],
+)
+def test_bad_field_is_named(field, value):
+    with pytest.raises(ValueError, match=field):
+        make_camera(**{field: value})
+
+
+def test_field_of_view_spans_the_image():
+    camera = gslts.camera_from_fov(640, 480, np.pi / 2)
+    assert camera.fx == pytest.approx(320)
+    assert camera.fy == camera.fx
+    assert (camera.cx, camera.cy) == (320, 240)
+    np.testing.assert_array_equal(camera.world_from_camera, IDENTITY)
+
+
+@pytest.mark.parametrize("fov_rad", [0, -1, np.pi, np.nan])
+def test_bad_field_of_view_is_named(fov_rad):
+    with pytest.raises(ValueError, match="horizontal_fov_rad"):
+        gslts.camera_from_fov(640, 480, fov_rad)
+
+
+def test_look_at_has_opencv_axes():
+    pose = gslts.look_at((0, -2, 0), (0, 0, 0))  # Looking along the world's +y.
+    right, down, forward = pose[:3, 0], pose[:3, 1], pose[:3, 2]
+    np.testing.assert_allclose(right, (1, 0, 0), atol=1e-15)
+    np.testing.assert_allclose(down, (0, 0, -1), atol=1e-15)
+    np.testing.assert_allclose(forward, (0, 1, 0), atol=1e-15)
+    np.testing.assert_array_equal(pose[:3, 3], (0, -2, 0))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "name"),
+    [
+        (((1, 2, 3), (1, 2, 3)), "target"),
+        (((0, 0, 0), (0, 0, 1)), "up"),
+        (((0, 0, 0), (1, 0, 0), (0, 0, 0)), "up"),
+        (((np.nan, 0, 0), (1, 0, 0)), "eye"),
+    ],
+)
+def test_look_at_without_a_horizon_is_rejected(arguments, name):
+    with pytest.raises(ValueError, match=name):
+        gslts.look_at(*arguments)
