@@ -1,9 +1,9 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "fma_peak.cpp"
+#include "fma_peak.hpp"
+
 #include "hwy/foreach_target.h"
 #include "hwy/highway.h"
-
-#include "fma_peak.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace gslts::benchmarks::HWY_NAMESPACE {
@@ -37,7 +37,8 @@ std::int64_t RunFma(std::int64_t rounds) {
       a11 = hn::MulAdd(a11, factor, term);
     }
   }
-  a0 = hn::Add(hn::Add(hn::Add(a0, a1), hn::Add(a2, a3)), hn::Add(hn::Add(a4, a5), hn::Add(a6, a7)));
+  a0 =
+      hn::Add(hn::Add(hn::Add(a0, a1), hn::Add(a2, a3)), hn::Add(hn::Add(a4, a5), hn::Add(a6, a7)));
   a0 = hn::Add(a0, hn::Add(hn::Add(a8, a9), hn::Add(a10, a11)));
   // The volatile store keeps the compiler from dropping the arithmetic.
   volatile float sink = hn::GetLane(hn::SumOfLanes(d, a0));

@@ -4,8 +4,8 @@
 
 namespace gslts::benchmarks {
 
-/// Float multiply-adds on independent accumulators in registers, `rounds` times over; what no kernel
-/// on this core can exceed.
+/// Float multiply-adds on independent accumulators in registers, `rounds` times over; what no
+/// kernel on this core can exceed.
 /// @return  Number of float multiply-adds done (two FLOP each).
 std::int64_t run_fma(std::int64_t rounds);
 

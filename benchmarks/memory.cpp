@@ -64,10 +64,9 @@ MemoryUse measure_memory(const std::string& folder, const std::string& name, int
   use.visible = gradients.rows.size();
   use.pixels = workload.pixels();
   use.peak_bytes = peak - before;
-  use.returned_bytes =
-      bytes_of(images.rgb, images.depth, images.alpha, gradients.rows, gradients.dL_dmeans,
-               gradients.dL_dquats, gradients.dL_dlog_scales, gradients.dL_dlogit_opacities,
-               gradients.dL_dsh);
+  use.returned_bytes = bytes_of(images.rgb, images.depth, images.alpha, gradients.rows,
+                                gradients.dL_dmeans, gradients.dL_dquats, gradients.dL_dlog_scales,
+                                gradients.dL_dlogit_opacities, gradients.dL_dsh);
   return use;
 }
 

@@ -84,23 +84,28 @@ template <typename T>
 void add_case(const std::string& pass, const std::string& folder, const Case& c) {
   const std::string name = pass + "/" + c.workload + "/sh:" + std::to_string(c.sh_degree) +
                            "/threads:" + std::to_string(c.threads);
-  benchmark::RegisterBenchmark(name.c_str(), [folder, c](benchmark::State& state) {
-    run_case<T>(state, folder, c);
-  })->Unit(benchmark::kMillisecond)->UseRealTime();
+  benchmark::RegisterBenchmark(
+      name.c_str(), [folder, c](benchmark::State& state) { run_case<T>(state, folder, c); })
+      ->Unit(benchmark::kMillisecond)
+      ->UseRealTime();
 }
 
 void measure_fma(benchmark::State& state) {
   std::int64_t lanes = 0;
   for (auto _ : state) lanes += run_fma(100'000);
-  state.counters["fma_lanes_per_s"] = benchmark::Counter(double(lanes), benchmark::Counter::kIsRate);
+  state.counters["fma_lanes_per_s"] =
+      benchmark::Counter(double(lanes), benchmark::Counter::kIsRate);
   state.counters["vector_lanes"] =
       benchmark::Counter(double(fma_lanes()), benchmark::Counter::kAvgThreads);
 }
 
 void add_benchmarks(const std::string& folder) {
   // Two threads show what the machine's second core adds when memory plays no part.
-  benchmark::RegisterBenchmark("fma_peak", measure_fma)->Unit(benchmark::kMillisecond)->Threads(1)
-      ->Threads(2)->UseRealTime();
+  benchmark::RegisterBenchmark("fma_peak", measure_fma)
+      ->Unit(benchmark::kMillisecond)
+      ->Threads(1)
+      ->Threads(2)
+      ->UseRealTime();
   for (const char* workload : {"S", "M", "L"}) {
     for (const int sh_degree : {0, 3}) {
       for (const int threads : {1, 2}) {

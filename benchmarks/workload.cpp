@@ -116,7 +116,8 @@ Workload<T> read_workload(const std::string& folder, const std::string& name, in
 template <typename T>
 RandomImageGradients<T>::RandomImageGradients(std::size_t pixels)
     : rgb(3 * pixels), depth(pixels), alpha(pixels) {
-  std::minstd_rand random(1);  // The standard fixes its sequence; that of the distributions it leaves open.
+  std::minstd_rand random(
+      1);  // The standard fixes its sequence; that of the distributions it leaves open.
   for (Array<T>* image : {&rgb, &depth, &alpha}) {
     for (T& value : *image) value = T(random()) / T(std::minstd_rand::max()) - T(0.5);
   }
@@ -127,8 +128,8 @@ std::vector<std::uint8_t> central_mask(int width, int height, double share) {
   const int mask_width = int(std::lround(width * std::sqrt(share)));
   const int mask_height = int(std::lround(height * std::sqrt(share)));
   for (int y = (height - mask_height) / 2, row = 0; row < mask_height; ++y, ++row) {
-    std::uint8_t* first = mask.data() + std::size_t(y) * std::size_t(width) +
-                          std::size_t(width - mask_width) / 2;
+    std::uint8_t* first =
+        mask.data() + std::size_t(y) * std::size_t(width) + std::size_t(width - mask_width) / 2;
     std::memset(first, 1, std::size_t(mask_width));
   }
   return mask;

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from workloads import NEAR_M, Floats, Size, Workload
 
+Ints = NDArray[np.int64]
+
 # The constants of 3DGS (Kerbl et al. 2023), as in gslts::raster::RenderOptions.
 ALPHA_MIN = 1 / 255
 ALPHA_MAX = 0.99
@@ -22,7 +24,7 @@ class Counts:
     """Visible: some pixel has alpha >= 1/255. Blends: those before the transmittance ends."""
 
     visible: int
-    blends_per_pixel: NDArray[np.int64]
+    blends_per_pixel: Ints
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ def project(workload: Workload) -> Footprints:
     )
 
 
-def expand(starts: NDArray[np.int64], ends: NDArray[np.int64]) -> tuple[NDArray, NDArray]:
+def expand(starts: Ints, ends: Ints) -> tuple[Ints, Ints]:
     """All integers of the ranges [starts, ends), with the index of the range of each."""
     lengths = np.maximum(ends - starts, 0)
     owners = np.repeat(np.arange(len(starts)), lengths)
@@ -89,7 +91,7 @@ def expand(starts: NDArray[np.int64], ends: NDArray[np.int64]) -> tuple[NDArray,
 
 def blended_pairs(
     splats: Footprints, first_row: int, end_row: int, width: int
-) -> tuple[NDArray, NDArray, Floats]:
+) -> tuple[Ints, Ints, Floats]:
     """Splat, pixel and alpha of every pair with alpha >= 1/255 in a band of rows, nearest first."""
     low = np.ceil(splats.means2d - splats.extents - 0.5).astype(int)
     high = np.floor(splats.means2d + splats.extents - 0.5).astype(int) + 1
@@ -109,7 +111,7 @@ def blended_pairs(
     return splat[keep], pixel[keep], np.minimum(alpha[keep], ALPHA_MAX)
 
 
-def count_blends(pixel: NDArray, alpha: Floats, pixels: int) -> NDArray[np.int64]:
+def count_blends(pixel: Ints, alpha: Floats, pixels: int) -> Ints:
     """Blends at each pixel before its transmittance would fall below the minimum."""
     order = np.argsort(pixel, kind="stable")
     pixel, log_left = pixel[order], np.cumsum(np.log1p(-alpha[order]))
@@ -135,10 +137,11 @@ def count(workload: Workload) -> Counts:
 def report(name: str, counts: Counts, size: Size) -> str:
     """One line that sets the counts beside those of the experiment."""
     blends = counts.blends_per_pixel
+    total = int(blends.sum())
     return (
-        f"{name}: visible {counts.visible / 1e3:.1f}k "
-        f"({counts.visible / size.expected_visible - 1:+.1%} of {size.expected_visible / 1e3:.1f}k), "
-        f"blends {blends.sum() / 1e6:.2f}M "
-        f"({blends.sum() / size.expected_blends - 1:+.1%} of {size.expected_blends / 1e6:.2f}M), "
+        f"{name}: visible {counts.visible / 1e3:.1f}k, {size.expected_visible / 1e3:.1f}k expected "
+        f"({counts.visible / size.expected_visible - 1:+.1%}); "
+        f"blends {total / 1e6:.2f}M, {size.expected_blends / 1e6:.2f}M expected "
+        f"({total / size.expected_blends - 1:+.1%}); "
         f"per pixel mean {blends.mean():.1f}, max {blends.max()}"
     )

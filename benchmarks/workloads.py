@@ -37,7 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-FloatArrays = NDArray[np.float32]
+Floats32 = NDArray[np.float32]
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 FOLDER = REPOSITORY / "build" / "bench" / "workloads"
@@ -61,7 +61,7 @@ OBJECT_CLEARANCE_M = 1.5
 
 @dataclass(frozen=True)
 class Size:
-    """Number of Gaussians and image size, with the counts of the experiment that set the targets."""
+    """Gaussians and image size, with the counts of the experiment that set the targets."""
 
     gaussians: int
     width: int
@@ -85,11 +85,11 @@ class Workload:
     height: int
     focal_px: float
     world_from_camera: Floats
-    means: FloatArrays
-    quats: FloatArrays
-    log_scales: FloatArrays
-    logit_opacities: FloatArrays
-    sh: FloatArrays
+    means: Floats32
+    quats: Floats32
+    log_scales: Floats32
+    logit_opacities: Floats32
+    sh: Floats32
     """[N,16,3]; the first base alone is the scene with SH degree 0."""
 
 
@@ -134,7 +134,8 @@ def sample_surfaces(rng: np.random.Generator, n: int) -> tuple[Floats, Floats]:
     on_room = round(ROOM_SHARE * n)
     parts = [sample_box(rng, on_room, ROOM_M / 2, ROOM_M / 2)]
     areas = (halves * np.roll(halves, 1, axis=1)).sum(axis=1)
-    counts = np.diff(np.round(np.cumsum(areas) / areas.sum() * (n - on_room)).astype(int), prepend=0)
+    ends = np.round(np.cumsum(areas) / areas.sum() * (n - on_room)).astype(int)
+    counts = np.diff(ends, prepend=0)
     for i, (count, center, half) in enumerate(zip(counts, centers, halves, strict=True)):
         sample = sample_box if i % 2 == 0 else sample_ellipsoid
         parts.append(sample(rng, count, center, half))
@@ -217,10 +218,12 @@ def write_workload(workload: Workload, path: Path) -> None:
 
 
 def workload_path(name: str, folder: Path = FOLDER) -> Path:
+    """File of workload `name`."""
     return folder / f"{name}.gslts-workload"
 
 
 def main() -> None:
+    """Command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("names", nargs="*", default=[], help="S, M, L (default: all)")
     parser.add_argument("--check", action="store_true", help="count and compare; slow for L")

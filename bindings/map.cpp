@@ -1,8 +1,7 @@
-#include <pybind11/operators.h>
+#include <pybind11/eigen.h>
 #include <pybind11/stl.h>
 
 #include <Eigen/Geometry>
-#include <array>
 #include <optional>
 
 #include "arrays.hpp"
@@ -13,10 +12,6 @@ namespace gslts::python {
 namespace {
 
 using RowMajorMatrix4d = Eigen::Matrix<double, 4, 4, Eigen::RowMajor>;
-using Vector3 = std::array<double, 3>;
-
-Eigen::Vector3d to_eigen(const Vector3& vector) { return {vector[0], vector[1], vector[2]}; }
-
 Eigen::Isometry3d to_eigen(const py::array& transform, const char* name) {
   const py::array contiguous = py::array::ensure(transform, py::array::c_style);
   const Eigen::Map<const RowMajorMatrix4d> matrix(require_array<double>(contiguous, name, {4, 4}));
@@ -37,8 +32,8 @@ py::array_t<double> to_numpy(const Eigen::Isometry3d& transform) {
 
 Camera make_camera(double fx, double fy, double cx, double cy, int width, int height,
                    const py::array& world_from_camera) {
-  const Camera camera{fx, fy, cx, cy, width, height,
-                      to_eigen(world_from_camera, "world_from_camera")};
+  const Camera camera{
+      fx, fy, cx, cy, width, height, to_eigen(world_from_camera, "world_from_camera")};
   validate(camera, "Camera");
   return camera;
 }
@@ -66,7 +61,8 @@ Raises:
     ValueError: A focal length that is not positive, a size outside 1..65536, a rotation that is not
         orthonormal to 1e-6, anything not finite, or a pose of another shape or dtype.)")
       .def(py::init(&make_camera), py::kw_only(), py::arg("fx"), py::arg("fy"), py::arg("cx"),
-           py::arg("cy"), py::arg("width"), py::arg("height"), py::arg("world_from_camera"))
+           py::arg("cy"), py::arg("width").noconvert(), py::arg("height").noconvert(),
+           py::arg("world_from_camera"))
       .def_readonly("fx", &Camera::fx, "Horizontal focal length, px.")
       .def_readonly("fy", &Camera::fy, "Vertical focal length, px.")
       .def_readonly("cx", &Camera::cx, "Principal point, column, px.")
@@ -74,13 +70,15 @@ Raises:
       .def_readonly("width", &Camera::width, "Image width, px.")
       .def_readonly("height", &Camera::height, "Image height, px.")
       .def_property_readonly(
-          "world_from_camera", [](const Camera& camera) { return to_numpy(camera.world_from_camera); },
+          "world_from_camera",
+          [](const Camera& camera) { return to_numpy(camera.world_from_camera); },
           "[4,4] float64, a copy of the pose: x_in_world = world_from_camera @ x_in_camera.")
       .def("__eq__", &equal, py::is_operator(), py::arg("other"))
       .def("__repr__",
            [](const Camera& c) {
-             return py::str("Camera(fx={}, fy={}, cx={}, cy={}, width={}, height={}, "
-                            "world_from_camera={})")
+             return py::str(
+                        "Camera(fx={}, fy={}, cx={}, cy={}, width={}, height={}, "
+                        "world_from_camera={})")
                  .format(c.fx, c.fy, c.cx, c.cy, c.width, c.height,
                          to_numpy(c.world_from_camera).attr("tolist")());
            })
@@ -105,7 +103,7 @@ Raises:
                                      to_eigen(*world_from_camera, "world_from_camera"))
                    : camera_from_fov(width, height, horizontal_fov_rad);
       },
-      py::arg("width"), py::arg("height"), py::arg("horizontal_fov_rad"),
+      py::arg("width").noconvert(), py::arg("height").noconvert(), py::arg("horizontal_fov_rad"),
       py::arg("world_from_camera") = py::none(),
       R"(Camera with square pixels and the principal point at the image centre.
 
@@ -120,10 +118,10 @@ Raises:
 
   m.def(
       "look_at",
-      [](const Vector3& eye, const Vector3& target, const Vector3& up) {
-        return to_numpy(look_at(to_eigen(eye), to_eigen(target), to_eigen(up)));
+      [](const Eigen::Vector3d& eye, const Eigen::Vector3d& target, const Eigen::Vector3d& up) {
+        return to_numpy(look_at(eye, target, up));
       },
-      py::arg("eye"), py::arg("target"), py::arg("up") = Vector3{0, 0, 1},
+      py::arg("eye"), py::arg("target"), py::arg("up") = Eigen::Vector3d::UnitZ().eval(),
       R"(Pose of a camera at `eye` that looks at `target`, its image upright with respect to `up`.
 
 Args:
@@ -141,8 +139,7 @@ Raises:
 template <typename T>
 GaussianView<T> make_view(const py::array& means, const py::array& quats,
                           const py::array& log_scales, const py::array& logit_opacities,
-                          const py::array& sh, const py::array& features,
-                          const py::array& origin) {
+                          const py::array& sh, const py::array& features, const py::array& origin) {
   GaussianView<T> view;
   view.means = require_array<T>(means, "means", {kAnyLength, 3});
   const py::ssize_t size = means.shape(0);

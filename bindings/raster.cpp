@@ -125,9 +125,9 @@ RenderOptions make_options(std::array<double, 3> background, double near_m, int 
 
 /// The arguments of make_options.
 py::tuple fields(const RenderOptions& o) {
-  return py::make_tuple(py::make_tuple(o.background[0], o.background[1], o.background[2]),
-                        o.near_m, o.sh_degree, o.eps2d_px2, o.antialias, o.alpha_min,
-                        o.transmittance_min, o.threads);
+  return py::make_tuple(py::make_tuple(o.background[0], o.background[1], o.background[2]), o.near_m,
+                        o.sh_degree, o.eps2d_px2, o.antialias, o.alpha_min, o.transmittance_min,
+                        o.threads);
 }
 
 void define_options(py::module_& m) {
@@ -149,13 +149,13 @@ Args:
     threads: 0 means one a hardware thread. Results do not depend on it.
 
 The values are checked by each rendering.)")
-      .def(py::init(&make_options),
-           py::kw_only(), py::arg("background") = defaults.background,
-           py::arg("near_m") = defaults.near_m, py::arg("sh_degree") = defaults.sh_degree,
+      .def(py::init(&make_options), py::kw_only(), py::arg("background") = defaults.background,
+           py::arg("near_m") = defaults.near_m,
+           py::arg("sh_degree").noconvert() = defaults.sh_degree,
            py::arg("eps2d_px2") = defaults.eps2d_px2, py::arg("antialias") = defaults.antialias,
            py::arg("alpha_min") = defaults.alpha_min,
            py::arg("transmittance_min") = defaults.transmittance_min,
-           py::arg("threads") = defaults.threads)
+           py::arg("threads").noconvert() = defaults.threads)
       .def_property_readonly(
           "background", [](const RenderOptions& o) { return fields(o)[0].cast<py::tuple>(); },
           "RGB behind the Gaussians.")
@@ -174,15 +174,15 @@ The values are checked by each rendering.)")
           py::is_operator(), py::arg("other"))
       .def("__repr__",
            [](const RenderOptions& o) {
-             return py::str("RenderOptions(background={}, near_m={}, sh_degree={}, eps2d_px2={}, "
-                            "antialias={}, alpha_min={}, transmittance_min={}, threads={})")
+             return py::str(
+                        "RenderOptions(background={}, near_m={}, sh_degree={}, eps2d_px2={}, "
+                        "antialias={}, alpha_min={}, transmittance_min={}, threads={})")
                  .format(*fields(o));
            })
       .def(py::pickle(&fields, [](const py::tuple& state) {
         return make_options(state[0].cast<std::array<double, 3>>(), state[1].cast<double>(),
                             state[2].cast<int>(), state[3].cast<double>(), state[4].cast<bool>(),
-                            state[5].cast<double>(), state[6].cast<double>(),
-                            state[7].cast<int>());
+                            state[5].cast<double>(), state[6].cast<double>(), state[7].cast<int>());
       }));
 }
 

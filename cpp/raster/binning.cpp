@@ -8,16 +8,19 @@
 namespace gslts::raster {
 namespace {
 
+/// Most splats touch at most 2 x 2 tiles, in no predictable pattern: this visits those four without
+/// a branch, the untouched ones as tile `nowhere` with an increment of 0.
 template <typename Visit>
-void for_each_tile(const TileRect& rect, const Band& band, int tiles_x, const WantedPixels& wanted,
-                   Visit visit) {
-  const int y1 = std::min<int>(rect.y1, band.last_row);
-  for (int y = std::max<int>(rect.y0, band.first_row); y < y1; ++y) {
-    for (int x = rect.x0; x < rect.x1; ++x) {
-      if (wanted.all() || wanted.blocks(y * tiles_x + x)) visit((y - band.first_row) * tiles_x + x);
-    }
-  }
+void for_each_tile_of_four(const TileRect& rect, int tiles_x, int nowhere, Visit visit) {
+  const int tile = rect.y0 * tiles_x + rect.x0;
+  const int wide = rect.x1 - rect.x0 - 1, high = rect.y1 - rect.y0 - 1;
+  visit(tile, 0, 1);
+  visit(wide ? tile + 1 : nowhere, 1, wide);
+  visit(high ? tile + tiles_x : nowhere, 1 + wide, high);
+  visit(wide & high ? tile + tiles_x + 1 : nowhere, 3, wide & high);
 }
+
+bool within_four(const TileRect& rect) { return rect.x1 - rect.x0 <= 2 && rect.y1 - rect.y0 <= 2; }
 
 /// Chunks [begin, end) of one of `groups` equal shares.
 std::pair<std::size_t, std::size_t> share(std::size_t chunks, std::size_t group,
@@ -26,17 +29,6 @@ std::pair<std::size_t, std::size_t> share(std::size_t chunks, std::size_t group,
 }
 
 }  // namespace
-
-std::uint32_t count_entries(const TileRect& rect, const Band& band, int tiles_x,
-                            const WantedPixels& wanted) {
-  if (wanted.all()) {
-    const int rows = std::min<int>(rect.y1, band.last_row) - std::max<int>(rect.y0, band.first_row);
-    return rows > 0 ? std::uint32_t(rows * (rect.x1 - rect.x0)) : 0;
-  }
-  std::uint32_t count = 0;
-  for_each_tile(rect, band, tiles_x, wanted, [&](int) { ++count; });
-  return count;
-}
 
 template <typename T>
 std::vector<Band> plan_bands(const Splats<T>& splats, const RenderSetup<T>& setup) {
@@ -81,17 +73,26 @@ void bin_splats(const Splats<T>& splats, const RenderSetup<T>& setup, const Want
   const std::size_t chunks = splats.counts.size();
   const std::size_t tiles = std::size_t(band.last_row - band.first_row) * setup.tiles_x;
   const std::size_t groups = std::max<std::size_t>(1, std::min<std::size_t>(setup.threads, chunks));
+  const bool simple = wanted.all() && band.first_row == 0 && band.last_row == setup.tiles_y;
+  const int nowhere = int(tiles);
   // A counting sort. The lists come out in slot order whatever the number of groups.
   std::vector<std::vector<std::uint32_t>> cursors(groups);
   band.first_gradients.assign(chunks + 1, 0);
   parallel::parallel_for(groups, setup.threads, [&](std::size_t group) {
     std::vector<std::uint32_t>& counts = cursors[group];
-    counts.assign(tiles, 0);
+    counts.assign(tiles + 1, 0);
     const auto [begin, end] = share(chunks, group, groups);
     for (std::size_t chunk = begin; chunk < end; ++chunk) {
       const TileRect* rects = splats.rects.data() + chunk * kChunkSize;
       std::uint32_t entries = 0;
       for (std::uint32_t i = 0; i < splats.counts[chunk]; ++i) {
+        if (simple && within_four(rects[i])) {
+          for_each_tile_of_four(rects[i], setup.tiles_x, nowhere, [&](int tile, int, int one) {
+            counts[tile] += one;
+            entries += one;
+          });
+          continue;
+        }
         for_each_tile(rects[i], band, setup.tiles_x, wanted, [&](int tile) {
           ++counts[tile];
           ++entries;
@@ -113,7 +114,11 @@ void bin_splats(const Splats<T>& splats, const RenderSetup<T>& setup, const Want
     }
   }
   band.offsets[tiles] = offset;
-  band.entries.resize(offset);
+  // Each group has an entry of its own for `nowhere`.
+  band.entries.resize(offset + groups);
+  for (std::size_t group = 0; group < groups; ++group) {
+    cursors[group][tiles] = offset + std::uint32_t(group);
+  }
   parallel::parallel_for(groups, setup.threads, [&](std::size_t group) {
     std::vector<std::uint32_t>& cursor = cursors[group];
     const auto [begin, end] = share(chunks, group, groups);
@@ -121,12 +126,23 @@ void bin_splats(const Splats<T>& splats, const RenderSetup<T>& setup, const Want
     for (std::size_t chunk = begin; chunk < end; ++chunk) {
       const std::uint32_t first_slot = std::uint32_t(chunk * kChunkSize);
       for (std::uint32_t i = 0; i < splats.counts[chunk]; ++i) {
-        for_each_tile(splats.rects[first_slot + i], band, setup.tiles_x, wanted, [&](int tile) {
+        const TileRect& rect = splats.rects[first_slot + i];
+        if (simple && within_four(rect)) {
+          const std::uint32_t first = gradient;
+          for_each_tile_of_four(rect, setup.tiles_x, nowhere, [&](int tile, int rank, int one) {
+            band.entries[cursor[tile]] = {first_slot + i, first + rank};
+            cursor[tile] += one;
+            gradient += one;
+          });
+          continue;
+        }
+        for_each_tile(rect, band, setup.tiles_x, wanted, [&](int tile) {
           band.entries[cursor[tile]++] = {first_slot + i, gradient++};
         });
       }
     }
   });
+  band.entries.resize(offset);
 }
 
 template std::vector<Band> plan_bands(const Splats<float>&, const RenderSetup<float>&);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -24,9 +25,17 @@ struct Band {
   std::vector<std::uint32_t> first_gradients;  ///< [chunks + 1] first gradient place of each chunk
 };
 
-/// Number of entries that a splat with this rectangle has in the band.
-std::uint32_t count_entries(const TileRect& rect, const Band& band, int tiles_x,
-                            const WantedPixels& wanted);
+/// Calls visit(tile of the band) for every tile of the band in which the rectangle has an entry.
+template <typename Visit>
+void for_each_tile(const TileRect& rect, const Band& band, int tiles_x, const WantedPixels& wanted,
+                   Visit visit) {
+  const int y1 = std::min<int>(rect.y1, band.last_row);
+  for (int y = std::max<int>(rect.y0, band.first_row); y < y1; ++y) {
+    for (int x = rect.x0; x < rect.x1; ++x) {
+      if (wanted.all() || wanted.blocks(y * tiles_x + x)) visit((y - band.first_row) * tiles_x + x);
+    }
+  }
+}
 
 /// Cuts the image into bands of tile rows with a bounded number of entries each; one as a rule.
 template <typename T>

@@ -27,10 +27,25 @@ void load_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const T* im
   const int x0 = tile.x * kTileSize, y0 = tile.y * kTileSize;
   const int width = std::min(kTileSize, setup.width - x0);
   const int height = std::min(kTileSize, setup.height - y0);
+  const hn::CappedTag<T, kBlockSize> d;
+  const int lanes = int(hn::Lanes(d));
   for (int y = 0; y < height; ++y) {
     const T* row = image + (std::size_t(y0 + y) * setup.width + x0) * channels;
     T* blocks = out + y / kBlockSize * kBlocksPerRow * block_stride + y % kBlockSize * kBlockSize;
-    for (int x = 0; x < width; ++x) {
+    int x = 0;
+    for (; (channels == 1 || channels == 3) && x + lanes <= width; x += lanes) {
+      T* pixel = blocks + x / kBlockSize * block_stride + x % kBlockSize;
+      if (channels == 1) {
+        hn::Store(hn::LoadU(d, row + x), d, pixel);
+        continue;
+      }
+      hn::Vec<hn::CappedTag<T, kBlockSize>> red, green, blue;
+      hn::LoadInterleaved3(d, row + 3 * x, red, green, blue);
+      hn::Store(red, d, pixel);
+      hn::Store(green, d, pixel + kBlockPixels);
+      hn::Store(blue, d, pixel + 2 * kBlockPixels);
+    }
+    for (; x < width; ++x) {
       T* pixel = blocks + x / kBlockSize * block_stride + x % kBlockSize;
       for (std::size_t c = 0; c < channels; ++c) pixel[c * kBlockPixels] = row[x * channels + c];
     }

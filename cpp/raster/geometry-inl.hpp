@@ -15,17 +15,59 @@
 HWY_BEFORE_NAMESPACE();
 namespace gslts::raster::HWY_NAMESPACE {
 
-/// Columns of rows rows[lane] of a row-major [N, kColumns] array. Plain loads beat the gather
-/// instructions of every machine measured.
+/// Transposes rows of four numbers into columns, one row a lane.
+template <typename T, typename Row>
+HWY_INLINE void transpose_rows(const T* base, const Row* rows, std::size_t lanes,
+                               std::size_t stride, T (*columns)[kBlockPixels]) {
+  for (std::size_t lane = 0; lane < lanes; ++lane) {
+    const T* row = base + std::size_t(rows[lane]) * stride;
+    for (int column = 0; column < 4; ++column) columns[column][lane] = row[column];
+  }
+}
+template <typename Row>
+HWY_INLINE void transpose_rows(const float* base, const Row* rows, std::size_t lanes,
+                               std::size_t stride, float (*columns)[kBlockPixels]) {
+  const hn::FixedTag<float, 4> d;
+  const hn::RepartitionToWide<decltype(d)> wide;
+  for (std::size_t lane = 0; lane < lanes; lane += 4) {
+    const auto row = [&](std::size_t i) HWY_ATTR {
+      return hn::LoadU(d, base + std::size_t(rows[lane + i]) * stride);
+    };
+    const auto r0 = row(0), r1 = row(1), r2 = row(2), r3 = row(3);
+    const auto a = hn::BitCast(wide, hn::InterleaveLower(d, r0, r1));
+    const auto b = hn::BitCast(wide, hn::InterleaveLower(d, r2, r3));
+    const auto c = hn::BitCast(wide, hn::InterleaveUpper(d, r0, r1));
+    const auto e = hn::BitCast(wide, hn::InterleaveUpper(d, r2, r3));
+    hn::Store(hn::BitCast(d, hn::InterleaveLower(wide, a, b)), d, columns[0] + lane);
+    hn::Store(hn::BitCast(d, hn::InterleaveUpper(wide, a, b)), d, columns[1] + lane);
+    hn::Store(hn::BitCast(d, hn::InterleaveLower(wide, c, e)), d, columns[2] + lane);
+    hn::Store(hn::BitCast(d, hn::InterleaveUpper(wide, c, e)), d, columns[3] + lane);
+  }
+}
+
+/// Columns of the rows rows[lane] of a row-major [N, kColumns] array. Loads and shuffles beat the
+/// gather instructions of every machine measured.
 template <int kColumns, class D, typename T = hn::TFromD<D>, typename Row>
 HWY_INLINE void gather_rows(D d, const T* base, const Row* rows, hn::Vec<D>* columns) {
   const std::size_t lanes = hn::Lanes(d);
   HWY_ALIGN T values[kColumns][kBlockPixels];
+  constexpr int kFours = kColumns / 4 * 4;
+  for (int column = 0; column < kFours; column += 4) {
+    transpose_rows(base + column, rows, lanes, kColumns, values + column);
+  }
   for (std::size_t lane = 0; lane < lanes; ++lane) {
     const T* row = base + std::size_t(rows[lane]) * kColumns;
-    for (int column = 0; column < kColumns; ++column) values[column][lane] = row[column];
+    for (int column = kFours; column < kColumns; ++column) values[column][lane] = row[column];
   }
   for (int column = 0; column < kColumns; ++column) columns[column] = hn::Load(d, values[column]);
+}
+
+/// Starts to fetch the parameters of a Gaussian that will be projected soon.
+template <typename T>
+HWY_INLINE void prefetch(const GaussianView<T>& gaussians, std::size_t row) {
+  __builtin_prefetch(gaussians.means + 3 * row);
+  __builtin_prefetch(gaussians.quats + 4 * row);
+  __builtin_prefetch(gaussians.log_scales + 3 * row);
 }
 
 template <class D>

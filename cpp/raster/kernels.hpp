@@ -44,6 +44,11 @@ template <typename T>
 void blend_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const Splat<T>* splats,
                 const T* features, const WantedPixels& wanted);
 
+/// Turns the sums of a tile into its part of the images; a tile without entries has no sums.
+template <typename T>
+void write_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const WantedPixels& wanted,
+                Images<T>& images);
+
 /// Sums over the pixels of one tile that the backward pass of a splat starts from. With G =
 /// dL/dlog(alpha) and w the blend weight: G, G u, G v, G u^2, G u v, G v^2, w dL/d(red, green, blue),
 /// w dL/d(sum w z), and two of padding.

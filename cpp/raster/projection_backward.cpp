@@ -159,6 +159,9 @@ void project_chunk_backward(const GaussianView<T>& gaussians, const RenderSetup<
       places[lane] = std::uint32_t(slot);
       for (int c = 0; c < 3; ++c) colors[c][lane] = splats[slot].color[c];
     }
+    for (std::size_t ahead = i + 2 * lanes; ahead < std::min(i + 3 * lanes, count); ++ahead) {
+      prefetch(gaussians, splats[ahead].gaussian);
+    }
     const std::size_t at = first_row + i;
     for (std::size_t lane = 0; lane < valid; ++lane) {
       gradients.rows[at + lane] = splats[i + lane].gaussian;

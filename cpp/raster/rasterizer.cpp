@@ -57,9 +57,9 @@ struct Rasterizer<T>::State {
   Array<T> entry_sums, entry_features, entry_statistics, splat_sums;
 
   void project(const GaussianView<T>& gaussians);
-  void blend_band(const GaussianView<T>& gaussians, Band& band);
+  /// Writes the images too, unless null.
+  void blend_band(const GaussianView<T>& gaussians, Band& band, Images<T>* images);
   TileTask<T> tile_task(const Band& band, std::size_t tile);
-  void write_band(const Band& band, Images<T>& images) const;
   void blend_band_backward(const GaussianView<T>& gaussians, const ImageGradients<T>& image,
                            const Band& band, bool statistics);
   void gather_chunk(const Band& band, std::size_t chunk, std::size_t first_row, T* sums,
@@ -96,7 +96,8 @@ TileTask<T> Rasterizer<T>::State::tile_task(const Band& band, std::size_t tile) 
 }
 
 template <typename T>
-void Rasterizer<T>::State::blend_band(const GaussianView<T>& gaussians, Band& band) {
+void Rasterizer<T>::State::blend_band(const GaussianView<T>& gaussians, Band& band,
+                                      Images<T>* images) {
   bin_splats(splats, *setup, wanted, band);
   const std::size_t tiles = band.offsets.size() - 1;
   memory.blocks.resize(band.entries.size());
@@ -113,42 +114,7 @@ void Rasterizer<T>::State::blend_band(const GaussianView<T>& gaussians, Band& ba
     if (task.count) {
       blend_tile(task, *setup, splats.splats.data(), gaussians.features, wanted);
     }
-  });
-}
-
-/// Divides, adds the background and lays the tiles of a band out as images.
-template <typename T>
-void Rasterizer<T>::State::write_band(const Band& band, Images<T>& images) const {
-  const std::size_t dims = std::size_t(setup->feature_dims);
-  const std::vector<T> nothing(tile_sums_size<T>(setup->feature_dims), T(0));
-  parallel::parallel_for(band.offsets.size() - 1, setup->threads, [&](std::size_t tile) {
-    const bool empty = band.offsets[tile] == band.offsets[tile + 1];
-    const T* sums = empty ? nothing.data() : memory.sums.data() + memory.sums_of[tile];
-    const int x0 = int(tile) % setup->tiles_x * kTileSize;
-    const int y0 = (band.first_row + int(tile) / setup->tiles_x) * kTileSize;
-    const int x1 = std::min(x0 + kTileSize, setup->width);
-    const int y1 = std::min(y0 + kTileSize, setup->height);
-    for (int y = y0; y < y1; ++y) {
-      for (int x = x0; x < x1; x += kBlockSize) {
-        const int block = (y - y0) / kBlockSize * kBlocksPerRow + (x - x0) / kBlockSize;
-        const T* in = sums + std::size_t(block) * (5 + dims) * kBlockPixels +
-                      (y - y0) % kBlockSize * kBlockSize;
-        const int columns = std::min(kBlockSize, x1 - x);
-        for (int i = 0; i < columns; ++i, ++in) {
-          const std::size_t at = std::size_t(y) * setup->width + x + i;
-          const T alpha = in[4 * kBlockPixels];
-          const T behind = wanted.pixel(x + i, y) ? T(1) - alpha : T(0);
-          images.rgb[3 * at] = in[0] + behind * setup->background[0];
-          images.rgb[3 * at + 1] = in[kBlockPixels] + behind * setup->background[1];
-          images.rgb[3 * at + 2] = in[2 * kBlockPixels] + behind * setup->background[2];
-          images.depth[at] = alpha > 0 ? in[3 * kBlockPixels] / alpha : T(0);
-          images.alpha[at] = alpha;
-          for (std::size_t k = 0; k < dims; ++k) {
-            images.features[at * dims + k] = in[(5 + k) * kBlockPixels];
-          }
-        }
-      }
-    }
+    if (images) write_tile(task, *setup, wanted, *images);
   });
 }
 
@@ -187,22 +153,23 @@ void Rasterizer<T>::State::gather_chunk(const Band& band, std::size_t chunk, std
   const TileRect* rects = splats.rects.data() + chunk * kChunkSize;
   std::size_t place = band.first_gradients[chunk];
   for (std::uint32_t i = 0; i < splats.counts[chunk]; ++i) {
-    const std::uint32_t entries = count_entries(rects[i], band, setup->tiles_x, wanted);
     T* sum = sums + std::size_t(i) * kSumsPerEntry;
     const std::size_t row = first_row + i;
-    for (std::uint32_t entry = 0; entry < entries; ++entry, ++place) {
+    for_each_tile(rects[i], band, setup->tiles_x, wanted, [&](int) {
       const T* part = entry_sums.data() + place * kSumsPerEntry;
       for (int k = 0; k < kSumsPerEntry; ++k) sum[k] += part[k];
       for (std::size_t k = 0; k < dims; ++k) {
         gradients.dL_dfeatures[row * dims + k] += entry_features[place * dims + k];
       }
-      if (entry_statistics.empty()) continue;
-      const T* statistics = entry_statistics.data() + place * kStatisticsPerEntry;
-      gradients.abs_dL_dmeans2d[2 * row] += statistics[0];
-      gradients.abs_dL_dmeans2d[2 * row + 1] += statistics[1];
-      gradients.max_weights[row] = std::max(gradients.max_weights[row], statistics[2]);
-      gradients.pixel_counts[row] += std::uint32_t(statistics[3]);
-    }
+      if (!entry_statistics.empty()) {
+        const T* statistics = entry_statistics.data() + place * kStatisticsPerEntry;
+        gradients.abs_dL_dmeans2d[2 * row] += statistics[0];
+        gradients.abs_dL_dmeans2d[2 * row + 1] += statistics[1];
+        gradients.max_weights[row] = std::max(gradients.max_weights[row], statistics[2]);
+        gradients.pixel_counts[row] += std::uint32_t(statistics[3]);
+      }
+      ++place;
+    });
   }
 }
 
@@ -248,8 +215,7 @@ Images<T> Rasterizer<T>::forward(const GaussianView<T>& gaussians, const Camera&
   images.alpha.resize(pixels);
   images.features.resize(pixels * std::size_t(setup.feature_dims));
   for (Band& band : state.bands) {
-    state.blend_band(gaussians, band);
-    state.write_band(band, images);
+    state.blend_band(gaussians, band, &images);
     if (state.bands.size() > 1) band.entries = {};
   }
   return images;
@@ -296,7 +262,7 @@ Gradients<T> Rasterizer<T>::backward(const GaussianView<T>& gaussians,
   const bool one_band = state.bands.size() == 1;
   state.splat_sums.assign(one_band ? 0 : visible * kSumsPerEntry, T(0));
   for (Band& band : state.bands) {
-    if (!one_band) state.blend_band(gaussians, band);
+    if (!one_band) state.blend_band(gaussians, band, nullptr);
     state.blend_band_backward(gaussians, image_gradients, band, statistics);
     const bool last = &band == &state.bands.back();
     parallel::parallel_for(chunks, setup.threads, [&](std::size_t chunk) {

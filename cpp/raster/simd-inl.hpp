@@ -56,7 +56,7 @@ HWY_INLINE hn::Vec<D> reciprocal(D d, hn::Vec<D> x) {
 
 /// Adds up the 128-bit parts of a vector.
 template <class D>
-HWY_INLINE auto sum_parts(D d, hn::Vec<D> v) {
+HWY_INLINE auto sum_parts([[maybe_unused]] D d, hn::Vec<D> v) {
   if constexpr (hn::MaxLanes(D()) * sizeof(hn::TFromD<D>) <= 16) {
     return v;
   } else {

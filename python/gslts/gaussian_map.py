@@ -13,7 +13,10 @@ from gslts._core.map import GaussianViewDouble, GaussianViewFloat
 
 FloatArray = NDArray[np.float32] | NDArray[np.float64]
 
-_VIEW_TYPES = {np.dtype(np.float32): GaussianViewFloat, np.dtype(np.float64): GaussianViewDouble}
+_VIEW_TYPES: dict[np.dtype[Any], type[GaussianViewFloat] | type[GaussianViewDouble]] = {
+    np.dtype(np.float32): GaussianViewFloat,
+    np.dtype(np.float64): GaussianViewDouble,
+}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -34,8 +37,8 @@ class GaussianMap:
             max(0, 0.5 + SH(direction from the camera to the centre)).
         features: [N,D] semantic features; D = 0 by default.
         ids: [N] uint64, unique, never used again once removed; 0, 1, ... by default.
-        origin: (3,) float64, map origin in the world, m; zero by default. A map far from the world's
-            origin keeps its full resolution in float32.
+        origin: (3,) float64, map origin in the world, m; zero by default. A map far from the
+            world's origin keeps its full resolution in float32.
 
     Raises:
         TypeError: An argument is no numpy array.
@@ -92,7 +95,7 @@ class GaussianMap:
     @property
     def feature_dims(self) -> int:
         """Length of a feature vector, D."""
-        return self.features.shape[1]
+        return int(self.features.shape[1])
 
     def view(self) -> GaussianViewFloat | GaussianViewDouble:
         """What the C++ core takes; it copies nothing and keeps the arrays alive."""

@@ -14,7 +14,10 @@ from gslts.gaussian_map import FloatArray, GaussianMap
 
 __all__ = ["Gradients", "Images", "Rasterizer", "RenderOptions", "render"]
 
-_RASTERIZERS = {np.dtype(np.float32): RasterizerFloat, np.dtype(np.float64): RasterizerDouble}
+_RASTERIZERS: dict[np.dtype[Any], type[RasterizerFloat] | type[RasterizerDouble]] = {
+    np.dtype(np.float32): RasterizerFloat,
+    np.dtype(np.float64): RasterizerDouble,
+}
 
 
 @dataclass(frozen=True, eq=False)

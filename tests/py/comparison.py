@@ -24,4 +24,6 @@ def assert_close_outside_band(
         np.testing.assert_allclose(
             actual[clear], wanted[clear], rtol=tolerance, atol=tolerance, err_msg=name
         )
-    np.testing.assert_allclose(images.alpha, expected.alpha, rtol=0, atol=expected.max_flip)
+    np.testing.assert_allclose(
+        images.alpha, expected.alpha, rtol=0, atol=expected.max_flip + tolerance
+    )

@@ -81,8 +81,8 @@ def test_images_and_gradients_are_finite_and_in_range(view):
         rasterizer = gslts.Rasterizer(dtype)
         images = rasterizer.forward(gaussians.astype(dtype), camera, options)
         assert (images.alpha >= 0).all()
-        assert (images.alpha <= 1).all()
-        assert (images.rgb >= 0).all()
+        assert (images.alpha <= 1 + 1e-6).all()  # A sum of weights, rounded.
+        assert (images.rgb >= -1e-6).all()
         assert ((images.depth > options.near_m * 0.999) == (images.alpha > 0)).all()
         gradients = rasterizer.backward(**scenes.random_image_gradients(images), statistics=True)
         for name, array in gradient_arrays(gradients).items():

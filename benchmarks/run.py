@@ -1,0 +1,128 @@
+"""Measures gslts on the fixed workloads and sets the results beside the targets.
+
+Writes build/bench/results.json and prints markdown tables; progress goes to stderr.
+
+    python benchmarks/run.py            # some minutes; leave the machine alone meanwhile
+    python benchmarks/run.py --quick    # S and M, two short repetitions: to see that all works
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import json
+import os
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import cpp_benchmark
+import python_benchmark
+import report
+import targets
+from machine import describe_commit, describe_machine
+from workloads import FOLDER, REPOSITORY, SIZES, make_workload, workload_path, write_workload
+
+BUILD = REPOSITORY / "build" / "bench"
+BINARY = BUILD / "benchmarks" / "gslts_raster_benchmark"
+MIN_REPETITIONS = 9
+"""Fewer say little about the median on a machine with other work."""
+BUSY_LOAD = 0.5
+"""Load average above which other programs disturb the measurement."""
+
+
+def note(message: str) -> None:
+    """Tells the user what is going on."""
+    print(message, file=sys.stderr, flush=True)
+
+
+def write_missing_workloads(names: list[str]) -> None:
+    """Generates the files that are not older than the generator."""
+    generator = Path(__file__).with_name("workloads.py").stat().st_mtime
+    for name in names:
+        path = workload_path(name)
+        if not path.exists() or path.stat().st_mtime < generator:
+            note(f"generating workload {name}")
+            write_workload(make_workload(name), path)
+
+
+def measure(args: argparse.Namespace) -> tuple[dict[str, Any], str]:
+    """Runs everything; returns the results as JSON values and as markdown."""
+    names = ["S", "M"] if args.quick else list(SIZES)
+    repetitions, seconds = (2, 0.05) if args.quick else (args.repetitions, 0.3)
+    machine, source = describe_machine(), describe_commit(REPOSITORY)
+    if machine["load_average_1min"] > BUSY_LOAD:
+        note(
+            f"warning: the load average is {machine['load_average_1min']:.2f}; close other programs"
+        )
+    write_missing_workloads(names)
+
+    any_name = f"({'|'.join(names)})"
+    native = cpp_benchmark.run_timings(
+        args.binary, FOLDER, "native", f"fma_peak|/{any_name}/", repetitions, seconds
+    )
+    runs = [native]
+    if targets.simd_family(native.simd_target) == "AVX-512":
+        one_core = f"fma_peak|^forward(_backward)?/{any_name}/sh:0/threads:1/"
+        runs.append(
+            cpp_benchmark.run_timings(args.binary, FOLDER, "avx2", one_core, repetitions, seconds)
+        )
+    python = []
+    if importlib.util.find_spec("gslts") is None:
+        note("gslts is not installed in this Python: its calls are not measured")
+    else:
+        python = python_benchmark.run_timings(names, repetitions, seconds)
+    note("measuring memory")
+    memory = [
+        cpp_benchmark.run_memory(args.binary, FOLDER, name, sh_degree, threads)
+        for name in names
+        for sh_degree in (0, 3)
+        for threads in (1, 2)
+    ]
+
+    verdicts = [verdict for run in runs for verdict in targets.time_verdicts(run)]
+    verdicts += targets.speedup_verdicts(native) + targets.region_verdicts(native)
+    verdicts += targets.memory_verdicts(memory)
+    sections = {
+        "Machine": report.machine_lines(machine, source, runs),
+        "Targets": report.verdict_table(verdicts),
+        **{f"Times, {run.simd_target}": report.timing_table(run.timings) for run in runs},
+        "Python calls": report.python_table(python, native.timings) if python else "not measured",
+        "Memory": report.memory_table(memory),
+    }
+    results = {
+        "source": source,
+        "machine": machine,
+        "quick": args.quick,
+        "cpp": [asdict(run) for run in runs],
+        "python": [asdict(timing) for timing in python],
+        "memory": memory,
+        "targets": [{**asdict(verdict), "met": verdict.met} for verdict in verdicts],
+    }
+    return results, "\n\n".join(f"## {title}\n\n{text}" for title, text in sections.items())
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="a short run without L; not a result")
+    parser.add_argument("--repetitions", type=int, default=MIN_REPETITIONS, help="at least 9")
+    parser.add_argument("--binary", type=Path, default=BINARY, help="gslts_raster_benchmark")
+    parser.add_argument("--out", type=Path, default=BUILD / "results.json")
+    args = parser.parse_args()
+    if args.repetitions < MIN_REPETITIONS:
+        parser.error(f"--repetitions must be at least {MIN_REPETITIONS}, got {args.repetitions}")
+    if not os.access(args.binary, os.X_OK):
+        sys.exit(
+            f"run.py: {args.binary} does not exist; build it with `cmake --build --preset bench`"
+        )
+    results, markdown = measure(args)
+    args.out.parent.mkdir(parents=True, exist_ok=True)
+    args.out.write_text(json.dumps(results, indent=2) + "\n")
+    print(markdown)
+    note(f"wrote {args.out}")
+
+
+if __name__ == "__main__":
+    main()

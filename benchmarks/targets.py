@@ -1,0 +1,108 @@
+"""The targets, each with what was measured beside it. README.md explains where they come from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from cpp_benchmark import CppResults, Timing
+
+# Milliseconds on one core, SH degree 0, with AVX-512 on a core of the reference peak.
+AVX512_MS = {
+    "forward": {"S": 3.0, "M": 12.0, "L": 55.0},
+    "forward_backward": {"S": 8.0, "M": 30.0, "L": 135.0},
+}
+# Float multiply-adds a second of a core of the machine on which the targets were set.
+REFERENCE_LANES_PER_S = {"AVX-512": 119e9, "AVX2": 59.5e9}
+SLOWDOWN = {"AVX-512": 1.0, "AVX2": 1.6}
+MIN_SPEEDUP = 1.8
+"""Of two threads over one."""
+MAX_REGION_SHARE = 0.15
+"""Time for a tenth of the pixels over that for all."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A measured value beside its target, both in `unit`."""
+
+    what: str
+    measured: float
+    target: float
+    unit: str
+    at_least: bool = False
+    """Whether the value must reach the target instead of staying within it."""
+
+    @property
+    def met(self) -> bool:
+        """Whether the target is met."""
+        return self.measured >= self.target if self.at_least else self.measured <= self.target
+
+
+def simd_family(simd_target: str) -> str:
+    """The instruction set as the targets name it; Highway calls AVX-512 AVX3."""
+    return "AVX-512" if simd_target.startswith("AVX3") else simd_target
+
+
+def find(timings: Sequence[Timing], case: str, workload: str, threads: int = 1) -> float | None:
+    """Median milliseconds with SH degree 0, if it was measured."""
+    for timing in timings:
+        if (timing.case, timing.workload, timing.sh_degree, timing.threads) == (
+            case,
+            workload,
+            0,
+            threads,
+        ):
+            return timing.median_ms
+    return None
+
+
+def time_verdicts(results: CppResults) -> list[Verdict]:
+    """Times on one core, against targets scaled to this core's peak."""
+    family = simd_family(results.simd_target)
+    if family not in SLOWDOWN or 1 not in results.fma_lanes_per_s:
+        return []
+    scale = SLOWDOWN[family] * REFERENCE_LANES_PER_S[family] / results.fma_lanes_per_s[1]
+    return [
+        Verdict(f"{family}: {case} {workload}", measured, scale * target, "ms")
+        for case, targets in AVX512_MS.items()
+        for workload, target in targets.items()
+        if (measured := find(results.timings, case, workload)) is not None
+    ]
+
+
+def speedup_verdicts(results: CppResults) -> list[Verdict]:
+    """Two threads over one."""
+    verdicts = []
+    for case in AVX512_MS:
+        for workload in ("M", "L"):
+            one, two = (find(results.timings, case, workload, threads) for threads in (1, 2))
+            if one and two:
+                what = f"two threads over one: {case} {workload}"
+                verdicts.append(Verdict(what, one / two, MIN_SPEEDUP, "x", at_least=True))
+    return verdicts
+
+
+def region_verdicts(results: CppResults) -> list[Verdict]:
+    """A masked tenth of the pixels over the full image."""
+    verdicts = []
+    for case, targets in AVX512_MS.items():
+        for workload in targets:
+            full = find(results.timings, case, workload)
+            region = find(results.timings, f"region_{case}", workload)
+            if full and region:
+                what = f"region of 10 % over all: {case} {workload}"
+                verdicts.append(Verdict(what, 100 * region / full, 100 * MAX_REGION_SHARE, "%"))
+    return verdicts
+
+
+def memory_verdicts(memory: Sequence[dict[str, float]]) -> list[Verdict]:
+    """Peak memory, results included, against 300 bytes a visible Gaussian and 64 a pixel."""
+    return [
+        Verdict(
+            f"memory: {use['workload']}, SH {use['sh']}, {use['threads']} thread(s)",
+            use["peak_bytes"] / 1e6,
+            use["bound_bytes"] / 1e6,
+            "MB",
+        )
+        for use in memory
+    ]

@@ -1,0 +1,209 @@
+"""Fits Gaussians to pictures of a room, from a rough start, and shows what came out.
+
+A furnished room is rendered with depth from two dozen places. Grey blobs, placed with an error of
+several centimetres, then learn place, shape, opacity and colour from these pictures by gradient
+descent; views kept aside tell how good the result is.
+"""
+
+import argparse
+import json
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+import room
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+import gslts
+
+WIDTH, HEIGHT = 320, 240
+TRAINING_VIEWS, HELD_OUT_VIEWS = 24, 4
+GAUSSIANS = 16_000
+DEPTH_WEIGHT = 0.1  # Of a metre of depth error against a unit of colour error.
+
+# Step of Adam by parameter: where it starts and the share of it that is left at the end.
+LEARNING_RATES = {
+    "means": (6e-3, 0.02),
+    "quats": (2e-2, 0.1),
+    "log_scales": (2e-2, 0.1),
+    "logit_opacities": (5e-2, 0.1),
+    "sh": (3e-2, 0.1),
+}
+
+Parameters = dict[str, NDArray[np.float32]]
+
+
+@dataclass(frozen=True)
+class View:
+    """A place to look from and what is seen there."""
+
+    camera: gslts.Camera
+    target: gslts.Images
+
+
+class SparseAdam:
+    """Adam (Kingma & Ba 2015) that touches only the Gaussians that a view saw."""
+
+    def __init__(self, parameters: Parameters, iterations: int) -> None:
+        self.parameters = parameters
+        self.iterations = iterations
+        self.steps = np.zeros(len(parameters["means"]), np.float32)
+        self.first = {name: np.zeros_like(array) for name, array in parameters.items()}
+        self.second = {name: np.zeros_like(array) for name, array in parameters.items()}
+
+    def step(self, gradients: gslts.Gradients, iteration: int) -> None:
+        """Moves the parameters against the gradients, in place."""
+        rows = gradients.rows
+        self.steps[rows] += 1
+        for name, values in self.parameters.items():
+            gradient = getattr(gradients, f"dL_d{name}")
+            first = 0.9 * self.first[name][rows] + 0.1 * gradient
+            second = 0.99 * self.second[name][rows] + 0.01 * gradient**2
+            self.first[name][rows], self.second[name][rows] = first, second
+            steps = self.steps[rows].reshape(-1, *[1] * (values.ndim - 1))
+            start, share_left = LEARNING_RATES[name]
+            rate = np.float32(start * share_left ** (iteration / self.iterations))
+            unbiased = (first / (1 - 0.9**steps)) / (
+                np.sqrt(second / (1 - 0.99**steps)) + np.float32(1e-12)
+            )
+            values[rows] -= rate * unbiased
+
+
+def rough_start(truth: gslts.GaussianMap, rng: np.random.Generator) -> Parameters:
+    """Round grey blobs near some of the true places."""
+    chosen = truth.select(rng.choice(truth.size, GAUSSIANS, replace=False))
+    noise = rng.normal(0, 0.04, chosen.means.shape)
+    return {
+        "means": (chosen.means + noise).astype(np.float32),
+        "quats": rng.normal(size=(GAUSSIANS, 4)).astype(np.float32),
+        "log_scales": np.log(rng.uniform(0.03, 0.08, (GAUSSIANS, 3))).astype(np.float32),
+        "logit_opacities": np.full(GAUSSIANS, -1, np.float32),
+        "sh": np.zeros((GAUSSIANS, 1, 3), np.float32),
+    }
+
+
+def image_gradients(images: gslts.Images, target: gslts.Images) -> dict[str, NDArray[Any]]:
+    """Gradients of mean(|e| + e^2) over the colours and, weighted, the depths."""
+    colour = images.rgb - target.rgb
+    depth = images.depth - target.depth
+    return {
+        "dL_drgb": (np.sign(colour) + 2 * colour) / np.float32(colour.size),
+        "dL_ddepth": np.float32(DEPTH_WEIGHT / depth.size) * (np.sign(depth) + 2 * depth),
+    }
+
+
+def fit(
+    parameters: Parameters,
+    views: list[View],
+    iterations: int,
+    options: gslts.RenderOptions,
+    rng: np.random.Generator,
+) -> gslts.GaussianMap:
+    """Gradient descent on one random view at a time; changes `parameters`."""
+    rasterizer = gslts.Rasterizer(np.float32)
+    optimizer = SparseAdam(parameters, iterations)
+    order = np.concatenate(
+        [rng.permutation(len(views)) for _ in range(iterations // len(views) + 1)]
+    )
+    for iteration in tqdm(range(iterations), desc="fitting", unit="view", mininterval=0.5):
+        view = views[order[iteration]]
+        images = rasterizer.forward(gslts.GaussianMap(**parameters), view.camera, options)
+        gradients = rasterizer.backward(**image_gradients(images, view.target))
+        optimizer.step(gradients, iteration)
+    return gslts.GaussianMap(**parameters)
+
+
+def psnr_db(images: gslts.Images, target: gslts.Images) -> float:
+    error = np.clip(images.rgb, 0, 1) - np.clip(target.rgb, 0, 1)
+    return float(-10 * np.log10(np.mean(error**2)))
+
+
+def depth_error_m(images: gslts.Images, target: gslts.Images) -> float:
+    return float(np.mean(abs(images.depth - target.depth)))
+
+
+def draw(
+    path: Path, views: list[View], before: list[gslts.Images], after: list[gslts.Images]
+) -> None:
+    """Columns: target, before, after. Rows: two views kept aside, and the depth of the first."""
+    far_m = max(float(view.target.depth.max()) for view in views)
+    colour_map = matplotlib.colormaps["turbo_r"]
+    figure = Figure(figsize=(7.8, 6.3), layout="constrained", facecolor="white")
+    axes = figure.subplots(3, 3)
+    for row, index in enumerate((0, 1, 0)):
+        target = views[index].target
+        for column, images in enumerate((target, before[index], after[index])):
+            axis = axes[row, column]
+            shown = images.rgb.clip(0, 1) if row < 2 else colour_map(images.depth / far_m)
+            axis.imshow(shown, interpolation="lanczos")
+            axis.set_axis_off()
+            title = ("target", "before", "after")[column]
+            if column > 0 and row < 2:
+                title += f"   {psnr_db(images, target):.1f} dB"
+            elif column > 0:
+                title += f"   {100 * depth_error_m(images, target):.1f} cm off"
+            axis.set_title(title if row < 2 else f"depth, {title}", fontsize=10)
+    figure.savefig(path, dpi=100, pil_kwargs={"optimize": True})
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder for the results")
+    parser.add_argument("--iterations", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--threads", type=int, default=0, help="0 means all hardware threads")
+    arguments = parser.parse_args()
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    rng = np.random.default_rng(arguments.seed)
+    options = gslts.RenderOptions(threads=arguments.threads)
+
+    truth = room.build_room()
+
+    def views_of(cameras: list[gslts.Camera]) -> list[View]:
+        return [View(camera, gslts.render(truth, camera, options)) for camera in cameras]
+
+    size = {"width": WIDTH, "height": HEIGHT}
+    training = views_of(room.cameras(TRAINING_VIEWS, **size))
+    held_out = views_of(room.cameras(HELD_OUT_VIEWS, phase=0.37, **size))
+
+    def render_held_out(gaussians: gslts.GaussianMap) -> list[gslts.Images]:
+        return [gslts.render(gaussians, view.camera, options) for view in held_out]
+
+    start = rough_start(truth, rng)
+    before = render_held_out(gslts.GaussianMap(**start))
+    started = time.perf_counter()
+    fitted = fit(start, training, arguments.iterations, options, rng)
+    seconds = time.perf_counter() - started
+    after = render_held_out(fitted)
+
+    def mean_over_held_out(measure: Any, images: list[gslts.Images]) -> float:
+        return float(np.mean([measure(i, v.target) for i, v in zip(images, held_out, strict=True)]))
+
+    metrics = {
+        "gaussians": fitted.size,
+        "iterations": arguments.iterations,
+        "seed": arguments.seed,
+        "fit_seconds": round(seconds, 2),
+        "psnr_db_before": round(mean_over_held_out(psnr_db, before), 2),
+        "psnr_db_after": round(mean_over_held_out(psnr_db, after), 2),
+        "depth_error_m_before": round(mean_over_held_out(depth_error_m, before), 4),
+        "depth_error_m_after": round(mean_over_held_out(depth_error_m, after), 4),
+    }
+    (arguments.out / "metrics.json").write_text(json.dumps(metrics, indent=2) + "\n")
+    picture = arguments.out / "before_after.png"
+    draw(picture, held_out, before, after)
+    print(
+        f"{fitted.size} Gaussians, {arguments.iterations} steps in {seconds:.0f} s: views kept "
+        f"aside from {metrics['psnr_db_before']:.1f} to {metrics['psnr_db_after']:.1f} dB, depth "
+        f"from {100 * metrics['depth_error_m_before']:.1f} to "
+        f"{100 * metrics['depth_error_m_after']:.1f} cm off; see {picture}"
+    )
+
+
+if __name__ == "__main__":
+    main()

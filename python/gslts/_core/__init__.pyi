@@ -1,0 +1,7 @@
+"""
+C++ core of gslts: strict and thin; the package gslts is its public face.
+"""
+from __future__ import annotations
+from . import map
+from . import raster
+__all__: list[str] = ['map', 'raster']

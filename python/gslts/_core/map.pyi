@@ -1,0 +1,121 @@
+"""
+Cameras and views of Gaussians.
+"""
+from __future__ import annotations
+import numpy
+import numpy.typing
+import typing
+__all__: list[str] = ['Camera', 'GaussianViewDouble', 'GaussianViewFloat', 'camera_from_fov', 'look_at']
+class Camera:
+    """
+    A pinhole camera at a pose in the world; immutable.
+    
+    Camera frame: OpenCV axes, x right, y down, z forward, metres. The pixel in column i and row j
+    covers [i, i+1) x [j, j+1) of the image plane; its centre is (i + 0.5, j + 0.5). A point (x, y, z)
+    in the camera frame is seen at (fx x/z + cx, fy y/z + cy) pixels.
+    
+    Args:
+        fx, fy: Focal lengths, px.
+        cx, cy: Principal point, px.
+        width, height: Image size, px.
+        world_from_camera: [4,4] float64, rigid transform from the camera frame to the world frame:
+            x_in_world = world_from_camera @ x_in_camera. Metres, world z up.
+    
+    Raises:
+        ValueError: A focal length that is not positive, a size outside 1..65536, a rotation that is not
+            orthonormal to 1e-6, anything not finite, or a pose of another shape or dtype.
+    """
+    __hash__: typing.ClassVar[None] = None
+    def __eq__(self, other: Camera) -> bool:
+        ...
+    def __getstate__(self) -> tuple[float, float, float, float, int, int, numpy.typing.NDArray[numpy.float64]]:
+        ...
+    def __init__(self, *, fx: typing.SupportsFloat | typing.SupportsIndex, fy: typing.SupportsFloat | typing.SupportsIndex, cx: typing.SupportsFloat | typing.SupportsIndex, cy: typing.SupportsFloat | typing.SupportsIndex, width: int, height: int, world_from_camera: numpy.ndarray) -> None:
+        ...
+    def __repr__(self) -> str:
+        ...
+    def __setstate__(self, arg0: tuple) -> None:
+        ...
+    @property
+    def cx(self) -> float:
+        """
+        Principal point, column, px.
+        """
+    @property
+    def cy(self) -> float:
+        """
+        Principal point, row, px.
+        """
+    @property
+    def fx(self) -> float:
+        """
+        Horizontal focal length, px.
+        """
+    @property
+    def fy(self) -> float:
+        """
+        Vertical focal length, px.
+        """
+    @property
+    def height(self) -> int:
+        """
+        Image height, px.
+        """
+    @property
+    def width(self) -> int:
+        """
+        Image width, px.
+        """
+    @property
+    def world_from_camera(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        [4,4] float64, a copy of the pose: x_in_world = world_from_camera @ x_in_camera.
+        """
+class GaussianViewFloat:
+    """
+    Read-only view of the arrays of N Gaussians; it copies nothing.
+    """
+    def __init__(self, *, means: numpy.ndarray, quats: numpy.ndarray, log_scales: numpy.ndarray, logit_opacities: numpy.ndarray, sh: numpy.ndarray, features: numpy.ndarray, origin: numpy.ndarray) -> None:
+        ...
+    def require_finite(self, function: str) -> None:
+        """
+        Raises ValueError naming `function`, the first array with a number that is not finite and its index.
+        """
+class GaussianViewDouble:
+    """
+    Read-only view of the arrays of N Gaussians; it copies nothing.
+    """
+    def __init__(self, *, means: numpy.ndarray, quats: numpy.ndarray, log_scales: numpy.ndarray, logit_opacities: numpy.ndarray, sh: numpy.ndarray, features: numpy.ndarray, origin: numpy.ndarray) -> None:
+        ...
+    def require_finite(self, function: str) -> None:
+        """
+        Raises ValueError naming `function`, the first array with a number that is not finite and its index.
+        """
+def camera_from_fov(width: int, height: int, horizontal_fov_rad: typing.SupportsFloat | typing.SupportsIndex, world_from_camera: numpy.ndarray | None = None) -> Camera:
+    """
+    Camera with square pixels and the principal point at the image centre.
+    
+    Args:
+        width, height: Image size, px.
+        horizontal_fov_rad: Horizontal field of view, rad, inside (0, pi).
+        world_from_camera: [4,4] float64, x_in_world = world_from_camera @ x_in_camera; None means
+            that the camera frame is the world frame.
+    
+    Raises:
+        ValueError: The field of view, the size or the pose is out of range.
+    """
+def look_at(eye: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"], target: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"], up: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"] = ...) -> numpy.typing.NDArray[numpy.float64]:
+    """
+    Pose of a camera at `eye` that looks at `target`, its image upright with respect to `up`.
+    
+    Args:
+        eye: (3,) camera centre in the world, m.
+        target: (3,) point at the image centre, in the world, m.
+        up: (3,) direction in the world, of any length.
+    
+    Returns:
+        [4,4] float64 world_from_camera.
+    
+    Raises:
+        ValueError: The target is the eye, or the view direction is along `up`.
+    """

@@ -1,0 +1,112 @@
+"""
+Rendering and its gradients.
+"""
+from __future__ import annotations
+import collections.abc
+import gslts._core.map
+import numpy
+import typing
+__all__: list[str] = ['RasterizerDouble', 'RasterizerFloat', 'RenderOptions', 'simd_target']
+class RenderOptions:
+    """
+    How to render; immutable.
+    
+    The defaults are those of 3DGS (Kerbl et al. 2023) but for the near plane.
+    
+    Args:
+        background: RGB behind the Gaussians.
+        near_m: Gaussians with centre depth z <= near_m are not seen, m. > 0
+        sh_degree: Highest SH degree used, 0 to 3; the map's own degree caps it.
+        eps2d_px2: Variance added to each projected covariance, px^2. >= 0
+        antialias: Scale opacity by sqrt(det(cov2d) / det(cov2d + eps2d I)), so that small or distant
+            Gaussians keep their energy (Mip-Splatting, Yu et al. 2024, eq. 9).
+        alpha_min: A Gaussian is skipped at a pixel where its alpha is below this. In [1e-30, 0.99)
+        transmittance_min: A pixel ends before the Gaussian that would take its transmittance below
+            this. In [0, 1)
+        threads: 0 means one a hardware thread. Results do not depend on it.
+    
+    The values are checked by each rendering.
+    """
+    __hash__: typing.ClassVar[None] = None
+    def __eq__(self, other: RenderOptions) -> bool:
+        ...
+    def __getstate__(self) -> tuple:
+        ...
+    def __init__(self, *, background: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.0], near_m: typing.SupportsFloat | typing.SupportsIndex = 0.05, sh_degree: int = 3, eps2d_px2: typing.SupportsFloat | typing.SupportsIndex = 0.3, antialias: bool = False, alpha_min: typing.SupportsFloat | typing.SupportsIndex = 0.00392156862745098, transmittance_min: typing.SupportsFloat | typing.SupportsIndex = 0.0001, threads: int = 0) -> None:
+        ...
+    def __repr__(self) -> str:
+        ...
+    def __setstate__(self, arg0: tuple) -> None:
+        ...
+    @property
+    def alpha_min(self) -> float:
+        """
+        Least alpha that is blended.
+        """
+    @property
+    def antialias(self) -> bool:
+        """
+        Keep the energy of small Gaussians.
+        """
+    @property
+    def background(self) -> tuple:
+        """
+        RGB behind the Gaussians.
+        """
+    @property
+    def eps2d_px2(self) -> float:
+        """
+        Variance added to each projected covariance, px^2.
+        """
+    @property
+    def near_m(self) -> float:
+        """
+        Near plane, m.
+        """
+    @property
+    def sh_degree(self) -> int:
+        """
+        Highest SH degree used.
+        """
+    @property
+    def threads(self) -> int:
+        """
+        Threads; 0 means one a hardware thread.
+        """
+    @property
+    def transmittance_min(self) -> float:
+        """
+        Least transmittance left at a pixel.
+        """
+class RasterizerFloat:
+    """
+    Rasterizer of one precision; see gslts.Rasterizer.
+    """
+    def __init__(self) -> None:
+        ...
+    def backward(self, gaussians: gslts._core.map.GaussianViewFloat, *, dL_drgb: numpy.ndarray | None, dL_ddepth: numpy.ndarray | None, dL_dalpha: numpy.ndarray | None, dL_dfeatures: numpy.ndarray | None, statistics: bool) -> dict[str, numpy.ndarray]:
+        """
+        Differentiates the last forward; returns the arrays of `gslts.Gradients` by name.
+        """
+    def forward(self, gaussians: gslts._core.map.GaussianViewFloat, *, camera: gslts._core.map.Camera, options: RenderOptions, mask: numpy.ndarray | None) -> dict[str, numpy.ndarray]:
+        """
+        Renders one view; returns the arrays of `gslts.Images` by name.
+        """
+class RasterizerDouble:
+    """
+    Rasterizer of one precision; see gslts.Rasterizer.
+    """
+    def __init__(self) -> None:
+        ...
+    def backward(self, gaussians: gslts._core.map.GaussianViewDouble, *, dL_drgb: numpy.ndarray | None, dL_ddepth: numpy.ndarray | None, dL_dalpha: numpy.ndarray | None, dL_dfeatures: numpy.ndarray | None, statistics: bool) -> dict[str, numpy.ndarray]:
+        """
+        Differentiates the last forward; returns the arrays of `gslts.Gradients` by name.
+        """
+    def forward(self, gaussians: gslts._core.map.GaussianViewDouble, *, camera: gslts._core.map.Camera, options: RenderOptions, mask: numpy.ndarray | None) -> dict[str, numpy.ndarray]:
+        """
+        Renders one view; returns the arrays of `gslts.Images` by name.
+        """
+def simd_target() -> str:
+    """
+    Name of the instruction set that the kernels use on this machine.
+    """

@@ -1,0 +1,14 @@
+"""What the README shows runs as written."""
+
+import re
+from pathlib import Path
+
+README = Path(__file__).parents[2] / "README.md"
+
+
+def test_python_examples_run(capsys):
+    blocks = re.findall(r"```python\n(.*?)```", README.read_text(), re.DOTALL)
+    assert len(blocks) == 2
+    exec("".join(blocks), {})
+    printed = capsys.readouterr().out
+    assert "(480, 640, 3) nearest" in printed
