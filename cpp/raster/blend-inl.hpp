@@ -66,6 +66,13 @@ struct Footprint {
   V mean_x, mean_y, uu, uv, vv, log2_opacity;
 };
 
+/// Alpha from its logarithm; any value where that is far below every alpha_min.
+template <class V>
+HWY_INLINE V alpha_of(V log2_alpha) {
+  const hn::DFromV<V> d;
+  return hn::Min(exp2_nonpositive(d, log2_alpha), hn::Set(d, hn::TFromV<V>(kMaxAlpha)));
+}
+
 /// Sets the transmittance of the tile's wanted pixels to 1, and of all others to -1: they never pass
 /// the test against transmittance_min. Returns the blocks that hold a wanted pixel.
 template <typename T>

@@ -137,11 +137,9 @@ void blend_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const Spla
         T* sums = tile.sums + block * stride + i;
         T* t = transmittance + block * kBlockPixels + i;
         const auto at = footprint.at(centers, block, i);
-        const V alpha = hn::IfThenElseZero(
-            hn::Ge(at.log2_alpha, threshold),
-            hn::Min(exp2_nonpositive(d, at.log2_alpha), hn::Set(d, T(kMaxAlpha))));
         const V before = hn::Load(d, t);
-        const V weight = alpha * before;
+        const V weight = hn::IfThenElseZero(hn::Ge(at.log2_alpha, threshold),
+                                            alpha_of(at.log2_alpha) * before);
         const V after = before - weight;
         hn::Store(after, d, t);
         // Multiplying on and masking by the result ends a pixel for good, as T only falls.

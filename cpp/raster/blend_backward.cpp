@@ -128,7 +128,8 @@ bool blend_tile_backward(const TileTask<T>& tile, const RenderSetup<T>& setup,
   }
 
   const PixelCenters<T> centers(tile.x, tile.y);
-  const V zero = hn::Zero(d), one = hn::Set(d, T(1)), max_alpha = hn::Set(d, T(kMaxAlpha));
+  const V zero = hn::Zero(d), one = hn::Set(d, T(1));
+  const V clamp = hn::Set(d, T(std::log2(kMaxAlpha)));
   const V threshold = hn::Set(d, setup.log2_alpha_min);
   const V transmittance_min = hn::Set(d, setup.transmittance_min);
   for (std::uint32_t entry = 0; entry < tile.count; ++entry) {
@@ -167,11 +168,10 @@ bool blend_tile_backward(const TileTask<T>& tile, const RenderSetup<T>& setup,
         };
         T* t = transmittance + block * kBlockPixels + i;
         const auto at = footprint.at(centers, block, i);
-        const V unclamped = hn::IfThenElseZero(hn::Ge(at.log2_alpha, threshold),
-                                               exp2_nonpositive(d, at.log2_alpha));
-        const V alpha = hn::Min(unclamped, max_alpha);
+        const V alpha = alpha_of(at.log2_alpha);
         const V before = hn::Load(d, t);
-        const V weight = alpha * before;
+        const auto blended = hn::Ge(at.log2_alpha, threshold);
+        const V weight = hn::IfThenElseZero(blended, alpha * before);
         const V after = before - weight;
         hn::Store(after, d, t);
         const auto live = hn::Ge(after, transmittance_min);
@@ -190,12 +190,12 @@ bool blend_tile_backward(const TileTask<T>& tile, const RenderSetup<T>& setup,
           hn::Store(hn::MulAdd(w, g, hn::Load(d, sum)), d, sum);
         }
         // dL/dlog(alpha_i) = w_i s_i - alpha_i / (1 - alpha_i) sum_{j > i} w_j s_j
-        const V ws = w * s;
-        const V behind = value(kBehind) - ws;
+        const V behind = hn::NegMulAdd(w, s, value(kBehind));
         hn::Store(behind, d, pixel + kBehind * kBlockPixels);
         const V odds = alpha * reciprocal(d, one - alpha);
-        const V g = hn::IfThenElseZero(hn::And(live, hn::Le(unclamped, max_alpha)),
-                                       hn::NegMulAdd(odds, behind, ws));
+        // The clamped alpha does not move with the footprint or the opacity.
+        const auto moves = hn::And(hn::And(blended, live), hn::Le(at.log2_alpha, clamp));
+        const V g = hn::IfThenElseZero(moves, hn::NegMulAdd(odds, behind, w * s));
         const V gu = g * at.u, gv = g * at.v;
         g_sum = g_sum + g;
         gu_sum = gu_sum + gu;

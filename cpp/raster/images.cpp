@@ -12,8 +12,27 @@ HWY_BEFORE_NAMESPACE();
 namespace gslts::raster::HWY_NAMESPACE {
 
 template <typename T>
+void clear_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, Images<T>& images) {
+  const int x0 = tile.x * kTileSize, y0 = tile.y * kTileSize;
+  const int y1 = std::min(y0 + kTileSize, setup.height);
+  const std::size_t columns = std::size_t(std::min(kTileSize, setup.width - x0));
+  const std::size_t dims = std::size_t(setup.feature_dims);
+  for (int y = y0; y < y1; ++y) {
+    const std::size_t at = std::size_t(y) * setup.width + x0;
+    std::fill_n(images.rgb.data() + 3 * at, 3 * columns, T(0));
+    std::fill_n(images.depth.data() + at, columns, T(0));
+    std::fill_n(images.alpha.data() + at, columns, T(0));
+    std::fill_n(images.features.data() + dims * at, dims * columns, T(0));
+  }
+}
+
+template <typename T>
 void write_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const WantedPixels& wanted,
                 Images<T>& images) {
+  if (!tile.wanted) {
+    clear_tile(tile, setup, images);
+    return;
+  }
   const hn::CappedTag<T, kBlockSize> d;
   using V = hn::Vec<hn::CappedTag<T, kBlockSize>>;
   const std::size_t lanes = hn::Lanes(d);
@@ -41,7 +60,7 @@ void write_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const Want
         for (std::size_t i = 0; i < columns; ++i) flags[i] = T(wanted.pixel(x + int(i), y));
         seen = hn::Load(d, flags);
       }
-      const V alpha = sum(4);
+      const V alpha = hn::Min(sum(4), one);  // Rounding may leave the sum an ulp above.
       const V behind = seen - alpha;
       const V red = hn::MulAdd(behind, background[0], sum(0));
       const V green = hn::MulAdd(behind, background[1], sum(1));

@@ -135,13 +135,14 @@ class Rasterizer:
                 f"Rasterizer.forward: gaussian_map is {gaussian_map.dtype}, "
                 f"this rasterizer {self.dtype}"
             )
-        self._view = gaussian_map.view()
+        view: Any = gaussian_map.view()
         images = self._core.forward(
-            self._view,
+            view,
             camera=camera,
             options=RenderOptions() if options is None else options,
             mask=_contiguous(mask),
         )
+        self._view = view
         return Images(**images)
 
     def backward(

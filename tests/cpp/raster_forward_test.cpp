@@ -96,6 +96,13 @@ std::vector<Case> make_cases() {
     c.shape.gaussians = 1500;
     c.shape.max_scale_px = 4;
   });
+  // Centres outside the image, of which only the rims are seen.
+  add("FarOutsideTheImage", [](Case& c) {
+    c.shape.outside = 0.9;
+    c.shape.gaussians = 100;
+    c.shape.min_scale_px = c.shape.max_scale_px = 12;
+    c.shape.min_logit = 3;
+  });
   add("HalfMasked", [](Case& c) { c.mask_share = 0.5, c.options.background = {1, 2, 3}; });
   add("MostlyMasked", [](Case& c) { c.mask_share = 0.01, c.options.background = {1, 2, 3}; });
   return cases;

@@ -98,7 +98,8 @@ struct SceneShape {
   double min_scale_px = 0.3, max_scale_px = 12;  ///< Spread of the axes as seen in the image.
   double min_depth_m = 0.4, max_depth_m = 6;
   double min_logit = -4, max_logit = 5;
-  double behind = 0.1;  ///< Share behind the camera.
+  double outside = 0.2;  ///< How far beyond the image centres lie, as a share of its size.
+  double behind = 0.1;   ///< Share behind the camera.
 };
 
 /// Gaussians in and around the camera's view, in random order, some behind it. All numbers are
@@ -109,10 +110,11 @@ inline BasicGaussianMap<double> random_scene(std::uint32_t seed, const Camera& c
   auto map = make_gaussian_map<float>(shape.gaussians, shape.sh_bases, shape.feature_dims);
   for (std::size_t n = 0; n < shape.gaussians; ++n) {
     const double z = random.uniform(shape.min_depth_m, shape.max_depth_m);
-    const double x_px = random.uniform(-0.2, 1.2) * camera.width - camera.cx;
-    const double y_px = random.uniform(-0.2, 1.2) * camera.height - camera.cy;
+    const double column = random.uniform(-shape.outside, 1 + shape.outside) * camera.width;
+    const double row = random.uniform(-shape.outside, 1 + shape.outside) * camera.height;
     const bool behind = random.uniform(0, 1) < shape.behind;
-    const Eigen::Vector3d in_camera(x_px / camera.fx * z, y_px / camera.fy * z, behind ? -z : z);
+    const Eigen::Vector3d in_camera((column - camera.cx) / camera.fx * z,
+                                    (row - camera.cy) / camera.fy * z, behind ? -z : z);
     const Eigen::Vector3d in_world = camera.world_from_camera * in_camera;
     for (int i = 0; i < 3; ++i) {
       map.means[3 * n + i] = float(in_world[i]);

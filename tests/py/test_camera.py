@@ -88,6 +88,13 @@ def test_bad_field_is_named(field, value):
         make_camera(**{field: value})
 
 
+@pytest.mark.parametrize("width", [64.0, np.float32(64.7), "64"])
+def test_size_is_not_rounded(width):
+    with pytest.raises(TypeError):
+        make_camera(width=width)
+    assert make_camera(width=np.int64(64)).width == 64
+
+
 def test_field_of_view_spans_the_image():
     camera = gslts.camera_from_fov(640, 480, np.pi / 2)
     assert camera.fx == pytest.approx(320)

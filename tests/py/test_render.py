@@ -40,6 +40,26 @@ def test_images_are_those_of_the_oracle(map_, camera, options, dtype):
     assert_close_outside_band(images, expected, dtype)
 
 
+def test_many_gaussians_are_those_of_the_oracle():
+    gaussians, camera = scenes.random_map(9000, seed=3, feature_dims=2), scenes.orbit_camera()
+    assert_close_outside_band(
+        gslts.render(gaussians, camera), oracle.render(gaussians, camera), np.float64
+    )
+
+
+def test_thread_count_changes_no_bit_of_a_large_scene():
+    gaussians = scenes.random_map(9000, sh_degree=1, dtype=np.float32)
+    camera = scenes.orbit_camera(300, 200)
+    results = set()
+    for threads in (1, 2, 3, 7):
+        rasterizer = gslts.Rasterizer(np.float32)
+        images = rasterizer.forward(gaussians, camera, gslts.RenderOptions(threads=threads))
+        gradients = rasterizer.backward(**scenes.random_image_gradients(images))
+        arrays = (gradients.dL_dmeans, gradients.dL_dsh, gradients.dL_dtwist)
+        results.add((*scenes.image_bytes(images), *(array.tobytes() for array in arrays)))
+    assert len(results) == 1
+
+
 def test_principal_point_and_focal_lengths_may_be_anything():
     pose = scenes.orbit_camera().world_from_camera
     camera = gslts.Camera(
