@@ -26,8 +26,8 @@ template <typename Value>
   throw std::invalid_argument(message.str());
 }
 
-const Eigen::IOFormat kOneLine(Eigen::StreamPrecision, Eigen::DontAlignCols, ", ", "; ", "", "", "[",
-                               "]");
+const Eigen::IOFormat kOneLine(Eigen::StreamPrecision, Eigen::DontAlignCols, ", ", "; ", "", "",
+                               "[", "]");
 
 /// Prints as [1, 2, 3].
 template <typename Derived>
@@ -63,7 +63,8 @@ void validate(const Camera& camera, const char* function) {
   const Eigen::Matrix3d rotation = camera.world_from_camera.linear();
   const Eigen::Matrix3d error = rotation.transpose() * rotation - Eigen::Matrix3d::Identity();
   // NaN fails the comparison, but passes Eigen's maximum.
-  const bool orthonormal = rotation.allFinite() && error.cwiseAbs().maxCoeff() <= kRotationTolerance;
+  const bool orthonormal =
+      rotation.allFinite() && error.cwiseAbs().maxCoeff() <= kRotationTolerance;
   if (!orthonormal || rotation.determinant() < 0) {
     fail(function, "camera.world_from_camera must hold a rotation matrix", one_line(rotation));
   }
@@ -80,7 +81,8 @@ Camera camera_from_fov(int width, int height, double horizontal_fov_rad,
     fail(kFunction, "horizontal_fov_rad must be inside (0, pi)", horizontal_fov_rad);
   }
   const double focal_px = 0.5 * width / std::tan(0.5 * horizontal_fov_rad);
-  const Camera camera{focal_px, focal_px, 0.5 * width, 0.5 * height, width, height, world_from_camera};
+  const Camera camera{focal_px, focal_px, 0.5 * width,      0.5 * height,
+                      width,    height,   world_from_camera};
   validate(camera, kFunction);
   return camera;
 }
@@ -92,7 +94,8 @@ Eigen::Isometry3d look_at(const Eigen::Vector3d& eye, const Eigen::Vector3d& tar
   require_finite(target, kFunction, "target must be finite");
   require_finite(up, kFunction, "up must be finite");
   const Eigen::Vector3d forward = (target - eye).stableNormalized();
-  if (forward.isZero(0)) fail(kFunction, "target must differ from eye", one_line(target.transpose()));
+  if (forward.isZero(0))
+    fail(kFunction, "target must differ from eye", one_line(target.transpose()));
   const Eigen::Vector3d right = forward.cross(up.stableNormalized());
   if (right.norm() < kMinHorizonSine) {
     fail(kFunction, "up must be nonzero and not along the view direction",

@@ -48,7 +48,8 @@ void require_finite(const T* values, std::initializer_list<std::size_t> shape, c
   for (std::size_t begin = 0; begin < n; begin += kChunk) {
     const std::size_t end = std::min(n, begin + kChunk);
     if (all_finite(values + begin, end - begin)) continue;
-    const T* bad = std::find_if(values + begin, values + end, [](T v) { return !std::isfinite(v); });
+    const T* bad =
+        std::find_if(values + begin, values + end, [](T v) { return !std::isfinite(v); });
     std::ostringstream message;
     message << function << ": " << array << '[';
     std::size_t rest = std::size_t(bad - values), stride = n;

@@ -68,6 +68,7 @@ bool load_image_gradients(const TileTask<T>& tile, const RenderSetup<T>& setup,
   load_tile<T>(tile, setup, image.dL_dalpha, 1, stride, pixels + kAlpha * kBlockPixels);
   if (dims) load_tile(tile, setup, image.dL_dfeatures, dims, stride, pixels + kFeatures * kBlockPixels);
   if (!all_finite(pixels, kBlocksPerTile * stride)) return false;
+  if (tile.count == 0) return true;
 
   const V zero = hn::Zero(d);
   for (std::size_t block = 0; block < kBlocksPerTile; ++block) {

@@ -107,22 +107,42 @@ HWY_INLINE V dot3(const V* a, const V* b) {
   return hn::MulAdd(a[2], b[2], hn::MulAdd(a[1], b[1], hn::Mul(a[0], b[0])));
 }
 
+/// Direction from the camera to the Gaussian, map axes.
+template <class D>
+struct ViewDirection {
+  hn::Vec<D> unit[3], inverse_length;
+};
+
+template <class D, typename T, typename Row>
+HWY_INLINE ViewDirection<D> view_direction(D d, const T* means, const RenderSetup<T>& setup,
+                                           const Row* rows) {
+  ViewDirection<D> v;
+  gather_rows<3>(d, means, rows, v.unit);
+  for (int i = 0; i < 3; ++i) v.unit[i] = v.unit[i] - hn::Set(d, setup.camera_in_map[i]);
+  const auto length2 = hn::Max(dot3<D>(v.unit, v.unit), hn::Set(d, T(1e-30)));
+  v.inverse_length = hn::Set(d, T(1)) / hn::Sqrt(length2);
+  for (int i = 0; i < 3; ++i) v.unit[i] = v.unit[i] * v.inverse_length;
+  return v;
+}
+
 template <class D, typename T>
 HWY_INLINE void normalize_quats(D d, Geometry<D>& g) {
   // Divide by the largest component first: the squares of 1e20 or 1e-30 leave float's range.
-  auto largest = hn::Abs(g.quat[0]);
-  for (int i = 1; i < 4; ++i) largest = hn::Max(largest, hn::Abs(g.quat[i]));
-  const auto rotates = hn::Ge(largest, hn::Set(d, T(kMinQuatNorm)));
+  auto largest = hn::Set(d, T(1e-30));
+  for (int i = 0; i < 4; ++i) largest = hn::Max(largest, hn::Abs(g.quat[i]));
   const auto one = hn::Set(d, T(1));
-  const auto inverse_largest = hn::Div(one, hn::IfThenElse(rotates, largest, one));
+  const auto inverse_largest = hn::Div(one, largest);
   auto norm2 = hn::Zero(d);
   for (int i = 0; i < 4; ++i) {
-    g.quat[i] = hn::IfThenElse(rotates, hn::Mul(g.quat[i], inverse_largest),
-                               i == 0 ? one : hn::Zero(d));
+    g.quat[i] = hn::Mul(g.quat[i], inverse_largest);
     norm2 = hn::MulAdd(g.quat[i], g.quat[i], norm2);
   }
-  const auto inverse = hn::Div(one, hn::Sqrt(norm2));
-  for (int i = 0; i < 4; ++i) g.quat[i] = hn::Mul(g.quat[i], inverse);
+  const auto rotates =
+      hn::Ge(hn::Mul(largest, hn::Sqrt(norm2)), hn::Set(d, T(kMinQuatNorm)));
+  const auto inverse = hn::Div(one, hn::Sqrt(hn::IfThenElse(rotates, norm2, one)));
+  for (int i = 0; i < 4; ++i) {
+    g.quat[i] = hn::IfThenElse(rotates, hn::Mul(g.quat[i], inverse), i == 0 ? one : hn::Zero(d));
+  }
   g.inverse_norm = hn::IfThenElseZero(rotates, hn::Mul(inverse, inverse_largest));
 }
 

@@ -92,15 +92,11 @@ HWY_INLINE void evaluate_colors(D d, const GaussianView<T>& gaussians, const Ren
   using V = hn::Vec<D>;
   const int bases = (setup.sh_degree + 1) * (setup.sh_degree + 1);
   V basis[kMaxShBases];
-  V direction[3] = {hn::Zero(d), hn::Zero(d), hn::Zero(d)};
+  ViewDirection<D> direction{};
   if (setup.sh_degree > 0) {
-    V mean[3];
-    gather_rows<3>(d, gaussians.means + 3 * begin, rows, mean);
-    for (int i = 0; i < 3; ++i) direction[i] = mean[i] - hn::Set(d, setup.camera_in_map[i]);
-    const V inverse_length = hn::Set(d, T(1)) / hn::Sqrt(dot3<D>(direction, direction));
-    for (int i = 0; i < 3; ++i) direction[i] = direction[i] * inverse_length;
+    direction = view_direction(d, gaussians.means + 3 * begin, setup, rows);
   }
-  sh_basis(d, setup.sh_degree, direction[0], direction[1], direction[2], basis);
+  sh_basis(d, setup.sh_degree, direction.unit[0], direction.unit[1], direction.unit[2], basis);
   HWY_ALIGN T values[kMaxShBases][kBlockPixels];
   for (int k = 0; k < bases; ++k) hn::Store(basis[k], d, values[k]);
   for (std::size_t lane = 0; lane < count; ++lane) {
@@ -178,9 +174,11 @@ bool project_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup
     const V y0 = hn::Max(hn::Ceil(py - half_y - half), hn::Set(d, T(setup.region.y0)));
     const V x1 = hn::Min(hn::Floor(px + half_x - half), hn::Set(d, T(setup.region.x1 - 1)));
     const V y1 = hn::Min(hn::Floor(py + half_y - half), hn::Set(d, T(setup.region.y1 - 1)));
-    // False also for NaN, which only footprints beyond float's range can give.
     seen = hn::And(seen, hn::And(hn::Le(x0, x1), hn::Le(y0, y1)));
-    seen = hn::And(seen, hn::Gt(hn::Min(white.uu, white.vv), hn::Zero(d)));
+    // Footprints beyond the range of T, or without an area when eps2d is 0, are not seen.
+    const V all = hn::Abs(px) + hn::Abs(py) + half_x + half_y + white.uu + hn::Abs(white.uv) +
+                  white.vv;
+    seen = hn::And(seen, hn::And(hn::IsFinite(all), hn::Gt(g.filtered_det, hn::Zero(d))));
     if (hn::AllFalse(d, seen)) continue;
 
     HWY_ALIGN T values[7][kBlockPixels], box[4][kBlockPixels], colors[3][kBlockPixels];

@@ -92,12 +92,8 @@ HWY_INLINE void color_gradient(D d, const GaussianView<T>& gaussians, const Rend
     return;
   }
   const int bases = (setup.sh_degree + 1) * (setup.sh_degree + 1);
-  V direction[3];
-  gather_rows<3>(d, gaussians.means, rows, direction);
-  for (int i = 0; i < 3; ++i) direction[i] = direction[i] - hn::Set(d, setup.camera_in_map[i]);
-  const V inverse_length = hn::Set(d, T(1)) / hn::Sqrt(dot3<D>(direction, direction));
-  for (int i = 0; i < 3; ++i) direction[i] = direction[i] * inverse_length;
-  sh_basis(d, setup.sh_degree, direction[0], direction[1], direction[2], basis);
+  const ViewDirection<D> direction = view_direction(d, gaussians.means, setup, rows);
+  sh_basis(d, setup.sh_degree, direction.unit[0], direction.unit[1], direction.unit[2], basis);
   HWY_ALIGN T values[kMaxShBases][kBlockPixels], weights[kMaxShBases][kBlockPixels] = {};
   HWY_ALIGN T gradients[3][kBlockPixels];
   for (int k = 0; k < bases; ++k) hn::Store(basis[k], d, values[k]);
@@ -118,12 +114,12 @@ HWY_INLINE void color_gradient(D d, const GaussianView<T>& gaussians, const Rend
   if (setup.sh_degree == 0) return;
   V weight[kMaxShBases], by_direction[3];
   for (int k = 0; k < bases; ++k) weight[k] = hn::Load(d, weights[k]);
-  sh_basis_gradient(d, setup.sh_degree, direction[0], direction[1], direction[2], weight,
-                    by_direction);
-  const V along = dot3<D>(by_direction, direction);
+  sh_basis_gradient(d, setup.sh_degree, direction.unit[0], direction.unit[1], direction.unit[2],
+                    weight, by_direction);
+  const V along = dot3<D>(by_direction, direction.unit);
   for (int i = 0; i < 3; ++i) {
-    mean_gradient[i] = hn::MulAdd(hn::NegMulAdd(along, direction[i], by_direction[i]),
-                                  inverse_length, mean_gradient[i]);
+    mean_gradient[i] = hn::MulAdd(hn::NegMulAdd(along, direction.unit[i], by_direction[i]),
+                                  direction.inverse_length, mean_gradient[i]);
   }
 }
 

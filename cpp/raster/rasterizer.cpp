@@ -133,7 +133,7 @@ void Rasterizer<T>::State::blend_band_backward(const GaussianView<T>& gaussians,
   std::vector<std::uint8_t> finite(tiles, 1);
   parallel::parallel_for(tiles, setup->threads, [&](std::size_t tile) {
     const TileTask<T> task = tile_task(band, tile);
-    if (!task.count) return;
+    if (!task.wanted) return;
     finite[tile] = blend_tile_backward(task, *setup, splats.splats.data(), gaussians.features,
                                        wanted, image, out);
   });

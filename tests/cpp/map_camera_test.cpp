@@ -1,5 +1,3 @@
-#include "gslts/map/camera.hpp"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -7,6 +5,8 @@
 #include <limits>
 #include <stdexcept>
 #include <string>
+
+#include "gslts/map/camera.hpp"
 
 namespace gslts {
 namespace {
@@ -163,7 +163,9 @@ TEST(LookAt, RejectsDegenerateViews) {
   EXPECT_THAT(error_of([&] { look_at(eye, {1, 2, 9}); }), HasSubstr("look_at: up"));
   EXPECT_THAT(error_of([&] { look_at(eye, {1, 2, -9}); }), HasSubstr("look_at: up"));
   EXPECT_THAT(error_of([&] { look_at(eye, {5, 2, 3}, Vector3d::Zero()); }), HasSubstr("up"));
-  EXPECT_EQ(error_of([&] { look_at({kNan, 0, 0}, eye); }),
+  EXPECT_EQ(error_of([&] {
+              look_at({kNan, 0, 0}, eye);
+            }),
             "look_at: eye must be finite, got [nan, 0, 0]");
   EXPECT_THAT(error_of([&] { look_at(eye, {0, kInf, 0}); }), HasSubstr("look_at: target"));
   EXPECT_THAT(error_of([&] { look_at(eye, {0, 0, 0}, {0, kNan, 1}); }), HasSubstr("look_at: up"));

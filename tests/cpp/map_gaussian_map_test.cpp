@@ -1,5 +1,3 @@
-#include "gslts/map/gaussian_map.hpp"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -8,6 +6,8 @@
 #include <limits>
 #include <stdexcept>
 #include <string>
+
+#include "gslts/map/gaussian_map.hpp"
 
 namespace gslts {
 namespace {
@@ -28,8 +28,8 @@ std::string error_of(Call call) {
 template <typename T>
 BasicGaussianMap<T> constant_map(std::size_t size, int sh_bases, int feature_dims, T value = T(1)) {
   BasicGaussianMap<T> map = make_gaussian_map<T>(size, sh_bases, feature_dims);
-  for (Array<T>* array : {&map.means, &map.quats, &map.log_scales, &map.logit_opacities, &map.sh,
-                          &map.features}) {
+  for (Array<T>* array :
+       {&map.means, &map.quats, &map.log_scales, &map.logit_opacities, &map.sh, &map.features}) {
     std::fill(array->begin(), array->end(), value);
   }
   return map;
@@ -125,10 +125,9 @@ TYPED_TEST(GaussianMapTest, ValidateNamesCallerFieldAndValue) {
               HasSubstr("logit_opacities"));
   EXPECT_THAT(error_after([](auto& view) { view.sh = nullptr; }), HasSubstr("sh must"));
   EXPECT_THAT(error_after([](auto& view) { view.features = nullptr; }), HasSubstr("features"));
-  EXPECT_THAT(error_after([](auto& view) {
-                view.origin(1) = std::numeric_limits<double>::quiet_NaN();
-              }),
-              HasSubstr("Caller::method: origin"));
+  EXPECT_THAT(
+      error_after([](auto& view) { view.origin(1) = std::numeric_limits<double>::quiet_NaN(); }),
+      HasSubstr("Caller::method: origin"));
 }
 
 TYPED_TEST(GaussianMapTest, ValidateLeavesValuesToTheKernels) {

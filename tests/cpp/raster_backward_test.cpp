@@ -120,7 +120,8 @@ TEST(RasterBackwardEdges, ClampedJacobian) {
   const Camera camera = straight_camera(24, 20, 20);
   std::vector<Gaussian> gaussians(5);
   Random random(21);
-  const Eigen::Vector2d tangents[5] = {{1.6, 0.1}, {-1.5, 0.2}, {0.1, 1.3}, {-0.2, -1.4}, {1.5, -1.2}};
+  const Eigen::Vector2d tangents[5] = {
+      {1.6, 0.1}, {-1.5, 0.2}, {0.1, 1.3}, {-0.2, -1.4}, {1.5, -1.2}};
   for (std::size_t i = 0; i < gaussians.size(); ++i) {
     const double z = 1.5 + 0.3 * double(i);
     gaussians[i].mean = {z * tangents[i].x(), z * tangents[i].y(), z};

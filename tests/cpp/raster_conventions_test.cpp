@@ -194,7 +194,8 @@ TYPED_TEST(RasterConventions, NearPlaneCullsByCentreDepth) {
   g.scale_m.setConstant(0.3);
   RenderOptions options;
   options.near_m = 0.5;
-  for (const auto& [z, seen] : {std::pair(0.25, false), {0.5, false}, {0.515625, true}, {4., true}}) {
+  for (const auto& [z, seen] :
+       {std::pair(0.25, false), {0.5, false}, {0.515625, true}, {4., true}}) {
     g.mean.z() = z;
     EXPECT_EQ(this->alpha_at(this->render({g}, camera, options), 5, 5) > 0, seen) << z;
   }
@@ -222,7 +223,7 @@ TYPED_TEST(RasterConventions, ShDirectionsAreWorldAxesFromCameraToGaussian) {
       g.mean = eye + 2 * direction;
       g.color.setConstant(0.5);
       auto map = map_of<TypeParam>({g}, 4);
-      map.sh[3] = TypeParam(0.3);       // Red: -y
+      map.sh[3] = TypeParam(0.3);          // Red: -y
       map.sh[2 * 3 + 1] = TypeParam(0.3);  // Green: z
       map.sh[3 * 3 + 2] = TypeParam(0.3);  // Blue: -x
       Camera camera = straight_camera(11, 11, 100);

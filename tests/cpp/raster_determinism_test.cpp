@@ -120,9 +120,11 @@ TYPED_TEST(RasterDeterminism, AReusedObjectRemembersNothing) {
   features.sh_bases = 9;
   SceneShape none;
   none.gaussians = 0;
-  const std::vector<Job<TypeParam>> jobs = {
-      {3, 161, 110, several_chunks()}, {4, 17, 9, small}, {5, 70, 50, features, 0.3},
-      {6, 30, 30, none},               {7, 64, 64, small}};
+  const std::vector<Job<TypeParam>> jobs = {{3, 161, 110, several_chunks()},
+                                            {4, 17, 9, small},
+                                            {5, 70, 50, features, 0.3},
+                                            {6, 30, 30, none},
+                                            {7, 64, 64, small}};
   Rasterizer<TypeParam> reused;
   for (int round = 0; round < 2; ++round) {
     for (std::size_t i = 0; i < jobs.size(); ++i) {

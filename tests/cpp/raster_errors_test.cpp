@@ -40,16 +40,14 @@ class RasterErrors : public ::testing::Test {
     loss_ = random_loss<T>(1, camera_, 2);
   }
   std::string forward_error() {
-    return error_of<std::invalid_argument>([&] {
-      Rasterizer<T>().forward(map_.view(), camera_, options_);
-    });
+    return error_of<std::invalid_argument>(
+        [&] { Rasterizer<T>().forward(map_.view(), camera_, options_); });
   }
   std::string backward_error() {
     Rasterizer<T> rasterizer;
     rasterizer.forward(map_.view(), camera_, options_);
-    return error_of<std::invalid_argument>([&] {
-      rasterizer.backward(map_.view(), loss_.gradients());
-    });
+    return error_of<std::invalid_argument>(
+        [&] { rasterizer.backward(map_.view(), loss_.gradients()); });
   }
 
   Camera camera_ = tilted_camera(70, 40);
@@ -68,16 +66,17 @@ TYPED_TEST(RasterErrors, NumbersThatAreNotFiniteAreNamed) {
   };
   using Limits = std::numeric_limits<TypeParam>;
   auto& map = this->map_;
-  for (const Bad& bad : {Bad{&map.means, 3 * 4990 + 2, "means[4990,2]"},
-                         Bad{&map.quats, 4 * 12 + 3, "quats[12,3]"},
-                         Bad{&map.log_scales, 3 * 12 + 1, "log_scales[12,1]"},
-                         Bad{&map.logit_opacities, 4999, "logit_opacities[4999]"},
-                         Bad{&map.sh, 12 * 70 + 3 * 3 + 1, "sh[70,3,1]"},
-                         Bad{&map.features, 2 * 4200 + 1, "features[4200,1]"}}) {
+  for (const Bad& bad :
+       {Bad{&map.means, 3 * 4990 + 2, "means[4990,2]"}, Bad{&map.quats, 4 * 12 + 3, "quats[12,3]"},
+        Bad{&map.log_scales, 3 * 12 + 1, "log_scales[12,1]"},
+        Bad{&map.logit_opacities, 4999, "logit_opacities[4999]"},
+        Bad{&map.sh, 12 * 70 + 3 * 3 + 1, "sh[70,3,1]"},
+        Bad{&map.features, 2 * 4200 + 1, "features[4200,1]"}}) {
     const TypeParam good = (*bad.array)[bad.at];
     for (TypeParam value : {Limits::quiet_NaN(), Limits::infinity(), -Limits::infinity()}) {
       (*bad.array)[bad.at] = value;
-      EXPECT_THAT(this->forward_error(), HasSubstr("Rasterizer::forward: " + std::string(bad.name)));
+      EXPECT_THAT(this->forward_error(),
+                  HasSubstr("Rasterizer::forward: " + std::string(bad.name)));
     }
     (*bad.array)[bad.at] = good;
   }
@@ -181,7 +180,8 @@ TYPED_TEST(RasterErrors, BackwardRefusesOtherShapes) {
         [&] { rasterizer.backward(view, this->loss_.gradients()); });
   };
   EXPECT_THAT(error_after([](auto& view) { --view.size; }), HasSubstr("Rasterizer::backward"));
-  EXPECT_THAT(error_after([](auto& view) { view.sh_bases = 1; }), HasSubstr("Rasterizer::backward"));
+  EXPECT_THAT(error_after([](auto& view) { view.sh_bases = 1; }),
+              HasSubstr("Rasterizer::backward"));
   EXPECT_THAT(error_after([](auto& view) { view.feature_dims = 1; }),
               HasSubstr("Rasterizer::backward"));
   EXPECT_EQ(error_after([](auto&) {}), "nothing was thrown");
@@ -196,10 +196,10 @@ TYPED_TEST(RasterErrors, ImageGradientsThatAreNotFiniteAreNamed) {
     const char* name;
   };
   const std::size_t pixel = 33 * 70 + 41;
-  for (const Bad& bad : {Bad{&loss.rgb, 3 * pixel + 1, "dL_drgb[33,41,1]"},
-                         Bad{&loss.depth, pixel, "dL_ddepth[33,41]"},
-                         Bad{&loss.alpha, pixel, "dL_dalpha[33,41]"},
-                         Bad{&loss.features, 2 * pixel, "dL_dfeatures[33,41,0]"}}) {
+  for (const Bad& bad :
+       {Bad{&loss.rgb, 3 * pixel + 1, "dL_drgb[33,41,1]"},
+        Bad{&loss.depth, pixel, "dL_ddepth[33,41]"}, Bad{&loss.alpha, pixel, "dL_dalpha[33,41]"},
+        Bad{&loss.features, 2 * pixel, "dL_dfeatures[33,41,0]"}}) {
     const TypeParam good = (*bad.array)[bad.at];
     for (TypeParam value : {Limits::quiet_NaN(), Limits::infinity()}) {
       (*bad.array)[bad.at] = value;

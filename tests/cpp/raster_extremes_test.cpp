@@ -1,14 +1,14 @@
 // Gaussians and cameras at the ends of what numbers can hold: no NaN, no infinity, no crash, and
 // where the image is smooth, in double, the right gradient.
 
+#include "raster_extremes.hpp"
+
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <vector>
-
-#include "raster_extremes.hpp"
 
 namespace gslts::raster {
 namespace {
@@ -127,8 +127,13 @@ TYPED_TEST(RasterExtremes, NeedlesInFloatLookLikeThoseInDouble) {
 TYPED_TEST(RasterExtremes, QuaternionsOfAnyLength) {
   using Limits = std::numeric_limits<TypeParam>;
   auto map = this->scene(300);
-  const TypeParam lengths[] = {0, TypeParam(-0.0), Limits::denorm_min(), Limits::min(),
-                               TypeParam(1e-20), TypeParam(1e-12), TypeParam(1e20),
+  const TypeParam lengths[] = {0,
+                               TypeParam(-0.0),
+                               Limits::denorm_min(),
+                               Limits::min(),
+                               TypeParam(1e-20),
+                               TypeParam(1e-12),
+                               TypeParam(1e20),
                                Limits::max() / 16};
   for (std::size_t i = 0; i < map.quats.size(); ++i) map.quats[i] *= lengths[i / 4 % 8];
   const auto gradients = expect_survival(map, this->camera()).gradients;
@@ -160,7 +165,8 @@ TYPED_TEST(RasterExtremes, ColoursOfAnySize) {
   auto map = this->scene(300, 6, 16);
   for (TypeParam& value : map.sh) value = TypeParam(random.uniform(-1e4, 1e4));
   expect_survival(map, this->camera());
-  for (TypeParam& value : map.sh) value = random.uniform(0, 1) < 0.5 ? TypeParam(-1e20) : TypeParam(1e20);
+  for (TypeParam& value : map.sh)
+    value = random.uniform(0, 1) < 0.5 ? TypeParam(-1e20) : TypeParam(1e20);
   expect_survival(map, this->camera());
 }
 
@@ -224,7 +230,8 @@ TYPED_TEST(RasterExtremes, FieldsOfView) {
     Steps steps;
     steps.means = 0.1 / camera.fx * 1e-3;
     expect_spot_derivatives(map, camera, without_jumps(),
-                            {gradients.rows[0], gradients.rows[9], gradients.rows[17]}, steps, 1e-3);
+                            {gradients.rows[0], gradients.rows[9], gradients.rows[17]}, steps,
+                            1e-3);
   }
 }
 

@@ -51,8 +51,8 @@ Derivative differentiate(const Function& f, double h) {
 
 /// Compares one group of derivatives.
 inline void expect_derivatives(const std::string& name, const std::vector<double>& analytic,
-                               const std::vector<Derivative>& numeric,
-                               const FiniteDifferences& fd, std::size_t& skipped) {
+                               const std::vector<Derivative>& numeric, const FiniteDifferences& fd,
+                               std::size_t& skipped) {
   ASSERT_EQ(analytic.size(), numeric.size());
   double largest = 0;
   for (double value : analytic) largest = std::max(largest, std::abs(value));

@@ -214,8 +214,7 @@ TYPED_TEST(RasterForwardTyped, CulledRowsBeforeVisibleOnesChangeNothing) {
   append(both.logit_opacities, visible.logit_opacities);
   append(both.sh, visible.sh);
   append(both.features, visible.features);
-  const auto alone =
-      Rasterizer<TypeParam>().forward(converted<TypeParam>(visible).view(), camera);
+  const auto alone = Rasterizer<TypeParam>().forward(converted<TypeParam>(visible).view(), camera);
   const auto images = Rasterizer<TypeParam>().forward(both.view(), camera);
   EXPECT_EQ(images.rgb, alone.rgb);
   EXPECT_EQ(images.depth, alone.depth);

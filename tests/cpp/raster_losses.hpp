@@ -60,8 +60,8 @@ LinearLoss<T> random_loss(std::uint32_t seed, const Camera& camera, int feature_
 }
 
 constexpr std::size_t kGroups = 6;
-constexpr std::array<const char*, kGroups> kGroupNames = {
-    "means", "quats", "log_scales", "logit_opacities", "sh", "features"};
+constexpr std::array<const char*, kGroups> kGroupNames = {"means",           "quats", "log_scales",
+                                                          "logit_opacities", "sh",    "features"};
 
 template <typename T>
 std::array<Array<T>*, kGroups> parameter_groups(BasicGaussianMap<T>& map) {

@@ -38,19 +38,19 @@ std::vector<double> sh_basis(int degree, const Vector3d& d) {
     basis.insert(basis.end(), {-c * y, c * z, -c * x});
   }
   if (degree >= 2) {
-    basis.insert(basis.end(), {1.0925484305920792 * x * y,                             //
-                               -1.0925484305920792 * y * z,                            //
-                               0.31539156525252005 * (2 * z * z - x * x - y * y),      //
-                               -1.0925484305920792 * x * z,                            //
+    basis.insert(basis.end(), {1.0925484305920792 * x * y,                         //
+                               -1.0925484305920792 * y * z,                        //
+                               0.31539156525252005 * (2 * z * z - x * x - y * y),  //
+                               -1.0925484305920792 * x * z,                        //
                                0.5462742152960396 * (x * x - y * y)});
   }
   if (degree >= 3) {
-    basis.insert(basis.end(), {-0.5900435899266435 * y * (3 * x * x - y * y),                  //
-                               2.890611442640554 * x * y * z,                                  //
-                               -0.4570457994644658 * y * (4 * z * z - x * x - y * y),          //
-                               0.3731763325901154 * z * (2 * z * z - 3 * x * x - 3 * y * y),   //
-                               -0.4570457994644658 * x * (4 * z * z - x * x - y * y),          //
-                               1.445305721320277 * z * (x * x - y * y),                        //
+    basis.insert(basis.end(), {-0.5900435899266435 * y * (3 * x * x - y * y),                 //
+                               2.890611442640554 * x * y * z,                                 //
+                               -0.4570457994644658 * y * (4 * z * z - x * x - y * y),         //
+                               0.3731763325901154 * z * (2 * z * z - 3 * x * x - 3 * y * y),  //
+                               -0.4570457994644658 * x * (4 * z * z - x * x - y * y),         //
+                               1.445305721320277 * z * (x * x - y * y),                       //
                                -0.5900435899266435 * x * (x * x - 3 * y * y)});
   }
   return basis;
@@ -110,8 +110,8 @@ std::vector<Splat> project(const BasicGaussianMap<double>& map, const Camera& ca
     const Matrix2d cov2d = u * u.transpose() + options.eps2d_px2 * Matrix2d::Identity();
     // det(U U^T), without the cancellation of a thin matrix' determinant.
     const double det = u.row(0).cross(u.row(1)).squaredNorm();
-    const double filtered_det = det + options.eps2d_px2 * u.squaredNorm() +
-                                options.eps2d_px2 * options.eps2d_px2;
+    const double filtered_det =
+        det + options.eps2d_px2 * u.squaredNorm() + options.eps2d_px2 * options.eps2d_px2;
     double opacity = 1 / (1 + std::exp(-map.logit_opacities[row]));
     if (options.antialias) opacity *= std::sqrt(det / filtered_det);
 
@@ -151,12 +151,11 @@ void blend_pixel(const BasicGaussianMap<double>& map, const std::vector<Splat>& 
 
     const double alpha = std::min(kMaxAlpha, unclamped);
     const double after = transmittance * (1 - alpha);
-    render.transmittance_margin[pixel] =
-        std::min(render.transmittance_margin[pixel],
-                 relative_distance(after, options.transmittance_min));
+    render.transmittance_margin[pixel] = std::min(
+        render.transmittance_margin[pixel], relative_distance(after, options.transmittance_min));
     if (splat.depth_m > last_depth_m) {
-      render.depth_margin[pixel] = std::min(render.depth_margin[pixel],
-                                            (splat.depth_m - last_depth_m) / splat.depth_m);
+      render.depth_margin[pixel] =
+          std::min(render.depth_margin[pixel], (splat.depth_m - last_depth_m) / splat.depth_m);
     }
     last_depth_m = splat.depth_m;
     if (after < options.transmittance_min) break;

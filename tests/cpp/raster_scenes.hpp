@@ -87,8 +87,8 @@ inline Camera tilted_camera(int width, int height) {
 
 /// A camera at the world's origin, x right, y down, z forward.
 inline Camera straight_camera(int width, int height, double focal_px) {
-  return {focal_px, focal_px, 0.5 * width, 0.5 * height, width, height,
-          Eigen::Isometry3d::Identity()};
+  return {
+      focal_px, focal_px, 0.5 * width, 0.5 * height, width, height, Eigen::Isometry3d::Identity()};
 }
 
 struct SceneShape {

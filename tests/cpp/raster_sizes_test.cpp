@@ -53,7 +53,8 @@ TYPED_TEST(RasterSizes, NoneInView) {
 }
 
 TYPED_TEST(RasterSizes, ThinImages) {
-  for (const auto& [width, height] : {std::pair(1, 1), {1, 333}, {333, 1}, {1, 65536}, {65536, 1}}) {
+  for (const auto& [width, height] :
+       {std::pair(1, 1), {1, 333}, {333, 1}, {1, 65536}, {65536, 1}}) {
     SCOPED_TRACE(std::to_string(width) + " x " + std::to_string(height));
     Camera camera = tilted_camera(width, height);
     camera.fx = camera.fy = 0.5 * std::max(width, height);
@@ -148,8 +149,8 @@ TEST(RasterSizesFloat, VeryLargeImages) {
   }
 }
 
-/// 20,000 Gaussians that each cover all of the image would fill 6 million places in the lists of the
-/// tiles and as many in the buffers of their gradients: half a gigabyte and more.
+/// 20,000 Gaussians that each cover all of the image would fill 6 million places in the lists of
+/// the tiles and as many in the buffers of their gradients: half a gigabyte and more.
 TYPED_TEST(RasterSizes, MemoryIsBoundedWhenEverythingCoversEverything) {
   const Camera camera = straight_camera(640, 480, 400);
   Random random(3);

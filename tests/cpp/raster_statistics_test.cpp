@@ -78,7 +78,8 @@ TEST(RasterStatisticsDouble, AbsoluteGradientsMatchFiniteDifferences) {
       std::vector<double> losses(images.alpha.size());
       for (std::size_t i = 0; i < losses.size(); ++i) {
         losses[i] = loss.depth[i] * images.depth[i] + loss.alpha[i] * images.alpha[i];
-        for (std::size_t c = 0; c < 3; ++c) losses[i] += loss.rgb[3 * i + c] * images.rgb[3 * i + c];
+        for (std::size_t c = 0; c < 3; ++c)
+          losses[i] += loss.rgb[3 * i + c] * images.rgb[3 * i + c];
         for (std::size_t k = 0; k < 2; ++k) {
           losses[i] += loss.features[2 * i + k] * images.features[2 * i + k];
         }
