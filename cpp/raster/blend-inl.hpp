@@ -18,52 +18,67 @@ namespace gslts::raster::HWY_NAMESPACE {
 /// Entries between the one at work and the one whose splat is fetched from memory.
 constexpr std::uint32_t kPrefetchDistance = 24;
 
-/// Coordinates of the pixel centres of a tile's blocks, lane i being pixel (i % 4, i / 4).
+/// Position of each block in its tile, px.
 template <typename T>
-struct PixelCenters {
-  PixelCenters(int tile_x, int tile_y) {
-    for (int block = 0; block < kBlocksPerRow; ++block) {
-      for (int pixel = 0; pixel < kBlockPixels; ++pixel) {
-        const int offset = block * kBlockSize;
-        x[block][pixel] = T(tile_x * kTileSize + offset + pixel % kBlockSize) + T(0.5);
-        y[block][pixel] = T(tile_y * kTileSize + offset + pixel / kBlockSize) + T(0.5);
-      }
+struct BlockOffsets {
+  constexpr BlockOffsets() : x(), y() {
+    for (int block = 0; block < kBlocksPerTile; ++block) {
+      x[block] = T(block % kBlocksPerRow * kBlockSize);
+      y[block] = T(block / kBlocksPerRow * kBlockSize);
     }
   }
-  HWY_ALIGN T x[kBlocksPerRow][kBlockPixels];  ///< By column of blocks.
-  HWY_ALIGN T y[kBlocksPerRow][kBlockPixels];  ///< By row of blocks.
+  T x[kBlocksPerTile], y[kBlocksPerTile];
 };
-
-/// A splat's parameters, broadcast to all lanes.
 template <typename T>
-struct Footprint {
+constexpr BlockOffsets<T> kBlockOffsets{};
+
+/// A splat over one tile: u and v are linear, so their values in the tile's first block, which are
+/// kept here, and the offset of a block give those in the block.
+template <typename T>
+class Footprint {
   using D = Lanes<T>;
   using V = hn::Vec<D>;
+
+ public:
   struct Sample {
     V u, v, log2_alpha;  ///< As in `Splat`.
   };
 
-  explicit HWY_INLINE Footprint(const Splat<T>& splat)
-      : mean_x(hn::Set(D(), splat.mean_x)),
-        mean_y(hn::Set(D(), splat.mean_y)),
-        uu(hn::Set(D(), splat.uu)),
+  HWY_INLINE Footprint(const Splat<T>& splat, int tile_x, int tile_y)
+      : uu(hn::Set(D(), splat.uu)),
         uv(hn::Set(D(), splat.uv)),
         vv(hn::Set(D(), splat.vv)),
-        log2_opacity(hn::Set(D(), splat.log2_opacity)) {}
-
-  /// At the pixels from `first` on of a block.
-  HWY_INLINE Sample at(const PixelCenters<T>& centers, int block, std::size_t first) const {
+        log2_opacity_(hn::Set(D(), splat.log2_opacity)) {
     const D d;
-    const V dx = hn::Load(d, centers.x[block % kBlocksPerRow] + first) - mean_x;
-    const V dy = hn::Load(d, centers.y[block / kBlocksPerRow] + first) - mean_y;
+    HWY_ALIGN static constexpr T kCenters[2][kBlockPixels] = {
+        {0.5, 1.5, 2.5, 3.5, 0.5, 1.5, 2.5, 3.5, 0.5, 1.5, 2.5, 3.5, 0.5, 1.5, 2.5, 3.5},
+        {0.5, 0.5, 0.5, 0.5, 1.5, 1.5, 1.5, 1.5, 2.5, 2.5, 2.5, 2.5, 3.5, 3.5, 3.5, 3.5}};
+    const V x = hn::Set(d, T(tile_x * kTileSize) - splat.mean_x);
+    const V y = hn::Set(d, T(tile_y * kTileSize) - splat.mean_y);
+    for (std::size_t i = 0; i < kVectors; ++i) {
+      const V dx = hn::Load(d, kCenters[0] + i * hn::Lanes(d)) + x;
+      const V dy = hn::Load(d, kCenters[1] + i * hn::Lanes(d)) + y;
+      first_u_[i] = hn::MulAdd(uv, dy, uu * dx);
+      first_v_[i] = vv * dy;
+    }
+  }
+
+  /// At the pixels of vector `i` of a block.
+  HWY_INLINE Sample at(std::size_t block, std::size_t i) const {
+    const V x = hn::Set(D(), kBlockOffsets<T>.x[block]);
+    const V y = hn::Set(D(), kBlockOffsets<T>.y[block]);
     Sample s;
-    s.u = hn::MulAdd(uv, dy, uu * dx);
-    s.v = vv * dy;
-    s.log2_alpha = hn::NegMulAdd(s.u, s.u, hn::NegMulAdd(s.v, s.v, log2_opacity));
+    s.u = hn::MulAdd(uu, x, hn::MulAdd(uv, y, first_u_[i]));
+    s.v = hn::MulAdd(vv, y, first_v_[i]);
+    s.log2_alpha = hn::NegMulAdd(s.u, s.u, hn::NegMulAdd(s.v, s.v, log2_opacity_));
     return s;
   }
 
-  V mean_x, mean_y, uu, uv, vv, log2_opacity;
+  V uu, uv, vv;
+
+ private:
+  static constexpr std::size_t kVectors = kBlockPixels / hn::MaxLanes(D());
+  V first_u_[kVectors], first_v_[kVectors], log2_opacity_;
 };
 
 /// Alpha from its logarithm; any value where that is far below every alpha_min.

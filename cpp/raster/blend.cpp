@@ -103,22 +103,18 @@ void find_blocks(const TileTask<T>& tile, const RenderSetup<T>& setup, const Spl
   }
 }
 
-template <typename T>
-void blend_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const Splat<T>* splats,
-                const T* features, const WantedPixels& wanted) {
-  sort_entries(tile, splats);
-  find_blocks(tile, setup, splats);
-
+template <bool kHasFeatures, typename T>
+void blend_entries(const TileTask<T>& tile, const RenderSetup<T>& setup, const Splat<T>* splats,
+                   const T* features, const WantedPixels& wanted) {
   const Lanes<T> d;
-  using V = hn::Vec<decltype(d)>;
+  using V = hn::Vec<Lanes<T>>;
   const std::size_t lanes = hn::Lanes(d);
-  const std::size_t dims = std::size_t(setup.feature_dims);
+  const std::size_t dims = kHasFeatures ? std::size_t(setup.feature_dims) : 0;
   const std::size_t stride = (5 + dims) * kBlockPixels;
   HWY_ALIGN T transmittance[kBlocksPerTile * kBlockPixels];
   std::uint64_t alive = start_transmittance(tile, setup, wanted, transmittance);
   std::fill(tile.sums, tile.sums + tile_sums_size<T>(setup.feature_dims), T(0));
 
-  const PixelCenters<T> centers(tile.x, tile.y);
   const V threshold = hn::Set(d, setup.log2_alpha_min);
   const V transmittance_min = hn::Set(d, setup.transmittance_min);
   std::uint32_t entry = 0;
@@ -126,17 +122,17 @@ void blend_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const Spla
     std::uint64_t blocks = tile.blocks[entry] & alive;
     if (!blocks) continue;
     const Splat<T>& splat = splats[tile.entries[entry].slot];
-    const Footprint<T> footprint(splat);
+    const Footprint<T> footprint(splat, tile.x, tile.y);
     const V red = hn::Set(d, splat.color[0]), green = hn::Set(d, splat.color[1]);
     const V blue = hn::Set(d, splat.color[2]), depth = hn::Set(d, splat.depth);
     const T* feature = features + splat.gaussian * dims;
     for (; blocks; blocks &= blocks - 1) {
-      const int block = int(hwy::Num0BitsBelowLS1Bit_Nonzero64(blocks));
+      const std::size_t block = hwy::Num0BitsBelowLS1Bit_Nonzero64(blocks);
       bool any_alive = false;
       for (std::size_t i = 0; i < kBlockPixels; i += lanes) {
         T* sums = tile.sums + block * stride + i;
         T* t = transmittance + block * kBlockPixels + i;
-        const auto at = footprint.at(centers, block, i);
+        const auto at = footprint.at(block, i / lanes);
         const V before = hn::Load(d, t);
         const V weight = hn::IfThenElseZero(hn::Ge(at.log2_alpha, threshold),
                                             alpha_of(at.log2_alpha) * before);
@@ -161,6 +157,18 @@ void blend_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const Spla
     }
   }
   *tile.reached = entry;
+}
+
+template <typename T>
+void blend_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const Splat<T>* splats,
+                const T* features, const WantedPixels& wanted) {
+  sort_entries(tile, splats);
+  find_blocks(tile, setup, splats);
+  if (setup.feature_dims) {
+    blend_entries<true>(tile, setup, splats, features, wanted);
+  } else {
+    blend_entries<false>(tile, setup, splats, features, wanted);
+  }
 }
 
 void blend_tile_float(const TileTask<float>& tile, const RenderSetup<float>& setup,

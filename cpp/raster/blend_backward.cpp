@@ -107,15 +107,15 @@ bool load_image_gradients(const TileTask<T>& tile, const RenderSetup<T>& setup,
   return true;
 }
 
-template <bool kStatistics, typename T>
-bool blend_tile_backward(const TileTask<T>& tile, const RenderSetup<T>& setup,
+template <bool kHasFeatures, bool kStatistics, typename T>
+bool blend_entries_backward(const TileTask<T>& tile, const RenderSetup<T>& setup,
                          const Splat<T>* splats, const T* features, const WantedPixels& wanted,
                          const ImageGradients<T>& image_gradients,
                          const EntryGradients<T>& out) {
   const Lanes<T> d;
   using V = hn::Vec<Lanes<T>>;
   const std::size_t lanes = hn::Lanes(d);
-  const std::size_t dims = out.features ? std::size_t(setup.feature_dims) : 0;
+  const std::size_t dims = kHasFeatures ? std::size_t(setup.feature_dims) : 0;
   const std::size_t stride = (kFeatures + dims) * kBlockPixels;
   static thread_local Array<T> pixel_values, feature_sums;
   pixel_values.resize(kBlocksPerTile * stride);
@@ -128,7 +128,6 @@ bool blend_tile_backward(const TileTask<T>& tile, const RenderSetup<T>& setup,
     return false;
   }
 
-  const PixelCenters<T> centers(tile.x, tile.y);
   const V zero = hn::Zero(d), one = hn::Set(d, T(1));
   const V clamp = hn::Set(d, T(std::log2(kMaxAlpha)));
   const V threshold = hn::Set(d, setup.log2_alpha_min);
@@ -151,7 +150,7 @@ bool blend_tile_backward(const TileTask<T>& tile, const RenderSetup<T>& setup,
       continue;
     }
     const Splat<T>& splat = splats[tile.entries[entry].slot];
-    const Footprint<T> footprint(splat);
+    const Footprint<T> footprint(splat, tile.x, tile.y);
     const V red = hn::Set(d, splat.color[0]), green = hn::Set(d, splat.color[1]);
     const V blue = hn::Set(d, splat.color[2]), depth = hn::Set(d, splat.depth);
     const T* feature = features + std::size_t(splat.gaussian) * setup.feature_dims;
@@ -160,7 +159,7 @@ bool blend_tile_backward(const TileTask<T>& tile, const RenderSetup<T>& setup,
     V abs_x_sum = zero, abs_y_sum = zero, max_weight = zero, pixel_count = zero;
     std::fill(feature_sums.begin(), feature_sums.end(), T(0));
     for (; blocks; blocks &= blocks - 1) {
-      const int block = int(hwy::Num0BitsBelowLS1Bit_Nonzero64(blocks));
+      const std::size_t block = hwy::Num0BitsBelowLS1Bit_Nonzero64(blocks);
       bool any_alive = false;
       for (std::size_t i = 0; i < kBlockPixels; i += lanes) {
         T* pixel = pixels + block * stride + i;
@@ -168,7 +167,7 @@ bool blend_tile_backward(const TileTask<T>& tile, const RenderSetup<T>& setup,
           return hn::Load(d, pixel + which * kBlockPixels);
         };
         T* t = transmittance + block * kBlockPixels + i;
-        const auto at = footprint.at(centers, block, i);
+        const auto at = footprint.at(block, i / lanes);
         const V alpha = alpha_of(at.log2_alpha);
         const V before = hn::Load(d, t);
         const auto blended = hn::Ge(at.log2_alpha, threshold);
@@ -244,10 +243,12 @@ template <typename T>
 bool blend_tile_backward(const TileTask<T>& tile, const RenderSetup<T>& setup,
                          const Splat<T>* splats, const T* features, const WantedPixels& wanted,
                          const ImageGradients<T>& image_gradients, const EntryGradients<T>& out) {
-  return out.statistics ? HWY_NAMESPACE::blend_tile_backward<true, T>(
-                              tile, setup, splats, features, wanted, image_gradients, out)
-                        : HWY_NAMESPACE::blend_tile_backward<false, T>(
-                              tile, setup, splats, features, wanted, image_gradients, out);
+  const auto blend = out.features
+                         ? (out.statistics ? &blend_entries_backward<true, true, T>
+                                           : &blend_entries_backward<true, false, T>)
+                         : (out.statistics ? &blend_entries_backward<false, true, T>
+                                           : &blend_entries_backward<false, false, T>);
+  return blend(tile, setup, splats, features, wanted, image_gradients, out);
 }
 
 bool blend_tile_backward_float(const TileTask<float>& tile, const RenderSetup<float>& setup,

@@ -95,13 +95,13 @@ bool all_finite(const T* values, std::size_t n) {
   const auto zero = hn::Zero(d);
   // x * 0 is 0 for finite x and NaN otherwise.
   auto sum0 = zero, sum1 = zero;
-  std::size_t i = 0;
-  for (; i + 2 * lanes <= n; i += 2 * lanes) {
+  const std::size_t whole = n - n % (2 * lanes);
+  for (std::size_t i = 0; i < whole; i += 2 * lanes) {
     sum0 = hn::MulAdd(hn::LoadU(d, values + i), zero, sum0);
     sum1 = hn::MulAdd(hn::LoadU(d, values + i + lanes), zero, sum1);
   }
   T rest = 0;
-  for (; i < n; ++i) rest += values[i] * T(0);
+  for (std::size_t i = whole; i < n; ++i) rest += values[i] * T(0);
   return hn::AllTrue(d, hn::Eq(hn::Add(sum0, sum1), zero)) && rest == T(0);
 }
 
