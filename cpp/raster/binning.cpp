@@ -4,6 +4,7 @@
 #include <numeric>
 
 #include "gslts/parallel/parallel_for.hpp"
+#include "working_memory.hpp"
 
 namespace gslts::raster {
 namespace {
@@ -115,7 +116,7 @@ void bin_splats(const Splats<T>& splats, const RenderSetup<T>& setup, const Want
   }
   band.offsets[tiles] = offset;
   // Each group has an entry of its own for `nowhere`.
-  band.entries.resize(offset + groups);
+  resize_working_memory(band.entries, offset + groups);
   for (std::size_t group = 0; group < groups; ++group) {
     cursors[group][tiles] = offset + std::uint32_t(group);
   }
