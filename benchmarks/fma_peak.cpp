@@ -1,9 +1,9 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "fma_peak.cpp"
-#include "fma_peak.hpp"
-
 #include "hwy/foreach_target.h"
 #include "hwy/highway.h"
+
+#include "fma_peak.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace gslts::benchmarks::HWY_NAMESPACE {

@@ -9,16 +9,19 @@
 namespace gslts::raster {
 namespace {
 
+constexpr std::size_t kNowhereTiles = 3;
+
 /// Most splats touch at most 2 x 2 tiles, in no predictable pattern: this visits those four without
-/// a branch, the untouched ones as tile `nowhere` with an increment of 0.
+/// a branch, the untouched ones as one of the three tiles from `nowhere` on, with an increment of
+/// 0. Three, because writing one of them would have to wait for the write before.
 template <typename Visit>
 void for_each_tile_of_four(const TileRect& rect, int tiles_x, int nowhere, Visit visit) {
   const int tile = rect.y0 * tiles_x + rect.x0;
   const int wide = rect.x1 - rect.x0 - 1, high = rect.y1 - rect.y0 - 1;
   visit(tile, 0, 1);
   visit(wide ? tile + 1 : nowhere, 1, wide);
-  visit(high ? tile + tiles_x : nowhere, 1 + wide, high);
-  visit(wide & high ? tile + tiles_x + 1 : nowhere, 3, wide & high);
+  visit(high ? tile + tiles_x : nowhere + 1, 1 + wide, high);
+  visit(wide & high ? tile + tiles_x + 1 : nowhere + 2, 3, wide & high);
 }
 
 bool within_four(const TileRect& rect) { return rect.x1 - rect.x0 <= 2 && rect.y1 - rect.y0 <= 2; }
@@ -81,7 +84,7 @@ void bin_splats(const Splats<T>& splats, const RenderSetup<T>& setup, const Want
   band.first_gradients.assign(chunks + 1, 0);
   parallel::parallel_for(groups, setup.threads, [&](std::size_t group) {
     std::vector<std::uint32_t>& counts = cursors[group];
-    counts.assign(tiles + 1, 0);
+    counts.assign(tiles + kNowhereTiles, 0);
     const auto [begin, end] = share(chunks, group, groups);
     for (std::size_t chunk = begin; chunk < end; ++chunk) {
       const TileRect* rects = splats.rects.data() + chunk * kChunkSize;
@@ -115,10 +118,11 @@ void bin_splats(const Splats<T>& splats, const RenderSetup<T>& setup, const Want
     }
   }
   band.offsets[tiles] = offset;
-  // Each group has an entry of its own for `nowhere`.
-  resize_working_memory(band.entries, offset + groups);
+  // Each group has entries of its own for `nowhere`.
+  resize_working_memory(band.entries, offset + groups * kNowhereTiles);
   for (std::size_t group = 0; group < groups; ++group) {
-    cursors[group][tiles] = offset + std::uint32_t(group);
+    std::iota(cursors[group].begin() + tiles, cursors[group].end(),
+              std::uint32_t(offset + group * kNowhereTiles));
   }
   parallel::parallel_for(groups, setup.threads, [&](std::size_t group) {
     std::vector<std::uint32_t>& cursor = cursors[group];

@@ -20,8 +20,8 @@ struct TileEntry {
 /// Tile rows [first_row, last_row) and, once binned, the lists of their tiles.
 struct Band {
   int first_row = 0, last_row = 0;
-  std::vector<std::uint32_t> offsets;  ///< [tiles + 1] first entry of each tile's list
-  Array<TileEntry> entries;            ///< By tile, then by slot.
+  std::vector<std::uint32_t> offsets;          ///< [tiles + 1] first entry of each tile's list
+  Array<TileEntry> entries;                    ///< By tile, then by slot.
   std::vector<std::uint32_t> first_gradients;  ///< [chunks + 1] first gradient place of each chunk
 };
 

@@ -16,7 +16,7 @@ HWY_BEFORE_NAMESPACE();
 namespace gslts::raster::HWY_NAMESPACE {
 
 /// Entries between the one at work and the one whose splat is fetched from memory.
-constexpr std::uint32_t kPrefetchDistance = 24;
+constexpr std::uint32_t kPrefetchDistance = 64;
 
 /// Position of each block in its tile, px.
 template <typename T>
@@ -88,13 +88,14 @@ HWY_INLINE V alpha_of(V log2_alpha) {
   return hn::Min(exp2_nonpositive(d, log2_alpha), hn::Set(d, hn::TFromV<V>(kMaxAlpha)));
 }
 
-/// Sets the transmittance of the tile's wanted pixels to 1, and of all others to -1: they never pass
-/// the test against transmittance_min. Returns the blocks that hold a wanted pixel.
+/// Sets the transmittance of the tile's wanted pixels to 1, and of all others to -1: they never
+/// pass the test against transmittance_min. Returns the blocks that hold a wanted pixel.
 template <typename T>
 std::uint64_t start_transmittance(const TileTask<T>& tile, const RenderSetup<T>& setup,
                                   const WantedPixels& wanted, T* transmittance) {
   const int x0 = tile.x * kTileSize, y0 = tile.y * kTileSize;
-  const bool whole = wanted.all() && x0 + kTileSize <= setup.width && y0 + kTileSize <= setup.height;
+  const bool whole =
+      wanted.all() && x0 + kTileSize <= setup.width && y0 + kTileSize <= setup.height;
   std::fill(transmittance, transmittance + kBlocksPerTile * kBlockPixels, whole ? T(1) : T(-1));
   if (whole) return ~std::uint64_t{0};
   std::uint64_t alive = 0;

@@ -33,6 +33,8 @@ void sort_entries(const TileTask<T>& tile, const Splat<T>* splats) {
 /// one entry a lane: per row of blocks, the ellipse's reach in x over the row's range of y.
 template <typename T>
 void find_blocks(const TileTask<T>& tile, const RenderSetup<T>& setup, const Splat<T>* splats) {
+  static_assert(sizeof(Splat<T>) % sizeof(T) == 0);
+  constexpr std::size_t kStride = sizeof(Splat<T>) / sizeof(T);
   const Lanes<T> d;
   const hn::RebindToSigned<Lanes<T>> di;
   const hn::RebindToUnsigned<Lanes<T>> du;
@@ -42,23 +44,20 @@ void find_blocks(const TileTask<T>& tile, const RenderSetup<T>& setup, const Spl
   const V half = hn::Set(d, T(0.5)), quarter = hn::Set(d, T(1) / kBlockSize);
   for (std::uint32_t i = 0; i < tile.count; i += std::uint32_t(lanes)) {
     const std::size_t valid = std::min<std::size_t>(lanes, tile.count - i);
-    HWY_ALIGN T values[6][kBlockPixels];
+    std::uint32_t slots[kBlockPixels];
     for (std::size_t lane = 0; lane < lanes; ++lane) {
-      const Splat<T>& splat = splats[tile.entries[i + std::min(lane, valid - 1)].slot];
-      values[0][lane] = splat.mean_x;
-      values[1][lane] = splat.mean_y;
-      values[2][lane] = splat.uu;
-      values[3][lane] = splat.uv;
-      values[4][lane] = splat.vv;
-      values[5][lane] = splat.log2_opacity;
+      slots[lane] = tile.entries[i + std::min(lane, valid - 1)].slot;
     }
+    // The columns are the first members of `Splat`, in their order.
+    HWY_ALIGN T values[8][kBlockPixels];
+    transpose_rows(&splats->mean_x, slots, lanes, kStride, values);
+    transpose_rows(&splats->vv, slots, lanes, kStride, values + 4);
     const V mean_x = hn::Load(d, values[0]) - hn::Set(d, T(tile.x * kTileSize));
     const V mean_y = hn::Load(d, values[1]) - hn::Set(d, T(tile.y * kTileSize));
     const V uu = hn::Load(d, values[2]), uv = hn::Load(d, values[3]), vv = hn::Load(d, values[4]);
     // Slightly larger than exact, so that rounding never drops a pixel.
-    const V power =
-        hn::MulAdd(hn::Load(d, values[5]) - hn::Set(d, setup.log2_alpha_min),
-                   hn::Set(d, T(1.001)), hn::Set(d, T(0.001)));
+    const V power = hn::MulAdd(hn::Load(d, values[5]) - hn::Set(d, setup.log2_alpha_min),
+                               hn::Set(d, T(1.001)), hn::Set(d, T(0.001)));
     const V inverse_uu = hn::Set(d, T(1)) / uu;
     const V slope = hn::Neg(uv * inverse_uu);
     const V top = hn::Sqrt(power) / vv;
@@ -77,16 +76,15 @@ void find_blocks(const TileTask<T>& tile, const RenderSetup<T>& setup, const Spl
       const V right = hn::MulAdd(slope, y_right, mean_x) + reach(y_right);
       const V left = hn::MulAdd(slope, y_left, mean_x) - reach(y_left);
       const V first = hn::Max(hn::Ceil((left - half - last_pixel) * quarter), zero);
-      const V last =
-          hn::Min(hn::Floor((right - half) * quarter), hn::Set(d, T(kBlocksPerRow - 1)));
+      const V last = hn::Min(hn::Floor((right - half) * quarter), hn::Set(d, T(kBlocksPerRow - 1)));
       const auto touched = hn::And(hn::Le(y0, y1), hn::Le(first, last));
       // Bits first..last, where touched.
       const auto one = hn::Set(du, 1);
       const auto shift_of = [&](V v) HWY_ATTR {
         return hn::BitCast(du, hn::ConvertTo(di, hn::IfThenElseZero(touched, v)));
       };
-      const auto bits = hn::Sub(hn::Shl(hn::Add(one, one), shift_of(last)),
-                                hn::Shl(one, shift_of(first)));
+      const auto bits =
+          hn::Sub(hn::Shl(hn::Add(one, one), shift_of(last)), hn::Shl(one, shift_of(first)));
       const auto kept = hn::IfThenElseZero(hn::RebindMask(du, touched), bits);
       if (row < 4) {
         low = hn::Or(low, hn::ShiftLeftSame(kept, 8 * row));
@@ -134,8 +132,8 @@ void blend_entries(const TileTask<T>& tile, const RenderSetup<T>& setup, const S
         T* t = transmittance + block * kBlockPixels + i;
         const auto at = footprint.at(block, i / lanes);
         const V before = hn::Load(d, t);
-        const V weight = hn::IfThenElseZero(hn::Ge(at.log2_alpha, threshold),
-                                            alpha_of(at.log2_alpha) * before);
+        const V weight =
+            hn::IfThenElseZero(hn::Ge(at.log2_alpha, threshold), alpha_of(at.log2_alpha) * before);
         const V after = before - weight;
         hn::Store(after, d, t);
         // Multiplying on and masking by the result ends a pixel for good, as T only falls.

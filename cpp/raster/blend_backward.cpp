@@ -13,10 +13,10 @@
 HWY_BEFORE_NAMESPACE();
 namespace gslts::raster::HWY_NAMESPACE {
 
-// Per block, kBlockPixels values of each of these: the transposed image gradients and, from them, the
-// gradient of the loss with respect to the blended sums and the part of the loss that the splats
-// behind the current one still contribute, sum_{j > i} w_j s_j with s_j = dL/dw_j: all channels
-// collapse into s, one number a pixel.
+// Per block, kBlockPixels values of each of these: the transposed image gradients and, from them,
+// the gradient of the loss with respect to the blended sums and the part of the loss that the
+// splats behind the current one still contribute, sum_{j > i} w_j s_j with s_j = dL/dw_j: all
+// channels collapse into s, one number a pixel.
 enum PixelValue { kBehind, kRed, kGreen, kBlue, kDepth, kAlpha, kFeatures };
 
 /// Copies `channels` interleaved channels of the tile's part of an image into the tile's blocks.
@@ -55,8 +55,8 @@ void load_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const T* im
 /// Fills the values above for one tile. Returns false if an image gradient is not finite.
 template <typename T>
 bool load_image_gradients(const TileTask<T>& tile, const RenderSetup<T>& setup,
-                          const ImageGradients<T>& image, const T* transmittance,
-                          std::size_t dims, T* pixels) {
+                          const ImageGradients<T>& image, const T* transmittance, std::size_t dims,
+                          T* pixels) {
   const Lanes<T> d;
   using V = hn::Vec<Lanes<T>>;
   const std::size_t lanes = hn::Lanes(d);
@@ -66,7 +66,8 @@ bool load_image_gradients(const TileTask<T>& tile, const RenderSetup<T>& setup,
   load_tile<T>(tile, setup, image.dL_drgb, 3, stride, pixels + kRed * kBlockPixels);
   load_tile<T>(tile, setup, image.dL_ddepth, 1, stride, pixels + kDepth * kBlockPixels);
   load_tile<T>(tile, setup, image.dL_dalpha, 1, stride, pixels + kAlpha * kBlockPixels);
-  if (dims) load_tile(tile, setup, image.dL_dfeatures, dims, stride, pixels + kFeatures * kBlockPixels);
+  if (dims)
+    load_tile(tile, setup, image.dL_dfeatures, dims, stride, pixels + kFeatures * kBlockPixels);
   if (!all_finite(pixels, kBlocksPerTile * stride)) return false;
   if (tile.count == 0) return true;
 
@@ -75,17 +76,15 @@ bool load_image_gradients(const TileTask<T>& tile, const RenderSetup<T>& setup,
     for (std::size_t i = 0; i < kBlockPixels; i += lanes) {
       T* pixel = pixels + block * stride + i;
       const T* sums = tile.sums + block * sums_stride + i;
-      const auto wanted =
-          hn::Gt(hn::Load(d, transmittance + block * kBlockPixels + i), zero);
+      const auto wanted = hn::Gt(hn::Load(d, transmittance + block * kBlockPixels + i), zero);
       V behind = zero;
       const auto put = [&](std::size_t value, std::size_t sum, V gradient) HWY_ATTR {
         gradient = hn::IfThenElseZero(wanted, gradient);
         hn::Store(gradient, d, pixel + value * kBlockPixels);
         behind = hn::MulAdd(gradient, hn::Load(d, sums + sum * kBlockPixels), behind);
       };
-      const auto get = [&](std::size_t value) HWY_ATTR {
-        return hn::Load(d, pixel + value * kBlockPixels);
-      };
+      const auto get = [&](std::size_t value)
+                           HWY_ATTR { return hn::Load(d, pixel + value * kBlockPixels); };
       // The rendered colour is the sum plus (1 - alpha) background, the depth a ratio of sums.
       V by_alpha = get(kAlpha);
       for (std::size_t c = 0; c < 3; ++c) {
@@ -109,9 +108,9 @@ bool load_image_gradients(const TileTask<T>& tile, const RenderSetup<T>& setup,
 
 template <bool kHasFeatures, bool kStatistics, typename T>
 bool blend_entries_backward(const TileTask<T>& tile, const RenderSetup<T>& setup,
-                         const Splat<T>* splats, const T* features, const WantedPixels& wanted,
-                         const ImageGradients<T>& image_gradients,
-                         const EntryGradients<T>& out) {
+                            const Splat<T>* splats, const T* features, const WantedPixels& wanted,
+                            const ImageGradients<T>& image_gradients,
+                            const EntryGradients<T>& out) {
   const Lanes<T> d;
   using V = hn::Vec<Lanes<T>>;
   const std::size_t lanes = hn::Lanes(d);
@@ -163,9 +162,8 @@ bool blend_entries_backward(const TileTask<T>& tile, const RenderSetup<T>& setup
       bool any_alive = false;
       for (std::size_t i = 0; i < kBlockPixels; i += lanes) {
         T* pixel = pixels + block * stride + i;
-        const auto value = [&](std::size_t which) HWY_ATTR {
-          return hn::Load(d, pixel + which * kBlockPixels);
-        };
+        const auto value = [&](std::size_t which)
+                               HWY_ATTR { return hn::Load(d, pixel + which * kBlockPixels); };
         T* t = transmittance + block * kBlockPixels + i;
         const auto at = footprint.at(block, i / lanes);
         const V alpha = alpha_of(at.log2_alpha);
@@ -243,11 +241,10 @@ template <typename T>
 bool blend_tile_backward(const TileTask<T>& tile, const RenderSetup<T>& setup,
                          const Splat<T>* splats, const T* features, const WantedPixels& wanted,
                          const ImageGradients<T>& image_gradients, const EntryGradients<T>& out) {
-  const auto blend = out.features
-                         ? (out.statistics ? &blend_entries_backward<true, true, T>
-                                           : &blend_entries_backward<true, false, T>)
-                         : (out.statistics ? &blend_entries_backward<false, true, T>
-                                           : &blend_entries_backward<false, false, T>);
+  const auto blend = out.features ? (out.statistics ? &blend_entries_backward<true, true, T>
+                                                    : &blend_entries_backward<true, false, T>)
+                                  : (out.statistics ? &blend_entries_backward<false, true, T>
+                                                    : &blend_entries_backward<false, false, T>);
   return blend(tile, setup, splats, features, wanted, image_gradients, out);
 }
 
@@ -255,13 +252,12 @@ bool blend_tile_backward_float(const TileTask<float>& tile, const RenderSetup<fl
                                const Splat<float>* splats, const float* features,
                                const WantedPixels& wanted, const ImageGradients<float>& gradients,
                                const EntryGradients<float>& out) {
-  return HWY_NAMESPACE::blend_tile_backward<float>(tile, setup, splats, features, wanted,
-                                                   gradients, out);
+  return HWY_NAMESPACE::blend_tile_backward<float>(tile, setup, splats, features, wanted, gradients,
+                                                   out);
 }
 bool blend_tile_backward_double(const TileTask<double>& tile, const RenderSetup<double>& setup,
                                 const Splat<double>* splats, const double* features,
-                                const WantedPixels& wanted,
-                                const ImageGradients<double>& gradients,
+                                const WantedPixels& wanted, const ImageGradients<double>& gradients,
                                 const EntryGradients<double>& out) {
   return HWY_NAMESPACE::blend_tile_backward<double>(tile, setup, splats, features, wanted,
                                                     gradients, out);

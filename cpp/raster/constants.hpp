@@ -20,7 +20,8 @@ constexpr int kChunkSize = 4096;
 /// several bands of tile rows, so that many screen-filling Gaussians cannot exhaust the memory.
 constexpr long kMinBandEntries = 1L << 20;
 
-/// Alpha never exceeds this, so that 1 / (1 - alpha) stays bounded (3DGS, Kerbl et al. 2023, app. C).
+/// Alpha never exceeds this, so that 1 / (1 - alpha) stays bounded (3DGS, Kerbl et al. 2023, app.
+/// C).
 constexpr double kMaxAlpha = 0.99;
 
 /// The Jacobian of the projection is evaluated at most this share of the field of view outside the

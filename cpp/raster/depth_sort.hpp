@@ -26,8 +26,8 @@ struct DepthItem {
   std::uint32_t index;
 };
 
-/// Sorts by depth, keeping the order of equal depths: a radix sort, eight bits a pass, that skips the
-/// digits which all share. `scratch` is working memory.
+/// Sorts by depth, keeping the order of equal depths: a radix sort, eight bits a pass, that skips
+/// the digits which all share. `scratch` is working memory.
 template <typename T>
 void sort_by_depth(std::vector<DepthItem<T>>& items, std::vector<DepthItem<T>>& scratch) {
   constexpr std::size_t kInsertionSortSize = 48;

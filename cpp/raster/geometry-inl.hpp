@@ -15,36 +15,6 @@
 HWY_BEFORE_NAMESPACE();
 namespace gslts::raster::HWY_NAMESPACE {
 
-/// Transposes rows of four numbers into columns, one row a lane.
-template <typename T, typename Row>
-HWY_INLINE void transpose_rows(const T* base, const Row* rows, std::size_t lanes,
-                               std::size_t stride, T (*columns)[kBlockPixels]) {
-  for (std::size_t lane = 0; lane < lanes; ++lane) {
-    const T* row = base + std::size_t(rows[lane]) * stride;
-    for (int column = 0; column < 4; ++column) columns[column][lane] = row[column];
-  }
-}
-template <typename Row>
-HWY_INLINE void transpose_rows(const float* base, const Row* rows, std::size_t lanes,
-                               std::size_t stride, float (*columns)[kBlockPixels]) {
-  const hn::FixedTag<float, 4> d;
-  const hn::RepartitionToWide<decltype(d)> wide;
-  for (std::size_t lane = 0; lane < lanes; lane += 4) {
-    const auto row = [&](std::size_t i) HWY_ATTR {
-      return hn::LoadU(d, base + std::size_t(rows[lane + i]) * stride);
-    };
-    const auto r0 = row(0), r1 = row(1), r2 = row(2), r3 = row(3);
-    const auto a = hn::BitCast(wide, hn::InterleaveLower(d, r0, r1));
-    const auto b = hn::BitCast(wide, hn::InterleaveLower(d, r2, r3));
-    const auto c = hn::BitCast(wide, hn::InterleaveUpper(d, r0, r1));
-    const auto e = hn::BitCast(wide, hn::InterleaveUpper(d, r2, r3));
-    hn::Store(hn::BitCast(d, hn::InterleaveLower(wide, a, b)), d, columns[0] + lane);
-    hn::Store(hn::BitCast(d, hn::InterleaveUpper(wide, a, b)), d, columns[1] + lane);
-    hn::Store(hn::BitCast(d, hn::InterleaveLower(wide, c, e)), d, columns[2] + lane);
-    hn::Store(hn::BitCast(d, hn::InterleaveUpper(wide, c, e)), d, columns[3] + lane);
-  }
-}
-
 /// Columns of the rows rows[lane] of a row-major [N, kColumns] array. Loads and shuffles beat the
 /// gather instructions of every machine measured.
 template <int kColumns, class D, typename T = hn::TFromD<D>, typename Row>
@@ -73,26 +43,27 @@ HWY_INLINE void prefetch(const GaussianView<T>& gaussians, std::size_t row) {
 template <class D>
 struct Geometry {
   using V = hn::Vec<D>;
-  V x, y, z, inverse_z;        ///< Centre in the camera frame.
+  V x, y, z, inverse_z;  ///< Centre in the camera frame.
   V x_over_z, y_over_z;
-  V tan_x, tan_y;              ///< The same, clamped: where the Jacobian is evaluated.
-  V quat[4], inverse_norm;     ///< Unit quaternion; 1 / norm of the stored one, 0 if it had none.
+  V tan_x, tan_y;           ///< The same, clamped: where the Jacobian is evaluated.
+  V quat[4], inverse_norm;  ///< Unit quaternion; 1 / norm of the stored one, 0 if it had none.
   V camera_from_gaussian[3][3];
   V scale[3];
-  hn::Mask<D> scale_free[3];   ///< Scale not clamped.
-  V jacobian[2][3];            ///< d(mean2d) / d(Gaussian's own axes) = J W R, px/m.
-  V axes[2][3];                ///< The Gaussian's axes in the image: J W R S, px.
+  hn::Mask<D> scale_free[3];  ///< Scale not clamped.
+  V jacobian[2][3];           ///< d(mean2d) / d(Gaussian's own axes) = J W R, px/m.
+  V axes[2][3];               ///< The Gaussian's axes in the image: J W R S, px.
   /// With s = min(1, 1 / longest axis), so that nothing overflows: s, and s^2 times the projected
   /// covariance and s^4 times its determinant, before and after adding eps2d.
   V shrink;
   V cov_xx, cov_xy, cov_yy, det;
-  V low_pass;                  ///< s^2 eps2d
+  V low_pass;  ///< s^2 eps2d
   V filtered_xx, filtered_yy, filtered_det;
 };
 
 /// Centre of the Gaussians in the camera frame.
 template <class D, typename T>
-HWY_INLINE void to_camera(D d, const RenderSetup<T>& setup, const hn::Vec<D>* mean, hn::Vec<D>* out) {
+HWY_INLINE void to_camera(D d, const RenderSetup<T>& setup, const hn::Vec<D>* mean,
+                          hn::Vec<D>* out) {
   for (int i = 0; i < 3; ++i) {
     auto sum = hn::Set(d, setup.map_origin_in_camera[i]);
     for (int j = 0; j < 3; ++j) {
@@ -137,8 +108,7 @@ HWY_INLINE void normalize_quats(D d, Geometry<D>& g) {
     g.quat[i] = hn::Mul(g.quat[i], inverse_largest);
     norm2 = hn::MulAdd(g.quat[i], g.quat[i], norm2);
   }
-  const auto rotates =
-      hn::Ge(hn::Mul(largest, hn::Sqrt(norm2)), hn::Set(d, T(kMinQuatNorm)));
+  const auto rotates = hn::Ge(hn::Mul(largest, hn::Sqrt(norm2)), hn::Set(d, T(kMinQuatNorm)));
   const auto inverse = hn::Div(one, hn::Sqrt(hn::IfThenElse(rotates, norm2, one)));
   for (int i = 0; i < 4; ++i) {
     g.quat[i] = hn::IfThenElse(rotates, hn::Mul(g.quat[i], inverse), i == 0 ? one : hn::Zero(d));
@@ -172,7 +142,8 @@ HWY_INLINE Geometry<D> project(D d, const GaussianView<T>& gaussians, const Rend
   const V w = g.quat[0], x = g.quat[1], y = g.quat[2], z = g.quat[3];
   const V rotation[3][3] = {
       {hn::NegMulAdd(two, hn::MulAdd(y, y, hn::Mul(z, z)), one),
-       hn::Mul(two, hn::MulSub(x, y, hn::Mul(w, z))), hn::Mul(two, hn::MulAdd(x, z, hn::Mul(w, y)))},
+       hn::Mul(two, hn::MulSub(x, y, hn::Mul(w, z))),
+       hn::Mul(two, hn::MulAdd(x, z, hn::Mul(w, y)))},
       {hn::Mul(two, hn::MulAdd(x, y, hn::Mul(w, z))),
        hn::NegMulAdd(two, hn::MulAdd(x, x, hn::Mul(z, z)), one),
        hn::Mul(two, hn::MulSub(y, z, hn::Mul(w, x)))},
@@ -220,13 +191,14 @@ HWY_INLINE Geometry<D> project(D d, const GaussianView<T>& gaussians, const Rend
   g.cov_xy = dot3<D>(a, b);
   g.cov_yy = dot3<D>(b, b);
   // det(U U^T) is the squared length of the cross product of U's rows, and those of J W R have the
-  // cross product (fx fy / z^2) (W R)^T (tan_x, tan_y, 1): no cancellation, however thin the needle.
+  // cross product (fx fy / z^2) (W R)^T (tan_x, tan_y, 1): no cancellation, however thin the
+  // needle.
   const V focal2 = hn::Mul(focal_x, focal_y);
   g.det = hn::Zero(d);
   for (int k = 0; k < 3; ++k) {
-    const V cross = hn::MulAdd(
-        g.tan_x, g.camera_from_gaussian[0][k],
-        hn::MulAdd(g.tan_y, g.camera_from_gaussian[1][k], g.camera_from_gaussian[2][k]));
+    const V cross =
+        hn::MulAdd(g.tan_x, g.camera_from_gaussian[0][k],
+                   hn::MulAdd(g.tan_y, g.camera_from_gaussian[1][k], g.camera_from_gaussian[2][k]));
     const V area = hn::Mul(hn::Mul(hn::Mul(focal2, cross), scale[(k + 1) % 3]), scale[(k + 2) % 3]);
     g.det = hn::MulAdd(area, area, g.det);
   }
@@ -234,8 +206,7 @@ HWY_INLINE Geometry<D> project(D d, const GaussianView<T>& gaussians, const Rend
   g.filtered_xx = hn::Add(g.cov_xx, g.low_pass);
   g.filtered_yy = hn::Add(g.cov_yy, g.low_pass);
   // det(C + e I) = det(C) + e tr(C) + e^2
-  g.filtered_det = hn::MulAdd(
-      g.low_pass, hn::Add(hn::Add(g.cov_xx, g.cov_yy), g.low_pass), g.det);
+  g.filtered_det = hn::MulAdd(g.low_pass, hn::Add(hn::Add(g.cov_xx, g.cov_yy), g.low_pass), g.det);
   return g;
 }
 

@@ -50,9 +50,8 @@ void write_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const Want
       const int block = (y - y0) / kBlockSize * kBlocksPerRow + (x - x0) / kBlockSize;
       const T* sums =
           tile.count ? tile.sums + std::size_t(block) * (5 + dims) * kBlockPixels : nothing;
-      const auto sum = [&](std::size_t channel) HWY_ATTR {
-        return hn::LoadU(d, sums + channel * kBlockPixels + pixel);
-      };
+      const auto sum = [&](std::size_t channel)
+                           HWY_ATTR { return hn::LoadU(d, sums + channel * kBlockPixels + pixel); };
       const std::size_t columns = std::min(lanes, std::size_t(x1 - x));
       V seen = one;
       if (!wanted.all()) {

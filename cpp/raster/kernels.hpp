@@ -9,8 +9,8 @@
 #include "setup.hpp"
 #include "splat.hpp"
 
-// The SIMD kernels, in the order in which a render and its backward pass call them. Each is compiled
-// for several instruction sets and picks the best that the machine has.
+// The SIMD kernels, in the order in which a render and its backward pass call them. Each is
+// compiled for several instruction sets and picks the best that the machine has.
 
 namespace gslts::raster {
 
@@ -39,7 +39,8 @@ struct TileTask {
   T* sums;                 ///< [tile_sums_size]
 };
 
-/// Sorts the tile's entries by depth, finds the blocks that each touches, and blends them into sums.
+/// Sorts the tile's entries by depth, finds the blocks that each touches, and blends them into
+/// sums.
 template <typename T>
 void blend_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const Splat<T>* splats,
                 const T* features, const WantedPixels& wanted);
@@ -50,8 +51,8 @@ void write_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const Want
                 Images<T>& images);
 
 /// Sums over the pixels of one tile that the backward pass of a splat starts from. With G =
-/// dL/dlog(alpha) and w the blend weight: G, G u, G v, G u^2, G u v, G v^2, w dL/d(red, green, blue),
-/// w dL/d(sum w z), and two of padding.
+/// dL/dlog(alpha) and w the blend weight: G, G u, G v, G u^2, G u v, G v^2, w dL/d(red, green,
+/// blue), w dL/d(sum w z), and two of padding.
 constexpr int kSumsPerEntry = 12;
 /// |dL/dmean2d| x and y, greatest w, number of pixels.
 constexpr int kStatisticsPerEntry = 4;
@@ -70,8 +71,8 @@ bool blend_tile_backward(const TileTask<T>& tile, const RenderSetup<T>& setup,
                          const ImageGradients<T>& image_gradients,
                          const EntryGradients<T>& entry_gradients);
 
-/// Gradients of the `count` splats of a chunk from their sums, into rows first_row... of `gradients`.
-/// Adds the chunk's part of the gradient of the pose to `twist`.
+/// Gradients of the `count` splats of a chunk from their sums, into rows first_row... of
+/// `gradients`. Adds the chunk's part of the gradient of the pose to `twist`.
 template <typename T>
 void project_chunk_backward(const GaussianView<T>& gaussians, const RenderSetup<T>& setup,
                             const Splat<T>* splats, std::size_t count, const T* sums,

@@ -61,16 +61,16 @@ std::size_t cull_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& s
     const auto clamped_y =
         hn::Clamp(tan_y, hn::Set(d, setup.min_tan_y), hn::Set(d, setup.max_tan_y));
     // |J|^2 <= (f / z)^2 (1 + tan_x^2 + tan_y^2) bounds the longest axis in the image.
-    const auto secant = hn::Sqrt(hn::MulAdd(
-        clamped_x, clamped_x, hn::MulAdd(clamped_y, clamped_y, hn::Set(d, T(1)))));
+    const auto secant = hn::Sqrt(
+        hn::MulAdd(clamped_x, clamped_x, hn::MulAdd(clamped_y, clamped_y, hn::Set(d, T(1)))));
     const auto largest = hn::Min(hn::Max(hn::Max(log_scale[0], log_scale[1]), log_scale[2]),
                                  hn::Set(d, T(kMaxLogScale)));
-    const auto sigma = hn::Mul(hn::Mul(hn::Exp(d, largest), secant),
-                               hn::Mul(hn::Set(d, focal), inverse_z));
+    const auto sigma =
+        hn::Mul(hn::Mul(hn::Exp(d, largest), secant), hn::Mul(hn::Set(d, focal), inverse_z));
     // Half a pixel and the low-pass filter, by sqrt(a^2 + b) <= a + sqrt(b); 1 % for rounding.
-    const auto radius = hn::MulAdd(
-        hn::Set(d, T(1.01) * extent), sigma,
-        hn::Set(d, T(1) + T(1.01) * extent * std::sqrt(setup.eps2d_px2)));
+    const auto radius =
+        hn::MulAdd(hn::Set(d, T(1.01) * extent), sigma,
+                   hn::Set(d, T(1) + T(1.01) * extent * std::sqrt(setup.eps2d_px2)));
     const auto px = hn::MulAdd(tan_x, hn::Set(d, setup.fx), hn::Set(d, setup.cx));
     const auto py = hn::MulAdd(tan_y, hn::Set(d, setup.fy), hn::Set(d, setup.cy));
     auto seen = hn::And(hn::Gt(center[2], hn::Set(d, setup.near_m)), hn::FirstN(d, valid));
@@ -164,7 +164,8 @@ bool project_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup
     // Half sizes of the box around the ellipse alpha = alpha_min, a little larger for rounding.
     const V power = log2_opacity - hn::Set(d, setup.log2_alpha_min);
     const V reach = hn::Sqrt(hn::MulAdd(power, hn::Set(d, T(1.001)), hn::Set(d, T(0.001))) *
-                             hn::Set(d, T(2 * kLn2))) / g.shrink;
+                             hn::Set(d, T(2 * kLn2))) /
+                    g.shrink;
     const V half_x = reach * hn::Sqrt(g.filtered_xx), half_y = reach * hn::Sqrt(g.filtered_yy);
     const V px = hn::MulAdd(g.x_over_z, hn::Set(d, setup.fx), hn::Set(d, setup.cx));
     const V py = hn::MulAdd(g.y_over_z, hn::Set(d, setup.fy), hn::Set(d, setup.cy));
@@ -176,8 +177,8 @@ bool project_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup
     const V y1 = hn::Min(hn::Floor(py + half_y - half), hn::Set(d, T(setup.region.y1 - 1)));
     seen = hn::And(seen, hn::And(hn::Le(x0, x1), hn::Le(y0, y1)));
     // Footprints beyond the range of T, or without an area when eps2d is 0, are not seen.
-    const V all = hn::Abs(px) + hn::Abs(py) + half_x + half_y + white.uu + hn::Abs(white.uv) +
-                  white.vv;
+    const V all =
+        hn::Abs(px) + hn::Abs(py) + half_x + half_y + white.uu + hn::Abs(white.uv) + white.vv;
     seen = hn::And(seen, hn::And(hn::IsFinite(all), hn::Gt(g.filtered_det, hn::Zero(d))));
     if (hn::AllFalse(d, seen)) continue;
 
@@ -203,10 +204,15 @@ bool project_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup
                              std::uint16_t(int(box[3][lane]) / kTileSize + 1)};
       if (!touches_wanted(rect, wanted, setup.tiles_x)) continue;
       rects[stored] = rect;
-      splats[stored++] = {values[0][lane], values[1][lane], values[2][lane], values[3][lane],
-                          values[4][lane], values[5][lane],
+      splats[stored++] = {values[0][lane],
+                          values[1][lane],
+                          values[2][lane],
+                          values[3][lane],
+                          values[4][lane],
+                          values[5][lane],
                           {colors[0][lane], colors[1][lane], colors[2][lane]},
-                          values[6][lane], std::uint32_t(begin + std::size_t(rows[i + lane]))};
+                          values[6][lane],
+                          std::uint32_t(begin + std::size_t(rows[i + lane]))};
     }
   }
   out.counts[chunk] = std::uint32_t(stored);

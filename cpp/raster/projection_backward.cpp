@@ -204,9 +204,9 @@ void project_chunk_backward(const GaussianView<T>& gaussians, const RenderSetup<
     V center[3];  // dL/d(x, y, z)
     center[0] = tan_x * g.inverse_z;
     center[1] = tan_y * g.inverse_z;
-    center[2] = hn::NegMulAdd(
-        hn::MulAdd(tan_x, g.x_over_z, hn::MulAdd(tan_y, g.y_over_z, by_inverse_z)), g.inverse_z,
-        s[9]);
+    center[2] =
+        hn::NegMulAdd(hn::MulAdd(tan_x, g.x_over_z, hn::MulAdd(tan_y, g.y_over_z, by_inverse_z)),
+                      g.inverse_z, s[9]);
 
     V rotation[3][3], mean[3], quat[4];
     for (int a = 0; a < 3; ++a) {
@@ -297,10 +297,10 @@ void project_chunk_backward(const GaussianView<float>& gaussians, const RenderSe
   (gaussians, setup, splats, count, sums, first_row, gradients, twist);
 }
 template <>
-void project_chunk_backward(const GaussianView<double>& gaussians,
-                            const RenderSetup<double>& setup, const Splat<double>* splats,
-                            std::size_t count, const double* sums, std::size_t first_row,
-                            Gradients<double>& gradients, std::array<double, 6>& twist) {
+void project_chunk_backward(const GaussianView<double>& gaussians, const RenderSetup<double>& setup,
+                            const Splat<double>* splats, std::size_t count, const double* sums,
+                            std::size_t first_row, Gradients<double>& gradients,
+                            std::array<double, 6>& twist) {
   HWY_DYNAMIC_DISPATCH(project_chunk_backward_double)
   (gaussians, setup, splats, count, sums, first_row, gradients, twist);
 }

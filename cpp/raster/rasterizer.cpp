@@ -60,9 +60,9 @@ struct Rasterizer<T>::State {
   void project(const GaussianView<T>& gaussians);
   /// Writes the images too, unless null.
   void blend_band(const GaussianView<T>& gaussians, Band& band, Images<T>* images);
-  TileTask<T> tile_task(const Band& band, std::size_t tile);
+  TileTask<T> tile_task(Band& band, std::size_t tile);
   void blend_band_backward(const GaussianView<T>& gaussians, const ImageGradients<T>& image,
-                           const Band& band, bool statistics);
+                           Band& band, bool statistics);
   void gather_chunk(const Band& band, std::size_t chunk, std::size_t first_row, T* sums,
                     Gradients<T>& gradients) const;
 };
@@ -83,13 +83,13 @@ void Rasterizer<T>::State::project(const GaussianView<T>& gaussians) {
 }
 
 template <typename T>
-TileTask<T> Rasterizer<T>::State::tile_task(const Band& band, std::size_t tile) {
+TileTask<T> Rasterizer<T>::State::tile_task(Band& band, std::size_t tile) {
   const std::uint32_t first = band.offsets[tile];
   const int x = int(tile) % setup->tiles_x, y = band.first_row + int(tile) / setup->tiles_x;
   return {x,
           y,
           wanted.blocks(y * setup->tiles_x + x),
-          const_cast<TileEntry*>(band.entries.data()) + first,
+          band.entries.data() + first,
           memory.blocks.data() + first,
           band.offsets[tile + 1] - first,
           &memory.reached[tile],
@@ -121,7 +121,7 @@ void Rasterizer<T>::State::blend_band(const GaussianView<T>& gaussians, Band& ba
 
 template <typename T>
 void Rasterizer<T>::State::blend_band_backward(const GaussianView<T>& gaussians,
-                                               const ImageGradients<T>& image, const Band& band,
+                                               const ImageGradients<T>& image, Band& band,
                                                bool statistics) {
   const std::size_t entries = band.entries.size();
   const int dims = image.dL_dfeatures ? setup->feature_dims : 0;

@@ -23,7 +23,8 @@ void validate(const RenderOptions& options) {
   for (double value : options.background) {
     require(std::isfinite(value), "background", "finite", value);
   }
-  require(options.near_m > 0 && std::isfinite(options.near_m), "near_m", "positive", options.near_m);
+  require(options.near_m > 0 && std::isfinite(options.near_m), "near_m", "positive",
+          options.near_m);
   require(options.sh_degree >= 0 && options.sh_degree <= 3, "sh_degree", "0, 1, 2 or 3",
           options.sh_degree);
   require(options.eps2d_px2 >= 0 && std::isfinite(options.eps2d_px2), "eps2d_px2", "at least 0",

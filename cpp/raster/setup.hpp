@@ -17,10 +17,10 @@ struct Rect {
 /// What the kernels need to know of camera, options and map: computed once in double, kept in T.
 template <typename T>
 struct RenderSetup {
-  T camera_from_map[3][3];         ///< Rotation.
-  T map_origin_in_camera[3];       ///< m
-  T camera_in_map[3];              ///< Camera centre, m.
-  T fx, fy, cx, cy;                ///< px
+  T camera_from_map[3][3];                       ///< Rotation.
+  T map_origin_in_camera[3];                     ///< m
+  T camera_in_map[3];                            ///< Camera centre, m.
+  T fx, fy, cx, cy;                              ///< px
   T min_tan_x, max_tan_x, min_tan_y, max_tan_y;  ///< Limits of x/z and y/z in the Jacobian.
   T near_m;
   T eps2d_px2;

@@ -1,6 +1,6 @@
 // Real spherical harmonics up to degree 3, one direction a lane, with the order and signs of 3DGS
-// (Kerbl et al. 2023; the polynomials are those of Sloan, "Efficient Spherical Harmonic Evaluation",
-// 2013). Included once per instruction set.
+// (Kerbl et al. 2023; the polynomials are those of Sloan, "Efficient Spherical Harmonic
+// Evaluation", 2013). Included once per instruction set.
 
 #if defined(GSLTS_RASTER_SH_INL_HPP) == defined(HWY_TARGET_TOGGLE)
 #ifdef GSLTS_RASTER_SH_INL_HPP
@@ -71,9 +71,9 @@ HWY_INLINE void sh_basis_gradient(D d, int degree, V x, V y, V z, const V* weigh
     gx = gx - two * a * x * y * (w[9]) + b * y * z * w[10] + two * e * x * y * w[11] -
          two * f * x * z * w[12] - e * (four * zz - three * xx - yy) * w[13] +
          two * h * x * z * w[14] - a * (xx - yy) * w[15];
-    gy = gy - a * (xx - yy) * w[9] + b * x * z * w[10] -
-         e * (four * zz - xx - three * yy) * w[11] - two * f * y * z * w[12] +
-         two * e * x * y * w[13] - two * h * y * z * w[14] + two * a * x * y * w[15];
+    gy = gy - a * (xx - yy) * w[9] + b * x * z * w[10] - e * (four * zz - xx - three * yy) * w[11] -
+         two * f * y * z * w[12] + two * e * x * y * w[13] - two * h * y * z * w[14] +
+         two * a * x * y * w[15];
     gz = gz + b * x * y * w[10] - c(8) * e * z * (y * w[11] + x * w[13]) +
          f * (two * zz - xx - yy) * w[12] + h * (xx - yy) * w[14];
   }

@@ -8,9 +8,10 @@
 #define GSLTS_RASTER_SIMD_INL_HPP
 #endif
 
+#include "hwy/highway.h"
+
 #include "constants.hpp"
 #include "hwy/contrib/math/math-inl.h"
-#include "hwy/highway.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace gslts::raster::HWY_NAMESPACE {
@@ -85,6 +86,36 @@ HWY_INLINE void store_sums(D d, V a, V b, V c, V e, double* out) {
   const V ce = hn::Add(hn::InterleaveLower(d, c, e), hn::InterleaveUpper(d, c, e));
   hn::StoreU(sum_parts(d, ab), part, out);
   hn::StoreU(sum_parts(d, ce), part, out + 2);
+}
+
+/// Transposes rows of four numbers into columns, one row a lane.
+template <typename T, typename Row>
+HWY_INLINE void transpose_rows(const T* base, const Row* rows, std::size_t lanes,
+                               std::size_t stride, T (*columns)[kBlockPixels]) {
+  for (std::size_t lane = 0; lane < lanes; ++lane) {
+    const T* row = base + std::size_t(rows[lane]) * stride;
+    for (int column = 0; column < 4; ++column) columns[column][lane] = row[column];
+  }
+}
+template <typename Row>
+HWY_INLINE void transpose_rows(const float* base, const Row* rows, std::size_t lanes,
+                               std::size_t stride, float (*columns)[kBlockPixels]) {
+  const hn::FixedTag<float, 4> d;
+  const hn::RepartitionToWide<decltype(d)> wide;
+  for (std::size_t lane = 0; lane < lanes; lane += 4) {
+    const auto row = [&](std::size_t i) HWY_ATTR {
+      return hn::LoadU(d, base + std::size_t(rows[lane + i]) * stride);
+    };
+    const auto r0 = row(0), r1 = row(1), r2 = row(2), r3 = row(3);
+    const auto a = hn::BitCast(wide, hn::InterleaveLower(d, r0, r1));
+    const auto b = hn::BitCast(wide, hn::InterleaveLower(d, r2, r3));
+    const auto c = hn::BitCast(wide, hn::InterleaveUpper(d, r0, r1));
+    const auto e = hn::BitCast(wide, hn::InterleaveUpper(d, r2, r3));
+    hn::Store(hn::BitCast(d, hn::InterleaveLower(wide, a, b)), d, columns[0] + lane);
+    hn::Store(hn::BitCast(d, hn::InterleaveUpper(wide, a, b)), d, columns[1] + lane);
+    hn::Store(hn::BitCast(d, hn::InterleaveLower(wide, c, e)), d, columns[2] + lane);
+    hn::Store(hn::BitCast(d, hn::InterleaveUpper(wide, c, e)), d, columns[3] + lane);
+  }
 }
 
 /// Whether n numbers are all finite.

@@ -19,9 +19,7 @@ struct UninitializedAllocator {
   template <typename U>
   UninitializedAllocator(const UninitializedAllocator<U>&) {}
 
-  T* allocate(std::size_t n) {
-    return static_cast<T*>(::operator new(n * sizeof(T), kAlignment));
-  }
+  T* allocate(std::size_t n) { return static_cast<T*>(::operator new(n * sizeof(T), kAlignment)); }
   void deallocate(T* pointer, std::size_t) { ::operator delete(pointer, kAlignment); }
 
   template <typename U>

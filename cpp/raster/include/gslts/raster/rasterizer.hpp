@@ -60,7 +60,7 @@ struct ImageGradients {
 /// others have gradient zero.
 template <typename T>
 struct Gradients {
-  Array<std::uint32_t> rows;   ///< [V] rows of the map, ascending
+  Array<std::uint32_t> rows;     ///< [V] rows of the map, ascending
   Array<T> dL_dmeans;            ///< [V,3]
   Array<T> dL_dquats;            ///< [V,4]
   Array<T> dL_dlog_scales;       ///< [V,3]
@@ -71,8 +71,8 @@ struct Gradients {
   /// camera frame, of world_from_camera(xi) = world_from_camera * exp(xi), at xi = 0.
   std::array<double, 6> dL_dtwist{};
   /// Filled on request, else empty; over the pixels at which the Gaussian was blended:
-  Array<T> abs_dL_dmeans2d;            ///< [V,2] sum of |dL/dmean2d|, per px (AbsGS, Ye et al. 2024)
-  Array<T> max_weights;                ///< [V] greatest blend weight w
+  Array<T> abs_dL_dmeans2d;           ///< [V,2] sum of |dL/dmean2d|, per px (AbsGS, Ye et al. 2024)
+  Array<T> max_weights;               ///< [V] greatest blend weight w
   Array<std::uint32_t> pixel_counts;  ///< [V] number of pixels
 };
 
