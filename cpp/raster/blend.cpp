@@ -111,7 +111,7 @@ void blend_entries(const TileTask<T>& tile, const RenderSetup<T>& setup, const S
   const std::size_t stride = (5 + dims) * kBlockPixels;
   HWY_ALIGN T transmittance[kBlocksPerTile * kBlockPixels];
   std::uint64_t alive = start_transmittance(tile, setup, wanted, transmittance);
-  std::fill(tile.sums, tile.sums + tile_sums_size<T>(setup.feature_dims), T(0));
+  std::fill(tile.sums, tile.sums + tile_sums_size(setup.feature_dims), T(0));
 
   const V threshold = hn::Set(d, setup.log2_alpha_min);
   const V transmittance_min = hn::Set(d, setup.transmittance_min);

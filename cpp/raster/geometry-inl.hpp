@@ -16,7 +16,7 @@ HWY_BEFORE_NAMESPACE();
 namespace gslts::raster::HWY_NAMESPACE {
 
 /// Columns of the rows rows[lane] of a row-major [N, kColumns] array. Loads and shuffles beat the
-/// gather instructions of every machine measured.
+/// gather instructions of Zen 5, and NEON has none.
 template <int kColumns, class D, typename T = hn::TFromD<D>, typename Row>
 HWY_INLINE void gather_rows(D d, const T* base, const Row* rows, hn::Vec<D>* columns) {
   const std::size_t lanes = hn::Lanes(d);

@@ -40,6 +40,8 @@ void write_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const Want
   const V zero = hn::Zero(d), one = hn::Set(d, T(1));
   const V background[3] = {hn::Set(d, setup.background[0]), hn::Set(d, setup.background[1]),
                            hn::Set(d, setup.background[2])};
+  const bool has_background =
+      std::any_of(setup.background, setup.background + 3, [](T value) { return value != T(0); });
   static const T nothing[5 * kBlockPixels] = {};
   const int x0 = tile.x * kTileSize, y0 = tile.y * kTileSize;
   const int x1 = std::min(x0 + kTileSize, setup.width);
@@ -53,8 +55,8 @@ void write_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const Want
       const auto sum = [&](std::size_t channel)
                            HWY_ATTR { return hn::LoadU(d, sums + channel * kBlockPixels + pixel); };
       const std::size_t columns = std::min(lanes, std::size_t(x1 - x));
-      V seen = one;
-      if (!wanted.all()) {
+      V seen = one;  // 0 where a pixel is not wanted and must not show the background.
+      if (has_background && !wanted.all()) {
         HWY_ALIGN T flags[kBlockSize] = {};
         for (std::size_t i = 0; i < columns; ++i) flags[i] = T(wanted.pixel(x + int(i), y));
         seen = hn::Load(d, flags);

@@ -22,7 +22,6 @@ bool project_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup
 
 /// A tile's share of the image: per block, kBlockPixels values of each of red, green, blue,
 /// sum w z, sum w, features; before the background and the division of the depth.
-template <typename T>
 constexpr std::size_t tile_sums_size(int feature_dims) {
   return std::size_t(kBlocksPerTile) * kBlockPixels * std::size_t(5 + feature_dims);
 }

@@ -107,7 +107,7 @@ void Rasterizer<T>::State::blend_band(const GaussianView<T>& gaussians, Band& ba
   std::size_t size = 0;
   for (std::size_t tile = 0; tile < tiles; ++tile) {
     memory.sums_of[tile] = size;
-    if (band.offsets[tile] < band.offsets[tile + 1]) size += tile_sums_size<T>(setup->feature_dims);
+    if (band.offsets[tile] < band.offsets[tile + 1]) size += tile_sums_size(setup->feature_dims);
   }
   resize_working_memory(memory.sums, size);
   parallel::parallel_for(tiles, setup->threads, [&](std::size_t tile) {
