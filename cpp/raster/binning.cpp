@@ -1,7 +1,11 @@
 #include "binning.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <numeric>
+#include <stdexcept>
+#include <string>
+#include <utility>
 
 #include "gslts/parallel/parallel_for.hpp"
 #include "working_memory.hpp"
@@ -10,6 +14,9 @@ namespace gslts::raster {
 namespace {
 
 constexpr std::size_t kNowhereTiles = 3;
+
+/// Entries are numbered in 32 bits; the rest is room for those of `nowhere`.
+constexpr std::uint64_t kMaxBandEntries = std::numeric_limits<std::uint32_t>::max() - (1u << 20);
 
 /// Most splats touch at most 2 x 2 tiles, in no predictable pattern: this visits those four without
 /// a branch, the untouched ones as one of the three tiles from `nowhere` on, with an increment of
@@ -36,7 +43,6 @@ std::pair<std::size_t, std::size_t> share(std::size_t chunks, std::size_t group,
 
 template <typename T>
 std::vector<Band> plan_bands(const Splats<T>& splats, const RenderSetup<T>& setup) {
-  std::vector<std::uint64_t> row_entries(setup.tiles_y + 1, 0);
   std::uint64_t visible = 0, total = 0;
   for (std::size_t chunk = 0; chunk < splats.counts.size(); ++chunk) {
     const TileRect* rects = splats.rects.data() + chunk * kChunkSize;
@@ -51,6 +57,7 @@ std::vector<Band> plan_bands(const Splats<T>& splats, const RenderSetup<T>& setu
     whole.last_row = setup.tiles_y;
     return {whole};
   }
+  std::vector<std::uint64_t> row_entries(setup.tiles_y, 0);
   for (std::size_t chunk = 0; chunk < splats.counts.size(); ++chunk) {
     const TileRect* rects = splats.rects.data() + chunk * kChunkSize;
     for (std::uint32_t i = 0; i < splats.counts[chunk]; ++i) {
@@ -67,6 +74,11 @@ std::vector<Band> plan_bands(const Splats<T>& splats, const RenderSetup<T>& setu
     }
     bands.back().last_row = row + 1;
     entries += row_entries[row];
+    if (entries > kMaxBandEntries) {
+      throw std::runtime_error("Rasterizer::forward: the Gaussians in view touch " +
+                               std::to_string(entries) + " tiles of one row, at most " +
+                               std::to_string(kMaxBandEntries) + " can be held");
+    }
   }
   return bands;
 }

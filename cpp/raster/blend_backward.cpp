@@ -66,8 +66,9 @@ bool load_image_gradients(const TileTask<T>& tile, const RenderSetup<T>& setup,
   load_tile<T>(tile, setup, image.dL_drgb, 3, stride, pixels + kRed * kBlockPixels);
   load_tile<T>(tile, setup, image.dL_ddepth, 1, stride, pixels + kDepth * kBlockPixels);
   load_tile<T>(tile, setup, image.dL_dalpha, 1, stride, pixels + kAlpha * kBlockPixels);
-  if (dims)
+  if (dims) {
     load_tile(tile, setup, image.dL_dfeatures, dims, stride, pixels + kFeatures * kBlockPixels);
+  }
   if (!all_finite(pixels, kBlocksPerTile * stride)) return false;
   if (tile.count == 0) return true;
 

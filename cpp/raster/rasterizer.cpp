@@ -18,7 +18,7 @@
 namespace gslts::raster {
 namespace {
 
-/// Slots must stay addressable by the 32-bit lanes of a gather.
+/// Slots are numbered in 32 bits, with room for the arithmetic on them.
 constexpr std::size_t kMaxGaussians = std::size_t{1} << 27;
 
 /// Working memory of the tiles of one band; the backward pass goes on from it.
@@ -57,6 +57,7 @@ struct Rasterizer<T>::State {
   BandMemory<T> memory;  ///< Of the last band.
   Array<T> entry_sums, entry_features, entry_statistics, splat_sums;
 
+  Images<T> render(const GaussianView<T>& gaussians);
   void project(const GaussianView<T>& gaussians);
   /// Writes the images too, unless null.
   void blend_band(const GaussianView<T>& gaussians, Band& band, Images<T>* images);
@@ -66,6 +67,26 @@ struct Rasterizer<T>::State {
   void gather_chunk(const Band& band, std::size_t chunk, std::size_t first_row, T* sums,
                     Gradients<T>& gradients) const;
 };
+
+template <typename T>
+Images<T> Rasterizer<T>::State::render(const GaussianView<T>& gaussians) {
+  project(gaussians);
+  bands = plan_bands(splats, *setup);
+  Images<T> images;
+  images.width = setup->width;
+  images.height = setup->height;
+  images.feature_dims = setup->feature_dims;
+  const std::size_t pixels = std::size_t(setup->width) * setup->height;
+  images.rgb.resize(3 * pixels);
+  images.depth.resize(pixels);
+  images.alpha.resize(pixels);
+  images.features.resize(pixels * std::size_t(setup->feature_dims));
+  for (Band& band : bands) {
+    blend_band(gaussians, band, &images);
+    if (bands.size() > 1) band.entries = {};
+  }
+  return images;
+}
 
 template <typename T>
 void Rasterizer<T>::State::project(const GaussianView<T>& gaussians) {
@@ -199,27 +220,11 @@ Images<T> Rasterizer<T>::forward(const GaussianView<T>& gaussians, const Camera&
   state.map_size = gaussians.size;
   state.setup = setup;
   try {
-    state.project(gaussians);
+    return state.render(gaussians);
   } catch (...) {
-    state.setup.reset();
+    state.setup.reset();  // A render that failed half-way cannot be differentiated.
     throw;
   }
-  state.bands = plan_bands(state.splats, setup);
-
-  Images<T> images;
-  images.width = setup.width;
-  images.height = setup.height;
-  images.feature_dims = setup.feature_dims;
-  const std::size_t pixels = std::size_t(setup.width) * setup.height;
-  images.rgb.resize(3 * pixels);
-  images.depth.resize(pixels);
-  images.alpha.resize(pixels);
-  images.features.resize(pixels * std::size_t(setup.feature_dims));
-  for (Band& band : state.bands) {
-    state.blend_band(gaussians, band, &images);
-    if (state.bands.size() > 1) band.entries = {};
-  }
-  return images;
 }
 
 template <typename T>

@@ -93,6 +93,8 @@ class Rasterizer {
   /// Renders one view.
   /// @throws std::invalid_argument  for a bad camera, option or mask size, and for any number in
   ///   the Gaussians that is not finite (naming the array and the index of its first).
+  /// @throws std::runtime_error  if more than about 2^32 Gaussians and tiles of one row of tiles
+  /// meet.
   Images<T> forward(const GaussianView<T>& gaussians, const Camera& camera,
                     const RenderOptions& options = {}, const PixelMask& mask = {});
 
