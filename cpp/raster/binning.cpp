@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "gslts/parallel/parallel_for.hpp"
-#include "working_memory.hpp"
 
 namespace gslts::raster {
 namespace {
@@ -131,7 +130,7 @@ void bin_splats(const Splats<T>& splats, const RenderSetup<T>& setup, const Want
   }
   band.offsets[tiles] = offset;
   // Each group has entries of its own for `nowhere`.
-  resize_working_memory(band.entries, offset + groups * kNowhereTiles);
+  band.entries.resize(offset + groups * kNowhereTiles);
   for (std::size_t group = 0; group < groups; ++group) {
     std::iota(cursors[group].begin() + tiles, cursors[group].end(),
               std::uint32_t(offset + group * kNowhereTiles));

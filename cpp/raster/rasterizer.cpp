@@ -13,7 +13,6 @@
 #include "kernels.hpp"
 #include "setup.hpp"
 #include "splat.hpp"
-#include "working_memory.hpp"
 
 namespace gslts::raster {
 namespace {
@@ -91,8 +90,8 @@ Images<T> Rasterizer<T>::State::render(const GaussianView<T>& gaussians) {
 template <typename T>
 void Rasterizer<T>::State::project(const GaussianView<T>& gaussians) {
   const std::size_t chunks = (gaussians.size + kChunkSize - 1) / kChunkSize;
-  resize_working_memory(splats.splats, gaussians.size);
-  resize_working_memory(splats.rects, gaussians.size);
+  splats.splats.resize(gaussians.size);
+  splats.rects.resize(gaussians.size);
   splats.counts.assign(chunks, 0);
   std::vector<std::uint8_t> finite(chunks, 1);
   parallel::parallel_for(chunks, setup->threads, [&](std::size_t chunk) {
@@ -122,7 +121,7 @@ void Rasterizer<T>::State::blend_band(const GaussianView<T>& gaussians, Band& ba
                                       Images<T>* images) {
   bin_splats(splats, *setup, wanted, band);
   const std::size_t tiles = band.offsets.size() - 1;
-  resize_working_memory(memory.blocks, band.entries.size());
+  memory.blocks.resize(band.entries.size());
   memory.reached.assign(tiles, 0);
   memory.sums_of.assign(tiles, 0);
   std::size_t size = 0;
@@ -130,7 +129,7 @@ void Rasterizer<T>::State::blend_band(const GaussianView<T>& gaussians, Band& ba
     memory.sums_of[tile] = size;
     if (band.offsets[tile] < band.offsets[tile + 1]) size += tile_sums_size(setup->feature_dims);
   }
-  resize_working_memory(memory.sums, size);
+  memory.sums.resize(size);
   parallel::parallel_for(tiles, setup->threads, [&](std::size_t tile) {
     const TileTask<T> task = tile_task(band, tile);
     if (task.count) {
@@ -146,8 +145,8 @@ void Rasterizer<T>::State::blend_band_backward(const GaussianView<T>& gaussians,
                                                bool statistics) {
   const std::size_t entries = band.entries.size();
   const int dims = image.dL_dfeatures ? setup->feature_dims : 0;
-  resize_working_memory(entry_sums, entries * kSumsPerEntry);
-  resize_working_memory(entry_features, entries * std::size_t(dims));
+  entry_sums.resize(entries * kSumsPerEntry);
+  entry_features.resize(entries * std::size_t(dims));
   entry_statistics.resize(statistics ? entries * kStatisticsPerEntry : 0);
   const EntryGradients<T> out = {entry_sums.data(), dims ? entry_features.data() : nullptr,
                                  statistics ? entry_statistics.data() : nullptr};

@@ -1,26 +1,30 @@
 #pragma once
 
 #include <cstddef>
-#include <memory>
 #include <new>
 #include <utility>
 #include <vector>
 
 namespace gslts {
 
-/// Allocator behind `Array`: cache-line aligned, and `resize` leaves numbers uninitialised, because
-/// images and gradients of many megabytes are written once and must not be zeroed first.
+/// Uninitialised memory for an `Array`, aligned to cache lines; from 4 MiB on it is asked for in
+/// huge pages, since the page faults of small ones may take longer than filling the memory does.
+/// @throws std::bad_alloc
+void* allocate_array(std::size_t bytes);
+void deallocate_array(void* pointer, std::size_t bytes) noexcept;
+
+/// Allocator behind `Array`: `resize` leaves numbers uninitialised, because images and gradients of
+/// many megabytes are written once and must not be zeroed first.
 template <typename T>
 struct UninitializedAllocator {
   using value_type = T;
-  static constexpr std::align_val_t kAlignment{64};
 
   UninitializedAllocator() = default;
   template <typename U>
   UninitializedAllocator(const UninitializedAllocator<U>&) {}
 
-  T* allocate(std::size_t n) { return static_cast<T*>(::operator new(n * sizeof(T), kAlignment)); }
-  void deallocate(T* pointer, std::size_t) { ::operator delete(pointer, kAlignment); }
+  T* allocate(std::size_t n) { return static_cast<T*>(allocate_array(n * sizeof(T))); }
+  void deallocate(T* pointer, std::size_t n) { deallocate_array(pointer, n * sizeof(T)); }
 
   template <typename U>
   void construct(U* pointer) {
