@@ -41,29 +41,31 @@ std::pair<std::size_t, std::size_t> share(std::size_t chunks, std::size_t group,
 }  // namespace
 
 template <typename T>
-std::vector<Band> plan_bands(const Splats<T>& splats, const RenderSetup<T>& setup) {
+std::vector<Band<T>> plan_bands(const Splats<T>& splats, const RenderSetup<T>& setup) {
   std::uint64_t visible = 0, total = 0;
   for (std::size_t chunk = 0; chunk < splats.counts.size(); ++chunk) {
-    const TileRect* rects = splats.rects.data() + chunk * kChunkSize;
+    const SplatKey<T>* keys = splats.keys.data() + chunk * kChunkSize;
     visible += splats.counts[chunk];
     for (std::uint32_t i = 0; i < splats.counts[chunk]; ++i) {
-      total += std::uint64_t(rects[i].x1 - rects[i].x0) * (rects[i].y1 - rects[i].y0);
+      const TileRect& rect = keys[i].rect;
+      total += std::uint64_t(rect.x1 - rect.x0) * (rect.y1 - rect.y0);
     }
   }
   const std::uint64_t budget = std::max<std::uint64_t>(kMinBandEntries, 4 * visible);
   if (total <= budget) {
-    Band whole;
+    Band<T> whole;
     whole.last_row = setup.tiles_y;
     return {whole};
   }
   std::vector<std::uint64_t> row_entries(setup.tiles_y, 0);
   for (std::size_t chunk = 0; chunk < splats.counts.size(); ++chunk) {
-    const TileRect* rects = splats.rects.data() + chunk * kChunkSize;
+    const SplatKey<T>* keys = splats.keys.data() + chunk * kChunkSize;
     for (std::uint32_t i = 0; i < splats.counts[chunk]; ++i) {
-      for (int y = rects[i].y0; y < rects[i].y1; ++y) row_entries[y] += rects[i].x1 - rects[i].x0;
+      const TileRect& rect = keys[i].rect;
+      for (int y = rect.y0; y < rect.y1; ++y) row_entries[y] += rect.x1 - rect.x0;
     }
   }
-  std::vector<Band> bands;
+  std::vector<Band<T>> bands;
   std::uint64_t entries = 0;
   for (int row = 0; row < setup.tiles_y; ++row) {
     if (bands.empty() || entries + row_entries[row] > budget) {
@@ -84,7 +86,7 @@ std::vector<Band> plan_bands(const Splats<T>& splats, const RenderSetup<T>& setu
 
 template <typename T>
 void bin_splats(const Splats<T>& splats, const RenderSetup<T>& setup, const WantedPixels& wanted,
-                Band& band) {
+                Band<T>& band) {
   const std::size_t chunks = splats.counts.size();
   const std::size_t tiles = std::size_t(band.last_row - band.first_row) * setup.tiles_x;
   const std::size_t groups = std::max<std::size_t>(1, std::min<std::size_t>(setup.threads, chunks));
@@ -98,17 +100,18 @@ void bin_splats(const Splats<T>& splats, const RenderSetup<T>& setup, const Want
     counts.assign(tiles + kNowhereTiles, 0);
     const auto [begin, end] = share(chunks, group, groups);
     for (std::size_t chunk = begin; chunk < end; ++chunk) {
-      const TileRect* rects = splats.rects.data() + chunk * kChunkSize;
+      const SplatKey<T>* keys = splats.keys.data() + chunk * kChunkSize;
       std::uint32_t entries = 0;
       for (std::uint32_t i = 0; i < splats.counts[chunk]; ++i) {
-        if (simple && within_four(rects[i])) {
-          for_each_tile_of_four(rects[i], setup.tiles_x, nowhere, [&](int tile, int, int one) {
+        const TileRect& rect = keys[i].rect;
+        if (simple && within_four(rect)) {
+          for_each_tile_of_four(rect, setup.tiles_x, nowhere, [&](int tile, int, int one) {
             counts[tile] += one;
             entries += one;
           });
           continue;
         }
-        for_each_tile(rects[i], band, setup.tiles_x, wanted, [&](int tile) {
+        for_each_tile(rect, band, setup.tiles_x, wanted, [&](int tile) {
           ++counts[tile];
           ++entries;
         });
@@ -142,18 +145,19 @@ void bin_splats(const Splats<T>& splats, const RenderSetup<T>& setup, const Want
     for (std::size_t chunk = begin; chunk < end; ++chunk) {
       const std::uint32_t first_slot = std::uint32_t(chunk * kChunkSize);
       for (std::uint32_t i = 0; i < splats.counts[chunk]; ++i) {
-        const TileRect& rect = splats.rects[first_slot + i];
+        const TileRect& rect = splats.keys[first_slot + i].rect;
+        const DepthBits<T> depth = splats.keys[first_slot + i].depth;
         if (simple && within_four(rect)) {
           const std::uint32_t first = gradient;
           for_each_tile_of_four(rect, setup.tiles_x, nowhere, [&](int tile, int rank, int one) {
-            band.entries[cursor[tile]] = {first_slot + i, first + rank};
+            band.entries[cursor[tile]] = {first_slot + i, first + rank, depth};
             cursor[tile] += one;
             gradient += one;
           });
           continue;
         }
         for_each_tile(rect, band, setup.tiles_x, wanted, [&](int tile) {
-          band.entries[cursor[tile]++] = {first_slot + i, gradient++};
+          band.entries[cursor[tile]++] = {first_slot + i, gradient++, depth};
         });
       }
     }
@@ -161,11 +165,11 @@ void bin_splats(const Splats<T>& splats, const RenderSetup<T>& setup, const Want
   band.entries.resize(offset);
 }
 
-template std::vector<Band> plan_bands(const Splats<float>&, const RenderSetup<float>&);
-template std::vector<Band> plan_bands(const Splats<double>&, const RenderSetup<double>&);
+template std::vector<Band<float>> plan_bands(const Splats<float>&, const RenderSetup<float>&);
+template std::vector<Band<double>> plan_bands(const Splats<double>&, const RenderSetup<double>&);
 template void bin_splats(const Splats<float>&, const RenderSetup<float>&, const WantedPixels&,
-                         Band&);
+                         Band<float>&);
 template void bin_splats(const Splats<double>&, const RenderSetup<double>&, const WantedPixels&,
-                         Band&);
+                         Band<double>&);
 
 }  // namespace gslts::raster

@@ -12,22 +12,25 @@ namespace gslts::raster {
 
 /// A splat in the list of a tile. Its gradient in that tile goes to place `gradient`; the places of
 /// one splat follow each other, and splats follow in the order of their slots.
+template <typename T>
 struct TileEntry {
   std::uint32_t slot;
   std::uint32_t gradient;
+  DepthBits<T> depth;
 };
 
 /// Tile rows [first_row, last_row) and, once binned, the lists of their tiles.
+template <typename T>
 struct Band {
   int first_row = 0, last_row = 0;
   std::vector<std::uint32_t> offsets;          ///< [tiles + 1] first entry of each tile's list
-  Array<TileEntry> entries;                    ///< By tile, then by slot.
+  Array<TileEntry<T>> entries;                 ///< By tile, then by slot.
   std::vector<std::uint32_t> first_gradients;  ///< [chunks + 1] first gradient place of each chunk
 };
 
 /// Calls visit(tile of the band) for every tile of the band in which the rectangle has an entry.
-template <typename Visit>
-void for_each_tile(const TileRect& rect, const Band& band, int tiles_x, const WantedPixels& wanted,
+template <typename T, typename Visit>
+void for_each_tile(const TileRect& rect, const Band<T>& band, int tiles_x, const WantedPixels& wanted,
                    Visit visit) {
   const int y1 = std::min<int>(rect.y1, band.last_row);
   for (int y = std::max<int>(rect.y0, band.first_row); y < y1; ++y) {
@@ -39,11 +42,11 @@ void for_each_tile(const TileRect& rect, const Band& band, int tiles_x, const Wa
 
 /// Cuts the image into bands of tile rows with a bounded number of entries each; one as a rule.
 template <typename T>
-std::vector<Band> plan_bands(const Splats<T>& splats, const RenderSetup<T>& setup);
+std::vector<Band<T>> plan_bands(const Splats<T>& splats, const RenderSetup<T>& setup);
 
 /// Fills the lists of the band.
 template <typename T>
 void bin_splats(const Splats<T>& splats, const RenderSetup<T>& setup, const WantedPixels& wanted,
-                Band& band);
+                Band<T>& band);
 
 }  // namespace gslts::raster

@@ -18,67 +18,66 @@ namespace gslts::raster::HWY_NAMESPACE {
 /// Entries between the one at work and the one whose splat is fetched from memory.
 constexpr std::uint32_t kPrefetchDistance = 64;
 
-/// Position of each block in its tile, px.
-template <typename T>
-struct BlockOffsets {
-  constexpr BlockOffsets() : x(), y() {
-    for (int block = 0; block < kBlocksPerTile; ++block) {
-      x[block] = T(block % kBlocksPerRow * kBlockSize);
-      y[block] = T(block / kBlocksPerRow * kBlockSize);
-    }
-  }
-  T x[kBlocksPerTile], y[kBlocksPerTile];
-};
-template <typename T>
-constexpr BlockOffsets<T> kBlockOffsets{};
+/// Positions of the pixel centres of a block's vector `i` in its tile, px.
+template <class D>
+struct PixelCenters {
+  hn::Vec<D> x, y;
 
-/// A splat over one tile: u and v are linear, so their values in the tile's first block, which are
-/// kept here, and the offset of a block give those in the block.
-template <typename T>
-class Footprint {
-  using D = Lanes<T>;
-  using V = hn::Vec<D>;
-
- public:
-  struct Sample {
-    V u, v, log2_alpha;  ///< As in `Splat`.
-  };
-
-  HWY_INLINE Footprint(const Splat<T>& splat, int tile_x, int tile_y)
-      : uu(hn::Set(D(), splat.uu)),
-        uv(hn::Set(D(), splat.uv)),
-        vv(hn::Set(D(), splat.vv)),
-        log2_opacity_(hn::Set(D(), splat.log2_opacity)) {
-    const D d;
-    HWY_ALIGN static constexpr T kCenters[2][kBlockPixels] = {
-        {0.5, 1.5, 2.5, 3.5, 0.5, 1.5, 2.5, 3.5, 0.5, 1.5, 2.5, 3.5, 0.5, 1.5, 2.5, 3.5},
-        {0.5, 0.5, 0.5, 0.5, 1.5, 1.5, 1.5, 1.5, 2.5, 2.5, 2.5, 2.5, 3.5, 3.5, 3.5, 3.5}};
-    const V x = hn::Set(d, T(tile_x * kTileSize) - splat.mean_x);
-    const V y = hn::Set(d, T(tile_y * kTileSize) - splat.mean_y);
-    for (std::size_t i = 0; i < kVectors; ++i) {
-      const V dx = hn::Load(d, kCenters[0] + i * hn::Lanes(d)) + x;
-      const V dy = hn::Load(d, kCenters[1] + i * hn::Lanes(d)) + y;
-      first_u_[i] = hn::MulAdd(uv, dy, uu * dx);
-      first_v_[i] = vv * dy;
-    }
-  }
-
-  /// At the pixels of vector `i` of a block.
-  HWY_INLINE Sample at(std::size_t block, std::size_t i) const {
-    const V x = hn::Set(D(), kBlockOffsets<T>.x[block]);
-    const V y = hn::Set(D(), kBlockOffsets<T>.y[block]);
-    Sample s;
-    s.u = hn::MulAdd(uu, x, hn::MulAdd(uv, y, first_u_[i]));
-    s.v = hn::MulAdd(vv, y, first_v_[i]);
-    s.log2_alpha = hn::NegMulAdd(s.u, s.u, hn::NegMulAdd(s.v, s.v, log2_opacity_));
-    return s;
-  }
-
-  V uu, uv, vv;
+  HWY_INLINE PixelCenters(D d, std::size_t block, std::size_t i)
+      : x(hn::Load(d, kCenters.x[block % kBlocksPerRow] + i * hn::Lanes(d))),
+        y(hn::Load(d, kCenters.y[block / kBlocksPerRow] + i * hn::Lanes(d))) {}
 
  private:
-  static constexpr std::size_t kVectors = kBlockPixels / hn::MaxLanes(D());
-  V first_u_[kVectors], first_v_[kVectors], log2_opacity_;
+  using T = hn::TFromD<D>;
+  struct Table {
+    constexpr Table() : x(), y() {
+      for (int block = 0; block < kBlocksPerRow; ++block) {
+        for (int pixel = 0; pixel < kBlockPixels; ++pixel) {
+          x[block][pixel] = T(block * kBlockSize + pixel % kBlockSize) + T(0.5);
+          y[block][pixel] = T(block * kBlockSize + pixel / kBlockSize) + T(0.5);
+        }
+      }
+    }
+    alignas(64) T x[kBlocksPerRow][kBlockPixels];
+    alignas(64) T y[kBlocksPerRow][kBlockPixels];
+  };
+  static constexpr Table kCenters{};
+};
+
+/// A splat as a tile sees it: u and v are linear in the position in the tile, so their values at its
+/// corner take the place of the mean.
+template <typename T>
+struct TileSplat {
+  T corner_u, corner_v;
+  T uu, uv, vv;  ///< These and the rest as in `Splat`.
+  T log2_opacity;
+  T color[3];
+  T depth;
+  std::uint32_t gaussian;
+};
+
+/// u and v, as in `Splat`, at the corner of a tile.
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE void corner_uv(D d, V mean_x, V mean_y, V uu, V uv, V vv, int tile_x, int tile_y, V& u,
+                          V& v) {
+  using T = hn::TFromD<D>;
+  const V x = hn::Set(d, T(tile_x * kTileSize)) - mean_x;
+  const V y = hn::Set(d, T(tile_y * kTileSize)) - mean_y;
+  u = hn::MulAdd(uv, y, uu * x);
+  v = vv * y;
+}
+
+/// The same splat at one vector of pixels.
+template <class D>
+struct Footprint {
+  using V = hn::Vec<D>;
+  V u, v, log2_alpha;
+
+  HWY_INLINE Footprint(V corner_u, V corner_v, V uu, V uv, V vv, V log2_opacity,
+                       const PixelCenters<D>& at)
+      : u(hn::MulAdd(uu, at.x, hn::MulAdd(uv, at.y, corner_u))),
+        v(hn::MulAdd(vv, at.y, corner_v)),
+        log2_alpha(hn::NegMulAdd(u, u, hn::NegMulAdd(v, v, log2_opacity))) {}
 };
 
 /// Alpha from its logarithm; any value where that is far below every alpha_min.

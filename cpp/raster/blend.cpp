@@ -4,6 +4,8 @@
 #include "hwy/highway.h"
 
 #include <algorithm>
+#include <cstddef>
+#include <cstring>
 #include <vector>
 
 #include "blend-inl.hpp"
@@ -13,48 +15,68 @@
 HWY_BEFORE_NAMESPACE();
 namespace gslts::raster::HWY_NAMESPACE {
 
+/// Entries of a tile that are blended before the next ones are looked at: what is kept of them stays
+/// in the L1 cache, and a tile that has become opaque never looks at the rest.
+constexpr std::uint32_t kBatchSize = 512;
+constexpr std::uint32_t kBatchWords = kBatchSize / 64;
+
+/// The entries [begin, begin + count) of a tile, in depth order.
 template <typename T>
-void sort_entries(const TileTask<T>& tile, const Splat<T>* splats) {
-  static thread_local std::vector<DepthItem<T>> items, scratch;
-  static thread_local std::vector<TileEntry> unsorted;
-  items.resize(tile.count);
-  for (std::uint32_t i = 0; i < tile.count; ++i) {
-    if (i + kPrefetchDistance < tile.count) {
-      __builtin_prefetch(splats + tile.entries[i + kPrefetchDistance].slot);
-    }
-    items[i] = {depth_bits(splats[tile.entries[i].slot].depth), i};
-  }
-  sort_by_depth<T>(items, scratch);
-  unsorted.assign(tile.entries, tile.entries + tile.count);
-  for (std::uint32_t i = 0; i < tile.count; ++i) tile.entries[i] = unsorted[items[i].index];
-}
+struct Batch {
+  std::uint32_t begin, count;
+  TileSplat<T> splats[kBatchSize];
+  /// Bit e % 64 of blocks[b][e / 64] is set if entry begin + e touches block b.
+  std::uint64_t touching[kBlocksPerTile][kBatchWords];
+};
 
 /// Finds the blocks that hold a pixel centre inside the ellipse alpha >= alpha_min of each entry,
 /// one entry a lane: per row of blocks, the ellipse's reach in x over the row's range of y.
 template <typename T>
-void find_blocks(const TileTask<T>& tile, const RenderSetup<T>& setup, const Splat<T>* splats) {
+void find_blocks(const TileTask<T>& tile, const RenderSetup<T>& setup, const Splat<T>* splats,
+                 Batch<T>& batch) {
   static_assert(sizeof(Splat<T>) % sizeof(T) == 0);
   constexpr std::size_t kStride = sizeof(Splat<T>) / sizeof(T);
   const Lanes<T> d;
   const hn::RebindToSigned<Lanes<T>> di;
   const hn::RebindToUnsigned<Lanes<T>> du;
+  const hn::Rebind<std::uint8_t, Lanes<T>> bytes;
   using V = hn::Vec<Lanes<T>>;
   const std::size_t lanes = hn::Lanes(d);
   const V zero = hn::Zero(d), last_pixel = hn::Set(d, T(kBlockSize - 1));
   const V half = hn::Set(d, T(0.5)), quarter = hn::Set(d, T(1) / kBlockSize);
-  for (std::uint32_t i = 0; i < tile.count; i += std::uint32_t(lanes)) {
-    const std::size_t valid = std::min<std::size_t>(lanes, tile.count - i);
+  const TileEntry<T>* entries = tile.entries + batch.begin;
+  // Per row of blocks and entry, a bit for each block of the row.
+  HWY_ALIGN std::uint8_t rows[kBlocksPerRow][kBatchSize];
+  for (std::uint32_t i = 0; i < batch.count; i += std::uint32_t(lanes)) {
+    const std::size_t valid = std::min<std::size_t>(lanes, batch.count - i);
     std::uint32_t slots[kBlockPixels];
     for (std::size_t lane = 0; lane < lanes; ++lane) {
-      slots[lane] = tile.entries[i + std::min(lane, valid - 1)].slot;
+      const std::uint32_t entry = i + std::uint32_t(std::min(lane, valid - 1));
+      slots[lane] = entries[entry].slot;
+      if (batch.begin + entry + kPrefetchDistance < tile.count) {
+        __builtin_prefetch(splats + entries[entry + kPrefetchDistance].slot);
+      }
     }
     // The columns are the first members of `Splat`, in their order.
     HWY_ALIGN T values[8][kBlockPixels];
     transpose_rows(&splats->mean_x, slots, lanes, kStride, values);
     transpose_rows(&splats->vv, slots, lanes, kStride, values + 4);
-    const V mean_x = hn::Load(d, values[0]) - hn::Set(d, T(tile.x * kTileSize));
-    const V mean_y = hn::Load(d, values[1]) - hn::Set(d, T(tile.y * kTileSize));
     const V uu = hn::Load(d, values[2]), uv = hn::Load(d, values[3]), vv = hn::Load(d, values[4]);
+    V mean_x = hn::Load(d, values[0]), mean_y = hn::Load(d, values[1]), corner_u, corner_v;
+    corner_uv(d, mean_x, mean_y, uu, uv, vv, tile.x, tile.y, corner_u, corner_v);
+    hn::Store(corner_u, d, values[0]);
+    hn::Store(corner_v, d, values[1]);
+    for (std::size_t lane = 0; lane < valid; ++lane) {
+      TileSplat<T>& out = batch.splats[i + lane];
+      const Splat<T>& splat = splats[slots[lane]];
+      out.corner_u = values[0][lane];
+      out.corner_v = values[1][lane];
+      std::memcpy(&out.uu, &splat.uu, offsetof(Splat<T>, gaussian) - offsetof(Splat<T>, uu));
+      out.gaussian = splat.gaussian;
+    }
+
+    mean_x = mean_x - hn::Set(d, T(tile.x * kTileSize));
+    mean_y = mean_y - hn::Set(d, T(tile.y * kTileSize));
     // Slightly larger than exact, so that rounding never drops a pixel.
     const V power = hn::MulAdd(hn::Load(d, values[5]) - hn::Set(d, setup.log2_alpha_min),
                                hn::Set(d, T(1.001)), hn::Set(d, T(0.001)));
@@ -86,6 +108,7 @@ void find_blocks(const TileTask<T>& tile, const RenderSetup<T>& setup, const Spl
       const auto bits =
           hn::Sub(hn::Shl(hn::Add(one, one), shift_of(last)), hn::Shl(one, shift_of(first)));
       const auto kept = hn::IfThenElseZero(hn::RebindMask(du, touched), bits);
+      hn::StoreU(hn::TruncateTo(bytes, kept), bytes, rows[row] + i);
       if (row < 4) {
         low = hn::Or(low, hn::ShiftLeftSame(kept, 8 * row));
       } else {
@@ -96,77 +119,167 @@ void find_blocks(const TileTask<T>& tile, const RenderSetup<T>& setup, const Spl
     hn::Store(low, du, lows);
     hn::Store(high, du, highs);
     for (std::size_t lane = 0; lane < valid; ++lane) {
-      tile.blocks[i + lane] = std::uint64_t(lows[lane]) | std::uint64_t(highs[lane]) << 32;
+      tile.blocks[batch.begin + i + lane] =
+          std::uint64_t(lows[lane]) | std::uint64_t(highs[lane]) << 32;
+    }
+  }
+
+  const hn::CappedTag<std::uint8_t, 64> d8;
+  const std::uint32_t words = (batch.count + 63) / 64;
+  for (int row = 0; row < kBlocksPerRow; ++row) {
+    std::fill(rows[row] + batch.count, rows[row] + 64 * words, std::uint8_t(0));
+    for (std::uint32_t e = 0; e < 64 * words; e += std::uint32_t(hn::Lanes(d8))) {
+      const auto bits = hn::Load(d8, rows[row] + e);
+      for (int column = 0; column < kBlocksPerRow; ++column) {
+        const auto touched = hn::TestBit(bits, hn::Set(d8, std::uint8_t(1 << column)));
+        std::uint64_t* block = batch.touching[row * kBlocksPerRow + column];
+        hn::StoreMaskBits(d8, touched, reinterpret_cast<std::uint8_t*>(block) + e / 8);
+      }
     }
   }
 }
 
-template <bool kHasFeatures, typename T>
-void blend_entries(const TileTask<T>& tile, const RenderSetup<T>& setup, const Splat<T>* splats,
-                   const T* features, const WantedPixels& wanted) {
+/// Lists the entries of the batch that touch a block. Returns their number.
+template <typename T>
+std::uint32_t list_entries(const Batch<T>& batch, std::size_t block, std::uint16_t* list) {
+  std::uint32_t count = 0;
+  for (std::uint32_t e = 0; e < batch.count; e += 64) {
+    std::uint64_t bits = batch.touching[block][e / 64];
+    const std::uint32_t n = std::uint32_t(hwy::PopCount(bits));
+    // Eight at a time: mostly all, without a branch for each. What is too much is overwritten.
+    for (std::uint32_t i = 0; i < n; i += 8) {
+      for (std::uint32_t k = 0; k < 8; ++k) {
+        const std::uint64_t nonzero = bits | std::uint64_t{1} << 63;
+        list[count + i + k] = std::uint16_t(e + hwy::Num0BitsBelowLS1Bit_Nonzero64(nonzero));
+        bits &= bits - 1;
+      }
+    }
+    count += n;
+  }
+  return count;
+}
+
+/// Blends the listed splats into the sums of a block, all but its features. Returns whether a pixel
+/// has not ended.
+template <bool kStoreWeights, typename T>
+bool blend_block(const TileSplat<T>* splats, const std::uint16_t* list, std::uint32_t count,
+                 const RenderSetup<T>& setup, std::size_t block, T* transmittance, T* sums,
+                 T (*weights)[kBlockPixels]) {
   const Lanes<T> d;
   using V = hn::Vec<Lanes<T>>;
-  const std::size_t lanes = hn::Lanes(d);
-  const std::size_t dims = kHasFeatures ? std::size_t(setup.feature_dims) : 0;
-  const std::size_t stride = (5 + dims) * kBlockPixels;
-  HWY_ALIGN T transmittance[kBlocksPerTile * kBlockPixels];
-  std::uint64_t alive = start_transmittance(tile, setup, wanted, transmittance);
-  std::fill(tile.sums, tile.sums + tile_sums_size(setup.feature_dims), T(0));
-
   const V threshold = hn::Set(d, setup.log2_alpha_min);
   const V transmittance_min = hn::Set(d, setup.transmittance_min);
-  std::uint32_t entry = 0;
-  for (; entry < tile.count && alive; ++entry) {
-    std::uint64_t blocks = tile.blocks[entry] & alive;
-    if (!blocks) continue;
-    const Splat<T>& splat = splats[tile.entries[entry].slot];
-    const Footprint<T> footprint(splat, tile.x, tile.y);
-    const V red = hn::Set(d, splat.color[0]), green = hn::Set(d, splat.color[1]);
-    const V blue = hn::Set(d, splat.color[2]), depth = hn::Set(d, splat.depth);
-    const T* feature = features + splat.gaussian * dims;
-    for (; blocks; blocks &= blocks - 1) {
-      const std::size_t block = hwy::Num0BitsBelowLS1Bit_Nonzero64(blocks);
-      bool any_alive = false;
-      for (std::size_t i = 0; i < kBlockPixels; i += lanes) {
-        T* sums = tile.sums + block * stride + i;
-        T* t = transmittance + block * kBlockPixels + i;
-        const auto at = footprint.at(block, i / lanes);
-        const V before = hn::Load(d, t);
-        const V weight =
-            hn::IfThenElseZero(hn::Ge(at.log2_alpha, threshold), alpha_of(at.log2_alpha) * before);
-        const V after = before - weight;
-        hn::Store(after, d, t);
-        // Multiplying on and masking by the result ends a pixel for good, as T only falls.
-        const auto live = hn::Ge(after, transmittance_min);
-        const V w = hn::IfThenElseZero(live, weight);
-        const auto add = [&](int channel, V value) HWY_ATTR {
-          T* sum = sums + channel * kBlockPixels;
-          hn::Store(hn::MulAdd(w, value, hn::Load(d, sum)), d, sum);
-        };
-        add(0, red);
-        add(1, green);
-        add(2, blue);
-        add(3, depth);
-        hn::Store(hn::Load(d, sums + 4 * kBlockPixels) + w, d, sums + 4 * kBlockPixels);
-        for (std::size_t k = 0; k < dims; ++k) add(5 + int(k), hn::Set(d, feature[k]));
-        any_alive |= !hn::AllFalse(d, live);
+  bool any_alive = false;
+  for (std::size_t i = 0; i < kBlockPixels; i += hn::Lanes(d)) {
+    const PixelCenters<Lanes<T>> centers(d, block, i / hn::Lanes(d));
+    const auto sum = [&](std::size_t channel) { return sums + channel * kBlockPixels + i; };
+    V before = hn::Load(d, transmittance + i);
+    V red = hn::Load(d, sum(0)), green = hn::Load(d, sum(1)), blue = hn::Load(d, sum(2));
+    V depth = hn::Load(d, sum(3)), alpha = hn::Load(d, sum(4));
+    bool alive = true;
+    for (std::uint32_t k = 0; k < count; ++k) {
+      const TileSplat<T>& s = splats[list[k]];
+      const Footprint<Lanes<T>> at(hn::Set(d, s.corner_u), hn::Set(d, s.corner_v),
+                                   hn::Set(d, s.uu), hn::Set(d, s.uv), hn::Set(d, s.vv),
+                                   hn::Set(d, s.log2_opacity), centers);
+      const V weight =
+          hn::IfThenElseZero(hn::Ge(at.log2_alpha, threshold), alpha_of(at.log2_alpha) * before);
+      const V after = before - weight;
+      // Multiplying on and masking by the result ends a pixel for good, as T only falls.
+      const auto live = hn::Ge(after, transmittance_min);
+      const V w = hn::IfThenElseZero(live, weight);
+      red = hn::MulAdd(w, hn::Set(d, s.color[0]), red);
+      green = hn::MulAdd(w, hn::Set(d, s.color[1]), green);
+      blue = hn::MulAdd(w, hn::Set(d, s.color[2]), blue);
+      depth = hn::MulAdd(w, hn::Set(d, s.depth), depth);
+      alpha = alpha + w;
+      before = after;
+      if constexpr (kStoreWeights) hn::Store(w, d, weights[k] + i);
+      if (HWY_UNLIKELY(hn::AllFalse(d, live))) {
+        if constexpr (kStoreWeights) {
+          while (++k < count) hn::Store(hn::Zero(d), d, weights[k] + i);
+        }
+        alive = false;
+        break;
       }
-      if (!any_alive) alive &= ~(std::uint64_t{1} << block);
     }
+    hn::Store(before, d, transmittance + i);
+    hn::Store(red, d, sum(0));
+    hn::Store(green, d, sum(1));
+    hn::Store(blue, d, sum(2));
+    hn::Store(depth, d, sum(3));
+    hn::Store(alpha, d, sum(4));
+    any_alive |= alive;
   }
-  *tile.reached = entry;
+  return any_alive;
+}
+
+/// Adds w times the features of the listed splats, kChannels of them, to the sums of a block.
+template <std::size_t kChannels, typename T>
+void blend_features(const TileSplat<T>* splats, const std::uint16_t* list, std::uint32_t count,
+                    const T* features, std::size_t dims, const T (*weights)[kBlockPixels],
+                    T* sums) {
+  const Lanes<T> d;
+  using V = hn::Vec<Lanes<T>>;
+  for (std::size_t i = 0; i < kBlockPixels; i += hn::Lanes(d)) {
+    V acc[kChannels];
+    for (std::size_t c = 0; c < kChannels; ++c) acc[c] = hn::Load(d, sums + c * kBlockPixels + i);
+    for (std::uint32_t k = 0; k < count; ++k) {
+      const V w = hn::Load(d, weights[k] + i);
+      const T* feature = features + std::size_t(splats[list[k]].gaussian) * dims;
+      for (std::size_t c = 0; c < kChannels; ++c) {
+        acc[c] = hn::MulAdd(w, hn::Set(d, feature[c]), acc[c]);
+      }
+    }
+    for (std::size_t c = 0; c < kChannels; ++c) hn::Store(acc[c], d, sums + c * kBlockPixels + i);
+  }
 }
 
 template <typename T>
 void blend_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const Splat<T>* splats,
                 const T* features, const WantedPixels& wanted) {
-  sort_entries(tile, splats);
-  find_blocks(tile, setup, splats);
-  if (setup.feature_dims) {
-    blend_entries<true>(tile, setup, splats, features, wanted);
-  } else {
-    blend_entries<false>(tile, setup, splats, features, wanted);
+  static thread_local std::vector<TileEntry<T>> scratch;
+  static thread_local Array<T> weight_memory;
+  sort_by_depth(tile.entries, tile.count, scratch);
+
+  const std::size_t dims = std::size_t(setup.feature_dims);
+  const std::size_t stride = (5 + dims) * kBlockPixels;
+  weight_memory.resize(dims ? kBatchSize * kBlockPixels : 0);
+  const auto weights = reinterpret_cast<T(*)[kBlockPixels]>(weight_memory.data());
+  HWY_ALIGN T transmittance[kBlocksPerTile * kBlockPixels];
+  std::uint64_t alive = start_transmittance(tile, setup, wanted, transmittance);
+  std::fill(tile.sums, tile.sums + tile_sums_size(setup.feature_dims), T(0));
+
+  Batch<T> batch;
+  batch.begin = 0;
+  for (; batch.begin < tile.count && alive; batch.begin += batch.count) {
+    batch.count = std::min(kBatchSize, tile.count - batch.begin);
+    find_blocks(tile, setup, splats, batch);
+    for (std::uint64_t blocks = alive; blocks; blocks &= blocks - 1) {
+      const std::size_t block = hwy::Num0BitsBelowLS1Bit_Nonzero64(blocks);
+      std::uint16_t list[kBatchSize + 8];
+      const std::uint32_t count = list_entries(batch, block, list);
+      T* sums = tile.sums + block * stride;
+      T* t = transmittance + block * kBlockPixels;
+      bool goes_on;
+      if (dims == 0) {
+        goes_on = blend_block<false>(batch.splats, list, count, setup, block, t, sums, weights);
+      } else {
+        goes_on = blend_block<true>(batch.splats, list, count, setup, block, t, sums, weights);
+        std::size_t c = 0;
+        for (; c + 8 <= dims; c += 8) {
+          blend_features<8>(batch.splats, list, count, features + c, dims, weights,
+                            sums + (5 + c) * kBlockPixels);
+        }
+        for (; c < dims; ++c) {
+          blend_features<1>(batch.splats, list, count, features + c, dims, weights,
+                            sums + (5 + c) * kBlockPixels);
+        }
+      }
+      if (!goes_on) alive &= ~(std::uint64_t{1} << block);
+    }
   }
+  *tile.reached = batch.begin;
 }
 
 void blend_tile_float(const TileTask<float>& tile, const RenderSetup<float>& setup,

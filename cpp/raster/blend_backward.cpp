@@ -134,7 +134,7 @@ bool blend_entries_backward(const TileTask<T>& tile, const RenderSetup<T>& setup
   const V transmittance_min = hn::Set(d, setup.transmittance_min);
   for (std::uint32_t entry = 0; entry < tile.count; ++entry) {
     if (entry + kPrefetchDistance < *tile.reached) {
-      const TileEntry& ahead = tile.entries[entry + kPrefetchDistance];
+      const TileEntry<T>& ahead = tile.entries[entry + kPrefetchDistance];
       __builtin_prefetch(splats + ahead.slot);
       __builtin_prefetch(out.sums + std::size_t(ahead.gradient) * kSumsPerEntry, 1);
     }
@@ -150,7 +150,11 @@ bool blend_entries_backward(const TileTask<T>& tile, const RenderSetup<T>& setup
       continue;
     }
     const Splat<T>& splat = splats[tile.entries[entry].slot];
-    const Footprint<T> footprint(splat, tile.x, tile.y);
+    const V uu = hn::Set(d, splat.uu), uv = hn::Set(d, splat.uv), vv = hn::Set(d, splat.vv);
+    const V log2_opacity = hn::Set(d, splat.log2_opacity);
+    V corner_u, corner_v;
+    corner_uv(d, hn::Set(d, splat.mean_x), hn::Set(d, splat.mean_y), uu, uv, vv, tile.x, tile.y,
+              corner_u, corner_v);
     const V red = hn::Set(d, splat.color[0]), green = hn::Set(d, splat.color[1]);
     const V blue = hn::Set(d, splat.color[2]), depth = hn::Set(d, splat.depth);
     const T* feature = features + std::size_t(splat.gaussian) * setup.feature_dims;
@@ -166,7 +170,8 @@ bool blend_entries_backward(const TileTask<T>& tile, const RenderSetup<T>& setup
         const auto value = [&](std::size_t which)
                                HWY_ATTR { return hn::Load(d, pixel + which * kBlockPixels); };
         T* t = transmittance + block * kBlockPixels + i;
-        const auto at = footprint.at(block, i / lanes);
+        const PixelCenters<Lanes<T>> centers(d, block, i / lanes);
+        const Footprint<Lanes<T>> at(corner_u, corner_v, uu, uv, vv, log2_opacity, centers);
         const V alpha = alpha_of(at.log2_alpha);
         const V before = hn::Load(d, t);
         const auto blended = hn::Ge(at.log2_alpha, threshold);
@@ -207,8 +212,8 @@ bool blend_entries_backward(const TileTask<T>& tile, const RenderSetup<T>& setup
         blue_sum = hn::MulAdd(w, g_blue, blue_sum);
         depth_sum = hn::MulAdd(w, g_depth, depth_sum);
         if (kStatistics) {
-          abs_x_sum = abs_x_sum + hn::Abs(gu * footprint.uu);
-          abs_y_sum = abs_y_sum + hn::Abs(hn::MulAdd(gu, footprint.uv, gv * footprint.vv));
+          abs_x_sum = abs_x_sum + hn::Abs(gu * uu);
+          abs_y_sum = abs_y_sum + hn::Abs(hn::MulAdd(gu, uv, gv * vv));
           max_weight = hn::Max(max_weight, w);
           pixel_count = pixel_count + hn::IfThenElseZero(hn::Gt(w, zero), one);
         }

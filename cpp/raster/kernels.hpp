@@ -31,7 +31,7 @@ template <typename T>
 struct TileTask {
   int x, y;                ///< In tiles.
   std::uint64_t wanted;    ///< Wanted blocks.
-  TileEntry* entries;      ///< [count]
+  TileEntry<T>* entries;   ///< [count]
   std::uint64_t* blocks;   ///< [count] blocks that each entry touches
   std::uint32_t count;     ///< Entries.
   std::uint32_t* reached;  ///< Number of entries before every pixel had ended.

@@ -148,7 +148,7 @@ bool project_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup
   local.log_scales += 3 * begin;
 
   Splat<T>* splats = out.splats.data() + begin;
-  TileRect* rects = out.rects.data() + begin;
+  SplatKey<T>* keys = out.keys.data() + begin;
   std::size_t stored = 0;
   for (std::size_t i = 0; i < candidates; i += lanes) {
     const Geometry<Lanes<T>> g = project(d, local, setup, rows + i);
@@ -203,7 +203,7 @@ bool project_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup
                              std::uint16_t(int(box[2][lane]) / kTileSize + 1),
                              std::uint16_t(int(box[3][lane]) / kTileSize + 1)};
       if (!touches_wanted(rect, wanted, setup.tiles_x)) continue;
-      rects[stored] = rect;
+      keys[stored] = {rect, depth_bits(values[6][lane])};
       splats[stored++] = {values[0][lane],
                           values[1][lane],
                           values[2][lane],

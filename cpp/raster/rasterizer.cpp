@@ -52,18 +52,18 @@ struct Rasterizer<T>::State {
   std::size_t map_size = 0;
   WantedPixels wanted;
   Splats<T> splats;
-  std::vector<Band> bands;
+  std::vector<Band<T>> bands;
   BandMemory<T> memory;  ///< Of the last band.
   Array<T> entry_sums, entry_features, entry_statistics, splat_sums;
 
   Images<T> render(const GaussianView<T>& gaussians);
   void project(const GaussianView<T>& gaussians);
   /// Writes the images too, unless null.
-  void blend_band(const GaussianView<T>& gaussians, Band& band, Images<T>* images);
-  TileTask<T> tile_task(Band& band, std::size_t tile);
+  void blend_band(const GaussianView<T>& gaussians, Band<T>& band, Images<T>* images);
+  TileTask<T> tile_task(Band<T>& band, std::size_t tile);
   void blend_band_backward(const GaussianView<T>& gaussians, const ImageGradients<T>& image,
-                           Band& band, bool statistics);
-  void gather_chunk(const Band& band, std::size_t chunk, std::size_t first_row, T* sums,
+                           Band<T>& band, bool statistics);
+  void gather_chunk(const Band<T>& band, std::size_t chunk, std::size_t first_row, T* sums,
                     Gradients<T>& gradients) const;
 };
 
@@ -80,7 +80,7 @@ Images<T> Rasterizer<T>::State::render(const GaussianView<T>& gaussians) {
   images.depth.resize(pixels);
   images.alpha.resize(pixels);
   images.features.resize(pixels * std::size_t(setup->feature_dims));
-  for (Band& band : bands) {
+  for (Band<T>& band : bands) {
     blend_band(gaussians, band, &images);
     if (bands.size() > 1) band.entries = {};
   }
@@ -91,7 +91,7 @@ template <typename T>
 void Rasterizer<T>::State::project(const GaussianView<T>& gaussians) {
   const std::size_t chunks = (gaussians.size + kChunkSize - 1) / kChunkSize;
   splats.splats.resize(gaussians.size);
-  splats.rects.resize(gaussians.size);
+  splats.keys.resize(gaussians.size);
   splats.counts.assign(chunks, 0);
   std::vector<std::uint8_t> finite(chunks, 1);
   parallel::parallel_for(chunks, setup->threads, [&](std::size_t chunk) {
@@ -103,7 +103,7 @@ void Rasterizer<T>::State::project(const GaussianView<T>& gaussians) {
 }
 
 template <typename T>
-TileTask<T> Rasterizer<T>::State::tile_task(Band& band, std::size_t tile) {
+TileTask<T> Rasterizer<T>::State::tile_task(Band<T>& band, std::size_t tile) {
   const std::uint32_t first = band.offsets[tile];
   const int x = int(tile) % setup->tiles_x, y = band.first_row + int(tile) / setup->tiles_x;
   return {x,
@@ -117,7 +117,7 @@ TileTask<T> Rasterizer<T>::State::tile_task(Band& band, std::size_t tile) {
 }
 
 template <typename T>
-void Rasterizer<T>::State::blend_band(const GaussianView<T>& gaussians, Band& band,
+void Rasterizer<T>::State::blend_band(const GaussianView<T>& gaussians, Band<T>& band,
                                       Images<T>* images) {
   bin_splats(splats, *setup, wanted, band);
   const std::size_t tiles = band.offsets.size() - 1;
@@ -141,7 +141,7 @@ void Rasterizer<T>::State::blend_band(const GaussianView<T>& gaussians, Band& ba
 
 template <typename T>
 void Rasterizer<T>::State::blend_band_backward(const GaussianView<T>& gaussians,
-                                               const ImageGradients<T>& image, Band& band,
+                                               const ImageGradients<T>& image, Band<T>& band,
                                                bool statistics) {
   const std::size_t entries = band.entries.size();
   const int dims = image.dL_dfeatures ? setup->feature_dims : 0;
@@ -168,15 +168,15 @@ void Rasterizer<T>::State::blend_band_backward(const GaussianView<T>& gaussians,
 
 /// Adds what the tiles of a band found for each splat of a chunk, in the order of the tiles.
 template <typename T>
-void Rasterizer<T>::State::gather_chunk(const Band& band, std::size_t chunk, std::size_t first_row,
+void Rasterizer<T>::State::gather_chunk(const Band<T>& band, std::size_t chunk, std::size_t first_row,
                                         T* sums, Gradients<T>& gradients) const {
   const std::size_t dims = entry_features.empty() ? 0 : std::size_t(setup->feature_dims);
-  const TileRect* rects = splats.rects.data() + chunk * kChunkSize;
+  const SplatKey<T>* keys = splats.keys.data() + chunk * kChunkSize;
   std::size_t place = band.first_gradients[chunk];
   for (std::uint32_t i = 0; i < splats.counts[chunk]; ++i) {
     T* sum = sums + std::size_t(i) * kSumsPerEntry;
     const std::size_t row = first_row + i;
-    for_each_tile(rects[i], band, setup->tiles_x, wanted, [&](int) {
+    for_each_tile(keys[i].rect, band, setup->tiles_x, wanted, [&](int) {
       const T* part = entry_sums.data() + place * kSumsPerEntry;
       for (int k = 0; k < kSumsPerEntry; ++k) sum[k] += part[k];
       for (std::size_t k = 0; k < dims; ++k) {
@@ -266,7 +266,7 @@ Gradients<T> Rasterizer<T>::backward(const GaussianView<T>& gaussians,
   // With one band, the rule, a chunk's sums live only while its task runs.
   const bool one_band = state.bands.size() == 1;
   state.splat_sums.assign(one_band ? 0 : visible * kSumsPerEntry, T(0));
-  for (Band& band : state.bands) {
+  for (Band<T>& band : state.bands) {
     if (!one_band) state.blend_band(gaussians, band, nullptr);
     state.blend_band_backward(gaussians, image_gradients, band, statistics);
     const bool last = &band == &state.bands.back();

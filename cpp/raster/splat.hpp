@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstdint>
+#include <cstring>
+#include <type_traits>
 #include <vector>
 
 #include "constants.hpp"
@@ -28,12 +30,30 @@ struct TileRect {
   std::uint16_t x0, y0, x1, y1;
 };
 
+/// Bits of a positive floating-point number: they sort as the numbers do.
+template <typename T>
+using DepthBits = std::conditional_t<sizeof(T) == 4, std::uint32_t, std::uint64_t>;
+
+template <typename T>
+DepthBits<T> depth_bits(T depth) {
+  DepthBits<T> bits;
+  std::memcpy(&bits, &depth, sizeof(bits));
+  return bits;
+}
+
+/// What the tiles' lists are made from.
+template <typename T>
+struct SplatKey {
+  TileRect rect;
+  DepthBits<T> depth;
+};
+
 /// The Gaussians that the camera sees. Chunk c of the map owns the slots from c * kChunkSize on and
 /// fills the first counts[c] of them, in the order of the map; the slots between hold nothing.
 template <typename T>
 struct Splats {
   Array<Splat<T>> splats;
-  Array<TileRect> rects;
+  Array<SplatKey<T>> keys;
   std::vector<std::uint32_t> counts;
 };
 
