@@ -10,8 +10,7 @@
 
 namespace gslts::raster {
 
-/// A splat in the list of a tile. Its gradient in that tile goes to place `gradient`; the places of
-/// one splat follow each other, and splats follow in the order of their slots.
+/// A splat in the list of a tile. Its gradient in that tile goes to place `gradient`.
 template <typename T>
 struct TileEntry {
   std::uint32_t slot;
@@ -23,19 +22,35 @@ struct TileEntry {
 template <typename T>
 struct Band {
   int first_row = 0, last_row = 0;
-  std::vector<std::uint32_t> offsets;          ///< [tiles + 1] first entry of each tile's list
-  Array<TileEntry<T>> entries;                 ///< By tile, then by slot.
-  std::vector<std::uint32_t> first_gradients;  ///< [chunks + 1] first gradient place of each chunk
+  std::vector<std::uint32_t> offsets;  ///< [tiles + 1] first entry of each tile's list
+  Array<TileEntry<T>> entries;         ///< By tile, then by slot.
+  /// [chunks + 1] first gradient place of each chunk. Splats follow in the order of their slots, and
+  /// the tiles of one splat's rectangle in the band row by row, unwanted ones included.
+  std::vector<std::uint32_t> first_gradients;
 };
 
-/// Calls visit(tile of the band) for every tile of the band in which the rectangle has an entry.
+/// The part of a rectangle that lies in the band; empty ones have no height.
+template <typename T>
+TileRect clip(TileRect rect, const Band<T>& band) {
+  rect.y0 = std::uint16_t(std::max<int>(rect.y0, band.first_row));
+  rect.y1 = std::uint16_t(std::max<int>(rect.y0, std::min<int>(rect.y1, band.last_row)));
+  return rect;
+}
+
+constexpr std::uint32_t area(const TileRect& rect) {
+  return std::uint32_t(rect.x1 - rect.x0) * std::uint32_t(rect.y1 - rect.y0);
+}
+
+/// Calls visit(tile of the band, rank in the rectangle) for every wanted tile of a clipped rectangle.
 template <typename T, typename Visit>
-void for_each_tile(const TileRect& rect, const Band<T>& band, int tiles_x, const WantedPixels& wanted,
-                   Visit visit) {
-  const int y1 = std::min<int>(rect.y1, band.last_row);
-  for (int y = std::max<int>(rect.y0, band.first_row); y < y1; ++y) {
-    for (int x = rect.x0; x < rect.x1; ++x) {
-      if (wanted.all() || wanted.blocks(y * tiles_x + x)) visit((y - band.first_row) * tiles_x + x);
+void for_each_tile(const TileRect& rect, const Band<T>& band, int tiles_x,
+                   const WantedPixels& wanted, Visit visit) {
+  std::uint32_t rank = 0;
+  for (int y = rect.y0; y < rect.y1; ++y) {
+    for (int x = rect.x0; x < rect.x1; ++x, ++rank) {
+      if (wanted.all() || wanted.blocks(y * tiles_x + x)) {
+        visit((y - band.first_row) * tiles_x + x, rank);
+      }
     }
   }
 }

@@ -150,6 +150,7 @@ bool project_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup
   Splat<T>* splats = out.splats.data() + begin;
   SplatKey<T>* keys = out.keys.data() + begin;
   std::size_t stored = 0;
+  std::uint64_t areas = 0;
   for (std::size_t i = 0; i < candidates; i += lanes) {
     const Geometry<Lanes<T>> g = project(d, local, setup, rows + i);
     const Whitening<Lanes<T>> white = whitening(d, g);
@@ -203,6 +204,7 @@ bool project_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup
                              std::uint16_t(int(box[2][lane]) / kTileSize + 1),
                              std::uint16_t(int(box[3][lane]) / kTileSize + 1)};
       if (!touches_wanted(rect, wanted, setup.tiles_x)) continue;
+      areas += area(rect);
       keys[stored] = {rect, depth_bits(values[6][lane])};
       splats[stored++] = {values[0][lane],
                           values[1][lane],
@@ -216,6 +218,7 @@ bool project_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup
     }
   }
   out.counts[chunk] = std::uint32_t(stored);
+  out.areas[chunk] = areas;
   return true;
 }
 

@@ -93,6 +93,7 @@ void Rasterizer<T>::State::project(const GaussianView<T>& gaussians) {
   splats.splats.resize(gaussians.size);
   splats.keys.resize(gaussians.size);
   splats.counts.assign(chunks, 0);
+  splats.areas.assign(chunks, 0);
   std::vector<std::uint8_t> finite(chunks, 1);
   parallel::parallel_for(chunks, setup->threads, [&](std::size_t chunk) {
     finite[chunk] = project_chunk(gaussians, *setup, wanted, chunk, splats);
@@ -143,11 +144,11 @@ template <typename T>
 void Rasterizer<T>::State::blend_band_backward(const GaussianView<T>& gaussians,
                                                const ImageGradients<T>& image, Band<T>& band,
                                                bool statistics) {
-  const std::size_t entries = band.entries.size();
+  const std::size_t places = band.first_gradients.back();
   const int dims = image.dL_dfeatures ? setup->feature_dims : 0;
-  entry_sums.resize(entries * kSumsPerEntry);
-  entry_features.resize(entries * std::size_t(dims));
-  entry_statistics.resize(statistics ? entries * kStatisticsPerEntry : 0);
+  entry_sums.resize(places * kSumsPerEntry);
+  entry_features.resize(places * std::size_t(dims));
+  entry_statistics.resize(statistics ? places * kStatisticsPerEntry : 0);
   const EntryGradients<T> out = {entry_sums.data(), dims ? entry_features.data() : nullptr,
                                  statistics ? entry_statistics.data() : nullptr};
   const std::size_t tiles = band.offsets.size() - 1;
@@ -172,11 +173,13 @@ void Rasterizer<T>::State::gather_chunk(const Band<T>& band, std::size_t chunk, 
                                         T* sums, Gradients<T>& gradients) const {
   const std::size_t dims = entry_features.empty() ? 0 : std::size_t(setup->feature_dims);
   const SplatKey<T>* keys = splats.keys.data() + chunk * kChunkSize;
-  std::size_t place = band.first_gradients[chunk];
+  std::size_t first_place = band.first_gradients[chunk];
   for (std::uint32_t i = 0; i < splats.counts[chunk]; ++i) {
     T* sum = sums + std::size_t(i) * kSumsPerEntry;
     const std::size_t row = first_row + i;
-    for_each_tile(keys[i].rect, band, setup->tiles_x, wanted, [&](int) {
+    const TileRect rect = clip(keys[i].rect, band);
+    for_each_tile(rect, band, setup->tiles_x, wanted, [&](int, std::uint32_t rank) {
+      const std::size_t place = first_place + rank;
       const T* part = entry_sums.data() + place * kSumsPerEntry;
       for (int k = 0; k < kSumsPerEntry; ++k) sum[k] += part[k];
       for (std::size_t k = 0; k < dims; ++k) {
@@ -189,8 +192,8 @@ void Rasterizer<T>::State::gather_chunk(const Band<T>& band, std::size_t chunk, 
         gradients.max_weights[row] = std::max(gradients.max_weights[row], statistics[2]);
         gradients.pixel_counts[row] += std::uint32_t(statistics[3]);
       }
-      ++place;
     });
+    first_place += area(rect);
   }
 }
 
