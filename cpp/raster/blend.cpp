@@ -34,8 +34,6 @@ struct Batch {
 template <typename T>
 void find_blocks(const TileTask<T>& tile, const RenderSetup<T>& setup, const Splat<T>* splats,
                  Batch<T>& batch) {
-  static_assert(sizeof(Splat<T>) % sizeof(T) == 0);
-  constexpr std::size_t kStride = sizeof(Splat<T>) / sizeof(T);
   const Lanes<T> d;
   const hn::RebindToSigned<Lanes<T>> di;
   const hn::RebindToUnsigned<Lanes<T>> du;
@@ -57,20 +55,20 @@ void find_blocks(const TileTask<T>& tile, const RenderSetup<T>& setup, const Spl
         __builtin_prefetch(splats + entries[entry + kPrefetchDistance].slot);
       }
     }
-    // The columns are the first members of `Splat`, in their order.
-    HWY_ALIGN T values[8][kBlockPixels];
-    transpose_rows(&splats->mean_x, slots, lanes, kStride, values);
-    transpose_rows(&splats->vv, slots, lanes, kStride, values + 4);
-    const V uu = hn::Load(d, values[2]), uv = hn::Load(d, values[3]), vv = hn::Load(d, values[4]);
-    V mean_x = hn::Load(d, values[0]), mean_y = hn::Load(d, values[1]), corner_u, corner_v;
+    V shape[4], rest[4];
+    load_columns(d, [&](std::size_t lane) { return &splats[slots[lane]].mean_x; }, shape);
+    load_columns(d, [&](std::size_t lane) { return &splats[slots[lane]].vv; }, rest);
+    V mean_x = shape[0], mean_y = shape[1], corner_u, corner_v;
+    const V uu = shape[2], uv = shape[3], vv = rest[0], log2_opacity = rest[1];
     corner_uv(d, mean_x, mean_y, uu, uv, vv, tile.x, tile.y, corner_u, corner_v);
-    hn::Store(corner_u, d, values[0]);
-    hn::Store(corner_v, d, values[1]);
+    HWY_ALIGN T corners[2][kBlockPixels];
+    hn::Store(corner_u, d, corners[0]);
+    hn::Store(corner_v, d, corners[1]);
     for (std::size_t lane = 0; lane < valid; ++lane) {
       TileSplat<T>& out = batch.splats[i + lane];
       const Splat<T>& splat = splats[slots[lane]];
-      out.corner_u = values[0][lane];
-      out.corner_v = values[1][lane];
+      out.corner_u = corners[0][lane];
+      out.corner_v = corners[1][lane];
       std::memcpy(&out.uu, &splat.uu, offsetof(Splat<T>, gaussian) - offsetof(Splat<T>, uu));
       out.gaussian = splat.gaussian;
     }
@@ -78,7 +76,7 @@ void find_blocks(const TileTask<T>& tile, const RenderSetup<T>& setup, const Spl
     mean_x = mean_x - hn::Set(d, T(tile.x * kTileSize));
     mean_y = mean_y - hn::Set(d, T(tile.y * kTileSize));
     // Slightly larger than exact, so that rounding never drops a pixel.
-    const V power = hn::MulAdd(hn::Load(d, values[5]) - hn::Set(d, setup.log2_alpha_min),
+    const V power = hn::MulAdd(log2_opacity - hn::Set(d, setup.log2_alpha_min),
                                hn::Set(d, T(1.001)), hn::Set(d, T(0.001)));
     const V inverse_uu = hn::Set(d, T(1)) / uu;
     const V slope = hn::Neg(uv * inverse_uu);
@@ -115,7 +113,7 @@ void find_blocks(const TileTask<T>& tile, const RenderSetup<T>& setup, const Spl
         high = hn::Or(high, hn::ShiftLeftSame(kept, 8 * (row - 4)));
       }
     }
-    HWY_ALIGN hn::TFromD<decltype(du)> lows[kBlockPixels], highs[kBlockPixels];
+    HWY_ALIGN hn::TFromD<decltype(du)> lows[kBlockPixels] = {}, highs[kBlockPixels] = {};
     hn::Store(low, du, lows);
     hn::Store(high, du, highs);
     for (std::size_t lane = 0; lane < valid; ++lane) {

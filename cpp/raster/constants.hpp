@@ -11,7 +11,9 @@ constexpr int kBlockSize = 4;
 constexpr int kBlockPixels = kBlockSize * kBlockSize;
 constexpr int kBlocksPerRow = 8;
 constexpr int kBlocksPerTile = kBlocksPerRow * kBlocksPerRow;
-constexpr int kTileSize = kBlockSize * kBlocksPerRow;
+constexpr int kLog2TileSize = 5;
+constexpr int kTileSize = 1 << kLog2TileSize;
+static_assert(kTileSize == kBlockSize * kBlocksPerRow);
 
 /// Gaussians projected by one task; small enough for their parameters to stay in the L2 cache.
 constexpr int kChunkSize = 4096;

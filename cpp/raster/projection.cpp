@@ -87,30 +87,17 @@ std::size_t cull_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& s
 /// Colours max(0, 0.5 + SH) of one Gaussian a lane, seen from the camera.
 template <class D, typename T, typename Row>
 HWY_INLINE void evaluate_colors(D d, const GaussianView<T>& gaussians, const RenderSetup<T>& setup,
-                                std::size_t begin, const Row* rows, std::size_t count,
-                                T (*colors)[kBlockPixels]) {
+                                const Row* rows, hn::Vec<D>* colors) {
   using V = hn::Vec<D>;
-  const int bases = (setup.sh_degree + 1) * (setup.sh_degree + 1);
-  V basis[kMaxShBases];
   ViewDirection<D> direction{};
-  if (setup.sh_degree > 0) {
-    direction = view_direction(d, gaussians.means + 3 * begin, setup, rows);
-  }
+  if (setup.sh_degree > 0) direction = view_direction(d, gaussians, setup, rows);
+  V basis[kMaxShBases];
   sh_basis(d, setup.sh_degree, direction.unit[0], direction.unit[1], direction.unit[2], basis);
-  HWY_ALIGN T values[kMaxShBases][kBlockPixels];
-  for (int k = 0; k < bases; ++k) hn::Store(basis[k], d, values[k]);
-  for (std::size_t lane = 0; lane < count; ++lane) {
-    const T* sh = gaussians.sh + (begin + std::size_t(rows[lane])) * setup.sh_bases * 3;
-    T red = T(0.5), green = T(0.5), blue = T(0.5);
-    for (int k = 0; k < bases; ++k) {
-      red += values[k][lane] * sh[3 * k];
-      green += values[k][lane] * sh[3 * k + 1];
-      blue += values[k][lane] * sh[3 * k + 2];
-    }
-    colors[0][lane] = std::max(red, T(0));
-    colors[1][lane] = std::max(green, T(0));
-    colors[2][lane] = std::max(blue, T(0));
-  }
+  for (int c = 0; c < 3; ++c) colors[c] = hn::Set(d, T(0.5));
+  for_each_sh_basis(d, gaussians, setup.sh_degree, rows, [&](int k, const V* rgb) HWY_ATTR {
+    for (int c = 0; c < 3; ++c) colors[c] = hn::MulAdd(basis[k], rgb[c], colors[c]);
+  });
+  for (int c = 0; c < 3; ++c) colors[c] = hn::Max(colors[c], hn::Zero(d));
 }
 
 bool touches_wanted(const TileRect& rect, const WantedPixels& wanted, int tiles_x) {
@@ -142,11 +129,7 @@ bool project_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup
   // The last vector is filled up with repetitions, which are not stored.
   std::fill(rows + candidates, rows + candidates + lanes, rows[candidates - 1]);
 
-  GaussianView<T> local = gaussians;
-  local.means += 3 * begin;
-  local.quats += 4 * begin;
-  local.log_scales += 3 * begin;
-
+  const GaussianView<T> local = rows_from(gaussians, begin);
   Splat<T>* splats = out.splats.data() + begin;
   SplatKey<T>* keys = out.keys.data() + begin;
   std::size_t stored = 0;
@@ -156,7 +139,7 @@ bool project_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup
     const Whitening<Lanes<T>> white = whitening(d, g);
 
     V logit;
-    gather_rows<1>(d, gaussians.logit_opacities + begin, rows + i, &logit);
+    gather_rows<1>(d, local.logit_opacities, local.size, 1, rows + i, &logit);
     V opacity = hn::Set(d, T(1)) / (hn::Set(d, T(1)) + hn::Exp(d, hn::Neg(logit)));
     if (setup.antialias) opacity = opacity * hn::Sqrt(g.det / g.filtered_det);
     auto seen = hn::Ge(opacity, hn::Set(d, setup.alpha_min));
@@ -183,39 +166,41 @@ bool project_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup
     seen = hn::And(seen, hn::And(hn::IsFinite(all), hn::Gt(g.filtered_det, hn::Zero(d))));
     if (hn::AllFalse(d, seen)) continue;
 
-    HWY_ALIGN T values[7][kBlockPixels], box[4][kBlockPixels], colors[3][kBlockPixels];
-    hn::Store(px, d, values[0]);
-    hn::Store(py, d, values[1]);
-    hn::Store(white.uu, d, values[2]);
-    hn::Store(white.uv, d, values[3]);
-    hn::Store(white.vv, d, values[4]);
-    hn::Store(log2_opacity, d, values[5]);
-    hn::Store(g.z, d, values[6]);
-    hn::Store(hn::IfThenElseZero(seen, x0), d, box[0]);
-    hn::Store(hn::IfThenElseZero(seen, y0), d, box[1]);
-    hn::Store(hn::IfThenElse(seen, x1, hn::Set(d, T(-1))), d, box[2]);
-    hn::Store(hn::IfThenElseZero(seen, y1), d, box[3]);
+    V colors[3];
+    evaluate_colors(d, local, setup, rows + i, colors);
+    HWY_ALIGN Row box[4][kBlockPixels], flags[kBlockPixels];
+    HWY_ALIGN T blues[kBlockPixels], depths[kBlockPixels];
+    const auto store_tile = [&](V pixel, Row* tile) HWY_ATTR {
+      hn::Store(hn::ShiftRight<kLog2TileSize>(hn::ConvertTo(di, hn::IfThenElseZero(seen, pixel))), di,
+                tile);
+    };
+    store_tile(x0, box[0]);
+    store_tile(y0, box[1]);
+    store_tile(x1, box[2]);
+    store_tile(y1, box[3]);
+    hn::Store(hn::IfThenElseZero(hn::RebindMask(di, seen), hn::Set(di, 1)), di, flags);
+    hn::Store(colors[2], d, blues);
+    hn::Store(g.z, d, depths);
+    // Those not seen are written too, to a place that nobody reads: that spares branches.
+    Splat<T> unseen, *places[kBlockPixels] = {};
     const std::size_t count = std::min(lanes, candidates - i);
-    evaluate_colors(d, gaussians, setup, begin, rows + i, count, colors);
     for (std::size_t lane = 0; lane < count; ++lane) {
-      if (box[2][lane] < 0) continue;
-      const TileRect rect = {std::uint16_t(int(box[0][lane]) / kTileSize),
-                             std::uint16_t(int(box[1][lane]) / kTileSize),
-                             std::uint16_t(int(box[2][lane]) / kTileSize + 1),
-                             std::uint16_t(int(box[3][lane]) / kTileSize + 1)};
-      if (!touches_wanted(rect, wanted, setup.tiles_x)) continue;
-      areas += area(rect);
-      keys[stored] = {rect, depth_bits(values[6][lane])};
-      splats[stored++] = {values[0][lane],
-                          values[1][lane],
-                          values[2][lane],
-                          values[3][lane],
-                          values[4][lane],
-                          values[5][lane],
-                          {colors[0][lane], colors[1][lane], colors[2][lane]},
-                          values[6][lane],
-                          std::uint32_t(begin + std::size_t(rows[i + lane]))};
+      const TileRect rect = {std::uint16_t(box[0][lane]), std::uint16_t(box[1][lane]),
+                             std::uint16_t(box[2][lane] + 1), std::uint16_t(box[3][lane] + 1)};
+      const bool kept = flags[lane] && touches_wanted(rect, wanted, setup.tiles_x);
+      Splat<T>& splat = kept ? splats[stored] : unseen;
+      splat.color[2] = blues[lane];
+      splat.depth = depths[lane];
+      splat.gaussian = std::uint32_t(begin + std::size_t(rows[i + lane]));
+      places[lane] = &splat;
+      keys[stored] = {rect, depth_bits(depths[lane])};
+      areas += kept ? area(rect) : 0;
+      stored += kept;
     }
+    const V first[4] = {px, py, white.uu, white.uv};
+    const V second[4] = {white.vv, log2_opacity, colors[0], colors[1]};
+    store_columns(d, first, count, [&](std::size_t lane) { return &places[lane]->mean_x; });
+    store_columns(d, second, count, [&](std::size_t lane) { return &places[lane]->vv; });
   }
   out.counts[chunk] = std::uint32_t(stored);
   out.areas[chunk] = areas;

@@ -69,13 +69,6 @@ HWY_INLINE void store_rows3(D d, const hn::Vec<D>* columns, std::size_t count, T
   hn::StoreInterleaved3(columns[0], columns[1], columns[2], d, rows);
   std::copy_n(rows, 3 * count, out);
 }
-template <class D, typename T = hn::TFromD<D>>
-HWY_INLINE void store_rows4(D d, const hn::Vec<D>* columns, std::size_t count, T* out) {
-  HWY_ALIGN T rows[4 * kBlockPixels];
-  hn::StoreInterleaved4(columns[0], columns[1], columns[2], columns[3], d, rows);
-  std::copy_n(rows, 4 * count, out);
-}
-
 /// Gradient of the SH coefficients of `count` Gaussians from that of their colours, into `dL_dsh`;
 /// adds what comes through the viewing direction to the gradient of the mean.
 template <class D, typename T, typename Row>
@@ -92,28 +85,27 @@ HWY_INLINE void color_gradient(D d, const GaussianView<T>& gaussians, const Rend
     return;
   }
   const int bases = (setup.sh_degree + 1) * (setup.sh_degree + 1);
-  const ViewDirection<D> direction = view_direction(d, gaussians.means, setup, rows);
+  const ViewDirection<D> direction = view_direction(d, gaussians, setup, rows);
   sh_basis(d, setup.sh_degree, direction.unit[0], direction.unit[1], direction.unit[2], basis);
-  HWY_ALIGN T values[kMaxShBases][kBlockPixels], weights[kMaxShBases][kBlockPixels] = {};
-  HWY_ALIGN T gradients[3][kBlockPixels];
-  for (int k = 0; k < bases; ++k) hn::Store(basis[k], d, values[k]);
-  for (int c = 0; c < 3; ++c) hn::Store(color_gradient[c], d, gradients[c]);
-  for (std::size_t lane = 0; lane < count; ++lane) {
-    const T* sh = gaussians.sh + std::size_t(rows[lane]) * setup.sh_bases * 3;
-    T* out = dL_dsh + lane * setup.sh_bases * 3;
-    const T red = gradients[0][lane], green = gradients[1][lane], blue = gradients[2][lane];
-    for (int k = 0; k < bases; ++k) {
-      const T value = values[k][lane];
-      out[3 * k] = value * red;
-      out[3 * k + 1] = value * green;
-      out[3 * k + 2] = value * blue;
-      weights[k][lane] = sh[3 * k] * red + sh[3 * k + 1] * green + sh[3 * k + 2] * blue;
-    }
-    std::fill(out + 3 * bases, out + 3 * setup.sh_bases, T(0));
+  V weight[kMaxShBases], sh_gradient[3 * kMaxShBases];
+  for_each_sh_basis(d, gaussians, setup.sh_degree, rows, [&](int k, const V* rgb) HWY_ATTR {
+    weight[k] = dot3<D>(rgb, color_gradient);
+    for (int c = 0; c < 3; ++c) sh_gradient[3 * k + c] = basis[k] * color_gradient[c];
+  });
+  const std::size_t columns = std::size_t(setup.sh_bases) * 3;
+  for (std::size_t k = 3 * bases; k < columns; ++k) sh_gradient[k] = hn::Zero(d);
+  std::size_t k = 0;
+  for (; k + 4 <= columns; k += 4) {
+    store_columns(d, sh_gradient + k, count,
+                  [&](std::size_t lane) { return dL_dsh + lane * columns + k; });
+  }
+  for (; k < columns; ++k) {
+    HWY_ALIGN T values[kBlockPixels];
+    hn::Store(sh_gradient[k], d, values);
+    for (std::size_t lane = 0; lane < count; ++lane) dL_dsh[lane * columns + k] = values[lane];
   }
   if (setup.sh_degree == 0) return;
-  V weight[kMaxShBases], by_direction[3];
-  for (int k = 0; k < bases; ++k) weight[k] = hn::Load(d, weights[k]);
+  V by_direction[3];
   sh_basis_gradient(d, setup.sh_degree, direction.unit[0], direction.unit[1], direction.unit[2],
                     weight, by_direction);
   const V along = dot3<D>(by_direction, direction.unit);
@@ -135,12 +127,7 @@ void project_chunk_backward(const GaussianView<T>& gaussians, const RenderSetup<
   const V two = hn::Set(d, T(2)), fx = hn::Set(d, setup.fx), fy = hn::Set(d, setup.fy);
   const V two_ln2 = hn::Set(d, T(2 * kLn2));
   const std::size_t base = count ? splats[0].gaussian : 0;
-  GaussianView<T> local = gaussians;
-  local.means += 3 * base;
-  local.quats += 4 * base;
-  local.log_scales += 3 * base;
-  local.logit_opacities += base;
-  local.sh += base * setup.sh_bases * 3;
+  const GaussianView<T> local = rows_from(gaussians, base);
 
   // Summed in T over a chunk; the caller sums the chunks in double.
   V force_sum[3] = {hn::Zero(d), hn::Zero(d), hn::Zero(d)};
@@ -148,12 +135,10 @@ void project_chunk_backward(const GaussianView<T>& gaussians, const RenderSetup<
   for (std::size_t i = 0; i < count; i += lanes) {
     const std::size_t valid = std::min(lanes, count - i);
     std::uint32_t rows[kBlockPixels], places[kBlockPixels];
-    HWY_ALIGN T colors[3][kBlockPixels];
     for (std::size_t lane = 0; lane < lanes; ++lane) {
       const std::size_t slot = i + std::min(lane, valid - 1);
       rows[lane] = std::uint32_t(splats[slot].gaussian - base);
       places[lane] = std::uint32_t(slot);
-      for (int c = 0; c < 3; ++c) colors[c][lane] = splats[slot].color[c];
     }
     for (std::size_t ahead = i + 2 * lanes; ahead < std::min(i + 3 * lanes, count); ++ahead) {
       prefetch(gaussians, splats[ahead].gaussian);
@@ -163,7 +148,7 @@ void project_chunk_backward(const GaussianView<T>& gaussians, const RenderSetup<
       gradients.rows[at + lane] = splats[i + lane].gaussian;
     }
     V s[kSumsPerEntry];
-    gather_rows<kSumsPerEntry>(d, sums, places, s);
+    gather_rows<kSumsPerEntry>(d, sums, count, kSumsPerEntry, places, s);
     const Geometry<D> g = project(d, local, setup, rows);
     const Whitening<D> w = whitening(d, g);
 
@@ -223,20 +208,23 @@ void project_chunk_backward(const GaussianView<T>& gaussians, const RenderSetup<
 
     // alpha grows with sigmoid(logit): dlog(opacity) / dlogit = 1 - opacity = sigmoid(-logit)
     V logit;
-    gather_rows<1>(d, local.logit_opacities, rows, &logit);
+    gather_rows<1>(d, local.logit_opacities, local.size, 1, rows, &logit);
     const V logit_gradient = s[0] / (hn::Set(d, T(1)) + hn::Exp(d, logit));
 
     // The colour is clamped at 0, where its gradient ends.
-    V color[3];
+    V color[4];
+    load_columns(d, [&](std::size_t lane) { return splats[places[lane]].color; }, color);
     for (int c = 0; c < 3; ++c) {
-      color[c] = hn::IfThenElseZero(hn::Gt(hn::Load(d, colors[c]), hn::Zero(d)), s[6 + c]);
+      color[c] = hn::IfThenElseZero(hn::Gt(color[c], hn::Zero(d)), s[6 + c]);
     }
     color_gradient(d, local, setup, rows, valid, color,
                    gradients.dL_dsh.data() + at * setup.sh_bases * 3, mean);
 
     store_rows3(d, mean, valid, gradients.dL_dmeans.data() + 3 * at);
     store_rows3(d, log_scale, valid, gradients.dL_dlog_scales.data() + 3 * at);
-    store_rows4(d, quat, valid, gradients.dL_dquats.data() + 4 * at);
+    store_columns(d, quat, valid, [&](std::size_t lane) {
+      return gradients.dL_dquats.data() + 4 * (at + lane);
+    });
     HWY_ALIGN T logit_gradients[kBlockPixels];
     hn::Store(logit_gradient, d, logit_gradients);
     std::copy_n(logit_gradients, valid, gradients.dL_dlogit_opacities.data() + at);

@@ -88,33 +88,79 @@ HWY_INLINE void store_sums(D d, V a, V b, V c, V e, double* out) {
   hn::StoreU(sum_parts(d, ce), part, out + 2);
 }
 
-/// Transposes rows of four numbers into columns, one row a lane.
-template <typename T, typename Row>
-HWY_INLINE void transpose_rows(const T* base, const Row* rows, std::size_t lanes,
-                               std::size_t stride, T (*columns)[kBlockPixels]) {
-  for (std::size_t lane = 0; lane < lanes; ++lane) {
-    const T* row = base + std::size_t(rows[lane]) * stride;
-    for (int column = 0; column < 4; ++column) columns[column][lane] = row[column];
+// Rows of four numbers, one a lane, to four columns and back. In float a vector is made of the
+// 128-bit rows of every fourth lane and transposed within its 128-bit parts. Writing single numbers
+// to memory and reading them back as a vector would wait until all have left the store queue.
+
+/// The rows of lanes first, first + 4, ... side by side.
+template <class D, class RowOf>
+HWY_INLINE hn::Vec<D> load_every_fourth(D d, RowOf row_of, std::size_t first) {
+  if constexpr (hn::MaxLanes(D()) <= 4) {
+    return hn::LoadU(d, row_of(first));
+  } else {
+    const hn::Half<D> half;
+    return hn::Combine(d, load_every_fourth(half, row_of, first + hn::Lanes(half)),
+                       load_every_fourth(half, row_of, first));
   }
 }
-template <typename Row>
-HWY_INLINE void transpose_rows(const float* base, const Row* rows, std::size_t lanes,
-                               std::size_t stride, float (*columns)[kBlockPixels]) {
-  const hn::FixedTag<float, 4> d;
-  const hn::RepartitionToWide<decltype(d)> wide;
-  for (std::size_t lane = 0; lane < lanes; lane += 4) {
-    const auto row = [&](std::size_t i) HWY_ATTR {
-      return hn::LoadU(d, base + std::size_t(rows[lane + i]) * stride);
-    };
-    const auto r0 = row(0), r1 = row(1), r2 = row(2), r3 = row(3);
-    const auto a = hn::BitCast(wide, hn::InterleaveLower(d, r0, r1));
-    const auto b = hn::BitCast(wide, hn::InterleaveLower(d, r2, r3));
-    const auto c = hn::BitCast(wide, hn::InterleaveUpper(d, r0, r1));
-    const auto e = hn::BitCast(wide, hn::InterleaveUpper(d, r2, r3));
-    hn::Store(hn::BitCast(d, hn::InterleaveLower(wide, a, b)), d, columns[0] + lane);
-    hn::Store(hn::BitCast(d, hn::InterleaveUpper(wide, a, b)), d, columns[1] + lane);
-    hn::Store(hn::BitCast(d, hn::InterleaveLower(wide, c, e)), d, columns[2] + lane);
-    hn::Store(hn::BitCast(d, hn::InterleaveUpper(wide, c, e)), d, columns[3] + lane);
+
+template <class D, class RowOf>
+HWY_INLINE void store_every_fourth(D d, hn::Vec<D> v, RowOf row_of, std::size_t first) {
+  if constexpr (hn::MaxLanes(D()) <= 4) {
+    hn::StoreU(v, d, row_of(first));
+  } else {
+    const hn::Half<D> half;
+    store_every_fourth(half, hn::LowerHalf(half, v), row_of, first);
+    store_every_fourth(half, hn::UpperHalf(half, v), row_of, first + hn::Lanes(half));
+  }
+}
+
+/// Transposes four vectors within their 128-bit parts.
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE void transpose_parts(D d, V* rows) {
+  const hn::RepartitionToWide<D> wide;
+  const auto a = hn::BitCast(wide, hn::InterleaveLower(d, rows[0], rows[1]));
+  const auto b = hn::BitCast(wide, hn::InterleaveLower(d, rows[2], rows[3]));
+  const auto c = hn::BitCast(wide, hn::InterleaveUpper(d, rows[0], rows[1]));
+  const auto e = hn::BitCast(wide, hn::InterleaveUpper(d, rows[2], rows[3]));
+  rows[0] = hn::BitCast(d, hn::InterleaveLower(wide, a, b));
+  rows[1] = hn::BitCast(d, hn::InterleaveUpper(wide, a, b));
+  rows[2] = hn::BitCast(d, hn::InterleaveLower(wide, c, e));
+  rows[3] = hn::BitCast(d, hn::InterleaveUpper(wide, c, e));
+}
+
+/// The columns of the four numbers at row_of(lane).
+template <class D, class RowOf>
+HWY_INLINE void load_columns(D d, RowOf row_of, hn::Vec<D>* columns) {
+  using T = hn::TFromD<D>;
+  if constexpr (sizeof(T) == 4) {
+    for (std::size_t i = 0; i < 4; ++i) columns[i] = load_every_fourth(d, row_of, i);
+    transpose_parts(d, columns);
+  } else {
+    HWY_ALIGN T values[4][kBlockPixels];
+    for (std::size_t lane = 0; lane < hn::Lanes(d); ++lane) {
+      for (int i = 0; i < 4; ++i) values[i][lane] = row_of(lane)[i];
+    }
+    for (int i = 0; i < 4; ++i) columns[i] = hn::Load(d, values[i]);
+  }
+}
+
+/// Stores four columns as rows of four numbers at row_of(lane), for lane < count.
+template <class D, class RowOf>
+HWY_INLINE void store_columns(D d, const hn::Vec<D>* columns, std::size_t count, RowOf row_of) {
+  using T = hn::TFromD<D>;
+  if constexpr (sizeof(T) == 4) {
+    if (count == hn::Lanes(d)) {
+      hn::Vec<D> rows[4] = {columns[0], columns[1], columns[2], columns[3]};
+      transpose_parts(d, rows);
+      for (std::size_t i = 0; i < 4; ++i) store_every_fourth(d, rows[i], row_of, i);
+      return;
+    }
+  }
+  HWY_ALIGN T values[4][kBlockPixels];
+  for (int i = 0; i < 4; ++i) hn::Store(columns[i], d, values[i]);
+  for (std::size_t lane = 0; lane < count; ++lane) {
+    for (int i = 0; i < 4; ++i) row_of(lane)[i] = values[i][lane];
   }
 }
 
