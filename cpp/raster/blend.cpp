@@ -41,7 +41,7 @@ void find_blocks(const TileTask<T>& tile, const RenderSetup<T>& setup, const Spl
   using V = hn::Vec<Lanes<T>>;
   const std::size_t lanes = hn::Lanes(d);
   const V zero = hn::Zero(d), last_pixel = hn::Set(d, T(kBlockSize - 1));
-  const V half = hn::Set(d, T(0.5)), quarter = hn::Set(d, T(1) / kBlockSize);
+  const V quarter = hn::Set(d, T(1) / kBlockSize);
   const TileEntry<T>* entries = tile.entries + batch.begin;
   // Per row of blocks and entry, a bit for each block of the row.
   HWY_ALIGN std::uint8_t rows[kBlocksPerRow][kBatchSize];
@@ -78,25 +78,30 @@ void find_blocks(const TileTask<T>& tile, const RenderSetup<T>& setup, const Spl
     // Slightly larger than exact, so that rounding never drops a pixel.
     const V power = hn::MulAdd(log2_opacity - hn::Set(d, setup.log2_alpha_min),
                                hn::Set(d, T(1.001)), hn::Set(d, T(0.001)));
-    const V inverse_uu = hn::Set(d, T(1)) / uu;
-    const V slope = hn::Neg(uv * inverse_uu);
     const V top = hn::Sqrt(power) / vv;
     // Where the ellipse reaches farthest to the right; to the left it is at -rightmost.
     const V rightmost = hn::Neg(top * uv) / hn::Sqrt(hn::MulAdd(uv, uv, vv * vv));
+    // In x, blocks are counted instead of pixels: a block is touched by what reaches its first pixel
+    // centre from the left or its last from the right.
+    const V blocks_a_u = hn::Set(d, T(1) / kBlockSize) / uu;
+    const V slope = hn::Neg(uv * blocks_a_u);
+    const V margin = hn::Set(d, T(1) + kApproximateSqrtError<T>) * blocks_a_u;
+    const V last_block = hn::MulAdd(mean_x, quarter, hn::Set(d, T(-0.5) / kBlockSize));
+    const V first_block = last_block - hn::Set(d, T(kBlockSize - 1) / kBlockSize);
     auto low = hn::Zero(du), high = hn::Zero(du);
     for (int row = 0; row < kBlocksPerRow; ++row) {
-      const V from = hn::Set(d, T(row * kBlockSize)) + half - mean_y;
+      const V from = hn::Set(d, T(row * kBlockSize) + T(0.5)) - mean_y;
       const V y0 = hn::Max(from, hn::Neg(top)), y1 = hn::Min(from + last_pixel, top);
       const auto reach = [&](V y) HWY_ATTR {
         const V v = vv * y;
-        return hn::Sqrt(hn::Max(hn::NegMulAdd(v, v, power), zero)) * inverse_uu;
+        return approximate_sqrt(d, hn::NegMulAdd(v, v, power)) * margin;
       };
       const V y_right = hn::Min(hn::Max(rightmost, y0), y1);
       const V y_left = hn::Min(hn::Max(hn::Neg(rightmost), y0), y1);
-      const V right = hn::MulAdd(slope, y_right, mean_x) + reach(y_right);
-      const V left = hn::MulAdd(slope, y_left, mean_x) - reach(y_left);
-      const V first = hn::Max(hn::Ceil((left - half - last_pixel) * quarter), zero);
-      const V last = hn::Min(hn::Floor((right - half) * quarter), hn::Set(d, T(kBlocksPerRow - 1)));
+      const V right = hn::MulAdd(slope, y_right, last_block) + reach(y_right);
+      const V left = hn::MulAdd(slope, y_left, first_block) - reach(y_left);
+      const V first = hn::Max(hn::Ceil(left), zero);
+      const V last = hn::Min(hn::Floor(right), hn::Set(d, T(kBlocksPerRow - 1)));
       const auto touched = hn::And(hn::Le(y0, y1), hn::Le(first, last));
       // Bits first..last, where touched.
       const auto one = hn::Set(du, 1);

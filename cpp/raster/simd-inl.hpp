@@ -56,6 +56,20 @@ HWY_INLINE hn::Vec<D> reciprocal(D d, hn::Vec<D> x) {
   return hn::Div(hn::Set(d, 1.0), x);
 }
 
+/// sqrt(max(x, 0)), in float with a relative error of at most kApproximateSqrtError: that of NEON's
+/// estimate, those of x86 are better.
+template <typename T>
+constexpr T kApproximateSqrtError = sizeof(T) == 4 ? T(1) / 256 : T(0);
+template <class D, hwy::EnableIf<sizeof(hn::TFromD<D>) == 4>* = nullptr>
+HWY_INLINE hn::Vec<D> approximate_sqrt(D d, hn::Vec<D> x) {
+  const auto positive = hn::Max(x, hn::Set(d, 1e-30f));
+  return hn::Mul(positive, hn::ApproximateReciprocalSqrt(positive));
+}
+template <class D, hwy::EnableIf<sizeof(hn::TFromD<D>) == 8>* = nullptr>
+HWY_INLINE hn::Vec<D> approximate_sqrt(D d, hn::Vec<D> x) {
+  return hn::Sqrt(hn::Max(x, hn::Zero(d)));
+}
+
 /// Adds up the 128-bit parts of a vector.
 template <class D>
 HWY_INLINE auto sum_parts([[maybe_unused]] D d, hn::Vec<D> v) {
