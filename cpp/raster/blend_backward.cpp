@@ -172,14 +172,14 @@ bool blend_entries_backward(const TileTask<T>& tile, const RenderSetup<T>& setup
         T* t = transmittance + block * kBlockPixels + i;
         const PixelCenters<Lanes<T>> centers(d, block, i / lanes);
         const Footprint<Lanes<T>> at(corner_u, corner_v, uu, uv, vv, log2_opacity, centers);
-        const V alpha = alpha_of(at.log2_alpha);
         const V before = hn::Load(d, t);
-        const auto blended = hn::Ge(at.log2_alpha, threshold);
-        const V weight = hn::IfThenElseZero(blended, alpha * before);
-        const V after = before - weight;
+        const V any_alpha =
+            hn::IfThenElseZero(hn::Ge(at.log2_alpha, threshold), alpha_of(at.log2_alpha));
+        const V after = before - any_alpha * before;
         hn::Store(after, d, t);
         const auto live = hn::Ge(after, transmittance_min);
-        const V w = hn::IfThenElseZero(live, weight);
+        const V alpha = hn::IfThenElseZero(live, any_alpha);
+        const V w = alpha * before;
 
         const V g_red = value(kRed), g_green = value(kGreen), g_blue = value(kBlue);
         const V g_depth = value(kDepth);
@@ -198,8 +198,8 @@ bool blend_entries_backward(const TileTask<T>& tile, const RenderSetup<T>& setup
         hn::Store(behind, d, pixel + kBehind * kBlockPixels);
         const V odds = alpha * reciprocal(d, one - alpha);
         // The clamped alpha does not move with the footprint or the opacity.
-        const auto moves = hn::And(hn::And(blended, live), hn::Le(at.log2_alpha, clamp));
-        const V g = hn::IfThenElseZero(moves, hn::NegMulAdd(odds, behind, w * s));
+        const V g = hn::IfThenElseZero(hn::Le(at.log2_alpha, clamp),
+                                       hn::NegMulAdd(odds, behind, w * s));
         const V gu = g * at.u, gv = g * at.v;
         g_sum = g_sum + g;
         gu_sum = gu_sum + gu;
