@@ -23,8 +23,8 @@ constexpr std::size_t kMaxIdleBytes = 0;  // A recycled block would hide the use
 constexpr std::size_t kMaxIdleBytes = std::size_t{128} << 20;
 #endif
 
-/// Blocks come in sizes at most an eighth apart, so that arrays of nearly the same length can follow
-/// each other in one block, and from two huge pages on in whole ones.
+/// Blocks come in sizes at most an eighth apart, so that arrays of nearly the same length can
+/// follow each other in one block, and from two huge pages on in whole ones.
 std::size_t block_size(std::size_t bytes) {
   std::size_t step = kCacheLine;
   while (step * 16 <= bytes) step *= 2;
@@ -66,7 +66,7 @@ void free_block(const Block& block) { ::operator delete(block.pointer, alignment
 }  // namespace
 
 void* allocate_array(std::size_t bytes) {
-  if (bytes < kMinRecycledBytes) return ::operator new(bytes, std::align_val_t{kCacheLine});
+  if (bytes < kMinRecycledBytes) return ::operator new (bytes, std::align_val_t{kCacheLine});
   if (bytes > PTRDIFF_MAX) throw std::bad_alloc();
   const std::size_t size = block_size(bytes);
   {
@@ -91,7 +91,7 @@ void* allocate_array(std::size_t bytes) {
 
 void deallocate_array(void* pointer, std::size_t bytes) noexcept {
   if (bytes < kMinRecycledBytes) {
-    ::operator delete(pointer, std::align_val_t{kCacheLine});
+    ::operator delete (pointer, std::align_val_t{kCacheLine});
     return;
   }
   const Block block{pointer, block_size(bytes)};

@@ -81,7 +81,8 @@ std::pair<std::size_t, std::size_t> share(std::size_t chunks, std::size_t group,
 
 template <typename T>
 std::vector<Band<T>> plan_bands(const Splats<T>& splats, const RenderSetup<T>& setup) {
-  const auto visible = std::accumulate(splats.counts.begin(), splats.counts.end(), std::uint64_t{0});
+  const auto visible =
+      std::accumulate(splats.counts.begin(), splats.counts.end(), std::uint64_t{0});
   const auto total = std::accumulate(splats.areas.begin(), splats.areas.end(), std::uint64_t{0});
   const std::uint64_t budget = std::max<std::uint64_t>(kMinBandEntries, 4 * visible);
   if (total <= budget) {

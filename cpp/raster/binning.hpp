@@ -24,8 +24,8 @@ struct Band {
   int first_row = 0, last_row = 0;
   std::vector<std::uint32_t> offsets;  ///< [tiles + 1] first entry of each tile's list
   Array<TileEntry<T>> entries;         ///< By tile, then by slot.
-  /// [chunks + 1] first gradient place of each chunk. Splats follow in the order of their slots, and
-  /// the tiles of one splat's rectangle in the band row by row, unwanted ones included.
+  /// [chunks + 1] first gradient place of each chunk. Splats follow in the order of their slots,
+  /// and the tiles of one splat's rectangle in the band row by row, unwanted ones included.
   std::vector<std::uint32_t> first_gradients;
 };
 
@@ -41,7 +41,8 @@ constexpr std::uint32_t area(const TileRect& rect) {
   return std::uint32_t(rect.x1 - rect.x0) * std::uint32_t(rect.y1 - rect.y0);
 }
 
-/// Calls visit(tile of the band, rank in the rectangle) for every wanted tile of a clipped rectangle.
+/// Calls visit(tile of the band, rank in the rectangle) for every wanted tile of a clipped
+/// rectangle.
 template <typename T, typename Visit>
 void for_each_tile(const TileRect& rect, const Band<T>& band, int tiles_x,
                    const WantedPixels& wanted, Visit visit) {

@@ -44,8 +44,8 @@ struct PixelCenters {
   static constexpr Table kCenters{};
 };
 
-/// A splat as a tile sees it: u and v are linear in the position in the tile, so their values at its
-/// corner take the place of the mean.
+/// A splat as a tile sees it: u and v are linear in the position in the tile, so their values at
+/// its corner take the place of the mean.
 template <typename T>
 struct TileSplat {
   T corner_u, corner_v;

@@ -15,8 +15,8 @@
 HWY_BEFORE_NAMESPACE();
 namespace gslts::raster::HWY_NAMESPACE {
 
-/// Entries of a tile that are blended before the next ones are looked at: what is kept of them stays
-/// in the L1 cache, and a tile that has become opaque never looks at the rest.
+/// Entries of a tile that are blended before the next ones are looked at: what is kept of them
+/// stays in the L1 cache, and a tile that has become opaque never looks at the rest.
 constexpr std::uint32_t kBatchSize = 512;
 constexpr std::uint32_t kBatchWords = kBatchSize / 64;
 
@@ -56,8 +56,10 @@ void find_blocks(const TileTask<T>& tile, const RenderSetup<T>& setup, const Spl
       }
     }
     V shape[4], rest[4];
-    load_columns(d, [&](std::size_t lane) { return &splats[slots[lane]].mean_x; }, shape);
-    load_columns(d, [&](std::size_t lane) { return &splats[slots[lane]].vv; }, rest);
+    load_columns(
+        d, [&](std::size_t lane) { return &splats[slots[lane]].mean_x; }, shape);
+    load_columns(
+        d, [&](std::size_t lane) { return &splats[slots[lane]].vv; }, rest);
     V mean_x = shape[0], mean_y = shape[1], corner_u, corner_v;
     const V uu = shape[2], uv = shape[3], vv = rest[0], log2_opacity = rest[1];
     corner_uv(d, mean_x, mean_y, uu, uv, vv, tile.x, tile.y, corner_u, corner_v);
@@ -81,8 +83,8 @@ void find_blocks(const TileTask<T>& tile, const RenderSetup<T>& setup, const Spl
     const V top = hn::Sqrt(power) / vv;
     // Where the ellipse reaches farthest to the right; to the left it is at -rightmost.
     const V rightmost = hn::Neg(top * uv) / hn::Sqrt(hn::MulAdd(uv, uv, vv * vv));
-    // In x, blocks are counted instead of pixels: a block is touched by what reaches its first pixel
-    // centre from the left or its last from the right.
+    // In x, blocks are counted instead of pixels: a block is touched by what reaches its first
+    // pixel centre from the left or its last from the right.
     const V blocks_a_u = hn::Set(d, T(1) / kBlockSize) / uu;
     const V slope = hn::Neg(uv * blocks_a_u);
     const V margin = hn::Set(d, T(1) + kApproximateSqrtError<T>) * blocks_a_u;
@@ -122,8 +124,8 @@ void find_blocks(const TileTask<T>& tile, const RenderSetup<T>& setup, const Spl
     hn::Store(low, du, lows);
     hn::Store(high, du, highs);
     for (std::size_t lane = 0; lane < valid; ++lane) {
-      tile.blocks[batch.begin + i + lane] =
-          std::uint64_t(lows[lane]) | std::uint64_t(highs[lane]) << 32;
+      tile.blocks[batch.begin + i + lane] = std::uint64_t(lows[lane]) | std::uint64_t(highs[lane])
+                                                                            << 32;
     }
   }
 
@@ -182,9 +184,9 @@ bool blend_block(const TileSplat<T>* splats, const std::uint16_t* list, std::uin
     bool alive = true;
     for (std::uint32_t k = 0; k < count; ++k) {
       const TileSplat<T>& s = splats[list[k]];
-      const Footprint<Lanes<T>> at(hn::Set(d, s.corner_u), hn::Set(d, s.corner_v),
-                                   hn::Set(d, s.uu), hn::Set(d, s.uv), hn::Set(d, s.vv),
-                                   hn::Set(d, s.log2_opacity), centers);
+      const Footprint<Lanes<T>> at(hn::Set(d, s.corner_u), hn::Set(d, s.corner_v), hn::Set(d, s.uu),
+                                   hn::Set(d, s.uv), hn::Set(d, s.vv), hn::Set(d, s.log2_opacity),
+                                   centers);
       const V weight =
           hn::IfThenElseZero(hn::Ge(at.log2_alpha, threshold), alpha_of(at.log2_alpha) * before);
       const V after = before - weight;

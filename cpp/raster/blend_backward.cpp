@@ -198,8 +198,8 @@ bool blend_entries_backward(const TileTask<T>& tile, const RenderSetup<T>& setup
         hn::Store(behind, d, pixel + kBehind * kBlockPixels);
         const V odds = alpha * reciprocal(d, one - alpha);
         // The clamped alpha does not move with the footprint or the opacity.
-        const V g = hn::IfThenElseZero(hn::Le(at.log2_alpha, clamp),
-                                       hn::NegMulAdd(odds, behind, w * s));
+        const V g =
+            hn::IfThenElseZero(hn::Le(at.log2_alpha, clamp), hn::NegMulAdd(odds, behind, w * s));
         const V gu = g * at.u, gv = g * at.v;
         g_sum = g_sum + g;
         gu_sum = gu_sum + gu;

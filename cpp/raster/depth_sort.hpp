@@ -29,7 +29,8 @@ void sort_by_depth(TileEntry<T>* entries, std::size_t n, std::vector<TileEntry<T
     nearest = std::min(nearest, entries[i].depth);
     farthest = std::max(farthest, entries[i].depth);
   }
-  constexpr int kDigitBits = 9, kMaxDigits = (8 * int(sizeof(DepthBits<T>)) + kDigitBits - 1) / kDigitBits;
+  constexpr int kDigitBits = 9,
+                kMaxDigits = (8 * int(sizeof(DepthBits<T>)) + kDigitBits - 1) / kDigitBits;
   int digits = 0;
   while (digits < kMaxDigits && (farthest - nearest) >> (kDigitBits * digits)) ++digits;
   const auto digit_of = [&](const TileEntry<T>& entry, int digit) {

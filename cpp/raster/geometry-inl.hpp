@@ -16,8 +16,8 @@ HWY_BEFORE_NAMESPACE();
 namespace gslts::raster::HWY_NAMESPACE {
 
 /// The first kColumns columns of the rows rows[lane], which must ascend, of a row-major array of
-/// `size` rows, `stride` numbers apart. Loads and shuffles beat the gather instructions of Zen 5, and
-/// NEON has none.
+/// `size` rows, `stride` numbers apart. Loads and shuffles beat the gather instructions of Zen 5,
+/// and NEON has none.
 template <int kColumns, class D, typename T = hn::TFromD<D>, typename Row>
 HWY_INLINE void gather_rows(D d, const T* base, std::size_t size, std::size_t stride,
                             const Row* rows, hn::Vec<D>* columns) {
@@ -28,7 +28,8 @@ HWY_INLINE void gather_rows(D d, const T* base, std::size_t size, std::size_t st
     // Four numbers of the last row may end behind the array.
     if (kColumns % 4 == 0 || column + 4 <= kColumns ||
         row_of(lanes - 1) + column + 4 <= base + size * stride) {
-      load_columns(d, [&](std::size_t lane) { return row_of(lane) + column; }, four);
+      load_columns(
+          d, [&](std::size_t lane) { return row_of(lane) + column; }, four);
     } else {
       HWY_ALIGN T values[4][kBlockPixels] = {};
       for (std::size_t lane = 0; lane < lanes; ++lane) {
@@ -116,8 +117,8 @@ HWY_INLINE ViewDirection<D> view_direction(D d, const GaussianView<T>& gaussians
   return v;
 }
 
-/// Calls visit(k, rgb) with the three coefficients of each SH basis k up to `degree`, one Gaussian a
-/// lane.
+/// Calls visit(k, rgb) with the three coefficients of each SH basis k up to `degree`, one Gaussian
+/// a lane.
 template <class D, typename T, typename Row, class Visit>
 HWY_INLINE void for_each_sh_basis(D d, const GaussianView<T>& gaussians, int degree,
                                   const Row* rows, Visit visit) {

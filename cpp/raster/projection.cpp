@@ -171,8 +171,8 @@ bool project_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup
     HWY_ALIGN Row box[4][kBlockPixels], flags[kBlockPixels];
     HWY_ALIGN T blues[kBlockPixels], depths[kBlockPixels];
     const auto store_tile = [&](V pixel, Row* tile) HWY_ATTR {
-      hn::Store(hn::ShiftRight<kLog2TileSize>(hn::ConvertTo(di, hn::IfThenElseZero(seen, pixel))), di,
-                tile);
+      hn::Store(hn::ShiftRight<kLog2TileSize>(hn::ConvertTo(di, hn::IfThenElseZero(seen, pixel))),
+                di, tile);
     };
     store_tile(x0, box[0]);
     store_tile(y0, box[1]);

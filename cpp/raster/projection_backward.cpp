@@ -213,7 +213,8 @@ void project_chunk_backward(const GaussianView<T>& gaussians, const RenderSetup<
 
     // The colour is clamped at 0, where its gradient ends.
     V color[4];
-    load_columns(d, [&](std::size_t lane) { return splats[places[lane]].color; }, color);
+    load_columns(
+        d, [&](std::size_t lane) { return splats[places[lane]].color; }, color);
     for (int c = 0; c < 3; ++c) {
       color[c] = hn::IfThenElseZero(hn::Gt(color[c], hn::Zero(d)), s[6 + c]);
     }
@@ -222,9 +223,8 @@ void project_chunk_backward(const GaussianView<T>& gaussians, const RenderSetup<
 
     store_rows3(d, mean, valid, gradients.dL_dmeans.data() + 3 * at);
     store_rows3(d, log_scale, valid, gradients.dL_dlog_scales.data() + 3 * at);
-    store_columns(d, quat, valid, [&](std::size_t lane) {
-      return gradients.dL_dquats.data() + 4 * (at + lane);
-    });
+    store_columns(d, quat, valid,
+                  [&](std::size_t lane) { return gradients.dL_dquats.data() + 4 * (at + lane); });
     HWY_ALIGN T logit_gradients[kBlockPixels];
     hn::Store(logit_gradient, d, logit_gradients);
     std::copy_n(logit_gradients, valid, gradients.dL_dlogit_opacities.data() + at);

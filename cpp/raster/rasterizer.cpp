@@ -169,8 +169,9 @@ void Rasterizer<T>::State::blend_band_backward(const GaussianView<T>& gaussians,
 
 /// Adds what the tiles of a band found for each splat of a chunk, in the order of the tiles.
 template <typename T>
-void Rasterizer<T>::State::gather_chunk(const Band<T>& band, std::size_t chunk, std::size_t first_row,
-                                        T* sums, Gradients<T>& gradients) const {
+void Rasterizer<T>::State::gather_chunk(const Band<T>& band, std::size_t chunk,
+                                        std::size_t first_row, T* sums,
+                                        Gradients<T>& gradients) const {
   const std::size_t dims = entry_features.empty() ? 0 : std::size_t(setup->feature_dims);
   const SplatKey<T>* keys = splats.keys.data() + chunk * kChunkSize;
   std::size_t first_place = band.first_gradients[chunk];

@@ -96,6 +96,16 @@ std::vector<Case> make_cases() {
     c.shape.gaussians = 1500;
     c.shape.max_scale_px = 4;
   });
+  // One tile with a list several times as long as what is blended at once.
+  for (int dims : {0, 9}) {
+    add("LongList" + std::to_string(dims), [&](Case& c) {
+      c.width = c.height = 32;
+      c.shape.gaussians = 3000;
+      c.shape.feature_dims = dims;
+      c.shape.max_scale_px = 0.7;
+      c.shape.max_logit = -1;
+    });
+  }
   // Centres outside the image, of which only the rims are seen.
   add("FarOutsideTheImage", [](Case& c) {
     c.shape.outside = 0.9;

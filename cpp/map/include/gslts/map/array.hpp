@@ -7,9 +7,9 @@
 
 namespace gslts {
 
-/// Uninitialised memory for an `Array`, aligned to cache lines. The kernel takes longer to hand out a
-/// page than a render takes to fill it, so released blocks of 64 KiB and more are kept, up to 128 MiB
-/// of them, for arrays to come, and blocks of 4 MiB and more are asked for in huge pages.
+/// Uninitialised memory for an `Array`, aligned to cache lines. The kernel takes longer to hand out
+/// a page than a render takes to fill it, so released blocks of 64 KiB and more are kept, up to 128
+/// MiB of them, for arrays to come, and blocks of 4 MiB and more are asked for in huge pages.
 /// @throws std::bad_alloc
 void* allocate_array(std::size_t bytes);
 void deallocate_array(void* pointer, std::size_t bytes) noexcept;
