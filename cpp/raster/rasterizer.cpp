@@ -218,7 +218,7 @@ Images<T> Rasterizer<T>::forward(const GaussianView<T>& gaussians, const Camera&
   State& state = *state_;
   state.setup.reset();
   RenderSetup<T> setup = make_setup(gaussians, camera, options);
-  state.wanted = WantedPixels(mask, setup.width, setup.height);
+  state.wanted = WantedPixels(mask, setup.width, setup.height, "Rasterizer::forward");
   if (!state.wanted.all()) setup.region = state.wanted.bounds();
   state.map_size = gaussians.size;
   state.setup = setup;

@@ -85,12 +85,13 @@ RenderSetup<T> make_setup(const GaussianView<T>& gaussians, const Camera& camera
   return setup;
 }
 
-WantedPixels::WantedPixels(const PixelMask& mask, int width, int height) : width_(width) {
+WantedPixels::WantedPixels(const PixelMask& mask, int width, int height, const char* function)
+    : width_(width) {
   if (!mask.data) return;
   if (mask.width != width || mask.height != height) {
     std::ostringstream message;
-    message << "Rasterizer::forward: mask is " << mask.width << " x " << mask.height
-            << " pixels, but the camera's image is " << width << " x " << height;
+    message << function << ": mask is " << mask.width << " x " << mask.height
+            << " pixels, but the image is " << width << " x " << height;
     throw std::invalid_argument(message.str());
   }
   pixels_.assign(mask.data, mask.data + std::size_t(width) * height);

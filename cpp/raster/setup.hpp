@@ -45,8 +45,8 @@ RenderSetup<T> make_setup(const GaussianView<T>& gaussians, const Camera& camera
 class WantedPixels {
  public:
   WantedPixels() = default;
-  /// @throws std::invalid_argument  if the mask's size is not that of the image.
-  WantedPixels(const PixelMask& mask, int width, int height);
+  /// @throws std::invalid_argument  naming the caller, if the mask's size is not that of the image.
+  WantedPixels(const PixelMask& mask, int width, int height, const char* function);
 
   bool all() const { return pixels_.empty(); }
   /// Bit b is set if a pixel of block b of the tile is wanted; bits outside the image may be set.
