@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -10,9 +11,6 @@
 
 namespace gslts::raster {
 namespace {
-
-/// Rows of an image that one task takes at least: it also reads ten rows on either side.
-constexpr int kRowsPerTask = 64;
 
 void require_size(const char* function, int width, int height) {
   if (width > 0 && height > 0) return;
@@ -127,10 +125,11 @@ PhotometricLoss<T> photometric_loss(const T* rgb, const T* target, int width, in
   task.ssim_weight = T(dssim_weight / double(count));
   task.dL_drgb = loss.dL_drgb.data();
   std::vector<PhotometricSums> sums(rows);
-  const std::size_t tasks = std::size_t(rows + kRowsPerTask - 1) / kRowsPerTask;
-  parallel::parallel_for(tasks, parallel::resolve_threads(threads), [&](std::size_t i) {
-    photometric_rows(task, int(i) * kRowsPerTask, std::min(rows, int(i + 1) * kRowsPerTask),
-                     sums.data());
+  const int parts = std::min(rows, parallel::resolve_threads(threads));
+  parallel::parallel_for(parts, parts, [&](std::size_t part) {
+    const int first = int(std::int64_t(rows) * std::int64_t(part) / parts);
+    const int last = int(std::int64_t(rows) * std::int64_t(part + 1) / parts);
+    photometric_rows(task, first, last, sums.data());
   });
   PhotometricSums total;
   for (const PhotometricSums& row : sums) {

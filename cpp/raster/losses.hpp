@@ -28,7 +28,7 @@ struct PhotometricSums {
   double l1 = 0, ssim = 0;
 };
 
-/// Rows [first, last) of the box: their part of the gradient, and their sums into sums[row].
+/// Writes the gradient of the rows [first, last) of the box, and the sums of row y to sums[y].
 template <typename T>
 void photometric_rows(const PhotometricTask<T>& task, int first, int last, PhotometricSums* sums);
 
