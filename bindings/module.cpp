@@ -1,6 +1,7 @@
 #include <pybind11/pybind11.h>
 
 namespace gslts::python {
+void define_losses(pybind11::module_ m);
 void define_map(pybind11::module_ m);
 void define_raster(pybind11::module_ m);
 }  // namespace gslts::python
@@ -10,5 +11,7 @@ void define_raster(pybind11::module_ m);
 PYBIND11_MODULE(_core, m) {
   m.doc() = "C++ core of gslts: strict and thin; the package gslts is its public face.";
   gslts::python::define_map(m.def_submodule("map", "Cameras and views of Gaussians."));
-  gslts::python::define_raster(m.def_submodule("raster", "Rendering and its gradients."));
+  pybind11::module_ raster = m.def_submodule("raster", "Rendering, losses and their gradients.");
+  gslts::python::define_raster(raster);
+  gslts::python::define_losses(raster);
 }

@@ -2,6 +2,7 @@
 
 from importlib.metadata import version
 
+from gslts import losses
 from gslts.camera import Camera, camera_from_fov, look_at
 from gslts.gaussian_map import GaussianMap
 from gslts.render import Gradients, Images, Rasterizer, RenderOptions, render
@@ -18,5 +19,6 @@ __all__ = [
     "__version__",
     "camera_from_fov",
     "look_at",
+    "losses",
     "render",
 ]

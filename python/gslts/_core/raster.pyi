@@ -1,12 +1,13 @@
 """
-Rendering and its gradients.
+Rendering, losses and their gradients.
 """
 from __future__ import annotations
 import collections.abc
 import gslts._core.map
 import numpy
+import numpy.typing
 import typing
-__all__: list[str] = ['RasterizerDouble', 'RasterizerFloat', 'RenderOptions', 'simd_target']
+__all__: list[str] = ['Exposure', 'RasterizerDouble', 'RasterizerFloat', 'RenderOptions', 'depth_loss_double', 'depth_loss_float', 'fit_exposure_double', 'fit_exposure_float', 'photometric_loss_double', 'photometric_loss_float', 'simd_target']
 class RenderOptions:
     """
     How to render; immutable.
@@ -106,6 +107,57 @@ class RasterizerDouble:
         """
         Renders one view; returns the arrays of `gslts.Images` by name.
         """
+class Exposure:
+    """
+    Colour correction of one photograph; immutable.
+    
+    photograph = gain * rendering + offset, for each channel.
+    
+    Args:
+        gain: Of red, green and blue.
+        offset: Of red, green and blue.
+    """
+    __hash__: typing.ClassVar[None] = None
+    def __eq__(self, other: Exposure) -> bool:
+        ...
+    def __init__(self, *, gain: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [1.0, 1.0, 1.0], offset: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.0]) -> None:
+        ...
+    def __repr__(self) -> str:
+        ...
+    @property
+    def gain(self) -> tuple:
+        """
+        Of red, green and blue.
+        """
+    @property
+    def offset(self) -> tuple:
+        """
+        Of red, green and blue.
+        """
+def depth_loss_double(depth: numpy.ndarray, target: numpy.ndarray, *, mask: numpy.ndarray | None) -> tuple[float, int, numpy.typing.NDArray[numpy.float64]]:
+    """
+    See gslts.losses.depth_loss; returns value, count and gradient.
+    """
+def depth_loss_float(depth: numpy.ndarray, target: numpy.ndarray, *, mask: numpy.ndarray | None) -> tuple[float, int, numpy.typing.NDArray[numpy.float32]]:
+    """
+    See gslts.losses.depth_loss; returns value, count and gradient.
+    """
+def fit_exposure_double(rgb: numpy.ndarray, target: numpy.ndarray, *, mask: numpy.ndarray | None) -> Exposure:
+    """
+    See gslts.losses.fit_exposure.
+    """
+def fit_exposure_float(rgb: numpy.ndarray, target: numpy.ndarray, *, mask: numpy.ndarray | None) -> Exposure:
+    """
+    See gslts.losses.fit_exposure.
+    """
+def photometric_loss_double(rgb: numpy.ndarray, target: numpy.ndarray, *, mask: numpy.ndarray | None, dssim_weight: typing.SupportsFloat | typing.SupportsIndex, exposure: Exposure, threads: int) -> tuple[float, float, float, numpy.typing.NDArray[numpy.float64]]:
+    """
+    See gslts.losses.photometric_loss; returns value, l1, ssim and gradient.
+    """
+def photometric_loss_float(rgb: numpy.ndarray, target: numpy.ndarray, *, mask: numpy.ndarray | None, dssim_weight: typing.SupportsFloat | typing.SupportsIndex, exposure: Exposure, threads: int) -> tuple[float, float, float, numpy.typing.NDArray[numpy.float32]]:
+    """
+    See gslts.losses.photometric_loss; returns value, l1, ssim and gradient.
+    """
 def simd_target() -> str:
     """
     Name of the instruction set that the kernels use on this machine.
