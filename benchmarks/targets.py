@@ -12,6 +12,12 @@ AVX512_MS = {
     "forward": {"S": 3.0, "M": 12.0, "L": 55.0},
     "forward_backward": {"S": 8.0, "M": 30.0, "L": 135.0},
 }
+# Likewise, of the pieces of training, by number of threads.
+TRAINING_MS = {
+    ("photometric_loss", 1): {"S": 0.8, "M": 2.5, "L": 10.0},
+    ("train", 1): {"M": 35.0},
+    ("train", 2): {"M": 20.0},
+}
 # Float multiply-adds a second of a core of the machine on which the targets were set.
 REFERENCE_LANES_PER_S = {"AVX-512": 119e9, "AVX2": 59.5e9}
 SLOWDOWN = {"AVX-512": 1.0, "AVX2": 1.6}
@@ -57,16 +63,22 @@ def find(timings: Sequence[Timing], case: str, workload: str, threads: int = 1) 
 
 
 def time_verdicts(results: CppResults) -> list[Verdict]:
-    """Times on one core, against targets scaled to this core's peak."""
+    """Times against targets scaled to this core's peak."""
     family = simd_family(results.simd_target)
     if family not in SLOWDOWN or 1 not in results.fma_lanes_per_s:
         return []
     scale = SLOWDOWN[family] * REFERENCE_LANES_PER_S[family] / results.fma_lanes_per_s[1]
+    cases = {(case, 1): targets for case, targets in AVX512_MS.items()} | TRAINING_MS
     return [
-        Verdict(f"{family}: {case} {workload}", measured, scale * target, "ms")
-        for case, targets in AVX512_MS.items()
+        Verdict(
+            f"{family}: {case} {workload}" + (f", {threads} threads" if threads > 1 else ""),
+            measured,
+            scale * target,
+            "ms",
+        )
+        for (case, threads), targets in cases.items()
         for workload, target in targets.items()
-        if (measured := find(results.timings, case, workload)) is not None
+        if (measured := find(results.timings, case, workload, threads)) is not None
     ]
 
 

@@ -32,8 +32,8 @@ struct Band {
 /// The part of a rectangle that lies in the band; empty ones have no height.
 template <typename T>
 TileRect clip(TileRect rect, const Band<T>& band) {
-  rect.y0 = std::uint16_t(std::max<int>(rect.y0, band.first_row));
-  rect.y1 = std::uint16_t(std::max<int>(rect.y0, std::min<int>(rect.y1, band.last_row)));
+  rect.y0 = std::uint16_t(std::clamp<int>(rect.y0, band.first_row, band.last_row));
+  rect.y1 = std::uint16_t(std::clamp<int>(rect.y1, rect.y0, band.last_row));
   return rect;
 }
 

@@ -15,19 +15,18 @@
 HWY_BEFORE_NAMESPACE();
 namespace gslts::raster::HWY_NAMESPACE {
 
-/// The first kColumns columns of the rows rows[lane], which must ascend, of a row-major array of
-/// `size` rows, `stride` numbers apart. Loads and shuffles beat the gather instructions of Zen 5,
-/// and NEON has none.
+/// kColumns columns, from that of `base` on, of the rows rows[lane], which must ascend, of a
+/// row-major array with rows `stride` numbers apart that ends at `end`. Loads and shuffles beat the
+/// gather instructions of Zen 5, and NEON has none.
 template <int kColumns, class D, typename T = hn::TFromD<D>, typename Row>
-HWY_INLINE void gather_rows(D d, const T* base, std::size_t size, std::size_t stride,
-                            const Row* rows, hn::Vec<D>* columns) {
+HWY_INLINE void gather_rows(D d, const T* base, const T* end, std::size_t stride, const Row* rows,
+                            hn::Vec<D>* columns) {
   const std::size_t lanes = hn::Lanes(d);
   const auto row_of = [&](std::size_t lane) { return base + std::size_t(rows[lane]) * stride; };
   for (int column = 0; column < kColumns; column += 4) {
     hn::Vec<D> four[4];
     // Four numbers of the last row may end behind the array.
-    if (kColumns % 4 == 0 || column + 4 <= kColumns ||
-        row_of(lanes - 1) + column + 4 <= base + size * stride) {
+    if (kColumns % 4 == 0 || column + 4 <= kColumns || row_of(lanes - 1) + column + 4 <= end) {
       load_columns(
           d, [&](std::size_t lane) { return row_of(lane) + column; }, four);
     } else {
@@ -109,7 +108,7 @@ template <class D, typename T, typename Row>
 HWY_INLINE ViewDirection<D> view_direction(D d, const GaussianView<T>& gaussians,
                                            const RenderSetup<T>& setup, const Row* rows) {
   ViewDirection<D> v;
-  gather_rows<3>(d, gaussians.means, gaussians.size, 3, rows, v.unit);
+  gather_rows<3>(d, gaussians.means, gaussians.means + 3 * gaussians.size, 3, rows, v.unit);
   for (int i = 0; i < 3; ++i) v.unit[i] = v.unit[i] - hn::Set(d, setup.camera_in_map[i]);
   const auto length2 = hn::Max(dot3<D>(v.unit, v.unit), hn::Set(d, T(1e-30)));
   v.inverse_length = hn::Set(d, T(1)) / hn::Sqrt(length2);
@@ -124,14 +123,15 @@ HWY_INLINE void for_each_sh_basis(D d, const GaussianView<T>& gaussians, int deg
                                   const Row* rows, Visit visit) {
   const int bases = (degree + 1) * (degree + 1);
   const std::size_t stride = std::size_t(gaussians.sh_bases) * 3;
+  const T* end = gaussians.sh + gaussians.size * stride;
   hn::Vec<D> sh[12];
   int k = 0;
   for (; k + 4 <= bases; k += 4) {
-    gather_rows<12>(d, gaussians.sh + 3 * k, gaussians.size, stride, rows, sh);
+    gather_rows<12>(d, gaussians.sh + 3 * k, end, stride, rows, sh);
     for (int i = 0; i < 4; ++i) visit(k + i, sh + 3 * i);
   }
   for (; k < bases; ++k) {
-    gather_rows<3>(d, gaussians.sh + 3 * k, gaussians.size, stride, rows, sh);
+    gather_rows<3>(d, gaussians.sh + 3 * k, end, stride, rows, sh);
     visit(k, sh);
   }
 }
@@ -166,7 +166,7 @@ HWY_INLINE Geometry<D> project(D d, const GaussianView<T>& gaussians, const Rend
   const V two = hn::Set(d, T(2));
 
   V mean[3], center[3];
-  gather_rows<3>(d, gaussians.means, gaussians.size, 3, rows, mean);
+  gather_rows<3>(d, gaussians.means, gaussians.means + 3 * gaussians.size, 3, rows, mean);
   to_camera(d, setup, mean, center);
   g.x = center[0];
   g.y = center[1];
@@ -177,7 +177,7 @@ HWY_INLINE Geometry<D> project(D d, const GaussianView<T>& gaussians, const Rend
   g.tan_x = hn::Clamp(g.x_over_z, hn::Set(d, setup.min_tan_x), hn::Set(d, setup.max_tan_x));
   g.tan_y = hn::Clamp(g.y_over_z, hn::Set(d, setup.min_tan_y), hn::Set(d, setup.max_tan_y));
 
-  gather_rows<4>(d, gaussians.quats, gaussians.size, 4, rows, g.quat);
+  gather_rows<4>(d, gaussians.quats, gaussians.quats + 4 * gaussians.size, 4, rows, g.quat);
   normalize_quats<D, T>(d, g);
   const V w = g.quat[0], x = g.quat[1], y = g.quat[2], z = g.quat[3];
   const V rotation[3][3] = {
@@ -199,7 +199,8 @@ HWY_INLINE Geometry<D> project(D d, const GaussianView<T>& gaussians, const Rend
   }
 
   V log_scale[3];
-  gather_rows<3>(d, gaussians.log_scales, gaussians.size, 3, rows, log_scale);
+  gather_rows<3>(d, gaussians.log_scales, gaussians.log_scales + 3 * gaussians.size, 3, rows,
+                 log_scale);
   const V max_log_scale = hn::Set(d, T(kMaxLogScale));
   for (int k = 0; k < 3; ++k) {
     g.scale_free[k] = hn::Lt(log_scale[k], max_log_scale);

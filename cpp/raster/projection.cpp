@@ -139,7 +139,8 @@ bool project_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup
     const Whitening<Lanes<T>> white = whitening(d, g);
 
     V logit;
-    gather_rows<1>(d, local.logit_opacities, local.size, 1, rows + i, &logit);
+    gather_rows<1>(d, local.logit_opacities, local.logit_opacities + local.size, 1, rows + i,
+                   &logit);
     V opacity = hn::Set(d, T(1)) / (hn::Set(d, T(1)) + hn::Exp(d, hn::Neg(logit)));
     if (setup.antialias) opacity = opacity * hn::Sqrt(g.det / g.filtered_det);
     auto seen = hn::Ge(opacity, hn::Set(d, setup.alpha_min));

@@ -148,7 +148,7 @@ void project_chunk_backward(const GaussianView<T>& gaussians, const RenderSetup<
       gradients.rows[at + lane] = splats[i + lane].gaussian;
     }
     V s[kSumsPerEntry];
-    gather_rows<kSumsPerEntry>(d, sums, count, kSumsPerEntry, places, s);
+    gather_rows<kSumsPerEntry>(d, sums, sums + count * kSumsPerEntry, kSumsPerEntry, places, s);
     const Geometry<D> g = project(d, local, setup, rows);
     const Whitening<D> w = whitening(d, g);
 
@@ -208,7 +208,7 @@ void project_chunk_backward(const GaussianView<T>& gaussians, const RenderSetup<
 
     // alpha grows with sigmoid(logit): dlog(opacity) / dlogit = 1 - opacity = sigmoid(-logit)
     V logit;
-    gather_rows<1>(d, local.logit_opacities, local.size, 1, rows, &logit);
+    gather_rows<1>(d, local.logit_opacities, local.logit_opacities + local.size, 1, rows, &logit);
     const V logit_gradient = s[0] / (hn::Set(d, T(1)) + hn::Exp(d, logit));
 
     // The colour is clamped at 0, where its gradient ends.
