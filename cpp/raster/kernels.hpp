@@ -70,6 +70,30 @@ bool blend_tile_backward(const TileTask<T>& tile, const RenderSetup<T>& setup,
                          const ImageGradients<T>& image_gradients,
                          const EntryGradients<T>& entry_gradients);
 
+/// Some channels of a feature image.
+template <typename T>
+struct LiftChannels {
+  const T* data;             ///< [H,W,dims]
+  std::size_t dims;          ///< Of the image.
+  std::size_t first, count;  ///< Channels [first, first + count).
+
+  /// Length of a row of sums: whole vectors.
+  std::size_t stride() const { return (count + kBlockPixels - 1) / kBlockPixels * kBlockPixels; }
+};
+
+/// Sums over the pixels of one tile, by entry.
+template <typename T>
+struct EntryLifts {
+  T* features;  ///< [entries, stride] sum w S
+  T* weights;   ///< [entries] sum w
+};
+
+/// Lifts the pixels of a tile whose entries have been sorted by `blend_tile`.
+/// @return  false if a wanted number among the channels is not finite.
+template <typename T>
+bool lift_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const Splat<T>* splats,
+               const WantedPixels& wanted, const LiftChannels<T>& image, const EntryLifts<T>& out);
+
 /// Gradients of the `count` splats of a chunk from their sums, into rows first_row... of
 /// `gradients`. Adds the chunk's part of the gradient of the pose to `twist`.
 template <typename T>

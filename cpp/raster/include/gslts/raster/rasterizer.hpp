@@ -76,6 +76,18 @@ struct Gradients {
   Array<std::uint32_t> pixel_counts;  ///< [V] number of pixels
 };
 
+/// A feature image carried back to the V Gaussians that the camera sees, with w_p the blend weight
+/// of a Gaussian at pixel p. Summed over views, the quotient is the mean feature of a Gaussian.
+template <typename T>
+struct LiftedFeatures {
+  Array<std::uint32_t> rows;   ///< [V] rows of the map, ascending
+  Array<T> weighted_features;  ///< [V,D] sum_p w_p S_p
+  Array<T> weights;            ///< [V] sum_p w_p
+};
+
+template <typename T>
+struct RenderState;
+
 /// Renders Gaussians and differentiates the rendering (3D Gaussian splatting, Kerbl et al. 2023).
 ///
 /// One object holds the working memory of one rendering: `backward` differentiates the last
@@ -107,9 +119,17 @@ class Rasterizer {
   Gradients<T> backward(const GaussianView<T>& gaussians, const ImageGradients<T>& image_gradients,
                         bool statistics = false);
 
+  /// Lifts a feature image of the view of the last `forward`: the transpose of rendering features,
+  /// without the map having any.
+  /// @param gaussians  The same Gaussians, unchanged since.
+  /// @param features  S [H,W,D]; what it holds at pixels that are not wanted does not count.
+  /// @throws std::logic_error  if there was no forward.
+  /// @throws std::invalid_argument  if the sizes differ from those of the forward, dims is below 1,
+  ///   or a wanted number is not finite.
+  LiftedFeatures<T> lift(const GaussianView<T>& gaussians, const T* features, int dims);
+
  private:
-  struct State;
-  std::unique_ptr<State> state_;
+  std::unique_ptr<RenderState<T>> state_;
 };
 
 /// Name of the instruction set that the kernels use on this machine, such as "AVX3" (AVX-512).
