@@ -128,10 +128,10 @@ void run_training(benchmark::State& state, const std::string& folder, const std:
     } else if (piece == "depth_loss") {
       benchmark::DoNotOptimize(lose_depth());
     } else if (piece == "adam") {
-      adam.step(map, gradients, kRates, c.threads);
+      adam.step(map, gradients.view(), kRates, c.threads);
     } else {
       images = rasterizer.forward(map.view(), camera, options);
-      adam.step(map, differentiate(), kRates, c.threads);
+      adam.step(map, differentiate().view(), kRates, c.threads);
     }
   }
   state.counters["visible"] = double(gradients.rows.size());

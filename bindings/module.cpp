@@ -1,6 +1,7 @@
 #include <pybind11/pybind11.h>
 
 namespace gslts::python {
+void define_adam(pybind11::module_ m);
 void define_losses(pybind11::module_ m);
 void define_map(pybind11::module_ m);
 void define_raster(pybind11::module_ m);
@@ -14,4 +15,5 @@ PYBIND11_MODULE(_core, m) {
   pybind11::module_ raster = m.def_submodule("raster", "Rendering, losses and their gradients.");
   gslts::python::define_raster(raster);
   gslts::python::define_losses(raster);
+  gslts::python::define_adam(raster);
 }

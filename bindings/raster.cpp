@@ -15,6 +15,7 @@ namespace {
 using raster::Gradients;
 using raster::ImageGradients;
 using raster::Images;
+using raster::LiftedFeatures;
 using raster::PixelMask;
 using raster::Rasterizer;
 using raster::RenderOptions;
@@ -90,6 +91,23 @@ class NumpyRasterizer {
       result["pixel_counts"] = to_numpy(std::move(gradients.pixel_counts), {visible});
     }
     return result;
+  }
+
+  py::typing::Tuple<py::array_t<std::uint32_t>, py::array_t<T>, py::array_t<T>> lift(
+      const GaussianView<T>& gaussians, const py::array& features) {
+    const Use use(*this);
+    if (!image_size_) throw std::logic_error("Rasterizer.lift: there was no forward");
+    const T* data = require_array<T>(features, "features",
+                                     {image_size_->height, image_size_->width, kAnyLength});
+    const py::ssize_t dims = features.shape(2);
+    LiftedFeatures<T> lifted = [&] {
+      const py::gil_scoped_release release;
+      return rasterizer_.lift(gaussians, data, static_cast<int>(dims));
+    }();
+    const auto visible = static_cast<py::ssize_t>(lifted.rows.size());
+    return py::make_tuple(to_numpy(std::move(lifted.rows), {visible}),
+                          to_numpy(std::move(lifted.weighted_features), {visible, dims}),
+                          to_numpy(std::move(lifted.weights), {visible}));
   }
 
  private:
@@ -197,7 +215,9 @@ void define_rasterizer(py::module_& m, const char* name) {
       .def("backward", &Class::backward, py::arg("gaussians"), py::kw_only(), py::arg("dL_drgb"),
            py::arg("dL_ddepth"), py::arg("dL_dalpha"), py::arg("dL_dfeatures"),
            py::arg("statistics"),
-           "Differentiates the last forward; returns the arrays of `gslts.Gradients` by name.");
+           "Differentiates the last forward; returns the arrays of `gslts.Gradients` by name.")
+      .def("lift", &Class::lift, py::arg("gaussians"), py::arg("features"),
+           "Lifts onto what the last forward saw; returns the arrays of `gslts.LiftedFeatures`.");
 }
 
 }  // namespace

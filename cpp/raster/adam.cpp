@@ -32,14 +32,14 @@ void validate(const AdamOptions& options) {
 }
 
 template <typename T>
-void require_finite(const char* name, const Array<T>& gradient) {
+void require_finite(const char* name, const T* gradient, std::size_t count) {
   T sum = 0;
-  for (T value : gradient) sum += value * T(0);
+  for (std::size_t i = 0; i < count; ++i) sum += gradient[i] * T(0);
   if (sum == 0) return;
-  const auto bad = std::find_if_not(gradient.begin(), gradient.end(),
-                                    [](T value) { return std::isfinite(value); });
+  const T* bad =
+      std::find_if_not(gradient, gradient + count, [](T value) { return std::isfinite(value); });
   std::ostringstream message;
-  message << "::step: " << name << " has " << *bad << " at " << bad - gradient.begin()
+  message << "::step: " << name << " has " << *bad << " at " << bad - gradient
           << ", must be finite";
   fail(message.str());
 }
@@ -94,9 +94,9 @@ void Adam<T>::extend_corrections(std::uint32_t steps) {
 }
 
 template <typename T>
-void Adam<T>::step(BasicGaussianMap<T>& map, const Gradients<T>& gradients, const AdamRates& rates,
-                   int threads) {
-  const std::size_t size = state_.steps.size(), visible = gradients.rows.size();
+void Adam<T>::step(BasicGaussianMap<T>& map, const GradientsView<T>& gradients,
+                   const AdamRates& rates, int threads) {
+  const std::size_t size = state_.steps.size(), visible = gradients.size;
   const std::size_t bases = std::size_t(state_.sh_bases), dims = std::size_t(state_.feature_dims);
   if (map.size() != size || map.sh_bases != state_.sh_bases ||
       map.feature_dims != state_.feature_dims) {
@@ -107,19 +107,13 @@ void Adam<T>::step(BasicGaussianMap<T>& map, const Gradients<T>& gradients, cons
     fail(message.str());
   }
   map.view();  // Checks the lengths of its arrays.
-  const auto require_length = [&](const char* name, const Array<T>& gradient, std::size_t columns) {
-    if (gradient.size() == visible * columns) return;
+  if (gradients.sh_bases != state_.sh_bases || gradients.feature_dims != state_.feature_dims) {
     std::ostringstream message;
-    message << "::step: " << name << " must hold " << visible << " x " << columns
-            << " numbers, got " << gradient.size();
+    message << "::step: the state is of " << bases << " SH bases and " << dims
+            << " features, gradients of " << gradients.sh_bases << " and "
+            << gradients.feature_dims;
     fail(message.str());
-  };
-  require_length("dL_dmeans", gradients.dL_dmeans, 3);
-  require_length("dL_dquats", gradients.dL_dquats, 4);
-  require_length("dL_dlog_scales", gradients.dL_dlog_scales, 3);
-  require_length("dL_dlogit_opacities", gradients.dL_dlogit_opacities, 1);
-  require_length("dL_dsh", gradients.dL_dsh, 3 * bases);
-  require_length("dL_dfeatures", gradients.dL_dfeatures, dims);
+  }
   for (std::size_t i = 0; i < visible; ++i) {
     const std::uint32_t row = gradients.rows[i];
     if (row < size && (i == 0 || gradients.rows[i - 1] < row)) continue;
@@ -133,26 +127,27 @@ void Adam<T>::step(BasicGaussianMap<T>& map, const Gradients<T>& gradients, cons
       fail("::step: rates must not be negative, got " + std::to_string(rate));
     }
   }
-  require_finite("dL_dmeans", gradients.dL_dmeans);
-  require_finite("dL_dquats", gradients.dL_dquats);
-  require_finite("dL_dlog_scales", gradients.dL_dlog_scales);
-  require_finite("dL_dlogit_opacities", gradients.dL_dlogit_opacities);
-  require_finite("dL_dsh", gradients.dL_dsh);
-  require_finite("dL_dfeatures", gradients.dL_dfeatures);
+  require_finite("dL_dmeans", gradients.dL_dmeans, 3 * visible);
+  require_finite("dL_dquats", gradients.dL_dquats, 4 * visible);
+  require_finite("dL_dlog_scales", gradients.dL_dlog_scales, 3 * visible);
+  require_finite("dL_dlogit_opacities", gradients.dL_dlogit_opacities, visible);
+  require_finite("dL_dsh", gradients.dL_dsh, 3 * bases * visible);
+  require_finite("dL_dfeatures", gradients.dL_dfeatures, dims * visible);
 
   const std::size_t sh = 11, rest = 3 * bases - 3;
   const Group<T> groups[] = {
-      {map.means.data(), gradients.dL_dmeans.data(), 3, 0, 3, T(rates.means)},
-      {map.quats.data(), gradients.dL_dquats.data(), 4, 3, 4, T(rates.quats)},
-      {map.log_scales.data(), gradients.dL_dlog_scales.data(), 3, 7, 3, T(rates.log_scales)},
-      {map.logit_opacities.data(), gradients.dL_dlogit_opacities.data(), 1, 10, 1,
+      {map.means.data(), gradients.dL_dmeans, 3, 0, 3, T(rates.means)},
+      {map.quats.data(), gradients.dL_dquats, 4, 3, 4, T(rates.quats)},
+      {map.log_scales.data(), gradients.dL_dlog_scales, 3, 7, 3, T(rates.log_scales)},
+      {map.logit_opacities.data(), gradients.dL_dlogit_opacities, 1, 10, 1,
        T(rates.logit_opacities)},
-      {map.sh.data(), gradients.dL_dsh.data(), 3 * bases, sh, 3, T(rates.sh_dc)},
-      {map.sh.data() + 3, gradients.dL_dsh.data() + 3, 3 * bases, sh + 3, rest, T(rates.sh_rest)},
-      {map.features.data(), gradients.dL_dfeatures.data(), dims, sh + 3 * bases, dims,
-       T(rates.features)}};
+      {map.sh.data(), gradients.dL_dsh, 3 * bases, sh, 3, T(rates.sh_dc)},
+      {map.sh.data() + 3, gradients.dL_dsh + 3, 3 * bases, sh + 3, rest, T(rates.sh_rest)},
+      {map.features.data(), gradients.dL_dfeatures, dims, sh + 3 * bases, dims, T(rates.features)}};
   std::uint32_t most = 0;
-  for (std::uint32_t row : gradients.rows) most = std::max(most, state_.steps[row] + 1);
+  for (std::size_t i = 0; i < visible; ++i) {
+    most = std::max(most, state_.steps[gradients.rows[i]] + 1);
+  }
   extend_corrections(most);
   const std::size_t parameters = parameter_count(state_.sh_bases, state_.feature_dims);
   const T beta1 = T(options_.beta1), beta2 = T(options_.beta2), eps = T(options_.eps);

@@ -237,7 +237,8 @@ std::uint32_t for_each_block(const TileTask<T>& tile, const RenderSetup<T>& setu
       const std::size_t block = hwy::Num0BitsBelowLS1Bit_Nonzero64(blocks);
       std::uint16_t list[kBatchSize + 8];
       const std::uint32_t count = list_entries(batch, block, list);
-      if (!visit(batch.begin, batch.splats, list, count, block)) alive &= ~(std::uint64_t{1} << block);
+      if (!visit(batch.begin, batch.splats, list, count, block))
+        alive &= ~(std::uint64_t{1} << block);
     }
   }
   return batch.begin;

@@ -112,9 +112,9 @@ bool lift_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const Splat
                         std::uint32_t count, std::size_t block) HWY_ATTR {
     load_block(tile, setup, wanted, image, block, pixels);
     HWY_ALIGN T unused_sums[5 * kBlockPixels] = {};
-    const bool goes_on = blend_block<true>(near, list, count, setup, block,
-                                           transmittance + block * kBlockPixels, unused_sums,
-                                           weights);
+    const bool goes_on =
+        blend_block<true>(near, list, count, setup, block, transmittance + block * kBlockPixels,
+                          unused_sums, weights);
     const TileEntry<T>* entries = tile.entries + begin;
     std::uint32_t k = 0;
     for (; k + kGroup <= count; k += kGroup) {

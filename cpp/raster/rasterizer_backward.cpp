@@ -1,4 +1,6 @@
 #include <algorithm>
+#include <sstream>
+#include <stdexcept>
 
 #include "gslts/parallel/parallel_for.hpp"
 #include "render_state.hpp"
@@ -69,6 +71,8 @@ Gradients<T> Rasterizer<T>::backward(const GaussianView<T>& gaussians,
   const std::vector<std::size_t> first_rows = state.first_rows();
   const std::size_t chunks = first_rows.size() - 1, visible = first_rows.back();
   Gradients<T> gradients;
+  gradients.sh_bases = setup.sh_bases;
+  gradients.feature_dims = setup.feature_dims;
   gradients.rows.resize(visible);
   gradients.dL_dmeans.resize(3 * visible);
   gradients.dL_dquats.resize(4 * visible);
@@ -109,9 +113,33 @@ Gradients<T> Rasterizer<T>::backward(const GaussianView<T>& gaussians,
   return gradients;
 }
 
+template <typename T>
+GradientsView<T> Gradients<T>::view() const {
+  const std::size_t size = rows.size();
+  const auto checked = [&](const char* name, const Array<T>& gradient, std::size_t columns) {
+    if (gradient.size() == size * columns) return gradient.data();
+    std::ostringstream message;
+    message << "Gradients::view: " << name << " must hold " << size << " x " << columns
+            << " numbers, got " << gradient.size();
+    throw std::invalid_argument(message.str());
+  };
+  return {size,
+          sh_bases,
+          feature_dims,
+          rows.data(),
+          checked("dL_dmeans", dL_dmeans, 3),
+          checked("dL_dquats", dL_dquats, 4),
+          checked("dL_dlog_scales", dL_dlog_scales, 3),
+          checked("dL_dlogit_opacities", dL_dlogit_opacities, 1),
+          checked("dL_dsh", dL_dsh, 3 * std::size_t(sh_bases)),
+          checked("dL_dfeatures", dL_dfeatures, std::size_t(feature_dims))};
+}
+
+template GradientsView<float> Gradients<float>::view() const;
+template GradientsView<double> Gradients<double>::view() const;
 template Gradients<float> Rasterizer<float>::backward(const GaussianView<float>&,
-                                                     const ImageGradients<float>&, bool);
+                                                      const ImageGradients<float>&, bool);
 template Gradients<double> Rasterizer<double>::backward(const GaussianView<double>&,
-                                                       const ImageGradients<double>&, bool);
+                                                        const ImageGradients<double>&, bool);
 
 }  // namespace gslts::raster

@@ -11,8 +11,8 @@
 namespace gslts::raster {
 
 template <typename T>
-void require_finite_image(const char* name, const T* data, int channels, const RenderSetup<T>& setup,
-                          const WantedPixels& wanted) {
+void require_finite_image(const char* name, const T* data, int channels,
+                          const RenderSetup<T>& setup, const WantedPixels& wanted) {
   if (!data) return;
   const std::size_t width = std::size_t(setup.width), pixels = width * setup.height;
   for (std::size_t i = 0; i < pixels * std::size_t(channels); ++i) {
@@ -79,7 +79,7 @@ TileTask<T> RenderState<T>::tile_task(Band<T>& band, std::size_t tile) {
 
 template <typename T>
 void RenderState<T>::blend_band(const GaussianView<T>& gaussians, Band<T>& band,
-                                      Images<T>* images) {
+                                Images<T>* images) {
   bin_splats(splats, *setup, wanted, band);
   const std::size_t tiles = band.offsets.size() - 1;
   memory.blocks.resize(band.entries.size());
@@ -102,7 +102,7 @@ void RenderState<T>::blend_band(const GaussianView<T>& gaussians, Band<T>& band,
 
 template <typename T>
 void RenderState<T>::require_forward_of(const GaussianView<T>& gaussians,
-                                              const char* function) const {
+                                        const char* function) const {
   if (!setup) throw std::logic_error(std::string(function) + ": there was no forward");
   validate(gaussians, function);
   if (gaussians.size == map_size && gaussians.sh_bases == setup->sh_bases &&

@@ -43,8 +43,8 @@ struct RenderState {
   /// @throws std::invalid_argument  if the sizes are not those of the forward.
   void require_forward_of(const GaussianView<T>& gaussians, const char* function) const;
 
-  /// Calls visit(splat of the chunk, place) for every gradient place that the splats of a chunk have
-  /// in the wanted tiles of a band: splat by splat, tile by tile.
+  /// Calls visit(splat of the chunk, place) for every gradient place that the splats of a chunk
+  /// have in the wanted tiles of a band: splat by splat, tile by tile.
   template <typename Visit>
   void for_each_place(const Band<T>& band, std::size_t chunk, Visit visit) const {
     const SplatKey<T>* keys = splats.keys.data() + chunk * kChunkSize;

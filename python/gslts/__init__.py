@@ -3,17 +3,30 @@
 from importlib.metadata import version
 
 from gslts import losses
+from gslts.adam import Adam, AdamOptions, AdamRates, AdamState
 from gslts.camera import Camera, camera_from_fov, look_at
 from gslts.gaussian_map import GaussianMap
-from gslts.render import Gradients, Images, Rasterizer, RenderOptions, render
+from gslts.render import (
+    Gradients,
+    Images,
+    LiftedFeatures,
+    Rasterizer,
+    RenderOptions,
+    render,
+)
 
 __version__ = version("gslts")
 
 __all__ = [
+    "Adam",
+    "AdamOptions",
+    "AdamRates",
+    "AdamState",
     "Camera",
     "GaussianMap",
     "Gradients",
     "Images",
+    "LiftedFeatures",
     "Rasterizer",
     "RenderOptions",
     "__version__",

@@ -12,7 +12,7 @@ from gslts._core.raster import RasterizerDouble, RasterizerFloat, RenderOptions
 from gslts.camera import Camera
 from gslts.gaussian_map import FloatArray, GaussianMap
 
-__all__ = ["Gradients", "Images", "Rasterizer", "RenderOptions", "render"]
+__all__ = ["Gradients", "Images", "LiftedFeatures", "Rasterizer", "RenderOptions", "render"]
 
 _RASTERIZERS: dict[np.dtype[Any], type[RasterizerFloat] | type[RasterizerDouble]] = {
     np.dtype(np.float32): RasterizerFloat,
@@ -88,6 +88,23 @@ class Gradients:
         }
         rows = np.arange(size, dtype=np.uint32)
         return Gradients(rows=rows, dL_dtwist=self.dL_dtwist, **per_gaussian)
+
+
+@dataclass(frozen=True, eq=False)
+class LiftedFeatures:
+    """A feature image carried back to the V Gaussians in view; w_p is a blend weight at pixel p.
+
+    Over several views, add up both sums: their quotient is the mean feature of a Gaussian.
+
+    Attributes:
+        rows: [V] uint32, rows of the map, ascending.
+        weighted_features: [V,D] sum_p w_p S_p.
+        weights: [V] sum_p w_p.
+    """
+
+    rows: NDArray[np.uint32]
+    weighted_features: FloatArray
+    weights: FloatArray
 
 
 class Rasterizer:
@@ -179,6 +196,23 @@ class Rasterizer:
             statistics=statistics,
         )
         return Gradients(**gradients)
+
+    def lift(self, features: FloatArray) -> LiftedFeatures:
+        """Lifts a feature image of the view of the last `forward` onto the Gaussians.
+
+        This is the transpose of rendering features, and needs none in the map.
+
+        Args:
+            features: S [H,W,D] of this rasterizer's dtype; pixels that the mask of the forward does
+                not want do not count and may hold anything.
+
+        Raises:
+            RuntimeError: There was no forward.
+            ValueError: The array has a wrong shape or dtype or a wanted number is not finite.
+        """
+        if self._view is None:
+            raise RuntimeError("Rasterizer.lift: there was no forward")
+        return LiftedFeatures(*self._core.lift(self._view, _contiguous(features)))
 
 
 def render(

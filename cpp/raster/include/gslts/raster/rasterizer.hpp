@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 
@@ -56,10 +57,27 @@ struct ImageGradients {
   const T* dL_dfeatures = nullptr;  ///< [H,W,D]
 };
 
+/// Read-only, non-owning view of the gradients of V Gaussians; shapes as in `Gradients`.
+template <typename T>
+struct GradientsView {
+  std::size_t size = 0;  ///< V
+  int sh_bases = 1;      ///< K
+  int feature_dims = 0;  ///< D
+  const std::uint32_t* rows = nullptr;
+  const T* dL_dmeans = nullptr;
+  const T* dL_dquats = nullptr;
+  const T* dL_dlog_scales = nullptr;
+  const T* dL_dlogit_opacities = nullptr;
+  const T* dL_dsh = nullptr;
+  const T* dL_dfeatures = nullptr;  ///< May be null when D is 0.
+};
+
 /// Gradients with respect to the stored parameters of the V Gaussians that the camera sees; all
 /// others have gradient zero.
 template <typename T>
 struct Gradients {
+  int sh_bases = 1;              ///< K
+  int feature_dims = 0;          ///< D
   Array<std::uint32_t> rows;     ///< [V] rows of the map, ascending
   Array<T> dL_dmeans;            ///< [V,3]
   Array<T> dL_dquats;            ///< [V,4]
@@ -74,6 +92,9 @@ struct Gradients {
   Array<T> abs_dL_dmeans2d;           ///< [V,2] sum of |dL/dmean2d|, per px (AbsGS, Ye et al. 2024)
   Array<T> max_weights;               ///< [V] greatest blend weight w
   Array<std::uint32_t> pixel_counts;  ///< [V] number of pixels
+
+  /// @throws std::invalid_argument  if an array is not as long as its shape says.
+  GradientsView<T> view() const;
 };
 
 /// A feature image carried back to the V Gaussians that the camera sees, with w_p the blend weight
