@@ -73,6 +73,7 @@ template <typename T>
 raster::RenderOptions Workload<T>::options(int threads) const {
   raster::RenderOptions options;
   options.near_m = near_m;
+  options.alpha_min = 1.0 / 255.0;  // That of 3DGS, with which the targets were set.
   options.threads = threads;
   return options;
 }

@@ -136,23 +136,24 @@ class NumpyRasterizer {
 
 RenderOptions make_options(std::array<double, 3> background, double near_m, int sh_degree,
                            double eps2d_px2, bool antialias, double alpha_min,
-                           double transmittance_min, int threads) {
-  return {background, near_m,    sh_degree,         eps2d_px2,
-          antialias,  alpha_min, transmittance_min, threads};
+                           double transmittance_min, int exp_degree, int threads) {
+  return {background, near_m,    sh_degree,         eps2d_px2, antialias,
+          alpha_min,  transmittance_min, exp_degree, threads};
 }
 
 /// The arguments of make_options.
 py::tuple fields(const RenderOptions& o) {
   return py::make_tuple(py::make_tuple(o.background[0], o.background[1], o.background[2]), o.near_m,
                         o.sh_degree, o.eps2d_px2, o.antialias, o.alpha_min, o.transmittance_min,
-                        o.threads);
+                        o.exp_degree, o.threads);
 }
 
 void define_options(py::module_& m) {
   const RenderOptions defaults;
   py::class_<RenderOptions>(m, "RenderOptions", R"(How to render; immutable.
 
-The defaults are those of 3DGS (Kerbl et al. 2023) but for the near plane.
+The defaults are those of 3DGS (Kerbl et al. 2023) but for the near plane and alpha_min, which is
+1/255 there: half of it brings the image 5 dB nearer to the exact one for 4 % of the time.
 
 Args:
     background: RGB behind the Gaussians.
@@ -164,6 +165,8 @@ Args:
     alpha_min: A Gaussian is skipped at a pixel where its alpha is below this. In [1e-30, 0.99)
     transmittance_min: A pixel ends before the Gaussian that would take its transmittance below
         this. In [0, 1)
+    exp_degree: Degree of the polynomial in the place of exp: 5, to the precision of float32, or 3,
+        with an error of alpha of up to 8e-5 of it. float64 always takes the exact exp.
     threads: 0 means one a hardware thread. Results do not depend on it.
 
 The values are checked by each rendering.)")
@@ -173,6 +176,7 @@ The values are checked by each rendering.)")
            py::arg("eps2d_px2") = defaults.eps2d_px2, py::arg("antialias") = defaults.antialias,
            py::arg("alpha_min") = defaults.alpha_min,
            py::arg("transmittance_min") = defaults.transmittance_min,
+           py::arg("exp_degree").noconvert() = defaults.exp_degree,
            py::arg("threads").noconvert() = defaults.threads)
       .def_property_readonly(
           "background", [](const RenderOptions& o) { return fields(o)[0].cast<py::tuple>(); },
@@ -185,6 +189,7 @@ The values are checked by each rendering.)")
       .def_readonly("alpha_min", &RenderOptions::alpha_min, "Least alpha that is blended.")
       .def_readonly("transmittance_min", &RenderOptions::transmittance_min,
                     "Least transmittance left at a pixel.")
+      .def_readonly("exp_degree", &RenderOptions::exp_degree, "Degree of the polynomial for exp.")
       .def_readonly("threads", &RenderOptions::threads, "Threads; 0 means one a hardware thread.")
       .def(
           "__eq__",
@@ -194,13 +199,14 @@ The values are checked by each rendering.)")
            [](const RenderOptions& o) {
              return py::str(
                         "RenderOptions(background={}, near_m={}, sh_degree={}, eps2d_px2={}, "
-                        "antialias={}, alpha_min={}, transmittance_min={}, threads={})")
+                        "antialias={}, alpha_min={}, transmittance_min={}, "
+                        "exp_degree={}, threads={})")
                  .format(*fields(o));
            })
       .def(py::pickle(&fields, [](const py::tuple& state) {
         return make_options(state[0].cast<std::array<double, 3>>(), state[1].cast<double>(),
                             state[2].cast<int>(), state[3].cast<double>(), state[4].cast<bool>(),
-                            state[5].cast<double>(), state[6].cast<double>(), state[7].cast<int>());
+                            state[5].cast<double>(), state[6].cast<double>(), state[7].cast<int>(), state[8].cast<int>());
       }));
 }
 

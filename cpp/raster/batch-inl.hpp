@@ -168,8 +168,8 @@ std::uint32_t list_entries(const Batch<T>& batch, std::size_t block, std::uint16
 
 /// Blends the listed splats into the sums of a block, all but its features. Returns whether a pixel
 /// has not ended.
-template <bool kStoreWeights, typename T>
-bool blend_block(const TileSplat<T>* splats, const std::uint16_t* list, std::uint32_t count,
+template <bool kStoreWeights, int kExpDegree, typename T>
+bool blend_block_exp(const TileSplat<T>* splats, const std::uint16_t* list, std::uint32_t count,
                  const RenderSetup<T>& setup, std::size_t block, T* transmittance, T* sums,
                  T (*weights)[kBlockPixels]) {
   const Lanes<T> d;
@@ -190,7 +190,8 @@ bool blend_block(const TileSplat<T>* splats, const std::uint16_t* list, std::uin
                                    hn::Set(d, s.uv), hn::Set(d, s.vv), hn::Set(d, s.log2_opacity),
                                    centers);
       const V weight =
-          hn::IfThenElseZero(hn::Ge(at.log2_alpha, threshold), alpha_of(at.log2_alpha) * before);
+          hn::IfThenElseZero(hn::Ge(at.log2_alpha, threshold),
+                             alpha_of<kExpDegree>(at.log2_alpha) * before);
       const V after = before - weight;
       // Multiplying on and masking by the result ends a pixel for good, as T only falls.
       const auto live = hn::Ge(after, transmittance_min);
@@ -219,6 +220,15 @@ bool blend_block(const TileSplat<T>* splats, const std::uint16_t* list, std::uin
     any_alive |= alive;
   }
   return any_alive;
+}
+
+template <bool kStoreWeights, typename T>
+bool blend_block(const TileSplat<T>* splats, const std::uint16_t* list, std::uint32_t count,
+                 const RenderSetup<T>& setup, std::size_t block, T* transmittance, T* sums,
+                 T (*weights)[kBlockPixels]) {
+  const auto blend = setup.exp_degree == 3 ? &blend_block_exp<kStoreWeights, 3, T>
+                                           : &blend_block_exp<kStoreWeights, 5, T>;
+  return blend(splats, list, count, setup, block, transmittance, sums, weights);
 }
 
 /// Walks the tile, batch by batch and block by block, as long as `alive` blocks are left:

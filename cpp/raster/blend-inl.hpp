@@ -81,10 +81,10 @@ struct Footprint {
 };
 
 /// Alpha from its logarithm; any value where that is far below every alpha_min.
-template <class V>
+template <int kExpDegree, class V>
 HWY_INLINE V alpha_of(V log2_alpha) {
   const hn::DFromV<V> d;
-  return hn::Min(exp2_nonpositive(d, log2_alpha), hn::Set(d, hn::TFromV<V>(kMaxAlpha)));
+  return hn::Min(exp2_nonpositive<kExpDegree>(d, log2_alpha), hn::Set(d, hn::TFromV<V>(kMaxAlpha)));
 }
 
 /// Sets the transmittance of the tile's wanted pixels to 1, and of all others to -1: they never

@@ -107,7 +107,7 @@ bool load_image_gradients(const TileTask<T>& tile, const RenderSetup<T>& setup,
   return true;
 }
 
-template <bool kHasFeatures, bool kStatistics, typename T>
+template <bool kHasFeatures, bool kStatistics, int kExpDegree, typename T>
 bool blend_entries_backward(const TileTask<T>& tile, const RenderSetup<T>& setup,
                             const Splat<T>* splats, const T* features, const WantedPixels& wanted,
                             const ImageGradients<T>& image_gradients,
@@ -174,7 +174,8 @@ bool blend_entries_backward(const TileTask<T>& tile, const RenderSetup<T>& setup
         const Footprint<Lanes<T>> at(corner_u, corner_v, uu, uv, vv, log2_opacity, centers);
         const V before = hn::Load(d, t);
         const V any_alpha =
-            hn::IfThenElseZero(hn::Ge(at.log2_alpha, threshold), alpha_of(at.log2_alpha));
+            hn::IfThenElseZero(hn::Ge(at.log2_alpha, threshold),
+                               alpha_of<kExpDegree>(at.log2_alpha));
         const V after = before - any_alpha * before;
         hn::Store(after, d, t);
         const auto live = hn::Ge(after, transmittance_min);
@@ -243,14 +244,22 @@ bool blend_entries_backward(const TileTask<T>& tile, const RenderSetup<T>& setup
   return true;
 }
 
+template <int kExpDegree, typename T>
+auto entries_backward(bool features, bool statistics) {
+  if (features) {
+    return statistics ? &blend_entries_backward<true, true, kExpDegree, T>
+                      : &blend_entries_backward<true, false, kExpDegree, T>;
+  }
+  return statistics ? &blend_entries_backward<false, true, kExpDegree, T>
+                    : &blend_entries_backward<false, false, kExpDegree, T>;
+}
+
 template <typename T>
 bool blend_tile_backward(const TileTask<T>& tile, const RenderSetup<T>& setup,
                          const Splat<T>* splats, const T* features, const WantedPixels& wanted,
                          const ImageGradients<T>& image_gradients, const EntryGradients<T>& out) {
-  const auto blend = out.features ? (out.statistics ? &blend_entries_backward<true, true, T>
-                                                    : &blend_entries_backward<true, false, T>)
-                                  : (out.statistics ? &blend_entries_backward<false, true, T>
-                                                    : &blend_entries_backward<false, false, T>);
+  const auto blend = setup.exp_degree == 3 ? entries_backward<3, T>(out.features, out.statistics)
+                                           : entries_backward<5, T>(out.features, out.statistics);
   return blend(tile, setup, splats, features, wanted, image_gradients, out);
 }
 

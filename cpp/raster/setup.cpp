@@ -31,6 +31,8 @@ void validate(const RenderOptions& options) {
           options.eps2d_px2);
   require(options.alpha_min >= 1e-30 && options.alpha_min < kMaxAlpha, "alpha_min",
           "in [1e-30, 0.99)", options.alpha_min);
+  require(options.exp_degree == 3 || options.exp_degree == 5, "exp_degree", "3 or 5",
+          options.exp_degree);
   require(options.transmittance_min >= 0 && options.transmittance_min < 1, "transmittance_min",
           "in [0, 1)", options.transmittance_min);
 }
@@ -69,6 +71,7 @@ RenderSetup<T> make_setup(const GaussianView<T>& gaussians, const Camera& camera
   setup.log2_alpha_min = T(std::log2(options.alpha_min));
   setup.transmittance_min = T(options.transmittance_min);
   setup.antialias = options.antialias;
+  setup.exp_degree = options.exp_degree;
   const int map_degree = gaussians.sh_bases >= 16  ? 3
                          : gaussians.sh_bases >= 9 ? 2
                          : gaussians.sh_bases >= 4 ? 1

@@ -27,6 +27,7 @@ struct RenderSetup {
   T alpha_min, log2_alpha_min, transmittance_min;
   T background[3];
   bool antialias;
+  int exp_degree;
   int sh_degree;  ///< min(map, option)
   int sh_bases;   ///< of the map's array
   int feature_dims;

@@ -117,6 +117,9 @@ TYPED_TEST(RasterErrors, OptionsOutOfRangeAreNamed) {
     EXPECT_THAT(error_after([&](auto& o) { o.transmittance_min = bad; }),
                 HasSubstr("options.transmittance_min"));
   }
+  for (int bad : {-1, 0, 2, 4, 6}) {
+    EXPECT_THAT(error_after([&](auto& o) { o.exp_degree = bad; }), HasSubstr("options.exp_degree"));
+  }
   for (double bad : {nan, inf, -inf}) {
     EXPECT_THAT(error_after([&](auto& o) { o.background[1] = bad; }),
                 HasSubstr("options.background"));
