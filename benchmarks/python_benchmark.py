@@ -9,7 +9,9 @@ from statistics import median
 
 import numpy as np
 from cpp_benchmark import Timing
-from workloads import NEAR_M, Workload, make_workload
+
+import gslts
+from gslts.bench.rooms import NEAR_M, Room, make_room
 
 
 def ms_a_call(call: Callable[[], object], least_seconds: float) -> tuple[float, float]:
@@ -23,31 +25,21 @@ def ms_a_call(call: Callable[[], object], least_seconds: float) -> tuple[float, 
             return 1e3 * elapsed / calls, 1e3 * (time.thread_time() - cpu_start) / calls
 
 
-def time_workload(
-    name: str, workload: Workload, threads: int, repetitions: int, seconds: float
+def time_room(
+    name: str, room: Room, threads: int, repetitions: int, seconds: float
 ) -> list[Timing]:
     """Times forward, and forward with backward, with SH degree 0, as the C++ benchmark does."""
-    import gslts
-
+    full, camera = room.gaussian_map, room.camera
     gaussian_map = gslts.GaussianMap(
-        means=workload.means,
-        quats=workload.quats,
-        log_scales=workload.log_scales,
-        logit_opacities=workload.logit_opacities,
-        sh=np.ascontiguousarray(workload.sh[:, :1]),
+        means=full.means,
+        quats=full.quats,
+        log_scales=full.log_scales,
+        logit_opacities=full.logit_opacities,
+        sh=full.sh[:, :1],
     )
-    camera = gslts.Camera(
-        fx=workload.focal_px,
-        fy=workload.focal_px,
-        cx=workload.width / 2,
-        cy=workload.height / 2,
-        width=workload.width,
-        height=workload.height,
-        world_from_camera=workload.world_from_camera,
-    )
-    options = gslts.RenderOptions(near_m=NEAR_M, threads=threads)
+    options = gslts.RenderOptions(near_m=NEAR_M, alpha_min=1 / 255, threads=threads)
     rng = np.random.default_rng(1)
-    size = (workload.height, workload.width)
+    size = (camera.height, camera.width)
     dL_drgb = rng.uniform(-0.5, 0.5, (*size, 3)).astype(np.float32)
     dL_ddepth = rng.uniform(-0.5, 0.5, size).astype(np.float32)
     dL_dalpha = rng.uniform(-0.5, 0.5, size).astype(np.float32)
@@ -83,9 +75,9 @@ def time_workload(
 
 
 def run_timings(names: list[str], repetitions: int, seconds: float) -> list[Timing]:
-    """Times each workload on one thread, where a call's overhead weighs most."""
+    """Times each room on one thread, where a call's overhead weighs most."""
     return [
         timing
         for name in names
-        for timing in time_workload(name, make_workload(name), 1, repetitions, seconds)
+        for timing in time_room(name, make_room(name), 1, repetitions, seconds)
     ]

@@ -22,7 +22,9 @@ import python_benchmark
 import report
 import targets
 from machine import describe_commit, describe_machine
-from workloads import FOLDER, REPOSITORY, SIZES, make_workload, workload_path, write_workload
+from workloads import EXPECTED_COUNTS, FOLDER, REPOSITORY, workload_path, write_workload
+
+from gslts.bench.rooms import make_room
 
 BUILD = REPOSITORY / "build" / "bench"
 BINARY = BUILD / "benchmarks" / "gslts_raster_benchmark"
@@ -44,12 +46,12 @@ def write_missing_workloads(names: list[str]) -> None:
         path = workload_path(name)
         if not path.exists() or path.stat().st_mtime < generator:
             note(f"generating workload {name}")
-            write_workload(make_workload(name), path)
+            write_workload(make_room(name), path)
 
 
 def measure(args: argparse.Namespace) -> tuple[dict[str, Any], str]:
     """Runs everything; returns the results as JSON values and as markdown."""
-    names = ["S", "M"] if args.quick else list(SIZES)
+    names = ["S", "M"] if args.quick else list(EXPECTED_COUNTS)
     repetitions, seconds = (2, 0.05) if args.quick else (args.repetitions, 0.3)
     machine, source = describe_machine(), describe_commit(REPOSITORY)
     if machine["load_average_1min"] > BUSY_LOAD:

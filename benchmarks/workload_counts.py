@@ -1,4 +1,4 @@
-"""Counts what a workload asks of a rasterizer, in numpy and float64, independently of gslts."""
+"""Counts what a workload asks of a rasterizer, in numpy and float64, without gslts' kernels."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from workloads import NEAR_M, Floats, Size, Workload
+from workloads import ExpectedCounts
+
+from gslts.bench.rooms import NEAR_M, Floats, Room
 
 Ints = NDArray[np.int64]
 
@@ -52,23 +54,24 @@ def rotation_matrices(quats: Floats) -> Floats:
     return np.moveaxis(np.array(rows), 2, 0)
 
 
-def project(workload: Workload) -> Footprints:
+def project(room: Room) -> Footprints:
     """Projects all Gaussians (3DGS, Kerbl et al. 2023, eq. 5)."""
-    camera_from_world = np.linalg.inv(workload.world_from_camera)
+    gaussian_map, camera = room.gaussian_map, room.camera
+    camera_from_world = np.linalg.inv(camera.world_from_camera)
     rotation = camera_from_world[:3, :3]
-    x_in_camera = workload.means @ rotation.T + camera_from_world[:3, 3]
-    opacities = 1 / (1 + np.exp(-workload.logit_opacities.astype(float)))
+    x_in_camera = gaussian_map.means @ rotation.T + camera_from_world[:3, 3]
+    opacities = 1 / (1 + np.exp(-gaussian_map.logit_opacities.astype(float)))
     keep = np.flatnonzero((x_in_camera[:, 2] > NEAR_M) & (opacities >= ALPHA_MIN))
     keep = keep[np.argsort(x_in_camera[keep, 2], kind="stable")]
     x, y, z = x_in_camera[keep].T
-    f, w, h = workload.focal_px, workload.width, workload.height
+    f, w, h = camera.fx, camera.width, camera.height
     limit_x, limit_y = (1 + JACOBIAN_MARGIN) * w / 2 / f, (1 + JACOBIAN_MARGIN) * h / 2 / f
     jacobian = np.zeros((len(keep), 2, 3))
     jacobian[:, 0, 0] = jacobian[:, 1, 1] = f / z
     jacobian[:, 0, 2] = -f / z * np.clip(x / z, -limit_x, limit_x)
     jacobian[:, 1, 2] = -f / z * np.clip(y / z, -limit_y, limit_y)
-    axes = rotation_matrices(workload.quats[keep].astype(float))
-    axes *= np.exp(workload.log_scales[keep].astype(float))[:, None, :]
+    axes = rotation_matrices(gaussian_map.quats[keep].astype(float))
+    axes *= np.exp(gaussian_map.log_scales[keep].astype(float))[:, None, :]
     axes2d = jacobian @ rotation @ axes
     covars2d = axes2d @ axes2d.transpose(0, 2, 1) + EPS2D_PX2 * np.eye(2)
     inverses = np.linalg.inv(covars2d)
@@ -121,27 +124,27 @@ def count_blends(pixel: Ints, alpha: Floats, pixels: int) -> Ints:
     return np.bincount(pixel[log_left - before >= np.log(TRANSMITTANCE_MIN)], minlength=pixels)
 
 
-def count(workload: Workload) -> Counts:
+def count(room: Room) -> Counts:
     """Counts visible Gaussians and blends, band by band to bound the memory."""
-    splats = project(workload)
+    splats = project(room)
     visible = np.zeros(len(splats.opacities), bool)
     blends = []
-    for first_row in range(0, workload.height, BAND_ROWS):
-        end_row = min(first_row + BAND_ROWS, workload.height)
-        splat, pixel, alpha = blended_pairs(splats, first_row, end_row, workload.width)
+    for first_row in range(0, room.camera.height, BAND_ROWS):
+        end_row = min(first_row + BAND_ROWS, room.camera.height)
+        splat, pixel, alpha = blended_pairs(splats, first_row, end_row, room.camera.width)
         visible[splat] = True
-        blends.append(count_blends(pixel, alpha, (end_row - first_row) * workload.width))
+        blends.append(count_blends(pixel, alpha, (end_row - first_row) * room.camera.width))
     return Counts(int(visible.sum()), np.concatenate(blends))
 
 
-def report(name: str, counts: Counts, size: Size) -> str:
+def report(name: str, counts: Counts, expected: ExpectedCounts) -> str:
     """One line that sets the counts beside those of the experiment."""
     blends = counts.blends_per_pixel
     total = int(blends.sum())
     return (
-        f"{name}: visible {counts.visible / 1e3:.1f}k, {size.expected_visible / 1e3:.1f}k expected "
-        f"({counts.visible / size.expected_visible - 1:+.1%}); "
-        f"blends {total / 1e6:.2f}M, {size.expected_blends / 1e6:.2f}M expected "
-        f"({total / size.expected_blends - 1:+.1%}); "
+        f"{name}: visible {counts.visible / 1e3:.1f}k, {expected.visible / 1e3:.1f}k expected "
+        f"({counts.visible / expected.visible - 1:+.1%}); "
+        f"blends {total / 1e6:.2f}M, {expected.blends / 1e6:.2f}M expected "
+        f"({total / expected.blends - 1:+.1%}); "
         f"per pixel mean {blends.mean():.1f}, max {blends.max()}"
     )

@@ -1,11 +1,4 @@
-"""The fixed workloads of the benchmarks: synthetic rooms S, M and L, the same on every machine.
-
-A room of 6 x 5 x 3 m. 70 % of the Gaussians lie on walls, floor and ceiling, 30 % on 15 boxes and
-ellipsoids inside, spread by area, with 3 mm of noise along the normal. Each is a disc: lognormal
-scales (sigma 0.3) around (2.5, 2.5, 0.5) cm x sqrt(100k / N), thin axis along the normal, turned at
-random in its plane. Opacity is sigmoid(N(2, 1.5)), colour is smooth over position, the rows are in
-random order. The camera stands at (1.0, 0.9, 1.5) and looks at (6, 5, 1.2) with a horizontal field
-of view of 90 degrees; background black, near plane 0.2 m.
+"""The fixed workloads of the benchmarks as files: the rooms of `gslts.bench.rooms`.
 
 File layout (little-endian, no padding), one file a workload, `<name>.gslts-workload`:
 
@@ -34,184 +27,48 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Floats32 = NDArray[np.float32]
+from gslts.bench.rooms import NEAR_M, Room, make_room
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 FOLDER = REPOSITORY / "build" / "bench" / "workloads"
 
 MAGIC = b"GSLTSWL1"
-SEED = 0
-ROOM_M = np.array([6.0, 5.0, 3.0])
-ROOM_SHARE = 0.7
-OBJECTS = 15
-NORMAL_NOISE_M = 0.003
-EYE, TARGET = np.array([1.0, 0.9, 1.5]), np.array([6.0, 5.0, 1.2])
-HORIZONTAL_FOV_RAD = np.pi / 2
-NEAR_M = 0.2
-SH_C0 = 0.28209479177387814  # Y_00: the degree-0 basis function
-
-# Chosen so that the counts come near those of `SIZES`.
-OBJECT_HALF_SIZE_M = (0.15, 0.5)
-OBJECT_CLEARANCE_M = 1.5
-"""Least distance of an object's centre from the camera."""
 
 
 @dataclass(frozen=True)
-class Size:
-    """Gaussians and image size, with the counts of the experiment that set the targets."""
+class ExpectedCounts:
+    """Counts of the experiment that set the targets."""
 
-    gaussians: int
-    width: int
-    height: int
-    expected_visible: float
-    expected_blends: float
+    visible: float
+    blends: float
 
 
-SIZES = {
-    "S": Size(50_000, 300, 300, 29.6e3, 2.03e6),
-    "M": Size(200_000, 640, 480, 109e3, 7.03e6),
-    "L": Size(1_000_000, 1000, 1000, 570e3, 23.2e6),
+EXPECTED_COUNTS = {
+    "S": ExpectedCounts(29.6e3, 2.03e6),
+    "M": ExpectedCounts(109e3, 7.03e6),
+    "L": ExpectedCounts(570e3, 23.2e6),
 }
 
 
-@dataclass(frozen=True)
-class Workload:
-    """A scene and a camera. Array names and units are those of `gslts.GaussianMap`."""
-
-    width: int
-    height: int
-    focal_px: float
-    world_from_camera: Floats
-    means: Floats32
-    quats: Floats32
-    log_scales: Floats32
-    logit_opacities: Floats32
-    sh: Floats32
-    """[N,16,3]; the first base alone is the scene with SH degree 0."""
-
-
-def sample_box(
-    rng: np.random.Generator, n: int, center: Floats, half: Floats
-) -> tuple[Floats, Floats]:
-    """Points [n,3] on the faces of a box, by area, and their outward normals [n,3]."""
-    face_areas = np.array([half[1] * half[2], half[0] * half[2], half[0] * half[1]])
-    axis = rng.choice(3, n, p=face_areas / face_areas.sum())
-    sign = rng.choice([-1.0, 1.0], n)
-    points = rng.uniform(-1, 1, (n, 3))
-    points[np.arange(n), axis] = sign
-    normals = np.zeros((n, 3))
-    normals[np.arange(n), axis] = sign
-    return center + points * half, normals
-
-
-def sample_ellipsoid(
-    rng: np.random.Generator, n: int, center: Floats, half: Floats
-) -> tuple[Floats, Floats]:
-    """Points [n,3] on an ellipsoid, uniform in direction, and their outward normals [n,3]."""
-    directions = rng.normal(size=(n, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    normals = directions / half
-    return center + directions * half, normals / np.linalg.norm(normals, axis=1, keepdims=True)
-
-
-def place_objects(rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Centres [OBJECTS,3] and half sizes [OBJECTS,3] of boxes inside the room."""
-    halves = rng.uniform(*OBJECT_HALF_SIZE_M, (OBJECTS, 3))
-    centers = np.empty((OBJECTS, 3))
-    for i, half in enumerate(halves):
-        centers[i] = EYE
-        while np.linalg.norm(centers[i] - EYE) < OBJECT_CLEARANCE_M:
-            centers[i] = rng.uniform(half, ROOM_M - half)
-    return centers, halves
-
-
-def sample_surfaces(rng: np.random.Generator, n: int) -> tuple[Floats, Floats]:
-    """Points [n,3] and normals [n,3] of the whole scene, the room before the objects."""
-    centers, halves = place_objects(rng)
-    on_room = round(ROOM_SHARE * n)
-    parts = [sample_box(rng, on_room, ROOM_M / 2, ROOM_M / 2)]
-    areas = (halves * np.roll(halves, 1, axis=1)).sum(axis=1)
-    ends = np.round(np.cumsum(areas) / areas.sum() * (n - on_room)).astype(int)
-    counts = np.diff(ends, prepend=0)
-    for i, (count, center, half) in enumerate(zip(counts, centers, halves, strict=True)):
-        sample = sample_box if i % 2 == 0 else sample_ellipsoid
-        parts.append(sample(rng, count, center, half))
-    points = np.concatenate([points for points, _ in parts])
-    normals = np.concatenate([normals for _, normals in parts])
-    return points + rng.normal(0, NORMAL_NOISE_M, (n, 1)) * normals, normals
-
-
-def disc_quats(rng: np.random.Generator, normals: Floats) -> Floats:
-    """Rotations [N,4] wxyz that take z to the normal, after a random turn about z."""
-    nx, ny, nz = normals.T
-    align = np.stack([1 + nz, -ny, nx, np.zeros_like(nz)], axis=1)
-    align[nz < -1 + 1e-9] = (0, 1, 0, 0)
-    align /= np.linalg.norm(align, axis=1, keepdims=True)
-    half_turn = rng.uniform(0, np.pi, len(normals))
-    c, s = np.cos(half_turn), np.sin(half_turn)
-    w, x, y, z = align.T
-    return np.stack([w * c - z * s, x * c + y * s, y * c - x * s, z * c + w * s], axis=1)
-
-
-def look_at(eye: Floats, target: Floats) -> Floats:
-    """world_from_camera [4,4] with OpenCV axes, the image upright with respect to world z."""
-    forward = (target - eye) / np.linalg.norm(target - eye)
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    pose = np.eye(4)
-    pose[:3] = np.stack([right, np.cross(forward, right), forward, eye], axis=1)
-    return pose
-
-
-def make_workload(name: str) -> Workload:
-    """The workload S, M or L with SH degree 3."""
-    size = SIZES[name]
-    n = size.gaussians
-    rng = np.random.default_rng(SEED)
-    means, normals = sample_surfaces(rng, n)
-    scales = np.array([0.025, 0.025, 0.005]) * np.sqrt(100_000 / n)
-    phases = rng.uniform(0, 2 * np.pi, 3)
-    colors = 0.5 + 0.4 * np.sin(2 * means + np.roll(means, 1, axis=1) + phases)
-    sh = rng.normal(0, 0.05, (n, 16, 3))
-    sh[:, 0] = (colors - 0.5) / SH_C0
-    quats = disc_quats(rng, normals)
-    log_scales = np.log(scales) + rng.normal(0, 0.3, (n, 3))
-    logit_opacities = rng.normal(2, 1.5, n)
-    order = rng.permutation(n)
-    return Workload(
-        width=size.width,
-        height=size.height,
-        focal_px=size.width / 2 / np.tan(HORIZONTAL_FOV_RAD / 2),
-        world_from_camera=look_at(EYE, TARGET),
-        means=means[order].astype(np.float32),
-        quats=quats[order].astype(np.float32),
-        log_scales=log_scales[order].astype(np.float32),
-        logit_opacities=logit_opacities[order].astype(np.float32),
-        sh=sh[order].astype(np.float32),
-    )
-
-
-def write_workload(workload: Workload, path: Path) -> None:
+def write_workload(room: Room, path: Path) -> None:
     """Writes the layout described above, replacing the file at once or not at all."""
-    w, h = workload.width, workload.height
+    gaussian_map, camera = room.gaussian_map, room.camera
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_suffix(".partial")
     with partial.open("wb") as file:
         file.write(MAGIC)
-        file.write(np.array([len(workload.means), w, h], "<u8").tobytes())
-        focal = workload.focal_px
-        file.write(np.array([focal, focal, w / 2, h / 2, NEAR_M], "<f8").tobytes())
-        file.write(workload.world_from_camera.astype("<f8").tobytes())
+        file.write(np.array([gaussian_map.size, camera.width, camera.height], "<u8").tobytes())
+        intrinsics = [camera.fx, camera.fy, camera.cx, camera.cy, NEAR_M]
+        file.write(np.array(intrinsics, "<f8").tobytes())
+        file.write(camera.world_from_camera.astype("<f8").tobytes())
         for array in (
-            workload.means,
-            workload.quats,
-            workload.log_scales,
-            workload.logit_opacities,
-            workload.sh[:, :1],
-            workload.sh[:, 1:],
+            gaussian_map.means,
+            gaussian_map.quats,
+            gaussian_map.log_scales,
+            gaussian_map.logit_opacities,
+            gaussian_map.sh[:, :1],
+            gaussian_map.sh[:, 1:],
         ):
             file.write(np.ascontiguousarray(array, "<f4").tobytes())
     partial.replace(path)
@@ -229,13 +86,13 @@ def main() -> None:
     parser.add_argument("--check", action="store_true", help="count and compare; slow for L")
     parser.add_argument("--folder", type=Path, default=FOLDER)
     args = parser.parse_args()
-    for name in args.names or SIZES:
-        workload = make_workload(name)
-        write_workload(workload, workload_path(name, args.folder))
+    for name in args.names or EXPECTED_COUNTS:
+        room = make_room(name)
+        write_workload(room, workload_path(name, args.folder))
         if args.check:
             from workload_counts import count, report
 
-            print(report(name, count(workload), SIZES[name]), flush=True)
+            print(report(name, count(room), EXPECTED_COUNTS[name]), flush=True)
 
 
 if __name__ == "__main__":

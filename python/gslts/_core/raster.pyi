@@ -12,7 +12,8 @@ class RenderOptions:
     """
     How to render; immutable.
     
-    The defaults are those of 3DGS (Kerbl et al. 2023) but for the near plane.
+    The defaults are those of 3DGS (Kerbl et al. 2023) but for the near plane and alpha_min, which is
+    1/255 there: half of it brings the image 5 dB nearer to the exact one for 4 % of the time.
     
     Args:
         background: RGB behind the Gaussians.
@@ -24,6 +25,8 @@ class RenderOptions:
         alpha_min: A Gaussian is skipped at a pixel where its alpha is below this. In [1e-30, 0.99)
         transmittance_min: A pixel ends before the Gaussian that would take its transmittance below
             this. In [0, 1)
+        exp_degree: Degree of the polynomial in the place of exp: 5, to the precision of float32, or 3,
+            with an error of alpha of up to 8e-5 of it. float64 always takes the exact exp.
         threads: 0 means one a hardware thread. Results do not depend on it.
     
     The values are checked by each rendering.
@@ -33,7 +36,7 @@ class RenderOptions:
         ...
     def __getstate__(self) -> tuple:
         ...
-    def __init__(self, *, background: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.0], near_m: typing.SupportsFloat | typing.SupportsIndex = 0.05, sh_degree: int = 3, eps2d_px2: typing.SupportsFloat | typing.SupportsIndex = 0.3, antialias: bool = False, alpha_min: typing.SupportsFloat | typing.SupportsIndex = 0.00392156862745098, transmittance_min: typing.SupportsFloat | typing.SupportsIndex = 0.0001, threads: int = 0) -> None:
+    def __init__(self, *, background: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.0], near_m: typing.SupportsFloat | typing.SupportsIndex = 0.05, sh_degree: int = 3, eps2d_px2: typing.SupportsFloat | typing.SupportsIndex = 0.3, antialias: bool = False, alpha_min: typing.SupportsFloat | typing.SupportsIndex = 0.001953125, transmittance_min: typing.SupportsFloat | typing.SupportsIndex = 0.0001, exp_degree: int = 5, threads: int = 0) -> None:
         ...
     def __repr__(self) -> str:
         ...
@@ -58,6 +61,11 @@ class RenderOptions:
     def eps2d_px2(self) -> float:
         """
         Variance added to each projected covariance, px^2.
+        """
+    @property
+    def exp_degree(self) -> int:
+        """
+        Degree of the polynomial for exp.
         """
     @property
     def near_m(self) -> float:
