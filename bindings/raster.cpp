@@ -137,8 +137,8 @@ class NumpyRasterizer {
 RenderOptions make_options(std::array<double, 3> background, double near_m, int sh_degree,
                            double eps2d_px2, bool antialias, double alpha_min,
                            double transmittance_min, int exp_degree, int threads) {
-  return {background, near_m,    sh_degree,         eps2d_px2, antialias,
-          alpha_min,  transmittance_min, exp_degree, threads};
+  return {background,        near_m,     sh_degree, eps2d_px2, antialias, alpha_min,
+          transmittance_min, exp_degree, threads};
 }
 
 /// The arguments of make_options.
@@ -206,7 +206,8 @@ The values are checked by each rendering.)")
       .def(py::pickle(&fields, [](const py::tuple& state) {
         return make_options(state[0].cast<std::array<double, 3>>(), state[1].cast<double>(),
                             state[2].cast<int>(), state[3].cast<double>(), state[4].cast<bool>(),
-                            state[5].cast<double>(), state[6].cast<double>(), state[7].cast<int>(), state[8].cast<int>());
+                            state[5].cast<double>(), state[6].cast<double>(), state[7].cast<int>(),
+                            state[8].cast<int>());
       }));
 }
 

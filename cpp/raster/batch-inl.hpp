@@ -170,8 +170,8 @@ std::uint32_t list_entries(const Batch<T>& batch, std::size_t block, std::uint16
 /// has not ended.
 template <bool kStoreWeights, int kExpDegree, typename T>
 bool blend_block_exp(const TileSplat<T>* splats, const std::uint16_t* list, std::uint32_t count,
-                 const RenderSetup<T>& setup, std::size_t block, T* transmittance, T* sums,
-                 T (*weights)[kBlockPixels]) {
+                     const RenderSetup<T>& setup, std::size_t block, T* transmittance, T* sums,
+                     T (*weights)[kBlockPixels]) {
   const Lanes<T> d;
   using V = hn::Vec<Lanes<T>>;
   const V threshold = hn::Set(d, setup.log2_alpha_min);
@@ -189,9 +189,8 @@ bool blend_block_exp(const TileSplat<T>* splats, const std::uint16_t* list, std:
       const Footprint<Lanes<T>> at(hn::Set(d, s.corner_u), hn::Set(d, s.corner_v), hn::Set(d, s.uu),
                                    hn::Set(d, s.uv), hn::Set(d, s.vv), hn::Set(d, s.log2_opacity),
                                    centers);
-      const V weight =
-          hn::IfThenElseZero(hn::Ge(at.log2_alpha, threshold),
-                             alpha_of<kExpDegree>(at.log2_alpha) * before);
+      const V weight = hn::IfThenElseZero(hn::Ge(at.log2_alpha, threshold),
+                                          alpha_of<kExpDegree>(at.log2_alpha) * before);
       const V after = before - weight;
       // Multiplying on and masking by the result ends a pixel for good, as T only falls.
       const auto live = hn::Ge(after, transmittance_min);

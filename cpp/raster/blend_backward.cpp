@@ -173,9 +173,8 @@ bool blend_entries_backward(const TileTask<T>& tile, const RenderSetup<T>& setup
         const PixelCenters<Lanes<T>> centers(d, block, i / lanes);
         const Footprint<Lanes<T>> at(corner_u, corner_v, uu, uv, vv, log2_opacity, centers);
         const V before = hn::Load(d, t);
-        const V any_alpha =
-            hn::IfThenElseZero(hn::Ge(at.log2_alpha, threshold),
-                               alpha_of<kExpDegree>(at.log2_alpha));
+        const V any_alpha = hn::IfThenElseZero(hn::Ge(at.log2_alpha, threshold),
+                                               alpha_of<kExpDegree>(at.log2_alpha));
         const V after = before - any_alpha * before;
         hn::Store(after, d, t);
         const auto live = hn::Ge(after, transmittance_min);

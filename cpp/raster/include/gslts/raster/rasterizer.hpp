@@ -12,8 +12,8 @@
 namespace gslts::raster {
 
 /// How to render. The defaults are those of 3DGS (Kerbl et al. 2023) but for the near plane and
-/// alpha_min, which is 1/255 there: half of it brings the image 5 dB nearer to the exact one for 4 %
-/// of the time (benchmarks/README.md).
+/// alpha_min, which is 1/255 there: half of it brings the image 5 dB nearer to the exact one for 4
+/// % of the time (benchmarks/README.md).
 struct RenderOptions {
   std::array<double, 3> background{0.0, 0.0, 0.0};  ///< RGB behind the Gaussians.
   double near_m = 0.05;  ///< Gaussians with centre depth z <= near_m are not seen, m. > 0
@@ -27,8 +27,8 @@ struct RenderOptions {
   double alpha_min = 1.0 / 512.0;
   /// A pixel ends before the Gaussian that would take its transmittance below this. In [0, 1)
   double transmittance_min = 1e-4;
-  /// Degree of the polynomial in the place of exp: 5, to the precision of float, or 3, with an error
-  /// of alpha of up to 8e-5 of it. Double precision always takes the exact exp.
+  /// Degree of the polynomial in the place of exp: 5, to the precision of float, or 3, with an
+  /// error of alpha of up to 8e-5 of it. Double precision always takes the exact exp.
   int exp_degree = 5;
   int threads = 0;  ///< 0 means one a hardware thread. Results do not depend on it.
 };
