@@ -18,7 +18,7 @@ class Timing:
     """Milliseconds a call, over repetitions of which each is a mean over many calls."""
 
     case: str
-    """forward, forward_backward, region_..., float64_..."""
+    """forward, forward_backward, region_..., float64_..., or a piece of training"""
     workload: str
     sh_degree: int
     threads: int
@@ -28,6 +28,8 @@ class Timing:
     median_cpu_ms: float
     """Processor time of the calling thread; far below `median_ms` if others kept the core busy."""
     repetitions: int
+    visible: int = 0
+    """Gaussians in view."""
 
 
 @dataclass(frozen=True)
@@ -119,6 +121,7 @@ def read_timing(name: str, runs: list[dict[str, Any]]) -> Timing:
         max_ms=max(times),
         median_cpu_ms=median(run["cpu_time"] for run in runs),
         repetitions=len(times),
+        visible=int(runs[0]["visible"]),
     )
 
 

@@ -17,17 +17,14 @@
 #include <utility>
 
 #include "fma_peak.hpp"
-#include "gslts/raster/adam.hpp"
-#include "gslts/raster/losses.hpp"
 #include "gslts/raster/rasterizer.hpp"
 #include "hwy/targets.h"
 #include "memory.hpp"
+#include "training_benchmark.hpp"
 #include "workload.hpp"
 
 namespace gslts::benchmarks {
 namespace {
-
-constexpr double kRegionShare = 0.1;
 
 struct Arguments {
   std::string workloads = "build/bench/workloads";
@@ -83,70 +80,6 @@ void run_case(benchmark::State& state, const std::string& folder, const Case& c)
   state.counters["visible"] = double(visible);
 }
 
-/// A measured image like the rendered one, as near the end of a training: for the losses.
-Array<float> noisy(const Array<float>& rgb) {
-  Array<float> target = rgb;
-  std::uint32_t random = 1;
-  for (float& value : target) {
-    random = random * 1664525u + 1013904223u;
-    value += 0.1f * (float(random >> 8) / float(1 << 24) - 0.5f);
-  }
-  return target;
-}
-
-constexpr raster::AdamRates kRates = {1e-5, 1e-4, 1e-4, 1e-4, 1e-4, 1e-5, 0};
-
-/// The pieces of a training step and, as `train`, the whole: render, lose, differentiate, move what
-/// was seen.
-void run_training(benchmark::State& state, const std::string& folder, const std::string& piece,
-                  const Case& c) {
-  Workload<float> workload = read_workload<float>(folder, c.workload, c.sh_degree);
-  BasicGaussianMap<float>& map = workload.map;
-  const Camera& camera = workload.camera;
-  const raster::RenderOptions options = workload.options(c.threads);
-  raster::Rasterizer<float> rasterizer;
-  raster::Images<float> images = rasterizer.forward(map.view(), camera, options);
-  const Array<float> target = noisy(images.rgb), target_depth = images.depth;
-  raster::Adam<float> adam(map.size(), map.sh_bases, map.feature_dims);
-  const auto lose = [&] {
-    return raster::photometric_loss(images.rgb.data(), target.data(), camera.width, camera.height,
-                                    {}, 0.2, {}, c.threads);
-  };
-  const auto lose_depth = [&] {
-    return raster::depth_loss(images.depth.data(), target_depth.data(), camera.width,
-                              camera.height);
-  };
-  const auto differentiate = [&] {
-    const auto colour = lose();
-    const auto depth = lose_depth();
-    return rasterizer.backward(map.view(), {colour.dL_drgb.data(), depth.dL_ddepth.data()});
-  };
-  const raster::Gradients<float> gradients = differentiate();
-  for (auto _ : state) {
-    if (piece == "photometric_loss") {
-      benchmark::DoNotOptimize(lose());
-    } else if (piece == "depth_loss") {
-      benchmark::DoNotOptimize(lose_depth());
-    } else if (piece == "adam") {
-      adam.step(map, gradients.view(), kRates, c.threads);
-    } else {
-      images = rasterizer.forward(map.view(), camera, options);
-      adam.step(map, differentiate().view(), kRates, c.threads);
-    }
-  }
-  state.counters["visible"] = double(gradients.rows.size());
-}
-
-void add_training(const std::string& piece, const std::string& folder, const Case& c) {
-  const std::string name = piece + "/" + c.workload + "/sh:" + std::to_string(c.sh_degree) +
-                           "/threads:" + std::to_string(c.threads);
-  benchmark::RegisterBenchmark(
-      name.c_str(),
-      [folder, piece, c](benchmark::State& state) { run_training(state, folder, piece, c); })
-      ->Unit(benchmark::kMillisecond)
-      ->UseRealTime();
-}
-
 template <typename T>
 void add_case(const std::string& pass, const std::string& folder, const Case& c) {
   const std::string name = pass + "/" + c.workload + "/sh:" + std::to_string(c.sh_degree) +
@@ -184,13 +117,7 @@ void add_benchmarks(const std::string& folder) {
       add_case<float>("region_forward_backward", folder, {workload, sh_degree, 1, true, true});
     }
   }
-  for (const char* workload : {"S", "M", "L"}) {
-    for (const int threads : {1, 2}) {
-      for (const char* piece : {"photometric_loss", "depth_loss", "adam", "train"}) {
-        add_training(piece, folder, {workload, 0, threads});
-      }
-    }
-  }
+  add_training_benchmarks(folder);
   add_case<double>("float64_forward", folder, {"M", 0, 1, false, false});
   add_case<double>("float64_forward_backward", folder, {"M", 0, 1, true, false});
 }

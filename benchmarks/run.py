@@ -85,7 +85,7 @@ def measure(args: argparse.Namespace) -> tuple[dict[str, Any], str]:
 
     verdicts = [verdict for run in runs for verdict in targets.time_verdicts(run)]
     verdicts += targets.speedup_verdicts(native) + targets.region_verdicts(native)
-    verdicts += targets.memory_verdicts(memory)
+    verdicts += targets.training_verdicts(native) + targets.memory_verdicts(memory)
     sections = {
         "Machine": report.machine_lines(machine, source, runs),
         "Targets": report.verdict_table(verdicts),

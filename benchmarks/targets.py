@@ -21,6 +21,14 @@ TRAINING_MS = {
 # Float multiply-adds a second of a core of the machine on which the targets were set.
 REFERENCE_LANES_PER_S = {"AVX-512": 119e9, "AVX2": 59.5e9}
 SLOWDOWN = {"AVX-512": 1.0, "AVX2": 1.6}
+MAX_LIFT_SHARE = 3.0
+"""Time to lift 32 channels over that of a forward pass."""
+MAX_ADAM_NS = 5.0
+"""Nanoseconds of Adam a parameter touched."""
+PARAMETERS_SH0 = 14
+"""Of a Gaussian with SH degree 0."""
+MAX_REGION_FIT_S = 1.0
+"""250 training iterations on a tenth of the pixels of M."""
 MIN_SPEEDUP = 1.8
 """Of two threads over one."""
 MAX_REGION_SHARE = 0.15
@@ -104,6 +112,29 @@ def region_verdicts(results: CppResults) -> list[Verdict]:
             if full and region:
                 what = f"region of 10 % over all: {case} {workload}"
                 verdicts.append(Verdict(what, 100 * region / full, 100 * MAX_REGION_SHARE, "%"))
+    return verdicts
+
+
+def training_verdicts(results: CppResults) -> list[Verdict]:
+    """Lifting and Adam by what they touch, and a local fit."""
+    verdicts = []
+    for workload in ("S", "M", "L"):
+        forward = find(results.timings, "forward", workload)
+        lift = find(results.timings, "lift32", workload)
+        if forward and lift:
+            what = f"lifting 32 channels over forward: {workload}"
+            verdicts.append(Verdict(what, lift / forward, MAX_LIFT_SHARE, "x"))
+        adam = find(results.timings, "adam", workload)
+        visible = next((t.visible for t in results.timings if t.workload == workload), 0)
+        if adam and visible:
+            nanoseconds = 1e6 * adam / (visible * PARAMETERS_SH0)
+            what = f"Adam a parameter: {workload}"
+            verdicts.append(Verdict(what, nanoseconds, MAX_ADAM_NS, "ns"))
+    for threads in (1, 2):
+        iteration = find(results.timings, "region_train", "M", threads)
+        if iteration:
+            what = f"250 iterations on a region of 10 %: M, {threads} thread(s)"
+            verdicts.append(Verdict(what, 0.25 * iteration, MAX_REGION_FIT_S, "s"))
     return verdicts
 
 

@@ -33,6 +33,9 @@ struct RandomImageGradients {
   raster::ImageGradients<T> view() const { return {rgb.data(), depth.data(), alpha.data()}; }
 };
 
+/// Share of the pixels in the benchmarks of a region.
+constexpr double kRegionShare = 0.1;
+
 /// A mask [H,W] of the central rectangle that holds the given share of the pixels.
 std::vector<std::uint8_t> central_mask(int width, int height, double share);
 

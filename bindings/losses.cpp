@@ -37,13 +37,14 @@ PixelMask mask_of(const OptionalArray& mask, const ImageSize& size) {
 }
 
 template <typename T>
-Exposure fit_exposure(const py::array& rgb, const py::array& target, const OptionalArray& mask) {
+Exposure fit_exposure(const py::array& rgb, const py::array& target, const OptionalArray& mask,
+                      int threads) {
   const ImageSize size = size_of(rgb);
   const T* rendered = require_array<T>(rgb, "rgb", {size.height, size.width, 3});
   const T* measured = require_array<T>(target, "target", {size.height, size.width, 3});
   const PixelMask pixels = mask_of(mask, size);
   const py::gil_scoped_release release;
-  return raster::fit_exposure(rendered, measured, size.width, size.height, pixels);
+  return raster::fit_exposure(rendered, measured, size.width, size.height, pixels, threads);
 }
 
 template <typename T>
@@ -66,14 +67,15 @@ py::typing::Tuple<double, double, double, py::array_t<T>> photometric_loss(
 template <typename T>
 py::typing::Tuple<double, std::size_t, py::array_t<T>> depth_loss(const py::array& depth,
                                                                   const py::array& target,
-                                                                  const OptionalArray& mask) {
+                                                                  const OptionalArray& mask,
+                                                                  int threads) {
   const ImageSize size = size_of(depth);
   const T* rendered = require_array<T>(depth, "depth", {size.height, size.width});
   const T* measured = require_array<T>(target, "target", {size.height, size.width});
   const PixelMask pixels = mask_of(mask, size);
   DepthLoss<T> loss = [&] {
     const py::gil_scoped_release release;
-    return raster::depth_loss(rendered, measured, size.width, size.height, pixels);
+    return raster::depth_loss(rendered, measured, size.width, size.height, pixels, threads);
   }();
   return py::make_tuple(loss.value, loss.count,
                         to_numpy(std::move(loss.dL_ddepth), {size.height, size.width}));
@@ -82,13 +84,14 @@ py::typing::Tuple<double, std::size_t, py::array_t<T>> depth_loss(const py::arra
 template <typename T>
 void define_precision(py::module_& m, const std::string& suffix) {
   m.def(("fit_exposure" + suffix).c_str(), &fit_exposure<T>, py::arg("rgb"), py::arg("target"),
-        py::kw_only(), py::arg("mask"), "See gslts.losses.fit_exposure.");
+        py::kw_only(), py::arg("mask"), py::arg("threads").noconvert(),
+        "See gslts.losses.fit_exposure.");
   m.def(("photometric_loss" + suffix).c_str(), &photometric_loss<T>, py::arg("rgb"),
         py::arg("target"), py::kw_only(), py::arg("mask"), py::arg("dssim_weight"),
         py::arg("exposure"), py::arg("threads").noconvert(),
         "See gslts.losses.photometric_loss; returns value, l1, ssim and gradient.");
   m.def(("depth_loss" + suffix).c_str(), &depth_loss<T>, py::arg("depth"), py::arg("target"),
-        py::kw_only(), py::arg("mask"),
+        py::kw_only(), py::arg("mask"), py::arg("threads").noconvert(),
         "See gslts.losses.depth_loss; returns value, count and gradient.");
 }
 

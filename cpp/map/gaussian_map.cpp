@@ -117,6 +117,33 @@ BasicGaussianMap<T> make_gaussian_map(std::size_t size, int sh_bases, int featur
 }
 
 template <typename T>
+BasicGaussianMap<T> select(const BasicGaussianMap<T>& map, const std::vector<std::uint32_t>& rows) {
+  map.view();  // Checks the lengths of the other arrays.
+  require_rows(map.ids, map.size(), 1, "ids");
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (rows[i] < map.size()) continue;
+    std::ostringstream message;
+    message << "select: rows[" << i << "] is " << rows[i] << ", must be below " << map.size();
+    throw std::invalid_argument(message.str());
+  }
+  auto result = make_gaussian_map<T>(rows.size(), map.sh_bases, map.feature_dims);
+  result.origin = map.origin;
+  const auto copy = [&](const auto& from, auto& to, std::size_t columns) {
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      std::copy_n(from.data() + rows[i] * columns, columns, to.data() + i * columns);
+    }
+  };
+  copy(map.means, result.means, 3);
+  copy(map.quats, result.quats, 4);
+  copy(map.log_scales, result.log_scales, 3);
+  copy(map.logit_opacities, result.logit_opacities, 1);
+  copy(map.sh, result.sh, 3 * std::size_t(map.sh_bases));
+  copy(map.features, result.features, std::size_t(map.feature_dims));
+  copy(map.ids, result.ids, 1);
+  return result;
+}
+
+template <typename T>
 void validate(const GaussianView<T>& gaussians, const char* function) {
   require_layout(gaussians.sh_bases, gaussians.feature_dims, function);
   const auto require_pointer = [&](const T* pointer, const char* what) {
@@ -156,6 +183,10 @@ template struct BasicGaussianMap<float>;
 template struct BasicGaussianMap<double>;
 template BasicGaussianMap<float> make_gaussian_map(std::size_t, int, int, std::uint64_t);
 template BasicGaussianMap<double> make_gaussian_map(std::size_t, int, int, std::uint64_t);
+template BasicGaussianMap<float> select(const BasicGaussianMap<float>&,
+                                        const std::vector<std::uint32_t>&);
+template BasicGaussianMap<double> select(const BasicGaussianMap<double>&,
+                                         const std::vector<std::uint32_t>&);
 template void validate(const GaussianView<float>&, const char*);
 template void validate(const GaussianView<double>&, const char*);
 template void require_finite(const GaussianView<float>&, const char*);

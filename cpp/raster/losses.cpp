@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -19,21 +20,49 @@ void require_size(const char* function, int width, int height) {
   throw std::invalid_argument(message.str());
 }
 
-/// Calls visit(pixel) for the index of each wanted pixel, in row-major order.
+/// Rows of one task; sums over rows do not depend on the threads that way.
+constexpr int kRowsPerTask = 16;
+
+/// Calls visit(pixel) for the index of each wanted pixel of the rows [first, last).
 template <typename Visit>
-void for_each_wanted(const WantedPixels& wanted, int width, int height, Visit visit) {
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) {
+void for_each_wanted(const WantedPixels& wanted, int width, int first, int last, Visit visit) {
+  const Rect box = wanted.all() ? Rect{0, first, width, last} : wanted.bounds();
+  for (int y = std::max(first, box.y0); y < std::min(last, box.y1); ++y) {
+    for (int x = box.x0; x < box.x1; ++x) {
       if (wanted.pixel(x, y)) visit(std::size_t(y) * width + x);
     }
   }
 }
 
+/// The sums that add(sum, first, last) makes of the rows [first, last), added up in order.
+template <typename Sum, typename Add>
+Sum sum_over_rows(int height, int threads, Add add) {
+  std::vector<Sum> parts(std::size_t(height + kRowsPerTask - 1) / kRowsPerTask);
+  parallel::parallel_for(parts.size(), parallel::resolve_threads(threads), [&](std::size_t part) {
+    const int first = int(part) * kRowsPerTask;
+    add(parts[part], first, std::min(height, first + kRowsPerTask));
+  });
+  Sum total;
+  for (const Sum& part : parts) total += part;
+  return total;
+}
+
+/// Sums of a colour over pixels.
+struct ColorSums {
+  std::size_t count = 0;
+  double first[3] = {}, second[3] = {};
+
+  void operator+=(const ColorSums& other) {
+    count += other.count;
+    for (int c = 0; c < 3; ++c) first[c] += other.first[c], second[c] += other.second[c];
+  }
+};
+
 template <typename T>
 void require_finite_images(const char* function, const T* rgb, const T* target,
                            const WantedPixels& wanted, int width, int height) {
   const auto require = [&](const char* name, const T* image) {
-    for_each_wanted(wanted, width, height, [&](std::size_t pixel) {
+    for_each_wanted(wanted, width, 0, height, [&](std::size_t pixel) {
       for (std::size_t c = 0; c < 3; ++c) {
         const T value = image[3 * pixel + c];
         if (std::isfinite(value)) continue;
@@ -51,37 +80,44 @@ void require_finite_images(const char* function, const T* rgb, const T* target,
 }  // namespace
 
 template <typename T>
-Exposure fit_exposure(const T* rgb, const T* target, int width, int height, const PixelMask& mask) {
+Exposure fit_exposure(const T* rgb, const T* target, int width, int height, const PixelMask& mask,
+                      int threads) {
   const char* const function = "fit_exposure";
   require_size(function, width, height);
   const WantedPixels wanted(mask, width, height, function);
   // Around the means, so that nothing cancels.
-  std::size_t count = 0;
-  double mean_x[3] = {}, mean_y[3] = {};
-  for_each_wanted(wanted, width, height, [&](std::size_t pixel) {
-    ++count;
-    for (std::size_t c = 0; c < 3; ++c) {
-      mean_x[c] += double(rgb[3 * pixel + c]);
-      mean_y[c] += double(target[3 * pixel + c]);
-    }
-  });
+  ColorSums means =
+      sum_over_rows<ColorSums>(height, threads, [&](ColorSums& sum, int first, int last) {
+        for_each_wanted(wanted, width, first, last, [&](std::size_t pixel) {
+          ++sum.count;
+          for (std::size_t c = 0; c < 3; ++c) {
+            sum.first[c] += double(rgb[3 * pixel + c]);
+            sum.second[c] += double(target[3 * pixel + c]);
+          }
+        });
+      });
   Exposure exposure;
-  if (count == 0) return exposure;
-  double variance[3] = {}, covariance[3] = {};
-  for (std::size_t c = 0; c < 3; ++c) mean_x[c] /= double(count), mean_y[c] /= double(count);
-  for_each_wanted(wanted, width, height, [&](std::size_t pixel) {
-    for (std::size_t c = 0; c < 3; ++c) {
-      const double x = double(rgb[3 * pixel + c]) - mean_x[c];
-      variance[c] += x * x;
-      covariance[c] += x * (double(target[3 * pixel + c]) - mean_y[c]);
-    }
-  });
+  if (means.count == 0) return exposure;
+  const double count = double(means.count);
+  for (std::size_t c = 0; c < 3; ++c) means.first[c] /= count, means.second[c] /= count;
+  const double *mean_x = means.first, *mean_y = means.second;
+  const ColorSums squares =
+      sum_over_rows<ColorSums>(height, threads, [&](ColorSums& sum, int first, int last) {
+        for_each_wanted(wanted, width, first, last, [&](std::size_t pixel) {
+          for (std::size_t c = 0; c < 3; ++c) {
+            const double x = double(rgb[3 * pixel + c]) - mean_x[c];
+            sum.first[c] += x * x;
+            sum.second[c] += x * (double(target[3 * pixel + c]) - mean_y[c]);
+          }
+        });
+      });
+  const double *variance = squares.first, *covariance = squares.second;
   for (std::size_t c = 0; c < 3; ++c) {
     if (!std::isfinite(variance[c]) || !std::isfinite(covariance[c])) {
       require_finite_images(function, rgb, target, wanted, width, height);
     }
     // A standard deviation of 1e-6 is nothing but rounding.
-    if (variance[c] > 1e-12 * double(count)) exposure.gain[c] = covariance[c] / variance[c];
+    if (variance[c] > 1e-12 * count) exposure.gain[c] = covariance[c] / variance[c];
     exposure.offset[c] = mean_y[c] - exposure.gain[c] * mean_x[c];
   }
   return exposure;
@@ -107,7 +143,7 @@ PhotometricLoss<T> photometric_loss(const T* rgb, const T* target, int width, in
   if (!wanted.all()) {
     loss.dL_drgb.assign(3 * pixels, T(0));
     count = 0;
-    for_each_wanted(wanted, width, height, [&](std::size_t) { count += 3; });
+    for_each_wanted(wanted, width, 0, height, [&](std::size_t) { count += 3; });
   } else {
     loss.dL_drgb.resize(3 * pixels);
   }
@@ -149,40 +185,73 @@ PhotometricLoss<T> photometric_loss(const T* rgb, const T* target, int width, in
 
 template <typename T>
 DepthLoss<T> depth_loss(const T* depth, const T* target, int width, int height,
-                        const PixelMask& mask) {
+                        const PixelMask& mask, int threads) {
   const char* const function = "depth_loss";
   require_size(function, width, height);
   const WantedPixels wanted(mask, width, height, function);
+  struct Sum {
+    double absolute = 0;
+    std::size_t count = 0, bad = 0;
+
+    void operator+=(const Sum& other) {
+      absolute += other.absolute;
+      count += other.count;
+      bad += other.bad;
+    }
+  };
+  const Rect box = wanted.all() ? Rect{0, 0, width, height} : wanted.bounds();
   DepthLoss<T> loss;
   loss.dL_ddepth.assign(std::size_t(width) * height, T(0));
-  double sum = 0;
-  for_each_wanted(wanted, width, height, [&](std::size_t pixel) {
-    if (!(depth[pixel] >= 0) || !std::isfinite(depth[pixel])) {
+  T* gradient = loss.dL_ddepth.data();
+  const T greatest = std::numeric_limits<T>::max();
+  const int rows = box.y1 - box.y0;
+  const Sum sum = sum_over_rows<Sum>(rows, threads, [&](Sum& part, int first, int last) {
+    for (int y = box.y0 + first; y < box.y0 + last; ++y) {
+      double absolute = 0;
+      int count = 0, bad = 0;
+      // Without branches, so that the compiler makes vectors of it.
+      for (int x = box.x0; x < box.x1; ++x) {
+        const std::size_t pixel = std::size_t(y) * width + x;
+        const T rendered = depth[pixel], measured = target[pixel];
+        const int is_wanted = wanted.pixel(x, y);
+        const int counts = is_wanted & (rendered > 0) & (measured > 0) & (measured <= greatest);
+        const T difference = counts ? rendered - measured : T(0);
+        absolute += double(std::abs(difference));
+        count += counts;
+        bad += is_wanted & !((rendered >= 0) & (rendered <= greatest));
+        gradient[pixel] = T((difference > 0) - (difference < 0));
+      }
+      part += {absolute, std::size_t(count), std::size_t(bad)};
+    }
+  });
+  if (sum.bad > 0) {
+    for_each_wanted(wanted, width, 0, height, [&](std::size_t pixel) {
+      if (depth[pixel] >= 0 && std::isfinite(depth[pixel])) return;
       std::ostringstream message;
       message << function << ": depth[" << pixel / width << "," << pixel % width << "] is "
               << depth[pixel] << ", must be finite and not negative";
       throw std::invalid_argument(message.str());
-    }
-    if (depth[pixel] == 0 || !(target[pixel] > 0) || !std::isfinite(target[pixel])) return;
-    const T difference = depth[pixel] - target[pixel];
-    ++loss.count;
-    sum += std::abs(double(difference));
-    loss.dL_ddepth[pixel] = T((difference > 0) - (difference < 0));
-  });
+    });
+  }
+  loss.count = sum.count;
   if (loss.count == 0) return loss;
-  loss.value = sum / double(loss.count);
+  loss.value = sum.absolute / double(loss.count);
   const T weight = T(1 / double(loss.count));
-  for (T& gradient : loss.dL_ddepth) gradient *= weight;
+  for (int y = box.y0; y < box.y1; ++y) {
+    T* row = gradient + std::size_t(y) * width;
+    for (int x = box.x0; x < box.x1; ++x) row[x] *= weight;
+  }
   return loss;
 }
 
-template Exposure fit_exposure(const float*, const float*, int, int, const PixelMask&);
-template Exposure fit_exposure(const double*, const double*, int, int, const PixelMask&);
+template Exposure fit_exposure(const float*, const float*, int, int, const PixelMask&, int);
+template Exposure fit_exposure(const double*, const double*, int, int, const PixelMask&, int);
 template PhotometricLoss<float> photometric_loss(const float*, const float*, int, int,
                                                  const PixelMask&, double, const Exposure&, int);
 template PhotometricLoss<double> photometric_loss(const double*, const double*, int, int,
                                                   const PixelMask&, double, const Exposure&, int);
-template DepthLoss<float> depth_loss(const float*, const float*, int, int, const PixelMask&);
-template DepthLoss<double> depth_loss(const double*, const double*, int, int, const PixelMask&);
+template DepthLoss<float> depth_loss(const float*, const float*, int, int, const PixelMask&, int);
+template DepthLoss<double> depth_loss(const double*, const double*, int, int, const PixelMask&,
+                                      int);
 
 }  // namespace gslts::raster

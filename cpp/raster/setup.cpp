@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <iterator>
 #include <sstream>
 #include <stdexcept>
 
@@ -102,19 +103,23 @@ WantedPixels::WantedPixels(const PixelMask& mask, int width, int height, const c
   const int tiles_y = (height + kTileSize - 1) / kTileSize;
   blocks_.assign(std::size_t(tiles_x) * tiles_y, 0);
   bounds_ = {width, height, 0, 0};
+  const auto is_wanted = [](std::uint8_t pixel) { return pixel != 0; };
   for (int y = 0; y < height; ++y) {
-    const std::uint8_t* row = pixels_.data() + std::size_t(y) * width;
-    for (int x = 0; x < width; ++x) {
-      if (!row[x]) {
-        // Most of a mask is empty: skip that eight pixels a step.
-        std::uint64_t next;
-        while (x + 9 <= width && (std::memcpy(&next, row + x + 1, 8), next == 0)) x += 8;
-        continue;
-      }
-      const int bit = y % kTileSize / kBlockSize * kBlocksPerRow + x % kTileSize / kBlockSize;
-      blocks_[std::size_t(y / kTileSize) * tiles_x + x / kTileSize] |= std::uint64_t{1} << bit;
-      bounds_ = {std::min(bounds_.x0, x), std::min(bounds_.y0, y), std::max(bounds_.x1, x + 1),
-                 std::max(bounds_.y1, y + 1)};
+    const std::uint8_t *row = pixels_.data() + std::size_t(y) * width, *end = row + width;
+    std::uint64_t* tiles = blocks_.data() + std::size_t(y / kTileSize) * tiles_x;
+    const int first_bit = y % kTileSize / kBlockSize * kBlocksPerRow;
+    const int first = int(std::find_if(row, end, is_wanted) - row);
+    if (first == width) continue;
+    const auto last =
+        std::find_if(std::make_reverse_iterator(end), std::make_reverse_iterator(row), is_wanted);
+    const int row_end = int(last.base() - row);
+    bounds_ = {std::min(bounds_.x0, first), std::min(bounds_.y0, y), std::max(bounds_.x1, row_end),
+               y + 1};
+    for (int x = first / kBlockSize * kBlockSize; x < row_end; x += kBlockSize) {
+      std::uint32_t block = 0;
+      std::memcpy(&block, row + x, std::size_t(std::min(kBlockSize, width - x)));
+      const int bit = first_bit + x % kTileSize / kBlockSize;
+      tiles[x / kTileSize] |= std::uint64_t{block != 0} << bit;
     }
   }
   if (bounds_.x1 == 0) bounds_ = {};

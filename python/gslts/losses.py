@@ -108,7 +108,11 @@ def photometric_loss(
 
 
 def fit_exposure(
-    rgb: FloatArray, target: FloatArray, *, mask: NDArray[np.bool_] | None = None
+    rgb: FloatArray,
+    target: FloatArray,
+    *,
+    mask: NDArray[np.bool_] | None = None,
+    threads: int = 0,
 ) -> Exposure:
     """Least-squares fit of target = gain * rgb + offset over the wanted pixels, in closed form.
 
@@ -116,16 +120,22 @@ def fit_exposure(
         rgb: [H,W,3] rendered colours; a channel in which they are constant gets gain 1.
         target: [H,W,3] measured colours.
         mask: [H,W] bool, pixels wanted; None means all.
+        threads: 0 means one a hardware thread.
 
     Raises:
         ValueError: An array has the wrong shape or dtype, or a wanted number is not finite.
     """
-    exposure: Exposure = _of_dtype("rgb", "fit_exposure", rgb)(rgb, target, mask=mask)
+    function = _of_dtype("rgb", "fit_exposure", rgb)
+    exposure: Exposure = function(rgb, target, mask=mask, threads=threads)
     return exposure
 
 
 def depth_loss(
-    depth: FloatArray, target: FloatArray, *, mask: NDArray[np.bool_] | None = None
+    depth: FloatArray,
+    target: FloatArray,
+    *,
+    mask: NDArray[np.bool_] | None = None,
+    threads: int = 0,
 ) -> DepthLoss:
     """L1 of the expected depth.
 
@@ -136,8 +146,10 @@ def depth_loss(
         depth: [H,W] rendered depth, z in the camera frame, m.
         target: [H,W] measured depth, m.
         mask: [H,W] bool, pixels wanted; None means all.
+        threads: 0 means one a hardware thread.
 
     Raises:
         ValueError: An array has the wrong shape or dtype, or `depth` is negative or not finite.
     """
-    return DepthLoss(*_of_dtype("depth", "depth_loss", depth)(depth, target, mask=mask))
+    function = _of_dtype("depth", "depth_loss", depth)
+    return DepthLoss(*function(depth, target, mask=mask, threads=threads))

@@ -6,6 +6,7 @@
 #include <limits>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "gslts/map/gaussian_map.hpp"
 
@@ -191,6 +192,36 @@ TYPED_TEST(GaussianMapTest, RequireFiniteFindsABadNumberAnywhere) {
               "f: logit_opacities[" + std::to_string(i) + "] is inf");
     map.logit_opacities[i] = good;
   }
+}
+
+TYPED_TEST(GaussianMapTest, SelectTakesWholeGaussians) {
+  auto map = make_gaussian_map<TypeParam>(5, 4, 2, 70);
+  TypeParam next = 0;
+  for (Array<TypeParam>* array :
+       {&map.means, &map.quats, &map.log_scales, &map.logit_opacities, &map.sh, &map.features}) {
+    for (TypeParam& value : *array) value = ++next;
+  }
+  map.origin = {1, 2, 3};
+  const auto selected = select(map, {3, 1});
+  EXPECT_THAT(selected.ids, testing::ElementsAre(73, 71));
+  EXPECT_EQ(selected.origin, map.origin);
+  const auto row_of = [](const Array<TypeParam>& array, std::size_t row, std::size_t columns) {
+    return std::vector<TypeParam>(array.begin() + row * columns,
+                                  array.begin() + (row + 1) * columns);
+  };
+  for (std::size_t row : {0u, 1u}) {
+    const std::size_t from = row == 0 ? 3 : 1;
+    EXPECT_EQ(row_of(selected.means, row, 3), row_of(map.means, from, 3));
+    EXPECT_EQ(row_of(selected.quats, row, 4), row_of(map.quats, from, 4));
+    EXPECT_EQ(row_of(selected.log_scales, row, 3), row_of(map.log_scales, from, 3));
+    EXPECT_EQ(row_of(selected.logit_opacities, row, 1), row_of(map.logit_opacities, from, 1));
+    EXPECT_EQ(row_of(selected.sh, row, 12), row_of(map.sh, from, 12));
+    EXPECT_EQ(row_of(selected.features, row, 2), row_of(map.features, from, 2));
+  }
+  EXPECT_EQ(select(map, {}).size(), 0u);
+  EXPECT_EQ(error_of([&] { select(map, {0, 5}); }), "select: rows[1] is 5, must be below 5");
+  map.ids.pop_back();
+  EXPECT_THAT(error_of([&] { select(map, {0}); }), HasSubstr("ids must hold 5 x 1"));
 }
 
 }  // namespace

@@ -280,19 +280,19 @@ class AdamDouble:
         """
         Moves the Gaussians at `rows`.
         """
-def depth_loss_double(depth: numpy.ndarray, target: numpy.ndarray, *, mask: numpy.ndarray | None) -> tuple[float, int, numpy.typing.NDArray[numpy.float64]]:
+def depth_loss_double(depth: numpy.ndarray, target: numpy.ndarray, *, mask: numpy.ndarray | None, threads: int) -> tuple[float, int, numpy.typing.NDArray[numpy.float64]]:
     """
     See gslts.losses.depth_loss; returns value, count and gradient.
     """
-def depth_loss_float(depth: numpy.ndarray, target: numpy.ndarray, *, mask: numpy.ndarray | None) -> tuple[float, int, numpy.typing.NDArray[numpy.float32]]:
+def depth_loss_float(depth: numpy.ndarray, target: numpy.ndarray, *, mask: numpy.ndarray | None, threads: int) -> tuple[float, int, numpy.typing.NDArray[numpy.float32]]:
     """
     See gslts.losses.depth_loss; returns value, count and gradient.
     """
-def fit_exposure_double(rgb: numpy.ndarray, target: numpy.ndarray, *, mask: numpy.ndarray | None) -> Exposure:
+def fit_exposure_double(rgb: numpy.ndarray, target: numpy.ndarray, *, mask: numpy.ndarray | None, threads: int) -> Exposure:
     """
     See gslts.losses.fit_exposure.
     """
-def fit_exposure_float(rgb: numpy.ndarray, target: numpy.ndarray, *, mask: numpy.ndarray | None) -> Exposure:
+def fit_exposure_float(rgb: numpy.ndarray, target: numpy.ndarray, *, mask: numpy.ndarray | None, threads: int) -> Exposure:
     """
     See gslts.losses.fit_exposure.
     """

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <cstddef>
 #include <cstdint>
+#include <vector>
 
 #include "gslts/map/array.hpp"
 
@@ -50,6 +51,11 @@ using GaussianMap = BasicGaussianMap<float>;
 template <typename T>
 BasicGaussianMap<T> make_gaussian_map(std::size_t size, int sh_bases, int feature_dims = 0,
                                       std::uint64_t first_id = 0);
+
+/// Some of the Gaussians, with their ids, in the order of `rows`.
+/// @throws std::invalid_argument  if there is no such row, or the arrays do not fit each other.
+template <typename T>
+BasicGaussianMap<T> select(const BasicGaussianMap<T>& map, const std::vector<std::uint32_t>& rows);
 
 /// Checks shapes and pointers, not values (the kernels check the values that they read).
 /// @throws std::invalid_argument  naming the caller, the field and the value.

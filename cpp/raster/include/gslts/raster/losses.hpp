@@ -25,7 +25,7 @@ struct Exposure {
 /// @throws std::invalid_argument  if the mask has another size, or a wanted number is not finite.
 template <typename T>
 Exposure fit_exposure(const T* rgb, const T* target, int width, int height,
-                      const PixelMask& mask = {});
+                      const PixelMask& mask = {}, int threads = 0);
 
 template <typename T>
 struct PhotometricLoss {
@@ -66,6 +66,6 @@ struct DepthLoss {
 /// negative.
 template <typename T>
 DepthLoss<T> depth_loss(const T* depth, const T* target, int width, int height,
-                        const PixelMask& mask = {});
+                        const PixelMask& mask = {}, int threads = 0);
 
 }  // namespace gslts::raster
