@@ -5,6 +5,7 @@ from importlib.metadata import version
 from gslts import losses
 from gslts.camera import Camera, camera_from_fov, look_at
 from gslts.gaussian_map import GaussianMap
+from gslts.ply import read_ply, write_ply
 from gslts.render import Gradients, Images, Rasterizer, RenderOptions, render
 
 __version__ = version("gslts")
@@ -20,5 +21,7 @@ __all__ = [
     "camera_from_fov",
     "look_at",
     "losses",
+    "read_ply",
     "render",
+    "write_ply",
 ]
