@@ -1,5 +1,5 @@
 # Each target sets up what it needs first; scripts/ does the work.
-.PHONY: help demo test test-arm bench lint format clean
+.PHONY: help demo test test-arm bench fuzz lint format clean
 
 help:  ## List the targets
 	@sed -n 's/^\([a-z-]*\):  ## /\1\t/p' Makefile | expand -t 12
@@ -17,6 +17,9 @@ test-arm:  ## Cross-compile the C++ tests for 64-bit ARM and run them under QEMU
 
 bench:  ## Build and run the benchmarks
 	@scripts/bench
+
+fuzz:  ## Feed the PLY reader malformed files for 10 minutes
+	@scripts/fuzz
 
 lint:  ## Check formatting, style, types, layers and stubs
 	@scripts/lint

@@ -4,6 +4,7 @@ namespace gslts::python {
 void define_adam(pybind11::module_ m);
 void define_losses(pybind11::module_ m);
 void define_map(pybind11::module_ m);
+void define_ply(pybind11::module_ m);
 void define_raster(pybind11::module_ m);
 }  // namespace gslts::python
 
@@ -11,7 +12,9 @@ void define_raster(pybind11::module_ m);
 // other standard exception as RuntimeError: pybind11's own translation.
 PYBIND11_MODULE(_core, m) {
   m.doc() = "C++ core of gslts: strict and thin; the package gslts is its public face.";
-  gslts::python::define_map(m.def_submodule("map", "Cameras and views of Gaussians."));
+  pybind11::module_ map = m.def_submodule("map", "Cameras, views of Gaussians and their files.");
+  gslts::python::define_map(map);
+  gslts::python::define_ply(map);
   pybind11::module_ raster = m.def_submodule("raster", "Rendering, losses and their gradients.");
   gslts::python::define_raster(raster);
   gslts::python::define_losses(raster);

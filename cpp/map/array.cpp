@@ -9,6 +9,12 @@
 #include <sys/mman.h>
 #endif
 
+#if defined(__has_feature)
+#define GSLTS_HAS_ADDRESS_SANITIZER __has_feature(address_sanitizer)
+#else
+#define GSLTS_HAS_ADDRESS_SANITIZER 0
+#endif
+
 namespace gslts {
 namespace {
 
@@ -17,7 +23,8 @@ constexpr std::size_t kCacheLine = 64, kHugePage = std::size_t{2} << 20;
 /// Smaller blocks are left to the system's allocator, which recycles them well.
 constexpr std::size_t kMinRecycledBytes = std::size_t{64} << 10;
 
-#ifdef __SANITIZE_ADDRESS__
+// GCC defines the first, Clang the second.
+#if defined(__SANITIZE_ADDRESS__) || GSLTS_HAS_ADDRESS_SANITIZER
 constexpr std::size_t kMaxIdleBytes = 0;  // A recycled block would hide the use of a freed one.
 #else
 constexpr std::size_t kMaxIdleBytes = std::size_t{128} << 20;

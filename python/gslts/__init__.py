@@ -6,6 +6,7 @@ from gslts import losses
 from gslts.adam import Adam, AdamOptions, AdamRates, AdamState
 from gslts.camera import Camera, camera_from_fov, look_at
 from gslts.gaussian_map import GaussianMap
+from gslts.ply import read_ply, write_ply
 from gslts.render import (
     Gradients,
     Images,
@@ -33,5 +34,7 @@ __all__ = [
     "camera_from_fov",
     "look_at",
     "losses",
+    "read_ply",
     "render",
+    "write_ply",
 ]

@@ -1,11 +1,12 @@
 """
-Cameras and views of Gaussians.
+Cameras, views of Gaussians and their files.
 """
 from __future__ import annotations
 import numpy
 import numpy.typing
+import os
 import typing
-__all__: list[str] = ['Camera', 'GaussianViewDouble', 'GaussianViewFloat', 'camera_from_fov', 'look_at']
+__all__: list[str] = ['Camera', 'GaussianViewDouble', 'GaussianViewFloat', 'camera_from_fov', 'look_at', 'read_ply', 'write_ply']
 class Camera:
     """
     A pinhole camera at a pose in the world; immutable.
@@ -118,4 +119,12 @@ def look_at(eye: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]
     
     Raises:
         ValueError: The target is the eye, or the view direction is along `up`.
+    """
+def read_ply(path: os.PathLike | str | bytes) -> tuple[dict[str, numpy.ndarray], list[str]]:
+    """
+    See gslts.ply.read_ply; returns the arrays of the map by name, and the names of the properties that it ignored.
+    """
+def write_ply(gaussians: GaussianViewFloat, ids: numpy.ndarray, path: os.PathLike | str | bytes) -> None:
+    """
+    See gslts.ply.write_ply.
     """
