@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy
 import numpy.typing
 import typing
-__all__: list[str] = ['Camera', 'GaussianViewDouble', 'GaussianViewFloat', 'camera_from_fov', 'look_at']
+__all__: list[str] = ['Camera', 'GaussianViewDouble', 'GaussianViewFloat', 'camera_from_fov', 'look_at', 'scatter_rows_double', 'scatter_rows_float', 'scatter_rows_uint32']
 class Camera:
     """
     A pinhole camera at a pose in the world; immutable.
@@ -118,4 +118,16 @@ def look_at(eye: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]
     
     Raises:
         ValueError: The target is the eye, or the view direction is along `up`.
+    """
+def scatter_rows_double(rows: numpy.ndarray, values: numpy.ndarray, size: typing.SupportsInt | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.float64]:
+    """
+    [size,K] zeros but for `values` [V,K] at `rows` [V] uint32, which ascend.
+    """
+def scatter_rows_float(rows: numpy.ndarray, values: numpy.ndarray, size: typing.SupportsInt | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.float32]:
+    """
+    [size,K] zeros but for `values` [V,K] at `rows` [V] uint32, which ascend.
+    """
+def scatter_rows_uint32(rows: numpy.ndarray, values: numpy.ndarray, size: typing.SupportsInt | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.uint32]:
+    """
+    [size,K] zeros but for `values` [V,K] at `rows` [V] uint32, which ascend.
     """
