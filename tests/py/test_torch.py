@@ -211,7 +211,7 @@ def test_gradcheck_with_poses_that_stay_rigid(options):
 
     twists = torch.zeros(2, 6, dtype=torch.float64, requires_grad=True)
     backgrounds = torch.rand(2, 3, dtype=torch.float64, requires_grad=True)
-    assert torch.autograd.gradcheck(render, (twists, backgrounds, *inputs))
+    assert torch.autograd.gradcheck(render, (twists, backgrounds, *inputs), fast_mode=True)
 
 
 def test_float32_is_like_float64():
@@ -483,7 +483,7 @@ def test_number_that_is_not_finite_is_named(name, value):
 def test_opacity_out_of_range_is_named(value):
     opacities = make_arguments()["opacities"]
     opacities[7] = value
-    rejects(rf"^opacities: expected numbers in \[0, 1\], got {value}$", opacities=opacities)
+    rejects(rf"^opacities: expected numbers in \[0, 1\], got .*{value}", opacities=opacities)
 
 
 @pytest.mark.parametrize(

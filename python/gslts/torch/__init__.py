@@ -1,7 +1,7 @@
 """Differentiable rendering for PyTorch: `rasterization` takes the place of gsplat's on the CPU.
 
-Names, order, shapes and meanings of the arguments are those of gsplat 1.5, so that a program needs
-to change its import and nothing else:
+Names, order, shapes and meanings of the arguments are those of gsplat 1.5. A program changes its
+import:
 
     from gslts.torch import rasterization  # instead of: from gsplat import rasterization
 
@@ -15,7 +15,7 @@ The images are those of gsplat but for rounding and these differences:
   `viewmats` is that of the result: it is tangent to the rigid transforms, where gsplat's treats
   the entries as independent. For every pose that is a function of parameters, both lead to the
   same gradient of the parameters.
-* `meta` holds the sizes only, nothing of what gsplat computes on the way.
+* `meta` holds the sizes only. gsplat's densification strategies need more of it.
 
 Options that gsplat has and this module has not raise NotImplementedError; see `rasterization`.
 """
@@ -25,6 +25,6 @@ try:
 except ModuleNotFoundError as error:
     raise ImportError("gslts.torch needs PyTorch: pip install gslts[torch]") from error
 
-from gslts.torch.rasterization import rasterization
+from gslts.torch.rasterize import rasterization
 
 __all__ = ["rasterization"]

@@ -23,11 +23,12 @@ def require_valid(**options: tuple[object, bool, str]) -> None:
             raise ValueError(f"{name}: expected {expected}, got {value!r}")
 
 
-def require_finite(**tensors: Tensor | None) -> None:
+def require_finite(**tensors: Tensor) -> None:
     """Raises ValueError for the first tensor that holds a number that is not finite."""
     for name, tensor in tensors.items():
-        if tensor is not None:
-            _require_numbers(name, tensor, tensor.isfinite(), "finite numbers")
+        finite = tensor.isfinite()
+        if not finite.all():
+            raise ValueError(f"{name}: expected finite numbers, got {tensor[~finite][0].item()}")
 
 
 def check_tensors(*, backgrounds: Tensor | None, sh_degree: int | None, **tensors: Tensor) -> None:
@@ -72,9 +73,12 @@ def check_tensors(*, backgrounds: Tensor | None, sh_degree: int | None, **tensor
             f"colors: expected at least {(sh_degree + 1) ** 2} spherical harmonics for sh_degree="
             f"{sh_degree}, got {tuple(colors.shape)}"
         )
-    _require_numbers(
-        "opacities", opacities, (opacities >= 0) & (opacities <= 1), "numbers in [0, 1]"
-    )
+    if opacities.numel() > 0:
+        least, greatest = torch.aminmax(opacities)
+        if not (least >= 0 and greatest <= 1):
+            raise ValueError(
+                f"opacities: expected numbers in [0, 1], got {least.item()} to {greatest.item()}"
+            )
     if Ks.requires_grad and torch.is_grad_enabled():
         raise NotImplementedError("rasterization: a gradient with respect to Ks is not supported")
 
@@ -83,9 +87,3 @@ def _fits(shape: tuple[int, ...], expected: tuple[int, ...]) -> bool:
     return len(shape) == len(expected) and all(
         wanted in (ANY, length) for length, wanted in zip(shape, expected, strict=True)
     )
-
-
-def _require_numbers(name: str, tensor: Tensor, valid: Tensor, expected: str) -> None:
-    """Raises ValueError with the first number that is not valid."""
-    if not valid.all():
-        raise ValueError(f"{name}: expected {expected}, got {tensor[~valid][0].item()}")

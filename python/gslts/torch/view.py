@@ -11,9 +11,12 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
+# The core itself: a `GaussianMap` would look at all numbers, which the rasterizer does anyway.
+from gslts._core.map import GaussianViewDouble, GaussianViewFloat
+from gslts._core.raster import RasterizerDouble, RasterizerFloat, RenderOptions
 from gslts.camera import Camera
-from gslts.gaussian_map import GaussianMap
-from gslts.render import Rasterizer, RenderOptions
+from gslts.gaussian_map import FloatArray
+from gslts.render import scatter_rows
 from gslts.torch.checks import require_finite
 
 SH_C0 = 0.5 / sqrt(pi)  # Value of the constant spherical harmonic.
@@ -21,8 +24,32 @@ MIN_SCALE_M = 1e-30  # Stands for a scale of 0, which has no logarithm.
 RIGID_TOLERANCE = 1e-3  # Of the singular values of a rotation; poses kept in float32 pass.
 
 
-class RasterizeView(torch.autograd.Function):
-    """One view: colours without background [H,W,D], expected depth and alpha, both [H,W,1].
+def rasterize_view(
+    means: Tensor,
+    quats: Tensor,
+    scales: Tensor,
+    opacities: Tensor,
+    colors: Tensor,
+    viewmat: Tensor,
+    K: Tensor,
+    width: int,
+    height: int,
+    options: RenderOptions,
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Renders one view; the arguments are those of `rasterization` without leading dimensions.
+
+    Returns:
+        Colours on black [H,W,D], expected depth [H,W,1] and alpha [H,W,1].
+    """
+    camera = _camera_of(viewmat, K, width, height)
+    color, depth, alpha = _RasterizeView.apply(  # type: ignore[no-untyped-call]
+        means, quats, scales, opacities, colors, viewmat, camera, options
+    )
+    return color, depth[..., None], alpha[..., None]
+
+
+class _RasterizeView(torch.autograd.Function):
+    """`rasterize_view` with its gradients.
 
     Each call has a rasterizer of its own, which waits for the backward pass: several forwards may
     come before it. That costs no time, as the core recycles the memory of those before.
@@ -35,104 +62,99 @@ class RasterizeView(torch.autograd.Function):
         quats: Tensor,
         scales: Tensor,
         opacities: Tensor,
-        colors: Tensor | None,
+        colors: Tensor,
         viewmat: Tensor,  # noqa: ARG004  # `camera` has its numbers; it is here for its gradient.
         camera: Camera,
         options: RenderOptions,
     ) -> tuple[Tensor, ...]:
-        """Renders; without `colors`, the colours mean nothing."""
-        rasterizer = Rasterizer(_numpy(means).dtype)
+        """Renders; depth and alpha are [H,W]."""
+        rasterizer: Any = RasterizerDouble() if means.dtype == torch.float64 else RasterizerFloat()
+        gaussians = _gaussians_of(means, quats, scales, opacities, colors)
         try:
-            gaussians = _map_of(means, quats, scales, opacities, colors)
-            images = rasterizer.forward(gaussians, camera, options)
+            images = rasterizer.forward(gaussians, camera=camera, options=options, mask=None)
         except ValueError:
             # A number is not finite, in an array that the caller knows by another name.
             require_finite(means=means, quats=quats, scales=scales, colors=colors)
             raise
         ctx.set_materialize_grads(False)
         ctx.save_for_backward(means, quats, scales, opacities, colors)
-        ctx.rasterizer, ctx.camera = rasterizer, camera
-        color = images.features if _role_of(colors) == "features" else images.rgb
-        arrays = (color, images.depth[..., None], images.alpha[..., None])
-        return tuple(torch.from_numpy(array) for array in arrays)
+        ctx.rasterizer, ctx.gaussians, ctx.camera = rasterizer, gaussians, camera
+        color = "features" if _role_of(colors) == "features" else "rgb"
+        return tuple(torch.from_numpy(images[name]) for name in (color, "depth", "alpha"))
 
     @staticmethod
     @once_differentiable
     def backward(
         ctx: Any, dL_dcolor: Tensor | None, dL_ddepth: Tensor | None, dL_dalpha: Tensor | None
     ) -> tuple[Tensor | None, ...]:
-        """None stands for a gradient that is zero or not asked for."""
+        """None stands for a gradient that is zero or not needed."""
         _, _, scales, opacities, colors = ctx.saved_tensors
         role = _role_of(colors)
         gradients = ctx.rasterizer.backward(
-            **{
-                name: None if dL is None else _numpy(dL)
-                for name, dL in (
-                    ("dL_dfeatures" if role == "features" else "dL_drgb", dL_dcolor),
-                    ("dL_ddepth", None if dL_ddepth is None else dL_ddepth[..., 0]),
-                    ("dL_dalpha", None if dL_dalpha is None else dL_dalpha[..., 0]),
-                )
-            }
+            ctx.gaussians,
+            dL_drgb=None if role == "features" else _numpy(dL_dcolor),
+            dL_ddepth=_numpy(dL_ddepth),
+            dL_dalpha=_numpy(dL_dalpha),
+            dL_dfeatures=_numpy(dL_dcolor) if role == "features" else None,
+            statistics=False,
         )
-        rows = torch.from_numpy(gradients.rows.astype(np.int64))
 
-        def dense(argument: int, seen: Tensor) -> Tensor | None:
-            """The gradient of all Gaussians: zero for those not seen."""
+        def dense(argument: int, seen: FloatArray) -> Any:
+            """The gradient of all Gaussians: zero for those not seen; None if not needed."""
             if not ctx.needs_input_grad[argument]:
                 return None
-            return seen.new_zeros((len(scales), *seen.shape[1:])).index_copy_(0, rows, seen)
+            return torch.from_numpy(scatter_rows(gradients["rows"], seen, len(scales)))
 
-        # d log|s| / ds = 1 / s. The images depend on s^2, which has no slope where s is 0.
-        scale = scales[rows]
-        dL_dscales = torch.from_numpy(gradients.dL_dlog_scales) / torch.where(scale == 0, 1, scale)
-        opacity = _off_bounds(opacities[rows])
-        dL_dopacities = torch.from_numpy(gradients.dL_dlogit_opacities) / (opacity * (1 - opacity))
-        dL_dsh = torch.from_numpy(gradients.dL_dsh)
-        dL_dcolors = {
-            "sh": dL_dsh,
-            "rgb": dL_dsh[:, 0] / SH_C0,
-            "features": torch.from_numpy(gradients.dL_dfeatures),
-        }
-        dL_dviewmat = torch.from_numpy(_viewmat_gradient(ctx.camera, gradients.dL_dtwist))
+        dL_dscales = dense(2, gradients["dL_dlog_scales"])
+        if dL_dscales is not None:
+            # d log|s| / ds = 1 / s. The images depend on s^2, which has no slope where s is 0.
+            dL_dscales.div_(scales).masked_fill_(scales == 0, 0)
+        dL_dopacities = dense(3, gradients["dL_dlogit_opacities"])
+        if dL_dopacities is not None:
+            opacity = _off_bounds(opacities)
+            dL_dopacities.div_(opacity.mul_(1 - opacity))
+        dL_dcolors = dense(4, gradients["dL_dfeatures" if role == "features" else "dL_dsh"])
+        if dL_dcolors is not None and role == "rgb":
+            dL_dcolors = dL_dcolors[:, 0].div_(SH_C0)
+        dL_dviewmat = _viewmat_gradient(ctx.camera, gradients["dL_dtwist"])
         return (
-            dense(0, torch.from_numpy(gradients.dL_dmeans)),
-            dense(1, torch.from_numpy(gradients.dL_dquats)),
-            dense(2, dL_dscales),
-            dense(3, dL_dopacities),
-            dense(4, dL_dcolors[role]),
-            dL_dviewmat.to(scales.dtype),
+            dense(0, gradients["dL_dmeans"]),
+            dense(1, gradients["dL_dquats"]),
+            dL_dscales,
+            dL_dopacities,
+            dL_dcolors,
+            torch.from_numpy(dL_dviewmat).to(scales.dtype),
             None,
             None,
         )
 
 
-def _role_of(colors: Tensor | None) -> str:
+def _role_of(colors: Tensor) -> str:
     """What the colours of a view become in the map; RGB as SH of degree 0 is faster to blend."""
-    if colors is None or colors.ndim == 3:
+    if colors.ndim == 3:
         return "sh"
     return "rgb" if colors.shape[1] == 3 else "features"
 
 
-def _map_of(
-    means: Tensor, quats: Tensor, scales: Tensor, opacities: Tensor, colors: Tensor | None
-) -> GaussianMap:
-    """The map of the stored values whose activated ones these are."""
-    sh, features = means.new_zeros((len(means), 1, 3)), means.new_zeros((len(means), 0))
-    if colors is not None:
-        role = _role_of(colors)
-        if role == "sh":
-            sh = colors
-        elif role == "rgb":
-            sh = ((colors - 0.5) / SH_C0)[:, None]
-        else:
-            features = colors
-    return GaussianMap(
+def _gaussians_of(
+    means: Tensor, quats: Tensor, scales: Tensor, opacities: Tensor, colors: Tensor
+) -> GaussianViewDouble | GaussianViewFloat:
+    """Of the stored values whose activated ones these are; without a copy where none is needed."""
+    role = _role_of(colors)
+    if role == "features":
+        sh, features = means.new_zeros((len(means), 1, 3)), colors
+    else:
+        sh = colors if role == "sh" else (colors - 0.5).div_(SH_C0)[:, None]
+        features = means.new_zeros((len(means), 0))
+    view = GaussianViewDouble if means.dtype == torch.float64 else GaussianViewFloat
+    return view(
         means=_numpy(means),
         quats=_numpy(quats),
         log_scales=_numpy(scales.abs().clamp_(min=MIN_SCALE_M).log_()),
         logit_opacities=_numpy(_off_bounds(opacities).logit_()),
         sh=_numpy(sh),
         features=_numpy(features),
+        origin=np.zeros(3),
     )
 
 
@@ -142,7 +164,7 @@ def _off_bounds(opacities: Tensor) -> Tensor:
     return opacities.clamp(margin, 1 - margin)
 
 
-def camera_of(viewmat: Tensor, K: Tensor, width: int, height: int) -> Camera:
+def _camera_of(viewmat: Tensor, K: Tensor, width: int, height: int) -> Camera:
     """The camera of a view, its rotation the one nearest to the viewmat's.
 
     Raises:
@@ -186,7 +208,6 @@ def _viewmat_gradient(camera: Camera, dL_dtwist: NDArray[np.float64]) -> NDArray
     return gradient
 
 
-def _numpy(tensor: Tensor) -> NDArray[Any]:
-    """The tensor as an array that shares its memory."""
-    array: NDArray[Any] = tensor.detach().numpy()
-    return array
+def _numpy(tensor: Tensor | None) -> Any:
+    """The tensor as a C-contiguous array, sharing its memory if it can; None stays None."""
+    return None if tensor is None else tensor.detach().contiguous().numpy()

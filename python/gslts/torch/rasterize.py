@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from enum import Enum
+from itertools import repeat
 from math import prod
 from operator import index
 from typing import Any, Literal
@@ -13,12 +13,13 @@ from torch import Tensor
 
 from gslts.render import RenderOptions
 from gslts.torch.checks import check_tensors, require_supported, require_valid
-from gslts.torch.view import RasterizeView, camera_of
+from gslts.torch.view import rasterize_view
 
 RENDER_MODES = ("RGB", "D", "ED", "RGB+D", "RGB+ED")
 RASTERIZE_MODES = ("classic", "antialiased")
 FAR_PLANE_M = 1e10  # gsplat's default: beyond all that is ever rendered.
 SH_BASES = (1, 4, 9, 16)  # Of the degrees 0 to 3.
+ALPHA_MIN = 1 / 255  # gsplat's.
 
 
 def rasterization(
@@ -150,9 +151,7 @@ def rasterization(
             f"one of {RASTERIZE_MODES}",
         ),
     )
-    with_colors = render_mode.startswith("RGB")
-    if not with_colors:
-        backgrounds = None
+    only_depth = not render_mode.startswith("RGB")
     check_tensors(
         means=means,
         quats=quats,
@@ -161,54 +160,51 @@ def rasterization(
         colors=colors,
         viewmats=viewmats,
         Ks=Ks,
-        backgrounds=backgrounds,
+        backgrounds=None if only_depth else backgrounds,
         sh_degree=sh_degree,
     )
+    batch, size, cameras = means.shape[:-2], means.shape[-2], viewmats.shape[-3]
+    if only_depth:  # Which is an image without colour channels, and a depth.
+        colors, sh_degree, backgrounds = means.new_zeros((*batch, size, 0)), None, None
+    elif sh_degree is not None and colors.shape[-2] not in SH_BASES:
+        colors = colors[..., : (sh_degree + 1) ** 2, :]
     options = RenderOptions(
         near_m=near_plane,
         sh_degree=sh_degree or 0,
         clamp_colors=sh_degree is not None,
         eps2d_px2=eps2d,
         antialias=rasterize_mode == "antialiased",
+        alpha_min=ALPHA_MIN,
         threads=torch.get_num_threads(),
     )
 
-    batch, cameras = means.shape[:-2], viewmats.shape[-3]
-    colors_have_camera = colors.ndim == len(batch) + (3 if sh_degree is None else 4)
-    if sh_degree is not None and colors.shape[-2] not in SH_BASES:
-        colors = colors[..., : (sh_degree + 1) ** 2, :]
-
-    def by_view(tensor: Tensor | None, *, has_camera: bool = True) -> Sequence[Tensor | None]:
+    def by_view(tensor: Tensor, *, has_camera: bool) -> list[Tensor]:
         """The part of each view: all cameras of the first scene, then those of the next."""
-        if tensor is None:
-            return [None] * (prod(batch) * cameras)
         parts = _split(tensor, len(batch) + has_camera)
         return parts if has_camera else [part for part in parts for _ in range(cameras)]
 
-    images, alphas = [], []
-    for *gaussians, viewmat, K, background in zip(
-        *(by_view(tensor, has_camera=False) for tensor in (means, quats, scales, opacities)),
-        by_view(colors if with_colors else None, has_camera=colors_have_camera),
-        by_view(viewmats),
-        by_view(Ks),
-        by_view(backgrounds),
+    images, depths, alphas = zip(
+        *map(
+            rasterize_view,
+            *(by_view(tensor, has_camera=False) for tensor in (means, quats, scales, opacities)),
+            by_view(colors, has_camera=colors.ndim > len(batch) + (2 if sh_degree is None else 3)),
+            by_view(viewmats, has_camera=True),
+            by_view(Ks, has_camera=True),
+            repeat(index(width)),
+            repeat(index(height)),
+            repeat(options),
+        ),
         strict=True,
-    ):
-        camera = camera_of(viewmat, K, index(width), index(height))
-        color, depth, alpha = RasterizeView.apply(  # type: ignore[no-untyped-call]
-            *gaussians, viewmat, camera, options
-        )
-        if background is not None:
-            color = color + (1 - alpha) * background
-        channels = [color] if with_colors else []
-        if render_mode.endswith("ED"):
-            channels.append(depth)
-        elif render_mode.endswith("D"):
-            channels.append(depth * alpha)
-        images.append(channels[0] if len(channels) == 1 else torch.cat(channels, dim=-1))
-        alphas.append(alpha)
+    )
+    image, alpha = (_join(parts, (*batch, cameras)) for parts in (images, alphas))
+    if backgrounds is not None:
+        image = image + (1 - alpha) * backgrounds[..., None, None, :]
+    if render_mode != "RGB":
+        depth = _join(depths, (*batch, cameras))
+        depth = depth if render_mode.endswith("ED") else depth * alpha
+        image = torch.cat([image, depth], dim=-1)
     meta = {"width": width, "height": height, "n_cameras": cameras, "n_batches": prod(batch)}
-    return _join(images, (*batch, cameras)), _join(alphas, (*batch, cameras)), meta
+    return image, alpha, meta
 
 
 def _split(tensor: Tensor, dims: int) -> list[Tensor]:
@@ -218,7 +214,7 @@ def _split(tensor: Tensor, dims: int) -> list[Tensor]:
     return list(tensor.flatten(0, dims - 1).unbind())
 
 
-def _join(parts: list[Tensor], shape: tuple[int, ...]) -> Tensor:
+def _join(parts: tuple[Tensor, ...], shape: tuple[int, ...]) -> Tensor:
     """The parts as one tensor, along new first dimensions of the given shape."""
     joined = parts[0] if len(parts) == 1 else torch.stack(parts)
     return joined.reshape(*shape, *parts[0].shape)
