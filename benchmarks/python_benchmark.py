@@ -1,4 +1,4 @@
-"""Times `gslts.Rasterizer` as a Python program calls it."""
+"""Times gslts as a Python program calls it, through numpy and through PyTorch."""
 
 from __future__ import annotations
 
@@ -9,7 +9,11 @@ from statistics import median
 
 import numpy as np
 from cpp_benchmark import Timing
-from workloads import NEAR_M, Workload, make_workload
+from numpy.typing import NDArray
+from workloads import NEAR_M, SH_C0, Workload, make_workload
+
+Calls = dict[str, Callable[[], object]]
+"""What to time, by case: forward, and forward with backward, on one thread with SH degree 0."""
 
 
 def ms_a_call(call: Callable[[], object], least_seconds: float) -> tuple[float, float]:
@@ -23,10 +27,19 @@ def ms_a_call(call: Callable[[], object], least_seconds: float) -> tuple[float, 
             return 1e3 * elapsed / calls, 1e3 * (time.thread_time() - cpu_start) / calls
 
 
-def time_workload(
-    name: str, workload: Workload, threads: int, repetitions: int, seconds: float
-) -> list[Timing]:
-    """Times forward, and forward with backward, with SH degree 0, as the C++ benchmark does."""
+def image_gradients(workload: Workload) -> dict[str, NDArray[np.float32]]:
+    """Of a loss that depends on colour, depth and alpha."""
+    rng = np.random.default_rng(1)
+    size = (workload.height, workload.width)
+    return {
+        "dL_drgb": rng.uniform(-0.5, 0.5, (*size, 3)).astype(np.float32),
+        "dL_ddepth": rng.uniform(-0.5, 0.5, size).astype(np.float32),
+        "dL_dalpha": rng.uniform(-0.5, 0.5, size).astype(np.float32),
+    }
+
+
+def numpy_calls(workload: Workload) -> Calls:
+    """`gslts.Rasterizer`, doing the work of the C++ benchmark."""
     import gslts
 
     gaussian_map = gslts.GaussianMap(
@@ -45,47 +58,80 @@ def time_workload(
         height=workload.height,
         world_from_camera=workload.world_from_camera,
     )
-    options = gslts.RenderOptions(near_m=NEAR_M, threads=threads)
-    rng = np.random.default_rng(1)
-    size = (workload.height, workload.width)
-    dL_drgb = rng.uniform(-0.5, 0.5, (*size, 3)).astype(np.float32)
-    dL_ddepth = rng.uniform(-0.5, 0.5, size).astype(np.float32)
-    dL_dalpha = rng.uniform(-0.5, 0.5, size).astype(np.float32)
+    options = gslts.RenderOptions(near_m=NEAR_M, threads=1)
+    gradients = image_gradients(workload)
     rasterizer = gslts.Rasterizer(np.float32)
 
     def forward() -> object:
         return rasterizer.forward(gaussian_map, camera, options)
 
     def forward_backward() -> object:
-        images = rasterizer.forward(gaussian_map, camera, options)
-        gradients = rasterizer.backward(dL_drgb=dL_drgb, dL_ddepth=dL_ddepth, dL_dalpha=dL_dalpha)
-        return images, gradients
+        return forward(), rasterizer.backward(**gradients)
 
+    return {"forward": forward, "forward_backward": forward_backward}
+
+
+def torch_calls(workload: Workload) -> Calls:
+    """`gslts.torch.rasterization`: colours and alpha as trainers ask for them, but no depth."""
+    import torch
+
+    from gslts.torch import rasterization
+
+    torch.set_num_threads(1)
+    arrays = {
+        "means": workload.means,
+        "quats": workload.quats,
+        "scales": np.exp(workload.log_scales),
+        "opacities": 1 / (1 + np.exp(-workload.logit_opacities)),
+        "colors": 0.5 + np.float32(SH_C0) * workload.sh[:, 0],
+        "viewmats": np.linalg.inv(workload.world_from_camera)[None].astype(np.float32),
+    }
+    inputs = {name: torch.from_numpy(array).requires_grad_() for name, array in arrays.items()}
+    focal, centre = workload.focal_px, (workload.width / 2, workload.height / 2)
+    K = [[focal, 0, centre[0]], [0, focal, centre[1]], [0, 0, 1]]
+    view = {
+        "Ks": torch.tensor([K], dtype=torch.float32),
+        "width": workload.width,
+        "height": workload.height,
+        "near_plane": NEAR_M,
+    }
+    gradients = image_gradients(workload)
+    dL_dimage = torch.from_numpy(gradients["dL_drgb"])[None]
+    dL_dalpha = torch.from_numpy(gradients["dL_dalpha"])[None, ..., None]
+
+    def forward() -> object:
+        with torch.no_grad():
+            return rasterization(**inputs, **view)
+
+    def forward_backward() -> object:
+        image, alpha, _ = rasterization(**inputs, **view)
+        return torch.autograd.grad((image, alpha), list(inputs.values()), (dL_dimage, dL_dalpha))
+
+    return {"forward": forward, "forward_backward": forward_backward}
+
+
+def run_timings(
+    make_calls: Callable[[Workload], Calls], names: list[str], repetitions: int, seconds: float
+) -> list[Timing]:
+    """Times the calls for each workload on one thread, where their overhead weighs most."""
     timings = []
-    for case, call in (("forward", forward), ("forward_backward", forward_backward)):
-        call()
-        wall, cpu = zip(*(ms_a_call(call, seconds) for _ in range(repetitions)), strict=True)
-        timings.append(
-            Timing(
-                case=case,
-                workload=name,
-                sh_degree=0,
-                threads=threads,
-                median_ms=median(wall),
-                min_ms=min(wall),
-                max_ms=max(wall),
-                median_cpu_ms=median(cpu),
-                repetitions=repetitions,
+    for name in names:
+        for case, call in make_calls(make_workload(name)).items():
+            call()
+            wall, cpu = zip(*(ms_a_call(call, seconds) for _ in range(repetitions)), strict=True)
+            timings.append(
+                Timing(
+                    case=case,
+                    workload=name,
+                    sh_degree=0,
+                    threads=1,
+                    median_ms=median(wall),
+                    min_ms=min(wall),
+                    max_ms=max(wall),
+                    median_cpu_ms=median(cpu),
+                    repetitions=repetitions,
+                )
             )
-        )
-        print(f"python {case}/{name}: {timings[-1].median_ms:.2f} ms", file=sys.stderr)
+            what = f"{make_calls.__name__} {case}/{name}"
+            print(f"{what}: {timings[-1].median_ms:.2f} ms", file=sys.stderr)
     return timings
-
-
-def run_timings(names: list[str], repetitions: int, seconds: float) -> list[Timing]:
-    """Times each workload on one thread, where a call's overhead weighs most."""
-    return [
-        timing
-        for name in names
-        for timing in time_workload(name, make_workload(name), 1, repetitions, seconds)
-    ]

@@ -27,6 +27,10 @@ MAX_REGION_SHARE = 0.15
 """Time for a tenth of the pixels over that for all."""
 
 
+MAX_TORCH_RATIO = 1.25
+"""Time of the same view through PyTorch over that in C++."""
+
+
 @dataclass(frozen=True)
 class Verdict:
     """A measured value beside its target, both in `unit`."""
@@ -104,6 +108,18 @@ def region_verdicts(results: CppResults) -> list[Verdict]:
             if full and region:
                 what = f"region of 10 % over all: {case} {workload}"
                 verdicts.append(Verdict(what, 100 * region / full, 100 * MAX_REGION_SHARE, "%"))
+    return verdicts
+
+
+def torch_verdicts(timings: Sequence[Timing], results: CppResults) -> list[Verdict]:
+    """PyTorch over C++ on M, one thread."""
+    verdicts = []
+    for case in AVX512_MS:
+        torch, cpp = find(timings, case, "M"), find(results.timings, case, "M")
+        if torch and cpp:
+            verdicts.append(
+                Verdict(f"PyTorch over C++: {case} M", torch / cpp, MAX_TORCH_RATIO, "x")
+            )
     return verdicts
 
 
