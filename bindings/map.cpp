@@ -2,11 +2,13 @@
 #include <pybind11/stl.h>
 
 #include <Eigen/Geometry>
+#include <cstdint>
 #include <optional>
 
 #include "arrays.hpp"
 #include "gslts/map/camera.hpp"
 #include "gslts/map/gaussian_map.hpp"
+#include "gslts/map/scatter_rows.hpp"
 
 namespace gslts::python {
 namespace {
@@ -171,12 +173,30 @@ void define_gaussian_view(py::module_& m, const char* name) {
            "and its index.");
 }
 
+template <typename T>
+void define_scatter_rows(py::module_& m, const char* name) {
+  m.def(
+      name,
+      [](const py::array& rows, const py::array& values, py::ssize_t size) {
+        const auto* places = require_array<std::uint32_t>(rows, "rows", {kAnyLength});
+        const py::ssize_t count = rows.shape(0);
+        const T* from = require_array<T>(values, "values", {count, kAnyLength});
+        const py::ssize_t columns = values.shape(1);
+        return python::to_numpy(scatter_rows(places, from, count, columns, size), {size, columns});
+      },
+      py::arg("rows"), py::arg("values"), py::arg("size"),
+      "[size,K] zeros but for `values` [V,K] at `rows` [V] uint32, which ascend.");
+}
+
 }  // namespace
 
 void define_map(py::module_ m) {
   define_camera(m);
   define_gaussian_view<float>(m, "GaussianViewFloat");
   define_gaussian_view<double>(m, "GaussianViewDouble");
+  define_scatter_rows<float>(m, "scatter_rows_float");
+  define_scatter_rows<double>(m, "scatter_rows_double");
+  define_scatter_rows<std::uint32_t>(m, "scatter_rows_uint32");
 }
 
 }  // namespace gslts::python

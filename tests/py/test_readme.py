@@ -13,3 +13,4 @@ def test_python_examples_run(capsys, tmp_path, monkeypatch):
     exec("".join(blocks), {})
     printed = capsys.readouterr().out
     assert "(480, 640, 3) nearest" in printed
+    assert "torch.Size([1, 240, 320, 3]) torch.Size([1000, 3])" in printed
