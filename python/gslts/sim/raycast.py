@@ -48,8 +48,9 @@ class RayCaster:
     """
 
     def __init__(self, home: Home) -> None:
-        import open3d as o3d
+        import open3d
 
+        self._tensor: Any = open3d.core.Tensor
         vertices, faces, owners, normals = [], [], [], []
         first_vertex = 0
         for index, thing in enumerate(home.objects):
@@ -71,10 +72,10 @@ class RayCaster:
         self._normals = (all_normals / np.maximum(lengths, 1e-20)).astype(np.float32)
         surfaces = [surface for thing in home.objects for surface in thing.surfaces]
         self._atlas = TextureAtlas(surfaces)
-        self._scene = o3d.t.geometry.RaycastingScene()
+        self._scene = open3d.t.geometry.RaycastingScene()
         self._scene.add_triangles(
-            o3d.core.Tensor(np.concatenate(vertices).astype(np.float32)),
-            o3d.core.Tensor(np.concatenate(faces).astype(np.uint32)),
+            self._tensor(np.concatenate(vertices).astype(np.float32)),
+            self._tensor(np.concatenate(faces).astype(np.uint32)),
         )
 
     def look(self, camera: Camera) -> View:
@@ -83,7 +84,7 @@ class RayCaster:
         directions = _pixel_directions(camera)
         eye = camera.world_from_camera[:3, 3].astype(np.float32)
         rays = np.concatenate([np.broadcast_to(eye, directions.shape), directions], axis=-1)
-        hits = self._cast(rays)
+        hits = self._scene.cast_rays(self._tensor(rays))
         # Directions have z = 1 in the camera frame, so that the distance is the depth.
         depth = hits["t_hit"].numpy()
         hit = np.isfinite(depth)
@@ -133,21 +134,9 @@ class RayCaster:
         factor /= np.maximum(squared * squared, np.float32(1e-6))
         rays = np.concatenate([start, towards], axis=-1)
         # The light's own lamp must not shade it.
-        factor[self._occluded(rays, 0.98)] = 0
-        return factor[..., None] * light.radiance.astype(np.float32)
-
-    def _cast(self, rays: Floats32) -> dict[str, Any]:
-        import open3d as o3d
-
-        hits: dict[str, Any] = self._scene.cast_rays(o3d.core.Tensor(rays))
-        return hits
-
-    def _occluded(self, rays: Floats32, far: float) -> NDArray[np.bool_]:
-        import open3d as o3d
-
-        result: NDArray[np.bool_] = self._scene.test_occlusions(
-            o3d.core.Tensor(rays), tnear=0.0, tfar=far
-        ).numpy()
+        occluded = self._scene.test_occlusions(self._tensor(rays), tnear=0.0, tfar=0.98)
+        factor[occluded.numpy()] = 0
+        result: Floats32 = factor[..., None] * light.radiance.astype(np.float32)
         return result
 
 

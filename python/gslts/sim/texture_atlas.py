@@ -55,7 +55,8 @@ class TextureAtlas:
         self._texels_per_m = np.concatenate(texels_per_m)
         sizes = np.array([level.shape[:2] for level in levels], np.int32)
         self._heights, self._widths = sizes[:, 0], sizes[:, 1]
-        self._offsets = np.concatenate([[0], np.cumsum(sizes.prod(axis=1))[:-1]])
+        ends = np.cumsum(sizes.prod(axis=1), dtype=np.int64)
+        self._offsets: NDArray[np.int64] = np.concatenate([np.zeros(1, np.int64), ends[:-1]])
         self._texels = np.concatenate([level.reshape(-1, 3) for level in levels])
 
     def sample(
@@ -86,23 +87,26 @@ class TextureAtlas:
         return result
 
     def _bilinear(self, level: NDArray[np.int32], uv: Floats32) -> Floats32:
-        width, height = self._widths[level], self._heights[level]
-        x, y = uv[..., 0] * width - np.float32(0.5), uv[..., 1] * height - np.float32(0.5)
-        column, row = np.floor(x), np.floor(y)
-        right, down = (x - column)[..., None], (y - row)[..., None]
-        column, row = column.astype(np.int64), row.astype(np.int64)
-        columns = column % width, (column + 1) % width
-        starts = [self._offsets[level] + (r % height) * width for r in (row, row + 1)]
-
-        def texel(start: NDArray[np.int64], column: NDArray[np.int64]) -> Floats32:
-            return LINEAR_OF_BYTE[self._texels[start + column]]
-
-        upper, lower = (
-            (1 - right) * texel(start, columns[0]) + right * texel(start, columns[1])
-            for start in starts
-        )
-        result: Floats32 = upper + down * (lower - upper)
+        width, height = np.take(self._widths, level), np.take(self._heights, level)
+        half = np.float32(0.5)
+        x, y = uv[..., 0] * width.astype(np.float32), uv[..., 1] * height.astype(np.float32)
+        column, row = np.floor(x - half), np.floor(y - half)
+        right, down = (x - half - column)[..., None], (y - half - row)[..., None]
+        left = column.astype(np.int32) % width
+        columns = left, np.where(left + 1 == width, 0, left + 1)
+        upper = row.astype(np.int32) % height
+        offset = np.take(self._offsets, level)
+        texels = [
+            [self._texel(offset + r * width + c) for c in columns]
+            for r in (upper, np.where(upper + 1 == height, 0, upper + 1))
+        ]
+        above, below = (first + right * (second - first) for first, second in texels)
+        result: Floats32 = above + down * (below - above)
         return result
+
+    def _texel(self, index: NDArray[np.int64]) -> Floats32:
+        texels = np.take(self._texels, index, axis=0)
+        return np.take(LINEAR_OF_BYTE, texels)
 
 
 def _texels_per_m(surface: Surface) -> Floats32:
@@ -113,7 +117,8 @@ def _texels_per_m(surface: Surface) -> Floats32:
     area_m2 = np.linalg.norm(cross, axis=1)
     (u1, v1), (u2, v2) = (uvs[:, 1] - uvs[:, 0]).T, (uvs[:, 2] - uvs[:, 0]).T
     area_texels = np.abs(u1 * v2 - u2 * v1) * width * height
-    return np.sqrt(area_texels / np.maximum(area_m2, 1e-12)).astype(np.float32)
+    density: Floats32 = np.sqrt(area_texels / np.maximum(area_m2, 1e-12)).astype(np.float32)
+    return density
 
 
 def _mip_levels(texture: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
