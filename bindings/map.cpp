@@ -75,6 +75,15 @@ Raises:
           "world_from_camera",
           [](const Camera& camera) { return to_numpy(camera.world_from_camera); },
           "[4,4] float64, a copy of the pose: x_in_world = world_from_camera @ x_in_camera.")
+      .def("cropped", &cropped, py::arg("x0").noconvert(), py::arg("y0").noconvert(),
+           py::arg("x1").noconvert(), py::arg("y1").noconvert(),
+           R"(The same camera with a part of its image: columns [x0, x1) and rows [y0, y1).
+
+What it renders is that part, but for Gaussians centred far outside it: 3DGS projects those as if
+they were at 1.3 times the edge of the view.
+
+Raises:
+    ValueError: The part is empty or not inside the image.)")
       .def("__eq__", &equal, py::is_operator(), py::arg("other"))
       .def("__repr__",
            [](const Camera& c) {

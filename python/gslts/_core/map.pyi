@@ -37,6 +37,16 @@ class Camera:
         ...
     def __setstate__(self, arg0: tuple) -> None:
         ...
+    def cropped(self, x0: int, y0: int, x1: int, y1: int) -> Camera:
+        """
+        The same camera with a part of its image: columns [x0, x1) and rows [y0, y1).
+        
+        What it renders is that part, but for Gaussians centred far outside it: 3DGS projects those as if
+        they were at 1.3 times the edge of the view.
+        
+        Raises:
+            ValueError: The part is empty or not inside the image.
+        """
     @property
     def cx(self) -> float:
         """
