@@ -1,0 +1,343 @@
+"""A room in the making: what stands where, what still fits, and how things are placed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gslts.sim.catalog import building
+from gslts.sim.catalog.building import Opening
+from gslts.sim.home import AreaLight, Floats, Home, HomeObject, Room
+from gslts.sim.model import Kit, Model
+from gslts.sim.physics import (
+    SUPPORT_SHARE,
+    OrientedBoxes,
+    boxes_in_world,
+    collides,
+    footprint,
+    supported_share,
+)
+
+Builder = Callable[..., Model]
+Span = tuple[float, float]
+
+TRIES = 24
+"""Places that are tried for a small thing before it is left out."""
+
+EDGE_M = 0.015
+"""Small things keep this distance from the edge of what they stand on."""
+
+
+def pose(x: float, y: float, z: float, yaw_rad: float) -> Floats:
+    """[4,4] float64: a place, turned about the vertical."""
+    cosine, sine = np.round(np.cos(yaw_rad), 12), np.round(np.sin(yaw_rad), 12)
+    length = np.sqrt(cosine * cosine + sine * sine)
+    matrix = np.eye(4)
+    matrix[:2, :2] = np.array([[cosine, -sine], [sine, cosine]]) / length
+    matrix[:3, 3] = np.round((x, y, z), 6)
+    return matrix
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """A wall as furniture sees it.
+
+    Args:
+        start: (2,) m: its left corner, for who looks at it from inside.
+        along: (2,) unit vector to the right.
+        inward: (2,) unit vector into the room.
+        length: m.
+        yaw_rad: Turns a thing's back to the wall.
+    """
+
+    start: Floats
+    along: Floats
+    inward: Floats
+    length: float
+    yaw_rad: float
+
+    def point(self, along_m: float, out_m: float) -> Floats:
+        """(2,) m: `along_m` from the left corner and `out_m` off the wall."""
+        at: Floats = self.start + self.along * along_m + self.inward * out_m
+        return at
+
+
+def sides(width: float, depth: float) -> tuple[Side, ...]:
+    """The four walls of a room: north (y = depth), east, south and west; 0 and 2 face each other."""
+    quarter = np.pi / 2
+    return (
+        Side(np.array([0, depth]), np.array([1.0, 0]), np.array([0, -1.0]), width, 0.0),
+        Side(np.array([width, depth]), np.array([0, -1.0]), np.array([-1.0, 0]), depth, -quarter),
+        Side(np.array([width, 0.0]), np.array([-1.0, 0]), np.array([0, 1.0]), width, 2 * quarter),
+        Side(np.array([0.0, 0.0]), np.array([0, 1.0]), np.array([1.0, 0]), depth, quarter),
+    )
+
+
+class Scene:
+    """A room that is being furnished.
+
+    Args:
+        kit: Materials, style and random stream.
+        room_type: Such as `kitchen`.
+        size: Width (x), depth (y) and height of the room, m.
+    """
+
+    def __init__(self, kit: Kit, room_type: str, size: tuple[float, float, float]) -> None:
+        self.kit, self.rng = kit, kit.rng
+        self.room_type, self.size = room_type, size
+        self.sides = sides(size[0], size[1])
+        self.objects: list[HomeObject] = []
+        self.lights: list[AreaLight] = []
+        self._boxes: list[OrientedBoxes] = []
+        self._joined: OrientedBoxes | None = None
+        self._kept_free: list[OrientedBoxes] = []
+        self._openings: list[OrientedBoxes] = []
+
+    # What is there.
+
+    def build(self, builder: Builder, *args: float) -> HomeObject:
+        """A thing in its own frame, not yet placed; its id is its type."""
+        model = builder(self.kit, *args)
+        return model.object(model.type, np.eye(4), None)
+
+    def add(self, thing: HomeObject, at: Floats, parent: str | None) -> HomeObject:
+        """Puts a thing somewhere, unchecked, and numbers it."""
+        number = 1 + sum(other.type == thing.type for other in self.objects)
+        placed = replace(
+            thing, id=f"{thing.type}|{number}", world_from_object=at, parent=parent
+        )
+        self.objects.append(placed)
+        self._boxes.append(boxes_in_world(placed))
+        self._joined = None
+        return placed
+
+    def undo(self, count: int) -> None:
+        """Takes back what was added last."""
+        del self.objects[-count:]
+        del self._boxes[-count:]
+        self._joined = None
+
+    def fits(self, thing: HomeObject, at: Floats, *, on_floor: bool = False) -> bool:
+        """Whether a place is free; what stands on the floor also keeps off what is kept free."""
+        if self._joined is None:
+            self._joined = OrientedBoxes.joined(self._boxes)
+        boxes = OrientedBoxes.of(thing.boxes, at)
+        if collides(boxes, self._joined):
+            return False
+        if not on_floor:
+            return True
+        low, high = boxes.bounds()
+        inside = (low[:, :2] > 0).all() and (high[:, :2] < self.size[:2]).all()
+        return bool(inside) and not any(collides(boxes, kept) for kept in self._kept_free)
+
+    def keep_free(self, x: Span, y: Span) -> None:
+        """Keeps furniture off a part of the floor (m)."""
+        box = np.array([[[x[0], y[0], 0.03], [x[1], y[1], 2.0]]])
+        self._kept_free.append(OrientedBoxes.of(box, np.eye(4)))
+
+    def keep_free_at(self, side: Side, along: Span, out: Span) -> None:
+        """Keeps furniture off a part of the floor, told from a wall (m)."""
+        corners = np.stack([side.point(along[0], out[0]), side.point(along[1], out[1])])
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        self.keep_free((low[0], high[0]), (low[1], high[1]))
+
+    # The shell.
+
+    def shell(self, openings: dict[int, list[Opening]], accent: int) -> None:
+        """Floor, walls with these openings (by number of the side), and ceiling."""
+        width, depth, height = self.size
+        floor = self.build(building.floor, width, depth, self.room_type)
+        self.add(floor, pose(width / 2, depth / 2, -building.THICKNESS_M, 0), None)
+        for number, side in enumerate(self.sides):
+            model = building.wall(
+                self.kit, side.length, height, openings.get(number, []), accent=number == accent
+            )
+            wall = model.object("Wall", np.eye(4), None)
+            out = wall.box_in_world[1, 1] - building.THICKNESS_M
+            self.add(wall, self._at(side, side.length / 2, out, 0.0), None)
+            for hole in openings.get(number, []):
+                box = np.array([[[hole.left, -0.1, hole.bottom], [hole.right, 0.1, hole.top]]])
+                self._openings.append(OrientedBoxes.of(box, self._at(side, 0.0, 0.0, 0.0)))
+        ceiling = self.build(building.ceiling, width, depth)
+        self.add(ceiling, pose(width / 2, depth / 2, height, 0), None)
+
+    def _at(self, side: Side, along: float, out: float, z: float) -> Floats:
+        x, y = side.point(along, out)
+        return pose(float(x), float(y), z, side.yaw_rad)
+
+    def hang(
+        self,
+        thing: HomeObject,
+        number: int,
+        along: float,
+        z: float,
+        into_m: float = 0.0,
+        *,
+        before_opening: bool = False,
+    ) -> HomeObject | None:
+        """Fixes a thing to a wall, if there is room.
+
+        Args:
+            thing: With its back towards +y.
+            number: Of the wall.
+            along: Where its middle is to be, from the left corner, m.
+            z: Height of its underside, m.
+            into_m: How deep it reaches into the wall.
+            before_opening: It may hang before a window or a door.
+        """
+        side = self.sides[number]
+        at = self._at(side, along, thing.box_in_world[1, 1] - into_m, z)
+        if not self.fits(thing, at):
+            return None
+        if into_m == 0 and not before_opening:
+            boxes = OrientedBoxes.of(thing.boxes, at)
+            if any(collides(boxes, opening) for opening in self._openings):
+                return None
+        return self.add(thing, at, f"Wall|{number + 1}")
+
+    # Furniture.
+
+    def stand(
+        self,
+        thing: HomeObject,
+        number: int,
+        along: float,
+        gap: float = 0.0,
+        front: float = 0.0,
+    ) -> HomeObject | None:
+        """Stands a thing against a wall, if there is room.
+
+        Args:
+            thing: With its back towards +y.
+            number: Of the wall.
+            along: Where its middle is to be, from the left corner, m.
+            gap: Between its back and the wall, m, beside the skirting board.
+            front: Depth of the floor before it that is kept free, m.
+        """
+        side = self.sides[number]
+        half_width, half_depth = thing.box_in_world[1, :2]
+        if along < half_width or along > side.length - half_width:
+            return None
+        out = half_depth + gap + 0.013
+        at = self._at(side, along, out, 0.0)
+        if not self.fits(thing, at, on_floor=True):
+            return None
+        if front > 0:
+            span = (along - half_width, along + half_width)
+            self.keep_free_at(side, span, (out + half_depth, out + half_depth + front))
+        return self.add(thing, at, "Floor|1")
+
+    def stand_somewhere(
+        self,
+        thing: HomeObject,
+        numbers: list[int],
+        gap: float = 0.0,
+        front: float = 0.5,
+        step: float = 0.1,
+    ) -> HomeObject | None:
+        """Stands a thing against the first of some walls that has room, anywhere along it."""
+        half_width = float(thing.box_in_world[1, 0])
+        for number in numbers:
+            free = self.sides[number].length - 2 * half_width
+            if free < 0.04:
+                continue
+            places = half_width + 0.02 + np.arange(0, free - 0.03, step)
+            for along in self.rng.permutation(places):
+                placed = self.stand(thing, number, float(along), gap, front)
+                if placed is not None:
+                    return placed
+        return None
+
+    def stand_at(
+        self, thing: HomeObject, x: float, y: float, yaw_rad: float, parent: str = "Floor|1"
+    ) -> HomeObject | None:
+        """Stands a thing anywhere on the floor, or on a rug, if there is room."""
+        at = pose(x, y, self._top(parent), yaw_rad)
+        on_floor = parent == "Floor|1"
+        return self.add(thing, at, parent) if self.fits(thing, at, on_floor=on_floor) else None
+
+    def _top(self, object_id: str) -> float:
+        if object_id == "Floor|1":
+            return 0.0
+        parent = self[object_id]
+        return float(parent.world_from_object[2, 3] + parent.boxes[:, 1, 2].max())
+
+    def __getitem__(self, object_id: str) -> HomeObject:
+        return next(thing for thing in self.objects if thing.id == object_id)
+
+    # Small things.
+
+    def put(
+        self,
+        thing: HomeObject,
+        parent: HomeObject,
+        x: Span = (-1, 1),
+        y: Span = (-1, 1),
+        turn: Span = (-0.3, 0.3),
+        level: int | None = None,
+    ) -> HomeObject | None:
+        """Puts a thing on another, if there is room.
+
+        Args:
+            thing: What is put.
+            parent: What it stands on.
+            x: Where, as shares -1 to 1 of the width over which it could move.
+            y: The same for the depth; -1 is the front.
+            turn: Its turn against the parent, rad.
+            level: Which of the parent's tops, from the lowest; the highest if None.
+        """
+        tops = self._tops(parent)
+        if not tops:
+            return None
+        top = tops[-1 if level is None else level]
+        yaw = float(np.arctan2(parent.world_from_object[1, 0], parent.world_from_object[0, 0]))
+        for _ in range(TRIES):
+            angle = float(self.rng.uniform(*turn))
+            cosine, sine = abs(np.cos(angle)), abs(np.sin(angle))
+            half = thing.box_in_world[1, :2]
+            reach = np.array([cosine * half[0] + sine * half[1], sine * half[0] + cosine * half[1]])
+            room = np.maximum((top[1, :2] - top[0, :2]) / 2 - reach - EDGE_M, 0)
+            local = top[:, :2].mean(axis=0) + room * (self.rng.uniform(*x), self.rng.uniform(*y))
+            at = parent.world_from_object @ np.array([*local, top[1, 2], 1.0])
+            place = pose(float(at[0]), float(at[1]), float(at[2]), yaw + angle)
+            base = footprint(OrientedBoxes.of(thing.boxes, place))
+            middle, share = supported_share(base, boxes_in_world(parent))
+            if middle and share >= max(0.8, SUPPORT_SHARE) and self.fits(thing, place):
+                return self.add(thing, place, parent.id)
+        return None
+
+    def _tops(self, parent: HomeObject) -> list[Floats]:
+        """One box [2,3] a height at which things can stand, the largest there, from the lowest."""
+        boxes = parent.boxes
+        areas = np.prod(boxes[:, 1, :2] - boxes[:, 0, :2], axis=1)
+        heights = np.unique(boxes[areas > 0.004][:, 1, 2])
+        return [
+            boxes[int(np.where(boxes[:, 1, 2] == height, areas, 0).argmax())] for height in heights
+        ]
+
+    # Light.
+
+    def ceiling_light(self, x: float, y: float, side: float, radiance: Floats) -> None:
+        """A flat lamp under the ceiling and its light."""
+        lamp = self.build(building.ceiling_lamp, side)
+        height = self.size[2]
+        z = height - float(lamp.box_in_world[1, 2])
+        placed = self.add(lamp, pose(x, y, z, 0), "Ceiling|1")
+        edge = side - 0.06
+        self.lights.append(
+            AreaLight(
+                center=np.array([x, y, z - 0.005]),
+                edge_u=np.array([0.0, edge, 0.0]),
+                edge_v=np.array([edge, 0.0, 0.0]),
+                radiance=radiance,
+                owner=placed.id,
+            )
+        )
+
+    def home(self, name: str, ambient: Floats) -> Home:
+        """What has been made."""
+        width, depth, height = self.size
+        room = Room(self.room_type, np.array([[0.0, 0.0, 0.0], [width, depth, height]]))
+        return Home(name, (room,), tuple(self.objects), tuple(self.lights), ambient)
