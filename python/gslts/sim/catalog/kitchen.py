@@ -104,7 +104,7 @@ def sink(kit: Kit, width: float = 0.8) -> Model:
     model.add(box(0.56, depth, 0.004), steel, (0, y, bottom))
     model.add(disc(0.04).moved(0, y, bottom + 0.005), materials.plastic(kit, materials.BLACK),
               solid=False)  # fmt: skip
-    wall = HEIGHT_M - bottom + 0.003
+    wall = HEIGHT_M - bottom + 0.001
     for x in (-1, 1):
         model.add(box(0.008, depth, wall), steel, (x * 0.276, y, bottom))
     for edge in (-1, 1):

@@ -129,7 +129,7 @@ def _fit_units(
                 for y in (-0.13, 0.13):
                     _fixed(scene, kitchen.stove_burner, placed, x, y)
         if unit == "sink":
-            _fixed(scene, kitchen.faucet, placed, 0.0, 0.25)
+            _fixed(scene, kitchen.faucet, placed, 0.0, 0.18)
     return units
 
 
