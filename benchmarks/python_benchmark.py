@@ -1,4 +1,4 @@
-"""Times `gslts.Rasterizer` as a Python program calls it."""
+"""Times gslts as a Python program calls it, through numpy and through PyTorch."""
 
 from __future__ import annotations
 
@@ -9,9 +9,12 @@ from statistics import median
 
 import numpy as np
 from cpp_benchmark import Timing
+from numpy.typing import NDArray
 
-import gslts
-from gslts.bench.rooms import NEAR_M, Room, make_room
+from gslts.bench.rooms import NEAR_M, SH_C0, Room, make_room
+
+Calls = dict[str, Callable[[], object]]
+"""What to time, by case: forward, and forward with backward, on one thread with SH degree 0."""
 
 
 def ms_a_call(call: Callable[[], object], least_seconds: float) -> tuple[float, float]:
@@ -25,10 +28,21 @@ def ms_a_call(call: Callable[[], object], least_seconds: float) -> tuple[float, 
             return 1e3 * elapsed / calls, 1e3 * (time.thread_time() - cpu_start) / calls
 
 
-def time_room(
-    name: str, room: Room, threads: int, repetitions: int, seconds: float
-) -> list[Timing]:
-    """Times forward, and forward with backward, with SH degree 0, as the C++ benchmark does."""
+def image_gradients(room: Room) -> dict[str, NDArray[np.float32]]:
+    """Of a loss that depends on colour, depth and alpha."""
+    rng = np.random.default_rng(1)
+    size = (room.camera.height, room.camera.width)
+    return {
+        "dL_drgb": rng.uniform(-0.5, 0.5, (*size, 3)).astype(np.float32),
+        "dL_ddepth": rng.uniform(-0.5, 0.5, size).astype(np.float32),
+        "dL_dalpha": rng.uniform(-0.5, 0.5, size).astype(np.float32),
+    }
+
+
+def numpy_calls(room: Room) -> Calls:
+    """`gslts.Rasterizer`, doing the work of the C++ benchmark."""
+    import gslts
+
     full, camera = room.gaussian_map, room.camera
     gaussian_map = gslts.GaussianMap(
         means=full.means,
@@ -37,47 +51,80 @@ def time_room(
         logit_opacities=full.logit_opacities,
         sh=full.sh[:, :1],
     )
-    options = gslts.RenderOptions(near_m=NEAR_M, alpha_min=1 / 255, threads=threads)
-    rng = np.random.default_rng(1)
-    size = (camera.height, camera.width)
-    dL_drgb = rng.uniform(-0.5, 0.5, (*size, 3)).astype(np.float32)
-    dL_ddepth = rng.uniform(-0.5, 0.5, size).astype(np.float32)
-    dL_dalpha = rng.uniform(-0.5, 0.5, size).astype(np.float32)
+    options = gslts.RenderOptions(near_m=NEAR_M, alpha_min=1 / 255, threads=1)
+    gradients = image_gradients(room)
     rasterizer = gslts.Rasterizer(np.float32)
 
     def forward() -> object:
         return rasterizer.forward(gaussian_map, camera, options)
 
     def forward_backward() -> object:
-        images = rasterizer.forward(gaussian_map, camera, options)
-        gradients = rasterizer.backward(dL_drgb=dL_drgb, dL_ddepth=dL_ddepth, dL_dalpha=dL_dalpha)
-        return images, gradients
+        return forward(), rasterizer.backward(**gradients)
 
+    return {"forward": forward, "forward_backward": forward_backward}
+
+
+def torch_calls(room: Room) -> Calls:
+    """`gslts.torch.rasterization`: colours and alpha as trainers ask for them, but no depth."""
+    import torch
+
+    from gslts.torch import rasterization
+
+    torch.set_num_threads(1)
+    full, camera = room.gaussian_map, room.camera
+    arrays = {
+        "means": full.means.copy(),
+        "quats": full.quats.copy(),
+        "scales": np.exp(full.log_scales),
+        "opacities": 1 / (1 + np.exp(-full.logit_opacities)),
+        "colors": 0.5 + np.float32(SH_C0) * full.sh[:, 0],
+        "viewmats": np.linalg.inv(camera.world_from_camera)[None].astype(np.float32),
+    }
+    inputs = {name: torch.from_numpy(array).requires_grad_() for name, array in arrays.items()}
+    K = [[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]]
+    view = {
+        "Ks": torch.tensor([K], dtype=torch.float32),
+        "width": camera.width,
+        "height": camera.height,
+        "near_plane": NEAR_M,
+    }
+    gradients = image_gradients(room)
+    dL_dimage = torch.from_numpy(gradients["dL_drgb"])[None]
+    dL_dalpha = torch.from_numpy(gradients["dL_dalpha"])[None, ..., None]
+
+    def forward() -> object:
+        with torch.no_grad():
+            return rasterization(**inputs, **view)
+
+    def forward_backward() -> object:
+        image, alpha, _ = rasterization(**inputs, **view)
+        return torch.autograd.grad((image, alpha), list(inputs.values()), (dL_dimage, dL_dalpha))
+
+    return {"forward": forward, "forward_backward": forward_backward}
+
+
+def run_timings(
+    make_calls: Callable[[Room], Calls], names: list[str], repetitions: int, seconds: float
+) -> list[Timing]:
+    """Times the calls for each workload on one thread, where their overhead weighs most."""
     timings = []
-    for case, call in (("forward", forward), ("forward_backward", forward_backward)):
-        call()
-        wall, cpu = zip(*(ms_a_call(call, seconds) for _ in range(repetitions)), strict=True)
-        timings.append(
-            Timing(
-                case=case,
-                workload=name,
-                sh_degree=0,
-                threads=threads,
-                median_ms=median(wall),
-                min_ms=min(wall),
-                max_ms=max(wall),
-                median_cpu_ms=median(cpu),
-                repetitions=repetitions,
+    for name in names:
+        for case, call in make_calls(make_room(name)).items():
+            call()
+            wall, cpu = zip(*(ms_a_call(call, seconds) for _ in range(repetitions)), strict=True)
+            timings.append(
+                Timing(
+                    case=case,
+                    workload=name,
+                    sh_degree=0,
+                    threads=1,
+                    median_ms=median(wall),
+                    min_ms=min(wall),
+                    max_ms=max(wall),
+                    median_cpu_ms=median(cpu),
+                    repetitions=repetitions,
+                )
             )
-        )
-        print(f"python {case}/{name}: {timings[-1].median_ms:.2f} ms", file=sys.stderr)
+            what = f"{make_calls.__name__} {case}/{name}"
+            print(f"{what}: {timings[-1].median_ms:.2f} ms", file=sys.stderr)
     return timings
-
-
-def run_timings(names: list[str], repetitions: int, seconds: float) -> list[Timing]:
-    """Times each room on one thread, where a call's overhead weighs most."""
-    return [
-        timing
-        for name in names
-        for timing in time_room(name, make_room(name), 1, repetitions, seconds)
-    ]

@@ -21,6 +21,7 @@ import cpp_benchmark
 import python_benchmark
 import report
 import targets
+from cpp_benchmark import Timing
 from machine import describe_commit, describe_machine
 from workloads import EXPECTED_COUNTS, FOLDER, REPOSITORY, workload_path, write_workload
 
@@ -70,11 +71,14 @@ def measure(args: argparse.Namespace) -> tuple[dict[str, Any], str]:
         runs.append(
             cpp_benchmark.run_timings(args.binary, FOLDER, "avx2", one_core, repetitions, seconds)
         )
-    python = []
+    python: list[Timing] = []
+    in_torch: list[Timing] = []
     if importlib.util.find_spec("gslts") is None:
         note("gslts is not installed in this Python: its calls are not measured")
     else:
-        python = python_benchmark.run_timings(names, repetitions, seconds)
+        time_calls = python_benchmark.run_timings
+        python = time_calls(python_benchmark.numpy_calls, names, repetitions, seconds)
+        in_torch = time_calls(python_benchmark.torch_calls, names, repetitions, seconds)
     note("measuring memory")
     memory = [
         cpp_benchmark.run_memory(args.binary, FOLDER, name, sh_degree, threads)
@@ -85,12 +89,16 @@ def measure(args: argparse.Namespace) -> tuple[dict[str, Any], str]:
 
     verdicts = [verdict for run in runs for verdict in targets.time_verdicts(run)]
     verdicts += targets.speedup_verdicts(native) + targets.region_verdicts(native)
-    verdicts += targets.training_verdicts(native) + targets.memory_verdicts(memory)
+    verdicts += targets.training_verdicts(native) + targets.torch_verdicts(in_torch, native)
+    verdicts += targets.memory_verdicts(memory)
     sections = {
         "Machine": report.machine_lines(machine, source, runs),
         "Targets": report.verdict_table(verdicts),
         **{f"Times, {run.simd_target}": report.timing_table(run.timings) for run in runs},
         "Python calls": report.python_table(python, native.timings) if python else "not measured",
+        "PyTorch calls": report.python_table(in_torch, native.timings)
+        if in_torch
+        else "not measured",
         "Memory": report.memory_table(memory),
     }
     results = {
@@ -99,6 +107,7 @@ def measure(args: argparse.Namespace) -> tuple[dict[str, Any], str]:
         "quick": args.quick,
         "cpp": [asdict(run) for run in runs],
         "python": [asdict(timing) for timing in python],
+        "torch": [asdict(timing) for timing in in_torch],
         "memory": memory,
         "targets": [{**asdict(verdict), "met": verdict.met} for verdict in verdicts],
     }

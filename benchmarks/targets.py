@@ -35,6 +35,10 @@ MAX_REGION_SHARE = 0.15
 """Time for a tenth of the pixels over that for all."""
 
 
+MAX_TORCH_RATIO = 1.25
+"""Time of the same view through PyTorch over that in C++."""
+
+
 @dataclass(frozen=True)
 class Verdict:
     """A measured value beside its target, both in `unit`."""
@@ -135,6 +139,18 @@ def training_verdicts(results: CppResults) -> list[Verdict]:
         if iteration:
             what = f"250 iterations on a region of 10 %: M, {threads} thread(s)"
             verdicts.append(Verdict(what, 0.25 * iteration, MAX_REGION_FIT_S, "s"))
+    return verdicts
+
+
+def torch_verdicts(timings: Sequence[Timing], results: CppResults) -> list[Verdict]:
+    """PyTorch over C++ on M, one thread."""
+    verdicts = []
+    for case in AVX512_MS:
+        torch, cpp = find(timings, case, "M"), find(results.timings, case, "M")
+        if torch and cpp:
+            verdicts.append(
+                Verdict(f"PyTorch over C++: {case} M", torch / cpp, MAX_TORCH_RATIO, "x")
+            )
     return verdicts
 
 

@@ -31,13 +31,16 @@ Array<float> noisy(const Array<float>& rgb) {
 /// A map on its way to look like an image.
 class Training {
  public:
-  /// In a region, only the Gaussians that show in it are in the map, as in a local update.
+  /// In a region, as in a local update, the image is cropped to the mask, and only the Gaussians
+  /// that show in it are in the map.
   Training(Workload<float> workload, int threads, bool region)
       : map_(std::move(workload.map)),
         camera_(workload.camera),
         options_(workload.options(threads)) {
     if (region) {
-      wanted_ = central_mask(camera_.width, camera_.height, kRegionShare);
+      const Region part = central_region(camera_.width, camera_.height, kRegionShare);
+      camera_ = cropped(camera_, part.x0, part.y0, part.x1, part.y1);
+      wanted_.assign(std::size_t(camera_.width) * camera_.height, 1);
       mask_ = {wanted_.data(), camera_.width, camera_.height};
     }
     forward();

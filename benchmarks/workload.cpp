@@ -1,5 +1,6 @@
 #include "workload.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -124,14 +125,18 @@ RandomImageGradients<T>::RandomImageGradients(std::size_t pixels)
   }
 }
 
+Region central_region(int width, int height, double share) {
+  const int part_width = int(std::lround(width * std::sqrt(share)));
+  const int part_height = int(std::lround(height * std::sqrt(share)));
+  const int x0 = (width - part_width) / 2, y0 = (height - part_height) / 2;
+  return {x0, y0, x0 + part_width, y0 + part_height};
+}
+
 std::vector<std::uint8_t> central_mask(int width, int height, double share) {
   std::vector<std::uint8_t> mask(std::size_t(width) * std::size_t(height), 0);
-  const int mask_width = int(std::lround(width * std::sqrt(share)));
-  const int mask_height = int(std::lround(height * std::sqrt(share)));
-  for (int y = (height - mask_height) / 2, row = 0; row < mask_height; ++y, ++row) {
-    std::uint8_t* first =
-        mask.data() + std::size_t(y) * std::size_t(width) + std::size_t(width - mask_width) / 2;
-    std::memset(first, 1, std::size_t(mask_width));
+  const Region part = central_region(width, height, share);
+  for (int y = part.y0; y < part.y1; ++y) {
+    std::fill_n(mask.data() + std::size_t(y) * width + part.x0, part.x1 - part.x0, std::uint8_t(1));
   }
   return mask;
 }

@@ -36,6 +36,14 @@ struct RandomImageGradients {
 /// Share of the pixels in the benchmarks of a region.
 constexpr double kRegionShare = 0.1;
 
+/// Columns [x0, x1) and rows [y0, y1) of an image.
+struct Region {
+  int x0, y0, x1, y1;
+};
+
+/// The central rectangle that holds the given share of the pixels.
+Region central_region(int width, int height, double share);
+
 /// A mask [H,W] of the central rectangle that holds the given share of the pixels.
 std::vector<std::uint8_t> central_mask(int width, int height, double share);
 

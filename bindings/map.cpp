@@ -2,11 +2,13 @@
 #include <pybind11/stl.h>
 
 #include <Eigen/Geometry>
+#include <cstdint>
 #include <optional>
 
 #include "arrays.hpp"
 #include "gslts/map/camera.hpp"
 #include "gslts/map/gaussian_map.hpp"
+#include "gslts/map/scatter_rows.hpp"
 
 namespace gslts::python {
 namespace {
@@ -73,6 +75,15 @@ Raises:
           "world_from_camera",
           [](const Camera& camera) { return to_numpy(camera.world_from_camera); },
           "[4,4] float64, a copy of the pose: x_in_world = world_from_camera @ x_in_camera.")
+      .def("cropped", &cropped, py::arg("x0").noconvert(), py::arg("y0").noconvert(),
+           py::arg("x1").noconvert(), py::arg("y1").noconvert(),
+           R"(The same camera with a part of its image: columns [x0, x1) and rows [y0, y1).
+
+What it renders is that part, but for Gaussians centred far outside it: 3DGS projects those as if
+they were at 1.3 times the edge of the view.
+
+Raises:
+    ValueError: The part is empty or not inside the image.)")
       .def("__eq__", &equal, py::is_operator(), py::arg("other"))
       .def("__repr__",
            [](const Camera& c) {
@@ -171,12 +182,30 @@ void define_gaussian_view(py::module_& m, const char* name) {
            "and its index.");
 }
 
+template <typename T>
+void define_scatter_rows(py::module_& m, const char* name) {
+  m.def(
+      name,
+      [](const py::array& rows, const py::array& values, py::ssize_t size) {
+        const auto* places = require_array<std::uint32_t>(rows, "rows", {kAnyLength});
+        const py::ssize_t count = rows.shape(0);
+        const T* from = require_array<T>(values, "values", {count, kAnyLength});
+        const py::ssize_t columns = values.shape(1);
+        return python::to_numpy(scatter_rows(places, from, count, columns, size), {size, columns});
+      },
+      py::arg("rows"), py::arg("values"), py::arg("size"),
+      "[size,K] zeros but for `values` [V,K] at `rows` [V] uint32, which ascend.");
+}
+
 }  // namespace
 
 void define_map(py::module_ m) {
   define_camera(m);
   define_gaussian_view<float>(m, "GaussianViewFloat");
   define_gaussian_view<double>(m, "GaussianViewDouble");
+  define_scatter_rows<float>(m, "scatter_rows_float");
+  define_scatter_rows<double>(m, "scatter_rows_double");
+  define_scatter_rows<std::uint32_t>(m, "scatter_rows_uint32");
 }
 
 }  // namespace gslts::python

@@ -135,17 +135,17 @@ class NumpyRasterizer {
 };
 
 RenderOptions make_options(std::array<double, 3> background, double near_m, int sh_degree,
-                           double eps2d_px2, bool antialias, double alpha_min,
+                           bool clamp_colors, double eps2d_px2, bool antialias, double alpha_min,
                            double transmittance_min, int exp_degree, int threads) {
-  return {background,        near_m,     sh_degree, eps2d_px2, antialias, alpha_min,
-          transmittance_min, exp_degree, threads};
+  return {background, near_m,    sh_degree,         clamp_colors, eps2d_px2,
+          antialias,  alpha_min, transmittance_min, exp_degree,   threads};
 }
 
 /// The arguments of make_options.
 py::tuple fields(const RenderOptions& o) {
   return py::make_tuple(py::make_tuple(o.background[0], o.background[1], o.background[2]), o.near_m,
-                        o.sh_degree, o.eps2d_px2, o.antialias, o.alpha_min, o.transmittance_min,
-                        o.exp_degree, o.threads);
+                        o.sh_degree, o.clamp_colors, o.eps2d_px2, o.antialias, o.alpha_min,
+                        o.transmittance_min, o.exp_degree, o.threads);
 }
 
 void define_options(py::module_& m) {
@@ -159,6 +159,8 @@ Args:
     background: RGB behind the Gaussians.
     near_m: Gaussians with centre depth z <= near_m are not seen, m. > 0
     sh_degree: Highest SH degree used, 0 to 3; the map's own degree caps it.
+    clamp_colors: Colours below 0 count as 0, as in 3DGS; if false they are kept, and `rgb` is
+        linear in `sh`.
     eps2d_px2: Variance added to each projected covariance, px^2. >= 0
     antialias: Scale opacity by sqrt(det(cov2d) / det(cov2d + eps2d I)), so that small or distant
         Gaussians keep their energy (Mip-Splatting, Yu et al. 2024, eq. 9).
@@ -173,6 +175,7 @@ The values are checked by each rendering.)")
       .def(py::init(&make_options), py::kw_only(), py::arg("background") = defaults.background,
            py::arg("near_m") = defaults.near_m,
            py::arg("sh_degree").noconvert() = defaults.sh_degree,
+           py::arg("clamp_colors") = defaults.clamp_colors,
            py::arg("eps2d_px2") = defaults.eps2d_px2, py::arg("antialias") = defaults.antialias,
            py::arg("alpha_min") = defaults.alpha_min,
            py::arg("transmittance_min") = defaults.transmittance_min,
@@ -183,6 +186,7 @@ The values are checked by each rendering.)")
           "RGB behind the Gaussians.")
       .def_readonly("near_m", &RenderOptions::near_m, "Near plane, m.")
       .def_readonly("sh_degree", &RenderOptions::sh_degree, "Highest SH degree used.")
+      .def_readonly("clamp_colors", &RenderOptions::clamp_colors, "Colours below 0 count as 0.")
       .def_readonly("eps2d_px2", &RenderOptions::eps2d_px2,
                     "Variance added to each projected covariance, px^2.")
       .def_readonly("antialias", &RenderOptions::antialias, "Keep the energy of small Gaussians.")
@@ -198,16 +202,16 @@ The values are checked by each rendering.)")
       .def("__repr__",
            [](const RenderOptions& o) {
              return py::str(
-                        "RenderOptions(background={}, near_m={}, sh_degree={}, eps2d_px2={}, "
-                        "antialias={}, alpha_min={}, transmittance_min={}, "
+                        "RenderOptions(background={}, near_m={}, sh_degree={}, clamp_colors={}, "
+                        "eps2d_px2={}, antialias={}, alpha_min={}, transmittance_min={}, "
                         "exp_degree={}, threads={})")
                  .format(*fields(o));
            })
       .def(py::pickle(&fields, [](const py::tuple& state) {
         return make_options(state[0].cast<std::array<double, 3>>(), state[1].cast<double>(),
-                            state[2].cast<int>(), state[3].cast<double>(), state[4].cast<bool>(),
-                            state[5].cast<double>(), state[6].cast<double>(), state[7].cast<int>(),
-                            state[8].cast<int>());
+                            state[2].cast<int>(), state[3].cast<bool>(), state[4].cast<double>(),
+                            state[5].cast<bool>(), state[6].cast<double>(), state[7].cast<double>(),
+                            state[8].cast<int>(), state[9].cast<int>());
       }));
 }
 

@@ -87,6 +87,21 @@ Camera camera_from_fov(int width, int height, double horizontal_fov_rad,
   return camera;
 }
 
+Camera cropped(const Camera& camera, int x0, int y0, int x1, int y1) {
+  validate(camera, "cropped");
+  if (!(0 <= x0 && x0 < x1 && x1 <= camera.width && 0 <= y0 && y0 < y1 && y1 <= camera.height)) {
+    std::ostringstream part;
+    part << "columns " << x0 << " to " << x1 << " and rows " << y0 << " to " << y1;
+    fail("cropped", "the part must lie in the image and must not be empty", part.str());
+  }
+  Camera result = camera;
+  result.cx -= x0;
+  result.cy -= y0;
+  result.width = x1 - x0;
+  result.height = y1 - y0;
+  return result;
+}
+
 Eigen::Isometry3d look_at(const Eigen::Vector3d& eye, const Eigen::Vector3d& target,
                           const Eigen::Vector3d& up) {
   constexpr const char* kFunction = "look_at";

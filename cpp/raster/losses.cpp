@@ -40,7 +40,9 @@ Sum sum_over_rows(int height, int threads, Add add) {
   std::vector<Sum> parts(std::size_t(height + kRowsPerTask - 1) / kRowsPerTask);
   parallel::parallel_for(parts.size(), parallel::resolve_threads(threads), [&](std::size_t part) {
     const int first = int(part) * kRowsPerTask;
-    add(parts[part], first, std::min(height, first + kRowsPerTask));
+    Sum sum;  // Not in `parts` at once: threads would fight for its cache lines.
+    add(sum, first, std::min(height, first + kRowsPerTask));
+    parts[part] = sum;
   });
   Sum total;
   for (const Sum& part : parts) total += part;

@@ -84,7 +84,7 @@ std::size_t cull_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& s
   return count;
 }
 
-/// Colours max(0, 0.5 + SH) of one Gaussian a lane, seen from the camera.
+/// Colours max(min_color, 0.5 + SH) of one Gaussian a lane, seen from the camera.
 template <class D, typename T, typename Row>
 HWY_INLINE void evaluate_colors(D d, const GaussianView<T>& gaussians, const RenderSetup<T>& setup,
                                 const Row* rows, hn::Vec<D>* colors) {
@@ -97,7 +97,7 @@ HWY_INLINE void evaluate_colors(D d, const GaussianView<T>& gaussians, const Ren
   for_each_sh_basis(d, gaussians, setup.sh_degree, rows, [&](int k, const V* rgb) HWY_ATTR {
     for (int c = 0; c < 3; ++c) colors[c] = hn::MulAdd(basis[k], rgb[c], colors[c]);
   });
-  for (int c = 0; c < 3; ++c) colors[c] = hn::Max(colors[c], hn::Zero(d));
+  for (int c = 0; c < 3; ++c) colors[c] = hn::Max(colors[c], hn::Set(d, setup.min_color));
 }
 
 bool touches_wanted(const TileRect& rect, const WantedPixels& wanted, int tiles_x) {

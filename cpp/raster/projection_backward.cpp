@@ -211,12 +211,12 @@ void project_chunk_backward(const GaussianView<T>& gaussians, const RenderSetup<
     gather_rows<1>(d, local.logit_opacities, local.logit_opacities + local.size, 1, rows, &logit);
     const V logit_gradient = s[0] / (hn::Set(d, T(1)) + hn::Exp(d, logit));
 
-    // The colour is clamped at 0, where its gradient ends.
+    // Where a colour is clamped, its gradient ends.
     V color[4];
     load_columns(
         d, [&](std::size_t lane) { return splats[places[lane]].color; }, color);
     for (int c = 0; c < 3; ++c) {
-      color[c] = hn::IfThenElseZero(hn::Gt(color[c], hn::Zero(d)), s[6 + c]);
+      color[c] = hn::IfThenElseZero(hn::Gt(color[c], hn::Set(d, setup.min_color)), s[6 + c]);
     }
     color_gradient(d, local, setup, rows, valid, color,
                    gradients.dL_dsh.data() + at * setup.sh_bases * 3, mean);

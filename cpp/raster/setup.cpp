@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 #include <iterator>
+#include <limits>
 #include <sstream>
 #include <stdexcept>
 
@@ -66,6 +67,7 @@ RenderSetup<T> make_setup(const GaussianView<T>& gaussians, const Camera& camera
   setup.max_tan_x = T((camera.width - camera.cx) / camera.fx + margin_x);
   setup.min_tan_y = T(-camera.cy / camera.fy - margin_y);
   setup.max_tan_y = T((camera.height - camera.cy) / camera.fy + margin_y);
+  setup.min_color = options.clamp_colors ? T(0) : -std::numeric_limits<T>::infinity();
   setup.near_m = T(options.near_m);
   setup.eps2d_px2 = T(options.eps2d_px2);
   setup.alpha_min = T(options.alpha_min);

@@ -26,6 +26,7 @@ struct RenderSetup {
   T eps2d_px2;
   T alpha_min, log2_alpha_min, transmittance_min;
   T background[3];
+  T min_color;  ///< Colours below it are raised to it.
   bool antialias;
   int exp_degree;
   int sh_degree;  ///< min(map, option)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
+from math import prod
 from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from gslts._core.map import scatter_rows_double, scatter_rows_float, scatter_rows_uint32
 from gslts._core.raster import RasterizerDouble, RasterizerFloat, RenderOptions
 from gslts.camera import Camera
 from gslts.gaussian_map import FloatArray, GaussianMap
@@ -17,6 +20,11 @@ __all__ = ["Gradients", "Images", "LiftedFeatures", "Rasterizer", "RenderOptions
 _RASTERIZERS: dict[np.dtype[Any], type[RasterizerFloat] | type[RasterizerDouble]] = {
     np.dtype(np.float32): RasterizerFloat,
     np.dtype(np.float64): RasterizerDouble,
+}
+_SCATTER_ROWS: dict[np.dtype[Any], Callable[..., NDArray[Any]]] = {
+    np.dtype(np.float32): scatter_rows_float,
+    np.dtype(np.float64): scatter_rows_double,
+    np.dtype(np.uint32): scatter_rows_uint32,
 }
 
 
@@ -73,16 +81,14 @@ class Gradients:
     pixel_counts: NDArray[np.uint32] | None = None
 
     def dense(self, size: int) -> Gradients:
-        """The same gradients with a row for each of the map's `size` Gaussians, zero if unseen."""
+        """The same gradients with a row for each of the map's `size` Gaussians, zero if unseen.
 
-        def scatter(compact: NDArray[Any]) -> NDArray[Any]:
-            full = np.zeros((size, *compact.shape[1:]), compact.dtype)
-            full[self.rows] = compact
-            return full
-
+        Raises:
+            ValueError: `size` is that of a smaller map.
+        """
         arrays = {field.name: getattr(self, field.name) for field in fields(self)}
         per_gaussian = {
-            name: scatter(array)
+            name: scatter_rows(self.rows, array, size)
             for name, array in arrays.items()
             if name not in ("rows", "dL_dtwist") and array is not None
         }
@@ -224,6 +230,12 @@ def render(
 ) -> Images:
     """Renders one view of a map; the arguments and errors are those of `Rasterizer.forward`."""
     return Rasterizer(gaussian_map.dtype).forward(gaussian_map, camera, options, mask=mask)
+
+
+def scatter_rows(rows: NDArray[np.uint32], values: NDArray[Any], size: int) -> NDArray[Any]:
+    """[size,...] zeros but for `values` [V,...] at `rows` [V], which ascend."""
+    table = _contiguous(values.reshape(len(rows), prod(values.shape[1:])))
+    return _SCATTER_ROWS[values.dtype](rows, table, size).reshape(size, *values.shape[1:])
 
 
 def _contiguous(array: Any) -> Any:

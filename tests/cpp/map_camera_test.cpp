@@ -149,6 +149,27 @@ TEST(LookAt, HoldsTheImageUpright) {
   EXPECT_NEAR(tilted.linear()(2, 0), 0, 1e-15);
 }
 
+TEST(Cropped, SeesTheSameRays) {
+  const Camera camera = camera_from_fov(64, 48, 1.1, look_at({1, 2, 3}, {0, 0, 1}));
+  const Camera part = cropped(camera, 10, 5, 31, 48);
+  EXPECT_EQ(part.width, 21);
+  EXPECT_EQ(part.height, 43);
+  // The first pixel of the part is pixel (10, 5) of the image.
+  EXPECT_DOUBLE_EQ((0.5 - part.cx) / part.fx, (10.5 - camera.cx) / camera.fx);
+  EXPECT_DOUBLE_EQ((0.5 - part.cy) / part.fy, (5.5 - camera.cy) / camera.fy);
+  EXPECT_EQ(part.world_from_camera.matrix(), camera.world_from_camera.matrix());
+}
+
+TEST(Cropped, RejectsPartsOutside) {
+  const Camera camera = camera_from_fov(64, 48, 1.1);
+  EXPECT_EQ(error_of([&] { cropped(camera, 3, 0, 3, 9); }),
+            "cropped: the part must lie in the image and must not be empty, got columns 3 to 3 and "
+            "rows 0 to 9");
+  EXPECT_THAT(error_of([&] { cropped(camera, -1, 0, 3, 9); }), HasSubstr("columns -1 to 3"));
+  EXPECT_THAT(error_of([&] { cropped(camera, 0, 0, 65, 9); }), HasSubstr("columns 0 to 65"));
+  EXPECT_THAT(error_of([&] { cropped(camera, 0, 9, 3, 2); }), HasSubstr("rows 9 to 2"));
+}
+
 TEST(LookAt, TakesOtherUpDirections) {
   const Eigen::Isometry3d pose = look_at({0, 0, 0}, {0, 0, -1}, {0, 1, 0});
   EXPECT_NEAR((pose.linear().col(0) - Vector3d(1, 0, 0)).norm(), 0, 1e-15);

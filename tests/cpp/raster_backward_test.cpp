@@ -83,6 +83,7 @@ std::vector<Case> make_cases() {
   add("MaskedAntialias", [](Case& c) { c.mask_share = 0.3, c.options.antialias = true; });
   add("Opaque", [](Case& c) { c.shape.min_logit = 4.7, c.shape.max_logit = 9; });
   add("Dark", [](Case& c) { c.dark = 0.5; });
+  add("DarkNotClamped", [](Case& c) { c.dark = 0.5, c.options.clamp_colors = false; });
   add("NoLowPass", [](Case& c) { c.options.eps2d_px2 = 0; });
   add("WideLowPassAntialias", [](Case& c) { c.options.eps2d_px2 = 3, c.options.antialias = true; });
   add("NoFeatures", [](Case& c) { c.shape.feature_dims = 0; });

@@ -75,6 +75,7 @@ std::vector<Case> make_cases() {
     add("Features" + std::to_string(dims), [&](Case& c) { c.shape.feature_dims = dims; });
   }
   add("Background", [](Case& c) { c.options.background = {0.2, 1.5, -0.3}; });
+  add("ColoursBelowZero", [](Case& c) { c.options.clamp_colors = false; });
   add("Antialias", [](Case& c) {
     c.options.antialias = true;
     c.shape.min_scale_px = 0.05;

@@ -86,7 +86,7 @@ Vector3d color_of(const BasicGaussianMap<double>& map, std::size_t row, int degr
   for (std::size_t k = 0; k < basis.size(); ++k) {
     color += basis[k] * Vector3d::Map(&map.sh[(row * std::size_t(map.sh_bases) + k) * 3]);
   }
-  return color.cwiseMax(0.0);
+  return color;
 }
 
 /// The Gaussians in front of the near plane, from front to back.
@@ -123,6 +123,7 @@ std::vector<Splat> project(const BasicGaussianMap<double>& map, const Camera& ca
     splat.inverse_cov2d /= filtered_det;
     splat.opacity = opacity;
     splat.color = color_of(map, row, degree, ray.normalized());
+    if (options.clamp_colors) splat.color = splat.color.cwiseMax(0.0);
     splat.depth_m = p.z();
     splats.push_back(splat);
   }

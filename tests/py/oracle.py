@@ -4,6 +4,8 @@ Written from the papers and the conventions of `gslts.render`, not from the C++ 
 """
 
 from dataclasses import dataclass
+from math import pi, sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +15,10 @@ from gslts import Camera, GaussianMap, RenderOptions
 Array = NDArray[np.float64]
 
 # Real spherical harmonics, with the signs of 3DGS (Condon-Shortley).
-C0 = 0.5 / np.sqrt(np.pi)
-C1 = np.sqrt(3 / (4 * np.pi))
-C2 = np.sqrt(15 / (4 * np.pi))
-C3 = np.sqrt(35 / (32 * np.pi)), np.sqrt(105 / (4 * np.pi)), np.sqrt(21 / (32 * np.pi))
+C0 = 0.5 / sqrt(pi)
+C1 = sqrt(3 / (4 * pi))
+C2 = sqrt(15 / (4 * pi))
+C3 = sqrt(35 / (32 * pi)), sqrt(105 / (4 * pi)), sqrt(21 / (32 * pi))
 
 
 @dataclass(frozen=True)
@@ -44,31 +46,27 @@ def rotation_matrices(quats: Array) -> Array:
     return np.moveaxis(np.array(rows), 2, 0)
 
 
-def sh_basis(directions: Array) -> Array:
-    """[N,16] of [N,3] unit vectors."""
-    x, y, z = directions.T
+def sh_functions(x: Any, y: Any, z: Any) -> list[Any]:
+    """The 16 basis functions at unit vectors, given as three arrays or three tensors."""
     a, b, c = C3
-    return np.stack(
-        [
-            np.full_like(x, C0),
-            -C1 * y,
-            C1 * z,
-            -C1 * x,
-            C2 * x * y,
-            -C2 * y * z,
-            C2 / np.sqrt(12) * (2 * z * z - x * x - y * y),
-            -C2 * x * z,
-            C2 / 2 * (x * x - y * y),
-            -a * y * (3 * x * x - y * y),
-            b * x * y * z,
-            -c * y * (4 * z * z - x * x - y * y),
-            np.sqrt(7 / (16 * np.pi)) * z * (2 * z * z - 3 * x * x - 3 * y * y),
-            -c * x * (4 * z * z - x * x - y * y),
-            b / 2 * z * (x * x - y * y),
-            -a * x * (x * x - 3 * y * y),
-        ],
-        axis=1,
-    )
+    return [
+        C0 + 0 * x,
+        -C1 * y,
+        C1 * z,
+        -C1 * x,
+        C2 * x * y,
+        -C2 * y * z,
+        C2 / sqrt(12) * (2 * z * z - x * x - y * y),
+        -C2 * x * z,
+        C2 / 2 * (x * x - y * y),
+        -a * y * (3 * x * x - y * y),
+        b * x * y * z,
+        -c * y * (4 * z * z - x * x - y * y),
+        sqrt(7 / (16 * pi)) * z * (2 * z * z - 3 * x * x - 3 * y * y),
+        -c * x * (4 * z * z - x * x - y * y),
+        b / 2 * z * (x * x - y * y),
+        -a * x * (x * x - 3 * y * y),
+    ]
 
 
 def colours(gaussians: GaussianMap, means_in_world: Array, camera: Camera, degree: int) -> Array:
@@ -76,9 +74,9 @@ def colours(gaussians: GaussianMap, means_in_world: Array, camera: Camera, degre
     lengths = np.linalg.norm(offsets, axis=1, keepdims=True)
     directions = offsets / np.maximum(lengths, 1e-300)
     bases = (min(degree, gaussians.sh_degree) + 1) ** 2
-    basis = sh_basis(directions)[:, :bases]
+    basis = np.stack(sh_functions(*directions.T)[:bases], axis=1)
     sh = gaussians.sh[:, :bases].astype(np.float64)
-    return np.maximum(0, 0.5 + np.einsum("nk,nkc->nc", basis, sh))
+    return 0.5 + np.einsum("nk,nkc->nc", basis, sh)
 
 
 def project_covariances(gaussians: GaussianMap, x_in_camera: Array, camera: Camera) -> Array:
@@ -121,6 +119,8 @@ def render(
     with np.errstate(all="ignore"):  # Gaussians behind the camera are computed and never used.
         covars = project_covariances(gaussians, x_in_camera, camera)
         rgbs = colours(gaussians, gaussians.means + gaussians.origin, camera, options.sh_degree)
+    if options.clamp_colors:
+        rgbs = np.maximum(0, rgbs)
     blurred = covars + options.eps2d_px2 * np.eye(2)
     opacities = 1 / (1 + np.exp(-gaussians.logit_opacities.astype(np.float64)))
     columns = np.arange(camera.width) + 0.5

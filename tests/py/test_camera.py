@@ -3,6 +3,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scenes
 
 import gslts
 
@@ -107,6 +108,20 @@ def test_field_of_view_spans_the_image():
 def test_bad_field_of_view_is_named(fov_rad):
     with pytest.raises(ValueError, match="horizontal_fov_rad"):
         gslts.camera_from_fov(640, 480, fov_rad)
+
+
+def test_a_crop_renders_the_part_of_the_image():
+    # Of Gaussians whose centres lie in the part: beyond its margins 3DGS linearises elsewhere.
+    gaussian_map = scenes.random_map(300, dtype=np.float64)
+    near = np.flatnonzero(np.abs(gaussian_map.means).max(axis=1) < 0.4)
+    gaussian_map = gaussian_map.select(near)
+    assert len(near) > 50
+    camera = scenes.orbit_camera(64, 48)
+    whole = gslts.render(gaussian_map, camera).rgb
+    part = gslts.render(gaussian_map, camera.cropped(12, 4, 60, 44)).rgb
+    np.testing.assert_allclose(part, whole[4:44, 12:60], rtol=0, atol=1e-12)
+    with pytest.raises(ValueError, match="columns 0 to 65"):
+        camera.cropped(0, 0, 65, 48)
 
 
 def test_look_at_has_opencv_axes():

@@ -169,6 +169,14 @@ def test_empty_map_renders_the_background():
     assert gradients.dense(0).dL_dmeans.shape == (0, 3)
 
 
+def test_gradients_do_not_fit_a_smaller_map():
+    rasterizer = gslts.Rasterizer(np.float64)
+    images = rasterizer.forward(scenes.random_map(20), scenes.orbit_camera())
+    gradients = rasterizer.backward(**scenes.random_image_gradients(images))
+    with pytest.raises(ValueError, match="rows must ascend and stay below 10, got"):
+        gradients.dense(10)
+
+
 def test_rasterizer_turns_away_a_second_thread():
     rasterizer = gslts.Rasterizer()
     gaussians = scenes.random_map(2000, dtype=np.float32)

@@ -14,6 +14,7 @@ CASES = {
     "plain": ({}, {}, {}),
     "sh 3": ({"sh_degree": 3}, {}, {}),
     "sh capped": ({"sh_degree": 3}, {}, {"sh_degree": 1}),
+    "colours below 0": ({"sh_degree": 1}, {}, {"clamp_colors": False}),
     "features": ({"feature_dims": 5}, {}, {}),
     "many features": ({"feature_dims": 37}, {}, {}),
     "antialias": ({}, {}, {"antialias": True}),

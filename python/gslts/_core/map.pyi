@@ -6,7 +6,7 @@ import numpy
 import numpy.typing
 import os
 import typing
-__all__: list[str] = ['Camera', 'GaussianViewDouble', 'GaussianViewFloat', 'camera_from_fov', 'look_at', 'read_ply', 'write_ply']
+__all__: list[str] = ['Camera', 'GaussianViewDouble', 'GaussianViewFloat', 'camera_from_fov', 'look_at', 'read_ply', 'scatter_rows_double', 'scatter_rows_float', 'scatter_rows_uint32', 'write_ply']
 class Camera:
     """
     A pinhole camera at a pose in the world; immutable.
@@ -37,6 +37,16 @@ class Camera:
         ...
     def __setstate__(self, arg0: tuple) -> None:
         ...
+    def cropped(self, x0: int, y0: int, x1: int, y1: int) -> Camera:
+        """
+        The same camera with a part of its image: columns [x0, x1) and rows [y0, y1).
+        
+        What it renders is that part, but for Gaussians centred far outside it: 3DGS projects those as if
+        they were at 1.3 times the edge of the view.
+        
+        Raises:
+            ValueError: The part is empty or not inside the image.
+        """
     @property
     def cx(self) -> float:
         """
@@ -123,6 +133,18 @@ def look_at(eye: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]
 def read_ply(path: os.PathLike | str | bytes) -> tuple[dict[str, numpy.ndarray], list[str]]:
     """
     See gslts.ply.read_ply; returns the arrays of the map by name, and the names of the properties that it ignored.
+    """
+def scatter_rows_double(rows: numpy.ndarray, values: numpy.ndarray, size: typing.SupportsInt | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.float64]:
+    """
+    [size,K] zeros but for `values` [V,K] at `rows` [V] uint32, which ascend.
+    """
+def scatter_rows_float(rows: numpy.ndarray, values: numpy.ndarray, size: typing.SupportsInt | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.float32]:
+    """
+    [size,K] zeros but for `values` [V,K] at `rows` [V] uint32, which ascend.
+    """
+def scatter_rows_uint32(rows: numpy.ndarray, values: numpy.ndarray, size: typing.SupportsInt | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.uint32]:
+    """
+    [size,K] zeros but for `values` [V,K] at `rows` [V] uint32, which ascend.
     """
 def write_ply(gaussians: GaussianViewFloat, ids: numpy.ndarray, path: os.PathLike | str | bytes) -> None:
     """

@@ -19,6 +19,8 @@ class RenderOptions:
         background: RGB behind the Gaussians.
         near_m: Gaussians with centre depth z <= near_m are not seen, m. > 0
         sh_degree: Highest SH degree used, 0 to 3; the map's own degree caps it.
+        clamp_colors: Colours below 0 count as 0, as in 3DGS; if false they are kept, and `rgb` is
+            linear in `sh`.
         eps2d_px2: Variance added to each projected covariance, px^2. >= 0
         antialias: Scale opacity by sqrt(det(cov2d) / det(cov2d + eps2d I)), so that small or distant
             Gaussians keep their energy (Mip-Splatting, Yu et al. 2024, eq. 9).
@@ -36,7 +38,7 @@ class RenderOptions:
         ...
     def __getstate__(self) -> tuple:
         ...
-    def __init__(self, *, background: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.0], near_m: typing.SupportsFloat | typing.SupportsIndex = 0.05, sh_degree: int = 3, eps2d_px2: typing.SupportsFloat | typing.SupportsIndex = 0.3, antialias: bool = False, alpha_min: typing.SupportsFloat | typing.SupportsIndex = 0.001953125, transmittance_min: typing.SupportsFloat | typing.SupportsIndex = 0.0001, exp_degree: int = 5, threads: int = 0) -> None:
+    def __init__(self, *, background: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.0], near_m: typing.SupportsFloat | typing.SupportsIndex = 0.05, sh_degree: int = 3, clamp_colors: bool = True, eps2d_px2: typing.SupportsFloat | typing.SupportsIndex = 0.3, antialias: bool = False, alpha_min: typing.SupportsFloat | typing.SupportsIndex = 0.001953125, transmittance_min: typing.SupportsFloat | typing.SupportsIndex = 0.0001, exp_degree: int = 5, threads: int = 0) -> None:
         ...
     def __repr__(self) -> str:
         ...
@@ -56,6 +58,11 @@ class RenderOptions:
     def background(self) -> tuple:
         """
         RGB behind the Gaussians.
+        """
+    @property
+    def clamp_colors(self) -> bool:
+        """
+        Colours below 0 count as 0.
         """
     @property
     def eps2d_px2(self) -> float:

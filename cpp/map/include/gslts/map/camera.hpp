@@ -31,6 +31,12 @@ void validate(const Camera& camera, const char* function);
 Camera camera_from_fov(int width, int height, double horizontal_fov_rad,
                        const Eigen::Isometry3d& world_from_camera = Eigen::Isometry3d::Identity());
 
+/// The same camera with a part of its image: columns [x0, x1) and rows [y0, y1). What it renders is
+/// that part, but for Gaussians centred far outside it: 3DGS projects those as if they were at 1.3
+/// times the edge of the view.
+/// @throws std::invalid_argument  if the part is empty or not inside the image.
+Camera cropped(const Camera& camera, int x0, int y0, int x1, int y1);
+
 /// Pose of a camera at `eye` that looks at `target`, both in the world frame (m), image upright
 /// with respect to `up`.
 /// @throws std::invalid_argument  if the target is the eye, or the view direction is along `up`.

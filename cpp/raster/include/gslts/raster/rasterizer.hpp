@@ -18,6 +18,8 @@ struct RenderOptions {
   std::array<double, 3> background{0.0, 0.0, 0.0};  ///< RGB behind the Gaussians.
   double near_m = 0.05;  ///< Gaussians with centre depth z <= near_m are not seen, m. > 0
   int sh_degree = 3;     ///< Highest SH degree used, 0 to 3; the map's own degree caps it.
+  /// Colours below 0 count as 0, as in 3DGS; if false they are kept, and `rgb` is linear in `sh`.
+  bool clamp_colors = true;
   /// Variance added to each projected covariance, px^2 (3DGS: 0.3). >= 0
   double eps2d_px2 = 0.3;
   /// Scale opacity by sqrt(det(cov2d) / det(cov2d + eps2d I)), so that small or distant Gaussians
