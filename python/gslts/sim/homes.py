@@ -18,7 +18,7 @@ LEAST_REACHED_SHARE = 0.62
 """Of the free floor, for a robot of 0.2 m radius and 1.2 m height."""
 
 ATTEMPTS = 20
-AMBIENT = (0.32, 0.32, 0.33)
+AMBIENT = (0.38, 0.38, 0.39)
 
 
 def make_home(room_type: str, seed: int, detail: float = 1.0) -> Home:

@@ -26,6 +26,12 @@ Span = tuple[float, float]
 TRIES = 24
 """Places that are tried for a small thing before it is left out."""
 
+LEAST_TOP_M2 = 0.004
+"""Smaller faces carry nothing."""
+
+GAP_M = 0.1
+"""Distance between things that hang on a wall side by side."""
+
 EDGE_M = 0.015
 """Small things keep this distance from the edge of what they stand on."""
 
@@ -75,6 +81,22 @@ def sides(width: float, depth: float) -> tuple[Side, ...]:
     )
 
 
+def tops_m(thing: HomeObject) -> Floats:
+    """Heights in its own frame at which other things can stand on a thing, rising, m."""
+    areas = np.prod(thing.boxes[:, 1, :2] - thing.boxes[:, 0, :2], axis=1)
+    heights: Floats = np.unique(thing.boxes[areas > LEAST_TOP_M2][:, 1, 2])
+    return heights
+
+
+def _top_near(thing: HomeObject, z: float) -> Floats:
+    """The largest box [2,3] of those whose top is nearest to a height."""
+    areas = np.prod(thing.boxes[:, 1, :2] - thing.boxes[:, 0, :2], axis=1)
+    heights = tops_m(thing)
+    height = heights[np.abs(np.minimum(z, heights[-1]) - heights).argmin()]
+    box: Floats = thing.boxes[int(np.where(thing.boxes[:, 1, 2] == height, areas, 0).argmax())]
+    return box
+
+
 class Scene:
     """A room that is being furnished.
 
@@ -119,8 +141,17 @@ class Scene:
         del self._boxes[-count:]
         self._joined = None
 
-    def fits(self, thing: HomeObject, at: Floats, *, on_floor: bool = False) -> bool:
-        """Whether a place is free; what stands on the floor also keeps off what is kept free."""
+    def fits(
+        self, thing: HomeObject, at: Floats, *, on_floor: bool = False, in_the_way: bool = False
+    ) -> bool:
+        """Whether a place is free.
+
+        Args:
+            thing: What is to stand or hang there.
+            at: Its `world_from_object`.
+            on_floor: It must be inside the room and off what is kept free.
+            in_the_way: It may stand where the floor is kept free, as chairs do.
+        """
         if self._joined is None:
             self._joined = OrientedBoxes.joined(self._boxes)
         boxes = OrientedBoxes.of(thing.boxes, at)
@@ -130,7 +161,9 @@ class Scene:
             return True
         low, high = boxes.bounds()
         inside = (low[:, :2] > 0).all() and (high[:, :2] < self.size[:2]).all()
-        return bool(inside) and not any(collides(boxes, kept) for kept in self._kept_free)
+        if in_the_way or not inside:
+            return bool(inside)
+        return not any(collides(boxes, kept) for kept in self._kept_free)
 
     def keep_free(self, x: Span, y: Span) -> None:
         """Keeps furniture off a part of the floor (m)."""
@@ -174,6 +207,7 @@ class Scene:
         along: float,
         z: float,
         into_m: float = 0.0,
+        margin: float = 0.0,
         *,
         before_opening: bool = False,
     ) -> HomeObject | None:
@@ -185,11 +219,13 @@ class Scene:
             along: Where its middle is to be, from the left corner, m.
             z: Height of its underside, m.
             into_m: How deep it reaches into the wall.
+            margin: Distance that is kept to what is beside, above and below it, m.
             before_opening: It may hang before a window or a door.
         """
         side = self.sides[number]
         at = self._at(side, along, thing.box_in_world[1, 1] - into_m, z)
-        if not self.fits(thing, at):
+        around = np.array([[-margin, 0, -margin], [margin, 0, margin]])
+        if not self.fits(replace(thing, boxes=thing.boxes + around), at):
             return None
         if into_m == 0 and not before_opening:
             boxes = OrientedBoxes.of(thing.boxes, at)
@@ -251,12 +287,28 @@ class Scene:
         return None
 
     def stand_at(
-        self, thing: HomeObject, x: float, y: float, yaw_rad: float, parent: str = "Floor|1"
+        self,
+        thing: HomeObject,
+        x: float,
+        y: float,
+        yaw_rad: float,
+        parent: str = "Floor|1",
+        *,
+        in_the_way: bool = False,
     ) -> HomeObject | None:
-        """Stands a thing anywhere on the floor, or on a rug, if there is room."""
+        """Stands a thing anywhere on the floor, or on a rug, if there is room.
+
+        Args:
+            thing: What stands there.
+            x: m.
+            y: m.
+            yaw_rad: About the vertical.
+            parent: Id of the floor or of the rug.
+            in_the_way: It may stand where the floor is kept free, as chairs do.
+        """
         at = pose(x, y, self._top(parent), yaw_rad)
-        on_floor = parent == "Floor|1"
-        return self.add(thing, at, parent) if self.fits(thing, at, on_floor=on_floor) else None
+        fits = self.fits(thing, at, on_floor=True, in_the_way=in_the_way or parent != "Floor|1")
+        return self.add(thing, at, parent) if fits else None
 
     def _top(self, object_id: str) -> float:
         if object_id == "Floor|1":
@@ -276,7 +328,7 @@ class Scene:
         x: Span = (-1, 1),
         y: Span = (-1, 1),
         turn: Span = (-0.3, 0.3),
-        level: int | None = None,
+        near_z: float | None = None,
     ) -> HomeObject | None:
         """Puts a thing on another, if there is room.
 
@@ -286,12 +338,10 @@ class Scene:
             x: Where, as shares -1 to 1 of the width over which it could move.
             y: The same for the depth; -1 is the front.
             turn: Its turn against the parent, rad.
-            level: Which of the parent's tops, from the lowest; the highest if None.
+            near_z: Height of the top that is meant, in the frame of the parent, roughly; the
+                highest if None, m.
         """
-        tops = self._tops(parent)
-        if not tops:
-            return None
-        top = tops[-1 if level is None else level]
+        top = _top_near(parent, np.inf if near_z is None else near_z)
         yaw = float(np.arctan2(parent.world_from_object[1, 0], parent.world_from_object[0, 0]))
         for _ in range(TRIES):
             angle = float(self.rng.uniform(*turn))
@@ -307,15 +357,6 @@ class Scene:
             if middle and share >= max(0.8, SUPPORT_SHARE) and self.fits(thing, place):
                 return self.add(thing, place, parent.id)
         return None
-
-    def _tops(self, parent: HomeObject) -> list[Floats]:
-        """One box [2,3] a height at which things can stand, the largest there, from the lowest."""
-        boxes = parent.boxes
-        areas = np.prod(boxes[:, 1, :2] - boxes[:, 0, :2], axis=1)
-        heights = np.unique(boxes[areas > 0.004][:, 1, 2])
-        return [
-            boxes[int(np.where(boxes[:, 1, 2] == height, areas, 0).argmax())] for height in heights
-        ]
 
     # Light.
 

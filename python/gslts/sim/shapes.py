@@ -81,7 +81,7 @@ def _projected(vertices: Floats, faces: Ints, along: int | None) -> Mesh:
     """
     corners = vertices[faces]
     edges = corners[:, 1:] - corners[:, :1]
-    normals = np.cross(edges[:, 0], edges[:, 1])
+    normals = _cross(edges[:, 0], edges[:, 1])
     axis = np.abs(normals).argmax(axis=1)
     rows = np.arange(len(faces))
     positive = normals[rows, axis] > 0
@@ -107,6 +107,13 @@ def _projected(vertices: Floats, faces: Ints, along: int | None) -> Mesh:
         across = v_axis == along
         uvs[across] = uvs[across][:, :, ::-1]
     return Mesh(vertices, faces, uvs)
+
+
+def _cross(first: Floats, second: Floats) -> Floats:
+    """Cross products [N,3], for few rows several times as fast as numpy's."""
+    x, y, z = first.T
+    a, b, c = second.T
+    return np.stack([y * c - z * b, z * a - x * c, x * b - y * a], axis=1)
 
 
 @cache
@@ -258,14 +265,14 @@ def tube(path: ArrayLike, radius: float, n: int = 10) -> Mesh:
     points = np.asarray(path, np.float64)
     ahead = np.gradient(points, axis=0)
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
-    side = np.cross(ahead[0], np.eye(3)[np.abs(ahead[0]).argmin()])
+    side = _cross(ahead[:1], np.eye(3)[[np.abs(ahead[0]).argmin()]])[0]
     angles = np.linspace(0, 2 * np.pi, n, endpoint=False)
     rings = []
     for point, direction in zip(points, ahead, strict=True):
         # Carried along without twist.
         side = side - direction * (side @ direction)
-        side /= np.linalg.norm(side)
-        up = np.cross(direction, side)
+        side /= np.sqrt(side @ side)
+        up = _cross(direction[None], side[None])[0]
         rings.append(
             point + radius * (np.cos(angles)[:, None] * side + np.sin(angles)[:, None] * up)
         )

@@ -29,12 +29,12 @@ Shape = tuple[int, int]
 def wood(rng: Rng, shape: Shape, dark: Colour, light: Colour) -> Image:
     """Sawn wood: bent year rings and fine pores, both along u."""
     down, _ = coordinates(shape)
-    warp = octaves(rng, shape, (3, 2), 3)
-    rings = wave(down * 9 + warp * 5)
-    fibres = lattice(rng, shape, (max(2, shape[0] // 2), 6))
+    warp = lattice(rng, shape, (3, 1)) + 0.35 * lattice(rng, shape, (7, 3))
+    rings = wave(down * 10 + warp * 3)
+    fibres = lattice(rng, shape, (max(2, shape[0] // 3), 5))
     pores = contrast(lattice(rng, shape, (shape[0], 24)), 3)
-    tone = contrast(0.45 * rings + 0.35 * fibres + 0.2 * octaves(rng, shape, (4, 1), 3), 1.5)
-    return shaded(blend(dark, light, tone), pores, 0.05)
+    tone = contrast(0.36 * rings + 0.4 * fibres + 0.24 * octaves(rng, shape, (5, 1), 3), 1.3)
+    return shaded(blend(dark, light, tone), pores, 0.06)
 
 
 def painted_wood(rng: Rng, shape: Shape, colour: Colour) -> Image:
@@ -228,17 +228,24 @@ def rug(rng: Rng, shape: Shape, colour: Colour, second: Colour, third: Colour) -
     v, u = np.broadcast_arrays(down, across)  # The corner is (0, 0), the middle (1, 1).
     aspect = w / h
     to_edge = np.minimum(v, u * aspect)
-    field = octaves(rng, half, (5, 5), 3, 0.6)
+    x, y = (1 - u) * aspect, 1 - v
     kind = int(rng.integers(3))
-    if kind == 0:
-        radius = np.abs(1 - u) * aspect + np.abs(1 - v)
-        motif = wave(radius * 3.5 + 0.5 * contrast(field, 2))
-    elif kind == 1:
-        motif = wave(u * 4 * aspect) * wave(v * 4) + 0.4 * wave((u * aspect + v) * 4)
-    else:
-        motif = contrast(field, 3)
-    image = blend(colour, second, (motif > 0.55).astype(np.float32))
-    image[(motif > 0.8) & (motif < 0.9)] = third
+    if kind == 0:  # Nested diamonds.
+        rings = x + y
+        motif = wave(rings * 4)
+        fine = wave(x * 14) * wave(y * 14)
+    elif kind == 1:  # A field of small lozenges.
+        motif = wave((x + y) * 5) * wave((x - y) * 5)
+        fine = wave((x + y) * 5 + 0.5) * wave((x - y) * 5 + 0.5)
+    else:  # A medallion of eight leaves on a sown field.
+        radius = np.sqrt(x * x + y * y)
+        petal = (x * x - y * y) ** 2 / np.maximum(radius, 0.02) ** 4
+        motif = np.where(radius < 0.35 + 0.4 * petal, wave(radius * 5), 0.0).astype(np.float32)
+        fine = wave(x * 8) * wave(y * 8)
+    image = blend(colour, second, (motif > 0.6).astype(np.float32))
+    image[(motif > 0.42) & (motif < 0.6)] = third
+    image[(fine > 0.72) & (motif < 0.3)] = second
+    image[fine > 0.93] = third
     beads = (wave(u * 16 * aspect) * wave(v * 16)) > 0.35
     for low, high, ground, ink in ((0.0, 0.07, third, colour), (0.07, 0.2, second, third)):
         band = (to_edge >= low) & (to_edge < high)

@@ -71,7 +71,7 @@ def _make_bed(scene: Scene, head: int) -> HomeObject | None:
         return None
     for x in (-0.5, 0.5) if width > 1.2 else (0.0,):
         spot = (x - 0.05, x + 0.05)
-        scene.put(scene.build(bedding.pillow), bed, spot, (0.86, 0.9), (-0.06, 0.06), level=-3)
+        scene.put(scene.build(bedding.pillow), bed, spot, (0.86, 0.9), (-0.06, 0.06), near_z=0.5)
     half = float(bed.boxes[:, 1, 0].max())
     for sign in (-1, 1):
         table = scene.build(tables.side_table)
@@ -93,7 +93,7 @@ def _on_night_table(scene: Scene, table: HomeObject) -> None:
     ]  # fmt: skip
     for index in rng.permutation(len(things))[:3]:
         scene.put(scene.build(things[int(index)]), table, y=(-1, 0.6))
-    scene.put(scene.build(stationery.book), table, level=0)
+    scene.put(scene.build(stationery.book), table, near_z=0.14)
 
 
 def _along_walls(scene: Scene, foot: int, window_side: int, door_side: int) -> None:
@@ -141,7 +141,7 @@ def _set_desk(scene: Scene, desk: HomeObject) -> None:
     for out in (0.36, 0.48, 0.6):
         at = desk.world_from_object @ np.array([-0.15, -out, 0.0, 1.0])
         turn = yaw + np.pi + float(rng.uniform(-0.5, 0.5))
-        if scene.stand_at(chair, float(at[0]), float(at[1]), turn):
+        if scene.stand_at(chair, float(at[0]), float(at[1]), turn, in_the_way=True):
             break
     scene.put(scene.build(electronics.laptop), desk, (-0.5, 0.1), (-0.2, 0.3), (-0.2, 0.2))
     scene.put(scene.build(electronics.desk_lamp), desk, (0.7, 1), (0.5, 1))
@@ -157,13 +157,13 @@ def _lay_out_small_things(scene: Scene, bed: HomeObject | None) -> None:
     """A toy on the bed, books on the shelf, weights and a ball on the floor."""
     rng = scene.rng
     if bed:
-        scene.put(scene.build(decoration.teddy_bear), bed, (-0.7, 0.7), (-0.6, 0.1), (-0.6, 0.6), -4)
-        scene.put(scene.build(bedding.towel), bed, (-0.8, 0.8), (-0.9, -0.5), level=-4)
+        scene.put(scene.build(decoration.teddy_bear), bed, (-0.7, 0.7), (-0.6, 0.1), (-0.6, 0.6), 0.525)
+        scene.put(scene.build(bedding.towel), bed, (-0.8, 0.8), (-0.9, -0.5), near_z=0.525)
     for shelf in [thing for thing in scene.objects if thing.type == "Shelf"]:
         for builder in (stationery.book_row, decoration.house_plant, decoration.vase):
             scene.put(scene.build(builder), shelf, turn=(0, 0))
     for pane in [thing for thing in scene.objects if thing.type == "Window"]:
-        scene.put(scene.build(decoration.house_plant), pane, y=(-1, -0.9), level=0)
+        scene.put(scene.build(decoration.house_plant), pane, y=(-1, -0.9), near_z=0.0)
     for builder in (decoration.dumbbell, decoration.dumbbell, decoration.basket_ball):
         if rng.random() < 0.7:
             scene.stand_somewhere(scene.build(builder), [0, 1, 2, 3], 0.05, 0.0)

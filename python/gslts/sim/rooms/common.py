@@ -9,7 +9,7 @@ import numpy as np
 from gslts.sim.catalog import building, decoration
 from gslts.sim.catalog.building import Opening
 from gslts.sim.home import AreaLight
-from gslts.sim.scene import Builder, Scene
+from gslts.sim.scene import GAP_M, Builder, Scene
 
 DOOR_SPACE_M = 0.95
 """Depth of the floor before a door that is kept free."""
@@ -41,7 +41,7 @@ def raise_shell(
         scene: Still empty.
         door_side: Number of the wall with the door.
         door_at: Middle of the door along that wall, m.
-        windows: None on the door.
+        windows: At least one, none on the door.
         accent: Number of the wall with wallpaper; -1 for none.
     """
     width, height = building.DOOR_M
@@ -64,7 +64,8 @@ def raise_shell(
     for plan in windows:
         pane = scene.build(building.window, plan.width, plan.top - plan.bottom)
         scene.hang(pane, plan.side, plan.middle, plan.bottom, building.WINDOW_DEPTH_M)
-        _daylight(scene, plan)
+    # One window gives the daylight of all: every light costs a renderer a ray a pixel.
+    _daylight(scene, max(windows, key=lambda plan: plan.width))
 
 
 def _daylight(scene: Scene, plan: WindowPlan) -> None:
@@ -120,6 +121,6 @@ def hang_somewhere(
         middle = length / 2
         places = np.arange(half + 0.15, length - half - 0.15, 0.15)
         for along in places[np.argsort(np.abs(places - middle), kind="stable")]:
-            if scene.hang(thing, number, float(along), bottom):
+            if scene.hang(thing, number, float(along), bottom, margin=GAP_M):
                 return True
     return False

@@ -191,7 +191,7 @@ def _seat(scene: Scene, table: HomeObject) -> int:
         local = np.array([away[0], away[1], 0.0, 1.0])
         at = table.world_from_object @ local
         turn = table_yaw + yaw + float(rng.uniform(-0.12, 0.12))
-        if scene.stand_at(chair, float(at[0]), float(at[1]), turn):
+        if scene.stand_at(chair, float(at[0]), float(at[1]), turn, in_the_way=True):
             count += 1
     return count
 
@@ -247,7 +247,7 @@ def _lay_out_small_things(scene: Scene, units: list[HomeObject], table: HomeObje
         for index in rng.permutation(len(shelved))[:4]:
             scene.put(scene.build(shelved[int(index)]), shelf, turn=(-0.2, 0.2))
     for pane in [thing for thing in scene.objects if thing.type == "Window"]:
-        scene.put(scene.build(decoration.house_plant), pane, y=(-1, -0.9), level=0)
+        scene.put(scene.build(decoration.house_plant), pane, y=(-1, -0.9), near_z=0.0)
 
 
 def _set_table(scene: Scene, table: HomeObject) -> None:
@@ -255,7 +255,7 @@ def _set_table(scene: Scene, table: HomeObject) -> None:
     rng = scene.rng
     bowl = scene.put(scene.build(tableware.bowl), table, (-0.3, 0.3), (-0.3, 0.3))
     if bowl:
-        scene.put(scene.build(food.apple), bowl, level=0)
+        scene.put(scene.build(food.apple), bowl, near_z=0.0)
     seats = [(-0.7, -0.8), (0.7, 0.8), (0.7, -0.8), (-0.7, 0.8)]
     for x, y in seats[: int(rng.integers(1, 5))]:
         near = ((x - 0.15, x + 0.15), (y - 0.15, y + 0.15))

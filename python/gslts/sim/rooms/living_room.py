@@ -23,7 +23,7 @@ from gslts.sim.rooms.common import (
     light_ceiling,
     raise_shell,
 )
-from gslts.sim.scene import Builder, Scene
+from gslts.sim.scene import Builder, Scene, tops_m
 
 
 def draw_size(rng: np.random.Generator) -> tuple[float, float, float]:
@@ -162,15 +162,15 @@ def _fill_bookcase(scene: Scene, case: HomeObject) -> None:
         decoration.house_plant,
     ]  # fmt: skip
     width = float(np.ptp(case.boxes[:, :, 0]))
-    levels = len(np.unique(case.boxes[:, 1, 2]))
-    for level in range(levels - 2):
+    for z in tops_m(case)[:-1]:
         for x in ((-1, -0.9), (0.9, 1)):
             if rng.random() < 0.75:
                 row = float(rng.uniform(0.22, 0.42)) * width
-                scene.put(scene.build(stationery.book_row, row), case, x, (-0.4, 0), (0, 0), level)
+                thing = scene.build(stationery.book_row, row)
+                scene.put(thing, case, x, (-0.4, 0), (0, 0), float(z))
         if rng.random() < 0.6:
             extra = scene.build(extras[int(rng.integers(len(extras)))])
-            scene.put(extra, case, level=level, turn=(-0.2, 0.2))
+            scene.put(extra, case, turn=(-0.2, 0.2), near_z=float(z))
 
 
 def _lay_out_small_things(
@@ -180,7 +180,7 @@ def _lay_out_small_things(
     rng = scene.rng
     if sofa:
         for x in ((-1, -0.85), (0.85, 1), (-0.2, 0.2))[: int(rng.integers(2, 4))]:
-            scene.put(scene.build(bedding.throw_pillow), sofa, x, (-0.5, 0.3), (-0.5, 0.5), level=-3)
+            scene.put(scene.build(bedding.throw_pillow), sofa, x, (-0.5, 0.3), (-0.5, 0.5), near_z=0.43)
     if table:
         scene.put(scene.build(electronics.remote_control), table, turn=(-0.8, 0.8))
         lying: list[Builder] = [
@@ -198,7 +198,7 @@ def _lay_out_small_things(
         for index in rng.permutation(len(beside))[:3]:
             scene.put(scene.build(beside[int(index)]), stand)
     for pane in [thing for thing in scene.objects if thing.type == "Window"]:
-        scene.put(scene.build(decoration.house_plant), pane, y=(-1, -0.9), level=0)
+        scene.put(scene.build(decoration.house_plant), pane, y=(-1, -0.9), near_z=0.0)
     for shelf in [thing for thing in scene.objects if thing.type == "Shelf"]:
         for builder in (stationery.book_row, decoration.vase, decoration.candle, decoration.statue):
             scene.put(scene.build(builder), shelf, turn=(0, 0))
