@@ -7,6 +7,7 @@ within `SUPPORT_M` of it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,6 +67,7 @@ class OrientedBoxes:
     def __getitem__(self, rows: NDArray[np.intp] | Bools | slice) -> OrientedBoxes:
         return OrientedBoxes(self.centers[rows], self.halves[rows], self.axes[rows])
 
+    @cached_property
     def bounds(self) -> tuple[Floats, Floats]:
         """Lower and upper corners [N,3] of the axis-aligned boxes around them, m."""
         reach = (np.abs(self.axes) * self.halves[:, None, :]).sum(axis=2)
@@ -114,13 +116,16 @@ def colliding_pairs(
     first: OrientedBoxes, second: OrientedBoxes, contact_m: float = CONTACT_M
 ) -> NDArray[np.intp]:
     """Indices [P,2] of the boxes of two sets that overlap by more than `contact_m`."""
-    lower, upper = first.bounds()
-    other_lower, other_upper = second.bounds()
-    near = np.ones((len(first), len(second)), np.bool_)
-    for axis in range(3):
-        near &= lower[:, None, axis] + contact_m < other_upper[None, :, axis]
-        near &= other_lower[None, :, axis] + contact_m < upper[:, None, axis]
+    lower, upper = first.bounds
+    other_lower, other_upper = second.bounds
+    # The whole of the first set rules most of the second out.
+    maybe = (other_upper > lower.min(axis=0) + contact_m).all(axis=1)
+    maybe &= (other_lower < upper.max(axis=0) - contact_m).all(axis=1)
+    rows = np.flatnonzero(maybe)
+    near = (lower[:, None] + contact_m < other_upper[None, rows]).all(axis=2)
+    near &= (other_lower[None, rows] + contact_m < upper[:, None]).all(axis=2)
     pairs = np.argwhere(near)
+    pairs[:, 1] = rows[pairs[:, 1]]
     if len(pairs) == 0:
         return pairs
     depth = overlap_m(first[pairs[:, 0]], second[pairs[:, 1]])
@@ -159,7 +164,7 @@ class Footprint:
 
 def footprint(boxes: OrientedBoxes) -> Footprint:
     """The footprint of what an object stands on: of its boxes that reach down to its underside."""
-    lower, upper = boxes.bounds()
+    lower, upper = boxes.bounds
     base = float(lower[:, 2].min())
     standing = boxes[lower[:, 2] < base + SUPPORT_M]
     # In the frame of the first of them, which turns with the object.

@@ -12,7 +12,6 @@ from gslts.sim.catalog.building import Opening
 from gslts.sim.home import AreaLight, Floats, Home, HomeObject, Room
 from gslts.sim.model import Kit, Model
 from gslts.sim.physics import (
-    SUPPORT_SHARE,
     OrientedBoxes,
     boxes_in_world,
     collides,
@@ -25,6 +24,9 @@ Span = tuple[float, float]
 
 TRIES = 24
 """Places that are tried for a small thing before it is left out."""
+
+CARRIED_SHARE = 0.8
+"""Share of their footprint that lies on what they stand on; more than just holds."""
 
 LEAST_TOP_M2 = 0.004
 """Smaller faces carry nothing."""
@@ -89,12 +91,12 @@ def tops_m(thing: HomeObject) -> Floats:
 
 
 def _top_near(thing: HomeObject, z: float) -> Floats:
-    """The largest box [2,3] of those whose top is nearest to a height."""
-    areas = np.prod(thing.boxes[:, 1, :2] - thing.boxes[:, 0, :2], axis=1)
+    """The box [2,3] around those whose top is nearest to a height."""
     heights = tops_m(thing)
     height = heights[np.abs(np.minimum(z, heights[-1]) - heights).argmin()]
-    box: Floats = thing.boxes[int(np.where(thing.boxes[:, 1, 2] == height, areas, 0).argmax())]
-    return box
+    areas = np.prod(thing.boxes[:, 1, :2] - thing.boxes[:, 0, :2], axis=1)
+    boxes = thing.boxes[(thing.boxes[:, 1, 2] == height) & (areas > LEAST_TOP_M2)]
+    return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
 
 
 class Scene:
@@ -159,7 +161,7 @@ class Scene:
             return False
         if not on_floor:
             return True
-        low, high = boxes.bounds()
+        low, high = boxes.bounds
         inside = (low[:, :2] > 0).all() and (high[:, :2] < self.size[:2]).all()
         if in_the_way or not inside:
             return bool(inside)
@@ -354,7 +356,7 @@ class Scene:
             place = pose(float(at[0]), float(at[1]), float(at[2]), yaw + angle)
             base = footprint(OrientedBoxes.of(thing.boxes, place))
             middle, share = supported_share(base, boxes_in_world(parent))
-            if middle and share >= max(0.8, SUPPORT_SHARE) and self.fits(thing, place):
+            if middle and share >= CARRIED_SHARE and self.fits(thing, place):
                 return self.add(thing, place, parent.id)
         return None
 

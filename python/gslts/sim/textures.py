@@ -39,9 +39,9 @@ def wood(rng: Rng, shape: Shape, dark: Colour, light: Colour) -> Image:
 
 def painted_wood(rng: Rng, shape: Shape, colour: Colour) -> Image:
     """Painted wood: brush marks along u and slight blotches."""
-    marks = lattice(rng, shape, (max(2, shape[0] // 2), 5))
-    blotches = octaves(rng, shape, (4, 4), 4)
-    return shaded(shaded(plain(shape, colour), marks, 0.06), blotches, 0.06)
+    marks = lattice(rng, shape, (max(2, shape[0] // 2), 9))
+    blotches = octaves(rng, shape, (6, 6), 4)
+    return shaded(shaded(plain(shape, colour), marks, 0.045), contrast(blotches, 1.5), 0.04)
 
 
 def planks(rng: Rng, shape: Shape, dark: Colour, light: Colour, rows: int = 8) -> Image:
@@ -141,7 +141,7 @@ def plaster(rng: Rng, shape: Shape, colour: Colour) -> Image:
     relief = octaves(rng, shape, (shape[0] // 8, shape[1] // 8), 3, 0.7)
     clouds = octaves(rng, shape, (3, 3), 4)
     image = shaded(plain(shape, colour), contrast(relief, 1.5), 0.09)
-    return shaded(image, contrast(clouds, 1.5), 0.06)
+    return shaded(image, clouds, 0.05)
 
 
 def wallpaper(rng: Rng, shape: Shape, colour: Colour, ink: Colour, motif: int) -> Image:
@@ -273,9 +273,9 @@ def stone(rng: Rng, shape: Shape, colour: Colour, second: Colour, *, veined: boo
 
 def metal(rng: Rng, shape: Shape, colour: Colour) -> Image:
     """Brushed metal: long scratches along u."""
-    scratches = lattice(rng, shape, (shape[0], 4))
-    bands = lattice(rng, shape, (12, 2))
-    return shaded(shaded(plain(shape, colour), scratches, 0.12), bands, 0.1)
+    scratches = lattice(rng, shape, (shape[0], 6))
+    smudges = octaves(rng, shape, (5, 5), 4)
+    return shaded(shaded(plain(shape, colour), scratches, 0.07), smudges, 0.08)
 
 
 def speckled(rng: Rng, shape: Shape, colour: Colour, second: Colour, share: float) -> Image:

@@ -57,7 +57,7 @@ def walkable_floor(
     shape = tuple(np.maximum(1, np.round((upper - lower) / cell_m)).astype(int)[::-1])
     origin = lower + cell_m / 2
     every = OrientedBoxes.joined([boxes_in_world(thing) for thing in home.objects])
-    low, high = every.bounds()
+    low, high = every.bounds
     floor = room.box[0, 2]
     in_the_way = (low[:, 2] < floor + height_m) & (high[:, 2] > floor + STEP_M)
     distance = np.full(shape, np.inf)

@@ -52,11 +52,11 @@ def pillow(kit: Kit) -> Model:
 
 
 def throw_pillow(kit: Kit) -> Model:
-    """A square scatter cushion; a `Pillow` too."""
+    """A square scatter cushion that leans back; a `Pillow` too."""
     model = Model("Pillow", movable=True)
-    side = float(kit.rng.uniform(0.34, 0.42))
+    side = float(kit.rng.uniform(0.34, 0.4))
     cloth = materials.print_cloth(kit, int(kit.rng.integers(4)))
-    model.add(cushion(side, side, 0.08, 0.039, 0.3), cloth)
+    model.add(cushion(side, side, 0.075, 0.036, 0.35).turned("x", np.pi / 2 - 0.3), cloth)
     return model
 
 

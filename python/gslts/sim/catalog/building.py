@@ -128,6 +128,7 @@ def door(kit: Kit) -> Model:
     for x in (-0.2, 0.2):
         for z, tall in ((0.18, 0.7), (1.05, 0.8)):
             model.add(frame(0.3, tall, 0.03, 0.014), leaf, (x, 0.032, z), solid=False)
+    model.add(box(width, 0.035, 0.006), materials.wood(kit), (0, 0.0175, 0))
     border = 0.07
     for x in (-1, 1):
         at = (x * (width + border) / 2, -0.0075, 0.0)

@@ -69,7 +69,7 @@ def _make_bed(scene: Scene, head: int) -> HomeObject | None:
             break
     if bed is None:
         return None
-    for x in (-0.5, 0.5) if width > 1.2 else (0.0,):
+    for x in (-0.68, 0.68) if width > 1.2 else (0.0,):
         spot = (x - 0.05, x + 0.05)
         scene.put(scene.build(bedding.pillow), bed, spot, (0.86, 0.9), (-0.06, 0.06), near_z=0.5)
     half = float(bed.boxes[:, 1, 0].max())
@@ -138,9 +138,9 @@ def _set_desk(scene: Scene, desk: HomeObject) -> None:
     rng = scene.rng
     chair = scene.build(seating.desk_chair)
     yaw = float(np.arctan2(desk.world_from_object[1, 0], desk.world_from_object[0, 0]))
-    for out in (0.36, 0.48, 0.6):
-        at = desk.world_from_object @ np.array([-0.15, -out, 0.0, 1.0])
-        turn = yaw + np.pi + float(rng.uniform(-0.5, 0.5))
+    for out in (0.42, 0.5, 0.6, 0.72):
+        at = desk.world_from_object @ np.array([-0.18, -out, 0.0, 1.0])
+        turn = yaw + np.pi + float(rng.uniform(-0.25, 0.25))
         if scene.stand_at(chair, float(at[0]), float(at[1]), turn, in_the_way=True):
             break
     scene.put(scene.build(electronics.laptop), desk, (-0.5, 0.1), (-0.2, 0.3), (-0.2, 0.2))

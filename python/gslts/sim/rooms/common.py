@@ -89,7 +89,7 @@ def hang_curtains(scene: Scene, plan: WindowPlan) -> None:
     top = min(plan.top + 0.12, scene.size[2] - 0.06)
     for bottom in (0.04, plan.bottom - 0.12):
         side = scene.sides[plan.side]
-        width = min(plan.width * 1.7, 2 * plan.middle - 0.2, 2 * (side.length - plan.middle) - 0.2)
+        width = min(plan.width + 0.55, 2 * plan.middle - 0.2, 2 * (side.length - plan.middle) - 0.2)
         cloth = scene.build(decoration.curtains, width, top - bottom - 0.02)
         if scene.hang(cloth, plan.side, plan.middle, bottom, before_opening=True):
             return

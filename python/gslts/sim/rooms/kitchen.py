@@ -254,7 +254,7 @@ def _set_table(scene: Scene, table: HomeObject) -> None:
     """Fruit in the middle, plates and cups before the seats."""
     rng = scene.rng
     bowl = scene.put(scene.build(tableware.bowl), table, (-0.3, 0.3), (-0.3, 0.3))
-    if bowl:
+    for _ in range(3 if bowl else 0):
         scene.put(scene.build(food.apple), bowl, near_z=0.0)
     seats = [(-0.7, -0.8), (0.7, 0.8), (0.7, -0.8), (-0.7, 0.8)]
     for x, y in seats[: int(rng.integers(1, 5))]:

@@ -116,9 +116,9 @@ def _arm_chairs(scene: Scene, table: HomeObject | None, sofa: HomeObject | None)
     if table is None or sofa is None:
         return
     rng = scene.rng
+    chair = scene.build(seating.arm_chair)
     for sign in rng.permutation([-1, 1])[: int(rng.integers(1, 3))]:
         for distance in (1.65, 1.8, 2.0, 2.3):
-            chair = scene.build(seating.arm_chair)
             local = np.array([sign * distance, rng.uniform(-0.5, -0.1), 0.0, 1.0])
             at = table.world_from_object @ local
             base = float(np.arctan2(table.world_from_object[1, 0], table.world_from_object[0, 0]))
@@ -126,7 +126,7 @@ def _arm_chairs(scene: Scene, table: HomeObject | None, sofa: HomeObject | None)
             placed = scene.stand_at(chair, float(at[0]), float(at[1]), float(yaw))
             if placed:
                 if rng.random() < 0.7:
-                    scene.put(scene.build(bedding.throw_pillow), placed, (-0.1, 0.1), (-0.4, 0.2))
+                    scene.put(scene.build(bedding.throw_pillow), placed, (-0.1, 0.1), (0.0, 0.7), (-0.2, 0.2), 0.43)
                 break
 
 
@@ -180,7 +180,7 @@ def _lay_out_small_things(
     rng = scene.rng
     if sofa:
         for x in ((-1, -0.85), (0.85, 1), (-0.2, 0.2))[: int(rng.integers(2, 4))]:
-            scene.put(scene.build(bedding.throw_pillow), sofa, x, (-0.5, 0.3), (-0.5, 0.5), near_z=0.43)
+            scene.put(scene.build(bedding.throw_pillow), sofa, x, (0.0, 0.7), (-0.2, 0.2), 0.43)
     if table:
         scene.put(scene.build(electronics.remote_control), table, turn=(-0.8, 0.8))
         lying: list[Builder] = [
