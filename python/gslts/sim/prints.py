@@ -74,7 +74,6 @@ def book_spines(rng: Rng, shape: Shape, count: int) -> Image:
     """The spines of `count` books that stand side by side."""
     h, w = shape
     image = plain(shape, BLACK)
-    edges = np.round(np.cumsum(rng.uniform(0.6, 1.4, count))).astype(float)
     edges = np.concatenate([[0], np.cumsum(rng.uniform(0.6, 1.4, count))])
     edges /= edges[-1]
     for left, right in zip(edges[:-1], edges[1:], strict=True):
@@ -86,9 +85,9 @@ def book_spines(rng: Rng, shape: Shape, count: int) -> Image:
         x0, x1 = round(left * w), round(right * w)
         spine = image[round(0.22 * h) : round(0.74 * h), x0:x1]
         if spine.shape[1] > 6:
-            turned = np.ascontiguousarray(spine.transpose(1, 0, 2))
+            turned = np.ascontiguousarray(np.rot90(spine, -1))
             write(turned, _title(rng), (0.0, 0.15, 1.0, 0.85), second)
-            spine[:] = turned.transpose(1, 0, 2)
+            spine[:] = np.rot90(turned)
         image[:, max(0, x1 - 1) : x1] = BLACK
     return shaded(image, octaves(rng, shape, (32, 32), 2), 0.12)
 
@@ -121,12 +120,12 @@ def landscape(rng: Rng, shape: Shape) -> Image:
     image = blend(sky, haze, np.broadcast_to(np.clip(down * 1.6, 0, 1), shape))
     image = blend(image, (1, 0.98, 0.95), 0.6 * clouds * np.clip(1 - 1.6 * down, 0, 1))
     spot(image, (rng.uniform(0.2, 0.8), rng.uniform(0.15, 0.3)), (0.06, 0.08), (1, 0.95, 0.75))
-    near = np.array([(0.16, 0.33, 0.16), (0.5, 0.4, 0.16), (0.12, 0.3, 0.36)][rng.integers(3)])
+    near = np.array([(0.16, 0.4, 0.12), (0.62, 0.44, 0.12), (0.1, 0.36, 0.3), (0.5, 0.22, 0.14)][rng.integers(4)])
     for k in range(5):
         ridge = 0.4 + 0.12 * k + 0.16 * (octaves(rng, (8, shape[1]), (1, 3 + k), 4)[0] - 0.5)
         below = down > ridge[None, :]
         t = np.float32(k / 4)
-        hill = plain(shape, tuple(np.array([0.6, 0.68, 0.75]) * (1 - t) + near * t))
+        hill = plain(shape, tuple(np.array([0.55, 0.66, 0.76]) * (1 - t) + near * t))
         hill = shaded(hill, octaves(rng, shape, (24, 12), 3), 0.35)
         image = np.where(below[:, :, None], hill, image)
     del across
@@ -325,12 +324,14 @@ def carton(rng: Rng, shape: Shape) -> Image:
 
 
 def plate_rings(rng: Rng, shape: Shape, colour: Colour, second: Colour) -> Image:
-    """Glaze of a turned thing: rings and a band of marks; v runs from its middle to its foot."""
+    """Glaze of a turned thing: a band of marks between rings, inside and outside."""
     down, across = coordinates(shape)
     image = shaded(plain(shape, colour), octaves(rng, shape, (6, 6), 4), 0.09)
-    first = rng.uniform(0.2, 0.32)
-    band = (np.abs(down - first) < 0.05) & (wave(across * 16) > 0.45)
-    lines = (np.abs(down - first + 0.075) < 0.01) | (np.abs(down - first - 0.075) < 0.01)
+    band, lines = np.zeros(shape, bool), np.zeros((shape[0], 1), bool)
+    for middle in (rng.uniform(0.2, 0.32), rng.uniform(0.66, 0.72)):
+        from_middle = np.abs(down - middle)
+        band |= (from_middle < 0.05) & (wave(across * 16) > 0.45)
+        lines |= np.abs(from_middle - 0.075) < 0.01
     mask = np.broadcast_to(band | lines, shape).astype(np.float32)
     return blend(image, second, mask * 0.9)
 

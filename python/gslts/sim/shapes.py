@@ -146,8 +146,8 @@ def cushion(
         depth: Along y, m.
         height: Along z without the bulge, m.
         radius: Of the edges, m, at most half of the smallest side.
-        puff: How far the large sides bulge in their middle, as a share of the height.
-        steps: Facets of a quarter circle are twice this.
+        puff: How much thinner it gets towards its rim, as a share of the height.
+        steps: Facets across half of a round edge.
     """
     half = np.array([width, depth, height]) / 2
     radius = min(radius, float(half.min()) * 0.999)
@@ -156,7 +156,7 @@ def cushion(
     vertices, quads = [], []
     for axis in range(3):
         first, second = (axis + 1) % 3, (axis + 2) % 3
-        u, v = (_spaced(half[k] - radius, edge) for k in (first, second))
+        u, v = (_spaced(half[k] - radius, edge, 7 if puff else 2) for k in (first, second))
         for sign in (-1.0, 1.0):
             start = sum(len(block) for block in vertices)
             block = np.empty((len(u), len(v), 3))
@@ -170,14 +170,17 @@ def cushion(
     points = inner + radius * offset / np.linalg.norm(offset, axis=1, keepdims=True)
     if puff:
         x, y = points[:, 0] / half[0], points[:, 1] / half[1]
-        points[:, 2] *= 1 + 2 * puff * (1 - x**2) * (1 - y**2)
+        points[:, 2] *= 1 - puff + puff * (1 - x**4) * (1 - y**4)
+        # The rim of what is stuffed is drawn in between its corners.
+        points[:, 0] *= 1 - 0.08 * puff * (1 - y**2)
+        points[:, 1] *= 1 - 0.08 * puff * (1 - x**2)
     points[:, 2] -= points[:, 2].min()
     return _projected(points, _split(np.concatenate(quads)), None)
 
 
-def _spaced(flat_half: float, edge: Floats) -> Floats:
-    """Coordinates across a side: its flat middle and the two round edges."""
-    middle = np.linspace(-flat_half, flat_half, 5)
+def _spaced(flat_half: float, edge: Floats, count: int) -> Floats:
+    """Coordinates across a side: `count` in its middle, and the two round edges."""
+    middle = np.linspace(-flat_half, flat_half, count)
     return np.concatenate([-flat_half - edge[:0:-1], middle, flat_half + edge[1:]])
 
 

@@ -308,8 +308,17 @@ def crust(rng: Rng, shape: Shape, colour: Colour, second: Colour) -> Image:
     return blend(image, (0.96, 0.88, 0.72), 0.7 * flecks)
 
 
+def ripened(rng: Rng, shape: Shape, colour: Colour, second: Colour) -> Image:
+    """Fruit skin: one side redder, fine streaks along v, and dots."""
+    flush = octaves(rng, shape, (2, 3), 3)
+    streaks = lattice(rng, shape, (3, shape[1] // 3))
+    image = blend(colour, second, contrast(0.75 * flush + 0.25 * streaks, 1.8))
+    dots = lattice(rng, shape, (shape[0] // 4, shape[1] // 4))
+    return blend(image, (0.97, 0.9, 0.7), np.clip((dots - 0.9) * 6, 0, 0.7))
+
+
 def streaked(rng: Rng, shape: Shape, colour: Colour, second: Colour) -> Image:
-    """Fruit skin or a leaf: streaks along v."""
+    """A leaf: streaks along v."""
     streaks = octaves(rng, shape, (2, shape[1] // 8), 3, 0.7)
     return blend(colour, second, contrast(streaks, 2))
 

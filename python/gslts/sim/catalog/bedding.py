@@ -18,8 +18,8 @@ def bed(kit: Kit, width: float = 0.0) -> Model:
     wood, length = materials.wood(kit), 2.0
     legs(model, width, length, 0.12, 0.07, wood)
     model.add(box(width + 0.04, length, 0.16), wood, (0, 0, 0.12))
-    sheet = kit.material(textures.woven, 0.32, 384, (0.93, 0.92, 0.89), (0.82, 0.82, 0.82), 128)
-    model.add(cushion(width, length - 0.04, 0.22, 0.06), sheet, (0, 0, 0.28))
+    linen = kit.material(textures.woven, 0.32, 384, (0.93, 0.92, 0.89), (0.82, 0.82, 0.82), 128)
+    model.add(cushion(width, length - 0.04, 0.22, 0.06), linen, (0, 0, 0.28))
     cover = kit.style.motif % 2
     cloth = materials.print_cloth(kit, cover)
     reach = 1.3
@@ -47,7 +47,7 @@ def pillow(kit: Kit) -> Model:
     """A bed pillow that lies flat."""
     model = Model("Pillow", movable=True)
     cloth = materials.print_cloth(kit, int(kit.rng.integers(3)))
-    model.add(cushion(0.58, 0.38, 0.09, 0.044, 0.25), cloth)
+    model.add(cushion(0.6, 0.4, 0.13, 0.06, 0.7), cloth)
     return model
 
 
@@ -56,7 +56,7 @@ def throw_pillow(kit: Kit) -> Model:
     model = Model("Pillow", movable=True)
     side = float(kit.rng.uniform(0.34, 0.4))
     cloth = materials.print_cloth(kit, int(kit.rng.integers(4)))
-    model.add(cushion(side, side, 0.075, 0.036, 0.35).turned("x", np.pi / 2 - 0.3), cloth)
+    model.add(cushion(side, side, 0.13, 0.06, 0.75).turned("x", np.pi / 2 - 0.3), cloth)
     return model
 
 

@@ -42,6 +42,8 @@ def vase(kit: Kit) -> Model:
         top = (lean * np.cos(angle), lean * np.sin(angle), height * 1.6 + 0.02 * (k % 3))
         model.add(tube([(0, 0, height * 0.82), top], 0.003, 6), green, solid=False)
         model.add(ellipsoid(0.045, 0.045, 0.035, 12), bloom, top, solid=False)
+    if stems:
+        model.fills((-0.05, -0.05, height), (0.05, 0.05, height * 1.6 + 0.06))
     return model
 
 
@@ -68,7 +70,7 @@ def house_plant(kit: Kit, height: float = 0.0) -> Model:
         model.add(blade.turned("z", angle), green, (0, 0, z - 0.04), solid=False)
     stem = tube([(0, 0, rim - 0.02), (0.01, 0, height * 0.85)], 0.006 + 0.004 * (height > 0.5), 8)
     model.add(stem, green, solid=False)
-    spread = (height - rim) * 0.36
+    spread = (height - rim) * 0.42
     model.fills((-spread, -spread, rim), (spread, spread, height))
     return model
 
@@ -109,11 +111,10 @@ def wall_clock(kit: Kit) -> Model:
     return model
 
 
-def curtains(kit: Kit, width: float, height: float) -> Model:
-    """A rod with two curtains drawn aside."""
+def curtains(kit: Kit, width: float, side: float, height: float) -> Model:
+    """A rod with two curtains drawn aside, `side` wide each."""
     model = Model("Curtains")
     cloth = materials.second_fabric(kit) if kit.style.motif % 2 else materials.print_cloth(kit, 0)
-    side = width * 0.2
     x = np.linspace(0, side, 36)
     folds = np.stack([x, 0.028 * np.sin(x / side * 2 * np.pi * 5)], axis=1)
     for at in (-width / 2, width / 2 - side):

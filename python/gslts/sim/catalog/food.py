@@ -17,10 +17,10 @@ def bread(kit: Kit) -> Model:
     crust = kit.material(textures.crust, 0.2, 256, (0.55, 0.32, 0.14), (0.8, 0.55, 0.28))
     crumb = kit.material(textures.crust, 0.1, 128, (0.88, 0.75, 0.52), (0.95, 0.86, 0.66))
     length = float(kit.rng.uniform(0.24, 0.3))
-    model.add(cushion(length, 0.12, 0.095, 0.046, 0.12), crust)
+    model.add(cushion(length, 0.12, 0.105, 0.05, 0.3), crust)
     for x in np.linspace(-length * 0.3, length * 0.3, 4):
-        cut = cushion(0.014, 0.07, 0.012, 0.005).turned("z", 0.35)
-        model.add(cut, crumb, (float(x), 0, 0.098), solid=False)
+        cut = cushion(0.016, 0.075, 0.012, 0.005).turned("z", 0.35)
+        model.add(cut, crumb, (float(x), 0, 0.094), solid=False)
     return model
 
 
@@ -29,7 +29,7 @@ def _fruit(
 ) -> Model:
     """A round fruit with a stalk."""
     model.add(
-        ellipsoid(*size), kit.material(textures.streaked, 0.16, 160, skin, flush)
+        ellipsoid(*size), kit.material(textures.ripened, 0.3, 192, skin, flush)
     )
     stalk = tube([(0, 0, size[2] * 0.94), (0.004, 0, size[2] * 1.15)], 0.0025, 6)
     model.add(stalk, materials.second_wood(kit), solid=False)

@@ -75,7 +75,7 @@ def _upholstered(
     """Base, arms, back and a pair of cushions a seat."""
     depth, base, seat = 0.86, 0.12, 0.43
     legs(model, width - 0.06, depth - 0.06, base, 0.05, materials.wood(kit))
-    model.add(cushion(width, depth, seat - base - 0.14, 0.03), cover, (0, 0, base))
+    model.add(cushion(width, depth, seat - base - 0.13, 0.03), cover, (0, 0, base))
     inner = (width - 2 * arm) / seats
     back = 0.22
     for x in (-1, 1):
@@ -85,10 +85,10 @@ def _upholstered(
     )
     for k in range(seats):
         x = (k - (seats - 1) / 2) * inner
-        pad = cushion(inner - 0.01, depth - back - 0.01, 0.14, 0.045)
-        model.add(pad, cover, (x, -back / 2, seat - 0.14))
-        lean = cushion(inner - 0.02, 0.13, 0.36, 0.055)
-        model.add(lean, cover, (x, depth / 2 - back - 0.055, seat))
+        pad = cushion(inner - 0.01, depth - back - 0.01, 0.15, 0.05, 0.12)
+        model.add(pad, cover, (x, -back / 2, seat - 0.15))
+        lean = cushion(inner - 0.02, 0.4, 0.17, 0.07, 0.35).turned("x", np.pi / 2 - 0.12)
+        model.add(lean, cover, (x, depth / 2 - back + 0.02, seat + 0.19))
 
 
 def ottoman(kit: Kit) -> Model:

@@ -92,6 +92,7 @@ def pencil_cup(kit: Kit) -> Model:
         x, y = 0.018 * np.cos(angle), 0.018 * np.sin(angle)
         colour = materials.plastic(kit, prints.INKS[k])
         model.add(tube([(x, y, 0.095), (1.7 * x, 1.7 * y, 0.17)], 0.0038, 6), colour, solid=False)
+    model.fills((-0.035, -0.035, 0.1), (0.035, 0.035, 0.17))
     return model
 
 

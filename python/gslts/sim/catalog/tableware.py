@@ -154,7 +154,7 @@ def soap_bottle(kit: Kit) -> Model:
     _label(model, kit, 0.0326, 0.07, 0.025, "SOAP")
     white = materials.plastic(kit, materials.WHITE)
     model.add(cylinder(0.006, 0.04, n=10), white, (0, 0, 0.14), solid=False)
-    model.add(box(0.014, 0.05, 0.01), white, (0, -0.015, 0.175), solid=False)
+    model.add(box(0.014, 0.05, 0.01), white, (0, -0.015, 0.175))
     return model
 
 

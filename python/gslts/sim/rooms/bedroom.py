@@ -69,7 +69,7 @@ def _make_bed(scene: Scene, head: int) -> HomeObject | None:
             break
     if bed is None:
         return None
-    for x in (-0.68, 0.68) if width > 1.2 else (0.0,):
+    for x in (-0.9, 0.9) if width > 1.2 else (0.0,):
         spot = (x - 0.05, x + 0.05)
         scene.put(scene.build(bedding.pillow), bed, spot, (0.86, 0.9), (-0.06, 0.06), near_z=0.5)
     half = float(bed.boxes[:, 1, 0].max())

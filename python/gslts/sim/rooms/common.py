@@ -87,11 +87,12 @@ def _daylight(scene: Scene, plan: WindowPlan) -> None:
 def hang_curtains(scene: Scene, plan: WindowPlan) -> None:
     """Curtains on both sides of a window, where there is room for them."""
     top = min(plan.top + 0.12, scene.size[2] - 0.06)
+    length = scene.sides[plan.side].length
+    width = min(plan.width + 0.62, 2 * min(plan.middle, length - plan.middle) - 0.16)
+    side = (width - plan.width) / 2 - 0.01
     for bottom in (0.04, plan.bottom - 0.12):
-        side = scene.sides[plan.side]
-        width = min(plan.width + 0.55, 2 * plan.middle - 0.2, 2 * (side.length - plan.middle) - 0.2)
-        cloth = scene.build(decoration.curtains, width, top - bottom - 0.02)
-        if scene.hang(cloth, plan.side, plan.middle, bottom, before_opening=True):
+        cloth = scene.build(decoration.curtains, width, side, top - bottom - 0.02)
+        if side > 0.1 and scene.hang(cloth, plan.side, plan.middle, bottom, before_opening=True):
             return
 
 

@@ -54,6 +54,7 @@ def furnish(scene: Scene) -> None:
         windows.append(WindowPlan(other, across * 0.6, 1.2, 0.95, 2.1))
     raise_shell(scene, door_side, door_at, windows, accent=int(rng.choice([-1, other, door_side])))
     units = _fit_units(scene, main, order, edges, windows[0])
+    units += _turn_corner(scene, main, order, other if len(windows) > 1 else None)
     table = _dine(scene, main)
     scene.stand_somewhere(scene.build(storage.garbage_can), [other, door_side], front=0.0)
     if rng.random() < 0.5:
@@ -131,6 +132,29 @@ def _fit_units(
         if unit == "sink":
             _fixed(scene, kitchen.faucet, placed, 0.0, 0.18)
     return units
+
+
+def _turn_corner(
+    scene: Scene, main: int, order: list[str], window_side: int | None
+) -> list[HomeObject]:
+    """A second run around the corner that the fridge leaves, if that wall has no window."""
+    rng = scene.rng
+    at_left = order[-1] == "fridge"
+    number = (main + (3 if at_left else 1)) % 4
+    width = float(rng.uniform(0.8, 1.5))
+    if number == window_side or rng.random() < 0.4:
+        return []
+    start = kitchen.DEPTH_M + 0.026
+    along = start + width / 2
+    if at_left:
+        along = scene.sides[number].length - along
+    run = scene.stand(scene.build(kitchen.counter_top, width), number, along, front=0.7)
+    if run is None:
+        return []
+    tiles = scene.build(kitchen.splash_back, width)
+    scene.hang(tiles, number, along, kitchen.HEIGHT_M + 0.002)
+    scene.hang(scene.build(kitchen.wall_cabinet, width), number, along, WALL_UNITS_FROM_M)
+    return [run]
 
 
 def _outside(left: float, right: float, low: float, high: float) -> list[tuple[float, float]]:

@@ -40,7 +40,7 @@ def furnish(scene: Scene) -> None:
     window_side, door_side = (left, right) if rng.random() < 0.5 else (right, left)
     across = scene.sides[window_side].length
     if across > 4.2:
-        windows = [WindowPlan(window_side, share * across, 1.1, 0.85, 2.15) for share in (0.28, 0.72)]
+        windows = [WindowPlan(window_side, share * across, 1.0, 0.85, 2.15) for share in (0.28, 0.72)]
     else:
         windows = [WindowPlan(window_side, across / 2, 1.7, 0.85, 2.15)]
     door_length = scene.sides[door_side].length
