@@ -21,7 +21,7 @@ ATTEMPTS = 20
 AMBIENT = (0.38, 0.38, 0.39)
 
 
-def make_home(room_type: str, seed: int, detail: float = 1.0) -> Home:
+def make_home(room_type: str, seed: int, *, detail: float = 1.0) -> Home:
     """A furnished room; the same for the same arguments, bit for bit.
 
     Args:
@@ -32,7 +32,7 @@ def make_home(room_type: str, seed: int, detail: float = 1.0) -> Home:
     Raises:
         ValueError: There is no such room type, or the seed is not such a number.
     """
-    if room_type not in ROOM_TYPES:
+    if not isinstance(room_type, str) or room_type not in ROOM_TYPES:
         known = ", ".join(ROOM_TYPES)
         raise ValueError(f"make_home: room_type: expected one of {known}, got {room_type!r}")
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:

@@ -46,18 +46,27 @@ class OrientedBoxes:
 
     @classmethod
     def of(cls, boxes: Floats, world_from_object: Floats) -> OrientedBoxes:
-        """Boxes [B,2,3] of an object's frame, in the world."""
-        rotation, origin = world_from_object[:3, :3], world_from_object[:3, 3]
-        middles = boxes.mean(axis=1)
+        """Boxes of an object's frame, in the world.
+
+        Args:
+            boxes: [B,2,3] float64, m.
+            world_from_object: [4,4] or [P,4,4] float64: for P places there are P * B boxes, those
+                of one place side by side.
+        """
+        poses = world_from_object.reshape(-1, 4, 4)
+        rotations = poses[:, :3, :3]
+        middles, halves = (boxes[:, 0] + boxes[:, 1]) / 2, (boxes[:, 1] - boxes[:, 0]) / 2
+        centers = middles @ rotations.transpose(0, 2, 1) + poses[:, None, :3, 3]
         return cls(
-            centers=(middles[:, None, :] * rotation).sum(axis=2) + origin,
-            halves=(boxes[:, 1] - boxes[:, 0]) / 2,
-            axes=np.broadcast_to(rotation, (len(boxes), 3, 3)),
+            centers=centers.reshape(-1, 3),
+            halves=np.tile(halves, (len(poses), 1)),
+            axes=np.repeat(rotations, len(boxes), axis=0),
         )
 
     @classmethod
     def joined(cls, several: list[OrientedBoxes]) -> OrientedBoxes:
-        """All of several sets, which must not be empty together."""
+        """All of several sets."""
+        several = [OrientedBoxes.of(np.zeros((0, 2, 3)), np.eye(4)), *several]
         return cls(
             np.concatenate([boxes.centers for boxes in several]),
             np.concatenate([boxes.halves for boxes in several]),
@@ -92,24 +101,24 @@ def overlap_m(first: OrientedBoxes, second: OrientedBoxes) -> Floats:
 
     Source: separating axes of two boxes, Gottschalk et al. 1996, OBBTree.
     """
-    between = second.centers - first.centers
-    edges = np.cross(
-        first.axes.transpose(0, 2, 1)[:, :, None, :], second.axes.transpose(0, 2, 1)[:, None, :, :]
-    ).reshape(-1, 9, 3)
-    lengths = np.linalg.norm(edges, axis=2)
-    # Edges that are parallel span no plane; the faces' normals tell all then.
-    spans = lengths > 1e-6
-    edges = edges / np.where(spans, lengths, 1)[:, :, None]
-    directions = np.concatenate(
-        [first.axes.transpose(0, 2, 1), second.axes.transpose(0, 2, 1), edges], axis=1
-    )
-    reach = sum(
-        (np.abs(np.einsum("ndk,nke->nde", directions, b.axes)) * b.halves[:, None, :]).sum(axis=2)
-        for b in (first, second)
-    )
-    depth: Floats = reach - np.abs(np.einsum("ndk,nk->nd", directions, between))
-    depth[:, 6:][~spans] = np.inf
-    return depth.min(axis=1)
+    a, b = first.halves, second.halves
+    # The axes of the second box and the way to its middle, in the frame of the first.
+    turn = first.axes.transpose(0, 2, 1) @ second.axes
+    way = np.einsum("nki,nk->ni", first.axes, second.centers - first.centers)
+    size = np.abs(turn)
+    of_first = a + np.einsum("nij,nj->ni", size, b) - np.abs(way)
+    of_second = b + np.einsum("nij,ni->nj", size, a) - np.abs(np.einsum("nij,ni->nj", turn, way))
+    one, two = [1, 2, 0], [2, 0, 1]
+    reach = a[:, one, None] * size[:, two] + a[:, two, None] * size[:, one]
+    reach += b[:, None, one] * size[:, :, two] + b[:, None, two] * size[:, :, one]
+    between = np.abs(way[:, two, None] * turn[:, one] - way[:, one, None] * turn[:, two])
+    lengths = np.sqrt(np.maximum(1 - turn * turn, 0))
+    # Edges that are parallel span no plane; the normals of the faces tell all then.
+    spans = lengths > 1e-4
+    of_edges = np.where(spans, (reach - between) / np.where(spans, lengths, 1), np.inf)
+    depths = [of_first, of_second, of_edges.reshape(-1, 9)]
+    depth: Floats = np.concatenate(depths, axis=1).min(axis=1)
+    return depth
 
 
 def colliding_pairs(
@@ -118,6 +127,8 @@ def colliding_pairs(
     """Indices [P,2] of the boxes of two sets that overlap by more than `contact_m`."""
     lower, upper = first.bounds
     other_lower, other_upper = second.bounds
+    if len(first) == 0:
+        return np.zeros((0, 2), np.intp)
     # The whole of the first set rules most of the second out.
     maybe = (other_upper > lower.min(axis=0) + contact_m).all(axis=1)
     maybe &= (other_lower < upper.max(axis=0) - contact_m).all(axis=1)
@@ -141,70 +152,89 @@ def collides(
 
 def collisions(home: Home, thing: HomeObject) -> list[str]:
     """Ids of the objects of a home, other than this one itself, that an object collides with."""
-    own = boxes_in_world(thing)
-    return [
-        other.id
-        for other in home.objects
-        if other.id != thing.id and collides(own, boxes_in_world(other))
-    ]
+    others = [other for other in home.objects if other.id != thing.id]
+    every, owner = _joined(others)
+    pairs = colliding_pairs(boxes_in_world(thing), every)
+    return [others[i].id for i in np.unique(owner[pairs[:, 1]])]
 
 
-@dataclass(frozen=True, eq=False)
-class Footprint:
-    """The rectangle that an object covers when seen from above.
+def _joined(things: list[HomeObject]) -> tuple[OrientedBoxes, NDArray[np.intp]]:
+    """The boxes of several objects, and for each box the index of its object."""
+    several = [boxes_in_world(thing) for thing in things]
+    owner = np.repeat(np.arange(len(things)), [len(boxes) for boxes in several])
+    return OrientedBoxes.joined(several), owner
+
+
+FOOTPRINT_STEPS = 9
+"""The footprint is looked at in as many points each way."""
+
+
+def footprint(boxes: Floats) -> Floats:
+    """What an upright object stands on, seen from above.
 
     Args:
-        points: [K,2] float64, m: points that fill it, its middle first.
-        base_m: Height of the object's underside.
+        boxes: [B,2,3] float64, m, in its own frame.
+
+    Returns:
+        [K,3] float64, m: points that fill the rectangle around those of its boxes that reach down
+        to its underside; the middle first.
     """
-
-    points: Floats
-    base_m: float
-
-
-def footprint(boxes: OrientedBoxes) -> Footprint:
-    """The footprint of what an object stands on: of its boxes that reach down to its underside."""
-    lower, upper = boxes.bounds
-    base = float(lower[:, 2].min())
-    standing = boxes[lower[:, 2] < base + SUPPORT_M]
-    # In the frame of the first of them, which turns with the object.
-    axes = standing.axes[0, :2, :2]
-    corners = np.array([(x, y) for x in (-1, 1) for y in (-1, 1)])
-    points = standing.centers[:, None, :2] + np.einsum(
-        "nij,ncj->nci", standing.axes[:, :2, :2], corners * standing.halves[:, None, :2]
-    )
-    local = points.reshape(-1, 2) @ axes
-    low, high = local.min(axis=0), local.max(axis=0)
-    # Steps of a ninth, half a step inside the edge: the share of points is the share of area.
-    steps = (np.arange(9) + 0.5) / 9
-    grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    middle = (low + high)[None] / 2
-    local_points = np.concatenate([middle, low + grid * (high - low)])
-    return Footprint(local_points @ axes.T, base)
+    base = boxes[:, 0, 2].min()
+    standing = boxes[boxes[:, 0, 2] < base + SUPPORT_M]
+    low, high = standing[:, 0, :2].min(axis=0), standing[:, 1, :2].max(axis=0)
+    # Half a step inside the edge, so that the share of points is the share of area.
+    steps = (np.arange(FOOTPRINT_STEPS) + 0.5) / FOOTPRINT_STEPS
+    points = np.full((1 + FOOTPRINT_STEPS**2, 3), base)
+    points[0, :2] = (low + high) / 2
+    points[1:, 0] = np.repeat(low[0] + steps * (high[0] - low[0]), FOOTPRINT_STEPS)
+    points[1:, 1] = np.tile(low[1] + steps * (high[1] - low[1]), FOOTPRINT_STEPS)
+    return points
 
 
-def supported_share(base: Footprint, parent: OrientedBoxes) -> tuple[bool, float]:
-    """Whether upward faces of the parent carry the middle of a footprint, and how much of it all.
+def carried_share(boxes: Floats, places: Floats, parent: OrientedBoxes) -> Floats:
+    """How much of an object's footprint upward faces carry, at several places.
 
     Args:
-        base: Of the object that stands.
+        boxes: [B,2,3] float64, m: of the object that stands, in its own frame.
+        places: [P,4,4] float64: its `world_from_object`.
         parent: Boxes of what it stands on; those whose top is not level carry nothing.
+
+    Returns:
+        [P] float64: share of the footprint; 0 where its middle is not carried.
     """
-    level = parent.axes[:, 2, 2] > 1 - 1e-6
-    tops = parent.centers[:, 2] + parent.halves[:, 2]
-    carrying = parent[level & (np.abs(tops - base.base_m) <= SUPPORT_M)]
-    if len(carrying) == 0:
-        return False, 0.0
-    offsets = base.points[None] - carrying.centers[:, None, :2]
-    local = np.einsum("npi,nij->npj", offsets, carrying.axes[:, :2, :2])
-    inside = (np.abs(local) <= carrying.halves[:, None, :2] + 1e-6).all(axis=2).any(axis=0)
-    return bool(inside[0]), float(inside[1:].mean())
+    level = parent[parent.axes[:, 2, 2] > 1 - 1e-6]
+    tops = level.centers[:, 2] + level.halves[:, 2]
+    points = footprint(boxes) @ places[:, :3, :3].transpose(0, 2, 1) + places[:, None, :3, 3]
+    offsets = points[None, :, :, :2] - level.centers[:, None, None, :2]
+    local = offsets @ level.axes[:, None, :2, :2]
+    inside = (np.abs(local) <= level.halves[:, None, None, :2] + 1e-6).all(axis=3)
+    inside &= (np.abs(points[None, :, 0, 2] - tops[:, None]) <= SUPPORT_M)[:, :, None]
+    carried = inside.any(axis=0)
+    shares: Floats = carried[:, 1:].mean(axis=1) * carried[:, 0]
+    return shares
+
+
+def free_places(boxes: Floats, places: Floats, obstacles: OrientedBoxes) -> Bools:
+    """At which of several places an object collides with nothing.
+
+    Args:
+        boxes: [B,2,3] float64, m, in the object's own frame.
+        places: [P,4,4] float64: its `world_from_object`.
+        obstacles: What stands there already.
+
+    Returns:
+        [P] bool.
+    """
+    pairs = colliding_pairs(OrientedBoxes.of(boxes, places), obstacles)
+    free = np.ones(len(places), np.bool_)
+    free[pairs[:, 0] // len(boxes)] = False
+    return free
 
 
 def stands_on(thing: HomeObject, parent: HomeObject) -> bool:
     """Whether an object stands on another: its middle and most of its footprint are carried."""
-    middle, share = supported_share(footprint(boxes_in_world(thing)), boxes_in_world(parent))
-    return middle and share >= SUPPORT_SHARE
+    share = carried_share(thing.boxes, thing.world_from_object[None], boxes_in_world(parent))
+    return bool(share[0] >= SUPPORT_SHARE)
 
 
 def hangs_on(thing: HomeObject, parent: HomeObject) -> bool:
@@ -214,6 +244,64 @@ def hangs_on(thing: HomeObject, parent: HomeObject) -> bool:
         index.ravel() for index in np.meshgrid(np.arange(len(own)), np.arange(len(other)))
     )
     return bool((overlap_m(own[first], other[second]) > -SUPPORT_M).any())
+
+
+def support_below(home: Home, thing: HomeObject) -> str | None:
+    """Id of the object that an object stands on; None if it stands on nothing."""
+    others = [other for other in home.objects if other.id != thing.id]
+    at = thing.world_from_object[None]
+    shares = [carried_share(thing.boxes, at, boxes_in_world(other))[0] for other in others]
+    best = int(np.argmax(shares)) if shares else 0
+    return others[best].id if shares and shares[best] >= SUPPORT_SHARE else None
+
+
+def resting_places(
+    home: Home,
+    thing: HomeObject,
+    receptacle: HomeObject,
+    yaw_rad: float = 0.0,
+    spacing_m: float = 0.05,
+) -> Floats:
+    """Where a thing could stand on a receptacle without touching anything else.
+
+    Args:
+        home: With the receptacle; the thing itself may be elsewhere in it, and is ignored there.
+        thing: What is to stand.
+        receptacle: What it is to stand on.
+        yaw_rad: Turn of the thing against the receptacle, about the vertical.
+        spacing_m: Of the grid of places that are tried.
+
+    Returns:
+        [P,4,4] float64: `world_from_object` of each place; from the lowest top to the highest.
+    """
+    cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
+    points = np.concatenate([_grid(top, spacing_m) for top in _tops(receptacle.boxes)])
+    places = np.tile(np.eye(4), (len(points), 1, 1))
+    places[:, :2, :2] = [[cosine, -sine], [sine, cosine]]
+    places[:, :3, 3] = points
+    places = receptacle.world_from_object @ places
+    carried = carried_share(thing.boxes, places, boxes_in_world(receptacle)) >= SUPPORT_SHARE
+    places = places[carried]
+    obstacles, _ = _joined([other for other in home.objects if other.id != thing.id])
+    return places[free_places(thing.boxes, places, obstacles)]
+
+
+def _tops(boxes: Floats) -> list[Floats]:
+    """For each height at which boxes [B,2,3] end, the box [2,3] around those that end there."""
+    tops = []
+    for height in np.unique(boxes[:, 1, 2]):
+        ending = boxes[boxes[:, 1, 2] == height]
+        tops.append(np.stack([ending[:, 0].min(axis=0), ending[:, 1].max(axis=0)]))
+    return tops
+
+
+def _grid(top: Floats, spacing_m: float) -> Floats:
+    """Points [K,3] on the upper face of a box [2,3]."""
+    size = top[1] - top[0]
+    counts = np.maximum(1, np.floor(size[:2] / spacing_m)).astype(int)
+    x, y = (top[0, k] + (np.arange(counts[k]) + 0.5) * size[k] / counts[k] for k in range(2))
+    columns, rows = np.meshgrid(x, y)
+    return np.stack([columns, rows, np.full_like(columns, top[1, 2])], axis=-1).reshape(-1, 3)
 
 
 def problems(home: Home) -> list[str]:
@@ -231,9 +319,7 @@ def problems(home: Home) -> list[str]:
         if stands_on(thing, parent) or (not thing.movable and hangs_on(thing, parent)):
             continue
         found.append(f"{thing.id} does not rest on {parent.id}")
-    several = [boxes_in_world(thing) for thing in home.objects]
-    owner = np.repeat(np.arange(len(several)), [len(boxes) for boxes in several])
-    every = OrientedBoxes.joined(several)
+    every, owner = _joined(list(home.objects))
     pairs = colliding_pairs(every, every)
     owners = np.unique(owner[pairs[owner[pairs[:, 0]] < owner[pairs[:, 1]]]], axis=0)
     found += [f"{home.objects[i].id} overlaps {home.objects[j].id}" for i, j in owners]

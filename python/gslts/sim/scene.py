@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -14,16 +15,16 @@ from gslts.sim.model import Kit, Model
 from gslts.sim.physics import (
     OrientedBoxes,
     boxes_in_world,
+    carried_share,
     collides,
-    footprint,
-    supported_share,
+    free_places,
 )
 
 Builder = Callable[..., Model]
 Span = tuple[float, float]
 
-TRIES = 24
-"""Places that are tried for a small thing before it is left out."""
+TRIES, BATCH = 24, 6
+"""Places that are tried for a small thing before it is left out, and how many at once."""
 
 CARRIED_SHARE = 0.8
 """Share of their footprint that lies on what they stand on; more than just holds."""
@@ -40,12 +41,10 @@ EDGE_M = 0.015
 
 def pose(x: float, y: float, z: float, yaw_rad: float) -> Floats:
     """[4,4] float64: a place, turned about the vertical."""
-    cosine, sine = np.round(np.cos(yaw_rad), 12), np.round(np.sin(yaw_rad), 12)
-    length = np.sqrt(cosine * cosine + sine * sine)
-    matrix = np.eye(4)
-    matrix[:2, :2] = np.array([[cosine, -sine], [sine, cosine]]) / length
-    matrix[:3, 3] = np.round((x, y, z), 6)
-    return matrix
+    # Rounded, so that the last bits of sines and products do not depend on the machine.
+    cosine, sine = round(math.cos(yaw_rad), 12), round(math.sin(yaw_rad), 12)
+    x, y, z = (round(float(length), 6) for length in (x, y, z))
+    return np.array([[cosine, -sine, 0, x], [sine, cosine, 0, y], [0, 0, 1, z], [0, 0, 0, 1.0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +136,13 @@ class Scene:
         self._joined = None
         return placed
 
+    @property
+    def _obstacles(self) -> OrientedBoxes:
+        """The boxes of all that is there."""
+        if self._joined is None:
+            self._joined = OrientedBoxes.joined(self._boxes)
+        return self._joined
+
     def undo(self, count: int) -> None:
         """Takes back what was added last."""
         del self.objects[-count:]
@@ -154,10 +160,8 @@ class Scene:
             on_floor: It must be inside the room and off what is kept free.
             in_the_way: It may stand where the floor is kept free, as chairs do.
         """
-        if self._joined is None:
-            self._joined = OrientedBoxes.joined(self._boxes)
         boxes = OrientedBoxes.of(thing.boxes, at)
-        if collides(boxes, self._joined):
+        if collides(boxes, self._obstacles):
             return False
         if not on_floor:
             return True
@@ -345,19 +349,27 @@ class Scene:
         """
         top = _top_near(parent, np.inf if near_z is None else near_z)
         yaw = float(np.arctan2(parent.world_from_object[1, 0], parent.world_from_object[0, 0]))
-        for _ in range(TRIES):
-            angle = float(self.rng.uniform(*turn))
-            cosine, sine = abs(np.cos(angle)), abs(np.sin(angle))
-            half = thing.box_in_world[1, :2]
-            reach = np.array([cosine * half[0] + sine * half[1], sine * half[0] + cosine * half[1]])
+        half = thing.box_in_world[1, :2]
+        carriers = boxes_in_world(parent)
+        for _ in range(TRIES // BATCH):
+            angles = self.rng.uniform(*turn, BATCH)
+            shares = np.stack([self.rng.uniform(*x, BATCH), self.rng.uniform(*y, BATCH)], axis=1)
+            cosine, sine = np.abs(np.cos(angles))[:, None], np.abs(np.sin(angles))[:, None]
+            reach = cosine * half + sine * half[::-1]
             room = np.maximum((top[1, :2] - top[0, :2]) / 2 - reach - EDGE_M, 0)
-            local = top[:, :2].mean(axis=0) + room * (self.rng.uniform(*x), self.rng.uniform(*y))
-            at = parent.world_from_object @ np.array([*local, top[1, 2], 1.0])
-            place = pose(float(at[0]), float(at[1]), float(at[2]), yaw + angle)
-            base = footprint(OrientedBoxes.of(thing.boxes, place))
-            middle, share = supported_share(base, boxes_in_world(parent))
-            if middle and share >= CARRIED_SHARE and self.fits(thing, place):
-                return self.add(thing, place, parent.id)
+            local = np.ones((BATCH, 4))
+            local[:, :2] = top[:, :2].mean(axis=0) + room * shares
+            local[:, 2] = top[1, 2]
+            points = local @ parent.world_from_object[:3].T
+            places = np.stack(
+                [pose(*point, yaw + angle) for point, angle in zip(points, angles, strict=True)]
+            )
+            good = carried_share(thing.boxes, places, carriers) >= CARRIED_SHARE
+            if good.any():
+                places = places[good]
+                free = free_places(thing.boxes, places, self._obstacles)
+                if free.any():
+                    return self.add(thing, places[free.argmax()], parent.id)
         return None
 
     # Light.

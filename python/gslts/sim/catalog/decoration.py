@@ -12,7 +12,6 @@ from gslts.sim.shapes import (
     box,
     cushion,
     cylinder,
-    disc,
     ellipsoid,
     joined,
     lathe,
@@ -59,7 +58,7 @@ def house_plant(kit: Kit, height: float = 0.0) -> Model:
     profile = [(0, 0), (pot * 0.7, 0), (pot, rim), (pot * 0.9, rim), (pot * 0.85, rim - 0.02),
                (0, rim - 0.02)]  # fmt: skip
     model.add(lathe(profile, 26), clay)
-    model.add(disc(pot * 0.88, 20), soil, (0, 0, rim - 0.018), solid=False)
+    model.add(cylinder(pot * 0.86, 0.01, n=20), soil, (0, 0, rim - 0.028), solid=False)
     count = 22 if height > 0.5 else 12
     for k in range(count):
         angle = 2.4 * k + float(kit.rng.uniform(-0.3, 0.3))

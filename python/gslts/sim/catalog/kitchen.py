@@ -9,7 +9,7 @@ from gslts.sim.catalog import materials
 from gslts.sim.catalog.parts import bar_handle, frame
 from gslts.sim.model import Kit, Material, Model
 from gslts.sim.noise import Colour
-from gslts.sim.shapes import box, cylinder, disc, tube
+from gslts.sim.shapes import box, cylinder, tube
 
 DEPTH_M, HEIGHT_M = 0.6, 0.9
 SLAB_M, PLINTH_M = 0.04, 0.1
@@ -102,7 +102,7 @@ def sink(kit: Kit, width: float = 0.8) -> Model:
     depth = DEPTH_M - front - rear
     y = (front - rear) / 2
     model.add(box(0.56, depth, 0.004), steel, (0, y, bottom))
-    model.add(disc(0.04).moved(0, y, bottom + 0.005), materials.plastic(kit, materials.BLACK),
+    model.add(cylinder(0.04, 0.002), materials.plastic(kit, materials.BLACK), (0, y, bottom + 0.004),
               solid=False)  # fmt: skip
     wall = HEIGHT_M - bottom + 0.001
     for x in (-1, 1):
