@@ -57,6 +57,4 @@ def wrong_meshes(home: Home) -> list[str]:
 
 def signed_volume(vertices: np.ndarray, faces: np.ndarray) -> float:
     corners = (vertices - vertices.mean(axis=0))[faces]
-    return float(
-        np.einsum("fi,fi->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
-    )
+    return float(np.einsum("fi,fi->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6)

@@ -71,7 +71,15 @@ def test_standing_within_three_millimetres(gap, stands):
 
 @pytest.mark.parametrize(
     ("x", "stands"),
-    [(0.0, True), (0.45, True), (0.485, True), (0.495, False), (0.505, False), (0.6, False), (-0.45, True)],
+    [
+        (0.0, True),
+        (0.45, True),
+        (0.485, True),
+        (0.495, False),
+        (0.505, False),
+        (0.6, False),
+        (-0.45, True),
+    ],
 )
 def test_standing_at_the_edge_needs_middle_and_most_of_the_footprint(x, stands):
     mug = thing("Mug|1", (0.1, 0.1, 0.1), (x, 0, 0.7))

@@ -42,9 +42,7 @@ def test_closed_and_outward(name):
     mesh, volume = SHAPES[name]
     keys = np.round(mesh.vertices, 7)
     welded = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)[mesh.faces]
-    edges = Counter(
-        (int(face[k]), int(face[(k + 1) % 3])) for face in welded for k in range(3)
-    )
+    edges = Counter((int(face[k]), int(face[(k + 1) % 3])) for face in welded for k in range(3))
     assert all(edges[b, a] == count for (a, b), count in edges.items())
     assert signed_volume(mesh.vertices, mesh.faces) > 0
     if volume is not None:

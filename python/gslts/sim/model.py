@@ -27,7 +27,7 @@ class Material:
     Args:
         texture: [h,w,3] uint8, sRGB.
         size_m: Width and height of one repeat.
-        fitted: It starts where the texture coordinates of each part do, as prints for one side must.
+        fitted: It starts where the texture coordinates of each part do, as a print must.
     """
 
     texture: NDArray[np.uint8]
@@ -195,7 +195,8 @@ class Model:
     def size(self) -> Floats:
         """(3,) width, depth and height, m."""
         lower, upper = self.bounds
-        return upper - lower
+        size: Floats = upper - lower
+        return size
 
     def object(self, object_id: str, world_from_object: Floats, parent: str | None) -> HomeObject:
         """The finished thing, the middle of its bottom as its origin."""

@@ -36,7 +36,8 @@ def _stretched(values: Field, length: int) -> Field:
     t = at - low
     t = (t * t * (3 - 2 * t))[:, None]
     below = values[low]
-    return below + t * (values[(low + 1) % count] - below)
+    result: Field = below + t * (values[(low + 1) % count] - below)
+    return result
 
 
 def octaves(
@@ -58,26 +59,36 @@ def grain(rng: Rng, shape: tuple[int, int]) -> Field:
     return rng.random(shape, np.float32)
 
 
-def wave(phase: Field) -> Field:
+def wave(phase: NDArray[np.floating]) -> Field:
     """A smooth periodic wave in 0 to 1 with period 1."""
     t = np.abs(2 * (phase - np.floor(phase)) - 1)
-    return t * t * (3 - 2 * t)
+    result: Field = (t * t * (3 - 2 * t)).astype(np.float32, copy=False)
+    return result
 
 
 def contrast(field: Field, factor: float) -> Field:
     """Noise spread about its middle and clipped to 0 to 1."""
-    return np.clip((field - 0.5) * np.float32(factor) + 0.5, 0, 1)
+    result: Field = np.clip((field - 0.5) * np.float32(factor) + 0.5, 0, 1)
+    return result
 
 
 def blend(low: ArrayLike, high: ArrayLike, t: Field) -> Image:
     """Between two colours or images, by a field [h,w] in 0 to 1."""
     start, end = np.asarray(low, np.float32), np.asarray(high, np.float32)
-    return start + (end - start) * t[:, :, None]
+    result: Image = start + (end - start) * t[:, :, None].astype(np.float32, copy=False)
+    return result
 
 
 def shaded(image: Image, field: Field, amount: float) -> Image:
     """An image made brighter where the field is above 0.5 and darker where it is below."""
-    return image * (1 + np.float32(2 * amount) * (field - 0.5))[:, :, None]
+    result: Image = image * (1 + np.float32(2 * amount) * (field - 0.5))[:, :, None]
+    return result
+
+
+def tinted(colour: Colour, factor: float, offset: float = 0.0) -> Colour:
+    """A colour times a factor plus an offset, at most 1."""
+    red, green, blue = (min(1.0, channel * factor + offset) for channel in colour)
+    return red, green, blue
 
 
 def coordinates(shape: tuple[int, int]) -> tuple[Field, Field]:

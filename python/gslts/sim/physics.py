@@ -143,9 +143,7 @@ def colliding_pairs(
     return pairs[depth > contact_m]
 
 
-def collides(
-    first: OrientedBoxes, second: OrientedBoxes, contact_m: float = CONTACT_M
-) -> bool:
+def collides(first: OrientedBoxes, second: OrientedBoxes, contact_m: float = CONTACT_M) -> bool:
     """Whether any box of one set overlaps any of the other by more than `contact_m`."""
     return len(colliding_pairs(first, second, contact_m)) > 0
 
@@ -207,9 +205,9 @@ def carried_share(boxes: Floats, places: Floats, parent: OrientedBoxes) -> Float
     points = footprint(boxes) @ places[:, :3, :3].transpose(0, 2, 1) + places[:, None, :3, 3]
     offsets = points[None, :, :, :2] - level.centers[:, None, None, :2]
     local = offsets @ level.axes[:, None, :2, :2]
-    inside = (np.abs(local) <= level.halves[:, None, None, :2] + 1e-6).all(axis=3)
+    inside = np.all(np.abs(local) <= level.halves[:, None, None, :2] + 1e-6, axis=3)
     inside &= (np.abs(points[None, :, 0, 2] - tops[:, None]) <= SUPPORT_M)[:, :, None]
-    carried = inside.any(axis=0)
+    carried = np.any(inside, axis=0)
     shares: Floats = carried[:, 1:].mean(axis=1) * carried[:, 0]
     return shares
 

@@ -5,6 +5,8 @@ Each function draws an image [h,w,3] from a random stream and a shape (h, w) in 
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from gslts.sim.lettering import write, write_lines
@@ -22,6 +24,7 @@ from gslts.sim.noise import (
     plain,
     shaded,
     spot,
+    tinted,
     wave,
 )
 
@@ -76,7 +79,7 @@ def book_spines(rng: Rng, shape: Shape, count: int) -> Image:
     image = plain(shape, BLACK)
     edges = np.concatenate([[0], np.cumsum(rng.uniform(0.6, 1.4, count))])
     edges /= edges[-1]
-    for left, right in zip(edges[:-1], edges[1:], strict=True):
+    for left, right in pairwise(edges):
         colour, second = ink(rng), PAPER if rng.random() < 0.6 else ink(rng)
         fill(image, (left, 0, right, 1), colour)
         for at in rng.choice([0.08, 0.16, 0.78, 0.86, 0.92], 2, replace=False):
@@ -113,14 +116,21 @@ def package(rng: Rng, shape: Shape, name: str, colour: Colour) -> Image:
 
 def landscape(rng: Rng, shape: Shape) -> Image:
     """Hills one behind the other under a sky with a sun."""
-    down, across = coordinates(shape)
-    sky, haze = ((0.45, 0.66, 0.88), (0.97, 0.86, 0.7)) if rng.random() < 0.6 else (
-        (0.35, 0.3, 0.5), (0.97, 0.6, 0.4))  # fmt: skip
+    down, _ = coordinates(shape)
+    sky, haze = (
+        ((0.45, 0.66, 0.88), (0.97, 0.86, 0.7))
+        if rng.random() < 0.6
+        else ((0.35, 0.3, 0.5), (0.97, 0.6, 0.4))
+    )
     clouds = contrast(octaves(rng, shape, (4, 2), 4), 2.2)
     image = blend(sky, haze, np.broadcast_to(np.clip(down * 1.6, 0, 1), shape))
     image = blend(image, (1, 0.98, 0.95), 0.6 * clouds * np.clip(1 - 1.6 * down, 0, 1))
     spot(image, (rng.uniform(0.2, 0.8), rng.uniform(0.15, 0.3)), (0.06, 0.08), (1, 0.95, 0.75))
-    near = np.array([(0.16, 0.4, 0.12), (0.62, 0.44, 0.12), (0.1, 0.36, 0.3), (0.5, 0.22, 0.14)][rng.integers(4)])
+    near = np.array(
+        [(0.16, 0.4, 0.12), (0.62, 0.44, 0.12), (0.1, 0.36, 0.3), (0.5, 0.22, 0.14)][
+            rng.integers(4)
+        ]
+    )
     for k in range(5):
         ridge = 0.4 + 0.12 * k + 0.16 * (octaves(rng, (8, shape[1]), (1, 3 + k), 4)[0] - 0.5)
         below = down > ridge[None, :]
@@ -128,7 +138,6 @@ def landscape(rng: Rng, shape: Shape) -> Image:
         hill = plain(shape, tuple(np.array([0.55, 0.66, 0.76]) * (1 - t) + near * t))
         hill = shaded(hill, octaves(rng, shape, (24, 12), 3), 0.35)
         image = np.where(below[:, :, None], hill, image)
-    del across
     return shaded(image, lattice(rng, shape, (shape[0] // 3, shape[1] // 3)), 0.12)
 
 
@@ -152,9 +161,10 @@ def still_life(rng: Rng, shape: Shape) -> Image:
     """A vase with flowers on a table."""
     down, _ = coordinates(shape)
     wall, cloth = ink(rng), ink(rng)
-    image = shaded(plain(shape, tuple(0.5 + 0.4 * c for c in wall)),
-                   octaves(rng, shape, (6, 6), 4), 0.3)  # fmt: skip
-    image = np.where((down > 0.72)[:, :, None], np.float32(cloth), image).astype(np.float32)
+    image = shaded(plain(shape, tinted(wall, 0.4, 0.5)), octaves(rng, shape, (6, 6), 4), 0.3)
+    image = np.where((down > 0.72)[:, :, None], np.array(cloth, np.float32), image).astype(
+        np.float32
+    )
     spot(image, (0.5, 0.7), (0.14, 0.17), ink(rng))
     fill(image, (0.44, 0.48, 0.56, 0.6), (0.3, 0.4, 0.3))
     for _ in range(26):
@@ -171,7 +181,7 @@ def picture(rng: Rng, shape: Shape) -> Image:
 
 def outdoors(rng: Rng, shape: Shape) -> Image:
     """What a window shows: sky, houses, trees and a lawn."""
-    down, across = coordinates(shape)
+    down, _ = coordinates(shape)
     clouds = contrast(octaves(rng, shape, (5, 2), 4), 2.5)
     image = blend((0.55, 0.76, 0.97), (1, 1, 1), clouds * np.clip(1.3 - 1.5 * down, 0, 1))
     for _ in range(3):
@@ -190,9 +200,9 @@ def outdoors(rng: Rng, shape: Shape) -> Image:
         spot(image, at, (radius, radius * 0.9), (0.3 * green, 0.52 * green, 0.24 * green))
     lawn = blend((0.36, 0.56, 0.28), (0.52, 0.7, 0.38), octaves(rng, shape, (32, 16), 3))
     image = np.where((down > 0.76)[:, :, None], lawn, image)
-    del across
     image = shaded(image, octaves(rng, shape, (48, 48), 2), 0.16)
-    return np.minimum(image * 1.08 + 0.04, 1).astype(np.float32)
+    result: Image = np.minimum(image * np.float32(1.08) + np.float32(0.04), 1)
+    return result
 
 
 def desktop(rng: Rng, shape: Shape) -> Image:
@@ -229,7 +239,7 @@ def keyboard(rng: Rng, shape: Shape, body: Colour) -> Image:
             width = 0.058 if row < 4 or not 3 <= column <= 7 else 0.068
             fill(image, (x, y, x + width, y + 0.085), (0.13, 0.13, 0.15))
             fill(image, (x + 0.018, y + 0.03, x + 0.034, y + 0.055), (0.75, 0.75, 0.78))
-    fill(image, (0.34, 0.64, 0.68, 0.94), tuple(0.85 * c for c in body))
+    fill(image, (0.34, 0.64, 0.68, 0.94), tinted(body, 0.85))
     return image
 
 
@@ -243,7 +253,9 @@ def remote(rng: Rng, shape: Shape) -> Image:
             spot(image, at, (0.09, 0.022), (0.72, 0.72, 0.75))
     spot(image, (0.5, 0.66), (0.34, 0.095), (0.55, 0.55, 0.58))
     spot(image, (0.5, 0.66), (0.15, 0.042), (0.2, 0.2, 0.22))
-    for k, colour in enumerate(((0.8, 0.2, 0.2), (0.2, 0.6, 0.3), (0.9, 0.75, 0.2), (0.2, 0.4, 0.8))):
+    for k, colour in enumerate(
+        ((0.8, 0.2, 0.2), (0.2, 0.6, 0.3), (0.9, 0.75, 0.2), (0.2, 0.4, 0.8))
+    ):
         fill(image, (0.14 + 0.19 * k, 0.8, 0.28 + 0.19 * k, 0.83), colour)
     write(image, "TV", (0.3, 0.88, 0.7, 0.96), PAPER)
     return image
@@ -340,7 +352,7 @@ def reflection(rng: Rng, shape: Shape, wall: Colour) -> Image:
     """What a mirror shows: a wall, a bright window and a floor, out of focus."""
     down, _ = coordinates(shape)
     image = shaded(plain(shape, wall), octaves(rng, shape, (3, 3), 3), 0.3)
-    image = np.where((down > 0.8)[:, :, None], np.float32((0.5, 0.4, 0.3)), image)
+    image = np.where((down > 0.8)[:, :, None], np.array((0.5, 0.4, 0.3), np.float32), image)
     spot(image, (0.35, 0.35), (0.2, 0.2), (0.96, 0.98, 1.0))
     spot(image, (0.75, 0.66), (0.2, 0.14), ink(rng))
     return shaded(image.astype(np.float32), octaves(rng, shape, (24, 24), 2), 0.06)

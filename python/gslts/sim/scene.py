@@ -72,7 +72,7 @@ class Side:
 
 
 def sides(width: float, depth: float) -> tuple[Side, ...]:
-    """The four walls of a room: north (y = depth), east, south and west; 0 and 2 face each other."""
+    """The walls of a room: north (y = depth), east, south and west, as many as 0 to 3."""
     quarter = np.pi / 2
     return (
         Side(np.array([0, depth]), np.array([1.0, 0]), np.array([0, -1.0]), width, 0.0),
@@ -113,14 +113,13 @@ class Scene:
         self.sides = sides(size[0], size[1])
         self.objects: list[HomeObject] = []
         self.lights: list[AreaLight] = []
-        self._boxes: list[OrientedBoxes] = []
-        self._joined: OrientedBoxes | None = None
+        self._obstacles = OrientedBoxes.joined([])
         self._kept_free: list[OrientedBoxes] = []
         self._openings: list[OrientedBoxes] = []
 
     # What is there.
 
-    def build(self, builder: Builder, *args: float) -> HomeObject:
+    def build(self, builder: Builder, *args: float | str) -> HomeObject:
         """A thing in its own frame, not yet placed; its id is its type."""
         model = builder(self.kit, *args)
         return model.object(model.type, np.eye(4), None)
@@ -128,48 +127,38 @@ class Scene:
     def add(self, thing: HomeObject, at: Floats, parent: str | None) -> HomeObject:
         """Puts a thing somewhere, unchecked, and numbers it."""
         number = 1 + sum(other.type == thing.type for other in self.objects)
-        placed = replace(
-            thing, id=f"{thing.type}|{number}", world_from_object=at, parent=parent
-        )
+        placed = replace(thing, id=f"{thing.type}|{number}", world_from_object=at, parent=parent)
         self.objects.append(placed)
-        self._boxes.append(boxes_in_world(placed))
-        self._joined = None
+        self._obstacles = OrientedBoxes.joined([self._obstacles, boxes_in_world(placed)])
         return placed
-
-    @property
-    def _obstacles(self) -> OrientedBoxes:
-        """The boxes of all that is there."""
-        if self._joined is None:
-            self._joined = OrientedBoxes.joined(self._boxes)
-        return self._joined
 
     def undo(self, count: int) -> None:
         """Takes back what was added last."""
+        boxes = sum(len(thing.boxes) for thing in self.objects[-count:])
         del self.objects[-count:]
-        del self._boxes[-count:]
-        self._joined = None
+        self._obstacles = self._obstacles[: len(self._obstacles) - boxes]
 
     def fits(
-        self, thing: HomeObject, at: Floats, *, on_floor: bool = False, in_the_way: bool = False
+        self, boxes: Floats, at: Floats, *, on_floor: bool = False, in_the_way: bool = False
     ) -> bool:
         """Whether a place is free.
 
         Args:
-            thing: What is to stand or hang there.
+            boxes: [B,2,3] of what is to stand or hang there, in its own frame, m.
             at: Its `world_from_object`.
             on_floor: It must be inside the room and off what is kept free.
             in_the_way: It may stand where the floor is kept free, as chairs do.
         """
-        boxes = OrientedBoxes.of(thing.boxes, at)
-        if collides(boxes, self._obstacles):
+        oriented = OrientedBoxes.of(boxes, at)
+        if collides(oriented, self._obstacles):
             return False
         if not on_floor:
             return True
-        low, high = boxes.bounds
+        low, high = oriented.bounds
         inside = (low[:, :2] > 0).all() and (high[:, :2] < self.size[:2]).all()
         if in_the_way or not inside:
             return bool(inside)
-        return not any(collides(boxes, kept) for kept in self._kept_free)
+        return not any(collides(oriented, kept) for kept in self._kept_free)
 
     def keep_free(self, x: Span, y: Span) -> None:
         """Keeps furniture off a part of the floor (m)."""
@@ -231,7 +220,7 @@ class Scene:
         side = self.sides[number]
         at = self._at(side, along, thing.box_in_world[1, 1] - into_m, z)
         around = np.array([[-margin, 0, -margin], [margin, 0, margin]])
-        if not self.fits(replace(thing, boxes=thing.boxes + around), at):
+        if not self.fits(thing.boxes + around, at):
             return None
         if into_m == 0 and not before_opening:
             boxes = OrientedBoxes.of(thing.boxes, at)
@@ -264,7 +253,7 @@ class Scene:
             return None
         out = half_depth + gap + 0.013
         at = self._at(side, along, out, 0.0)
-        if not self.fits(thing, at, on_floor=True):
+        if not self.fits(thing.boxes, at, on_floor=True):
             return None
         if front > 0:
             span = (along - half_width, along + half_width)
@@ -313,7 +302,8 @@ class Scene:
             in_the_way: It may stand where the floor is kept free, as chairs do.
         """
         at = pose(x, y, self._top(parent), yaw_rad)
-        fits = self.fits(thing, at, on_floor=True, in_the_way=in_the_way or parent != "Floor|1")
+        in_the_way = in_the_way or parent != "Floor|1"
+        fits = self.fits(thing.boxes, at, on_floor=True, in_the_way=in_the_way)
         return self.add(thing, at, parent) if fits else None
 
     def _top(self, object_id: str) -> float:
@@ -361,8 +351,12 @@ class Scene:
             local[:, :2] = top[:, :2].mean(axis=0) + room * shares
             local[:, 2] = top[1, 2]
             points = local @ parent.world_from_object[:3].T
+            facings = (angles + yaw).tolist()
             places = np.stack(
-                [pose(*point, yaw + angle) for point, angle in zip(points, angles, strict=True)]
+                [
+                    pose(px, py, pz, facing)
+                    for (px, py, pz), facing in zip(points.tolist(), facings, strict=True)
+                ]
             )
             good = carried_share(thing.boxes, places, carriers) >= CARRIED_SHARE
             if good.any():

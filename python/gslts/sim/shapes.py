@@ -35,7 +35,7 @@ class Mesh:
 
     def moved(self, x: float = 0, y: float = 0, z: float = 0) -> Mesh:
         """The mesh, shifted (m)."""
-        return Mesh(self.vertices + (x, y, z), self.faces, self.uvs_m)
+        return Mesh(self.vertices + np.array([x, y, z]), self.faces, self.uvs_m)
 
     def turned(self, axis: str, angle_rad: float) -> Mesh:
         """The mesh, turned about the x, y or z axis through its origin."""
@@ -52,7 +52,7 @@ class Mesh:
 
     def textured_from(self, u_m: float, v_m: float) -> Mesh:
         """The mesh, its texture starting elsewhere."""
-        return Mesh(self.vertices, self.faces, self.uvs_m + (u_m, v_m))
+        return Mesh(self.vertices, self.faces, self.uvs_m + np.array([u_m, v_m]))
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
@@ -117,10 +117,14 @@ def _cross(first: Floats, second: Floats) -> Floats:
 
 
 @cache
-def _unit_box() -> tuple[Floats, Ints]:
+def _unit_box(along: int | None) -> tuple[Floats, Ints, Floats, NDArray[np.intp]]:
+    """A box of size 1, its texture coordinates [12,3,2], and the axis [12,2] that each follows."""
     vertices = np.array([[x, y, z] for z in (0, 1) for y in (-0.5, 0.5) for x in (-0.5, 0.5)])
     quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
-    return vertices, _split(np.array(quads))
+    mesh = _projected(vertices, _split(np.array(quads)), along)
+    # In a box of sizes 1, 2 and 3 each coordinate tells which axis it follows.
+    longer = _projected(vertices * (1, 2, 3), mesh.faces, along)
+    return vertices, mesh.faces, mesh.uvs_m, longer.uvs_m.max(axis=1).round().astype(int) - 1
 
 
 def _split(quads: ArrayLike) -> Ints:
@@ -131,9 +135,9 @@ def _split(quads: ArrayLike) -> Ints:
 
 def box(width: float, depth: float, height: float, *, upright: bool = False) -> Mesh:
     """A box, m; its grain runs along the longest edge unless prints must stay upright."""
-    vertices, faces = _unit_box()
     size = np.array([width, depth, height])
-    return _projected(vertices * size, faces, None if upright else int(size.argmax()))
+    vertices, faces, uvs, axes = _unit_box(None if upright else int(size.argmax()))
+    return Mesh(vertices * size, faces, uvs * size[axes][:, None, :])
 
 
 def cushion(
@@ -153,12 +157,13 @@ def cushion(
     radius = min(radius, float(half.min()) * 0.999)
     # tan spreads the facets evenly over the angle.
     edge = radius * np.tan(np.linspace(0, np.pi / 4, steps + 1))
-    vertices, quads = [], []
+    vertices: list[Floats] = []
+    quads: list[Ints] = []
     for axis in range(3):
         first, second = (axis + 1) % 3, (axis + 2) % 3
         u, v = (_spaced(half[k] - radius, edge, 7 if puff else 2) for k in (first, second))
         for sign in (-1.0, 1.0):
-            start = sum(len(block) for block in vertices)
+            start = np.int32(sum(len(points) for points in vertices))
             block = np.empty((len(u), len(v), 3))
             block[:, :, axis] = sign * half[axis]
             block[:, :, first], block[:, :, second] = u[:, None], v[None, :]
@@ -209,9 +214,7 @@ def lathe(profile: ArrayLike, segments: int = 32) -> Mesh:
     ring = np.arange(len(points) - 1)[None, :]
     here, there = rows * len(points) + ring, (rows + 1) % segments * len(points) + ring
     quads = np.stack([here, there, there + 1, here + 1], axis=2).reshape(-1, 4)
-    lengths = np.concatenate(
-        [[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))]
-    )
+    lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     around = np.linspace(0, 2 * np.pi * points[:, 0].max(), segments + 1)
     v = lengths[-1] - lengths
     left, right = np.broadcast_arrays(around[:-1, None], v[:-1])[0], around[1:, None]
@@ -309,7 +312,7 @@ def sheet(front: ArrayLike, thickness: float, height: float) -> Mesh:
     line = np.asarray(front, np.float64)
     count = len(line)
     lengths = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    back = line + (0.0, thickness)
+    back = line + np.array([0.0, thickness])
     vertices = np.zeros((4, count, 3))
     for row, (curve, z) in enumerate([(line, 0), (line, height), (back, height), (back, 0)]):
         vertices[row, :, :2], vertices[row, :, 2] = curve, z
@@ -361,8 +364,8 @@ def leaf(length: float, width: float, bend_rad: float, thickness: float = 0.002)
     half[-1] = 0.001
     spine = np.stack([x, np.zeros(6), z], axis=1)
     left, right = spine + half[:, None] * (0, 1, 0), spine - half[:, None] * (0, 1, 0)
-    under = spine - (0, 0, thickness)
-    grid = np.stack([right, spine + (0, 0, thickness), left, under], axis=1)
+    rib = np.array([0, 0, thickness])
+    grid = np.stack([right, spine + rib, left, spine - rib], axis=1)
     ring = np.arange(5)[:, None] * 4
     index, following = np.arange(4)[None, :], (np.arange(4)[None, :] + 1) % 4
     quads = np.stack([ring + index, ring + 4 + index, ring + 4 + following, ring + following], 2)

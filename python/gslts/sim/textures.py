@@ -6,7 +6,10 @@ along the grain.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
+from numpy.typing import NDArray
 
 from gslts.sim.noise import (
     Colour,
@@ -20,6 +23,7 @@ from gslts.sim.noise import (
     octaves,
     plain,
     shaded,
+    tinted,
     wave,
 )
 
@@ -48,9 +52,8 @@ def planks(rng: Rng, shape: Shape, dark: Colour, light: Colour, rows: int = 8) -
     """A floor of boards, two a row, each cut from another place of the wood."""
     h, w = shape
     image = wood(rng, shape, dark, light)
-    fill = 1 / rows
-    edges = np.round(np.arange(rows + 1) * fill * h).astype(int)
-    for top, bottom in zip(edges[:-1], edges[1:], strict=True):
+    edges = np.round(np.arange(rows + 1) * h / rows).astype(int)
+    for top, bottom in pairwise(edges):
         source = int(rng.integers(0, h - (bottom - top) + 1))
         row = np.roll(image[source : source + bottom - top], int(rng.integers(w)), axis=1)
         first, length = int(rng.integers(w)), w // 2 + int(rng.integers(-w // 8, w // 8 + 1))
@@ -77,7 +80,7 @@ def herringbone(rng: Rng, shape: Shape, dark: Colour, light: Colour) -> Image:
     start = np.where(level, column - phase, row - (9 - phase))
     block = np.where(level, row * 31 + start * 7, column * 17 + start * 13 + 5) % 97
     tones = rng.uniform(0.8, 1.12, 97).astype(np.float32)
-    image = np.where(level[:, :, None], along_u, along_v) * tones[block][:, :, None]
+    image: Image = np.where(level[:, :, None], along_u, along_v) * tones[block][:, :, None]
     inner_row, inner_column = np.arange(h)[:, None] % unit, np.arange(w)[None, :] % unit
     line = max(1, unit // 24)
     joint = np.where(
@@ -148,6 +151,7 @@ def wallpaper(rng: Rng, shape: Shape, colour: Colour, ink: Colour, motif: int) -
     """Printed paper; motif 0 is stripes, 1 sprigs, 2 lattice and 3 medallions."""
     down, across = coordinates(shape)
     v, u = np.broadcast_arrays(down, across)
+    mask: NDArray[np.floating]
     if motif == 0:
         mask = (wave(u * 8) > 0.5) * 0.75 + (wave(u * 8 + 0.5) > 0.93) * 0.9
     elif motif == 1:
@@ -191,7 +195,7 @@ def patterned(
     """Cloth; motif 0 is stripes, 1 plaid, 2 dots, 3 zigzag, 4 flowers and 5 leaves in rows."""
     down, across = coordinates(shape)
     v, u = np.broadcast_arrays(down, across)
-    ground = woven(rng, shape, colour, tuple(0.9 * c for c in colour), 96)
+    ground = woven(rng, shape, colour, tinted(colour, 0.9), 96)
     if motif == 0:
         first, other = wave(u * 6) > 0.6, wave(u * 6 + 0.5) > 0.92
     elif motif == 1:

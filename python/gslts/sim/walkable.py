@@ -143,7 +143,5 @@ def _dilated(mask: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
     for dy in range(-reach, reach + 1):
         for dx in range(-reach, reach + 1):
             if dy * dy + dx * dx <= radius * radius:
-                result |= padded[
-                    reach + dy : reach + dy + height, reach + dx : reach + dx + width
-                ]
+                result |= padded[reach + dy : reach + dy + height, reach + dx : reach + dx + width]
     return result

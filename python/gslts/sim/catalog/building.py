@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from gslts.sim import prints, textures
 from gslts.sim.catalog import materials
 from gslts.sim.catalog.parts import frame, knob
 from gslts.sim.model import Kit, Material, Model
+from gslts.sim.noise import tinted
 from gslts.sim.shapes import box, cylinder, lathe
 
 THICKNESS_M = 0.12
@@ -35,7 +37,7 @@ def floor_material(kit: Kit, room_type: str) -> Material:
             return kit.material(
                 textures.tiles, 1.2, 768, light[1], (0.34, 0.36, 0.38), (4, 4), checkered=True
             )
-        second = tuple(0.86 * c for c in light[style.motif])
+        second = tinted(light[style.motif], 0.86)
         return kit.material(textures.tiles, 1.2, 768, light[style.motif], second, (3, 3))
     if style.motif % 3 == 2:
         return kit.material(textures.herringbone, 1.2, 800, *style.floor_wood)
@@ -78,7 +80,7 @@ def wall(kit: Kit, length: float, height: float, openings: list[Opening], *, acc
     material = replace(accent_material(kit) if accent else wall_material(kit), fitted=True)
     skirting = materials.painted(kit, materials.WHITE)
     xs = sorted({0.0, length, *(x for o in openings for x in (o.left, o.right))})
-    for left, right in zip(xs[:-1], xs[1:], strict=True):
+    for left, right in pairwise(xs):
         holes = sorted((o.bottom, o.top) for o in openings if o.left < right and o.right > left)
         z = 0.0
         for bottom, top in [*holes, (height, height)]:
@@ -144,7 +146,10 @@ def door(kit: Kit) -> Model:
 def light_switch(kit: Kit) -> Model:
     """A switch beside a door."""
     model = Model("LightSwitch")
-    white, ivory = materials.plastic(kit, materials.WHITE), materials.plastic(kit, (0.8, 0.78, 0.72))
+    white, ivory = (
+        materials.plastic(kit, materials.WHITE),
+        materials.plastic(kit, (0.8, 0.78, 0.72)),
+    )
     model.add(box(0.085, 0.01, 0.085), white)
     model.add(box(0.05, 0.006, 0.05), ivory, (0, -0.007, 0.0175), solid=False)
     return model
@@ -154,8 +159,10 @@ def ceiling_lamp(kit: Kit, side: float) -> Model:
     """A flat square lamp."""
     model = Model("CeilingLamp")
     glass = materials.fleck(kit, (0.98, 0.96, 0.9), (0.9, 0.86, 0.76), 0.25)
-    model.add(frame(side, side, 0.03, 0.06).turned("x", np.pi / 2).moved(0, side / 2, 0.03),
-              materials.metal(kit))  # fmt: skip
+    model.add(
+        frame(side, side, 0.03, 0.06).turned("x", np.pi / 2).moved(0, side / 2, 0.03),
+        materials.metal(kit),
+    )
     model.add(box(side - 0.06, side - 0.06, 0.045), glass, (0, 0, 0.012))
     return model
 

@@ -25,8 +25,19 @@ def vase(kit: Kit) -> Model:
     """A vase with a few stems."""
     model = Model("Vase", movable=True)
     height = float(kit.rng.uniform(0.16, 0.26))
-    profile = np.array([(0, 0), (0.3, 0), (0.45, 0.3), (0.4, 0.6), (0.2, 0.85), (0.28, 1.0),
-                        (0.25, 1.0), (0.17, 0.85), (0, 0.8)]) * (height * 0.55, height)  # fmt: skip
+    profile = np.array(
+        [
+            (0, 0),
+            (0.3, 0),
+            (0.45, 0.3),
+            (0.4, 0.6),
+            (0.2, 0.85),
+            (0.28, 1.0),
+            (0.25, 1.0),
+            (0.17, 0.85),
+            (0, 0.8),
+        ]
+    ) * (height * 0.55, height)
     length = float(np.linalg.norm(np.diff(profile, axis=0), axis=1).sum())
     around = 2 * np.pi * float(profile[:, 0].max())
     glaze = kit.printed(
@@ -55,22 +66,32 @@ def house_plant(kit: Kit, height: float = 0.0) -> Model:
     soil = materials.fleck(kit, (0.2, 0.14, 0.1), (0.36, 0.27, 0.2), 0.5)
     green = kit.material(textures.streaked, 0.12, 192, (0.14, 0.34, 0.14), (0.4, 0.58, 0.28))
     rim = pot * 1.6
-    profile = [(0, 0), (pot * 0.7, 0), (pot, rim), (pot * 0.9, rim), (pot * 0.85, rim - 0.02),
-               (0, rim - 0.02)]  # fmt: skip
+    profile = [
+        (0, 0),
+        (pot * 0.7, 0),
+        (pot, rim),
+        (pot * 0.9, rim),
+        (pot * 0.85, rim - 0.02),
+        (0, rim - 0.02),
+    ]
     model.add(lathe(profile, 26), clay)
     model.add(cylinder(pot * 0.86, 0.01, n=20), soil, (0, 0, rim - 0.028), solid=False)
     count = 22 if height > 0.5 else 12
+    blades = []
     for k in range(count):
         angle = 2.4 * k + float(kit.rng.uniform(-0.3, 0.3))
         share = (k + 1) / count
         z = rim + (height - rim) * share * 0.85
         length = (height - rim) * (0.55 if height > 0.5 else 0.6) * (1.15 - 0.5 * share)
-        blade = leaf(length, length * 0.42, 1.5 - 0.5 * share).turned("y", -1.15 + 0.3 * (1 - share))
-        model.add(blade.turned("z", angle), green, (0, 0, z - 0.04), solid=False)
+        blade = leaf(length, length * 0.42, 1.5 - 0.5 * share).turned("y", -0.85 - 0.3 * share)
+        blades.append(blade.turned("z", angle).moved(z=z - 0.04))
+    foliage = joined(blades)
+    model.add(foliage, green, solid=False)
     stem = tube([(0, 0, rim - 0.02), (0.01, 0, height * 0.85)], 0.006 + 0.004 * (height > 0.5), 8)
     model.add(stem, green, solid=False)
-    spread = (height - rim) * 0.42
-    model.fills((-spread, -spread, rim), (spread, spread, height))
+    # Tips of leaves may touch what stands beside.
+    lower, upper = foliage.vertices.min(axis=0) * 0.85, foliage.vertices.max(axis=0) * 0.85
+    model.fills((*lower[:2], rim), (*upper[:2], float(foliage.vertices[:, 2].max())))
     return model
 
 
@@ -119,8 +140,11 @@ def curtains(kit: Kit, width: float, side: float, height: float) -> Model:
     for at in (-width / 2, width / 2 - side):
         model.add(sheet(folds, 0.006, height), cloth, (at, -0.04, 0))
     metal = materials.metal(kit, materials.BRASS)
-    rod = tube([(-width / 2 - 0.06, -0.037, height + 0.01), (width / 2 + 0.06, -0.037, height + 0.01)],
-               0.012, 10)  # fmt: skip
+    rod = tube(
+        [(-width / 2 - 0.06, -0.037, height + 0.01), (width / 2 + 0.06, -0.037, height + 0.01)],
+        0.012,
+        10,
+    )
     model.add(rod, metal)
     for at in (-width / 2 - 0.04, width / 2 + 0.04):
         model.add(box(0.02, 0.06, 0.02), metal, (at, -0.005, height))
@@ -130,13 +154,19 @@ def curtains(kit: Kit, width: float, side: float, height: float) -> Model:
 def candle(kit: Kit) -> Model:
     """A candle on a dish."""
     model = Model("Candle", movable=True)
-    model.add(lathe([(0, 0), (0.05, 0), (0.055, 0.012), (0, 0.008)], 20),
-              materials.metal(kit, materials.BRASS))  # fmt: skip
+    model.add(
+        lathe([(0, 0), (0.05, 0), (0.055, 0.012), (0, 0.008)], 20),
+        materials.metal(kit, materials.BRASS),
+    )
     wax = materials.fleck(kit, prints.ink(kit.rng), (0.95, 0.9, 0.8), 0.25)
     tall = float(kit.rng.uniform(0.08, 0.16))
     model.add(cylinder(0.026, tall, n=20), wax, (0, 0, 0.008))
-    model.add(cylinder(0.002, 0.012, n=6), materials.plastic(kit, materials.BLACK),
-              (0, 0, tall + 0.008), solid=False)  # fmt: skip
+    model.add(
+        cylinder(0.002, 0.012, n=6),
+        materials.plastic(kit, materials.BLACK),
+        (0, 0, tall + 0.008),
+        solid=False,
+    )
     return model
 
 
@@ -147,8 +177,18 @@ def statue(kit: Kit) -> Model:
         textures.stone, 0.2, 256, (0.82, 0.8, 0.76), (0.45, 0.43, 0.42), veined=True
     )
     model.add(box(0.09, 0.09, 0.03), marble)
-    profile = [(0, 0.03), (0.035, 0.03), (0.028, 0.08), (0.045, 0.14), (0.04, 0.18), (0.018, 0.2),
-               (0.016, 0.215), (0.03, 0.24), (0.022, 0.27), (0, 0.28)]  # fmt: skip
+    profile = [
+        (0, 0.03),
+        (0.035, 0.03),
+        (0.028, 0.08),
+        (0.045, 0.14),
+        (0.04, 0.18),
+        (0.018, 0.2),
+        (0.016, 0.215),
+        (0.03, 0.24),
+        (0.022, 0.27),
+        (0, 0.28),
+    ]
     model.add(lathe(profile, 22), marble)
     return model
 
@@ -181,10 +221,11 @@ def basket_ball(kit: Kit) -> Model:
     side = 0.24
     model.add(ellipsoid(side, side, side, 28), skin)
     angles = np.linspace(0, 2 * np.pi, 25)
-    ring = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1) * (side / 2 - 0.001)
+    # The seams stand out by half a millimetre, but not below.
+    ring = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1) * (side / 2 - 0.0025)
     seam = tube(ring, 0.003, 6)
     for mesh in (seam, seam.turned("x", np.pi / 2), seam.turned("y", np.pi / 2)):
-        model.add(mesh, dark, (0, 0, side / 2), solid=False)
+        model.add(mesh, dark, (0, 0, side / 2 + 0.0005))
     return model
 
 
@@ -210,7 +251,9 @@ def watering_can(kit: Kit) -> Model:
     tin = materials.fleck(kit, kit.style.second_accent, (0.9, 0.9, 0.85), 0.1)
     model.add(lathe([(0, 0), (0.08, 0), (0.08, 0.14), (0.07, 0.15), (0, 0.145)], 24), tin)
     model.add(tube([(0.07, 0, 0.05), (0.15, 0, 0.13), (0.19, 0, 0.17)], 0.012, 10), tin)
-    model.add(cylinder(0.014, 0.03, 0.03, n=14).turned("y", 0.9), tin, (0.185, 0, 0.165), solid=False)
+    model.add(
+        cylinder(0.014, 0.03, 0.03, n=14).turned("y", 0.9), tin, (0.185, 0, 0.165), solid=False
+    )
     handle = ring_handle(0.06, 0.007, 0.06).turned("y", -np.pi / 2)
     model.add(handle, tin, (0, 0, 0.14), solid=False)
     model.fills((-0.06, -0.008, 0.14), (0.06, 0.008, 0.21))

@@ -75,15 +75,13 @@ def alarm_clock(kit: Kit) -> Model:
     body = cylinder(0.055, 0.045, n=28).turned("x", np.pi / 2).moved(0, 0.0225, 0.068)
     model.add(body, case)
     dial = kit.printed(prints.clock_face, (0.1, 0.1), 128)
-    face = cylinder(0.05, 0.002, n=28).turned("x", np.pi / 2).moved(0, -0.0225, 0.068)
-    model.add(face, dial, solid=False)
+    glass = cylinder(0.05, 0.002, n=28).turned("x", np.pi / 2).moved(0, -0.0225, 0.068)
+    model.add(glass, dial, solid=False)
     brass = materials.metal(kit, materials.BRASS)
     for x in (-0.035, 0.035):
-        model.add(lathe([(0, 0), (0.026, 0), (0.02, 0.018), (0, 0.024)], 16), brass,
-                  (x, 0, 0.118))  # fmt: skip
+        model.add(lathe([(0, 0), (0.026, 0), (0.02, 0.018), (0, 0.024)], 16), brass, (x, 0, 0.118))
         model.add(tube([(x, 0, 0), (x * 0.7, 0, 0.03)], 0.005, 8), brass)
-    model.add(joined([ring_handle(0.02, 0.003, 0.02).turned("y", -np.pi / 2)]), brass,
-              (0, 0, 0.13))  # fmt: skip
+    model.add(joined([ring_handle(0.02, 0.003, 0.02).turned("y", -np.pi / 2)]), brass, (0, 0, 0.13))
     return model
 
 
@@ -129,10 +127,15 @@ def coffee_machine(kit: Kit) -> Model:
     model.add(cushion(0.2, 0.25, 0.1, 0.02), case, (0, 0.005, 0.25))
     jug = [(0, 0.03), (0.06, 0.03), (0.072, 0.08), (0.055, 0.16), (0.045, 0.175), (0, 0.175)]
     model.add(lathe(jug, 24), materials.plastic(kit, (0.2, 0.12, 0.08)), (0, -0.045, 0))
-    model.add(ring_handle(0.045, 0.007, 0.04).turned("z", -np.pi / 2), steel, (0, -0.11, 0.1),
-              solid=False)  # fmt: skip
-    model.add(box(0.16, 0.002, 0.05, upright=True), kit.printed(prints.digits, (0.16, 0.05), 96,
-              (0.4, 0.85, 0.95)), (0, -0.121, 0.275), solid=False)  # fmt: skip
+    model.add(
+        ring_handle(0.045, 0.007, 0.04).turned("z", -np.pi / 2), steel, (0, -0.11, 0.1), solid=False
+    )
+    model.add(
+        box(0.16, 0.002, 0.05, upright=True),
+        kit.printed(prints.digits, (0.16, 0.05), 96, (0.4, 0.85, 0.95)),
+        (0, -0.121, 0.275),
+        solid=False,
+    )
     return model
 
 
@@ -173,8 +176,12 @@ def kettle(kit: Kit) -> Model:
     dark = materials.plastic(kit, materials.BLACK)
     body = [(0, 0), (0.08, 0), (0.095, 0.03), (0.085, 0.1), (0.05, 0.14), (0, 0.145)]
     model.add(lathe(body, 28), enamel)
-    model.add(lathe([(0, 0), (0.014, 0.005), (0.012, 0.022), (0, 0.027)], 12), dark,
-              (0, 0, 0.145), solid=False)  # fmt: skip
+    model.add(
+        lathe([(0, 0), (0.014, 0.005), (0.012, 0.022), (0, 0.027)], 12),
+        dark,
+        (0, 0, 0.145),
+        solid=False,
+    )
     model.add(tube([(0.08, 0, 0.06), (0.115, 0, 0.1), (0.13, 0, 0.13)], 0.014, 10), enamel)
     handle = ring_handle(0.07, 0.008, 0.09).turned("y", -np.pi / 2)
     model.add(handle, dark, (0, 0, 0.125), solid=False)

@@ -28,9 +28,7 @@ def _fruit(
     model: Model, kit: Kit, size: tuple[float, float, float], skin: Colour, flush: Colour
 ) -> Model:
     """A round fruit with a stalk."""
-    model.add(
-        ellipsoid(*size), kit.material(textures.ripened, 0.3, 192, skin, flush)
-    )
+    model.add(ellipsoid(*size), kit.material(textures.ripened, 0.3, 192, skin, flush))
     stalk = tube([(0, 0, size[2] * 0.94), (0.004, 0, size[2] * 1.15)], 0.0025, 6)
     model.add(stalk, materials.second_wood(kit), solid=False)
     return model
@@ -47,8 +45,13 @@ def apple(kit: Kit) -> Model:
 def tomato(kit: Kit) -> Model:
     """A tomato."""
     side = float(kit.rng.uniform(0.06, 0.075))
-    return _fruit(Model("Tomato", movable=True), kit, (side, side, side * 0.82),
-                  (0.78, 0.14, 0.1), (0.9, 0.36, 0.16))  # fmt: skip
+    return _fruit(
+        Model("Tomato", movable=True),
+        kit,
+        (side, side, side * 0.82),
+        (0.78, 0.14, 0.1),
+        (0.9, 0.36, 0.16),
+    )
 
 
 def potato(kit: Kit) -> Model:

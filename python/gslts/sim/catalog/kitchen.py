@@ -58,8 +58,9 @@ def _door(
 def _carcass(model: Model, kit: Kit, width: float, height: float) -> None:
     """The body of base units: plinth and box, below the worktop."""
     body = materials.painted(kit, materials.WHITE)
-    model.add(box(width, DEPTH_M - 0.08, PLINTH_M), materials.plastic(kit, materials.BLACK),
-              (0, 0.03, 0))  # fmt: skip
+    model.add(
+        box(width, DEPTH_M - 0.08, PLINTH_M), materials.plastic(kit, materials.BLACK), (0, 0.03, 0)
+    )
     model.add(box(width, DEPTH_M - 0.04, height), body, (0, 0.01, PLINTH_M))
 
 
@@ -102,8 +103,12 @@ def sink(kit: Kit, width: float = 0.8) -> Model:
     depth = DEPTH_M - front - rear
     y = (front - rear) / 2
     model.add(box(0.56, depth, 0.004), steel, (0, y, bottom))
-    model.add(cylinder(0.04, 0.002), materials.plastic(kit, materials.BLACK), (0, y, bottom + 0.004),
-              solid=False)  # fmt: skip
+    model.add(
+        cylinder(0.04, 0.002),
+        materials.plastic(kit, materials.BLACK),
+        (0, y, bottom + 0.004),
+        solid=False,
+    )
     wall = HEIGHT_M - bottom + 0.001
     for x in (-1, 1):
         model.add(box(0.008, depth, wall), steel, (x * 0.276, y, bottom))
@@ -190,8 +195,9 @@ def wall_cabinet(kit: Kit, width: float) -> Model:
     """A cabinet that hangs on a wall."""
     model = Model("Cabinet", receptacle=True)
     depth, height = 0.34, 0.68
-    model.add(box(width, depth - 0.02, height), materials.painted(kit, materials.WHITE),
-              (0, 0.01, 0))  # fmt: skip
+    model.add(
+        box(width, depth - 0.02, height), materials.painted(kit, materials.WHITE), (0, 0.01, 0)
+    )
     count = max(1, round(width / 0.45))
     wide = width / count
     for k in range(count):
@@ -219,8 +225,6 @@ def splash_back(kit: Kit, width: float, height: float = 0.55) -> Model:
     if style.motif % 2:
         tiles = kit.material(textures.tiles, 0.6, 512, light, style.accent, (6, 6), checkered=True)
     else:
-        tiles = kit.material(
-            textures.tiles, 0.6, 512, light, (0.8, 0.86, 0.86), (8, 4), bond=True
-        )
+        tiles = kit.material(textures.tiles, 0.6, 512, light, (0.8, 0.86, 0.86), (8, 4), bond=True)
     model.add(box(width, 0.008, height, upright=True), tiles)
     return model

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gslts.sim import textures
 from gslts.sim.model import Kit, Material
-from gslts.sim.noise import Colour
+from gslts.sim.noise import Colour, tinted
 
 WHITE: Colour = (0.93, 0.92, 0.89)
 BLACK: Colour = (0.13, 0.13, 0.14)
@@ -56,7 +56,7 @@ def metal(kit: Kit, colour: Colour = STEEL) -> Material:
 
 def plastic(kit: Kit, colour: Colour) -> Material:
     """Moulded plastic or enamel, finely grained."""
-    lighter = tuple(min(1.0, c * 1.15 + 0.04) for c in colour)
+    lighter = tinted(colour, 1.15, 0.04)
     return kit.material(textures.speckled, 0.08, 128, colour, lighter, 0.3)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from gslts.sim import textures
 from gslts.sim.catalog import materials
 from gslts.sim.catalog.parts import legs
-from gslts.sim.model import Kit, Model
+from gslts.sim.model import Kit, Material, Model
 from gslts.sim.shapes import box, cushion, cylinder, tube
 
 
@@ -19,7 +19,9 @@ def chair(kit: Kit) -> Model:
     legs(model, width, depth, seat - 0.03, 0.035, wood)
     model.add(box(width, depth, 0.03), wood, (0, 0, seat - 0.03))
     model.add(
-        cushion(width - 0.03, depth - 0.04, 0.025, 0.012), materials.print_cloth(kit, 1), (0, 0, seat)
+        cushion(width - 0.03, depth - 0.04, 0.025, 0.012),
+        materials.print_cloth(kit, 1),
+        (0, 0, seat),
     )
     back = depth / 2 - 0.0175
     for x in (-1, 1):
@@ -70,7 +72,7 @@ def arm_chair(kit: Kit) -> Model:
 
 
 def _upholstered(
-    model: Model, kit: Kit, width: float, seats: int, cover: materials.Material, arm: float
+    model: Model, kit: Kit, width: float, seats: int, cover: Material, arm: float
 ) -> None:
     """Base, arms, back and a pair of cushions a seat."""
     depth, base, seat = 0.86, 0.12, 0.43
@@ -80,15 +82,13 @@ def _upholstered(
     back = 0.22
     for x in (-1, 1):
         model.add(cushion(arm, depth, 0.5, 0.06), cover, (x * (width - arm) / 2, 0, base))
-    model.add(
-        cushion(width - 2 * arm, back, 0.66, 0.08), cover, (0, (depth - back) / 2, base)
-    )
+    model.add(cushion(width - 2 * arm, back, 0.66, 0.08), cover, (0, (depth - back) / 2, base))
     for k in range(seats):
-        x = (k - (seats - 1) / 2) * inner
+        middle = (k - (seats - 1) / 2) * inner
         pad = cushion(inner - 0.01, depth - back - 0.01, 0.15, 0.05, 0.12)
-        model.add(pad, cover, (x, -back / 2, seat - 0.15))
+        model.add(pad, cover, (middle, -back / 2, seat - 0.15))
         lean = cushion(inner - 0.02, 0.4, 0.17, 0.07, 0.35).turned("x", np.pi / 2 - 0.12)
-        model.add(lean, cover, (x, depth / 2 - back + 0.02, seat + 0.19))
+        model.add(lean, cover, (middle, depth / 2 - back + 0.02, seat + 0.19))
 
 
 def ottoman(kit: Kit) -> Model:

@@ -19,8 +19,9 @@ def book(kit: Kit) -> Model:
     paper = kit.material(textures.wood, 0.04, 96, (0.8, 0.76, 0.66), (0.95, 0.92, 0.84))
     model.add(box(width, depth, board, upright=True), cover, (0, 0, height - board), solid=False)
     model.add(box(width, depth, board, upright=True), cover, solid=False)
-    model.add(box(board, depth, height - 2 * board), cover, (-(width - board) / 2, 0, board),
-              solid=False)  # fmt: skip
+    model.add(
+        box(board, depth, height - 2 * board), cover, (-(width - board) / 2, 0, board), solid=False
+    )
     pages = box(width - 0.008, depth - 0.008, height - 2 * board)
     model.add(pages, paper, (-0.002, 0, board), solid=False)
     model.fills((-width / 2, -depth / 2, 0), (width / 2, depth / 2, height))
@@ -62,7 +63,9 @@ def carton(kit: Kit) -> Model:
 def credit_card(kit: Kit) -> Model:
     """A bank card."""
     model = Model("CreditCard", movable=True)
-    model.add(box(0.086, 0.054, 0.0015, upright=True), kit.printed(prints.card, (0.086, 0.054), 160))
+    model.add(
+        box(0.086, 0.054, 0.0015, upright=True), kit.printed(prints.card, (0.086, 0.054), 160)
+    )
     return model
 
 
@@ -72,7 +75,7 @@ def key_chain(kit: Kit) -> Model:
     steel, brass = materials.metal(kit), materials.metal(kit, materials.BRASS)
     angles = np.linspace(0, 2 * np.pi, 15)
     ring = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1) * 0.015
-    model.add(tube(ring + (0, 0, 0.003), 0.0012, 6), steel)
+    model.add(tube(ring, 0.0012, 6), steel, (0, 0, 0.003))
     for angle, material in ((0.3, brass), (-0.4, steel)):
         key = joined(
             [cylinder(0.011, 0.0025, n=14).moved(0.028), box(0.035, 0.006, 0.0025).moved(0.055)]
@@ -99,7 +102,9 @@ def pencil_cup(kit: Kit) -> Model:
 def pen(kit: Kit) -> Model:
     """A pen that lies."""
     model = Model("Pen", movable=True)
-    model.add(tube([(-0.06, 0, 0.006), (0.06, 0, 0.006)], 0.006, 10),
-              materials.plastic(kit, prints.ink(kit.rng)))  # fmt: skip
+    model.add(
+        tube([(-0.06, 0, 0.006), (0.06, 0, 0.006)], 0.006, 10),
+        materials.plastic(kit, prints.ink(kit.rng)),
+    )
     model.add(tube([(0.06, 0, 0.006), (0.075, 0, 0.006)], 0.003, 8), materials.metal(kit))
     return model

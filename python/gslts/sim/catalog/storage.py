@@ -19,8 +19,11 @@ def dresser(kit: Kit, width: float = 0.0) -> Model:
     legs(model, width - 0.04, depth - 0.04, 0.08, 0.05, wood)
     model.add(box(width, depth, height - 0.105), wood, (0, 0, 0.08))
     model.add(box(width + 0.03, depth + 0.03, 0.025), wood, (0, 0, height - 0.025))
-    front = materials.second_wood(kit) if kit.style.motif < 3 else materials.painted(
-        kit, kit.style.front)  # fmt: skip
+    front = (
+        materials.second_wood(kit)
+        if kit.style.motif < 3
+        else materials.painted(kit, kit.style.front)
+    )
     brass = materials.metal(kit, materials.BRASS)
     rows, gap = 4, 0.012
     tall = (height - 0.105) / rows
@@ -49,9 +52,7 @@ def wardrobe(kit: Kit, width: float = 0.0) -> Model:
         rail = frame(wide - 0.012, height - 0.12, 0.08, 0.02)
         model.add(rail, wood, (x, -depth / 2 - 0.008, 0.09), solid=False)
         inner = box(wide - 0.17, 0.01, height - 0.28)
-        model.add(
-            inner, materials.second_wood(kit), (x, -depth / 2 - 0.004, 0.17), solid=False
-        )
+        model.add(inner, materials.second_wood(kit), (x, -depth / 2 - 0.004, 0.17), solid=False)
         side = 1 if k % 2 == 0 else -1
         at = (x + side * (wide / 2 - 0.045), -depth / 2 - 0.018, 1.0)
         bar_handle(model, steel, at, 0.16, level=False)

@@ -8,6 +8,7 @@ from gslts.sim import textures
 from gslts.sim.catalog import materials
 from gslts.sim.catalog.parts import knob, legs
 from gslts.sim.model import Kit, Model
+from gslts.sim.noise import tinted
 from gslts.sim.shapes import box, cylinder, tube
 
 
@@ -117,7 +118,7 @@ def rug_like(kit: Kit, width: float, depth: float) -> Model:
     """A rug of a given size."""
     model = Model("Rug", receptacle=True)
     style = kit.style
-    ground = tuple(0.55 * c + 0.12 for c in style.accent)
+    ground = tinted(style.accent, 0.55, 0.12)
     knotted = kit.printed(
         textures.rug, (width, depth), 768, ground, (0.86, 0.8, 0.68), style.second_accent
     )

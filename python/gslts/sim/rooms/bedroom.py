@@ -114,7 +114,9 @@ def _along_walls(scene: Scene, foot: int, window_side: int, door_side: int) -> N
         ]  # fmt: skip
         for index in rng.permutation(len(things))[:5]:
             scene.put(scene.build(things[int(index)]), dresser)
-    desk = scene.stand_somewhere(scene.build(tables.desk), [window_side, foot, door_side], front=0.6)
+    desk = scene.stand_somewhere(
+        scene.build(tables.desk), [window_side, foot, door_side], front=0.6
+    )
     if desk:
         _set_desk(scene, desk)
     scene.stand_somewhere(scene.build(storage.laundry_hamper), walls, 0.04, 0.0)
@@ -157,7 +159,9 @@ def _lay_out_small_things(scene: Scene, bed: HomeObject | None) -> None:
     """A toy on the bed, books on the shelf, weights and a ball on the floor."""
     rng = scene.rng
     if bed:
-        scene.put(scene.build(decoration.teddy_bear), bed, (-0.7, 0.7), (-0.6, 0.1), (-0.6, 0.6), 0.525)
+        scene.put(
+            scene.build(decoration.teddy_bear), bed, (-0.7, 0.7), (-0.6, 0.1), (-0.6, 0.6), 0.525
+        )
         scene.put(scene.build(bedding.towel), bed, (-0.8, 0.8), (-0.9, -0.5), near_z=0.525)
     for shelf in [thing for thing in scene.objects if thing.type == "Shelf"]:
         for builder in (stationery.book_row, decoration.house_plant, decoration.vase):

@@ -51,7 +51,10 @@ def furnish(scene: Scene) -> None:
     door_at = float(rng.choice([0.75, door_length - 0.75]))
     if rng.random() < 0.6:
         across = scene.sides[other].length
-        windows.append(WindowPlan(other, across * 0.6, 1.2, 0.95, 2.1))
+        # Away from the units, whichever end of that wall they are at.
+        from_units = max(0.6 * across, 1.4)
+        at = from_units if other == (main + 1) % 4 else across - from_units
+        windows.append(WindowPlan(other, at, 1.2, 0.95, 2.1))
     raise_shell(scene, door_side, door_at, windows, accent=int(rng.choice([-1, other, door_side])))
     units = _fit_units(scene, main, order, edges, windows[0])
     units += _turn_corner(scene, main, order, other if len(windows) > 1 else None)
@@ -278,8 +281,9 @@ def _set_table(scene: Scene, table: HomeObject) -> None:
     """Fruit in the middle, plates and cups before the seats."""
     rng = scene.rng
     bowl = scene.put(scene.build(tableware.bowl), table, (-0.3, 0.3), (-0.3, 0.3))
-    for _ in range(3 if bowl else 0):
-        scene.put(scene.build(food.apple), bowl, near_z=0.0)
+    if bowl:
+        for _ in range(3):
+            scene.put(scene.build(food.apple), bowl, near_z=0.0)
     seats = [(-0.7, -0.8), (0.7, 0.8), (0.7, -0.8), (-0.7, 0.8)]
     for x, y in seats[: int(rng.integers(1, 5))]:
         near = ((x - 0.15, x + 0.15), (y - 0.15, y + 0.15))

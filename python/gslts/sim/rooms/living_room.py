@@ -40,12 +40,16 @@ def furnish(scene: Scene) -> None:
     window_side, door_side = (left, right) if rng.random() < 0.5 else (right, left)
     across = scene.sides[window_side].length
     if across > 4.2:
-        windows = [WindowPlan(window_side, share * across, 1.0, 0.85, 2.15) for share in (0.28, 0.72)]
+        windows = [
+            WindowPlan(window_side, share * across, 1.0, 0.85, 2.15) for share in (0.28, 0.72)
+        ]
     else:
         windows = [WindowPlan(window_side, across / 2, 1.7, 0.85, 2.15)]
     door_length = scene.sides[door_side].length
     door_at = float(rng.choice([0.8, door_length - 0.8]))
-    raise_shell(scene, door_side, door_at, windows, accent=int(rng.choice([screen_side, sofa_side])))
+    raise_shell(
+        scene, door_side, door_at, windows, accent=int(rng.choice([screen_side, sofa_side]))
+    )
     for plan in windows:
         hang_curtains(scene, plan)
     stand, sofa, table = _seat_before_screen(scene, screen_side, sofa_side)
@@ -126,7 +130,14 @@ def _arm_chairs(scene: Scene, table: HomeObject | None, sofa: HomeObject | None)
             placed = scene.stand_at(chair, float(at[0]), float(at[1]), float(yaw))
             if placed:
                 if rng.random() < 0.7:
-                    scene.put(scene.build(bedding.throw_pillow), placed, (-0.1, 0.1), (0.0, 0.7), (-0.2, 0.2), 0.43)
+                    scene.put(
+                        scene.build(bedding.throw_pillow),
+                        placed,
+                        (-0.1, 0.1),
+                        (0.0, 0.7),
+                        (-0.2, 0.2),
+                        0.43,
+                    )
                 break
 
 
