@@ -1,1 +1,7 @@
 """Simulated homes, their sensors, a robot in them, and changes of the scene."""
+
+from gslts.sim.home import AreaLight, Home, HomeObject, Room
+from gslts.sim.homes import ROOM_TYPES, make_home
+from gslts.sim.mesh import Surface
+
+__all__ = ["ROOM_TYPES", "AreaLight", "Home", "HomeObject", "Room", "Surface", "make_home"]

@@ -1,0 +1,1 @@
+"""Builders of things: each takes a `Kit` and returns a `Model`."""
