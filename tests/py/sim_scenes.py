@@ -45,7 +45,7 @@ def box_object(
     *,
     inward: bool = False,
 ) -> HomeObject:
-    """A box at its place in the world."""
+    """A box at its place in the world, or the walls around it, which are outside it."""
     middle = np.array([0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low[2]])
     local = tuple(np.array(low) - middle), tuple(np.array(high) - middle)
     pose = np.eye(4)
@@ -54,9 +54,18 @@ def box_object(
         id=object_id,
         type=object_id.split("|")[0],
         surfaces=(box_surface(*local, texture, inward=inward),),
-        boxes=np.array([local]),
+        boxes=_shell(*local) if inward else np.array([local]),
         world_from_object=pose,
     )
+
+
+def _shell(low: tuple[float, ...], high: tuple[float, ...], thickness: float = 0.1) -> np.ndarray:
+    """[6,2,3] boxes around a box."""
+    boxes = np.tile(np.array([low, high]), (6, 1, 1))
+    for axis in range(3):
+        boxes[2 * axis, :, axis] = low[axis] - thickness, low[axis]
+        boxes[2 * axis + 1, :, axis] = high[axis], high[axis] + thickness
+    return boxes
 
 
 def plain(value: int) -> np.ndarray:

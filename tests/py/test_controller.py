@@ -120,7 +120,7 @@ def test_it_is_a_robot(controller: Controller) -> None:
 
 
 def test_bad_actions_are_named(controller: Controller) -> None:
-    with pytest.raises(ValueError, match="action must be one of MoveAhead, .*, got 'Fly'"):
+    with pytest.raises(ValueError, match=r"action must be one of MoveAhead, .*, got 'Fly'"):
         controller.step("Fly")
     with pytest.raises(ValueError, match=r"MoveAhead: .*'speed'"):
         controller.step("MoveAhead", speed=3)

@@ -249,7 +249,10 @@ class Controller:
             "actionReturn": result,
         }
         ids = [thing.id for thing in self._home.objects]
-        by_color = {tuple(map(int, color)): name for color, name in zip(colors, ids, strict=True)}
+        by_color = {
+            (int(red), int(green), int(blue)): name
+            for (red, green, blue), name in zip(colors, ids, strict=True)
+        }
         return Event(frame.rgb, frame.depth, segmentation, by_color, metadata, frame)
 
     def _object_metadata(self, truth: View) -> list[dict[str, Any]]:

@@ -62,7 +62,8 @@ def write_contact_sheet(home: Home, path: Path) -> None:
         inside = np.all(room.box[0] <= middle) and np.all(middle <= room.box[1])
         if inside and np.all(high - low < 0.8 * (room.box[1] - room.box[0])[[0, 1, 1]]):
             axes.text(
-                *middle[:2],
+                middle[0],
+                middle[1],
                 thing.id,
                 fontsize=5,
                 ha="center",
