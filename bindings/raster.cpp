@@ -167,8 +167,9 @@ Args:
     alpha_min: A Gaussian is skipped at a pixel where its alpha is below this. In [1e-30, 0.99)
     transmittance_min: A pixel ends before the Gaussian that would take its transmittance below
         this. In [0, 1)
-    exp_degree: Degree of the polynomial in the place of exp: 5, to the precision of float32, or 3,
-        with an error of alpha of up to 8e-5 of it. float64 always takes the exact exp.
+    exp_degree: Degree of the polynomial in the place of exp: 3, with an error of alpha of up to
+        8e-5 of it, far below that of the cut-off, or 5, to the precision of float32. float64 always
+        takes the exact exp.
     threads: 0 means one a hardware thread. Results do not depend on it.
 
 The values are checked by each rendering.)")

@@ -17,7 +17,7 @@ template <typename T>
 class RasterConventions : public ::testing::Test {
  protected:
   static Images<T> render(const std::vector<Gaussian>& gaussians, const Camera& camera,
-                          const RenderOptions& options = {}) {
+                          const RenderOptions& options = precise_options()) {
     return Rasterizer<T>().forward(map_of<T>(gaussians).view(), camera, options);
   }
   static T alpha_at(const Images<T>& images, int x, int y) {
@@ -118,7 +118,7 @@ TYPED_TEST(RasterConventions, NearerGaussiansHideFartherOnes) {
   front.color = {1, 0, 0};
   back.mean.z() = 3;
   back.color = {0, 1, 0};
-  RenderOptions options;
+  RenderOptions options = precise_options();
   options.background = {0, 0, 1};
   const auto images = this->render({back, front}, camera, options);
   const std::size_t at = 5 * 11 + 5;
@@ -192,7 +192,7 @@ TYPED_TEST(RasterConventions, NearPlaneCullsByCentreDepth) {
   const Camera camera = straight_camera(11, 11, 10);
   Gaussian g = round_gaussian(0, 0);
   g.scale_m.setConstant(0.3);
-  RenderOptions options;
+  RenderOptions options = precise_options();
   options.near_m = 0.5;
   for (const auto& [z, seen] :
        {std::pair(0.25, false), {0.5, false}, {0.515625, true}, {4., true}}) {
@@ -228,7 +228,7 @@ TYPED_TEST(RasterConventions, ShDirectionsAreWorldAxesFromCameraToGaussian) {
       map.sh[3 * 3 + 2] = TypeParam(0.3);  // Blue: -x
       Camera camera = straight_camera(11, 11, 100);
       camera.world_from_camera = look_at(eye, g.mean, Eigen::Vector3d(0.3, 0.5, 0.7));
-      const auto images = Rasterizer<TypeParam>().forward(map.view(), camera);
+      const auto images = Rasterizer<TypeParam>().forward(map.view(), camera, precise_options());
       const TypeParam* rgb = &images.rgb[3 * (5 * 11 + 5)];
       EXPECT_NEAR(rgb[0], 0.5 * (0.5 - 0.3 * c1 * direction.y()), 1e-5);
       EXPECT_NEAR(rgb[1], 0.5 * (0.5 + 0.3 * c1 * direction.z()), 1e-5);
@@ -239,7 +239,7 @@ TYPED_TEST(RasterConventions, ShDirectionsAreWorldAxesFromCameraToGaussian) {
 
 TYPED_TEST(RasterConventions, AntialiasKeepsTheEnergyOfSmallGaussians) {
   const Camera camera = straight_camera(21, 21, 100);
-  RenderOptions options;
+  RenderOptions options = precise_options();
   options.antialias = true;
   options.alpha_min = 1e-9;
   const auto energy = [&](double scale_m) {

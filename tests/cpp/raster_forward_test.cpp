@@ -37,7 +37,7 @@ struct Case {
   std::string name;
   int width = 67, height = 45;
   SceneShape shape{};
-  RenderOptions options{};
+  RenderOptions options = precise_options();
   Eigen::Vector2d principal_shift_px{0, 0};
   double focal_ratio = 1;  ///< fy / fx
   double mask_share = 1;
@@ -226,8 +226,9 @@ TYPED_TEST(RasterForwardTyped, CulledRowsBeforeVisibleOnesChangeNothing) {
   append(both.logit_opacities, visible.logit_opacities);
   append(both.sh, visible.sh);
   append(both.features, visible.features);
-  const auto alone = Rasterizer<TypeParam>().forward(converted<TypeParam>(visible).view(), camera);
-  const auto images = Rasterizer<TypeParam>().forward(both.view(), camera);
+  const auto alone = Rasterizer<TypeParam>().forward(converted<TypeParam>(visible).view(), camera,
+                                                     precise_options());
+  const auto images = Rasterizer<TypeParam>().forward(both.view(), camera, precise_options());
   EXPECT_EQ(images.rgb, alone.rgb);
   EXPECT_EQ(images.depth, alone.depth);
   EXPECT_EQ(images.features, alone.features);
@@ -247,7 +248,7 @@ TYPED_TEST(RasterForwardTyped, EqualDepthsAreBlendedInTheOrderOfTheRows) {
     gaussians.push_back(g);
   }
   const auto map = map_of<TypeParam>(gaussians);
-  const auto images = Rasterizer<TypeParam>().forward(map.view(), camera);
+  const auto images = Rasterizer<TypeParam>().forward(map.view(), camera, precise_options());
   expect_like_oracle(images, render_oracle(converted<double>(map), camera), 3);
 }
 
@@ -304,7 +305,7 @@ TEST(RasterExp, DegreesAgreeToTheirErrors) {
   const auto map = random_scene(71, camera, {});
   const auto difference = [&](auto same) {
     using T = std::decay_t<decltype(same.means[0])>;
-    RenderOptions options;
+    RenderOptions options = precise_options();
     // Without thresholds no alpha can flip.
     options.alpha_min = 1e-30;
     options.transmittance_min = 0;

@@ -91,6 +91,13 @@ inline Camera straight_camera(int width, int height, double focal_px) {
       focal_px, focal_px, 0.5 * width, 0.5 * height, width, height, Eigen::Isometry3d::Identity()};
 }
 
+/// The options with which float is as precise as it can be.
+inline RenderOptions precise_options() {
+  RenderOptions options;
+  options.exp_degree = 5;
+  return options;
+}
+
 struct SceneShape {
   std::size_t gaussians = 300;
   int sh_bases = 16;

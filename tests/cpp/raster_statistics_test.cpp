@@ -28,7 +28,7 @@ TYPED_TEST(RasterStatistics, WeightsAndCountsMatchTheOracle) {
     const auto mask = random_mask(52, camera, mask_share);
     const auto loss = random_loss<TypeParam>(53, camera, 0);
     Rasterizer<TypeParam> rasterizer;
-    rasterizer.forward(map.view(), camera, {}, view_of(mask, camera));
+    rasterizer.forward(map.view(), camera, precise_options(), view_of(mask, camera));
     const auto gradients = rasterizer.backward(map.view(), loss.gradients(), true);
     const OracleRender oracle = render_oracle(scene, camera, {}, view_of(mask, camera));
 
@@ -61,7 +61,7 @@ TEST(RasterStatisticsDouble, AbsoluteGradientsMatchFiniteDifferences) {
   shape.feature_dims = 2;
   shape.min_scale_px = 1;
   shape.max_scale_px = 5;
-  RenderOptions options;
+  RenderOptions options = precise_options();
   options.alpha_min = 1e-30;
   options.transmittance_min = 0;
   for (bool antialias : {false, true}) {

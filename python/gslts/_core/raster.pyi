@@ -27,8 +27,9 @@ class RenderOptions:
         alpha_min: A Gaussian is skipped at a pixel where its alpha is below this. In [1e-30, 0.99)
         transmittance_min: A pixel ends before the Gaussian that would take its transmittance below
             this. In [0, 1)
-        exp_degree: Degree of the polynomial in the place of exp: 5, to the precision of float32, or 3,
-            with an error of alpha of up to 8e-5 of it. float64 always takes the exact exp.
+        exp_degree: Degree of the polynomial in the place of exp: 3, with an error of alpha of up to
+            8e-5 of it, far below that of the cut-off, or 5, to the precision of float32. float64 always
+            takes the exact exp.
         threads: 0 means one a hardware thread. Results do not depend on it.
     
     The values are checked by each rendering.
@@ -38,7 +39,7 @@ class RenderOptions:
         ...
     def __getstate__(self) -> tuple:
         ...
-    def __init__(self, *, background: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.0], near_m: typing.SupportsFloat | typing.SupportsIndex = 0.05, sh_degree: int = 3, clamp_colors: bool = True, eps2d_px2: typing.SupportsFloat | typing.SupportsIndex = 0.3, antialias: bool = False, alpha_min: typing.SupportsFloat | typing.SupportsIndex = 0.001953125, transmittance_min: typing.SupportsFloat | typing.SupportsIndex = 0.0001, exp_degree: int = 5, threads: int = 0) -> None:
+    def __init__(self, *, background: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.0], near_m: typing.SupportsFloat | typing.SupportsIndex = 0.05, sh_degree: int = 3, clamp_colors: bool = True, eps2d_px2: typing.SupportsFloat | typing.SupportsIndex = 0.3, antialias: bool = False, alpha_min: typing.SupportsFloat | typing.SupportsIndex = 0.001953125, transmittance_min: typing.SupportsFloat | typing.SupportsIndex = 0.0001, exp_degree: int = 3, threads: int = 0) -> None:
         ...
     def __repr__(self) -> str:
         ...

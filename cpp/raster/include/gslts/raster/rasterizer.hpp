@@ -29,9 +29,10 @@ struct RenderOptions {
   double alpha_min = 1.0 / 512.0;
   /// A pixel ends before the Gaussian that would take its transmittance below this. In [0, 1)
   double transmittance_min = 1e-4;
-  /// Degree of the polynomial in the place of exp: 5, to the precision of float, or 3, with an
-  /// error of alpha of up to 8e-5 of it. Double precision always takes the exact exp.
-  int exp_degree = 5;
+  /// Degree of the polynomial in the place of exp: 3, with an error of alpha of up to 8e-5 of it,
+  /// far below that of the cut-off, or 5, to the precision of float. Double precision always takes
+  /// the exact exp.
+  int exp_degree = 3;
   int threads = 0;  ///< 0 means one a hardware thread. Results do not depend on it.
 };
 

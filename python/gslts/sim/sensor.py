@@ -1,0 +1,225 @@
+"""An RGB-D camera in a simulated home, with the errors of a real one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslts.camera import Camera
+from gslts.frame import RgbdFrame
+from gslts.sim.raycast import RayCaster, View
+from gslts.sim.texture_atlas import srgb_from_linear
+
+Floats = NDArray[np.float64]
+Floats32 = NDArray[np.float32]
+
+BLUR_SAMPLES = 5
+"""Moments of an exposure that are averaged for motion blur."""
+EDGE_STEP = 0.03
+"""Relative step of depth between neighbouring pixels that counts as an edge."""
+
+
+@dataclass(frozen=True)
+class SensorNoise:
+    """How a camera errs; the defaults are those of a perfect one.
+
+    Attributes:
+        rgb_std: Of the noise of each number of the colour image, for values from 0 to 1.
+        exposure_std: Of the exposure of a visit, in stops: log2 of its factor.
+        white_balance_std: Of log2 of the factors of red and blue in a visit.
+        vignetting: Share of the light that is lost in the corners.
+        shutter_share: Share of the motion since the frame before during which the shutter is open.
+        depth_std_m: Of the depth at any distance, m.
+        depth_std_per_m: Growth of that with the squared distance, m/m^2 (Nguyen et al. 2012).
+        depth_range_m: Nearest and farthest depth that is measured, m.
+        grazing_rad: Surfaces seen at a larger angle from their normal give no depth, rad.
+        edge_dropout: Probability that a pixel at an edge of the depth gives none.
+        dropout: Probability that any other pixel gives none.
+        position_std_m: Of each coordinate of the position that the robot believes, m.
+        rotation_std_rad: Of the rotation that it believes, about each axis, rad.
+    """
+
+    rgb_std: float = 0.0
+    exposure_std: float = 0.0
+    white_balance_std: float = 0.0
+    vignetting: float = 0.0
+    shutter_share: float = 0.0
+    depth_std_m: float = 0.0
+    depth_std_per_m: float = 0.0
+    depth_range_m: tuple[float, float] = (0.0, np.inf)
+    grazing_rad: float = np.pi / 2
+    edge_dropout: float = 0.0
+    dropout: float = 0.0
+    position_std_m: float = 0.0
+    rotation_std_rad: float = 0.0
+
+
+NOISE_PRESETS = {
+    "none": SensorNoise(),
+    # Depth: Nguyen, Izadi and Lovell 2012, sec. 3; drift and pose error of a robot indoors.
+    "kinect": SensorNoise(
+        rgb_std=0.01,
+        exposure_std=0.1,
+        white_balance_std=0.04,
+        vignetting=0.15,
+        shutter_share=0.1,
+        depth_std_m=0.0012,
+        depth_std_per_m=0.0019,
+        depth_range_m=(0.4, 6.0),
+        grazing_rad=np.deg2rad(82),
+        edge_dropout=0.5,
+        dropout=0.002,
+        position_std_m=0.005,
+        rotation_std_rad=np.deg2rad(0.2),
+    ),
+}
+
+
+class Sensor:
+    """A camera during one visit of a home.
+
+    Args:
+        noise: A model of its errors, or the name of one of `NOISE_PRESETS`.
+        seed: Of the visit: its drift, and the noise of each of its frames.
+
+    Raises:
+        ValueError: There is no preset of that name.
+    """
+
+    def __init__(self, noise: SensorNoise | str = "none", seed: int = 0) -> None:
+        if isinstance(noise, str):
+            if noise not in NOISE_PRESETS:
+                names = ", ".join(NOISE_PRESETS)
+                raise ValueError(f"Sensor: noise must be one of {names}, got {noise!r}")
+            noise = NOISE_PRESETS[noise]
+        self.noise = noise
+        self._seed = seed
+        rng = np.random.default_rng([seed, 0])
+        exposure = noise.exposure_std * rng.normal()
+        red, blue = noise.white_balance_std * rng.normal(size=2)
+        self.gains: Floats = 2 ** np.array([exposure + red, exposure, exposure + blue])
+
+    def take(
+        self, caster: RayCaster, camera: Camera, index: int, moved_from: Floats | None = None
+    ) -> tuple[RgbdFrame, View]:
+        """Takes one frame.
+
+        Args:
+            caster: The home.
+            camera: Where the camera is in truth.
+            index: Number of the frame in the visit, from 0; it decides the noise.
+            moved_from: [4,4] world_from_camera of the frame before, for motion blur.
+
+        Returns:
+            What the camera delivers, with the pose that the robot believes, and the truth.
+        """
+        truth = caster.look(camera)
+        radiance = truth.radiance.astype(np.float64)
+        if moved_from is not None and self.noise.shutter_share > 0:
+            poses = _poses_between(moved_from, camera.world_from_camera, self.noise.shutter_share)
+            views = [caster.look(_moved(camera, pose)).radiance for pose in poses]
+            radiance = (radiance + sum(views)) / BLUR_SAMPLES
+        rng = np.random.default_rng([self._seed, 1, index])
+        frame = RgbdFrame(
+            rgb=self._rgb(radiance, rng),
+            depth=self._depth(truth, rng),
+            camera=self._believed(camera, rng),
+            time_s=float(index),
+        )
+        return frame, truth
+
+    def _rgb(self, radiance: Floats, rng: np.random.Generator) -> NDArray[np.uint8]:
+        height, width = radiance.shape[:2]
+        y, x = (np.indices((height, width)) + 0.5).astype(np.float64)
+        squared = (x / width - 0.5) ** 2 + (y / height - 0.5) ** 2
+        light = radiance * self.gains * (1 - 2 * self.noise.vignetting * squared)[..., None]
+        values = srgb_from_linear(np.clip(light, 0, 1))
+        if self.noise.rgb_std > 0:
+            values = values + self.noise.rgb_std * rng.normal(size=values.shape)
+        rgb: NDArray[np.uint8] = np.rint(255 * np.clip(values, 0, 1)).astype(np.uint8)
+        return rgb
+
+    def _depth(self, truth: View, rng: np.random.Generator) -> Floats32:
+        noise, depth = self.noise, truth.depth.astype(np.float64)
+        std_m = noise.depth_std_m + noise.depth_std_per_m * depth**2
+        measured = depth + std_m * rng.normal(size=depth.shape)
+        lost = (depth < noise.depth_range_m[0]) | (depth > noise.depth_range_m[1])
+        lost |= truth.cosines < np.cos(noise.grazing_rad)
+        chance = np.where(_at_edges(depth), noise.edge_dropout, noise.dropout)
+        lost |= rng.uniform(size=depth.shape) < chance
+        lost |= (depth == 0) | (measured <= 0)
+        return np.where(lost, 0, measured).astype(np.float32)
+
+    def _believed(self, camera: Camera, rng: np.random.Generator) -> Camera:
+        if self.noise.position_std_m == 0 and self.noise.rotation_std_rad == 0:
+            return camera
+        pose = camera.world_from_camera
+        pose[:3, 3] += self.noise.position_std_m * rng.normal(size=3)
+        pose[:3, :3] = pose[:3, :3] @ _rotation(self.noise.rotation_std_rad * rng.normal(size=3))
+        return _moved(camera, pose)
+
+
+def _at_edges(depth: Floats) -> NDArray[np.bool_]:
+    """Pixels next to a step of the depth."""
+    edges = np.zeros(depth.shape, bool)
+    for axis in (0, 1):
+        near = np.minimum(np.take(depth, range(depth.shape[axis] - 1), axis), np.inf)
+        far = np.take(depth, range(1, depth.shape[axis]), axis)
+        step = np.abs(far - near) > EDGE_STEP * np.minimum(near, far)
+        before = (slice(None, -1), slice(None)) if axis == 0 else (slice(None), slice(None, -1))
+        after = (slice(1, None), slice(None)) if axis == 0 else (slice(None), slice(1, None))
+        edges[before] |= step
+        edges[after] |= step
+    return edges
+
+
+def _moved(camera: Camera, world_from_camera: Floats) -> Camera:
+    return Camera(
+        fx=camera.fx,
+        fy=camera.fy,
+        cx=camera.cx,
+        cy=camera.cy,
+        width=camera.width,
+        height=camera.height,
+        world_from_camera=world_from_camera,
+    )
+
+
+def _rotation(vector_rad: Floats) -> Floats:
+    """[3,3] rotation about a vector by its length (Rodrigues)."""
+    angle = float(np.linalg.norm(vector_rad))
+    if angle == 0:
+        return np.eye(3)
+    x, y, z = vector_rad / angle
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    result: Floats = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    return result
+
+
+def _rotation_vector(rotation: Floats) -> Floats:
+    """Inverse of `_rotation`, for angles well below pi."""
+    axis = np.array(
+        [
+            rotation[2, 1] - rotation[1, 2],
+            rotation[0, 2] - rotation[2, 0],
+            rotation[1, 0] - rotation[0, 1],
+        ]
+    )
+    sine, cosine = 0.5 * float(np.linalg.norm(axis)), 0.5 * (float(np.trace(rotation)) - 1)
+    angle = np.arctan2(sine, cosine)
+    result: Floats = axis * (0.5 if sine < 1e-9 else 0.5 * angle / sine)
+    return result
+
+
+def _poses_between(start: Floats, end: Floats, share: float) -> list[Floats]:
+    """Poses of the last `share` of the way to `end`, which is left out, at equal steps."""
+    turn = _rotation_vector(end[:3, :3].T @ start[:3, :3])
+    poses = []
+    for back in np.linspace(0, share, BLUR_SAMPLES)[1:]:
+        pose = np.eye(4)
+        pose[:3, 3] = end[:3, 3] + back * (start[:3, 3] - end[:3, 3])
+        pose[:3, :3] = end[:3, :3] @ _rotation(back * turn)
+        poses.append(pose)
+    return poses
