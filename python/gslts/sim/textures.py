@@ -279,7 +279,7 @@ def metal(rng: Rng, shape: Shape, colour: Colour) -> Image:
     """Brushed metal: long scratches along u."""
     scratches = lattice(rng, shape, (shape[0], 6))
     smudges = octaves(rng, shape, (5, 5), 4)
-    return shaded(shaded(plain(shape, colour), scratches, 0.1), smudges, 0.12)
+    return shaded(shaded(plain(shape, colour), scratches, 0.1), smudges, 0.06)
 
 
 def speckled(rng: Rng, shape: Shape, colour: Colour, second: Colour, share: float) -> Image:

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gslts.sim import prints, textures
+from gslts.sim import pictures, textures
 from gslts.sim.catalog import materials
 from gslts.sim.catalog.parts import frame, knob
 from gslts.sim.model import Kit, Material, Model
@@ -104,7 +104,7 @@ def window(kit: Kit, width: float, height: float) -> Model:
     high = height - sill
     model.add(frame(width, high, 0.05, 0.05), white, (0, 0.035, sill))
     size = (width - 0.1, high - 0.1)
-    view = kit.printed(prints.outdoors, size, 640)
+    view = kit.printed(pictures.outdoors, size, 640)
     model.add(box(size[0], 0.01, size[1], upright=True), view, (0, 0.045, sill + 0.05))
     model.add(box(0.04, 0.03, size[1]), white, (0, 0.03, sill + 0.05), solid=False)
     if kit.style.motif % 2:

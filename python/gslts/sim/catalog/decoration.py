@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from gslts.sim import prints, textures
+from gslts.sim import pictures, prints, textures
 from gslts.sim.catalog import materials
 from gslts.sim.catalog.parts import frame, ring_handle
+from gslts.sim.inks import ink
 from gslts.sim.model import Kit, Model
 from gslts.sim.shapes import (
     box,
@@ -45,7 +46,7 @@ def vase(kit: Kit) -> Model:
     )
     model.add(lathe(profile, 28), glaze)
     green = kit.material(textures.streaked, 0.1, 96, (0.2, 0.36, 0.16), (0.36, 0.52, 0.26))
-    bloom = materials.fleck(kit, prints.ink(kit.rng), (0.95, 0.8, 0.4), 0.2)
+    bloom = materials.fleck(kit, ink(kit.rng), (0.95, 0.8, 0.4), 0.2)
     stems = int(kit.rng.integers(0, 6))
     for k in range(stems):
         angle, lean = 2 * np.pi * k / stems, 0.05 * float(kit.rng.uniform(0.4, 1))
@@ -82,7 +83,7 @@ def house_plant(kit: Kit, height: float = 0.0) -> Model:
         angle = 2.4 * k + float(kit.rng.uniform(-0.3, 0.3))
         share = (k + 1) / count
         z = rim + (height - rim) * share * 0.85
-        length = (height - rim) * (0.55 if height > 0.5 else 0.6) * (1.15 - 0.5 * share)
+        length = (height - rim) * (0.44 if height > 0.5 else 0.6) * (1.15 - 0.5 * share)
         blade = leaf(length, length * 0.42, 1.5 - 0.5 * share).turned("y", -0.85 - 0.3 * share)
         blades.append(blade.turned("z", angle).moved(z=z - 0.04))
     foliage = joined(blades)
@@ -104,7 +105,7 @@ def painting(kit: Kit) -> Model:
     wood = materials.second_wood(kit)
     model.add(frame(width, height, border, 0.03), wood)
     size = (width - 2 * border, height - 2 * border)
-    canvas = kit.printed(prints.picture, size, 448)
+    canvas = kit.printed(pictures.picture, size, 448)
     model.add(box(size[0], 0.015, size[1], upright=True), canvas, (0, 0.0075, border), solid=False)
     return model
 
@@ -115,7 +116,7 @@ def mirror(kit: Kit) -> Model:
     width, height, border = 0.55, 0.95, 0.05
     model.add(frame(width, height, border, 0.03), materials.wood(kit))
     size = (width - 2 * border, height - 2 * border)
-    glass = kit.printed(prints.reflection, size, 256, kit.style.wall)
+    glass = kit.printed(pictures.reflection, size, 256, kit.style.wall)
     model.add(box(size[0], 0.012, size[1], upright=True), glass, (0, 0.009, border), solid=False)
     return model
 
@@ -158,7 +159,7 @@ def candle(kit: Kit) -> Model:
         lathe([(0, 0), (0.05, 0), (0.055, 0.012), (0, 0.008)], 20),
         materials.metal(kit, materials.BRASS),
     )
-    wax = materials.fleck(kit, prints.ink(kit.rng), (0.95, 0.9, 0.8), 0.25)
+    wax = materials.fleck(kit, ink(kit.rng), (0.95, 0.9, 0.8), 0.25)
     tall = float(kit.rng.uniform(0.08, 0.16))
     model.add(cylinder(0.026, tall, n=20), wax, (0, 0, 0.008))
     model.add(

@@ -7,6 +7,7 @@ import numpy as np
 from gslts.sim import prints
 from gslts.sim.catalog import materials
 from gslts.sim.catalog.parts import ring_handle
+from gslts.sim.inks import ink
 from gslts.sim.model import Kit, Model
 from gslts.sim.shapes import box, cushion, cylinder, joined, lathe, tube
 
@@ -47,7 +48,7 @@ def laptop(kit: Kit) -> Model:
 def cell_phone(kit: Kit) -> Model:
     """A telephone, screen up."""
     model = Model("CellPhone", movable=True)
-    model.add(box(0.074, 0.15, 0.008), materials.plastic(kit, prints.ink(kit.rng)))
+    model.add(box(0.074, 0.15, 0.008), materials.plastic(kit, ink(kit.rng)))
     screen = kit.printed(prints.phone, (0.07, 0.146), 160)
     model.add(box(0.07, 0.146, 0.001, upright=True), screen, (0, 0, 0.008), solid=False)
     return model

@@ -6,6 +6,7 @@ import numpy as np
 
 from gslts.sim import prints, textures
 from gslts.sim.catalog import materials
+from gslts.sim.inks import ink
 from gslts.sim.model import Kit, Model
 from gslts.sim.noise import Colour
 from gslts.sim.shapes import box, cushion, cylinder, ellipsoid, joined, lathe, tube
@@ -80,7 +81,7 @@ def cereal_box(kit: Kit) -> Model:
     name = ("OATS", "CORN", "RICE", "PASTA", "TEA", "COCOA")[int(kit.rng.integers(6))]
     width, depth = float(kit.rng.uniform(0.13, 0.19)), float(kit.rng.uniform(0.05, 0.07))
     height = float(kit.rng.uniform(0.19, 0.28))
-    front = kit.printed(prints.package, (width, height), 256, name, prints.ink(kit.rng))
+    front = kit.printed(prints.package, (width, height), 256, name, ink(kit.rng))
     model.add(box(width, depth, height, upright=True), front)
     return model
 
@@ -91,7 +92,7 @@ def jar(kit: Kit) -> Model:
     name = ("SUGAR", "FLOUR", "BEANS", "NUTS")[int(kit.rng.integers(4))]
     content = materials.fleck(kit, (0.85, 0.78, 0.64), (0.6, 0.44, 0.28), 0.4)
     model.add(cylinder(0.05, 0.13, n=24), content)
-    label = kit.printed(prints.package, (0.16, 0.06), 160, name, prints.ink(kit.rng))
+    label = kit.printed(prints.package, (0.16, 0.06), 160, name, ink(kit.rng))
     shell = [(0.05, 0), (0.0506, 0), (0.0506, 0.06), (0.05, 0.06), (0.05, 0)]
     model.add(joined([lathe(shell, 24)]), label, (0, 0, 0.03), solid=False)
     model.add(cylinder(0.052, 0.022, n=24), materials.second_wood(kit), (0, 0, 0.13))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gslts.sim import prints, textures
+from gslts.sim import pictures, textures
 from gslts.sim.catalog import materials
 from gslts.sim.catalog.parts import bar_handle, frame
 from gslts.sim.model import Kit, Material, Model
@@ -164,9 +164,9 @@ def stove_burner(kit: Kit) -> Model:
     iron = materials.plastic(kit, (0.16, 0.16, 0.17))
     model.add(cylinder(0.045, 0.014, n=24), materials.metal(kit, (0.4, 0.4, 0.42)), solid=False)
     for angle in np.pi / 4 * np.arange(4):
-        x, y = 0.085 * np.cos(angle), 0.085 * np.sin(angle)
+        x, y = 0.1 * np.cos(angle), 0.1 * np.sin(angle)
         model.add(tube([(-x, -y, 0.015), (x, y, 0.015)], 0.005, 6), iron, solid=False)
-    model.fills((-0.085, -0.085, 0), (0.085, 0.085, 0.02))
+    model.fills((-0.1, -0.1, 0), (0.1, 0.1, 0.02))
     return model
 
 
@@ -186,7 +186,7 @@ def fridge(kit: Kit) -> Model:
     for _ in range(4):
         wide, tall = kit.rng.uniform(0.06, 0.13), kit.rng.uniform(0.07, 0.15)
         at = (float(kit.rng.uniform(-0.2, 0.1)), front - 0.019, float(kit.rng.uniform(1.15, 1.5)))
-        note = kit.printed(prints.picture, (float(wide), float(tall)), 96)
+        note = kit.printed(pictures.picture, (float(wide), float(tall)), 96)
         model.add(box(float(wide), 0.002, float(tall), upright=True), note, at, solid=False)
     return model
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from gslts.sim import prints, textures
 from gslts.sim.catalog import materials
+from gslts.sim.inks import INKS, ink
 from gslts.sim.model import Kit, Model
 from gslts.sim.shapes import box, cylinder, joined, tube
 
@@ -81,7 +82,7 @@ def key_chain(kit: Kit) -> Model:
             [cylinder(0.011, 0.0025, n=14).moved(0.028), box(0.035, 0.006, 0.0025).moved(0.055)]
         )
         model.add(key.turned("z", angle), material, (0, 0, 0.001))
-    tag = materials.plastic(kit, prints.ink(kit.rng))
+    tag = materials.plastic(kit, ink(kit.rng))
     model.add(box(0.022, 0.04, 0.004), tag, (-0.024, 0, 0))
     return model
 
@@ -93,7 +94,7 @@ def pencil_cup(kit: Kit) -> Model:
     for k in range(5):
         angle = 2 * np.pi * k / 5
         x, y = 0.018 * np.cos(angle), 0.018 * np.sin(angle)
-        colour = materials.plastic(kit, prints.INKS[k])
+        colour = materials.plastic(kit, INKS[k])
         model.add(tube([(x, y, 0.095), (1.7 * x, 1.7 * y, 0.17)], 0.0038, 6), colour, solid=False)
     model.fills((-0.035, -0.035, 0.1), (0.035, 0.035, 0.17))
     return model
@@ -104,7 +105,7 @@ def pen(kit: Kit) -> Model:
     model = Model("Pen", movable=True)
     model.add(
         tube([(-0.06, 0, 0.006), (0.06, 0, 0.006)], 0.006, 10),
-        materials.plastic(kit, prints.ink(kit.rng)),
+        materials.plastic(kit, ink(kit.rng)),
     )
     model.add(tube([(0.06, 0, 0.006), (0.075, 0, 0.006)], 0.003, 8), materials.metal(kit))
     return model

@@ -7,6 +7,7 @@ import numpy as np
 from gslts.sim import prints, textures
 from gslts.sim.catalog import materials
 from gslts.sim.catalog.parts import ring_handle
+from gslts.sim.inks import ink
 from gslts.sim.model import Kit, Material, Model
 from gslts.sim.noise import tinted
 from gslts.sim.shapes import box, cushion, cylinder, lathe, tube
@@ -17,7 +18,7 @@ GLAZES = ((0.94, 0.92, 0.88), (0.8, 0.86, 0.88), (0.9, 0.84, 0.72), (0.42, 0.55,
 def _glazed(kit: Kit, circumference: float, length: float, px: int = 160) -> Material:
     """Printed earthenware for a turned thing of this circumference and length of profile, m."""
     glaze = GLAZES[int(kit.rng.integers(len(GLAZES)))]
-    band = prints.ink(kit.rng)
+    band = ink(kit.rng)
     return kit.printed(prints.plate_rings, (circumference, length), px, glaze, band)
 
 
@@ -139,7 +140,7 @@ def pan(kit: Kit) -> Model:
 def pot(kit: Kit) -> Model:
     """A pot with a lid and two handles."""
     model = Model("Pot", movable=True)
-    colour = prints.ink(kit.rng)
+    colour = ink(kit.rng)
     body = materials.fleck(kit, colour, tinted(colour, 1.0, 0.25), 0.12)
     dark = materials.plastic(kit, materials.BLACK)
     profile = [
@@ -208,7 +209,7 @@ def wine_bottle(kit: Kit) -> Model:
 def soap_bottle(kit: Kit) -> Model:
     """A dispenser of soap."""
     model = Model("SoapBottle", movable=True)
-    colour = prints.ink(kit.rng)
+    colour = ink(kit.rng)
     model.add(
         lathe([(0, 0), (0.032, 0), (0.032, 0.12), (0.012, 0.14), (0, 0.14)], 20),
         materials.plastic(kit, colour),
@@ -223,7 +224,7 @@ def soap_bottle(kit: Kit) -> Model:
 def _label(model: Model, kit: Kit, radius: float, height: float, z: float, name: str) -> None:
     """A printed label twice around a cylinder."""
     width = np.pi * radius
-    label = kit.printed(prints.package, (width, height), 160, name, prints.ink(kit.rng))
+    label = kit.printed(prints.package, (width, height), 160, name, ink(kit.rng))
     shell = [(radius - 0.0005, 0), (radius, 0), (radius, height), (radius - 0.0005, height)]
     model.add(lathe([*shell, shell[0]], 24), label, (0, 0, z), solid=False)
 
