@@ -17,6 +17,7 @@ from gslts.sim.physics import (
     boxes_in_world,
     carried_share,
     collides,
+    footprint,
     free_places,
 )
 
@@ -340,7 +341,7 @@ class Scene:
         top = _top_near(parent, np.inf if near_z is None else near_z)
         yaw = float(np.arctan2(parent.world_from_object[1, 0], parent.world_from_object[0, 0]))
         half = thing.box_in_world[1, :2]
-        carriers = boxes_in_world(parent)
+        carriers, foot = boxes_in_world(parent), footprint(thing.boxes)[0, :2]
         for _ in range(TRIES // BATCH):
             angles = self.rng.uniform(*turn, BATCH)
             shares = np.stack([self.rng.uniform(*x, BATCH), self.rng.uniform(*y, BATCH)], axis=1)
@@ -350,6 +351,10 @@ class Scene:
             local = np.ones((BATCH, 4))
             local[:, :2] = top[:, :2].mean(axis=0) + room * shares
             local[:, 2] = top[1, 2]
+            # The middle of what it stands with, not that of handles and spouts, comes there.
+            turned = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+            local[:, 0] -= turned @ (foot * (1, -1))
+            local[:, 1] -= turned @ foot[::-1]
             points = local @ parent.world_from_object[:3].T
             facings = (angles + yaw).tolist()
             places = np.stack(

@@ -109,7 +109,7 @@ def sink(kit: Kit, width: float = 0.8) -> Model:
         (0, y, bottom + 0.004),
         solid=False,
     )
-    wall = HEIGHT_M - bottom + 0.001
+    wall = HEIGHT_M - bottom
     for x in (-1, 1):
         model.add(box(0.008, depth, wall), steel, (x * 0.276, y, bottom))
     for edge in (-1, 1):

@@ -129,7 +129,7 @@ def pan(kit: Kit) -> Model:
     model.add(lathe(profile, 32), iron, solid=False)
     model.fills((-0.1, -0.1, 0), (0.1, 0.1, 0.006))
     for x0, y0, x1, y1 in _rim_boxes(0.125, 0.1):
-        model.fills((x0, y0, 0), (x1, y1, 0.045))
+        model.fills((x0, y0, 0.006), (x1, y1, 0.045))
     model.add(
         tube([(0.12, 0, 0.035), (0.2, 0, 0.06), (0.3, 0, 0.065)], 0.011, 10),
         materials.second_wood(kit),
