@@ -21,6 +21,10 @@ SHADOW_OFFSET_M = 1e-3
 """Shadow rays start this far off the surface, so that it does not shade itself."""
 PATTERN = 4
 """Light samples differ in tiles of 4 x 4 pixels and are averaged over them afterwards."""
+BAND_ROWS = 60
+"""An image is made in bands, each small enough for a core's cache."""
+HALO_ROWS = 2
+"""Rows beyond a band over which its light is averaged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +71,8 @@ class RayCaster:
                 first_vertex += len(in_world)
         self.home = home
         self._owners = np.concatenate(owners)
-        all_normals = np.concatenate(normals)
-        lengths = np.linalg.norm(all_normals, axis=1, keepdims=True)
+        all_normals = np.concatenate(normals).T
+        lengths = np.linalg.norm(all_normals, axis=0)
         self._normals = (all_normals / np.maximum(lengths, 1e-20)).astype(np.float32)
         surfaces = [surface for thing in home.objects for surface in thing.surfaces]
         self._atlas = TextureAtlas(surfaces)
@@ -80,115 +84,133 @@ class RayCaster:
 
     def look(self, camera: Camera) -> View:
         """Renders one view."""
-        height, width = camera.height, camera.width
-        directions = _pixel_directions(camera)
-        eye = camera.world_from_camera[:3, 3].astype(np.float32)
-        rays = np.concatenate([np.broadcast_to(eye, directions.shape), directions], axis=-1)
-        hits = self._scene.cast_rays(self._tensor(rays))
+        starts = range(0, camera.height, BAND_ROWS)
+        bands = [self._band(camera, row) for row in starts]
+        return View(
+            *(
+                np.concatenate([getattr(band, name) for band in bands])
+                for name in ("radiance", "depth", "instances", "cosines")
+            )
+        )
+
+    def _band(self, camera: Camera, row: int) -> View:
+        """The rows from `row` on. Inside, each coordinate and colour is a plane of its own."""
+        first, end = max(0, row - HALO_ROWS), min(camera.height, row + BAND_ROWS + HALO_ROWS)
+        part = camera.cropped(0, first, camera.width, end)
+        directions = _pixel_directions(part)
+        eye = camera.world_from_camera[:3, 3].astype(np.float32)[:, None, None]
+        hits = self._scene.cast_rays(self._rays(eye, directions))
         # Directions have z = 1 in the camera frame, so that the distance is the depth.
         depth = hits["t_hit"].numpy()
         hit = np.isfinite(depth)
         depth = np.where(hit, depth, np.float32(0))
         triangles = np.where(hit, hits["primitive_ids"].numpy(), 0)
-        normals = self._normals[triangles]
-        cosines = np.einsum("hwc,hwc->hw", normals, directions)
-        lengths = np.linalg.norm(directions, axis=-1)
-        cosines /= lengths
-        normals *= -np.sign(cosines)[..., None]  # Surfaces are seen from both sides.
+        normals = np.take(self._normals, triangles, axis=1)
+        cosines = _dot(normals, directions) / np.sqrt(_dot(directions, directions))
+        normals *= -np.sign(cosines)  # Surfaces are seen from both sides.
         cosines = np.abs(cosines)
         pixel_m = depth * np.float32(1 / camera.fx) / np.maximum(cosines, 0.1)
-        albedo = self._atlas.sample(triangles, hits["primitive_uvs"].numpy(), pixel_m)
-        points = eye + directions * depth[..., None]
-        irradiance = self._irradiance(points, normals, depth)
-        radiance = np.where(hit[..., None], albedo * irradiance, np.float32(0))
-        instances = np.where(hit, self._owners[triangles], -1).astype(np.int32)
-        assert radiance.shape == (height, width, 3)
-        return View(radiance, depth, instances, np.where(hit, cosines, np.float32(0)))
+        uvs = hits["primitive_uvs"].numpy()
+        albedo = self._atlas.sample(triangles, uvs[..., 0], uvs[..., 1], pixel_m)
+        radiance = albedo * self._irradiance(eye + directions * depth, normals, depth, first)
+        radiance *= hit
+        kept = slice(row - first, row - first + min(BAND_ROWS, camera.height - row))
+        return View(
+            np.ascontiguousarray(np.moveaxis(radiance[:, kept], 0, -1)),
+            depth[kept],
+            np.where(hit, self._owners[triangles], -1).astype(np.int32)[kept],
+            np.where(hit, cosines, np.float32(0))[kept],
+        )
 
-    def _irradiance(self, points: Floats32, normals: Floats32, depth: Floats32) -> Floats32:
-        """[H,W,3] light on the surfaces, as the value of a white one."""
+    def _rays(self, origins: Floats32, directions: Floats32) -> Any:
+        """Open3D's [h,W,6] rays of planes [3,h,W]."""
+        rays = np.empty((*directions.shape[1:], 6), np.float32)
+        rays[..., :3] = np.moveaxis(np.broadcast_to(origins, directions.shape), 0, -1)
+        rays[..., 3:] = np.moveaxis(directions, 0, -1)
+        return self._tensor(rays)
+
+    def _irradiance(
+        self, points: Floats32, normals: Floats32, depth: Floats32, row: int
+    ) -> Floats32:
+        """[3,h,W] light on the surfaces of rows from `row` on, as the value of a white one."""
         direct = np.zeros_like(points)
         for light in self.home.lights:
-            direct += self._from_light(light, points, normals)
+            factor = self._from_light(light, points, normals, row)
+            direct += factor * light.radiance.astype(np.float32)[:, None, None]
         if self.home.lights:
             direct = _average_over_pattern(direct, normals, depth)
-        return direct + self.home.ambient.astype(np.float32)
+        return direct + self.home.ambient.astype(np.float32)[:, None, None]
 
-    def _from_light(self, light: AreaLight, points: Floats32, normals: Floats32) -> Floats32:
-        """One sample of the light a pixel, another one in each pixel of the pattern."""
-        normal = np.cross(light.edge_u, light.edge_v)
-        area = float(np.linalg.norm(normal))
-        u, v = _stratified(points.shape[:2])
-        on_light = (
-            light.center.astype(np.float32)
-            + (u - 0.5)[..., None] * light.edge_u.astype(np.float32)
-            + (v - 0.5)[..., None] * light.edge_v.astype(np.float32)
+    def _from_light(
+        self, light: AreaLight, points: Floats32, normals: Floats32, row: int
+    ) -> Floats32:
+        """[h,W] light for a radiance of 1, from one place on the light a pixel."""
+        cross = np.cross(light.edge_u, light.edge_v)
+        area = float(np.linalg.norm(cross))
+        center, edge_u, edge_v, normal = (
+            vector.astype(np.float32)[:, None, None]
+            for vector in (light.center, light.edge_u, light.edge_v, cross / area)
         )
+        u, v = _stratified(points.shape[1:], row)
         start = points + SHADOW_OFFSET_M * normals
-        towards = on_light - start
-        squared = np.einsum("hwc,hwc->hw", towards, towards)
-        at_surface = np.einsum("hwc,hwc->hw", towards, normals)
-        at_light = -(towards @ (normal / area).astype(np.float32))
+        towards = center + (u - 0.5) * edge_u + (v - 0.5) * edge_v - start
         # Lambert's law at both ends; the solid angle of a half-space, seen by cosine, is pi.
-        factor = np.maximum(at_surface, 0) * np.maximum(at_light, 0) * np.float32(area / np.pi)
-        factor /= np.maximum(squared * squared, np.float32(1e-6))
-        rays = np.concatenate([start, towards], axis=-1)
+        factor = np.maximum(_dot(towards, normals), 0) * np.maximum(-_dot(towards, normal), 0)
+        factor *= np.float32(area / np.pi)
+        factor /= np.maximum(_dot(towards, towards) ** 2, np.float32(1e-6))
         # The light's own lamp must not shade it.
-        occluded = self._scene.test_occlusions(self._tensor(rays), tnear=0.0, tfar=0.98)
-        factor[occluded.numpy()] = 0
-        result: Floats32 = factor[..., None] * light.radiance.astype(np.float32)
+        occluded = self._scene.test_occlusions(self._rays(start, towards), tnear=0.0, tfar=0.98)
+        factor *= ~occluded.numpy()
+        result: Floats32 = factor
         return result
 
 
+def _dot(a: Floats32, b: Floats32) -> Floats32:
+    """[...] scalar products of vectors in planes [3,...]."""
+    result: Floats32 = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return result
+
+
 def _pixel_directions(camera: Camera) -> Floats32:
-    """[H,W,3] from the eye through the pixel centres, in world axes, with z = 1 in the camera."""
+    """[3,H,W] from the eye through the pixel centres, in world axes, with z = 1 in the camera."""
     columns = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
     rows = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
-    x, y = np.meshgrid(columns, rows)
-    in_camera = np.stack([x, y, np.ones_like(x)], axis=-1)
-    return (in_camera @ camera.world_from_camera[:3, :3].T).astype(np.float32)
+    right, down, ahead = camera.world_from_camera[:3, :3].T[:, :, None, None]
+    return (right * columns + down * rows[:, None] + ahead).astype(np.float32)
 
 
-def _stratified(shape: tuple[int, int]) -> tuple[Floats32, Floats32]:
-    """Places on a light in 0 to 1, [H,W] each: a grid over every tile of the pattern.
+def _stratified(shape: tuple[int, ...], row: int) -> tuple[Floats32, Floats32]:
+    """Places on a light in 0 to 1, [h,W] each: a grid over every tile of the pattern.
 
     The pixels next to each other take places far from each other.
     """
     order = np.array([0, 2, 3, 1])
-    i, j = np.meshgrid(order, order, indexing="ij")
+    rows, columns = (row + np.arange(shape[0])) % PATTERN, np.arange(shape[1]) % PATTERN
+    i, j = np.meshgrid(order[rows], order[columns], indexing="ij")
     u = ((i + 0.5) / PATTERN).astype(np.float32)
     v = (((j + i) % PATTERN + 0.5) / PATTERN).astype(np.float32)
-    repeats = (shape[0] // PATTERN + 1, shape[1] // PATTERN + 1)
-    return (
-        np.tile(u, repeats)[: shape[0], : shape[1]],
-        np.tile(v, repeats)[: shape[0], : shape[1]],
-    )
+    return u, v
 
 
 def _average_over_pattern(values: Floats32, normals: Floats32, depth: Floats32) -> Floats32:
-    """Means over PATTERN x PATTERN pixels of the same surface: first along rows, then columns."""
+    """Means [3,h,W] over PATTERN x PATTERN pixels of one surface: along rows, then columns."""
     for axis in (1, 0):
         total = values.copy()
         weight = np.ones(depth.shape, np.float32)
         for shift in (-2, -1, 1):
             here, there = _overlap(shift, axis)
-            same = np.einsum("hwc,hwc->hw", normals[here], normals[there]) > 0.9
-            same &= np.abs(depth[here] - depth[there]) < 0.02 * depth[here] * abs(shift)
-            total[here] += values[there] * same[..., None]
+            same = _dot(normals[:, *here], normals[:, *there]) > 0.9
+            same &= np.abs(depth[here] - depth[there]) < 0.02 * abs(shift) * depth[here]
+            total[:, *here] += values[:, *there] * same
             weight[here] += same
-        values = total / weight[..., None]
+        values = total / weight
     return values
 
 
-def _overlap(shift: int, axis: int) -> tuple[Any, Any]:
+def _overlap(shift: int, axis: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
     """Slices of the pixels that have a neighbour `shift` further along the axis, and of those."""
     here = slice(max(0, -shift), -shift if shift > 0 else None)
     there = slice(max(0, shift), shift if shift < 0 else None)
-    return (
-        ((here, slice(None)), (there, slice(None)))
-        if axis == 0
-        else (
-            (slice(None), here),
-            (slice(None), there),
-        )
-    )
+    if axis == 0:
+        return (here, slice(None)), (there, slice(None))
+    return (slice(None), here), (slice(None), there)

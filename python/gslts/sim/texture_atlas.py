@@ -34,7 +34,8 @@ class TextureAtlas:
     """
 
     def __init__(self, surfaces: Sequence[Surface]) -> None:
-        self._uvs = np.concatenate([surface.uvs for surface in surfaces])
+        corners = np.concatenate([surface.uvs for surface in surfaces])
+        self._uvs = np.ascontiguousarray(corners.reshape(-1, 6).T)
         levels: list[NDArray[np.uint8]] = []
         first_levels: dict[int, int] = {}  # Of each texture, by identity: objects share them.
         level_counts: list[int] = []
@@ -57,56 +58,68 @@ class TextureAtlas:
         self._heights, self._widths = sizes[:, 0], sizes[:, 1]
         ends = np.cumsum(sizes.prod(axis=1), dtype=np.int64)
         self._offsets: NDArray[np.int64] = np.concatenate([np.zeros(1, np.int64), ends[:-1]])
-        self._texels = np.concatenate([level.reshape(-1, 3) for level in levels])
+        # The three bytes of a texel in one number, so that one look-up in memory finds them.
+        texels = np.concatenate([level.reshape(-1, 3) for level in levels]).astype(np.uint32)
+        self._texels = texels[:, 0] | texels[:, 1] << 8 | texels[:, 2] << 16
 
     def sample(
-        self, triangles: NDArray[np.integer], barycentric: Floats32, pixel_m: Floats32
+        self,
+        triangles: NDArray[np.integer],
+        second: Floats32,
+        third: Floats32,
+        pixel_m: Floats32,
     ) -> Floats32:
         """Linear colours, interpolated between texels and between levels.
 
         Args:
             triangles: [...] numbers of the triangles.
-            barycentric: [...,2] weights of the second and the third corner.
+            second: [...] barycentric weights of their second corners.
+            third: [...] those of their third corners.
             pixel_m: [...] size of a pixel on the surface, m.
 
         Returns:
-            [...,3] float32 in 0 to 1.
+            [3,...] float32 in 0 to 1.
         """
-        a, b = barycentric[..., :1], barycentric[..., 1:]
-        corners = self._uvs[triangles]
-        uv = (1 - a - b) * corners[..., 0, :] + a * corners[..., 1, :] + b * corners[..., 2, :]
-        texels = np.maximum(pixel_m * self._texels_per_m[triangles], np.float32(1e-6))
-        last = self._level_count[triangles] - 1
+        u1, v1, u2, v2, u3, v3 = np.take(self._uvs, triangles, axis=1)
+        u = u1 + second * (u2 - u1) + third * (u3 - u1)
+        v = v1 + second * (v2 - v1) + third * (v3 - v1)
+        texels = np.maximum(pixel_m * np.take(self._texels_per_m, triangles), np.float32(1e-6))
+        last = np.take(self._level_count, triangles) - 1
         level = np.clip(np.log2(texels), 0, last.astype(np.float32))
-        lower = np.floor(level).astype(np.int32)
-        blend = (level - lower)[..., None]
-        first = self._first_level[triangles]
-        near = self._bilinear(first + lower, uv)
-        far = self._bilinear(first + np.minimum(lower + 1, last), uv)
-        result: Floats32 = near + blend * (far - near)
+        lower = level.astype(np.int32)
+        first = np.take(self._first_level, triangles)
+        near = self._bilinear(first + lower, u, v)
+        far = self._bilinear(first + np.minimum(lower + 1, last), u, v)
+        result: Floats32 = near + (level - np.floor(level)) * (far - near)
         return result
 
-    def _bilinear(self, level: NDArray[np.int32], uv: Floats32) -> Floats32:
+    def _bilinear(self, level: NDArray[np.int32], u: Floats32, v: Floats32) -> Floats32:
+        """[3,...] colours of one level at texture coordinates."""
         width, height = np.take(self._widths, level), np.take(self._heights, level)
         half = np.float32(0.5)
-        x, y = uv[..., 0] * width.astype(np.float32), uv[..., 1] * height.astype(np.float32)
-        column, row = np.floor(x - half), np.floor(y - half)
-        right, down = (x - half - column)[..., None], (y - half - row)[..., None]
-        left = column.astype(np.int32) % width
-        columns = left, np.where(left + 1 == width, 0, left + 1)
-        upper = row.astype(np.int32) % height
+        x, y = u * width.astype(np.float32) - half, v * height.astype(np.float32) - half
+        column, row = np.floor(x), np.floor(y)
+        right, down = x - column, y - row
+        left, upper = column.astype(np.int32) % width, row.astype(np.int32) % height
+        next_left = np.where(left + 1 == width, 0, left + 1)
         offset = np.take(self._offsets, level)
-        texels = [
-            [self._texel(offset + r * width + c) for c in columns]
-            for r in (upper, np.where(upper + 1 == height, 0, upper + 1))
+        rows = [
+            offset + upper * width,
+            offset + np.where(upper + 1 == height, 0, upper + 1) * width,
         ]
-        above, below = (first + right * (second - first) for first, second in texels)
-        result: Floats32 = above + down * (below - above)
+        texels = [[np.take(self._texels, start + c) for c in (left, next_left)] for start in rows]
+        result = np.empty((3, *u.shape), np.float32)
+        for channel in range(3):
+            above, below = (
+                _linear(a, channel) + right * (_linear(b, channel) - _linear(a, channel))
+                for a, b in texels
+            )
+            result[channel] = above + down * (below - above)
         return result
 
-    def _texel(self, index: NDArray[np.int64]) -> Floats32:
-        texels = np.take(self._texels, index, axis=0)
-        return np.take(LINEAR_OF_BYTE, texels)
+
+def _linear(texels: NDArray[np.uint32], channel: int) -> Floats32:
+    return np.take(LINEAR_OF_BYTE, texels >> np.uint32(8 * channel) & np.uint32(255))
 
 
 def _texels_per_m(surface: Surface) -> Floats32:
