@@ -7,20 +7,18 @@ degrees, from x to y; RotateRight makes it smaller.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gslts.camera import Camera, camera_from_fov, look_at
 from gslts.frame import RgbdFrame
-from gslts.sim.home import Home, HomeObject, Room
-from gslts.sim.raycast import RayCaster, View
+from gslts.sim import changes
+from gslts.sim.event import Event, Palette, make_event, xyz
+from gslts.sim.home import Floats, Home, HomeObject
+from gslts.sim.raycast import RayCaster
 from gslts.sim.sensor import Sensor, SensorNoise
 from gslts.sim.walkable import WalkableFloor, walkable_floor
-
-Floats = NDArray[np.float64]
 
 GRID_M = 0.25
 ROTATE_STEP_DEG = 90.0
@@ -30,32 +28,8 @@ HORIZON_DEG = (-30.0, 60.0)
 BODY_RADIUS_M = 0.2
 BODY_HEIGHT_M = 1.2
 CAMERA_HEIGHT_M = 1.5
-VISIBILITY_M = 1.5
-"""An object counts as visible if it is seen nearer than this, as in AI2-THOR."""
 
 _MOVES_DEG = {"MoveAhead": 0.0, "MoveLeft": 90.0, "MoveBack": 180.0, "MoveRight": -90.0}
-
-
-@dataclass(frozen=True, eq=False)
-class Event:
-    """What an action led to.
-
-    Attributes:
-        frame: [H,W,3] uint8, sRGB.
-        depth_frame: [H,W] float32, z in the camera frame, m; 0 where there is no measurement.
-        instance_segmentation_frame: [H,W,3] uint8, a colour for each object; black for nothing.
-        color_to_object_id: Whose colour is which.
-        metadata: `agent`, `objects`, `lastAction`, `lastActionSuccess`, `errorMessage` and
-            `actionReturn`.
-        observation: The frame with its camera, as the rest of the project takes it.
-    """
-
-    frame: NDArray[np.uint8]
-    depth_frame: NDArray[np.float32]
-    instance_segmentation_frame: NDArray[np.uint8]
-    color_to_object_id: dict[tuple[int, int, int], str]
-    metadata: dict[str, Any]
-    observation: RgbdFrame
 
 
 class ActionError(Exception):
@@ -90,11 +64,13 @@ class Controller:
         self._size, self._fov_rad = (width, height), fov_rad
         self._sensor = Sensor(noise, seed)
         self._frames = 0
+        self._palette = Palette(home)
+        self._aside: dict[str, HomeObject] = {}
         self._set_home(home)
-        places = self._grid_places()
+        places = self.reachable_positions()
         if len(places) == 0:
             raise ValueError(f"Controller: {home.name}: the robot can stand nowhere")
-        middle = 0.5 * (self._floor_room.box[0, :2] + self._floor_room.box[1, :2])
+        middle = home.space.box.mean(axis=0)[:2]
         self._position = places[np.argmin(np.linalg.norm(places - middle, axis=1))]
         self._yaw_deg, self._horizon_deg = 0.0, 0.0
         self._last_pose: Floats | None = None
@@ -111,7 +87,10 @@ class Controller:
         Args:
             action: One of MoveAhead, MoveBack, MoveLeft, MoveRight (`moveMagnitude`, m),
                 RotateLeft, RotateRight, LookUp, LookDown (`degrees`), Teleport (`position` with x
-                and y, `rotation` in degrees, `horizon`), GetReachablePositions and Pass.
+                and y, `rotation` in degrees, `horizon`), GetReachablePositions, Pass,
+                InitialRandomSpawn (`randomSeed`, `numPlacementAttempts`), DisableObject and
+                EnableObject (`objectId`), PlaceObjectAtPoint (`objectId`, `position` with x, y and
+                z, where the middle of its underside comes, `rotation` in degrees).
             arguments: Of the action.
 
         Raises:
@@ -124,8 +103,8 @@ class Controller:
         error, result = "", None
         try:
             result = method(self, action, **arguments)
-        except ActionError as reason:
-            error = str(reason)
+        except (ActionError, changes.ChangeError) as reason:
+            error = f"{action}: {reason}"
         except TypeError as reason:
             raise ValueError(f"Controller.step: {action}: {reason}") from None
         self.last_event = self._look(action, error, result)
@@ -137,11 +116,11 @@ class Controller:
 
     def reachable_positions(self) -> Floats:
         """[P,2] places on the robot's grid that it can reach from where it is, x and y, m."""
-        return self._grid_places()
+        return self._floor.places(GRID_M)
 
     def move_towards(self, position: Floats, yaw_rad: float) -> bool:
         """Goes to the reachable place nearest to `position` and looks along `yaw_rad`."""
-        places = self._grid_places()
+        places = self.reachable_positions()
         place = places[np.argmin(np.linalg.norm(places - position, axis=1))]
         event = self.step(
             "Teleport",
@@ -151,35 +130,16 @@ class Controller:
         return bool(event.metadata["lastActionSuccess"])
 
     def _set_home(self, home: Home) -> None:
-        self._home = home
-        self._caster = RayCaster(home)
-        corners = np.stack([room.box for room in home.rooms])
-        box = np.stack([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
-        self._floor_room = Room("all", box)
-        self._floor: WalkableFloor = walkable_floor(
-            home, self._floor_room, BODY_RADIUS_M, BODY_HEIGHT_M
-        )
+        self._home, self._floor = home, _floor_of(home)
+        self._caster = RayCaster(self._sensor.lit(home))
 
-    def _can_stand(self, position: Floats) -> bool:
-        column, row = np.rint((position - self._floor.origin) / self._floor.cell_m).astype(int)
-        rows, columns = self._floor.largest.shape
-        return bool(0 <= row < rows and 0 <= column < columns and self._floor.largest[row, column])
-
-    def _grid_places(self) -> Floats:
-        """[P,2] points of the grid of the home on which the robot can stand."""
-        low, high = self._floor_room.box[:, :2]
-        first = np.ceil(low / GRID_M) * GRID_M
-        x, y = (np.arange(first[k], high[k], GRID_M) for k in range(2))
-        places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-        return places[[self._can_stand(place) for place in places]]
-
-    def _move(self, action: str, *, moveMagnitude: float = GRID_M) -> None:  # noqa: N803
+    def _move(self, action: str, *, moveMagnitude: float = GRID_M) -> None:
         angle = np.deg2rad(self._yaw_deg + _MOVES_DEG[action])
         step = moveMagnitude * np.array([np.cos(angle), np.sin(angle)])
         pieces = max(2, int(np.ceil(abs(moveMagnitude) / self._floor.cell_m)) + 1)
         for share in np.linspace(0, 1, pieces)[1:]:
-            if not self._can_stand(self._position + share * step):
-                raise ActionError(f"{action}: the way of {moveMagnitude:g} m is blocked")
+            if not self._floor.can_stand(self._position + share * step):
+                raise ActionError(f"the way of {moveMagnitude:g} m is blocked")
         self._position = self._position + step
 
     def _rotate(self, action: str, *, degrees: float = ROTATE_STEP_DEG) -> None:
@@ -190,14 +150,14 @@ class Controller:
         horizon = self._horizon_deg + (degrees if action == "LookDown" else -degrees)
         if not HORIZON_DEG[0] <= horizon <= HORIZON_DEG[1]:
             raise ActionError(
-                f"{action}: the horizon must stay within {HORIZON_DEG[0]:g} and "
+                f"the horizon must stay within {HORIZON_DEG[0]:g} and "
                 f"{HORIZON_DEG[1]:g} degrees, not {horizon:g}"
             )
         self._horizon_deg = horizon
 
     def _teleport(
         self,
-        action: str,
+        _action: str,
         *,
         position: dict[str, float] | None = None,
         rotation: float | None = None,
@@ -206,24 +166,62 @@ class Controller:
         place = self._position
         if position is not None:
             place = np.array([position["x"], position["y"]], np.float64)
-        if not self._can_stand(place):
-            raise ActionError(f"{action}: the robot cannot stand at ({place[0]:g}, {place[1]:g})")
+        if not self._floor.can_stand(place):
+            raise ActionError(f"the robot cannot stand at ({place[0]:g}, {place[1]:g})")
         if horizon is not None and not HORIZON_DEG[0] <= horizon <= HORIZON_DEG[1]:
-            raise ActionError(f"{action}: horizon {horizon:g} is out of range")
+            raise ActionError(f"horizon {horizon:g} is out of range")
         self._position = place
         self._yaw_deg = self._yaw_deg if rotation is None else rotation % 360
         self._horizon_deg = self._horizon_deg if horizon is None else horizon
 
     def _get_reachable_positions(self, _action: str) -> list[dict[str, float]]:
-        height = float(self._floor_room.box[0, 2])
+        height = float(self._home.space.box[0, 2])
         return [{"x": float(x), "y": float(y), "z": height} for x, y in self.reachable_positions()]
 
     def _pass(self, _action: str) -> None:
         pass
 
+    def _initial_random_spawn(
+        self,
+        _action: str,
+        *,
+        randomSeed: int = 0,
+        numPlacementAttempts: int = 5,
+    ) -> None:
+        self._change(changes.spawn_randomly(self._home, randomSeed, numPlacementAttempts))
+
+    def _disable_object(self, _action: str, *, objectId: str) -> None:
+        before = self._home
+        self._change(changes.disable(before, objectId))
+        self._aside[objectId] = before[objectId]
+
+    def _enable_object(self, _action: str, *, objectId: str) -> None:
+        if objectId not in self._aside:
+            there = "is there already" if objectId in self._home else "was never there"
+            raise ActionError(f"{objectId} {there}")
+        self._change(changes.enable(self._home, self._aside[objectId]))
+        del self._aside[objectId]
+
+    def _place_object_at_point(
+        self,
+        _action: str,
+        *,
+        objectId: str,
+        position: dict[str, float],
+        rotation: float | None = None,
+    ) -> None:
+        point = np.array([position[axis] for axis in "xyz"], np.float64)
+        self._change(changes.place(self._home, objectId, point, rotation))
+
+    def _change(self, home: Home) -> None:
+        """Takes over a changed home, unless something would stand where the robot is."""
+        if not _floor_of(home).can_stand(self._position):
+            raise ActionError("the robot stands in the way")
+        self._set_home(home)
+
     def _camera(self) -> Camera:
         yaw, down = np.deg2rad(self._yaw_deg), np.deg2rad(self._horizon_deg)
-        eye = np.array([*self._position, self._floor_room.box[0, 2] + CAMERA_HEIGHT_M])
+        eye = np.array([*self._position, self._home.space.box[0, 2] + CAMERA_HEIGHT_M])
         ahead = (np.cos(yaw) * np.cos(down), np.sin(yaw) * np.cos(down), -np.sin(down))
         return camera_from_fov(*self._size, self._fov_rad, look_at(eye, eye + ahead))
 
@@ -232,35 +230,22 @@ class Controller:
         frame, truth = self._sensor.take(self._caster, camera, self._frames, self._last_pose)
         self._frames += 1
         self._last_pose = camera.world_from_camera
-        colors = _object_colors(len(self._home.objects))
-        segmentation = np.where(
-            (truth.instances >= 0)[..., None], colors[truth.instances], np.uint8(0)
-        )
         metadata = {
             "agent": {
-                "position": _xyz((*self._position, self._floor_room.box[0, 2])),
-                "rotation": _xyz((0, 0, self._yaw_deg)),
+                "position": xyz((*self._position, self._home.space.box[0, 2])),
+                "rotation": xyz((0, 0, self._yaw_deg)),
                 "cameraHorizon": self._horizon_deg,
             },
-            "objects": self._object_metadata(truth),
             "lastAction": action,
             "lastActionSuccess": not error,
             "errorMessage": error,
             "actionReturn": result,
         }
-        ids = [thing.id for thing in self._home.objects]
-        by_color = {
-            (int(red), int(green), int(blue)): name
-            for (red, green, blue), name in zip(colors, ids, strict=True)
-        }
-        return Event(frame.rgb, frame.depth, segmentation, by_color, metadata, frame)
+        return make_event(frame, truth, self._home, self._palette, metadata)
 
-    def _object_metadata(self, truth: View) -> list[dict[str, Any]]:
-        near = truth.instances[(truth.depth > 0) & (truth.depth < VISIBILITY_M)]
-        visible = set(np.unique(near).tolist())
-        return [
-            _metadata_of(thing, index in visible) for index, thing in enumerate(self._home.objects)
-        ]
+
+def _floor_of(home: Home) -> WalkableFloor:
+    return walkable_floor(home, home.space, BODY_RADIUS_M, BODY_HEIGHT_M)
 
 
 _ACTIONS: dict[str, Any] = {
@@ -270,38 +255,8 @@ _ACTIONS: dict[str, Any] = {
     "Teleport": Controller._teleport,
     "GetReachablePositions": Controller._get_reachable_positions,
     "Pass": Controller._pass,
+    "InitialRandomSpawn": Controller._initial_random_spawn,
+    "DisableObject": Controller._disable_object,
+    "EnableObject": Controller._enable_object,
+    "PlaceObjectAtPoint": Controller._place_object_at_point,
 }
-
-
-def _xyz(values: Any) -> dict[str, float]:
-    x, y, z = values
-    return {"x": float(x), "y": float(y), "z": float(z)}
-
-
-def _metadata_of(thing: HomeObject, visible: bool) -> dict[str, Any]:
-    low, high = thing.box_in_world
-    corners = np.array(np.meshgrid(*np.stack([low, high], axis=1))).reshape(3, 8).T
-    rotation = thing.world_from_object[:3, :3]
-    yaw_deg = np.rad2deg(np.arctan2(rotation[1, 0], rotation[0, 0]))
-    return {
-        "objectId": thing.id,
-        "objectType": thing.type,
-        "position": _xyz(thing.world_from_object[:3, 3]),
-        "rotation": _xyz((0, 0, yaw_deg)),
-        "axisAlignedBoundingBox": {
-            "center": _xyz((low + high) / 2),
-            "size": _xyz(high - low),
-            "cornerPoints": corners.tolist(),
-        },
-        "visible": visible,
-        "pickupable": thing.movable,
-        "receptacle": thing.receptacle,
-        "parentReceptacles": None if thing.parent is None else [thing.parent],
-    }
-
-
-def _object_colors(count: int) -> NDArray[np.uint8]:
-    """[count,3] colours that are all different, and none of them black."""
-    # An odd factor permutes the 24-bit numbers, so that neighbours get colours far apart.
-    mixed = (np.arange(1, count + 1, dtype=np.int64) * 10_368_889) % (1 << 24)
-    return np.stack([mixed >> 16, mixed >> 8 & 255, mixed & 255], axis=1).astype(np.uint8)

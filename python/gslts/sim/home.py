@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,6 +13,14 @@ from numpy.typing import NDArray
 from gslts.sim.mesh import Surface
 
 Floats = NDArray[np.float64]
+
+
+def pose(x: float, y: float, z: float, yaw_rad: float) -> Floats:
+    """[4,4] float64: a place, turned about the vertical."""
+    # Rounded, so that the last bits of sines and products do not depend on the machine.
+    cosine, sine = round(math.cos(yaw_rad), 12), round(math.sin(yaw_rad), 12)
+    x, y, z = (round(float(length), 6) for length in (x, y, z))
+    return np.array([[cosine, -sine, 0, x], [sine, cosine, 0, y], [0, 0, 1, z], [0, 0, 0, 1.0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +76,11 @@ class HomeObject:
     def placed(self, world_from_object: Floats, parent: str | None) -> HomeObject:
         """The same object at another place."""
         return replace(self, world_from_object=world_from_object, parent=parent)
+
+
+def yaw_of(thing: HomeObject) -> float:
+    """Its turn about the vertical, rad."""
+    return float(np.arctan2(thing.world_from_object[1, 0], thing.world_from_object[0, 0]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,6 +154,13 @@ class Home:
     def _by_id(self) -> dict[str, HomeObject]:
         return {thing.id: thing for thing in self.objects}
 
+    @cached_property
+    def space(self) -> Room:
+        """All rooms as one."""
+        corners = np.stack([room.box for room in self.rooms])
+        box = np.stack([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
+        return Room("home", box)
+
     def __contains__(self, object_id: str) -> bool:
         return object_id in self._by_id
 
@@ -152,9 +173,13 @@ class Home:
         return self._by_id[object_id]
 
     def without(self, object_ids: Iterable[str]) -> Home:
-        """The home without some objects; what stood on them must be among them."""
+        """The home without some objects and their lights; what stood on them must be among them."""
         gone = set(object_ids)
-        return replace(self, objects=tuple(o for o in self.objects if o.id not in gone))
+        return replace(
+            self,
+            objects=tuple(thing for thing in self.objects if thing.id not in gone),
+            lights=tuple(light for light in self.lights if light.owner not in gone),
+        )
 
     def with_object(self, thing: HomeObject) -> Home:
         """The home with one object more, or in the place of that with the same id."""

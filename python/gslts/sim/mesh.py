@@ -18,6 +18,7 @@ class Surface:
         uvs: [F,3,2] float32, texture coordinates of the corners, as in glTF: (0, 0) is the upper
             left corner of the texture, (1, 1) the lower right, and the texture repeats beyond.
         texture: [h,w,3] uint8, sRGB.
+        emission: Radiance of a white texel while a light of the object is on.
 
     Raises:
         ValueError: An array has a wrong shape or dtype, there is no triangle, or a vertex is not
@@ -28,6 +29,7 @@ class Surface:
     faces: NDArray[np.int32]
     uvs: NDArray[np.float32]
     texture: NDArray[np.uint8]
+    emission: float = 0.0
 
     def __post_init__(self) -> None:
         count = len(self.faces)

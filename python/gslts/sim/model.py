@@ -28,11 +28,13 @@ class Material:
         texture: [h,w,3] uint8, sRGB.
         size_m: Width and height of one repeat.
         fitted: It starts where the texture coordinates of each part do, as a print must.
+        emission: Radiance of a white texel while a light of the thing is on.
     """
 
     texture: NDArray[np.uint8]
     size_m: tuple[float, float]
     fitted: bool
+    emission: float = 0.0
 
 
 class Kit:
@@ -231,6 +233,7 @@ def _surface(parts: list[tuple[Mesh, Material]], origin: Floats) -> Surface:
         faces=np.concatenate(faces).astype(np.int32),
         uvs=np.round(np.concatenate(uvs), 6).astype(np.float32),
         texture=material.texture,
+        emission=material.emission,
     )
 
 

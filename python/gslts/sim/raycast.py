@@ -55,7 +55,8 @@ class RayCaster:
         import open3d
 
         self._tensor: Any = open3d.core.Tensor
-        vertices, faces, owners, normals = [], [], [], []
+        vertices, faces, owners, normals, emission = [], [], [], [], []
+        shining = {light.owner for light in home.lights}
         first_vertex = 0
         for index, thing in enumerate(home.objects):
             rotation, center = thing.world_from_object[:3, :3], thing.world_from_object[:3, 3]
@@ -68,9 +69,11 @@ class RayCaster:
                 vertices.append(in_world)
                 faces.append(surface.faces + first_vertex)
                 owners.append(np.full(len(surface.faces), index, np.int32))
+                glow = surface.emission if thing.id in shining else 0.0
+                emission.append(np.full(len(surface.faces), glow, np.float32))
                 first_vertex += len(in_world)
         self.home = home
-        self._owners = np.concatenate(owners)
+        self._owners, self._emission = np.concatenate(owners), np.concatenate(emission)
         all_normals = np.concatenate(normals).T
         lengths = np.linalg.norm(all_normals, axis=0)
         self._normals = (all_normals / np.maximum(lengths, 1e-20)).astype(np.float32)
@@ -109,11 +112,12 @@ class RayCaster:
         cosines = _dot(normals, directions) / np.sqrt(_dot(directions, directions))
         normals *= -np.sign(cosines)  # Surfaces are seen from both sides.
         cosines = np.abs(cosines)
-        pixel_m = depth * np.float32(1 / camera.fx) / np.maximum(cosines, 0.1)
+        per_px = np.float32(1 / camera.fx)
+        pixel_m = (depth * per_px / np.maximum(cosines, 0.1)).astype(np.float32)
         uvs = hits["primitive_uvs"].numpy()
         albedo = self._atlas.sample(triangles, uvs[..., 0], uvs[..., 1], pixel_m)
-        radiance = albedo * self._irradiance(eye + directions * depth, normals, depth, first)
-        radiance *= hit
+        light = self._irradiance(eye + directions * depth, normals, depth, first)
+        radiance = albedo * (light + np.take(self._emission, triangles)) * hit
         kept = slice(row - first, row - first + min(BAND_ROWS, camera.height - row))
         return View(
             np.ascontiguousarray(np.moveaxis(radiance[:, kept], 0, -1)),
@@ -176,7 +180,8 @@ def _pixel_directions(camera: Camera) -> Floats32:
     columns = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
     rows = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
     right, down, ahead = camera.world_from_camera[:3, :3].T[:, :, None, None]
-    return (right * columns + down * rows[:, None] + ahead).astype(np.float32)
+    directions: Floats32 = (right * columns + down * rows[:, None] + ahead).astype(np.float32)
+    return directions
 
 
 def _stratified(shape: tuple[int, ...], row: int) -> tuple[Floats32, Floats32]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from gslts.sim.catalog import building
 from gslts.sim.catalog.building import Opening
-from gslts.sim.home import AreaLight, Floats, Home, HomeObject, Room
+from gslts.sim.home import AreaLight, Floats, Home, HomeObject, Room, pose
 from gslts.sim.model import Kit, Model
 from gslts.sim.physics import (
     OrientedBoxes,
@@ -38,14 +37,6 @@ GAP_M = 0.1
 
 EDGE_M = 0.015
 """Small things keep this distance from the edge of what they stand on."""
-
-
-def pose(x: float, y: float, z: float, yaw_rad: float) -> Floats:
-    """[4,4] float64: a place, turned about the vertical."""
-    # Rounded, so that the last bits of sines and products do not depend on the machine.
-    cosine, sine = round(math.cos(yaw_rad), 12), round(math.sin(yaw_rad), 12)
-    x, y, z = (round(float(length), 6) for length in (x, y, z))
-    return np.array([[cosine, -sine, 0, x], [sine, cosine, 0, y], [0, 0, 1, z], [0, 0, 0, 1.0]])
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gslts.camera import Camera
 from gslts.frame import RgbdFrame
+from gslts.sim.home import Home
 from gslts.sim.raycast import RayCaster, View
 from gslts.sim.texture_atlas import srgb_from_linear
 
@@ -37,6 +38,9 @@ class SensorNoise:
         grazing_rad: Surfaces seen at a larger angle from their normal give no depth, rad.
         edge_dropout: Probability that a pixel at an edge of the depth gives none.
         dropout: Probability that any other pixel gives none.
+        light_std: Of the strength of each light in a visit, in stops.
+        light_off: Probability that a lamp is switched off in a visit; one light always shines.
+        light_shift_m: How far a lamp is moved sideways in a visit, at most, m.
         position_std_m: Of each coordinate of the position that the robot believes, m.
         rotation_std_rad: Of the rotation that it believes, about each axis, rad.
     """
@@ -52,6 +56,9 @@ class SensorNoise:
     grazing_rad: float = np.pi / 2
     edge_dropout: float = 0.0
     dropout: float = 0.0
+    light_std: float = 0.0
+    light_off: float = 0.0
+    light_shift_m: float = 0.0
     position_std_m: float = 0.0
     rotation_std_rad: float = 0.0
 
@@ -100,6 +107,23 @@ class Sensor:
         exposure = noise.exposure_std * rng.normal()
         red, blue = noise.white_balance_std * rng.normal(size=2)
         self.gains: Floats = 2 ** np.array([exposure + red, exposure, exposure + blue])
+
+    def lit(self, home: Home) -> Home:
+        """The home in the light of this visit."""
+        noise, rng = self.noise, np.random.default_rng([self._seed, 2])
+        lights = []
+        for light in home.lights:
+            strength, off = 2 ** (noise.light_std * rng.normal()), rng.random() < noise.light_off
+            shift = noise.light_shift_m * rng.uniform(-1, 1, 3)
+            if light.owner is None:  # Daylight: windows stay where they are, and shine.
+                shift, off = np.zeros(3), False
+            shift[2] = 0
+            changed = replace(
+                light, center=light.center + shift, radiance=strength * light.radiance
+            )
+            lights.append((off, changed))
+        shining = [light for off, light in lights if not off] or [light for _, light in lights[:1]]
+        return replace(home, lights=tuple(shining))
 
     def take(
         self, caster: RayCaster, camera: Camera, index: int, moved_from: Floats | None = None

@@ -40,6 +40,20 @@ class WalkableFloor:
         """Share of the free floor that the robot's body reaches; 0 where no floor is free."""
         return float((self.reached & self.free).sum() / max(1, self.free.sum()))
 
+    def can_stand(self, position: Floats) -> bool:
+        """Whether the middle of the robot can be at (2,) x and y, m."""
+        column, row = np.rint((position - self.origin) / self.cell_m).astype(int)
+        rows, columns = self.largest.shape
+        return bool(0 <= row < rows and 0 <= column < columns and self.largest[row, column])
+
+    def places(self, spacing_m: float) -> Floats:
+        """[P,2] points of a grid through the world's origin on which the robot can stand, m."""
+        end = self.origin + self.cell_m * np.array(self.largest.shape[::-1])
+        first = np.ceil((self.origin - self.cell_m) / spacing_m) * spacing_m
+        x, y = (np.arange(first[k], end[k], spacing_m) for k in range(2))
+        points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        return points[[self.can_stand(point) for point in points]]
+
 
 def walkable_floor(
     home: Home, room: Room, radius_m: float = 0.2, height_m: float = 1.2, cell_m: float = 0.05

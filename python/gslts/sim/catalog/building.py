@@ -12,7 +12,7 @@ from gslts.sim.catalog import materials
 from gslts.sim.catalog.parts import frame, knob
 from gslts.sim.model import Kit, Material, Model
 from gslts.sim.noise import tinted
-from gslts.sim.shapes import box, cylinder, lathe
+from gslts.sim.shapes import box, cylinder
 
 THICKNESS_M = 0.12
 SKIRTING_M = 0.08
@@ -159,21 +159,10 @@ def ceiling_lamp(kit: Kit, side: float) -> Model:
     """A flat square lamp."""
     model = Model("CeilingLamp")
     glass = materials.fleck(kit, (0.98, 0.96, 0.9), (0.9, 0.86, 0.76), 0.25)
+    glass = replace(glass, emission=0.6)
     model.add(
         frame(side, side, 0.03, 0.06).turned("x", np.pi / 2).moved(0, side / 2, 0.03),
         materials.metal(kit),
     )
     model.add(box(side - 0.06, side - 0.06, 0.045), glass, (0, 0, 0.012))
-    return model
-
-
-def pendant(kit: Kit, drop: float) -> Model:
-    """A shade that hangs on a cable."""
-    model = Model("CeilingLamp")
-    colour = materials.fleck(kit, kit.style.accent, (0.92, 0.88, 0.78), 0.15)
-    dark = materials.plastic(kit, materials.BLACK)
-    shade = [(0, 0.15), (0.047, 0.15), (0.187, 0), (0.19, 0), (0.05, 0.16), (0, 0.16)]
-    model.add(lathe(shade, 32), colour)
-    model.add(cylinder(0.004, drop - 0.17, n=8), dark, (0, 0, 0.155))
-    model.add(cylinder(0.05, 0.02, n=20), dark, (0, 0, drop - 0.02))
     return model

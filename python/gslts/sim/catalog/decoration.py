@@ -61,7 +61,7 @@ def vase(kit: Kit) -> Model:
 def house_plant(kit: Kit, height: float = 0.0) -> Model:
     """A plant in a pot: small ones are for sills and tables, tall ones for the floor."""
     height = height or float(kit.rng.uniform(0.25, 0.36))
-    model = Model("HousePlant", movable=height < 0.5)
+    model = Model("HousePlant", movable=True)
     pot = min(0.16, 0.1 + 0.05 * height) if height > 0.5 else 0.065
     clay = materials.fleck(kit, (0.68, 0.38, 0.26), (0.8, 0.55, 0.42), 0.3)
     soil = materials.fleck(kit, (0.2, 0.14, 0.1), (0.36, 0.27, 0.2), 0.5)

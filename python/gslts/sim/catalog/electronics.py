@@ -109,7 +109,7 @@ def desk_lamp(kit: Kit) -> Model:
 
 def floor_lamp(kit: Kit) -> Model:
     """A standing lamp with a drum shade."""
-    model = Model("FloorLamp")
+    model = Model("FloorLamp", movable=True)
     dark = materials.metal(kit, (0.3, 0.28, 0.26))
     model.add(cylinder(0.15, 0.025, n=32), dark)
     model.add(cylinder(0.012, 1.35, n=12), dark, (0, 0, 0.025))

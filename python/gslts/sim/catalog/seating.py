@@ -13,7 +13,7 @@ from gslts.sim.shapes import box, cushion, cylinder, tube
 
 def chair(kit: Kit) -> Model:
     """A dining chair with slats or a padded back."""
-    model = Model("Chair", receptacle=True)
+    model = Model("Chair", movable=True, receptacle=True)
     wood = materials.second_wood(kit)
     width, depth, seat = 0.43, 0.42, 0.45
     legs(model, width, depth, seat - 0.03, 0.035, wood)
@@ -37,19 +37,6 @@ def chair(kit: Kit) -> Model:
     return model
 
 
-def stool(kit: Kit) -> Model:
-    """A round stool."""
-    model = Model("Stool", receptacle=True)
-    wood = materials.second_wood(kit)
-    model.add(cylinder(0.17, 0.03, n=28), wood, (0, 0, 0.42))
-    for angle in np.pi / 4 + np.pi / 2 * np.arange(4):
-        x, y = np.cos(angle), np.sin(angle)
-        foot, top = (0.15 * x, 0.15 * y, 0.0), (0.11 * x, 0.11 * y, 0.42)
-        model.add(tube([foot, top], 0.015, 8), wood)
-    model.add(tube([(-0.1, -0.1, 0.2), (0.1, 0.1, 0.2)], 0.009, 8), wood, solid=False)
-    return model
-
-
 def sofa(kit: Kit, width: float = 0.0) -> Model:
     """A sofa with two or three seats."""
     seats = int(kit.rng.integers(2, 4))
@@ -61,7 +48,7 @@ def sofa(kit: Kit, width: float = 0.0) -> Model:
 
 def arm_chair(kit: Kit) -> Model:
     """An armchair in cloth or leather."""
-    model = Model("ArmChair", receptacle=True)
+    model = Model("ArmChair", movable=True, receptacle=True)
     cover = (
         kit.material(textures.leather, 0.4, 384, (0.45, 0.27, 0.16))
         if kit.style.motif in (1, 4)
@@ -93,7 +80,7 @@ def _upholstered(
 
 def ottoman(kit: Kit) -> Model:
     """A padded footstool."""
-    model = Model("Ottoman", receptacle=True)
+    model = Model("Ottoman", movable=True, receptacle=True)
     legs(model, 0.42, 0.42, 0.1, 0.04, materials.wood(kit))
     model.add(cushion(0.5, 0.5, 0.28, 0.05), materials.print_cloth(kit, 1), (0, 0, 0.1))
     return model
@@ -101,7 +88,7 @@ def ottoman(kit: Kit) -> Model:
 
 def desk_chair(kit: Kit) -> Model:
     """An office chair on a star with castors; a `Chair` too."""
-    model = Model("Chair", receptacle=True)
+    model = Model("Chair", movable=True, receptacle=True)
     plastic, cover = materials.plastic(kit, materials.BLACK), materials.second_fabric(kit)
     for angle in 2 * np.pi / 5 * np.arange(5) + np.pi / 2:
         x, y = 0.27 * np.cos(angle), 0.27 * np.sin(angle)

@@ -89,7 +89,7 @@ def key_chain(kit: Kit) -> Model:
 
 def pencil_cup(kit: Kit) -> Model:
     """Pencils in a mug; a `Cup` too."""
-    model = Model("Cup", movable=True)
+    model = Model("PencilCup", movable=True)
     model.add(cylinder(0.038, 0.1, n=22), materials.print_cloth(kit, 3))
     for k in range(5):
         angle = 2 * np.pi * k / 5

@@ -8,7 +8,7 @@ from gslts.sim import textures
 from gslts.sim.catalog import materials
 from gslts.sim.catalog.parts import bar_handle, frame, knob, legs
 from gslts.sim.model import Kit, Model
-from gslts.sim.shapes import box, cushion, cylinder
+from gslts.sim.shapes import box, cylinder
 
 
 def dresser(kit: Kit, width: float = 0.0) -> Model:
@@ -105,7 +105,7 @@ def sideboard(kit: Kit, width: float = 1.2) -> Model:
 
 def laundry_hamper(kit: Kit) -> Model:
     """A wicker basket with a lid."""
-    model = Model("LaundryHamper", receptacle=True)
+    model = Model("LaundryHamper", movable=True, receptacle=True)
     willow = kit.material(textures.wicker, 0.24, 256, (0.75, 0.58, 0.36))
     model.add(cylinder(0.19, 0.5, 0.21, n=28), willow)
     model.add(cylinder(0.215, 0.03, 0.2, n=28), willow, (0, 0, 0.5))
@@ -114,18 +114,10 @@ def laundry_hamper(kit: Kit) -> Model:
 
 def garbage_can(kit: Kit) -> Model:
     """A pedal bin."""
-    model = Model("GarbageCan")
+    model = Model("GarbageCan", movable=True)
     steel, dark = materials.metal(kit), materials.plastic(kit, materials.BLACK)
     model.add(cylinder(0.14, 0.03, n=28), dark)
     model.add(cylinder(0.135, 0.42, n=28), steel, (0, 0, 0.03))
     model.add(cylinder(0.14, 0.05, 0.09, n=28), dark, (0, 0, 0.45))
     model.add(box(0.07, 0.05, 0.015), dark, (0, -0.15, 0.01), solid=False)
-    return model
-
-
-def bench(kit: Kit, width: float = 1.0) -> Model:
-    """A padded bench at the foot of a bed."""
-    model = Model("Bench", receptacle=True)
-    legs(model, width - 0.04, 0.36, 0.36, 0.045, materials.wood(kit))
-    model.add(cushion(width, 0.4, 0.09, 0.03), materials.print_cloth(kit, 1), (0, 0, 0.36))
     return model
