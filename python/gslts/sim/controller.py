@@ -28,6 +28,8 @@ HORIZON_DEG = (-30.0, 60.0)
 BODY_RADIUS_M = 0.2
 BODY_HEIGHT_M = 1.2
 CAMERA_HEIGHT_M = 1.5
+FOV_RAD = np.pi / 2
+"""Horizontal field of view."""
 
 _MOVES_DEG = {"MoveAhead": 0.0, "MoveLeft": 90.0, "MoveBack": 180.0, "MoveRight": -90.0}
 
@@ -57,7 +59,7 @@ class Controller:
         *,
         width: int = 640,
         height: int = 480,
-        fov_rad: float = np.pi / 2,
+        fov_rad: float = FOV_RAD,
         noise: SensorNoise | str = "none",
         seed: int = 0,
     ) -> None:
@@ -96,19 +98,39 @@ class Controller:
         Raises:
             ValueError: There is no such action, or it has no such argument.
         """
-        method = _ACTIONS.get(action)
-        if method is None:
-            raise ValueError(f"Controller.step: action must be one of {', '.join(_ACTIONS)}, "
-                             f"got {action!r}")  # fmt: skip
         error, result = "", None
         try:
-            result = method(self, action, **arguments)
-        except (ActionError, changes.ChangeError) as reason:
-            error = f"{action}: {reason}"
-        except TypeError as reason:
-            raise ValueError(f"Controller.step: {action}: {reason}") from None
+            result = self.act(action, **arguments)
+        except ActionError as reason:
+            error = str(reason)
         self.last_event = self._look(action, error, result)
         return self.last_event
+
+    def act(self, action: str, **arguments: Any) -> Any:
+        """Does one action without a look.
+
+        Args:
+            action: As in `step`.
+            arguments: Of the action.
+
+        Returns:
+            What the action returns, such as places.
+
+        Raises:
+            ActionError: It cannot be done.
+            ValueError: There is no such action, or it has no such argument.
+        """
+        method = _ACTIONS.get(action)
+        if method is None:
+            raise ValueError(
+                f"Controller: action must be one of {', '.join(_ACTIONS)}, got {action!r}"
+            )
+        try:
+            return method(self, action, **arguments)
+        except (ActionError, changes.ChangeError) as reason:
+            raise ActionError(f"{action}: {reason}") from None
+        except (TypeError, KeyError) as reason:
+            raise ValueError(f"Controller: {action}: {reason}") from None
 
     def observe(self) -> RgbdFrame:
         """What the camera sees now."""
@@ -130,8 +152,8 @@ class Controller:
         return bool(event.metadata["lastActionSuccess"])
 
     def _set_home(self, home: Home) -> None:
-        self._home, self._floor = home, _floor_of(home)
-        self._caster = RayCaster(self._sensor.lit(home))
+        self._home, self._floor = home, floor_of(home)
+        self._caster: RayCaster | None = None  # Made when it is needed: many changes may follow.
 
     def _move(self, action: str, *, moveMagnitude: float = GRID_M) -> None:
         angle = np.deg2rad(self._yaw_deg + _MOVES_DEG[action])
@@ -170,7 +192,7 @@ class Controller:
             raise ActionError(f"the robot cannot stand at ({place[0]:g}, {place[1]:g})")
         if horizon is not None and not HORIZON_DEG[0] <= horizon <= HORIZON_DEG[1]:
             raise ActionError(f"horizon {horizon:g} is out of range")
-        self._position = place
+        self._position, self._last_pose = place, None  # Nobody sees the way of a teleport.
         self._yaw_deg = self._yaw_deg if rotation is None else rotation % 360
         self._horizon_deg = self._horizon_deg if horizon is None else horizon
 
@@ -215,18 +237,16 @@ class Controller:
 
     def _change(self, home: Home) -> None:
         """Takes over a changed home, unless something would stand where the robot is."""
-        if not _floor_of(home).can_stand(self._position):
+        if not floor_of(home).can_stand(self._position):
             raise ActionError("the robot stands in the way")
         self._set_home(home)
 
-    def _camera(self) -> Camera:
-        yaw, down = np.deg2rad(self._yaw_deg), np.deg2rad(self._horizon_deg)
-        eye = np.array([*self._position, self._home.space.box[0, 2] + CAMERA_HEIGHT_M])
-        ahead = (np.cos(yaw) * np.cos(down), np.sin(yaw) * np.cos(down), -np.sin(down))
-        return camera_from_fov(*self._size, self._fov_rad, look_at(eye, eye + ahead))
-
     def _look(self, action: str, error: str, result: Any) -> Event:
-        camera = self._camera()
+        camera = robot_camera(
+            self._home, self._position, self._yaw_deg, self._horizon_deg, self._size, self._fov_rad
+        )
+        if self._caster is None:
+            self._caster = RayCaster(self._sensor.lit(self._home))
         frame, truth = self._sensor.take(self._caster, camera, self._frames, self._last_pose)
         self._frames += 1
         self._last_pose = camera.world_from_camera
@@ -244,7 +264,32 @@ class Controller:
         return make_event(frame, truth, self._home, self._palette, metadata)
 
 
-def _floor_of(home: Home) -> WalkableFloor:
+def robot_camera(
+    home: Home,
+    position: Floats,
+    yaw_deg: float,
+    horizon_deg: float,
+    size: tuple[int, int],
+    fov_rad: float = FOV_RAD,
+) -> Camera:
+    """The robot's camera.
+
+    Args:
+        home: Whose floor the robot stands on.
+        position: (2,) x and y, m.
+        yaw_deg: From x to y, degrees.
+        horizon_deg: Below the horizon, degrees.
+        size: Width and height, px.
+        fov_rad: Horizontal field of view, rad.
+    """
+    yaw, down = np.deg2rad(yaw_deg), np.deg2rad(horizon_deg)
+    eye = np.array([*position, home.space.box[0, 2] + CAMERA_HEIGHT_M])
+    ahead = (np.cos(yaw) * np.cos(down), np.sin(yaw) * np.cos(down), -np.sin(down))
+    return camera_from_fov(*size, fov_rad, look_at(eye, eye + ahead))
+
+
+def floor_of(home: Home) -> WalkableFloor:
+    """Where the robot can be in a home."""
     return walkable_floor(home, home.space, BODY_RADIUS_M, BODY_HEIGHT_M)
 
 

@@ -6,13 +6,13 @@ Direct light from area lights with soft shadows, and ambient light, on diffuse t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gslts.camera import Camera
 from gslts.sim.home import AreaLight, Home
+from gslts.sim.ray_scene import RayScene, pixel_directions
 from gslts.sim.texture_atlas import TextureAtlas
 
 Floats32 = NDArray[np.float32]
@@ -52,38 +52,17 @@ class RayCaster:
     """
 
     def __init__(self, home: Home) -> None:
-        import open3d
-
-        self._tensor: Any = open3d.core.Tensor
-        vertices, faces, owners, normals, emission = [], [], [], [], []
-        shining = {light.owner for light in home.lights}
-        first_vertex = 0
-        for index, thing in enumerate(home.objects):
-            rotation, center = thing.world_from_object[:3, :3], thing.world_from_object[:3, 3]
-            for surface in thing.surfaces:
-                in_world = surface.vertices @ rotation.T + center
-                corners = in_world[surface.faces]
-                normals.append(
-                    np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-                )
-                vertices.append(in_world)
-                faces.append(surface.faces + first_vertex)
-                owners.append(np.full(len(surface.faces), index, np.int32))
-                glow = surface.emission if thing.id in shining else 0.0
-                emission.append(np.full(len(surface.faces), glow, np.float32))
-                first_vertex += len(in_world)
         self.home = home
-        self._owners, self._emission = np.concatenate(owners), np.concatenate(emission)
-        all_normals = np.concatenate(normals).T
-        lengths = np.linalg.norm(all_normals, axis=0)
-        self._normals = (all_normals / np.maximum(lengths, 1e-20)).astype(np.float32)
+        self._scene = RayScene(home)
         surfaces = [surface for thing in home.objects for surface in thing.surfaces]
         self._atlas = TextureAtlas(surfaces)
-        self._scene = open3d.t.geometry.RaycastingScene()
-        self._scene.add_triangles(
-            self._tensor(np.concatenate(vertices).astype(np.float32)),
-            self._tensor(np.concatenate(faces).astype(np.uint32)),
-        )
+        shining = {light.owner for light in home.lights}
+        glow = [
+            surface.emission if thing.id in shining else 0.0
+            for thing in home.objects
+            for surface in thing.surfaces
+        ]
+        self._emission = np.repeat(np.array(glow, np.float32), [len(s.faces) for s in surfaces])
 
     def look(self, camera: Camera) -> View:
         """Renders one view."""
@@ -100,21 +79,21 @@ class RayCaster:
         """The rows from `row` on. Inside, each coordinate and colour is a plane of its own."""
         first, end = max(0, row - HALO_ROWS), min(camera.height, row + BAND_ROWS + HALO_ROWS)
         part = camera.cropped(0, first, camera.width, end)
-        directions = _pixel_directions(part)
+        directions = pixel_directions(part)
         eye = camera.world_from_camera[:3, 3].astype(np.float32)[:, None, None]
-        hits = self._scene.cast_rays(self._rays(eye, directions))
+        hits = self._scene.cast(eye, directions)
         # Directions have z = 1 in the camera frame, so that the distance is the depth.
-        depth = hits["t_hit"].numpy()
+        depth = hits["t_hit"]
         hit = np.isfinite(depth)
         depth = np.where(hit, depth, np.float32(0))
-        triangles = np.where(hit, hits["primitive_ids"].numpy(), 0)
-        normals = np.take(self._normals, triangles, axis=1)
+        triangles = np.where(hit, hits["primitive_ids"], 0)
+        normals = np.take(self._scene.normals, triangles, axis=1)
         cosines = _dot(normals, directions) / np.sqrt(_dot(directions, directions))
         normals *= -np.sign(cosines)  # Surfaces are seen from both sides.
         cosines = np.abs(cosines)
         per_px = np.float32(1 / camera.fx)
         pixel_m = (depth * per_px / np.maximum(cosines, 0.1)).astype(np.float32)
-        uvs = hits["primitive_uvs"].numpy()
+        uvs = hits["primitive_uvs"]
         albedo = self._atlas.sample(triangles, uvs[..., 0], uvs[..., 1], pixel_m)
         light = self._irradiance(eye + directions * depth, normals, depth, first)
         radiance = albedo * (light + np.take(self._emission, triangles)) * hit
@@ -122,16 +101,9 @@ class RayCaster:
         return View(
             np.ascontiguousarray(np.moveaxis(radiance[:, kept], 0, -1)),
             depth[kept],
-            np.where(hit, self._owners[triangles], -1).astype(np.int32)[kept],
+            np.where(hit, self._scene.owners[triangles], -1).astype(np.int32)[kept],
             np.where(hit, cosines, np.float32(0))[kept],
         )
-
-    def _rays(self, origins: Floats32, directions: Floats32) -> Any:
-        """Open3D's [h,W,6] rays of planes [3,h,W]."""
-        rays = np.empty((*directions.shape[1:], 6), np.float32)
-        rays[..., :3] = np.moveaxis(np.broadcast_to(origins, directions.shape), 0, -1)
-        rays[..., 3:] = np.moveaxis(directions, 0, -1)
-        return self._tensor(rays)
 
     def _irradiance(
         self, points: Floats32, normals: Floats32, depth: Floats32, row: int
@@ -163,8 +135,7 @@ class RayCaster:
         factor *= np.float32(area / np.pi)
         factor /= np.maximum(_dot(towards, towards) ** 2, np.float32(1e-6))
         # The light's own lamp must not shade it.
-        occluded = self._scene.test_occlusions(self._rays(start, towards), tnear=0.0, tfar=0.98)
-        factor *= ~occluded.numpy()
+        factor *= ~self._scene.blocked(start, towards, 0.98)
         result: Floats32 = factor
         return result
 
@@ -173,15 +144,6 @@ def _dot(a: Floats32, b: Floats32) -> Floats32:
     """[...] scalar products of vectors in planes [3,...]."""
     result: Floats32 = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
     return result
-
-
-def _pixel_directions(camera: Camera) -> Floats32:
-    """[3,H,W] from the eye through the pixel centres, in world axes, with z = 1 in the camera."""
-    columns = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
-    rows = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
-    right, down, ahead = camera.world_from_camera[:3, :3].T[:, :, None, None]
-    directions: Floats32 = (right * columns + down * rows[:, None] + ahead).astype(np.float32)
-    return directions
 
 
 def _stratified(shape: tuple[int, ...], row: int) -> tuple[Floats32, Floats32]:
