@@ -76,12 +76,17 @@ class Controller:
         self._position = places[np.argmin(np.linalg.norm(places - middle, axis=1))]
         self._yaw_deg, self._horizon_deg = 0.0, 0.0
         self._last_pose: Floats | None = None
-        self.last_event = self.step("Pass")
+        self._last_event: Event | None = None
 
     @property
     def home(self) -> Home:
         """The home as it is now."""
         return self._home
+
+    @property
+    def last_event(self) -> Event:
+        """That of the last step, or of a first look."""
+        return self.step("Pass") if self._last_event is None else self._last_event
 
     def step(self, action: str, **arguments: Any) -> Event:
         """Does one action, or says in the metadata why not; then looks.
@@ -103,8 +108,8 @@ class Controller:
             result = self.act(action, **arguments)
         except ActionError as reason:
             error = str(reason)
-        self.last_event = self._look(action, error, result)
-        return self.last_event
+        self._last_event = self._look(action, error, result)
+        return self._last_event
 
     def act(self, action: str, **arguments: Any) -> Any:
         """Does one action without a look.
@@ -129,7 +134,9 @@ class Controller:
             return method(self, action, **arguments)
         except (ActionError, changes.ChangeError) as reason:
             raise ActionError(f"{action}: {reason}") from None
-        except (TypeError, KeyError) as reason:
+        except KeyError as reason:
+            raise ValueError(f"Controller: {action}: {reason} is missing") from None
+        except TypeError as reason:
             raise ValueError(f"Controller: {action}: {reason}") from None
 
     def observe(self) -> RgbdFrame:

@@ -29,6 +29,7 @@ class Event:
         depth_frame: [H,W] float32, z in the camera frame, m; 0 where there is no measurement.
         instance_segmentation_frame: [H,W,3] uint8, a colour for each object; black for nothing.
         semantic_segmentation_frame: [H,W,3] uint8, a colour for each type; black for nothing.
+        instances: [H,W] int32, row of the object in `metadata["objects"]`; -1 for nothing.
         color_to_object_id: Whose colour is which in both: ids, and types.
         metadata: `agent`, `objects`, `lastAction`, `lastActionSuccess`, `errorMessage` and
             `actionReturn`.
@@ -39,6 +40,7 @@ class Event:
     depth_frame: NDArray[np.float32]
     instance_segmentation_frame: NDArray[np.uint8]
     semantic_segmentation_frame: NDArray[np.uint8]
+    instances: NDArray[np.int32]
     color_to_object_id: dict[Color, str]
     metadata: dict[str, Any]
     observation: RgbdFrame
@@ -46,12 +48,9 @@ class Event:
     @cached_property
     def instance_masks(self) -> dict[str, NDArray[np.bool_]]:
         """[H,W] where each object is seen, by id; without those that are not."""
-        numbers = self.instance_segmentation_frame.astype(np.int64) @ (1 << 16, 1 << 8, 1)
-        return {
-            self.color_to_object_id[number >> 16, number >> 8 & 255, number & 255]: numbers
-            == number
-            for number in np.unique(numbers[numbers > 0]).tolist()
-        }
+        ids = [thing["objectId"] for thing in self.metadata["objects"]]
+        rows = np.unique(self.instances)
+        return {ids[row]: self.instances == row for row in rows[rows >= 0].tolist()}
 
 
 class Palette:
@@ -87,6 +86,7 @@ def make_event(
         depth_frame=frame.depth,
         instance_segmentation_frame=palette.paint([o.id for o in home.objects], truth.instances),
         semantic_segmentation_frame=palette.paint([o.type for o in home.objects], truth.instances),
+        instances=truth.instances,
         color_to_object_id={color: name for name, color in palette.color_of.items()},
         metadata={**metadata, "objects": objects},
         observation=frame,
