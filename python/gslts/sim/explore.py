@@ -19,7 +19,7 @@ VIEWS_PER_CELL = 3
 """Views that each cell needs, so that each surface is seen from several sides."""
 RANGE_M = 5.0
 """Farther surfaces do not count as seen."""
-COMPLETE_SHARE = 0.99
+COMPLETE_SHARE = 0.95
 TURNS = 12
 HORIZONS_DEG = (0.0, 30.0)
 SIZE_PX = (32, 24)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from pathlib import Path
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from gslts.sim.gltf import load_home
 from gslts.sim.home import Home
 from gslts.sim.homes import make_home
 
@@ -65,13 +67,22 @@ class FileSource(BaseModel):
             OSError: The file cannot be read.
             ValueError: It is another file, or no home.
         """
-        from gslts.sim.gltf import load_home
-
         path = folder / self.file
         digest = file_digest(path)
         if digest != self.sha256:
             raise ValueError(f"{path} is not the file of this task: its SHA-256 is {digest}")
         return load_home(path)
+
+    @classmethod
+    def of_path(cls, path: Path, folder: Path) -> tuple[FileSource, Home]:
+        """The source for a script in a folder, and the home.
+
+        Raises:
+            OSError: The file cannot be read.
+            ValueError: It is no home.
+        """
+        relative = os.path.relpath(path.resolve(), folder.resolve())
+        return cls(file=Path(relative).as_posix(), sha256=file_digest(path)), load_home(path)
 
 
 def shape_digest(home: Home) -> str:

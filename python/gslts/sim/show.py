@@ -55,7 +55,7 @@ def write_contact_sheet(home: Home, path: Path) -> None:
         axes.set_axis_off()
     axes = figure.add_subplot(grid[:, 2])
     (x0, y0, _), (x1, y1, _) = room.box
-    axes.imshow(_plan(home, room), extent=(x0, x1, y0, y1))
+    axes.imshow(plan_of(home, room), extent=(x0, x1, y0, y1))
     for thing in home.objects:
         low, high = thing.box_in_world
         middle = (low + high) / 2
@@ -81,7 +81,7 @@ def _rgb(caster: RayCaster, camera: Camera) -> NDArray[np.uint8]:
     return rgb
 
 
-def _plan(home: Home, room: Room) -> NDArray[np.uint8]:
+def plan_of(home: Home, room: Room) -> NDArray[np.uint8]:
     """The room from above, north (y) up, without what hangs at the ceiling."""
     (x0, y0, z0), (x1, y1, z1) = room.box
     hidden: set[str] = {o.id for o in home.objects if o.box_in_world[0, 2] > z1 - 0.3}

@@ -9,21 +9,12 @@ from typing import Annotated
 
 import typer
 
+from gslts.cli.sim import sim
+
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
-
-
-sim = typer.Typer(no_args_is_help=True, help="Simulated homes.")
 app.add_typer(sim, name="sim")
-
-
-class RoomType(StrEnum):
-    """What `gslts.sim.make_home` furnishes."""
-
-    KITCHEN = "kitchen"
-    LIVING_ROOM = "living_room"
-    BEDROOM = "bedroom"
 
 
 class RoomName(StrEnum):
@@ -76,48 +67,6 @@ def tradeoff(
         f"{'on' if default.on_front else 'NOT on'} the Pareto front"
     )
     typer.echo(f"wrote {csv_path} and {plot_path}")
-
-
-@sim.command()
-def home(
-    room_type: Annotated[RoomType, typer.Argument(help="What to furnish.")],
-    seed: Annotated[int, typer.Argument(min=0, help="Same seed, same home.")] = 0,
-) -> None:
-    """List the objects of a home: id, place and size, what it stands on, whether it is movable.
-
-    Example: gslts sim home kitchen 3
-    """
-    from gslts.sim import make_home
-
-    for thing in make_home(room_type, seed).objects:
-        low, high = thing.box_in_world
-        place = " ".join(f"{value:6.2f}" for value in (*((low + high) / 2)[:2], low[2]))
-        size = " x ".join(f"{value:.2f}" for value in high - low)
-        typer.echo(
-            f"{thing.id:20} at {place} m  size {size} m  on {thing.parent or '-':16} "
-            f"{'movable' if thing.movable else ''}".rstrip()
-        )
-
-
-@sim.command()
-def show(
-    room_type: Annotated[RoomType, typer.Argument(help="What to furnish.")],
-    seeds: Annotated[list[int], typer.Argument(min=0, help="One picture for each.")],
-    out: Annotated[Path, typer.Option(help="Folder for the pictures.")],
-) -> None:
-    """Draw homes: views from the corners and a labelled plan, one PNG a seed.
-
-    Example: gslts sim show living_room 0 1 2 --out out/homes
-    """
-    from tqdm import tqdm
-
-    from gslts.sim import make_home
-    from gslts.sim.show import write_contact_sheet
-
-    out.mkdir(parents=True, exist_ok=True)
-    for seed in tqdm(seeds, desc=str(room_type), unit="home"):
-        write_contact_sheet(make_home(room_type, seed), out / f"{room_type}_{seed}.png")
-    typer.echo(f"wrote {len(seeds)} picture(s) to {out}")
 
 
 def main() -> None:

@@ -1,0 +1,191 @@
+"""The commands `gslts sim`: simulated homes, data sets of them, and scene change tasks."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from gslts.sim import Home
+
+# What a command needs is imported inside it, so that `gslts --help` answers at once.
+
+sim = typer.Typer(no_args_is_help=True, help="Simulated homes.")
+
+FILE_TYPES = (".glb", ".gltf")
+FRUITLESS_HOMES = 10
+"""After so many homes in a row that give no task, there will be none."""
+
+Source = Annotated[
+    str,
+    typer.Argument(help="kitchen, living_room or bedroom, or a .glb or .gltf file of a home."),
+]
+Seed = Annotated[int, typer.Argument(min=0, help="Same seed, same home.")]
+Noise = Annotated[str, typer.Option(help="Of the sensors: none or kinect.")]
+
+
+@sim.command()
+def home(source: Source, seed: Seed = 0) -> None:
+    """List the objects of a home: id, place and size, what it stands on, whether it is movable.
+
+    Example: gslts sim home kitchen 3
+    """
+    for thing in _open_home(source, seed).objects:
+        low, high = thing.box_in_world
+        place = " ".join(f"{value:6.2f}" for value in (*((low + high) / 2)[:2], low[2]))
+        size = " x ".join(f"{value:.2f}" for value in high - low)
+        typer.echo(
+            f"{thing.id:20} at {place} m  size {size} m  on {thing.parent or '-':16} "
+            f"{'movable' if thing.movable else ''}".rstrip()
+        )
+
+
+@sim.command()
+def show(
+    source: Annotated[
+        str,
+        typer.Argument(
+            help="kitchen, living_room or bedroom, a .glb or .gltf file, or the .json of a task."
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="Folder for the pictures.")],
+    seeds: Annotated[
+        list[int] | None, typer.Argument(min=0, help="Of homes; one picture for each.")
+    ] = None,
+) -> None:
+    """Draw homes (views from the corners and a labelled plan) or a task (before and after).
+
+    Example: gslts sim show living_room 0 1 2 --out out/homes
+    """
+    from tqdm import tqdm
+
+    from gslts.sim.show import write_contact_sheet
+    from gslts.sim.show_task import write_task_sheet
+    from gslts.sim.task import read_task
+
+    path = Path(source)
+    if path.suffix == ".json":
+        task = read_task(path)
+        home = task.home.load(path.parent)
+        out.mkdir(parents=True, exist_ok=True)
+        write_task_sheet(task, home, out / f"{path.stem}.png")
+        typer.echo(f"wrote {out / path.stem}.png")
+        return
+    for seed in tqdm(seeds or [0], desc=path.name, unit="home"):
+        home = _open_home(source, seed)
+        out.mkdir(parents=True, exist_ok=True)
+        name = path.stem if path.suffix in FILE_TYPES else f"{source}_{seed}"
+        write_contact_sheet(home, out / f"{name}.png")
+    typer.echo(f"wrote {len(seeds or [0])} picture(s) to {out}")
+
+
+@sim.command()
+def capture(
+    source: Source,
+    out: Annotated[Path, typer.Option(help="Folder of the data set; new or empty.")],
+    seed: Seed = 0,
+    frames: Annotated[int, typer.Option(min=1, help="At most.")] = 200,
+    noise: Noise = "kinect",
+    visit: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
+    width: Annotated[int, typer.Option(min=16, max=4096, help="px")] = 640,
+    height: Annotated[int, typer.Option(min=16, max=4096, help="px")] = 480,
+) -> None:
+    """Let the robot look at all of a home; write RGB-D frames in nerfstudio's layout.
+
+    Example: gslts sim capture kitchen 3 --out out/kitchen_3
+    """
+    from tqdm import tqdm
+
+    from gslts.files import empty_folder
+    from gslts.sim.capture import capture as write
+    from gslts.sim.controller import Controller
+    from gslts.sim.explore import explore
+
+    home = _open_home(source, seed)
+    robot = Controller(home, width=width, height=height, noise=noise, seed=visit)
+    empty_folder(out)
+    looks, share = explore(home, frames, lambda at: tqdm(at, desc="exploring", unit="place"))
+    count = write(robot, tqdm(looks, desc=home.name, unit="frame"), out)
+    typer.echo(
+        f"wrote {count} frames to {out}: {100 * share:.0f} % of the views that the surfaces need"
+    )
+
+
+@sim.command()
+def tasks(
+    out: Annotated[Path, typer.Option(help="Folder for the scripts; new or empty.")],
+    sources: Annotated[
+        list[str] | None,
+        typer.Argument(help="Room types or .glb or .gltf files; all room types if none is given."),
+    ] = None,
+    count: Annotated[int, typer.Option(min=1, help="How many tasks.")] = 600,
+    per_home: Annotated[int, typer.Option(min=1, help="Tasks of each home, at most.")] = 12,
+    first_seed: Annotated[
+        int, typer.Option(min=0, help="Of the first home; from 10000 on kept for evaluation.")
+    ] = 0,
+    noise: Noise = "kinect",
+    object_id: Annotated[
+        str | None, typer.Option("--object", help="The only object to remove or relocate.")
+    ] = None,
+    receptacle_id: Annotated[
+        str | None, typer.Option("--on", help="The only receptacle to put it on.")
+    ] = None,
+) -> None:
+    """Write scene change tasks, a small JSON script each: additions, removals and relocations.
+
+    Example: gslts sim tasks --count 600 --out out/tasks
+    """
+    from tqdm import tqdm
+
+    from gslts.files import empty_folder
+    from gslts.sim.home_source import FileSource, HomeSource
+    from gslts.sim.task import write_task
+    from gslts.sim.tasks import Setting, TaskMaker
+
+    empty_folder(out)
+    sources = sources or _room_types()
+    setting = Setting(noise=noise, object_id=object_id, receptacle_id=receptacle_id)
+    maker = TaskMaker(setting, first_seed)
+    written = homes = fruitless = 0
+    with tqdm(total=count, desc="tasks", unit="task") as bar:
+        while written < count and fruitless < FRUITLESS_HOMES:
+            name, seed = sources[homes % len(sources)], first_seed + homes // len(sources)
+            homes += 1
+            if Path(name).suffix in FILE_TYPES:
+                if seed > first_seed:  # A file holds one home.
+                    fruitless += 1
+                    continue
+                place, home = FileSource.of_path(Path(name), out)
+            else:
+                place, home = HomeSource.of_seed(name, seed)
+            made = maker.make(place, home, min(per_home, count - written))
+            fruitless = 0 if made else fruitless + 1
+            for task in made:
+                label = re.sub(r"[^A-Za-z0-9_.]+", "-", task.change.object_id)
+                write_task(task, out / f"{written:04}_{task.change.kind}_{label}.json")
+                written += 1
+                bar.update()
+    reasons = ", ".join(f"{reason} ({times})" for reason, times in maker.refused.most_common())
+    typer.echo(f"wrote {written} tasks to {out}; refused: {reasons or 'nothing'}")
+    if written < count:
+        raise ValueError(f"only {written} of {count} tasks could be made: {reasons}")
+
+
+def _open_home(source: str, seed: int) -> Home:
+    from gslts.sim import load_home, make_home
+
+    if Path(source).suffix in FILE_TYPES:
+        return load_home(Path(source))
+    if source not in _room_types():
+        expected = ", ".join(_room_types())
+        raise ValueError(f"expected one of {expected} or a .glb or .gltf file, got {source!r}")
+    return make_home(source, seed)
+
+
+def _room_types() -> list[str]:
+    from gslts.sim import ROOM_TYPES
+
+    return list(ROOM_TYPES)
