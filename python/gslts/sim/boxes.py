@@ -8,7 +8,7 @@ if a triangle passes through it. Faces that belong to no filled cell become boxe
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import permutations
+from itertools import pairwise, permutations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ Ints = NDArray[np.int64]
 STEPS = (32, 16, 8, 4)
 """Cells along the longest edge; the first that gives few boxes is taken."""
 
-MOST_BOXES = 32
+MOST_BOXES = 48
 """Tests of collision compare every box of one object with every one of another."""
 
 LEAST_CELL_M = 0.005
@@ -95,7 +95,7 @@ def _planes(corners: Floats, axis: int, steps: int) -> Floats:
     cell = max(LEAST_CELL_M, np.ptp(corners, axis=(0, 1)).max() / steps)
     pieces = [
         np.linspace(start, end, int(np.ceil((end - start) / cell - 1e-9)), endpoint=False)
-        for start, end in zip(planes[:-1], planes[1:], strict=True)
+        for start, end in pairwise(planes)
     ]
     return np.concatenate([*pieces, planes[-1:]])
 
@@ -281,10 +281,10 @@ def _extended(left: Bools, seed: list[int], order: tuple[int, ...]) -> list[tupl
         rest = [slice(a, b) for a, b in span]
         rest[axis] = slice(None)
         others = tuple(k for k in range(3) if k != axis)
-        full = left[tuple(rest)].all(axis=others)
-        empty = np.flatnonzero(~full)
+        row: Bools = left[tuple(rest)].min(axis=others)
+        empty = np.flatnonzero(~row)
         k = seed[axis]
         start = int(empty[empty < k].max(initial=-1)) + 1
-        end = int(empty[empty > k].min(initial=len(full)))
+        end = int(empty[empty > k].min(initial=len(row)))
         span[axis] = (start, end)
     return span
