@@ -1,5 +1,7 @@
 """Small homes of textured boxes that several tests share."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from gslts.sim.home import AreaLight, Home, HomeObject, Room
@@ -92,3 +94,22 @@ def simple_home(*, lights: bool = True, wall: np.ndarray | None = None) -> Home:
         lights=(light,) if lights else (),
         ambient=np.full(3, 0.3 if lights else 1.0),
     )
+
+
+def furnished_home(lamp: str | None = None) -> Home:
+    """`simple_home` with a floor and two mugs on the block; one may be a lamp."""
+    home = simple_home()
+    floor = box_object("Floor|1", (0, 0, -0.1), (5, 4, 0), plain(150))
+    walls = replace(home["Wall|1"], boxes=np.delete(home["Wall|1"].boxes, 4, axis=0))
+    block = replace(home["Block|1"], movable=True, receptacle=True, parent="Floor|1")
+    mugs = [
+        replace(
+            box_object(f"Mug|{k}", (x, 1.7, 0.75), (x + 0.1, 1.8, 0.87), plain(60 + 90 * k)),
+            movable=True,
+            parent="Block|1",
+        )
+        for k, x in ((1, 2.5), (2, 2.2))
+    ]
+    lights = home.lights if lamp is None else (*home.lights, replace(home.lights[0], owner=lamp))
+    objects = (walls, replace(floor, receptacle=True), block, *mugs)
+    return replace(home, objects=objects, lights=lights)

@@ -154,6 +154,7 @@ def tasks(
         while written < count and fruitless < FRUITLESS_HOMES:
             name, seed = sources[homes % len(sources)], first_seed + homes // len(sources)
             homes += 1
+            place: HomeSource | FileSource
             if Path(name).suffix in FILE_TYPES:
                 if seed > first_seed:  # A file holds one home.
                     fruitless += 1

@@ -78,7 +78,7 @@ def _plan(axes: Axes, task: Task, robot: Controller) -> None:
     _arrows(axes, sets.near, "#7fff00", "near")
     _arrows(axes, sets.far, "#ff40ff", "far")
     _arrows(axes, (task.viewpoint,), "red", "initial")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.06), ncols=3)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=3)
     axes.set(xlabel="x, m", ylabel="y, m", title="after: test viewpoints and boxes")
 
 

@@ -19,27 +19,31 @@ from gslts.sim.controller import GRID_M, floor_of
 from gslts.sim.home import Floats, Home, HomeObject
 from gslts.sim.home_source import FileSource, HomeSource
 from gslts.sim.ray_scene import RayScene
+from gslts.sim.sensor import NOISE_PRESETS
 from gslts.sim.task import Action, Box, Change, Place2d, SensorSetup, Task, Viewpoint, ViewpointSets
 from gslts.sim.viewpoints import SIZE_PX, Look, Sight, eyes_above, look_from
 
 Kind = Literal["addition", "removal", "relocation"]
 KINDS: tuple[Kind, ...] = ("addition", "removal", "relocation")
 
-NEAR_M = 1.5
+NEAR_M = 1.75
 """Test viewpoints nearer to the change than this are near ones."""
-DISTANCE_M = (0.6, 5.0)
+DISTANCE_M = (0.7, 5.0)
+"""Of a viewpoint from the middle of the object, in every state."""
 VIEWPOINTS = 10
 """Of each sort."""
 KEPT_ASIDE = 6
 """Objects of a home that its default state lacks, at most."""
 MOVED_M = 0.4
 """Relocated objects go at least as far."""
-FIRST_SHARE_PX = 0.001
-"""Share of the image that the object must take at the initial viewpoint, in each state with it."""
+FIRST_SHARE_PX = np.array([0.001, 0.25])
+"""Share of the image that the object may take at the initial viewpoint, in each state with it."""
 TEST_SHARE_PX = 0.0002
 """The same at a test viewpoint, in one state."""
 SEEN_SHARE = 0.3
 """Share of the object's points that must be seen from a place before its views are looked at."""
+LOOKS_PER_PLACE = 2
+"""Test viewpoints at one place, in different directions, at most."""
 JITTER_DEG = 12.0
 TRIES_PER_TASK = 12
 """Changes that are tried for each task that a home is to give."""
@@ -68,6 +72,11 @@ class Setting:
     height: int = 480
     object_id: str | None = None
     receptacle_id: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.noise not in NOISE_PRESETS:
+            known = ", ".join(NOISE_PRESETS)
+            raise ValueError(f"Setting: noise must be one of {known}, got {self.noise!r}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,34 +122,28 @@ class TaskMaker:
         self._homes += 1
         traversal = _Home(home, self._setting, rng)
         tasks: list[Task] = []
-        done: set[tuple[Kind, str]] = set()
+        left = {kind: traversal.objects(kind) for kind in KINDS}
         failures: Counter[Kind] = Counter()
         for _ in range(TRIES_PER_TASK * count):
+            kinds = [kind for kind in KINDS if left[kind]]
+            if len(tasks) == count or not kinds:
+                break
             # The kind that is behind, unless this home keeps refusing it.
-            kind = min(KINDS, key=lambda name: self._kinds[name] + failures[name] // PATIENCE)
-            things = [thing for thing in traversal.objects(kind) if (kind, thing.id) not in done]
-            if self._setting.object_id is None:
-                things = [thing for thing in things if self._type_is_due(thing.type)] or things
-            if not things:
-                failures[kind] += PATIENCE
-                continue
-            thing = things[rng.integers(len(things))]
+            kind = min(kinds, key=lambda name: self._kinds[name] + failures[name] // PATIENCE)
+            due = [thing for thing in left[kind] if self._type_is_due(thing.type)] or left[kind]
+            thing = due[rng.integers(len(due))]
             try:
-                trial = traversal.trial(kind, thing)
-                task = traversal.task(source, trial)
+                tasks.append(traversal.task(source, traversal.trial(kind, thing)))
             except NoTaskError as reason:
                 self.refused[str(reason)] += 1
                 failures[kind] += 1
                 if kind == "removal":  # Nothing about it could turn out otherwise.
-                    done.add((kind, thing.id))
+                    left[kind].remove(thing)
                 continue
-            if self._setting.object_id is None:
-                done.add((kind, thing.id))
             self._kinds[kind] += 1
             self._types[thing.type] += 1
-            tasks.append(task)
-            if len(tasks) == count:
-                break
+            if kind == "removal" or self._setting.object_id is None:
+                left[kind].remove(thing)
         return tasks
 
     def _type_is_due(self, name: str) -> bool:
@@ -154,7 +157,8 @@ class _Home:
 
     def __init__(self, home: Home, setting: Setting, rng: np.random.Generator) -> None:
         self._rng, self._setting = rng, setting
-        aside = self._draw_aside(home)
+        _refuse_impossible(home, setting)
+        aside = self._draw_aside(home) if setting.object_id is None else []
         self._aside = {thing.id: thing for thing in aside}
         self._initial = tuple(_disable(thing.id) for thing in aside)
         self._home = home.without(self._aside)
@@ -162,28 +166,16 @@ class _Home:
         self._sensor_seeds = rng.integers(1 << 31, size=2)
 
     def _draw_aside(self, home: Home) -> list[HomeObject]:
-        wanted = self._setting.object_id
-        if wanted is not None:
-            try:
-                changes.disable(home, wanted)
-            except changes.ChangeError as reason:
-                raise ValueError(f"{home.name}: {reason}") from None
-        on = self._setting.receptacle_id
-        if on is not None and (on not in home or not home[on].receptacle):
-            raise ValueError(f"{home.name}: there is no receptacle {on}")
-        free = [thing for thing in _free_objects(home) if thing.id != on]
-        if wanted is not None:
-            return []
+        free = [thing for thing in _free_objects(home) if thing.id != self._setting.receptacle_id]
         rows = self._rng.permutation(len(free))[: min(KEPT_ASIDE, len(free) // 3)]
         return [free[row] for row in sorted(rows.tolist())]
 
     def objects(self, kind: Kind) -> list[HomeObject]:
         """What can be added, removed or relocated."""
-        wanted = self._setting.object_id
         if kind == "addition":
-            return [] if wanted is not None else list(self._aside.values())
-        things = _free_objects(self._home)
-        return [thing for thing in things if wanted in (None, thing.id)]
+            return list(self._aside.values())
+        wanted = self._setting.object_id
+        return [thing for thing in _free_objects(self._home) if wanted in (None, thing.id)]
 
     def trial(self, kind: Kind, thing: HomeObject) -> _Trial:
         """A change of that kind, by chance.
@@ -233,6 +225,13 @@ class _Home:
         floors = [floor_of(self._home), floor_of(changed)]
         places = floors[0].places(GRID_M)
         places = places[[floors[1].can_stand(place) for place in places]]
+        eyes = eyes_above(self._home, places)
+        for sight in trial.states:
+            metres = np.linalg.norm(eyes - sight.middle, axis=1)
+            kept = (metres >= DISTANCE_M[0]) & (metres <= DISTANCE_M[1])
+            places, eyes = places[kept], eyes[kept]
+        if len(places) == 0:
+            raise NoTaskError("not seen from one place in all states")
         places = places[self._rng.permutation(len(places))]
         first = self._first_look(trial, places)
         near, far = self._test_looks(trial, places)
@@ -267,12 +266,10 @@ class _Home:
         """A look that sees the object in every state that has it."""
         shares = np.min([sight.seen_share(places) for sight in trial.states], axis=0)
         target = np.mean([sight.middle for sight in trial.states], axis=0)
+        least, most = FIRST_SHARE_PX * np.prod(SIZE_PX)
         for place in places[shares >= SEEN_SHARE]:
-            if not DISTANCE_M[0] <= self._distance(trial, place) <= DISTANCE_M[1]:
-                continue
             look = look_from(self._home, place, target, self._jitter())
-            least = FIRST_SHARE_PX * np.prod(SIZE_PX)
-            if all(sight.seen_px(look) >= least for sight in trial.states):
+            if all(least <= sight.seen_px(look) <= most for sight in trial.states):
                 return look
         raise NoTaskError("not seen from one place in all states")
 
@@ -281,14 +278,13 @@ class _Home:
         near: list[Look] = []
         far: list[Look] = []
         shares = [sight.seen_share(places) for sight in trial.states]
-        for number, place in enumerate(places):
-            state = number % len(trial.states)
+        order = [row for _ in range(LOOKS_PER_PLACE) for row in range(len(places))]
+        for turn, number in enumerate(order):
+            place, state = places[number], turn % len(trial.states)
             sight = trial.states[state]
             distance = float(np.linalg.norm(eyes_above(self._home, place[None]) - sight.middle))
             found = near if distance < NEAR_M else far
             if len(found) == VIEWPOINTS or shares[state][number] < SEEN_SHARE:
-                continue
-            if not DISTANCE_M[0] <= distance <= DISTANCE_M[1]:
                 continue
             look = look_from(self._home, place, sight.middle, self._jitter())
             if sight.seen_px(look) >= TEST_SHARE_PX * np.prod(SIZE_PX):
@@ -298,12 +294,20 @@ class _Home:
                 raise NoTaskError(f"seen from fewer than {VIEWPOINTS} {name} viewpoints")
         return near, far
 
-    def _distance(self, trial: _Trial, place: Floats) -> float:
-        eye = eyes_above(self._home, place[None])[0]
-        return max(float(np.linalg.norm(eye - sight.middle)) for sight in trial.states)
-
     def _jitter(self) -> Floats:
         return self._rng.uniform(-JITTER_DEG, JITTER_DEG, 2)
+
+
+def _refuse_impossible(home: Home, setting: Setting) -> None:
+    """Raises ValueError where a setting asks for what the home does not have."""
+    if setting.object_id is not None:
+        try:
+            changes.disable(home, setting.object_id)
+        except changes.ChangeError as reason:
+            raise ValueError(f"{home.name}: {reason}") from None
+    on = setting.receptacle_id
+    if on is not None and (on not in home or not home[on].receptacle):
+        raise ValueError(f"{home.name}: there is no receptacle {on}")
 
 
 def _free_objects(home: Home) -> list[HomeObject]:
