@@ -67,36 +67,50 @@ def test_points_of_all_frames_lie_on_the_objects(tmp_path: Path) -> None:
             of_thing = points[frame["instance_file_path"] == number]
             # Half a millimetre of rounding, and no more.
             assert (np.abs(of_thing - middle) <= size / 2 + 0.0015).all(), thing["objectId"]
-    assert seen >= {"Wall|1", "Floor|1", "Block|1", "Mug|1", "Mug|2"}
+    assert seen >= {"Wall|1", "Block|1", "Mug|1", "Mug|2"}
 
 
-def test_pixels_of_one_frame_meet_those_of_the_next_in_the_rasterizer(tmp_path: Path) -> None:
-    """Poses and depths of a data set, read back, are those that the rasterizer means."""
+def test_points_of_one_frame_are_rendered_where_the_next_one_sees_them(tmp_path: Path) -> None:
+    """The rasterizer, poses and depths read back mean the same, within half a pixel."""
     capture(robot(), LOOKS, tmp_path / "set")
     header, frames = read(tmp_path / "set")
-    points = points_in_world(header, frames[0]).reshape(-1, 3)
-    gaussians = gslts.GaussianMap(
-        means=points,
-        quats=np.tile([1.0, 0, 0, 0], (len(points), 1)),
-        log_scales=np.full((len(points), 3), np.log(0.012)),
-        logit_opacities=np.full(len(points), 6.0),
-        sh=np.zeros((len(points), 1, 3)),
-    ).astype(np.float32)
-    for frame in frames[:2]:
-        camera = gslts.Camera(
-            fx=header["fl_x"],
-            fy=header["fl_y"],
-            cx=header["cx"],
-            cy=header["cy"],
-            width=header["w"],
-            height=header["h"],
-            world_from_camera=frame["world_from_camera"],
-        )
-        images = gslts.render(gaussians, camera)
-        covered = images.alpha > 0.95
-        assert covered.mean() > 0.4
-        error = np.abs(images.depth - frame["depth_file_path"] * 0.001)[covered]
-        assert np.median(error) < 0.02
+    camera = gslts.Camera(
+        fx=header["fl_x"],
+        fy=header["fl_y"],
+        cx=header["cx"],
+        cy=header["cy"],
+        width=header["w"],
+        height=header["h"],
+        world_from_camera=frames[1]["world_from_camera"],
+    )
+    there = points_in_world(header, frames[1])
+    rows, columns = np.indices(there.shape[:2]) + 0.5
+    checked = 0
+    for point in points_in_world(header, frames[0])[5::12, 40::9].reshape(-1, 3):
+        dot = gslts.GaussianMap(
+            means=point[None],
+            quats=np.array([[1.0, 0, 0, 0]]),
+            log_scales=np.full((1, 3), np.log(0.01)),
+            logit_opacities=np.full(1, 3.0),
+            sh=np.zeros((1, 1, 3)),
+        ).astype(np.float32)
+        images = gslts.render(dot, camera)
+        if images.alpha.sum() < 0.5:
+            continue  # Not in that view.
+        u, v = ((images.alpha * at).sum() / images.alpha.sum() for at in (columns, rows))
+        seen = there[int(v), int(u)]
+        depth = images.depth[int(v), int(u)]
+        if not 1 < u < 95 or not 1 < v < 71 or np.linalg.norm(seen - point) > 0.3:
+            continue  # At the border, or hidden by something.
+        checked += 1
+        # The middle of the pixel is up to 0.71 px from the dot; more is an error.
+        assert np.linalg.norm(seen - point) < (0.71 + 0.5) * depth / camera.fx * 3
+        camera_from_world = np.linalg.inv(camera.world_from_camera)
+        x, y, z = camera_from_world[:3, :3] @ point + camera_from_world[:3, 3]
+        assert abs(camera.fx * x / z + camera.cx - u) < 0.5
+        assert abs(camera.fy * y / z + camera.cy - v) < 0.5
+        assert abs(z - depth) < 1e-3
+    assert checked >= 10
 
 
 def test_the_pose_is_the_one_that_the_robot_believes(tmp_path: Path) -> None:
