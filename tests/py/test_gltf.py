@@ -58,7 +58,7 @@ def flat() -> Gltf:
         file.node(root=False, name="Floor|1", mesh=floor, translation=[0, -0.1, 0],
                   extras={"room": "kitchen"}),
         file.node(root=False, name="Ceiling|1", mesh=ceiling, translation=[0, 2.6, 0]),
-        file.node(root=False, name="Wall|1", mesh=wall, translation=[0, 0, -1.55]),
+        file.node(root=False, name="Wall|1", mesh=wall, translation=[0, 0, -1.45]),
         desk,
     ]  # fmt: skip
     group = file.node(root=False, name="Kitchen", children=kitchen, extras={"type": "Room"})

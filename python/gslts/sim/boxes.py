@@ -198,6 +198,9 @@ def _crossed(corners: Floats, planes: list[Floats]) -> Bools:
     last = np.stack(
         [np.searchsorted(planes[k][:-1], high[:, k] - TOUCH_M, "left") for k in range(3)], axis=1
     )
+    within = (last - first == 1).all(axis=1)
+    crossed[tuple(first[within].T)] = True
+    last[within] = first[within]
     lower, upper = ([along[part] for along in planes] for part in (slice(-1), slice(1, None)))
     for rows, index in _pairs(first, last):
         ends = [np.stack([e[k][index[:, k]] for k in range(3)], axis=1) for e in (lower, upper)]
