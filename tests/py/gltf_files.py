@@ -9,6 +9,9 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from gslts.sim import load_home
+from gslts.sim.home import HomeObject
+
 TYPES = {
     "int8": 5120, "uint8": 5121, "int16": 5122, "uint16": 5123, "uint32": 5125, "float32": 5126,
 }  # fmt: skip
@@ -109,3 +112,71 @@ def box(low: Any, high: Any) -> np.ndarray:
 def y_up(corners: np.ndarray) -> np.ndarray:
     """From our axes to those of glTF."""
     return np.stack([corners[..., 0], corners[..., 2], -corners[..., 1]], axis=-1)
+
+
+CUBE = y_up(box([-0.5, -0.5, -0.5], [0.5, 0.5, 0.5]))
+
+
+def sized(width: float, depth: float, height: float) -> np.ndarray:
+    """A box in glTF's axes, standing on the origin, the sizes in ours."""
+    return y_up(box([-width / 2, -depth / 2, 0], [width / 2, depth / 2, height]))
+
+
+def flat() -> Gltf:
+    """Two rooms, nested as Blender does it: groups, a shared mesh, parents of things."""
+    file = Gltf()
+    wood = file.material(baseColorFactor=[0.5, 0.3, 0.2, 1])
+    cup = file.mesh(file.primitive(sized(0.08, 0.08, 0.1), material=wood))
+    top = file.primitive(y_up(box([-0.6, -0.4, 0.71], [0.6, 0.4, 0.75])), material=wood)
+    legs = [
+        box([x - 0.03, y - 0.03, 0], [x + 0.03, y + 0.03, 0.71])
+        for x in (-0.5, 0.5)
+        for y in (-0.3, 0.3)
+    ]
+    table = file.mesh(top, file.primitive(y_up(np.concatenate(legs))))
+    floor = file.mesh(file.primitive(sized(4, 3, 0.1)))
+    wall = file.mesh(file.primitive(sized(4, 0.1, 2.5)))
+    ceiling = file.mesh(file.primitive(sized(4, 3, 0.1)))
+    first = file.node(
+        root=False, name="Cup.001", mesh=cup, translation=[0.2, 0.75, 0.1], extras={"movable": 1}
+    )
+    second = file.node(root=False, name="Cup", mesh=cup, translation=[-0.2, 0.75, 0.1])
+    half = np.sqrt(0.5)
+    # A quarter turn about the vertical; the scale is applied to the vertices.
+    turned = {"translation": [1, 0, 0.5], "rotation": [0, half, 0, half], "scale": [1.5, 1, 1]}
+    desk = file.node(root=False, name="Table|1", mesh=table, children=[first, second], **turned)
+    kitchen = [
+        file.node(root=False, name="Floor|1", mesh=floor, translation=[0, -0.1, 0],
+                  extras={"room": "kitchen"}),
+        file.node(root=False, name="Ceiling|1", mesh=ceiling, translation=[0, 2.6, 0]),
+        file.node(root=False, name="Wall|1", mesh=wall, translation=[0, 0, -1.45]),
+        desk,
+    ]  # fmt: skip
+    group = file.node(root=False, name="Kitchen", children=kitchen, extras={"type": "Room"})
+    bed = file.node(root=False, name="Floor|2", mesh=floor, translation=[4, -0.1, 0])
+    file.node(name="Flat", children=[group, bed], translation=[0, 1, 0])
+    return file
+
+
+QUAD = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
+QUAD_UV = np.array([[0, 1], [1, 1], [1, 0], [0, 1], [1, 0], [0, 0]], np.float32)
+
+
+def quad(image: Image.Image | None = None, uv: np.ndarray = QUAD_UV, **look: object) -> Gltf:
+    """A square in glTF's x and y, the image upright on it."""
+    file = Gltf()
+    attributes = {"TEXCOORD_0": file.array(uv)}
+    material = file.material(image, **look)
+    primitive = file.primitive(QUAD, attributes=attributes, material=material)
+    file.node(name="Picture", mesh=file.mesh(primitive))
+    return file
+
+
+def four_colours() -> Image.Image:
+    pixels = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [200, 100, 50]]], np.uint8)
+    return Image.fromarray(pixels)
+
+
+def one(tmp_path: Path, file: Gltf) -> HomeObject:
+    """The only object of a file."""
+    return load_home(file.write(tmp_path / "one.glb")).objects[0]
