@@ -56,9 +56,15 @@ def filling_boxes(corners: Floats) -> Floats:
         boxes = _boxes(corners, steps, most)
         if len(boxes) <= most:
             break
-    # Only a mesh without area has none.
     bounds = np.stack([corners.min(axis=(0, 1)), corners.max(axis=(0, 1))])
-    return np.array(boxes) if boxes else bounds[None]
+    if not boxes:  # The mesh has no area.
+        return bounds[None]
+    found = np.array(boxes)
+    # Where no more than a corner reaches the bounds, the outermost boxes are stretched to them.
+    lowest, highest = found[:, 0].min(axis=0), found[:, 1].max(axis=0)
+    found[:, 0] = np.where(found[:, 0] == lowest, bounds[0], found[:, 0])
+    found[:, 1] = np.where(found[:, 1] == highest, bounds[1], found[:, 1])
+    return found
 
 
 def _boxes(corners: Floats, steps: int, most: float) -> list[Floats]:
@@ -192,6 +198,9 @@ def _crossed(corners: Floats, planes: list[Floats]) -> Bools:
     last = np.stack(
         [np.searchsorted(planes[k][:-1], high[:, k] - TOUCH_M, "left") for k in range(3)], axis=1
     )
+    within = (last - first == 1).all(axis=1)
+    crossed[tuple(first[within].T)] = True
+    last[within] = first[within]
     lower, upper = ([along[part] for along in planes] for part in (slice(-1), slice(1, None)))
     for rows, index in _pairs(first, last):
         ends = [np.stack([e[k][index[:, k]] for k in range(3)], axis=1) for e in (lower, upper)]

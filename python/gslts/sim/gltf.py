@@ -6,7 +6,6 @@ import os
 from collections import defaultdict
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,12 +78,13 @@ def _home(file: GltfFile) -> Home:
             owned[_owner(file, node.index)] += node.surfaces
     if not owned:
         file.refuse("no node has a mesh")
-    found: dict[str, _Found] = {}
+    found: list[_Found] = []
+    times: dict[str, int] = {}
     for index in nodes:  # In the order of the file.
         if index in owned:
             name, extras = str(_name(file, index)), _extras(file, index)
             kind = extras.get("type") or type_of(name)
-            unique = _unique(name, found)
+            unique = _unique(name, times)
             try:
                 thing = place_object(unique, kind, nodes[index].world_from_node, owned[index])
             except ValueError as error:
@@ -92,13 +92,11 @@ def _home(file: GltfFile) -> Home:
             movable = bool(extras.get("movable", thing.movable))
             receptacle = bool(extras.get("receptacle", thing.receptacle))
             thing = replace(thing, movable=movable, receptacle=receptacle)
-            found[unique] = _Found(thing, str(extras.get("room", "room")))
-    rooms = _rooms(list(found.values()))
+            found.append(_Found(thing, str(extras.get("room", "room"))))
+    rooms = _rooms(found)
     shift = np.eye(4)
     shift[2, 3] = -min(float(room.box[0, 2]) for room in rooms)
-    objects = [
-        one.thing.placed(shift @ one.thing.world_from_object, None) for one in found.values()
-    ]
+    objects = [one.thing.placed(shift @ one.thing.world_from_object, None) for one in found]
     rooms = [Room(room.type, room.box + shift[:3, 3]) for room in rooms]
     home = Home(
         name=file.path.stem,
@@ -140,11 +138,13 @@ def _owner(file: GltfFile, index: int) -> int:
     return (typed or named)[0]
 
 
-def _unique(name: str, taken: dict[str, Any]) -> str:
-    number, unique = 1, name
-    while unique in taken:
-        number += 1
-        unique = f"{name}|{number}"
+def _unique(name: str, times: dict[str, int]) -> str:
+    """The name, numbered if it was given before; counts in `times` how often each was."""
+    unique = name
+    while unique in times:
+        times[name] += 1
+        unique = f"{name}|{times[name]}"
+    times[unique] = 1
     return unique
 
 

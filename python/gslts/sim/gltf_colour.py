@@ -89,15 +89,18 @@ class Textures:
         key = image, factor.tobytes()
         if key not in self._tinted:
             texture = np.full((1, 1, 3), 255, np.uint8) if image is None else self._image(image)
-            # Channel by channel in 256 steps: a table says what each byte becomes.
-            table = srgb_bytes(LINEAR_OF_BYTE.astype(np.float64)[:, None] * factor)
-            plain = np.array_equal(factor, WHITE)
-            self._tinted[key] = (
-                texture
-                if plain
-                else np.stack([table[:, k][texture[..., k]] for k in range(3)], axis=-1)
-            )
+            if not np.array_equal(factor, WHITE):
+                self._take(texture.shape[0] * texture.shape[1])
+                # Channel by channel in 256 steps: a table says what each byte becomes.
+                table = srgb_bytes(LINEAR_OF_BYTE.astype(np.float64)[:, None] * factor)
+                texture = np.stack([table[:, k][texture[..., k]] for k in range(3)], axis=-1)
+            self._tinted[key] = texture
         return self._tinted[key]
+
+    def _take(self, pixels: int) -> None:
+        self._pixels_left -= pixels
+        if self._pixels_left < 0:
+            self._file.refuse(f"its textures have over {ALL_TEXTURES_PX} pixels")
 
     def _image(self, index: int) -> Texture:
         if index not in self._images:
@@ -117,13 +120,11 @@ class Textures:
                 warnings.simplefilter("ignore")  # Of large images; ours are limited below.
                 with Image.open(io.BytesIO(data), formats=FORMATS) as image:
                     width, height = image.size
-                    self._pixels_left -= width * height
                     if max(width, height) > TEXTURE_PX:
                         self._file.refuse(
                             f"{name} is {width} x {height} pixels, at most {TEXTURE_PX} are read"
                         )
-                    if self._pixels_left < 0:
-                        self._file.refuse(f"its textures have over {ALL_TEXTURES_PX} pixels")
+                    self._take(width * height)
                     return _rgb(image)
         except (OSError, SyntaxError, Image.DecompressionBombError) as error:
             self._file.refuse(f"{name} cannot be read as {', '.join(FORMATS)}: {error}")

@@ -49,6 +49,8 @@ class GltfFile:
         self._budget = FILE_BYTES
         data = self._read(path)
         self._binary: memoryview | None = None
+        self._buffers: dict[int, memoryview] = {}
+        self._lists: dict[str, list[Tree]] = {}
         if data[:4] == b"glTF":
             data = self._json_of_glb(data)
         if len(data) > JSON_BYTES:
@@ -63,10 +65,12 @@ class GltfFile:
 
     def items(self, key: str) -> list[Tree]:
         """One of the tree's lists; empty if it has none."""
-        found = self.tree.get(key, [])
-        if not isinstance(found, list) or not all(isinstance(item, dict) for item in found):
-            self.refuse(f"{key}: expected a list of objects")
-        return found
+        if key not in self._lists:
+            found = self.tree.get(key, [])
+            if not isinstance(found, list) or not all(isinstance(item, dict) for item in found):
+                self.refuse(f"{key}: expected a list of objects")
+            self._lists[key] = found
+        return self._lists[key]
 
     def item(self, key: str, index: Any) -> Tree:
         """An entry of one of the tree's lists."""
@@ -199,10 +203,6 @@ class GltfFile:
             if name not in EXTENSIONS and not known:
                 self.refuse(f"it needs the extension {name}, which is not supported")
         return dict(tree)
-
-    @cached_property
-    def _buffers(self) -> dict[int, memoryview]:
-        return {}
 
     def _buffer(self, index: Any) -> memoryview:
         buffer = self.item("buffers", index)

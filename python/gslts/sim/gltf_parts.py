@@ -24,6 +24,9 @@ Floats = NDArray[np.float64]
 CORNERS = 15_000_000
 """Vertices, and corners of triangles, of all nodes: some GB of memory in all."""
 
+FARTHEST_M = 10_000.0
+"""From the origin; single precision, in which rays are cast, is exact to a millimetre there."""
+
 SIZES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
 """Bytes of glTF's component types."""
 HIGHEST = {5120: 127, 5121: 255, 5122: 32767, 5123: 65535, 5125: 2**32 - 1}
@@ -255,4 +258,6 @@ class _Outline:
         if texture is None:
             texture = textures.tinted(image, factor)
         vertices = local @ world_from_node[:3, :3].T + world_from_node[:3, 3]
+        if np.abs(vertices).max() > FARTHEST_M:
+            self.file.refuse(f"a vertex is over {FARTHEST_M:.0f} m from the origin")
         return Surface(vertices, faces.astype(np.int32), uvs, texture)
