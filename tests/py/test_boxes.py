@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from gltf_files import box
 
-from gslts.sim.boxes import MOST_BOXES, TOUCH_M, filling_boxes
+from gslts.sim.gltf.boxes import MOST_BOXES, TOUCH_M, filling_boxes
 
 
 def covered(boxes: np.ndarray, points: np.ndarray) -> np.ndarray:

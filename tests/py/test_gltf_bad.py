@@ -11,7 +11,10 @@ import pytest
 from gltf_files import CUBE, Gltf, flat, four_colours, glb, quad
 from PIL import Image
 
-from gslts.sim import gltf_colour, gltf_file, gltf_parts, load_home
+from gslts.sim import load_home
+from gslts.sim.gltf import colour as gltf_colour
+from gslts.sim.gltf import file as gltf_file
+from gslts.sim.gltf import parts as gltf_parts
 
 
 def assert_refused(path: Path, match: str, error: type[Exception] = ValueError) -> None:

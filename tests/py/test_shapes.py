@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from home_checks import signed_volume
 
-from gslts.sim.shapes import (
+from gslts.sim.procedural.shapes import (
     Mesh,
     box,
     cushion,

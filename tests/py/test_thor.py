@@ -11,9 +11,9 @@ from unity_stand_in import FAR_M, StandInController, UnityStandIn, unity_rotatio
 
 from gslts.camera import Camera
 from gslts.robot import Robot
-from gslts.sim import thor_frame
-from gslts.sim.thor import ThorRobot, start_thor
-from gslts.sim.thor_event import camera_of, frame_of, instances_of, objects_of
+from gslts.sim.thor import frame as thor_frame
+from gslts.sim.thor.event import camera_of, frame_of, instances_of, objects_of
+from gslts.sim.thor.robot import ThorRobot, start_thor
 
 POSES = [(0, 0), (90, 0), (180, 30), (270, -30), (37.5, 12.5), (301.25, 60)]
 
@@ -273,7 +273,7 @@ def test_without_the_package_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPat
 
 
 def test_the_package_is_imported_only_to_start_it() -> None:
-    code = "import sys, gslts.sim.thor; sys.exit('ai2thor' in sys.modules)"
+    code = "import sys, gslts.sim.thor.robot; sys.exit('ai2thor' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)
 
 

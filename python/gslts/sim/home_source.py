@@ -9,9 +9,9 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from gslts.sim.gltf import load_home
+from gslts.sim.gltf.load import load_home
 from gslts.sim.home import Home
-from gslts.sim.homes import make_home
+from gslts.sim.procedural.homes import make_home
 
 STRICT = ConfigDict(frozen=True, extra="forbid", strict=True)
 
