@@ -13,7 +13,12 @@ from gslts.cli.sim import sim
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
 
-app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # Errors in one line and not in a box.
+)
 app.add_typer(sim, name="sim")
 
 

@@ -64,7 +64,7 @@ class Setting:
         width: Of the images, px.
         height: Of the images, px.
         object_id: The only object that changes, if not None.
-        receptacle_id: The only receptacle that it goes to, if not None.
+        receptacle_id: The only receptacle that objects go to, if not None; none is removed then.
     """
 
     noise: str = "kinect"
@@ -174,6 +174,8 @@ class _Home:
         """What can be added, removed or relocated."""
         if kind == "addition":
             return list(self._aside.values())
+        if kind == "removal" and self._setting.receptacle_id is not None:
+            return []
         wanted = self._setting.object_id
         return [thing for thing in _free_objects(self._home) if wanted in (None, thing.id)]
 

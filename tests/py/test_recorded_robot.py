@@ -1,0 +1,39 @@
+"""A recorded data set behind the protocol of robots."""
+
+import numpy as np
+import pytest
+import sim_scenes
+
+from gslts.recorded_robot import RecordedRobot
+from gslts.robot import Robot
+from gslts.sim.controller import Controller
+
+
+@pytest.fixture(scope="module")
+def visit() -> list:
+    """Frames from two places, in four directions each."""
+    robot = Controller(sim_scenes.simple_home(), width=32, height=24)
+    frames = []
+    for x in (1.0, 4.0):
+        for yaw in (0.0, 90.0, 180.0, 270.0):
+            robot.act("Teleport", position={"x": x, "y": 1.0}, rotation=yaw)
+            frames.append(robot.observe())
+    return frames
+
+
+def test_it_goes_to_the_frame_of_that_place_and_direction(visit: list) -> None:
+    robot: Robot = RecordedRobot(visit)
+    assert robot.observe() is visit[0]
+    np.testing.assert_allclose(robot.reachable_positions(), [[1.0, 1.0], [4.0, 1.0]])
+    for number, (place, yaw_rad) in {
+        6: ((4.2, 1.1), np.pi),
+        2: ((0.8, 1.3), -np.pi + 0.2),
+        5: ((3.7, 0.8), np.pi / 2 + 2 * np.pi),
+    }.items():
+        assert robot.move_towards(np.array(place), yaw_rad)
+        assert robot.observe() is visit[number]
+
+
+def test_without_frames_there_is_no_robot() -> None:
+    with pytest.raises(ValueError, match="RecordedRobot: frames: there is none"):
+        RecordedRobot([])
