@@ -96,6 +96,10 @@ def test_an_event_shows_and_names_what_is_seen(controller: Controller) -> None:
     assert event.color_to_object_id[color] == "Block|1"
     seen = {tuple(map(int, c)) for c in event.instance_segmentation_frame.reshape(-1, 3)}
     assert {event.color_to_object_id[color] for color in seen} == {"Block|1", "Wall|1"}
+    kinds = {tuple(map(int, c)) for c in event.semantic_segmentation_frame.reshape(-1, 3)}
+    assert {event.color_to_object_id[color] for color in kinds} == {"Block", "Wall"}
+    assert set(event.instance_masks) == {"Block|1", "Wall|1"}
+    assert event.instance_masks["Block|1"][24, 32]
     by_id = {thing["objectId"]: thing for thing in event.metadata["objects"]}
     block = by_id["Block|1"]
     assert block["objectType"] == "Block"

@@ -1,5 +1,7 @@
 """The ray caster against planes, boxes, light and textures worked out by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import sim_scenes
@@ -144,3 +146,18 @@ def test_srgb_there_and_back() -> None:
     values = np.linspace(0, 1, 1000)
     np.testing.assert_allclose(srgb_from_linear(linear_from_srgb(values)), values, atol=1e-6)
     assert float(linear_from_srgb(np.float64(0.5))) == pytest.approx(0.21404, abs=1e-5)
+
+
+def test_surfaces_glow_while_a_light_of_their_object_is_on() -> None:
+    home = sim_scenes.simple_home()
+    block = home["Block|1"]
+    glowing = replace(block, surfaces=(replace(block.surfaces[0], emission=2.0),))
+    home = home.with_object(glowing)
+    camera = tilted_camera()
+    off = RayCaster(home).look(camera)
+    lit = replace(home, lights=(replace(home.lights[0], owner="Block|1"),))
+    on = RayCaster(lit).look(camera)
+    on_block = off.instances == 1
+    grey = linear_from_srgb(np.array(128 / 255))
+    np.testing.assert_allclose((on.radiance - off.radiance)[on_block], 2 * grey, rtol=1e-4)
+    np.testing.assert_array_equal(on.radiance[~on_block], off.radiance[~on_block])
