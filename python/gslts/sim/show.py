@@ -11,29 +11,47 @@ from numpy.typing import NDArray
 
 from gslts.camera import Camera, camera_from_fov, look_at
 from gslts.sim.home import Home, Room
+from gslts.sim.ray_scene import RayScene
 from gslts.sim.raycast import RayCaster
 from gslts.sim.texture_atlas import srgb_from_linear
 
 EYE_HEIGHT_M = 1.6
-CORNER_SHARE = 0.1
-"""Distance of the corner views from the walls, as a share of the room."""
+CORNER_SHARES = (0.1, 0.15, 0.2, 0.25, 0.3, 0.35)
+"""Shares of the room between the corner views and the walls; the first free one is taken."""
+FREE_M = 0.8
+"""Nine tenths of a free view are farther away."""
 HORIZONTAL_FOV_RAD = 1.35
 PLAN_DISTANCE_M = 60.0
 """From so high above, the plan shows hardly any walls from the side."""
 PLAN_PX_PER_M = 160
 
 
-def corner_cameras(room: Room, width: int = 480, height: int = 360) -> list[Camera]:
-    """Cameras in the four corners that look at the middle of the room."""
-    low, high = room.box
-    middle = (*((low + high) / 2)[:2], low[2] + 0.9)
+def corner_cameras(home: Home, width: int = 480, height: int = 360) -> list[Camera]:
+    """Cameras in the four corners of the first room that look at its middle past the furniture."""
+    room, scene = home.rooms[0], RayScene(home)
     cameras = []
-    for x, y in ((0, 0), (1, 0), (1, 1), (0, 1)):
-        share = CORNER_SHARE + (1 - 2 * CORNER_SHARE) * np.array([x, y])
-        eye = (*(low + share[[0, 1, 1]] * (high - low))[:2], low[2] + EYE_HEIGHT_M)
-        pose = look_at(eye, middle)
-        cameras.append(camera_from_fov(width, height, HORIZONTAL_FOV_RAD, pose))
+    for corner in ((0, 0), (1, 0), (1, 1), (0, 1)):
+        tried = [_corner_camera(room, corner, share, width, height) for share in CORNER_SHARES]
+        near_m = [_near_m(scene, camera) for camera in tried]
+        free = [row for row, metres in enumerate(near_m) if metres > FREE_M]
+        cameras.append(tried[free[0] if free else int(np.argmax(near_m))])
     return cameras
+
+
+def _corner_camera(
+    room: Room, corner: tuple[int, int], share: float, width: int, height: int
+) -> Camera:
+    low, high = room.box
+    place = low + (share + (1 - 2 * share) * np.array([*corner, 0])) * (high - low)
+    eye = (place[0], place[1], low[2] + EYE_HEIGHT_M)
+    pose = look_at(eye, (*((low + high) / 2)[:2], low[2] + 0.9))
+    return camera_from_fov(width, height, HORIZONTAL_FOV_RAD, pose)
+
+
+def _near_m(scene: RayScene, camera: Camera) -> float:
+    """Depth that nine tenths of a view exceed, m."""
+    small = camera_from_fov(32, 24, HORIZONTAL_FOV_RAD, camera.world_from_camera)
+    return float(np.percentile(scene.instances(small)[1], 10))
 
 
 def write_contact_sheet(home: Home, path: Path) -> None:
@@ -49,7 +67,7 @@ def write_contact_sheet(home: Home, path: Path) -> None:
     movable = sum(thing.movable for thing in home.objects)
     figure.suptitle(f"{home.name}: {len(home.objects)} objects, {movable} of them movable")
     grid = figure.add_gridspec(2, 3, width_ratios=(1, 1, 1.25))
-    for index, camera in enumerate(corner_cameras(room)):
+    for index, camera in enumerate(corner_cameras(home)):
         axes = figure.add_subplot(grid[index // 2, index % 2])
         axes.imshow(_rgb(caster, camera))
         axes.set_axis_off()

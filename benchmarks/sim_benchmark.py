@@ -1,0 +1,94 @@
+"""How fast homes are made, looked at, recorded and changed; prints a markdown table.
+
+python benchmarks/sim_benchmark.py    # some seven minutes; leave the machine alone meanwhile
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+
+from machine import describe_machine
+
+from gslts.sim import ROOM_TYPES, Home, make_home
+from gslts.sim.capture import capture
+from gslts.sim.controller import Controller
+from gslts.sim.explore import explore
+from gslts.sim.home_source import HomeSource
+from gslts.sim.raycast import RayCaster
+from gslts.sim.show import corner_cameras
+from gslts.sim.task import write_task
+from gslts.sim.tasks import Setting, TaskMaker
+
+SEEDS = range(5)
+FRAMES, TASKS, TASKS_PER_HOME = 200, 600, 12
+
+
+def seconds(work: Callable[[], object]) -> float:
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def row(what: str, unit: str, values: list[float]) -> None:
+    low, middle, high = min(values), median(values), max(values)
+    print(f"| {what} | {middle:.3g} {unit} | {low:.3g} to {high:.3g} |", flush=True)
+
+
+def frame_ms(home: Home) -> list[float]:
+    """Of views from the corners, 640 x 480, after one that does not count."""
+    caster = RayCaster(home)
+    cameras = corner_cameras(home, 640, 480)
+    caster.look(cameras[0])
+    return [1e3 * seconds(lambda camera=camera: caster.look(camera)) for camera in cameras]
+
+
+def capture_s(home: Home, noise: str) -> float:
+    looks, _ = explore(home, FRAMES)
+    robot = Controller(home, noise=noise)
+    # Where exploring needs fewer frames, some are taken twice.
+    looks = (looks * FRAMES)[:FRAMES]
+    with tempfile.TemporaryDirectory() as folder:
+        return seconds(lambda: capture(robot, looks, Path(folder)))
+
+
+def tasks_s() -> float:
+    maker, made = TaskMaker(Setting(), 0), 0
+    start = time.perf_counter()
+    with tempfile.TemporaryDirectory() as folder:
+        for number in range(10 * TASKS):
+            room_type = list(ROOM_TYPES)[number % len(ROOM_TYPES)]
+            source = HomeSource.of_seed(room_type, number // len(ROOM_TYPES))
+            for task in maker.make(*source, min(TASKS_PER_HOME, TASKS - made)):
+                write_task(task, Path(folder) / f"{made}.json")
+                made += 1
+            if made == TASKS:
+                return time.perf_counter() - start
+    raise RuntimeError(f"only {made} tasks")
+
+
+def main() -> None:
+    machine = describe_machine()
+    print(f"{machine['cpu']}, {machine['cores']} cores\n")
+    print("| | median | range |\n| --- | ---: | ---: |")
+    homes = {
+        (room_type, seed): make_home(room_type, seed) for room_type in ROOM_TYPES for seed in SEEDS
+    }
+    for room_type in ROOM_TYPES:
+        times = [seconds(lambda key=(room_type, seed): make_home(*key)) for seed in SEEDS]
+        row(f"make_home, {room_type}", "s", times)
+    for lights in sorted({len(home.lights) for home in homes.values()}):
+        those = [home for home in homes.values() if len(home.lights) == lights]
+        times = [ms for home in those for ms in frame_ms(home)]
+        row(f"RGB-D frame with shadows of {lights} lights, {len(those)} homes", "ms", times)
+    for noise in ("none", "kinect"):
+        times = [capture_s(homes[room_type, 0], noise) for room_type in ROOM_TYPES]
+        row(f"recording of {FRAMES} frames, noise {noise}", "s", times)
+    row(f"{TASKS} task scripts", "s", [tasks_s()])
+
+
+if __name__ == "__main__":
+    main()
