@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gslts
+from gslts.gaussian_map import SH_C0
 
 Array = NDArray[np.float64]
 
 SIZE_M = np.array([4.4, 3.6, 2.4])
-SH_C0 = 0.5 / np.sqrt(np.pi)  # Value of the constant spherical harmonic.
 
 
 @dataclass(frozen=True)

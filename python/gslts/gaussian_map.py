@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from math import isqrt
+from math import isqrt, pi, sqrt
 from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from gslts._core.map import GaussianViewDouble, GaussianViewFloat
+
+SH_C0 = 0.5 / sqrt(pi)
+"""Value of the constant spherical harmonic: the colour of SH degree 0 is 0.5 + SH_C0 * sh."""
 
 FloatArray = NDArray[np.float32] | NDArray[np.float64]
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.camera import Camera, camera_from_fov, look_at
-from gslts.gaussian_map import GaussianMap
+from gslts.gaussian_map import SH_C0, GaussianMap
 
 Floats = NDArray[np.float64]
 
@@ -27,7 +27,6 @@ OBJECTS = 15
 NORMAL_NOISE_M = 0.003
 EYE, TARGET = np.array([1.0, 0.9, 1.5]), np.array([6.0, 5.0, 1.2])
 HORIZONTAL_FOV_RAD = np.pi / 2
-SH_C0 = 0.28209479177387814  # Y_00: the degree-0 basis function
 
 NEAR_M = 0.2
 """Near plane with which the rooms are rendered."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -15,11 +14,10 @@ from torch.autograd.function import once_differentiable
 from gslts._core.map import GaussianViewDouble, GaussianViewFloat
 from gslts._core.raster import RasterizerDouble, RasterizerFloat, RenderOptions
 from gslts.camera import Camera
-from gslts.gaussian_map import FloatArray
+from gslts.gaussian_map import SH_C0, FloatArray
 from gslts.render import scatter_rows
 from gslts.torch.checks import require_finite
 
-SH_C0 = 0.5 / sqrt(pi)  # Value of the constant spherical harmonic.
 MIN_SCALE_M = 1e-30  # Stands for a scale of 0, which has no logarithm.
 RIGID_TOLERANCE = 1e-3  # Of the singular values of a rotation; poses kept in float32 pass.
 
