@@ -1,0 +1,165 @@
+"""Posed images of a scene, read one by one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslts.camera import Camera
+from gslts.frame import RgbdFrame
+
+RIGID_TOLERANCE = 0.02
+"""Of the singular values of a rotation; those of 7-Scenes are off by up to some thousandths."""
+MAX_PIXELS = 1 << 26
+"""Larger images are refused before memory is taken."""
+
+
+class Frame(Protocol):
+    """A frame that is still on the disk."""
+
+    @property
+    def name(self) -> str:
+        """Such as the name of its file."""
+        ...
+
+    @property
+    def camera(self) -> Camera:
+        """Intrinsics and pose, as the data set gives them."""
+        ...
+
+    def read(self) -> RgbdFrame:
+        """Reads it; without depth, the depth is 0 everywhere.
+
+        Raises:
+            OSError: A file cannot be read.
+            ValueError: A file is damaged or does not fit the camera; the message names it.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A recorded visit.
+
+    Args:
+        name: Such as that of its folder.
+        frames: In the order in which they were taken.
+        skipped: What was left out when the data set was opened: names, and why.
+    """
+
+    name: str
+    frames: tuple[Frame, ...]
+    skipped: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class ImageFrame:
+    """A frame in image files, registered pixel by pixel.
+
+    Args:
+        rgb: Of any kind that Pillow reads.
+        camera: Intrinsics and pose.
+        depth: 16-bit picture of z in the camera frame; None if there is none.
+        depth_unit_m: What one step of it is worth.
+        depth_invalid: Number besides 0 that means no measurement; None if there is none.
+        time_s: When it was taken.
+    """
+
+    rgb: Path
+    camera: Camera
+    depth: Path | None = None
+    depth_unit_m: float = 0.001
+    depth_invalid: int | None = None
+    time_s: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """The name of the colour picture without its ending."""
+        return self.rgb.stem
+
+    def read(self) -> RgbdFrame:
+        """Reads both pictures."""
+        size = (self.camera.height, self.camera.width)
+        rgb = read_image(self.rgb, "RGB", size).astype(np.uint8)
+        depth = np.zeros(size, np.float32)
+        if self.depth is not None:
+            steps = read_image(self.depth, "I", size)
+            depth = (steps * self.depth_unit_m).astype(np.float32)
+            depth[(steps <= 0) | (steps == self.depth_invalid)] = 0
+        return RgbdFrame(rgb, depth, self.camera, self.time_s)
+
+
+def rigid(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The nearest rigid transform to a [4,4] pose that was written with few digits.
+
+    Raises:
+        ValueError: It is none, not even roughly.
+    """
+    if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
+        raise ValueError("the pose must be 4 x 4 finite numbers")
+    u, sizes, v = np.linalg.svd(matrix[:3, :3])
+    rotation = u @ v
+    bottom = np.abs(matrix[3] - (0, 0, 0, 1)).max()
+    if max(np.abs(sizes - 1).max(), bottom) > RIGID_TOLERANCE or np.linalg.det(rotation) < 0:
+        raise ValueError(f"the pose is not rigid: {np.round(matrix, 4).tolist()}")
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation, matrix[:3, 3]
+    return pose
+
+
+def image_size(path: Path) -> tuple[int, int]:
+    """Width and height of a picture, px.
+
+    Raises:
+        OSError: It cannot be read.
+        ValueError: It is no picture.
+    """
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with Image.open(path) as image:
+            return image.size
+    except UnidentifiedImageError:
+        raise ValueError(f"{path}: it is no picture") from None
+
+
+def read_image(path: Path, mode: str, size: tuple[int, int]) -> NDArray[Any]:
+    """The pixels of a picture of that height and width, in a mode of Pillow.
+
+    Raises:
+        OSError: It cannot be read.
+        ValueError: It is damaged or has another size.
+    """
+    width, height = image_size(path)
+    if (height, width) != size:
+        raise ValueError(f"{path}: it has {width} x {height} px, expected {size[1]} x {size[0]}")
+    if width * height > MAX_PIXELS:
+        raise ValueError(f"{path}: {width} x {height} px are more than {MAX_PIXELS}")
+    from PIL import Image
+
+    try:
+        with Image.open(path) as image:
+            return np.asarray(image.convert(mode))
+    except (OSError, SyntaxError, ValueError) as error:  # Pillow raises each of them for damage.
+        raise ValueError(f"{path}: {error}") from None
+
+
+def read_numbers(path: Path, shape: tuple[int, int]) -> NDArray[np.float64]:
+    """A matrix of numbers in a text file.
+
+    Raises:
+        OSError: It cannot be read.
+        ValueError: It holds anything else, or another number of them.
+    """
+    text = path.read_text(encoding="utf-8", errors="replace")[:10_000]
+    try:
+        numbers = np.array(text.split(), np.float64)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    if numbers.size != shape[0] * shape[1]:
+        raise ValueError(f"{path}: expected {shape[0]} x {shape[1]} numbers, got {numbers.size}")
+    return numbers.reshape(shape)

@@ -1,0 +1,125 @@
+"""nerfstudio's `transforms.json` (Tancik et al. 2023): poses in the axes of OpenGL."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
+
+from gslts.camera import Camera
+from gslts.datasets.dataset import Dataset, ImageFrame, image_size, rigid
+
+OPENGL_FROM_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
+MAX_BYTES = 1 << 28
+
+Row = tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat]
+
+
+class _Intrinsics(BaseModel):
+    """They stand at the top for all frames, or at each frame."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+    w: int | None = None
+    h: int | None = None
+    fl_x: FiniteFloat | None = None
+    fl_y: FiniteFloat | None = None
+    cx: FiniteFloat | None = None
+    cy: FiniteFloat | None = None
+    camera_angle_x: FiniteFloat | None = None
+    k1: FiniteFloat = 0.0
+    k2: FiniteFloat = 0.0
+    k3: FiniteFloat = 0.0
+    k4: FiniteFloat = 0.0
+    p1: FiniteFloat = 0.0
+    p2: FiniteFloat = 0.0
+
+
+class _Frame(_Intrinsics):
+    file_path: str
+    depth_file_path: str | None = None
+    transform_matrix: Annotated[list[Row], Field(min_length=3, max_length=4)]
+
+
+class _File(_Intrinsics):
+    camera_model: str = "OPENCV"
+    depth_unit_scale_factor: FiniteFloat = 0.001
+    frames: list[Any]
+
+
+def is_nerfstudio(path: Path) -> bool:
+    """Whether a folder has such a file."""
+    return (path / "transforms.json").exists()
+
+
+def open_nerfstudio(path: Path) -> Dataset:
+    """Opens a data set.
+
+    Raises:
+        OSError: The file cannot be read.
+        ValueError: It is damaged, or its camera has a lens model that is not supported.
+    """
+    file = path / "transforms.json"
+    if file.stat().st_size > MAX_BYTES:
+        raise ValueError(f"{file}: larger than {MAX_BYTES >> 20} MiB")
+    try:
+        content = _File.model_validate_json(file.read_bytes())
+    except ValidationError as error:
+        raise ValueError(f"{file}: {_first(error)}") from None
+    if content.camera_model not in ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE"):
+        raise ValueError(f"{file}: camera_model {content.camera_model} is not supported")
+    frames: list[ImageFrame] = []
+    skipped: list[str] = []
+    for number, entry in enumerate(content.frames):
+        try:
+            frame = _Frame.model_validate({**_shared(content), **_dict(entry)})
+            frames.append(_image_frame(path, frame, content.depth_unit_scale_factor, number))
+        except ValidationError as error:
+            skipped.append(f"frames[{number}]: {_first(error)}")
+        except (OSError, ValueError) as error:
+            skipped.append(f"frames[{number}]: {error}")
+    return Dataset(path.name, tuple(frames), tuple(skipped))
+
+
+def _image_frame(path: Path, frame: _Frame, depth_unit_m: float, number: int) -> ImageFrame:
+    rgb = path / frame.file_path
+    if any((frame.k1, frame.k2, frame.k3, frame.k4, frame.p1, frame.p2)):
+        raise ValueError(f"{rgb}: lens distortion is not supported yet")
+    width, height = (frame.w, frame.h) if frame.w and frame.h else image_size(rgb)
+    fx = frame.fl_x
+    if fx is None:
+        if frame.camera_angle_x is None:
+            raise ValueError(f"{rgb}: neither fl_x nor camera_angle_x is given")
+        fx = width / 2 / float(np.tan(frame.camera_angle_x / 2))
+    matrix = np.vstack([np.array(frame.transform_matrix)[:3], [0, 0, 0, 1]])
+    camera = Camera(
+        fx=fx,
+        fy=fx if frame.fl_y is None else frame.fl_y,
+        cx=width / 2 if frame.cx is None else frame.cx,
+        cy=height / 2 if frame.cy is None else frame.cy,
+        width=width,
+        height=height,
+        world_from_camera=rigid(matrix @ OPENGL_FROM_OPENCV),
+    )
+    depth = None if frame.depth_file_path is None else path / frame.depth_file_path
+    return ImageFrame(rgb, camera, depth, depth_unit_m, time_s=float(number))
+
+
+def _shared(content: _File) -> dict[str, Any]:
+    """Intrinsics for frames that have none."""
+    return {name: getattr(content, name) for name in _Intrinsics.model_fields}
+
+
+def _dict(entry: Any) -> dict[str, Any]:
+    if not isinstance(entry, dict):
+        raise ValueError(f"expected an object, got {json.dumps(entry)[:40]}")
+    return entry
+
+
+def _first(error: ValidationError) -> str:
+    first = error.errors(include_url=False)[0]
+    where = ".".join(str(part) for part in first["loc"]) or "file"
+    return f"{where}: {first['msg']}"

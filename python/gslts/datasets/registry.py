@@ -1,0 +1,42 @@
+"""Which formats of data sets there are, and how to tell them apart."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from gslts.datasets.dataset import Dataset
+from gslts.datasets.nerfstudio import is_nerfstudio, open_nerfstudio
+from gslts.datasets.seven_scenes import is_seven_scenes, open_seven_scenes
+
+FORMATS: dict[str, tuple[Callable[[Path], bool], Callable[[Path], Dataset]]] = {
+    "nerfstudio": (is_nerfstudio, open_nerfstudio),
+    "7scenes": (is_seven_scenes, open_seven_scenes),
+}
+"""For each format, whether a path looks like it, and what opens it."""
+
+LEAST_FRAMES = 2
+
+
+def open_dataset(path: str | os.PathLike[str]) -> Dataset:
+    """Opens a data set of any known format.
+
+    Raises:
+        OSError: There is no such path.
+        ValueError: It is of no known format, or fewer than two of its frames can be used.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise FileNotFoundError(f"{path}: there is no such file or folder")
+    for looks_like, open_it in FORMATS.values():
+        if looks_like(path):
+            dataset = open_it(path)
+            if len(dataset.frames) < LEAST_FRAMES:
+                why = f"; {dataset.skipped[0]}" if dataset.skipped else ""
+                raise ValueError(
+                    f"{path}: {len(dataset.frames)} usable frames, at least {LEAST_FRAMES} are "
+                    f"needed{why}"
+                )
+            return dataset
+    raise ValueError(f"{path}: no data set of a known format ({', '.join(FORMATS)})")

@@ -1,0 +1,133 @@
+"""First Gaussians from depth: flat ones on the surfaces that were measured."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslts.frame import RgbdFrame
+from gslts.gaussian_map import SH_C0, GaussianMap
+
+Floats = NDArray[np.float64]
+
+PIXEL_STEP = 2
+"""Every second pixel each way: neighbours fall into the same voxel anyway."""
+EDGE_SHARE = 0.05
+"""A relative step of the depth between neighbours that ends a surface."""
+LEAST_HITS = 2
+"""Frames that must have seen a voxel: what only one saw is mostly noise."""
+ALONG, ACROSS = 0.6, 0.2
+"""Standard deviations along the surface and across it, in voxels."""
+OPACITY = 0.8
+KEY_BITS = 21
+"""Of each coordinate of a voxel in a 64-bit key: 2^21 voxels of 1 cm are 20 km."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Voxels:
+    """Sums over the points of voxels; `hits` counts frames."""
+
+    keys: NDArray[np.int64]
+    sums: Floats  # [V,10]: count, point, normal, colour
+    hits: NDArray[np.int64]
+
+
+def seed_from_depth(frames: Iterable[RgbdFrame], voxel_m: float, sh_degree: int = 0) -> GaussianMap:
+    """One Gaussian for each voxel that at least two frames measured.
+
+    Args:
+        frames: With depth, and poses that are roughly right.
+        voxel_m: Edge of a voxel.
+        sh_degree: Of the map; all but the constant harmonic start at 0.
+
+    Raises:
+        ValueError: No voxel was measured twice.
+    """
+    voxels = _merged([_voxels_of(frame, voxel_m) for frame in frames])
+    kept = voxels.hits >= LEAST_HITS
+    if not kept.any():
+        raise ValueError("seed_from_depth: no surface was measured by two frames")
+    sums = voxels.sums[kept]
+    points, colors = sums[:, 1:4] / sums[:, :1], sums[:, 7:10] / sums[:, :1]
+    size = len(points)
+    sh = np.zeros((size, (sh_degree + 1) ** 2, 3), np.float32)
+    sh[:, 0] = (colors - 0.5) / SH_C0
+    scales_m = voxel_m * np.array([ALONG, ALONG, ACROSS])
+    return GaussianMap(
+        means=points.astype(np.float32),
+        quats=_quats_towards(sums[:, 4:7]).astype(np.float32),
+        log_scales=np.tile(np.log(scales_m), (size, 1)).astype(np.float32),
+        logit_opacities=np.full(size, np.log(OPACITY / (1 - OPACITY)), np.float32),
+        sh=sh,
+    )
+
+
+def _voxels_of(frame: RgbdFrame, voxel_m: float) -> _Voxels:
+    points, normals, colors = surface_points(frame)
+    cells = np.floor(points / voxel_m).astype(np.int64) + (1 << (KEY_BITS - 1))
+    keys = cells[:, 0] << 2 * KEY_BITS | cells[:, 1] << KEY_BITS | cells[:, 2]
+    sums = np.column_stack([np.ones(len(points)), points, normals, colors])
+    return _summed(keys, sums, np.ones(len(keys), np.int64), per_frame=True)
+
+
+def _merged(several: list[_Voxels]) -> _Voxels:
+    return _summed(
+        np.concatenate([voxels.keys for voxels in several]),
+        np.concatenate([voxels.sums for voxels in several]),
+        np.concatenate([voxels.hits for voxels in several]),
+        per_frame=False,
+    )
+
+
+def _summed(
+    keys: NDArray[np.int64], sums: Floats, hits: NDArray[np.int64], *, per_frame: bool
+) -> _Voxels:
+    order = np.argsort(keys, kind="stable")
+    keys, sums, hits = keys[order], sums[order], hits[order]
+    if len(keys) == 0:
+        return _Voxels(keys, sums, hits)
+    starts = np.flatnonzero(np.concatenate([[True], keys[1:] != keys[:-1]]))
+    counted = np.ones(len(starts), np.int64) if per_frame else np.add.reduceat(hits, starts)
+    return _Voxels(keys[starts], np.add.reduceat(sums, starts, axis=0), counted)
+
+
+def surface_points(frame: RgbdFrame) -> tuple[Floats, Floats, Floats]:
+    """Measured points of a frame, with normals and colours.
+
+    Returns:
+        points: [P,3] in the world, m.
+        normals: [P,3] unit vectors towards the camera.
+        colors: [P,3] sRGB, 0 to 1.
+    """
+    camera = frame.camera
+    depth = np.nan_to_num(frame.depth[::PIXEL_STEP, ::PIXEL_STEP].astype(np.float64))
+    rgb = frame.rgb[::PIXEL_STEP, ::PIXEL_STEP] / 255.0
+    rows, columns = (np.indices(depth.shape) * PIXEL_STEP) + 0.5
+    x, y = (columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy
+    in_camera = np.stack([x * depth, y * depth, depth], axis=-1)
+    right = in_camera[1:-1, 2:] - in_camera[1:-1, :-2]
+    down = in_camera[2:, 1:-1] - in_camera[:-2, 1:-1]
+    normals = np.cross(down, right)
+    lengths = np.linalg.norm(normals, axis=-1)
+    middle = depth[1:-1, 1:-1]
+    good = (middle > 0) & (lengths > 0)
+    for row, column in ((0, 1), (2, 1), (1, 0), (1, 2)):
+        near = depth[row : row + middle.shape[0], column : column + middle.shape[1]]
+        good &= (near > 0) & (np.abs(near - middle) < EDGE_SHARE * middle)
+    normals = normals[good] / lengths[good, None]
+    pose = camera.world_from_camera
+    points = in_camera[1:-1, 1:-1][good] @ pose[:3, :3].T + pose[:3, 3]
+    return points, normals @ pose[:3, :3].T, rgb[1:-1, 1:-1][good]
+
+
+def _quats_towards(normals: Floats) -> Floats:
+    """[N,4] wxyz: rotations that turn z to normals of any length."""
+    unit = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    quats = np.column_stack([1 + unit[:, 2], -unit[:, 1], unit[:, 0], np.zeros(len(unit))])
+    opposite = quats[:, 0] < 1e-6
+    quats[opposite] = (0, 1, 0, 0)
+    unit_quats: Floats = quats / np.linalg.norm(quats, axis=1, keepdims=True)
+    return unit_quats

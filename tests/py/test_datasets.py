@@ -1,0 +1,180 @@
+"""Data sets of other projects' formats: what is read, in which frame, and what is refused."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sim_scenes
+from PIL import Image
+
+from gslts.datasets import open_dataset
+from gslts.sim.capture import capture
+from gslts.sim.controller import Controller
+from gslts.sim.viewpoints import Look
+
+LOOKS = [Look(np.array([1.0, y]), yaw, 30.0) for y, yaw in ((1.0, 0.0), (1.0, 45.0), (2.5, 330.0))]
+
+
+@pytest.fixture
+def recorded(tmp_path: Path) -> Path:
+    """Three frames of a small room, in nerfstudio's layout."""
+    robot = Controller(sim_scenes.simple_home(), width=64, height=48)
+    capture(robot, LOOKS, tmp_path / "room")
+    return tmp_path / "room"
+
+
+def frames_of_robot() -> list:
+    robot = Controller(sim_scenes.simple_home(), width=64, height=48)
+    frames = []
+    for look in LOOKS:
+        x, y = look.place
+        robot.act(
+            "Teleport",
+            position={"x": x, "y": y},
+            rotation=look.yaw_deg,
+            horizon=look.horizon_deg,
+        )
+        frames.append(robot.observe())
+    return frames
+
+
+def test_nerfstudio_comes_back_as_it_was_seen(recorded: Path) -> None:
+    dataset = open_dataset(recorded)
+    assert dataset.name == "room"
+    assert dataset.skipped == ()
+    for frame, expected in zip(dataset.frames, frames_of_robot(), strict=True):
+        read = frame.read()
+        np.testing.assert_array_equal(read.rgb, expected.rgb)
+        np.testing.assert_allclose(read.depth, expected.depth, atol=0.00051)
+        pose, true_pose = (f.camera.world_from_camera for f in (read, expected))
+        np.testing.assert_allclose(pose, true_pose, atol=1e-12)
+        for name in ("fx", "fy", "cx", "cy", "width", "height"):
+            assert getattr(read.camera, name) == pytest.approx(getattr(expected.camera, name))
+
+
+def write_seven_scenes(folder: Path) -> list:
+    """By the data set's own words: row-major world_from_camera in metres, depth in millimetres."""
+    folder.mkdir()
+    frames = frames_of_robot()
+    camera = frames[0].camera
+    (folder / "camera-intrinsics.txt").write_text(
+        f"{camera.fx} 0 {camera.cx}\n0 {camera.fy} {camera.cy}\n0 0 1\n"
+    )
+    for number, frame in enumerate(frames):
+        stem = folder / f"frame-{8 * number:06}"
+        Image.fromarray(frame.rgb).save(f"{stem}.color.png")
+        steps = np.rint(1000 * frame.depth).astype(np.uint16)
+        steps[:2] = 65535
+        Image.fromarray(steps).save(f"{stem}.depth.png")
+        np.savetxt(f"{stem}.pose.txt", frame.camera.world_from_camera)
+    return frames
+
+
+def test_seven_scenes(tmp_path: Path) -> None:
+    frames = write_seven_scenes(tmp_path / "chess")
+    dataset = open_dataset(tmp_path / "chess")
+    assert [frame.name for frame in dataset.frames] == [
+        "frame-000000.color",
+        "frame-000008.color",
+        "frame-000016.color",
+    ]
+    for frame, expected in zip(dataset.frames, frames, strict=True):
+        read = frame.read()
+        np.testing.assert_array_equal(read.rgb, expected.rgb)
+        assert (read.depth[:2] == 0).all(), "65535 means no measurement"
+        np.testing.assert_allclose(read.depth[2:], expected.depth[2:], atol=0.00051)
+        np.testing.assert_allclose(
+            read.camera.world_from_camera, expected.camera.world_from_camera, atol=1e-9
+        )
+
+
+def test_the_real_room_is_read() -> None:
+    folder = Path(__file__).parents[3] / "shared" / "data" / "7scenes"
+    if not folder.exists():
+        pytest.skip("shared/data/7scenes is not there")
+    dataset = open_dataset(folder)
+    assert len(dataset.frames) == 125
+    assert dataset.skipped == ()
+    frame = dataset.frames[60].read()
+    assert frame.rgb.shape == (480, 640, 3)
+    measured = frame.depth[frame.depth > 0]
+    assert 0.3 < np.median(measured) < 5
+    assert measured.max() < 65
+
+
+def edited(folder: Path, edit: object) -> Path:
+    content = json.loads((folder / "transforms.json").read_text())
+    edit(content)
+    (folder / "transforms.json").write_text(json.dumps(content))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        (lambda c: c["frames"][1].pop("file_path"), r"frames\[1\]: file_path: Field required"),
+        (lambda c: c["frames"].__setitem__(1, 7), r"frames\[1\]: expected an object, got 7"),
+        (
+            lambda c: c["frames"][1]["transform_matrix"][0].__setitem__(0, float("nan")),
+            r"frames\[1\]: transform_matrix\.0\.0: .*finite",
+        ),
+        (
+            lambda c: c["frames"][1]["transform_matrix"][0].__setitem__(0, 9.0),
+            r"frames\[1\]: the pose is not rigid",
+        ),
+        (lambda c: c["frames"][1].update(k1=0.1), r"frames\[1\]: .*distortion"),
+        (lambda c: c["frames"][1].update(fl_x=-3), r"frames\[1\]: .*f"),
+    ],
+)
+def test_bad_frames_are_skipped_and_named(recorded: Path, edit: object, message: str) -> None:
+    import re
+
+    dataset = open_dataset(edited(recorded, edit))
+    assert len(dataset.frames) == 2
+    (reason,) = dataset.skipped
+    assert re.search(message, reason), reason
+    assert "\n" not in reason
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        (lambda c: c.pop("frames"), r"transforms\.json: frames: Field required"),
+        (lambda c: c.update(frames=c["frames"][:1]), "1 usable frames, at least 2 are needed"),
+        (lambda c: c.update(camera_model="OPENCV_FISHEYE"), "OPENCV_FISHEYE is not supported"),
+        (lambda c: c.update(fl_x="wide"), r"transforms\.json: fl_x: "),
+    ],
+)
+def test_bad_data_sets_are_refused(recorded: Path, edit: object, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        open_dataset(edited(recorded, edit))
+
+
+def test_what_is_no_data_set_is_named(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match="nowhere: there is no such file or folder"):
+        open_dataset(tmp_path / "nowhere")
+    with pytest.raises(ValueError, match=r"no data set of a known format \(nerfstudio, 7scenes\)"):
+        open_dataset(tmp_path)
+    (tmp_path / "transforms.json").write_text("{")
+    with pytest.raises(ValueError, match=r"transforms\.json: file: Invalid JSON"):
+        open_dataset(tmp_path)
+
+
+@pytest.mark.parametrize("kind", ["images", "depth"])
+@pytest.mark.parametrize("harm", ["truncated", "garbage", "gone", "small"])
+def test_damaged_pictures_are_named(recorded: Path, kind: str, harm: str) -> None:
+    path = recorded / kind / "00001.png"
+    if harm == "truncated":
+        path.write_bytes(path.read_bytes()[:-200])
+    elif harm == "garbage":
+        path.write_bytes(b"no picture")
+    elif harm == "gone":
+        path.unlink()
+    else:
+        with Image.open(path) as image:
+            small = image.resize((32, 24))
+        small.save(path)
+    frame = open_dataset(recorded).frames[1]
+    with pytest.raises((OSError, ValueError), match=f"{kind}/00001.png"):
+        frame.read()
