@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
-
-if TYPE_CHECKING:
-    from gslts.sim import Home
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
 
 sim = typer.Typer(no_args_is_help=True, help="Simulated homes.")
-
-FILE_TYPES = (".glb", ".gltf")
-FRUITLESS_HOMES = 10
-"""After so many homes in a row that give no task, there will be none."""
 
 Source = Annotated[
     str,
@@ -33,12 +25,15 @@ def home(source: Source, seed: Seed = 0) -> None:
 
     Example: gslts sim home kitchen 3
     """
-    for thing in _open_home(source, seed).objects:
+    from gslts.sim.home_source import open_home
+
+    for thing in open_home(source, seed).objects:
         low, high = thing.box_in_world
         place = " ".join(f"{value:6.2f}" for value in (*((low + high) / 2)[:2], low[2]))
         size = " x ".join(f"{value:.2f}" for value in high - low)
         typer.echo(
-            f"{thing.id:20} at {place} m  size {size} m  on {thing.parent or '-':16} "
+            f"{_printable(thing.id):20} at {place} m  size {size} m  "
+            f"on {_printable(thing.parent or '-'):16} "
             f"{'movable' if thing.movable else ''}".rstrip()
         )
 
@@ -62,23 +57,27 @@ def show(
     """
     from tqdm import tqdm
 
+    from gslts.sim.home_source import FILE_TYPES, open_home
     from gslts.sim.show import write_contact_sheet
     from gslts.sim.show_task import write_task_sheet
     from gslts.sim.task import read_task
 
     path = Path(source)
-    if path.suffix == ".json":
+    if path.suffix.lower() in (".json", *FILE_TYPES) and seeds:
+        raise ValueError(f"{source} holds one home: seeds mean nothing")
+    if path.suffix.lower() == ".json":
         task = read_task(path)
         home = task.home.load(path.parent)
+        task.states(home)
         out.mkdir(parents=True, exist_ok=True)
         write_task_sheet(task, home, out / f"{path.stem}.png")
         typer.echo(f"wrote {out / path.stem}.png")
         return
     for seed in tqdm(seeds or [0], desc=path.name, unit="home"):
-        home = _open_home(source, seed)
+        home = open_home(source, seed)
         out.mkdir(parents=True, exist_ok=True)
-        name = path.stem if path.suffix in FILE_TYPES else f"{source}_{seed}"
-        write_contact_sheet(home, out / f"{name}.png")
+        is_file = path.suffix.lower() in FILE_TYPES
+        write_contact_sheet(home, out / f"{path.stem if is_file else f'{source}_{seed}'}.png")
     typer.echo(f"wrote {len(seeds or [0])} picture(s) to {out}")
 
 
@@ -103,8 +102,9 @@ def capture(
     from gslts.sim.capture import capture as write
     from gslts.sim.controller import Controller
     from gslts.sim.explore import explore
+    from gslts.sim.home_source import open_home
 
-    home = _open_home(source, seed)
+    home = open_home(source, seed)
     robot = Controller(home, width=width, height=height, noise=noise, seed=visit)
     empty_folder(out)
     looks, share = explore(home, frames, lambda at: tqdm(at, desc="exploring", unit="place"))
@@ -138,55 +138,36 @@ def tasks(
 
     Example: gslts sim tasks --count 600 --out out/tasks
     """
+    from itertools import chain
+
     from tqdm import tqdm
 
     from gslts.files import empty_folder
-    from gslts.sim.home_source import FileSource, HomeSource
+    from gslts.sim import ROOM_TYPES
     from gslts.sim.task import write_task
-    from gslts.sim.tasks import Setting, TaskMaker
+    from gslts.sim.tasks import TaskMaker, script_name, tasks_of
+    from gslts.sim.trial import Setting
 
-    empty_folder(out)
-    sources = sources or _room_types()
     setting = Setting(noise=noise, object_id=object_id, receptacle_id=receptacle_id)
     maker = TaskMaker(setting, first_seed)
-    written = homes = fruitless = 0
+    names = sources or list(ROOM_TYPES)
+    made = tasks_of(names, out, first_seed, count, per_home, maker)
+    # Bad wishes show before the first task, and so before anything is written.
+    first = next(made, None)
+    empty_folder(out)
+    written = 0
     with tqdm(total=count, desc="tasks", unit="task") as bar:
-        while written < count and fruitless < FRUITLESS_HOMES:
-            name, seed = sources[homes % len(sources)], first_seed + homes // len(sources)
-            homes += 1
-            place: HomeSource | FileSource
-            if Path(name).suffix in FILE_TYPES:
-                if seed > first_seed:  # A file holds one home.
-                    fruitless += 1
-                    continue
-                place, home = FileSource.of_path(Path(name), out)
-            else:
-                place, home = HomeSource.of_seed(name, seed)
-            made = maker.make(place, home, min(per_home, count - written))
-            fruitless = 0 if made else fruitless + 1
-            for task in made:
-                label = re.sub(r"[^A-Za-z0-9_.]+", "-", task.change.object_id)
-                write_task(task, out / f"{written:04}_{task.change.kind}_{label}.json")
-                written += 1
-                bar.update()
-    reasons = ", ".join(f"{reason} ({times})" for reason, times in maker.refused.most_common())
+        for task in chain([] if first is None else [first], made):
+            write_task(task, out / script_name(written, task))
+            written += 1
+            bar.update()
+    reasons = ", ".join(f"{reason} ({times})" for reason, times in maker.refused.most_common(8))
     typer.echo(f"wrote {written} tasks to {out}; refused: {reasons or 'nothing'}")
     if written < count:
-        raise ValueError(f"only {written} of {count} tasks could be made: {reasons}")
+        why = reasons or "nothing else can be added, removed or relocated"
+        raise ValueError(f"only {written} of {count} tasks could be made: {why}")
 
 
-def _open_home(source: str, seed: int) -> Home:
-    from gslts.sim import load_home, make_home
-
-    if Path(source).suffix in FILE_TYPES:
-        return load_home(Path(source))
-    if source not in _room_types():
-        expected = ", ".join(_room_types())
-        raise ValueError(f"expected one of {expected} or a .glb or .gltf file, got {source!r}")
-    return make_home(source, seed)
-
-
-def _room_types() -> list[str]:
-    from gslts.sim import ROOM_TYPES
-
-    return list(ROOM_TYPES)
+def _printable(text: str) -> str:
+    """A name from a file, without what a terminal would obey."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)

@@ -2,7 +2,8 @@
 
 Layout: nerfstudio's `transforms.json` (axes of OpenGL, world z up) with `images/`, `depth/`
 (16-bit, millimetres, 0: none), and as ground truth `instances/` (16-bit, 1 + row of the object,
-0: none) and `objects.json`.
+0: none), `objects.json` and each frame's `true_transform_matrix`, which differs from
+`transform_matrix` by what the robot errs about where it is.
 """
 
 from __future__ import annotations
@@ -18,14 +19,16 @@ from PIL import Image
 
 from gslts.camera import Camera
 from gslts.files import empty_folder, write_whole
-from gslts.sim.controller import Controller
+from gslts.sim.controller import ActionError, Controller
 from gslts.sim.event import Event
-from gslts.sim.viewpoints import Look
+from gslts.sim.robot_body import Look
 
 SAVE_EVERY = 10
 """Frames after which the list of frames is written anew."""
 FOLDERS = {"file_path": "images", "depth_file_path": "depth", "instance_file_path": "instances"}
 OPENGL_FROM_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
+FARTHEST_M = 65.535
+MOST_OBJECTS = (1 << 16) - 1
 PNG_LEVEL = 1
 """Of zlib: pictures are a fifth larger than at the best level and saved ten times as fast."""
 
@@ -48,23 +51,21 @@ def capture(robot: Controller, looks: Iterable[Look], folder: Path) -> int:
         OSError: The disk is full or the folder cannot be written; the frames before are kept.
         ValueError: The folder is not empty, or the robot cannot go to a look.
     """
+    if len(robot.home.objects) > MOST_OBJECTS:
+        raise ValueError(f"capture: more than {MOST_OBJECTS} objects do not fit into 16 bits")
     empty_folder(folder)
     for name in FOLDERS.values():
         (folder / name).mkdir()
     frames: list[dict[str, Any]] = []
     header: dict[str, Any] = {}
     try:
-        _write_json(folder / "objects.json", robot.last_event.metadata["objects"])
+        _write_json(folder / "objects.json", _objects(robot.last_event))
         for look in looks:
-            x, y = look.place.tolist()
-            event = robot.step(
-                "Teleport",
-                position={"x": x, "y": y},
-                rotation=look.yaw_deg,
-                horizon=look.horizon_deg,
-            )
-            if not event.metadata["lastActionSuccess"]:
-                raise ValueError(f"capture: {event.metadata['errorMessage']}")
+            try:
+                robot.go(look)
+            except ActionError as reason:
+                raise ValueError(f"capture: {reason}") from None
+            event = robot.step("Pass")
             header = header or _header(event.observation.camera)
             frames.append(_write_frame(event, folder, len(frames)))
             if len(frames) % SAVE_EVERY == 0:
@@ -81,9 +82,11 @@ def capture(robot: Controller, looks: Iterable[Look], folder: Path) -> int:
 
 def _write_frame(event: Event, folder: Path, number: int) -> dict[str, Any]:
     """Writes the pictures of a frame, all or none, and returns its entry in the list."""
+    depth = event.depth_frame
+    steps = np.rint(1000 * np.where(depth < FARTHEST_M, depth, 0))  # What is too far is no depth.
     pictures: dict[str, NDArray[Any]] = {
         "file_path": event.frame,
-        "depth_file_path": np.rint(1000 * event.depth_frame.clip(0, 65.535)).astype(np.uint16),
+        "depth_file_path": steps.astype(np.uint16),
         "instance_file_path": (event.instances + 1).astype(np.uint16),
     }
     entry: dict[str, Any] = {}
@@ -94,8 +97,19 @@ def _write_frame(event: Event, folder: Path, number: int) -> dict[str, Any]:
     except BaseException:
         _remove_pictures(folder, entry)
         raise
-    pose = event.observation.camera.world_from_camera @ OPENGL_FROM_OPENCV
-    return {**entry, "transform_matrix": pose.tolist()}
+    believed, true = (
+        (camera.world_from_camera @ OPENGL_FROM_OPENCV).tolist()
+        for camera in (event.observation.camera, event.camera)
+    )
+    return {**entry, "transform_matrix": believed, "true_transform_matrix": true}
+
+
+def _objects(event: Event) -> list[dict[str, Any]]:
+    """The table of objects, without what holds for one look only."""
+    return [
+        {key: value for key, value in thing.items() if key != "visible"}
+        for thing in event.metadata["objects"]
+    ]
 
 
 def _keep_whole_frames(folder: Path, header: dict[str, Any], frames: list[dict[str, Any]]) -> None:

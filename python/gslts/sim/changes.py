@@ -9,8 +9,10 @@ import numpy as np
 from gslts.sim.home import Floats, Home, HomeObject, pose, yaw_of
 from gslts.sim.physics import (
     SUPPORT_SHARE,
+    OrientedBoxes,
     boxes_in_world,
     carried_share,
+    collides,
     collisions,
     footprint,
     resting_places,
@@ -59,31 +61,45 @@ def disable(home: Home, object_id: str) -> Home:
     return home.without([thing.id])
 
 
-def enable(home: Home, thing: HomeObject) -> Home:
+def enable(home: Home, thing: HomeObject, keep_free: OrientedBoxes | None = None) -> Home:
     """The home with an object back where it last was.
+
+    Args:
+        home: Without the object.
+        thing: The object, as it was.
+        keep_free: Where nothing may be put, such as where the robot is.
 
     Raises:
         ChangeError: It is there already, what it stood on is gone, or its place is taken.
     """
     if thing.id in home:
         raise ChangeError(f"{thing.id} is there already")
-    if thing.parent is None or thing.parent not in home:
+    if thing.parent is None:
+        raise ChangeError(f"{thing.id} stood on nothing")
+    if thing.parent not in home:
         raise ChangeError(f"{thing.id} stood on {thing.parent}, which is not there")
     if not stands_on(thing, home[thing.parent]):
         raise ChangeError(f"{thing.id} would not stand on {thing.parent} any more")
-    _refuse_overlaps(home, thing)
+    _refuse_overlaps(home, thing, keep_free)
     return home.with_object(thing)
 
 
-def place(home: Home, object_id: str, position: Floats, yaw_deg: float | None = None) -> Home:
+def place(
+    home: Home,
+    object_id: str,
+    position: Floats,
+    yaw_deg: float | None = None,
+    keep_free: OrientedBoxes | None = None,
+) -> Home:
     """The home with an object at another place.
 
     Args:
         home: With the object.
         object_id: Of a movable object on which nothing stands.
-        position: (3,) m: where the middle of its underside comes, on a level face that is at most
-            `SNAP_M` away; it is set down on that.
+        position: (3,) m: where its origin, the middle of the box around its underside, comes; it is
+            set down on a level face at most `SNAP_M` away.
         yaw_deg: Its turn about the vertical, degrees; None keeps it.
+        keep_free: Where nothing may be put, such as where the robot is.
 
     Raises:
         ChangeError: There is no such object, it cannot be moved, no face is below, too little of
@@ -96,7 +112,7 @@ def place(home: Home, object_id: str, position: Floats, yaw_deg: float | None = 
     at = pose(x, y, z, yaw_of(thing) if yaw_deg is None else float(np.deg2rad(yaw_deg)))
     foot = at @ np.append(footprint(thing.boxes)[0], 1)
     others = [other for other in home.objects if other.id != thing.id]
-    tops = [_top_at(other, foot[:3]) for other in others]
+    tops = [_top_at(other, foot[:3]) for other in others] or [-np.inf]
     best = int(np.argmax(tops))
     if tops[best] == -np.inf:
         raise ChangeError(
@@ -111,17 +127,20 @@ def place(home: Home, object_id: str, position: Floats, yaw_deg: float | None = 
             f"{100 * SUPPORT_SHARE:.0f} % must"
         )
     placed = thing.placed(at, parent_id)
-    _refuse_overlaps(home, placed)
+    _refuse_overlaps(home, placed, keep_free)
     return home.with_object(placed)
 
 
-def spawn_randomly(home: Home, seed: int, attempts: int = 5) -> Home:
+def spawn_randomly(
+    home: Home, seed: int, attempts: int = 5, keep_free: OrientedBoxes | None = None
+) -> Home:
     """The home with its movable objects shuffled over all that can carry them.
 
     Args:
         home: Objects on which others stand stay where they are, until those are gone.
         seed: Same home and seed, same result.
         attempts: Receptacles that are tried for each object; it stays when none has room.
+        keep_free: Where nothing may be put, such as where the robot is.
     """
     rng = np.random.default_rng(seed)
     ids = [thing.id for thing in home.objects if thing.movable]
@@ -131,7 +150,7 @@ def spawn_randomly(home: Home, seed: int, attempts: int = 5) -> Home:
             continue
         receptacles = possible_receptacles(home, thing)
         for index in rng.permutation(len(receptacles))[:attempts]:
-            drawn = draw_place(home, thing, receptacles[index], rng)
+            drawn = draw_place(home, thing, receptacles[index], rng, keep_free)
             if drawn is not None:
                 home = drawn.home
                 break
@@ -149,7 +168,11 @@ def possible_receptacles(home: Home, thing: HomeObject) -> list[HomeObject]:
 
 
 def draw_place(
-    home: Home, thing: HomeObject, receptacle: HomeObject, rng: np.random.Generator
+    home: Home,
+    thing: HomeObject,
+    receptacle: HomeObject,
+    rng: np.random.Generator,
+    keep_free: OrientedBoxes | None = None,
 ) -> Placement | None:
     """A place by chance of a thing on a receptacle; None where it has no room."""
     low, high = receptacle.box_in_world
@@ -162,7 +185,7 @@ def draw_place(
         return None
     position = np.round(places[rng.integers(len(places)), :3, 3], 3)
     try:
-        changed = place(home, thing.id, position, yaw_deg)
+        changed = place(home, thing.id, position, yaw_deg, keep_free)
     except ChangeError:
         return None
     return Placement(position, yaw_deg, changed)
@@ -192,7 +215,9 @@ def _top_at(thing: HomeObject, position: Floats) -> float:
     return float(tops[carries].max(initial=-np.inf))
 
 
-def _refuse_overlaps(home: Home, thing: HomeObject) -> None:
+def _refuse_overlaps(home: Home, thing: HomeObject, keep_free: OrientedBoxes | None) -> None:
+    if keep_free is not None and collides(boxes_in_world(thing), keep_free):
+        raise ChangeError("the robot stands in the way")
     hit = collisions(home, thing)
     if hit:
         raise ChangeError(f"{thing.id} would overlap {hit[0]}")

@@ -11,25 +11,34 @@ from typing import Any
 
 import numpy as np
 
-from gslts.camera import Camera, camera_from_fov, look_at
 from gslts.frame import RgbdFrame
-from gslts.sim import changes
+from gslts.sim.actions import (
+    GRID_M,
+    AnyAction,
+    Move,
+    Pass,
+    Rotate,
+    SceneState,
+    Teleport,
+    Tilt,
+    checked_action,
+)
+from gslts.sim.changes import ChangeError
 from gslts.sim.event import Event, Palette, make_event, xyz
-from gslts.sim.home import Floats, Home, HomeObject
+from gslts.sim.home import Floats, Home, pose
+from gslts.sim.physics import OrientedBoxes
 from gslts.sim.raycast import RayCaster
+from gslts.sim.robot_body import (
+    BODY_HEIGHT_M,
+    BODY_RADIUS_M,
+    FOV_RAD,
+    HORIZON_DEG,
+    Look,
+    floor_of,
+    robot_camera,
+)
 from gslts.sim.sensor import Sensor, SensorNoise
-from gslts.sim.walkable import WalkableFloor, walkable_floor
-
-GRID_M = 0.25
-ROTATE_STEP_DEG = 90.0
-LOOK_STEP_DEG = 30.0
-HORIZON_DEG = (-30.0, 60.0)
-"""Least and greatest angle of the camera below the horizon."""
-BODY_RADIUS_M = 0.2
-BODY_HEIGHT_M = 1.2
-CAMERA_HEIGHT_M = 1.5
-FOV_RAD = np.pi / 2
-"""Horizontal field of view."""
+from gslts.sim.walkable import STEP_M
 
 _MOVES_DEG = {"MoveAhead": 0.0, "MoveLeft": 90.0, "MoveBack": 180.0, "MoveRight": -90.0}
 
@@ -42,7 +51,8 @@ class Controller:
     """A home and a robot in it, which together change by actions.
 
     Args:
-        home: Where the robot is; it starts at the reachable place nearest to the middle.
+        home: Where the robot is, with what was taken away from it if that may come back; the robot
+            starts at the reachable place nearest to the middle.
         width: Of the images, px.
         height: Of the images, px.
         fov_rad: Horizontal field of view of the camera, rad.
@@ -55,7 +65,7 @@ class Controller:
 
     def __init__(
         self,
-        home: Home,
+        home: Home | SceneState,
         *,
         width: int = 640,
         height: int = 480,
@@ -66,13 +76,13 @@ class Controller:
         self._size, self._fov_rad = (width, height), fov_rad
         self._sensor = Sensor(noise, seed)
         self._frames = 0
-        self._palette = Palette(home)
-        self._aside: dict[str, HomeObject] = {}
-        self._set_home(home)
-        places = self.reachable_positions()
+        state = SceneState(home) if isinstance(home, Home) else home
+        self._palette = Palette([*state.home.objects, *state.aside.values()])
+        self._set_state(state)
+        places = self._floor.places(GRID_M)
         if len(places) == 0:
-            raise ValueError(f"Controller: {home.name}: the robot can stand nowhere")
-        middle = home.space.box.mean(axis=0)[:2]
+            raise ValueError(f"Controller: {state.home.name}: the robot can stand nowhere")
+        middle = state.home.space.box.mean(axis=0)[:2]
         self._position = places[np.argmin(np.linalg.norm(places - middle, axis=1))]
         self._yaw_deg, self._horizon_deg = 0.0, 0.0
         self._last_pose: Floats | None = None
@@ -81,12 +91,14 @@ class Controller:
     @property
     def home(self) -> Home:
         """The home as it is now."""
-        return self._home
+        return self._state.home
 
     @property
     def last_event(self) -> Event:
-        """That of the last step, or of a first look."""
-        return self.step("Pass") if self._last_event is None else self._last_event
+        """That of the last step, or of the first one to come."""
+        if self._last_event is None:
+            self._last_event = self._look("Pass", "", None, 0)
+        return self._last_event
 
     def step(self, action: str, **arguments: Any) -> Event:
         """Does one action, or says in the metadata why not; then looks.
@@ -108,14 +120,15 @@ class Controller:
             result = self.act(action, **arguments)
         except ActionError as reason:
             error = str(reason)
-        self._last_event = self._look(action, error, result)
+        self._last_event = self._look(action, error, result, self._frames)
+        self._frames += 1
         return self._last_event
 
-    def act(self, action: str, **arguments: Any) -> Any:
+    def act(self, name: str, /, **arguments: Any) -> Any:
         """Does one action without a look.
 
         Args:
-            action: As in `step`.
+            name: Of the action, as in `step`.
             arguments: Of the action.
 
         Returns:
@@ -125,19 +138,32 @@ class Controller:
             ActionError: It cannot be done.
             ValueError: There is no such action, or it has no such argument.
         """
-        method = _ACTIONS.get(action)
-        if method is None:
-            raise ValueError(
-                f"Controller: action must be one of {', '.join(_ACTIONS)}, got {action!r}"
-            )
         try:
-            return method(self, action, **arguments)
-        except (ActionError, changes.ChangeError) as reason:
-            raise ActionError(f"{action}: {reason}") from None
-        except KeyError as reason:
-            raise ValueError(f"Controller: {action}: {reason} is missing") from None
-        except TypeError as reason:
-            raise ValueError(f"Controller: {action}: {reason}") from None
+            action = checked_action(name, arguments)
+        except ValueError as reason:
+            raise ValueError(f"Controller: {reason}") from None
+        try:
+            return self._do(action)
+        except (ActionError, ChangeError) as reason:
+            raise ActionError(f"{name}: {reason}") from None
+
+    def go(self, look: Look) -> None:
+        """Teleports to a place and a direction.
+
+        Raises:
+            ActionError: The robot cannot stand there or look that far up or down.
+        """
+        x, y = look.place.tolist()
+        self.act(
+            "Teleport",
+            position={"x": x, "y": y},
+            rotation=look.yaw_deg,
+            horizon=look.horizon_deg,
+        )
+
+    def look(self, number: int) -> Event:
+        """A look that does not count; its noise is that of the frame of this number."""
+        return self._look("Pass", "", None, number)
 
     def observe(self) -> RgbdFrame:
         """What the camera sees now."""
@@ -145,121 +171,81 @@ class Controller:
 
     def reachable_positions(self) -> Floats:
         """[P,2] places on the robot's grid that it can reach from where it is, x and y, m."""
-        return self._floor.places(GRID_M)
+        return self._floor.places(GRID_M, self._position)
 
     def move_towards(self, position: Floats, yaw_rad: float) -> bool:
         """Goes to the reachable place nearest to `position` and looks along `yaw_rad`."""
         places = self.reachable_positions()
         place = places[np.argmin(np.linalg.norm(places - position, axis=1))]
-        event = self.step(
-            "Teleport",
-            position={"x": float(place[0]), "y": float(place[1])},
-            rotation=float(np.rad2deg(yaw_rad)),
-        )
-        return bool(event.metadata["lastActionSuccess"])
+        try:
+            self.go(Look(place, float(np.rad2deg(yaw_rad)) % 360, self._horizon_deg))
+        except ActionError:
+            return False
+        return True
 
-    def _set_home(self, home: Home) -> None:
-        self._home, self._floor = home, floor_of(home)
+    def _set_state(self, state: SceneState) -> None:
+        self._state, self._floor = state, floor_of(state.home)
         self._caster: RayCaster | None = None  # Made when it is needed: many changes may follow.
 
-    def _move(self, action: str, *, moveMagnitude: float = GRID_M) -> None:
-        angle = np.deg2rad(self._yaw_deg + _MOVES_DEG[action])
-        step = moveMagnitude * np.array([np.cos(angle), np.sin(angle)])
-        pieces = max(2, int(np.ceil(abs(moveMagnitude) / self._floor.cell_m)) + 1)
+    def _do(self, action: AnyAction) -> Any:
+        match action:
+            case Move():
+                self._move(_MOVES_DEG[action.action], action.moveMagnitude)
+            case Rotate():
+                turn = action.degrees if action.action == "RotateLeft" else -action.degrees
+                self._yaw_deg = (self._yaw_deg + turn) % 360
+            case Tilt():
+                turn = action.degrees if action.action == "LookDown" else -action.degrees
+                self._horizon_deg = _within_horizon(self._horizon_deg + turn)
+            case Teleport():
+                self._teleport(action)
+            case Pass():
+                if action.action == "GetReachablePositions":
+                    height = float(self.home.space.box[0, 2])
+                    return [xyz((x, y, height)) for x, y in self.reachable_positions()]
+            case _:
+                self._set_state(self._state.after(action, self._body()))
+        return None
+
+    def _move(self, towards_deg: float, metres: float) -> None:
+        angle = np.deg2rad(self._yaw_deg + towards_deg)
+        step = metres * np.array([np.cos(angle), np.sin(angle)])
+        pieces = max(2, int(np.ceil(metres / self._floor.cell_m)) + 1)
         for share in np.linspace(0, 1, pieces)[1:]:
-            if not self._floor.can_stand(self._position + share * step):
-                raise ActionError(f"the way of {moveMagnitude:g} m is blocked")
+            if not self._floor.is_free(self._position + share * step):
+                raise ActionError(f"the way of {metres:g} m is blocked")
         self._position = self._position + step
 
-    def _rotate(self, action: str, *, degrees: float = ROTATE_STEP_DEG) -> None:
-        turn = degrees if action == "RotateLeft" else -degrees
-        self._yaw_deg = (self._yaw_deg + turn) % 360
-
-    def _tilt(self, action: str, *, degrees: float = LOOK_STEP_DEG) -> None:
-        horizon = self._horizon_deg + (degrees if action == "LookDown" else -degrees)
-        if not HORIZON_DEG[0] <= horizon <= HORIZON_DEG[1]:
-            raise ActionError(
-                f"the horizon must stay within {HORIZON_DEG[0]:g} and "
-                f"{HORIZON_DEG[1]:g} degrees, not {horizon:g}"
-            )
-        self._horizon_deg = horizon
-
-    def _teleport(
-        self,
-        _action: str,
-        *,
-        position: dict[str, float] | None = None,
-        rotation: float | None = None,
-        horizon: float | None = None,
-    ) -> None:
+    def _teleport(self, action: Teleport) -> None:
         place = self._position
-        if position is not None:
-            place = np.array([position["x"], position["y"]], np.float64)
-        if not self._floor.can_stand(place):
-            raise ActionError(f"the robot cannot stand at ({place[0]:g}, {place[1]:g})")
-        if horizon is not None and not HORIZON_DEG[0] <= horizon <= HORIZON_DEG[1]:
-            raise ActionError(f"horizon {horizon:g} is out of range")
+        if action.position is not None:
+            place = np.array([action.position.x, action.position.y])
+            if not self._floor.is_free(place):
+                raise ActionError(f"the robot cannot stand at ({place[0]:g}, {place[1]:g})")
+        if action.horizon is not None:
+            self._horizon_deg = _within_horizon(action.horizon)
+        if action.rotation is not None:
+            self._yaw_deg = action.rotation % 360
         self._position, self._last_pose = place, None  # Nobody sees the way of a teleport.
-        self._yaw_deg = self._yaw_deg if rotation is None else rotation % 360
-        self._horizon_deg = self._horizon_deg if horizon is None else horizon
 
-    def _get_reachable_positions(self, _action: str) -> list[dict[str, float]]:
-        height = float(self._home.space.box[0, 2])
-        return [{"x": float(x), "y": float(y), "z": height} for x, y in self.reachable_positions()]
+    def _body(self) -> OrientedBoxes:
+        """Where the robot is."""
+        low = float(self.home.space.box[0, 2]) + STEP_M
+        radius = BODY_RADIUS_M
+        box = np.array([(-radius, -radius, 0.0), (radius, radius, BODY_HEIGHT_M)])
+        x, y = self._position.tolist()
+        return OrientedBoxes.of(box[None], pose(x, y, low, 0.0))
 
-    def _pass(self, _action: str) -> None:
-        pass
-
-    def _initial_random_spawn(
-        self,
-        _action: str,
-        *,
-        randomSeed: int = 0,
-        numPlacementAttempts: int = 5,
-    ) -> None:
-        self._change(changes.spawn_randomly(self._home, randomSeed, numPlacementAttempts))
-
-    def _disable_object(self, _action: str, *, objectId: str) -> None:
-        before = self._home
-        self._change(changes.disable(before, objectId))
-        self._aside[objectId] = before[objectId]
-
-    def _enable_object(self, _action: str, *, objectId: str) -> None:
-        if objectId not in self._aside:
-            there = "is there already" if objectId in self._home else "was never there"
-            raise ActionError(f"{objectId} {there}")
-        self._change(changes.enable(self._home, self._aside[objectId]))
-        del self._aside[objectId]
-
-    def _place_object_at_point(
-        self,
-        _action: str,
-        *,
-        objectId: str,
-        position: dict[str, float],
-        rotation: float | None = None,
-    ) -> None:
-        point = np.array([position[axis] for axis in "xyz"], np.float64)
-        self._change(changes.place(self._home, objectId, point, rotation))
-
-    def _change(self, home: Home) -> None:
-        """Takes over a changed home, unless something would stand where the robot is."""
-        if not floor_of(home).can_stand(self._position):
-            raise ActionError("the robot stands in the way")
-        self._set_home(home)
-
-    def _look(self, action: str, error: str, result: Any) -> Event:
-        camera = robot_camera(
-            self._home, self._position, self._yaw_deg, self._horizon_deg, self._size, self._fov_rad
-        )
+    def _look(self, action: str, error: str, result: Any, number: int) -> Event:
+        look = Look(self._position, self._yaw_deg, self._horizon_deg)
+        camera = robot_camera(self.home, look, self._size, self._fov_rad)
         if self._caster is None:
-            self._caster = RayCaster(self._sensor.lit(self._home))
-        frame, truth = self._sensor.take(self._caster, camera, self._frames, self._last_pose)
-        self._frames += 1
+            self._caster = RayCaster(self.home, self._sensor.lights(self.home))
+        frame, truth = self._sensor.take(self._caster, camera, number, self._last_pose)
         self._last_pose = camera.world_from_camera
         metadata = {
             "agent": {
-                "position": xyz((*self._position, self._home.space.box[0, 2])),
+                "position": xyz((*self._position, self.home.space.box[0, 2])),
                 "rotation": xyz((0, 0, self._yaw_deg)),
                 "cameraHorizon": self._horizon_deg,
             },
@@ -268,47 +254,13 @@ class Controller:
             "errorMessage": error,
             "actionReturn": result,
         }
-        return make_event(frame, truth, self._home, self._palette, metadata)
+        return make_event(frame, truth, camera, self.home, self._palette, metadata)
 
 
-def robot_camera(
-    home: Home,
-    position: Floats,
-    yaw_deg: float,
-    horizon_deg: float,
-    size: tuple[int, int],
-    fov_rad: float = FOV_RAD,
-) -> Camera:
-    """The robot's camera.
-
-    Args:
-        home: Whose floor the robot stands on.
-        position: (2,) x and y, m.
-        yaw_deg: From x to y, degrees.
-        horizon_deg: Below the horizon, degrees.
-        size: Width and height, px.
-        fov_rad: Horizontal field of view, rad.
-    """
-    yaw, down = np.deg2rad(yaw_deg), np.deg2rad(horizon_deg)
-    eye = np.array([*position, home.space.box[0, 2] + CAMERA_HEIGHT_M])
-    ahead = (np.cos(yaw) * np.cos(down), np.sin(yaw) * np.cos(down), -np.sin(down))
-    return camera_from_fov(*size, fov_rad, look_at(eye, eye + ahead))
-
-
-def floor_of(home: Home) -> WalkableFloor:
-    """Where the robot can be in a home."""
-    return walkable_floor(home, home.space, BODY_RADIUS_M, BODY_HEIGHT_M)
-
-
-_ACTIONS: dict[str, Any] = {
-    **dict.fromkeys(_MOVES_DEG, Controller._move),
-    **dict.fromkeys(("RotateLeft", "RotateRight"), Controller._rotate),
-    **dict.fromkeys(("LookUp", "LookDown"), Controller._tilt),
-    "Teleport": Controller._teleport,
-    "GetReachablePositions": Controller._get_reachable_positions,
-    "Pass": Controller._pass,
-    "InitialRandomSpawn": Controller._initial_random_spawn,
-    "DisableObject": Controller._disable_object,
-    "EnableObject": Controller._enable_object,
-    "PlaceObjectAtPoint": Controller._place_object_at_point,
-}
+def _within_horizon(angle_deg: float) -> float:
+    if not HORIZON_DEG[0] <= angle_deg <= HORIZON_DEG[1]:
+        raise ActionError(
+            f"the horizon must stay within {HORIZON_DEG[0]:g} and {HORIZON_DEG[1]:g} degrees, "
+            f"not {angle_deg:g}"
+        )
+    return angle_deg

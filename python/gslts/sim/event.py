@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gslts.camera import Camera
 from gslts.frame import RgbdFrame
 from gslts.sim.home import Home, HomeObject, yaw_of
 from gslts.sim.raycast import View
@@ -34,6 +36,7 @@ class Event:
         metadata: `agent`, `objects`, `lastAction`, `lastActionSuccess`, `errorMessage` and
             `actionReturn`.
         observation: The frame with its camera, as the rest of the project takes it.
+        camera: Where the camera is in truth.
     """
 
     frame: NDArray[np.uint8]
@@ -44,6 +47,7 @@ class Event:
     color_to_object_id: dict[Color, str]
     metadata: dict[str, Any]
     observation: RgbdFrame
+    camera: Camera
 
     @cached_property
     def instance_masks(self) -> dict[str, NDArray[np.bool_]]:
@@ -56,9 +60,10 @@ class Event:
 class Palette:
     """Colours for the objects and types of a home, which stay when objects go and come back."""
 
-    def __init__(self, home: Home) -> None:
-        ids = [thing.id for thing in home.objects]
-        types = sorted({thing.type for thing in home.objects} - set(ids))
+    def __init__(self, things: Iterable[HomeObject]) -> None:
+        things = list(things)
+        ids = sorted(thing.id for thing in things)
+        types = sorted({thing.type for thing in things} - set(ids))
         numbers = np.arange(1, len(ids) + len(types) + 1, dtype=np.int64)
         # An odd factor permutes the 24-bit numbers, so that neighbours get colours far apart.
         mixed = numbers * 10_368_889 % (1 << 24)
@@ -75,9 +80,14 @@ class Palette:
 
 
 def make_event(
-    frame: RgbdFrame, truth: View, home: Home, palette: Palette, metadata: dict[str, Any]
+    frame: RgbdFrame,
+    truth: View,
+    camera: Camera,
+    home: Home,
+    palette: Palette,
+    metadata: dict[str, Any],
 ) -> Event:
-    """The event of a look at a home; `metadata` gets its `objects`."""
+    """The event of a look at a home from a camera; `metadata` gets its `objects`."""
     near = truth.instances[(truth.depth > 0) & (truth.depth < VISIBILITY_M)]
     visible = set(np.unique(near).tolist())
     objects = [_metadata_of(thing, row in visible) for row, thing in enumerate(home.objects)]
@@ -90,6 +100,7 @@ def make_event(
         color_to_object_id={color: name for name, color in palette.color_of.items()},
         metadata={**metadata, "objects": objects},
         observation=frame,
+        camera=camera,
     )
 
 

@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.sim.controller import GRID_M, floor_of, robot_camera
+from gslts.sim.actions import GRID_M
 from gslts.sim.home import Floats, Home
 from gslts.sim.ray_scene import RayScene, pixel_directions
-from gslts.sim.viewpoints import Look
+from gslts.sim.robot_body import Look, floor_of, robot_camera
 
 CELL_M = 0.1
 """A surface is covered when each cell of this size that it passes through is."""
@@ -81,7 +81,7 @@ def _candidates(home: Home, progress: Progress) -> tuple[list[Look], list[NDArra
 
 def _cells_seen(home: Home, scene: RayScene, look: Look) -> NDArray[np.int64]:
     """[K,3] the cells that a look hits."""
-    camera = robot_camera(home, look.place, look.yaw_deg, look.horizon_deg, SIZE_PX)
+    camera = robot_camera(home, look, SIZE_PX)
     eye = camera.world_from_camera[:3, 3].astype(np.float32)[:, None, None]
     directions = pixel_directions(camera)
     depth = scene.cast(eye, directions)["t_hit"]

@@ -24,6 +24,37 @@ def pose(x: float, y: float, z: float, yaw_rad: float) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
+class AreaLight:
+    """A parallelogram that shines to the side of cross(edge_u, edge_v).
+
+    Args:
+        center: (3,) float64, m.
+        edge_u: (3,) float64, m, from one side to the other.
+        edge_v: (3,) float64, m.
+        radiance: (3,) float64, linear RGB, such that a white diffuse surface under a radiance
+            of 1 from the whole half-space has the value 1.
+        owner: Id of the object that it is part of, such as a lamp; None if of none.
+    """
+
+    center: Floats
+    edge_u: Floats
+    edge_v: Floats
+    radiance: Floats
+    owner: str | None = None
+
+    def moved(self, world_from_object: Floats, owner: str) -> AreaLight:
+        """The light of an object, given in its frame, in the world."""
+        rotation = world_from_object[:3, :3]
+        return AreaLight(
+            center=rotation @ self.center + world_from_object[:3, 3],
+            edge_u=rotation @ self.edge_u,
+            edge_v=rotation @ self.edge_v,
+            radiance=self.radiance,
+            owner=owner,
+        )
+
+
+@dataclass(frozen=True, eq=False)
 class HomeObject:
     """A thing in a home.
 
@@ -40,6 +71,7 @@ class HomeObject:
         movable: Whether people carry it about.
         receptacle: Whether other things may stand on it or in it.
         parent: Id of the receptacle that it stands on; None for what belongs to the building.
+        lights: In its own frame; they go where it goes.
     """
 
     id: str
@@ -50,6 +82,7 @@ class HomeObject:
     movable: bool = False
     receptacle: bool = False
     parent: str | None = None
+    lights: tuple[AreaLight, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.surfaces:
@@ -97,26 +130,6 @@ class Room:
 
 
 @dataclass(frozen=True, eq=False)
-class AreaLight:
-    """A parallelogram that shines to the side of cross(edge_u, edge_v).
-
-    Args:
-        center: (3,) float64, m.
-        edge_u: (3,) float64, m, from one side to the other.
-        edge_v: (3,) float64, m.
-        radiance: (3,) float64, linear RGB, such that a white diffuse surface under a radiance
-            of 1 from the whole half-space has the value 1.
-        owner: Id of the object that it is part of, such as a lamp; None if of none.
-    """
-
-    center: Floats
-    edge_u: Floats
-    edge_v: Floats
-    radiance: Floats
-    owner: str | None = None
-
-
-@dataclass(frozen=True, eq=False)
 class Home:
     """A home, at one moment; changes make new ones.
 
@@ -126,7 +139,7 @@ class Home:
         name: What people call it, such as `kitchen 12`.
         rooms: At least one.
         objects: All things, the building's own (walls, floor, ceiling, windows, doors) among them.
-        lights: Area lights.
+        lights: Those that are no part of an object, such as daylight.
         ambient: (3,) float64, linear RGB: light from everywhere.
 
     Raises:
@@ -161,6 +174,16 @@ class Home:
         box = np.stack([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
         return Room("home", box)
 
+    @cached_property
+    def all_lights(self) -> tuple[AreaLight, ...]:
+        """Its lights and those of its objects, in the world."""
+        of_objects = [
+            light.moved(thing.world_from_object, thing.id)
+            for thing in self.objects
+            for light in thing.lights
+        ]
+        return (*self.lights, *of_objects)
+
     def __contains__(self, object_id: str) -> bool:
         return object_id in self._by_id
 
@@ -173,12 +196,11 @@ class Home:
         return self._by_id[object_id]
 
     def without(self, object_ids: Iterable[str]) -> Home:
-        """The home without some objects and their lights; what stood on them must be among them."""
+        """The home without some objects; what stood on them must be among them."""
         gone = set(object_ids)
         return replace(
             self,
             objects=tuple(thing for thing in self.objects if thing.id not in gone),
-            lights=tuple(light for light in self.lights if light.owner not in gone),
         )
 
     def with_object(self, thing: HomeObject) -> Home:

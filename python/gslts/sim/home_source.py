@@ -9,11 +9,15 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from gslts.sim.gltf.file import FILE_BYTES
 from gslts.sim.gltf.load import load_home
 from gslts.sim.home import Home
-from gslts.sim.procedural.homes import make_home
+from gslts.sim.procedural.homes import ROOM_TYPES, make_home
 
 STRICT = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+FILE_TYPES = (".glb", ".gltf")
+"""Endings of the files that homes are kept in."""
 
 COARSE = 0.05
 """Detail of textures where only shapes matter."""
@@ -53,7 +57,7 @@ class HomeSource(BaseModel):
 
 
 class FileSource(BaseModel):
-    """How to find a home that is kept in a glTF file; relative to the folder of the script."""
+    """How to find a home that is kept in a GLB file; relative to the folder of the script."""
 
     model_config = STRICT
 
@@ -67,10 +71,11 @@ class FileSource(BaseModel):
             OSError: The file cannot be read.
             ValueError: It is another file, or no home.
         """
-        path = folder / self.file
-        digest = file_digest(path)
-        if digest != self.sha256:
-            raise ValueError(f"{path} is not the file of this task: its SHA-256 is {digest}")
+        path = _glb(folder / self.file)
+        if Path(self.file).is_absolute():
+            raise ValueError(f"{self.file}: a task must name its home relative to its own folder")
+        if file_digest(path) != self.sha256:
+            raise ValueError(f"{path} is not the file of this task: its SHA-256 is another one")
         return load_home(path)
 
     @classmethod
@@ -81,8 +86,40 @@ class FileSource(BaseModel):
             OSError: The file cannot be read.
             ValueError: It is no home.
         """
+        _glb(path)
         relative = os.path.relpath(path.resolve(), folder.resolve())
         return cls(file=Path(relative).as_posix(), sha256=file_digest(path)), load_home(path)
+
+
+def open_home(name: str, seed: int) -> Home:
+    """The home of a room type and a seed, or of a file.
+
+    Raises:
+        OSError: The file cannot be read.
+        ValueError: There is no such room type, or the file is no home.
+    """
+    if Path(name).suffix.lower() in FILE_TYPES:
+        return load_home(Path(name))
+    require_room_type(name)
+    return make_home(name, seed)
+
+
+def require_room_type(name: str) -> None:
+    """Raises ValueError if a name is no room type."""
+    if name not in ROOM_TYPES:
+        expected = ", ".join(ROOM_TYPES)
+        raise ValueError(f"expected one of {expected} or a .glb or .gltf file, got {name!r}")
+
+
+def _glb(path: Path) -> Path:
+    """The path, if it is a regular file that holds a whole home in itself."""
+    if path.suffix.lower() != ".glb":
+        raise ValueError(f"{path}: tasks need a .glb file, which holds all of its home")
+    if not path.is_file():
+        raise FileNotFoundError(f"{path}: there is no such file")
+    if path.stat().st_size > FILE_BYTES:
+        raise ValueError(f"{path}: larger than {FILE_BYTES >> 20} MiB")
+    return path
 
 
 def shape_digest(home: Home) -> str:
@@ -92,7 +129,9 @@ def shape_digest(home: Home) -> str:
     """
     result = hashlib.sha256(home.name.encode())
     for thing in home.objects:
-        result.update(repr((thing.id, thing.type, thing.movable, thing.parent)).encode())
+        result.update(
+            repr((thing.id, thing.type, thing.movable, thing.receptacle, thing.parent)).encode()
+        )
         for array in (thing.boxes, thing.world_from_object):
             result.update(array.tobytes())
         for surface in thing.surfaces:

@@ -49,14 +49,16 @@ class RayCaster:
 
     Args:
         home: Changes of the home need a new object.
+        lights: What shines; None means all of its lights.
     """
 
-    def __init__(self, home: Home) -> None:
+    def __init__(self, home: Home, lights: tuple[AreaLight, ...] | None = None) -> None:
         self.home = home
+        self.lights = home.all_lights if lights is None else lights
         self._scene = RayScene(home)
         surfaces = [surface for thing in home.objects for surface in thing.surfaces]
         self._atlas = TextureAtlas(surfaces)
-        shining = {light.owner for light in home.lights}
+        shining = {light.owner for light in self.lights}
         glow = [
             surface.emission if thing.id in shining else 0.0
             for thing in home.objects
@@ -110,10 +112,10 @@ class RayCaster:
     ) -> Floats32:
         """[3,h,W] light on the surfaces of rows from `row` on, as the value of a white one."""
         direct = np.zeros_like(points)
-        for light in self.home.lights:
+        for light in self.lights:
             factor = self._from_light(light, points, normals, row)
             direct += factor * light.radiance.astype(np.float32)[:, None, None]
-        if self.home.lights:
+        if self.lights:
             direct = _average_over_pattern(direct, normals, depth)
         return direct + self.home.ambient.astype(np.float32)[:, None, None]
 

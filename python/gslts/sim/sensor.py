@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from gslts.camera import Camera
 from gslts.frame import RgbdFrame
-from gslts.sim.home import Home
+from gslts.sim.home import AreaLight, Home
 from gslts.sim.raycast import RayCaster, View
 from gslts.sim.texture_atlas import srgb_from_linear
 
@@ -108,22 +109,23 @@ class Sensor:
         red, blue = noise.white_balance_std * rng.normal(size=2)
         self.gains: Floats = 2 ** np.array([exposure + red, exposure, exposure + blue])
 
-    def lit(self, home: Home) -> Home:
-        """The home in the light of this visit."""
-        noise, rng = self.noise, np.random.default_rng([self._seed, 2])
-        lights = []
-        for light in home.lights:
+    def lights(self, home: Home) -> tuple[AreaLight, ...]:
+        """What shines in a home during this visit, and how."""
+        noise, lights, shining = self.noise, [], []
+        for row, light in enumerate(home.all_lights):
+            # Each has its own luck, so that other lamps may come and go.
+            key = zlib.crc32((light.owner or f"daylight {row}").encode())
+            rng = np.random.default_rng([self._seed, 2, key])
             strength, off = 2 ** (noise.light_std * rng.normal()), rng.random() < noise.light_off
-            shift = noise.light_shift_m * rng.uniform(-1, 1, 3)
-            if light.owner is None:  # Daylight: windows stay where they are, and shine.
+            shift = noise.light_shift_m * rng.uniform(-1, 1, 3) * (1, 1, 0)
+            if light.owner is None:  # Windows stay where they are, and shine.
                 shift, off = np.zeros(3), False
-            shift[2] = 0
-            changed = replace(
-                light, center=light.center + shift, radiance=strength * light.radiance
+            lights.append(
+                replace(light, center=light.center + shift, radiance=strength * light.radiance)
             )
-            lights.append((off, changed))
-        shining = [light for off, light in lights if not off] or [light for _, light in lights[:1]]
-        return replace(home, lights=tuple(shining))
+            if not off:
+                shining.append(lights[-1])
+        return tuple(shining or lights[:1])
 
     def take(
         self, caster: RayCaster, camera: Camera, index: int, moved_from: Floats | None = None

@@ -33,10 +33,9 @@ def write_task_sheet(task: Task, home: Home, path: Path) -> None:
     change = task.change
     figure.suptitle(f"{home.name}: {change.kind} of {change.object_id}")
     grid = figure.add_gridspec(3, 6, height_ratios=(2.1, 1, 1))
-    robot = task.start(home, changed=False)
-    before = robot.step("Pass")
+    before = task.look(task.start(home, changed=False), 0)
     robot = task.start(home, changed=True)
-    after = robot.step("Pass")
+    after = task.look(robot, 0)
     for column, (name, event, color) in enumerate(
         (("before", before, BEFORE), ("after", after, AFTER))
     ):
@@ -44,11 +43,10 @@ def write_task_sheet(task: Task, home: Home, path: Path) -> None:
         _show(axes, event, change.object_id, color)
         axes.set_title(f"{name}, from the initial viewpoint", color=color, backgroundcolor="#222")
     sets = task.test_viewpoints
-    for row, (name, viewpoints) in enumerate((("near", sets.near), ("far", sets.far)), start=1):
-        for column, viewpoint in enumerate(viewpoints[:SHOWN]):
-            task.go(robot, viewpoint)
+    for row, (name, first) in enumerate((("near", 1), ("far", 1 + len(sets.near))), start=1):
+        for column in range(SHOWN):
             axes = figure.add_subplot(grid[row, column])
-            _show(axes, robot.step("Pass"), change.object_id, AFTER)
+            _show(axes, task.look(robot, first + column), change.object_id, AFTER)
             axes.set_title(f"{name} {column + 1}, after", fontsize=8)
     _plan(figure.add_subplot(grid[:, 4:]), task, robot)
     figure.savefig(path, dpi=100)
@@ -83,9 +81,8 @@ def _plan(axes: Axes, task: Task, robot: Controller) -> None:
 
 
 def _arrows(axes: Axes, viewpoints: tuple[Viewpoint, ...], color: str, label: str) -> None:
-    x = np.array([view.position.x for view in viewpoints])
-    y = np.array([view.position.y for view in viewpoints])
-    yaw_rad = np.deg2rad([view.rotation for view in viewpoints])
+    x, y = np.array([(view.x, view.y) for view in viewpoints]).T
+    yaw_rad = np.deg2rad([view.yaw_deg for view in viewpoints])
     axes.quiver(
         x, y, np.cos(yaw_rad), np.sin(yaw_rad),
         color=color, label=label, scale=18, width=0.006, edgecolor="black", linewidth=0.4,

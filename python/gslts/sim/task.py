@@ -5,23 +5,33 @@ Source: GS-LTS, sec. IV-A, Scene Change Adaptation Benchmark.
 
 from __future__ import annotations
 
+from functools import reduce
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, Field, FiniteFloat, ValidationError
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
 
 from gslts.files import write_whole
+from gslts.sim.actions import ChangeAction, SceneState
+from gslts.sim.changes import ChangeError
 from gslts.sim.controller import ActionError, Controller
+from gslts.sim.event import Event
 from gslts.sim.home import Home
 from gslts.sim.home_source import STRICT, FileSource, HomeSource
+from gslts.sim.robot_body import Look
 
 VERSION = 1
 """Of the schema."""
 MAX_BYTES = 1 << 20
 """Scripts take a few kilobytes; nothing larger is read."""
+VIEWPOINTS = 10
+"""Near ones, and far ones."""
+BOX_TOLERANCE_M = 1e-5
 
-Point = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
-Box = tuple[Point, Point]
+Kind = Literal["addition", "removal", "relocation"]
+Vector = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+Box = tuple[Vector, Vector]
 """Lower and upper corner of an axis-aligned box in the world, m."""
 
 
@@ -39,43 +49,55 @@ class SensorSetup(_Model):
     seed_after: Annotated[int, Field(ge=0)]
 
 
-class Place2d(_Model):
-    """x and y on the floor, m."""
+class Viewpoint(_Model):
+    """Where the robot stands, m, and looks: its yaw and its angle below the horizon, degrees."""
 
     x: FiniteFloat
     y: FiniteFloat
+    yaw_deg: FiniteFloat
+    horizon_deg: FiniteFloat
+
+    @classmethod
+    def of(cls, look: Look) -> Viewpoint:
+        """The viewpoint of a look."""
+        x, y = look.place.tolist()
+        return cls(x=x, y=y, yaw_deg=look.yaw_deg, horizon_deg=look.horizon_deg)
+
+    @property
+    def look(self) -> Look:
+        """As the robot takes it."""
+        return Look(np.array([self.x, self.y]), self.yaw_deg, self.horizon_deg)
 
 
-class Viewpoint(_Model):
-    """Arguments of Teleport: where the robot stands and looks, degrees."""
-
-    position: Place2d
-    rotation: FiniteFloat
-    horizon: FiniteFloat
-
-
-class Action(_Model):
-    """An action that changes the home, with its arguments in AI2-THOR's words."""
-
-    action: Literal["InitialRandomSpawn", "DisableObject", "EnableObject", "PlaceObjectAtPoint"]
-    arguments: dict[str, Any]
+Viewpoints = Annotated[tuple[Viewpoint, ...], Field(min_length=VIEWPOINTS, max_length=VIEWPOINTS)]
 
 
 class Change(_Model):
     """What a robot should find out."""
 
-    kind: Literal["addition", "removal", "relocation"]
+    kind: Kind
     object_id: str
     object_type: str
     box_before: Box | None
     box_after: Box | None
 
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        there = (self.box_before is not None, self.box_after is not None)
+        expected = {"addition": (False, True), "removal": (True, False), "relocation": (True, True)}
+        if there != expected[self.kind]:
+            raise ValueError(f"an object of a {self.kind} has other boxes before and after")
+        for box in (self.box_before, self.box_after):
+            if box is not None and not np.all(np.array(box[0]) <= box[1]):
+                raise ValueError("a lower corner of a box is above the upper")
+        return self
+
 
 class ViewpointSets(_Model):
-    """From where the changed region is seen, nearer and farther than `tasks.NEAR_M`."""
+    """From where the changed region is seen, nearer and farther than `viewpoints.NEAR_M`."""
 
-    near: tuple[Viewpoint, ...]
-    far: tuple[Viewpoint, ...]
+    near: Viewpoints
+    far: Viewpoints
 
 
 class Task(_Model):
@@ -96,10 +118,29 @@ class Task(_Model):
     home: HomeSource | FileSource
     sensor: SensorSetup
     viewpoint: Viewpoint
-    initial_actions: tuple[Action, ...]
-    change_actions: tuple[Action, ...]
+    initial_actions: tuple[ChangeAction, ...]
+    change_actions: Annotated[tuple[ChangeAction, ...], Field(min_length=1)]
     change: Change
     test_viewpoints: ViewpointSets
+
+    def states(self, home: Home) -> tuple[SceneState, SceneState]:
+        """The default and the changed state, both as `change` says.
+
+        Args:
+            home: What `self.home.load` gave.
+
+        Raises:
+            ValueError: An action fails, or leads to something else.
+        """
+        before = _after(SceneState(home), "initial_actions", self.initial_actions)
+        after = _after(before, "change_actions", self.change_actions)
+        for name, state, box in (
+            ("box_before", before, self.change.box_before),
+            ("box_after", after, self.change.box_after),
+        ):
+            if not _agrees(state.home, self.change, box):
+                raise ValueError(f"change: {self.change.object_id} is not as {name} says")
+        return before, after
 
     def start(self, home: Home, *, changed: bool) -> Controller:
         """A robot at the initial viewpoint, before or after the change.
@@ -109,42 +150,63 @@ class Task(_Model):
             changed: Whether the change has happened.
 
         Raises:
-            ValueError: There is no such noise, an action fails, or the robot cannot stand there.
+            ValueError: There is no such noise, an action fails or leads to something else than
+                `change` says, or the robot cannot stand there.
         """
-        sensor = self.sensor
         robot = Controller(
-            home,
-            width=sensor.width,
-            height=sensor.height,
-            noise=sensor.noise,
-            seed=sensor.seed_after if changed else sensor.seed_before,
+            self.states(home)[int(changed)],
+            width=self.sensor.width,
+            height=self.sensor.height,
+            noise=self.sensor.noise,
+            seed=self.sensor.seed_after if changed else self.sensor.seed_before,
         )
-        actions = [("initial_actions", self.initial_actions)]
-        if changed:
-            actions.append(("change_actions", self.change_actions))
-        for name, several in actions:
-            for number, one in enumerate(several):
-                try:
-                    robot.act(one.action, **one.arguments)
-                except (ActionError, ValueError) as error:
-                    raise ValueError(f"{name}[{number}]: {error}") from None
-        self.go(robot, self.viewpoint)
+        self._go(robot, self.viewpoint)
         return robot
 
-    @staticmethod
-    def go(robot: Controller, viewpoint: Viewpoint) -> None:
-        """Takes the robot to a viewpoint.
+    def look(self, robot: Controller, number: int) -> Event:
+        """What a robot of `start` sees, the same in whatever order the looks are taken.
+
+        Args:
+            robot: Is taken to the viewpoint.
+            number: 0 for the initial viewpoint, from 1 on the near ones, then the far ones.
 
         Raises:
-            ValueError: It cannot stand there.
+            ValueError: The robot cannot stand there.
         """
+        sets = self.test_viewpoints
+        self._go(robot, (self.viewpoint, *sets.near, *sets.far)[number])
+        return robot.look(number)
+
+    def _go(self, robot: Controller, viewpoint: Viewpoint) -> None:
         try:
-            robot.act("Teleport", **viewpoint.model_dump())
-        except ActionError as error:
+            robot.go(viewpoint.look)
+        except (ActionError, ValueError) as error:
             raise ValueError(f"viewpoint: {error}") from None
 
 
+def _after(state: SceneState, name: str, actions: tuple[ChangeAction, ...]) -> SceneState:
+    def done(state: SceneState, numbered: tuple[int, ChangeAction]) -> SceneState:
+        number, action = numbered
+        try:
+            return state.after(action)
+        except ChangeError as error:
+            raise ValueError(f"{name}[{number}]: {action.action}: {error}") from None
+
+    return reduce(done, enumerate(actions), state)
+
+
+def _agrees(home: Home, change: Change, box: Box | None) -> bool:
+    """Whether an object is of the type and in the box that a change tells, or gone."""
+    if box is None or change.object_id not in home:
+        return box is None and change.object_id not in home
+    thing = home[change.object_id]
+    same = np.allclose(thing.box_in_world, box, rtol=0, atol=BOX_TOLERANCE_M)
+    return thing.type == change.object_type and same
+
+
 class _Versioned(BaseModel):
+    model_config = ConfigDict(strict=True)
+
     schema_version: int
 
 

@@ -7,23 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.sim.controller import CAMERA_HEIGHT_M, HORIZON_DEG, robot_camera
 from gslts.sim.home import Floats, Home, HomeObject
 from gslts.sim.ray_scene import RayScene
+from gslts.sim.robot_body import CAMERA_HEIGHT_M, HORIZON_DEG, Look, robot_camera
 
 SAMPLES = 24
 """Points of an object whose visibility stands for its own."""
 SIZE_PX = (160, 120)
 """Of the images in which the pixels of objects are counted."""
-
-
-@dataclass(frozen=True, eq=False)
-class Look:
-    """A place on the floor and a direction, in degrees as the robot takes them."""
-
-    place: Floats
-    yaw_deg: float
-    horizon_deg: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +56,7 @@ class Sight:
 
     def seen_px(self, look: Look, size: tuple[int, int] = SIZE_PX) -> int:
         """Pixels of the object in the view of a look."""
-        camera = robot_camera(self.home, look.place, look.yaw_deg, look.horizon_deg, size)
+        camera = robot_camera(self.home, look, size)
         instances, _ = self.scene.instances(camera)
         return int((instances == self._row).sum())
 

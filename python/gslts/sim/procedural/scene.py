@@ -369,17 +369,14 @@ class Scene:
         lamp = self.build(building.ceiling_lamp, side)
         height = self.size[2]
         z = height - float(lamp.box_in_world[1, 2])
-        placed = self.add(lamp, pose(x, y, z, 0), "Ceiling|1")
         edge = side - 0.06
-        self.lights.append(
-            AreaLight(
-                center=np.array([x, y, z - 0.005]),
-                edge_u=np.array([0.0, edge, 0.0]),
-                edge_v=np.array([edge, 0.0, 0.0]),
-                radiance=radiance,
-                owner=placed.id,
-            )
+        light = AreaLight(
+            center=np.array([0.0, 0.0, -0.005]),
+            edge_u=np.array([0.0, edge, 0.0]),
+            edge_v=np.array([edge, 0.0, 0.0]),
+            radiance=radiance,
         )
+        self.add(replace(lamp, lights=(light,)), pose(x, y, z, 0), "Ceiling|1")
 
     def home(self, name: str, ambient: Floats) -> Home:
         """What has been made."""
