@@ -80,8 +80,8 @@ def main() -> None:
     for room_type in ROOM_TYPES:
         times = [seconds(lambda key=(room_type, seed): make_home(*key)) for seed in SEEDS]
         row(f"make_home, {room_type}", "s", times)
-    for lights in sorted({len(home.lights) for home in homes.values()}):
-        those = [home for home in homes.values() if len(home.lights) == lights]
+    for lights in sorted({len(home.all_lights) for home in homes.values()}):
+        those = [home for home in homes.values() if len(home.all_lights) == lights]
         times = [ms for home in those for ms in frame_ms(home)]
         row(f"RGB-D frame with shadows of {lights} lights, {len(those)} homes", "ms", times)
     for noise in ("none", "kinect"):

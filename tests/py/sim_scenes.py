@@ -110,6 +110,6 @@ def furnished_home(lamp: str | None = None) -> Home:
         )
         for k, x in ((1, 2.5), (2, 2.2))
     ]
-    lights = home.lights if lamp is None else (*home.lights, replace(home.lights[0], owner=lamp))
-    objects = (walls, replace(floor, receptacle=True), block, *mugs)
-    return replace(home, objects=objects, lights=lights)
+    light = replace(home.lights[0], center=np.array([0.0, 0.0, 0.2]))
+    mugs = [replace(mug, lights=(light,)) if mug.id == lamp else mug for mug in mugs]
+    return replace(home, objects=(walls, replace(floor, receptacle=True), block, *mugs))

@@ -94,10 +94,17 @@ def test_what_is_gone_comes_back_to_its_place_if_that_is_free(home: Home) -> Non
 
 
 def test_a_lamp_takes_its_light_along() -> None:
-    lights = sim_scenes.furnished_home(lamp="Mug|1").lights
-    assert [light.owner for light in lights] == [None, "Mug|1"]
-    without = disable(sim_scenes.furnished_home(lamp="Mug|1"), "Mug|1")
-    assert [light.owner for light in without.lights] == [None]
+    home = sim_scenes.furnished_home(lamp="Mug|1")
+    first, of_lamp = home.all_lights
+    assert (first.owner, of_lamp.owner) == (None, "Mug|1")
+    without = disable(home, "Mug|1")
+    assert [light.owner for light in without.all_lights] == [None]
+    back = enable(without, home["Mug|1"])
+    np.testing.assert_array_equal(back.all_lights[1].center, of_lamp.center)
+    moved = place(home, "Mug|1", np.array([2.9, 2.1, BLOCK_TOP_M]), 90.0).all_lights[1]
+    way = moved.center - (2.9, 2.1, BLOCK_TOP_M)
+    np.testing.assert_allclose(way, of_lamp.center - (2.55, 1.75, BLOCK_TOP_M), atol=1e-9)
+    assert abs(moved.edge_u @ of_lamp.edge_u) < 1e-9, "a quarter turn"
 
 
 def test_random_spawns_are_sound_and_repeat(kitchen: Home) -> None:
@@ -154,7 +161,8 @@ def step(controller: Controller, action: str, **arguments: object) -> tuple[bool
 def test_the_verbs_change_what_the_robot_sees(home: Home) -> None:
     controller = Controller(home, width=64, height=48)
     colors = dict(controller.last_event.color_to_object_id)
-    assert step(controller, "Teleport", position={"x": 1.25, "y": 2.0}, rotation=0.0, horizon=30.0)
+    place_of_robot = {"x": 1.25, "y": 2.0}
+    assert step(controller, "Teleport", position=place_of_robot, rotation=0.0, horizon=30.0)[0]
     assert "Mug|1" in controller.last_event.instance_masks
     assert step(controller, "DisableObject", objectId="Mug|1") == (True, "")
     event = controller.last_event
@@ -182,13 +190,11 @@ def test_refused_verbs_say_why_and_change_nothing(home: Home) -> None:
         "EnableObject: Mug|1 is there already",
     )
     assert step(controller, "EnableObject", objectId="Mug|9")[1].endswith("Mug|9 was never there")
-    x, y = controller.last_event.metadata["agent"]["position"]["x"], 0.0
-    y = controller.last_event.metadata["agent"]["position"]["y"]
-    at_robot = {"x": x, "y": y, "z": 0.0}
+    at_robot = {**controller.last_event.metadata["agent"]["position"], "z": 0.0}
     assert step(controller, "PlaceObjectAtPoint", objectId="Mug|1", position=at_robot) == (
         False,
         "PlaceObjectAtPoint: the robot stands in the way",
     )
     assert controller.home is home
-    with pytest.raises(ValueError, match=r"PlaceObjectAtPoint: 'z' is missing"):
+    with pytest.raises(ValueError, match=r"PlaceObjectAtPoint: position\.z: Field required"):
         controller.step("PlaceObjectAtPoint", objectId="Mug|1", position={"x": 1, "y": 1})

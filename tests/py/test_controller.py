@@ -1,11 +1,15 @@
 """The robot's verbs: where they lead, what stops them, and what they report."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import sim_scenes
 
 from gslts.robot import Robot
-from gslts.sim.controller import BODY_RADIUS_M, CAMERA_HEIGHT_M, Controller
+from gslts.sim import make_home
+from gslts.sim.controller import Controller
+from gslts.sim.robot_body import BODY_RADIUS_M, CAMERA_HEIGHT_M
 
 
 @pytest.fixture
@@ -119,14 +123,15 @@ def test_it_is_a_robot(controller: Controller) -> None:
     assert robot.observe().rgb.shape == (48, 64, 3)
     places = robot.reachable_positions()
     assert robot.move_towards(np.array([4.1, 3.3]), np.pi / 2)
+    robot.observe()
     assert place(controller)[:2] in {tuple(p) for p in places.tolist()}
     assert place(controller) == pytest.approx((4.0, 3.25, 90.0), abs=0.26)
 
 
 def test_bad_actions_are_named(controller: Controller) -> None:
-    with pytest.raises(ValueError, match=r"action must be one of MoveAhead, .*, got 'Fly'"):
+    with pytest.raises(ValueError, match=r"action must be one of 'MoveAhead', .*, got 'Fly'"):
         controller.step("Fly")
-    with pytest.raises(ValueError, match=r"MoveAhead: .*'speed'"):
+    with pytest.raises(ValueError, match=r"MoveAhead: speed: Extra inputs"):
         controller.step("MoveAhead", speed=3)
 
 
@@ -135,3 +140,60 @@ def test_a_full_room_is_refused() -> None:
     full = sim_scenes.box_object("Block|2", (0, 0, 0), (5, 4, 1.0), sim_scenes.plain(90))
     with pytest.raises(ValueError, match="simple: the robot can stand nowhere"):
         Controller(home.with_object(full))
+
+
+@pytest.mark.parametrize(
+    ("action", "arguments", "message"),
+    [
+        ("Teleport", {"rotation": float("nan")}, "rotation: .*finite"),
+        ("Teleport", {"position": {"x": "1", "y": 1.0}}, "position.x: .*valid number"),
+        ("RotateLeft", {"degrees": float("inf")}, "degrees: .*finite"),
+        ("MoveAhead", {"moveMagnitude": 1e9}, "moveMagnitude: .*less than or equal to 100"),
+        ("MoveAhead", {"moveMagnitude": float("nan")}, "moveMagnitude: .*finite"),
+        ("LookUp", {"degrees": None}, "degrees: .*valid number"),
+        ("InitialRandomSpawn", {"randomSeed": None}, "randomSeed: .*valid integer"),
+        ("InitialRandomSpawn", {"randomSeed": -1}, "randomSeed: .*greater than or equal to 0"),
+        ("DisableObject", {}, "objectId: Field required"),
+        ("Pass", {"name": "x"}, "name: Extra inputs"),
+    ],
+)
+def test_arguments_that_are_none_are_named_and_change_nothing(
+    controller: Controller, action: str, arguments: dict[str, object], message: str
+) -> None:
+    before = place(controller)
+    with pytest.raises(ValueError, match=f"{action}: {message}") as error:
+        controller.step(action, **arguments)
+    assert "\n" not in str(error.value)
+    controller.step("Pass")
+    assert place(controller) == before
+
+
+def test_spawns_leave_the_robot_its_place() -> None:
+    home = make_home("bedroom", 1, detail=0.05)
+    for seed in range(5):
+        controller = Controller(home, width=16, height=16)
+        assert go(controller, "InitialRandomSpawn", randomSeed=seed)
+        agent = controller.last_event.metadata["agent"]["position"]
+        assert go(controller, "Teleport", position={"x": agent["x"], "y": agent["y"]})
+        assert controller.home is not home
+
+
+def test_what_is_far_away_does_not_stand_in_the_way() -> None:
+    """Taking away a block far off joins parts of the floor to one larger than the robot's."""
+    home = sim_scenes.simple_home()
+    walls = [
+        replace(
+            sim_scenes.box_object(f"Block|{k}", (x, 0, 0), (x + 0.2, 4, 1.0), sim_scenes.plain(90)),
+            movable=True,
+        )
+        for k, x in ((2, 1.9), (3, 3.4))
+    ]
+    home = home.without(["Block|1"])
+    for wall in walls:
+        home = home.with_object(wall)
+    controller = Controller(home, width=16, height=16)
+    assert go(controller, "Teleport", position={"x": 1.0, "y": 2.0})
+    first = controller.reachable_positions()
+    assert (first[:, 0] < 1.9).all()
+    assert go(controller, "DisableObject", objectId="Block|3")
+    np.testing.assert_array_equal(controller.reachable_positions(), first)

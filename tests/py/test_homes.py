@@ -35,7 +35,7 @@ def digest(home: Home) -> str:
         for surface in thing.surfaces:
             for part in (surface.vertices, surface.faces, surface.uvs, surface.texture):
                 result.update(np.ascontiguousarray(part).tobytes())
-    for light in home.lights:
+    for light in home.all_lights:
         for edge in (light.center, light.edge_u, light.edge_v, light.radiance):
             result.update(edge.tobytes())
     return result.hexdigest()
@@ -80,7 +80,7 @@ def test_sizes_are_those_of_homes():
             assert 3 <= width <= 6
             assert 3 <= depth <= 6
             assert 2.4 <= height <= 2.8
-            assert home.lights
+            assert home.all_lights
 
 
 @pytest.mark.parametrize("room_type", ROOM_TYPES)

@@ -155,8 +155,7 @@ def test_surfaces_glow_while_a_light_of_their_object_is_on() -> None:
     home = home.with_object(glowing)
     camera = tilted_camera()
     off = RayCaster(home).look(camera)
-    lit = replace(home, lights=(replace(home.lights[0], owner="Block|1"),))
-    on = RayCaster(lit).look(camera)
+    on = RayCaster(home, (replace(home.lights[0], owner="Block|1"),)).look(camera)
     on_block = off.instances == 1
     grey = linear_from_srgb(np.array(128 / 255))
     np.testing.assert_allclose((on.radiance - off.radiance)[on_block], 2 * grey, rtol=1e-4)

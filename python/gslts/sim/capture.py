@@ -63,8 +63,8 @@ def capture(robot: Controller, looks: Iterable[Look], folder: Path) -> int:
         for look in looks:
             try:
                 robot.go(look)
-            except ActionError as reason:
-                raise ValueError(f"capture: {reason}") from None
+            except ActionError as blocked:
+                raise ValueError(f"capture: {blocked}") from None
             event = robot.step("Pass")
             header = header or _header(event.observation.camera)
             frames.append(_write_frame(event, folder, len(frames)))

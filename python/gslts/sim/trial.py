@@ -91,6 +91,7 @@ class Trial:
 
     @property
     def states(self) -> list[Sight]:
+        """Those of the two that have the object."""
         return [sight for sight in (self.before, self.after) if sight is not None]
 
 
