@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from gslts.cli import mapping
 from gslts.cli.sim import sim
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
@@ -20,6 +21,8 @@ app = typer.Typer(
     rich_markup_mode=None,  # Errors in one line and not in a box.
 )
 app.add_typer(sim, name="sim")
+app.command("map")(mapping.make)
+app.command("eval")(mapping.judge)
 
 
 class RoomName(StrEnum):

@@ -15,11 +15,10 @@ class MappingConfig(BaseModel):
     """Settings of one run; defaults are those of the preset `balanced`.
 
     Attributes:
-        budget_s: Time for optimisation, s.
-        max_gaussians: More are never made.
+        iterations: Steps of the optimisation, each with one frame.
         voxel_m: Edge of the voxels of which each that was measured twice seeds a Gaussian, m.
         sh_degree: Of the spherical harmonics.
-        coarse_share: Share of the time at half the resolution.
+        coarse_share: Share of the iterations at half the resolution.
         refine_poses: Whether poses are corrected along the way.
         pose_std_m: How far given positions are expected to be off, m.
         pose_std_rad: How far given rotations are expected to be off, rad.
@@ -38,8 +37,7 @@ class MappingConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    budget_s: Positive = 150.0
-    max_gaussians: Annotated[int, Field(gt=0)] = 400_000
+    iterations: Annotated[int, Field(gt=0)] = 4500
     voxel_m: Positive = 0.03
     sh_degree: Annotated[int, Field(ge=0, le=3)] = 0
     coarse_share: Share = 0.4
@@ -63,8 +61,8 @@ class MappingConfig(BaseModel):
 
 
 PRESETS = {
-    "fast": MappingConfig(budget_s=35, voxel_m=0.035, coarse_share=0.7),
+    "fast": MappingConfig(iterations=1200, voxel_m=0.035, coarse_share=0.7),
     "balanced": MappingConfig(),
-    "best": MappingConfig(budget_s=540, voxel_m=0.02, coarse_share=0.25, sh_degree=1),
+    "best": MappingConfig(iterations=14_000, coarse_share=0.25),
 }
 """Speed against accuracy, in three steps."""

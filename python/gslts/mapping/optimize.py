@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -51,7 +50,6 @@ class TrainingFrame:
 class Progress:
     """How far an optimisation is."""
 
-    share: float
     iteration: int
     loss: float
     psnr_db: float
@@ -79,19 +77,19 @@ class Optimizer:
         self._order: list[int] = []
 
     def run(self, report: Callable[[Progress], None]) -> None:
-        """Steps until the time is spent."""
-        start = time.perf_counter()
-        while (share := (time.perf_counter() - start) / self.config.budget_s) < 1:
+        """All iterations."""
+        while self.iteration < self.config.iterations:
             if not self._order:
                 if self.iteration > 0:
                     self._end_epoch()
                 self._order = self._rng.permutation(len(self.frames)).tolist()
+            share = self.iteration / self.config.iterations
             loss, psnr_db = self.step(self.frames[self._order.pop()], share)
-            report(Progress(share, self.iteration, loss, psnr_db, self.adam.map.size))
+            report(Progress(self.iteration, loss, psnr_db, self.adam.map.size))
         self._end_epoch()
 
     def step(self, frame: TrainingFrame, share: float) -> tuple[float, float]:
-        """One frame, at a share of the whole time; returns the loss and PSNR (dB)."""
+        """One frame, at a share of the whole schedule; returns the loss and PSNR (dB)."""
         config, threads = self.config, self.config.threads
         level = 1 if share < config.coarse_share else 0
         rgb_bytes, measured = frame.levels[level]

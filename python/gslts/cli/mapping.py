@@ -1,0 +1,116 @@
+"""The commands `gslts map` and `gslts eval`."""
+
+from __future__ import annotations
+
+import json
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+# What a command needs is imported inside it, so that `gslts --help` answers at once.
+
+
+class Preset(StrEnum):
+    """Speed against accuracy; see `gslts.mapping.config.PRESETS`."""
+
+    FAST = "fast"
+    BALANCED = "balanced"
+    BEST = "best"
+
+
+Dataset = Annotated[Path, typer.Argument(help="Folder in nerfstudio's or 7-Scenes' layout.")]
+Threads = Annotated[int, typer.Option(min=0, help="0 means one a hardware thread.")]
+
+
+def make(
+    dataset: Dataset,
+    out: Annotated[Path, typer.Option(help="Folder of the map; must not be there yet.")],
+    preset: Annotated[Preset, typer.Option(help="Speed against accuracy.")] = Preset.BALANCED,
+    iterations: Annotated[
+        int | None, typer.Option(min=1, help="Instead of those of the preset.")
+    ] = None,
+    threads: Threads = 0,
+) -> None:
+    """Make a map of posed RGB-D frames; every eighth frame is kept aside to judge it.
+
+    Example: gslts map out/kitchen_3 --out out/map
+    """
+    from dataclasses import asdict
+
+    from tqdm import tqdm
+
+    from gslts import __version__
+    from gslts.datasets import open_dataset
+    from gslts.map_folder import write_map_folder
+    from gslts.mapping.config import PRESETS
+    from gslts.mapping.engine import make_map
+    from gslts.mapping.optimize import Progress
+
+    if out.exists():
+        raise FileExistsError(f"{out} is there already")
+    given = {"threads": threads, **({} if iterations is None else {"iterations": iterations})}
+    config = PRESETS[preset].model_copy(update=given)
+    opened = open_dataset(dataset)
+    with tqdm(total=config.iterations, desc="mapping", unit="step", smoothing=0.05) as bar:
+
+        def report(progress: Progress) -> None:
+            bar.set_postfix(
+                loss=f"{progress.loss:.3f}",
+                psnr=f"{progress.psnr_db:.1f}",
+                gaussians=progress.gaussians,
+                refresh=False,
+            )
+            bar.update()
+
+        result = make_map(
+            opened,
+            config,
+            show_frames=lambda frames: tqdm(frames, desc="reading", unit="frame"),
+            report=report,
+        )
+    manifest = {
+        "gslts": __version__,
+        "dataset": opened.name,
+        "config": config.model_dump(),
+        "seeds": result.seeds,
+        "held_out": asdict(result.held_out),
+        "skipped": list(result.skipped),
+    }
+    write_map_folder(out, result.gaussian_map, manifest, result.cameras)
+    quality = result.held_out
+    typer.echo(
+        f"wrote {out}: {result.gaussian_map.size} Gaussians; {quality.frames} frames kept aside: "
+        f"{quality.psnr_db:.1f} dB, SSIM {quality.ssim:.3f}, depth {100 * quality.depth_l1_m:.1f} "
+        f"cm off; {len(result.skipped)} frames skipped"
+    )
+
+
+def judge(
+    map_folder: Annotated[Path, typer.Argument(metavar="MAP", help="Folder of the map.")],
+    dataset: Dataset,
+    every: Annotated[int, typer.Option(min=1, help="Use every so manieth frame.")] = 8,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    threads: Threads = 0,
+) -> None:
+    """Compare a map with frames, their exposure fitted and their poses as given.
+
+    Example: gslts eval out/map out/kitchen_3
+    """
+    from dataclasses import asdict
+
+    from gslts.datasets import open_dataset
+    from gslts.map_folder import read_map_folder
+    from gslts.mapping.evaluate import evaluate
+
+    gaussian_map, _ = read_map_folder(map_folder)
+    frames = [frame.read() for frame in open_dataset(dataset).frames[::every]]
+    quality = evaluate(gaussian_map, frames, threads)
+    if as_json:
+        typer.echo(json.dumps({**asdict(quality), "gaussians": gaussian_map.size}))
+        return
+    typer.echo(
+        f"{quality.frames} frames: {quality.psnr_db:.2f} dB, SSIM {quality.ssim:.3f}, depth "
+        f"{100 * quality.depth_l1_m:.2f} cm off, {gaussian_map.size} Gaussians"
+    )
