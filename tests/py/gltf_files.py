@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from PIL import Image
+from sim_scenes import box_surface, plain
 
 from gslts.sim import load_home
 from gslts.sim.home import HomeObject
@@ -95,18 +96,8 @@ def glb(text: bytes, data: bytes) -> bytes:
 
 def box(low: Any, high: Any) -> np.ndarray:
     """[12,3,3] outward triangles of a box."""
-    corners = np.array([low, high], np.float64)
-    faces = []
-    for axis in range(3):
-        a, b = (axis + 1) % 3, (axis + 2) % 3
-        for side in (0, 1):
-            quad = np.empty((4, 3))
-            quad[:, axis] = corners[side, axis]
-            quad[:, a] = corners[[0, 1, 1, 0], a]
-            quad[:, b] = corners[[0, 0, 1, 1], b]
-            order = [[0, 1, 2], [0, 2, 3]] if side else [[0, 2, 1], [0, 3, 2]]
-            faces += [quad[order[0]], quad[order[1]]]
-    return np.array(faces)
+    surface = box_surface(low, high, plain(128))
+    return surface.vertices[surface.faces]
 
 
 def y_up(corners: np.ndarray) -> np.ndarray:

@@ -1,5 +1,6 @@
 """Homes from glTF files: what they mean, and files that are wrong."""
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -83,7 +84,7 @@ def test_movable_and_receptacle_by_type_and_size(flat_home):
 
 def test_extras_win_over_type_and_size(tmp_path):
     file = Gltf()
-    small = file.mesh(file.primitive(sized(0.1, 0.1, 0.1)))
+    small = file.mesh(file.primitive(sized(0.55, 0.1, 0.1)))
     extras = {"type": "Relic", "movable": False, "receptacle": True}
     file.node(name="Mug|1", mesh=small, extras=extras)
     thing = one(tmp_path, file)
@@ -232,6 +233,12 @@ def test_same_file_same_home(tmp_path):
     assert digest(load_home(path)) == digest(load_home(str(path)))
 
 
+@pytest.mark.parametrize("name", ["a.GLB", "a.GLTF", "a"])
+def test_suffixes_do_not_matter(tmp_path, name):
+    home = load_home(flat().write(tmp_path / name))
+    assert len(home.objects) == 7
+
+
 def test_file_written_by_trimesh(tmp_path):
     scene = trimesh.Scene()
     cube = trimesh.creation.box((1, 1, 1))
@@ -247,8 +254,11 @@ def test_file_written_by_trimesh(tmp_path):
 def test_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
     path = tmp_path / "home.glb"
     path.write_bytes(b"old")
+    written = []
+    monkeypatch.setattr(os, "fsync", written.append)
     monkeypatch.setattr(Path, "replace", lambda *_: (_ for _ in ()).throw(OSError("full")))
     with pytest.raises(OSError, match="full"):
         write_glb(make_home("bedroom", 1, detail=0.03), path)
+    assert len(written) == 1
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]

@@ -8,12 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gltf_files import CUBE, Gltf, flat, four_colours, glb, quad
+import trimesh
+from gltf_files import CUBE, Gltf, flat, four_colours, glb, quad, sized
 from PIL import Image
 
 from gslts.sim import load_home
 from gslts.sim.gltf import colour as gltf_colour
 from gslts.sim.gltf import file as gltf_file
+from gslts.sim.gltf import objects as gltf_objects
 from gslts.sim.gltf import parts as gltf_parts
 
 
@@ -227,6 +229,27 @@ def test_limits(tmp_path, monkeypatch):
         with monkeypatch.context() as limit:
             limit.setattr(module, name, value)
             assert_refused(path, match)
+
+
+@pytest.mark.parametrize("floor", [True, False])
+@pytest.mark.parametrize("side", [0.002, 0.49, 100.1, 900.0])
+def test_sizes_of_no_home(tmp_path, side, floor):
+    file = Gltf()
+    mesh = file.mesh(file.primitive(sized(side, 0.75 * side, 0.1 * side)))
+    file.node(name="Floor|1" if floor else "Thing|1", mesh=mesh)
+    path = file.write(tmp_path / "size.glb")
+    assert_refused(path, f"its rooms measure {side:.4g} x .* m; homes in metres have 0.5 to 100 m")
+    file.tree["nodes"][0]["scale"] = [2 / side] * 3
+    assert len(load_home(file.write(path)).rooms) == 1
+
+
+@pytest.mark.parametrize("where", ["load_scene", "Textures", "filling_boxes"])
+def test_lack_of_memory_is_no_damage(tmp_path, monkeypatch, where):
+    path = quad(four_colours()).write(tmp_path / "good.glb")
+    module = {"Textures": gltf_parts, "filling_boxes": gltf_objects}.get(where, trimesh)
+    monkeypatch.setattr(module, where, lambda *_, **__: (_ for _ in ()).throw(MemoryError))
+    with pytest.raises(MemoryError):
+        load_home(path)
 
 
 def test_one_mesh_at_many_nodes_counts_each_time(tmp_path, monkeypatch):

@@ -190,14 +190,12 @@ class Sensor:
 def _at_edges(depth: Floats) -> NDArray[np.bool_]:
     """Pixels next to a step of the depth."""
     edges = np.zeros(depth.shape, bool)
-    for axis in (0, 1):
-        near = np.minimum(np.take(depth, range(depth.shape[axis] - 1), axis), np.inf)
-        far = np.take(depth, range(1, depth.shape[axis]), axis)
-        step = np.abs(far - near) > EDGE_STEP * np.minimum(near, far)
-        before = (slice(None, -1), slice(None)) if axis == 0 else (slice(None), slice(None, -1))
-        after = (slice(1, None), slice(None)) if axis == 0 else (slice(None), slice(1, None))
-        edges[before] |= step
-        edges[after] |= step
+    # Transposed views share their memory: first each row with the next, then each column.
+    for values, marks in ((depth, edges), (depth.T, edges.T)):
+        first, second = values[:-1], values[1:]
+        step = np.abs(second - first) > EDGE_STEP * np.minimum(first, second)
+        marks[:-1] |= step
+        marks[1:] |= step
     return edges
 
 

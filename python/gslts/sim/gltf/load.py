@@ -21,6 +21,9 @@ Floats = NDArray[np.float64]
 
 ROOM_HEIGHT_M = 2.5
 """Of rooms without a ceiling."""
+HOME_M = (0.5, 100.0)
+"""Least and greatest length of all rooms of a home: others are in another unit than metres, or so
+large that the grid of `walkable_floor` would have over four million cells."""
 LIGHT_SIDE_M, LIGHT_RADIANCE, LIGHT_BELOW_M = 0.8, (11.0, 10.5, 9.8), 0.1
 """Of the lamp in each room: as in the rooms of `make_home`, but below what hangs at the ceiling."""
 
@@ -46,16 +49,19 @@ def load_home(path: str | os.PathLike[str]) -> Home:
       colour a triangle, one with both a texture tinted by their mean.
 
     Args:
-        path: The file, which is not trusted; a .gltf may refer to files in its folder or below.
+        path: The file, which is not trusted and may have any suffix; a .gltf may refer to files in
+            its folder or below.
 
     Raises:
+        MemoryError: There is not enough memory for it.
         OSError: A file cannot be read.
-        ValueError: It is damaged, too large, has no named nodes, or needs what is not supported.
+        ValueError: It is damaged, too large, has no named nodes, needs what is not supported, or
+            its rooms have the size of no home.
     """
     path = Path(path)
     try:
         return _home(GltfFile(path))
-    except (BadFileError, OSError):
+    except (BadFileError, OSError, MemoryError):
         raise
     except Exception as error:  # Whatever an untrusted file provokes below.
         line = " ".join(f"{type(error).__name__}: {error}".split())[:300]
@@ -94,6 +100,13 @@ def _home(file: GltfFile) -> Home:
             thing = replace(thing, movable=movable, receptacle=receptacle)
             found.append(_Found(thing, str(extras.get("room", "room"))))
     rooms = _rooms(found)
+    corners = np.concatenate([room.box for room in rooms])
+    size = np.ptp(corners, axis=0)
+    # Rooms without a ceiling are as high as others, however small.
+    if size[:2].max() < HOME_M[0] or size.max() > HOME_M[1]:
+        sides = " x ".join(f"{side:.4g}" for side in size)
+        least, most = HOME_M
+        file.refuse(f"its rooms measure {sides} m; homes in metres have {least:g} to {most:g} m")
     shift = np.eye(4)
     shift[2, 3] = -min(float(room.box[0, 2]) for room in rooms)
     objects = [one.thing.placed(shift @ one.thing.world_from_object, None) for one in found]

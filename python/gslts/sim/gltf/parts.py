@@ -66,6 +66,8 @@ def read_nodes(file: GltfFile) -> list[Node]:
             text, file_type="gltf", resolver=outline.resources, skip_materials=True
         )
         placed = {node: Z_UP @ scene.graph.get(str(node))[0] for node in order}
+    except MemoryError:
+        raise
     except Exception as error:
         file.refuse(f"trimesh cannot read it: {type(error).__name__}: {error}")
     textures = Textures(file)

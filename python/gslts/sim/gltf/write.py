@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from gslts.files import write_whole
 from gslts.sim.gltf.parts import Z_UP
 from gslts.sim.home import Home, HomeObject
 from gslts.sim.mesh import Surface
@@ -24,7 +25,6 @@ def write_glb(home: Home, path: str | os.PathLike[str]) -> None:
     """
     import trimesh
 
-    path = Path(path)
     scene: Any = trimesh.Scene()
     materials: dict[int, Any] = {}
     for thing in home.objects:
@@ -37,13 +37,7 @@ def write_glb(home: Home, path: str | os.PathLike[str]) -> None:
                 geom_name=f"{thing.id} {k}",
                 parent_node_name=thing.id,
             )
-    data = scene.export(file_type="glb")
-    draft = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        draft.write_bytes(data)
-        draft.replace(path)
-    finally:
-        draft.unlink(missing_ok=True)
+    write_whole(Path(path), scene.export(file_type="glb"))
 
 
 def _extras(home: Home, thing: HomeObject) -> dict[str, Any]:
