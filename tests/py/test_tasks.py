@@ -279,6 +279,15 @@ def test_impossible_wishes_are_named(
         TaskMaker(Setting(**asked), 0).make(*source_and_home, 1)
 
 
+def test_later_homes_without_the_object_give_no_tasks() -> None:
+    setting = Setting(width=16, height=16, object_id="Dumbbell|2")
+    maker = TaskMaker(setting, 0)
+    made = list(tasks_of(["bedroom"], Path(), 3, 10, 2, maker))
+    seeds = {task.home.seed for task in made}
+    assert min(seeds) == 3
+    assert any("there is no Dumbbell|2" in reason for reason in maker.refused)
+
+
 def test_what_cannot_be_placed_is_counted_with_its_reason(
     source_and_home: tuple[HomeSource, Home],
 ) -> None:

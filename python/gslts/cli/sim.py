@@ -119,7 +119,7 @@ def tasks(
     out: Annotated[Path, typer.Option(help="Folder for the scripts; new or empty.")],
     sources: Annotated[
         list[str] | None,
-        typer.Argument(help="Room types or .glb or .gltf files; all room types if none is given."),
+        typer.Argument(help="Room types or .glb files; all room types if none is given."),
     ] = None,
     count: Annotated[int, typer.Option(min=1, help="How many tasks.")] = 600,
     per_home: Annotated[int, typer.Option(min=1, help="Tasks of each home, at most.")] = 12,

@@ -107,11 +107,18 @@ class TaskMaker:
         """Up to `count` tasks of a home.
 
         Raises:
-            ValueError: The setting asks for an object or receptacle that cannot be used.
+            ValueError: The setting asks for an object or receptacle that the first home lacks;
+                later ones without it give no tasks.
         """
         rng = np.random.default_rng([self._seed, self._homes])
         self._homes += 1
-        traversal = Traversal(home, self._setting, rng)
+        try:
+            traversal = Traversal(home, self._setting, rng)
+        except ValueError as reason:
+            if self._homes == 1:
+                raise
+            self.refused[str(reason)] += 1
+            return []
         tasks: list[Task] = []
         left = {kind: traversal.objects(kind) for kind in KINDS}
         failures: Counter[Kind] = Counter()
