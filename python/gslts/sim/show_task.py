@@ -31,7 +31,8 @@ def write_task_sheet(task: Task, home: Home, path: Path) -> None:
     figure = Figure(figsize=(16, 8.6), layout="constrained")
     FigureCanvasAgg(figure)
     change = task.change
-    figure.suptitle(f"{home.name}: {change.kind} of {change.object_id}")
+    title = f"{home.name}: {change.kind} of {change.object_id}"
+    figure.suptitle(title, parse_math=False)
     grid = figure.add_gridspec(3, 6, height_ratios=(2.1, 1, 1))
     before = task.look(task.start(home, changed=False), 0)
     robot = task.start(home, changed=True)

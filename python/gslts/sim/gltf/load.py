@@ -26,6 +26,8 @@ HOME_M = (0.5, 100.0)
 large that the grid of `walkable_floor` would have over four million cells."""
 LIGHT_SIDE_M, LIGHT_RADIANCE, LIGHT_BELOW_M = 0.8, (11.0, 10.5, 9.8), 0.1
 """Of the lamp in each room: as in the rooms of `make_home`, but below what hangs at the ceiling."""
+LIGHT_LEAST_M = 0.01
+"""Side of the smallest lamp."""
 
 
 def load_home(path: str | os.PathLike[str]) -> Home:
@@ -186,9 +188,10 @@ def _rooms(found: list[_Found]) -> list[Room]:
 
 
 def _lamp(room: Room) -> AreaLight:
-    """A light below the middle of a room's ceiling, no wider than half the room."""
+    """A light below the middle of a room's ceiling, no wider than half the room or 0.01 m."""
     size = room.box[1] - room.box[0]
-    side = min(LIGHT_SIDE_M, float(size[:2].min()) / 2)
+    # A picture without depth is a room, too, and a light needs an area.
+    side = float(np.clip(size[:2].min() / 2, LIGHT_LEAST_M, LIGHT_SIDE_M))
     center = room.box.mean(axis=0)
     center[2] = room.box[1, 2] - min(LIGHT_BELOW_M, float(size[2]) / 2)
     return AreaLight(
