@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,11 +11,13 @@ from gltf_files import quad
 from matplotlib.figure import Figure
 from PIL import Image
 
-from gslts.sim import load_home
-from gslts.sim.controller import Controller
+from gslts.sim import load_home, make_home
 from gslts.sim.home import Home, Room
+from gslts.sim.home_source import HomeSource
 from gslts.sim.show import corner_cameras, plan_of, write_contact_sheet
 from gslts.sim.show_task import write_task_sheet
+from gslts.sim.tasks import TaskMaker
+from gslts.sim.trial import Setting
 
 MATH = r"Sign $\bad{ and $5"
 
@@ -121,14 +122,12 @@ def test_names_are_no_formulas(tmp_path, monkeypatch):
 
 
 def test_names_are_no_formulas_on_sheets_of_tasks(tmp_path):
-    home = sim_scenes.furnished_home()
-    home = replace(home, name=MATH)
-    view = SimpleNamespace(position=SimpleNamespace(x=1.0, y=1.0), rotation=0.0)
-    task = SimpleNamespace(
-        change=SimpleNamespace(kind="moved", object_id=MATH, box_before=None, box_after=None),
-        start=lambda home, **_: Controller(home, width=64, height=48),
-        test_viewpoints=SimpleNamespace(near=(view,), far=(view,)),
-        viewpoint=view,
-        go=lambda *_: None,
-    )
+    home = make_home("bedroom", 3, detail=0.05)
+    bear = home["TeddyBear|1"]
+    home = home.without([bear.id]).with_object(replace(bear, id=MATH))
+    source = HomeSource(room_type="bedroom", seed=3, sha256="")
+    maker = TaskMaker(Setting(width=32, height=24, object_id=MATH), 0)
+    (task,) = maker.make(source, home, 1)
     write_task_sheet(task, home, tmp_path / "task.png")
+    with Image.open(tmp_path / "task.png") as picture:
+        assert picture.size[0] > 1000
