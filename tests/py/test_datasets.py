@@ -89,6 +89,61 @@ def test_seven_scenes(tmp_path: Path) -> None:
         )
 
 
+def write_tum(folder: Path) -> list:
+    """By the data set's own words: quaternions x y z w, depth in 1/5000 m, three clocks."""
+    from scipy.spatial.transform import Rotation
+
+    for name in ("rgb", "depth"):
+        (folder / name).mkdir(parents=True)
+    frames = frames_of_robot()
+    lists = {"rgb": ["# timestamp filename"], "depth": ["# depth maps"], "groundtruth": ["#"]}
+    for number, frame in enumerate(frames):
+        time = 1305031102.0 + number
+        Image.fromarray(frame.rgb).save(folder / f"rgb/{time:.6f}.png")
+        steps = np.rint(5000 * frame.depth).astype(np.uint16)
+        Image.fromarray(steps).save(folder / f"depth/{time + 0.012:.6f}.png")
+        lists["rgb"].append(f"{time:.6f} rgb/{time:.6f}.png")
+        lists["depth"].append(f"{time + 0.012:.6f} depth/{time + 0.012:.6f}.png")
+        pose = frame.camera.world_from_camera
+        numbers = [*pose[:3, 3], *Rotation.from_matrix(pose[:3, :3]).as_quat()]
+        for wrong, shift in ((5.0, -0.3), (0.0, 0.004), (9.0, 0.4)):
+            moved = [numbers[0] + wrong, *numbers[1:]]
+            lists["groundtruth"].append(" ".join(f"{v:.6f}" for v in [time + shift, *moved]))
+    for name, lines in lists.items():
+        (folder / f"{name}.txt").write_text("\n".join(lines) + "\n")
+    return frames
+
+
+def test_tum(tmp_path: Path) -> None:
+    folder = tmp_path / "rgbd_dataset_freiburg3_room"
+    frames = write_tum(folder)
+    dataset = open_dataset(folder)
+    assert dataset.skipped == ()
+    for frame, expected in zip(dataset.frames, frames, strict=True):
+        read = frame.read()
+        np.testing.assert_array_equal(read.rgb, expected.rgb)
+        np.testing.assert_allclose(read.depth, expected.depth, atol=0.00011)
+        np.testing.assert_allclose(
+            read.camera.world_from_camera, expected.camera.world_from_camera, atol=2e-6
+        )
+        assert (read.camera.fx, read.camera.cx) == (535.4, 320.6)
+
+
+def test_tum_without_partners_or_with_bad_lines(tmp_path: Path) -> None:
+    folder = tmp_path / "room"
+    write_tum(folder)
+    lines = (folder / "depth.txt").read_text().splitlines()
+    (folder / "depth.txt").write_text("\n".join(lines[:2] + lines[3:]))
+    dataset = open_dataset(folder)
+    assert len(dataset.frames) == 2
+    assert "there is no depth picture within 0.02 s" in dataset.skipped[0]
+    assert dataset.frames[0].camera.fx == 525
+    truth = (folder / "groundtruth.txt").read_text()
+    (folder / "groundtruth.txt").write_text(truth + "1 2 3 4 5 6 7 nan\n")
+    with pytest.raises(ValueError, match=r"groundtruth\.txt: line 11: .* is not 8 values"):
+        open_dataset(folder)
+
+
 def test_the_real_room_is_read() -> None:
     folder = Path(__file__).parents[3] / "shared" / "data" / "7scenes"
     if not folder.exists():
@@ -154,7 +209,9 @@ def test_bad_data_sets_are_refused(recorded: Path, edit: object, message: str) -
 def test_what_is_no_data_set_is_named(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match="nowhere: there is no such file or folder"):
         open_dataset(tmp_path / "nowhere")
-    with pytest.raises(ValueError, match=r"no data set of a known format \(nerfstudio, 7scenes\)"):
+    with pytest.raises(
+        ValueError, match=r"no data set of a known format \(nerfstudio, 7scenes, tum\)"
+    ):
         open_dataset(tmp_path)
     (tmp_path / "transforms.json").write_text("{")
     with pytest.raises(ValueError, match=r"transforms\.json: file: Invalid JSON"):

@@ -20,7 +20,9 @@ class Preset(StrEnum):
     BEST = "best"
 
 
-Dataset = Annotated[Path, typer.Argument(help="Folder in nerfstudio's or 7-Scenes' layout.")]
+Dataset = Annotated[
+    Path, typer.Argument(help="Folder in the layout of nerfstudio, 7-Scenes or TUM RGB-D.")
+]
 Threads = Annotated[int, typer.Option(min=0, help="0 means one a hardware thread.")]
 
 

@@ -9,10 +9,12 @@ from pathlib import Path
 from gslts.datasets.dataset import Dataset
 from gslts.datasets.nerfstudio import is_nerfstudio, open_nerfstudio
 from gslts.datasets.seven_scenes import is_seven_scenes, open_seven_scenes
+from gslts.datasets.tum import is_tum, open_tum
 
 FORMATS: dict[str, tuple[Callable[[Path], bool], Callable[[Path], Dataset]]] = {
     "nerfstudio": (is_nerfstudio, open_nerfstudio),
     "7scenes": (is_seven_scenes, open_seven_scenes),
+    "tum": (is_tum, open_tum),
 }
 """For each format, whether a path looks like it, and what opens it."""
 

@@ -1,0 +1,131 @@
+"""TUM RGB-D (Sturm et al. 2012): rgb.txt, depth.txt and groundtruth.txt with times of their own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslts.camera import Camera
+from gslts.datasets.dataset import Dataset, ImageFrame, image_size, rigid
+
+Floats = NDArray[np.float64]
+
+DEPTH_UNIT_M = 1 / 5000
+MOST_APART_S = 0.02
+"""Pictures and poses that are farther apart in time do not belong together."""
+MAX_BYTES = 1 << 28
+INTRINSICS = {
+    "freiburg1": (517.3, 516.5, 318.6, 255.3),
+    "freiburg2": (520.9, 521.0, 325.1, 249.7),
+    "freiburg3": (535.4, 539.2, 320.1, 247.6),
+}
+"""fx, fy, cx, cy in px by a part of the folder's name, from the data set's page."""
+DEFAULT_INTRINSICS = (525.0, 525.0, 319.5, 239.5)
+"""The data set's page recommends these where nothing is known."""
+
+
+def is_tum(path: Path) -> bool:
+    """Whether a folder has the three lists."""
+    return all((path / name).exists() for name in ("rgb.txt", "depth.txt", "groundtruth.txt"))
+
+
+def open_tum(path: Path) -> Dataset:
+    """Opens a sequence; each colour picture gets the depth and the pose next in time.
+
+    Intrinsics go by the folder's name; the lens distortion, which the data set's page leaves to
+    those who need it, is not corrected.
+
+    Raises:
+        OSError: A list cannot be read.
+        ValueError: A list is damaged.
+    """
+    names = _rows(path / "rgb.txt", 2)
+    depth_rows, pose_rows = _rows(path / "depth.txt", 2), _rows(path / "groundtruth.txt", 8)
+    depth_times, pose_times = (_times(rows) for rows in (depth_rows, pose_rows))
+    poses = np.array([row[1:] for row in pose_rows], np.float64).reshape(-1, 7)
+    fx, fy, cx, cy = next(
+        (values for key, values in INTRINSICS.items() if key in path.name), DEFAULT_INTRINSICS
+    )
+    frames: list[ImageFrame] = []
+    skipped: list[str] = []
+    for time, name in names:
+        try:
+            time_s = float(time)
+            depth = _nearest(depth_times, time_s, "depth picture")
+            pose = _nearest(pose_times, time_s, "pose")
+            width, height = image_size(path / name)
+            camera = Camera(
+                fx=fx,
+                fy=fy,
+                # The page counts from the middle of the first pixel, this project from its corner.
+                cx=cx + 0.5,
+                cy=cy + 0.5,
+                width=width,
+                height=height,
+                world_from_camera=_pose(poses[pose]),
+            )
+        except (OSError, ValueError) as error:
+            skipped.append(f"{name}: {error}")
+            continue
+        depth_path = path / depth_rows[depth][1]
+        frames.append(ImageFrame(path / name, camera, depth_path, DEPTH_UNIT_M, time_s=time_s))
+    return Dataset(path.name, tuple(frames), tuple(skipped))
+
+
+def _rows(path: Path, columns: int) -> list[list[str]]:
+    """The words of each line that is no comment."""
+    if path.stat().st_size > MAX_BYTES:
+        raise ValueError(f"{path}: larger than {MAX_BYTES >> 20} MiB")
+    rows = []
+    text = path.read_text(encoding="utf-8", errors="replace")
+    for number, line in enumerate(text.splitlines(), start=1):
+        words = line.split()
+        if not words or words[0].startswith("#"):
+            continue
+        numbers = words[:1] if columns == 2 else words  # Pictures have a name behind their time.
+        if len(words) != columns or not all(map(_is_finite, numbers)):
+            raise ValueError(f"{path}: line {number}: {line[:80]!r} is not {columns} values")
+        rows.append(words)
+    return rows
+
+
+def _is_finite(word: str) -> bool:
+    try:
+        return bool(np.isfinite(float(word)))
+    except ValueError:
+        return False
+
+
+def _times(rows: list[list[str]]) -> Floats:
+    return np.array([row[0] for row in rows], np.float64)
+
+
+def _nearest(times: Floats, time_s: float, what: str) -> int:
+    """Index of the time next to another.
+
+    Raises:
+        ValueError: None is near enough.
+    """
+    apart_s = np.abs(times - time_s)
+    if len(times) == 0 or apart_s.min() > MOST_APART_S:
+        raise ValueError(f"there is no {what} within {MOST_APART_S:g} s")
+    return int(apart_s.argmin())
+
+
+def _pose(numbers: Floats) -> Floats:
+    """[4,4] of tx ty tz qx qy qz qw."""
+    x, y, z, w = numbers[3:]
+    length = float(np.linalg.norm(numbers[3:]))
+    if abs(length - 1) > 0.01:
+        raise ValueError(f"its quaternion has the length {length:.3f}")
+    x, y, z, w = numbers[3:] / length
+    pose = np.eye(4)
+    pose[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    pose[:3, 3] = numbers[:3]
+    return rigid(pose)
