@@ -59,7 +59,8 @@ def open_tum(path: Path) -> Dataset:
             camera = Camera(
                 fx=fx,
                 fy=fy,
-                # The page counts from the middle of the first pixel, this project from its corner.
+                # Calibrations by OpenCV count from the middle of the first pixel, this project
+                # from its corner.
                 cx=cx + 0.5,
                 cy=cy + 0.5,
                 width=width,
