@@ -1,5 +1,74 @@
 """Pinhole cameras and their poses."""
 
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
 from gslts._core.map import Camera, camera_from_fov, look_at
 
-__all__ = ["Camera", "camera_from_fov", "look_at"]
+__all__ = [
+    "Camera",
+    "at_pose",
+    "camera_from_fov",
+    "look_at",
+    "resized",
+    "rotation",
+    "rotation_vector",
+]
+
+Floats = NDArray[np.float64]
+
+
+def at_pose(camera: Camera, world_from_camera: Floats) -> Camera:
+    """The same camera elsewhere.
+
+    Args:
+        camera: Whose intrinsics are taken.
+        world_from_camera: [4,4], rigid, m.
+
+    Raises:
+        ValueError: The pose is not rigid.
+    """
+    return Camera(
+        fx=camera.fx,
+        fy=camera.fy,
+        cx=camera.cx,
+        cy=camera.cy,
+        width=camera.width,
+        height=camera.height,
+        world_from_camera=world_from_camera,
+    )
+
+
+def resized(camera: Camera, divisor: int) -> Camera:
+    """The camera of an image whose sides are divided by a number; what is left over is cut off."""
+    return Camera(
+        fx=camera.fx / divisor,
+        fy=camera.fy / divisor,
+        cx=camera.cx / divisor,
+        cy=camera.cy / divisor,
+        width=camera.width // divisor,
+        height=camera.height // divisor,
+        world_from_camera=camera.world_from_camera,
+    )
+
+
+def rotation(vector_rad: Floats) -> Floats:
+    """[3,3] rotation about a vector (3,) by its length, rad (Rodrigues' formula)."""
+    angle = float(np.linalg.norm(vector_rad))
+    if angle == 0:
+        return np.eye(3)
+    x, y, z = vector_rad / angle
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    result: Floats = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    return result
+
+
+def rotation_vector(turn: Floats) -> Floats:
+    """(3,) inverse of `rotation`, rad, for angles well below pi."""
+    axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    sine, cosine = 0.5 * float(np.linalg.norm(axis)), 0.5 * (float(np.trace(turn)) - 1)
+    angle = np.arctan2(sine, cosine)
+    result: Floats = axis * (0.5 if sine < 1e-9 else 0.5 * angle / sine)
+    return result

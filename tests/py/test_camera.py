@@ -4,8 +4,10 @@ from typing import Any
 import numpy as np
 import pytest
 import scenes
+from scipy.spatial.transform import Rotation
 
 import gslts
+from gslts.camera import at_pose, resized, rotation, rotation_vector
 
 IDENTITY = np.eye(4)
 
@@ -145,3 +147,23 @@ def test_look_at_has_opencv_axes():
 def test_look_at_without_a_horizon_is_rejected(arguments, name):
     with pytest.raises(ValueError, match=name):
         gslts.look_at(*arguments)
+
+
+def test_rotations_and_their_vectors() -> None:
+    """Against scipy, and there and back."""
+    for vector in (np.zeros(3), np.array([1e-9, 0, 0]), np.array([0.3, -1.2, 0.7])):
+        turn = rotation(vector)
+        np.testing.assert_allclose(turn, Rotation.from_rotvec(vector).as_matrix(), atol=1e-14)
+        np.testing.assert_allclose(rotation_vector(turn), vector, atol=1e-12)
+
+
+def test_cameras_elsewhere_and_of_smaller_images() -> None:
+    camera = gslts.camera_from_fov(641, 480, 1.0, gslts.look_at((1, 2, 3), (4, 5, 3)))
+    pose = gslts.look_at((0, 0, 1), (1, 0, 1))
+    moved = at_pose(camera, pose)
+    np.testing.assert_array_equal(moved.world_from_camera, pose)
+    assert at_pose(moved, camera.world_from_camera) == camera
+    half = resized(camera, 2)
+    assert (half.width, half.height) == (320, 240)
+    # The same ray meets the same place in the image, counted in halves of a pixel.
+    assert (2 * half.fx, 2 * half.cx, 2 * half.cy) == (camera.fx, camera.cx, camera.cy)

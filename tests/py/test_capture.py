@@ -10,8 +10,9 @@ import sim_scenes
 from PIL import Image
 
 import gslts
+from gslts.datasets.nerfstudio import OPENGL_FROM_OPENCV
 from gslts.sim import make_home
-from gslts.sim.capture import OPENGL_FROM_OPENCV, capture
+from gslts.sim.capture import capture
 from gslts.sim.controller import Controller
 from gslts.sim.explore import COMPLETE_SHARE, explore
 from gslts.sim.home import Home

@@ -6,8 +6,7 @@ import sim_scenes
 
 import gslts
 from gslts.bench.rooms import make_room
-from gslts.mapping.optimize import twist_between
-from gslts.mapping.pose import align, moved
+from gslts.mapping.pose import align, moved, twist_between
 from gslts.mapping.seed import LEAST_HITS, seed_from_depth, surface_points
 from gslts.sim.controller import Controller
 

@@ -101,6 +101,8 @@ def test_sheet_of_a_tiny_home(tmp_path):
         objects=(walls,),
     )
     write_contact_sheet(home, tmp_path / "tiny.png")
+    with Image.open(tmp_path / "tiny.png") as sheet:
+        assert sheet.size == (1650, 704)
 
 
 def test_sheet_of_a_picture_without_depth(tmp_path):

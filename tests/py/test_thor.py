@@ -274,7 +274,7 @@ def test_without_the_package_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPat
 
 def test_the_package_is_imported_only_to_start_it() -> None:
     code = "import sys, gslts.sim.thor.robot; sys.exit('ai2thor' in sys.modules)"
-    subprocess.run([sys.executable, "-c", code], check=True)
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 def test_with_a_build_it_starts_with_all_images(

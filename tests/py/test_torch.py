@@ -389,7 +389,9 @@ class RollingShutter(enum.Enum):
 
 
 def test_global_shutter_of_any_enumeration_is_accepted():
-    rasterization(**make_arguments(), rolling_shutter=RollingShutter.GLOBAL)
+    image, _, _ = rasterization(**make_arguments(), rolling_shutter=RollingShutter.GLOBAL)
+    expected, _, _ = rasterization(**make_arguments())
+    assert torch.equal(image, expected)
 
 
 @pytest.mark.parametrize(

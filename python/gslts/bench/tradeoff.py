@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.camera import Camera
+from gslts.camera import Camera, resized
 from gslts.gaussian_map import FloatArray, GaussianMap
 from gslts.render import Gradients, Rasterizer, RenderOptions
 
@@ -114,7 +114,7 @@ class _Job:
     def __init__(self, view: _View, setting: Setting) -> None:
         self.map, self.rasterizer = view.maps[setting.dtype], view.rasterizers[setting.dtype]
         self.options = RenderOptions(near_m=view.near_m, threads=view.threads, **setting.options)
-        self.camera = _shrunk(view.camera, setting.shrink)
+        self.camera = resized(view.camera, setting.shrink)
         self.rows = _interpolation(view.camera.height, self.camera.height)
         self.columns = _interpolation(view.camera.width, self.camera.width)
 
@@ -245,21 +245,6 @@ def write_csv(points: Sequence[Point], path: Path) -> None:
         writer.writeheader()
         for point in points:
             writer.writerow(asdict(point))
-
-
-def _shrunk(camera: Camera, shrink: int) -> Camera:
-    """The same view with fewer pixels."""
-    width, height = camera.width // shrink, camera.height // shrink
-    x, y = width / camera.width, height / camera.height
-    return Camera(
-        fx=x * camera.fx,
-        fy=y * camera.fy,
-        cx=x * camera.cx,
-        cy=y * camera.cy,
-        width=width,
-        height=height,
-        world_from_camera=camera.world_from_camera,
-    )
 
 
 def _interpolation(fine: int, coarse: int) -> Floats:

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.adam import Adam, AdamRates
-from gslts.camera import Camera
+from gslts.camera import Camera, resized
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import SH_C0, GaussianMap
 from gslts.losses import Exposure, fit_exposure, photometric_loss
 from gslts.mapping.config import MappingConfig
-from gslts.mapping.pose import NormalEquations, align, moved
+from gslts.mapping.evaluate import exposed, psnr_db
+from gslts.mapping.pose import NormalEquations, align, moved, twist_between
 from gslts.render import Rasterizer, RenderOptions
 
 Floats32 = NDArray[np.float32]
@@ -94,7 +95,7 @@ class Optimizer:
         level = 1 if share < config.coarse_share else 0
         rgb_bytes, measured = frame.levels[level]
         photo = rgb_bytes.astype(np.float32) / 255
-        camera = scaled(frame.camera, level)
+        camera = resized(frame.camera, 1 << level)
         images = self._rasterizer.forward(self.adam.map, camera, self._options)
         frame.exposure = _sane(fit_exposure(images.rgb, photo, threads=threads))
         color = photometric_loss(
@@ -115,13 +116,12 @@ class Optimizer:
             dL_dalpha=dL_dalpha.astype(np.float32),
         )
         self.adam.step(gradients, self._rates(share), threads=threads)
-        corrected = np.array(frame.exposure.gain) * images.rgb + np.array(frame.exposure.offset)
+        corrected = exposed(images.rgb, frame.exposure)
         if config.refine_poses and self.iteration >= len(self.frames):
             equations = align(camera, corrected, images.depth, photo, measured)
             frame.camera = self._refined(frame, equations)
         self.iteration += 1
-        squared = float(np.mean((corrected.clip(0, 1) - photo) ** 2))
-        return color.value, -10 * np.log10(max(squared, 1e-10))
+        return color.value, psnr_db(corrected, photo)
 
     def _refined(self, frame: TrainingFrame, equations: NormalEquations) -> Camera:
         """One Gauss-Newton step, held near the given pose."""
@@ -169,27 +169,6 @@ class Optimizer:
             origin=old.origin,
         )
         self.adam = self.adam.edited(cleaned, kept)
-
-
-def scaled(camera: Camera, level: int) -> Camera:
-    """The camera of an image of which every side is divided by 2^level."""
-    factor = 0.5**level
-    return Camera(
-        fx=camera.fx * factor,
-        fy=camera.fy * factor,
-        cx=camera.cx * factor,
-        cy=camera.cy * factor,
-        width=camera.width >> level,
-        height=camera.height >> level,
-        world_from_camera=camera.world_from_camera,
-    )
-
-
-def twist_between(start: Camera, end: Camera) -> NDArray[np.float64]:
-    """Xi with world_from_end = world_from_start @ exp(xi), for small motions."""
-    motion = np.linalg.inv(start.world_from_camera) @ end.world_from_camera
-    turn = 0.5 * (motion[:3, :3] - motion[:3, :3].T)
-    return np.concatenate([motion[:3, 3], [turn[2, 1], turn[0, 2], turn[1, 0]]])
 
 
 def _sane(exposure: Exposure) -> Exposure:

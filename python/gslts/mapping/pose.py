@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.camera import Camera
+from gslts.camera import Camera, at_pose, rotation, rotation_vector
 from gslts.gaussian_map import FloatArray
 
 Floats = NDArray[np.float64]
@@ -79,27 +79,16 @@ def align(
 
 
 def moved(camera: Camera, twist: Floats) -> Camera:
-    """The camera at world_from_camera @ exp(xi), for small rotations."""
-    rho, phi = twist[:3], twist[3:]
-    angle = float(np.linalg.norm(phi))
-    cross = np.array([[0, -phi[2], phi[1]], [phi[2], 0, -phi[0]], [-phi[1], phi[0], 0]])
-    a = np.sinc(angle / np.pi)
-    b = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
+    """The camera at world_from_camera @ exp(xi), with exp to first order in the translation."""
     step = np.eye(4)
-    step[:3, :3] += a * cross + b * cross @ cross
-    step[:3, 3] = rho
-    pose = camera.world_from_camera @ step
-    u, _, v = np.linalg.svd(pose[:3, :3])
-    pose[:3, :3] = u @ v
-    return Camera(
-        fx=camera.fx,
-        fy=camera.fy,
-        cx=camera.cx,
-        cy=camera.cy,
-        width=camera.width,
-        height=camera.height,
-        world_from_camera=pose,
-    )
+    step[:3, :3], step[:3, 3] = rotation(twist[3:]), twist[:3]
+    return at_pose(camera, camera.world_from_camera @ step)
+
+
+def twist_between(start: Camera, end: Camera) -> Floats:
+    """The twist (6,) with which `moved` takes the start to the end, for turns well below pi."""
+    motion = np.linalg.inv(start.world_from_camera) @ end.world_from_camera
+    return np.concatenate([motion[:3, 3], rotation_vector(motion[:3, :3])])
 
 
 def _equations(points: Floats, slope: Floats, residual: Floats, weight: Floats) -> NormalEquations:

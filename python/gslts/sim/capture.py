@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from gslts.camera import Camera
+from gslts.datasets.nerfstudio import OPENGL_FROM_OPENCV
 from gslts.files import empty_folder, write_whole
 from gslts.sim.controller import ActionError, Controller
 from gslts.sim.event import Event
@@ -26,7 +27,6 @@ from gslts.sim.robot_body import Look
 SAVE_EVERY = 10
 """Frames after which the list of frames is written anew."""
 FOLDERS = {"file_path": "images", "depth_file_path": "depth", "instance_file_path": "instances"}
-OPENGL_FROM_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
 FARTHEST_M = 65.535
 MOST_OBJECTS = (1 << 16) - 1
 PNG_LEVEL = 1

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.camera import Camera
+from gslts.camera import Camera, at_pose, rotation, rotation_vector
 from gslts.frame import RgbdFrame
 from gslts.sim.home import AreaLight, Home
 from gslts.sim.raycast import RayCaster, View
@@ -145,7 +145,7 @@ class Sensor:
         radiance = truth.radiance.astype(np.float64)
         if moved_from is not None and self.noise.shutter_share > 0:
             poses = _poses_between(moved_from, camera.world_from_camera, self.noise.shutter_share)
-            views = [caster.look(_moved(camera, pose)).radiance for pose in poses]
+            views = [caster.look(at_pose(camera, pose)).radiance for pose in poses]
             radiance = (radiance + sum(views)) / BLUR_SAMPLES
         rng = np.random.default_rng([self._seed, 1, index])
         frame = RgbdFrame(
@@ -183,8 +183,8 @@ class Sensor:
             return camera
         pose = camera.world_from_camera
         pose[:3, 3] += self.noise.position_std_m * rng.normal(size=3)
-        pose[:3, :3] = pose[:3, :3] @ _rotation(self.noise.rotation_std_rad * rng.normal(size=3))
-        return _moved(camera, pose)
+        pose[:3, :3] = pose[:3, :3] @ rotation(self.noise.rotation_std_rad * rng.normal(size=3))
+        return at_pose(camera, pose)
 
 
 def _at_edges(depth: Floats) -> NDArray[np.bool_]:
@@ -199,51 +199,13 @@ def _at_edges(depth: Floats) -> NDArray[np.bool_]:
     return edges
 
 
-def _moved(camera: Camera, world_from_camera: Floats) -> Camera:
-    return Camera(
-        fx=camera.fx,
-        fy=camera.fy,
-        cx=camera.cx,
-        cy=camera.cy,
-        width=camera.width,
-        height=camera.height,
-        world_from_camera=world_from_camera,
-    )
-
-
-def _rotation(vector_rad: Floats) -> Floats:
-    """[3,3] rotation about a vector by its length (Rodrigues)."""
-    angle = float(np.linalg.norm(vector_rad))
-    if angle == 0:
-        return np.eye(3)
-    x, y, z = vector_rad / angle
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    result: Floats = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
-    return result
-
-
-def _rotation_vector(rotation: Floats) -> Floats:
-    """Inverse of `_rotation`, for angles well below pi."""
-    axis = np.array(
-        [
-            rotation[2, 1] - rotation[1, 2],
-            rotation[0, 2] - rotation[2, 0],
-            rotation[1, 0] - rotation[0, 1],
-        ]
-    )
-    sine, cosine = 0.5 * float(np.linalg.norm(axis)), 0.5 * (float(np.trace(rotation)) - 1)
-    angle = np.arctan2(sine, cosine)
-    result: Floats = axis * (0.5 if sine < 1e-9 else 0.5 * angle / sine)
-    return result
-
-
 def _poses_between(start: Floats, end: Floats, share: float) -> list[Floats]:
     """Poses of the last `share` of the way to `end`, which is left out, at equal steps."""
-    turn = _rotation_vector(end[:3, :3].T @ start[:3, :3])
+    turn = rotation_vector(end[:3, :3].T @ start[:3, :3])
     poses = []
     for back in np.linspace(0, share, BLUR_SAMPLES)[1:]:
         pose = np.eye(4)
         pose[:3, 3] = end[:3, 3] + back * (start[:3, 3] - end[:3, 3])
-        pose[:3, :3] = end[:3, :3] @ _rotation(back * turn)
+        pose[:3, :3] = end[:3, :3] @ rotation(back * turn)
         poses.append(pose)
     return poses
