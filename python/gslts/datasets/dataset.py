@@ -58,7 +58,7 @@ class Dataset:
 
 @dataclass(frozen=True, eq=False)
 class ImageFrame:
-    """A frame in image files, registered pixel by pixel.
+    """A frame in image files.
 
     Args:
         rgb: Of any kind that Pillow reads.
@@ -67,6 +67,7 @@ class ImageFrame:
         depth_unit_m: What one step of it is worth.
         depth_invalid: Number besides 0 that means no measurement; None if there is none.
         time_s: When it was taken.
+        depth_camera: Intrinsics and pose of the depth; None if it is registered.
     """
 
     rgb: Path
@@ -75,6 +76,7 @@ class ImageFrame:
     depth_unit_m: float = 0.001
     depth_invalid: int | None = None
     time_s: float = 0.0
+    depth_camera: Camera | None = None
 
     @property
     def name(self) -> str:
@@ -85,12 +87,13 @@ class ImageFrame:
         """Reads both pictures."""
         size = (self.camera.height, self.camera.width)
         rgb = read_image(self.rgb, "RGB", size).astype(np.uint8)
-        depth = np.zeros(size, np.float32)
-        if self.depth is not None:
-            steps = read_image(self.depth, "I", size)
-            depth = (steps * self.depth_unit_m).astype(np.float32)
-            depth[(steps <= 0) | (steps == self.depth_invalid)] = 0
-        return RgbdFrame(rgb, depth, self.camera, self.time_s)
+        if self.depth is None:
+            return RgbdFrame(rgb, np.zeros(size, np.float32), self.camera, self.time_s)
+        lens = self.camera if self.depth_camera is None else self.depth_camera
+        steps = read_image(self.depth, "I", (lens.height, lens.width))
+        depth = (steps * self.depth_unit_m).astype(np.float32)
+        depth[(steps <= 0) | (steps == self.depth_invalid)] = 0
+        return RgbdFrame(rgb, depth, self.camera, self.time_s, self.depth_camera)
 
 
 def rigid(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
