@@ -112,7 +112,7 @@ def _pose(row: Floats, up: Floats) -> Floats:
     """
     turn, length = rotation_of_quat(row[3:]), float(np.linalg.norm(up))
     right = turn[:, 0] - (turn[:, 0] @ up) * up / max(length, LEAST) ** 2
-    if min(length, np.linalg.norm(right)) > LEAST:
+    if min(length, float(np.linalg.norm(right))) > LEAST:
         right /= np.linalg.norm(right)
         forward = turn[:, 2] - (turn[:, 2] @ right) * right
         forward /= np.linalg.norm(forward)
