@@ -78,11 +78,14 @@ def render(
     gaussian_map = read_map(map_path)
     given = None if (width, height, fov_deg) == (None,) * 3 else _lens(width, height, fov_deg)
     cameras = _views(map_path, pose, trajectory, frames, given)
+    if is_video and len({(camera.width, camera.height) for camera in cameras}) > 1:
+        raise ValueError(f"{out}: a video needs views of one size: give --width and --height")
     range_m = _depth_range(gaussian_map, cameras, threads) if depth else None
     bar = tqdm(cameras, desc="rendering", unit="view")
     pictures = _pictures(gaussian_map, bar, range_m, threads)
     if is_video:
-        _write_videos(pictures, cameras, out, depth_out if depth else None)
+        size = (cameras[0].width, cameras[0].height)
+        _write_videos(pictures, size, out, depth_out if depth else None)
     else:
         _write_pngs(pictures, out)
     scale = f"; depth from {range_m[0]:.2f} m, red, to {range_m[1]:.2f} m, blue" if range_m else ""
@@ -214,17 +217,13 @@ def _pictures(
 
 def _write_videos(
     pictures: Iterable[tuple[Picture, Picture | None]],
-    cameras: list[Camera],
+    size: tuple[int, int],
     out: Path,
     depth_out: Path | None,
 ) -> None:
     from gslts.video import Video
 
-    sizes = {(camera.width, camera.height) for camera in cameras}
-    if len(sizes) > 1:
-        raise ValueError(f"{out}: a video needs views of one size: give --width and --height")
     out.parent.mkdir(parents=True, exist_ok=True)
-    (size,) = sizes
     with (
         Video(out, *size) as video,
         nullcontext() if depth_out is None else Video(depth_out, *size) as depth_video,
