@@ -116,13 +116,12 @@ def _read_weights(path: Path, shapes: dict[str, tuple[int, ...]]) -> dict[str, t
 
     if path.stat().st_size > MAX_BYTES:
         raise ValueError(f"{path}: larger than {MAX_BYTES >> 20} MiB")
-    try:
-        content: Any = torch.load(path, map_location="cpu", weights_only=True)
-    except OSError:
-        raise
-    except Exception as error:  # What PyTorch raises for damage is not settled.
-        reason = " ".join(str(error).split())[:120] or type(error).__name__
-        raise ValueError(f"{path}: PyTorch cannot read it as weights: {reason}") from None
+    with path.open("rb") as file:
+        try:
+            content: Any = torch.load(file, map_location="cpu", weights_only=True)
+        except Exception as error:  # What PyTorch raises for damage is not settled.
+            reason = " ".join(str(error).split())[:120] or type(error).__name__
+            raise ValueError(f"{path}: PyTorch cannot read it as weights: {reason}") from None
     if not isinstance(content, dict):
         raise ValueError(f"{path}: expected a state dict, got {type(content).__name__}")
     weights = {}

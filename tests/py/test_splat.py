@@ -95,12 +95,12 @@ def test_export_command(tmp_path: Path) -> None:
     back = read_map(tmp_path / "a.ply")
     assert back.sh.tobytes() == gaussian_map.sh.tobytes()
     assert tuple(back.origin) == ORIGIN
-    done = run("export", "a.ply", "b.splat", cwd=tmp_path)  # A plain file is a map too.
+    done = run("export", "a.ply", "new/b.splat", cwd=tmp_path)  # A plain file is a map too.
     assert done.returncode == 0, done.stderr
     assert "30 Gaussians, 960 bytes" in done.stdout
     assert "SH degree 0, degrees to 2 do not fit" in done.stdout
     np.testing.assert_allclose(
-        np.sort(decoded(tmp_path / "b.splat").means[:, 0]),
+        np.sort(decoded(tmp_path / "new/b.splat").means[:, 0]),
         np.sort(gaussian_map.means[:, 0] + ORIGIN[0]),
         rtol=1e-6,
     )

@@ -111,6 +111,7 @@ def export(
         raise FileExistsError(f"{out} is there already")
     gaussian_map = read_map(map_path)
     lost = ""
+    out.parent.mkdir(parents=True, exist_ok=True)
     if kind == ".ply":
         write_ply(gaussian_map, out)
     else:
