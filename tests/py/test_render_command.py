@@ -286,3 +286,13 @@ def test_videos_need_one_size(folder: Path) -> None:
     done = run("render", "map", "--trajectory", "two.json", "--out", "new", cwd=folder)
     assert done.returncode == 0, done.stderr
     assert picture(folder / "new/00001.png").shape == (32, 24, 3)
+
+
+def test_what_cannot_be_written_ends_in_one_line(folder: Path) -> None:
+    (folder / "file").write_text("")
+    for out in ("file/a.mp4", "file", "map"):
+        done = run("render", "map", "--pose", "in 0", "--out", out, cwd=folder)
+        assert done.returncode == 1
+        assert done.stderr.splitlines()[-1].startswith("gslts: ")
+    assert "map is not empty" in done.stderr
+    assert not list(folder.glob("**/*.part*"))

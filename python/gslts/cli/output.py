@@ -81,13 +81,13 @@ def render(
     if is_video and len({(camera.width, camera.height) for camera in cameras}) > 1:
         raise ValueError(f"{out}: a video needs views of one size: give --width and --height")
     range_m = _depth_range(gaussian_map, cameras, threads) if depth else None
-    bar = tqdm(cameras, desc="rendering", unit="view")
-    pictures = _pictures(gaussian_map, bar, range_m, threads)
-    if is_video:
-        size = (cameras[0].width, cameras[0].height)
-        _write_videos(pictures, size, out, depth_out if depth else None)
-    else:
-        _write_pngs(pictures, out)
+    with tqdm(cameras, desc="rendering", unit="view") as bar:
+        pictures = _pictures(gaussian_map, bar, range_m, threads)
+        if is_video:
+            size = (cameras[0].width, cameras[0].height)
+            _write_videos(pictures, size, out, depth_out if depth else None)
+        else:
+            _write_pngs(pictures, out)
     scale = f"; depth from {range_m[0]:.2f} m, red, to {range_m[1]:.2f} m, blue" if range_m else ""
     typer.echo(f"wrote {len(cameras)} view(s) to {out}{scale}")
 
