@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.camera import Camera
-from gslts.datasets.dataset import Dataset, ImageFrame, image_size, rigid
+from gslts.camera import Camera, rotation_of_quat
+from gslts.datasets.dataset import Dataset, ImageFrame, image_size
 
 Floats = NDArray[np.float64]
 
@@ -75,6 +75,22 @@ def open_tum(path: Path) -> Dataset:
     return Dataset(path.name, tuple(frames), tuple(skipped))
 
 
+def read_trajectory(path: Path) -> list[Floats]:
+    """The poses [4,4] world_from_camera of a file like groundtruth.txt, in its order.
+
+    Raises:
+        OSError: It cannot be read.
+        ValueError: A line is not eight numbers, or its quaternion is none.
+    """
+    poses = []
+    for number, row in enumerate(_rows(path, 8)):
+        try:
+            poses.append(_pose(np.array(row[1:], np.float64)))
+        except ValueError as error:
+            raise ValueError(f"{path}: pose {number}: {error}") from None
+    return poses
+
+
 def _rows(path: Path, columns: int) -> list[list[str]]:
     """The words of each line that is no comment."""
     if path.stat().st_size > MAX_BYTES:
@@ -117,16 +133,9 @@ def _nearest(times: Floats, time_s: float, what: str) -> int:
 
 def _pose(numbers: Floats) -> Floats:
     """[4,4] of tx ty tz qx qy qz qw."""
-    x, y, z, w = numbers[3:]
     length = float(np.linalg.norm(numbers[3:]))
     if abs(length - 1) > 0.01:
         raise ValueError(f"its quaternion has the length {length:.3f}")
-    x, y, z, w = numbers[3:] / length
     pose = np.eye(4)
-    pose[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    pose[:3, 3] = numbers[:3]
-    return rigid(pose)
+    pose[:3, :3], pose[:3, 3] = rotation_of_quat(numbers[[6, 3, 4, 5]]), numbers[:3]
+    return pose
