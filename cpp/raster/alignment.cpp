@@ -95,20 +95,15 @@ void add_to(NormalEquations& equations, const Sums<T>& sums) {
   }
 }
 
-/// Derivatives of an image's value at a pixel by the parameters, from `slope`, its change for a
-/// shift of the camera (the opposite of one of the point).
+/// Derivatives of an image's value at a pixel by a twist of the camera, from `slope`, its change for
+/// a shift of the camera (the opposite of one of the point).
 template <typename T>
-void write_row(const T (&slope)[3], const T (&point)[3], T fx, T fy, T (&row)[kParameters]) {
+void write_twist(const T (&slope)[3], const T (&point)[3], T (&row)[kParameters]) {
   for (int i = 0; i < 3; ++i) {
     const int j = (i + 1) % 3, k = (i + 2) % 3;
     row[i] = slope[i];
     row[3 + i] = point[j] * slope[k] - point[k] * slope[j];
   }
-  // A longer focal length and another centre carry the point outwards.
-  row[6] = -slope[0] * point[0];
-  row[7] = -slope[1] * point[1];
-  row[8] = -slope[0] * point[2] / fx;
-  row[9] = -slope[1] * point[2] / fy;
 }
 
 /// Huber's weight of a residual in units of its standard deviation; 0 for gross ones.
@@ -142,7 +137,12 @@ void align_row(const Camera& camera, const Binned<T>& binned, int y, Sums<T>& co
     const T weight = weight_of(residual, kGreyStd, kGreyOutlier);
     if (weight > 0) {
       slope_of(binned.rendered_grey, slope);
-      write_row(slope, point, fx, fy, row);
+      write_twist(slope, point, row);
+      // A longer focal length and another centre carry the point outwards.
+      row[6] = -slope[0] * point[0];
+      row[7] = -slope[1] * point[1];
+      row[8] = -slope[0] * z / fx;
+      row[9] = -slope[1] * z / fy;
       color.add(row, residual, weight);
     }
     const T measured = binned.measured_depth[bin];
@@ -158,7 +158,8 @@ void align_row(const Camera& camera, const Binned<T>& binned, int y, Sums<T>& co
     slope_of(rendered, slope);
     slope[2] -= 1;  // A point that comes nearer also changes the depth itself.
     for (T& one : slope) one /= z;
-    write_row(slope, point, fx, fy, row);
+    write_twist(slope, point, row);
+    std::fill(row + 6, row + kParameters, T(0));
     depth.add(row, share, depth_weight);
   }
 }

@@ -38,9 +38,8 @@ class NormalEquations:
 class Alignment:
     """What colours and depth each say.
 
-    The intrinsics of `color` are those of the camera that was rendered. A depth image that comes
-    from a lens of its own says nothing about these, but about those of its lens: the intrinsics of
-    `depth`, and its twist is that of the lens.
+    Colours tell about the camera that was rendered. Depth may come from a lens of its own: it tells
+    about the twist of that lens, whose intrinsics are trusted, so that their columns are 0.
     """
 
     color: NormalEquations

@@ -23,7 +23,7 @@ OFFSET_STD_M, TURN_STD_RAD = 0.02, 0.02
 """How far the depth lens is expected to be from where the data set puts it."""
 LOG_FOCAL_STD, CENTRE_STD_PX = 0.02, 5.0
 """The same for focal lengths and principal points of the colour camera."""
-PIXELS_PER_FACT = 50.0
+PIXELS_PER_FACT = 10.0
 """Neighbouring pixels err together: so many count as one independent measurement."""
 
 _COLOR, _TWIST = slice(0, 4), slice(4, 10)
@@ -89,6 +89,7 @@ def corrected_lenses(lenses: Lenses, given: Lenses, looks: Sequence[Alignment]) 
         right += shared_right - mixed.T @ eliminated[:, 10]
     intrinsics = [LOG_FOCAL_STD, LOG_FOCAL_STD, CENTRE_STD_PX, CENTRE_STD_PX]
     stds = np.array([*intrinsics, *[OFFSET_STD_M] * 3, *[TURN_STD_RAD] * 3])
+    # Once a look: the errors of a sensor are the same in all of them and do not average out.
     prior = len(looks) * PIXELS_PER_FACT / stds**2
     off = np.concatenate(
         [

@@ -14,6 +14,8 @@ from gslts.gaussian_map import SH_C0, GaussianMap
 from gslts.losses import Exposure, depth_loss, fit_exposure, photometric_loss
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.evaluate import exposed, psnr_db
+from gslts.mapping.density import joined
+from gslts.mapping.holes import seeds_in_holes
 from gslts.mapping.lenses import PIXELS_PER_FACT, after_step, corrected_lenses, pose_step
 from gslts.mapping.pose import moved, twist_of
 from gslts.mapping.training_frame import TrainingFrame
@@ -30,6 +32,10 @@ class Progress:
     loss: float
     psnr_db: float
     gaussians: int
+
+
+HOLE_EPOCHS = (1, 4)
+"""Epochs in which holes are filled: once the poses are roughly right, and once more."""
 
 
 class Optimizer:
@@ -101,6 +107,12 @@ class Optimizer:
                 threads=threads,
             )
             self._refine_pose(frame, _at_full_size(alignment, 1 << level))
+        if self.epoch in HOLE_EPOCHS:
+            gain, offset = (np.array(one) for one in (frame.exposure.gain, frame.exposure.offset))
+            colors = ((photo - offset) / gain).clip(0, 1)
+            self._append(
+                seeds_in_holes(camera, images, colors, measured, self.adam.map.sh_degree)
+            )
         self.iteration += 1
         some = (slice(None, None, 4),) * 2
         return color.value, psnr_db(exposed(images.rgb[some], frame.exposure), photo[some])
@@ -116,6 +128,12 @@ class Optimizer:
         twist = pose_step(alignment)
         frame.pose = moved(frame.lenses.at(frame.pose), twist).world_from_camera
         frame.look = after_step(alignment, twist)
+
+    def _append(self, new: GaussianMap | None) -> None:
+        if new is not None:
+            old = self.adam.map
+            rows = np.concatenate([np.arange(old.size), np.full(new.size, -1)])
+            self.adam = self.adam.edited(joined(old, new), rows)
 
     def _correct_lenses(self) -> None:
         looks = [frame.look for frame in self.frames if frame.look is not None]

@@ -20,7 +20,7 @@ EDGE_SHARE = 0.05
 LEAST_HITS = 2
 """Frames that must have seen a voxel: what only one saw is mostly noise."""
 ALONG, ACROSS = 0.6, 0.2
-"""Standard deviations along the surface and across it, in voxels."""
+"""Standard deviations along the surface and across it, in distances to the next Gaussian."""
 OPACITY = 0.8
 KEY_BITS = 21
 """Of each coordinate of a voxel in a 64-bit key: 2^21 voxels of 1 cm are 20 km."""
@@ -52,15 +52,37 @@ def seed_from_depth(frames: Iterable[RgbdFrame], voxel_m: float, sh_degree: int 
         raise ValueError("seed_from_depth: no surface was measured by two frames")
     sums = voxels.sums[kept]
     points, colors = sums[:, 1:4] / sums[:, :1], sums[:, 7:10] / sums[:, :1]
+    spacing_m = np.full(len(points), voxel_m)
+    return flat_gaussians(points, sums[:, 4:7], colors, spacing_m, OPACITY, sh_degree)
+
+
+def flat_gaussians(
+    points: Floats,
+    normals: Floats,
+    colors: Floats,
+    spacing_m: Floats,
+    opacity: float,
+    sh_degree: int,
+) -> GaussianMap:
+    """Gaussians that close a surface.
+
+    Args:
+        points: [N,3] on it, m.
+        normals: [N,3] of any length.
+        colors: [N,3] sRGB, 0 to 1.
+        spacing_m: [N] distance to the next points.
+        opacity: Of all.
+        sh_degree: Of the map; all but the constant harmonic are 0.
+    """
     size = len(points)
     sh = np.zeros((size, (sh_degree + 1) ** 2, 3), np.float32)
     sh[:, 0] = (colors - 0.5) / SH_C0
-    scales_m = voxel_m * np.array([ALONG, ALONG, ACROSS])
+    scales_m = spacing_m[:, None] * np.array([ALONG, ALONG, ACROSS])
     return GaussianMap(
         means=points.astype(np.float32),
-        quats=_quats_towards(sums[:, 4:7]).astype(np.float32),
-        log_scales=np.tile(np.log(scales_m), (size, 1)).astype(np.float32),
-        logit_opacities=np.full(size, np.log(OPACITY / (1 - OPACITY)), np.float32),
+        quats=_quats_towards(normals).astype(np.float32),
+        log_scales=np.log(scales_m).astype(np.float32),
+        logit_opacities=np.full(size, np.log(opacity / (1 - opacity)), np.float32),
         sh=sh,
     )
 
