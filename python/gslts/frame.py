@@ -19,6 +19,8 @@ class RgbdFrame:
         depth: [H,W] float32, z in the camera frame, m; 0 or NaN where there is no measurement.
         camera: Intrinsics and pose as the robot knows them, which may err.
         time_s: Of the picture, s, from any start.
+        mask: [H,W] bool, True where the camera saw something; None means everywhere. Elsewhere,
+            as beyond the border of an undistorted picture, neither colour nor depth counts.
 
     Raises:
         ValueError: An array has a wrong shape or dtype, or a depth is negative or infinite.
@@ -28,11 +30,18 @@ class RgbdFrame:
     depth: NDArray[np.float32]
     camera: Camera
     time_s: float = 0.0
+    mask: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         size = (self.camera.height, self.camera.width)
-        for name, dtype, shape in (("rgb", np.uint8, (*size, 3)), ("depth", np.float32, size)):
+        for name, dtype, shape in (
+            ("rgb", np.uint8, (*size, 3)),
+            ("depth", np.float32, size),
+            ("mask", np.bool_, size),
+        ):
             array = getattr(self, name)
+            if array is None and name == "mask":
+                continue
             if array.dtype != dtype or array.shape != shape:
                 raise ValueError(
                     f"RgbdFrame: {name}: expected {np.dtype(dtype)} {shape}, got {array.dtype} "

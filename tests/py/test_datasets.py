@@ -9,6 +9,7 @@ import sim_scenes
 from PIL import Image
 
 from gslts.datasets import open_dataset
+from gslts.datasets.undistort import Lens
 from gslts.sim.capture import capture
 from gslts.sim.controller import Controller
 from gslts.sim.viewpoints import Look
@@ -178,8 +179,16 @@ def edited(folder: Path, edit: object) -> Path:
             lambda c: c["frames"][1]["transform_matrix"][0].__setitem__(0, 9.0),
             r"frames\[1\]: the pose is not rigid",
         ),
-        (lambda c: c["frames"][1].update(k1=0.1), r"frames\[1\]: .*distortion"),
+        (lambda c: c["frames"][1].update(k4=0.1), r"frames\[1\]: k4: 0\.1 is for fisheyes only"),
         (lambda c: c["frames"][1].update(fl_x=-3), r"frames\[1\]: .*f"),
+        (
+            lambda c: c["frames"][1].update(fl_x=0.9),
+            r"frames\[1\]: a focal length of 0\.9 px does not fit an image of 64 x 48 px",
+        ),
+        (
+            lambda c: c["frames"][1].update(cx=64.5),
+            r"frames\[1\]: the principal point \(64\.5, 24\) is outside the image of 64 x 48 px",
+        ),
     ],
 )
 def test_bad_frames_are_skipped_and_named(recorded: Path, edit: object, message: str) -> None:
@@ -197,13 +206,22 @@ def test_bad_frames_are_skipped_and_named(recorded: Path, edit: object, message:
     [
         (lambda c: c.pop("frames"), r"transforms\.json: frames: Field required"),
         (lambda c: c.update(frames=c["frames"][:1]), "1 usable frames, at least 2 are needed"),
-        (lambda c: c.update(camera_model="OPENCV_FISHEYE"), "OPENCV_FISHEYE is not supported"),
+        (lambda c: c.update(camera_model="EQUIRECTANGULAR"), "EQUIRECTANGULAR is not supported"),
         (lambda c: c.update(fl_x="wide"), r"transforms\.json: fl_x: "),
     ],
 )
 def test_bad_data_sets_are_refused(recorded: Path, edit: object, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         open_dataset(edited(recorded, edit))
+
+
+def test_nerfstudio_has_lenses(recorded: Path) -> None:
+    edited(recorded, lambda c: c.update(k1=-0.1, k2=0.02, p1=0.001, p2=0.002, k3=0.003))
+    assert open_dataset(recorded).frames[0].lens == Lens((-0.1, 0.02, 0.001, 0.002, 0.003))
+    edited(recorded, lambda c: c.update(camera_model="OPENCV_FISHEYE", k4=0.004))
+    frame = open_dataset(recorded).frames[0]
+    assert frame.lens == Lens((-0.1, 0.02, 0.003, 0.004), fisheye=True)
+    assert frame.read().mask is not None
 
 
 def test_what_is_no_data_set_is_named(tmp_path: Path) -> None:

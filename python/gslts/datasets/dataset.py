@@ -10,12 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.camera import Camera
+from gslts.datasets.undistort import Lens, undistort
 from gslts.frame import RgbdFrame
 
 RIGID_TOLERANCE = 0.02
 """Of the singular values of a rotation; those of 7-Scenes are off by up to some thousandths."""
 MAX_PIXELS = 1 << 26
 """Larger images are refused before memory is taken."""
+FOCAL_RANGE = (0.05, 50.0)
+"""Of the focal length over the longer side of the image: from 168 degrees of view to 1.1."""
 
 
 class Frame(Protocol):
@@ -41,6 +44,34 @@ class Frame(Protocol):
         ...
 
 
+@dataclass(frozen=True, eq=False)
+class PointCloud:
+    """Points of the scene that came with the frames.
+
+    Args:
+        points: [P,3] float64, world frame, m.
+        colors: [P,3] uint8, sRGB.
+
+    Raises:
+        ValueError: An array has a wrong shape or dtype, or a point is not finite.
+    """
+
+    points: NDArray[np.float64]
+    colors: NDArray[np.uint8]
+
+    def __post_init__(self) -> None:
+        shape = (len(self.points), 3)
+        for name, dtype in (("points", np.float64), ("colors", np.uint8)):
+            array = getattr(self, name)
+            if array.dtype != dtype or array.shape != shape:
+                raise ValueError(
+                    f"PointCloud: {name}: expected {np.dtype(dtype)} {shape}, got {array.dtype} "
+                    f"{array.shape}"
+                )
+        if not np.isfinite(self.points).all():
+            raise ValueError("PointCloud: points: must be finite")
+
+
 @dataclass(frozen=True)
 class Dataset:
     """A recorded visit.
@@ -49,11 +80,13 @@ class Dataset:
         name: Such as that of its folder.
         frames: In the order in which they were taken.
         skipped: What was left out when the data set was opened: names, and why.
+        points: What the data set knows of the scene besides its frames; None if nothing.
     """
 
     name: str
     frames: tuple[Frame, ...]
     skipped: tuple[str, ...] = ()
+    points: PointCloud | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +100,7 @@ class ImageFrame:
         depth_unit_m: What one step of it is worth.
         depth_invalid: Number besides 0 that means no measurement; None if there is none.
         time_s: When it was taken.
+        lens: That distorts both pictures; None if none does. The frame is undistorted when read.
     """
 
     rgb: Path
@@ -75,6 +109,7 @@ class ImageFrame:
     depth_unit_m: float = 0.001
     depth_invalid: int | None = None
     time_s: float = 0.0
+    lens: Lens | None = None
 
     @property
     def name(self) -> str:
@@ -90,7 +125,31 @@ class ImageFrame:
             steps = read_image(self.depth, "I", size)
             depth = (steps * self.depth_unit_m).astype(np.float32)
             depth[(steps <= 0) | (steps == self.depth_invalid)] = 0
-        return RgbdFrame(rgb, depth, self.camera, self.time_s)
+        mask = None
+        if self.lens is not None:
+            rgb, depth, mask = undistort(rgb, depth, self.camera, self.lens)
+        return RgbdFrame(rgb, depth, self.camera, self.time_s, mask)
+
+
+def plausible(camera: Camera) -> Camera:
+    """The camera itself.
+
+    Raises:
+        ValueError: Its intrinsics cannot be those of an image of its size.
+    """
+    width, height = camera.width, camera.height
+    if not (0 <= camera.cx <= width and 0 <= camera.cy <= height):
+        raise ValueError(
+            f"the principal point ({camera.cx:g}, {camera.cy:g}) is outside the image of "
+            f"{width} x {height} px"
+        )
+    least, most = (share * max(width, height) for share in FOCAL_RANGE)
+    for focal in (camera.fx, camera.fy):
+        if not least <= focal <= most:
+            raise ValueError(
+                f"a focal length of {focal:g} px does not fit an image of {width} x {height} px"
+            )
+    return camera
 
 
 def rigid(matrix: NDArray[np.float64]) -> NDArray[np.float64]:

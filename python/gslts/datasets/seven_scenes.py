@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gslts.camera import Camera
-from gslts.datasets.dataset import Dataset, ImageFrame, image_size, read_numbers, rigid
+from gslts.datasets.dataset import Dataset, ImageFrame, image_size, plausible, read_numbers, rigid
 
 NO_DEPTH = 65535
 FOCAL_PX = 585.0
@@ -48,7 +48,7 @@ def open_seven_scenes(path: Path) -> Dataset:
             frames.append(
                 ImageFrame(
                     rgb,
-                    camera,
+                    plausible(camera),
                     depth if depth.exists() else None,
                     depth_invalid=NO_DEPTH,
                     time_s=float(len(frames)),
