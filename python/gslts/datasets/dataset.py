@@ -17,6 +17,7 @@ RIGID_TOLERANCE = 0.02
 """Of the singular values of a rotation; those of 7-Scenes are off by up to some thousandths."""
 MAX_PIXELS = 1 << 26
 """Larger images are refused before memory is taken."""
+MAX_SIDE_PX = 1 << 16
 FOCAL_RANGE = (0.05, 50.0)
 """Of the focal length over the longer side of the image: from 168 degrees of view to 1.1."""
 
@@ -128,28 +129,44 @@ class ImageFrame:
         mask = None
         if self.lens is not None:
             rgb, depth, mask = undistort(rgb, depth, self.camera, self.lens)
-        return RgbdFrame(rgb, depth, self.camera, self.time_s, mask)
+        return RgbdFrame(rgb, depth, self.camera, self.time_s, mask=mask)
 
 
-def plausible(camera: Camera) -> Camera:
-    """The camera itself.
+def pinhole(
+    intrinsics: tuple[float, ...], size: tuple[int, int], world_from_camera: NDArray[np.float64]
+) -> Camera:
+    """The camera of a file that may be wrong.
+
+    Args:
+        intrinsics: fx, fy, cx, cy, px.
+        size: Width and height of the image, px.
+        world_from_camera: [4,4], rigid, m.
 
     Raises:
-        ValueError: Its intrinsics cannot be those of an image of its size.
+        ValueError: The intrinsics cannot be those of an image of that size, or are none.
     """
-    width, height = camera.width, camera.height
-    if not (0 <= camera.cx <= width and 0 <= camera.cy <= height):
+    (fx, fy, cx, cy), (width, height) = intrinsics, size
+    if not (0 < width <= MAX_SIDE_PX and 0 < height <= MAX_SIDE_PX):
+        raise ValueError(f"an image cannot have {width} x {height} px")
+    if not (0 <= cx <= width and 0 <= cy <= height):
         raise ValueError(
-            f"the principal point ({camera.cx:g}, {camera.cy:g}) is outside the image of "
-            f"{width} x {height} px"
+            f"the principal point ({cx:g}, {cy:g}) is outside the image of {width} x {height} px"
         )
     least, most = (share * max(width, height) for share in FOCAL_RANGE)
-    for focal in (camera.fx, camera.fy):
+    for focal in (fx, fy):
         if not least <= focal <= most:
             raise ValueError(
                 f"a focal length of {focal:g} px does not fit an image of {width} x {height} px"
             )
-    return camera
+    return Camera(
+        fx=fx,
+        fy=fy,
+        cx=cx,
+        cy=cy,
+        width=width,
+        height=height,
+        world_from_camera=world_from_camera,
+    )
 
 
 def rigid(matrix: NDArray[np.float64]) -> NDArray[np.float64]:

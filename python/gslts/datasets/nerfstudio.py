@@ -9,8 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
-from gslts.camera import Camera
-from gslts.datasets.dataset import Dataset, ImageFrame, image_size, plausible, rigid
+from gslts.datasets.dataset import Dataset, ImageFrame, image_size, pinhole, rigid
 from gslts.datasets.undistort import Lens, lens_or_none
 
 OPENGL_FROM_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -96,19 +95,17 @@ def _image_frame(path: Path, frame: _Frame, content: _File, number: int) -> Imag
             raise ValueError(f"{rgb}: neither fl_x nor camera_angle_x is given")
         fx = width / 2 / float(np.tan(frame.camera_angle_x / 2))
     matrix = np.vstack([np.array(frame.transform_matrix)[:3], [0, 0, 0, 1]])
-    camera = Camera(
-        fx=fx,
-        fy=fx if frame.fl_y is None else frame.fl_y,
-        cx=width / 2 if frame.cx is None else frame.cx,
-        cy=height / 2 if frame.cy is None else frame.cy,
-        width=width,
-        height=height,
-        world_from_camera=rigid(matrix @ OPENGL_FROM_OPENCV),
+    intrinsics = (
+        fx,
+        fx if frame.fl_y is None else frame.fl_y,
+        width / 2 if frame.cx is None else frame.cx,
+        height / 2 if frame.cy is None else frame.cy,
     )
+    camera = pinhole(intrinsics, (width, height), rigid(matrix @ OPENGL_FROM_OPENCV))
     depth = None if frame.depth_file_path is None else path / frame.depth_file_path
     return ImageFrame(
         rgb,
-        plausible(camera),
+        camera,
         depth,
         content.depth_unit_scale_factor,
         time_s=float(number),

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.camera import Camera
-from gslts.datasets.dataset import Dataset, ImageFrame, image_size, rigid
+from gslts.datasets.dataset import Dataset, ImageFrame, image_size
+from gslts.datasets.poses import pose_of
 
 Floats = NDArray[np.float64]
 
@@ -118,15 +119,4 @@ def _nearest(times: Floats, time_s: float, what: str) -> int:
 def _pose(numbers: Floats) -> Floats:
     """[4,4] of tx ty tz qx qy qz qw."""
     x, y, z, w = numbers[3:]
-    length = float(np.linalg.norm(numbers[3:]))
-    if abs(length - 1) > 0.01:
-        raise ValueError(f"its quaternion has the length {length:.3f}")
-    x, y, z, w = numbers[3:] / length
-    pose = np.eye(4)
-    pose[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    pose[:3, 3] = numbers[:3]
-    return rigid(pose)
+    return pose_of((w, x, y, z), numbers[:3])
