@@ -228,7 +228,8 @@ def test_what_is_no_data_set_is_named(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match="nowhere: there is no such file or folder"):
         open_dataset(tmp_path / "nowhere")
     with pytest.raises(
-        ValueError, match=r"no data set of a known format \(nerfstudio, 7scenes, tum, colmap\)"
+        ValueError,
+        match=r"no data set of a known format \(nerfstudio, 7scenes, tum, colmap, rosbag\)",
     ):
         open_dataset(tmp_path)
     (tmp_path / "transforms.json").write_text("{")

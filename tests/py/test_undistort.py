@@ -8,7 +8,7 @@ from PIL import Image
 
 from gslts.camera import Camera
 from gslts.datasets.dataset import ImageFrame
-from gslts.datasets.undistort import Lens, lens_or_none, undistort
+from gslts.datasets.undistort import Lens, lens_or_none, undistort_depth, undistort_rgb
 
 CAMERA = Camera(
     fx=100.0, fy=104.0, cx=77.3, cy=63.8, width=160, height=120, world_from_camera=np.eye(4)
@@ -19,6 +19,13 @@ LENSES = {
     "rational": Lens((0.3, 0.1, 0.001, 0.002, 0.02, 0.15, 0.05, 0.01)),
     "fisheye": Lens((-0.03, 0.01, -0.002, 0.001), fisheye=True),
 }
+
+
+def undistort(
+    rgb: np.ndarray, depth: np.ndarray, camera: Camera, lens: Lens
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    flat, mask = undistort_rgb(rgb, camera, lens)
+    return flat, undistort_depth(depth, camera, lens), mask
 
 
 def seen_at(lens: Lens, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

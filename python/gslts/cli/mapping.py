@@ -21,7 +21,10 @@ class Preset(StrEnum):
 
 
 Dataset = Annotated[
-    Path, typer.Argument(help="Folder in the layout of nerfstudio, 7-Scenes or TUM RGB-D.")
+    Path,
+    typer.Argument(
+        help="Folder in the layout of nerfstudio, 7-Scenes, TUM RGB-D or COLMAP, or a ROS 2 bag."
+    ),
 ]
 Threads = Annotated[int, typer.Option(min=0, help="0 means one a hardware thread.")]
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.camera import Camera
-from gslts.datasets.undistort import Lens, undistort
+from gslts.datasets.undistort import Lens, undistort_depth, undistort_rgb
 from gslts.frame import RgbdFrame
 
 RIGID_TOLERANCE = 0.02
@@ -128,7 +128,8 @@ class ImageFrame:
             depth[(steps <= 0) | (steps == self.depth_invalid)] = 0
         mask = None
         if self.lens is not None:
-            rgb, depth, mask = undistort(rgb, depth, self.camera, self.lens)
+            rgb, mask = undistort_rgb(rgb, self.camera, self.lens)
+            depth = undistort_depth(depth, self.camera, self.lens)
         return RgbdFrame(rgb, depth, self.camera, self.time_s, mask=mask)
 
 

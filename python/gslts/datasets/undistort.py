@@ -71,29 +71,39 @@ def lens_or_none(coefficients: Sequence[float], fisheye: bool = False) -> Lens |
     return Lens(tuple(float(value) for value in coefficients), fisheye)
 
 
-def undistort(
-    rgb: NDArray[np.uint8], depth: Floats32, camera: Camera, lens: Lens
-) -> tuple[NDArray[np.uint8], Floats32, Mask]:
-    """What a pinhole with the same intrinsics would have seen.
+def undistort_rgb(
+    rgb: NDArray[np.uint8], camera: Camera, lens: Lens
+) -> tuple[NDArray[np.uint8], Mask]:
+    """What a pinhole with the same intrinsics would have seen, interpolated linearly.
 
     Args:
-        rgb: [H,W,3] uint8; interpolated linearly.
-        depth: [H,W] float32, z, m; taken from the next pixel, so that nothing is made up at edges.
+        rgb: [H,W,3] uint8.
         camera: Intrinsics of the lens, and of the pinhole.
         lens: Its distortion.
 
     Returns:
-        The pictures in the same sizes, 0 where the lens saw nothing, and [H,W] whether it did.
+        The picture in the same size, 0 where the lens saw nothing, and [H,W] whether it did.
     """
     import cv2
 
-    size = (camera.width, camera.height)
-    x, y, seen = _places((camera.fx, camera.fy, camera.cx, camera.cy), size, lens)
+    x, y, seen = _places(*_key(camera), lens)
     flat: Any = cv2.remap(rgb, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    near: Any = cv2.remap(depth, x, y, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
     flat[~seen] = 0
-    near[~seen] = 0
-    return flat, near, seen
+    return flat, seen
+
+
+def undistort_depth(depth: Floats32, camera: Camera, lens: Lens) -> Floats32:
+    """The same of depth, [H,W] float32 m, each from the next pixel: edges are not mixed."""
+    import cv2
+
+    x, y, seen = _places(*_key(camera), lens)
+    flat: Any = cv2.remap(depth, x, y, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
+    flat[~seen] = 0
+    return flat  # type: ignore[no-any-return]
+
+
+def _key(camera: Camera) -> tuple[tuple[float, float, float, float], tuple[int, int]]:
+    return (camera.fx, camera.fy, camera.cx, camera.cy), (camera.width, camera.height)
 
 
 @lru_cache(maxsize=4)
