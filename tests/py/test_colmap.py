@@ -136,6 +136,8 @@ def test_frames_that_cannot_be_used_are_named(tmp_path: Path) -> None:
     assert reasons(tmp_path) == ("left/a b_0.png: its quaternion has the length nan",)
     write({1: "7"})
     assert "its quaternion has the length 7" in reasons(tmp_path)[0]
+    write({1: "1e300"})  # Whose square is infinite.
+    assert "its quaternion has the length" in reasons(tmp_path)[0]
     write({5: "inf"})
     assert "its place is [inf, " in reasons(tmp_path)[0]
     write({8: "9"})

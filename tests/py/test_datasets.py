@@ -25,8 +25,8 @@ def recorded(tmp_path: Path) -> Path:
     return tmp_path / "room"
 
 
-def frames_of_robot() -> list:
-    robot = Controller(sim_scenes.simple_home(), width=64, height=48)
+def frames_of_robot(width: int = 64, height: int = 48) -> list:
+    robot = Controller(sim_scenes.simple_home(), width=width, height=height)
     frames = []
     for look in LOOKS:
         x, y = look.place
@@ -96,7 +96,7 @@ def write_tum(folder: Path) -> list:
 
     for name in ("rgb", "depth"):
         (folder / name).mkdir(parents=True)
-    frames = frames_of_robot()
+    frames = frames_of_robot(640, 480)
     lists = {"rgb": ["# timestamp filename"], "depth": ["# depth maps"], "groundtruth": ["#"]}
     for number, frame in enumerate(frames):
         time = 1305031102.0 + number
@@ -157,6 +157,16 @@ def test_the_real_room_is_read() -> None:
     measured = frame.depth[frame.depth > 0]
     assert 0.3 < np.median(measured) < 5
     assert measured.max() < 65
+
+
+def test_tum_of_another_size_is_not_taken_for_the_cameras(tmp_path: Path) -> None:
+    folder = tmp_path / "room"
+    write_tum(folder)
+    with Image.open(folder / "rgb/1305031102.000000.png") as picture:
+        small = picture.resize((160, 120))
+    small.save(folder / "rgb/1305031102.000000.png")
+    (reason,) = open_dataset(folder).skipped
+    assert "the principal point (320, 240) is outside the image of 160 x 120 px" in reason
 
 
 def edited(folder: Path, edit: object) -> Path:

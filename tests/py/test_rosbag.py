@@ -166,6 +166,16 @@ def test_frames_without_pose_or_depth_near_in_time_are_named(tmp_path: Path) -> 
     )
 
 
+def test_poses_that_are_none_are_named(tmp_path: Path) -> None:
+    bag = robot_bag(frames_of_robot())
+    first = next(message for _, topic, message in bag.messages if topic == "/tf")
+    first.transforms[0].transform.rotation.w = float("nan")
+    dataset = open_dataset(bag.write(tmp_path / "walk", "mcap"))
+    assert len(dataset.frames) == 2
+    (reason,) = dataset.skipped
+    assert reason.endswith(": odom to base_link: its quaternion has the length nan")
+
+
 def simple_bag(tmp_path: Path, pictures: Any, storage: str = "mcap") -> Dataset:
     """Two frames of a standing camera, whose pictures a function adds."""
     bag = Recorder()

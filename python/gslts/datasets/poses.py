@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -19,7 +21,7 @@ def pose_of(wxyz: ArrayLike, translation: ArrayLike) -> Floats:
     Raises:
         ValueError: The quaternion has not the length 1, or a number is not finite.
     """
-    length = float(np.linalg.norm(np.asarray(wxyz, np.float64)))
+    length = math.hypot(*np.asarray(wxyz, np.float64).tolist())
     if not abs(length - 1) <= LENGTH_TOLERANCE:
         raise ValueError(f"its quaternion has the length {length:.3f}")
     if not np.isfinite(np.asarray(translation, np.float64)).all():

@@ -139,5 +139,5 @@ class Bag:
         except OSError:
             raise
         except Exception as error:
-            reason = str(error) or type(error).__name__
+            reason = " ".join(str(error).split()) or type(error).__name__
             raise ValueError(f"{self.path}: {what}: {reason}") from error

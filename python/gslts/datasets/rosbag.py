@@ -112,9 +112,9 @@ def open_rosbag(path: Path) -> Dataset:
     """Opens a bag; all colour pictures that have a pose become frames.
 
     Topics are chosen by `choose_topics`. Poses come from /tf and /tf_static where the topmost frame
-    above the camera's optical frame is a world, such as map or odom, or where nothing else is there;
-    otherwise from the one topic of poses. Odometry names the frame whose pose it is, other types do
-    not: they are taken as poses of the topmost frame above the camera, usually base_link.
+    above the camera's optical frame is a world, such as map or odom, or where there is no other
+    source; otherwise from the one topic of poses. Odometry names the frame whose pose it is, other
+    types do not: they are taken as poses of the topmost frame above the camera, usually base_link.
 
     Raises:
         ImportError: The package rosbags is missing.

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.camera import Camera
-from gslts.datasets.dataset import Dataset, ImageFrame, image_size
+from gslts.datasets.dataset import Dataset, ImageFrame, image_size, pinhole
 from gslts.datasets.poses import pose_of
 
 Floats = NDArray[np.float64]
@@ -57,17 +56,10 @@ def open_tum(path: Path) -> Dataset:
             depth = _nearest(depth_times, time_s, "depth picture")
             pose = _nearest(pose_times, time_s, "pose")
             width, height = image_size(path / name)
-            camera = Camera(
-                fx=fx,
-                fy=fy,
-                # Calibrations by OpenCV count from the middle of the first pixel, this project
-                # from its corner.
-                cx=cx + 0.5,
-                cy=cy + 0.5,
-                width=width,
-                height=height,
-                world_from_camera=_pose(poses[pose]),
-            )
+            # Calibrations by OpenCV count from the middle of the first pixel, this project from
+            # its corner.
+            intrinsics = (fx, fy, cx + 0.5, cy + 0.5)
+            camera = pinhole(intrinsics, (width, height), _pose(poses[pose]))
         except (OSError, ValueError) as error:
             skipped.append(f"{name}: {error}")
             continue
