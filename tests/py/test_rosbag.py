@@ -2,6 +2,7 @@
 
 import io
 import struct
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -439,4 +440,11 @@ def test_bags_that_are_cut_off_are_refused(tmp_path: Path, storage: str) -> None
         open_dataset(path)
     (path / "metadata.yaml").write_text("rosbag2_bagfile_information: [")
     with pytest.raises(ValueError, match="walk"):
+        open_dataset(path)
+
+
+def test_what_is_missing_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = robot_bag(frames_of_robot()).write(tmp_path / "walk", "mcap")
+    monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
+    with pytest.raises(ImportError, match=r"ROS bags need rosbags: pip install 'gslts\[ros\]'"):
         open_dataset(path)
