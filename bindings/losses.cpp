@@ -1,3 +1,4 @@
+#include "gslts/raster/alignment.hpp"
 #include "gslts/raster/losses.hpp"
 
 #include <pybind11/stl.h>
@@ -68,14 +69,15 @@ template <typename T>
 py::typing::Tuple<double, std::size_t, py::array_t<T>> depth_loss(const py::array& depth,
                                                                   const py::array& target,
                                                                   const OptionalArray& mask,
-                                                                  int threads) {
+                                                                  bool relative, int threads) {
   const ImageSize size = size_of(depth);
   const T* rendered = require_array<T>(depth, "depth", {size.height, size.width});
   const T* measured = require_array<T>(target, "target", {size.height, size.width});
   const PixelMask pixels = mask_of(mask, size);
   DepthLoss<T> loss = [&] {
     const py::gil_scoped_release release;
-    return raster::depth_loss(rendered, measured, size.width, size.height, pixels, threads);
+    return raster::depth_loss(rendered, measured, size.width, size.height, pixels, relative,
+                              threads);
   }();
   return py::make_tuple(loss.value, loss.count,
                         to_numpy(std::move(loss.dL_ddepth), {size.height, size.width}));
@@ -91,8 +93,8 @@ void define_precision(py::module_& m, const std::string& suffix) {
         py::arg("exposure"), py::arg("threads").noconvert(),
         "See gslts.losses.photometric_loss; returns value, l1, ssim and gradient.");
   m.def(("depth_loss" + suffix).c_str(), &depth_loss<T>, py::arg("depth"), py::arg("target"),
-        py::kw_only(), py::arg("mask"), py::arg("threads").noconvert(),
-        "See gslts.losses.depth_loss; returns value, count and gradient.");
+        py::kw_only(), py::arg("mask"), py::arg("relative").noconvert(),
+        py::arg("threads").noconvert(), "See gslts.losses.depth_loss; returns value, count and gradient.");
 }
 
 py::tuple fields(const Exposure& exposure) {

@@ -2,6 +2,7 @@
 
 namespace gslts::python {
 void define_adam(pybind11::module_ m);
+void define_alignment(pybind11::module_ m);
 void define_losses(pybind11::module_ m);
 void define_map(pybind11::module_ m);
 void define_ply(pybind11::module_ m);
@@ -19,4 +20,5 @@ PYBIND11_MODULE(_core, m) {
   gslts::python::define_raster(raster);
   gslts::python::define_losses(raster);
   gslts::python::define_adam(raster);
+  gslts::python::define_alignment(raster);
 }

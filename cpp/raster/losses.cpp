@@ -187,7 +187,7 @@ PhotometricLoss<T> photometric_loss(const T* rgb, const T* target, int width, in
 
 template <typename T>
 DepthLoss<T> depth_loss(const T* depth, const T* target, int width, int height,
-                        const PixelMask& mask, int threads) {
+                        const PixelMask& mask, bool relative, int threads) {
   const char* const function = "depth_loss";
   require_size(function, width, height);
   const WantedPixels wanted(mask, width, height, function);
@@ -218,10 +218,11 @@ DepthLoss<T> depth_loss(const T* depth, const T* target, int width, int height,
         const int is_wanted = wanted.pixel(x, y);
         const int counts = is_wanted & (rendered > 0) & (measured > 0) & (measured <= greatest);
         const T difference = counts ? rendered - measured : T(0);
-        absolute += double(std::abs(difference));
+        const T scale = relative && counts ? 1 / measured : T(1);
+        absolute += double(std::abs(difference) * scale);
         count += counts;
         bad += is_wanted & !((rendered >= 0) & (rendered <= greatest));
-        gradient[pixel] = T((difference > 0) - (difference < 0));
+        gradient[pixel] = scale * T((difference > 0) - (difference < 0));
       }
       part += {absolute, std::size_t(count), std::size_t(bad)};
     }
@@ -252,8 +253,9 @@ template PhotometricLoss<float> photometric_loss(const float*, const float*, int
                                                  const PixelMask&, double, const Exposure&, int);
 template PhotometricLoss<double> photometric_loss(const double*, const double*, int, int,
                                                   const PixelMask&, double, const Exposure&, int);
-template DepthLoss<float> depth_loss(const float*, const float*, int, int, const PixelMask&, int);
+template DepthLoss<float> depth_loss(const float*, const float*, int, int, const PixelMask&, bool,
+                                     int);
 template DepthLoss<double> depth_loss(const double*, const double*, int, int, const PixelMask&,
-                                      int);
+                                      bool, int);
 
 }  // namespace gslts::raster

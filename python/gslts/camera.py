@@ -14,6 +14,7 @@ __all__ = [
     "look_at",
     "resized",
     "rotation",
+    "rotation_of_quat",
     "rotation_vector",
 ]
 
@@ -72,3 +73,15 @@ def rotation_vector(turn: Floats) -> Floats:
     angle = np.arctan2(sine, cosine)
     result: Floats = axis * (0.5 if sine < 1e-9 else 0.5 * angle / sine)
     return result
+
+
+def rotation_of_quat(quat: Floats) -> Floats:
+    """[3,3] rotation of a quaternion (4,) wxyz of any length but 0."""
+    w, x, y, z = quat / np.linalg.norm(quat)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )

@@ -49,7 +49,7 @@ class DepthLoss:
     """Depth loss of one image.
 
     Attributes:
-        value: Mean |rendered - measured|, m.
+        value: Mean |rendered - measured|, m, or divided by the measured.
         count: Number of pixels compared.
         dL_ddepth: [H,W] gradient of value.
     """
@@ -135,6 +135,7 @@ def depth_loss(
     target: FloatArray,
     *,
     mask: NDArray[np.bool_] | None = None,
+    relative: bool = False,
     threads: int = 0,
 ) -> DepthLoss:
     """L1 of the expected depth.
@@ -146,10 +147,11 @@ def depth_loss(
         depth: [H,W] rendered depth, z in the camera frame, m.
         target: [H,W] measured depth, m.
         mask: [H,W] bool, pixels wanted; None means all.
+        relative: Whether each difference is divided by the measured depth.
         threads: 0 means one a hardware thread.
 
     Raises:
         ValueError: An array has the wrong shape or dtype, or `depth` is negative or not finite.
     """
     function = _of_dtype("depth", "depth_loss", depth)
-    return DepthLoss(*function(depth, target, mask=mask, threads=threads))
+    return DepthLoss(*function(depth, target, mask=mask, relative=relative, threads=threads))

@@ -80,6 +80,21 @@ def read_map_folder(folder: Path) -> tuple[GaussianMap, dict[str, Any]]:
     return gaussian_map, manifest
 
 
+def read_map(path: Path) -> GaussianMap:
+    """The map of a folder, or of a PLY file of 3DGS.
+
+    Raises:
+        OSError: A file cannot be read.
+        ValueError: It is no map.
+    """
+    return read_map_folder(path)[0] if path.is_dir() else read_ply(path)
+
+
+def ply_of(path: Path) -> Path:
+    """The file with the Gaussians of what `read_map` takes."""
+    return path / PLY if path.is_dir() else path
+
+
 def _plain(camera: Camera) -> dict[str, Any]:
     return {
         **{name: getattr(camera, name) for name in ("fx", "fy", "cx", "cy", "width", "height")},

@@ -14,7 +14,6 @@ from test_datasets import frames_of_robot
 
 from gslts.camera import Camera
 from gslts.datasets import Dataset, open_dataset
-from gslts.datasets.registration import register_depth
 from gslts.datasets.undistort import Lens
 from gslts.frame import RgbdFrame
 
@@ -264,7 +263,7 @@ def test_encodings_of_depth(tmp_path: Path, encoding: str) -> None:
     np.testing.assert_allclose(read.depth, depth, atol=tolerance)
 
 
-def test_depth_of_a_camera_beside_is_registered(tmp_path: Path) -> None:
+def test_depth_of_a_camera_beside_has_its_own_view(tmp_path: Path) -> None:
     frames = frames_of_robot()
     colour = frames[0].camera
     beside = Camera(
@@ -286,22 +285,16 @@ def test_depth_of_a_camera_beside_is_registered(tmp_path: Path) -> None:
         bag.image(topic, time_of(number), "cam_depth", "16UC1", steps)
     dataset = open_dataset(bag.write(tmp_path / "walk", "mcap"))
     read = dataset.frames[2].read()
-    at_origin = [
-        Camera(
-            fx=camera.fx,
-            fy=camera.fy,
-            cx=camera.cx,
-            cy=camera.cy,
-            width=camera.width,
-            height=camera.height,
-            world_from_camera=pose,
-        )
-        for camera, pose in ((beside, colour_from_depth), (colour, np.eye(4)))
-    ]
-    expected = register_depth(depth, *at_origin)
-    assert expected.min() == 0
-    # Where rounding decides which pixel a place falls in, it may differ.
-    assert (np.abs(read.depth - expected) < 1e-4).mean() > 0.99
+    np.testing.assert_array_equal(read.depth, depth)
+    assert read.depth_camera is not None
+    for name in ("fx", "fy", "cx", "cy", "width", "height"):
+        assert getattr(read.depth_camera, name) == pytest.approx(getattr(beside, name))
+    np.testing.assert_allclose(
+        read.depth_camera.world_from_camera,
+        frames[2].camera.world_from_camera @ colour_from_depth,
+        atol=1e-6,
+    )
+    assert read.registered().depth.shape == (48, 64)
 
 
 def test_lenses(tmp_path: Path) -> None:

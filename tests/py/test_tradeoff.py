@@ -1,6 +1,7 @@
 """The trade-off between speed and accuracy: figures, files and the command."""
 
 import csv
+import json
 import math
 from pathlib import Path
 
@@ -14,6 +15,7 @@ import gslts
 from gslts.bench import tradeoff
 from gslts.bench.rooms import SIZES, make_room
 from gslts.cli import app
+from gslts.map_folder import write_map_folder
 
 
 @pytest.fixture(scope="module")
@@ -104,3 +106,25 @@ def test_errors_name_what_is_wrong() -> None:
         tradeoff.measure(gaussian_map, scenes.orbit_camera(target=(-90, 0, 0)))
     with pytest.raises(ValueError, match="one of S, M, L, got 'XL'"):
         make_room("XL")
+
+
+def test_the_command_takes_maps(tmp_path: Path) -> None:
+    """A folder is seen from its first camera, a plain file from a pose."""
+    gaussian_map = scenes.random_map(300, dtype=np.float32)
+    cameras = {"first": scenes.orbit_camera(48, 32), "second": scenes.orbit_camera(2, 2)}
+    write_map_folder(tmp_path / "$map$", gaussian_map, {}, cameras)
+    folder, out = tmp_path / "$map$", tmp_path / "out"
+    common = ("--rounds", "1", "--out", str(out))
+    result = CliRunner().invoke(app, ["tradeoff", "--map", str(folder), *common])
+    assert result.exit_code == 0, result.output
+    assert (out / "tradeoff_$map$.png").exists()
+    pose = {"world_from_camera": cameras["first"].world_from_camera.tolist()}
+    (tmp_path / "pose.json").write_text(json.dumps(pose))
+    arguments = ("--map", str(folder / "map.ply"), "--pose", str(tmp_path / "pose.json"))
+    result = CliRunner().invoke(app, ["tradeoff", *arguments, *common])
+    assert result.exit_code == 0, result.output
+    with (out / "tradeoff_map.csv").open() as file:
+        assert len(list(csv.DictReader(file))) == len(tradeoff.SETTINGS)
+    for wrong in (("--map", str(folder / "map.ply")), ("--pose", "first")):
+        result = CliRunner().invoke(app, ["tradeoff", *wrong, *common])
+        assert isinstance(result.exception, ValueError)

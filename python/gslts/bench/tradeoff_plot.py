@@ -25,7 +25,7 @@ def write_plot(points: Sequence[Point], title: str, path: Path) -> None:
     """
     figure = Figure(figsize=(13, 6), layout="constrained")
     FigureCanvasAgg(figure)
-    figure.suptitle(title)
+    figure.suptitle(title, parse_math=False)  # A path may hold dollars.
     image, gradient = figure.subplots(1, 2)
     _draw(image, points, [p.forward_ms for p in points], [p.psnr_db for p in points])
     front = sorted((p for p in points if p.on_front), key=lambda p: p.forward_ms)

@@ -26,6 +26,9 @@ Dataset = Annotated[
         help="Folder in the layout of nerfstudio, 7-Scenes, TUM RGB-D or COLMAP, or a ROS 2 bag."
     ),
 ]
+Map = Annotated[
+    Path, typer.Argument(metavar="MAP", help="Folder of a map, or a .ply file of 3DGS.")
+]
 Threads = Annotated[int, typer.Option(min=0, help="0 means one a hardware thread.")]
 
 
@@ -93,11 +96,17 @@ def make(
 
 
 def judge(
-    map_folder: Annotated[Path, typer.Argument(metavar="MAP", help="Folder of the map.")],
+    map_path: Map,
     dataset: Dataset,
     every: Annotated[int, typer.Option(min=1, help="Use every so manieth frame.")] = 8,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     threads: Threads = 0,
+    lpips_backbone: Annotated[
+        Path | None, typer.Option(help="Weights of torchvision's AlexNet, for LPIPS.")
+    ] = None,
+    lpips_heads: Annotated[
+        Path | None, typer.Option(help="alex.pth of the package lpips, for LPIPS.")
+    ] = None,
 ) -> None:
     """Compare a map with frames, their exposure fitted and their poses as given.
 
@@ -106,16 +115,40 @@ def judge(
     from dataclasses import asdict
 
     from gslts.datasets import open_dataset
-    from gslts.map_folder import read_map_folder
+    from gslts.lpips import Lpips
+    from gslts.map_folder import ply_of, read_map
+    from gslts.mapping.assess import assess
     from gslts.mapping.evaluate import evaluate
 
-    gaussian_map, _ = read_map_folder(map_folder)
+    lpips = None
+    if lpips_backbone is not None and lpips_heads is not None:
+        lpips = Lpips(lpips_backbone, lpips_heads)
+    elif lpips_backbone is not None or lpips_heads is not None:
+        raise ValueError("LPIPS needs both --lpips-backbone and --lpips-heads")
+    gaussian_map = read_map(map_path)
+    ply_bytes = ply_of(map_path).stat().st_size
     frames = [frame.read() for frame in open_dataset(dataset).frames[::every]]
     quality = evaluate(gaussian_map, frames, threads)
+    rest = assess(gaussian_map, frames, lpips, threads)
+    per_gaussian = ply_bytes / max(1, gaussian_map.size)
     if as_json:
-        typer.echo(json.dumps({**asdict(quality), "gaussians": gaussian_map.size}))
+        sizes = {
+            "gaussians": gaussian_map.size,
+            "ply_bytes": ply_bytes,
+            "bytes_per_gaussian": per_gaussian,
+        }
+        typer.echo(json.dumps({**asdict(quality), **asdict(rest), **sizes}))
         return
     typer.echo(
         f"{quality.frames} frames: {quality.psnr_db:.2f} dB, SSIM {quality.ssim:.3f}, depth "
-        f"{100 * quality.depth_l1_m:.2f} cm off, {gaussian_map.size} Gaussians"
+        f"{100 * quality.depth_l1_m:.2f} cm off"
+    )
+    typer.echo(
+        f"{gaussian_map.size} Gaussians in {ply_bytes} bytes, {per_gaussian:.1f} each; "
+        f"{rest.render_ms:.1f} ms a rendering"
+    )
+    typer.echo(
+        "no LPIPS: it needs weights, --lpips-backbone and --lpips-heads"
+        if rest.lpips is None
+        else f"LPIPS {rest.lpips:.4f}"
     )

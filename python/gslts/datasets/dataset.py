@@ -92,7 +92,7 @@ class Dataset:
 
 @dataclass(frozen=True, eq=False)
 class ImageFrame:
-    """A frame in image files, registered pixel by pixel.
+    """A frame in image files.
 
     Args:
         rgb: Of any kind that Pillow reads.
@@ -101,7 +101,9 @@ class ImageFrame:
         depth_unit_m: What one step of it is worth.
         depth_invalid: Number besides 0 that means no measurement; None if there is none.
         time_s: When it was taken.
-        lens: That distorts both pictures; None if none does. The frame is undistorted when read.
+        depth_camera: Intrinsics and pose of the depth; None if it is registered.
+        lens: That distorts the colours, and registered depth with them; None if none does. What it
+            does is undone when the frame is read.
     """
 
     rgb: Path
@@ -110,6 +112,7 @@ class ImageFrame:
     depth_unit_m: float = 0.001
     depth_invalid: int | None = None
     time_s: float = 0.0
+    depth_camera: Camera | None = None
     lens: Lens | None = None
 
     @property
@@ -121,16 +124,18 @@ class ImageFrame:
         """Reads both pictures."""
         size = (self.camera.height, self.camera.width)
         rgb = read_image(self.rgb, "RGB", size).astype(np.uint8)
-        depth = np.zeros(size, np.float32)
-        if self.depth is not None:
-            steps = read_image(self.depth, "I", size)
-            depth = (steps * self.depth_unit_m).astype(np.float32)
-            depth[(steps <= 0) | (steps == self.depth_invalid)] = 0
         mask = None
         if self.lens is not None:
             rgb, mask = undistort_rgb(rgb, self.camera, self.lens)
+        if self.depth is None:
+            return RgbdFrame(rgb, np.zeros(size, np.float32), self.camera, self.time_s, mask=mask)
+        beside = self.camera if self.depth_camera is None else self.depth_camera
+        steps = read_image(self.depth, "I", (beside.height, beside.width))
+        depth = (steps * self.depth_unit_m).astype(np.float32)
+        depth[(steps <= 0) | (steps == self.depth_invalid)] = 0
+        if self.lens is not None and self.depth_camera is None:
             depth = undistort_depth(depth, self.camera, self.lens)
-        return RgbdFrame(rgb, depth, self.camera, self.time_s, mask=mask)
+        return RgbdFrame(rgb, depth, self.camera, self.time_s, self.depth_camera, mask)
 
 
 def pinhole(

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gslts.camera import rotation, rotation_vector
+from gslts.camera import rotation, rotation_of_quat, rotation_vector
 
 Floats = NDArray[np.float64]
 
@@ -26,13 +26,8 @@ def pose_of(wxyz: ArrayLike, translation: ArrayLike) -> Floats:
         raise ValueError(f"its quaternion has the length {length:.3f}")
     if not np.isfinite(np.asarray(translation, np.float64)).all():
         raise ValueError(f"its place is {np.asarray(translation).tolist()}")
-    w, x, y, z = np.asarray(wxyz, np.float64) / length
     pose = np.eye(4)
-    pose[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
+    pose[:3, :3] = rotation_of_quat(np.asarray(wxyz, np.float64))
     pose[:3, 3] = translation
     return pose
 

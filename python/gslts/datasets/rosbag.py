@@ -10,7 +10,6 @@ import numpy as np
 
 from gslts.camera import Camera, at_pose
 from gslts.datasets.dataset import Dataset, pinhole
-from gslts.datasets.registration import register_depth
 from gslts.datasets.ros_bag import Bag, Place
 from gslts.datasets.ros_images import camera_of, depth_of, rgb_of
 from gslts.datasets.ros_poses import FrameTree, Track, plain, time_of
@@ -65,7 +64,7 @@ class RosFrame:
         return f"{seconds}.{nanoseconds:09}"
 
     def read(self) -> RgbdFrame:
-        """Reads the messages; depth of another view is registered."""
+        """Reads the messages."""
         rgb = self._pixels(self.rgb, self.camera, rgb_of)
         mask = None
         if self.lens is not None:
@@ -76,11 +75,7 @@ class RosFrame:
             depth = self._pixels(self.depth, depth_camera, depth_of)
             if self.depth_lens is not None:
                 depth = undistort_depth(depth, depth_camera, self.depth_lens)
-            if self.depth_camera is not None:
-                depth = register_depth(depth, self.depth_camera, self.camera)
-            if mask is not None:
-                depth[~mask] = 0
-        return RgbdFrame(rgb, depth, self.camera, self.rgb.time_ns * 1e-9, mask=mask)
+        return RgbdFrame(rgb, depth, self.camera, self.rgb.time_ns * 1e-9, self.depth_camera, mask)
 
     def _pixels(self, place: Place, camera: Camera, decode: Any) -> Any:
         where = f"{self.bag.path}: {place.topic} at {place.time_ns} ns"

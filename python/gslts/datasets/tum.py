@@ -68,6 +68,22 @@ def open_tum(path: Path) -> Dataset:
     return Dataset(path.name, tuple(frames), tuple(skipped))
 
 
+def read_trajectory(path: Path) -> list[Floats]:
+    """The poses [4,4] world_from_camera of a file like groundtruth.txt, in its order.
+
+    Raises:
+        OSError: It cannot be read.
+        ValueError: A line is not eight numbers, or its quaternion is none.
+    """
+    poses = []
+    for number, row in enumerate(_rows(path, 8)):
+        try:
+            poses.append(_pose(np.array(row[1:], np.float64)))
+        except ValueError as error:
+            raise ValueError(f"{path}: pose {number}: {error}") from None
+    return poses
+
+
 def _rows(path: Path, columns: int) -> list[list[str]]:
     """The words of each line that is no comment."""
     if path.stat().st_size > MAX_BYTES:

@@ -20,6 +20,7 @@ class MappingConfig(BaseModel):
         sh_degree: Of the spherical harmonics.
         coarse_share: Share of the iterations at half the resolution.
         refine_poses: Whether poses are corrected along the way.
+        refine_lenses: Whether focal lengths and the place of the depth lens are, too.
         pose_std_m: How far given positions are expected to be off, m.
         pose_std_rad: How far given rotations are expected to be off, rad.
         dssim_weight: Of 1 - SSIM against L1 of the colours.
@@ -42,6 +43,7 @@ class MappingConfig(BaseModel):
     sh_degree: Annotated[int, Field(ge=0, le=3)] = 0
     coarse_share: Share = 0.4
     refine_poses: bool = True
+    refine_lenses: bool = True
     pose_std_m: Positive = 0.01
     pose_std_rad: Positive = 0.01
     dssim_weight: Share = 0.2

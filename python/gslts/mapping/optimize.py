@@ -3,48 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gslts.adam import Adam, AdamRates
-from gslts.camera import Camera, resized
-from gslts.frame import RgbdFrame
+from gslts.alignment import Alignment, NormalEquations, align
 from gslts.gaussian_map import SH_C0, GaussianMap
-from gslts.losses import Exposure, fit_exposure, photometric_loss
+from gslts.losses import Exposure, depth_loss, fit_exposure, photometric_loss
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.evaluate import exposed, psnr_db
-from gslts.mapping.pose import NormalEquations, align, moved, twist_between
+from gslts.mapping.lenses import PIXELS_PER_FACT, after_step, corrected_lenses, pose_step
+from gslts.mapping.pose import moved, twist_of
+from gslts.mapping.training_frame import TrainingFrame
 from gslts.render import Rasterizer, RenderOptions
 
-Floats32 = NDArray[np.float32]
-
-PIXELS_PER_FACT = 50.0
-"""Neighbouring pixels err together: so many count as one independent measurement."""
-
-
-@dataclass(eq=False)
-class TrainingFrame:
-    """A frame, and what has been found out about it.
-
-    Attributes:
-        levels: Colour and depth, at full and at half resolution.
-        given: The camera of the data set.
-        camera: The camera as corrected.
-        exposure: From the map's colours to those of the frame.
-    """
-
-    levels: list[tuple[NDArray[np.uint8], Floats32]]
-    given: Camera
-    camera: Camera
-    exposure: Exposure = field(default_factory=Exposure)
-
-    @classmethod
-    def of(cls, frame: RgbdFrame) -> TrainingFrame:
-        """A frame at both resolutions."""
-        half = (_halved(frame.rgb), _halved_depth(frame.depth))
-        return cls([(frame.rgb, frame.depth), half], frame.camera, frame.camera)
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -62,7 +37,7 @@ class Optimizer:
 
     Args:
         gaussian_map: Where to start, float32.
-        frames: To be fitted; their poses and exposures are corrected in place.
+        frames: To be fitted; their poses, lenses and exposures are corrected in place.
         config: Settings.
     """
 
@@ -72,8 +47,10 @@ class Optimizer:
         self.adam = Adam(gaussian_map)
         self.frames, self.config = frames, config
         self.iteration = 0
+        self.epoch = 0
+        self.level = None
+        self.given_lenses = frames[0].lenses
         self._rasterizer = Rasterizer(np.float32)
-        self._options = RenderOptions(threads=config.threads)
         self._rng = np.random.default_rng(config.seed)
         self._order: list[int] = []
 
@@ -92,11 +69,11 @@ class Optimizer:
     def step(self, frame: TrainingFrame, share: float) -> tuple[float, float]:
         """One frame, at a share of the whole schedule; returns the loss and PSNR (dB)."""
         config, threads = self.config, self.config.threads
-        level = 1 if share < config.coarse_share else 0
-        rgb_bytes, measured = frame.levels[level]
-        photo = rgb_bytes.astype(np.float32) / 255
-        camera = resized(frame.camera, 1 << level)
-        images = self._rasterizer.forward(self.adam.map, camera, self._options)
+        level = self.level if self.level is not None else 1 if share < config.coarse_share else 0
+        photo, measured, camera = frame.photo(level), frame.depth(level), frame.camera(level)
+        # Dark colours must not be made of missing Gaussians: what is behind is never the same.
+        options = RenderOptions(threads=threads, background=self._rng.random(3))
+        images = self._rasterizer.forward(self.adam.map, camera, options)
         frame.exposure = _sane(fit_exposure(images.rgb, photo, threads=threads))
         color = photometric_loss(
             images.rgb,
@@ -105,33 +82,51 @@ class Optimizer:
             exposure=frame.exposure,
             threads=threads,
         )
-        valid = (measured > 0) & (images.depth > 0)
-        error = np.where(valid, images.depth - measured, 0)
-        weight = config.depth_weight / max(1, int(valid.sum()))
-        dL_ddepth = weight * np.sign(error) / np.where(valid, measured, 1)
-        dL_dalpha = np.full(images.alpha.shape, -config.opacity_weight / images.alpha.size)
+        depth = depth_loss(images.depth, measured, relative=True, threads=threads)
+        of_alpha = np.float32(-config.opacity_weight / images.alpha.size)
         gradients = self._rasterizer.backward(
             dL_drgb=color.dL_drgb,
-            dL_ddepth=dL_ddepth.astype(np.float32),
-            dL_dalpha=dL_dalpha.astype(np.float32),
+            dL_ddepth=depth.dL_ddepth * np.float32(config.depth_weight),
+            dL_dalpha=np.full(images.alpha.shape, of_alpha),
         )
         self.adam.step(gradients, self._rates(share), threads=threads)
-        corrected = exposed(images.rgb, frame.exposure)
         if config.refine_poses and self.iteration >= len(self.frames):
-            equations = align(camera, corrected, images.depth, photo, measured)
-            frame.camera = self._refined(frame, equations)
+            alignment = align(
+                camera,
+                images.rgb,
+                images.depth,
+                photo,
+                measured,
+                exposure=frame.exposure,
+                threads=threads,
+            )
+            self._refine_pose(frame, _at_full_size(alignment, 1 << level))
         self.iteration += 1
-        return color.value, psnr_db(corrected, photo)
+        some = (slice(None, None, 4),) * 2
+        return color.value, psnr_db(exposed(images.rgb[some], frame.exposure), photo[some])
 
-    def _refined(self, frame: TrainingFrame, equations: NormalEquations) -> Camera:
+    def _refine_pose(self, frame: TrainingFrame, alignment: Alignment) -> None:
         """One Gauss-Newton step, held near the given pose."""
-        config = self.config
-        stds = np.repeat([config.pose_std_m, config.pose_std_rad], 3)
-        prior = PIXELS_PER_FACT / stds**2
-        off = twist_between(frame.camera, frame.given)
-        hessian = equations.hessian + np.diag(prior)
-        step = np.linalg.solve(hessian, equations.right + prior * off).astype(np.float64)
-        return moved(frame.camera, step)
+        stds = np.repeat([self.config.pose_std_m, self.config.pose_std_rad, 1], (3, 3, 4))
+        prior = (np.arange(10) < 6) * PIXELS_PER_FACT / stds**2
+        off = np.concatenate([twist_of(frame.off()), np.zeros(4)])
+        given = NormalEquations(np.diag(prior), prior * off)
+        import os; w=float(os.environ.get('DW','1'))
+        alignment = Alignment(alignment.color, NormalEquations(alignment.depth.hessian*w, alignment.depth.right*w) + given)
+        twist = pose_step(alignment)
+        frame.pose = moved(frame.lenses.at(frame.pose), twist).world_from_camera
+        frame.look = after_step(alignment, twist)
+
+    def _correct_lenses(self) -> None:
+        looks = [frame.look for frame in self.frames if frame.look is not None]
+        if len(looks) < len(self.frames):
+            return
+        if self.epoch > 6 and self.epoch % 4:
+            return
+        lenses = corrected_lenses(self.frames[0].lenses, self.given_lenses, looks)
+        for frame in self.frames:
+            frame.set_lenses(lenses)
+            frame.look = None
 
     def _rates(self, share: float) -> AdamRates:
         config = self.config
@@ -147,6 +142,7 @@ class Optimizer:
 
     def _end_epoch(self) -> None:
         """Removes what is faint, and folds the mean exposure into the map."""
+        self.epoch += 1
         old = self.adam.map
         gains = np.array([frame.exposure.gain for frame in self.frames])
         offsets = np.array([frame.exposure.offset for frame in self.frames])
@@ -169,6 +165,20 @@ class Optimizer:
             origin=old.origin,
         )
         self.adam = self.adam.edited(cleaned, kept)
+        if self.config.refine_lenses:
+            self._correct_lenses()
+
+
+def _at_full_size(alignment: Alignment, divisor: int) -> Alignment:
+    """Equations for the principal point in px of the full image."""
+    scale = np.ones(10)
+    scale[8:] = 1 / divisor
+
+    def scaled(equations: NormalEquations) -> NormalEquations:
+        hessian = equations.hessian * scale[:, None] * scale
+        return NormalEquations(hessian, equations.right * scale)
+
+    return Alignment(scaled(alignment.color), scaled(alignment.depth))
 
 
 def _sane(exposure: Exposure) -> Exposure:
@@ -180,19 +190,3 @@ def _sane(exposure: Exposure) -> Exposure:
 
 def _logit(share: float) -> float:
     return float(np.log(share / (1 - share)))
-
-
-def _halved(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    height, width = (length // 2 * 2 for length in rgb.shape[:2])
-    part = rgb[:height, :width].astype(np.uint16)
-    total = part[::2, ::2] + part[1::2, ::2] + part[::2, 1::2] + part[1::2, 1::2]
-    return ((total + 2) // 4).astype(np.uint8)
-
-
-def _halved_depth(depth: Floats32) -> Floats32:
-    """Means of 2 x 2 pixels where all are measured and on one surface, else 0."""
-    height, width = (length // 2 * 2 for length in depth.shape)
-    part = np.nan_to_num(depth[:height, :width])
-    four = np.stack([part[::2, ::2], part[1::2, ::2], part[::2, 1::2], part[1::2, 1::2]])
-    same = (four.min(axis=0) > 0) & (np.ptp(four, axis=0) < 0.05 * four.max(axis=0))
-    return np.where(same, four.mean(axis=0), 0).astype(np.float32)

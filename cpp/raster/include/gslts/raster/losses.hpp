@@ -54,7 +54,7 @@ PhotometricLoss<T> photometric_loss(const T* rgb, const T* target, int width, in
 
 template <typename T>
 struct DepthLoss {
-  double value = 0;       ///< Mean |rendered - measured|, m.
+  double value = 0;       ///< Mean |rendered - measured|, m or relative.
   std::size_t count = 0;  ///< Pixels that were compared.
   Array<T> dL_ddepth;     ///< [H,W]
 };
@@ -62,10 +62,11 @@ struct DepthLoss {
 /// L1 of the expected depth. A pixel counts if it is wanted, was measured (target > 0; 0 and NaN
 /// mean no measurement) and rendered (depth > 0).
 /// @param depth, target  [H,W] z in the camera frame, m
+/// @param relative  Whether each difference is divided by the measured depth.
 /// @throws std::invalid_argument  if the mask has another size, or `depth` is not finite or
 /// negative.
 template <typename T>
 DepthLoss<T> depth_loss(const T* depth, const T* target, int width, int height,
-                        const PixelMask& mask = {}, int threads = 0);
+                        const PixelMask& mask = {}, bool relative = false, int threads = 0);
 
 }  // namespace gslts::raster

@@ -1,0 +1,96 @@
+"""What a look at a rendering says about the camera: direct image alignment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslts._core import raster as _core
+from gslts.camera import Camera
+from gslts.gaussian_map import FloatArray
+from gslts.losses import Exposure
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class NormalEquations:
+    """H x = b for x = (rho, phi, log fx, log fy, cx, cy).
+
+    (rho, phi) is a twist of the pose, world_from_camera @ exp(rho, phi), m before rad in the camera
+    frame; the others are changes of the intrinsics, the last two in px.
+
+    Attributes:
+        hessian: [10,10].
+        right: (10,).
+    """
+
+    hessian: Floats
+    right: Floats
+
+    def __add__(self, other: NormalEquations) -> NormalEquations:
+        return NormalEquations(self.hessian + other.hessian, self.right + other.right)
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """What colours and depth each say.
+
+    The intrinsics of `color` are those of the camera that was rendered. A depth image that comes
+    from a lens of its own says nothing about these, but about those of its lens: the intrinsics of
+    `depth`, and its twist is that of the lens.
+    """
+
+    color: NormalEquations
+    depth: NormalEquations
+
+
+def align(
+    camera: Camera,
+    rgb: FloatArray,
+    depth: FloatArray,
+    photo: FloatArray,
+    measured: FloatArray,
+    *,
+    mask: NDArray[np.bool_] | None = None,
+    exposure: Exposure | None = None,
+    threads: int = 0,
+) -> Alignment:
+    """One Gauss-Newton step of direct image alignment, over means of 2 x 2 pixels.
+
+    Differences of brightness and of depth are weighted as by a Huber loss (0.02, and 1 % of the
+    depth) and left out where they are gross (0.25, and 5 %) or at edges of the depth. Results are
+    bit-identical for any number of threads.
+
+    Args:
+        camera: That was rendered.
+        rgb: [H,W,3] rendered, float32 or float64 as all others.
+        depth: [H,W] rendered, z, m.
+        photo: [H,W,3] as the sensor saw it.
+        measured: [H,W] depth, m; 0 where there is none.
+        mask: [H,W] bool, pixels wanted; None means all.
+        exposure: Applied to `rgb` first; None means none.
+        threads: 0 means one a hardware thread.
+
+    Returns:
+        Of the changes that make rendering and photograph agree better.
+
+    Raises:
+        ValueError: An array has the wrong shape or dtype.
+
+    Source: Kerl et al. 2013, Dense Visual SLAM for RGB-D Cameras.
+    """
+    function = _core.align_float if rgb.dtype == np.float32 else _core.align_double
+    hessian, right, depth_hessian, depth_right = function(
+        camera,
+        rgb,
+        depth,
+        photo,
+        measured,
+        mask=mask,
+        exposure=Exposure() if exposure is None else exposure,
+        threads=threads,
+    )
+    return Alignment(NormalEquations(hessian, right), NormalEquations(depth_hessian, depth_right))

@@ -1,0 +1,66 @@
+"""What else there is to say about a map: how it looks to people, and how long a rendering takes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from gslts.frame import RgbdFrame
+from gslts.gaussian_map import GaussianMap
+from gslts.losses import fit_exposure
+from gslts.lpips import Lpips
+from gslts.mapping.evaluate import exposed
+from gslts.render import Rasterizer, RenderOptions
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """Over all frames, with the exposure of each fitted and its pose as given.
+
+    Attributes:
+        render_ms: Median time of a rendering, without gradients, on this machine.
+        lpips: Mean; None if no weights were given.
+    """
+
+    render_ms: float
+    lpips: float | None
+
+
+def assess(
+    gaussian_map: GaussianMap,
+    frames: Iterable[RgbdFrame],
+    lpips: Lpips | None = None,
+    threads: int = 0,
+) -> Assessment:
+    """Renders the map where frames were taken.
+
+    Args:
+        gaussian_map: float32.
+        frames: At least one.
+        lpips: The weights.
+        threads: Of the rendering; 0 means one a hardware thread.
+
+    Raises:
+        ValueError: There is no frame, or it is too small for LPIPS.
+    """
+    rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
+    times_s, distances = [], []
+    for number, frame in enumerate(frames):
+        if number == 0:
+            rasterizer.forward(gaussian_map, frame.camera, options)  # Takes the memory.
+        start = time.perf_counter()
+        images = rasterizer.forward(gaussian_map, frame.camera, options)
+        times_s.append(time.perf_counter() - start)
+        if lpips is not None:
+            photo = frame.rgb.astype(np.float32) / 255
+            exposure = fit_exposure(images.rgb, photo, threads=threads)
+            distances.append(lpips.distance(exposed(images.rgb, exposure), photo))
+    if not times_s:
+        raise ValueError("assess: there is no frame")
+    return Assessment(
+        render_ms=1e3 * float(np.median(times_s)),
+        lpips=float(np.mean(distances)) if distances else None,
+    )

@@ -1,0 +1,126 @@
+"""The lenses of an RGB-D sensor: what they are taken for, and their correction.
+
+Nominal focal lengths and a registration by a driver err by a percent and some centimetres, and no
+map is sharper than these. Where the colours of all frames fit best and where their depths do tells
+how the two lenses stand to each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslts.alignment import Alignment, NormalEquations
+from gslts.camera import Camera, at_pose
+from gslts.mapping.pose import moved, twist_of
+
+Floats = NDArray[np.float64]
+
+OFFSET_STD_M, TURN_STD_RAD = 0.02, 0.02
+"""How far the depth lens is expected to be from where the data set puts it."""
+LOG_FOCAL_STD, CENTRE_STD_PX = 0.02, 5.0
+"""The same for focal lengths and principal points of the colour camera."""
+PIXELS_PER_FACT = 50.0
+"""Neighbouring pixels err together: so many count as one independent measurement."""
+
+_COLOR, _TWIST = slice(0, 4), slice(4, 10)
+_POSE, _INTRINSICS = slice(0, 6), slice(6, 10)
+
+
+@dataclass(frozen=True)
+class Lenses:
+    """Colour and depth camera of one sensor, in the frame of the colour camera.
+
+    Attributes:
+        color: At the identity pose.
+        depth: At color_from_depth.
+    """
+
+    color: Camera
+    depth: Camera
+
+    def at(self, world_from_camera: Floats) -> Camera:
+        """The colour camera at a pose in the world."""
+        return at_pose(self.color, world_from_camera)
+
+
+def pose_step(alignment: Alignment) -> Floats:
+    """(6,) the twist of the pose that fits both images best, the lenses as they are."""
+    both = alignment.color + alignment.depth
+    step: Floats = np.linalg.solve(both.hessian[_POSE, _POSE], both.right[_POSE])
+    return step
+
+
+def after_step(alignment: Alignment, step: Floats) -> Alignment:
+    """The same equations for what is left once the pose has moved by a twist (6,)."""
+
+    def left(equations: NormalEquations) -> NormalEquations:
+        right = equations.right - equations.hessian[:, _POSE] @ step
+        return NormalEquations(equations.hessian, right)
+
+    return Alignment(left(alignment.color), left(alignment.depth))
+
+
+def corrected_lenses(lenses: Lenses, given: Lenses, looks: Sequence[Alignment]) -> Lenses:
+    """Lenses that fit all looks best, each of which may move its pose as well.
+
+    The pose of a colour camera shows in colour and depth, a twist of the depth lens in depth alone;
+    with the poses eliminated (Schur complement), both can be told apart.
+    """
+    system, right = np.zeros((10, 10)), np.zeros(10)
+    for look in looks:
+        color, depth = look.color, look.depth
+        both = color + depth
+        shared, shared_right = np.zeros((10, 10)), np.zeros(10)
+        shared[_COLOR, _COLOR] = color.hessian[_INTRINSICS, _INTRINSICS]
+        shared[_TWIST, _TWIST] = depth.hessian[_POSE, _POSE]
+        shared_right[_COLOR] = color.right[_INTRINSICS]
+        shared_right[_TWIST] = depth.right[_POSE]
+        mixed = np.concatenate(
+            [color.hessian[_POSE, _INTRINSICS], depth.hessian[_POSE, _POSE]], axis=1
+        )
+        eliminated = np.linalg.solve(
+            both.hessian[_POSE, _POSE], np.column_stack([mixed, both.right[_POSE]])
+        )
+        system += shared - mixed.T @ eliminated[:, :10]
+        right += shared_right - mixed.T @ eliminated[:, 10]
+    intrinsics = [LOG_FOCAL_STD, LOG_FOCAL_STD, CENTRE_STD_PX, CENTRE_STD_PX]
+    stds = np.array([*intrinsics, *[OFFSET_STD_M] * 3, *[TURN_STD_RAD] * 3])
+    prior = len(looks) * PIXELS_PER_FACT / stds**2
+    off = np.concatenate(
+        [
+            _intrinsics_between(lenses.color, given.color),
+            twist_of(given.depth.world_from_camera @ np.linalg.inv(lenses.depth.world_from_camera)),
+        ]
+    )
+    step = np.linalg.solve(system + np.diag(prior), right + prior * off)
+    # exp(twist) moves the depth lens in the colour camera's frame, from the left.
+    turned = moved(lenses.color, step[_TWIST]).world_from_camera @ lenses.depth.world_from_camera
+    return Lenses(_changed(lenses.color, step[_COLOR]), at_pose(lenses.depth, turned))
+
+
+def _changed(camera: Camera, change: Floats) -> Camera:
+    return Camera(
+        fx=camera.fx * float(np.exp(change[0])),
+        fy=camera.fy * float(np.exp(change[1])),
+        cx=camera.cx + float(change[2]),
+        cy=camera.cy + float(change[3]),
+        width=camera.width,
+        height=camera.height,
+        world_from_camera=camera.world_from_camera,
+    )
+
+
+def _intrinsics_between(start: Camera, end: Camera) -> Floats:
+    """(4,) the change that makes `end` of `start`."""
+    return np.array(
+        [
+            np.log(end.fx / start.fx),
+            np.log(end.fy / start.fy),
+            end.cx - start.cx,
+            end.cy - start.cy,
+        ]
+    )

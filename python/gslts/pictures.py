@@ -1,0 +1,70 @@
+"""Colours and depths as pictures for people."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Picture = NDArray[np.uint8]
+"""[H,W,3] sRGB."""
+
+NO_DEPTH = (40, 40, 40)
+DEPTH_COLORS, ERROR_COLORS = "turbo_r", "inferno"
+"""Colour maps of matplotlib: near is red and far is blue; no error is black."""
+
+
+def picture_of(rgb: NDArray[np.floating]) -> Picture:
+    """[H,W,3] rendered colours, clipped to 0 to 1."""
+    result: Picture = np.rint(255 * rgb.clip(0, 1)).astype(np.uint8)
+    return result
+
+
+def depth_range(depths: NDArray[np.floating]) -> tuple[float, float]:
+    """Nearest and farthest of most of the measured depths, m; (0, 1) if none is measured.
+
+    Args:
+        depths: Of any shape, m; 0 or NaN where there is no measurement.
+    """
+    measured = depths[depths > 0]
+    if measured.size == 0:
+        return 0.0, 1.0
+    near_m, far_m = (float(value) for value in np.quantile(measured, (0.02, 0.98)))
+    return near_m, max(far_m, near_m + 0.01)
+
+
+def depth_picture(depth: NDArray[np.floating], range_m: tuple[float, float]) -> Picture:
+    """Depth in colours, dark grey where there is no measurement.
+
+    Args:
+        depth: [H,W], m; 0 or NaN where there is no measurement.
+        range_m: What is so near is red and what is so far blue, m.
+    """
+    near_m, far_m = range_m
+    seen = depth > 0
+    shares = (np.where(seen, depth, near_m) - near_m) / (far_m - near_m)
+    return np.where(seen[..., None], _colored(shares, DEPTH_COLORS), np.array(NO_DEPTH, np.uint8))
+
+
+def error_picture(rgb: Picture, expected: Picture, most: float) -> Picture:
+    """How far the colours of two pictures are apart.
+
+    Args:
+        rgb: Of the same size as the other.
+        expected: The other.
+        most: Mean absolute difference of the channels that is shown brightest, of at most 1.
+    """
+    apart = np.abs(rgb.astype(np.float32) - expected.astype(np.float32)).mean(axis=2)
+    return _colored(apart / (255 * most), ERROR_COLORS)
+
+
+def legend(colors: str, width: int = 256, height: int = 12) -> Picture:
+    """A strip of all colours of a colour map, from its start at the left."""
+    shares = (np.arange(width) + 0.5) / width
+    return _colored(np.tile(shares, (height, 1)), colors)
+
+
+def _colored(shares: NDArray[np.floating], colors: str) -> Picture:
+    from matplotlib import colormaps  # It takes half a second to import.
+
+    picture: Picture = colormaps[colors](shares.clip(0, 1), bytes=True)[..., :3]
+    return picture
