@@ -25,6 +25,8 @@ class RgbdFrame:
         time_s: Of the picture, s, from any start.
         depth_camera: Intrinsics and pose of the depth; None means that the depth is registered:
             pixel by pixel that of the colours.
+        mask: [H,W] bool, True where the camera saw something; None means everywhere. Elsewhere,
+            as beyond the border of an undistorted picture, neither colour nor depth counts.
 
     Raises:
         ValueError: An array has a wrong shape or dtype, or a depth is negative or infinite.
@@ -35,6 +37,7 @@ class RgbdFrame:
     camera: Camera
     time_s: float = 0.0
     depth_camera: Camera | None = None
+    mask: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         size = (self.camera.height, self.camera.width)
@@ -43,8 +46,11 @@ class RgbdFrame:
         for name, dtype, shape in (
             ("rgb", np.uint8, (*size, 3)),
             ("depth", np.float32, depth_size),
+            ("mask", np.bool_, size),
         ):
             array = getattr(self, name)
+            if array is None and name == "mask":
+                continue
             if array.dtype != dtype or array.shape != shape:
                 raise ValueError(
                     f"RgbdFrame: {name}: expected {np.dtype(dtype)} {shape}, got {array.dtype} "
@@ -58,4 +64,4 @@ class RgbdFrame:
         if self.depth_camera is None:
             return self
         depth = register_depth(self.depth, self.depth_camera, self.camera)
-        return RgbdFrame(self.rgb, depth, self.camera, self.time_s)
+        return RgbdFrame(self.rgb, depth, self.camera, self.time_s, mask=self.mask)

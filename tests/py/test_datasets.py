@@ -9,6 +9,7 @@ import sim_scenes
 from PIL import Image
 
 from gslts.datasets import open_dataset
+from gslts.datasets.undistort import Lens
 from gslts.sim.capture import capture
 from gslts.sim.controller import Controller
 from gslts.sim.viewpoints import Look
@@ -24,8 +25,8 @@ def recorded(tmp_path: Path) -> Path:
     return tmp_path / "room"
 
 
-def frames_of_robot() -> list:
-    robot = Controller(sim_scenes.simple_home(), width=64, height=48)
+def frames_of_robot(width: int = 64, height: int = 48) -> list:
+    robot = Controller(sim_scenes.simple_home(), width=width, height=height)
     frames = []
     for look in LOOKS:
         x, y = look.place
@@ -95,7 +96,7 @@ def write_tum(folder: Path) -> list:
 
     for name in ("rgb", "depth"):
         (folder / name).mkdir(parents=True)
-    frames = frames_of_robot()
+    frames = frames_of_robot(640, 480)
     lists = {"rgb": ["# timestamp filename"], "depth": ["# depth maps"], "groundtruth": ["#"]}
     for number, frame in enumerate(frames):
         time = 1305031102.0 + number
@@ -158,6 +159,16 @@ def test_the_real_room_is_read() -> None:
     assert measured.max() < 65
 
 
+def test_tum_of_another_size_is_not_taken_for_the_cameras(tmp_path: Path) -> None:
+    folder = tmp_path / "room"
+    write_tum(folder)
+    with Image.open(folder / "rgb/1305031102.000000.png") as picture:
+        small = picture.resize((160, 120))
+    small.save(folder / "rgb/1305031102.000000.png")
+    (reason,) = open_dataset(folder).skipped
+    assert "the principal point (320, 240) is outside the image of 160 x 120 px" in reason
+
+
 def edited(folder: Path, edit: object) -> Path:
     content = json.loads((folder / "transforms.json").read_text())
     edit(content)
@@ -178,8 +189,16 @@ def edited(folder: Path, edit: object) -> Path:
             lambda c: c["frames"][1]["transform_matrix"][0].__setitem__(0, 9.0),
             r"frames\[1\]: the pose is not rigid",
         ),
-        (lambda c: c["frames"][1].update(k1=0.1), r"frames\[1\]: .*distortion"),
+        (lambda c: c["frames"][1].update(k4=0.1), r"frames\[1\]: k4: 0\.1 is for fisheyes only"),
         (lambda c: c["frames"][1].update(fl_x=-3), r"frames\[1\]: .*f"),
+        (
+            lambda c: c["frames"][1].update(fl_x=0.9),
+            r"frames\[1\]: a focal length of 0\.9 px does not fit an image of 64 x 48 px",
+        ),
+        (
+            lambda c: c["frames"][1].update(cx=64.5),
+            r"frames\[1\]: the principal point \(64\.5, 24\) is outside the image of 64 x 48 px",
+        ),
     ],
 )
 def test_bad_frames_are_skipped_and_named(recorded: Path, edit: object, message: str) -> None:
@@ -197,7 +216,7 @@ def test_bad_frames_are_skipped_and_named(recorded: Path, edit: object, message:
     [
         (lambda c: c.pop("frames"), r"transforms\.json: frames: Field required"),
         (lambda c: c.update(frames=c["frames"][:1]), "1 usable frames, at least 2 are needed"),
-        (lambda c: c.update(camera_model="OPENCV_FISHEYE"), "OPENCV_FISHEYE is not supported"),
+        (lambda c: c.update(camera_model="EQUIRECTANGULAR"), "EQUIRECTANGULAR is not supported"),
         (lambda c: c.update(fl_x="wide"), r"transforms\.json: fl_x: "),
     ],
 )
@@ -206,11 +225,21 @@ def test_bad_data_sets_are_refused(recorded: Path, edit: object, message: str) -
         open_dataset(edited(recorded, edit))
 
 
+def test_nerfstudio_has_lenses(recorded: Path) -> None:
+    edited(recorded, lambda c: c.update(k1=-0.1, k2=0.02, p1=0.001, p2=0.002, k3=0.003))
+    assert open_dataset(recorded).frames[0].lens == Lens((-0.1, 0.02, 0.001, 0.002, 0.003))
+    edited(recorded, lambda c: c.update(camera_model="OPENCV_FISHEYE", k4=0.004))
+    frame = open_dataset(recorded).frames[0]
+    assert frame.lens == Lens((-0.1, 0.02, 0.003, 0.004), fisheye=True)
+    assert frame.read().mask is not None
+
+
 def test_what_is_no_data_set_is_named(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match="nowhere: there is no such file or folder"):
         open_dataset(tmp_path / "nowhere")
     with pytest.raises(
-        ValueError, match=r"no data set of a known format \(nerfstudio, 7scenes, tum\)"
+        ValueError,
+        match=r"no data set of a known format \(nerfstudio, 7scenes, tum, colmap, rosbag\)",
     ):
         open_dataset(tmp_path)
     (tmp_path / "transforms.json").write_text("{")

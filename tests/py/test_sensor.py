@@ -166,6 +166,8 @@ def test_bad_input_is_named() -> None:
         RgbdFrame(rgb[:, 1:], depth, camera)
     with pytest.raises(ValueError, match="not negative"):
         RgbdFrame(rgb, -depth, camera)
+    with pytest.raises(ValueError, match=r"mask: expected bool \(6, 8\), got float32 \(6, 8\)"):
+        RgbdFrame(rgb, depth, camera, mask=depth)
 
 
 def test_lights_are_dimmed_moved_and_switched_off_by_visit() -> None:

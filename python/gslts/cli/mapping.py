@@ -21,7 +21,10 @@ class Preset(StrEnum):
 
 
 Dataset = Annotated[
-    Path, typer.Argument(help="Folder in the layout of nerfstudio, 7-Scenes or TUM RGB-D.")
+    Path,
+    typer.Argument(
+        help="Folder in the layout of nerfstudio, 7-Scenes, TUM RGB-D or COLMAP, or a ROS 2 bag."
+    ),
 ]
 Map = Annotated[
     Path, typer.Argument(metavar="MAP", help="Folder of a map, or a .ply file of 3DGS.")

@@ -10,12 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.camera import Camera
+from gslts.datasets.undistort import Lens, undistort_depth, undistort_rgb
 from gslts.frame import RgbdFrame
 
 RIGID_TOLERANCE = 0.02
 """Of the singular values of a rotation; those of 7-Scenes are off by up to some thousandths."""
 MAX_PIXELS = 1 << 26
 """Larger images are refused before memory is taken."""
+MAX_SIDE_PX = 1 << 16
+FOCAL_RANGE = (0.05, 50.0)
+"""Of the focal length over the longer side of the image: from 168 degrees of view to 1.1."""
 
 
 class Frame(Protocol):
@@ -41,6 +45,34 @@ class Frame(Protocol):
         ...
 
 
+@dataclass(frozen=True, eq=False)
+class PointCloud:
+    """Points of the scene that came with the frames.
+
+    Args:
+        points: [P,3] float64, world frame, m.
+        colors: [P,3] uint8, sRGB.
+
+    Raises:
+        ValueError: An array has a wrong shape or dtype, or a point is not finite.
+    """
+
+    points: NDArray[np.float64]
+    colors: NDArray[np.uint8]
+
+    def __post_init__(self) -> None:
+        shape = (len(self.points), 3)
+        for name, dtype in (("points", np.float64), ("colors", np.uint8)):
+            array = getattr(self, name)
+            if array.dtype != dtype or array.shape != shape:
+                raise ValueError(
+                    f"PointCloud: {name}: expected {np.dtype(dtype)} {shape}, got {array.dtype} "
+                    f"{array.shape}"
+                )
+        if not np.isfinite(self.points).all():
+            raise ValueError("PointCloud: points: must be finite")
+
+
 @dataclass(frozen=True)
 class Dataset:
     """A recorded visit.
@@ -49,11 +81,13 @@ class Dataset:
         name: Such as that of its folder.
         frames: In the order in which they were taken.
         skipped: What was left out when the data set was opened: names, and why.
+        points: What the data set knows of the scene besides its frames; None if nothing.
     """
 
     name: str
     frames: tuple[Frame, ...]
     skipped: tuple[str, ...] = ()
+    points: PointCloud | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +102,8 @@ class ImageFrame:
         depth_invalid: Number besides 0 that means no measurement; None if there is none.
         time_s: When it was taken.
         depth_camera: Intrinsics and pose of the depth; None if it is registered.
+        lens: That distorts the colours, and registered depth with them; None if none does. What it
+            does is undone when the frame is read.
     """
 
     rgb: Path
@@ -77,6 +113,7 @@ class ImageFrame:
     depth_invalid: int | None = None
     time_s: float = 0.0
     depth_camera: Camera | None = None
+    lens: Lens | None = None
 
     @property
     def name(self) -> str:
@@ -87,13 +124,55 @@ class ImageFrame:
         """Reads both pictures."""
         size = (self.camera.height, self.camera.width)
         rgb = read_image(self.rgb, "RGB", size).astype(np.uint8)
+        mask = None
+        if self.lens is not None:
+            rgb, mask = undistort_rgb(rgb, self.camera, self.lens)
         if self.depth is None:
-            return RgbdFrame(rgb, np.zeros(size, np.float32), self.camera, self.time_s)
-        lens = self.camera if self.depth_camera is None else self.depth_camera
-        steps = read_image(self.depth, "I", (lens.height, lens.width))
+            return RgbdFrame(rgb, np.zeros(size, np.float32), self.camera, self.time_s, mask=mask)
+        beside = self.camera if self.depth_camera is None else self.depth_camera
+        steps = read_image(self.depth, "I", (beside.height, beside.width))
         depth = (steps * self.depth_unit_m).astype(np.float32)
         depth[(steps <= 0) | (steps == self.depth_invalid)] = 0
-        return RgbdFrame(rgb, depth, self.camera, self.time_s, self.depth_camera)
+        if self.lens is not None and self.depth_camera is None:
+            depth = undistort_depth(depth, self.camera, self.lens)
+        return RgbdFrame(rgb, depth, self.camera, self.time_s, self.depth_camera, mask)
+
+
+def pinhole(
+    intrinsics: tuple[float, ...], size: tuple[int, int], world_from_camera: NDArray[np.float64]
+) -> Camera:
+    """The camera of a file that may be wrong.
+
+    Args:
+        intrinsics: fx, fy, cx, cy, px.
+        size: Width and height of the image, px.
+        world_from_camera: [4,4], rigid, m.
+
+    Raises:
+        ValueError: The intrinsics cannot be those of an image of that size, or are none.
+    """
+    (fx, fy, cx, cy), (width, height) = intrinsics, size
+    if not (0 < width <= MAX_SIDE_PX and 0 < height <= MAX_SIDE_PX):
+        raise ValueError(f"an image cannot have {width} x {height} px")
+    if not (0 <= cx <= width and 0 <= cy <= height):
+        raise ValueError(
+            f"the principal point ({cx:g}, {cy:g}) is outside the image of {width} x {height} px"
+        )
+    least, most = (share * max(width, height) for share in FOCAL_RANGE)
+    for focal in (fx, fy):
+        if not least <= focal <= most:
+            raise ValueError(
+                f"a focal length of {focal:g} px does not fit an image of {width} x {height} px"
+            )
+    return Camera(
+        fx=fx,
+        fy=fy,
+        cx=cx,
+        cy=cy,
+        width=width,
+        height=height,
+        world_from_camera=world_from_camera,
+    )
 
 
 def rigid(matrix: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -9,11 +9,13 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
-from gslts.camera import Camera
-from gslts.datasets.dataset import Dataset, ImageFrame, image_size, rigid
+from gslts.datasets.dataset import Dataset, ImageFrame, image_size, pinhole, rigid
+from gslts.datasets.undistort import Lens, lens_or_none
 
 OPENGL_FROM_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
 MAX_BYTES = 1 << 28
+PERSPECTIVE = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL")
+FISHEYE = "OPENCV_FISHEYE"
 
 Row = tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat]
 
@@ -69,14 +71,14 @@ def open_nerfstudio(path: Path) -> Dataset:
         content = _File.model_validate_json(file.read_bytes())
     except ValidationError as error:
         raise ValueError(f"{file}: {_first(error)}") from None
-    if content.camera_model not in ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE"):
+    if content.camera_model not in (*PERSPECTIVE, FISHEYE):
         raise ValueError(f"{file}: camera_model {content.camera_model} is not supported")
     frames: list[ImageFrame] = []
     skipped: list[str] = []
     for number, entry in enumerate(content.frames):
         try:
             frame = _Frame.model_validate({**_shared(content), **_dict(entry)})
-            frames.append(_image_frame(path, frame, content.depth_unit_scale_factor, number))
+            frames.append(_image_frame(path, frame, content, number))
         except ValidationError as error:
             skipped.append(f"frames[{number}]: {_first(error)}")
         except (OSError, ValueError) as error:
@@ -84,10 +86,8 @@ def open_nerfstudio(path: Path) -> Dataset:
     return Dataset(path.name, tuple(frames), tuple(skipped))
 
 
-def _image_frame(path: Path, frame: _Frame, depth_unit_m: float, number: int) -> ImageFrame:
+def _image_frame(path: Path, frame: _Frame, content: _File, number: int) -> ImageFrame:
     rgb = path / frame.file_path
-    if any((frame.k1, frame.k2, frame.k3, frame.k4, frame.p1, frame.p2)):
-        raise ValueError(f"{rgb}: lens distortion is not supported yet")
     width, height = (frame.w, frame.h) if frame.w and frame.h else image_size(rgb)
     fx = frame.fl_x
     if fx is None:
@@ -95,17 +95,30 @@ def _image_frame(path: Path, frame: _Frame, depth_unit_m: float, number: int) ->
             raise ValueError(f"{rgb}: neither fl_x nor camera_angle_x is given")
         fx = width / 2 / float(np.tan(frame.camera_angle_x / 2))
     matrix = np.vstack([np.array(frame.transform_matrix)[:3], [0, 0, 0, 1]])
-    camera = Camera(
-        fx=fx,
-        fy=fx if frame.fl_y is None else frame.fl_y,
-        cx=width / 2 if frame.cx is None else frame.cx,
-        cy=height / 2 if frame.cy is None else frame.cy,
-        width=width,
-        height=height,
-        world_from_camera=rigid(matrix @ OPENGL_FROM_OPENCV),
+    intrinsics = (
+        fx,
+        fx if frame.fl_y is None else frame.fl_y,
+        width / 2 if frame.cx is None else frame.cx,
+        height / 2 if frame.cy is None else frame.cy,
     )
+    camera = pinhole(intrinsics, (width, height), rigid(matrix @ OPENGL_FROM_OPENCV))
     depth = None if frame.depth_file_path is None else path / frame.depth_file_path
-    return ImageFrame(rgb, camera, depth, depth_unit_m, time_s=float(number))
+    return ImageFrame(
+        rgb,
+        camera,
+        depth,
+        content.depth_unit_scale_factor,
+        time_s=float(number),
+        lens=_lens(frame, content.camera_model == FISHEYE),
+    )
+
+
+def _lens(frame: _Frame, fisheye: bool) -> Lens | None:
+    if fisheye:
+        return lens_or_none((frame.k1, frame.k2, frame.k3, frame.k4), fisheye=True)
+    if frame.k4:
+        raise ValueError(f"k4: {frame.k4:g} is for fisheyes only")
+    return lens_or_none((frame.k1, frame.k2, frame.p1, frame.p2, frame.k3))
 
 
 def _shared(content: _File) -> dict[str, Any]:

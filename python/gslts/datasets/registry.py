@@ -6,8 +6,10 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+from gslts.datasets.colmap import is_colmap, open_colmap
 from gslts.datasets.dataset import Dataset
 from gslts.datasets.nerfstudio import is_nerfstudio, open_nerfstudio
+from gslts.datasets.rosbag import is_rosbag, open_rosbag
 from gslts.datasets.seven_scenes import is_seven_scenes, open_seven_scenes
 from gslts.datasets.tum import is_tum, open_tum
 
@@ -15,6 +17,8 @@ FORMATS: dict[str, tuple[Callable[[Path], bool], Callable[[Path], Dataset]]] = {
     "nerfstudio": (is_nerfstudio, open_nerfstudio),
     "7scenes": (is_seven_scenes, open_seven_scenes),
     "tum": (is_tum, open_tum),
+    "colmap": (is_colmap, open_colmap),
+    "rosbag": (is_rosbag, open_rosbag),
 }
 """For each format, whether a path looks like it, and what opens it."""
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gslts.camera import Camera
-from gslts.datasets.dataset import Dataset, ImageFrame, image_size, read_numbers, rigid
+from gslts.datasets.dataset import Dataset, ImageFrame, image_size, pinhole, read_numbers, rigid
 
 NO_DEPTH = 65535
 FOCAL_PX = 585.0
@@ -30,20 +29,13 @@ def open_seven_scenes(path: Path) -> Dataset:
             if rgb is None:
                 raise ValueError(f"{stem}: there is no colour picture")
             width, height = image_size(rgb)
-            fx, fy, cx, cy = (
+            numbers = (
                 (FOCAL_PX, FOCAL_PX, width / 2, height / 2)
                 if matrix is None
                 else (matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2])
             )
-            camera = Camera(
-                fx=fx,
-                fy=fy,
-                cx=cx,
-                cy=cy,
-                width=width,
-                height=height,
-                world_from_camera=rigid(read_numbers(pose_path, (4, 4))),
-            )
+            pose = rigid(read_numbers(pose_path, (4, 4)))
+            camera = pinhole(numbers, (width, height), pose)
             depth = path / f"{stem}.depth.png"
             frames.append(
                 ImageFrame(

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.camera import Camera, rotation_of_quat
-from gslts.datasets.dataset import Dataset, ImageFrame, image_size
+from gslts.datasets.dataset import Dataset, ImageFrame, image_size, pinhole
+from gslts.datasets.poses import pose_of
 
 Floats = NDArray[np.float64]
 
@@ -56,17 +56,10 @@ def open_tum(path: Path) -> Dataset:
             depth = _nearest(depth_times, time_s, "depth picture")
             pose = _nearest(pose_times, time_s, "pose")
             width, height = image_size(path / name)
-            camera = Camera(
-                fx=fx,
-                fy=fy,
-                # Calibrations by OpenCV count from the middle of the first pixel, this project
-                # from its corner.
-                cx=cx + 0.5,
-                cy=cy + 0.5,
-                width=width,
-                height=height,
-                world_from_camera=_pose(poses[pose]),
-            )
+            # Calibrations by OpenCV count from the middle of the first pixel, this project from
+            # its corner.
+            intrinsics = (fx, fy, cx + 0.5, cy + 0.5)
+            camera = pinhole(intrinsics, (width, height), _pose(poses[pose]))
         except (OSError, ValueError) as error:
             skipped.append(f"{name}: {error}")
             continue
@@ -133,9 +126,5 @@ def _nearest(times: Floats, time_s: float, what: str) -> int:
 
 def _pose(numbers: Floats) -> Floats:
     """[4,4] of tx ty tz qx qy qz qw."""
-    length = float(np.linalg.norm(numbers[3:]))
-    if abs(length - 1) > 0.01:
-        raise ValueError(f"its quaternion has the length {length:.3f}")
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = rotation_of_quat(numbers[[6, 3, 4, 5]]), numbers[:3]
-    return pose
+    x, y, z, w = numbers[3:]
+    return pose_of((w, x, y, z), numbers[:3])

@@ -1,0 +1,106 @@
+"""COLMAP (Schönberger and Frahm 2016): sparse models with their images."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from gslts.datasets.colmap_files import (
+    ColmapCamera,
+    ColmapImage,
+    read_cameras,
+    read_images,
+    read_points,
+)
+from gslts.datasets.dataset import Dataset, ImageFrame, pinhole
+from gslts.datasets.poses import inverse, pose_of
+from gslts.datasets.undistort import Lens, lens_or_none
+
+Numbers = tuple[float, ...]
+
+MODEL_FOLDERS = ("sparse/0", "sparse", ".")
+
+INTRINSICS: dict[str, Callable[[Numbers], tuple[Numbers, Lens | None]]] = {
+    "SIMPLE_PINHOLE": lambda p: ((p[0], p[0], *p[1:3]), None),
+    "PINHOLE": lambda p: (p, None),
+    "SIMPLE_RADIAL": lambda p: ((p[0], p[0], *p[1:3]), lens_or_none((p[3], 0, 0, 0))),
+    "RADIAL": lambda p: ((p[0], p[0], *p[1:3]), lens_or_none((*p[3:5], 0, 0))),
+    "OPENCV": lambda p: (p[:4], lens_or_none(p[4:])),
+    "OPENCV_FISHEYE": lambda p: (p[:4], lens_or_none(p[4:], fisheye=True)),
+    "FULL_OPENCV": lambda p: (p[:4], lens_or_none(p[4:])),
+}
+"""(fx, fy, cx, cy) and the lens of the parameters of each camera model that is supported. COLMAP
+counts pixels as this project does: the middle of the first is (0.5, 0.5)."""
+
+
+def is_colmap(path: Path) -> bool:
+    """Whether a folder has a sparse model."""
+    return _model_folder(path) is not None
+
+
+def open_colmap(path: Path) -> Dataset:
+    """Opens a model and the images in `images` or beside the model.
+
+    The world is taken as it is: unless the model was scaled and turned, its unit is not the metre
+    and z is not up.
+
+    Raises:
+        OSError: A file cannot be read.
+        ValueError: A file is damaged.
+    """
+    folder = _model_folder(path)
+    if folder is None:
+        raise ValueError(f"{path}: there is no sparse model")
+    cameras = read_cameras(_file(folder, "cameras"))
+    frames: list[ImageFrame] = []
+    skipped: list[str] = []
+    images = sorted(read_images(_file(folder, "images")), key=lambda image: image.name)
+    for number, image in enumerate(images):
+        try:
+            frames.append(_frame(path, image, cameras, float(number)))
+        except (OSError, ValueError) as error:
+            skipped.append(f"{image.name}: {error}")
+    points = _file(folder, "points3D")
+    return Dataset(
+        path.name,
+        tuple(frames),
+        tuple(skipped),
+        read_points(points) if points.exists() else None,
+    )
+
+
+def _model_folder(path: Path) -> Path | None:
+    for name in MODEL_FOLDERS:
+        folder = path / name
+        if all(_file(folder, part).exists() for part in ("cameras", "images")):
+            return folder
+    return None
+
+
+def _file(folder: Path, part: str) -> Path:
+    """The binary file of a part of the model where there is one, as COLMAP itself chooses."""
+    binary = folder / f"{part}.bin"
+    return binary if binary.exists() else folder / f"{part}.txt"
+
+
+def _frame(
+    path: Path, image: ColmapImage, cameras: dict[int, ColmapCamera], time_s: float
+) -> ImageFrame:
+    if image.camera not in cameras:
+        raise ValueError(f"there is no camera {image.camera}")
+    rgb = next(
+        (place / image.name for place in (path / "images", path) if (place / image.name).is_file()),
+        None,
+    )
+    if rgb is None:
+        raise ValueError(f"there is no such picture in {path / 'images'} or {path}")
+    intrinsics, lens = _intrinsics(cameras[image.camera])
+    size = (cameras[image.camera].width, cameras[image.camera].height)
+    pose = inverse(pose_of(image.quaternion, image.translation))
+    return ImageFrame(rgb, pinhole(intrinsics, size, pose), time_s=time_s, lens=lens)
+
+
+def _intrinsics(camera: ColmapCamera) -> tuple[Numbers, Lens | None]:
+    if camera.model not in INTRINSICS:
+        raise ValueError(f"the camera model {camera.model[:40]} is not supported")
+    return INTRINSICS[camera.model](camera.parameters)
