@@ -45,6 +45,17 @@ class Alignment:
     color: NormalEquations
     depth: NormalEquations
 
+    def at_full_size(self, divisor: int) -> Alignment:
+        """Of an image whose sides were divided by a number: with the centre in px of the whole."""
+        scale = np.ones(10)
+        scale[8:] = 1 / divisor
+
+        def scaled(equations: NormalEquations) -> NormalEquations:
+            hessian = equations.hessian * scale[:, None] * scale
+            return NormalEquations(hessian, equations.right * scale)
+
+        return Alignment(scaled(self.color), scaled(self.depth))
+
 
 def align(
     camera: Camera,

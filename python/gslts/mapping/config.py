@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 Share = Annotated[float, Field(ge=0, le=1)]
 Positive = Annotated[float, Field(gt=0)]
 Rate = Annotated[float, Field(ge=0)]
+Count = Annotated[int, Field(ge=0)]
 
 
 class MappingConfig(BaseModel):
@@ -16,7 +17,13 @@ class MappingConfig(BaseModel):
 
     Attributes:
         iterations: Steps of the optimisation, each with one frame.
+        rough_epochs: Visits of each frame before that, at a quarter of the resolution and with
+            Gaussians of twice the size, which only correct poses and lenses.
+        budget_s: Instead of a number of steps, the time for reading, seeding and optimising. The
+            map is then not the same each time.
+        max_gaussians: No more than so many; None means no limit.
         voxel_m: Edge of the voxels of which each that was measured twice seeds a Gaussian, m.
+        seed_contrast: Where colours change by less over larger voxels, these have one Gaussian.
         sh_degree: Of the spherical harmonics.
         coarse_share: Share of the iterations at half the resolution.
         refine_poses: Whether poses are corrected along the way.
@@ -38,33 +45,37 @@ class MappingConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    iterations: Annotated[int, Field(gt=0)] = 4500
-    voxel_m: Positive = 0.03
+    iterations: Annotated[int, Field(gt=0)] = 9000
+    rough_epochs: Count = 15
+    budget_s: Positive | None = None
+    max_gaussians: Annotated[int, Field(gt=0)] | None = None
+    voxel_m: Positive = 0.02
+    seed_contrast: Rate = 0.1
     sh_degree: Annotated[int, Field(ge=0, le=3)] = 0
-    coarse_share: Share = 0.4
+    coarse_share: Share = 0.6
     refine_poses: bool = True
     refine_lenses: bool = True
-    pose_std_m: Positive = 0.01
-    pose_std_rad: Positive = 0.01
+    pose_std_m: Positive = 0.03
+    pose_std_rad: Positive = 0.03
     dssim_weight: Share = 0.2
     depth_weight: Rate = 0.5
     opacity_weight: Rate = 0.01
     min_opacity: Share = 0.02
     max_scale_m: Positive = 0.3
-    means_rate: Rate = 1e-3
-    quats_rate: Rate = 8e-3
-    log_scales_rate: Rate = 1.6e-2
+    means_rate: Rate = 2e-3
+    quats_rate: Rate = 3e-2
+    log_scales_rate: Rate = 6e-2
     logit_opacities_rate: Rate = 8e-2
-    sh_rate: Rate = 1.2e-2
+    sh_rate: Rate = 4e-2
     means_left: Share = 0.05
     rates_left: Share = 0.15
-    seed: Annotated[int, Field(ge=0)] = 0
-    threads: Annotated[int, Field(ge=0)] = 0
+    seed: Count = 0
+    threads: Count = 0
 
 
 PRESETS = {
-    "fast": MappingConfig(iterations=1200, voxel_m=0.035, coarse_share=0.7),
+    "fast": MappingConfig(iterations=2500, rough_epochs=10, voxel_m=0.03, coarse_share=0.8),
     "balanced": MappingConfig(),
-    "best": MappingConfig(iterations=14_000, coarse_share=0.25),
+    "best": MappingConfig(iterations=30_000, coarse_share=0.4),
 }
 """Speed against accuracy, in three steps."""

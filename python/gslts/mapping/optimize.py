@@ -1,8 +1,9 @@
-"""Optimisation of a map against its training frames."""
+"""Optimisation of a map against observations."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,138 +14,186 @@ from gslts.alignment import Alignment, NormalEquations, align
 from gslts.gaussian_map import SH_C0, GaussianMap
 from gslts.losses import Exposure, depth_loss, fit_exposure, photometric_loss
 from gslts.mapping.config import MappingConfig
-from gslts.mapping.evaluate import exposed, psnr_db
 from gslts.mapping.density import joined
+from gslts.mapping.evaluate import exposed, psnr_db
 from gslts.mapping.holes import seeds_in_holes
-from gslts.mapping.lenses import PIXELS_PER_FACT, after_step, corrected_lenses, pose_step
+from gslts.mapping.lenses import PIXELS_PER_FACT, Lenses, after_step, corrected_lenses, pose_step
+from gslts.mapping.observation import Observation
 from gslts.mapping.pose import moved, twist_of
-from gslts.mapping.training_frame import TrainingFrame
-from gslts.render import Rasterizer, RenderOptions
+from gslts.render import Images, Rasterizer, RenderOptions
 
-Floats = NDArray[np.float64]
+Floats32 = NDArray[np.float32]
+
+DEPTH_SHARE = 0.1
+"""Of the say of depth in a pose: its errors are the same in neighbouring pixels and frames, and
+colours, which people look at, must fit first."""
+HOLE_EPOCHS = (1, 4)
+"""Epochs in which holes are filled: once the poses are roughly right, and once more."""
+LENS_EPOCHS, LENS_EVERY = 6, 4
+"""Lenses are corrected after each of the first epochs, then after every so manieth."""
+SHOWN_PIXELS = (slice(None, None, 4), slice(None, None, 4))
+"""Of which the PSNR of the progress is made."""
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How far an optimisation is."""
+    """How far an optimisation is.
+
+    Attributes:
+        iteration: Steps done.
+        share: Of the schedule, 0 to 1.
+        loss: Of the colours, in the last step.
+        psnr_db: Of a part of the pixels, in the last step.
+        gaussians: In the map.
+    """
 
     iteration: int
+    share: float
     loss: float
     psnr_db: float
     gaussians: int
 
 
-HOLE_EPOCHS = (1, 4)
-"""Epochs in which holes are filled: once the poses are roughly right, and once more."""
+@dataclass(frozen=True)
+class Schedule:
+    """What an optimisation does when.
+
+    Attributes:
+        iterations: Steps at most.
+        deadline_s: Of `time.monotonic`, at which it ends in the place of the number of steps.
+        levels: Resolutions, the last for the longest, and the share up to which each is used.
+    """
+
+    iterations: int
+    levels: tuple[tuple[float, int], ...]
+    deadline_s: float | None = None
+
+    def level(self, share: float) -> int:
+        """Of the images."""
+        return next(level for until, level in self.levels if share < until)
 
 
 class Optimizer:
-    """Fits a map to frames, step by step.
+    """Fits a map to observations, step by step.
 
     Args:
         gaussian_map: Where to start, float32.
-        frames: To be fitted; their poses, lenses and exposures are corrected in place.
+        observations: To be fitted; poses, lenses and exposures are corrected in place.
+        given: The lenses as the data set says.
         config: Settings.
+        schedule: What is done when.
     """
 
     def __init__(
-        self, gaussian_map: GaussianMap, frames: list[TrainingFrame], config: MappingConfig
+        self,
+        gaussian_map: GaussianMap,
+        observations: Sequence[Observation],
+        given: Lenses,
+        config: MappingConfig,
+        schedule: Schedule,
     ) -> None:
         self.adam = Adam(gaussian_map)
-        self.frames, self.config = frames, config
-        self.iteration = 0
-        self.epoch = 0
-        self.level = None
-        self.given_lenses = frames[0].lenses
+        self.observations, self.given = observations, given
+        self.config, self.schedule = config, schedule
+        self.iteration = self.epoch = 0
+        self.rng = np.random.default_rng(config.seed)
         self._rasterizer = Rasterizer(np.float32)
-        self._rng = np.random.default_rng(config.seed)
-        self._order: list[int] = []
+        self._start_s = time.monotonic()
 
-    def run(self, report: Callable[[Progress], None]) -> None:
-        """All iterations."""
-        while self.iteration < self.config.iterations:
-            if not self._order:
-                if self.iteration > 0:
-                    self._end_epoch()
-                self._order = self._rng.permutation(len(self.frames)).tolist()
-            share = self.iteration / self.config.iterations
-            loss, psnr_db = self.step(self.frames[self._order.pop()], share)
-            report(Progress(self.iteration, loss, psnr_db, self.adam.map.size))
+    @property
+    def share(self) -> float:
+        """Of the schedule that is done."""
+        if self.schedule.deadline_s is None:
+            return self.iteration / self.schedule.iterations
+        total_s = max(1e-3, self.schedule.deadline_s - self._start_s)
+        return (time.monotonic() - self._start_s) / total_s
+
+    def run_epoch(self, report: Callable[[Progress], None]) -> None:
+        """Visits each observation once, or fewer at the end of the schedule."""
+        for index in self.rng.permutation(len(self.observations)):
+            share = self.share
+            if share >= 1:
+                break
+            report(self.step(self.observations[index], share))
         self._end_epoch()
 
-    def step(self, frame: TrainingFrame, share: float) -> tuple[float, float]:
-        """One frame, at a share of the whole schedule; returns the loss and PSNR (dB)."""
+    def step(self, observation: Observation, share: float) -> Progress:
+        """Fits the map to one observation, at a share of the schedule."""
         config, threads = self.config, self.config.threads
-        level = self.level if self.level is not None else 1 if share < config.coarse_share else 0
-        photo, measured, camera = frame.photo(level), frame.depth(level), frame.camera(level)
+        level = self.schedule.level(share)
+        photo, mask = observation.photo(level), observation.mask(level)
+        measured, camera = observation.depth(level), observation.camera(level)
         # Dark colours must not be made of missing Gaussians: what is behind is never the same.
-        options = RenderOptions(threads=threads, background=self._rng.random(3))
+        options = RenderOptions(threads=threads, background=self.rng.random(3))
         images = self._rasterizer.forward(self.adam.map, camera, options)
-        frame.exposure = _sane(fit_exposure(images.rgb, photo, threads=threads))
+        exposure = _sane(fit_exposure(images.rgb, photo, mask=mask, threads=threads))
+        observation.exposure = exposure
         color = photometric_loss(
             images.rgb,
             photo,
+            mask=mask,
             dssim_weight=config.dssim_weight,
-            exposure=frame.exposure,
+            exposure=exposure,
             threads=threads,
         )
-        depth = depth_loss(images.depth, measured, relative=True, threads=threads)
+        depth = depth_loss(images.depth, measured, mask=mask, relative=True, threads=threads)
         of_alpha = np.float32(-config.opacity_weight / images.alpha.size)
         gradients = self._rasterizer.backward(
             dL_drgb=color.dL_drgb,
             dL_ddepth=depth.dL_ddepth * np.float32(config.depth_weight),
-            dL_dalpha=np.full(images.alpha.shape, of_alpha),
+            dL_dalpha=np.full(images.alpha.shape, of_alpha) if mask is None else mask * of_alpha,
         )
         self.adam.step(gradients, self._rates(share), threads=threads)
-        if config.refine_poses and self.iteration >= len(self.frames):
+        if config.refine_poses and self.epoch > 0:
             alignment = align(
                 camera,
                 images.rgb,
                 images.depth,
                 photo,
                 measured,
-                exposure=frame.exposure,
+                mask=mask,
+                exposure=exposure,
                 threads=threads,
             )
-            self._refine_pose(frame, _at_full_size(alignment, 1 << level))
+            self._refine_pose(observation, alignment.at_full_size(1 << level))
         if self.epoch in HOLE_EPOCHS:
-            gain, offset = (np.array(one) for one in (frame.exposure.gain, frame.exposure.offset))
-            colors = ((photo - offset) / gain).clip(0, 1)
-            self._append(
-                seeds_in_holes(camera, images, colors, measured, self.adam.map.sh_degree)
-            )
+            self._fill_holes(observation, images, level)
         self.iteration += 1
-        some = (slice(None, None, 4),) * 2
-        return color.value, psnr_db(exposed(images.rgb[some], frame.exposure), photo[some])
+        shown = exposed(images.rgb[SHOWN_PIXELS], exposure)
+        return Progress(
+            iteration=self.iteration,
+            share=self.share,
+            loss=color.value,
+            psnr_db=psnr_db(shown, photo[SHOWN_PIXELS]),
+            gaussians=self.adam.map.size,
+        )
 
-    def _refine_pose(self, frame: TrainingFrame, alignment: Alignment) -> None:
+    def _refine_pose(self, observation: Observation, alignment: Alignment) -> None:
         """One Gauss-Newton step, held near the given pose."""
         stds = np.repeat([self.config.pose_std_m, self.config.pose_std_rad, 1], (3, 3, 4))
         prior = (np.arange(10) < 6) * PIXELS_PER_FACT / stds**2
-        off = np.concatenate([twist_of(frame.off()), np.zeros(4)])
-        given = NormalEquations(np.diag(prior), prior * off)
-        import os; w=float(os.environ.get('DW','1'))
-        alignment = Alignment(alignment.color, NormalEquations(alignment.depth.hessian*w, alignment.depth.right*w) + given)
+        off = np.concatenate([-twist_of(observation.correction), np.zeros(4)])
+        depth = alignment.depth
+        alignment = Alignment(
+            alignment.color,
+            NormalEquations(
+                DEPTH_SHARE * depth.hessian + np.diag(prior), DEPTH_SHARE * depth.right + prior * off
+            ),
+        )
         twist = pose_step(alignment)
-        frame.pose = moved(frame.lenses.at(frame.pose), twist).world_from_camera
-        frame.look = after_step(alignment, twist)
+        observation.pose = moved(observation.camera(), twist).world_from_camera
+        observation.look = after_step(alignment, twist)
 
-    def _append(self, new: GaussianMap | None) -> None:
+    def _fill_holes(self, observation: Observation, images: Images, level: int) -> None:
+        exposure, old = observation.exposure, self.adam.map
+        gain, offset = (np.array(one, np.float32) for one in (exposure.gain, exposure.offset))
+        colors = ((observation.photo(level) - offset) / gain).clip(0, 1)
+        new = seeds_in_holes(
+            observation.camera(level), images, colors, observation.depth(level), old.sh_degree
+        )
         if new is not None:
-            old = self.adam.map
             rows = np.concatenate([np.arange(old.size), np.full(new.size, -1)])
             self.adam = self.adam.edited(joined(old, new), rows)
-
-    def _correct_lenses(self) -> None:
-        looks = [frame.look for frame in self.frames if frame.look is not None]
-        if len(looks) < len(self.frames):
-            return
-        if self.epoch > 6 and self.epoch % 4:
-            return
-        lenses = corrected_lenses(self.frames[0].lenses, self.given_lenses, looks)
-        for frame in self.frames:
-            frame.set_lenses(lenses)
-            frame.look = None
 
     def _rates(self, share: float) -> AdamRates:
         config = self.config
@@ -159,44 +208,45 @@ class Optimizer:
         )
 
     def _end_epoch(self) -> None:
-        """Removes what is faint, and folds the mean exposure into the map."""
+        self._fold_exposures()
+        if self.config.refine_lenses and (
+            self.epoch <= LENS_EPOCHS or self.epoch % LENS_EVERY == 0
+        ):
+            self._correct_lenses()
         self.epoch += 1
+
+    def _fold_exposures(self) -> None:
+        """Removes what is faint, and gives the map the mean exposure of the observations."""
         old = self.adam.map
-        gains = np.array([frame.exposure.gain for frame in self.frames])
-        offsets = np.array([frame.exposure.offset for frame in self.frames])
+        gains = np.array([one.exposure.gain for one in self.observations])
+        offsets = np.array([one.exposure.offset for one in self.observations])
         gain, offset = gains.mean(axis=0), offsets.mean(axis=0)
         kept = np.flatnonzero(old.logit_opacities > _logit(self.config.min_opacity))
         sh = old.sh[kept] * gain.astype(np.float32)
         sh[:, 0] += ((0.5 * gain + offset - 0.5) / SH_C0).astype(np.float32)
-        for frame, of_gain, of_offset in zip(self.frames, gains, offsets, strict=True):
+        for one, of_gain, of_offset in zip(self.observations, gains, offsets, strict=True):
             ratio = of_gain / gain
-            frame.exposure = Exposure(gain=ratio, offset=of_offset - ratio * offset)
+            one.exposure = Exposure(gain=ratio, offset=of_offset - ratio * offset)
+        greatest = np.float32(np.log(self.config.max_scale_m))
         cleaned = GaussianMap(
             means=old.means[kept],
             quats=old.quats[kept],
-            log_scales=np.minimum(
-                old.log_scales[kept], np.float32(np.log(self.config.max_scale_m))
-            ),
+            log_scales=np.minimum(old.log_scales[kept], greatest),
             logit_opacities=old.logit_opacities[kept],
             sh=sh,
             ids=old.ids[kept],
             origin=old.origin,
         )
         self.adam = self.adam.edited(cleaned, kept)
-        if self.config.refine_lenses:
-            self._correct_lenses()
 
-
-def _at_full_size(alignment: Alignment, divisor: int) -> Alignment:
-    """Equations for the principal point in px of the full image."""
-    scale = np.ones(10)
-    scale[8:] = 1 / divisor
-
-    def scaled(equations: NormalEquations) -> NormalEquations:
-        hessian = equations.hessian * scale[:, None] * scale
-        return NormalEquations(hessian, equations.right * scale)
-
-    return Alignment(scaled(alignment.color), scaled(alignment.depth))
+    def _correct_lenses(self) -> None:
+        looks = [one.look for one in self.observations if one.look is not None]
+        if len(looks) < len(self.observations):
+            return
+        lenses = corrected_lenses(self.observations[0].lenses, self.given, looks)
+        for one in self.observations:
+            one.set_lenses(lenses)
+            one.look = None
 
 
 def _sane(exposure: Exposure) -> Exposure:

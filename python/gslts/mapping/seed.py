@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import SH_C0, GaussianMap
+from gslts.mapping.density import joined
 
 Floats = NDArray[np.float64]
 
@@ -22,6 +23,11 @@ LEAST_HITS = 2
 ALONG, ACROSS = 0.6, 0.2
 """Standard deviations along the surface and across it, in distances to the next Gaussian."""
 OPACITY = 0.8
+COARSER_LEVELS = 3
+"""Plain surfaces get Gaussians of up to 2^3 times the size."""
+FLAT = 0.97
+"""Least length of the mean of unit normals within a voxel, to count as flat: a turn of 20 degrees
+between its halves."""
 KEY_BITS = 21
 """Of each coordinate of a voxel in a 64-bit key: 2^21 voxels of 1 cm are 20 km."""
 
@@ -31,16 +37,20 @@ class _Voxels:
     """Sums over the points of voxels; `hits` counts frames."""
 
     keys: NDArray[np.int64]
-    sums: Floats  # [V,10]: count, point, normal, colour
+    sums: Floats  # [V,11]: count, point, normal, colour, squared detail
     hits: NDArray[np.int64]
 
 
-def seed_from_depth(frames: Iterable[RgbdFrame], voxel_m: float, sh_degree: int = 0) -> GaussianMap:
-    """One Gaussian for each voxel that at least two frames measured.
+def seed_from_depth(
+    frames: Iterable[RgbdFrame], voxel_m: float, contrast: float = 0.0, sh_degree: int = 0
+) -> GaussianMap:
+    """One Gaussian for each voxel that at least two frames measured, larger ones on plain surfaces.
 
     Args:
-        frames: With depth, and poses that are roughly right.
-        voxel_m: Edge of a voxel.
+        frames: With registered depth, and poses that are roughly right.
+        voxel_m: Edge of the smallest voxels.
+        contrast: Where colours change by less than this over a voxel of twice, four or eight times
+            the edge, and the surface is flat, one Gaussian serves all of it; 0 means nowhere.
         sh_degree: Of the map; all but the constant harmonic start at 0.
 
     Raises:
@@ -50,9 +60,42 @@ def seed_from_depth(frames: Iterable[RgbdFrame], voxel_m: float, sh_degree: int 
     kept = voxels.hits >= LEAST_HITS
     if not kept.any():
         raise ValueError("seed_from_depth: no surface was measured by two frames")
-    sums = voxels.sums[kept]
+    voxels = _Voxels(voxels.keys[kept], voxels.sums[kept], voxels.hits[kept])
+    parts, edge_m = [], voxel_m
+    for _ in range(COARSER_LEVELS):
+        plain, coarser = _split_plain(voxels, 2 * edge_m, contrast)
+        parts.append(_gaussians_of(plain, edge_m, sh_degree))
+        voxels, edge_m = coarser, 2 * edge_m
+    parts.append(_gaussians_of(voxels, edge_m, sh_degree))
+    seeds = parts[0]
+    for part in parts[1:]:
+        seeds = joined(seeds, part)
+    return seeds
+
+
+def _split_plain(voxels: _Voxels, edge_m: float, contrast: float) -> tuple[_Voxels, _Voxels]:
+    """Voxels that must stay, and those of the given edge that replace all others."""
+    x, y, z = (voxels.keys >> 2 * KEY_BITS, voxels.keys >> KEY_BITS, voxels.keys)
+    mask = (1 << KEY_BITS) - 1
+    x, y, z = (axis & mask for axis in (x, y, z))
+    parents = (x >> 1) << 2 * KEY_BITS | (y >> 1) << KEY_BITS | (z >> 1)
+    unique, inverse = np.unique(parents, return_inverse=True)
+    sums = np.stack(
+        [np.bincount(inverse, column, len(unique)) for column in voxels.sums.T], axis=1
+    )
+    lengths = np.linalg.norm(voxels.sums[:, 4:7], axis=1)
+    turning = np.linalg.norm(sums[:, 4:7], axis=1) / np.bincount(inverse, lengths, len(unique))
+    detail = np.sqrt(sums[:, 10] / sums[:, 0])
+    plain = (detail * edge_m < contrast) & (turning > FLAT)
+    stays = ~plain[inverse]
+    coarser = _Voxels(unique[plain], sums[plain], np.ones(int(plain.sum()), np.int64))
+    return _Voxels(voxels.keys[stays], voxels.sums[stays], voxels.hits[stays]), coarser
+
+
+def _gaussians_of(voxels: _Voxels, edge_m: float, sh_degree: int) -> GaussianMap:
+    sums = voxels.sums
     points, colors = sums[:, 1:4] / sums[:, :1], sums[:, 7:10] / sums[:, :1]
-    spacing_m = np.full(len(points), voxel_m)
+    spacing_m = np.full(len(points), edge_m)
     return flat_gaussians(points, sums[:, 4:7], colors, spacing_m, OPACITY, sh_degree)
 
 
@@ -88,10 +131,10 @@ def flat_gaussians(
 
 
 def _voxels_of(frame: RgbdFrame, voxel_m: float) -> _Voxels:
-    points, normals, colors = surface_points(frame)
+    points, normals, colors, details = surface_points(frame)
     cells = np.floor(points / voxel_m).astype(np.int64) + (1 << (KEY_BITS - 1))
     keys = cells[:, 0] << 2 * KEY_BITS | cells[:, 1] << KEY_BITS | cells[:, 2]
-    sums = np.column_stack([np.ones(len(points)), points, normals, colors])
+    sums = np.column_stack([np.ones(len(points)), points, normals, colors, details**2])
     return _summed(keys, sums, np.ones(len(keys), np.int64), per_frame=True)
 
 
@@ -116,16 +159,19 @@ def _summed(
     return _Voxels(keys[starts], np.add.reduceat(sums, starts, axis=0), counted)
 
 
-def surface_points(frame: RgbdFrame) -> tuple[Floats, Floats, Floats]:
+def surface_points(frame: RgbdFrame) -> tuple[Floats, Floats, Floats, Floats]:
     """Measured points of a frame, with normals and colours.
 
     Returns:
         points: [P,3] in the world, m.
         normals: [P,3] unit vectors towards the camera.
         colors: [P,3] sRGB, 0 to 1.
+        details: [P] change of the brightness along the surface, 1/m.
     """
     camera = frame.camera
     depth = np.nan_to_num(frame.depth[::PIXEL_STEP, ::PIXEL_STEP].astype(np.float64))
+    if frame.mask is not None:
+        depth[~frame.mask[::PIXEL_STEP, ::PIXEL_STEP]] = 0
     rgb = frame.rgb[::PIXEL_STEP, ::PIXEL_STEP] / 255.0
     rows, columns = (np.indices(depth.shape) * PIXEL_STEP) + 0.5
     x, y = (columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy
@@ -142,7 +188,9 @@ def surface_points(frame: RgbdFrame) -> tuple[Floats, Floats, Floats]:
     normals = normals[good] / lengths[good, None]
     pose = camera.world_from_camera
     points = in_camera[1:-1, 1:-1][good] @ pose[:3, :3].T + pose[:3, 3]
-    return points, normals @ pose[:3, :3].T, rgb[1:-1, 1:-1][good]
+    change = np.hypot(*np.gradient(rgb.mean(axis=2)))[1:-1, 1:-1][good] / PIXEL_STEP
+    details = change * camera.fx / middle[good]
+    return points, normals @ pose[:3, :3].T, rgb[1:-1, 1:-1][good], details
 
 
 def _quats_towards(normals: Floats) -> Floats:

@@ -1,0 +1,136 @@
+"""A frame as the mapping engine works with it, and what has been found out about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslts.alignment import Alignment
+from gslts.camera import Camera, at_pose, resized
+from gslts.frame import RgbdFrame, register_depth
+from gslts.losses import Exposure
+from gslts.mapping.lenses import Lenses
+
+Floats = NDArray[np.float64]
+Floats32 = NDArray[np.float32]
+
+LEVELS = 3
+"""Full, half and quarter resolution."""
+EDGE_SHARE = 0.05
+"""A relative difference of depths within 2 x 2 pixels that shows an edge."""
+
+
+@dataclass(eq=False)
+class Observation:
+    """A frame in several resolutions; level 0 is the full one, and each next has half the sides.
+
+    Attributes:
+        rgb: [H,W,3] uint8 of each level.
+        measured: [H',W'] depth of each level as its lens saw it, m; 0 where there is none.
+        masks: [H,W] bool of each level, True where the colour camera saw something.
+        given: World_from_depth_lens, as the data set says.
+        pose: World_from_camera of the colour camera as corrected.
+        lenses: Of the sensor, as corrected.
+        exposure: From the map's colours to those of the frame.
+        look: What the last look at the map said about pose and lenses.
+    """
+
+    rgb: tuple[NDArray[np.uint8], ...]
+    measured: tuple[Floats32, ...]
+    masks: tuple[NDArray[np.bool_], ...] | None
+    given: Floats
+    pose: Floats
+    lenses: Lenses
+    exposure: Exposure = field(default_factory=Exposure)
+    look: Alignment | None = None
+    _registered: tuple[int, Floats32] | None = None
+
+    @classmethod
+    def of(cls, frame: RgbdFrame) -> Observation:
+        """A frame where the data set says that it was taken."""
+        rgb, measured = [frame.rgb], [np.nan_to_num(frame.depth)]
+        masks = None if frame.mask is None else [frame.mask]
+        for _ in range(LEVELS - 1):
+            rgb.append(_halved(rgb[-1]))
+            measured.append(_halved_depth(measured[-1]))
+            if masks is not None:
+                masks.append(_fours(masks[-1]).all(axis=0))
+        depth_lens = frame.depth_camera or frame.camera
+        camera_from_world = np.linalg.inv(frame.camera.world_from_camera)
+        return cls(
+            rgb=tuple(rgb),
+            measured=tuple(measured),
+            masks=None if masks is None else tuple(masks),
+            given=depth_lens.world_from_camera,
+            pose=frame.camera.world_from_camera,
+            lenses=Lenses(
+                color=at_pose(frame.camera, np.eye(4)),
+                depth=at_pose(depth_lens, camera_from_world @ depth_lens.world_from_camera),
+            ),
+        )
+
+    @property
+    def given_pose(self) -> Floats:
+        """[4,4] world_from_camera of the colour camera, as the data set and the lenses say."""
+        pose: Floats = self.given @ np.linalg.inv(self.lenses.depth.world_from_camera)
+        return pose
+
+    @property
+    def correction(self) -> Floats:
+        """[4,4] given_pose @ correction is the pose."""
+        motion: Floats = np.linalg.inv(self.given_pose) @ self.pose
+        return motion
+
+    def set_lenses(self, lenses: Lenses) -> None:
+        """Takes the sensor for another one."""
+        self.lenses = lenses
+        self._registered = None
+
+    def camera(self, level: int = 0) -> Camera:
+        """Of the colours, at the corrected pose."""
+        return resized(at_pose(self.lenses.color, self.pose), 1 << level)
+
+    def photo(self, level: int = 0) -> Floats32:
+        """[H,W,3] sRGB, 0 to 1."""
+        return self.rgb[level].astype(np.float32) / np.float32(255)
+
+    def mask(self, level: int = 0) -> NDArray[np.bool_] | None:
+        """[H,W] True where the colour camera saw something; None means everywhere."""
+        return None if self.masks is None else self.masks[level]
+
+    def depth(self, level: int = 0) -> Floats32:
+        """[H,W] m, as the colour camera would have measured it; kept for the next call."""
+        if self._registered is None or self._registered[0] != level:
+            divisor = 1 << level
+            depth_lens, color = (
+                resized(lens, divisor) for lens in (self.lenses.depth, self.lenses.color)
+            )
+            same = depth_lens == color
+            depth = self.measured[level]
+            self._registered = level, depth if same else register_depth(depth, depth_lens, color)
+        return self._registered[1]
+
+    def rgbd(self) -> RgbdFrame:
+        """Registered, and at the corrected pose."""
+        return RgbdFrame(self.rgb[0], self.depth(), self.camera(), mask=self.mask())
+
+
+def _fours(image: NDArray[np.generic]) -> NDArray[np.generic]:
+    """[4,H/2,W/2,...] the pixels of each block of 2 x 2; what is left over is cut off."""
+    height, width = (length // 2 * 2 for length in image.shape[:2])
+    part = image[:height, :width]
+    return np.stack([part[::2, ::2], part[1::2, ::2], part[::2, 1::2], part[1::2, 1::2]])
+
+
+def _halved(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    total = _fours(rgb).astype(np.uint16).sum(axis=0, dtype=np.uint16)
+    return ((total + 2) // 4).astype(np.uint8)
+
+
+def _halved_depth(depth: Floats32) -> Floats32:
+    """Means of 2 x 2 pixels where all are measured and on one surface, else 0."""
+    four = _fours(depth)
+    same = (four.min(axis=0) > 0) & (np.ptp(four, axis=0) < EDGE_SHARE * four.max(axis=0))
+    return np.where(same, four.mean(axis=0), 0).astype(np.float32)
