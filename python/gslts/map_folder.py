@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ def write_map_folder(
     gaussian_map: GaussianMap,
     manifest: Mapping[str, Any],
     cameras: Mapping[str, Camera],
+    finish: Callable[[Path], None] = lambda _: None,
 ) -> None:
     """Writes a new folder, which is there whole or not at all.
 
@@ -31,6 +32,7 @@ def write_map_folder(
         gaussian_map: float32.
         manifest: What else is to be known, in values of JSON; format and version are added.
         cameras: By name of the frame.
+        finish: Puts further files into the folder, before it appears.
 
     Raises:
         OSError: It cannot be written, or is there already.
@@ -44,7 +46,8 @@ def write_map_folder(
         write_ply(gaussian_map, temporary / PLY)
         known = {"format": FORMAT, "version": VERSION, "gaussians": gaussian_map.size, **manifest}
         _write_json(temporary / MANIFEST, known)
-        _write_json(temporary / CAMERAS, {name: _plain(one) for name, one in cameras.items()})
+        _write_json(temporary / CAMERAS, {name: plain_camera(one) for name, one in cameras.items()})
+        finish(temporary)
         temporary.rename(folder)
     except BaseException:
         shutil.rmtree(temporary, ignore_errors=True)
@@ -95,7 +98,8 @@ def ply_of(path: Path) -> Path:
     return path / PLY if path.is_dir() else path
 
 
-def _plain(camera: Camera) -> dict[str, Any]:
+def plain_camera(camera: Camera) -> dict[str, Any]:
+    """Its numbers, in values of JSON."""
     return {
         **{name: getattr(camera, name) for name in ("fx", "fy", "cx", "cy", "width", "height")},
         "world_from_camera": camera.world_from_camera.tolist(),

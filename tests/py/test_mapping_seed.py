@@ -5,8 +5,11 @@ import pytest
 import sim_scenes
 
 import gslts
+from gslts.alignment import align
 from gslts.bench.rooms import make_room
-from gslts.mapping.pose import align, moved, twist_between
+from gslts.frame import RgbdFrame
+from gslts.mapping.holes import interpolated, seeds_in_holes
+from gslts.mapping.pose import moved, twist_of
 from gslts.mapping.seed import LEAST_HITS, seed_from_depth, surface_points
 from gslts.sim.controller import Controller
 
@@ -34,13 +37,14 @@ def distance_to_surfaces(points: np.ndarray) -> np.ndarray:
 
 
 def test_points_lie_on_surfaces_and_normals_look_at_the_camera(frames: list) -> None:
-    points, normals, colors = surface_points(frames[0])
+    points, normals, colors, details = surface_points(frames[0])
     assert distance_to_surfaces(points).max() < 1e-3
     eye = frames[0].camera.world_from_camera[:3, 3]
     assert (((eye - points) * normals).sum(axis=1) > 0).all()
     axes = np.abs(normals).max(axis=1)  # All surfaces are along the axes.
     assert np.quantile(axes, 0.1) > 0.999
     assert ((colors >= 0) & (colors <= 1)).all()
+    assert np.median(details) < 0.5, "the room is plain"
 
 
 def test_seeds_are_flat_on_the_surfaces_and_as_dense_as_voxels(frames: list) -> None:
@@ -76,6 +80,83 @@ def test_what_one_frame_saw_is_no_seed(frames: list) -> None:
         seed_from_depth([frames[0], turned.observe()], VOXEL_M)
 
 
+def test_plain_surfaces_take_few(frames: list) -> None:
+    fine = seed_from_depth(frames, VOXEL_M)
+    few = seed_from_depth(frames, VOXEL_M, contrast=0.5)
+    assert few.size < 0.3 * fine.size
+    widths_m = np.exp(few.log_scales[:, 0])
+    assert widths_m.max() > 6 * widths_m.min()
+    points = few.means.astype(np.float64)
+    assert np.quantile(distance_to_surfaces(points), 0.9) < 3e-3
+    covered = [gslts.render(seeds, frames[0].camera).alpha > 0.5 for seeds in (fine, few)]
+    assert covered[1].mean() > covered[0].mean() - 0.03
+
+
+def test_colours_keep_surfaces_fine(frames: list) -> None:
+    checks = np.indices((120, 160)).sum(axis=0) // 4 % 2 * 200
+    rgb = np.repeat(checks[..., None], 3, axis=2).astype(np.uint8)
+    checked = [RgbdFrame(rgb, frame.depth, frame.camera) for frame in frames]
+    fine = seed_from_depth(checked, VOXEL_M)
+    assert seed_from_depth(checked, VOXEL_M, contrast=0.5).size > 0.9 * fine.size
+
+
+@pytest.mark.parametrize("most", [1500, 100])
+def test_no_more_seeds_than_wanted(frames: list, most: int) -> None:
+    assert seed_from_depth(frames, VOXEL_M).size > most
+    seeds = seed_from_depth(frames, VOXEL_M, most=most)
+    assert 0.5 * most < seeds.size <= most
+
+
+def test_pixels_that_were_not_seen_give_no_points(frames: list) -> None:
+    mask = np.zeros((120, 160), bool)
+    mask[:, :80] = True
+    one = frames[0]
+    masked = RgbdFrame(one.rgb, one.depth, one.camera, mask=mask)
+    points = surface_points(masked)[0]
+    assert 0 < len(points) < 0.6 * len(surface_points(one)[0])
+
+
+def test_holes_are_filled_at_the_depth_around_them(frames: list) -> None:
+    one = frames[0]
+    seeds = seed_from_depth(frames, VOXEL_M)
+    columns, rows, z = project(one.camera, seeds.means.astype(np.float64))
+    hole = (np.abs(columns - 80) < 20) & (np.abs(rows - 100) < 15) & (z > 0)  # In the floor.
+    torn = seeds.select(~hole)
+    images = gslts.render(torn, one.camera)
+    measured = np.zeros_like(one.depth)
+    new = seeds_in_holes(one.camera, images, one.rgb / 255, measured, 0)
+    assert new is not None
+    columns, rows, z = project(one.camera, new.means.astype(np.float64))
+    inside = (np.abs(columns - 80) < 16) & (np.abs(rows - 100) < 11)
+    assert inside.sum() > 20
+    at = one.depth[rows[inside].astype(int), columns[inside].astype(int)]
+    assert np.median(np.abs(z[inside] - at) / at) < 0.08
+    whole = gslts.render(seeds, one.camera)
+    assert seeds_in_holes(one.camera, whole, one.rgb / 255, one.depth, 0) is None or (
+        whole.alpha.min() < 0.4
+    )
+
+
+def test_gaps_are_filled_from_all_sides() -> None:
+    known = np.zeros((33, 47))
+    known[:, 0], known[:, -1] = 1.0, 3.0
+    filled = interpolated(known)
+    assert filled.min() == 1.0
+    assert filled.max() == 3.0
+    assert filled[:, 3].max() < 1.5 < 2.5 < filled[:, -4].min()
+    np.testing.assert_array_equal(interpolated(np.full((5, 7), 2.0)), 2.0)
+
+
+def project(camera: gslts.Camera, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    pose = np.linalg.inv(camera.world_from_camera)
+    x, y, z = (points @ pose[:3, :3].T + pose[:3, 3]).T
+    return camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy, z
+
+
+def motion(start: gslts.Camera, end: gslts.Camera) -> np.ndarray:
+    return np.linalg.inv(start.world_from_camera) @ end.world_from_camera
+
+
 @pytest.mark.parametrize("axis", range(6))
 def test_poses_return_from_a_wrong_start(axis: int) -> None:
     """By 1 cm or half a degree, along and about each axis."""
@@ -85,12 +166,12 @@ def test_poses_return_from_a_wrong_start(axis: int) -> None:
     twist = np.zeros(6)
     twist[axis] = 0.01 if axis < 3 else np.deg2rad(0.5)
     camera = moved(truth, twist)
-    np.testing.assert_allclose(twist_between(truth, camera), twist, atol=1e-6)
+    np.testing.assert_allclose(twist_of(motion(truth, camera)), twist, atol=1e-6)
     for _ in range(8):
         images = gslts.render(room.gaussian_map, camera)
-        equations = align(camera, images.rgb, images.depth, photo.rgb, photo.depth)
-        step = np.linalg.solve(equations.hessian, equations.right)
-        camera = moved(camera, step)
-    off = twist_between(camera, truth)
+        alignment = align(camera, images.rgb, images.depth, photo.rgb, photo.depth)
+        both = alignment.color + alignment.depth
+        camera = moved(camera, np.linalg.solve(both.hessian[:6, :6], both.right[:6]))
+    off = twist_of(motion(camera, truth))
     assert np.linalg.norm(off[:3]) < 0.0005
     assert np.linalg.norm(off[3:]) < np.deg2rad(0.02)

@@ -29,6 +29,7 @@ Dataset = Annotated[
 Map = Annotated[
     Path, typer.Argument(metavar="MAP", help="Folder of a map, or a .ply file of 3DGS.")
 ]
+BAR = "{desc}: {percentage:3.0f}%|{bar}| {elapsed}<{remaining}{postfix}"
 Threads = Annotated[int, typer.Option(min=0, help="0 means one a hardware thread.")]
 
 
@@ -39,66 +40,87 @@ def make(
     iterations: Annotated[
         int | None, typer.Option(min=1, help="Instead of those of the preset.")
     ] = None,
+    budget_s: Annotated[
+        float | None, typer.Option(min=1, help="Seconds for it all, instead of iterations.")
+    ] = None,
+    max_gaussians: Annotated[int | None, typer.Option(min=1, help="No more than these.")] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on where an interrupted run stopped.")
+    ] = False,
     threads: Threads = 0,
 ) -> None:
     """Make a map of posed RGB-D frames; every eighth frame is kept aside to judge it.
 
+    The folder holds the Gaussians, a manifest, the corrected cameras and report.html. Until it is
+    done, OUT.checkpoint.npz holds what an interrupted run needs to go on.
+
     Example: gslts map out/kitchen_3 --out out/map
     """
-    from dataclasses import asdict
-
     from tqdm import tqdm
 
-    from gslts import __version__
     from gslts.datasets import open_dataset
     from gslts.map_folder import write_map_folder
+    from gslts.mapping.checkpoint import read_checkpoint, write_checkpoint
     from gslts.mapping.config import PRESETS
     from gslts.mapping.engine import make_map
     from gslts.mapping.optimize import Progress
+    from gslts.mapping.report import write_report
+    from gslts.mapping.summary import manifest_of, report_of, summary_of
 
     if out.exists():
         raise FileExistsError(f"{out} is there already")
-    given = {"threads": threads, **({} if iterations is None else {"iterations": iterations})}
-    config = PRESETS[preset].model_copy(update=given)
+    saved = out.with_name(f"{out.name}.checkpoint.npz")
+    if saved.exists() and not resume:
+        raise FileExistsError(f"{saved} is there: go on with --resume, or remove it")
+    given = {
+        "iterations": iterations,
+        "budget_s": budget_s,
+        "max_gaussians": max_gaussians,
+        "threads": threads,
+    }
+    chosen = {name: value for name, value in given.items() if value is not None}
+    config = PRESETS[preset].model_copy(update=chosen)
+    start = read_checkpoint(saved) if resume else None
     opened = open_dataset(dataset)
-    with tqdm(total=config.iterations, desc="mapping", unit="step", smoothing=0.05) as bar:
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with tqdm(total=100, desc="mapping", bar_format=BAR, smoothing=0.05, disable=None) as bar:
 
         def report(progress: Progress) -> None:
             bar.set_postfix(
+                step=progress.iteration,
                 loss=f"{progress.loss:.3f}",
                 psnr=f"{progress.psnr_db:.1f}",
                 gaussians=progress.gaussians,
                 refresh=False,
             )
-            bar.update()
+            bar.update(100 * min(1.0, progress.share) - bar.n)
 
         result = make_map(
             opened,
             config,
-            show_frames=lambda frames: tqdm(frames, desc="reading", unit="frame"),
+            resume=start,
+            save=lambda checkpoint: write_checkpoint(saved, checkpoint),
+            show_frames=lambda frames: tqdm(frames, desc="reading", unit="frame", disable=None),
             report=report,
         )
-    manifest = {
-        "gslts": __version__,
-        "dataset": opened.name,
-        "config": config.model_dump(),
-        "seeds": result.seeds,
-        "held_out": asdict(result.held_out),
-        "skipped": list(result.skipped),
-    }
-    write_map_folder(out, result.gaussian_map, manifest, result.cameras)
-    quality = result.held_out
-    typer.echo(
-        f"wrote {out}: {result.gaussian_map.size} Gaussians; {quality.frames} frames kept aside: "
-        f"{quality.psnr_db:.1f} dB, SSIM {quality.ssim:.3f}, depth {100 * quality.depth_l1_m:.1f} "
-        f"cm off; {len(result.skipped)} frames skipped"
+    write_map_folder(
+        out,
+        result.gaussian_map,
+        manifest_of(result, opened.name, config),
+        {name: one.camera() for name, one in result.training.items()},
+        lambda folder: write_report(folder / "report.html", report_of(result, opened.name, config)),
     )
+    saved.unlink(missing_ok=True)
+    typer.echo(f"wrote {out}: {summary_of(result)}")
 
 
 def judge(
     map_path: Map,
     dataset: Dataset,
-    every: Annotated[int, typer.Option(min=1, help="Use every so manieth frame.")] = 8,
+    every: Annotated[
+        int | None,
+        typer.Option(min=1, help="Use every so manieth frame, not those that were kept aside."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     threads: Threads = 0,
     lpips_backbone: Annotated[
@@ -108,7 +130,10 @@ def judge(
         Path | None, typer.Option(help="alex.pth of the package lpips, for LPIPS.")
     ] = None,
 ) -> None:
-    """Compare a map with frames, their exposure fitted and their poses as given.
+    """Compare a map with frames that it was not made from, the exposure of each fitted.
+
+    Three ways: poses as given, poses corrected as those of their neighbours were, and poses refined
+    against the map.
 
     Example: gslts eval out/map out/kitchen_3
     """
@@ -118,7 +143,8 @@ def judge(
     from gslts.lpips import Lpips
     from gslts.map_folder import ply_of, read_map
     from gslts.mapping.assess import assess
-    from gslts.mapping.evaluate import evaluate
+    from gslts.mapping.evaluate import evaluate_held_out
+    from gslts.mapping.judge import Known, held_out_of
 
     lpips = None
     if lpips_backbone is not None and lpips_heads is not None:
@@ -127,9 +153,9 @@ def judge(
         raise ValueError("LPIPS needs both --lpips-backbone and --lpips-heads")
     gaussian_map = read_map(map_path)
     ply_bytes = ply_of(map_path).stat().st_size
-    frames = [frame.read() for frame in open_dataset(dataset).frames[::every]]
-    quality = evaluate(gaussian_map, frames, threads)
-    rest = assess(gaussian_map, frames, lpips, threads)
+    observations, neighbours = held_out_of(open_dataset(dataset), Known.of(map_path), every)
+    quality, _ = evaluate_held_out(gaussian_map, observations, neighbours, threads)
+    rest = assess(gaussian_map, [one.rgbd() for one in observations], lpips, threads)
     per_gaussian = ply_bytes / max(1, gaussian_map.size)
     if as_json:
         sizes = {
@@ -139,10 +165,14 @@ def judge(
         }
         typer.echo(json.dumps({**asdict(quality), **asdict(rest), **sizes}))
         return
-    typer.echo(
-        f"{quality.frames} frames: {quality.psnr_db:.2f} dB, SSIM {quality.ssim:.3f}, depth "
-        f"{100 * quality.depth_l1_m:.2f} cm off"
-    )
+    for name, way in asdict(quality).items():
+        if way is not None:
+            depth_m = way["depth_l1_m"]
+            depth = "" if depth_m is None else f", depth {100 * depth_m:.2f} cm off"
+            typer.echo(
+                f"{way['frames']} frames, poses {name.replace('_', ' ')}: {way['psnr_db']:.2f} dB, "
+                f"SSIM {way['ssim']:.3f}{depth}"
+            )
     typer.echo(
         f"{gaussian_map.size} Gaussians in {ply_bytes} bytes, {per_gaussian:.1f} each; "
         f"{rest.render_ms:.1f} ms a rendering"

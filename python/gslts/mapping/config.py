@@ -72,6 +72,10 @@ class MappingConfig(BaseModel):
     seed: Count = 0
     threads: Count = 0
 
+    def same_map(self, other: MappingConfig) -> bool:
+        """Whether both make the same map of the same frames."""
+        return self == other.model_copy(update={"threads": self.threads})
+
 
 PRESETS = {
     "fast": MappingConfig(iterations=2500, rough_epochs=10, voxel_m=0.03, coarse_share=0.8),

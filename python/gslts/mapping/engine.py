@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from gslts.datasets import Dataset, Frame
 from gslts.gaussian_map import GaussianMap
+from gslts.mapping.checkpoint import Checkpoint
+from gslts.mapping.clock import Clock
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.evaluate import HeldOut, evaluate, evaluate_held_out, near_by
 from gslts.mapping.lenses import Lenses
 from gslts.mapping.observation import LEVELS, Observation
 from gslts.mapping.optimize import Optimizer, Progress, Schedule
+from gslts.mapping.pose import twist_of
 from gslts.mapping.report_data import CurvePoint
 from gslts.mapping.seed import seed_from_depth
 
@@ -26,6 +30,12 @@ ROUGH_BUDGET = 0.2
 """Share of the time that is left which rough poses may take."""
 JUDGED_TIMES = 20
 """How often in the course of the optimisation the frames kept aside are looked at."""
+
+SAVE_EVERY_S = 20.0
+"""So much work is lost at most if the machine stops."""
+
+LEAST_POSE_STD_M, LEAST_POSE_STD_RAD = 0.002, 0.001
+"""No pose is better known than this."""
 
 ShowFrames = Callable[[Sequence[Frame]], Iterable[Frame]]
 ShowProgress = Callable[[Progress], None]
@@ -62,6 +72,8 @@ def make_map(
     dataset: Dataset,
     config: MappingConfig,
     *,
+    resume: Checkpoint | None = None,
+    save: Callable[[Checkpoint], None] | None = None,
     show_frames: ShowFrames = iter,
     report: ShowProgress = lambda _: None,
 ) -> MappingResult:
@@ -70,42 +82,63 @@ def make_map(
     Args:
         dataset: At least nine frames, so that one can judge.
         config: Settings.
+        resume: Where an earlier run of the same data set stopped; without a budget in seconds, the
+            map becomes what it would have become.
+        save: Is given a checkpoint now and then.
         show_frames: Shows how far the reading is.
         report: Is told after each step of the optimisation.
 
     Raises:
-        ValueError: Too few frames can be read, or no surface was measured by two of them.
+        ValueError: Too few frames can be read, no surface was measured by two of them, or the
+            checkpoint is not of this data set or not of these settings.
     """
-    clock = _Clock(config.budget_s)
+    clock = Clock(config.budget_s, {} if resume is None else resume.seconds)
     frames, skipped = _read(dataset, show_frames)
-    names = list(frames)
+    names = tuple(frames)
     training = {name: frames[name] for k, name in enumerate(names) if k % HELD_OUT_EVERY}
     held_out = {name: frames[name] for name in names[::HELD_OUT_EVERY]}
     if len(training) < HELD_OUT_EVERY:
         raise ValueError(
             f"{dataset.name}: {len(frames)} frames are too few to make and judge a map"
         )
+    neighbours = [
+        [frames[names[near]] for near in (k - 1, k + 1) if 0 <= near < len(names)]
+        for k in range(0, len(names), HELD_OUT_EVERY)
+    ]
     observations = list(training.values())
     given = observations[0].lenses
     if not all(one.lenses.alike(given) for one in frames.values()):
         # Each sensor would have to be corrected by itself, from a part of the frames.
         config = config.model_copy(update={"refine_lenses": False})
     clock.note("reading")
-    if config.refine_poses and config.rough_epochs > 0:
-        _find_rough_poses(observations, given, config, clock)
-        clock.note("rough poses")
-    seeds = seed_from_depth(
-        (one.rgbd() for one in observations), config.voxel_m, config.seed_contrast, config.sh_degree
-    )
-    clock.note("seeding")
+    if resume is None:
+        if config.refine_poses and config.rough_epochs > 0:
+            _find_rough_poses(observations, given, config, clock)
+            clock.note("rough poses")
+        rgbds = (one.rgbd() for one in observations)
+        start = seed_from_depth(
+            rgbds,
+            config.voxel_m,
+            config.seed_contrast,
+            sh_degree=config.sh_degree,
+            most=config.max_gaussians,
+        )
+        seeds = start.size
+        pose_stds = _pose_stds(observations, config)
+        clock.note("seeding")
+    else:
+        if resume.frames != names or not resume.config.same_map(config):
+            what = "settings" if resume.frames == names else "frames"
+            raise ValueError(f"{dataset.name}: the checkpoint is of other {what}")
+        start, seeds, pose_stds = resume.gaussian_map, resume.seeds, resume.pose_stds
+        resume.restore_observations(observations)
     levels = ((config.coarse_share, 1), (float("inf"), 0))
-    schedule = Schedule(config.iterations, levels, clock.deadline_s)
-    optimizer = Optimizer(seeds, observations, given, config, schedule)
-    neighbours = [
-        [frames[names[near]] for near in (k - 1, k + 1) if 0 <= near < len(names)]
-        for k in range(0, len(names), HELD_OUT_EVERY)
-    ]
-    curve: list[CurvePoint] = []
+    schedule = Schedule(config.iterations, levels, clock.times_s("optimising"))
+    found = {"pose_std_m": pose_stds[0], "pose_std_rad": pose_stds[1]}
+    optimizer = Optimizer(start, observations, given, config.model_copy(update=found), schedule)
+    if resume is not None:
+        resume.restore_optimizer(optimizer)
+    curve: list[CurvePoint] = [] if resume is None else list(resume.curve)
     while optimizer.share < 1:
         psnrs_db: list[float] = []
 
@@ -114,10 +147,10 @@ def make_map(
             report(progress)
 
         optimizer.run_epoch(watch)
+        if config.refine_lenses:
+            _follow(held_out.values(), observations[0].lenses)
         held_out_db = None
         if optimizer.share >= sum(p.held_out_psnr_db is not None for p in curve) / JUDGED_TIMES:
-            if config.refine_lenses:
-                _follow(held_out.values(), observations[0].lenses)
             near = [near_by(*pair) for pair in zip(held_out.values(), neighbours, strict=True)]
             held_out_db = evaluate(optimizer.adam.map, near, config.threads, level=1).psnr_db
         curve.append(
@@ -129,10 +162,12 @@ def make_map(
                 gaussians=optimizer.adam.map.size,
             )
         )
+        if save is not None and clock.since_saved_s() > SAVE_EVERY_S:
+            stages = clock.with_current("optimising")
+            save(Checkpoint.of(optimizer, config, names, tuple(curve), seeds, stages))
+            clock.saved()
     clock.note("optimising")
     gaussian_map = optimizer.adam.map
-    if config.refine_lenses:
-        _follow(held_out.values(), observations[0].lenses)
     quality, refined = evaluate_held_out(
         gaussian_map, list(held_out.values()), neighbours, config.threads
     )
@@ -144,14 +179,14 @@ def make_map(
         quality=quality,
         given_lenses=given,
         curve=tuple(curve),
-        seeds=seeds.size,
+        seeds=seeds,
         seconds=clock.stages,
         skipped=skipped,
     )
 
 
 def _find_rough_poses(
-    observations: list[Observation], given: Lenses, config: MappingConfig, clock: _Clock
+    observations: list[Observation], given: Lenses, config: MappingConfig, clock: Clock
 ) -> None:
     """Corrects poses and lenses with a coarse map, so that the seeds of the fine one are sharp."""
     level = 0
@@ -161,10 +196,21 @@ def _find_rough_poses(
         (one.rgbd() for one in observations), 2 * config.voxel_m, config.seed_contrast
     )
     iterations = config.rough_epochs * len(observations)
-    schedule = Schedule(iterations, ((float("inf"), level),), clock.deadline_of(ROUGH_BUDGET))
+    times_s = clock.times_s("rough poses", ROUGH_BUDGET)
+    schedule = Schedule(iterations, ((float("inf"), level),), times_s)
     optimizer = Optimizer(seeds, observations, given, config, schedule)
     while optimizer.share < 1:
         optimizer.run_epoch(lambda _: None)
+
+
+def _pose_stds(observations: list[Observation], config: MappingConfig) -> tuple[float, float]:
+    """How far given poses are off, m and rad, as far as the rough ones tell."""
+    twists = np.array([twist_of(one.correction) for one in observations])
+    shift_m, turn_rad = (float(np.sqrt((part**2).mean())) for part in np.split(twists, 2, axis=1))
+    return (
+        min(max(shift_m, LEAST_POSE_STD_M), config.pose_std_m),
+        min(max(turn_rad, LEAST_POSE_STD_RAD), config.pose_std_rad),
+    )
 
 
 def _follow(held_out: Iterable[Observation], lenses: Lenses) -> None:
@@ -189,27 +235,3 @@ def _read(
             f"{dataset.name}: {len(bad)} of {total} frames cannot be used, such as {bad[0]}"
         )
     return frames, tuple(bad)
-
-
-class _Clock:
-    """How long stages take, and when the budget ends."""
-
-    def __init__(self, budget_s: float | None) -> None:
-        self._start_s = self._last_s = time.monotonic()
-        self.deadline_s = None if budget_s is None else self._start_s + budget_s
-        self.stages: dict[str, float] = {}
-
-    def note(self, stage: str) -> None:
-        now_s = time.monotonic()
-        self.stages[stage] = now_s - self._last_s
-        self._last_s = now_s
-
-    def seconds(self) -> float:
-        return time.monotonic() - self._start_s
-
-    def deadline_of(self, share: float) -> float | None:
-        """When a share of the time that is left will be over."""
-        if self.deadline_s is None:
-            return None
-        now_s = time.monotonic()
-        return now_s + share * max(0.0, self.deadline_s - now_s)

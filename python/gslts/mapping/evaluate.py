@@ -156,7 +156,7 @@ def refine_pose(
         both = alignment.color + alignment.depth
         # A millionth, so that a frame that sees nothing stays where it is.
         hessian = both.hessian[:6, :6] + 1e-6 * np.eye(6)
-        twist = np.linalg.solve(hessian, both.right[:6])
+        twist = np.linalg.solve(hessian, both.right[:6]).astype(np.float64)
         one = replace(one, pose=moved(one.camera(), twist).world_from_camera)
     return one
 

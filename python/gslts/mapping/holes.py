@@ -17,6 +17,8 @@ HOLE_ALPHA = 0.4
 STRIDE = 4
 """One Gaussian for so many pixels each way."""
 OPACITY = 0.5
+SMOOTHINGS = 4
+"""At each resolution, so that no steps of the coarser one are left."""
 
 
 def seeds_in_holes(
@@ -53,7 +55,7 @@ def seeds_in_holes(
 
 
 def interpolated(known: Floats) -> Floats:
-    """[H,W] the image with its zeros filled from coarser and coarser means of the others."""
+    """[H,W] the image, its zeros filled smoothly from coarser and coarser means of the rest."""
     if known.all() or min(known.shape) < 2:
         return np.where(known > 0, known, known[known > 0].mean() if known.any() else 0)
     height, width = known.shape
@@ -61,12 +63,16 @@ def interpolated(known: Floats) -> Floats:
     four = padded.reshape(padded.shape[0] // 2, 2, padded.shape[1] // 2, 2)
     count = (four > 0).sum(axis=(1, 3))
     coarse = interpolated(four.sum(axis=(1, 3)) / np.maximum(count, 1))
-    fine = coarse.repeat(2, axis=0).repeat(2, axis=1)[:height, :width]
-    return np.where(known > 0, known, fine)
+    filled = coarse.repeat(2, axis=0).repeat(2, axis=1)[:height, :width]
+    for _ in range(SMOOTHINGS):
+        around = np.pad(np.where(known > 0, known, filled), 1, mode="edge")
+        filled = (around[:-2, 1:-1] + around[2:, 1:-1] + around[1:-1, :-2] + around[1:-1, 2:]) / 4
+    return np.where(known > 0, known, filled)
 
 
 def _binned(image: FloatArray) -> Floats:
     """Means of STRIDE x STRIDE pixels; what is left over at the end is cut off."""
     height, width = (length // STRIDE for length in image.shape)
     part = image[: height * STRIDE, : width * STRIDE].astype(np.float64)
-    return part.reshape(height, STRIDE, width, STRIDE).mean(axis=(1, 3))
+    means: Floats = part.reshape(height, STRIDE, width, STRIDE).mean(axis=(1, 3))
+    return means

@@ -19,11 +19,28 @@ from gslts.mapping.pose import moved, twist_of
 
 Floats = NDArray[np.float64]
 
-OFFSET_STD_M, TURN_STD_RAD = 0.02, 0.02
-"""How far the depth lens is expected to be from where the data set puts it."""
-LOG_FOCAL_STD, CENTRE_STD_PX = 0.02, 5.0
-"""The same for focal lengths and principal points of the colour camera."""
-PIXELS_PER_FACT = 10.0
+
+@dataclass(frozen=True)
+class _Trust:
+    """How far what the data set says is expected to be off (standard deviations).
+
+    Attributes:
+        log_focal: Focal lengths of the colour camera, relative.
+        centre_share: Its principal point, in widths of the image.
+        offset_m, turn_rad: The depth lens.
+    """
+
+    log_focal: float
+    centre_share: float
+    offset_m: float
+    turn_rad: float
+
+
+NOMINAL = _Trust(log_focal=0.02, centre_share=0.008, offset_m=0.02, turn_rad=0.02)
+"""Two lenses with the nominal values of their kind."""
+REGISTERED = _Trust(log_focal=0.003, centre_share=0.002, offset_m=0.002, turn_rad=0.002)
+"""Depth that was registered before: somebody has calibrated the sensor."""
+PIXELS_PER_FACT = 50.0
 """Neighbouring pixels err together: so many count as one independent measurement."""
 
 _COLOR, _TWIST = slice(0, 4), slice(4, 10)
@@ -56,8 +73,7 @@ class Lenses:
 def pose_step(alignment: Alignment) -> Floats:
     """(6,) the twist of the pose that fits both images best, the lenses as they are."""
     both = alignment.color + alignment.depth
-    step: Floats = np.linalg.solve(both.hessian[_POSE, _POSE], both.right[_POSE])
-    return step
+    return np.linalg.solve(both.hessian[_POSE, _POSE], both.right[_POSE]).astype(np.float64)
 
 
 def after_step(alignment: Alignment, step: Floats) -> Alignment:
@@ -93,8 +109,10 @@ def corrected_lenses(lenses: Lenses, given: Lenses, looks: Sequence[Alignment]) 
         )
         system += shared - mixed.T @ eliminated[:, :10]
         right += shared_right - mixed.T @ eliminated[:, 10]
-    intrinsics = [LOG_FOCAL_STD, LOG_FOCAL_STD, CENTRE_STD_PX, CENTRE_STD_PX]
-    stds = np.array([*intrinsics, *[OFFSET_STD_M] * 3, *[TURN_STD_RAD] * 3])
+    registered = np.array_equal(given.depth.world_from_camera, np.eye(4))
+    trust = REGISTERED if registered else NOMINAL
+    centre_px = trust.centre_share * given.color.width
+    stds = np.repeat([trust.log_focal, centre_px, trust.offset_m, trust.turn_rad], [2, 2, 3, 3])
     # Once a look: the errors of a sensor are the same in all of them and do not average out.
     prior = len(looks) * PIXELS_PER_FACT / stds**2
     off = np.concatenate(

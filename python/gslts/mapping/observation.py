@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,9 +57,11 @@ class Observation:
             rgb.append(_halved(rgb[-1]))
             measured.append(_halved_depth(measured[-1]))
             if masks is not None:
-                masks.append(_fours(masks[-1]).all(axis=0))
+                masks.append(np.asarray(_fours(masks[-1]).all(axis=0), np.bool_))
+        color = at_pose(frame.camera, np.eye(4))
         depth_lens = frame.depth_camera or frame.camera
         camera_from_world = np.linalg.inv(frame.camera.world_from_camera)
+        color_from_depth = camera_from_world @ depth_lens.world_from_camera
         return cls(
             rgb=tuple(rgb),
             measured=tuple(measured),
@@ -66,8 +69,8 @@ class Observation:
             given=depth_lens.world_from_camera,
             pose=frame.camera.world_from_camera,
             lenses=Lenses(
-                color=at_pose(frame.camera, np.eye(4)),
-                depth=at_pose(depth_lens, camera_from_world @ depth_lens.world_from_camera),
+                color,
+                color if frame.depth_camera is None else at_pose(depth_lens, color_from_depth),
             ),
         )
 
@@ -117,7 +120,7 @@ class Observation:
         return RgbdFrame(self.rgb[0], self.depth(), self.camera(), mask=self.mask())
 
 
-def _fours(image: NDArray[np.generic]) -> NDArray[np.generic]:
+def _fours(image: NDArray[Any]) -> NDArray[Any]:
     """[4,H/2,W/2,...] the pixels of each block of 2 x 2; what is left over is cut off."""
     height, width = (length // 2 * 2 for length in image.shape[:2])
     part = image[:height, :width]
@@ -125,7 +128,7 @@ def _fours(image: NDArray[np.generic]) -> NDArray[np.generic]:
 
 
 def _halved(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    total = _fours(rgb).astype(np.uint16).sum(axis=0, dtype=np.uint16)
+    total: NDArray[np.uint16] = _fours(rgb).sum(axis=0, dtype=np.uint16)
     return ((total + 2) // 4).astype(np.uint8)
 
 

@@ -24,7 +24,7 @@ from gslts.render import Images, Rasterizer, RenderOptions
 
 Floats32 = NDArray[np.float32]
 
-DEPTH_SHARE = 0.1
+DEPTH_SHARE = 0.03
 """Of the say of depth in a pose: its errors are the same in neighbouring pixels and frames, and
 colours, which people look at, must fit first."""
 HOLE_EPOCHS = (1, 4)
@@ -60,13 +60,14 @@ class Schedule:
 
     Attributes:
         iterations: Steps at most.
-        deadline_s: Of `time.monotonic`, at which it ends in the place of the number of steps.
-        levels: Resolutions, the last for the longest, and the share up to which each is used.
+        levels: Shares of the schedule, and the resolution that is used up to each.
+        times_s: Of `time.monotonic`, when it starts and when it ends, in the place of a number of
+            steps; None means no such limit.
     """
 
     iterations: int
     levels: tuple[tuple[float, int], ...]
-    deadline_s: float | None = None
+    times_s: tuple[float, float] | None = None
 
     def level(self, share: float) -> int:
         """Of the images."""
@@ -98,18 +99,19 @@ class Optimizer:
         self.iteration = self.epoch = 0
         self.rng = np.random.default_rng(config.seed)
         self._rasterizer = Rasterizer(np.float32)
-        self._start_s = time.monotonic()
 
     @property
     def share(self) -> float:
         """Of the schedule that is done."""
-        if self.schedule.deadline_s is None:
+        if self.schedule.times_s is None:
             return self.iteration / self.schedule.iterations
-        total_s = max(1e-3, self.schedule.deadline_s - self._start_s)
-        return (time.monotonic() - self._start_s) / total_s
+        start_s, end_s = self.schedule.times_s
+        return (time.monotonic() - start_s) / max(1e-3, end_s - start_s)
 
     def run_epoch(self, report: Callable[[Progress], None]) -> None:
         """Visits each observation once, or fewer at the end of the schedule."""
+        for one in self.observations:
+            one.look = None
         for index in self.rng.permutation(len(self.observations)):
             share = self.share
             if share >= 1:
@@ -124,7 +126,7 @@ class Optimizer:
         photo, mask = observation.photo(level), observation.mask(level)
         measured, camera = observation.depth(level), observation.camera(level)
         # Dark colours must not be made of missing Gaussians: what is behind is never the same.
-        options = RenderOptions(threads=threads, background=self.rng.random(3))
+        options = RenderOptions(threads=threads, background=self.rng.random(3).tolist())
         images = self._rasterizer.forward(self.adam.map, camera, options)
         exposure = _sane(fit_exposure(images.rgb, photo, mask=mask, threads=threads))
         observation.exposure = exposure
@@ -177,7 +179,8 @@ class Optimizer:
         alignment = Alignment(
             alignment.color,
             NormalEquations(
-                DEPTH_SHARE * depth.hessian + np.diag(prior), DEPTH_SHARE * depth.right + prior * off
+                DEPTH_SHARE * depth.hessian + np.diag(prior),
+                DEPTH_SHARE * depth.right + prior * off,
             ),
         )
         twist = pose_step(alignment)
@@ -191,7 +194,8 @@ class Optimizer:
         new = seeds_in_holes(
             observation.camera(level), images, colors, observation.depth(level), old.sh_degree
         )
-        if new is not None:
+        most = self.config.max_gaussians
+        if new is not None and (most is None or old.size + new.size <= most):
             rows = np.concatenate([np.arange(old.size), np.full(new.size, -1)])
             self.adam = self.adam.edited(joined(old, new), rows)
 
@@ -246,7 +250,6 @@ class Optimizer:
         lenses = corrected_lenses(self.observations[0].lenses, self.given, looks)
         for one in self.observations:
             one.set_lenses(lenses)
-            one.look = None
 
 
 def _sane(exposure: Exposure) -> Exposure:

@@ -20,8 +20,3 @@ def moved(camera: Camera, twist: Floats) -> Camera:
 def twist_of(motion: Floats) -> Floats:
     """(6,) the twist whose `moved` is a rigid motion [4,4], for turns well below pi."""
     return np.concatenate([motion[:3, 3], rotation_vector(motion[:3, :3])])
-
-
-def twist_between(start: Camera, end: Camera) -> Floats:
-    """The twist (6,) with which `moved` takes the start to the end."""
-    return twist_of(np.linalg.inv(start.world_from_camera) @ end.world_from_camera)

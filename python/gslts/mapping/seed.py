@@ -25,6 +25,8 @@ ALONG, ACROSS = 0.6, 0.2
 OPACITY = 0.8
 COARSER_LEVELS = 3
 """Plain surfaces get Gaussians of up to 2^3 times the size."""
+LEAST_CONTRAST, MOST_CONTRAST = 0.02, 2.0
+"""Between no brightness that is ever plain, and any."""
 FLAT = 0.97
 """Least length of the mean of unit normals within a voxel, to count as flat: a turn of 20 degrees
 between its halves."""
@@ -42,7 +44,12 @@ class _Voxels:
 
 
 def seed_from_depth(
-    frames: Iterable[RgbdFrame], voxel_m: float, contrast: float = 0.0, sh_degree: int = 0
+    frames: Iterable[RgbdFrame],
+    voxel_m: float,
+    contrast: float = 0.0,
+    *,
+    sh_degree: int = 0,
+    most: int | None = None,
 ) -> GaussianMap:
     """One Gaussian for each voxel that at least two frames measured, larger ones on plain surfaces.
 
@@ -52,6 +59,8 @@ def seed_from_depth(
         contrast: Where colours change by less than this over a voxel of twice, four or eight times
             the edge, and the surface is flat, one Gaussian serves all of it; 0 means nowhere.
         sh_degree: Of the map; all but the constant harmonic start at 0.
+        most: If there would be more Gaussians, the contrast is raised, and if that is not enough,
+            every so manieth one is left out.
 
     Raises:
         ValueError: No voxel was measured twice.
@@ -61,14 +70,23 @@ def seed_from_depth(
     if not kept.any():
         raise ValueError("seed_from_depth: no surface was measured by two frames")
     voxels = _Voxels(voxels.keys[kept], voxels.sums[kept], voxels.hits[kept])
+    seeds = _gaussians_of(voxels, voxel_m, contrast, sh_degree)
+    while most is not None and seeds.size > most and contrast < MOST_CONTRAST:
+        contrast = max(1.25 * contrast, LEAST_CONTRAST)
+        seeds = _gaussians_of(voxels, voxel_m, contrast, sh_degree)
+    if most is not None and seeds.size > most:
+        seeds = seeds.select(np.linspace(0, seeds.size - 1, most).astype(np.int64))
+    return seeds
+
+
+def _gaussians_of(voxels: _Voxels, voxel_m: float, contrast: float, sh_degree: int) -> GaussianMap:
     parts, edge_m = [], voxel_m
     for _ in range(COARSER_LEVELS):
-        plain, coarser = _split_plain(voxels, 2 * edge_m, contrast)
-        parts.append(_gaussians_of(plain, edge_m, sh_degree))
-        voxels, edge_m = coarser, 2 * edge_m
-    parts.append(_gaussians_of(voxels, edge_m, sh_degree))
-    seeds = parts[0]
-    for part in parts[1:]:
+        stays, voxels = _split_plain(voxels, 2 * edge_m, contrast)
+        parts.append(_with_edge(stays, edge_m, sh_degree))
+        edge_m *= 2
+    seeds = _with_edge(voxels, edge_m, sh_degree)
+    for part in parts:
         seeds = joined(seeds, part)
     return seeds
 
@@ -80,9 +98,7 @@ def _split_plain(voxels: _Voxels, edge_m: float, contrast: float) -> tuple[_Voxe
     x, y, z = (axis & mask for axis in (x, y, z))
     parents = (x >> 1) << 2 * KEY_BITS | (y >> 1) << KEY_BITS | (z >> 1)
     unique, inverse = np.unique(parents, return_inverse=True)
-    sums = np.stack(
-        [np.bincount(inverse, column, len(unique)) for column in voxels.sums.T], axis=1
-    )
+    sums = np.stack([np.bincount(inverse, column, len(unique)) for column in voxels.sums.T], axis=1)
     lengths = np.linalg.norm(voxels.sums[:, 4:7], axis=1)
     turning = np.linalg.norm(sums[:, 4:7], axis=1) / np.bincount(inverse, lengths, len(unique))
     detail = np.sqrt(sums[:, 10] / sums[:, 0])
@@ -92,7 +108,7 @@ def _split_plain(voxels: _Voxels, edge_m: float, contrast: float) -> tuple[_Voxe
     return _Voxels(voxels.keys[stays], voxels.sums[stays], voxels.hits[stays]), coarser
 
 
-def _gaussians_of(voxels: _Voxels, edge_m: float, sh_degree: int) -> GaussianMap:
+def _with_edge(voxels: _Voxels, edge_m: float, sh_degree: int) -> GaussianMap:
     sums = voxels.sums
     points, colors = sums[:, 1:4] / sums[:, :1], sums[:, 7:10] / sums[:, :1]
     spacing_m = np.full(len(points), edge_m)

@@ -1,0 +1,137 @@
+"""What is told about a finished run: the manifest of the map, the report and one line."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslts import __version__
+from gslts.gaussian_map import FloatArray
+from gslts.map_folder import plain_camera
+from gslts.mapping.config import MappingConfig
+from gslts.mapping.engine import MappingResult
+from gslts.mapping.evaluate import Quality, psnr_db, shown
+from gslts.mapping.lenses import Lenses
+from gslts.mapping.pose import twist_of
+from gslts.mapping.report_data import ReportData, View
+from gslts.render import Rasterizer, RenderOptions
+
+
+def manifest_of(result: MappingResult, dataset: str, config: MappingConfig) -> dict[str, Any]:
+    """What stands beside the Gaussians, in values of JSON."""
+    return {
+        "gslts": __version__,
+        "dataset": dataset,
+        "origin": result.gaussian_map.origin.tolist(),
+        "config": config.model_dump(),
+        "lenses": {"given": _plain(result.given_lenses), "found": _plain(_found(result))},
+        "held_out": asdict(result.quality),
+        "seeds": result.seeds,
+        "seconds": result.seconds,
+        "skipped": list(result.skipped),
+    }
+
+
+def summary_of(result: MappingResult) -> str:
+    """One line."""
+    quality = result.quality
+    ways = [f"{quality.given.psnr_db:.1f} dB"]
+    if quality.by_neighbours is not None:
+        ways.append(f"{quality.by_neighbours.psnr_db:.1f} with poses corrected by neighbours")
+    ways.append(f"{quality.refined.psnr_db:.1f} with refined ones")
+    depth_m = quality.refined.depth_l1_m
+    depth = "" if depth_m is None else f", depth {100 * depth_m:.1f} cm off"
+    used_s = sum(seconds for stage, seconds in result.seconds.items() if stage != "judging")
+    return (
+        f"{result.gaussian_map.size} Gaussians in {used_s:.0f} s; {quality.refined.frames} frames "
+        f"kept aside: {', '.join(ways)}{depth}; {len(result.skipped)} frames skipped"
+    )
+
+
+def report_of(result: MappingResult, dataset: str, config: MappingConfig) -> ReportData:
+    """The pages that people look at."""
+    quality = result.quality
+    ways = {
+        "poses as given": quality.given,
+        "poses corrected by neighbours": quality.by_neighbours,
+        "poses refined": quality.refined,
+    }
+    corrections = np.array([twist_of(one.correction) for one in result.training.values()])
+    return ReportData(
+        title=f"Map of {dataset}",
+        summary=summary_of(result),
+        metrics={name: _metrics(one) for name, one in ways.items() if one is not None},
+        curve=result.curve,
+        views=_views(result, config.threads),
+        findings={
+            **_lens_findings(result),
+            **{f"seconds for {stage}": f"{s:.1f}" for stage, s in result.seconds.items()},
+        },
+        pose_shifts_m=np.linalg.norm(corrections[:, :3], axis=1).tolist(),
+        pose_turns_rad=np.linalg.norm(corrections[:, 3:], axis=1).tolist(),
+        skipped=result.skipped,
+        config=config.model_dump(),
+    )
+
+
+def _metrics(quality: Quality) -> dict[str, float]:
+    metrics = {"PSNR, dB": quality.psnr_db, "SSIM": quality.ssim}
+    if quality.depth_l1_m is not None:
+        metrics["depth error, cm"] = 100 * quality.depth_l1_m
+    return metrics
+
+
+def _views(result: MappingResult, threads: int) -> list[View]:
+    rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
+    views = []
+    for name, one in result.held_out.items():
+        images = rasterizer.forward(result.gaussian_map, one.camera(), options)
+        rgb = shown(images, one, threads)
+        views.append(
+            View(
+                name=name,
+                photo=one.rgb[0],
+                render=_bytes(rgb),
+                measured_depth=one.depth(),
+                rendered_depth=images.depth.astype(np.float32),
+                psnr_db=psnr_db(rgb, one.photo(), one.mask()),
+            )
+        )
+    return views
+
+
+def _lens_findings(result: MappingResult) -> dict[str, str]:
+    given, found = result.given_lenses, _found(result)
+    twist = twist_of(found.depth.world_from_camera)
+    before = twist_of(given.depth.world_from_camera)
+    names = ("fx", "fy", "cx", "cy")
+    intrinsics = ", ".join(
+        f"{name} {getattr(found.color, name):.1f} (given {getattr(given.color, name):.1f})"
+        for name in names
+    )
+    return {
+        "colour camera, px": intrinsics,
+        "depth lens from the colour camera, mm": f"{_three(1e3 * twist[:3])} (given "
+        f"{_three(1e3 * before[:3])})",
+        "depth lens turned by, mrad": f"{_three(1e3 * twist[3:])} (given "
+        f"{_three(1e3 * before[3:])})",
+    }
+
+
+def _three(numbers: NDArray[np.float64]) -> str:
+    return ", ".join(f"{number:.1f}" for number in numbers)
+
+
+def _found(result: MappingResult) -> Lenses:
+    return next(iter(result.training.values())).lenses
+
+
+def _plain(lenses: Lenses) -> dict[str, Any]:
+    return {"color": plain_camera(lenses.color), "depth": plain_camera(lenses.depth)}
+
+
+def _bytes(rgb: FloatArray) -> NDArray[np.uint8]:
+    return (rgb.clip(0, 1) * 255 + 0.5).astype(np.uint8)
