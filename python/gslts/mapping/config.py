@@ -24,7 +24,10 @@ class MappingConfig(BaseModel):
         max_gaussians: No more than so many; None means no limit.
         voxel_m: Edge of the voxels of which each that was measured twice seeds a Gaussian, m.
         seed_contrast: Where colours change by less over larger voxels, these have one Gaussian.
-        sh_degree: Of the spherical harmonics.
+        sh_degree: Of the spherical harmonics, at first.
+        max_sh_degree: Up to which it may rise at the end, where that lowers the held-out error.
+        variant_steps: With which half and double as many Gaussians, and the next SH degree, are
+            refined for comparison; 0 means that they are not tried.
         coarse_share: Share of the iterations at half the resolution.
         refine_poses: Whether poses are corrected along the way.
         refine_lenses: Whether focal lengths and the place of the depth lens are, too.
@@ -52,6 +55,8 @@ class MappingConfig(BaseModel):
     voxel_m: Positive = 0.02
     seed_contrast: Rate = 0.1
     sh_degree: Annotated[int, Field(ge=0, le=3)] = 0
+    max_sh_degree: Annotated[int, Field(ge=0, le=3)] = 1
+    variant_steps: Count = 150
     coarse_share: Share = 0.6
     refine_poses: bool = True
     refine_lenses: bool = True
@@ -78,8 +83,10 @@ class MappingConfig(BaseModel):
 
 
 PRESETS = {
-    "fast": MappingConfig(iterations=2500, rough_epochs=10, voxel_m=0.03, coarse_share=0.8),
+    "fast": MappingConfig(
+        iterations=4000, rough_epochs=10, voxel_m=0.025, coarse_share=0.85, variant_steps=0
+    ),
     "balanced": MappingConfig(),
-    "best": MappingConfig(iterations=30_000, coarse_share=0.4),
+    "best": MappingConfig(iterations=30_000, coarse_share=0.4, variant_steps=400),
 }
 """Speed against accuracy, in three steps."""

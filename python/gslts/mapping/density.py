@@ -1,14 +1,23 @@
-"""Where Gaussians are added and taken away."""
+"""How many Gaussians there are: joined, split, and those that nobody would miss."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
+from numpy.typing import NDArray
 
 from gslts.gaussian_map import GaussianMap
+from gslts.mapping.observation import Observation
+from gslts.render import Rasterizer, RenderOptions
+
+SPLIT_OFFSET, SPLIT_SHRINK = 0.7, 1.6
+"""Halves of a Gaussian stand so many standard deviations off its centre, and are narrower by that
+(3DGS, Kerbl et al. 2023, sec. 5.2, shrinks by 1.6)."""
 
 
 def joined(old: GaussianMap, new: GaussianMap) -> GaussianMap:
-    """Both, the new Gaussians last and with ids that were never used."""
+    """Both, the new Gaussians last and with ids that were never used in the old map."""
     first = int(old.ids.max()) + 1 if old.size else 0
     return GaussianMap(
         means=np.concatenate([old.means, new.means]),
@@ -19,3 +28,59 @@ def joined(old: GaussianMap, new: GaussianMap) -> GaussianMap:
         ids=np.concatenate([old.ids, np.arange(first, first + new.size, dtype=np.uint64)]),
         origin=old.origin,
     )
+
+
+def split(gaussian_map: GaussianMap) -> GaussianMap:
+    """Twice as many: each Gaussian becomes two halves along its longest axis."""
+    w, x, y, z = (gaussian_map.quats / _lengths(gaussian_map.quats)).T
+    axes = np.stack(
+        [
+            np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], axis=1),
+            np.stack([2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)], axis=1),
+            np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=1),
+        ],
+        axis=1,
+    )
+    rows = np.arange(gaussian_map.size)
+    longest = gaussian_map.log_scales.argmax(axis=1)
+    scale_m = np.exp(gaussian_map.log_scales[rows, longest])
+    offset = SPLIT_OFFSET * scale_m[:, None] * axes[rows, longest]
+    log_scales = gaussian_map.log_scales.copy()
+    log_scales[rows, longest] -= np.log(SPLIT_SHRINK)
+    halves = [
+        GaussianMap(
+            means=(gaussian_map.means + side * offset).astype(gaussian_map.dtype),
+            quats=gaussian_map.quats,
+            log_scales=log_scales,
+            logit_opacities=gaussian_map.logit_opacities,
+            sh=gaussian_map.sh,
+            ids=gaussian_map.ids,
+            origin=gaussian_map.origin,
+        )
+        for side in (1, -1)
+    ]
+    return joined(*halves)
+
+
+def greatest_weights(
+    gaussian_map: GaussianMap, observations: Iterable[Observation], threads: int = 0
+) -> NDArray[np.float32]:
+    """[N] the greatest share that each Gaussian has in any pixel of the observations.
+
+    A pixel changes by at most that share of the difference of two colours if the Gaussian goes.
+    They are looked at with half their resolution.
+    """
+    rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
+    greatest = np.zeros(gaussian_map.size, np.float32)
+    for one in observations:
+        images = rasterizer.forward(gaussian_map, one.camera(1), options)
+        seen = rasterizer.backward(dL_dalpha=np.zeros_like(images.alpha), statistics=True)
+        weights = seen.max_weights
+        assert weights is not None  # They were asked for.
+        greatest[seen.rows] = np.maximum(greatest[seen.rows], weights)
+    return greatest
+
+
+def _lengths(vectors: NDArray[np.floating]) -> NDArray[np.floating]:
+    lengths: NDArray[np.floating] = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return lengths

@@ -12,13 +12,15 @@ from gslts.gaussian_map import GaussianMap
 from gslts.mapping.checkpoint import Checkpoint
 from gslts.mapping.clock import Clock
 from gslts.mapping.config import MappingConfig
-from gslts.mapping.evaluate import HeldOut, evaluate, evaluate_held_out, near_by
+from gslts.mapping.density import greatest_weights
+from gslts.mapping.evaluate import HeldOut, evaluate, evaluate_held_out, near_by, refine_pose
 from gslts.mapping.lenses import Lenses
 from gslts.mapping.observation import LEVELS, Observation
 from gslts.mapping.optimize import Optimizer, Progress, Schedule
 from gslts.mapping.pose import twist_of
 from gslts.mapping.report_data import CurvePoint
 from gslts.mapping.seed import seed_from_depth
+from gslts.mapping.variants import Variant, chosen_of, variants_of
 
 HELD_OUT_EVERY = 8
 """Every eighth frame judges the map and is not learned from."""
@@ -34,6 +36,8 @@ JUDGED_TIMES = 20
 SAVE_EVERY_S = 20.0
 """So much work is lost at most if the machine stops."""
 
+NOISE = 0.02
+"""Of a camera's colours, of 1: a Gaussian that never has a greater share in a pixel goes."""
 LEAST_POSE_STD_M, LEAST_POSE_STD_RAD = 0.002, 0.001
 """No pose is better known than this."""
 
@@ -52,6 +56,7 @@ class MappingResult:
         quality: Judged by those.
         given_lenses: Of the data set.
         curve: Of the optimisation.
+        variants: The map and others, such as with half as many Gaussians.
         seeds: Gaussians at its start.
         seconds: By stage.
         skipped: Frames that could not be used, and why.
@@ -63,6 +68,7 @@ class MappingResult:
     quality: HeldOut
     given_lenses: Lenses
     curve: tuple[CurvePoint, ...]
+    variants: tuple[Variant, ...]
     seeds: int
     seconds: dict[str, float]
     skipped: tuple[str, ...]
@@ -166,8 +172,16 @@ def make_map(
             stages = clock.with_current("optimising")
             save(Checkpoint.of(optimizer, config, names, tuple(curve), seeds, stages))
             clock.saved()
+    near = [near_by(*pair) for pair in zip(held_out.values(), neighbours, strict=True)]
+    gaussian_map, variants = optimizer.adam.map, []
+    weights = greatest_weights(gaussian_map, observations, config.threads)
+    gaussian_map = gaussian_map.select(weights > NOISE)
     clock.note("optimising")
-    gaussian_map = optimizer.adam.map
+    if config.variant_steps > 0:
+        fitted = [refine_pose(gaussian_map, one, config.threads) for one in near]
+        variants = variants_of(gaussian_map, observations, fitted, config)
+        gaussian_map = chosen_of(variants).gaussian_map
+        clock.note("comparing sizes")
     quality, refined = evaluate_held_out(
         gaussian_map, list(held_out.values()), neighbours, config.threads
     )
@@ -179,6 +193,7 @@ def make_map(
         quality=quality,
         given_lenses=given,
         curve=tuple(curve),
+        variants=tuple(variants),
         seeds=seeds,
         seconds=clock.stages,
         skipped=skipped,

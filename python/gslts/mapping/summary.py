@@ -29,6 +29,10 @@ def manifest_of(result: MappingResult, dataset: str, config: MappingConfig) -> d
         "config": config.model_dump(),
         "lenses": {"given": _plain(result.given_lenses), "found": _plain(_found(result))},
         "held_out": asdict(result.quality),
+        "variants": [
+            {"name": one.name, "gaussians": one.gaussian_map.size, "psnr_db": one.psnr_db}
+            for one in result.variants
+        ],
         "seeds": result.seeds,
         "seconds": result.seconds,
         "skipped": list(result.skipped),
@@ -45,9 +49,14 @@ def summary_of(result: MappingResult) -> str:
     depth_m = quality.refined.depth_l1_m
     depth = "" if depth_m is None else f", depth {100 * depth_m:.1f} cm off"
     used_s = sum(seconds for stage, seconds in result.seconds.items() if stage != "judging")
+    sizes = "".join(
+        f"; {one.name} as many: {one.psnr_db - result.variants[0].psnr_db:+.2f} dB"
+        for one in result.variants
+        if one.name in ("half", "double")
+    )
     return (
         f"{result.gaussian_map.size} Gaussians in {used_s:.0f} s; {quality.refined.frames} frames "
-        f"kept aside: {', '.join(ways)}{depth}; {len(result.skipped)} frames skipped"
+        f"kept aside: {', '.join(ways)}{depth}{sizes}; {len(result.skipped)} frames skipped"
     )
 
 
@@ -64,6 +73,9 @@ def report_of(result: MappingResult, dataset: str, config: MappingConfig) -> Rep
         title=f"Map of {dataset}",
         summary=summary_of(result),
         metrics={name: _metrics(one) for name, one in ways.items() if one is not None},
+        gaussians_needed=[
+            (one.name, one.gaussian_map.size, one.psnr_db) for one in result.variants
+        ],
         curve=result.curve,
         views=_views(result, config.threads),
         findings={

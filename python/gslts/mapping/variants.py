@@ -1,0 +1,115 @@
+"""Whether a map has too many Gaussians or too few: what others would give after the same work."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gslts.gaussian_map import GaussianMap
+from gslts.mapping.config import MappingConfig
+from gslts.mapping.density import greatest_weights, split
+from gslts.mapping.evaluate import evaluate
+from gslts.mapping.observation import Observation
+from gslts.mapping.optimize import Optimizer, Schedule
+
+LEAST_GAIN_DB = 0.05
+"""A higher SH degree must lower the error by as much to be worth three times the numbers."""
+
+
+@dataclass(frozen=True, eq=False)
+class Variant:
+    """A map, refined for as many steps as all others.
+
+    Attributes:
+        name: Such as "half".
+        gaussian_map: After refinement.
+        psnr_db: Of the frames kept aside.
+    """
+
+    name: str
+    gaussian_map: GaussianMap
+    psnr_db: float
+
+
+def variants_of(
+    gaussian_map: GaussianMap,
+    observations: Sequence[Observation],
+    held_out: Sequence[Observation],
+    config: MappingConfig,
+) -> list[Variant]:
+    """The map itself ("chosen"), half and double as many Gaussians, and the next SH degree.
+
+    Args:
+        gaussian_map: A finished map.
+        observations: To refine with; they stay as they are.
+        held_out: To judge by, at good poses.
+        config: Its `variant_steps` are done for each.
+    """
+    weights = greatest_weights(gaussian_map, observations, config.threads)
+    changes: dict[str, Callable[[GaussianMap], GaussianMap]] = {
+        "chosen": lambda old: old,
+        "half": lambda old: old.select(np.sort(np.argsort(-weights)[: old.size // 2])),
+        "double": split,
+    }
+    degree = gaussian_map.sh_degree + 1
+    if degree <= config.max_sh_degree:
+        changes[f"SH degree {degree}"] = lambda old: with_sh_degree(old, degree)
+    variants = []
+    for name, change in changes.items():
+        refined = _refined(change(gaussian_map), observations, config)
+        quality = evaluate(refined, held_out, config.threads)
+        variants.append(Variant(name, refined, quality.psnr_db))
+    return variants
+
+
+def chosen_of(variants: Sequence[Variant]) -> Variant:
+    """The map itself, or the one of a higher SH degree if that lowers the error."""
+    chosen = variants[0]
+    for other in variants[1:]:
+        higher = other.gaussian_map.sh_degree > chosen.gaussian_map.sh_degree
+        if higher and other.psnr_db > chosen.psnr_db + LEAST_GAIN_DB:
+            chosen = other
+    return chosen
+
+
+def with_sh_degree(gaussian_map: GaussianMap, degree: int) -> GaussianMap:
+    """The same look with room for more harmonics, which are 0."""
+    sh = np.zeros((gaussian_map.size, (degree + 1) ** 2, 3), gaussian_map.dtype)
+    sh[:, : gaussian_map.sh.shape[1]] = gaussian_map.sh
+    return GaussianMap(
+        means=gaussian_map.means,
+        quats=gaussian_map.quats,
+        log_scales=gaussian_map.log_scales,
+        logit_opacities=gaussian_map.logit_opacities,
+        sh=sh,
+        ids=gaussian_map.ids,
+        origin=gaussian_map.origin,
+    )
+
+
+def _refined(
+    gaussian_map: GaussianMap, observations: Sequence[Observation], config: MappingConfig
+) -> GaussianMap:
+    """With the rates of the end of the schedule, which stay as they are; poses are fixed."""
+    late = config.rates_left
+    gentle = config.model_copy(
+        update={
+            "refine_poses": False,
+            "refine_lenses": False,
+            "means_rate": config.means_rate * config.means_left,
+            "quats_rate": config.quats_rate * late,
+            "log_scales_rate": config.log_scales_rate * late,
+            "logit_opacities_rate": config.logit_opacities_rate * late,
+            "sh_rate": config.sh_rate * late,
+            "means_left": 1.0,
+            "rates_left": 1.0,
+        }
+    )
+    copies = [replace(one) for one in observations]
+    schedule = Schedule(config.variant_steps, ((float("inf"), 0),))
+    optimizer = Optimizer(gaussian_map, copies, copies[0].lenses, gentle, schedule)
+    while optimizer.share < 1:
+        optimizer.run_epoch(lambda _: None)
+    return optimizer.adam.map
