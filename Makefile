@@ -4,9 +4,8 @@
 help:  ## List the targets
 	@sed -n 's/^\([a-z-]*\):  ## /\1\t/p' Makefile | expand -t 12
 
-demo:  ## Fit Gaussians to rendered images and save the pictures in out/demo
-	@scripts/setup
-	@.venv/bin/python examples/fit_scene.py --out out/demo
+demo:  ## Furnish a room, let a robot record it, and make a map of the recording in out/demo
+	@scripts/demo
 
 test:  ## Build, then run the C++ and Python tests
 	@scripts/test

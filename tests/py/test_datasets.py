@@ -85,9 +85,17 @@ def test_seven_scenes(tmp_path: Path) -> None:
         np.testing.assert_array_equal(read.rgb, expected.rgb)
         assert (read.depth[:2] == 0).all(), "65535 means no measurement"
         np.testing.assert_allclose(read.depth[2:], expected.depth[2:], atol=0.00051)
-        np.testing.assert_allclose(
-            read.camera.world_from_camera, expected.camera.world_from_camera, atol=1e-9
-        )
+        lens = read.depth_camera
+        assert lens is not None, "a Kinect's depth is not registered"
+        given = expected.camera.world_from_camera
+        np.testing.assert_allclose(lens.world_from_camera, given, atol=1e-9)
+        assert lens.fx == pytest.approx(expected.camera.fx)
+        beside = given[:3, 3] + 0.025 * given[:3, 0]
+        np.testing.assert_allclose(read.camera.world_from_camera[:3, 3], beside, atol=1e-9)
+        assert read.camera.fx == pytest.approx(525 * read.camera.width / 640)
+        registered = read.registered()
+        assert registered.depth_camera is None
+        assert registered.depth.shape == read.rgb.shape[:2]
 
 
 def write_tum(folder: Path) -> list:

@@ -1,14 +1,29 @@
-"""7-Scenes (Shotton et al. 2013): frame-N.color, .depth.png and .pose.txt in one folder."""
+"""7-Scenes (Shotton et al. 2013): frame-N.color, .depth.png and .pose.txt in one folder.
+
+The pictures come from a Kinect as it is: depth is not registered to the colours, and the poses, found
+by KinectFusion, are those of the depth camera.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
+from gslts.camera import Camera
 from gslts.datasets.dataset import Dataset, ImageFrame, image_size, pinhole, read_numbers, rigid
 
+Floats = NDArray[np.float64]
+
 NO_DEPTH = 65535
-FOCAL_PX = 585.0
-"""Of the Kinect's depth camera, as the data set's page recommends for both of its images."""
+DEPTH_FOCAL_PX = 585.0
+"""Of the depth camera, as the data set's page recommends."""
+COLOR_FOCAL_PX, COLOR_WIDTH_PX = 525.0, 640
+"""What OpenNI's drivers take a Kinect's colour camera for until it is calibrated."""
+COLOR_FROM_DEPTH = np.eye(4)
+COLOR_FROM_DEPTH[0, 3] = -0.025
+"""The colour camera stands 2.5 cm to the right of the depth camera."""
 
 
 def is_seven_scenes(path: Path) -> bool:
@@ -17,7 +32,7 @@ def is_seven_scenes(path: Path) -> bool:
 
 
 def open_seven_scenes(path: Path) -> Dataset:
-    """Opens a sequence; `camera-intrinsics.txt` (3 x 3) replaces the recommended intrinsics."""
+    """Opens a sequence; `camera-intrinsics.txt` (3 x 3) replaces the depth camera's intrinsics."""
     intrinsics = path / "camera-intrinsics.txt"
     matrix = read_numbers(intrinsics, (3, 3)) if intrinsics.exists() else None
     frames: list[ImageFrame] = []
@@ -28,24 +43,32 @@ def open_seven_scenes(path: Path) -> Dataset:
             rgb = next(path.glob(f"{stem}.color.*"), None)
             if rgb is None:
                 raise ValueError(f"{stem}: there is no colour picture")
-            width, height = image_size(rgb)
-            numbers = (
-                (FOCAL_PX, FOCAL_PX, width / 2, height / 2)
-                if matrix is None
-                else (matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2])
-            )
-            pose = rigid(read_numbers(pose_path, (4, 4)))
-            camera = pinhole(numbers, (width, height), pose)
+            size = image_size(rgb)
             depth = path / f"{stem}.depth.png"
+            pose = rigid(read_numbers(pose_path, (4, 4)))
             frames.append(
                 ImageFrame(
                     rgb,
-                    camera,
+                    _color_camera(size, pose @ np.linalg.inv(COLOR_FROM_DEPTH)),
                     depth if depth.exists() else None,
                     depth_invalid=NO_DEPTH,
                     time_s=float(len(frames)),
+                    depth_camera=_depth_camera(size, pose, matrix),
                 )
             )
         except (OSError, ValueError) as error:
             skipped.append(f"{stem}: {error}")
     return Dataset(path.name, tuple(frames), tuple(skipped))
+
+
+def _color_camera(size: tuple[int, int], pose: Floats) -> Camera:
+    width, height = size
+    focal_px = COLOR_FOCAL_PX * width / COLOR_WIDTH_PX
+    return pinhole((focal_px, focal_px, width / 2, height / 2), size, pose)
+
+
+def _depth_camera(size: tuple[int, int], pose: Floats, matrix: Floats | None) -> Camera:
+    width, height = size
+    if matrix is None:
+        return pinhole((DEPTH_FOCAL_PX, DEPTH_FOCAL_PX, width / 2, height / 2), size, pose)
+    return pinhole((matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]), size, pose)
