@@ -47,6 +47,8 @@ def pairs(cameras: Sequence[Camera]) -> list[tuple[int, int]]:
     The scale of the scene is not known, and cameras may be dense as in a film or few: the partners
     of each are near ones and ever farther ones, out of all that look the same way.
     """
+    if len(cameras) < 2:
+        return []
     centres = np.array([camera.world_from_camera[:3, 3] for camera in cameras])
     views = np.array([camera.world_from_camera[:3, 2] for camera in cameras])
     alike = views @ views.T > np.cos(WIDEST_VIEW_RAD)
