@@ -178,7 +178,8 @@ def test_points_of_a_simulated_visit(
 
 def test_partners_look_the_same_way_from_elsewhere() -> None:
     def camera(place: tuple, turn_rad: float) -> Camera:
-        target = np.array(place) + (np.cos(turn_rad), np.sin(turn_rad), 0)
+        x, y, z = place
+        target = np.array([x + np.cos(turn_rad), y + np.sin(turn_rad), z])
         return at_pose(blob_room.camera_at((0, 0, 1)), look_at(np.array(place, float), target))
 
     line = [camera((0.1 * k, 0, 1), 0.0) for k in range(40)]
