@@ -96,9 +96,10 @@ def test_noise_neither_tears_a_surface_nor_moves_it() -> None:
     depth = (plane_depth(source, normal, -2.0) * (1 + noise)).astype(np.float32)
     registered = register_depth(depth, source, target)[20:-40, 20:-60]
     assert (registered == 0).mean() < 1e-3
-    error = registered[registered > 0] / plane_depth(target, normal, -2.0)[20:-40, 20:-60][
-        registered > 0
-    ]
+    error = (
+        registered[registered > 0]
+        / plane_depth(target, normal, -2.0)[20:-40, 20:-60][registered > 0]
+    )
     # Where patches overlap the nearest counts: a bias, of a share of the noise.
     assert abs(error.mean() - 1) < 3e-3
     assert error.std() < 0.015
