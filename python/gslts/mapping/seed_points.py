@@ -16,6 +16,7 @@ from gslts.mapping.holes import interpolated
 Floats = NDArray[np.float64]
 
 OPACITY = 0.3
+"""Places are rough: what is more opaque hides the surfaces and stays before them as fog."""
 NEIGHBOURS = 3
 """Whose mean distance is the size of a Gaussian (Kerbl et al. 2023)."""
 SCALE_RANGE_PX = (0.5, 20.0)
