@@ -5,8 +5,11 @@
 
 namespace gslts {
 
-/// A depth image as another camera would have measured it: each measured pixel is carried over as a
-/// small square at its depth, and of several at a place the nearest counts.
+/// A depth image as another camera would have measured it.
+///
+/// Each measured pixel is carried over as the small patch of surface that it and its neighbours
+/// show, flat within itself, so that surfaces stay closed and planes stay planes whatever the sizes
+/// of the images; of several patches at a place the nearest counts.
 ///
 /// @param depth  [H,W] of `depth_camera`, z in m; 0 and NaN mean no measurement.
 /// @param depth_camera, camera  With poses in one common frame; only their relative pose counts.
