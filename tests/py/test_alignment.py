@@ -5,12 +5,13 @@ import pytest
 from analytic_room import look
 
 import gslts.mapping.lenses as mapping_lenses
-from gslts import Camera, look_at
+from gslts import Camera, look_at, render
 from gslts.alignment import NormalEquations, align
+from gslts.bench.rooms import make_room
 from gslts.camera import at_pose
 from gslts.losses import Exposure
 from gslts.mapping.lenses import Lenses, after_step, corrected_lenses, pose_step
-from gslts.mapping.pose import moved, twist_of
+from gslts.mapping.pose import anchoring, moved, moved_map, twist_of
 
 EYES = [(1.0, 0.8, 1.4), (0.6, 1.5, 1.2), (1.5, 0.4, 1.6), (0.3, 0.5, 1.0), (1.2, 1.3, 0.9)]
 TARGETS = [(3.0, 2.0, 0.6), (2.0, 3.0, 0.4), (2.5, 3.0, 0.0), (3.0, 3.0, 0.8), (3.0, 1.0, 1.0)]
@@ -161,3 +162,26 @@ def test_lenses_come_out_although_all_poses_are_wrong(monkeypatch: pytest.Monkey
     assert np.abs(twist_of(left)[:3]).max() < 5e-4
     assert np.abs(twist_of(left)[3:]).max() < 5e-4
     assert (lenses.depth.fx, lenses.depth.cx) == (150.0, 83.0)
+
+
+def test_the_world_comes_back_from_a_motion() -> None:
+    rng = np.random.default_rng(1)
+    given = np.array([look_at(eye, target) for eye, target in zip(EYES, TARGETS, strict=True)])
+    motion = moved(camera_at(np.eye(4)), np.array([0.1, -0.2, 0.05, 0.02, -0.01, 0.03]))
+    found = anchoring(motion.world_from_camera @ given, given)
+    np.testing.assert_allclose(found @ motion.world_from_camera, np.eye(4), atol=1e-12)
+    jittered = [moved(camera_at(pose), rng.normal(0, 0.001, 6)).world_from_camera for pose in given]
+    near = anchoring(np.array(jittered), given)
+    assert np.abs(near - np.eye(4)).max() < 0.003
+    assert np.linalg.det(near[:3, :3]) == pytest.approx(1)
+
+
+def test_a_moved_map_looks_the_same_from_a_moved_camera() -> None:
+    room = make_room("S")
+    twist = np.array([0.05, -0.02, 0.03, 0.004, -0.003, 0.005])
+    motion = moved(at_pose(room.camera, np.eye(4)), twist).world_from_camera
+    before = render(room.gaussian_map, room.camera).rgb
+    camera = at_pose(room.camera, motion @ room.camera.world_from_camera)
+    after = render(moved_map(room.gaussian_map, motion), camera).rgb
+    assert np.abs(after - before).mean() < 5e-4
+    assert np.abs(render(room.gaussian_map, camera).rgb - before).mean() > 1e-2

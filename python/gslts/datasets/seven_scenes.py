@@ -1,7 +1,7 @@
 """7-Scenes (Shotton et al. 2013): frame-N.color, .depth.png and .pose.txt in one folder.
 
-The pictures come from a Kinect as it is: depth is not registered to the colours, and the poses, found
-by KinectFusion, are those of the depth camera.
+The pictures come from a Kinect as it is: depth is not registered to the colours, and the poses,
+found by KinectFusion, are those of the depth camera.
 """
 
 from __future__ import annotations

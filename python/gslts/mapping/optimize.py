@@ -19,7 +19,7 @@ from gslts.mapping.evaluate import exposed, psnr_db
 from gslts.mapping.holes import seeds_in_holes
 from gslts.mapping.lenses import PIXELS_PER_FACT, Lenses, after_step, corrected_lenses, pose_step
 from gslts.mapping.observation import Observation
-from gslts.mapping.pose import moved, twist_of
+from gslts.mapping.pose import anchoring, moved, moved_map, twist_of
 from gslts.render import Images, Rasterizer, RenderOptions
 
 Floats32 = NDArray[np.float32]
@@ -175,17 +175,13 @@ class Optimizer:
         stds = np.repeat([self.config.pose_std_m, self.config.pose_std_rad, 1], (3, 3, 4))
         prior = (np.arange(10) < 6) * PIXELS_PER_FACT / stds**2
         off = np.concatenate([-twist_of(observation.correction), np.zeros(4)])
+        prior_equations = NormalEquations(np.diag(prior), prior * off)
         depth = alignment.depth
-        alignment = Alignment(
-            alignment.color,
-            NormalEquations(
-                DEPTH_SHARE * depth.hessian + np.diag(prior),
-                DEPTH_SHARE * depth.right + prior * off,
-            ),
-        )
-        twist = pose_step(alignment)
+        weak = NormalEquations(DEPTH_SHARE * depth.hessian, DEPTH_SHARE * depth.right)
+        twist = pose_step(Alignment(alignment.color, weak + prior_equations))
         observation.pose = moved(observation.camera(), twist).world_from_camera
-        observation.look = after_step(alignment, twist)
+        whole = Alignment(alignment.color, depth + prior_equations)
+        observation.look = after_step(whole, twist)
 
     def _fill_holes(self, observation: Observation, images: Images, level: int) -> None:
         exposure, old = observation.exposure, self.adam.map
@@ -212,36 +208,47 @@ class Optimizer:
         )
 
     def _end_epoch(self) -> None:
-        self._fold_exposures()
+        kept = np.flatnonzero(self.adam.map.logit_opacities > _logit(self.config.min_opacity))
+        cleaned = self._with_mean_exposure(self.adam.map.select(kept))
         if self.config.refine_lenses and (
             self.epoch <= LENS_EPOCHS or self.epoch % LENS_EVERY == 0
         ):
             self._correct_lenses()
+        if self.config.refine_poses:
+            cleaned = self._anchored(cleaned)
+        self.adam = self.adam.edited(cleaned, kept)
         self.epoch += 1
 
-    def _fold_exposures(self) -> None:
-        """Removes what is faint, and gives the map the mean exposure of the observations."""
-        old = self.adam.map
+    def _with_mean_exposure(self, old: GaussianMap) -> GaussianMap:
+        """The map with the mean exposure of the observations, which keep what differs from it."""
         gains = np.array([one.exposure.gain for one in self.observations])
         offsets = np.array([one.exposure.offset for one in self.observations])
         gain, offset = gains.mean(axis=0), offsets.mean(axis=0)
-        kept = np.flatnonzero(old.logit_opacities > _logit(self.config.min_opacity))
-        sh = old.sh[kept] * gain.astype(np.float32)
+        sh = old.sh * gain.astype(np.float32)
         sh[:, 0] += ((0.5 * gain + offset - 0.5) / SH_C0).astype(np.float32)
         for one, of_gain, of_offset in zip(self.observations, gains, offsets, strict=True):
             ratio = of_gain / gain
             one.exposure = Exposure(gain=ratio, offset=of_offset - ratio * offset)
         greatest = np.float32(np.log(self.config.max_scale_m))
-        cleaned = GaussianMap(
-            means=old.means[kept],
-            quats=old.quats[kept],
-            log_scales=np.minimum(old.log_scales[kept], greatest),
-            logit_opacities=old.logit_opacities[kept],
+        return GaussianMap(
+            means=old.means,
+            quats=old.quats,
+            log_scales=np.minimum(old.log_scales, greatest),
+            logit_opacities=old.logit_opacities,
             sh=sh,
-            ids=old.ids[kept],
+            ids=old.ids,
             origin=old.origin,
         )
-        self.adam = self.adam.edited(cleaned, kept)
+
+    def _anchored(self, old: GaussianMap) -> GaussianMap:
+        """The map, and with it all observations, back where the given poses put them."""
+        motion = anchoring(
+            np.array([one.pose for one in self.observations]),
+            np.array([one.given_pose for one in self.observations]),
+        )
+        for one in self.observations:
+            one.pose = motion @ one.pose
+        return moved_map(old, motion)
 
     def _correct_lenses(self) -> None:
         looks = [one.look for one in self.observations if one.look is not None]

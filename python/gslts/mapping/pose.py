@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.camera import Camera, at_pose, rotation, rotation_vector
+from gslts.gaussian_map import GaussianMap
 
 Floats = NDArray[np.float64]
 
@@ -20,3 +21,46 @@ def moved(camera: Camera, twist: Floats) -> Camera:
 def twist_of(motion: Floats) -> Floats:
     """(6,) the twist whose `moved` is a rigid motion [4,4], for turns well below pi."""
     return np.concatenate([motion[:3, 3], rotation_vector(motion[:3, :3])])
+
+
+def anchoring(poses: Floats, given: Floats) -> Floats:
+    """[4,4] the motion of the world that brings poses nearest to the given ones.
+
+    Corrections of single poses must not add up to a motion of the map as a whole, which no picture
+    tells from none at all.
+
+    Args:
+        poses: [F,4,4].
+        given: [F,4,4].
+
+    Source: Kabsch 1976, over the cameras' centres and the ends of their axes, 1 m long.
+    """
+    ends = np.array([[0, 0, 0, 1], [1, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 1.0]]).T
+    start, end = ((some @ ends)[:, :3].transpose(0, 2, 1).reshape(-1, 3) for some in (poses, given))
+    centres = start.mean(axis=0), end.mean(axis=0)
+    u, _, v = np.linalg.svd((start - centres[0]).T @ (end - centres[1]))
+    turn = (u @ np.diag([1, 1, np.sign(np.linalg.det(u @ v))]) @ v).T
+    motion = np.eye(4)
+    motion[:3, :3], motion[:3, 3] = turn, centres[1] - turn @ centres[0]
+    return motion
+
+
+def moved_map(gaussian_map: GaussianMap, motion: Floats) -> GaussianMap:
+    """The map after a rigid motion [4,4] of the world, by angles so small that harmonics stay."""
+    turn = motion[:3, :3]
+    centre = motion[:3, 3] + (turn - np.eye(3)) @ gaussian_map.origin
+    half = 0.5 * rotation_vector(turn)
+    # To first order a quaternion q turns by (1, half) q.
+    w, xyz = gaussian_map.quats[:, :1], gaussian_map.quats[:, 1:]
+    quats = np.concatenate([w - xyz @ half[:, None], xyz + w * half + np.cross(half, xyz)], axis=1)
+    dtype = gaussian_map.dtype
+    return GaussianMap(
+        means=(gaussian_map.means @ turn.T + centre).astype(dtype),
+        quats=quats.astype(dtype),
+        log_scales=gaussian_map.log_scales,
+        logit_opacities=gaussian_map.logit_opacities,
+        sh=gaussian_map.sh,
+        features=gaussian_map.features,
+        ids=gaussian_map.ids,
+        origin=gaussian_map.origin,
+    )
