@@ -7,6 +7,7 @@ void define_losses(pybind11::module_ m);
 void define_map(pybind11::module_ m);
 void define_ply(pybind11::module_ m);
 void define_raster(pybind11::module_ m);
+void define_surface_voxels(pybind11::module_ m);
 }  // namespace gslts::python
 
 // std::invalid_argument arrives in Python as ValueError, std::bad_alloc as MemoryError, and every
@@ -16,6 +17,7 @@ PYBIND11_MODULE(_core, m) {
   pybind11::module_ map = m.def_submodule("map", "Cameras, views of Gaussians and their files.");
   gslts::python::define_map(map);
   gslts::python::define_ply(map);
+  gslts::python::define_surface_voxels(map);
   pybind11::module_ raster = m.def_submodule("raster", "Rendering, losses and their gradients.");
   gslts::python::define_raster(raster);
   gslts::python::define_losses(raster);

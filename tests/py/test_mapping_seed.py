@@ -3,14 +3,16 @@
 import numpy as np
 import pytest
 import sim_scenes
+import surface_oracle
 
 import gslts
+from gslts._core.map import SurfaceVoxels
 from gslts.alignment import align
 from gslts.bench.rooms import make_room
 from gslts.frame import RgbdFrame
 from gslts.mapping.holes import interpolated, seeds_in_holes
 from gslts.mapping.pose import moved, twist_of
-from gslts.mapping.seed import LEAST_HITS, seed_from_depth, surface_points
+from gslts.mapping.seed import LEAST_HITS, flat_gaussians, seed_from_depth
 from gslts.sim.controller import Controller
 
 VOXEL_M = 0.05
@@ -36,15 +38,66 @@ def distance_to_surfaces(points: np.ndarray) -> np.ndarray:
     return np.minimum(np.abs(room), block)
 
 
+def fused(frames: list, voxel_m: float, step: int = 2) -> tuple[np.ndarray, ...]:
+    surfaces = SurfaceVoxels(voxel_m, step)
+    for frame in frames:
+        surfaces.add(frame.depth, frame.rgb, frame.camera, frame.mask)
+    return surfaces.voxels()
+
+
 def test_points_lie_on_surfaces_and_normals_look_at_the_camera(frames: list) -> None:
-    points, normals, colors, details = surface_points(frames[0])
-    assert distance_to_surfaces(points).max() < 1e-3
+    _, sums, _ = fused(frames[:1], 0.013)  # Mostly one point each.
+    assert np.quantile(sums[:, 0], 0.9) <= 2
+    points, normals, colors = (sums[:, k : k + 3] / sums[:, :1] for k in (1, 4, 7))
+    assert np.quantile(distance_to_surfaces(points), 0.99) < 1e-3
     eye = frames[0].camera.world_from_camera[:3, 3]
     assert (((eye - points) * normals).sum(axis=1) > 0).all()
     axes = np.abs(normals).max(axis=1)  # All surfaces are along the axes.
     assert np.quantile(axes, 0.1) > 0.999
     assert ((colors >= 0) & (colors <= 1)).all()
-    assert np.median(details) < 0.5, "the room is plain"
+    assert np.median(np.sqrt(sums[:, 10] / sums[:, 0])) < 0.5, "the room is plain"
+
+
+@pytest.mark.parametrize("step", [1, 2, 3])
+def test_voxels_are_those_of_numpy(frames: list, step: int) -> None:
+    """Of noisy depth with holes, random colours and a mask."""
+    generator = np.random.default_rng(5)
+    noisy = []
+    for frame in frames:
+        depth = frame.depth * generator.normal(1, 0.004, frame.depth.shape).astype(np.float32)
+        depth[generator.random(depth.shape) < 0.03] = np.nan
+        depth[generator.random(depth.shape) < 0.03] = 0
+        rgb = generator.integers(0, 256, frame.rgb.shape).astype(np.uint8)
+        mask = generator.random(depth.shape) > 0.02
+        noisy.append(RgbdFrame(rgb, depth, frame.camera, mask=mask))
+    edge_m = 0.0731
+    expected = surface_oracle.fused(noisy, edge_m, step)
+    assert len(expected) > 300
+    keys, sums, hits = fused(noisy, edge_m, step)
+    assert (np.diff(keys) > 0).all()
+    cells = np.floor(sums[:, 1:4] / sums[:, :1] / edge_m).astype(int).tolist()
+    assert {tuple(cell) for cell in cells} == set(expected)
+    assert len(cells) == len(expected)
+    np.testing.assert_allclose(sums, [expected[tuple(cell)][0] for cell in cells], atol=1e-9)
+    np.testing.assert_array_equal(hits, [expected[tuple(cell)][1] for cell in cells])
+    assert hits.max() == 3
+
+
+def test_seeds_are_those_of_voxels_seen_twice(frames: list) -> None:
+    edge_m = 0.0731
+    expected = surface_oracle.fused(frames, edge_m, 2).values()
+    sums = np.array([sums for sums, hits in expected if hits >= LEAST_HITS])
+    spacing_m = np.full(len(sums), edge_m)
+    means = sums / sums[:, :1]
+    flats = flat_gaussians(means[:, 1:4], means[:, 4:7], means[:, 7:10], spacing_m, 0.8, 0)
+    seeds = seed_from_depth(frames, edge_m)
+    assert seeds.size == len(sums)
+    orders = [np.lexsort(np.floor(each.means / edge_m).T) for each in (seeds, flats)]
+    for name in ("means", "quats", "log_scales", "logit_opacities", "sh"):
+        one, other = (
+            getattr(each, name)[o] for each, o in zip((seeds, flats), orders, strict=True)
+        )
+        np.testing.assert_allclose(one, other, atol=1e-5, err_msg=name)
 
 
 def test_seeds_are_flat_on_the_surfaces_and_as_dense_as_voxels(frames: list) -> None:
@@ -112,8 +165,40 @@ def test_pixels_that_were_not_seen_give_no_points(frames: list) -> None:
     mask[:, :80] = True
     one = frames[0]
     masked = RgbdFrame(one.rgb, one.depth, one.camera, mask=mask)
-    points = surface_points(masked)[0]
-    assert 0 < len(points) < 0.6 * len(surface_points(one)[0])
+    counts = [fused([frame], VOXEL_M)[1][:, 0].sum() for frame in (masked, one)]
+    assert 0 < counts[0] < 0.6 * counts[1]
+
+
+def test_arrays_of_any_order_are_frames(frames: list) -> None:
+    turned = [
+        RgbdFrame(
+            np.asfortranarray(frame.rgb),
+            np.asfortranarray(frame.depth),
+            frame.camera,
+            mask=np.asfortranarray(np.ones(frame.depth.shape, bool)),
+        )
+        for frame in frames
+    ]
+    one, other = (seed_from_depth(of, VOXEL_M) for of in (frames, turned))
+    np.testing.assert_array_equal(one.means, other.means)
+
+
+def test_bad_arrays_and_voxels_are_named(frames: list) -> None:
+    with pytest.raises(ValueError, match="edge_m must be positive and finite, got 0"):
+        seed_from_depth(frames, 0.0)
+    with pytest.raises(ValueError, match="a point is too far from the first camera"):
+        seed_from_depth(frames, 1e-7)
+    surfaces, one = SurfaceVoxels(VOXEL_M, 2), frames[0]
+    with pytest.raises(ValueError, match=r"depth: expected .* float32 .*\(120, 160\), got float64"):
+        surfaces.add(one.depth.astype(np.float64), one.rgb, one.camera, None)
+    with pytest.raises(ValueError, match=r"rgb: expected .*\(120, 160, 3\), got .*\(120, 160\)"):
+        surfaces.add(one.depth, one.rgb[..., 0].copy(), one.camera, None)
+    with pytest.raises(ValueError, match=r"mask: expected .*bool .*, got uint8"):
+        surfaces.add(one.depth, one.rgb, one.camera, np.ones((120, 160), np.uint8))
+    infinite = np.full_like(one.depth, np.inf)
+    with pytest.raises(ValueError, match="finite and not negative, or NaN, got inf in row 0"):
+        surfaces.add(infinite, one.rgb, one.camera, None)
+    assert len(surfaces.voxels()[0]) == 0
 
 
 def test_holes_are_filled_at_the_depth_around_them(frames: list) -> None:

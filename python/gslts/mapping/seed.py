@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gslts._core.map import SurfaceVoxels
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import SH_C0, GaussianMap
 from gslts.mapping.density import joined
@@ -16,8 +17,6 @@ Floats = NDArray[np.float64]
 
 PIXEL_STEP = 2
 """Every second pixel each way: neighbours fall into the same voxel anyway."""
-EDGE_SHARE = 0.05
-"""A relative step of the depth between neighbours that ends a surface."""
 LEAST_HITS = 2
 """Frames that must have seen a voxel: what only one saw is mostly noise."""
 ALONG, ACROSS = 0.6, 0.2
@@ -30,17 +29,17 @@ LEAST_CONTRAST, MOST_CONTRAST = 0.02, 2.0
 FLAT = 0.97
 """Least length of the mean of unit normals within a voxel, to count as flat: a turn of 20 degrees
 between its halves."""
-KEY_BITS = 21
-"""Of each coordinate of a voxel in a 64-bit key: 2^21 voxels of 1 cm are 20 km."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Voxels:
-    """Sums over the points of voxels; `hits` counts frames."""
+    """Sums over the points of voxels, ordered as by `SurfaceVoxels`."""
 
-    keys: NDArray[np.int64]
+    keys: NDArray[np.int64]  # Shifted right by 3, that of the voxel of twice the edge around it.
     sums: Floats  # [V,11]: count, point, normal, colour, squared detail
-    hits: NDArray[np.int64]
+
+    def select(self, rows: NDArray[np.bool_]) -> _Voxels:
+        return _Voxels(self.keys[rows], self.sums[rows])
 
 
 def seed_from_depth(
@@ -63,49 +62,62 @@ def seed_from_depth(
             every so manieth one is left out.
 
     Raises:
-        ValueError: No voxel was measured twice.
+        ValueError: No voxel was measured twice, or a point is kilometres away.
     """
-    voxels = _merged([_voxels_of(frame, voxel_m) for frame in frames])
-    kept = voxels.hits >= LEAST_HITS
-    if not kept.any():
-        raise ValueError("seed_from_depth: no surface was measured by two frames")
-    voxels = _Voxels(voxels.keys[kept], voxels.sums[kept], voxels.hits[kept])
-    seeds = _gaussians_of(voxels, voxel_m, contrast, sh_degree)
-    while most is not None and seeds.size > most and contrast < MOST_CONTRAST:
+    voxels = _fused(frames, voxel_m)
+    levels = _levels(voxels, voxel_m, contrast)
+    while most is not None and _size(levels) > most and contrast < MOST_CONTRAST:
         contrast = max(1.25 * contrast, LEAST_CONTRAST)
-        seeds = _gaussians_of(voxels, voxel_m, contrast, sh_degree)
+        levels = _levels(voxels, voxel_m, contrast)
+    *finer, coarsest = (
+        _with_edge(level, voxel_m * 2**k, sh_degree) for k, level in enumerate(levels)
+    )
+    seeds = coarsest
+    for part in finer:
+        seeds = joined(seeds, part)
     if most is not None and seeds.size > most:
         seeds = seeds.select(np.linspace(0, seeds.size - 1, most).astype(np.int64))
     return seeds
 
 
-def _gaussians_of(voxels: _Voxels, voxel_m: float, contrast: float, sh_degree: int) -> GaussianMap:
-    parts, edge_m = [], voxel_m
-    for _ in range(COARSER_LEVELS):
-        stays, voxels = _split_plain(voxels, 2 * edge_m, contrast)
-        parts.append(_with_edge(stays, edge_m, sh_degree))
-        edge_m *= 2
-    seeds = _with_edge(voxels, edge_m, sh_degree)
-    for part in parts:
-        seeds = joined(seeds, part)
-    return seeds
+def _fused(frames: Iterable[RgbdFrame], voxel_m: float) -> _Voxels:
+    """Those that enough frames have seen."""
+    surfaces = SurfaceVoxels(voxel_m, PIXEL_STEP)
+    for frame in frames:
+        mask = None if frame.mask is None else np.ascontiguousarray(frame.mask)
+        depth, rgb = np.ascontiguousarray(frame.depth), np.ascontiguousarray(frame.rgb)
+        surfaces.add(depth, rgb, frame.camera, mask)
+    keys, sums, hits = surfaces.voxels()
+    kept = hits >= LEAST_HITS
+    if not kept.any():
+        raise ValueError("seed_from_depth: no surface was measured by two frames")
+    return _Voxels(keys, sums).select(kept)
+
+
+def _size(levels: list[_Voxels]) -> int:
+    return sum(len(level.keys) for level in levels)
+
+
+def _levels(voxels: _Voxels, voxel_m: float, contrast: float) -> list[_Voxels]:
+    """The voxels that become Gaussians, of the given edge, twice, four and eight times that."""
+    levels = []
+    for k in range(1, COARSER_LEVELS + 1):
+        stays, voxels = _split_plain(voxels, voxel_m * 2**k, contrast)
+        levels.append(stays)
+    return [*levels, voxels]
 
 
 def _split_plain(voxels: _Voxels, edge_m: float, contrast: float) -> tuple[_Voxels, _Voxels]:
     """Voxels that must stay, and those of the given edge that replace all others."""
-    x, y, z = (voxels.keys >> 2 * KEY_BITS, voxels.keys >> KEY_BITS, voxels.keys)
-    mask = (1 << KEY_BITS) - 1
-    x, y, z = (axis & mask for axis in (x, y, z))
-    parents = (x >> 1) << 2 * KEY_BITS | (y >> 1) << KEY_BITS | (z >> 1)
-    unique, inverse = np.unique(parents, return_inverse=True)
-    sums = np.stack([np.bincount(inverse, column, len(unique)) for column in voxels.sums.T], axis=1)
+    parents = voxels.keys >> 3
+    starts = np.flatnonzero(np.diff(parents, prepend=-1))  # The parts of a voxel stand together.
+    sums = np.add.reduceat(voxels.sums, starts, axis=0)
     lengths = np.linalg.norm(voxels.sums[:, 4:7], axis=1)
-    turning = np.linalg.norm(sums[:, 4:7], axis=1) / np.bincount(inverse, lengths, len(unique))
+    turning = np.linalg.norm(sums[:, 4:7], axis=1) / np.add.reduceat(lengths, starts)
     detail = np.sqrt(sums[:, 10] / sums[:, 0])
     plain = (detail * edge_m < contrast) & (turning > FLAT)
-    stays = ~plain[inverse]
-    coarser = _Voxels(unique[plain], sums[plain], np.ones(int(plain.sum()), np.int64))
-    return _Voxels(voxels.keys[stays], voxels.sums[stays], voxels.hits[stays]), coarser
+    stays = np.repeat(~plain, np.diff(starts, append=len(parents)))
+    return voxels.select(stays), _Voxels(parents[starts], sums).select(plain)
 
 
 def _with_edge(voxels: _Voxels, edge_m: float, sh_degree: int) -> GaussianMap:
@@ -144,69 +156,6 @@ def flat_gaussians(
         logit_opacities=np.full(size, np.log(opacity / (1 - opacity)), np.float32),
         sh=sh,
     )
-
-
-def _voxels_of(frame: RgbdFrame, voxel_m: float) -> _Voxels:
-    points, normals, colors, details = surface_points(frame)
-    cells = np.floor(points / voxel_m).astype(np.int64) + (1 << (KEY_BITS - 1))
-    keys = cells[:, 0] << 2 * KEY_BITS | cells[:, 1] << KEY_BITS | cells[:, 2]
-    sums = np.column_stack([np.ones(len(points)), points, normals, colors, details**2])
-    return _summed(keys, sums, np.ones(len(keys), np.int64), per_frame=True)
-
-
-def _merged(several: list[_Voxels]) -> _Voxels:
-    return _summed(
-        np.concatenate([voxels.keys for voxels in several]),
-        np.concatenate([voxels.sums for voxels in several]),
-        np.concatenate([voxels.hits for voxels in several]),
-        per_frame=False,
-    )
-
-
-def _summed(
-    keys: NDArray[np.int64], sums: Floats, hits: NDArray[np.int64], *, per_frame: bool
-) -> _Voxels:
-    order = np.argsort(keys, kind="stable")
-    keys, sums, hits = keys[order], sums[order], hits[order]
-    if len(keys) == 0:
-        return _Voxels(keys, sums, hits)
-    starts = np.flatnonzero(np.concatenate([[True], keys[1:] != keys[:-1]]))
-    counted = np.ones(len(starts), np.int64) if per_frame else np.add.reduceat(hits, starts)
-    return _Voxels(keys[starts], np.add.reduceat(sums, starts, axis=0), counted)
-
-
-def surface_points(frame: RgbdFrame) -> tuple[Floats, Floats, Floats, Floats]:
-    """Measured points of a frame, with normals and colours.
-
-    Returns:
-        points: [P,3] in the world, m.
-        normals: [P,3] unit vectors towards the camera.
-        colors: [P,3] sRGB, 0 to 1.
-        details: [P] change of the brightness along the surface, 1/m.
-    """
-    camera = frame.camera
-    depth = np.nan_to_num(frame.depth[::PIXEL_STEP, ::PIXEL_STEP].astype(np.float64))
-    if frame.mask is not None:
-        depth[~frame.mask[::PIXEL_STEP, ::PIXEL_STEP]] = 0
-    rgb = frame.rgb[::PIXEL_STEP, ::PIXEL_STEP] / 255.0
-    rows, columns = (np.indices(depth.shape) * PIXEL_STEP) + 0.5
-    x, y = (columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy
-    in_camera = np.stack([x * depth, y * depth, depth], axis=-1)
-    right = in_camera[1:-1, 2:] - in_camera[1:-1, :-2]
-    down = in_camera[2:, 1:-1] - in_camera[:-2, 1:-1]
-    normals = np.cross(down, right)
-    lengths = np.linalg.norm(normals, axis=-1)
-    middle = depth[1:-1, 1:-1]
-    good = (middle > 0) & (lengths > 0)
-    for row, column in ((0, 1), (2, 1), (1, 0), (1, 2)):
-        near = depth[row : row + middle.shape[0], column : column + middle.shape[1]]
-        good &= (near > 0) & (np.abs(near - middle) < EDGE_SHARE * middle)
-    normals = normals[good] / lengths[good, None]
-    pose = camera.world_from_camera
-    points = in_camera[1:-1, 1:-1][good] @ pose[:3, :3].T + pose[:3, 3]
-    change = np.hypot(*np.gradient(rgb.mean(axis=2)))[1:-1, 1:-1][good] / PIXEL_STEP
-    details = change * camera.fx / middle[good]
-    return points, normals @ pose[:3, :3].T, rgb[1:-1, 1:-1][good], details
 
 
 def _quats_towards(normals: Floats) -> Floats:
