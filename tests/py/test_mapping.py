@@ -7,6 +7,8 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import analytic_room
+import blob_room
 import numpy as np
 import pytest
 import sim_scenes
@@ -14,6 +16,7 @@ from test_cli_sim import gslts as run
 
 import gslts
 from gslts.datasets import Dataset, open_dataset
+from gslts.frame import RgbdFrame
 from gslts.map_folder import read_map_folder, write_map_folder
 from gslts.mapping.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from gslts.mapping.config import PRESETS, MappingConfig
@@ -22,6 +25,7 @@ from gslts.mapping.engine import MappingResult, make_map
 from gslts.mapping.evaluate import Quality, evaluate
 from gslts.mapping.observation import Observation
 from gslts.mapping.pose import twist_of
+from gslts.mapping.summary import summary_of
 from gslts.mapping.variants import LEAST_GAIN_DB, chosen_of
 from gslts.sim.capture import capture
 from gslts.sim.controller import Controller
@@ -351,3 +355,25 @@ def test_sizes_are_compared_and_harmonics_rise_only_for_a_gain(recorded: dict[st
     assert chosen_of([chosen, half, better]) is better
     worse = replace(harmonics, psnr_db=chosen.psnr_db + 0.5 * LEAST_GAIN_DB)
     assert chosen_of([chosen, half, worse]) is chosen
+
+
+class Photograph:
+    """A frame in memory, without depth."""
+
+    def __init__(self, number: int, camera: gslts.Camera) -> None:
+        self.name, self.camera = f"{number:02}", camera
+
+    def read(self) -> RgbdFrame:
+        return blob_room.frame(self.camera)
+
+
+def test_photographs_alone_make_a_map() -> None:
+    frames = [Photograph(k, camera) for k, camera in enumerate(blob_room.cameras(16))]
+    result = make_map(Dataset("photographs", tuple(frames)), CONFIG)
+    assert result.quality.given.depth_l1_m is None
+    assert result.quality.given.psnr_db > 25
+    camera = frames[8].camera
+    images, depth = gslts.render(result.gaussian_map, camera), analytic_room.look(camera)[1]
+    assert (images.alpha > 0.5).mean() > 0.95
+    assert np.median(np.abs(images.depth - depth) / depth) < 0.05
+    assert "depth" not in summary_of(result)

@@ -29,6 +29,7 @@ class MappingConfig(BaseModel):
         variant_steps: With which half and double as many Gaussians, and the next SH degree, are
             refined for comparison; 0 means that they are not tried.
         coarse_share: Share of the iterations at half the resolution.
+        fill_holes: Whether Gaussians are put where no depth was measured.
         refine_poses: Whether poses are corrected along the way.
         refine_lenses: Whether focal lengths and the place of the depth lens are, too.
         pose_std_m: How far given positions are expected to be off, m.
@@ -58,6 +59,7 @@ class MappingConfig(BaseModel):
     max_sh_degree: Annotated[int, Field(ge=0, le=3)] = 1
     variant_steps: Count = 150
     coarse_share: Share = 0.6
+    fill_holes: bool = True
     refine_poses: bool = True
     refine_lenses: bool = True
     pose_std_m: Positive = 0.03
@@ -77,6 +79,25 @@ class MappingConfig(BaseModel):
     seed: Count = 0
     threads: Count = 0
 
+    def for_photographs(self) -> MappingConfig:
+        """The settings where no depth says where surfaces are.
+
+        Gaussians must travel farther and keep their shape longer, and what hangs in the air is
+        faint. Poses are those of structure from motion, better than a young map could tell, and
+        there is no depth lens.
+        """
+        return self.model_copy(
+            update={
+                "refine_poses": False,
+                "refine_lenses": False,
+                "fill_holes": False,
+                "min_opacity": max(self.min_opacity, 0.05),
+                "means_rate": 2 * self.means_rate,
+                "log_scales_rate": 0.5 * self.log_scales_rate,
+                "quats_rate": 0.5 * self.quats_rate,
+            }
+        )
+
     def same_map(self, other: MappingConfig) -> bool:
         """Whether both make the same map of the same frames."""
         return self == other.model_copy(update={"threads": self.threads})
@@ -84,7 +105,12 @@ class MappingConfig(BaseModel):
 
 PRESETS = {
     "fast": MappingConfig(
-        iterations=4000, rough_epochs=10, voxel_m=0.025, coarse_share=0.85, variant_steps=0
+        iterations=3400,
+        rough_epochs=10,
+        voxel_m=0.025,
+        seed_contrast=0.2,
+        coarse_share=0.94,
+        variant_steps=0,
     ),
     "balanced": MappingConfig(),
     "best": MappingConfig(iterations=30_000, coarse_share=0.4, variant_steps=400),

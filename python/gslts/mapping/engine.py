@@ -20,6 +20,8 @@ from gslts.mapping.optimize import Optimizer, Progress, Schedule
 from gslts.mapping.pose import twist_of
 from gslts.mapping.report_data import CurvePoint
 from gslts.mapping.seed import seed_from_depth
+from gslts.mapping.seed_points import random_points_in_view, seed_from_points
+from gslts.mapping.triangulate import triangulated
 from gslts.mapping.variants import Variant, chosen_of, variants_of
 
 HELD_OUT_EVERY = 8
@@ -38,6 +40,8 @@ SAVE_EVERY_S = 20.0
 
 NOISE = 0.02
 """Of a camera's colours, of 1: a Gaussian that never has a greater share in a pixel goes."""
+LEAST_POINTS, RANDOM_POINTS = 100, 30_000
+"""With fewer points, photographs without depth start from so many random ones."""
 LEAST_POSE_STD_M, LEAST_POSE_STD_RAD = 0.002, 0.001
 """No pose is better known than this."""
 
@@ -83,7 +87,7 @@ def make_map(
     show_frames: ShowFrames = iter,
     report: ShowProgress = lambda _: None,
 ) -> MappingResult:
-    """Makes a map of a data set with depth; the same for any number of threads.
+    """Makes a map of a data set; the same for any number of threads.
 
     Args:
         dataset: At least nine frames, so that one can judge.
@@ -116,19 +120,15 @@ def make_map(
     if not all(one.lenses.alike(given) for one in frames.values()):
         # Each sensor would have to be corrected by itself, from a part of the frames.
         config = config.model_copy(update={"refine_lenses": False})
+    has_depth = any(one.measured[0].any() for one in observations)
+    if not has_depth:
+        config = config.for_photographs()
     clock.note("reading")
     if resume is None:
         if config.refine_poses and config.rough_epochs > 0:
             _find_rough_poses(observations, given, config, clock)
             clock.note("rough poses")
-        rgbds = (one.rgbd() for one in observations)
-        start = seed_from_depth(
-            rgbds,
-            config.voxel_m,
-            config.seed_contrast,
-            sh_degree=config.sh_degree,
-            most=config.max_gaussians,
-        )
+        start = _first_gaussians(dataset, observations, config)
         seeds = start.size
         pose_stds = _pose_stds(observations, config)
         clock.note("seeding")
@@ -198,6 +198,25 @@ def make_map(
         seconds=clock.stages,
         skipped=skipped,
     )
+
+
+def _first_gaussians(
+    dataset: Dataset, observations: list[Observation], config: MappingConfig
+) -> GaussianMap:
+    """From depth; else from points of the data set, triangulated ones, or random ones."""
+    frames = [one.rgbd() for one in observations]
+    if any(one.measured[0].any() for one in observations):
+        return seed_from_depth(
+            frames,
+            config.voxel_m,
+            config.seed_contrast,
+            sh_degree=config.sh_degree,
+            most=config.max_gaussians,
+        )
+    cloud = triangulated(frames) if dataset.points is None else dataset.points
+    if len(cloud.points) < LEAST_POINTS:
+        cloud = random_points_in_view(frames, RANDOM_POINTS, config.seed)
+    return seed_from_points(cloud, frames, config.sh_degree)
 
 
 def _find_rough_poses(

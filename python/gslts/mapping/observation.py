@@ -88,8 +88,9 @@ class Observation:
 
     def set_lenses(self, lenses: Lenses) -> None:
         """Takes the sensor for another one."""
+        if lenses != self.lenses:
+            self._registered = None
         self.lenses = lenses
-        self._registered = None
 
     def camera(self, level: int = 0) -> Camera:
         """Of the colours, at the corrected pose."""

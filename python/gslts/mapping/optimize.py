@@ -29,8 +29,8 @@ DEPTH_SHARE = 0.03
 colours, which people look at, must fit first."""
 HOLE_EPOCHS = (1, 4)
 """Epochs in which holes are filled: once the poses are roughly right, and once more."""
-LENS_EPOCHS, LENS_EVERY = 6, 4
-"""Lenses are corrected after each of the first epochs, then after every so manieth."""
+LENS_EPOCHS = (1, 2, 3, 4, 5, 6, 8, 12, 16, 24, 32, 48, 64)
+"""Epochs after which lenses are corrected; all depth has to be registered anew each time."""
 SHOWN_PIXELS = (slice(None, None, 4), slice(None, None, 4))
 """Of which the PSNR of the progress is made."""
 
@@ -158,7 +158,7 @@ class Optimizer:
                 threads=threads,
             )
             self._refine_pose(observation, alignment.at_full_size(1 << level))
-        if self.epoch in HOLE_EPOCHS:
+        if config.fill_holes and self.epoch in HOLE_EPOCHS:
             self._fill_holes(observation, images, level)
         self.iteration += 1
         shown = exposed(images.rgb[SHOWN_PIXELS], exposure)
@@ -210,9 +210,7 @@ class Optimizer:
     def _end_epoch(self) -> None:
         kept = np.flatnonzero(self.adam.map.logit_opacities > _logit(self.config.min_opacity))
         cleaned = self._with_mean_exposure(self.adam.map.select(kept))
-        if self.config.refine_lenses and (
-            self.epoch <= LENS_EPOCHS or self.epoch % LENS_EVERY == 0
-        ):
+        if self.config.refine_lenses and self.epoch in LENS_EPOCHS:
             self._correct_lenses()
         if self.config.refine_poses:
             cleaned = self._anchored(cleaned)
