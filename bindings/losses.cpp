@@ -1,4 +1,3 @@
-#include "gslts/raster/alignment.hpp"
 #include "gslts/raster/losses.hpp"
 
 #include <pybind11/stl.h>
@@ -10,6 +9,7 @@
 #include <string>
 
 #include "arrays.hpp"
+#include "gslts/raster/alignment.hpp"
 
 namespace gslts::python {
 namespace {
@@ -94,7 +94,8 @@ void define_precision(py::module_& m, const std::string& suffix) {
         "See gslts.losses.photometric_loss; returns value, l1, ssim and gradient.");
   m.def(("depth_loss" + suffix).c_str(), &depth_loss<T>, py::arg("depth"), py::arg("target"),
         py::kw_only(), py::arg("mask"), py::arg("relative").noconvert(),
-        py::arg("threads").noconvert(), "See gslts.losses.depth_loss; returns value, count and gradient.");
+        py::arg("threads").noconvert(),
+        "See gslts.losses.depth_loss; returns value, count and gradient.");
 }
 
 py::tuple fields(const Exposure& exposure) {

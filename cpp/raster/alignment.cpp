@@ -46,7 +46,9 @@ struct Source {
 
 template <typename T>
 void bin_row(const Source<T>& source, int y, Binned<T>& binned) {
-  const auto mean = [](const T (&value)[4]) { return (value[0] + value[1] + value[2] + value[3]) / 4; };
+  const auto mean = [](const T(&value)[4]) {
+    return (value[0] + value[1] + value[2] + value[3]) / 4;
+  };
   for (int x = 0; x < binned.width; ++x) {
     T rendered[4], photo[4], depth[4], measured[4];
     bool has_depth = true, has_measured = true, wanted = true;
@@ -95,8 +97,8 @@ void add_to(NormalEquations& equations, const Sums<T>& sums) {
   }
 }
 
-/// Derivatives of an image's value at a pixel by a twist of the camera, from `slope`, its change for
-/// a shift of the camera (the opposite of one of the point).
+/// Derivatives of an image's value at a pixel by a twist of the camera, from `slope`, its change
+/// for a shift of the camera (the opposite of one of the point).
 template <typename T>
 void write_twist(const T (&slope)[3], const T (&point)[3], T (&row)[kParameters]) {
   for (int i = 0; i < 3; ++i) {
@@ -125,7 +127,7 @@ void align_row(const Camera& camera, const Binned<T>& binned, int y, Sums<T>& co
     if (!(z > 0) || !binned.wanted[bin]) continue;
     const T point[3] = {(T(2 * x + 1) - T(camera.cx)) / fx * z,
                         (T(2 * y + 1) - T(camera.cy)) / fy * z, z};
-    const auto slope_of = [&](const std::vector<T>& image, T (&slope)[3]) {
+    const auto slope_of = [&](const std::vector<T>& image, T(&slope)[3]) {
       const T right = (image[bin + 1] - image[bin - 1]) / 2;
       const T down = (image[bin + width] - image[bin - width]) / 2;
       slope[0] = right * fx / 2 / z;

@@ -183,8 +183,8 @@ def register_depth(depth: numpy.ndarray, depth_camera: Camera, camera: Camera) -
     """
     A depth image as another camera would have measured it.
     
-    Each measured pixel is carried over as a small square at its depth; of several at a place the
-    nearest counts.
+    Each measured pixel is carried over as the small patch of surface that it and its neighbours show,
+    so that surfaces stay closed and planes stay planes; of several at a place the nearest counts.
     
     Args:
         depth: [H,W] float32 of `depth_camera`, z, m; 0 and NaN mean no measurement.

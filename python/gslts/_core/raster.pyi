@@ -7,7 +7,7 @@ import gslts._core.map
 import numpy
 import numpy.typing
 import typing
-__all__: list[str] = ['AdamDouble', 'AdamFloat', 'AdamOptions', 'AdamRates', 'Exposure', 'RasterizerDouble', 'RasterizerFloat', 'RenderOptions', 'depth_loss_double', 'depth_loss_float', 'fit_exposure_double', 'fit_exposure_float', 'photometric_loss_double', 'photometric_loss_float', 'simd_target']
+__all__: list[str] = ['AdamDouble', 'AdamFloat', 'AdamOptions', 'AdamRates', 'Exposure', 'RasterizerDouble', 'RasterizerFloat', 'RenderOptions', 'align_double', 'align_float', 'depth_loss_double', 'depth_loss_float', 'fit_exposure_double', 'fit_exposure_float', 'photometric_loss_double', 'photometric_loss_float', 'simd_target']
 class RenderOptions:
     """
     How to render; immutable.
@@ -288,11 +288,19 @@ class AdamDouble:
         """
         Moves the Gaussians at `rows`.
         """
-def depth_loss_double(depth: numpy.ndarray, target: numpy.ndarray, *, mask: numpy.ndarray | None, threads: int) -> tuple[float, int, numpy.typing.NDArray[numpy.float64]]:
+def align_double(camera: gslts._core.map.Camera, rgb: numpy.ndarray, depth: numpy.ndarray, photo: numpy.ndarray, measured: numpy.ndarray, *, mask: numpy.ndarray | None, exposure: Exposure, threads: int) -> tuple[typing.Annotated[numpy.typing.NDArray[numpy.float64], "[10, 10]"], typing.Annotated[numpy.typing.NDArray[numpy.float64], "[10, 1]"], typing.Annotated[numpy.typing.NDArray[numpy.float64], "[10, 10]"], typing.Annotated[numpy.typing.NDArray[numpy.float64], "[10, 1]"]]:
+    """
+    See gslts.alignment.align; returns hessian and right side of colour and of depth.
+    """
+def align_float(camera: gslts._core.map.Camera, rgb: numpy.ndarray, depth: numpy.ndarray, photo: numpy.ndarray, measured: numpy.ndarray, *, mask: numpy.ndarray | None, exposure: Exposure, threads: int) -> tuple[typing.Annotated[numpy.typing.NDArray[numpy.float64], "[10, 10]"], typing.Annotated[numpy.typing.NDArray[numpy.float64], "[10, 1]"], typing.Annotated[numpy.typing.NDArray[numpy.float64], "[10, 10]"], typing.Annotated[numpy.typing.NDArray[numpy.float64], "[10, 1]"]]:
+    """
+    See gslts.alignment.align; returns hessian and right side of colour and of depth.
+    """
+def depth_loss_double(depth: numpy.ndarray, target: numpy.ndarray, *, mask: numpy.ndarray | None, relative: bool, threads: int) -> tuple[float, int, numpy.typing.NDArray[numpy.float64]]:
     """
     See gslts.losses.depth_loss; returns value, count and gradient.
     """
-def depth_loss_float(depth: numpy.ndarray, target: numpy.ndarray, *, mask: numpy.ndarray | None, threads: int) -> tuple[float, int, numpy.typing.NDArray[numpy.float32]]:
+def depth_loss_float(depth: numpy.ndarray, target: numpy.ndarray, *, mask: numpy.ndarray | None, relative: bool, threads: int) -> tuple[float, int, numpy.typing.NDArray[numpy.float32]]:
     """
     See gslts.losses.depth_loss; returns value, count and gradient.
     """
