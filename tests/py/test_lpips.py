@@ -190,7 +190,7 @@ def test_eval_command(weights: tuple[Path, Path], tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout)
     assert result["lpips"] is None
-    assert result["psnr_db"] > 40
+    assert result["given"]["psnr_db"] > 40
     assert result["gaussians"] == 200
     assert result["ply_bytes"] == (tmp_path / "map/map.ply").stat().st_size
     assert result["bytes_per_gaussian"] == pytest.approx(result["ply_bytes"] / 200)
