@@ -105,7 +105,7 @@ class MappingConfig(BaseModel):
 
 PRESETS = {
     "fast": MappingConfig(
-        iterations=3400,
+        iterations=2800,
         rough_epochs=10,
         voxel_m=0.025,
         seed_contrast=0.2,

@@ -40,9 +40,11 @@ SAVE_EVERY_S = 20.0
 
 NOISE = 0.02
 """Of a camera's colours, of 1: a Gaussian that never has a greater share in a pixel goes."""
+AVERAGED = 12.0
+"""So many more facts about the map are the poses of frames whose errors are their own."""
 LEAST_POINTS, RANDOM_POINTS = 100, 30_000
 """With fewer points, photographs without depth start from so many random ones."""
-LEAST_POSE_STD_M, LEAST_POSE_STD_RAD = 0.002, 0.001
+LEAST_POSE_STD_M, LEAST_POSE_STD_RAD = 0.001, 0.0005
 """No pose is better known than this."""
 
 ShowFrames = Callable[[Sequence[Frame]], Iterable[Frame]]
@@ -238,12 +240,21 @@ def _find_rough_poses(
 
 
 def _pose_stds(observations: list[Observation], config: MappingConfig) -> tuple[float, float]:
-    """How far given poses are off, m and rad, as far as the rough ones tell."""
+    """How far given poses are off, m and rad, as far as the rough ones tell.
+
+    Errors of their own of many frames average out in the map, so that given poses are worth more
+    together than alone; errors that neighbours share, as of a drift, do not.
+    """
     twists = np.array([twist_of(one.correction) for one in observations])
-    shift_m, turn_rad = (float(np.sqrt((part**2).mean())) for part in np.split(twists, 2, axis=1))
+    stds = []
+    for part in np.split(twists, 2, axis=1):
+        squares = (part**2).sum(axis=1)
+        shared = (part[1:] * part[:-1]).sum() / max(float(squares.sum()), 1e-12)
+        own = 1 - float(np.clip(shared, 0, 1))
+        stds.append(float(np.sqrt(squares.mean() / 3 / (1 + AVERAGED * own))))
     return (
-        min(max(shift_m, LEAST_POSE_STD_M), config.pose_std_m),
-        min(max(turn_rad, LEAST_POSE_STD_RAD), config.pose_std_rad),
+        min(max(stds[0], LEAST_POSE_STD_M), config.pose_std_m),
+        min(max(stds[1], LEAST_POSE_STD_RAD), config.pose_std_rad),
     )
 
 
