@@ -94,8 +94,8 @@ def test_corrected_poses_are_nearer_to_the_truth(recorded: dict[str, Path]) -> N
     before = error({name: one.given_pose for name, one in result.training.items()})
     after = error({name: one.pose for name, one in result.training.items()})
     # At 160 pixels a side, a shift of 3 mm is seen by a few tenths of a pixel.
-    assert after[:3].mean() < 1.1 * before[:3].mean()
-    assert after[3:].mean() < 0.5 * before[3:].mean()
+    assert after[:3].mean() < before[:3].mean()
+    assert after[3:].mean() < 0.75 * before[3:].mean()
     # The map as a whole stays where the poses put it.
     shifts = [
         one.pose[:3, 3] - true[n].world_from_camera[:3, 3] for n, one in result.training.items()
