@@ -9,6 +9,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from gslts.camera import Camera
 from gslts.gaussian_map import GaussianMap
 from gslts.ply import read_ply, write_ply
@@ -104,6 +106,17 @@ def plain_camera(camera: Camera) -> dict[str, Any]:
         **{name: getattr(camera, name) for name in ("fx", "fy", "cx", "cy", "width", "height")},
         "world_from_camera": camera.world_from_camera.tolist(),
     }
+
+
+def camera_of(plain: Mapping[str, Any]) -> Camera:
+    """The inverse of `plain_camera`.
+
+    Raises:
+        TypeError: A number is missing, or there is another one.
+        ValueError: The camera is none.
+    """
+    pose = np.array(plain["world_from_camera"], np.float64)
+    return Camera(**{**plain, "world_from_camera": pose})
 
 
 def _write_json(path: Path, content: Any) -> None:

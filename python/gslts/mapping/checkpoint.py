@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.adam import Adam, AdamState
-from gslts.camera import Camera
 from gslts.files import write_whole
 from gslts.gaussian_map import GaussianMap
 from gslts.losses import Exposure
+from gslts.map_folder import camera_of, plain_camera
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.lenses import Lenses
 from gslts.mapping.observation import Observation
@@ -26,7 +26,6 @@ from gslts.mapping.report_data import CurvePoint
 FORMAT, VERSION = "gslts-checkpoint", 1
 MAP_ARRAYS = ("means", "quats", "log_scales", "logit_opacities", "sh", "ids", "origin")
 ADAM_ARRAYS = ("first", "second", "steps")
-INTRINSICS = ("fx", "fy", "cx", "cy", "width", "height")
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +120,7 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
         "iteration": checkpoint.iteration,
         "epoch": checkpoint.epoch,
         "random": checkpoint.random,
-        "lenses": [_plain(checkpoint.lenses.color), _plain(checkpoint.lenses.depth)],
+        "lenses": [plain_camera(checkpoint.lenses.color), plain_camera(checkpoint.lenses.depth)],
         "pose_stds": checkpoint.pose_stds,
         "curve": [asdict(point) for point in checkpoint.curve],
         "seeds": checkpoint.seeds,
@@ -161,7 +160,7 @@ def _checkpoint_of(arrays: dict[str, NDArray[Any]]) -> Checkpoint:
     known = json.loads(arrays["known"].tobytes())
     if known.get("format") != FORMAT or known.get("version") != VERSION:
         raise ValueError(f"format is {known.get('format')!r}, version {known.get('version')!r}")
-    color, depth = (_camera(one) for one in known["lenses"])
+    color, depth = (camera_of(one) for one in known["lenses"])
     return Checkpoint(
         config=MappingConfig.model_validate(known["config"]),
         frames=tuple(known["frames"]),
@@ -178,12 +177,3 @@ def _checkpoint_of(arrays: dict[str, NDArray[Any]]) -> Checkpoint:
         seeds=int(known["seeds"]),
         seconds=known["seconds"],
     )
-
-
-def _plain(camera: Camera) -> dict[str, Any]:
-    pose = camera.world_from_camera.tolist()
-    return {**{name: getattr(camera, name) for name in INTRINSICS}, "world_from_camera": pose}
-
-
-def _camera(plain: dict[str, Any]) -> Camera:
-    return Camera(**{**plain, "world_from_camera": np.array(plain["world_from_camera"])})

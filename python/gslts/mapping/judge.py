@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from gslts.camera import Camera
 from gslts.camera_files import read_cameras
 from gslts.datasets import Dataset, Frame
-from gslts.map_folder import CAMERAS, read_map_folder
+from gslts.map_folder import CAMERAS, camera_of, read_map_folder
 from gslts.mapping.lenses import Lenses
 from gslts.mapping.observation import Observation
 
@@ -99,9 +97,4 @@ def held_out_of(
 
 
 def _lenses(plain: Mapping[str, Any]) -> Lenses:
-    return Lenses(_camera(plain["color"]), _camera(plain["depth"]))
-
-
-def _camera(plain: Mapping[str, Any]) -> Camera:
-    pose = np.array(plain["world_from_camera"], np.float64)
-    return Camera(**{**plain, "world_from_camera": pose})
+    return Lenses(camera_of(plain["color"]), camera_of(plain["depth"]))
