@@ -218,6 +218,9 @@ def test_few_bad_frames_are_skipped_and_many_stop(recorded: dict[str, Path]) -> 
     few = Dataset("few", (*dataset.frames, Bad()), ("early: no pose",))
     config = CONFIG.model_copy(update={"iterations": 2, "rough_epochs": 0})
     assert make_map(few, config).skipped == ("early: no pose", "bad: bad.png: it is torn")
+    twice = Dataset("twice", (*dataset.frames, dataset.frames[3]))
+    name = dataset.frames[3].name
+    assert make_map(twice, config).skipped == (f"{name}: there is another frame of that name",)
     many = Dataset("many", (*dataset.frames[:20], *[Bad()] * 10))
     with pytest.raises(ValueError, match="many: 10 of 30 frames cannot be used, such as bad: bad"):
         make_map(many, config)

@@ -271,6 +271,8 @@ def _read(
     bad = list(dataset.skipped)
     for frame in show_frames(dataset.frames):
         try:
+            if frame.name in frames:
+                raise ValueError("there is another frame of that name")
             frames[frame.name] = Observation.of(frame.read())
         except (OSError, ValueError) as error:
             bad.append(f"{frame.name}: {error}")
