@@ -82,69 +82,52 @@ Span centres_in(double low, double high, int length) {
 /// The surface at a pixel, drawn into a depth image.
 class Patch {
  public:
-  /// Nothing if a part of it is before the lens or behind it.
+  /// Nothing if a part of it is behind the lens, or too near.
   static std::optional<Patch> of(const Carry& carry, double x, double y, double inverse,
                                  double slope_x, double slope_y) {
     const Vector3d place = carry.place(x, y, inverse);
-    const Vector3d across = carry.across(slope_x), down = carry.down(slope_y);
     const std::optional<Seen> centre = seen(place, inverse);
     if (!centre) return std::nullopt;
-    Patch patch{*centre, *centre, *centre};
-    for (const double i : {-kHalfSide_px, kHalfSide_px}) {
-      for (const double j : {-kHalfSide_px, kHalfSide_px}) {
-        const auto corner =
-            seen(place + i * across + j * down, inverse + i * slope_x + j * slope_y);
-        if (!corner) return std::nullopt;
-        patch.cover(*corner);
-      }
-    }
-    patch.set_slopes(across, down, slope_x, slope_y);
+    // To first order, what one step across the patch and one down it change.
+    const double scale = 1 / place.z();
+    const auto step = [&](const Vector3d& of_place, double of_inverse) -> Vector3d {
+      return scale * (Vector3d(of_place.x(), of_place.y(), of_inverse) -
+                      of_place.z() * Vector3d(centre->u, centre->v, centre->inverse));
+    };
+    const Patch patch(*centre, step(carry.across(slope_x), slope_x),
+                      step(carry.down(slope_y), slope_y));
+    if (patch.reach_.z() >= centre->inverse) return std::nullopt;
     return patch;
   }
 
   void draw(Array<float>& depth, int width, int height) const {
-    const Span columns = centres_in(low_.u, high_.u, width);
-    const Span rows = centres_in(low_.v, high_.v, height);
+    const Span columns = centres_in(centre_.u - reach_.x(), centre_.u + reach_.x(), width);
+    const Span rows = centres_in(centre_.v - reach_.y(), centre_.v + reach_.y(), height);
     for (int j = rows.first; j < rows.last; ++j) {
       for (int i = columns.first; i < columns.last; ++i) {
-        const double inverse =
-            centre_.inverse + per_u_ * (i + 0.5 - centre_.u) + per_v_ * (j + 0.5 - centre_.v);
+        const double step = per_u_ * (i + 0.5 - centre_.u) + per_v_ * (j + 0.5 - centre_.v);
         // The box holds more than the patch, which may be steep there.
-        if (inverse < low_.inverse || inverse > high_.inverse) continue;
+        if (std::abs(step) > reach_.z()) continue;
         float& there = depth[std::size_t(j) * width + i];
-        const float nearer = float(1 / inverse);
+        const float nearer = float(1 / (centre_.inverse + step));
         if (there == 0 || nearer < there) there = nearer;
       }
     }
   }
 
  private:
-  Patch(const Seen& centre, const Seen& low, const Seen& high)
-      : centre_(centre), low_(low), high_(high) {}
-
-  void cover(const Seen& corner) {
-    low_ = {std::min(low_.u, corner.u), std::min(low_.v, corner.v),
-            std::min(low_.inverse, corner.inverse)};
-    high_ = {std::max(high_.u, corner.u), std::max(high_.v, corner.v),
-             std::max(high_.inverse, corner.inverse)};
-  }
-
-  /// The slopes of the inverse depth in the other image: those with which one step across the patch
-  /// and one down it change it as they do.
-  void set_slopes(const Vector3d& across, const Vector3d& down, double slope_x, double slope_y) {
-    const auto step = [this](const Vector3d& of_place, double of_inverse) -> Vector3d {
-      return Vector3d(of_place.x(), of_place.y(), of_inverse) -
-             of_place.z() * Vector3d(centre_.u, centre_.v, centre_.inverse);
-    };
-    const Vector3d right = step(across, slope_x), below = step(down, slope_y);
-    const double area = right.x() * below.y() - right.y() * below.x();
+  /// `across` and `down` change (u, v, inverse depth).
+  Patch(const Seen& centre, const Vector3d& across, const Vector3d& down)
+      : centre_(centre), reach_(kHalfSide_px * (across.cwiseAbs() + down.cwiseAbs())) {
+    const double area = across.x() * down.y() - across.y() * down.x();
     if (std::abs(area) < kEdgeOn) return;
-    per_u_ = (right.z() * below.y() - below.z() * right.y()) / area;
-    per_v_ = (right.x() * below.z() - below.x() * right.z()) / area;
+    per_u_ = (across.z() * down.y() - down.z() * across.y()) / area;
+    per_v_ = (down.z() * across.x() - across.z() * down.x()) / area;
   }
 
-  Seen centre_, low_, high_;
-  double per_u_ = 0, per_v_ = 0;
+  Seen centre_;
+  Vector3d reach_;  ///< Half the sides of the box around it.
+  double per_u_ = 0, per_v_ = 0;  ///< Slopes of the inverse depth in the image.
 };
 
 /// [H,W] 1/m, 0 where nothing was measured.

@@ -29,6 +29,7 @@ class MappingConfig(BaseModel):
         variant_steps: With which half and double as many Gaussians, and the next SH degree, are
             refined for comparison; 0 means that they are not tried.
         coarse_share: Share of the iterations at half the resolution.
+        growth: Share by which Gaussians become more, by splitting where the images want it.
         fill_holes: Whether Gaussians are put where no depth was measured.
         refine_poses: Whether poses are corrected along the way.
         refine_lenses: Whether focal lengths and the place of the depth lens are, too.
@@ -59,6 +60,7 @@ class MappingConfig(BaseModel):
     max_sh_degree: Annotated[int, Field(ge=0, le=3)] = 1
     variant_steps: Count = 150
     coarse_share: Share = 0.6
+    growth: Rate = 0.0
     fill_holes: bool = True
     refine_poses: bool = True
     refine_lenses: bool = True

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,14 +26,21 @@ def joined(old: GaussianMap, new: GaussianMap) -> GaussianMap:
         log_scales=np.concatenate([old.log_scales, new.log_scales]),
         logit_opacities=np.concatenate([old.logit_opacities, new.logit_opacities]),
         sh=np.concatenate([old.sh, new.sh]),
+        features=np.concatenate([old.features, new.features]),
         ids=np.concatenate([old.ids, np.arange(first, first + new.size, dtype=np.uint64)]),
         origin=old.origin,
     )
 
 
-def split(gaussian_map: GaussianMap) -> GaussianMap:
-    """Twice as many: each Gaussian becomes two halves along its longest axis."""
-    w, x, y, z = (gaussian_map.quats / _lengths(gaussian_map.quats)).T
+def split(gaussian_map: GaussianMap, rows: NDArray[np.int64]) -> GaussianMap:
+    """These Gaussians become two halves along their longest axes.
+
+    Args:
+        gaussian_map: Any map.
+        rows: [M] int64, none twice; one half stays there, the other comes last, with a new id.
+    """
+    parents = gaussian_map.select(rows)
+    w, x, y, z = (parents.quats / _lengths(parents.quats)).T
     axes = np.stack(
         [
             np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], axis=1),
@@ -41,25 +49,19 @@ def split(gaussian_map: GaussianMap) -> GaussianMap:
         ],
         axis=1,
     )
-    rows = np.arange(gaussian_map.size)
-    longest = gaussian_map.log_scales.argmax(axis=1)
-    scale_m = np.exp(gaussian_map.log_scales[rows, longest])
-    offset = SPLIT_OFFSET * scale_m[:, None] * axes[rows, longest]
-    log_scales = gaussian_map.log_scales.copy()
-    log_scales[rows, longest] -= np.log(SPLIT_SHRINK)
-    halves = [
-        GaussianMap(
-            means=(gaussian_map.means + side * offset).astype(gaussian_map.dtype),
-            quats=gaussian_map.quats,
-            log_scales=log_scales,
-            logit_opacities=gaussian_map.logit_opacities,
-            sh=gaussian_map.sh,
-            ids=gaussian_map.ids,
-            origin=gaussian_map.origin,
-        )
-        for side in (1, -1)
-    ]
-    return joined(*halves)
+    each = np.arange(parents.size)
+    longest = parents.log_scales.argmax(axis=1)
+    scale_m = np.exp(parents.log_scales[each, longest])
+    offset = SPLIT_OFFSET * scale_m[:, None] * axes[each, longest]
+    log_scales = parents.log_scales.copy()
+    log_scales[each, longest] -= np.log(SPLIT_SHRINK)
+    others = replace(
+        parents, means=(parents.means - offset).astype(parents.dtype), log_scales=log_scales
+    )
+    means, all_log_scales = gaussian_map.means.copy(), gaussian_map.log_scales.copy()
+    means[rows] += offset.astype(parents.dtype)
+    all_log_scales[rows] = log_scales
+    return joined(replace(gaussian_map, means=means, log_scales=all_log_scales), others)
 
 
 def greatest_weights(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from gslts.alignment import Alignment, NormalEquations, align
 from gslts.gaussian_map import SH_C0, GaussianMap
 from gslts.losses import Exposure, depth_loss, fit_exposure, photometric_loss
 from gslts.mapping.config import MappingConfig
-from gslts.mapping.density import joined
+from gslts.mapping.density import joined, split
 from gslts.mapping.evaluate import exposed, psnr_db
 from gslts.mapping.holes import seeds_in_holes
 from gslts.mapping.lenses import PIXELS_PER_FACT, Lenses, after_step, corrected_lenses, pose_step
@@ -31,6 +31,10 @@ HOLE_EPOCHS = (1, 4)
 """Epochs in which holes are filled: once the poses are roughly right, and once more."""
 LENS_EPOCHS = (1, 2, 3, 4, 5, 6, 8, 12, 16, 24, 32, 48, 64)
 """Epochs after which lenses are corrected; all depth has to be registered anew each time."""
+GROWTH_SHARES = (0.1, 0.6)
+"""Of the schedule, when Gaussians are split: poses are roughly right, and time is left to settle."""
+LEAST_SPLIT = 0.15
+"""Of a voxel: standard deviation of the smallest Gaussians that are split."""
 SHOWN_PIXELS = (slice(None, None, 4), slice(None, None, 4))
 """Of which the PSNR of the progress is made."""
 
@@ -99,6 +103,7 @@ class Optimizer:
         self.iteration = self.epoch = 0
         self.rng = np.random.default_rng(config.seed)
         self._rasterizer = Rasterizer(np.float32)
+        self._strains: Floats32 | None = None  # [N] of `abs_dL_dmeans2d` in this epoch
 
     @property
     def share(self) -> float:
@@ -110,13 +115,18 @@ class Optimizer:
 
     def run_epoch(self, report: Callable[[Progress], None]) -> None:
         """Visits each observation once, or fewer at the end of the schedule."""
+        start = self.share
         for one in self.observations:
             one.look = None
+        if self.config.growth > 0 and GROWTH_SHARES[0] <= start < GROWTH_SHARES[1]:
+            self._strains = np.zeros(self.adam.map.size, np.float32)
         for index in self.rng.permutation(len(self.observations)):
             share = self.share
             if share >= 1:
                 break
             report(self.step(self.observations[index], share))
+        if self._strains is not None:
+            self._grow(self._strains, self.share - start)
         self._end_epoch()
 
     def step(self, observation: Observation, share: float) -> Progress:
@@ -144,7 +154,11 @@ class Optimizer:
             dL_drgb=color.dL_drgb,
             dL_ddepth=depth.dL_ddepth * np.float32(config.depth_weight),
             dL_dalpha=np.full(images.alpha.shape, of_alpha) if mask is None else mask * of_alpha,
+            statistics=self._strains is not None,
         )
+        if self._strains is not None:
+            assert gradients.abs_dL_dmeans2d is not None  # They were asked for.
+            self._strains[gradients.rows] += np.linalg.norm(gradients.abs_dL_dmeans2d, axis=1)
         self.adam.step(gradients, self._rates(share), threads=threads)
         if config.refine_poses and self.epoch > 0:
             alignment = align(
@@ -194,6 +208,27 @@ class Optimizer:
         if new is not None and (most is None or old.size + new.size <= most):
             rows = np.concatenate([np.arange(old.size), np.full(new.size, -1)])
             self.adam = self.adam.edited(joined(old, new), rows)
+            if self._strains is not None:
+                self._strains = np.concatenate([self._strains, np.zeros(new.size, np.float32)])
+
+    def _grow(self, strains: Floats32, share: float) -> None:
+        """Splits those that the images pull at from all sides (AbsGS, Ye et al. 2024).
+
+        Args:
+            strains: [N] summed over views.
+            share: Of the schedule that passed meanwhile.
+        """
+        old, config = self.adam.map, self.config
+        first, last = GROWTH_SHARES
+        count = int(old.size * ((1 + config.growth) ** (share / (last - first)) - 1))
+        if config.max_gaussians is not None:
+            count = min(count, config.max_gaussians - old.size)
+        wide = old.log_scales.max(axis=1) > np.log(LEAST_SPLIT * config.voxel_m)
+        rows = np.flatnonzero(wide & (strains > 0))
+        rows = np.sort(rows[np.argsort(-strains[rows], kind="stable")[: max(0, count)]])
+        came_from = np.concatenate([np.arange(old.size), np.full(rows.size, -1)])
+        self.adam = self.adam.edited(split(old, rows), came_from)
+        self._strains = None
 
     def _rates(self, share: float) -> AdamRates:
         config = self.config
