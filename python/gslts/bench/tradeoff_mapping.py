@@ -21,13 +21,16 @@ from gslts.mapping.density import greatest_weights, split
 from gslts.mapping.engine import HELD_OUT_EVERY, ShowFrames, make_map
 from gslts.mapping.evaluate import HeldOut, evaluate_held_out
 from gslts.mapping.judge import Known, judging
-from gslts.mapping.observation import Observation
+from gslts.mapping.observation import LEVELS, Observation
 from gslts.mapping.variants import refined
+from gslts.render import Rasterizer, RenderOptions
 
 COUNTS = {"an eighth": 0.125, "a quarter": 0.25, "half": 0.5, "as many": 1.0, "double": 2.0}
 """Numbers of Gaussians that are tried, as shares of those of the map."""
 LEAST_STEPS, LEAST_VISITS = 300, 2
 """Maps of other sizes are refined for so many steps, and until each frame was seen so often."""
+LEAST_COVERED = 0.1
+"""A map that fills less of the frames is of another place, or in another world frame."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +106,13 @@ class Visit:
                 [frames[names[k]] for k in both if names[k] in known.cameras] for both in near
             ],
         )
+
+    def covered(self, gaussian_map: GaussianMap, threads: int) -> float:
+        """The mean opacity of a map in the frames that it was made from, 0 to 1."""
+        rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
+        coarse = (one.camera(LEVELS - 1) for one in self.training)
+        images = (rasterizer.forward(gaussian_map, camera, options) for camera in coarse)
+        return float(np.mean([image.alpha.mean() for image in images]))
 
     def judge(self, gaussian_map: GaussianMap, threads: int) -> HeldOut:
         """By the frames kept aside."""

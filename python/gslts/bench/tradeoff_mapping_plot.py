@@ -39,20 +39,20 @@ def write_plot(points: Sequence[MappingPoint], title: str, path: Path) -> None:
     timed = [point for point in points if point.kind == "time"]
     sized = [point for point in points if point.kind == "gaussians"]
 
+    seconds = [point.seconds or 0.0 for point in timed]
     for field, (way, marker, color) in WAYS.items():
         y_db = [getattr(point, field) for point in timed]
         if None not in y_db:
-            seconds = [point.seconds for point in timed]
             of_time.plot(seconds, y_db, f"{marker}-", color=color, label=way)
         of_map = getattr(itself, field)
         if itself.seconds is not None and of_map is not None:
             _star(of_time, [itself.seconds], [of_map], color)
-    for point in timed:
-        _note(of_time, point.seconds or 0.0, point.refined_psnr_db, _short(point.gaussians))
+    sizes = [EngFormatter(places=1, sep="")(point.gaussians) for point in timed]
+    _note(of_time, seconds, [point.refined_psnr_db for point in timed], sizes)
     if itself.seconds is not None:
         _star(of_time, [], [], "white", "the map, as it is")
     of_time.set(
-        title="made afresh; numbers are those of Gaussians",
+        title="maps made afresh, and their Gaussians",
         xlabel="time to make the map, s",
         ylabel="PSNR of frames kept aside, dB",
     )
@@ -61,24 +61,28 @@ def write_plot(points: Sequence[MappingPoint], title: str, path: Path) -> None:
     y_db = [point.refined_psnr_db for point in sized]
     counts = [point.gaussians for point in sized]
     of_count.plot(
-        counts, y_db, f"{marker}-", color=color, label=f"refined by {sized[0].steps} steps"
+        counts,
+        y_db,
+        f"{marker}-",
+        color=color,
+        label=f"{sized[0].steps} steps later, poses refined",
     )
-    for point in sized:
-        _note(of_count, point.gaussians, point.refined_psnr_db, point.name)
+    _note(of_count, counts, y_db, [point.name for point in sized])
     _star(of_count, [itself.gaussians], [itself.refined_psnr_db], color)
     _star(of_count, [], [], "white", "the map, as it is")
     of_count.set(
-        title="the map with fewer or more Gaussians",
+        title="the map, refined with fewer or more Gaussians",
         xlabel="Gaussians",
-        ylabel="PSNR of frames kept aside, poses refined, dB",
+        ylabel="PSNR of frames kept aside, dB",
     )
 
     for axes in (of_time, of_count):
         axes.set_xscale("log")
         _mark_decades(axes.xaxis)
-        axes.margins(x=0.1, y=0.12)
+        axes.margins(x=0.16, y=0.1)
         axes.grid(visible=True, which="major", alpha=0.25)
-        axes.legend(loc="lower right", fontsize=8)
+        below = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.09), "ncols": 4}
+        axes.legend(**below, frameon=False, fontsize=8)
     figure.savefig(path, dpi=110)
 
 
@@ -89,17 +93,19 @@ def _star(
     axes.plot(x, y, "*", color=color, markeredgecolor="black", markersize=14, label=label)
 
 
-def _note(axes: Axes, x: float, y: float, text: str) -> None:
-    """Words above a point."""
-    axes.annotate(
-        text,
-        (x, y),
-        textcoords="offset points",
-        xytext=(0, 8),
-        ha="center",
-        fontsize=8,
-        color="0.3",
-    )
+def _note(axes: Axes, x: Sequence[float], y: Sequence[float], words: Sequence[str]) -> None:
+    """Words above the points of a line, on the side where it does not come from above."""
+    for i, text in enumerate(words):
+        side = 1 if i > 0 and y[i] < y[i - 1] else -1
+        axes.annotate(
+            text,
+            (x[i], y[i]),
+            textcoords="offset points",
+            xytext=(6 * side, 5),
+            ha="left" if side > 0 else "right",
+            fontsize=8,
+            color="0.3",
+        )
 
 
 def _mark_decades(axis: Axis) -> None:
@@ -108,7 +114,3 @@ def _mark_decades(axis: Axis) -> None:
     axis.set_minor_locator(NullLocator())
     axis.set_minor_formatter(NullFormatter())
     axis.set_tick_params(labelsize=8)
-
-
-def _short(count: int) -> str:
-    return EngFormatter(places=1, sep="")(count)

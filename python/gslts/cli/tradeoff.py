@@ -156,6 +156,12 @@ def _against_mapping(
     visit = bench.Visit.of(
         opened, known, lambda frames: tqdm(frames, desc="reading", unit="frame", disable=None)
     )
+    covered = visit.covered(gaussian_map, threads or 0)
+    if covered < bench.LEAST_COVERED:
+        raise ValueError(
+            f"{map_path}: it fills {100 * covered:.0f} % of the frames of {opened.name}, they do "
+            "not belong together"
+        )
     camera = output.find_camera(map_path, pose) if pose else visit.training[0].camera()
     empty_folder(out)
     stem, one = "tradeoff_renderer", 1 if threads is None else threads
