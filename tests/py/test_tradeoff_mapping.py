@@ -82,7 +82,7 @@ def test_the_map_itself_is_judged_as_when_it_was_made(paths: Paths) -> None:
     row, manifest = rows_of(paths.out)[0], read_map_folder(paths.map)[1]
     for way in ("given", "by_neighbours", "refined"):
         wanted = manifest["held_out"][way]["psnr_db"]
-        assert float(row[f"{way}_psnr_db"]) == pytest.approx(wanted, abs=1e-3)
+        assert float(row[f"{way}_psnr_db"]) == pytest.approx(wanted, abs=1e-5)
     assert int(row["gaussians"]) == manifest["gaussians"]
     spent = {stage: s for stage, s in manifest["seconds"].items() if stage != "judging"}
     assert float(row["seconds"]) == pytest.approx(sum(spent.values()))

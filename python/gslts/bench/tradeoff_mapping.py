@@ -29,7 +29,7 @@ COUNTS = {"an eighth": 0.125, "a quarter": 0.25, "half": 0.5, "as many": 1.0, "d
 """Numbers of Gaussians that are tried, as shares of those of the map."""
 LEAST_STEPS, LEAST_VISITS = 300, 2
 """Maps of other sizes are refined for so many steps, and until each frame was seen so often."""
-LEAST_COVERED = 0.1
+LEAST_COVERED = 0.5
 """A map that fills less of the frames is of another place, or in another world frame."""
 
 
