@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ from numpy.typing import NDArray
 from gslts.camera import Camera, resized
 from gslts.gaussian_map import FloatArray, GaussianMap
 from gslts.render import Gradients, Rasterizer, RenderOptions
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 Floats = NDArray[np.float64]
 
@@ -238,10 +241,10 @@ def pareto_front(ms: Floats, psnr: Floats) -> NDArray[np.bool_]:
     return np.asarray(~dominates.any(axis=0))
 
 
-def write_csv(points: Sequence[Point], path: Path) -> None:
-    """One line a setting, with the names of the fields of `Point` on top."""
+def write_csv(points: Sequence[DataclassInstance], path: Path) -> None:
+    """One line a point, of at least one, with the names of its fields on top."""
     with path.open("w", newline="") as file:
-        writer = csv.DictWriter(file, [column.name for column in fields(Point)])
+        writer = csv.DictWriter(file, [column.name for column in fields(points[0])])
         writer.writeheader()
         for point in points:
             writer.writerow(asdict(point))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -79,9 +79,7 @@ def held_out_of(
         ValueError: A file is damaged, or there is no frame.
     """
     frames = dataset.frames
-    chosen = [k for k, frame in enumerate(frames) if frame.name not in known.cameras]
-    if every is not None or len(chosen) == len(frames):
-        chosen = list(range(0, len(frames), every or 8))
+    chosen = judging([frame.name for frame in frames], known, every)
     if not chosen:
         raise ValueError(f"{dataset.name}: the map was made from all of its frames")
     observations = [known.observe(frames[k]) for k in chosen]
@@ -94,6 +92,14 @@ def held_out_of(
         for k in chosen
     ]
     return observations, neighbours
+
+
+def judging(names: Sequence[str], known: Known, every: int | None = None) -> list[int]:
+    """Which of these frames judge the map; see `held_out_of`."""
+    chosen = [k for k, name in enumerate(names) if name not in known.cameras]
+    if every is not None or len(chosen) == len(names):
+        chosen = list(range(0, len(names), every or 8))
+    return chosen
 
 
 def _lenses(plain: Mapping[str, Any]) -> Lenses:

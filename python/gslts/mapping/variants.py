@@ -58,9 +58,9 @@ def variants_of(
         changes[f"SH degree {degree}"] = lambda old: with_sh_degree(old, degree)
     variants = []
     for name, change in changes.items():
-        refined = _refined(change(gaussian_map), observations, config)
-        quality = evaluate(refined, held_out, config.threads)
-        variants.append(Variant(name, refined, quality.psnr_db))
+        changed = refined(change(gaussian_map), observations, config)
+        quality = evaluate(changed, held_out, config.threads)
+        variants.append(Variant(name, changed, quality.psnr_db))
     return variants
 
 
@@ -89,10 +89,10 @@ def with_sh_degree(gaussian_map: GaussianMap, degree: int) -> GaussianMap:
     )
 
 
-def _refined(
+def refined(
     gaussian_map: GaussianMap, observations: Sequence[Observation], config: MappingConfig
 ) -> GaussianMap:
-    """With the rates of the end of the schedule, which stay as they are; poses are fixed."""
+    """After `variant_steps` with the rates of the end of the schedule; poses are fixed."""
     late = config.rates_left
     gentle = config.model_copy(
         update={
