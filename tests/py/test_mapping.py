@@ -318,7 +318,7 @@ def test_halves_stand_beside_the_centre_along_the_longest_axis() -> None:
         sh=np.full((1, 1, 3), 0.3),
         ids=np.array([5], np.uint64),
     )
-    two = split(one)
+    two = split(one, np.arange(1))
     np.testing.assert_allclose(two.means, [[1, 2.28, 3], [1, 1.72, 3]], atol=1e-12)
     np.testing.assert_allclose(np.exp(two.log_scales), [[0.25, 0.1, 0.2]] * 2)
     assert two.ids.tolist() == [5, 6]

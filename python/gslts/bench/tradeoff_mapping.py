@@ -7,7 +7,7 @@ more, and all are refined for as many steps.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
@@ -18,11 +18,12 @@ from gslts.datasets import Dataset
 from gslts.gaussian_map import GaussianMap
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.density import greatest_weights, split
-from gslts.mapping.engine import HELD_OUT_EVERY, ShowFrames, make_map
+from gslts.mapping.engine import make_map
 from gslts.mapping.evaluate import HeldOut, evaluate_held_out
 from gslts.mapping.judge import Known, judging
-from gslts.mapping.observation import LEVELS, Observation
+from gslts.mapping.observation import LEVELS
 from gslts.mapping.variants import refined
+from gslts.mapping.visit import ShowFrames, Visit
 from gslts.render import Rasterizer, RenderOptions
 
 COUNTS = {"an eighth": 0.125, "a quarter": 0.25, "half": 0.5, "as many": 1.0, "double": 2.0}
@@ -59,71 +60,31 @@ class MappingPoint:
     refined_psnr_db: float
 
 
-@dataclass(frozen=True, eq=False)
-class Visit:
+def visit_of(dataset: Dataset, known: Known, show_frames: ShowFrames = iter) -> Visit:
     """The frames of a data set, as a map knows them.
 
-    Attributes:
-        training: Those that the map was made from.
-        held_out: Those that judge it.
-        neighbours: For each of these, those next to it that the map was made from.
+    Raises:
+        ValueError: They are too few, or none of them can judge the map.
     """
+    visit = Visit.of(dataset, known.observe, lambda names: judging(names, known), show_frames)
+    if not visit.held_out:
+        raise ValueError(f"{dataset.name}: the map was made from all of its frames")
+    return visit
 
-    training: Sequence[Observation]
-    held_out: Sequence[Observation]
-    neighbours: Sequence[Sequence[Observation]]
 
-    @classmethod
-    def of(cls, dataset: Dataset, known: Known, show_frames: ShowFrames = iter) -> Visit:
-        """Reads the frames; those that cannot be read are left out, as when the map was made.
-
-        Raises:
-            ValueError: They are too few, or none of them can judge the map.
-        """
-        frames: dict[str, Observation] = {}
-        bad = list(dataset.skipped)
-        for frame in show_frames(dataset.frames):
-            try:
-                if frame.name not in frames:
-                    frames[frame.name] = known.observe(frame)
-            except (OSError, ValueError) as error:
-                bad.append(f"{frame.name}: {error}")
-        names = list(frames)
-        held_out = judging(names, known)
-        training = sorted(set(range(len(names))) - set(held_out))
-        if len(training) < HELD_OUT_EVERY:
-            why = f"; {bad[0]}" if bad else ""
-            raise ValueError(
-                f"{dataset.name}: {len(names)} frames are too few to make and judge a map{why}"
-            )
-        if not held_out:
-            raise ValueError(f"{dataset.name}: the map was made from all of its frames")
-        near = [[k for k in (at - 1, at + 1) if 0 <= k < len(names)] for at in held_out]
-        return cls(
-            training=[frames[names[k]] for k in training],
-            held_out=[frames[names[k]] for k in held_out],
-            neighbours=[
-                [frames[names[k]] for k in both if names[k] in known.cameras] for both in near
-            ],
-        )
-
-    def covered(self, gaussian_map: GaussianMap, threads: int) -> float:
-        """The mean opacity of a map in the frames that it was made from, 0 to 1."""
-        rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
-        coarse = (one.camera(LEVELS - 1) for one in self.training)
-        images = (rasterizer.forward(gaussian_map, camera, options) for camera in coarse)
-        return float(np.mean([image.alpha.mean() for image in images]))
-
-    def judge(self, gaussian_map: GaussianMap, threads: int) -> HeldOut:
-        """By the frames kept aside."""
-        return evaluate_held_out(gaussian_map, self.held_out, self.neighbours, threads)[0]
+def covered(gaussian_map: GaussianMap, visit: Visit, threads: int) -> float:
+    """The mean opacity of a map in the frames that it was made from, 0 to 1."""
+    rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
+    coarse = (one.camera(LEVELS - 1) for one in visit.training.values())
+    images = (rasterizer.forward(gaussian_map, camera, options) for camera in coarse)
+    return float(np.mean([image.alpha.mean() for image in images]))
 
 
 def itself(
     gaussian_map: GaussianMap, visit: Visit, seconds: float | None, threads: int
 ) -> MappingPoint:
     """The map as it is."""
-    quality = visit.judge(gaussian_map, threads)
+    quality = _judged(gaussian_map, visit, threads)
     return _point("map", "the map", seconds, None, gaussian_map.size, quality)
 
 
@@ -137,23 +98,24 @@ def against_count(
         visit: Of the data set that it was made from.
         config: Rates and losses of the refinement.
     """
-    steps = max(LEAST_STEPS, LEAST_VISITS * len(visit.training))
-    if not any(one.measured[0].any() for one in visit.training):
+    training = list(visit.training.values())
+    steps = max(LEAST_STEPS, LEAST_VISITS * len(training))
+    if not visit.has_depth:
         config = config.for_photographs()
     # Filled holes would give back what was taken.
     config = config.model_copy(update={"variant_steps": steps, "fill_holes": False})
-    weights = greatest_weights(gaussian_map, visit.training, config.threads)
+    weights = greatest_weights(gaussian_map, training, config.threads)
 
     def reduced(count: int) -> GaussianMap:
         return gaussian_map.select(np.sort(np.argsort(-weights)[:count]))
 
     for name, share in COUNTS.items():
         if share > 1:
-            start = split(gaussian_map)
+            start = split(gaussian_map, np.arange(gaussian_map.size))
         else:
             start = gaussian_map if share == 1 else reduced(max(1, int(share * gaussian_map.size)))
-        finished = refined(start, visit.training, config)
-        quality = visit.judge(finished, config.threads)
+        finished = refined(start, training, config)
+        quality = _judged(finished, visit, config.threads)
         yield _point("gaussians", name, None, steps, finished.size, quality)
 
 
@@ -183,6 +145,11 @@ def seconds_of(manifest: Mapping[str, Any]) -> float | None:
     if not all(isinstance(s, int | float) and isfinite(s) and s >= 0 for s in seconds):
         return None
     return float(sum(seconds)) or None
+
+
+def _judged(gaussian_map: GaussianMap, visit: Visit, threads: int) -> HeldOut:
+    held_out = list(visit.held_out.values())
+    return evaluate_held_out(gaussian_map, held_out, visit.neighbours, threads)[0]
 
 
 def _point(

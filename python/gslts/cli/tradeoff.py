@@ -153,16 +153,17 @@ def _against_mapping(
 
     gaussian_map, known, opened = read_map(map_path), Known.of(map_path), open_dataset(dataset)
     made_in_s = bench.seconds_of(read_map_folder(map_path)[1]) if map_path.is_dir() else None
-    visit = bench.Visit.of(
+    visit = bench.visit_of(
         opened, known, lambda frames: tqdm(frames, desc="reading", unit="frame", disable=None)
     )
-    covered = visit.covered(gaussian_map, threads or 0)
+    covered = bench.covered(gaussian_map, visit, threads or 0)
     if covered < bench.LEAST_COVERED:
         raise ValueError(
             f"{map_path}: it fills {100 * covered:.0f} % of the frames of {opened.name}, they do "
             "not belong together"
         )
-    camera = output.find_camera(map_path, pose) if pose else visit.training[0].camera()
+    first = next(iter(visit.training.values()))
+    camera = output.find_camera(map_path, pose) if pose else first.camera()
     empty_folder(out)
     stem, one = "tradeoff_renderer", 1 if threads is None else threads
     _against_knobs(gaussian_map, camera, f"Map {map_path}", out, stem, one, rounds)

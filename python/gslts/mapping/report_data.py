@@ -20,6 +20,7 @@ class CurvePoint:
     Attributes:
         seconds: Since it started.
         iteration: Steps done.
+        level: Of the images that come next; 0 is the full resolution.
         training_psnr_db: Of the frames learned from.
         held_out_psnr_db: Of frames kept aside; None if they were not looked at.
         gaussians: In the map.
@@ -27,6 +28,7 @@ class CurvePoint:
 
     seconds: float
     iteration: int
+    level: int
     training_psnr_db: float
     held_out_psnr_db: float | None
     gaussians: int

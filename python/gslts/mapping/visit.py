@@ -1,0 +1,100 @@
+"""The frames of a data set, read: those that a map learns from, and those that judge it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from gslts.datasets import Dataset, Frame
+from gslts.mapping.observation import Observation
+
+HELD_OUT_EVERY = 8
+"""Every eighth frame judges the map and is not learned from."""
+MOST_BAD_SHARE = 0.2
+"""With more unreadable frames, something is wrong with the data set and not with a frame."""
+
+ShowFrames = Callable[[Sequence[Frame]], Iterable[Frame]]
+
+
+@dataclass(frozen=True, eq=False)
+class Visit:
+    """Frames of one data set in their order, by name.
+
+    Attributes:
+        training: To learn from.
+        held_out: To judge by.
+        neighbours: For each of these, those of `training` right before and after it.
+        skipped: Frames that cannot be used, and why.
+    """
+
+    training: Mapping[str, Observation]
+    held_out: Mapping[str, Observation]
+    neighbours: Sequence[Sequence[Observation]]
+    skipped: tuple[str, ...]
+
+    @classmethod
+    def of(
+        cls,
+        dataset: Dataset,
+        observe: Callable[[Frame], Observation],
+        judging: Callable[[Sequence[str]], Iterable[int]],
+        show_frames: ShowFrames = iter,
+    ) -> Visit:
+        """Reads all frames.
+
+        Args:
+            dataset: Where they are.
+            observe: Reads one.
+            judging: Which of them are held out, given their names.
+            show_frames: Shows how far the reading is.
+
+        Raises:
+            ValueError: Too many frames cannot be used, or those that are left are too few.
+        """
+        frames: dict[str, Observation] = {}
+        bad = list(dataset.skipped)
+        for frame in show_frames(dataset.frames):
+            try:
+                if frame.name in frames:
+                    raise ValueError("there is another frame of that name")
+                frames[frame.name] = observe(frame)
+            except (OSError, ValueError) as error:
+                bad.append(f"{frame.name}: {error}")
+        total = len(dataset.frames) + len(dataset.skipped)
+        if len(bad) > MOST_BAD_SHARE * total:
+            raise ValueError(
+                f"{dataset.name}: {len(bad)} of {total} frames cannot be used, such as {bad[0]}"
+            )
+        names = list(frames)
+        aside = [names[k] for k in judging(names)]
+        training = {name: one for name, one in frames.items() if name not in set(aside)}
+        if len(training) < HELD_OUT_EVERY:
+            why = f"; {bad[0]}" if bad else ""
+            raise ValueError(
+                f"{dataset.name}: {len(frames)} frames are too few to make and judge a map{why}"
+            )
+        after = dict(zip(names, names[1:], strict=False))
+        before = dict(zip(names[1:], names, strict=False))
+        return cls(
+            training=training,
+            held_out={name: frames[name] for name in aside},
+            neighbours=[
+                [
+                    training[near]
+                    for near in (before.get(name), after.get(name))
+                    if near is not None and near in training
+                ]
+                for name in aside
+            ],
+            skipped=tuple(bad),
+        )
+
+    @property
+    def has_depth(self) -> bool:
+        """Whether any frame to learn from measured some."""
+        return any(one.measured[0].any() for one in self.training.values())
+
+
+def every_eighth(names: Sequence[str]) -> range:
+    """Which frames judge a map that is made."""
+    return range(0, len(names), HELD_OUT_EVERY)
