@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,15 +33,7 @@ def joined(old: GaussianMap, new: GaussianMap) -> GaussianMap:
 
 def split(gaussian_map: GaussianMap) -> GaussianMap:
     """Twice as many: each Gaussian becomes two halves along its longest axis."""
-    w, x, y, z = (gaussian_map.quats / _lengths(gaussian_map.quats)).T
-    axes = np.stack(
-        [
-            np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], axis=1),
-            np.stack([2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)], axis=1),
-            np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=1),
-        ],
-        axis=1,
-    )
+    axes = axes_of(gaussian_map.quats)
     rows = np.arange(gaussian_map.size)
     longest = gaussian_map.log_scales.argmax(axis=1)
     scale_m = np.exp(gaussian_map.log_scales[rows, longest])
@@ -62,6 +55,19 @@ def split(gaussian_map: GaussianMap) -> GaussianMap:
     return joined(*halves)
 
 
+def axes_of(quats: NDArray[Any]) -> NDArray[Any]:
+    """[N,3,3] for quaternions [N,4] the three axes of each, one a row."""
+    w, x, y, z = (quats / _lengths(quats)).T
+    return np.stack(
+        [
+            np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], axis=1),
+            np.stack([2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)], axis=1),
+            np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=1),
+        ],
+        axis=1,
+    )
+
+
 def greatest_weights(
     gaussian_map: GaussianMap, observations: Iterable[Observation], threads: int = 0
 ) -> NDArray[np.float32]:
@@ -79,6 +85,22 @@ def greatest_weights(
         assert weights is not None  # They were asked for.
         greatest[seen.rows] = np.maximum(greatest[seen.rows], weights)
     return greatest
+
+
+def total_weights(
+    gaussian_map: GaussianMap, observations: Iterable[Observation], threads: int = 0
+) -> NDArray[np.float64]:
+    """[N] in how many pixels of the observations each Gaussian is seen, as a sum of shares.
+
+    They are looked at with half their resolution.
+    """
+    rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
+    total = np.zeros(gaussian_map.size)
+    for one in observations:
+        images = rasterizer.forward(gaussian_map, one.camera(1), options)
+        seen = rasterizer.lift(np.zeros((*images.alpha.shape, 1), np.float32))
+        total[seen.rows] += seen.weights
+    return total
 
 
 def _lengths(vectors: NDArray[np.floating]) -> NDArray[np.floating]:

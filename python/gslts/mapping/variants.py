@@ -9,8 +9,9 @@ import numpy as np
 
 from gslts.gaussian_map import GaussianMap
 from gslts.mapping.config import MappingConfig
-from gslts.mapping.density import greatest_weights, split
+from gslts.mapping.density import split, total_weights
 from gslts.mapping.evaluate import evaluate
+from gslts.mapping.merge import merged
 from gslts.mapping.observation import Observation
 from gslts.mapping.optimize import Optimizer, Schedule
 
@@ -39,7 +40,7 @@ def variants_of(
     held_out: Sequence[Observation],
     config: MappingConfig,
 ) -> list[Variant]:
-    """The map itself ("chosen"), half and double as many Gaussians, and the next SH degree.
+    """The map itself ("chosen"), half (merged) and double as many Gaussians, and the next SH degree.
 
     Args:
         gaussian_map: A finished map.
@@ -47,10 +48,10 @@ def variants_of(
         held_out: To judge by, at good poses.
         config: Its `variant_steps` are done for each.
     """
-    weights = greatest_weights(gaussian_map, observations, config.threads)
+    weights = total_weights(gaussian_map, observations, config.threads)
     changes: dict[str, Callable[[GaussianMap], GaussianMap]] = {
         "chosen": lambda old: old,
-        "half": lambda old: old.select(np.sort(np.argsort(-weights)[: old.size // 2])),
+        "half": lambda old: merged(old, max(1, old.size // 2), weights),
         "double": split,
     }
     degree = gaussian_map.sh_degree + 1
