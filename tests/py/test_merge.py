@@ -111,7 +111,7 @@ def test_plain_neighbours_merge_before_colours_and_edges() -> None:
     step, turned, other = points.copy(), up.copy(), gray.copy()
     step[1, 2], turned[1], other[1] = 0.1, (1, 0, 0), (0.9, 0.5, 0.2)
     pairs = [(points, up, gray), (points, up, other), (points, turned, gray), (step, up, gray)]
-    shifted = [(p + [10.0 * k, 0, 0], n, c) for k, (p, n, c) in enumerate(pairs)]
+    shifted = [(p + np.array([10.0 * k, 0, 0]), n, c) for k, (p, n, c) in enumerate(pairs)]
     whole = flats(*(np.concatenate(part) for part in zip(*shifted, strict=True)))
     left = merged(whole, 7)
     assert sorted({*range(8)} - {*left.ids.tolist()}) in ([0], [1])

@@ -95,7 +95,7 @@ def spacing(points: Floats) -> Floats:
 
 
 def nearest(points: Floats, count: int) -> tuple[NDArray[np.int64], Floats]:
-    """[P,count] the nearest points [P,3] to each, mostly itself first, and squared distances, m2."""
+    """[P,count] the points [P,3] nearest to each, mostly itself first, and squared distances."""
     import cv2
 
     near_zero = np.ascontiguousarray(points - points.mean(axis=0), np.float32)

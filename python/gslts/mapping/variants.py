@@ -17,6 +17,9 @@ from gslts.mapping.optimize import Optimizer, Schedule
 
 LEAST_GAIN_DB = 0.05
 """A higher SH degree must lower the error by as much to be worth three times the numbers."""
+EMPHASIS = 1.4
+"""Power of the pixels in which a Gaussian is seen, as its weight when half are merged: by trial in
+two rooms, a simulated and a real one, where 1 and 2 lose up to 0.1 dB more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +43,7 @@ def variants_of(
     held_out: Sequence[Observation],
     config: MappingConfig,
 ) -> list[Variant]:
-    """The map itself ("chosen"), half (merged) and double as many Gaussians, and the next SH degree.
+    """The map itself ("chosen"), merged to half, split to double, and of the next SH degree.
 
     Args:
         gaussian_map: A finished map.
@@ -48,7 +51,7 @@ def variants_of(
         held_out: To judge by, at good poses.
         config: Its `variant_steps` are done for each.
     """
-    weights = total_weights(gaussian_map, observations, config.threads)
+    weights = total_weights(gaussian_map, observations, config.threads) ** EMPHASIS
     changes: dict[str, Callable[[GaussianMap], GaussianMap]] = {
         "chosen": lambda old: old,
         "half": lambda old: merged(old, max(1, old.size // 2), weights),
