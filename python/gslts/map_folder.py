@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from gslts.camera import Camera
+from gslts.files import naming
 from gslts.gaussian_map import GaussianMap
 from gslts.ply import read_ply, write_ply
 
@@ -120,7 +121,7 @@ def camera_of(plain: Mapping[str, Any]) -> Camera:
 
 
 def _write_json(path: Path, content: Any) -> None:
-    with path.open("w", encoding="utf-8") as file:
+    with naming(path), path.open("w", encoding="utf-8") as file:
         json.dump(content, file, indent=1)
         file.write("\n")
         file.flush()

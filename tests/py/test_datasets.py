@@ -8,7 +8,9 @@ import pytest
 import sim_scenes
 from PIL import Image
 
+from gslts.camera import Camera
 from gslts.datasets import open_dataset
+from gslts.datasets.dataset import ImageFrame, told_apart
 from gslts.datasets.undistort import Lens
 from gslts.sim.capture import capture
 from gslts.sim.controller import Controller
@@ -272,3 +274,27 @@ def test_damaged_pictures_are_named(recorded: Path, kind: str, harm: str) -> Non
     frame = open_dataset(recorded).frames[1]
     with pytest.raises((OSError, ValueError), match=f"{kind}/00001.png"):
         frame.read()
+
+
+def test_pictures_of_one_name_are_told_apart(recorded: Path) -> None:
+    usual = [frame.name for frame in open_dataset(recorded).frames]
+    content = json.loads((recorded / "transforms.json").read_text())
+    for entry, folder in zip(content["frames"], ("left", "right"), strict=False):
+        (recorded / folder).mkdir()
+        for key, name in (("file_path", "1.png"), ("depth_file_path", "1.depth.png")):
+            (recorded / entry[key]).rename(recorded / folder / name)
+            entry[key] = f"{folder}/{name}"
+    (recorded / "transforms.json").write_text(json.dumps(content))
+    frames = open_dataset(recorded).frames
+    assert [frame.name for frame in frames] == ["left/1", "right/1", *usual[2:]]
+    for entry, frame in zip(content["frames"], frames, strict=True):
+        assert frame.rgb == recorded / entry["file_path"]
+
+
+def test_names_differ_in_their_ending_only_where_nothing_else_does() -> None:
+    camera = Camera(fx=50, fy=50, cx=32, cy=24, width=64, height=48, world_from_camera=np.eye(4))
+    paths = ["a/1.png", "a/1.jpg", "b/1.png", "2.png", "../c/3.png", "3.png", "b/4.png", "b/4.png"]
+    frames = told_apart((ImageFrame(Path("set") / path, camera) for path in paths), Path("set"))
+    names = ["a/1.png", "a/1.jpg", "b/1", "2", "../c/3", "3", "b/4.png", "b/4.png"]
+    assert [frame.name for frame in frames] == names
+    assert [frame.rgb for frame in frames] == [Path("set") / path for path in paths]

@@ -17,12 +17,12 @@ import numpy as np
 from gslts.datasets import Dataset
 from gslts.gaussian_map import GaussianMap
 from gslts.mapping.config import MappingConfig
-from gslts.mapping.density import greatest_weights, split
+from gslts.mapping.density import split
 from gslts.mapping.engine import make_map
 from gslts.mapping.evaluate import HeldOut, evaluate_held_out
 from gslts.mapping.judge import Known, judging
 from gslts.mapping.observation import LEVELS
-from gslts.mapping.variants import refined
+from gslts.mapping.variants import fewer, refined
 from gslts.mapping.visit import ShowFrames, Visit
 from gslts.render import Rasterizer, RenderOptions
 
@@ -104,16 +104,12 @@ def against_count(
         config = config.for_photographs()
     # Filled holes would give back what was taken.
     config = config.model_copy(update={"variant_steps": steps, "fill_holes": False})
-    weights = greatest_weights(gaussian_map, training, config.threads)
-
-    def reduced(count: int) -> GaussianMap:
-        return gaussian_map.select(np.sort(np.argsort(-weights)[:count]))
-
     for name, share in COUNTS.items():
         if share > 1:
             start = split(gaussian_map, np.arange(gaussian_map.size))
         else:
-            start = gaussian_map if share == 1 else reduced(max(1, int(share * gaussian_map.size)))
+            count = max(1, int(share * gaussian_map.size))
+            start = fewer(gaussian_map, count, training, config.threads)
         finished = refined(start, training, config)
         quality = _judged(finished, visit, config.threads)
         yield _point("gaussians", name, None, steps, finished.size, quality)

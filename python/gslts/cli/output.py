@@ -81,7 +81,7 @@ def render(
     if is_video and len({(camera.width, camera.height) for camera in cameras}) > 1:
         raise ValueError(f"{out}: a video needs views of one size: give --width and --height")
     range_m = _depth_range(gaussian_map, cameras, threads) if depth else None
-    with tqdm(cameras, desc="rendering", unit="view") as bar:
+    with tqdm(cameras, desc="rendering", unit="view", disable=None) as bar:
         pictures = _pictures(gaussian_map, bar, range_m, threads)
         if is_video:
             size = (cameras[0].width, cameras[0].height)

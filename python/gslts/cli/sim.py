@@ -73,7 +73,7 @@ def show(
         write_task_sheet(task, home, out / f"{path.stem}.png")
         typer.echo(f"wrote {out / path.stem}.png")
         return
-    for seed in tqdm(seeds or [0], desc=path.name, unit="home"):
+    for seed in tqdm(seeds or [0], desc=path.name, unit="home", disable=None):
         home = open_home(source, seed)
         out.mkdir(parents=True, exist_ok=True)
         is_file = path.suffix.lower() in FILE_TYPES
@@ -108,7 +108,7 @@ def capture(
     robot = Controller(home, width=width, height=height, noise=noise, seed=visit)
     empty_folder(out)
     looks, share = explore(home, frames, lambda at: tqdm(at, desc="exploring", unit="place"))
-    count = write(robot, tqdm(looks, desc=home.name, unit="frame"), out)
+    count = write(robot, tqdm(looks, desc=home.name, unit="frame", disable=None), out)
     typer.echo(
         f"wrote {count} frames to {out}: {100 * share:.0f} % of the views that the surfaces need"
     )

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import os
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -104,6 +107,7 @@ class ImageFrame:
         depth_camera: Intrinsics and pose of the depth; None if it is registered.
         lens: That distorts the colours, and registered depth with them; None if none does. What it
             does is undone when the frame is read.
+        longer_name: Where the file's own does not tell it from other frames; "" elsewhere.
     """
 
     rgb: Path
@@ -114,11 +118,12 @@ class ImageFrame:
     time_s: float = 0.0
     depth_camera: Camera | None = None
     lens: Lens | None = None
+    longer_name: str = ""
 
     @property
     def name(self) -> str:
-        """The name of the colour picture without its ending."""
-        return self.rgb.stem
+        """The name of the colour picture without its ending, or a longer one."""
+        return self.longer_name or self.rgb.stem
 
     def read(self) -> RgbdFrame:
         """Reads both pictures."""
@@ -136,6 +141,28 @@ class ImageFrame:
         if self.lens is not None and self.depth_camera is None:
             depth = undistort_depth(depth, self.camera, self.lens)
         return RgbdFrame(rgb, depth, self.camera, self.time_s, self.depth_camera, mask)
+
+
+def told_apart(frames: Iterable[ImageFrame], folder: Path) -> tuple[ImageFrame, ...]:
+    """The frames of a folder; those of one name get their path in it, with the ending if need be.
+
+    Only frames of the very same picture still have one name.
+    """
+    named = tuple(frames)
+    for with_ending in (False, True):
+        counts = Counter(one.name for one in named)
+        named = tuple(
+            replace(one, longer_name=_path_in(folder, one.rgb, with_ending))
+            if counts[one.name] > 1
+            else one
+            for one in named
+        )
+    return named
+
+
+def _path_in(folder: Path, file: Path, with_ending: bool) -> str:
+    path = os.path.relpath(file if with_ending else file.with_suffix(""), folder)
+    return Path(path).as_posix()
 
 
 def pinhole(

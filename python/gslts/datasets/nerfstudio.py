@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
-from gslts.datasets.dataset import Dataset, ImageFrame, image_size, pinhole, rigid
+from gslts.datasets.dataset import Dataset, ImageFrame, image_size, pinhole, rigid, told_apart
 from gslts.datasets.undistort import Lens, lens_or_none
 
 OPENGL_FROM_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -83,7 +83,7 @@ def open_nerfstudio(path: Path) -> Dataset:
             skipped.append(f"frames[{number}]: {_first(error)}")
         except (OSError, ValueError) as error:
             skipped.append(f"frames[{number}]: {error}")
-    return Dataset(path.name, tuple(frames), tuple(skipped))
+    return Dataset(path.name, told_apart(frames, path), tuple(skipped))
 
 
 def _image_frame(path: Path, frame: _Frame, content: _File, number: int) -> ImageFrame:

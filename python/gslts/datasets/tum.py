@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.datasets.dataset import Dataset, ImageFrame, image_size, pinhole
+from gslts.datasets.dataset import Dataset, ImageFrame, image_size, pinhole, told_apart
 from gslts.datasets.poses import pose_of
 
 Floats = NDArray[np.float64]
@@ -65,7 +65,7 @@ def open_tum(path: Path) -> Dataset:
             continue
         depth_path = path / depth_rows[depth][1]
         frames.append(ImageFrame(path / name, camera, depth_path, DEPTH_UNIT_M, time_s=time_s))
-    return Dataset(path.name, tuple(frames), tuple(skipped))
+    return Dataset(path.name, told_apart(frames, path), tuple(skipped))
 
 
 def read_trajectory(path: Path) -> list[Floats]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,8 +41,21 @@ def split(gaussian_map: GaussianMap, rows: NDArray[np.int64]) -> GaussianMap:
         rows: [M] int64, none twice; one half stays there, the other comes last, with a new id.
     """
     parents = gaussian_map.select(rows)
-    w, x, y, z = (parents.quats / _lengths(parents.quats)).T
-    axes = np.stack(
+    each, longest = np.arange(parents.size), parents.log_scales.argmax(axis=1)
+    axes = axes_of(parents.quats)[each, longest]
+    scales_m = np.exp(parents.log_scales[each, longest])
+    offset = (SPLIT_OFFSET * scales_m[:, None] * axes).astype(parents.dtype)
+    means, log_scales = gaussian_map.means.copy(), gaussian_map.log_scales.copy()
+    means[rows] += offset
+    log_scales[rows, longest] -= np.log(SPLIT_SHRINK)
+    others = replace(parents, means=parents.means - offset, log_scales=log_scales[rows])
+    return joined(replace(gaussian_map, means=means, log_scales=log_scales), others)
+
+
+def axes_of(quats: NDArray[Any]) -> NDArray[Any]:
+    """[N,3,3] for quaternions [N,4] the three axes of each, one a row."""
+    w, x, y, z = (quats / _lengths(quats)).T
+    return np.stack(
         [
             np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], axis=1),
             np.stack([2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)], axis=1),
@@ -49,19 +63,6 @@ def split(gaussian_map: GaussianMap, rows: NDArray[np.int64]) -> GaussianMap:
         ],
         axis=1,
     )
-    each = np.arange(parents.size)
-    longest = parents.log_scales.argmax(axis=1)
-    scale_m = np.exp(parents.log_scales[each, longest])
-    offset = SPLIT_OFFSET * scale_m[:, None] * axes[each, longest]
-    log_scales = parents.log_scales.copy()
-    log_scales[each, longest] -= np.log(SPLIT_SHRINK)
-    others = replace(
-        parents, means=(parents.means - offset).astype(parents.dtype), log_scales=log_scales
-    )
-    means, all_log_scales = gaussian_map.means.copy(), gaussian_map.log_scales.copy()
-    means[rows] += offset.astype(parents.dtype)
-    all_log_scales[rows] = log_scales
-    return joined(replace(gaussian_map, means=means, log_scales=all_log_scales), others)
 
 
 def greatest_weights(
@@ -81,6 +82,22 @@ def greatest_weights(
         assert weights is not None  # They were asked for.
         greatest[seen.rows] = np.maximum(greatest[seen.rows], weights)
     return greatest
+
+
+def total_weights(
+    gaussian_map: GaussianMap, observations: Iterable[Observation], threads: int = 0
+) -> NDArray[np.float64]:
+    """[N] in how many pixels of the observations each Gaussian is seen, as a sum of shares.
+
+    They are looked at with half their resolution.
+    """
+    rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
+    total = np.zeros(gaussian_map.size)
+    for one in observations:
+        images = rasterizer.forward(gaussian_map, one.camera(1), options)
+        seen = rasterizer.lift(np.zeros((*images.alpha.shape, 1), np.float32))
+        total[seen.rows] += seen.weights
+    return total
 
 
 def _lengths(vectors: NDArray[np.floating]) -> NDArray[np.floating]:

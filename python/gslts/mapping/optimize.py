@@ -32,7 +32,7 @@ HOLE_EPOCHS = (1, 4)
 LENS_EPOCHS = (1, 2, 3, 4, 5, 6, 8, 12, 16, 24, 32, 48, 64)
 """Epochs after which lenses are corrected; all depth has to be registered anew each time."""
 GROWTH_SHARES = (0.1, 0.6)
-"""Of the schedule, when Gaussians are split: poses are roughly right, and time is left to settle."""
+"""Of the schedule, when Gaussians are split: poses are roughly right, and there is time left."""
 LEAST_SPLIT = 0.15
 """Of a voxel: standard deviation of the smallest Gaussians that are split."""
 SHOWN_PIXELS = (slice(None, None, 4), slice(None, None, 4))
@@ -263,15 +263,7 @@ class Optimizer:
             ratio = of_gain / gain
             one.exposure = Exposure(gain=ratio, offset=of_offset - ratio * offset)
         greatest = np.float32(np.log(self.config.max_scale_m))
-        return GaussianMap(
-            means=old.means,
-            quats=old.quats,
-            log_scales=np.minimum(old.log_scales, greatest),
-            logit_opacities=old.logit_opacities,
-            sh=sh,
-            ids=old.ids,
-            origin=old.origin,
-        )
+        return replace(old, log_scales=np.minimum(old.log_scales, greatest), sh=sh)
 
     def _anchored(self, old: GaussianMap) -> GaussianMap:
         """The map, and with it all observations, back where the given poses put them."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -54,13 +56,5 @@ def moved_map(gaussian_map: GaussianMap, motion: Floats) -> GaussianMap:
     w, xyz = gaussian_map.quats[:, :1], gaussian_map.quats[:, 1:]
     quats = np.concatenate([w - xyz @ half[:, None], xyz + w * half + np.cross(half, xyz)], axis=1)
     dtype = gaussian_map.dtype
-    return GaussianMap(
-        means=(gaussian_map.means @ turn.T + centre).astype(dtype),
-        quats=quats.astype(dtype),
-        log_scales=gaussian_map.log_scales,
-        logit_opacities=gaussian_map.logit_opacities,
-        sh=gaussian_map.sh,
-        features=gaussian_map.features,
-        ids=gaussian_map.ids,
-        origin=gaussian_map.origin,
-    )
+    means = (gaussian_map.means @ turn.T + centre).astype(dtype)
+    return replace(gaussian_map, means=means, quats=quats.astype(dtype))

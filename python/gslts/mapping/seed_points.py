@@ -88,17 +88,21 @@ def random_points_in_view(frames: Sequence[RgbdFrame], count: int, seed: int = 0
 
 def spacing(points: Floats) -> Floats:
     """[P] m, mean distance of each point [P,3] to the next ones; infinite for a single one."""
-    import cv2
-
     neighbours = min(NEIGHBOURS, len(points) - 1)
     if neighbours < 1:
         return np.full(len(points), np.inf)
+    return np.asarray(np.sqrt(nearest(points, neighbours + 1)[1][:, 1:]).mean(axis=1), np.float64)
+
+
+def nearest(points: Floats, count: int) -> tuple[NDArray[np.int64], Floats]:
+    """[P,count] the points [P,3] nearest to each, mostly itself first, and squared distances."""
+    import cv2
+
     near_zero = np.ascontiguousarray(points - points.mean(axis=0), np.float32)
     # FLANN_INDEX_KDTREE_SINGLE, which is exact.
     index = cv2.flann.Index(near_zero, {"algorithm": 4, "leaf_max_size": 12})
-    _, squares = index.knnSearch(near_zero, neighbours + 1, params={})
-    distances = np.sqrt(squares[:, 1:].astype(np.float64))
-    return np.asarray(distances.mean(axis=1), np.float64)
+    rows, squares = index.knnSearch(near_zero, count, params={})
+    return rows.astype(np.int64), squares.astype(np.float64)
 
 
 def lifted(camera: Camera, places: Floats, depths_m: Floats) -> Floats:

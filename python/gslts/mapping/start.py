@@ -1,4 +1,4 @@
-"""Where the optimisation starts: rough poses, the first Gaussians, and how far poses are trusted."""
+"""Where the optimisation starts: rough poses, the trust in given ones, the first Gaussians."""
 
 from __future__ import annotations
 

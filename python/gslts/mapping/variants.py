@@ -9,13 +9,17 @@ import numpy as np
 
 from gslts.gaussian_map import GaussianMap
 from gslts.mapping.config import MappingConfig
-from gslts.mapping.density import greatest_weights, split
+from gslts.mapping.density import split, total_weights
 from gslts.mapping.evaluate import evaluate
+from gslts.mapping.merge import merged
 from gslts.mapping.observation import Observation
 from gslts.mapping.optimize import Optimizer, Schedule
 
 LEAST_GAIN_DB = 0.05
 """A higher SH degree must lower the error by as much to be worth three times the numbers."""
+EMPHASIS = 1.4
+"""Power of the pixels in which a Gaussian is seen, as its weight in merging: by trial in
+two rooms, a simulated and a real one, where 1 and 2 lose up to 0.1 dB more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +43,7 @@ def variants_of(
     held_out: Sequence[Observation],
     config: MappingConfig,
 ) -> list[Variant]:
-    """The map itself ("chosen"), half and double as many Gaussians, and the next SH degree.
+    """The map itself ("chosen"), merged to half, split to double, and of the next SH degree.
 
     Args:
         gaussian_map: A finished map.
@@ -47,11 +51,10 @@ def variants_of(
         held_out: To judge by, at good poses.
         config: Its `variant_steps` are done for each.
     """
-    weights = greatest_weights(gaussian_map, observations, config.threads)
     changes: dict[str, Callable[[GaussianMap], GaussianMap]] = {
         "chosen": lambda old: old,
-        "half": lambda old: old.select(np.sort(np.argsort(-weights)[: old.size // 2])),
-        "double": split,
+        "half": lambda old: fewer(old, max(1, old.size // 2), observations, config.threads),
+        "double": lambda old: split(old, np.arange(old.size)),
     }
     degree = gaussian_map.sh_degree + 1
     if degree <= config.max_sh_degree:
@@ -62,6 +65,14 @@ def variants_of(
         quality = evaluate(changed, held_out, config.threads)
         variants.append(Variant(name, changed, quality.psnr_db))
     return variants
+
+
+def fewer(
+    gaussian_map: GaussianMap, count: int, observations: Sequence[Observation], threads: int = 0
+) -> GaussianMap:
+    """Neighbours are merged until so many are left, first where the observations see least."""
+    weights = total_weights(gaussian_map, observations, threads)
+    return merged(gaussian_map, count, weights**EMPHASIS)
 
 
 def chosen_of(variants: Sequence[Variant]) -> Variant:
@@ -78,15 +89,7 @@ def with_sh_degree(gaussian_map: GaussianMap, degree: int) -> GaussianMap:
     """The same look with room for more harmonics, which are 0."""
     sh = np.zeros((gaussian_map.size, (degree + 1) ** 2, 3), gaussian_map.dtype)
     sh[:, : gaussian_map.sh.shape[1]] = gaussian_map.sh
-    return GaussianMap(
-        means=gaussian_map.means,
-        quats=gaussian_map.quats,
-        log_scales=gaussian_map.log_scales,
-        logit_opacities=gaussian_map.logit_opacities,
-        sh=sh,
-        ids=gaussian_map.ids,
-        origin=gaussian_map.origin,
-    )
+    return replace(gaussian_map, sh=sh)
 
 
 def refined(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from gslts.datasets import Dataset, Frame
 from gslts.mapping.observation import Observation
@@ -73,8 +74,8 @@ class Visit:
             raise ValueError(
                 f"{dataset.name}: {len(frames)} frames are too few to make and judge a map{why}"
             )
-        after = dict(zip(names, names[1:], strict=False))
-        before = dict(zip(names[1:], names, strict=False))
+        after = dict(pairwise(names))
+        before = {b: a for a, b in pairwise(names)}
         return cls(
             training=training,
             held_out={name: frames[name] for name in aside},

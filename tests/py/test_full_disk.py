@@ -1,0 +1,77 @@
+"""A disk that is full while a map is made: one clear line, and nothing that looks finished."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sim_scenes
+
+from gslts.files import write_whole
+from gslts.sim.capture import capture
+from gslts.sim.controller import Controller
+from gslts.sim.viewpoints import Look
+
+LIMITED = """
+import resource, signal, sys
+from gslts.cli import main
+sys.argv[0] = "gslts"
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+limit = int(sys.argv.pop(1))
+resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+main()
+"""
+
+
+@pytest.fixture(scope="module")
+def visit(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    robot = Controller(sim_scenes.simple_home(), width=64, height=48)
+    looks = [Look(np.array([1.0, 1.0]), yaw, 20.0) for yaw in np.arange(0.0, 360.0, 30.0)]
+    folder = tmp_path_factory.mktemp("visit") / "room"
+    capture(robot, looks, folder)
+    return folder
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limits of files")
+@pytest.mark.parametrize(
+    ("limit", "file"),
+    [(1000, "map.ply"), (20_000, "report.html"), (None, "")],
+    ids=["map", "later", "fits"],
+)
+def test_map_on_a_full_disk(tmp_path: Path, visit: Path, limit: int | None, file: str) -> None:
+    command = ["map", str(visit), "--out", "made", "--preset", "fast", "--iterations", "4"]
+    done = subprocess.run(
+        [sys.executable, "-c", LIMITED, str(limit or 1 << 30), *command],
+        cwd=tmp_path,
+        text=True,
+        capture_output=True,
+        check=False,
+    )
+    if limit is None:
+        assert done.returncode == 0, done.stderr
+        assert (tmp_path / "made" / "manifest.json").exists()
+        return
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("gslts: ")
+    assert "made" in line, "it tells what could not be written"
+    assert file in line
+    assert "large" in line or "File too" in line
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+def test_an_error_in_writing_names_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "file"
+    path.write_bytes(b"old")
+    opened = Path.open
+    monkeypatch.setattr(Path, "open", lambda _, mode: opened(Path("/dev/full"), mode))
+    with pytest.raises(OSError, match=r"No space left on device: .*/file'"):
+        write_whole(path, b"new")
+    monkeypatch.undo()
+    assert path.read_bytes() == b"old"
+    assert [one.name for one in tmp_path.iterdir()] == ["file"]
