@@ -8,7 +8,7 @@ more, and all are refined for as many steps.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Any
 
@@ -69,6 +69,8 @@ def visit_of(dataset: Dataset, known: Known, show_frames: ShowFrames = iter) -> 
     visit = Visit.of(dataset, known.observe, lambda names: judging(names, known), show_frames)
     if not visit.held_out:
         raise ValueError(f"{dataset.name}: the map was made from all of its frames")
+    if not known.cameras:  # Nothing was corrected that neighbours could tell of.
+        visit = replace(visit, neighbours=[[] for _ in visit.held_out])
     return visit
 
 
