@@ -112,7 +112,8 @@ def _near_pairs(points: Floats) -> Rows:
     rows = np.repeat(np.arange(len(points)), neighbours.shape[1])
     pairs = np.sort(np.column_stack([rows, neighbours.ravel()]), axis=1)
     pairs = pairs[pairs[:, 0] < pairs[:, 1]]
-    keys = np.unique(pairs @ np.array([len(points), 1]))
+    keys = np.sort(pairs @ np.array([len(points), 1]))
+    keys = keys[np.diff(keys, prepend=-1) > 0]
     return np.column_stack(np.divmod(keys, len(points)))
 
 
