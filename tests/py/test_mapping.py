@@ -21,10 +21,11 @@ from gslts.map_folder import read_map_folder, write_map_folder
 from gslts.mapping.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from gslts.mapping.config import PRESETS, MappingConfig
 from gslts.mapping.density import greatest_weights, split
-from gslts.mapping.engine import MappingResult, make_map
+from gslts.mapping.engine import MappingResult, _settled, make_map
 from gslts.mapping.evaluate import Quality, evaluate
 from gslts.mapping.observation import Observation
 from gslts.mapping.pose import twist_of
+from gslts.mapping.report_data import CurvePoint
 from gslts.mapping.summary import summary_of
 from gslts.mapping.variants import LEAST_GAIN_DB, chosen_of
 from gslts.sim.capture import capture
@@ -245,6 +246,32 @@ def small_map() -> gslts.GaussianMap:
         sh=np.zeros((2, 1, 3)),
         ids=np.array([7, 9], np.uint64),
     ).astype(np.float32)
+
+
+def test_settings_are_checked() -> None:
+    config = PRESETS["fast"].with_settings(["voxel_m=0.5", "fill_holes=false", "iterations=7"])
+    assert (config.voxel_m, config.fill_holes, config.iterations) == (0.5, False, 7)
+    assert config.seed_contrast == PRESETS["fast"].seed_contrast
+    for setting, message in (
+        ("voxel_m=-1", "voxel_m=-1: Input should be greater than 0"),
+        ("iterations=many", "iterations=many: Input should be a valid integer"),
+        ("voxel=1", "voxel=1: expected NAME=VALUE, NAME one of iterations, "),
+        ("seed", "seed: expected NAME=VALUE"),
+    ):
+        with pytest.raises(ValueError, match=f"^{message}"):
+            config.with_settings([setting])
+
+
+def test_the_end_comes_when_nothing_is_gained() -> None:
+    def curve(*held_out_db: float | None, level: int = 0) -> list[CurvePoint]:
+        return [CurvePoint(0.0, 0, level, 0.0, each, 0) for each in held_out_db]
+
+    rising = [20.0, 20.1, 20.2, 20.3, 20.4, 20.5]
+    assert not _settled(curve(*rising))
+    assert _settled(curve(*rising, 20.5, None, 20.4, 20.51, 20.3))
+    assert not _settled(curve(*rising, 20.5, 20.4, 20.53, 20.3))
+    assert not _settled(curve(*rising, 20.5, 20.4))
+    assert not _settled(curve(*rising, 20.5, 20.4, 20.51, 20.3, level=1))
 
 
 def test_map_folders_come_back(tmp_path: Path) -> None:

@@ -44,6 +44,14 @@ def make(
         float | None, typer.Option(min=1, help="Seconds for it all, instead of iterations.")
     ] = None,
     max_gaussians: Annotated[int | None, typer.Option(min=1, help="No more than these.")] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="NAME=VALUE",
+            help="Another value for a setting of `gslts.mapping.config`; may be given again.",
+        ),
+    ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on where an interrupted run stopped.")
     ] = False,
@@ -79,7 +87,7 @@ def make(
         "threads": threads,
     }
     chosen = {name: value for name, value in given.items() if value is not None}
-    config = PRESETS[preset].model_copy(update=chosen)
+    config = PRESETS[preset].model_copy(update=chosen).with_settings(settings or [])
     start = read_checkpoint(saved) if resume else None
     opened = open_dataset(dataset)
     out.parent.mkdir(parents=True, exist_ok=True)

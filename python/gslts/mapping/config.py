@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 Share = Annotated[float, Field(ge=0, le=1)]
 Positive = Annotated[float, Field(gt=0)]
@@ -50,17 +51,17 @@ class MappingConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    iterations: Annotated[int, Field(gt=0)] = 9000
+    iterations: Annotated[int, Field(gt=0)] = 8000
     rough_epochs: Count = 15
     budget_s: Positive | None = None
     max_gaussians: Annotated[int, Field(gt=0)] | None = None
-    voxel_m: Positive = 0.02
-    seed_contrast: Rate = 0.1
+    voxel_m: Positive = 0.03
+    seed_contrast: Rate = 0.2
     sh_degree: Annotated[int, Field(ge=0, le=3)] = 0
     max_sh_degree: Annotated[int, Field(ge=0, le=3)] = 1
     variant_steps: Count = 150
     coarse_share: Share = 0.6
-    growth: Rate = 0.0
+    growth: Rate = 1.0
     fill_holes: bool = True
     refine_poses: bool = True
     refine_lenses: bool = True
@@ -100,6 +101,24 @@ class MappingConfig(BaseModel):
             }
         )
 
+    def with_settings(self, settings: Sequence[str]) -> MappingConfig:
+        """Other values for some settings, such as "voxel_m=0.02".
+
+        Raises:
+            ValueError: There is no such setting, or the value is none for it.
+        """
+        values = self.model_dump()
+        for setting in settings:
+            name, equals, value = setting.partition("=")
+            if not equals or name not in values:
+                raise ValueError(f"{setting}: expected NAME=VALUE, NAME one of {', '.join(values)}")
+            values[name] = value
+        try:
+            return MappingConfig.model_validate(values)
+        except ValidationError as error:
+            first = error.errors()[0]
+            raise ValueError(f"{first['loc'][0]}={first['input']}: {first['msg']}") from None
+
     def same_map(self, other: MappingConfig) -> bool:
         """Whether both make the same map of the same frames."""
         return self == other.model_copy(update={"threads": self.threads})
@@ -107,14 +126,14 @@ class MappingConfig(BaseModel):
 
 PRESETS = {
     "fast": MappingConfig(
-        iterations=2800,
+        iterations=3600,
         rough_epochs=10,
-        voxel_m=0.025,
-        seed_contrast=0.2,
+        voxel_m=0.04,
+        seed_contrast=0.4,
         coarse_share=0.94,
         variant_steps=0,
     ),
     "balanced": MappingConfig(),
-    "best": MappingConfig(iterations=30_000, coarse_share=0.4, variant_steps=400),
+    "best": MappingConfig(iterations=20_000, growth=1.5, coarse_share=0.4, variant_steps=300),
 }
 """Speed against accuracy, in three steps."""
