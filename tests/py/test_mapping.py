@@ -20,7 +20,6 @@ from gslts.frame import RgbdFrame
 from gslts.map_folder import read_map_folder, write_map_folder
 from gslts.mapping.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from gslts.mapping.config import PRESETS, MappingConfig
-from gslts.mapping.density import greatest_weights, split
 from gslts.mapping.engine import MappingResult, _settled, make_map
 from gslts.mapping.evaluate import Quality, evaluate
 from gslts.mapping.observation import Observation
@@ -335,39 +334,6 @@ def test_the_commands(recorded: dict[str, Path], tmp_path: Path) -> None:
     assert done.returncode == 1
     assert "no data set of a known format" in done.stderr.splitlines()[-1]
     assert not (tmp_path / "other").exists()
-
-
-def test_halves_stand_beside_the_centre_along_the_longest_axis() -> None:
-    quarter_turn = np.array([[np.sqrt(0.5), 0, 0, np.sqrt(0.5)]])  # About z: x becomes y.
-    one = gslts.GaussianMap(
-        means=np.array([[1.0, 2, 3]]),
-        quats=3 * quarter_turn,
-        log_scales=np.log([[0.4, 0.1, 0.2]]),
-        logit_opacities=np.zeros(1),
-        sh=np.full((1, 1, 3), 0.3),
-        ids=np.array([5], np.uint64),
-    )
-    two = split(one, np.arange(1))
-    np.testing.assert_allclose(two.means, [[1, 2.28, 3], [1, 1.72, 3]], atol=1e-12)
-    np.testing.assert_allclose(np.exp(two.log_scales), [[0.25, 0.1, 0.2]] * 2)
-    assert two.ids.tolist() == [5, 6]
-
-
-def test_who_is_hidden_has_no_weight(recorded: dict[str, Path]) -> None:
-    observation = Observation.of(open_dataset(recorded["none"]).frames[0].read())
-    pose = observation.pose
-    centres = [pose[:3, 3] + distance * pose[:3, 2] for distance in (0.5, 0.8, -1.0)]
-    three = gslts.GaussianMap(
-        means=np.array(centres),
-        quats=np.tile([1.0, 0, 0, 0], (3, 1)),
-        log_scales=np.log(np.full((3, 3), 0.1) * [[2.0], [0.1], [1.0]]),
-        logit_opacities=np.array([9.0, 9.0, 9.0]),
-        sh=np.zeros((3, 1, 3)),
-    ).astype(np.float32)
-    weights = greatest_weights(three, [observation])
-    assert weights[0] > 0.95
-    assert 0 < weights[1] < 0.05
-    assert weights[2] == 0
 
 
 def test_sizes_are_compared_and_harmonics_rise_only_for_a_gain(recorded: dict[str, Path]) -> None:

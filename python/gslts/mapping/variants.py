@@ -18,8 +18,8 @@ from gslts.mapping.optimize import Optimizer, Schedule
 LEAST_GAIN_DB = 0.05
 """A higher SH degree must lower the error by as much to be worth three times the numbers."""
 EMPHASIS = 1.4
-"""Power of the pixels in which a Gaussian is seen, as its weight in merging. Found by trial: of maps
-from thinned seeds, 1 loses up to 0.1 dB more; of others, it makes no difference."""
+"""Power of the pixels in which a Gaussian is seen, as its weight in merging, found by trial: of
+maps from thinned seeds, 1 loses up to 0.1 dB more; of others, it makes no difference."""
 
 
 @dataclass(frozen=True, eq=False)
