@@ -10,8 +10,9 @@ foreach(library IN LISTS libraries)
 endforeach()
 
 set(package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/gslts)
-# gslts_highway is in the export because a static library names even its private dependencies.
-install(TARGETS ${libraries} gslts_highway EXPORT gsltsTargets FILE_SET HEADERS)
+# gslts_highway and gslts_opencv are in the export because a static library names even its private
+# dependencies.
+install(TARGETS ${libraries} gslts_highway gslts_opencv EXPORT gsltsTargets FILE_SET HEADERS)
 install(EXPORT gsltsTargets NAMESPACE gslts:: DESTINATION ${package_dir})
 
 configure_package_config_file(

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gslts._core import raster as _core
-from gslts.camera import Camera
-from gslts.gaussian_map import FloatArray
-from gslts.losses import Exposure
+from gslts.camera import Camera, at_pose, moved
+from gslts.frame import RgbdFrame
+from gslts.gaussian_map import FloatArray, GaussianMap
+from gslts.losses import Exposure, fit_exposure
+from gslts.render import Rasterizer, RenderOptions
 
 Floats = NDArray[np.float64]
 
@@ -104,3 +107,45 @@ def align(
         threads=threads,
     )
     return Alignment(NormalEquations(hessian, right), NormalEquations(depth_hessian, depth_right))
+
+
+def aligned(
+    gaussian_map: GaussianMap, frames: Iterable[RgbdFrame], steps: int, *, threads: int = 0
+) -> Floats:
+    """[4,4] world_from_camera nearby, where a map fits best what a camera saw.
+
+    Args:
+        gaussian_map: float32.
+        frames: One frame in several resolutions, the coarsest first, all at one pose.
+        steps: With each.
+        threads: 0 means one a hardware thread.
+
+    Raises:
+        ValueError: There is no frame.
+    """
+    rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
+    pose: Floats | None = None
+    for frame in frames:
+        camera = frame.camera if pose is None else at_pose(frame.camera, pose)
+        photo, measured = frame.rgb.astype(np.float32) / np.float32(255), np.nan_to_num(frame.depth)
+        for _ in range(steps):
+            images = rasterizer.forward(gaussian_map, camera, options)
+            exposure = fit_exposure(images.rgb, photo, mask=frame.mask, threads=threads)
+            alignment = align(
+                camera,
+                images.rgb,
+                images.depth,
+                photo,
+                measured,
+                mask=frame.mask,
+                exposure=exposure,
+                threads=threads,
+            )
+            both = alignment.color + alignment.depth
+            # A millionth, so that a frame that sees nothing stays where it is.
+            hessian = both.hessian[:6, :6] + 1e-6 * np.eye(6)
+            camera = moved(camera, np.linalg.solve(hessian, both.right[:6]))
+        pose = camera.world_from_camera
+    if pose is None:
+        raise ValueError("aligned: there is no frame")
+    return pose

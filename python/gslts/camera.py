@@ -12,6 +12,7 @@ __all__ = [
     "at_pose",
     "camera_from_fov",
     "look_at",
+    "moved",
     "resized",
     "rotation",
     "rotation_of_quat",
@@ -53,6 +54,13 @@ def resized(camera: Camera, divisor: int) -> Camera:
         height=camera.height // divisor,
         world_from_camera=camera.world_from_camera,
     )
+
+
+def moved(camera: Camera, twist: Floats) -> Camera:
+    """The camera at world_from_camera @ exp(xi), with exp to first order in the translation."""
+    step = np.eye(4)
+    step[:3, :3], step[:3, 3] = rotation(twist[3:]), twist[:3]
+    return at_pose(camera, camera.world_from_camera @ step)
 
 
 def rotation(vector_rad: Floats) -> Floats:

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gslts._core.map import register_depth
-from gslts.camera import Camera
+from gslts.camera import Camera, resized
 
-__all__ = ["RgbdFrame", "register_depth"]
+__all__ = ["RgbdFrame", "halved_depth", "halved_mask", "halved_rgb", "register_depth"]
+
+EDGE_SHARE = 0.05
+"""A relative difference of depths within 2 x 2 pixels that shows an edge."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,3 +69,39 @@ class RgbdFrame:
             return self
         depth = register_depth(self.depth, self.depth_camera, self.camera)
         return RgbdFrame(self.rgb, depth, self.camera, self.time_s, mask=self.mask)
+
+    def halved(self) -> RgbdFrame:
+        """The same frame, registered, with half the sides; what is left over is cut off."""
+        whole = self.registered()
+        return RgbdFrame(
+            halved_rgb(whole.rgb),
+            halved_depth(whole.depth),
+            resized(whole.camera, 2),
+            whole.time_s,
+            mask=None if whole.mask is None else halved_mask(whole.mask),
+        )
+
+
+def halved_rgb(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """[H/2,W/2,3] means of 2 x 2 pixels, rounded."""
+    total: NDArray[np.uint16] = _fours(rgb).sum(axis=0, dtype=np.uint16)
+    return ((total + 2) // 4).astype(np.uint8)
+
+
+def halved_depth(depth: NDArray[np.float32]) -> NDArray[np.float32]:
+    """[H/2,W/2] means of 2 x 2 pixels where all are measured and on one surface, else 0."""
+    four = _fours(depth)
+    same = (four.min(axis=0) > 0) & (np.ptp(four, axis=0) < EDGE_SHARE * four.max(axis=0))
+    return np.where(same, four.mean(axis=0), 0).astype(np.float32)
+
+
+def halved_mask(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """[H/2,W/2] whether all of 2 x 2 pixels are wanted."""
+    return np.asarray(_fours(mask).all(axis=0), np.bool_)
+
+
+def _fours(image: NDArray[Any]) -> NDArray[Any]:
+    """[4,H/2,W/2,...] the pixels of each block of 2 x 2; what is left over is cut off."""
+    height, width = (length // 2 * 2 for length in image.shape[:2])
+    part = image[:height, :width]
+    return np.stack([part[::2, ::2], part[1::2, ::2], part[::2, 1::2], part[1::2, 1::2]])

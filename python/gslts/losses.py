@@ -22,6 +22,7 @@ __all__ = [
     "Exposure",
     "PhotometricLoss",
     "depth_loss",
+    "exposed",
     "fit_exposure",
     "photometric_loss",
 ]
@@ -64,6 +65,13 @@ def _of_dtype(name: str, function: str, array: NDArray[Any]) -> Any:
     if suffix is None:
         raise ValueError(f"{function}: {name}: expected float32 or float64, got {array.dtype}")
     return getattr(_core, function + suffix)
+
+
+def exposed(rgb: FloatArray, exposure: Exposure) -> FloatArray:
+    """[H,W,3] rendered colours as a photograph of that exposure shows them, of the same dtype."""
+    gain, offset = (np.array(one, np.float32) for one in (exposure.gain, exposure.offset))
+    result: FloatArray = gain * rgb + offset
+    return result
 
 
 def photometric_loss(

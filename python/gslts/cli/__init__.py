@@ -7,6 +7,7 @@ import sys
 import typer
 
 from gslts.cli import mapping, output
+from gslts.cli.detect import detect
 from gslts.cli.sim import sim
 from gslts.cli.tradeoff import tradeoff
 
@@ -23,6 +24,7 @@ app.command("map")(mapping.make)
 app.command("eval")(mapping.judge)
 app.command("render")(output.render)
 app.command("export")(output.export)
+app.command("detect")(detect)
 app.command("tradeoff")(tradeoff)
 
 

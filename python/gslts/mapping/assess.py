@@ -10,9 +10,8 @@ import numpy as np
 
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import GaussianMap
-from gslts.losses import fit_exposure
+from gslts.losses import exposed, fit_exposure
 from gslts.lpips import Lpips
-from gslts.mapping.evaluate import exposed
 from gslts.render import Rasterizer, RenderOptions
 
 

@@ -8,17 +8,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.alignment import align
+from gslts.alignment import aligned
+from gslts.camera import moved
 from gslts.gaussian_map import FloatArray, GaussianMap
-from gslts.losses import Exposure, fit_exposure, photometric_loss
+from gslts.losses import exposed, fit_exposure, photometric_loss
 from gslts.mapping.observation import Observation
-from gslts.mapping.pose import moved, twist_of
+from gslts.mapping.pose import twist_of
 from gslts.render import Images, Rasterizer, RenderOptions
 
 Floats = NDArray[np.float64]
 
-POSE_LEVELS = (1, 1, 1, 1, 0, 0, 0, 0)
-"""Resolutions of the steps that refine a pose."""
+POSE_LEVELS, POSE_STEPS = (1, 0), 4
+"""Resolutions at which a pose is refined, and how many steps each takes."""
 
 
 @dataclass(frozen=True)
@@ -137,41 +138,14 @@ def refine_pose(
     gaussian_map: GaussianMap, observation: Observation, threads: int = 0
 ) -> Observation:
     """The observation at the pose nearby where the map fits it best."""
-    rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
-    one = observation
-    for level in POSE_LEVELS:
-        camera, photo, mask = one.camera(level), one.photo(level), one.mask(level)
-        images = rasterizer.forward(gaussian_map, camera, options)
-        exposure = fit_exposure(images.rgb, photo, mask=mask, threads=threads)
-        alignment = align(
-            camera,
-            images.rgb,
-            images.depth,
-            photo,
-            one.depth(level),
-            mask=mask,
-            exposure=exposure,
-            threads=threads,
-        )
-        both = alignment.color + alignment.depth
-        # A millionth, so that a frame that sees nothing stays where it is.
-        hessian = both.hessian[:6, :6] + 1e-6 * np.eye(6)
-        twist = np.linalg.solve(hessian, both.right[:6]).astype(np.float64)
-        one = replace(one, pose=moved(one.camera(), twist).world_from_camera)
-    return one
+    frames = [observation.rgbd(level) for level in POSE_LEVELS]
+    return replace(observation, pose=aligned(gaussian_map, frames, POSE_STEPS, threads=threads))
 
 
 def shown(images: Images, observation: Observation, threads: int = 0) -> FloatArray:
     """[H,W,3] what the map shows, as the photograph was exposed."""
     photo, mask = observation.photo(), observation.mask()
     return exposed(images.rgb, fit_exposure(images.rgb, photo, mask=mask, threads=threads))
-
-
-def exposed(rgb: FloatArray, exposure: Exposure) -> FloatArray:
-    """[H,W,3] rendered colours as a photograph of that exposure shows them, of the same dtype."""
-    gain, offset = (np.array(one, np.float32) for one in (exposure.gain, exposure.offset))
-    result: FloatArray = gain * rgb + offset
-    return result
 
 
 def psnr_db(rgb: FloatArray, photo: FloatArray, mask: NDArray[np.bool_] | None = None) -> float:

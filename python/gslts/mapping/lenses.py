@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.alignment import Alignment, NormalEquations
-from gslts.camera import Camera, at_pose
-from gslts.mapping.pose import moved, twist_of
+from gslts.camera import Camera, at_pose, moved
+from gslts.mapping.pose import twist_of
 
 Floats = NDArray[np.float64]
 

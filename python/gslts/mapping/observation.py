@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gslts.alignment import Alignment
 from gslts.camera import Camera, at_pose, resized
-from gslts.frame import RgbdFrame, register_depth
+from gslts.frame import RgbdFrame, halved_depth, halved_mask, halved_rgb, register_depth
 from gslts.losses import Exposure
 from gslts.mapping.lenses import Lenses
 
@@ -19,8 +18,6 @@ Floats32 = NDArray[np.float32]
 
 LEVELS = 3
 """Full, half and quarter resolution."""
-EDGE_SHARE = 0.05
-"""A relative difference of depths within 2 x 2 pixels that shows an edge."""
 
 
 @dataclass(eq=False)
@@ -54,10 +51,10 @@ class Observation:
         rgb, measured = [frame.rgb], [np.nan_to_num(frame.depth)]
         masks = None if frame.mask is None else [frame.mask]
         for _ in range(LEVELS - 1):
-            rgb.append(_halved(rgb[-1]))
-            measured.append(_halved_depth(measured[-1]))
+            rgb.append(halved_rgb(rgb[-1]))
+            measured.append(halved_depth(measured[-1]))
             if masks is not None:
-                masks.append(np.asarray(_fours(masks[-1]).all(axis=0), np.bool_))
+                masks.append(halved_mask(masks[-1]))
         color = at_pose(frame.camera, np.eye(4))
         depth_lens = frame.depth_camera or frame.camera
         camera_from_world = np.linalg.inv(frame.camera.world_from_camera)
@@ -116,25 +113,8 @@ class Observation:
             self._registered = level, depth if same else register_depth(depth, depth_lens, color)
         return self._registered[1]
 
-    def rgbd(self) -> RgbdFrame:
+    def rgbd(self, level: int = 0) -> RgbdFrame:
         """Registered, and at the corrected pose."""
-        return RgbdFrame(self.rgb[0], self.depth(), self.camera(), mask=self.mask())
+        depth, camera, mask = self.depth(level), self.camera(level), self.mask(level)
+        return RgbdFrame(self.rgb[level], depth, camera, mask=mask)
 
-
-def _fours(image: NDArray[Any]) -> NDArray[Any]:
-    """[4,H/2,W/2,...] the pixels of each block of 2 x 2; what is left over is cut off."""
-    height, width = (length // 2 * 2 for length in image.shape[:2])
-    part = image[:height, :width]
-    return np.stack([part[::2, ::2], part[1::2, ::2], part[::2, 1::2], part[1::2, 1::2]])
-
-
-def _halved(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    total: NDArray[np.uint16] = _fours(rgb).sum(axis=0, dtype=np.uint16)
-    return ((total + 2) // 4).astype(np.uint8)
-
-
-def _halved_depth(depth: Floats32) -> Floats32:
-    """Means of 2 x 2 pixels where all are measured and on one surface, else 0."""
-    four = _fours(depth)
-    same = (four.min(axis=0) > 0) & (np.ptp(four, axis=0) < EDGE_SHARE * four.max(axis=0))
-    return np.where(same, four.mean(axis=0), 0).astype(np.float32)

@@ -11,15 +11,16 @@ from numpy.typing import NDArray
 
 from gslts.adam import Adam, AdamRates
 from gslts.alignment import Alignment, NormalEquations, align
+from gslts.camera import moved
 from gslts.gaussian_map import SH_C0, GaussianMap
-from gslts.losses import Exposure, depth_loss, fit_exposure, photometric_loss
+from gslts.losses import Exposure, depth_loss, exposed, fit_exposure, photometric_loss
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.density import joined, split
-from gslts.mapping.evaluate import exposed, psnr_db
+from gslts.mapping.evaluate import psnr_db
 from gslts.mapping.holes import seeds_in_holes
 from gslts.mapping.lenses import PIXELS_PER_FACT, Lenses, after_step, corrected_lenses, pose_step
 from gslts.mapping.observation import Observation
-from gslts.mapping.pose import anchoring, moved, moved_map, twist_of
+from gslts.mapping.pose import anchoring, moved_map, twist_of
 from gslts.render import Images, Rasterizer, RenderOptions
 
 Floats32 = NDArray[np.float32]

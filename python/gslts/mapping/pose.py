@@ -7,17 +7,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.camera import Camera, at_pose, rotation, rotation_vector
+from gslts.camera import rotation_vector
 from gslts.gaussian_map import GaussianMap
 
 Floats = NDArray[np.float64]
-
-
-def moved(camera: Camera, twist: Floats) -> Camera:
-    """The camera at world_from_camera @ exp(xi), with exp to first order in the translation."""
-    step = np.eye(4)
-    step[:3, :3], step[:3, 3] = rotation(twist[3:]), twist[:3]
-    return at_pose(camera, camera.world_from_camera @ step)
 
 
 def twist_of(motion: Floats) -> Floats:

@@ -1,0 +1,66 @@
+#include "flat_change.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+#include <vector>
+
+#include "mat.hpp"
+
+namespace gslts::detect {
+namespace {
+
+cv::Mat grown(const cv::Mat& region, int radius_px) {
+  const int side = 2 * radius_px + 1;
+  cv::Mat larger;
+  cv::dilate(region, larger, cv::getStructuringElement(cv::MORPH_ELLIPSE, {side, side}));
+  return larger;
+}
+
+/// Median of measured - rendered depth where both are, m; 0 if there are hardly any.
+double median_difference(const Views& views, const cv::Mat& where) {
+  constexpr std::size_t kLeast = 10;
+  std::vector<float> differences;
+  for (std::size_t k = 0; k < views.size(); ++k) {
+    if (!where.ptr<std::uint8_t>()[k]) continue;
+    const float measured = views.measured[k], rendered = views.rendered[k];
+    if (measured > 0 && std::isfinite(measured) && rendered > 0) {
+      differences.push_back(measured - rendered);
+    }
+  }
+  if (differences.size() < kLeast) return 0;
+  const auto middle = differences.begin() + std::ptrdiff_t(differences.size() / 2);
+  std::nth_element(differences.begin(), middle, differences.end());
+  return *middle;
+}
+
+/// Mean change of the brightness a pixel, there.
+double contrast(const float* rgb, const Camera& camera, const cv::Mat& where) {
+  cv::Mat grey, along_x, along_y, strength;
+  cv::cvtColor(image_of(rgb, camera, 3), grey, cv::COLOR_RGB2GRAY);
+  constexpr double kPerPixel = 1.0 / 8;  // Sobel's 3 x 3 kernel sums eight differences of a pixel.
+  cv::Sobel(grey, along_x, CV_32F, 1, 0, 3, kPerPixel);
+  cv::Sobel(grey, along_y, CV_32F, 0, 1, 3, kPerPixel);
+  cv::magnitude(along_x, along_y, strength);
+  return cv::mean(strength, where)[0];
+}
+
+}  // namespace
+
+std::optional<Side> side_of_flat(const Views& views, const cv::Mat& region,
+                                 const ObjectRule& rule) {
+  constexpr int kRing_px = 6;
+  const cv::Mat edge = grown(region, 1);
+  const cv::Mat ring = grown(region, kRing_px) - grown(region, 2);
+  const double step_m = median_difference(views, region) - median_difference(views, ring);
+  if (std::abs(step_m) > rule.flat_step_m) return step_m < 0 ? Side::kAfter : Side::kBefore;
+  cv::Mat inner;
+  cv::erode(region, inner, cv::getStructuringElement(cv::MORPH_ELLIPSE, {3, 3}));
+  const cv::Mat outline = edge - inner;
+  const double in_photo = contrast(views.photo, views.camera, outline);
+  const double in_map = contrast(views.rgb, views.camera, outline);
+  if (std::abs(in_photo - in_map) < rule.least_contrast) return std::nullopt;
+  return in_photo > in_map ? Side::kAfter : Side::kBefore;
+}
+
+}  // namespace gslts::detect

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "gslts/detect/masks.hpp"
+#include "gslts/detect/paper_rule.hpp"
+#include "gslts/detect/views.hpp"
+#include "gslts/map/array.hpp"
+
+namespace gslts::detect {
+
+/// How changed objects are told from errors of sensor, pose and map.
+struct ObjectRule {
+  double step_m = 0.02;           ///< A surface counts as nearer by so much,
+  double step_per_m = 0.006;      ///< and by so much more times the square of its depth in m.
+  int reach_px = 2;               ///< By which edges may be misplaced.
+  double least_area_m2 = 6e-4;    ///< Smaller surfaces, facing the camera, are no objects.
+  int least_area_px = 25;         ///< Nor are smaller parts of the image.
+  double flat_area_m2 = 1.5e-3;   ///< The same where colours and features alone differ.
+  double flat_step_m = 0.006;     ///< A mean difference of depths that tells the side.
+  double least_contrast = 0.03;   ///< Of brightness a pixel, across the outline of a flat object.
+  double alike = 0.45;            ///< How alike the two ends of a relocation are, 0 to 1.
+};
+
+/// The visible surface of an object, at one of the times.
+struct Surface {
+  int label = 0;         ///< In the image of labels.
+  int area_px = 0;       ///< Pixels.
+  double area_m2 = 0;    ///< Facing the camera.
+  /// Its median, in the world, m.
+  Eigen::Vector3d point = Eigen::Vector3d::Zero();
+  /// Corners of the box around most of it, in the world, m.
+  Eigen::Vector3d low = Eigen::Vector3d::Zero(), high = Eigen::Vector3d::Zero();
+  Eigen::Vector3d color = Eigen::Vector3d::Zero();  ///< Mean, sRGB.
+  double step_m = 0;     ///< By which it is nearer than what is seen at the other time.
+  bool flat = false;     ///< Whether colours and features alone tell of it.
+};
+
+/// An object that is somewhere else, or is new, or is gone.
+struct ObjectChange {
+  ChangeType type;
+  double confidence;              ///< 0 to 1.
+  std::optional<Surface> before;  ///< In the map; not for an addition.
+  std::optional<Surface> after;   ///< In the photo; not for a removal.
+};
+
+struct ObjectChanges {
+  std::vector<ObjectChange> changes;  ///< The most certain first.
+  Array<std::int32_t> labels;         ///< [H,W] 0 where nothing changed.
+};
+
+/// All objects that changed.
+///
+/// Where the photo's surface is nearer than the map's anywhere around, something appeared; where
+/// the map's is nearer, something vanished. What lies flat is told by colours and features that
+/// both differ: it is in the image where it stands out. What vanished and what appeared are one
+/// object if they are alike in size and colour.
+/// @param masks  Of the same views.
+/// @throws std::invalid_argument  if the camera or a setting is invalid.
+ObjectChanges changed_objects(const Views& views, const Masks& masks, const ObjectRule& rule);
+
+}  // namespace gslts::detect

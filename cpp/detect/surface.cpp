@@ -1,0 +1,56 @@
+#include "surface.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace gslts::detect {
+namespace {
+
+/// Share of the points at either end of an axis that may be strays.
+constexpr double kStrays = 0.05;
+
+double at_share(std::vector<double>& values, double share) {
+  const auto middle = values.begin() + std::ptrdiff_t(share * double(values.size() - 1));
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+bool measured(float depth) { return depth > 0 && std::isfinite(depth); }
+
+}  // namespace
+
+std::optional<Surface> surface_of(const Views& views, const Pixels& pixels, Side side) {
+  const bool after = side == Side::kAfter;
+  const float* depth = after ? views.measured : views.rendered;
+  const float* other = after ? views.rendered : views.measured;
+  const float* colors = after ? views.photo : views.rgb;
+  const Camera& camera = views.camera;
+  std::array<std::vector<double>, 3> points;
+  std::vector<double> steps;
+  Surface surface;
+  for (const std::size_t k : pixels) {
+    for (int c = 0; c < 3; ++c) surface.color[c] += colors[3 * k + std::size_t(c)];
+    const double z = depth[k];
+    if (!measured(depth[k])) continue;
+    const double x = (double(k % std::size_t(camera.width)) + 0.5 - camera.cx) / camera.fx * z;
+    const double y = (double(k / std::size_t(camera.width)) + 0.5 - camera.cy) / camera.fy * z;
+    const Eigen::Vector3d point = camera.world_from_camera * Eigen::Vector3d(x, y, z);
+    for (int c = 0; c < 3; ++c) points[std::size_t(c)].push_back(point[c]);
+    surface.area_m2 += z * z / (camera.fx * camera.fy);
+    if (measured(other[k])) steps.push_back(double(other[k]) - z);
+  }
+  if (points[0].empty()) return std::nullopt;
+  surface.area_px = int(pixels.size());
+  surface.color /= double(pixels.size());
+  for (int c = 0; c < 3; ++c) {
+    std::vector<double>& values = points[std::size_t(c)];
+    surface.low[c] = at_share(values, kStrays);
+    surface.high[c] = at_share(values, 1 - kStrays);
+    surface.point[c] = at_share(values, 0.5);
+  }
+  if (!steps.empty()) surface.step_m = at_share(steps, 0.5);
+  return surface;
+}
+
+}  // namespace gslts::detect

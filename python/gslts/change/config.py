@@ -1,0 +1,36 @@
+"""How changes are detected."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from gslts._core.detect import MaskRule, ObjectRule, PaperRule
+
+__all__ = ["DetectionConfig", "MaskRule", "ObjectRule", "PaperRule", "Strategy"]
+
+Strategy = Literal["objects", "paper"]
+
+
+@dataclass(frozen=True)
+class DetectionConfig:
+    """Settings of the detection.
+
+    Attributes:
+        strategy: "paper" is the rule of GS-LTS as printed, one change a frame; "objects" finds any
+            number of them.
+        halvings: How often the sides of the frame are halved before it is looked at.
+        align_pose: Whether the pose is corrected first, by direct image alignment with the map.
+        masks: Where frame and map differ.
+        paper: Thresholds of that strategy.
+        objects: Thresholds of that strategy.
+        threads: 0 means one a hardware thread.
+    """
+
+    strategy: Strategy = "objects"
+    halvings: int = 1
+    align_pose: bool = True
+    masks: MaskRule = field(default_factory=MaskRule)
+    paper: PaperRule = field(default_factory=PaperRule)
+    objects: ObjectRule = field(default_factory=ObjectRule)
+    threads: int = 1

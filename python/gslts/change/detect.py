@@ -1,0 +1,256 @@
+"""What one RGB-D frame shows that a map does not, and the other way round."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslts._core import detect as _core
+from gslts.alignment import aligned
+from gslts.camera import Camera, at_pose
+from gslts.change.config import DetectionConfig
+from gslts.change.exposure import robust_exposure
+from gslts.change.features import FeatureExtractor, OrientedGradients, similarity
+from gslts.change.reliability import (
+    MOST_CHANGED,
+    MOST_SHIFT_M,
+    MOST_TURN_RAD,
+    fault_of_frame,
+    fault_of_view,
+)
+from gslts.change.seen_space import SeenSpace
+from gslts.frame import RgbdFrame
+from gslts.gaussian_map import GaussianMap
+from gslts.losses import exposed
+from gslts.render import Rasterizer, RenderOptions
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Kind = Literal["addition", "removal", "relocation"]
+
+ALIGN_STEPS = 4
+"""Of the pose, at each resolution from a quarter of the frame's."""
+KINDS: dict[_core.ChangeType, Kind] = {
+    _core.ChangeType.ADDITION: "addition",
+    _core.ChangeType.REMOVAL: "removal",
+    _core.ChangeType.RELOCATION: "relocation",
+}
+LEAST_FREE = 0.3
+"""Share of what appeared that must stand where a camera once looked through."""
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """One object that is new, gone or somewhere else.
+
+    Attributes:
+        kind: Of the change.
+        confidence: 0 to 1.
+        point: (3,) where it is to be looked at, in the world, m.
+        boxes: Lower and upper corners (3,) of the boxes around what is seen of the object in the
+            map and in the frame, in the world, m; None where it is not.
+        masks: [H,W] the same in the image; `Detection.camera` is its camera.
+    """
+
+    kind: Kind
+    confidence: float
+    point: Floats
+    boxes: tuple[tuple[Floats, Floats] | None, tuple[Floats, Floats] | None]
+    masks: tuple[Bools | None, Bools | None]
+
+
+@dataclass(frozen=True, eq=False)
+class Detection:
+    """What one frame tells.
+
+    Attributes:
+        changes: The most certain first; none if the frame is unreliable.
+        unreliable: Why nothing can be said; None if something can.
+        camera: Of the images below, at the corrected pose.
+        photo: [H,W,3] float32 sRGB, 0 to 1.
+        render: [H,W,3] float32, the map with the exposure of the photo; None if unreliable.
+        pixel, feature, combined: [H,W] M_pixel, M_feat and M_comb; None if unreliable.
+    """
+
+    changes: tuple[Change, ...]
+    unreliable: str | None
+    camera: Camera
+    photo: NDArray[np.float32]
+    render: NDArray[np.float32] | None = None
+    pixel: Bools | None = None
+    feature: Bools | None = None
+    combined: Bools | None = None
+
+
+class ChangeDetector:
+    """Compares frames with one version of a map; may be used by several threads in turn.
+
+    Args:
+        gaussian_map: float32.
+        config: Settings.
+        features: None means `OrientedGradients`.
+        cameras: Of the frames that the map was made from: what none of them saw cannot have
+            changed. None of them means that everything was seen.
+
+    Raises:
+        ValueError: The map is not float32.
+    """
+
+    def __init__(
+        self,
+        gaussian_map: GaussianMap,
+        config: DetectionConfig | None = None,
+        *,
+        features: FeatureExtractor | None = None,
+        cameras: Iterable[Camera] = (),
+    ) -> None:
+        if gaussian_map.dtype != np.float32:
+            raise ValueError(f"ChangeDetector: the map must be float32, got {gaussian_map.dtype}")
+        self.config = DetectionConfig() if config is None else config
+        self._map = gaussian_map
+        self._features = OrientedGradients() if features is None else features
+        self._seen = SeenSpace(gaussian_map, cameras, self.config.threads)
+        self._rasterizer = Rasterizer(np.float32)
+
+    def detect(self, frame: RgbdFrame) -> Detection:
+        """Looks for changes.
+
+        Raises:
+            ValueError: A setting is out of range, or the frame is too small to be halved.
+        """
+        sizes = [frame.registered()]
+        for _ in range(max(2, self.config.halvings)):
+            sizes.append(sizes[-1].halved())
+        small = sizes[self.config.halvings]
+        photo = small.rgb.astype(np.float32) / np.float32(255)
+        measured = np.nan_to_num(small.depth)
+        fault = fault_of_frame(photo, measured)
+        if fault is not None:
+            return Detection((), fault, small.camera, photo)
+        camera = small.camera
+        if self.config.align_pose:
+            coarse_first = reversed(sizes[self.config.halvings :])
+            pose = aligned(self._map, coarse_first, ALIGN_STEPS, threads=self.config.threads)
+            camera = at_pose(camera, pose)
+            fault = _fault_of_correction(small.camera.world_from_camera, pose)
+            if fault is not None:
+                return Detection((), fault, small.camera, photo)
+        return self._compared(photo, measured, camera, small.mask)
+
+    def _compared(
+        self,
+        photo: NDArray[np.float32],
+        measured: NDArray[np.float32],
+        camera: Camera,
+        mask: Bools | None,
+    ) -> Detection:
+        config = self.config
+        images = self._rasterizer.forward(self._map, camera, RenderOptions(threads=config.threads))
+        alpha = images.alpha if mask is None else np.where(mask, images.alpha, np.float32(0))
+        known = alpha >= config.masks.alpha_min
+        rgb = exposed(images.rgb, robust_exposure(images.rgb, photo, known, config.threads))
+        rgb = rgb.clip(0, 1).astype(np.float32)
+        fault = fault_of_view(photo, rgb, measured, images.depth, known)
+        if fault is not None:
+            return Detection((), fault, camera, photo)
+        alike = similarity(self._features(photo), self._features(rgb), *photo.shape[:2])
+        views = _core.Views(
+            camera=camera,
+            photo=photo,
+            rgb=rgb,
+            measured=measured,
+            rendered=images.depth,
+            alpha=np.ascontiguousarray(alpha),
+            similarity=alike,
+        )
+        masks = _core.masks_of(views, config.masks)
+        arrays = _core.arrays_of(masks, camera)
+        changes = (
+            self._objects(views, masks)
+            if config.strategy == "objects"
+            else _by_the_paper(views, masks, config)
+        )
+        changed = [one for change in changes for one in change.masks if one is not None]
+        if changed and np.any(changed, axis=0).sum() > MOST_CHANGED * known.sum():
+            return Detection((), "most of the view differs", camera, photo)
+        return Detection(
+            changes=changes,
+            unreliable=None,
+            camera=camera,
+            photo=photo,
+            render=rgb,
+            pixel=arrays["pixel"],
+            feature=arrays["feature"],
+            combined=arrays["combined"],
+        )
+
+    def _objects(self, views: _core.Views, masks: _core.MaskSet) -> tuple[Change, ...]:
+        found, labels = _core.changed_objects(views, masks, self.config.objects)
+        changes = []
+        for one in found:
+            after = one.after
+            if after is not None and self._seen.free_share(_lattice(after)) < LEAST_FREE:
+                continue
+            shown = after if after is not None else one.before
+            changes.append(
+                Change(
+                    kind=KINDS[one.type],
+                    confidence=one.confidence,
+                    point=shown.point,
+                    boxes=(_box(one.before), _box(after)),
+                    masks=(_mask(labels, one.before), _mask(labels, after)),
+                )
+            )
+        return tuple(changes)
+
+
+def _by_the_paper(
+    views: _core.Views, masks: _core.MaskSet, config: DetectionConfig
+) -> tuple[Change, ...]:
+    found, labels = _core.paper_change(views, masks, config.paper)
+    if found is None:
+        return ()
+    first = labels == found.first.label
+    second = None if found.second is None else labels == found.second.label
+    both = first if second is None else first | second
+    kind = KINDS[found.type]
+    return (
+        Change(
+            kind=kind,
+            confidence=1.0,
+            point=found.point_in_world,
+            boxes=(None, None),
+            masks=(
+                None if kind == "addition" else both,
+                None if kind == "removal" else both,
+            ),
+        ),
+    )
+
+
+def _fault_of_correction(given: Floats, pose: Floats) -> str | None:
+    motion = np.linalg.inv(given) @ pose
+    shift_m = float(np.linalg.norm(motion[:3, 3]))
+    turn_rad = float(np.arccos(np.clip((np.trace(motion[:3, :3]) - 1) / 2, -1, 1)))
+    if shift_m <= MOST_SHIFT_M and turn_rad <= MOST_TURN_RAD:
+        return None
+    return f"the pose seems off by {shift_m:.2f} m and {np.degrees(turn_rad):.0f} degrees"
+
+
+def _lattice(surface: _core.Surface) -> Floats:
+    """[27,3] points spread over the box of a surface."""
+    steps = np.stack(np.meshgrid(*[[0.1, 0.5, 0.9]] * 3), axis=-1).reshape(-1, 3)
+    points: Floats = surface.low + steps * (surface.high - surface.low)
+    return points
+
+
+def _box(surface: _core.Surface | None) -> tuple[Floats, Floats] | None:
+    return None if surface is None else (surface.low, surface.high)
+
+
+def _mask(labels: NDArray[np.int32], surface: _core.Surface | None) -> Bools | None:
+    return None if surface is None else labels == surface.label

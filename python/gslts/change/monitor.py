@@ -1,0 +1,233 @@
+"""Standing watch for changes while other work goes on."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from gslts.change.detect import Change, ChangeDetector
+from gslts.frame import RgbdFrame
+
+
+@dataclass(frozen=True)
+class MonitorConfig:
+    """When a change is believed.
+
+    Attributes:
+        rate_hz: Frames that are looked at, at most.
+        queue: Frames that wait, at most; the oldest are dropped.
+        window: Of the last so many frames that were looked at,
+        needed: so many must show a change: who walks through is gone by then.
+        near_m: Sightings of one kind within this distance are one change.
+    """
+
+    rate_hz: float = 2.0
+    queue: int = 4
+    window: int = 6
+    needed: int = 3
+    near_m: float = 0.3
+
+    def __post_init__(self) -> None:
+        if not (self.rate_hz > 0 and self.queue >= 1 and self.near_m > 0):
+            raise ValueError("MonitorConfig: rate_hz, queue and near_m must be positive")
+        if not 1 <= self.needed <= self.window:
+            raise ValueError(
+                f"MonitorConfig: needed must be in 1..{self.window}, got {self.needed}"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """A change that was seen often enough.
+
+    Attributes:
+        number: Of the report, from 1.
+        change: As last seen.
+        frames: When it was seen, `RgbdFrame.time_s`.
+    """
+
+    number: int
+    change: Change
+    frames: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Frames so far: offered, dropped because others were newer, looked at, and unreliable."""
+
+    offered: int = 0
+    dropped: int = 0
+    looked_at: int = 0
+    unreliable: int = 0
+
+
+@dataclass(eq=False)
+class _Suspicion:
+    """A change as it was seen so far."""
+
+    change: Change
+    seen: list[tuple[int, float]] = field(default_factory=list)  # Number and time of the frame.
+    reported: int | None = None
+
+
+class ChangeMonitor:
+    """Looks for changes in a thread of its own; use it in a `with` statement.
+
+    Args:
+        detector: Of the map as it is.
+        config: Settings.
+    """
+
+    def __init__(self, detector: ChangeDetector, config: MonitorConfig | None = None) -> None:
+        self.config = MonitorConfig() if config is None else config
+        self._detector = detector
+        self._frames: deque[RgbdFrame] = deque(maxlen=self.config.queue)
+        self._suspicions: list[_Suspicion] = []
+        self._reports: deque[Report] = deque()
+        self._counts = Counts()
+        self._numbered = 0
+        self._failure: Exception | None = None
+        self._closing = False
+        self._changed = threading.Condition()
+        self._thread = threading.Thread(target=self._work, name="gslts-changes", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> ChangeMonitor:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def offer(self, frame: RgbdFrame) -> None:
+        """Gives a frame to look at and returns at once; the oldest that waits may be dropped.
+
+        Raises:
+            RuntimeError: The monitor is closed, or has failed.
+        """
+        with self._changed:
+            self._refuse_stopped()
+            full = len(self._frames) == self.config.queue
+            self._frames.append(frame)
+            counts = self._counts
+            self._counts = replace(
+                counts, offered=counts.offered + 1, dropped=counts.dropped + full
+            )
+            self._changed.notify_all()
+
+    def poll(self) -> list[Report]:
+        """Changes that were confirmed since the last call.
+
+        Raises:
+            RuntimeError: The monitor has failed.
+        """
+        with self._changed:
+            self._refuse_failed()
+            reports = list(self._reports)
+            self._reports.clear()
+            return reports
+
+    def resolve(self, report: Report) -> None:
+        """Forgets a change: if it is still seen, it will be reported again."""
+        with self._changed:
+            self._suspicions = [one for one in self._suspicions if one.reported != report.number]
+
+    def publish(self, detector: ChangeDetector) -> None:
+        """From the next frame on, looks with the detector of a new version of the map.
+
+        What was seen against the old one is forgotten; a frame that is being looked at now still
+        belongs to the old version and is not counted.
+        """
+        with self._changed:
+            self._detector = detector
+            self._suspicions = []
+
+    @property
+    def counts(self) -> Counts:
+        """Frames so far."""
+        with self._changed:
+            return self._counts
+
+    def wait(self, timeout_s: float | None = None) -> bool:
+        """Waits until no frame waits or is looked at; whether that came true in time."""
+        with self._changed:
+            return self._changed.wait_for(
+                lambda: self._idle() or self._failure is not None, timeout_s
+            )
+
+    def close(self) -> None:
+        """Stops after the frame that is being looked at; what waits is dropped."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify_all()
+        self._thread.join()
+
+    def _idle(self) -> bool:
+        counts = self._counts
+        return counts.offered == counts.dropped + counts.looked_at
+
+    def _refuse_failed(self) -> None:
+        if self._failure is not None:
+            raise RuntimeError(f"ChangeMonitor: it has stopped: {self._failure}") from self._failure
+
+    def _refuse_stopped(self) -> None:
+        self._refuse_failed()
+        if self._closing:
+            raise RuntimeError("ChangeMonitor: it is closed")
+
+    def _work(self) -> None:
+        next_s = 0.0
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._closing or self._frames)
+                # A pause keeps to the rate; only `close` cuts it short.
+                self._changed.wait_for(lambda: self._closing, max(0.0, next_s - time.monotonic()))
+                if self._closing:
+                    return
+                frame, detector = self._frames.popleft(), self._detector
+            next_s = time.monotonic() + 1 / self.config.rate_hz
+            try:
+                detection = detector.detect(frame)
+            except Exception as error:  # It is raised where the frames come from.
+                with self._changed:
+                    self._failure = error
+                    self._changed.notify_all()
+                return
+            with self._changed:
+                counts = self._counts
+                number = counts.looked_at + 1
+                unreliable = counts.unreliable + (detection.unreliable is not None)
+                self._counts = replace(counts, looked_at=number, unreliable=unreliable)
+                if detector is self._detector:
+                    self._note(number, frame.time_s, detection.changes)
+                self._changed.notify_all()
+
+    def _note(self, number: int, time_s: float, changes: tuple[Change, ...]) -> None:
+        first = number - self.config.window + 1
+        for change in changes:
+            known = self._like(change)
+            if known is None:
+                known = _Suspicion(change)
+                self._suspicions.append(known)
+            known.change = change
+            known.seen.append((number, time_s))
+        for one in self._suspicions:
+            one.seen = [seen for seen in one.seen if seen[0] >= first]
+            if one.reported is None and len(one.seen) >= self.config.needed:
+                self._numbered += 1
+                one.reported = self._numbered
+                times_s = tuple(time_s for _, time_s in one.seen)
+                self._reports.append(Report(self._numbered, one.change, times_s))
+        self._suspicions = [one for one in self._suspicions if one.seen or one.reported is not None]
+
+    def _like(self, change: Change) -> _Suspicion | None:
+        near = [
+            (float(np.linalg.norm(one.change.point - change.point)), k, one)
+            for k, one in enumerate(self._suspicions)
+            if one.change.kind == change.kind
+        ]
+        distance_m, _, nearest = min(near, default=(np.inf, 0, None))
+        return nearest if distance_m <= self.config.near_m else None

@@ -1,0 +1,86 @@
+"""A picture of what was detected."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gslts.camera import Camera
+from gslts.change.detect import Change, Detection
+from gslts.pictures import Picture, picture_of
+
+COLORS = {"addition": (40, 200, 70), "removal": (230, 60, 50), "relocation": (60, 120, 250)}
+"""RGB of each kind."""
+EDGES = [(i, j) for i in range(8) for j in range(i + 1, 8) if (i ^ j).bit_count() == 1]
+"""Of a box whose corners count in binary."""
+MIDDLE = 0.55
+"""Share of the colour in what a mask covers."""
+
+
+def overlay(detection: Detection) -> Picture:
+    """[H,3W,3] the photograph with what appeared, the map with what vanished, and the masks."""
+    photo = picture_of(detection.photo)
+    if detection.render is None:
+        blank = np.full_like(photo, 60)
+        _write(photo, f"unreliable: {detection.unreliable}", (8, 20), (255, 210, 60))
+        return np.concatenate([photo, blank, blank], axis=1)
+    render, masks = picture_of(detection.render), _masks(detection)
+    for change in detection.changes:
+        for picture, side in ((render, 0), (photo, 1)):
+            _draw(picture, change, side, detection.camera)
+    if not detection.changes:
+        _write(photo, "no change", (8, 20), (255, 255, 255))
+    return np.concatenate([photo, render, masks], axis=1)
+
+
+def _masks(detection: Detection) -> Picture:
+    """M_pixel in red, M_feat in blue and M_comb in white."""
+    picture = np.zeros(detection.photo.shape, np.uint8)
+    assert detection.pixel is not None  # As there is a render.
+    assert detection.feature is not None
+    assert detection.combined is not None
+    picture[detection.pixel, 0] = 170
+    picture[detection.feature, 2] = 170
+    picture[detection.combined] = 255
+    return picture
+
+
+def _draw(picture: Picture, change: Change, side: int, camera: Camera) -> None:
+    color, mask, box = COLORS[change.kind], change.masks[side], change.boxes[side]
+    if mask is None:
+        return
+    mixed = (1 - MIDDLE) * picture[mask] + MIDDLE * np.array(color)
+    picture[mask] = mixed.astype(np.uint8)
+    outlines, _ = cv2.findContours(
+        mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
+    )
+    cv2.drawContours(picture, outlines, -1, color, 1)
+    if box is not None:
+        _draw_box(picture, np.array(box), camera, color)
+    rows, columns = np.nonzero(mask)
+    place = (max(0, int(columns.min())), max(12, int(rows.min()) - 4))
+    _write(picture, f"{change.kind} {change.confidence:.2f}", place, color)
+
+
+def _draw_box(
+    picture: Picture, box: NDArray[np.float64], camera: Camera, color: tuple[int, int, int]
+) -> None:
+    corners = np.array([[box[(k >> axis) & 1][axis] for axis in range(3)] for k in range(8)])
+    pose = camera.world_from_camera
+    x, y, z = ((corners - pose[:3, 3]) @ pose[:3, :3]).T
+    if (z < 0.05).any():
+        return
+    places = np.stack([camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy], axis=1)
+    for i, j in EDGES:
+        ends = [tuple(map(int, places[k].round().clip(-9999, 9999))) for k in (i, j)]
+        cv2.line(picture, ends[0], ends[1], color, 1, cv2.LINE_AA)
+
+
+def _write(
+    picture: Picture, text: str, place: tuple[int, int], color: tuple[int, int, int]
+) -> None:
+    for ink, thickness in (((0, 0, 0), 3), (color, 1)):
+        cv2.putText(
+            picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.4, ink, thickness, cv2.LINE_AA
+        )

@@ -1,0 +1,65 @@
+"""Features by a vision model of Hugging Face's transformers in a local folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Floats32 = NDArray[np.float32]
+
+MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
+"""Of ImageNet, with which SAM and DINOv2 were trained."""
+
+
+class TransformersEncoder:
+    """Runs the encoder of a SAM, or a model such as DINOv2 that gives a token for each patch.
+
+    Args:
+        folder: With `config.json` and `model.safetensors`; nothing is downloaded.
+
+    Raises:
+        ImportError: transformers is missing.
+        OSError: The folder or a file in it cannot be read.
+        ValueError: It is no such model.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        if not (folder / "config.json").is_file():
+            raise FileNotFoundError(f"{folder}: there is no config.json")
+        try:
+            import torch
+            from transformers import AutoModel
+        except ImportError:
+            raise ImportError(
+                "transformers features need transformers and torch: pip install 'gslts[models]'"
+            ) from None
+        self._torch = torch
+        self._folder = folder
+        self._model: Any = AutoModel.from_pretrained(
+            folder, local_files_only=True, use_safetensors=True
+        ).eval()
+        config = self._model.config
+        vision = getattr(config, "vision_config", config)
+        side, patch = getattr(vision, "image_size", None), getattr(vision, "patch_size", None)
+        if not isinstance(side, int) or not isinstance(patch, int):
+            raise ValueError(f"{folder}: its configuration names no image_size and patch_size")
+        self._side, self._patches = side, side // patch
+
+    def __call__(self, rgb: Floats32) -> Floats32:
+        """[h,w,D]; see `FeatureExtractor`."""
+        image = cv2.resize(rgb, (self._side, self._side), interpolation=cv2.INTER_LINEAR)
+        image = (image - np.array(MEAN, np.float32)) / np.array(STD, np.float32)
+        pixels = self._torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1)[None]))
+        with self._torch.inference_mode():
+            if hasattr(self._model, "get_image_embeddings"):
+                features = self._model.get_image_embeddings(pixels)[0].permute(1, 2, 0)
+            else:
+                tokens = self._model(pixel_values=pixels).last_hidden_state[0]
+                # A class token and others may come before those of the patches.
+                tokens = tokens[tokens.shape[0] - self._patches**2 :]
+                features = tokens.reshape(self._patches, self._patches, -1)
+        return np.ascontiguousarray(features.numpy(), np.float32)

@@ -1,0 +1,121 @@
+"""The command `gslts detect`."""
+
+from __future__ import annotations
+
+import json
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from gslts.cli.mapping import Dataset, Map, Threads
+
+if TYPE_CHECKING:
+    from gslts.change.detect import Change, Detection
+
+# What a command needs is imported inside it, so that `gslts --help` answers at once.
+
+
+class Strategy(StrEnum):
+    """See `gslts.change.config.DetectionConfig`."""
+
+    OBJECTS = "objects"
+    PAPER = "paper"
+
+
+def detect(
+    map_path: Map,
+    dataset: Dataset,
+    frame: Annotated[
+        list[str] | None,
+        typer.Option(help="Name of a frame to look at; may be given again. Default: all."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="New or empty folder for a picture of each frame.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object a frame.")] = False,
+    strategy: Annotated[Strategy, typer.Option(help="objects, or the paper's rule.")] = (
+        Strategy.OBJECTS
+    ),
+    features: Annotated[
+        str, typer.Option(help="gradients, onnx:FILE or transformers:DIR.")
+    ] = "gradients",
+    halvings: Annotated[
+        int, typer.Option(min=0, max=2, help="How often the sides of a frame are halved first.")
+    ] = 1,
+    threads: Threads = 0,
+) -> None:
+    """Tell what RGB-D frames show that a map does not, and the other way round.
+
+    Example: gslts detect out/map_kitchen_3 out/visit --frame 00007 --out out/changes
+    """
+    from PIL import Image
+    from tqdm import tqdm
+
+    from gslts.camera_files import read_cameras
+    from gslts.change.config import DetectionConfig
+    from gslts.change.detect import ChangeDetector
+    from gslts.change.features import extractor_of
+    from gslts.change.overlay import overlay
+    from gslts.datasets import open_dataset
+    from gslts.files import empty_folder
+    from gslts.map_folder import CAMERAS, read_map
+
+    gaussian_map, opened = read_map(map_path), open_dataset(dataset)
+    known = {one.name: one for one in opened.frames}
+    for name in frame or []:
+        if name not in known:
+            raise ValueError(f"{dataset}: there is no frame {name!r}")
+    cameras_path = map_path / CAMERAS
+    cameras = read_cameras(cameras_path) if cameras_path.is_file() else {}
+    detector = ChangeDetector(
+        gaussian_map,
+        DetectionConfig(strategy=strategy.value, halvings=halvings, threads=threads),
+        features=extractor_of(features),
+        cameras=cameras.values(),
+    )
+    if out is not None:
+        empty_folder(out)
+    names = frame or list(known)
+    for number, name in enumerate(tqdm(names, desc="detecting", unit="frame", disable=None)):
+        detection = detector.detect(known[name].read())
+        typer.echo(json.dumps(_plain(name, detection)) if as_json else _line(name, detection))
+        if out is not None:
+            Image.fromarray(overlay(detection)).save(out / f"{number:05}.png")
+
+
+def _line(name: str, detection: Detection) -> str:
+    if detection.unreliable is not None:
+        return f"{name}: unreliable: {detection.unreliable}"
+    if not detection.changes:
+        return f"{name}: no change"
+    return f"{name}: " + "; ".join(_words(change) for change in detection.changes)
+
+
+def _words(change: Change) -> str:
+    x, y, z = change.point
+    return f"{change.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m, confidence {change.confidence:.2f}"
+
+
+def _plain(name: str, detection: Detection) -> dict[str, Any]:
+    return {
+        "frame": name,
+        "unreliable": detection.unreliable,
+        "changes": [
+            {
+                "kind": change.kind,
+                "confidence": change.confidence,
+                "point_m": change.point.tolist(),
+                "box_before_m": _corners(change, 0),
+                "box_after_m": _corners(change, 1),
+                "pixels": [0 if mask is None else int(mask.sum()) for mask in change.masks],
+            }
+            for change in detection.changes
+        ],
+    }
+
+
+def _corners(change: Change, side: int) -> list[list[float]] | None:
+    box = change.boxes[side]
+    return None if box is None else [corner.tolist() for corner in box]
