@@ -94,7 +94,8 @@ Args:
 
 Args:
     step_m: A surface counts as nearer by so much,
-    step_per_m: and by so much more times the square of its depth in m.
+    step_per_m: by so much more times the square of its depth in m,
+    step_px: and by what its depth changes within so many pixels.
     reach_px: By which edges may be misplaced.
     least_area_m2: Smaller surfaces, facing the camera, are no objects.
     least_area_px: Nor are smaller parts of the image.
@@ -102,15 +103,16 @@ Args:
     flat_step_m: A mean difference of depths that tells the side.
     least_contrast: Of brightness a pixel, across the outline of a flat object.
     alike: How alike the two ends of a relocation are, 0 to 1.)")
-      .def(py::init([](double step_m, double step_per_m, int reach_px, double least_area_m2,
-                       int least_area_px, double flat_area_m2, double flat_step_m,
+      .def(py::init([](double step_m, double step_per_m, double step_px, int reach_px,
+                       double least_area_m2, int least_area_px, double flat_area_m2, double flat_step_m,
                        double least_contrast, double alike) {
-             return ObjectRule{step_m,       step_per_m,  reach_px,       least_area_m2, least_area_px,
-                               flat_area_m2, flat_step_m, least_contrast, alike};
+             return ObjectRule{step_m,        step_per_m,    step_px,     reach_px,
+                               least_area_m2, least_area_px, flat_area_m2, flat_step_m,
+                               least_contrast, alike};
            }),
            py::kw_only(), py::arg("step_m") = object.step_m,
            py::arg("step_per_m") = object.step_per_m,
-           py::arg("reach_px").noconvert() = object.reach_px,
+           py::arg("step_px") = object.step_px, py::arg("reach_px").noconvert() = object.reach_px,
            py::arg("least_area_m2") = object.least_area_m2,
            py::arg("least_area_px").noconvert() = object.least_area_px,
            py::arg("flat_area_m2") = object.flat_area_m2,
@@ -118,6 +120,7 @@ Args:
            py::arg("least_contrast") = object.least_contrast, py::arg("alike") = object.alike)
       .def_readonly("step_m", &ObjectRule::step_m)
       .def_readonly("step_per_m", &ObjectRule::step_per_m)
+      .def_readonly("step_px", &ObjectRule::step_px)
       .def_readonly("reach_px", &ObjectRule::reach_px)
       .def_readonly("least_area_m2", &ObjectRule::least_area_m2)
       .def_readonly("least_area_px", &ObjectRule::least_area_px)

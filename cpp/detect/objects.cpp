@@ -28,6 +28,7 @@ void validate_rule(const ObjectRule& rule) {
   constexpr const char* kName = "changed_objects";
   require_in(kName, "step_m", rule.step_m, 0, 10);
   require_in(kName, "step_per_m", rule.step_per_m, 0, 10);
+  require_in(kName, "step_px", rule.step_px, 0, 100);
   require_in(kName, "reach_px", rule.reach_px, 0, 100);
   require_in(kName, "least_area_m2", rule.least_area_m2, 0, 100);
   require_in(kName, "least_area_px", rule.least_area_px, 1, 1e9);

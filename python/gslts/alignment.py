@@ -9,13 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts._core import raster as _core
-from gslts.camera import Camera, at_pose, moved
+from gslts.camera import Camera, at_pose, moved, twist_of
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import FloatArray, GaussianMap
 from gslts.losses import Exposure, fit_exposure
 from gslts.render import Rasterizer, RenderOptions
 
 Floats = NDArray[np.float64]
+
+PIXELS_PER_FACT = 50.0
+"""Neighbouring pixels err together: so many count as one independent measurement."""
+DEPTH_SHARE = 0.03
+"""Of the say of depth in a pose: its errors are the same in neighbouring pixels and frames, and
+colours, which people look at, must fit first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +116,12 @@ def align(
 
 
 def aligned(
-    gaussian_map: GaussianMap, frames: Iterable[RgbdFrame], steps: int, *, threads: int = 0
+    gaussian_map: GaussianMap,
+    frames: Iterable[RgbdFrame],
+    steps: int,
+    *,
+    stds: tuple[float, float] | None = None,
+    threads: int = 0,
 ) -> Floats:
     """[4,4] world_from_camera nearby, where a map fits best what a camera saw.
 
@@ -118,6 +129,7 @@ def aligned(
         gaussian_map: float32.
         frames: One frame in several resolutions, the coarsest first, all at one pose.
         steps: With each.
+        stds: How far the given pose is expected to be off, m and rad; None means anything.
         threads: 0 means one a hardware thread.
 
     Raises:
@@ -125,8 +137,12 @@ def aligned(
     """
     rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
     pose: Floats | None = None
+    given = np.eye(4)
+    # A millionth, so that a frame that sees nothing stays where it is.
+    prior = np.full(6, 1e-6) if stds is None else PIXELS_PER_FACT / np.repeat(stds, 3) ** 2
     for frame in frames:
         camera = frame.camera if pose is None else at_pose(frame.camera, pose)
+        given = frame.camera.world_from_camera
         photo, measured = frame.rgb.astype(np.float32) / np.float32(255), np.nan_to_num(frame.depth)
         for _ in range(steps):
             images = rasterizer.forward(gaussian_map, camera, options)
@@ -141,10 +157,11 @@ def aligned(
                 exposure=exposure,
                 threads=threads,
             )
-            both = alignment.color + alignment.depth
-            # A millionth, so that a frame that sees nothing stays where it is.
-            hessian = both.hessian[:6, :6] + 1e-6 * np.eye(6)
-            camera = moved(camera, np.linalg.solve(hessian, both.right[:6]))
+            color, depth = alignment.color, alignment.depth
+            hessian = color.hessian[:6, :6] + DEPTH_SHARE * depth.hessian[:6, :6] + np.diag(prior)
+            off = twist_of(np.linalg.inv(given) @ camera.world_from_camera)
+            right = color.right[:6] + DEPTH_SHARE * depth.right[:6] - prior * off
+            camera = moved(camera, np.linalg.solve(hessian, right))
         pose = camera.world_from_camera
     if pose is None:
         raise ValueError("aligned: there is no frame")

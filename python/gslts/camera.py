@@ -17,6 +17,7 @@ __all__ = [
     "rotation",
     "rotation_of_quat",
     "rotation_vector",
+    "twist_of",
 ]
 
 Floats = NDArray[np.float64]
@@ -61,6 +62,11 @@ def moved(camera: Camera, twist: Floats) -> Camera:
     step = np.eye(4)
     step[:3, :3], step[:3, 3] = rotation(twist[3:]), twist[:3]
     return at_pose(camera, camera.world_from_camera @ step)
+
+
+def twist_of(motion: Floats) -> Floats:
+    """(6,) the twist whose `moved` is a rigid motion [4,4], for turns well below pi."""
+    return np.concatenate([motion[:3, 3], rotation_vector(motion[:3, :3])])
 
 
 def rotation(vector_rad: Floats) -> Floats:

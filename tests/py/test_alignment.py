@@ -8,10 +8,10 @@ import gslts.mapping.lenses as mapping_lenses
 from gslts import Camera, look_at, render
 from gslts.alignment import NormalEquations, align
 from gslts.bench.rooms import make_room
-from gslts.camera import at_pose, moved
+from gslts.camera import at_pose, moved, twist_of
 from gslts.losses import Exposure
 from gslts.mapping.lenses import Lenses, after_step, corrected_lenses, pose_step
-from gslts.mapping.pose import anchoring, moved_map, twist_of
+from gslts.mapping.pose import anchoring, moved_map
 
 EYES = [(1.0, 0.8, 1.4), (0.6, 1.5, 1.2), (1.5, 0.4, 1.6), (0.3, 0.5, 1.0), (1.2, 1.3, 0.9)]
 TARGETS = [(3.0, 2.0, 0.6), (2.0, 3.0, 0.4), (2.5, 3.0, 0.0), (3.0, 3.0, 0.8), (3.0, 1.0, 1.0)]

@@ -15,6 +15,7 @@ import sim_scenes
 from test_cli_sim import gslts as run
 
 import gslts
+from gslts.camera import twist_of
 from gslts.datasets import Dataset, open_dataset
 from gslts.frame import RgbdFrame
 from gslts.map_folder import read_map_folder, write_map_folder
@@ -23,7 +24,6 @@ from gslts.mapping.config import PRESETS, MappingConfig
 from gslts.mapping.engine import MappingResult, _settled, make_map
 from gslts.mapping.evaluate import Quality, evaluate
 from gslts.mapping.observation import Observation
-from gslts.mapping.pose import twist_of
 from gslts.mapping.report_data import CurvePoint
 from gslts.mapping.summary import summary_of
 from gslts.mapping.variants import LEAST_GAIN_DB, chosen_of

@@ -6,13 +6,12 @@ import sim_scenes
 import surface_oracle
 
 import gslts
-from gslts.camera import moved
 from gslts._core.map import SurfaceVoxels
 from gslts.alignment import align
 from gslts.bench.rooms import make_room
+from gslts.camera import moved, twist_of
 from gslts.frame import RgbdFrame
 from gslts.mapping.holes import interpolated, seeds_in_holes
-from gslts.mapping.pose import twist_of
 from gslts.mapping.seed import LEAST_HITS, flat_gaussians, seed_from_depth
 from gslts.sim.controller import Controller
 

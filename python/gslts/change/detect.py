@@ -34,6 +34,8 @@ Kind = Literal["addition", "removal", "relocation"]
 
 ALIGN_STEPS = 4
 """Of the pose, at each resolution from a quarter of the frame's."""
+POSE_STDS = (0.01, 0.0087)
+"""How far a robot's pose is expected to be off, m and rad (half a degree)."""
 KINDS: dict[_core.ChangeType, Kind] = {
     _core.ChangeType.ADDITION: "addition",
     _core.ChangeType.REMOVAL: "removal",
@@ -134,7 +136,13 @@ class ChangeDetector:
         camera = small.camera
         if self.config.align_pose:
             coarse_first = reversed(sizes[self.config.halvings :])
-            pose = aligned(self._map, coarse_first, ALIGN_STEPS, threads=self.config.threads)
+            pose = aligned(
+                self._map,
+                coarse_first,
+                ALIGN_STEPS,
+                stds=POSE_STDS,
+                threads=self.config.threads,
+            )
             camera = at_pose(camera, pose)
             fault = _fault_of_correction(small.camera.world_from_camera, pose)
             if fault is not None:

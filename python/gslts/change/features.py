@@ -90,6 +90,4 @@ def extractor_of(name: str) -> FeatureExtractor:
         from gslts.change.transformers_features import TransformersEncoder
 
         return TransformersEncoder(Path(path))
-    raise ValueError(
-        f"features: expected gradients, onnx:FILE or transformers:DIR, got {name!r}"
-    )
+    raise ValueError(f"features: expected gradients, onnx:FILE or transformers:DIR, got {name!r}")

@@ -52,9 +52,7 @@ def _draw(picture: Picture, change: Change, side: int, camera: Camera) -> None:
         return
     mixed = (1 - MIDDLE) * picture[mask] + MIDDLE * np.array(color)
     picture[mask] = mixed.astype(np.uint8)
-    outlines, _ = cv2.findContours(
-        mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
-    )
+    outlines, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     cv2.drawContours(picture, outlines, -1, color, 1)
     if box is not None:
         _draw_box(picture, np.array(box), camera, color)

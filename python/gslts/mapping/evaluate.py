@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.alignment import aligned
-from gslts.camera import moved
+from gslts.camera import moved, twist_of
 from gslts.gaussian_map import FloatArray, GaussianMap
 from gslts.losses import exposed, fit_exposure, photometric_loss
 from gslts.mapping.observation import Observation
-from gslts.mapping.pose import twist_of
 from gslts.render import Images, Rasterizer, RenderOptions
 
 Floats = NDArray[np.float64]

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.alignment import Alignment, NormalEquations
-from gslts.camera import Camera, at_pose, moved
-from gslts.mapping.pose import twist_of
+from gslts.alignment import PIXELS_PER_FACT, Alignment, NormalEquations
+from gslts.camera import Camera, at_pose, moved, twist_of
 
 Floats = NDArray[np.float64]
 
@@ -40,8 +39,6 @@ NOMINAL = _Trust(log_focal=0.02, centre_share=0.008, offset_m=0.02, turn_rad=0.0
 """Two lenses with the nominal values of their kind."""
 REGISTERED = _Trust(log_focal=0.003, centre_share=0.002, offset_m=0.002, turn_rad=0.002)
 """Depth that was registered before: somebody has calibrated the sensor."""
-PIXELS_PER_FACT = 50.0
-"""Neighbouring pixels err together: so many count as one independent measurement."""
 
 _COLOR, _TWIST = slice(0, 4), slice(4, 10)
 _POSE, _INTRINSICS = slice(0, 6), slice(6, 10)

@@ -117,4 +117,3 @@ class Observation:
         """Registered, and at the corrected pose."""
         depth, camera, mask = self.depth(level), self.camera(level), self.mask(level)
         return RgbdFrame(self.rgb[level], depth, camera, mask=mask)
-

@@ -10,24 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.adam import Adam, AdamRates
-from gslts.alignment import Alignment, NormalEquations, align
-from gslts.camera import moved
+from gslts.alignment import DEPTH_SHARE, PIXELS_PER_FACT, Alignment, NormalEquations, align
+from gslts.camera import moved, twist_of
 from gslts.gaussian_map import SH_C0, GaussianMap
 from gslts.losses import Exposure, depth_loss, exposed, fit_exposure, photometric_loss
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.density import joined, split
 from gslts.mapping.evaluate import psnr_db
 from gslts.mapping.holes import seeds_in_holes
-from gslts.mapping.lenses import PIXELS_PER_FACT, Lenses, after_step, corrected_lenses, pose_step
+from gslts.mapping.lenses import Lenses, after_step, corrected_lenses, pose_step
 from gslts.mapping.observation import Observation
-from gslts.mapping.pose import anchoring, moved_map, twist_of
+from gslts.mapping.pose import anchoring, moved_map
 from gslts.render import Images, Rasterizer, RenderOptions
 
 Floats32 = NDArray[np.float32]
 
-DEPTH_SHARE = 0.03
-"""Of the say of depth in a pose: its errors are the same in neighbouring pixels and frames, and
-colours, which people look at, must fit first."""
 HOLE_EPOCHS = (1, 4)
 """Epochs in which holes are filled: once the poses are roughly right, and once more."""
 LENS_EPOCHS = (1, 2, 3, 4, 5, 6, 8, 12, 16, 24, 32, 48, 64)

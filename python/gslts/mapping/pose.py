@@ -13,11 +13,6 @@ from gslts.gaussian_map import GaussianMap
 Floats = NDArray[np.float64]
 
 
-def twist_of(motion: Floats) -> Floats:
-    """(6,) the twist whose `moved` is a rigid motion [4,4], for turns well below pi."""
-    return np.concatenate([motion[:3, 3], rotation_vector(motion[:3, :3])])
-
-
 def anchoring(poses: Floats, given: Floats) -> Floats:
     """[4,4] the motion of the world that brings poses nearest to the given ones.
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gslts.camera import twist_of
 from gslts.datasets import Dataset
 from gslts.gaussian_map import GaussianMap
 from gslts.mapping.clock import Clock
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.observation import LEVELS, Observation
 from gslts.mapping.optimize import Optimizer, Schedule
-from gslts.mapping.pose import twist_of
 from gslts.mapping.seed import seed_from_depth
 from gslts.mapping.seed_points import random_points_in_view, seed_from_points
 from gslts.mapping.triangulate import triangulated

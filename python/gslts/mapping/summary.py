@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts import __version__
+from gslts.camera import twist_of
 from gslts.gaussian_map import FloatArray
 from gslts.map_folder import plain_camera
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.engine import MappingResult
 from gslts.mapping.evaluate import Quality, psnr_db, shown
 from gslts.mapping.lenses import Lenses
-from gslts.mapping.pose import twist_of
 from gslts.mapping.report_data import ReportData, View
 from gslts.render import Rasterizer, RenderOptions
 

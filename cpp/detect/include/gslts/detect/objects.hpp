@@ -15,7 +15,8 @@ namespace gslts::detect {
 /// How changed objects are told from errors of sensor, pose and map.
 struct ObjectRule {
   double step_m = 0.02;           ///< A surface counts as nearer by so much,
-  double step_per_m = 0.006;      ///< and by so much more times the square of its depth in m.
+  double step_per_m = 0.006;      ///< by so much more times the square of its depth in m,
+  double step_px = 3;             ///< and by what its depth changes within so many pixels.
   int reach_px = 2;               ///< By which edges may be misplaced.
   double least_area_m2 = 6e-4;    ///< Smaller surfaces, facing the camera, are no objects.
   int least_area_px = 25;         ///< Nor are smaller parts of the image.
