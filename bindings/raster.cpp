@@ -135,9 +135,9 @@ class NumpyRasterizer {
 };
 
 RenderOptions make_options(std::array<double, 3> background, double near_m, int sh_degree,
-                           bool clamp_colors, double eps2d_px2, bool antialias,
-                           bool surface_depth, double alpha_min, double transmittance_min,
-                           int exp_degree, int threads) {
+                           bool clamp_colors, double eps2d_px2, bool antialias, bool surface_depth,
+                           double alpha_min, double transmittance_min, int exp_degree,
+                           int threads) {
   return {background,    near_m,    sh_degree,         clamp_colors, eps2d_px2, antialias,
           surface_depth, alpha_min, transmittance_min, exp_degree,   threads};
 }
@@ -145,8 +145,8 @@ RenderOptions make_options(std::array<double, 3> background, double near_m, int 
 /// The arguments of make_options.
 py::tuple fields(const RenderOptions& o) {
   return py::make_tuple(py::make_tuple(o.background[0], o.background[1], o.background[2]), o.near_m,
-                        o.sh_degree, o.clamp_colors, o.eps2d_px2, o.antialias,
-                        o.surface_depth, o.alpha_min, o.transmittance_min, o.exp_degree, o.threads);
+                        o.sh_degree, o.clamp_colors, o.eps2d_px2, o.antialias, o.surface_depth,
+                        o.alpha_min, o.transmittance_min, o.exp_degree, o.threads);
 }
 
 void define_options(py::module_& m) {

@@ -278,9 +278,9 @@ HWY_INLINE Whitening<D> whitening(D d, const Geometry<D>& g) {
 template <class D>
 struct DepthSlant {
   using V = hn::Vec<D>;
-  V axes[3];             ///< Depths of the Gaussian's axes, m.
-  V along_u, along_v;    ///< m
-  hn::Mask<D> slanted;   ///< Elsewhere the depth is that of the centre.
+  V axes[3];            ///< Depths of the Gaussian's axes, m.
+  V along_u, along_v;   ///< m
+  hn::Mask<D> slanted;  ///< Elsewhere the depth is that of the centre.
 };
 
 template <class D, typename T = hn::TFromD<D>>

@@ -179,9 +179,9 @@ void project_chunk_backward(const GaussianView<T>& gaussians, const RenderSetup<
       axes[1][k] = hn::MulAdd(q_y, slant.axes[k], axes[1][k]);
       depth_axes[k] = hn::MulAdd(q_x, g.axes[0][k], q_y * g.axes[1][k]);
       log_scale[k] = hn::IfThenElseZero(
-          g.scale_free[k], hn::MulAdd(axes[0][k], g.axes[0][k],
-                                      hn::MulAdd(axes[1][k], g.axes[1][k],
-                                                 depth_axes[k] * slant.axes[k])));
+          g.scale_free[k],
+          hn::MulAdd(axes[0][k], g.axes[0][k],
+                     hn::MulAdd(axes[1][k], g.axes[1][k], depth_axes[k] * slant.axes[k])));
       jacobian[0][k] = axes[0][k] * g.scale[k];
       jacobian[1][k] = axes[1][k] * g.scale[k];
     }

@@ -106,7 +106,8 @@ TYPED_TEST(RasterConventions, ASlantedSurfaceHasItsOwnDepthAtEachPixel) {
   Gaussian g;
   g.mean = {0, 0, 2};
   g.scale_m = {0.1, 0.1, 1e-4};
-  const double half = -std::acos(-1) / 8;  // Half of a turn by -45 degrees about y: x goes to x + z.
+  const double half =
+      -std::acos(-1) / 8;  // Half of a turn by -45 degrees about y: x goes to x + z.
   g.quat_wxyz = {std::cos(half), 0, std::sin(half), 0};
   const auto images = this->render({g}, camera);
   for (int x = 34; x <= 46; ++x) {

@@ -27,8 +27,8 @@ struct Splat {
   Matrix2d inverse_cov2d;  // 1/px^2
   double opacity;
   Vector3d color;
-  double depth_m;          // Of the centre.
-  Vector2d depth_slope;    // m/px
+  double depth_m;        // Of the centre.
+  Vector2d depth_slope;  // m/px
 };
 
 /// The real spherical harmonics of 3DGS (Kerbl et al. 2023) in the unit direction d.
@@ -129,9 +129,10 @@ std::vector<Splat> project(const BasicGaussianMap<double>& map, const Camera& ca
     splat.depth_m = p.z();
     splat.depth_slope = Vector2d::Zero();
     if (options.surface_depth) {
-      const Vector3d depth_axes =
-          (camera_from_world * rotation_of(&map.quats[4 * row])).row(2).transpose().cwiseProduct(
-              scale);
+      const Vector3d depth_axes = (camera_from_world * rotation_of(&map.quats[4 * row]))
+                                      .row(2)
+                                      .transpose()
+                                      .cwiseProduct(scale);
       const Vector2d slope = splat.inverse_cov2d * (u * depth_axes);
       // The depth at the farthest end of the footprint, whose Mahalanobis distance is known.
       const double most = std::sqrt(slope.dot(cov2d * slope) * -2 * std::log(options.alpha_min));

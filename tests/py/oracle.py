@@ -82,8 +82,10 @@ def colours(gaussians: GaussianMap, means_in_world: Array, camera: Camera, degre
 def project_covariances(
     gaussians: GaussianMap, x_in_camera: Array, camera: Camera
 ) -> tuple[Array, Array]:
-    """Of the place in the image, [N,2,2] J W R S S^T R^T W^T J^T (EWA splatting, Zwicker et al. 2001),
-    and of that with the depth in the camera, [N,2]."""
+    """Of the place in the image, [N,2,2], and of that with the depth in the camera, [N,2].
+
+    J W R S S^T R^T W^T J^T, as in EWA splatting (Zwicker et al. 2001).
+    """
     scales = np.exp(gaussians.log_scales.astype(np.float64))
     rotations = rotation_matrices(gaussians.quats.astype(np.float64))
     x, y, z = x_in_camera.T

@@ -26,8 +26,8 @@ struct RenderOptions {
   /// keep their energy (Mip-Splatting, Yu et al. 2024, eq. 9).
   bool antialias = false;
   /// A Gaussian's depth at a pixel is the mean of those of its points that are seen there (RaDe-GS,
-  /// Zhang et al. 2024), so that slanted surfaces are true; if false it is that of its centre, as in
-  /// 3DGS. Where it would change by half within the footprint, that of the centre is taken, too.
+  /// Zhang et al. 2024), so that slanted surfaces are true; if false it is that of its centre, as
+  /// in 3DGS. Where it would change by half within the footprint, that of the centre is taken, too.
   bool surface_depth = true;
   /// A Gaussian is skipped at a pixel where its alpha is below this. In [1e-30, 0.99)
   double alpha_min = 1.0 / 512.0;
