@@ -1,9 +1,9 @@
 """How good maps become, how many Gaussians they take and how long: prints markdown tables.
 
-python benchmarks/mapping_benchmark.py --preset fast balanced          # ten simulated rooms
-python benchmarks/mapping_benchmark.py --dataset DIR --preset balanced  # a data set of your own
-python benchmarks/mapping_benchmark.py --rooms 1 --without-depth        # of its photographs alone
-python benchmarks/mapping_benchmark.py --rooms 1 --set growth=0         # with another setting
+python benchmarks/mapping_benchmark.py --preset fast balanced             # ten simulated rooms
+python benchmarks/mapping_benchmark.py --dataset DIR --preset balanced    # a data set of your own
+python benchmarks/mapping_benchmark.py --rooms kitchen_0 --without-depth  # of its photographs alone
+python benchmarks/mapping_benchmark.py --rooms kitchen_0 --set growth=0      # with another setting
 
 Rooms are recorded once, with the errors of a Kinect and without any, into out/benchmark; maps are
 made of the former and judged by the clean pictures of the frames that were kept aside, at the poses
@@ -110,7 +110,8 @@ HEADER = (
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--preset", nargs="+", default=["balanced"])
-    parser.add_argument("--rooms", type=int, default=len(ROOMS), help="The first so many.")
+    names = [f"{kind}_{seed}" for kind, seed in ROOMS]
+    parser.add_argument("--rooms", nargs="+", choices=names, default=names)
     parser.add_argument("--dataset", type=Path, help="Instead of simulated rooms.")
     parser.add_argument("--set", nargs="+", default=[], help="Settings, such as growth=0.")
     parser.add_argument("--without-depth", action="store_true", help="Photographs alone.")
@@ -126,7 +127,8 @@ def main() -> None:
         else:
             pairs = [
                 (f"{kind} {seed}", *(recorded(options.out, kind, seed, n) for n in NOISES))
-                for kind, seed in ROOMS[: options.rooms]
+                for kind, seed in ROOMS
+                if f"{kind}_{seed}" in options.rooms
             ]
         for name, dataset, judge in pairs:
             if options.without_depth:

@@ -135,17 +135,18 @@ class NumpyRasterizer {
 };
 
 RenderOptions make_options(std::array<double, 3> background, double near_m, int sh_degree,
-                           bool clamp_colors, double eps2d_px2, bool antialias, double alpha_min,
-                           double transmittance_min, int exp_degree, int threads) {
-  return {background, near_m,    sh_degree,         clamp_colors, eps2d_px2,
-          antialias,  alpha_min, transmittance_min, exp_degree,   threads};
+                           bool clamp_colors, double eps2d_px2, bool antialias, bool surface_depth,
+                           double alpha_min, double transmittance_min, int exp_degree,
+                           int threads) {
+  return {background,    near_m,    sh_degree,         clamp_colors, eps2d_px2, antialias,
+          surface_depth, alpha_min, transmittance_min, exp_degree,   threads};
 }
 
 /// The arguments of make_options.
 py::tuple fields(const RenderOptions& o) {
   return py::make_tuple(py::make_tuple(o.background[0], o.background[1], o.background[2]), o.near_m,
-                        o.sh_degree, o.clamp_colors, o.eps2d_px2, o.antialias, o.alpha_min,
-                        o.transmittance_min, o.exp_degree, o.threads);
+                        o.sh_degree, o.clamp_colors, o.eps2d_px2, o.antialias, o.surface_depth,
+                        o.alpha_min, o.transmittance_min, o.exp_degree, o.threads);
 }
 
 void define_options(py::module_& m) {
@@ -164,6 +165,10 @@ Args:
     eps2d_px2: Variance added to each projected covariance, px^2. >= 0
     antialias: Scale opacity by sqrt(det(cov2d) / det(cov2d + eps2d I)), so that small or distant
         Gaussians keep their energy (Mip-Splatting, Yu et al. 2024, eq. 9).
+    surface_depth: A Gaussian's depth at a pixel is the mean of those of its points that are seen
+        there (RaDe-GS, Zhang et al. 2024), so that slanted surfaces are true; if false it is that
+        of its centre, as in 3DGS. Where it would change by half within the footprint, that of the
+        centre is taken, too.
     alpha_min: A Gaussian is skipped at a pixel where its alpha is below this. In [1e-30, 0.99)
     transmittance_min: A pixel ends before the Gaussian that would take its transmittance below
         this. In [0, 1)
@@ -178,6 +183,7 @@ The values are checked by each rendering.)")
            py::arg("sh_degree").noconvert() = defaults.sh_degree,
            py::arg("clamp_colors") = defaults.clamp_colors,
            py::arg("eps2d_px2") = defaults.eps2d_px2, py::arg("antialias") = defaults.antialias,
+           py::arg("surface_depth") = defaults.surface_depth,
            py::arg("alpha_min") = defaults.alpha_min,
            py::arg("transmittance_min") = defaults.transmittance_min,
            py::arg("exp_degree").noconvert() = defaults.exp_degree,
@@ -191,6 +197,8 @@ The values are checked by each rendering.)")
       .def_readonly("eps2d_px2", &RenderOptions::eps2d_px2,
                     "Variance added to each projected covariance, px^2.")
       .def_readonly("antialias", &RenderOptions::antialias, "Keep the energy of small Gaussians.")
+      .def_readonly("surface_depth", &RenderOptions::surface_depth,
+                    "Depth of what is seen at a pixel and not of the centre.")
       .def_readonly("alpha_min", &RenderOptions::alpha_min, "Least alpha that is blended.")
       .def_readonly("transmittance_min", &RenderOptions::transmittance_min,
                     "Least transmittance left at a pixel.")
@@ -204,15 +212,15 @@ The values are checked by each rendering.)")
            [](const RenderOptions& o) {
              return py::str(
                         "RenderOptions(background={}, near_m={}, sh_degree={}, clamp_colors={}, "
-                        "eps2d_px2={}, antialias={}, alpha_min={}, transmittance_min={}, "
-                        "exp_degree={}, threads={})")
+                        "eps2d_px2={}, antialias={}, surface_depth={}, alpha_min={}, "
+                        "transmittance_min={}, exp_degree={}, threads={})")
                  .format(*fields(o));
            })
       .def(py::pickle(&fields, [](const py::tuple& state) {
         return make_options(state[0].cast<std::array<double, 3>>(), state[1].cast<double>(),
                             state[2].cast<int>(), state[3].cast<bool>(), state[4].cast<double>(),
-                            state[5].cast<bool>(), state[6].cast<double>(), state[7].cast<double>(),
-                            state[8].cast<int>(), state[9].cast<int>());
+                            state[5].cast<bool>(), state[6].cast<bool>(), state[7].cast<double>(),
+                            state[8].cast<double>(), state[9].cast<int>(), state[10].cast<int>());
       }));
 }
 

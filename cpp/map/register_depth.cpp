@@ -126,7 +126,7 @@ class Patch {
   }
 
   Seen centre_;
-  Vector3d reach_;  ///< Half the sides of the box around it.
+  Vector3d reach_;                ///< Half the sides of the box around it.
   double per_u_ = 0, per_v_ = 0;  ///< Slopes of the inverse depth in the image.
 };
 

@@ -198,7 +198,9 @@ bool blend_block_exp(const TileSplat<T>* splats, const std::uint16_t* list, std:
       red = hn::MulAdd(w, hn::Set(d, s.color[0]), red);
       green = hn::MulAdd(w, hn::Set(d, s.color[1]), green);
       blue = hn::MulAdd(w, hn::Set(d, s.color[2]), blue);
-      depth = hn::MulAdd(w, hn::Set(d, s.depth), depth);
+      const V z = hn::MulAdd(hn::Set(d, s.depth_u), at.u,
+                             hn::MulAdd(hn::Set(d, s.depth_v), at.v, hn::Set(d, s.depth)));
+      depth = hn::MulAdd(w, z, depth);
       alpha = alpha + w;
       before = after;
       if constexpr (kStoreWeights) hn::Store(w, d, weights[k] + i);

@@ -52,7 +52,7 @@ struct TileSplat {
   T uu, uv, vv;  ///< These and the rest as in `Splat`.
   T log2_opacity;
   T color[3];
-  T depth;
+  T depth, depth_u, depth_v;
   std::uint32_t gaussian;
 };
 

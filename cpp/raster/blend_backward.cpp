@@ -128,7 +128,7 @@ bool blend_entries_backward(const TileTask<T>& tile, const RenderSetup<T>& setup
     return false;
   }
 
-  const V zero = hn::Zero(d), one = hn::Set(d, T(1));
+  const V zero = hn::Zero(d), one = hn::Set(d, T(1)), two_ln2 = hn::Set(d, T(2 * kLn2));
   const V clamp = hn::Set(d, T(std::log2(kMaxAlpha)));
   const V threshold = hn::Set(d, setup.log2_alpha_min);
   const V transmittance_min = hn::Set(d, setup.transmittance_min);
@@ -157,9 +157,13 @@ bool blend_entries_backward(const TileTask<T>& tile, const RenderSetup<T>& setup
               corner_u, corner_v);
     const V red = hn::Set(d, splat.color[0]), green = hn::Set(d, splat.color[1]);
     const V blue = hn::Set(d, splat.color[2]), depth = hn::Set(d, splat.depth);
+    const V depth_u = hn::Set(d, splat.depth_u), depth_v = hn::Set(d, splat.depth_v);
+    // Of the depth from pixel to pixel.
+    const V depth_x = uu * depth_u, depth_y = hn::MulAdd(uv, depth_u, vv * depth_v);
     const T* feature = features + std::size_t(splat.gaussian) * setup.feature_dims;
     V g_sum = zero, gu_sum = zero, gv_sum = zero, guu_sum = zero, guv_sum = zero, gvv_sum = zero;
     V red_sum = zero, green_sum = zero, blue_sum = zero, depth_sum = zero;
+    V depth_u_sum = zero, depth_v_sum = zero;
     V abs_x_sum = zero, abs_y_sum = zero, max_weight = zero, pixel_count = zero;
     std::fill(feature_sums.begin(), feature_sums.end(), T(0));
     for (; blocks; blocks &= blocks - 1) {
@@ -186,7 +190,8 @@ bool blend_entries_backward(const TileTask<T>& tile, const RenderSetup<T>& setup
         V s = hn::MulAdd(g_red, red, value(kAlpha));
         s = hn::MulAdd(g_green, green, s);
         s = hn::MulAdd(g_blue, blue, s);
-        s = hn::MulAdd(g_depth, depth, s);
+        const V z = hn::MulAdd(depth_u, at.u, hn::MulAdd(depth_v, at.v, depth));
+        s = hn::MulAdd(g_depth, z, s);
         for (std::size_t k = 0; k < dims; ++k) {
           const V g = value(kFeatures + k);
           s = hn::MulAdd(g, hn::Set(d, feature[k]), s);
@@ -210,10 +215,16 @@ bool blend_entries_backward(const TileTask<T>& tile, const RenderSetup<T>& setup
         red_sum = hn::MulAdd(w, g_red, red_sum);
         green_sum = hn::MulAdd(w, g_green, green_sum);
         blue_sum = hn::MulAdd(w, g_blue, blue_sum);
-        depth_sum = hn::MulAdd(w, g_depth, depth_sum);
+        const V by_z = w * g_depth;
+        depth_sum = depth_sum + by_z;
+        depth_u_sum = hn::MulAdd(by_z, at.u, depth_u_sum);
+        depth_v_sum = hn::MulAdd(by_z, at.v, depth_v_sum);
         if (kStatistics) {
-          abs_x_sum = abs_x_sum + hn::Abs(gu * uu);
-          abs_y_sum = abs_y_sum + hn::Abs(hn::MulAdd(gu, uv, gv * vv));
+          // d(-ln 2 (u^2 + v^2)) / d(mean2d) = 2 ln 2 (uu u, uv u + vv v), and the depth at a pixel
+          // moves against the mean.
+          const V by_x = two_ln2 * (gu * uu), by_y = two_ln2 * hn::MulAdd(gu, uv, gv * vv);
+          abs_x_sum = abs_x_sum + hn::Abs(hn::NegMulAdd(by_z, depth_x, by_x));
+          abs_y_sum = abs_y_sum + hn::Abs(hn::NegMulAdd(by_z, depth_y, by_y));
           max_weight = hn::Max(max_weight, w);
           pixel_count = pixel_count + hn::IfThenElseZero(hn::Gt(w, zero), one);
         }
@@ -223,13 +234,10 @@ bool blend_entries_backward(const TileTask<T>& tile, const RenderSetup<T>& setup
     }
     store_sums(d, g_sum, gu_sum, gv_sum, guu_sum, sums);
     store_sums(d, guv_sum, gvv_sum, red_sum, green_sum, sums + 4);
-    store_sums(d, blue_sum, depth_sum, zero, zero, sums + 8);
+    store_sums(d, blue_sum, depth_sum, depth_u_sum, depth_v_sum, sums + 8);
     if (kStatistics) {
       T* statistics = out.statistics + place * kStatisticsPerEntry;
       store_sums(d, abs_x_sum, abs_y_sum, zero, pixel_count, statistics);
-      // d(-ln 2 (u^2 + v^2)) / d(mean2d) = 2 ln 2 (uu u, uv u + vv v)
-      statistics[0] *= T(2 * kLn2);
-      statistics[1] *= T(2 * kLn2);
       statistics[2] = hn::GetLane(hn::MaxOfLanes(d, max_weight));
     }
     for (std::size_t k = 0; k < dims; ++k) {

@@ -41,4 +41,8 @@ constexpr double kMinSlope = 1e-18;
 
 constexpr double kLn2 = 0.69314718055994530942;
 
+/// Share of its depth by which the depth of a Gaussian may change within its footprint. Beyond, the
+/// affine approximation is far off, and the depth of a pixel could become negative.
+constexpr double kMostSlant = 0.5;
+
 }  // namespace gslts::raster

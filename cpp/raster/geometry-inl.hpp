@@ -272,6 +272,42 @@ HWY_INLINE Whitening<D> whitening(D d, const Geometry<D>& g) {
   return w;
 }
 
+/// How the depth changes across a footprint: z = depth + u along_u + v along_v, the mean of z given
+/// the place in the image. With c = cov((x, y), z) that is depth + c^T C^-1 (x, y), and C^-1 is
+/// 2 ln 2 W^T W.
+template <class D>
+struct DepthSlant {
+  using V = hn::Vec<D>;
+  V axes[3];            ///< Depths of the Gaussian's axes, m.
+  V along_u, along_v;   ///< m
+  hn::Mask<D> slanted;  ///< Elsewhere the depth is that of the centre.
+};
+
+template <class D, typename T = hn::TFromD<D>>
+HWY_INLINE DepthSlant<D> depth_slant(D d, const RenderSetup<T>& setup, const Geometry<D>& g,
+                                     const Whitening<D>& w) {
+  using V = hn::Vec<D>;
+  DepthSlant<D> slant;
+  V with_x = hn::Zero(d), with_y = hn::Zero(d);  // Covariances, px m, shrunk.
+  for (int k = 0; k < 3; ++k) {
+    slant.axes[k] = hn::Mul(g.camera_from_gaussian[2][k], g.scale[k]);
+    with_x = hn::MulAdd(hn::Mul(g.axes[0][k], g.shrink), slant.axes[k], with_x);
+    with_y = hn::MulAdd(hn::Mul(g.axes[1][k], g.shrink), slant.axes[k], with_y);
+  }
+  const V factor = hn::Div(hn::Set(d, T(2 * kLn2)), g.shrink);
+  const V along_u = hn::Mul(factor, hn::MulAdd(w.uu, with_x, hn::Mul(w.uv, with_y)));
+  const V along_v = hn::Mul(factor, hn::Mul(w.vv, with_y));
+  // The footprint ends where u^2 + v^2 = log2(opacity / alpha_min).
+  const V most = hn::Mul(hn::Set(d, T(kMostSlant)), g.z);
+  const V change2 = hn::Mul(hn::MulAdd(along_u, along_u, hn::Mul(along_v, along_v)),
+                            hn::Set(d, -setup.log2_alpha_min));
+  slant.slanted = hn::And(hn::Lt(change2, hn::Mul(most, most)),
+                          hn::Gt(hn::Set(d, T(setup.surface_depth)), hn::Zero(d)));
+  slant.along_u = hn::IfThenElseZero(slant.slanted, along_u);
+  slant.along_v = hn::IfThenElseZero(slant.slanted, along_v);
+  return slant;
+}
+
 }  // namespace gslts::raster::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 

@@ -170,7 +170,7 @@ bool project_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup
     V colors[3];
     evaluate_colors(d, local, setup, rows + i, colors);
     HWY_ALIGN Row box[4][kBlockPixels], flags[kBlockPixels];
-    HWY_ALIGN T blues[kBlockPixels], depths[kBlockPixels];
+    HWY_ALIGN T depths[kBlockPixels];
     const auto store_tile = [&](V pixel, Row* tile) HWY_ATTR {
       hn::Store(hn::ShiftRight<kLog2TileSize>(hn::ConvertTo(di, hn::IfThenElseZero(seen, pixel))),
                 di, tile);
@@ -180,7 +180,6 @@ bool project_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup
     store_tile(x1, box[2]);
     store_tile(y1, box[3]);
     hn::Store(hn::IfThenElseZero(hn::RebindMask(di, seen), hn::Set(di, 1)), di, flags);
-    hn::Store(colors[2], d, blues);
     hn::Store(g.z, d, depths);
     // Those not seen are written too, to a place that nobody reads: that spares branches.
     Splat<T> unseen, *places[kBlockPixels] = {};
@@ -190,8 +189,6 @@ bool project_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup
                              std::uint16_t(box[2][lane] + 1), std::uint16_t(box[3][lane] + 1)};
       const bool kept = flags[lane] && touches_wanted(rect, wanted, setup.tiles_x);
       Splat<T>& splat = kept ? splats[stored] : unseen;
-      splat.color[2] = blues[lane];
-      splat.depth = depths[lane];
       splat.gaussian = std::uint32_t(begin + std::size_t(rows[i + lane]));
       places[lane] = &splat;
       keys[stored] = {rect, depth_bits(depths[lane])};
@@ -200,8 +197,11 @@ bool project_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup
     }
     const V first[4] = {px, py, white.uu, white.uv};
     const V second[4] = {white.vv, log2_opacity, colors[0], colors[1]};
+    const DepthSlant<Lanes<T>> slant = depth_slant(d, setup, g, white);
+    const V third[4] = {colors[2], g.z, slant.along_u, slant.along_v};
     store_columns(d, first, count, [&](std::size_t lane) { return &places[lane]->mean_x; });
     store_columns(d, second, count, [&](std::size_t lane) { return &places[lane]->vv; });
+    store_columns(d, third, count, [&](std::size_t lane) { return &places[lane]->color[2]; });
   }
   out.counts[chunk] = std::uint32_t(stored);
   out.areas[chunk] = areas;

@@ -152,18 +152,36 @@ void project_chunk_backward(const GaussianView<T>& gaussians, const RenderSetup<
     const Geometry<D> g = project(d, local, setup, rows);
     const Whitening<D> w = whitening(d, g);
 
-    const V mean2d_x = two_ln2 * w.uu * s[1];
-    const V mean2d_y = two_ln2 * hn::MulAdd(w.uv, s[1], w.vv * s[2]);
+    V mean2d_x = two_ln2 * w.uu * s[1];
+    V mean2d_y = two_ln2 * hn::MulAdd(w.uv, s[1], w.vv * s[2]);
     V cov[3];
     covariance_gradient(d, setup, g, w, s, cov);
 
+    // z = depth + c^T C^-1 (x - mean): with e = C^-1 c, and q = C^-1 sum dL/dz (x - mean), which
+    // is dL/dc, dL/dC = -(e q^T + q e^T) / 2 and dL/dmean = -e sum dL/dz.
+    const DepthSlant<D> slant = depth_slant(d, setup, g, w);
+    const V e_x = w.uu * slant.along_u, e_y = hn::MulAdd(w.uv, slant.along_u, w.vv * slant.along_v);
+    const V by_u = hn::IfThenElseZero(slant.slanted, two_ln2 * s[10]);
+    const V by_v = hn::IfThenElseZero(slant.slanted, two_ln2 * s[11]);
+    const V q_x = w.uu * by_u, q_y = hn::MulAdd(w.uv, by_u, w.vv * by_v);
+    mean2d_x = hn::NegMulAdd(e_x, s[9], mean2d_x);
+    mean2d_y = hn::NegMulAdd(e_y, s[9], mean2d_y);
+    cov[0] = hn::NegMulAdd(e_x, q_x, cov[0]);
+    cov[1] = hn::NegMulAdd(hn::Set(d, T(0.5)), hn::MulAdd(e_x, q_y, e_y * q_x), cov[1]);
+    cov[2] = hn::NegMulAdd(e_y, q_y, cov[2]);
+
     // C = U U^T with U = axes = jacobian * scale.
-    V axes[2][3], jacobian[2][3], log_scale[3];
+    V axes[2][3], jacobian[2][3], depth_axes[3], log_scale[3];
     for (int k = 0; k < 3; ++k) {
       axes[0][k] = two * hn::MulAdd(cov[0], g.axes[0][k], cov[1] * g.axes[1][k]);
       axes[1][k] = two * hn::MulAdd(cov[1], g.axes[0][k], cov[2] * g.axes[1][k]);
+      axes[0][k] = hn::MulAdd(q_x, slant.axes[k], axes[0][k]);
+      axes[1][k] = hn::MulAdd(q_y, slant.axes[k], axes[1][k]);
+      depth_axes[k] = hn::MulAdd(q_x, g.axes[0][k], q_y * g.axes[1][k]);
       log_scale[k] = hn::IfThenElseZero(
-          g.scale_free[k], hn::MulAdd(axes[0][k], g.axes[0][k], axes[1][k] * g.axes[1][k]));
+          g.scale_free[k],
+          hn::MulAdd(axes[0][k], g.axes[0][k],
+                     hn::MulAdd(axes[1][k], g.axes[1][k], depth_axes[k] * slant.axes[k])));
       jacobian[0][k] = axes[0][k] * g.scale[k];
       jacobian[1][k] = axes[1][k] * g.scale[k];
     }
@@ -175,7 +193,8 @@ void project_chunk_backward(const GaussianView<T>& gaussians, const RenderSetup<
     for (int k = 0; k < 3; ++k) {
       rotated[0][k] = focal_x * jacobian[0][k];
       rotated[1][k] = focal_y * jacobian[1][k];
-      rotated[2][k] = hn::Neg(hn::MulAdd(g.tan_x, rotated[0][k], g.tan_y * rotated[1][k]));
+      rotated[2][k] = hn::MulSub(depth_axes[k], g.scale[k],
+                                 hn::MulAdd(g.tan_x, rotated[0][k], g.tan_y * rotated[1][k]));
       tan_x = hn::NegMulAdd(rotated[0][k], g.camera_from_gaussian[2][k], tan_x);
       tan_y = hn::NegMulAdd(rotated[1][k], g.camera_from_gaussian[2][k], tan_y);
       by_inverse_z = hn::MulAdd(jacobian[0][k], g.jacobian[0][k],

@@ -74,6 +74,7 @@ RenderSetup<T> make_setup(const GaussianView<T>& gaussians, const Camera& camera
   setup.log2_alpha_min = T(std::log2(options.alpha_min));
   setup.transmittance_min = T(options.transmittance_min);
   setup.antialias = options.antialias;
+  setup.surface_depth = options.surface_depth;
   setup.exp_degree = options.exp_degree;
   const int map_degree = gaussians.sh_bases >= 16  ? 3
                          : gaussians.sh_bases >= 9 ? 2

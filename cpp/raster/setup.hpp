@@ -28,6 +28,7 @@ struct RenderSetup {
   T background[3];
   T min_color;  ///< Colours below it are raised to it.
   bool antialias;
+  bool surface_depth;
   int exp_degree;
   int sh_degree;  ///< min(map, option)
   int sh_bases;   ///< of the map's array

@@ -22,6 +22,7 @@ struct alignas(64) Splat {
   T log2_opacity;
   T color[3];
   T depth;                 ///< z of the centre in the camera frame, m
+  T depth_u, depth_v;      ///< At a pixel it is depth + depth_u u + depth_v v.
   std::uint32_t gaussian;  ///< Row of the map.
 };
 

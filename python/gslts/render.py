@@ -34,7 +34,7 @@ class Images:
 
     Attributes:
         rgb: [H,W,3] sum w_i c_i + (1 - alpha) background; linear in the map's colours, not clipped.
-        depth: [H,W] expected depth, sum w_i z_i / sum w_i, z of the centre in the camera frame, m;
+        depth: [H,W] expected depth, sum w_i z_i / sum w_i, z in the camera frame, m;
             0 where nothing was blended.
         alpha: [H,W] sum w_i.
         features: [H,W,D] sum w_i f_i.

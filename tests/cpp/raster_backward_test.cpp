@@ -166,6 +166,7 @@ TEST(RasterBackwardEdges, ClampedColour) {
   const Camera camera = straight_camera(12, 12, 20);
   Gaussian g;
   g.color = {-0.5, 0.6, -2};
+  g.scale_m = {0.3, 0.1, 0.2};
   const auto map = map_of<double>({g}, 4);
   const auto loss = random_loss<double>(24, camera, 0);
   Rasterizer<double> rasterizer;

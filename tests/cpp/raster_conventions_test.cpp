@@ -90,12 +90,50 @@ TYPED_TEST(RasterConventions, PoseIsWorldFromCamera) {
 TYPED_TEST(RasterConventions, DepthIsZOfTheCentreAndZeroWhereNothingIs) {
   const Camera camera = straight_camera(60, 30, 20);
   Gaussian g = round_gaussian(2, 0);  // Distance sqrt(8) m, but z = 2 m.
-  const auto images = this->render({g}, camera);
+  RenderOptions of_centres = precise_options();
+  of_centres.surface_depth = false;
+  const auto images = this->render({g}, camera, of_centres);
   const std::size_t at = 15 * 60 + 50;
   ASSERT_GT(images.alpha[at], 0.1);
   EXPECT_NEAR(images.depth[at], 2, 1e-6);
   EXPECT_EQ(images.alpha[0], 0);
   EXPECT_EQ(images.depth[0], 0);
+}
+
+TYPED_TEST(RasterConventions, ASlantedSurfaceHasItsOwnDepthAtEachPixel) {
+  // A disc in the plane z = 2 + x, of 0.1 m: its normal halves the angle between -x and z.
+  const Camera camera = straight_camera(81, 81, 200);
+  Gaussian g;
+  g.mean = {0, 0, 2};
+  g.scale_m = {0.1, 0.1, 1e-4};
+  const double half =
+      -std::acos(-1) / 8;  // Half of a turn by -45 degrees about y: x goes to x + z.
+  g.quat_wxyz = {std::cos(half), 0, std::sin(half), 0};
+  const auto images = this->render({g}, camera);
+  for (int x = 34; x <= 46; ++x) {
+    const double tan_x = (x + 0.5 - camera.cx) / camera.fx;
+    const std::size_t at = std::size_t(40) * 81 + std::size_t(x);
+    ASSERT_GT(images.alpha[at], 0.1);
+    // Where the ray meets the plane; the affine approximation errs by the square of the angle.
+    EXPECT_NEAR(images.depth[at], 2 / (1 - tan_x), 3e-3) << x;
+  }
+  // From one end to the other it is a step that the depth of the centre would not show.
+  EXPECT_GT(images.depth[40 * 81 + 46] - images.depth[40 * 81 + 34], 0.11);
+}
+
+TYPED_TEST(RasterConventions, AGaussianAroundTheCameraHasTheDepthOfItsCentre) {
+  const Camera camera = straight_camera(41, 41, 50);
+  Gaussian g;
+  g.mean = {0, 0, 0.5};
+  g.scale_m = {0.001, 0.5, 1.5};
+  const double half = -std::acos(-1) / 8;
+  g.quat_wxyz = {std::cos(half), 0, std::sin(half), 0};
+  const auto images = this->render({g}, camera);
+  for (std::size_t k = 0; k < images.depth.size(); ++k) {
+    if (images.alpha[k] > 0) {
+      ASSERT_NEAR(images.depth[k], 0.5, 1e-6);
+    }
+  }
 }
 
 TYPED_TEST(RasterConventions, DepthIsTheMeanOverTheWeights) {

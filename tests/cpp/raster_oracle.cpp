@@ -18,6 +18,7 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr double kMaxAlpha = 0.99;
 constexpr double kMinQuatNorm = 1e-12;
 constexpr double kJacobianMargin = 0.3;
+constexpr double kMostSlant = 0.5;
 
 /// A Gaussian in front of the camera, as the image sees it.
 struct Splat {
@@ -26,7 +27,8 @@ struct Splat {
   Matrix2d inverse_cov2d;  // 1/px^2
   double opacity;
   Vector3d color;
-  double depth_m;
+  double depth_m;        // Of the centre.
+  Vector2d depth_slope;  // m/px
 };
 
 /// The real spherical harmonics of 3DGS (Kerbl et al. 2023) in the unit direction d.
@@ -125,6 +127,17 @@ std::vector<Splat> project(const BasicGaussianMap<double>& map, const Camera& ca
     splat.color = color_of(map, row, degree, ray.normalized());
     if (options.clamp_colors) splat.color = splat.color.cwiseMax(0.0);
     splat.depth_m = p.z();
+    splat.depth_slope = Vector2d::Zero();
+    if (options.surface_depth) {
+      const Vector3d depth_axes = (camera_from_world * rotation_of(&map.quats[4 * row]))
+                                      .row(2)
+                                      .transpose()
+                                      .cwiseProduct(scale);
+      const Vector2d slope = splat.inverse_cov2d * (u * depth_axes);
+      // The depth at the farthest end of the footprint, whose Mahalanobis distance is known.
+      const double most = std::sqrt(slope.dot(cov2d * slope) * -2 * std::log(options.alpha_min));
+      if (most < kMostSlant * p.z()) splat.depth_slope = slope;
+    }
     splats.push_back(splat);
   }
   std::stable_sort(splats.begin(), splats.end(),
@@ -164,7 +177,7 @@ void blend_pixel(const BasicGaussianMap<double>& map, const std::vector<Splat>& 
     const double weight = alpha * transmittance;
     transmittance = after;
     weight_sum += weight;
-    depth_sum += weight * splat.depth_m;
+    depth_sum += weight * (splat.depth_m + splat.depth_slope.dot(d));
     rgb += weight * splat.color;
     for (std::size_t k = 0; k < dims; ++k) {
       images.features[pixel * dims + k] += weight * map.features[splat.row * dims + k];

@@ -129,7 +129,9 @@ TEST(RasterSizesFloat, VeryLargeImages) {
   corners.pop_back();
   const auto map = map_of<float>(corners);
   Rasterizer<float> rasterizer;
-  const auto images = rasterizer.forward(map.view(), camera);
+  RenderOptions of_centres;
+  of_centres.surface_depth = false;
+  const auto images = rasterizer.forward(map.view(), camera, of_centres);
   std::size_t seen = 0;
   for (float alpha : images.alpha) seen += alpha > 0;
   EXPECT_GT(seen, 4 * 7u);

@@ -79,8 +79,13 @@ def colours(gaussians: GaussianMap, means_in_world: Array, camera: Camera, degre
     return 0.5 + np.einsum("nk,nkc->nc", basis, sh)
 
 
-def project_covariances(gaussians: GaussianMap, x_in_camera: Array, camera: Camera) -> Array:
-    """[N,2,2] J W R S S^T R^T W^T J^T (EWA splatting, Zwicker et al. 2001)."""
+def project_covariances(
+    gaussians: GaussianMap, x_in_camera: Array, camera: Camera
+) -> tuple[Array, Array]:
+    """Of the place in the image, [N,2,2], and of that with the depth in the camera, [N,2].
+
+    J W R S S^T R^T W^T J^T, as in EWA splatting (Zwicker et al. 2001).
+    """
     scales = np.exp(gaussians.log_scales.astype(np.float64))
     rotations = rotation_matrices(gaussians.quats.astype(np.float64))
     x, y, z = x_in_camera.T
@@ -100,8 +105,9 @@ def project_covariances(gaussians: GaussianMap, x_in_camera: Array, camera: Came
         ]
     )
     camera_from_world = camera.world_from_camera[:3, :3].T
-    factors = np.moveaxis(jacobians, 2, 0) @ camera_from_world @ rotations * scales[:, None, :]
-    return factors @ factors.transpose(0, 2, 1)
+    axes = camera_from_world @ rotations * scales[:, None, :]
+    factors = np.moveaxis(jacobians, 2, 0) @ axes
+    return factors @ factors.transpose(0, 2, 1), np.einsum("nij,nj->ni", factors, axes[:, 2])
 
 
 def render(
@@ -117,7 +123,7 @@ def render(
     order = visible[np.argsort(x_in_camera[visible, 2], kind="stable")]
 
     with np.errstate(all="ignore"):  # Gaussians behind the camera are computed and never used.
-        covars = project_covariances(gaussians, x_in_camera, camera)
+        covars, with_depth = project_covariances(gaussians, x_in_camera, camera)
         rgbs = colours(gaussians, gaussians.means + gaussians.origin, camera, options.sh_degree)
     if options.clamp_colors:
         rgbs = np.maximum(0, rgbs)
@@ -138,6 +144,12 @@ def render(
         dy = rows[:, None] - (camera.fy * y / z + camera.cy)
         (a, b), (_, c) = blurred[i]
         det = a * c - b * b
+        slope_x, slope_y = 0.0, 0.0
+        if options.surface_depth:
+            slope = np.linalg.solve(blurred[i], with_depth[i])
+            reach = np.sqrt(-2 * np.log(options.alpha_min))
+            if reach * np.sqrt(slope @ blurred[i] @ slope) < 0.5 * z:
+                slope_x, slope_y = slope
         opacity = opacities[i]
         if options.antialias:
             opacity *= np.sqrt(max(0.0, np.linalg.det(covars[i])) / det)
@@ -157,7 +169,7 @@ def render(
         weight = np.where(blended, alpha_i * transmittance, 0)
         transmittance = np.where(blended, after, transmittance)
         rgb += weight[..., None] * rgbs[i]
-        depth += weight * z
+        depth += weight * (z + slope_x * dx + slope_y * dy)
         alpha += weight
         features += weight[..., None] * gaussians.features[i]
         max_weights[i] = weight.max()

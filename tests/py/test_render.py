@@ -18,6 +18,7 @@ CASES = {
     "features": ({"feature_dims": 5}, {}, {}),
     "many features": ({"feature_dims": 37}, {}, {}),
     "antialias": ({}, {}, {"antialias": True}),
+    "depth of centres": ({}, {}, {"surface_depth": False}),
     "background": ({}, {}, {"background": (0.2, 0.5, 0.9)}),
     "no blur": ({}, {}, {"eps2d_px2": 0.0}),
     "thresholds": ({}, {}, {"alpha_min": 0.05, "transmittance_min": 0.1}),

@@ -32,6 +32,7 @@ def views(draw: st.DrawFn) -> tuple[gslts.GaussianMap, gslts.Camera, gslts.Rende
         background=(draw(st.floats(0, 1)), 0.5, 0.25),
         sh_degree=draw(st.integers(0, 3)),
         antialias=draw(st.booleans()),
+        surface_depth=draw(st.booleans()),
         alpha_min=draw(st.sampled_from([1 / 255, 1e-3, 0.1])),
         transmittance_min=draw(st.sampled_from([1e-4, 0.0, 0.05])),
     )
@@ -43,6 +44,7 @@ def with_threads(options: gslts.RenderOptions, threads: int) -> gslts.RenderOpti
         background=options.background,
         sh_degree=options.sh_degree,
         antialias=options.antialias,
+        surface_depth=options.surface_depth,
         alpha_min=options.alpha_min,
         transmittance_min=options.transmittance_min,
         threads=threads,

@@ -80,7 +80,7 @@ REPORT = ReportData(
         "poses refined": {"PSNR, dB": 29.1, "SSIM": 0.8},
     },
     gaussians_needed=[("half", 50_000, 26.5), ("chosen", 100_000, 27.5)],
-    curve=[CurvePoint(s, 4 * s, 20 + 0.1 * s, 19.0 if s else None, 1000 * s) for s in range(9)],
+    curve=[CurvePoint(s, 4 * s, 0, 20 + 0.1 * s, 19.0 if s else None, 1000 * s) for s in range(9)],
     views=[view()],
     findings={"intrinsics": "fx 320 px"},
     pose_shifts_m=[0.01, 0.02, 0.06],

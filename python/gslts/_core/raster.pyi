@@ -24,6 +24,10 @@ class RenderOptions:
         eps2d_px2: Variance added to each projected covariance, px^2. >= 0
         antialias: Scale opacity by sqrt(det(cov2d) / det(cov2d + eps2d I)), so that small or distant
             Gaussians keep their energy (Mip-Splatting, Yu et al. 2024, eq. 9).
+        surface_depth: A Gaussian's depth at a pixel is the mean of those of its points that are seen
+            there (RaDe-GS, Zhang et al. 2024), so that slanted surfaces are true; if false it is that
+            of its centre, as in 3DGS. Where it would change by half within the footprint, that of the
+            centre is taken, too.
         alpha_min: A Gaussian is skipped at a pixel where its alpha is below this. In [1e-30, 0.99)
         transmittance_min: A pixel ends before the Gaussian that would take its transmittance below
             this. In [0, 1)
@@ -39,7 +43,7 @@ class RenderOptions:
         ...
     def __getstate__(self) -> tuple:
         ...
-    def __init__(self, *, background: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.0], near_m: typing.SupportsFloat | typing.SupportsIndex = 0.05, sh_degree: int = 3, clamp_colors: bool = True, eps2d_px2: typing.SupportsFloat | typing.SupportsIndex = 0.3, antialias: bool = False, alpha_min: typing.SupportsFloat | typing.SupportsIndex = 0.001953125, transmittance_min: typing.SupportsFloat | typing.SupportsIndex = 0.0001, exp_degree: int = 3, threads: int = 0) -> None:
+    def __init__(self, *, background: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.0], near_m: typing.SupportsFloat | typing.SupportsIndex = 0.05, sh_degree: int = 3, clamp_colors: bool = True, eps2d_px2: typing.SupportsFloat | typing.SupportsIndex = 0.3, antialias: bool = False, surface_depth: bool = True, alpha_min: typing.SupportsFloat | typing.SupportsIndex = 0.001953125, transmittance_min: typing.SupportsFloat | typing.SupportsIndex = 0.0001, exp_degree: int = 3, threads: int = 0) -> None:
         ...
     def __repr__(self) -> str:
         ...
@@ -84,6 +88,11 @@ class RenderOptions:
     def sh_degree(self) -> int:
         """
         Highest SH degree used.
+        """
+    @property
+    def surface_depth(self) -> bool:
+        """
+        Depth of what is seen at a pixel and not of the centre.
         """
     @property
     def threads(self) -> int:

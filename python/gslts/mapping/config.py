@@ -18,6 +18,8 @@ class MappingConfig(BaseModel):
 
     Attributes:
         iterations: Steps of the optimisation, each with one frame.
+        patience: Share of the schedule in which frames kept aside must gain at full resolution,
+            or it ends; 1 means that it never does before its time.
         rough_epochs: Visits of each frame before that, at a quarter of the resolution and with
             Gaussians of twice the size, which only correct poses and lenses.
         budget_s: Instead of a number of steps, the time for reading, seeding and optimising. The
@@ -52,6 +54,7 @@ class MappingConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     iterations: Annotated[int, Field(gt=0)] = 8000
+    patience: Share = 0.25
     rough_epochs: Count = 15
     budget_s: Positive | None = None
     max_gaussians: Annotated[int, Field(gt=0)] | None = None
@@ -134,6 +137,6 @@ PRESETS = {
         variant_steps=0,
     ),
     "balanced": MappingConfig(),
-    "best": MappingConfig(iterations=20_000, growth=1.5, coarse_share=0.4, variant_steps=300),
+    "best": MappingConfig(iterations=20_000, coarse_share=0.65, variant_steps=300),
 }
 """Speed against accuracy, in three steps."""

@@ -22,10 +22,8 @@ from gslts.mapping.visit import ShowFrames, Visit, every_eighth
 
 JUDGED_TIMES = 20
 """How often in the course of the optimisation the frames kept aside are looked at."""
-PATIENCE = 4
-"""After so many looks in which they gained less than `LEAST_GAIN_DB`, the optimisation ends."""
 LEAST_GAIN_DB = 0.02
-"""What several looks must gain together."""
+"""What frames kept aside must gain, or the optimisation ends; see `MappingConfig.patience`."""
 SAVE_EVERY_S = 20.0
 """So much work is lost at most if the machine stops."""
 NOISE = 0.02
@@ -100,7 +98,7 @@ def make_map(
     optimizer = _optimizer(start, observations, given, config, clock)
     if resume is not None:
         resume.restore_optimizer(optimizer)
-    while optimizer.share < 1 and not _settled(curve):
+    while optimizer.share < 1 and not _settled(curve, config.patience):
         curve.append(_epoch(optimizer, visit, curve, clock, report))
         if save is not None and clock.since_saved_s() > SAVE_EVERY_S:
             stages = clock.with_current("optimising")
@@ -198,14 +196,15 @@ def _epoch(
     )
 
 
-def _settled(curve: Sequence[CurvePoint]) -> bool:
+def _settled(curve: Sequence[CurvePoint], patience: float) -> bool:
     """Whether frames kept aside no longer gain, at the full resolution."""
+    looks = max(1, round(patience * JUDGED_TIMES))
     looks_db = [
         p.held_out_psnr_db for p in curve if p.level == 0 and p.held_out_psnr_db is not None
     ]
-    if len(looks_db) <= PATIENCE:
+    if len(looks_db) <= looks:
         return False
-    return max(looks_db[-PATIENCE:]) < max(looks_db[:-PATIENCE]) + LEAST_GAIN_DB
+    return max(looks_db[-looks:]) < max(looks_db[:-looks]) + LEAST_GAIN_DB
 
 
 def _near(visit: Visit) -> list[Observation]:

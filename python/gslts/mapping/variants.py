@@ -101,6 +101,7 @@ def refined(
         update={
             "refine_poses": False,
             "refine_lenses": False,
+            "growth": 0.0,
             "means_rate": config.means_rate * config.means_left,
             "quats_rate": config.quats_rate * late,
             "log_scales_rate": config.log_scales_rate * late,

@@ -174,6 +174,7 @@ def rasterization(
         clamp_colors=sh_degree is not None,
         eps2d_px2=eps2d,
         antialias=rasterize_mode == "antialiased",
+        surface_depth=False,  # As in gsplat.
         alpha_min=ALPHA_MIN,
         threads=torch.get_num_threads(),
     )

@@ -25,6 +25,10 @@ struct RenderOptions {
   /// Scale opacity by sqrt(det(cov2d) / det(cov2d + eps2d I)), so that small or distant Gaussians
   /// keep their energy (Mip-Splatting, Yu et al. 2024, eq. 9).
   bool antialias = false;
+  /// A Gaussian's depth at a pixel is the mean of those of its points that are seen there (RaDe-GS,
+  /// Zhang et al. 2024), so that slanted surfaces are true; if false it is that of its centre, as
+  /// in 3DGS. Where it would change by half within the footprint, that of the centre is taken, too.
+  bool surface_depth = true;
   /// A Gaussian is skipped at a pixel where its alpha is below this. In [1e-30, 0.99)
   double alpha_min = 1.0 / 512.0;
   /// A pixel ends before the Gaussian that would take its transmittance below this. In [0, 1)
@@ -49,8 +53,8 @@ template <typename T>
 struct Images {
   int width = 0, height = 0, feature_dims = 0;
   Array<T> rgb;  ///< [H,W,3] sum w_i c_i + (1 - alpha) background
-  /// [H,W] expected depth, sum w_i z_i / sum w_i, z of the centre in the camera frame, m; 0 where
-  /// nothing was blended.
+  /// [H,W] expected depth, sum w_i z_i / sum w_i, z in the camera frame, m; 0 where nothing was
+  /// blended.
   Array<T> depth;
   Array<T> alpha;     ///< [H,W] sum w_i
   Array<T> features;  ///< [H,W,D] sum w_i f_i
