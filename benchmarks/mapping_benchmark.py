@@ -3,7 +3,7 @@
 python benchmarks/mapping_benchmark.py --preset fast balanced             # ten simulated rooms
 python benchmarks/mapping_benchmark.py --dataset DIR --preset balanced    # a data set of your own
 python benchmarks/mapping_benchmark.py --rooms kitchen_0 --without-depth  # of its photographs alone
-python benchmarks/mapping_benchmark.py --rooms kitchen_0 --set growth=0      # with another setting
+python benchmarks/mapping_benchmark.py --rooms kitchen_0 --set growth=0   # with another setting
 
 Rooms are recorded once, with the errors of a Kinect and without any, into out/benchmark; maps are
 made of the former and judged by the clean pictures of the frames that were kept aside, at the poses

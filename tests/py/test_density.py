@@ -29,12 +29,12 @@ def grey_wall() -> gslts.GaussianMap:
     return flat_gaussians(points, normals, colors, np.full(len(points), 0.1), 0.8, 0)
 
 
-def grown(growth: float, most: int | None = None) -> gslts.GaussianMap:
+def grown(growth: float, most: int | None = None, steps: int = 60) -> gslts.GaussianMap:
     config = MappingConfig(
         growth=growth, max_gaussians=most, voxel_m=0.1, refine_poses=False, refine_lenses=False
     )
     observation = half_striped()
-    schedule = Schedule(60, ((float("inf"), 0),))
+    schedule = Schedule(steps, ((float("inf"), 0),))
     optimizer = Optimizer(grey_wall(), [observation], observation.lenses, config, schedule)
     while optimizer.share < 1:
         optimizer.run_epoch(lambda _: None)
@@ -47,6 +47,11 @@ def test_gaussians_are_split_where_there_is_something_to_see() -> None:
     new = end.means[end.ids >= start.size]
     assert (new[:, 0] > -0.05).mean() > 0.8
     assert grown(0.0).size <= start.size
+
+
+def test_an_epoch_beyond_the_end_of_the_growth_adds_no_more() -> None:
+    # The second of two steps is from 50 to 100 % of the schedule, and Gaussians grow until 60 %.
+    assert grown(1.0, steps=2).size == pytest.approx(2**0.2 * grey_wall().size, rel=0.01)
 
 
 def test_no_more_are_split_than_are_wanted() -> None:

@@ -60,6 +60,11 @@ class MappingResult:
     seconds: dict[str, float]
     skipped: tuple[str, ...]
 
+    @property
+    def used_s(self) -> float:
+        """Seconds that making it took, without the judging."""
+        return sum(seconds for stage, seconds in self.seconds.items() if stage != "judging")
+
 
 def make_map(
     dataset: Dataset,

@@ -124,7 +124,7 @@ class Optimizer:
                 break
             report(self.step(self.observations[index], share))
         if self._strains is not None:
-            self._grow(self._strains, self.share - start)
+            self._grow(self._strains, min(self.share, GROWTH_SHARES[1]) - start)
         self._end_epoch()
 
     def step(self, observation: Observation, share: float) -> Progress:

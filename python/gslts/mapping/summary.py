@@ -48,15 +48,15 @@ def summary_of(result: MappingResult) -> str:
     ways.append(f"{quality.refined.psnr_db:.1f} with refined ones")
     depth_m = quality.refined.depth_l1_m
     depth = "" if depth_m is None else f", depth {100 * depth_m:.1f} cm off"
-    used_s = sum(seconds for stage, seconds in result.seconds.items() if stage != "judging")
     sizes = "".join(
         f"; {one.name} as many: {one.psnr_db - result.variants[0].psnr_db:+.2f} dB"
         for one in result.variants
         if one.name in ("half", "double")
     )
     return (
-        f"{result.gaussian_map.size} Gaussians in {used_s:.0f} s; {quality.refined.frames} frames "
-        f"kept aside: {', '.join(ways)}{depth}{sizes}; {len(result.skipped)} frames skipped"
+        f"{result.gaussian_map.size} Gaussians in {result.used_s:.0f} s; "
+        f"{quality.refined.frames} frames kept aside: {', '.join(ways)}{depth}{sizes}; "
+        f"{len(result.skipped)} frames skipped"
     )
 
 

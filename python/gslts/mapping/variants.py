@@ -102,6 +102,7 @@ def refined(
             "refine_poses": False,
             "refine_lenses": False,
             "growth": 0.0,
+            "fill_holes": False,  # They would give back what was taken.
             "means_rate": config.means_rate * config.means_left,
             "quats_rate": config.quats_rate * late,
             "log_scales_rate": config.log_scales_rate * late,
