@@ -134,18 +134,18 @@ class NumpyRasterizer {
   bool in_use_ = false;
 };
 
-RenderOptions make_options(std::array<double, 3> background, double near_m, int sh_degree,
-                           bool clamp_colors, double eps2d_px2, bool antialias, bool surface_depth,
-                           double alpha_min, double transmittance_min, int exp_degree,
-                           int threads) {
-  return {background,    near_m,    sh_degree,         clamp_colors, eps2d_px2, antialias,
-          surface_depth, alpha_min, transmittance_min, exp_degree,   threads};
+RenderOptions make_options(std::array<double, 3> background, double near_m, double near_sigmas,
+                           int sh_degree, bool clamp_colors, double eps2d_px2, bool antialias,
+                           bool surface_depth, double alpha_min, double transmittance_min,
+                           int exp_degree, int threads) {
+  return {background, near_m,        near_sigmas, sh_degree,         clamp_colors, eps2d_px2,
+          antialias,  surface_depth, alpha_min,   transmittance_min, exp_degree,   threads};
 }
 
 /// The arguments of make_options.
 py::tuple fields(const RenderOptions& o) {
   return py::make_tuple(py::make_tuple(o.background[0], o.background[1], o.background[2]), o.near_m,
-                        o.sh_degree, o.clamp_colors, o.eps2d_px2, o.antialias, o.surface_depth,
+                        o.near_sigmas, o.sh_degree, o.clamp_colors, o.eps2d_px2, o.antialias, o.surface_depth,
                         o.alpha_min, o.transmittance_min, o.exp_degree, o.threads);
 }
 
@@ -159,6 +159,10 @@ The defaults are those of 3DGS (Kerbl et al. 2023) but for the near plane and al
 Args:
     background: RGB behind the Gaussians.
     near_m: Gaussians with centre depth z <= near_m are not seen, m. > 0
+    near_sigmas: Gaussians whose depth is at most so many of its standard deviations are not seen:
+        projection linearises them at their centre, which fails where they reach the camera's plane,
+        and makes fog of a wall beside the camera (the guard band of Kerbl et al. 2023, sec. 6).
+        >= 0
     sh_degree: Highest SH degree used, 0 to 3; the map's own degree caps it.
     clamp_colors: Colours below 0 count as 0, as in 3DGS; if false they are kept, and `rgb` is
         linear in `sh`.
@@ -179,7 +183,7 @@ Args:
 
 The values are checked by each rendering.)")
       .def(py::init(&make_options), py::kw_only(), py::arg("background") = defaults.background,
-           py::arg("near_m") = defaults.near_m,
+           py::arg("near_m") = defaults.near_m, py::arg("near_sigmas") = defaults.near_sigmas,
            py::arg("sh_degree").noconvert() = defaults.sh_degree,
            py::arg("clamp_colors") = defaults.clamp_colors,
            py::arg("eps2d_px2") = defaults.eps2d_px2, py::arg("antialias") = defaults.antialias,
@@ -192,6 +196,8 @@ The values are checked by each rendering.)")
           "background", [](const RenderOptions& o) { return fields(o)[0].cast<py::tuple>(); },
           "RGB behind the Gaussians.")
       .def_readonly("near_m", &RenderOptions::near_m, "Near plane, m.")
+      .def_readonly("near_sigmas", &RenderOptions::near_sigmas,
+                    "Least depth, in standard deviations of a Gaussian's own.")
       .def_readonly("sh_degree", &RenderOptions::sh_degree, "Highest SH degree used.")
       .def_readonly("clamp_colors", &RenderOptions::clamp_colors, "Colours below 0 count as 0.")
       .def_readonly("eps2d_px2", &RenderOptions::eps2d_px2,
@@ -211,16 +217,17 @@ The values are checked by each rendering.)")
       .def("__repr__",
            [](const RenderOptions& o) {
              return py::str(
-                        "RenderOptions(background={}, near_m={}, sh_degree={}, clamp_colors={}, "
-                        "eps2d_px2={}, antialias={}, surface_depth={}, alpha_min={}, "
+                        "RenderOptions(background={}, near_m={}, near_sigmas={}, sh_degree={}, "
+                        "clamp_colors={}, eps2d_px2={}, antialias={}, surface_depth={}, alpha_min={}, "
                         "transmittance_min={}, exp_degree={}, threads={})")
                  .format(*fields(o));
            })
       .def(py::pickle(&fields, [](const py::tuple& state) {
         return make_options(state[0].cast<std::array<double, 3>>(), state[1].cast<double>(),
-                            state[2].cast<int>(), state[3].cast<bool>(), state[4].cast<double>(),
-                            state[5].cast<bool>(), state[6].cast<bool>(), state[7].cast<double>(),
-                            state[8].cast<double>(), state[9].cast<int>(), state[10].cast<int>());
+                            state[2].cast<double>(), state[3].cast<int>(), state[4].cast<bool>(),
+                            state[5].cast<double>(), state[6].cast<bool>(), state[7].cast<bool>(),
+                            state[8].cast<double>(), state[9].cast<double>(),
+                            state[10].cast<int>(), state[11].cast<int>());
       }));
 }
 

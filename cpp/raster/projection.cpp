@@ -144,6 +144,10 @@ bool project_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup
     V opacity = hn::Set(d, T(1)) / (hn::Set(d, T(1)) + hn::Exp(d, hn::Neg(logit)));
     if (setup.antialias) opacity = opacity * hn::Sqrt(g.det / g.filtered_det);
     auto seen = hn::Ge(opacity, hn::Set(d, setup.alpha_min));
+    V depth_axes[3];
+    for (int k = 0; k < 3; ++k) depth_axes[k] = g.camera_from_gaussian[2][k] * g.scale[k];
+    const V nearest = hn::Set(d, setup.near_variances) * dot3<Lanes<T>>(depth_axes, depth_axes);
+    seen = hn::And(seen, hn::Gt(g.z * g.z, nearest));
     const V log2_opacity = hn::Log2(d, hn::Max(opacity, hn::Set(d, setup.alpha_min)));
 
     // Half sizes of the box around the ellipse alpha = alpha_min, a little larger for rounding.

@@ -27,6 +27,8 @@ void validate(const RenderOptions& options) {
   }
   require(options.near_m > 0 && std::isfinite(options.near_m), "near_m", "positive",
           options.near_m);
+  require(options.near_sigmas >= 0 && std::isfinite(options.near_sigmas), "near_sigmas",
+          "at least 0", options.near_sigmas);
   require(options.sh_degree >= 0 && options.sh_degree <= 3, "sh_degree", "0, 1, 2 or 3",
           options.sh_degree);
   require(options.eps2d_px2 >= 0 && std::isfinite(options.eps2d_px2), "eps2d_px2", "at least 0",
@@ -69,6 +71,7 @@ RenderSetup<T> make_setup(const GaussianView<T>& gaussians, const Camera& camera
   setup.max_tan_y = T((camera.height - camera.cy) / camera.fy + margin_y);
   setup.min_color = options.clamp_colors ? T(0) : -std::numeric_limits<T>::infinity();
   setup.near_m = T(options.near_m);
+  setup.near_variances = T(options.near_sigmas * options.near_sigmas);
   setup.eps2d_px2 = T(options.eps2d_px2);
   setup.alpha_min = T(options.alpha_min);
   setup.log2_alpha_min = T(std::log2(options.alpha_min));

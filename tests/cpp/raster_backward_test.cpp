@@ -22,6 +22,7 @@ constexpr int kFeatureDims = 2;
 /// Options under which the image is a smooth function of all parameters.
 RenderOptions smooth_options() {
   RenderOptions options;
+  options.near_sigmas = 0;
   options.alpha_min = 1e-30;
   options.transmittance_min = 0;
   options.background = {0.4, -0.3, 0.7};

@@ -232,9 +232,23 @@ TYPED_TEST(RasterConventions, NearPlaneCullsByCentreDepth) {
   g.scale_m.setConstant(0.3);
   RenderOptions options = precise_options();
   options.near_m = 0.5;
+  options.near_sigmas = 0;
   for (const auto& [z, seen] :
        {std::pair(0.25, false), {0.5, false}, {0.515625, true}, {4., true}}) {
     g.mean.z() = z;
+    EXPECT_EQ(this->alpha_at(this->render({g}, camera, options), 5, 5) > 0, seen) << z;
+  }
+}
+
+TYPED_TEST(RasterConventions, NearSigmasCullWhatReachesTheCameraAlongTheView) {
+  const Camera camera = straight_camera(11, 11, 10);
+  Gaussian g = round_gaussian(0, 0);
+  RenderOptions options = precise_options();
+  options.near_sigmas = 3;
+  g.mean.z() = 1;
+  for (const auto& [x, y, z, seen] :
+       {std::tuple(0.5, 0.5, 0.25, true), {0.1, 0.1, 0.34375, false}, {0.1, 0.1, 0.328125, true}}) {
+    g.scale_m = {x, y, z};
     EXPECT_EQ(this->alpha_at(this->render({g}, camera, options), 5, 5) > 0, seen) << z;
   }
 }

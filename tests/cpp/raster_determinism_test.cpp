@@ -52,6 +52,7 @@ struct Job {
   Result<T> run(Rasterizer<T>& rasterizer, int threads = 2) const {
     RenderOptions options;
     options.threads = threads;
+    options.near_sigmas = 0;
     options.background = {0.3, 0.2, 0.1};
     Result<T> result;
     result.images = rasterizer.forward(map.view(), camera, options, view_of(mask, camera));

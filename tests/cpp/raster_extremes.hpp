@@ -111,6 +111,7 @@ void expect_spot_derivatives(const BasicGaussianMap<T>& map, const Camera& camer
 /// Options without thresholds at which the image jumps.
 inline RenderOptions without_jumps() {
   RenderOptions options;
+  options.near_sigmas = 0;
   options.alpha_min = 1e-30;
   options.transmittance_min = 0;
   return options;

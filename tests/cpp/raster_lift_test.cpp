@@ -150,7 +150,7 @@ TYPED_TEST(RasterLift, BandsFitTogether) {
   std::vector<Gaussian> gaussians(16000);
   for (std::size_t i = 0; i < gaussians.size(); ++i) {
     gaussians[i].mean = {random.uniform(-1, 1), random.uniform(-1, 1), 2 + 1e-4 * double(i)};
-    gaussians[i].scale_m.setConstant(3);
+    gaussians[i].scale_m = {3, 3, 0.1};
     gaussians[i].opacity = 0.02;
   }
   const auto map = map_of<T>(gaussians);

@@ -106,9 +106,10 @@ std::vector<Splat> project(const BasicGaussianMap<double>& map, const Camera& ca
     if (p.z() <= options.near_m) continue;
 
     const Vector3d scale = Vector3d::Map(&map.log_scales[3 * row]).array().exp();
+    const Matrix3d axes = camera_from_world * rotation_of(&map.quats[4 * row]) * scale.asDiagonal();
+    if (p.z() <= options.near_sigmas * axes.row(2).norm()) continue;
     // Columns are the Gaussian's axes as seen in the image: the covariance is U U^T.
-    const Eigen::Matrix<double, 2, 3> u = projection_jacobian(p, camera) * camera_from_world *
-                                          rotation_of(&map.quats[4 * row]) * scale.asDiagonal();
+    const Eigen::Matrix<double, 2, 3> u = projection_jacobian(p, camera) * axes;
     const Matrix2d cov2d = u * u.transpose() + options.eps2d_px2 * Matrix2d::Identity();
     // det(U U^T), without the cancellation of a thin matrix' determinant.
     const double det = u.row(0).cross(u.row(1)).squaredNorm();

@@ -62,7 +62,7 @@ TYPED_TEST(RasterSizes, ThinImages) {
     shape.gaussians = 200;
     shape.sh_bases = 4;
     const auto map = converted<TypeParam>(random_scene(2, camera, shape));
-    const auto gradients = expect_survival(map, camera).gradients;
+    const auto gradients = expect_survival(map, camera, without_jumps()).gradients;
     EXPECT_GT(gradients.rows.size(), 20u);
   }
   Camera camera = straight_camera(1, 1, 20);
@@ -85,7 +85,7 @@ std::vector<Gaussian> corners_and_all(const Camera& camera) {
   }
   Gaussian everywhere;
   everywhere.mean = {0, 0, 100};
-  everywhere.scale_m.setConstant(3000);
+  everywhere.scale_m = {3000, 3000, 10};
   everywhere.opacity = 0.1;
   gaussians.push_back(everywhere);
   return gaussians;
@@ -159,7 +159,7 @@ TYPED_TEST(RasterSizes, MemoryIsBoundedWhenEverythingCoversEverything) {
   std::vector<Gaussian> gaussians(20000);
   for (Gaussian& g : gaussians) {
     g.mean = {random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(2, 4)};
-    g.scale_m.setConstant(50);
+    g.scale_m = {50, 50, 0.5};
     g.opacity = 0.02;
     g.color = {random.uniform(0, 1), random.uniform(0, 1), random.uniform(0, 1)};
   }
@@ -189,7 +189,8 @@ TYPED_TEST(RasterSizes, BandsFitTogether) {
   for (std::size_t i = 0; i < gaussians.size(); ++i) {
     Gaussian& g = gaussians[i];
     g.mean = {random.uniform(-1, 1), random.uniform(-1, 1), 2 + 1e-4 * double(i)};
-    g.scale_m.setConstant(i % 8 ? 3 : 0.05);
+    g.scale_m.setConstant(0.05);
+    if (i % 8 != 0) g.scale_m.head<2>().setConstant(3);
     g.opacity = 0.02;
     g.color = {random.uniform(0, 1), random.uniform(0, 1), random.uniform(0, 1)};
   }

@@ -81,8 +81,8 @@ def colours(gaussians: GaussianMap, means_in_world: Array, camera: Camera, degre
 
 def project_covariances(
     gaussians: GaussianMap, x_in_camera: Array, camera: Camera
-) -> tuple[Array, Array]:
-    """Of the place in the image, [N,2,2], and of that with the depth in the camera, [N,2].
+) -> tuple[Array, Array, Array]:
+    """Of the place in the image, [N,2,2], of that with the depth, [N,2], and std of the depth, [N].
 
     J W R S S^T R^T W^T J^T, as in EWA splatting (Zwicker et al. 2001).
     """
@@ -107,7 +107,8 @@ def project_covariances(
     camera_from_world = camera.world_from_camera[:3, :3].T
     axes = camera_from_world @ rotations * scales[:, None, :]
     factors = np.moveaxis(jacobians, 2, 0) @ axes
-    return factors @ factors.transpose(0, 2, 1), np.einsum("nij,nj->ni", factors, axes[:, 2])
+    covars = factors @ factors.transpose(0, 2, 1)
+    return covars, np.einsum("nij,nj->ni", factors, axes[:, 2]), np.linalg.norm(axes[:, 2], axis=1)
 
 
 def render(
@@ -119,12 +120,13 @@ def render(
         gaussians.origin - camera.world_from_camera[:3, 3]
     )
     x_in_camera = offsets @ camera.world_from_camera[:3, :3]
-    visible = np.flatnonzero(x_in_camera[:, 2] > options.near_m)
-    order = visible[np.argsort(x_in_camera[visible, 2], kind="stable")]
 
     with np.errstate(all="ignore"):  # Gaussians behind the camera are computed and never used.
-        covars, with_depth = project_covariances(gaussians, x_in_camera, camera)
+        covars, with_depth, depth_stds = project_covariances(gaussians, x_in_camera, camera)
         rgbs = colours(gaussians, gaussians.means + gaussians.origin, camera, options.sh_degree)
+    nearest = np.maximum(options.near_m, options.near_sigmas * depth_stds)
+    visible = np.flatnonzero(x_in_camera[:, 2] > nearest)
+    order = visible[np.argsort(x_in_camera[visible, 2], kind="stable")]
     if options.clamp_colors:
         rgbs = np.maximum(0, rgbs)
     blurred = covars + options.eps2d_px2 * np.eye(2)

@@ -24,6 +24,8 @@ CASES = {
     "thresholds": ({}, {}, {"alpha_min": 0.05, "transmittance_min": 0.1}),
     "no thresholds": ({}, {}, {"alpha_min": 1e-30, "transmittance_min": 0.0}),
     "near plane": ({}, {"distance_m": 0.3}, {"near_m": 0.2}),
+    "near in sigmas": ({}, {"distance_m": 0.3}, {"near_sigmas": 9.0}),
+    "through the camera": ({}, {"distance_m": 0.1}, {"near_sigmas": 0.0}),
     "inside": ({"sh_degree": 2}, {"distance_m": 0.1, "fov_rad": 1.5}, {}),
     "many tiles": ({}, {"width": 171, "height": 129}, {}),
     "one pixel": ({}, {"width": 1, "height": 1}, {}),

@@ -170,6 +170,7 @@ def rasterization(
         colors = colors[..., : (sh_degree + 1) ** 2, :]
     options = RenderOptions(
         near_m=near_plane,
+        near_sigmas=0,  # As in gsplat.
         sh_degree=sh_degree or 0,
         clamp_colors=sh_degree is not None,
         eps2d_px2=eps2d,

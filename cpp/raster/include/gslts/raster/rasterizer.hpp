@@ -17,6 +17,10 @@ namespace gslts::raster {
 struct RenderOptions {
   std::array<double, 3> background{0.0, 0.0, 0.0};  ///< RGB behind the Gaussians.
   double near_m = 0.05;  ///< Gaussians with centre depth z <= near_m are not seen, m. > 0
+  /// Gaussians whose depth is at most so many of its standard deviations are not seen: projection
+  /// linearises them at their centre, which fails where they reach the camera's plane, and makes
+  /// fog of a wall beside the camera (the guard band of Kerbl et al. 2023, sec. 6). >= 0
+  double near_sigmas = 3.0;
   int sh_degree = 3;     ///< Highest SH degree used, 0 to 3; the map's own degree caps it.
   /// Colours below 0 count as 0, as in 3DGS; if false they are kept, and `rgb` is linear in `sh`.
   bool clamp_colors = true;
