@@ -24,6 +24,7 @@ using detect::ObjectChange;
 using detect::ObjectRule;
 using detect::PaperChange;
 using detect::PaperRule;
+using detect::Side;
 using detect::Surface;
 using detect::Views;
 using Arrays = py::typing::Dict<py::str, py::array>;
@@ -93,7 +94,7 @@ Args:
                          R"(How changed objects are told from errors of sensor, pose and map.
 
 Args:
-    step_m: A surface counts as nearer by so much,
+    step_m: A surface counts as nearer by so much, across it,
     step_per_m: by so much more times the square of its depth in m,
     step_px: and by what its depth changes within so many pixels.
     reach_px: By which edges may be misplaced.
@@ -135,6 +136,7 @@ void define_results(py::module_& m) {
       .value("ADDITION", ChangeType::kAddition)
       .value("REMOVAL", ChangeType::kRemoval)
       .value("RELOCATION", ChangeType::kRelocation);
+  py::enum_<Side>(m, "Side").value("BEFORE", Side::kBefore).value("AFTER", Side::kAfter);
   py::class_<Component>(m, "Component", "Pixels of a mask that touch each other.")
       .def_readonly("label", &Component::label, "In the image of labels, from 1.")
       .def_readonly("area", &Component::area, "px")
@@ -146,6 +148,7 @@ void define_results(py::module_& m) {
       .def_readonly("first", &PaperChange::first, "R_1")
       .def_readonly("second", &PaperChange::second, "R_2 of a relocation.");
   py::class_<Surface>(m, "Surface", "The visible surface of an object, at one of the times.")
+      .def_readonly("side", &Surface::side, "Seen in the map (BEFORE) or in the photo (AFTER).")
       .def_readonly("label", &Surface::label, "In the image of labels.")
       .def_readonly("area_px", &Surface::area_px)
       .def_readonly("area_m2", &Surface::area_m2, "Facing the camera.")
@@ -155,7 +158,11 @@ void define_results(py::module_& m) {
       .def_readonly("color", &Surface::color, "(3,) mean, sRGB.")
       .def_readonly("step_m", &Surface::step_m,
                     "By which it is nearer than what is seen at the other time.")
-      .def_readonly("flat", &Surface::flat, "Whether colours and features alone tell of it.");
+      .def_readonly("steps", &Surface::steps, "The same in units of the least that counts.")
+      .def_readonly("differing", &Surface::differing,
+                    "Share of its pixels in which colours or features differ.")
+      .def_readonly("flat", &Surface::flat, "Whether colours and features alone tell of it.")
+      .def_readonly("samples", &Surface::samples, "[N] points (3,) of it, in the world, m.");
   py::class_<ObjectChange>(m, "ObjectChange", "An object elsewhere, new or gone.")
       .def_readonly("type", &ObjectChange::type)
       .def_readonly("confidence", &ObjectChange::confidence, "0 to 1.")
@@ -240,21 +247,28 @@ Returns:
 Raises:
     ValueError: A setting is out of range.)");
   m.def(
-      "changed_objects",
+      "changed_surfaces",
       [](const OwnedViews& owned, const Masks& masks, const ObjectRule& rule) {
-        detect::ObjectChanges changes = [&] {
+        detect::Surfaces found = [&] {
           const py::gil_scoped_release release;
-          return detect::changed_objects(owned.views, masks, rule);
+          return detect::changed_surfaces(owned.views, masks, rule);
         }();
         const Camera& camera = owned.views.camera;
-        return std::pair(std::move(changes.changes),
-                         to_numpy(std::move(changes.labels), {camera.height, camera.width}));
+        return std::pair(std::move(found.surfaces),
+                         to_numpy(std::move(found.labels), {camera.height, camera.width}));
       },
       py::arg("views"), py::arg("masks"), py::arg("rule"),
-      R"(All objects that changed, the most certain first.
+      R"(What only one of map and photo shows.
 
 Returns:
-    The changes, and the labels [H,W] int32 of their surfaces; 0 where nothing changed.
+    The surfaces, and the image [H,W] int32 of their labels; 0 where nothing changed.
+
+Raises:
+    ValueError: A setting is out of range.)");
+  m.def("changes_of", &detect::changes_of, py::arg("surfaces"), py::arg("rule"),
+        R"(The changes that explain some surfaces, the most certain first.
+
+What vanished and what appeared are one object if they are alike in colour and size.
 
 Raises:
     ValueError: A setting is out of range.)");

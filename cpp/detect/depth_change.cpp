@@ -1,5 +1,6 @@
 #include "depth_change.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <opencv2/imgproc.hpp>
@@ -41,11 +42,17 @@ cv::Mat slope_of(const cv::Mat& depth) {
   return cv::min(slope, kSteepest * depth);
 }
 
-void clean(Array<std::uint8_t>& mask, const Camera& camera) {
-  const cv::Mat image = mask_of(mask, camera);
+/// Certain pixels, without specks, and those likely ones that `reach_px` took from around them.
+Array<std::uint8_t> grown(const cv::Mat& certain, const cv::Mat& likely, int reach_px) {
   const cv::Mat disc = cv::getStructuringElement(cv::MORPH_ELLIPSE, {3, 3});
-  cv::morphologyEx(image, image, cv::MORPH_OPEN, disc);
-  cv::morphologyEx(image, image, cv::MORPH_CLOSE, disc, {-1, -1}, 2);
+  cv::Mat mask;
+  cv::morphologyEx(certain, mask, cv::MORPH_OPEN, disc);
+  const int side = 2 * (reach_px + 1) + 1;
+  cv::dilate(mask, mask, cv::Mat::ones(side, side, CV_8U));
+  cv::bitwise_and(mask, likely, mask);
+  cv::morphologyEx(mask, mask, cv::MORPH_OPEN, disc);
+  cv::morphologyEx(mask, mask, cv::MORPH_CLOSE, disc);
+  return array_of(mask);
 }
 
 }  // namespace
@@ -53,25 +60,34 @@ void clean(Array<std::uint8_t>& mask, const Camera& camera) {
 DepthChange depth_change_of(const Views& views, const Masks& masks, const ObjectRule& rule) {
   const cv::Mat seen = filled(views.measured, views.camera);
   const cv::Mat known = filled(views.rendered, views.camera);
-  const cv::Mat seen_around = nearest_around(seen, rule.reach_px);
-  const cv::Mat known_around = nearest_around(known, rule.reach_px);
-  // The depth of a map is that of the centres of its Gaussians, which errs where they are large and
-  // the surface slants.
   const cv::Mat slope = slope_of(known);
-  const auto nearer = [&](std::size_t k, float depth, float around) {
-    const double step_m = rule.step_m + rule.step_per_m * depth * depth +
-                          rule.step_px * slope.ptr<float>()[k];
-    return around < kFar_m && around - depth > step_m;
+  const cv::Mat usable = mask_of(masks.known, views.camera);
+  const double focal_px = 0.5 * (views.camera.fx + views.camera.fy);
+  // The least step that counts, for a surface at some depth.
+  const auto least_m = [&](float depth, std::size_t k) {
+    const double change = slope.ptr<float>()[k];  // Of the depth, from pixel to pixel.
+    const double tangent = focal_px * change / depth;
+    return rule.step_m * std::sqrt(1 + tangent * tangent) + rule.step_per_m * depth * depth +
+           rule.step_px * change;
   };
-  DepthChange change{Array<std::uint8_t>(views.size()), Array<std::uint8_t>(views.size())};
-  for (std::size_t k = 0; k < views.size(); ++k) {
-    const float here = seen.ptr<float>()[k], there = known.ptr<float>()[k];
-    const bool both = masks.known[k] && here < kFar_m && there < kFar_m;
-    change.appeared[k] = both && nearer(k, here, known_around.ptr<float>()[k]);
-    change.vanished[k] = both && nearer(k, there, seen_around.ptr<float>()[k]);
-  }
-  clean(change.appeared, views.camera);
-  clean(change.vanished, views.camera);
+  // How much nearer one depth is than another, in such steps.
+  const auto steps = [&](const cv::Mat& one, const cv::Mat& other) {
+    cv::Mat image(one.size(), CV_32F);
+    for (std::size_t k = 0; k < views.size(); ++k) {
+      const float here = one.ptr<float>()[k], there = other.ptr<float>()[k];
+      const bool both = usable.ptr<std::uint8_t>()[k] && here < kFar_m && there < kFar_m;
+      image.ptr<float>()[k] = both ? float((there - here) / least_m(here, k)) : 0;
+    }
+    return image;
+  };
+  constexpr double kLikely = 0.5;
+  const auto only_in = [&](const cv::Mat& one, const cv::Mat& other) {
+    const cv::Mat certain = steps(one, nearest_around(other, rule.reach_px)) > 1;
+    return grown(certain, steps(one, other) > kLikely, rule.reach_px);
+  };
+  DepthChange change{only_in(seen, known), only_in(known, seen), Array<float>(views.size())};
+  const cv::Mat differences = cv::abs(steps(seen, known));
+  std::copy_n(differences.ptr<float>(), views.size(), change.steps.begin());
   return change;
 }
 

@@ -10,6 +10,7 @@ namespace gslts::detect {
 struct DepthChange {
   Array<std::uint8_t> appeared;  ///< The photo's is nearer than all of the map's around it.
   Array<std::uint8_t> vanished;  ///< The map's is nearer than all of the photo's around it.
+  Array<float> steps;  ///< Difference of depths in units of the least that counts; 0 if unknown.
 };
 
 /// Looking at all surfaces within `reach_px` forgives edges that stand a little beside their place,

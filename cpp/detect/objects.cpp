@@ -16,26 +16,24 @@ namespace {
 
 /// A difference of sRGB colours by which two surfaces look half alike.
 constexpr double kColorStep = 0.2;
+/// Of a difference in brightness, which light and shade change from place to place.
+constexpr double kBrightnessShare = 0.5;
+/// Parts so near to each other are of one object: bars of a chair, say.
+constexpr int kGap_px = 3;
 /// Around an object that moved, colours differ for its shadow and for edges a little off.
 constexpr int kShadow_px = 4;
 
-struct Found {
-  Side side;
-  Surface surface;
-};
-
-void validate_rule(const ObjectRule& rule) {
-  constexpr const char* kName = "changed_objects";
-  require_in(kName, "step_m", rule.step_m, 0, 10);
-  require_in(kName, "step_per_m", rule.step_per_m, 0, 10);
-  require_in(kName, "step_px", rule.step_px, 0, 100);
-  require_in(kName, "reach_px", rule.reach_px, 0, 100);
-  require_in(kName, "least_area_m2", rule.least_area_m2, 0, 100);
-  require_in(kName, "least_area_px", rule.least_area_px, 1, 1e9);
-  require_in(kName, "flat_area_m2", rule.flat_area_m2, 0, 100);
-  require_in(kName, "flat_step_m", rule.flat_step_m, 0, 10);
-  require_in(kName, "least_contrast", rule.least_contrast, 0, 10);
-  require_in(kName, "alike", rule.alike, 0, 1);
+void validate_rule(const ObjectRule& rule, const char* function) {
+  require_in(function, "step_m", rule.step_m, 0, 10);
+  require_in(function, "step_per_m", rule.step_per_m, 0, 10);
+  require_in(function, "step_px", rule.step_px, 0, 100);
+  require_in(function, "reach_px", rule.reach_px, 0, 100);
+  require_in(function, "least_area_m2", rule.least_area_m2, 0, 100);
+  require_in(function, "least_area_px", rule.least_area_px, 1, 1e9);
+  require_in(function, "flat_area_m2", rule.flat_area_m2, 0, 100);
+  require_in(function, "flat_step_m", rule.flat_step_m, 0, 10);
+  require_in(function, "least_contrast", rule.least_contrast, 0, 10);
+  require_in(function, "alike", rule.alike, 0, 1);
 }
 
 Pixels pixels_of(const Components& components, const Component& one, int width) {
@@ -50,19 +48,27 @@ Pixels pixels_of(const Components& components, const Component& one, int width) 
   return pixels;
 }
 
+double median_of(const Array<float>& values, const Pixels& pixels) {
+  std::vector<float> chosen;
+  for (const std::size_t k : pixels) chosen.push_back(values[k]);
+  const auto middle = chosen.begin() + std::ptrdiff_t(chosen.size() / 2);
+  std::nth_element(chosen.begin(), middle, chosen.end());
+  return *middle;
+}
+
 /// Finds surfaces, and draws each into the image of labels with the next free number.
 class Finder {
  public:
   Finder(const Views& views, const Masks& masks, const ObjectRule& rule)
-      : views_(views), masks_(masks), rule_(rule), labels_(views.size(), 0) {}
+      : views_(views),
+        masks_(masks),
+        rule_(rule),
+        depth_(depth_change_of(views, masks, rule)),
+        labels_(views.size(), 0) {}
 
-  void add_steps(const Array<std::uint8_t>& mask, Side side) {
-    const int width = views_.camera.width;
-    const Components parts = components_of(mask.data(), width, views_.camera.height);
-    for (const Component& part : parts.components) {
-      if (part.area < rule_.least_area_px) break;  // The largest come first.
-      add(pixels_of(parts, part, width), side, rule_.least_area_m2, false);
-    }
+  void add_steps() {
+    add_steps(depth_.appeared, Side::kAfter);
+    add_steps(depth_.vanished, Side::kBefore);
   }
 
   /// What colours and features tell beside that.
@@ -82,18 +88,39 @@ class Finder {
     }
   }
 
-  std::vector<Found> found;
+  std::vector<Surface> found;
 
   Array<std::int32_t> labels() && { return std::move(labels_); }
 
  private:
+  void add_steps(const Array<std::uint8_t>& mask, Side side) {
+    const int width = views_.camera.width;
+    cv::Mat together;
+    cv::dilate(mask_of(mask, views_.camera), together, cv::Mat::ones(kGap_px, kGap_px, CV_8U));
+    const Components parts =
+        components_of(together.ptr<std::uint8_t>(), width, views_.camera.height);
+    for (const Component& part : parts.components) {
+      if (part.area < rule_.least_area_px) break;  // The largest come first.
+      Pixels pixels = pixels_of(parts, part, width);
+      pixels.erase(std::remove_if(pixels.begin(), pixels.end(),
+                                  [&](std::size_t k) { return mask[k] == 0; }),
+                   pixels.end());
+      if (int(pixels.size()) < rule_.least_area_px) continue;
+      add(pixels, side, rule_.least_area_m2, false);
+    }
+  }
+
   void add(const Pixels& pixels, Side side, double least_area_m2, bool flat) {
     std::optional<Surface> surface = surface_of(views_, pixels, side);
     if (!surface || surface->area_m2 < least_area_m2) return;
     surface->label = int(found.size()) + 1;
     surface->flat = flat;
+    std::size_t differing = 0;
+    for (const std::size_t k : pixels) differing += masks_.pixel[k] | masks_.feature[k];
+    surface->differing = double(differing) / double(pixels.size());
+    if (!flat) surface->steps = median_of(depth_.steps, pixels);
     for (const std::size_t k : pixels) labels_[k] = surface->label;
-    found.push_back({side, *surface});
+    found.push_back(*surface);
   }
 
   cv::Mat around_found() const {
@@ -109,15 +136,18 @@ class Finder {
   const Views& views_;
   const Masks& masks_;
   const ObjectRule& rule_;
+  const DepthChange depth_;
   Array<std::int32_t> labels_;
 };
 
-/// 0 to 1: whether these may be one object, by size and colour.
+/// 0 to 1: whether these may be one object, by colour and size. Parts of either may be hidden.
 double likeness(const Surface& a, const Surface& b) {
-  const auto ratio = [](double x, double y) { return std::min(x, y) / std::max({x, y, 1e-9}); };
-  const double lengths = ratio((a.high - a.low).norm(), (b.high - b.low).norm());
-  const double colors = std::exp2(-(a.color - b.color).norm() / kColorStep);
-  return std::sqrt(ratio(a.area_m2, b.area_m2)) * lengths * colors;
+  const double one = (a.high - a.low).norm(), other = (b.high - b.low).norm();
+  const double lengths = std::min(one, other) / std::max({one, other, 1e-9});
+  const Eigen::Vector3d difference = a.color - b.color;
+  const Eigen::Vector3d brightness = Eigen::Vector3d::Constant(difference.mean());
+  const double step = (difference - (1 - kBrightnessShare) * brightness).norm();
+  return std::sqrt(lengths) * std::exp2(-step / kColorStep);
 }
 
 /// 0 to 1: large surfaces that stand out far are certain.
@@ -129,7 +159,10 @@ double certainty(const Surface& surface, const ObjectRule& rule) {
   return by_area * by_step;
 }
 
-std::vector<ObjectChange> matched(const std::vector<Found>& found, const ObjectRule& rule) {
+}  // namespace
+
+std::vector<ObjectChange> changes_of(const std::vector<Surface>& found, const ObjectRule& rule) {
+  validate_rule(rule, "changes_of");
   struct Pair {
     double likeness;
     std::size_t before, after;
@@ -138,7 +171,7 @@ std::vector<ObjectChange> matched(const std::vector<Found>& found, const ObjectR
   for (std::size_t i = 0; i < found.size(); ++i) {
     for (std::size_t j = 0; j < found.size(); ++j) {
       if (found[i].side != Side::kBefore || found[j].side != Side::kAfter) continue;
-      const double both = likeness(found[i].surface, found[j].surface);
+      const double both = likeness(found[i], found[j]);
       if (both >= rule.alike) pairs.push_back({both, i, j});
     }
   }
@@ -149,13 +182,13 @@ std::vector<ObjectChange> matched(const std::vector<Found>& found, const ObjectR
   for (const Pair& pair : pairs) {
     if (taken[pair.before] || taken[pair.after]) continue;
     taken[pair.before] = taken[pair.after] = true;
-    const Surface &before = found[pair.before].surface, &after = found[pair.after].surface;
+    const Surface &before = found[pair.before], &after = found[pair.after];
     const double certain = std::max(certainty(before, rule), certainty(after, rule));
     changes.push_back({ChangeType::kRelocation, certain, before, after});
   }
   for (std::size_t i = 0; i < found.size(); ++i) {
     if (taken[i]) continue;
-    const Surface& surface = found[i].surface;
+    const Surface& surface = found[i];
     const double certain = certainty(surface, rule);
     if (found[i].side == Side::kBefore) {
       changes.push_back({ChangeType::kRemoval, certain, surface, std::nullopt});
@@ -169,18 +202,13 @@ std::vector<ObjectChange> matched(const std::vector<Found>& found, const ObjectR
   return changes;
 }
 
-}  // namespace
-
-ObjectChanges changed_objects(const Views& views, const Masks& masks, const ObjectRule& rule) {
-  validate(views.camera, "changed_objects");
-  validate_rule(rule);
-  const DepthChange depth = depth_change_of(views, masks, rule);
+Surfaces changed_surfaces(const Views& views, const Masks& masks, const ObjectRule& rule) {
+  validate(views.camera, "changed_surfaces");
+  validate_rule(rule, "changed_surfaces");
   Finder finder(views, masks, rule);
-  finder.add_steps(depth.appeared, Side::kAfter);
-  finder.add_steps(depth.vanished, Side::kBefore);
+  finder.add_steps();
   finder.add_flats();
-  std::vector<ObjectChange> changes = matched(finder.found, rule);
-  return {std::move(changes), std::move(finder).labels()};
+  return {std::move(finder.found), std::move(finder).labels()};
 }
 
 }  // namespace gslts::detect

@@ -10,6 +10,9 @@ namespace {
 /// Share of the points at either end of an axis that may be strays.
 constexpr double kStrays = 0.05;
 
+/// Enough to tell which part of a surface is where.
+constexpr std::size_t kSamples = 100;
+
 double at_share(std::vector<double>& values, double share) {
   const auto middle = values.begin() + std::ptrdiff_t(share * double(values.size() - 1));
   std::nth_element(values.begin(), middle, values.end());
@@ -29,6 +32,8 @@ std::optional<Surface> surface_of(const Views& views, const Pixels& pixels, Side
   std::array<std::vector<double>, 3> points;
   std::vector<double> steps;
   Surface surface;
+  surface.side = side;
+  const std::size_t stride = pixels.size() / kSamples + 1;
   for (const std::size_t k : pixels) {
     for (int c = 0; c < 3; ++c) surface.color[c] += colors[3 * k + std::size_t(c)];
     const double z = depth[k];
@@ -36,6 +41,7 @@ std::optional<Surface> surface_of(const Views& views, const Pixels& pixels, Side
     const double x = (double(k % std::size_t(camera.width)) + 0.5 - camera.cx) / camera.fx * z;
     const double y = (double(k / std::size_t(camera.width)) + 0.5 - camera.cy) / camera.fy * z;
     const Eigen::Vector3d point = camera.world_from_camera * Eigen::Vector3d(x, y, z);
+    if (points[0].size() % stride == 0) surface.samples.push_back(point);
     for (int c = 0; c < 3; ++c) points[std::size_t(c)].push_back(point[c]);
     surface.area_m2 += z * z / (camera.fx * camera.fy);
     if (measured(other[k])) steps.push_back(double(other[k]) - z);

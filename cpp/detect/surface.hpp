@@ -7,8 +7,6 @@
 
 namespace gslts::detect {
 
-enum class Side { kBefore, kAfter };
-
 /// Indices of pixels, ascending.
 using Pixels = std::vector<std::size_t>;
 

@@ -43,6 +43,8 @@ KINDS: dict[_core.ChangeType, Kind] = {
 }
 LEAST_FREE = 0.3
 """Share of what appeared that must stand where a camera once looked through."""
+LEAST_SOLID = 0.5
+"""Share of the sights of what vanished that must have shown a surface there, and not farther on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +159,7 @@ class ChangeDetector:
         mask: Bools | None,
     ) -> Detection:
         config = self.config
-        images = self._rasterizer.forward(self._map, camera, RenderOptions(threads=config.threads))
+        images = self._rasterizer.forward(self._map, camera, RenderOptions(threads=config.threads, near_sigmas=6))
         alpha = images.alpha if mask is None else np.where(mask, images.alpha, np.float32(0))
         known = alpha >= config.masks.alpha_min
         rgb = exposed(images.rgb, robust_exposure(images.rgb, photo, known, config.threads))
@@ -197,23 +199,31 @@ class ChangeDetector:
         )
 
     def _objects(self, views: _core.Views, masks: _core.MaskSet) -> tuple[Change, ...]:
-        found, labels = _core.changed_objects(views, masks, self.config.objects)
+        found, labels = _core.changed_surfaces(views, masks, self.config.objects)
+        credible = [one for one in found if self._is_credible(one)]
         changes = []
-        for one in found:
-            after = one.after
-            if after is not None and self._seen.free_share(_lattice(after)) < LEAST_FREE:
-                continue
-            shown = after if after is not None else one.before
+        for one in _core.changes_of(credible, self.config.objects):
+            shown = one.after if one.after is not None else one.before
             changes.append(
                 Change(
                     kind=KINDS[one.type],
                     confidence=one.confidence,
                     point=shown.point,
-                    boxes=(_box(one.before), _box(after)),
-                    masks=(_mask(labels, one.before), _mask(labels, after)),
+                    boxes=(_box(one.before), _box(one.after)),
+                    masks=(_mask(labels, one.before), _mask(labels, one.after)),
                 )
             )
         return tuple(changes)
+
+    def _is_credible(self, surface: _core.Surface) -> bool:
+        """Whether the map knows better than to take its own error or ignorance for a change."""
+        if not self._seen.is_known:
+            return True
+        sights = self._seen.sights(np.array(surface.samples))
+        if surface.side == _core.Side.AFTER:
+            return bool((sights.through > 0).mean() >= LEAST_FREE)
+        solid = sights.on.sum()
+        return True; return bool(solid >= LEAST_SOLID * (solid + sights.through.sum()))
 
 
 def _by_the_paper(
@@ -247,13 +257,6 @@ def _fault_of_correction(given: Floats, pose: Floats) -> str | None:
     if shift_m <= MOST_SHIFT_M and turn_rad <= MOST_TURN_RAD:
         return None
     return f"the pose seems off by {shift_m:.2f} m and {np.degrees(turn_rad):.0f} degrees"
-
-
-def _lattice(surface: _core.Surface) -> Floats:
-    """[27,3] points spread over the box of a surface."""
-    steps = np.stack(np.meshgrid(*[[0.1, 0.5, 0.9]] * 3), axis=-1).reshape(-1, 3)
-    points: Floats = surface.low + steps * (surface.high - surface.low)
-    return points
 
 
 def _box(surface: _core.Surface | None) -> tuple[Floats, Floats] | None:

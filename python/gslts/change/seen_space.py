@@ -1,8 +1,13 @@
-"""Where the frames that a map was made from have looked: what nobody saw cannot have changed."""
+"""Where the frames that a map was made from have looked.
+
+What none of them saw cannot have changed, and what most of them looked through is no surface of the
+room but an error of the map.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +18,23 @@ from gslts.render import Rasterizer, RenderOptions
 
 Floats = NDArray[np.float64]
 
-WIDTH_PX = 80
+WIDTH_PX = 160
 """Of the depth images that are kept."""
-MARGIN_M = 0.05
-"""What stands nearer to a surface was not seen to be empty."""
+MARGIN_M, MARGIN_SHARE = 0.03, 0.02
+"""Within so much of a surface, and by so much of its depth more, a point is on it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sights:
+    """How points [P] look from where a map was made.
+
+    Attributes:
+        through: How many frames looked through a point.
+        on: How many saw a surface there.
+    """
+
+    through: NDArray[np.int64]
+    on: NDArray[np.int64]
 
 
 class SeenSpace:
@@ -32,30 +50,40 @@ class SeenSpace:
         self, gaussian_map: GaussianMap, cameras: Iterable[Camera], threads: int = 0
     ) -> None:
         rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
-        self._views: list[tuple[Camera, NDArray[np.float32]]] = []
-        for camera in cameras:
-            small = _shrunk(camera)
-            images = rasterizer.forward(gaussian_map, small, options)
-            self._views.append((small, np.where(images.alpha > 0.5, images.depth, 0)))
+        small = [_shrunk(camera) for camera in cameras]
+        depths = []
+        for camera in small:
+            images = rasterizer.forward(gaussian_map, camera, options)
+            depths.append(np.where(images.alpha > 0.5, images.depth, 0).ravel())
+        self._depths = np.concatenate([np.zeros(1, np.float32), *depths])
+        self._first = np.cumsum([1, *(len(depth) for depth in depths)])[:-1, None]
+        self._camera_from_world = np.array(
+            [np.linalg.inv(camera.world_from_camera) for camera in small]
+        ).reshape(-1, 4, 4)
+        self._lenses = np.array([[one.fx, one.fy, one.cx, one.cy] for one in small]).reshape(-1, 4)
+        self._sizes = np.array([[one.width, one.height] for one in small]).reshape(-1, 2)
 
-    def free_share(self, points: Floats) -> float:
-        """Share of points [P,3] (world, m) that a camera looked through, so that nothing was there.
+    @property
+    def is_known(self) -> bool:
+        """Whether there is any camera."""
+        return len(self._lenses) > 0
 
-        It is 1 if nothing is known about the cameras.
-        """
-        if not self._views:
-            return 1.0
-        free = np.zeros(len(points), np.bool_)
-        for camera, depth in self._views:
-            turn, place = camera.world_from_camera[:3, :3], camera.world_from_camera[:3, 3]
-            x, y, z = ((points - place) @ turn).T
-            ahead = z > MARGIN_M
-            u = np.where(ahead, camera.fx * x / np.where(ahead, z, 1) + camera.cx, -1)
-            v = np.where(ahead, camera.fy * y / np.where(ahead, z, 1) + camera.cy, -1)
-            inside = (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
-            rows, columns = v[inside].astype(np.int64), u[inside].astype(np.int64)
-            free[inside] |= depth[rows, columns] > z[inside] + MARGIN_M
-        return float(free.mean())
+    def sights(self, points: Floats) -> Sights:
+        """How points [P,3] (world, m) look from all cameras."""
+        moves = self._camera_from_world
+        x, y, z = np.einsum("vij,pj->ivp", moves[:, :3, :3], points) + moves[:, :3, 3].T[..., None]
+        fx, fy, cx, cy = self._lenses.T[..., None]
+        width, height = self._sizes.T[..., None]
+        ahead = np.maximum(z, 1e-9)
+        u, v = fx * x / ahead + cx, fy * y / ahead + cy
+        inside = (z > 0) & (u >= 0) & (u < width) & (v >= 0) & (v < height)
+        columns, rows = (np.where(inside, one, 0).astype(np.int64) for one in (u, v))
+        # Nothing is at a depth of 0: the first number is that of all that is outside.
+        depths = self._depths[np.where(inside, self._first + rows * width + columns, 0)]
+        margin = MARGIN_M + MARGIN_SHARE * z
+        through = (depths > z + margin).sum(axis=0)
+        on = (np.abs(depths - z) <= margin).sum(axis=0, where=depths > 0)
+        return Sights(through, on)
 
 
 def _shrunk(camera: Camera) -> Camera:

@@ -14,9 +14,9 @@ namespace gslts::detect {
 
 /// How changed objects are told from errors of sensor, pose and map.
 struct ObjectRule {
-  double step_m = 0.02;           ///< A surface counts as nearer by so much,
+  double step_m = 0.025;          ///< A surface counts as nearer by so much, across it,
   double step_per_m = 0.006;      ///< by so much more times the square of its depth in m,
-  double step_px = 3;             ///< and by what its depth changes within so many pixels.
+  double step_px = 1;             ///< and by what its depth changes within so many pixels.
   int reach_px = 2;               ///< By which edges may be misplaced.
   double least_area_m2 = 6e-4;    ///< Smaller surfaces, facing the camera, are no objects.
   int least_area_px = 25;         ///< Nor are smaller parts of the image.
@@ -26,8 +26,11 @@ struct ObjectRule {
   double alike = 0.45;            ///< How alike the two ends of a relocation are, 0 to 1.
 };
 
+enum class Side { kBefore, kAfter };
+
 /// The visible surface of an object, at one of the times.
 struct Surface {
+  Side side = Side::kBefore;  ///< Seen in the map (before) or in the photo (after).
   int label = 0;         ///< In the image of labels.
   int area_px = 0;       ///< Pixels.
   double area_m2 = 0;    ///< Facing the camera.
@@ -37,7 +40,15 @@ struct Surface {
   Eigen::Vector3d low = Eigen::Vector3d::Zero(), high = Eigen::Vector3d::Zero();
   Eigen::Vector3d color = Eigen::Vector3d::Zero();  ///< Mean, sRGB.
   double step_m = 0;     ///< By which it is nearer than what is seen at the other time.
+  double steps = 0;      ///< The same in units of the least that counts; 0 if flat.
+  double differing = 0;  ///< Share of its pixels in which colours or features differ.
   bool flat = false;     ///< Whether colours and features alone tell of it.
+  std::vector<Eigen::Vector3d> samples;  ///< Some of its points, in the world, m.
+};
+
+struct Surfaces {
+  std::vector<Surface> surfaces;
+  Array<std::int32_t> labels;  ///< [H,W] 0 where nothing changed.
 };
 
 /// An object that is somewhere else, or is new, or is gone.
@@ -48,19 +59,18 @@ struct ObjectChange {
   std::optional<Surface> after;   ///< In the photo; not for a removal.
 };
 
-struct ObjectChanges {
-  std::vector<ObjectChange> changes;  ///< The most certain first.
-  Array<std::int32_t> labels;         ///< [H,W] 0 where nothing changed.
-};
-
-/// All objects that changed.
+/// What only one of the two shows.
 ///
 /// Where the photo's surface is nearer than the map's anywhere around, something appeared; where
 /// the map's is nearer, something vanished. What lies flat is told by colours and features that
-/// both differ: it is in the image where it stands out. What vanished and what appeared are one
-/// object if they are alike in size and colour.
+/// both differ: it is in the image where it stands out.
 /// @param masks  Of the same views.
 /// @throws std::invalid_argument  if the camera or a setting is invalid.
-ObjectChanges changed_objects(const Views& views, const Masks& masks, const ObjectRule& rule);
+Surfaces changed_surfaces(const Views& views, const Masks& masks, const ObjectRule& rule);
+
+/// The changes that explain some surfaces, the most certain first: what vanished and what appeared
+/// are one object if they are alike in colour and size.
+/// @throws std::invalid_argument  if a setting is invalid.
+std::vector<ObjectChange> changes_of(const std::vector<Surface>& surfaces, const ObjectRule& rule);
 
 }  // namespace gslts::detect
