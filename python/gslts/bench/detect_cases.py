@@ -34,6 +34,8 @@ LIGHT_SHIFT_M = 0.5
 VISIT_HORIZON_DEG = (0.0, 30.0)
 """As a robot looks that records a home."""
 TRIES = 100
+LEAST_TASKS = 12
+"""Of a home, so that there are changes to put together."""
 
 
 class Case(BaseModel):
@@ -97,7 +99,7 @@ def cases_of(bench: BenchHome, counts: Counts, tell: Callable[[Part], None]) -> 
     Raises:
         ValueError: Nothing can be changed in it.
     """
-    tasks = bench.tasks(max(1, counts.single))
+    tasks = bench.tasks(max(LEAST_TASKS, counts.single))
     source = tasks[0].home
     assert isinstance(source, HomeSource)  # As a bench's home comes from a seed.
     before = default_state(source, tasks[0].initial_actions)
@@ -224,10 +226,11 @@ def _place(home: Home, rng: np.random.Generator) -> Floats:
     places = floor.places(GRID_M)
     place = places[rng.integers(len(places))]
     for _ in range(TRIES):
-        near = np.round(place + rng.uniform(-GRID_M / 2, GRID_M / 2, 2), 3)
+        near: Floats = np.round(place + rng.uniform(-GRID_M / 2, GRID_M / 2, 2), 3)
         if floor.can_stand(near):
             return near
-    return np.asarray(place)
+    kept: Floats = place
+    return kept
 
 
 def counts_of(tasks: int, homes: int) -> list[Counts]:
