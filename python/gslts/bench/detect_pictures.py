@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -71,7 +72,7 @@ def chosen_of(records: Iterable[Record], variant: str) -> list[Record]:
     """Records of a detector for pictures: as many right as wrong ones, of all parts and homes."""
     own = [one for one in records if one.variant == variant and one.error is None]
     wrong = _spread([one for one in own if not is_right(one)])
-    right = _spread([one for one in own if is_right(one)])
+    right = _spread([one for one in own if is_right(one) and one.unreliable is None])
     fewer = min(len(wrong), max(OF_EACH, 2 * OF_EACH - len(right)))
     return [*wrong[:fewer], *right[: 2 * OF_EACH - fewer]]
 
@@ -79,15 +80,13 @@ def chosen_of(records: Iterable[Record], variant: str) -> list[Record]:
 def picture_name(record: Record) -> str:
     """What happened, what was said, and whether that is right."""
     happened = [f"{one.change.kind}-{one.change.object_type}" for one in record.truths]
-    said: list[str] = [one.kind for one in record.reports]
+    counts = Counter(one.kind for one in record.reports)
+    said = [f"{count}-{kind}" for kind, count in counts.items()] or [NONE]
     if record.unreliable is not None:
         said = [UNRELIABLE]
     outcome = "right" if is_right(record) else "wrong"
-    facts = (
-        *(record.case.replace("/", "_"), record.variant, outcome),
-        *("-and-".join(happened) or NONE, "said", "-and-".join(said) or NONE),
-    )
-    return "_".join(facts)
+    facts = (record.case.replace("/", "_"), record.variant, outcome, *(happened or [NONE]))
+    return "_".join([*facts, "said", *said])
 
 
 def _spread(records: Sequence[Record]) -> list[Record]:

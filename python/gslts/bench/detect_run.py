@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -88,11 +88,13 @@ class DetectUnit:
         bench: The home.
         counts: How many cases.
         trade: Whether single changes are shown to all of `VARIANTS`.
+        code: Digests of the code that makes cases and detects; see `HomeSetup`.
     """
 
     bench: BenchHome
     counts: Counts
     trade: bool = False
+    code: dict[str, Any] = field(default_factory=lambda: _code())
 
     @property
     def name(self) -> str:
@@ -106,8 +108,7 @@ class DetectUnit:
             {
                 "map": self.bench.mapped_of,
                 "cases": self._cases_of,
-                "code": code_of(*DETECT_CODE),
-                "native": native_code(),
+                "code": self.code["detect"],
             }
         )
         return self.bench.work / "detect" / f"{self.name}_{key}.jsonl"
@@ -165,7 +166,7 @@ class DetectUnit:
     @property
     def _cases_of(self) -> dict[str, Any]:
         recorded = self.bench.recorded_of
-        return {"home": recorded, "counts": asdict(self.counts), "code": code_of(*CASES_CODE)}
+        return {"home": recorded, "counts": asdict(self.counts), "code": self.code["cases"]}
 
     def _id(self, case: Case, variant: str) -> str:
         return f"{self.name}/{case.name}: {variant}"
@@ -217,3 +218,10 @@ class Detectors:
 def _report(change: Change) -> Report:
     x, y, z = change.point.tolist()
     return Report(kind=change.kind, confidence=change.confidence, point_m=(x, y, z))
+
+
+def _code() -> dict[str, Any]:
+    return {
+        "cases": code_of(*CASES_CODE),
+        "detect": {"python": code_of(*DETECT_CODE), "native": native_code()},
+    }

@@ -79,6 +79,18 @@ def confusion(singles: Iterable[SingleScore]) -> dict[str, dict[str, int]]:
     return {kind: {said: counts[kind, said] for said in SAID} for kind in KINDS}
 
 
+def counted(records: Sequence[Record]) -> str:
+    """How many cases there are of each part, and in how many homes."""
+    parts: Counter[str] = Counter(
+        {one.case: one.part for one in records if one.error is None}.values()
+    )
+    homes = {one.case.partition("/")[0] for one in records if one.error is None}
+    names = {"single": "single changes", "pair": "pairs", "triple": "triples"}
+    names["unchanged"] = "visits of unchanged homes"
+    cases = ", ".join(f"{parts[part]} {name}" for part, name in names.items())
+    return f"{cases}; {len(homes)} homes"
+
+
 def printed(summaries: Mapping[str, dict[str, Any]]) -> str:
     """All tables; `summaries` are those of `STRATEGIES`, and of `TRADE` if it was measured."""
     strategies = {name: summaries[name] for name in STRATEGIES}
@@ -149,6 +161,7 @@ def _confusions(single: dict[str, Any]) -> str:
         [f"{kind}, {size}", *(str(counts[said]) for said in SAID)]
         for size, of_size in (("all", single["confusion"]), *single["confusion_by_size"].items())
         for kind, counts in of_size.items()
+        if any(counts.values())
     ]
     return table(["happened", *SAID], rows)
 

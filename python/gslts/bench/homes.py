@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -50,6 +50,8 @@ class HomeSetup:
         width, height: Of the images, px.
         noise: Preset of the sensor.
         mapping: How maps are made.
+        code: Digests of the code that makes recordings and maps; taken before any process starts,
+            as sources may be edited while they run.
     """
 
     frames: int = 200
@@ -57,6 +59,7 @@ class HomeSetup:
     height: int = 480
     noise: str = "kinect"
     mapping: MappingConfig = field(default_factory=lambda: PRESETS["fast"])
+    code: dict[str, Any] = field(default_factory=lambda: _code())
 
 
 @dataclass(frozen=True)
@@ -89,8 +92,7 @@ class BenchHome:
             "frames": setup.frames,
             "size": [setup.width, setup.height],
             "noise": setup.noise,
-            "code": code_of(*SIM_CODE),
-            "libraries": _versions(),
+            "code": setup.code["sim"],
         }
 
     @property
@@ -99,8 +101,7 @@ class BenchHome:
         return {
             "recording": self.recorded_of,
             "mapping": self.setup.mapping.model_dump(exclude={"threads"}),
-            "code": code_of(*MAP_CODE),
-            "native": native_code(),
+            "code": self.setup.code["map"],
         }
 
     def tasks(self, count: int) -> list[Task]:
@@ -158,9 +159,19 @@ class BenchHome:
         return made(self.work / "maps" / self.name, self.mapped_of, make)
 
 
-def homes_of(seeds: range, setup: HomeSetup, work: Path) -> list[BenchHome]:
-    """Those of all room types for each seed."""
-    return [BenchHome(room_type, seed, setup, work) for seed in seeds for room_type in ROOM_TYPES]
+def homes_of(
+    seeds: range, room_types: Sequence[str], setup: HomeSetup, work: Path
+) -> list[BenchHome]:
+    """Those of some room types for each seed; of all if none is named.
+
+    Raises:
+        ValueError: There is no such room type, or one is named twice.
+    """
+    room_types = room_types or list(ROOM_TYPES)
+    if not set(room_types) <= set(ROOM_TYPES) or len(set(room_types)) < len(room_types):
+        known, got = ", ".join(ROOM_TYPES), ", ".join(room_types)
+        raise ValueError(f"room types: expected some of {known}, each once, got {got}")
+    return [BenchHome(room_type, seed, setup, work) for seed in seeds for room_type in room_types]
 
 
 def default_state(source: HomeSource, initial_actions: Iterable[ChangeAction]) -> SceneState:
@@ -187,11 +198,14 @@ def _told(items: Iterable[Item], tell: Callable[[], None]) -> Iterator[Item]:
         tell()
 
 
-def _versions() -> dict[str, str]:
-    found = {}
+def _code() -> dict[str, Any]:
+    libraries = {}
     for name in SIM_LIBRARIES:
         try:
-            found[name] = version(name)
+            libraries[name] = version(name)
         except PackageNotFoundError:  # Open3D has two names.
             continue
-    return found
+    return {
+        "sim": {"python": code_of(*SIM_CODE), "libraries": libraries},
+        "map": {"python": code_of(*MAP_CODE), "native": native_code()},
+    }

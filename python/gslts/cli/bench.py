@@ -26,6 +26,10 @@ Seeds = Annotated[
         "From 10000 on they are kept for evaluation.",
     ),
 ]
+Rooms = Annotated[
+    list[str] | None,
+    typer.Option("--room", help="Room type instead of all three; may be given again."),
+]
 Tasks = Annotated[int, typer.Option(min=1, help="How many, spread over the homes.")]
 Jobs = Annotated[int, typer.Option(min=1, help="Processes; each works on one home at a time.")]
 Json = Annotated[Path | None, typer.Option("--json", help="File for everything that was found.")]
@@ -50,6 +54,7 @@ def describe() -> None:
 @bench.command()
 def detect(
     seeds: Seeds = "0:4",
+    room: Rooms = None,
     tasks: Tasks = 300,
     jobs: Jobs = 1,
     json_path: Json = None,
@@ -76,21 +81,22 @@ def detect(
 
     from gslts.bench import detect as bench_detect
     from gslts.bench.detect_plot import write_plot
-    from gslts.bench.detect_tables import printed
+    from gslts.bench.detect_tables import counted, printed
     from gslts.bench.homes import homes_of
     from gslts.files import empty_folder, write_whole
 
     chosen, setup = seeds_of(seeds), setup_of(preset, settings, frames, size)
+    homes = homes_of(chosen, room or [], setup, work)
     for path in (json_path, trade):
         require_writable(path)
     if pictures is not None:
         empty_folder(pictures)
     work.mkdir(parents=True, exist_ok=True)
-    units = bench_detect.units_of(homes_of(chosen, setup, work), tasks, trade=trade is not None)
+    units = bench_detect.units_of(homes, tasks, trade=trade is not None)
     with tqdm(total=1, desc="detecting", bar_format=BAR, smoothing=0.05, disable=None) as bar:
         outcome = bench_detect.measure(units, jobs, bar)
     summaries = outcome.summaries()
-    typer.echo(printed(summaries))
+    typer.echo(f"{counted(outcome.records)}\n\n{printed(summaries)}")
     if json_path is not None:
         content = json.dumps(bench_detect.told(units, outcome), indent=1) + "\n"
         write_whole(json_path, content.encode())
