@@ -33,7 +33,8 @@ from gslts.map_folder import CAMERAS, read_map
 from gslts.sim.home_source import STRICT
 
 DETECT_CODE = (
-    *("alignment", "camera", "change", "frame", "gaussian_map", "losses", "render"),
+    *("alignment", "camera", "camera_files", "change", "files", "frame", "gaussian_map"),
+    *("losses", "map_folder", "ply", "render"),
     *("bench/detect_run", "bench/detect_variants"),
 )
 """What decides what is detected in a frame, besides the compiled module."""

@@ -149,10 +149,10 @@ def _false_visits(one: dict[str, Any]) -> str:
 
 
 def _compared(strategies: Mapping[str, dict[str, Any]], key: str) -> str:
-    names = next(iter(strategies.values()))["single"][key]
-    rows = [
-        [name, *(share(*one["single"][key][name]) for one in strategies.values())] for name in names
-    ]
+    groups = [one["single"][key] for one in strategies.values()]
+    # Where all cases of an object failed in one of them, it is not there.
+    names = dict.fromkeys(name for group in groups for name in group)
+    rows = [[name, *(share(*group.get(name, (0, 0))) for group in groups)] for name in names]
     return table(["", *(f"`{name}`" for name in strategies)], rows)
 
 
