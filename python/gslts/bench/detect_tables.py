@@ -64,11 +64,9 @@ def summary(records: Iterable[Record], variant: str) -> dict[str, Any]:
             "unreliable": [sum(one.unreliable is not None for one in visits), len(visits)],
         },
         "ms": {
-            part: float(np.median(times)) if times else None
-            for part, times in (
-                ("single", [one.ms for one in own if one.part == "single"]),
-                ("all", [one.ms for one in own]),
-            )
+            "single": _median([one.ms for one in own if one.part == "single"]),
+            "all": _median([one.ms for one in own]),
+            "all_cpu": _median([one.cpu_ms for one in own]),
         },
     }
 
@@ -139,6 +137,7 @@ def _overview(strategies: Mapping[str, dict[str, Any]]) -> str:
         row("no change: visits with reports", "1 of 200", _false_visits),
         row("- unreliable", "", lambda s: share(*s["unchanged"]["unreliable"])),
         row("median time on one core", "60 ms", lambda s: _ms(s["ms"]["all"])),
+        row("- of it on the core", "", lambda s: _ms(s["ms"]["all_cpu"])),
     ]
     return table(["", *(f"`{name}`" for name in strategies), "wanted"], rows)
 
@@ -179,6 +178,10 @@ def _trade(summaries: Mapping[str, dict[str, Any]]) -> str:
     ]
     header = ["", "type and region right", "told by any report", "other reports", "median time"]
     return table(header, rows)
+
+
+def _median(times: Sequence[float]) -> float | None:
+    return float(np.median(times)) if times else None
 
 
 def _ms(ms: float | None) -> str:
