@@ -16,14 +16,12 @@ from PIL import Image
 from test_cli_sim import gslts
 
 from gslts.bench.detect_cases import (
-    LIGHT_SHIFT_M,
     Case,
     HomeCases,
     counts_of,
     frame_of,
-    noise_of_visit,
-    with_light_moved,
 )
+from gslts.bench.detect_visits import LIGHT_SHIFT_M, noise_of_visit, with_light_moved
 from gslts.bench.homes import BenchHome, HomeSetup, default_state, homes_of
 from gslts.camera import rotation_vector
 from gslts.sim.actions import SceneState
@@ -89,7 +87,7 @@ def test_all_is_asked_once_of_both(done: Path) -> None:
     assert one["right"][1] == 6
     assert sum(sum(row.values()) for row in one["confusion"].values()) == 6
     text = (done / "stdout").read_text()
-    assert "6 single changes, 1 pairs, 1 triples, 4 visits of unchanged homes; 1 homes" in text
+    assert "6 single changes, 1 pairs, 1 triples, 4 visits of unchanged homes; 1 home(s)" in text
     right, of = one["right"]
     assert (
         f"| one change: type and region right | {100 * right / of:.1f} % ({right} of {of})" in text

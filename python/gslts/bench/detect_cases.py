@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -11,29 +11,20 @@ from pydantic import BaseModel
 
 from gslts.bench.detect_several import SeveralMaker
 from gslts.bench.detect_truth import Truth, in_view_px
+from gslts.bench.detect_visits import draw_visit, noise_of_visit, with_light_moved
 from gslts.bench.homes import BenchHome, default_state, shares_of
 from gslts.frame import RgbdFrame
-from gslts.sim.actions import GRID_M, ChangeAction, SceneState
+from gslts.sim.actions import ChangeAction, SceneState
 from gslts.sim.controller import Controller
-from gslts.sim.home import Floats, Home
 from gslts.sim.home_source import STRICT, HomeSource
-from gslts.sim.robot_body import Look, floor_of
-from gslts.sim.sensor import NOISE_PRESETS, SensorNoise
+from gslts.sim.sensor import NOISE_PRESETS
 from gslts.sim.task import Task, Viewpoint
 
-CASES_CODE = ("bench/detect_cases", "bench/detect_several", "bench/detect_truth")
+CASES_CODE = tuple(f"bench/detect_{name}" for name in ("cases", "several", "truth", "visits"))
 
 Part = Literal["single", "pair", "triple", "unchanged"]
 PARTS: tuple[Part, ...] = ("single", "pair", "triple", "unchanged")
 
-VISIT_POSITION_M, VISIT_ROTATION_DEG = 0.01, 0.5
-"""Root mean square of the length of the error of the position, and of the angle of the error of the
-rotation, of visits of unchanged homes."""
-LIGHT_SHIFT_M = 0.5
-"""By which the light of one lamp is moved sideways, before such a visit."""
-VISIT_HORIZON_DEG = (0.0, 30.0)
-"""As a robot looks that records a home."""
-TRIES = 100
 LEAST_TASKS = 12
 """Of a home, so that there are changes to put together."""
 
@@ -127,7 +118,16 @@ def cases_of(bench: BenchHome, counts: Counts, tell: Callable[[Part], None]) -> 
             )
             tell(part)
     for number in range(counts.unchanged):
-        cases.append(_visit(number, before.home, rng))
+        visit = draw_visit(before.home, rng)
+        cases.append(
+            Case(
+                name=f"unchanged_{number:02}",
+                part="unchanged",
+                viewpoint=Viewpoint.of(visit.look),
+                sensor_seed=int(rng.integers(1 << 31)),
+                light_shift_m=visit.light_shift_m,
+            )
+        )
         tell("unchanged")
     return HomeCases(home=source, initial_actions=tasks[0].initial_actions, cases=tuple(cases))
 
@@ -163,30 +163,6 @@ def frame_of(case: Case, before: SceneState, bench: BenchHome) -> RgbdFrame:
     return robot.observe()
 
 
-def noise_of_visit(noise: SensorNoise) -> SensorNoise:
-    """The same but for the pose, whose error is that of visits of unchanged homes."""
-    return replace(
-        noise,
-        position_std_m=VISIT_POSITION_M / np.sqrt(3),
-        rotation_std_rad=np.deg2rad(VISIT_ROTATION_DEG) / np.sqrt(3),
-    )
-
-
-def with_light_moved(home: Home, shift_m: tuple[float, float]) -> Home:
-    """The home with the light of its first lamp elsewhere, and the lamp where it was.
-
-    Raises:
-        ValueError: It has no lamp.
-    """
-    lamp = next((thing for thing in home.objects if thing.lights), None)
-    if lamp is None:
-        raise ValueError(f"{home.name}: there is no lamp whose light could be moved")
-    shift = lamp.world_from_object[:3, :3].T @ np.array([*shift_m, 0.0])
-    first, *others = lamp.lights
-    moved = replace(first, center=first.center + shift)
-    return home.with_object(replace(lamp, lights=(moved, *others)))
-
-
 def _single(number: int, task: Task, before: SceneState) -> Case:
     after = before
     for action in task.change_actions:
@@ -200,37 +176,6 @@ def _single(number: int, task: Task, before: SceneState) -> Case:
         sensor_seed=task.sensor.seed_after,
         truths=(Truth(change=task.change, size_px=in_view_px(task.change, before, after, look)),),
     )
-
-
-def _visit(number: int, home: Home, rng: np.random.Generator) -> Case:
-    """A look between the places and directions of a recording, whose grids are known."""
-    angle = 2 * np.pi * rng.uniform()
-    shift = LIGHT_SHIFT_M * np.array([np.cos(angle), np.sin(angle)])
-    look = Look(
-        _place(home, rng),
-        round(float(rng.uniform(0, 360)), 1),
-        round(float(rng.uniform(*VISIT_HORIZON_DEG)), 1),
-    )
-    x, y = np.round(shift, 4).tolist()
-    return Case(
-        name=f"unchanged_{number:02}",
-        part="unchanged",
-        viewpoint=Viewpoint.of(look),
-        sensor_seed=int(rng.integers(1 << 31)),
-        light_shift_m=(x, y),
-    )
-
-
-def _place(home: Home, rng: np.random.Generator) -> Floats:
-    floor = floor_of(home)
-    places = floor.places(GRID_M)
-    place = places[rng.integers(len(places))]
-    for _ in range(TRIES):
-        near: Floats = np.round(place + rng.uniform(-GRID_M / 2, GRID_M / 2, 2), 3)
-        if floor.can_stand(near):
-            return near
-    kept: Floats = place
-    return kept
 
 
 def counts_of(tasks: int, homes: int) -> list[Counts]:

@@ -8,11 +8,14 @@ from typing import Any
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator, ScalarFormatter
 
 from gslts.bench.detect_variants import HALVINGS, TRADE
 
 WANTED_MS, WANTED_SHARE = 60.0, 0.9
 """What is asked of the detector."""
+TICKS = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
+"""Of each decade."""
 MARKERS, COLORS = "osD", ("C0", "C1", "C2", "C3")
 
 
@@ -48,6 +51,9 @@ def write_plot(summaries: Mapping[str, dict[str, Any]], title: str, path: Path) 
         ylabel="single changes with type and region right, %",
         xscale="log",
     )
+    axes.xaxis.set_major_locator(LogLocator(subs=TICKS))
+    axes.xaxis.set_major_formatter(ScalarFormatter())
+    axes.xaxis.set_minor_locator(NullLocator())
     axes.grid(visible=True, which="both", alpha=0.25)
     axes.legend(fontsize=8)
     figure.savefig(path, dpi=110)

@@ -65,6 +65,7 @@ def summary(records: Iterable[Record], variant: str) -> dict[str, Any]:
         },
         "ms": {
             "single": _median([one.ms for one in own if one.part == "single"]),
+            "single_cpu": _median([one.cpu_ms for one in own if one.part == "single"]),
             "all": _median([one.ms for one in own]),
             "all_cpu": _median([one.cpu_ms for one in own]),
         },
@@ -86,7 +87,7 @@ def counted(records: Sequence[Record]) -> str:
     names = {"single": "single changes", "pair": "pairs", "triple": "triples"}
     names["unchanged"] = "visits of unchanged homes"
     cases = ", ".join(f"{parts[part]} {name}" for part, name in names.items())
-    return f"{cases}; {len(homes)} homes"
+    return f"{cases}; {len(homes)} home(s)"
 
 
 def printed(summaries: Mapping[str, dict[str, Any]]) -> str:
@@ -173,10 +174,12 @@ def _trade(summaries: Mapping[str, dict[str, Any]]) -> str:
             share(*one["single"]["found"]),
             mean(*one["single"]["extra_reports"]),
             _ms(one["ms"]["single"]),
+            _ms(one["ms"]["single_cpu"]),
         ]
         for name, one in summaries.items()
     ]
-    header = ["", "type and region right", "told by any report", "other reports", "median time"]
+    header = ["", "type and region right", "told by any report", "other reports"]
+    header += ["median time", "of it on the core"]
     return table(header, rows)
 
 

@@ -102,7 +102,7 @@ def detect(
         write_whole(json_path, content.encode())
     errors = outcome.errors
     if trade is not None:
-        write_plot(summaries, f"Change detection: {tasks} tasks, {len(units)} homes", trade)
+        write_plot(summaries, f"Change detection: {tasks} tasks of {len(units)} home(s)", trade)
     if pictures is not None:
         with tqdm(total=1, desc="drawing", bar_format=BAR, disable=None) as bar:
             errors |= bench_detect.draw(units, outcome, pictures, jobs, bar)
