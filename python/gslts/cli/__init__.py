@@ -7,6 +7,7 @@ import sys
 import typer
 
 from gslts.cli import mapping, output
+from gslts.cli.bench import bench
 from gslts.cli.detect import detect
 from gslts.cli.sim import sim
 from gslts.cli.tradeoff import tradeoff
@@ -26,6 +27,7 @@ app.command("render")(output.render)
 app.command("export")(output.export)
 app.command("detect")(detect)
 app.command("tradeoff")(tradeoff)
+app.add_typer(bench, name="bench")
 
 
 @app.callback()

@@ -1,0 +1,84 @@
+"""The change detectors that are compared."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gslts.camera import Camera
+from gslts.change.config import DetectionConfig
+from gslts.change.detect import ChangeDetector
+from gslts.change.features import FeatureExtractor, OrientedGradients
+from gslts.gaussian_map import GaussianMap
+
+Floats32 = NDArray[np.float32]
+
+
+class CoarseGradients:
+    """`OrientedGradients` of the picture at half its sides, which cost a quarter."""
+
+    def __call__(self, rgb: Floats32) -> Floats32:
+        """See `FeatureExtractor`."""
+        height, width = rgb.shape[:2]
+        size = (max(1, width // 2), max(1, height // 2))
+        small = cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
+        return OrientedGradients()(np.asarray(small, np.float32))
+
+
+class NoFeatures:
+    """Nothing is alike anything, so that colours alone decide where pictures differ."""
+
+    def __call__(self, rgb: Floats32) -> Floats32:  # noqa: ARG002
+        """See `FeatureExtractor`."""
+        return np.zeros((1, 1, 1), np.float32)
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One detector; it runs on one thread, as its time is that of one core.
+
+    Attributes:
+        config: Settings.
+        features: Extractor.
+    """
+
+    config: DetectionConfig
+    features: FeatureExtractor = field(default_factory=OrientedGradients)
+
+    def detector(self, gaussian_map: GaussianMap, cameras: Iterable[Camera]) -> ChangeDetector:
+        """The detector for a map, made from frames of those cameras."""
+        return ChangeDetector(gaussian_map, self.config, features=self.features, cameras=cameras)
+
+
+STRATEGIES = {
+    "objects": Variant(DetectionConfig(strategy="objects", threads=1)),
+    "paper": Variant(DetectionConfig(strategy="paper", threads=1)),
+}
+"""Those that are compared in all parts of the benchmark."""
+
+HALVINGS = {"full": 0, "half": 1, "quarter": 2}
+FEATURES: dict[str, FeatureExtractor] = {
+    "gradients": OrientedGradients(),
+    "coarse gradients": CoarseGradients(),
+    "no features": NoFeatures(),
+}
+TRADE = {
+    **{
+        f"{size}, {name}": Variant(DetectionConfig(halvings=halvings, threads=1), features)
+        for size, halvings in HALVINGS.items()
+        for name, features in FEATURES.items()
+    },
+    **{
+        f"{size}, gradients, pose as given": Variant(
+            DetectionConfig(halvings=halvings, align_pose=False, threads=1)
+        )
+        for size, halvings in HALVINGS.items()
+    },
+}
+"""Speed against accuracy; by the resolution of the frame, the features, and whether the pose is
+corrected. All use the strategy `objects`."""
+VARIANTS = {**STRATEGIES, **TRADE}

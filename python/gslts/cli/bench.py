@@ -1,0 +1,167 @@
+"""The commands `gslts bench`: how good the modules are, on many simulated homes."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from gslts.cli.mapping import BAR, Preset
+
+if TYPE_CHECKING:
+    from gslts.bench.homes import HomeSetup
+
+# What a command needs is imported inside it, so that `gslts --help` answers at once.
+
+bench = typer.Typer(no_args_is_help=True, help="Benchmarks on simulated homes.")
+
+Seeds = Annotated[
+    str,
+    typer.Option(
+        metavar="A:B",
+        help="Seeds of the homes, without B; each gives a kitchen, a living room and a bedroom. "
+        "From 10000 on they are kept for evaluation.",
+    ),
+]
+Rooms = Annotated[
+    list[str] | None,
+    typer.Option("--room", help="Room type instead of all three; may be given again."),
+]
+Tasks = Annotated[int, typer.Option(min=1, help="How many, spread over the homes.")]
+Jobs = Annotated[int, typer.Option(min=1, help="Processes; each works on one home at a time.")]
+Json = Annotated[Path | None, typer.Option("--json", help="File for everything that was found.")]
+Work = Annotated[
+    Path, typer.Option(help="Folder of recordings, maps and results, which are used again.")
+]
+MapPreset = Annotated[Preset, typer.Option(help="Of the maps.")]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="Of the mapping, as for gslts map."),
+]
+Frames = Annotated[int, typer.Option(min=9, help="Of a recording that a map is made of.")]
+Size = Annotated[str, typer.Option(metavar="WxH", help="Of the images, px.")]
+WORK = Path("out/bench")
+
+
+@bench.callback()
+def describe() -> None:
+    """Benchmarks on simulated homes."""
+
+
+@bench.command()
+def detect(
+    seeds: Seeds = "0:4",
+    room: Rooms = None,
+    tasks: Tasks = 300,
+    jobs: Jobs = 1,
+    json_path: Json = None,
+    pictures: Annotated[
+        Path | None, typer.Option(help="New or empty folder for overlays, right and wrong.")
+    ] = None,
+    trade: Annotated[
+        Path | None,
+        typer.Option(help="Measure speed against accuracy too; a PNG of it is written here."),
+    ] = None,
+    work: Work = WORK,
+    preset: MapPreset = Preset.FAST,
+    settings: Settings = None,
+    frames: Frames = 200,
+    size: Size = "640x480",
+) -> None:
+    """Measure change detection: one, two and three changes, and none, seen once each.
+
+    Both strategies see the same frames. An interrupted run goes on where it stopped.
+
+    Example: gslts bench detect --jobs 2 --json out/detect.json --pictures out/detect
+    """
+    from tqdm import tqdm
+
+    from gslts.bench import detect as bench_detect
+    from gslts.bench.detect_plot import write_plot
+    from gslts.bench.detect_tables import counted, printed
+    from gslts.bench.homes import homes_of
+    from gslts.files import empty_folder, write_whole
+
+    chosen, setup = seeds_of(seeds), setup_of(preset, settings, frames, size)
+    homes = homes_of(chosen, room or [], setup, work)
+    for path in (json_path, trade):
+        require_writable(path)
+    if pictures is not None:
+        empty_folder(pictures)
+    work.mkdir(parents=True, exist_ok=True)
+    units = bench_detect.units_of(homes, tasks, trade=trade is not None)
+    with tqdm(total=1, desc="detecting", bar_format=BAR, smoothing=0.05, disable=None) as bar:
+        outcome = bench_detect.measure(units, jobs, bar)
+    summaries = outcome.summaries()
+    typer.echo(f"{counted(outcome.records)}\n\n{printed(summaries)}")
+    if json_path is not None:
+        content = json.dumps(bench_detect.told(units, outcome), indent=1) + "\n"
+        write_whole(json_path, content.encode())
+    errors = outcome.errors
+    if trade is not None:
+        write_plot(summaries, f"Change detection: {tasks} tasks of {len(units)} home(s)", trade)
+    if pictures is not None:
+        with tqdm(total=1, desc="drawing", bar_format=BAR, disable=None) as bar:
+            errors |= bench_detect.draw(units, outcome, pictures, jobs, bar)
+    end(errors, outcome.missing, tasks)
+
+
+def seeds_of(text: str) -> range:
+    """Of the option --seeds.
+
+    Raises:
+        ValueError: It is no such range, or an empty one.
+    """
+    first, _, last = text.partition(":")
+    if not (first.isdecimal() and last.isdecimal() and int(first) < int(last)):
+        raise ValueError(f"--seeds: expected A:B with 0 <= A < B, got {text!r}")
+    return range(int(first), int(last))
+
+
+def setup_of(preset: Preset, settings: list[str] | None, frames: int, size: str) -> HomeSetup:
+    """What all homes of a run have in common.
+
+    Raises:
+        ValueError: A setting is none, or the size.
+    """
+    from gslts.bench.homes import HomeSetup
+    from gslts.mapping.config import PRESETS
+
+    width, _, height = size.partition("x")
+    sides = (width, height)
+    if not all(side.isdecimal() and 16 <= int(side) <= 4096 for side in sides):
+        raise ValueError(f"--size: expected WxH, each from 16 to 4096, got {size!r}")
+    mapping = PRESETS[preset].with_settings(settings or [])
+    return HomeSetup(frames=frames, width=int(width), height=int(height), mapping=mapping)
+
+
+def require_writable(path: Path | None) -> None:
+    """Finds out before hours of work whether a file can be written after them.
+
+    Raises:
+        OSError: It cannot.
+    """
+    if path is None:
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.is_dir():
+        raise IsADirectoryError(f"{path} is a folder")
+    if not os.access(path.parent, os.W_OK):
+        raise PermissionError(f"{path}: its folder cannot be written to")
+
+
+def end(errors: dict[str, Any], missing: int, tasks: int) -> None:
+    """Ends a benchmark.
+
+    Raises:
+        RuntimeError: Some of it failed.
+    """
+    for name, error in errors.items():
+        typer.echo(f"{name}: {error}", err=True)
+    if errors:
+        raise RuntimeError(f"{len(errors)} tasks errored, named above")
+    if missing:
+        raise RuntimeError(f"the homes gave {tasks - missing} of {tasks} tasks")
