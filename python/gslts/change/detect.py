@@ -204,6 +204,7 @@ class ChangeDetector:
             if after is not None and self._seen.free_share(_lattice(after)) < LEAST_FREE:
                 continue
             shown = after if after is not None else one.before
+            assert shown is not None  # Each change has one of them.
             changes.append(
                 Change(
                     kind=KINDS[one.type],

@@ -52,8 +52,8 @@ class TransformersEncoder:
     def __call__(self, rgb: Floats32) -> Floats32:
         """[h,w,D]; see `FeatureExtractor`."""
         image = cv2.resize(rgb, (self._side, self._side), interpolation=cv2.INTER_LINEAR)
-        image = (image - np.array(MEAN, np.float32)) / np.array(STD, np.float32)
-        pixels = self._torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1)[None]))
+        whitened = (image - np.array(MEAN, np.float32)) / np.array(STD, np.float32)
+        pixels = self._torch.from_numpy(np.ascontiguousarray(whitened.transpose(2, 0, 1)[None]))
         with self._torch.inference_mode():
             if hasattr(self._model, "get_image_embeddings"):
                 features = self._model.get_image_embeddings(pixels)[0].permute(1, 2, 0)
