@@ -23,6 +23,7 @@ from gslts.sim.explore import explore
 from gslts.sim.home import Home, HomeObject
 from gslts.sim.robot_body import Look
 
+TILES = 20
 SIZE = {"width": 160, "height": 120}
 CONFIG = DetectionConfig(halvings=0)
 """Pictures are small already."""
@@ -35,10 +36,22 @@ LOOKS = (
 """At the block, so that nothing on it hides anything else there."""
 
 
-def tiles(seed: int, low: tuple[int, ...] = (40,), high: tuple[int, ...] = (220,)) -> np.ndarray:
-    """[64,64,3] squares of random colours; one picture covers 1 m."""
+def tiled(
+    name: str,
+    low: tuple[float, float, float],
+    high: tuple[float, float, float],
+    seed: int,
+    darkest: int,
+    *,
+    inward: bool = False,
+) -> HomeObject:
+    """A box with squares of 0.25 m of random colours, no two places of which look the same."""
     rng = np.random.default_rng(seed)
-    return rng.integers(low, high, (4, 4, 3)).astype(np.uint8).repeat(16, 0).repeat(16, 1)
+    squares = rng.integers(darkest, 220, (TILES, TILES, 3)).astype(np.uint8)
+    texture = squares.repeat(16, 0).repeat(16, 1)
+    box = sim_scenes.box_object(name, low, high, texture, inward=inward)
+    (surface,) = box.surfaces
+    return replace(box, surfaces=(replace(surface, uvs=surface.uvs / (0.25 * TILES)),))
 
 
 def thing(name: str, x: float, y: float, texture: np.ndarray, parent: str) -> HomeObject:
@@ -59,10 +72,10 @@ def home() -> Home:
     """A textured room with a red box and a blue one on a block."""
     plain = sim_scenes.simple_home()
     # The walls go on below the floor, or two surfaces would be in one place.
-    walls = sim_scenes.box_object("Wall|1", (0, 0, -0.2), (5, 4, 2.6), tiles(0), inward=True)
+    walls = tiled("Wall|1", (0, 0, -0.2), (5, 4, 2.6), 0, 40, inward=True)
     walls = replace(walls, boxes=np.delete(walls.boxes, 4, axis=0))
-    floor = sim_scenes.box_object("Floor|1", (0, 0, -0.1), (5, 4, 0), tiles(1, (90,), (170,)))
-    block = sim_scenes.box_object("Block|1", (2.0, 1.5, 0), (3.2, 2.3, 0.75), tiles(2, (110,)))
+    floor = tiled("Floor|1", (0, 0, -0.1), (5, 4, 0), 1, 90)
+    block = tiled("Block|1", (2.0, 1.5, 0), (3.2, 2.3, 0.75), 2, 110)
     block = replace(block, receptacle=True, parent="Floor|1")
     red = thing("Box|1", 2.2, 1.85, RED, "Block|1")
     blue = thing("Box|2", 3.0, 1.95, BLUE, "Block|1")

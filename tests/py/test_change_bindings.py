@@ -292,18 +292,16 @@ def test_arrays_that_do_not_fit_are_named(name: str) -> None:
 )  # fmt: skip
 def test_settings_out_of_range_are_named(function: str, rule: Any) -> None:
     views = core.Views(camera=CAMERA, **blank())
+    arguments = (rule,) if function == "masks_of" else (core.masks_of(views, MaskRule()), rule)
     with pytest.raises(ValueError, match=rf"^{function}: \w+ must be in \["):
-        if function == "masks_of":
-            core.masks_of(views, rule)
-        else:
-            getattr(core, function)(views, core.masks_of(views, MaskRule()), rule)
+        getattr(core, function)(views, *arguments)
 
 
 def test_views_keep_their_arrays_alive() -> None:
     views = core.Views(camera=CAMERA, **blank())  # Nothing else holds them.
-    del_me = [np.full((HEIGHT, WIDTH, 3), 7, np.float32) for _ in range(20)]
+    others = [np.full((HEIGHT, WIDTH, 3), 7, np.float32) for _ in range(20)]
     arrays = core.arrays_of(core.masks_of(views, MaskRule()), CAMERA)
-    assert len(del_me) == 20
+    assert len(others) == 20
     assert arrays["known"].all()
     assert not arrays["pixel"].any()
 
