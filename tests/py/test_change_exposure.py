@@ -20,7 +20,7 @@ def room(seed: int = 0) -> np.ndarray:
 
 def photo_of(rgb: np.ndarray) -> np.ndarray:
     noise = np.random.default_rng(1).normal(0, 0.01, rgb.shape)
-    photo = exposed(rgb, Exposure(GAIN, OFFSET)) + noise
+    photo = exposed(rgb, Exposure(gain=GAIN, offset=OFFSET)) + noise
     return photo.astype(np.float32)
 
 
