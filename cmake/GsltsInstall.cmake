@@ -10,9 +10,12 @@ foreach(library IN LISTS libraries)
 endforeach()
 
 set(package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/gslts)
-# gslts_highway and gslts_opencv are in the export because a static library names even its private
-# dependencies.
-install(TARGETS ${libraries} gslts_highway gslts_opencv EXPORT gsltsTargets FILE_SET HEADERS)
+# These are in the export because a static library names even its private dependencies.
+set(private_dependencies gslts_highway)
+if(GSLTS_BUILD_DETECT)
+  list(APPEND private_dependencies gslts_opencv)
+endif()
+install(TARGETS ${libraries} ${private_dependencies} EXPORT gsltsTargets FILE_SET HEADERS)
 install(EXPORT gsltsTargets NAMESPACE gslts:: DESTINATION ${package_dir})
 
 configure_package_config_file(

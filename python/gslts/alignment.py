@@ -161,7 +161,7 @@ def aligned(
             hessian = color.hessian[:6, :6] + DEPTH_SHARE * depth.hessian[:6, :6] + np.diag(prior)
             off = twist_of(np.linalg.inv(given) @ camera.world_from_camera)
             right = color.right[:6] + DEPTH_SHARE * depth.right[:6] - prior * off
-            camera = moved(camera, np.linalg.solve(hessian, right))
+            camera = moved(camera, np.asarray(np.linalg.solve(hessian, right), np.float64))
         pose = camera.world_from_camera
     if pose is None:
         raise ValueError("aligned: there is no frame")

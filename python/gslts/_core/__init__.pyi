@@ -4,4 +4,5 @@ C++ core of gslts: strict and thin; the package gslts is its public face.
 from __future__ import annotations
 from . import map
 from . import raster
-__all__: list[str] = ['map', 'raster']
+from . import detect
+__all__: list[str] = ['detect', 'map', 'raster']

@@ -204,6 +204,7 @@ class ChangeDetector:
         changes = []
         for one in _core.changes_of(credible, self.config.objects):
             shown = one.after if one.after is not None else one.before
+            assert shown is not None  # Each change has one of them.
             changes.append(
                 Change(
                     kind=KINDS[one.type],

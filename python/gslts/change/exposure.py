@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gslts.gaussian_map import FloatArray
 from gslts.losses import Exposure, fit_exposure
 
 Floats32 = NDArray[np.float32]
@@ -17,7 +18,7 @@ LEAST_ERROR = 0.02
 
 
 def robust_exposure(
-    rgb: Floats32, photo: Floats32, known: NDArray[np.bool_], threads: int = 0
+    rgb: FloatArray, photo: Floats32, known: NDArray[np.bool_], threads: int = 0
 ) -> Exposure:
     """From the map's colours to those of the frame, fitted to what did not change.
 

@@ -64,7 +64,7 @@ def similarity(one: Floats32, other: Floats32, height: int, width: int) -> Float
     """[H,W] cosine of two feature images [h,w,D], -1 to 1."""
     products = np.einsum("hwd,hwd->hw", one, other)
     lengths = np.sqrt(np.einsum("hwd,hwd->hw", one, one) * np.einsum("hwd,hwd->hw", other, other))
-    cosines = (products / np.maximum(lengths, 1e-12)).astype(np.float32)
+    cosines: Floats32 = (products / np.maximum(lengths, 1e-12)).astype(np.float32)
     if cosines.shape == (height, width):
         return cosines
     resized = cv2.resize(cosines, (width, height), interpolation=cv2.INTER_LINEAR)

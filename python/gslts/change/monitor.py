@@ -152,16 +152,25 @@ class ChangeMonitor:
             return self._counts
 
     def wait(self, timeout_s: float | None = None) -> bool:
-        """Waits until no frame waits or is looked at; whether that came true in time."""
+        """Waits until no frame waits or is looked at; whether that came true in time.
+
+        Raises:
+            RuntimeError: The monitor has failed.
+        """
         with self._changed:
-            return self._changed.wait_for(
+            idle = self._changed.wait_for(
                 lambda: self._idle() or self._failure is not None, timeout_s
             )
+            self._refuse_failed()
+            return idle
 
     def close(self) -> None:
         """Stops after the frame that is being looked at; what waits is dropped."""
         with self._changed:
             self._closing = True
+            waiting = len(self._frames)
+            self._frames.clear()
+            self._counts = replace(self._counts, dropped=self._counts.dropped + waiting)
             self._changed.notify_all()
         self._thread.join()
 
@@ -213,7 +222,8 @@ class ChangeMonitor:
                 known = _Suspicion(change)
                 self._suspicions.append(known)
             known.change = change
-            known.seen.append((number, time_s))
+            if not known.seen or known.seen[-1][0] != number:  # A frame counts once.
+                known.seen.append((number, time_s))
         for one in self._suspicions:
             one.seen = [seen for seen in one.seen if seen[0] >= first]
             if one.reported is None and len(one.seen) >= self.config.needed:

@@ -6,6 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from gslts.gaussian_map import FloatArray
+
 Floats32 = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 
@@ -40,7 +42,7 @@ def fault_of_frame(photo: Floats32, measured: Floats32) -> str | None:
 
 
 def fault_of_view(
-    photo: Floats32, rgb: Floats32, measured: Floats32, rendered: Floats32, known: Bools
+    photo: Floats32, rgb: Floats32, measured: Floats32, rendered: FloatArray, known: Bools
 ) -> str | None:
     """Why a frame and a map cannot be compared: pictures [H,W,3], depths [H,W] m, [H,W]."""
     if known.mean() < LEAST_KNOWN:

@@ -13,6 +13,7 @@ Floats32 = NDArray[np.float32]
 
 MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 """Of ImageNet, with which SAM and DINOv2 were trained."""
+MOST_SIDE_PX = 4096
 
 
 class TransformersEncoder:
@@ -39,27 +40,60 @@ class TransformersEncoder:
             ) from None
         self._torch = torch
         self._folder = folder
-        self._model: Any = AutoModel.from_pretrained(
-            folder, local_files_only=True, use_safetensors=True
-        ).eval()
+        self._model = _loaded(AutoModel, folder)
         config = self._model.config
         vision = getattr(config, "vision_config", config)
         side, patch = getattr(vision, "image_size", None), getattr(vision, "patch_size", None)
         if not isinstance(side, int) or not isinstance(patch, int):
             raise ValueError(f"{folder}: its configuration names no image_size and patch_size")
+        if not 0 < patch <= side <= MOST_SIDE_PX:
+            raise ValueError(
+                f"{folder}: image_size must be in {patch}..{MOST_SIDE_PX} px, got {side}"
+            )
+        if self._model.main_input_name != "pixel_values":
+            raise ValueError(f"{folder}: a {type(self._model).__name__} is no encoder of images")
         self._side, self._patches = side, side // patch
 
     def __call__(self, rgb: Floats32) -> Floats32:
         """[h,w,D]; see `FeatureExtractor`."""
         image = cv2.resize(rgb, (self._side, self._side), interpolation=cv2.INTER_LINEAR)
-        image = (image - np.array(MEAN, np.float32)) / np.array(STD, np.float32)
-        pixels = self._torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1)[None]))
+        whitened = (image - np.array(MEAN, np.float32)) / np.array(STD, np.float32)
+        pixels = self._torch.from_numpy(np.ascontiguousarray(whitened.transpose(2, 0, 1)[None]))
         with self._torch.inference_mode():
             if hasattr(self._model, "get_image_embeddings"):
                 features = self._model.get_image_embeddings(pixels)[0].permute(1, 2, 0)
             else:
-                tokens = self._model(pixel_values=pixels).last_hidden_state[0]
-                # A class token and others may come before those of the patches.
-                tokens = tokens[tokens.shape[0] - self._patches**2 :]
-                features = tokens.reshape(self._patches, self._patches, -1)
+                features = self._of_patches(self._model(pixel_values=pixels).last_hidden_state[0])
         return np.ascontiguousarray(features.numpy(), np.float32)
+
+    def _of_patches(self, features: Any) -> Any:
+        """[h,w,D] from tokens [N,D], or from what the encoder of a SAM alone gives, [D,h,w]."""
+        if features.ndim == 3:
+            return features.permute(1, 2, 0)
+        # A class token and others may come before those of the patches.
+        count = self._patches**2
+        if features.ndim != 2 or features.shape[0] < count:
+            raise ValueError(
+                f"{self._folder}: expected {count} tokens of patches, got {list(features.shape)}"
+            )
+        tokens = features[features.shape[0] - count :]
+        return tokens.reshape(self._patches, self._patches, -1)
+
+
+def _loaded(auto_model: Any, folder: Path) -> Any:
+    """The model of a folder, whole, from safetensors and without code of its own."""
+    try:
+        model, said = auto_model.from_pretrained(
+            folder,
+            local_files_only=True,
+            use_safetensors=True,
+            trust_remote_code=False,
+            output_loading_info=True,
+        )
+    except OSError:
+        raise
+    except Exception as error:  # safetensors has an exception of its own.
+        raise ValueError(f"{folder}: {error}") from None
+    if said["missing_keys"]:  # They would be random numbers.
+        raise ValueError(f"{folder}: its weights lack {sorted(said['missing_keys'])[0]}")
+    return model.eval()

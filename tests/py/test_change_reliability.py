@@ -1,0 +1,127 @@
+"""Frames that tell nothing say so, and report no change."""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+import change_room
+import cv2
+import numpy as np
+import pytest
+from change_room import LOOKS, see
+
+from gslts.camera import Camera, at_pose
+from gslts.frame import RgbdFrame
+from gslts.sim.robot_body import Look
+
+VIEWS = {
+    "front": LOOKS[0],
+    "back": LOOKS[1],
+    "corner": LOOKS[2],
+    "along": Look(np.array([0.6, 2.0]), 0.0, 20.0),
+    "across": Look(np.array([4.2, 3.3]), 225.0, 20.0),
+    "wall": Look(np.array([1.0, 3.2]), 200.0, 10.0),
+}
+
+Spoil = Callable[[RgbdFrame], RgbdFrame]
+
+
+def with_depth(frame: RgbdFrame, depth: np.ndarray) -> RgbdFrame:
+    return replace(frame, depth=depth.astype(np.float32))
+
+
+def with_rgb(frame: RgbdFrame, rgb: np.ndarray) -> RgbdFrame:
+    return replace(frame, rgb=rgb.clip(0, 255).astype(np.uint8))
+
+
+def with_focal(frame: RgbdFrame, fx: float, fy: float) -> RgbdFrame:
+    """With focal lengths that are wrong by a factor."""
+    one = frame.camera
+    camera = Camera(
+        fx=fx * one.fx,
+        fy=fy * one.fy,
+        cx=one.cx,
+        cy=one.cy,
+        width=one.width,
+        height=one.height,
+        world_from_camera=one.world_from_camera,
+    )
+    return replace(frame, camera=camera)
+
+
+def shifted(frame: RgbdFrame, *metres: float) -> RgbdFrame:
+    """At a place that is wrong."""
+    pose = frame.camera.world_from_camera.copy()
+    pose[:3, 3] += metres
+    return replace(frame, camera=at_pose(frame.camera, pose))
+
+
+def turned(frame: RgbdFrame, degrees: float) -> RgbdFrame:
+    """With a wrong yaw."""
+    pose = frame.camera.world_from_camera.copy()
+    cosine, sine = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
+    pose[:3, :3] = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]]) @ pose[:3, :3]
+    return replace(frame, camera=at_pose(frame.camera, pose))
+
+
+def smeared(rgb: np.ndarray, length_px: int) -> np.ndarray:
+    """By a turn of the camera about the vertical."""
+    return cv2.filter2D(rgb, -1, np.full((1, length_px), 1 / length_px))
+
+
+SPOILED: dict[str, tuple[Spoil, str]] = {
+    "no depth": (lambda one: with_depth(one, 0 * one.depth), "depth is measured in 0 %"),
+    "depth NaN": (lambda one: with_depth(one, np.nan * one.depth), "depth is measured in 0 %"),
+    "hardly any depth": (
+        lambda one: with_depth(one, np.where(np.arange(160) < 8, one.depth, 0)),
+        "depth is measured in [0-9] %",
+    ),
+    "black": (lambda one: with_rgb(one, one.rgb // 50), "black"),
+    "white": (lambda one: with_rgb(one, 0 * one.rgb + 255), "saturated"),
+    "overexposed": (lambda one: with_rgb(one, 15 * one.rgb.astype(int)), "saturated"),
+    "out of focus": (
+        lambda one: with_rgb(one, cv2.GaussianBlur(one.rgb, (0, 0), 4)),
+        "blurred",
+    ),
+    "smeared": (lambda one: with_rgb(one, smeared(one.rgb, 25)), "blurred"),
+    "outside": (lambda one: shifted(one, 20, 0, 0), "the map fills"),
+    "below": (lambda one: shifted(one, 0, 0, -4), "the map fills"),
+    "fx 40 % too large": (lambda one: with_focal(one, 1.4, 1), ""),
+    "fx 40 % too small": (lambda one: with_focal(one, 0.6, 1), ""),
+    "f 40 % too large": (lambda one: with_focal(one, 1.4, 1.4), ""),
+    "f 40 % too small": (lambda one: with_focal(one, 0.6, 0.6), ""),
+    "1 m to x": (lambda one: shifted(one, 1, 0, 0), ""),
+    "1 m to -x": (lambda one: shifted(one, -1, 0, 0), ""),
+    "1 m to y": (lambda one: shifted(one, 0, 1, 0), ""),
+    "1 m to -y": (lambda one: shifted(one, 0, -1, 0), ""),
+    "1 m up": (lambda one: shifted(one, 0, 0, 1), ""),
+    "1 m down": (lambda one: shifted(one, 0, 0, -1), ""),
+    "turned": (lambda one: turned(one, 20), ""),
+    "turned back": (lambda one: turned(one, 180), ""),
+    "depth in mm": (lambda one: with_depth(one, 1000 * one.depth), "depths agree in 0 %"),
+}
+
+
+@pytest.mark.parametrize("noise", ["none", "kinect"])
+@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize("how", SPOILED)
+def test_a_frame_that_tells_nothing_is_unreliable(how: str, view: str, noise: str) -> None:
+    spoil, reason = SPOILED[how]
+    frame = spoil(see(change_room.home(), VIEWS[view], noise, seed=3))
+    detection = change_room.detector().detect(frame)
+    assert detection.unreliable is not None
+    assert re.search(reason, detection.unreliable)
+    assert detection.changes == ()
+    assert detection.render is None
+    assert detection.combined is None
+    assert detection.photo.shape == (120, 160, 3)
+
+
+@pytest.mark.parametrize("noise", ["none", "kinect"])
+@pytest.mark.parametrize("view", VIEWS)
+def test_good_frames_are_reliable(view: str, noise: str) -> None:
+    for seed in range(3):
+        frame = see(change_room.home(), VIEWS[view], noise, seed=seed)
+        detection = change_room.detector().detect(frame)
+        assert detection.unreliable is None
+        assert detection.changes == ()
