@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <utility>
 
@@ -47,6 +48,15 @@ struct OwnedViews {
   Views views;
   py::tuple arrays;
 };
+
+/// @throws std::invalid_argument  if the masks are of images of another size.
+void require_size(const Masks& masks, const Camera& camera) {
+  const std::size_t size = std::size_t(camera.width) * std::size_t(camera.height);
+  if (masks.known.size() != size) {
+    throw std::invalid_argument("masks: they have " + std::to_string(masks.known.size()) +
+                                " pixels, the camera has " + std::to_string(size));
+  }
+}
 
 py::array_t<bool> to_bools(Array<std::uint8_t>&& mask, const Camera& camera) {
   return to_numpy(std::move(mask), {camera.height, camera.width}).view("bool");
@@ -216,6 +226,7 @@ Raises:
   m.def(
       "arrays_of",
       [](const Masks& masks, const Camera& camera) {
+        require_size(masks, camera);
         Arrays arrays;
         arrays["known"] = to_bools(Array<std::uint8_t>(masks.known), camera);
         arrays["pixel"] = to_bools(Array<std::uint8_t>(masks.pixel), camera);
@@ -229,6 +240,7 @@ Raises:
       "paper_change",
       [](const OwnedViews& owned, const Masks& masks, const PaperRule& rule) {
         const Camera& camera = owned.views.camera;
+        require_size(masks, camera);
         auto [components, change] = [&] {
           const py::gil_scoped_release release;
           auto parts = detect::components_of(masks.combined.data(), camera.width, camera.height);
@@ -249,6 +261,7 @@ Raises:
   m.def(
       "changed_surfaces",
       [](const OwnedViews& owned, const Masks& masks, const ObjectRule& rule) {
+        require_size(masks, owned.views.camera);
         detect::Surfaces found = [&] {
           const py::gil_scoped_release release;
           return detect::changed_surfaces(owned.views, masks, rule);

@@ -21,6 +21,16 @@ double at_share(std::vector<double>& values, double share) {
 
 bool measured(float depth) { return depth > 0 && std::isfinite(depth); }
 
+/// At the outline of a surface some pixels show what is behind it.
+double farthest_of(const float* depth, const Pixels& pixels) {
+  constexpr double kDeepest = 0.25;  // Of the depth.
+  std::vector<double> depths;
+  for (const std::size_t k : pixels) {
+    if (measured(depth[k])) depths.push_back(depth[k]);
+  }
+  return depths.empty() ? 0 : (1 + kDeepest) * at_share(depths, 0.5);
+}
+
 }  // namespace
 
 std::optional<Surface> surface_of(const Views& views, const Pixels& pixels, Side side) {
@@ -34,10 +44,11 @@ std::optional<Surface> surface_of(const Views& views, const Pixels& pixels, Side
   Surface surface;
   surface.side = side;
   const std::size_t stride = pixels.size() / kSamples + 1;
+  const double farthest_m = farthest_of(depth, pixels);
   for (const std::size_t k : pixels) {
     for (int c = 0; c < 3; ++c) surface.color[c] += colors[3 * k + std::size_t(c)];
     const double z = depth[k];
-    if (!measured(depth[k])) continue;
+    if (!measured(depth[k]) || z > farthest_m) continue;
     const double x = (double(k % std::size_t(camera.width)) + 0.5 - camera.cx) / camera.fx * z;
     const double y = (double(k / std::size_t(camera.width)) + 0.5 - camera.cy) / camera.fy * z;
     const Eigen::Vector3d point = camera.world_from_camera * Eigen::Vector3d(x, y, z);

@@ -15,13 +15,19 @@ using ::testing::Each;
 using ::testing::HasSubstr;
 using In = Pair::In;
 
-ObjectChanges found_in(const Pair& pair, const ObjectRule& rule = {}) {
+struct Found {
+  std::vector<ObjectChange> changes;
+  Array<std::int32_t> labels;
+};
+
+Found found_in(const Pair& pair, const ObjectRule& rule = {}) {
   const Views views = pair.views();
-  return changed_objects(views, masks_of(views, {}), rule);
+  Surfaces found = changed_surfaces(views, masks_of(views, {}), rule);
+  return {changes_of(found.surfaces, rule), std::move(found.labels)};
 }
 
 TEST(Objects, NothingChanges) {
-  const ObjectChanges found = found_in({});
+  const Found found = found_in({});
   EXPECT_TRUE(found.changes.empty());
   EXPECT_THAT(found.labels, Each(0));
 }
@@ -29,7 +35,7 @@ TEST(Objects, NothingChanges) {
 TEST(Objects, WhatAppearsIsAnAdditionWithItsBox) {
   Pair pair;
   pair.put(In::kPhoto, 100, 40, 20, 10, 1.6f, 0.8f, 0.2f, 0.2f);
-  const ObjectChanges found = found_in(pair);
+  const Found found = found_in(pair);
   ASSERT_EQ(found.changes.size(), 1u);
   const ObjectChange& change = found.changes[0];
   EXPECT_EQ(change.type, ChangeType::kAddition);
@@ -49,7 +55,7 @@ TEST(Objects, WhatAppearsIsAnAdditionWithItsBox) {
 TEST(Objects, WhatVanishesIsARemoval) {
   Pair pair;
   pair.put(In::kMap, 100, 40, 20, 10, 1.6f, 0.8f, 0.2f, 0.2f);
-  const ObjectChanges found = found_in(pair);
+  const Found found = found_in(pair);
   ASSERT_EQ(found.changes.size(), 1u);
   EXPECT_EQ(found.changes[0].type, ChangeType::kRemoval);
   ASSERT_TRUE(found.changes[0].before);
@@ -68,7 +74,7 @@ TEST(Objects, AlikeEndsAreOneRelocation) {
   pair.put(In::kMap, 20, 40, 20, 10, 1.6f, 0.8f, 0.2f, 0.2f);
   // Nearer and thus larger in the image, of the same size in the world.
   pair.put(In::kPhoto, 90, 60, 25, 12, 1.3f, 0.8f, 0.2f, 0.2f);
-  const ObjectChanges found = found_in(pair);
+  const Found found = found_in(pair);
   ASSERT_EQ(found.changes.size(), 1u);
   EXPECT_EQ(found.changes[0].type, ChangeType::kRelocation);
   EXPECT_NEAR(found.changes[0].before->point.z(), 1.6, 1e-6);
@@ -82,7 +88,7 @@ TEST(Objects, UnlikeEndsAreTwoChanges) {
     const int height = other_color ? 10 : 40;
     const float red = other_color ? 0.1f : 0.8f, blue = other_color ? 0.9f : 0.2f;
     pair.put(In::kPhoto, 90, 40, 20, height, 1.6f, red, 0.2f, blue);
-    const ObjectChanges found = found_in(pair);
+    const Found found = found_in(pair);
     ASSERT_EQ(found.changes.size(), 2u) << other_color;
     std::vector<ChangeType> types{found.changes[0].type, found.changes[1].type};
     EXPECT_THAT(types, ::testing::UnorderedElementsAre(ChangeType::kAddition, ChangeType::kRemoval));
@@ -95,7 +101,7 @@ TEST(Objects, SeveralChangesAtOnce) {
   pair.put(In::kPhoto, 60, 20, 20, 10, 1.6f, 0.8f, 0.2f, 0.2f);
   pair.put(In::kMap, 110, 20, 14, 14, 1.5f, 0.1f, 0.1f, 0.9f);
   pair.put(In::kPhoto, 30, 80, 30, 20, 1.8f, 0.1f, 0.9f, 0.1f);
-  const ObjectChanges found = found_in(pair);
+  const Found found = found_in(pair);
   std::vector<ChangeType> types;
   for (const ObjectChange& one : found.changes) types.push_back(one.type);
   EXPECT_THAT(types, ::testing::UnorderedElementsAre(ChangeType::kRelocation, ChangeType::kRemoval,
@@ -106,7 +112,7 @@ TEST(Objects, AFlatThingIsWhereItStandsOut) {
   for (const In where : {In::kPhoto, In::kMap}) {
     Pair pair;
     pair.put(where, 60, 40, 30, 20, Pair::kWall_m, 0.9f, 0.1f, 0.1f);
-    const ObjectChanges found = found_in(pair);
+    const Found found = found_in(pair);
     ASSERT_EQ(found.changes.size(), 1u);
     const ObjectChange& change = found.changes[0];
     EXPECT_EQ(change.type,
@@ -119,7 +125,7 @@ TEST(Objects, AFlatThingIsWhereItRaisesTheSurface) {
   Pair pair;  // A thing of 1 cm, as strong in colour as what it hides.
   pair.put(In::kMap, 60, 40, 30, 20, Pair::kWall_m, 0.9f, 0.1f, 0.1f);
   pair.put(In::kPhoto, 60, 40, 30, 20, Pair::kWall_m - 0.01f, 0.1f, 0.1f, 0.9f);
-  const ObjectChanges found = found_in(pair);
+  const Found found = found_in(pair);
   ASSERT_EQ(found.changes.size(), 1u);
   EXPECT_EQ(found.changes[0].type, ChangeType::kAddition);
 }
@@ -181,7 +187,7 @@ TEST(Objects, BadSettingsAreNamed) {
     found_in({}, rule);
     FAIL();
   } catch (const std::invalid_argument& error) {
-    EXPECT_THAT(error.what(), HasSubstr("changed_objects: alike must be in [0, 1], got -1"));
+    EXPECT_THAT(error.what(), HasSubstr("changed_surfaces: alike must be in [0, 1], got -1"));
   }
 }
 

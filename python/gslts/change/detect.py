@@ -20,6 +20,7 @@ from gslts.change.reliability import (
     MOST_SHIFT_M,
     MOST_TURN_RAD,
     fault_of_frame,
+    fault_of_likeness,
     fault_of_view,
 )
 from gslts.change.seen_space import SeenSpace
@@ -168,6 +169,9 @@ class ChangeDetector:
         if fault is not None:
             return Detection((), fault, camera, photo)
         alike = similarity(self._features(photo), self._features(rgb), *photo.shape[:2])
+        fault = fault_of_likeness(alike, known, config.masks.tau_feat)
+        if fault is not None:
+            return Detection((), fault, camera, photo)
         views = _core.Views(
             camera=camera,
             photo=photo,

@@ -19,7 +19,9 @@ MOST_CLIPPED = 0.6
 LEAST_KNOWN = 0.4
 """Share of the image that the map must fill."""
 LEAST_SHARPNESS = 0.15
-"""Of the edges, as a share of those in the rendering."""
+"""Of the edges across and down, as a share of those in the rendering: a turn smears one of them."""
+MOST_UNLIKE = 0.3
+"""Share of what the map knows where features may differ; changed objects are smaller."""
 MOST_CHANGED = 0.4
 """Share of what the map knows; when more differs, something else is wrong."""
 LEAST_AGREEING = 0.5
@@ -47,8 +49,7 @@ def fault_of_view(
     """Why a frame and a map cannot be compared: pictures [H,W,3], depths [H,W] m, [H,W]."""
     if known.mean() < LEAST_KNOWN:
         return f"the map fills {100 * known.mean():.0f} % of the view"
-    of_photo, of_map = _sharpness(photo, known), _sharpness(rgb, known)
-    if of_photo < LEAST_SHARPNESS * of_map:
+    if (_sharpness(photo, known) < LEAST_SHARPNESS * _sharpness(rgb, known)).any():
         return "the picture is blurred"
     both = known & (measured > 0) & (rendered > 0)
     if not both.any():
@@ -62,6 +63,16 @@ def fault_of_view(
     return None
 
 
-def _sharpness(rgb: Floats32, known: Bools) -> float:
+def fault_of_likeness(alike: Floats32, known: Bools, tau_feat: float) -> str | None:
+    """Why a frame is not of the place that the map shows: similarities [H,W], and [H,W]."""
+    unlike = float((alike[known] < tau_feat).mean())
+    if unlike <= MOST_UNLIKE:
+        return None
+    return f"{100 * unlike:.0f} % of the picture look otherwise: pose or intrinsics are wrong"
+
+
+def _sharpness(rgb: Floats32, known: Bools) -> NDArray[np.float64]:
+    """(2,) across and down."""
     grey = cv2.cvtColor(np.ascontiguousarray(rgb), cv2.COLOR_RGB2GRAY)
-    return float(cv2.Laplacian(grey, cv2.CV_32F)[known].var())
+    across = np.array([[1, -2, 1]], np.float32)
+    return np.array([cv2.filter2D(grey, -1, one)[known].var() for one in (across, across.T)])
