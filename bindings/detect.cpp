@@ -110,16 +110,19 @@ Args:
     reach_px: By which edges may be misplaced.
     least_area_m2: Smaller surfaces, facing the camera, are no objects.
     least_area_px: Nor are smaller parts of the image.
-    flat_area_m2: The same where colours and features alone differ.
+    flat_area_m2: The same where colours alone differ,
+    flat_color: summed over the channels, from all that is around.
     flat_step_m: A mean difference of depths that tells the side.
     least_contrast: Of brightness a pixel, across the outline of a flat object.
-    alike: How alike the two ends of a relocation are, 0 to 1.)")
+    alike: How alike the two ends of a relocation are, 0 to 1.
+    certain: Less likely changes are not reported.)")
       .def(py::init([](double step_m, double step_per_m, double step_px, int reach_px,
-                       double least_area_m2, int least_area_px, double flat_area_m2, double flat_step_m,
-                       double least_contrast, double alike) {
+                       double least_area_m2, int least_area_px, double flat_area_m2,
+                       double flat_color, double flat_step_m,
+                       double least_contrast, double alike, double certain) {
              return ObjectRule{step_m,        step_per_m,    step_px,     reach_px,
-                               least_area_m2, least_area_px, flat_area_m2, flat_step_m,
-                               least_contrast, alike};
+                               least_area_m2, least_area_px, flat_area_m2, flat_color, flat_step_m,
+                               least_contrast, alike, certain};
            }),
            py::kw_only(), py::arg("step_m") = object.step_m,
            py::arg("step_per_m") = object.step_per_m,
@@ -127,8 +130,10 @@ Args:
            py::arg("least_area_m2") = object.least_area_m2,
            py::arg("least_area_px").noconvert() = object.least_area_px,
            py::arg("flat_area_m2") = object.flat_area_m2,
+           py::arg("flat_color") = object.flat_color,
            py::arg("flat_step_m") = object.flat_step_m,
-           py::arg("least_contrast") = object.least_contrast, py::arg("alike") = object.alike)
+           py::arg("least_contrast") = object.least_contrast, py::arg("alike") = object.alike,
+           py::arg("certain") = object.certain)
       .def_readonly("step_m", &ObjectRule::step_m)
       .def_readonly("step_per_m", &ObjectRule::step_per_m)
       .def_readonly("step_px", &ObjectRule::step_px)
@@ -136,9 +141,11 @@ Args:
       .def_readonly("least_area_m2", &ObjectRule::least_area_m2)
       .def_readonly("least_area_px", &ObjectRule::least_area_px)
       .def_readonly("flat_area_m2", &ObjectRule::flat_area_m2)
+      .def_readonly("flat_color", &ObjectRule::flat_color)
       .def_readonly("flat_step_m", &ObjectRule::flat_step_m)
       .def_readonly("least_contrast", &ObjectRule::least_contrast)
-      .def_readonly("alike", &ObjectRule::alike);
+      .def_readonly("alike", &ObjectRule::alike)
+      .def_readonly("certain", &ObjectRule::certain);
 }
 
 void define_results(py::module_& m) {

@@ -45,15 +45,50 @@ double contrast(const float* rgb, const Camera& camera, const cv::Mat& where) {
   return cv::mean(strength, where)[0];
 }
 
+/// How far colours are beyond those of another image around them, summed over the channels.
+cv::Mat beyond(const cv::Mat& colors, const cv::Mat& other, int reach_px) {
+  const int side = 2 * reach_px + 1;
+  const cv::Mat window = cv::Mat::ones(side, side, CV_8U);
+  cv::Mat least, most;
+  cv::erode(other, least, window);
+  cv::dilate(other, most, window);
+  cv::Mat sum(colors.size(), CV_32F);
+  for (std::size_t k = 0; k < colors.total(); ++k) {
+    float total = 0;
+    for (std::size_t c = 3 * k; c < 3 * k + 3; ++c) {
+      const float color = colors.ptr<float>()[c];
+      total += std::max({0.0f, color - most.ptr<float>()[c], least.ptr<float>()[c] - color});
+    }
+    sum.ptr<float>()[k] = total;
+  }
+  return sum;
+}
+
 }  // namespace
 
-std::optional<Side> side_of_flat(const Views& views, const cv::Mat& region,
+Foreign foreign_colors(const Views& views, const Masks& masks, int reach_px) {
+  const cv::Mat photo = image_of(views.photo, views.camera, 3);
+  const cv::Mat map = image_of(views.rgb, views.camera, 3);
+  Foreign foreign{beyond(photo, map, reach_px), beyond(map, photo, reach_px)};
+  const cv::Mat unknown = mask_of(masks.known, views.camera) == 0;
+  foreign.in_photo.setTo(0, unknown);
+  foreign.in_map.setTo(0, unknown);
+  return foreign;
+}
+
+std::optional<Side> side_of_flat(const Views& views, const Foreign& foreign, const cv::Mat& region,
                                  const ObjectRule& rule) {
+  constexpr double kUneven = 1.3;
   constexpr int kRing_px = 6;
   const cv::Mat edge = grown(region, 1);
   const cv::Mat ring = grown(region, kRing_px) - grown(region, 2);
   const double step_m = median_difference(views, region) - median_difference(views, ring);
   if (std::abs(step_m) > rule.flat_step_m) return step_m < 0 ? Side::kAfter : Side::kBefore;
+  const double photo = cv::mean(foreign.in_photo, region)[0];
+  const double map = cv::mean(foreign.in_map, region)[0];
+  if (std::max(photo, map) > kUneven * std::min(photo, map)) {
+    return photo > map ? Side::kAfter : Side::kBefore;
+  }
   cv::Mat inner;
   cv::erode(region, inner, cv::getStructuringElement(cv::MORPH_ELLIPSE, {3, 3}));
   const cv::Mat outline = edge - inner;

@@ -20,11 +20,16 @@ struct ObjectRule {
   int reach_px = 2;               ///< By which edges may be misplaced.
   double least_area_m2 = 6e-4;    ///< Smaller surfaces, facing the camera, are no objects.
   int least_area_px = 25;         ///< Nor are smaller parts of the image.
-  double flat_area_m2 = 1.5e-3;   ///< The same where colours and features alone differ.
+  double flat_area_m2 = 1.5e-3;   ///< The same where colours alone differ,
+  double flat_color = 0.15;       ///< summed over the channels, from all that is around.
   double flat_step_m = 0.006;     ///< A mean difference of depths that tells the side.
   double least_contrast = 0.03;   ///< Of brightness a pixel, across the outline of a flat object.
-  double alike = 0.45;            ///< How alike the two ends of a relocation are, 0 to 1.
+  double alike = 0.4;             ///< How alike the two ends of a relocation are, 0 to 1.
+  double certain = 0.5;           ///< Less likely changes are not reported.
 };
+
+/// @throws std::invalid_argument  naming the function, if a setting is out of range.
+void validate(const ObjectRule& rule, const char* function);
 
 enum class Side { kBefore, kAfter };
 
