@@ -118,19 +118,18 @@ Args:
     certain: Less likely changes are not reported.)")
       .def(py::init([](double step_m, double step_per_m, double step_px, int reach_px,
                        double least_area_m2, int least_area_px, double flat_area_m2,
-                       double flat_color, double flat_step_m,
-                       double least_contrast, double alike, double certain) {
-             return ObjectRule{step_m,        step_per_m,    step_px,     reach_px,
-                               least_area_m2, least_area_px, flat_area_m2, flat_color, flat_step_m,
-                               least_contrast, alike, certain};
+                       double flat_color, double flat_step_m, double least_contrast, double alike,
+                       double certain) {
+             return ObjectRule{step_m,        step_per_m,     step_px,      reach_px,
+                               least_area_m2, least_area_px,  flat_area_m2, flat_color,
+                               flat_step_m,   least_contrast, alike,        certain};
            }),
            py::kw_only(), py::arg("step_m") = object.step_m,
-           py::arg("step_per_m") = object.step_per_m,
-           py::arg("step_px") = object.step_px, py::arg("reach_px").noconvert() = object.reach_px,
+           py::arg("step_per_m") = object.step_per_m, py::arg("step_px") = object.step_px,
+           py::arg("reach_px").noconvert() = object.reach_px,
            py::arg("least_area_m2") = object.least_area_m2,
            py::arg("least_area_px").noconvert() = object.least_area_px,
-           py::arg("flat_area_m2") = object.flat_area_m2,
-           py::arg("flat_color") = object.flat_color,
+           py::arg("flat_area_m2") = object.flat_area_m2, py::arg("flat_color") = object.flat_color,
            py::arg("flat_step_m") = object.flat_step_m,
            py::arg("least_contrast") = object.least_contrast, py::arg("alike") = object.alike,
            py::arg("certain") = object.certain)
@@ -172,12 +171,12 @@ void define_results(py::module_& m) {
       .def_readonly("point", &Surface::point, "(3,) its median, in the world, m.")
       .def_readonly("low", &Surface::low, "(3,) corner of the box around most of it, world, m.")
       .def_readonly("high", &Surface::high)
-      .def_readonly("color", &Surface::color, "(3,) mean, sRGB.")
+      .def_readonly("color", &Surface::color, "(3,) median, sRGB.")
       .def_readonly("step_m", &Surface::step_m,
                     "By which it is nearer than what is seen at the other time.")
       .def_readonly("steps", &Surface::steps, "The same in units of the least that counts.")
       .def_readonly("differing", &Surface::differing,
-                    "Share of its pixels in which colours or features differ.")
+                    "Share of its pixels whose colours are not around in the other image.")
       .def_readonly("flat", &Surface::flat, "Whether colours and features alone tell of it.")
       .def_readonly("samples", &Surface::samples, "[N] points (3,) of it, in the world, m.");
   py::class_<ObjectChange>(m, "ObjectChange", "An object elsewhere, new or gone.")
@@ -207,14 +206,13 @@ Args:
 Raises:
     ValueError: An array does not fit.)")
       .def(py::init([](const Camera& camera, const py::array& photo, const py::array& rgb,
-                       const py::array& measured, const py::array& rendered,
-                       const py::array& alpha, const py::array& similarity) {
-             return OwnedViews{
-                 views_of(camera, photo, rgb, measured, rendered, alpha, similarity),
-                 py::make_tuple(photo, rgb, measured, rendered, alpha, similarity)};
+                       const py::array& measured, const py::array& rendered, const py::array& alpha,
+                       const py::array& similarity) {
+             return OwnedViews{views_of(camera, photo, rgb, measured, rendered, alpha, similarity),
+                               py::make_tuple(photo, rgb, measured, rendered, alpha, similarity)};
            }),
-           py::kw_only(), py::arg("camera"), py::arg("photo"), py::arg("rgb"),
-           py::arg("measured"), py::arg("rendered"), py::arg("alpha"), py::arg("similarity"));
+           py::kw_only(), py::arg("camera"), py::arg("photo"), py::arg("rgb"), py::arg("measured"),
+           py::arg("rendered"), py::arg("alpha"), py::arg("similarity"));
 
   py::class_<Masks>(m, "MaskSet", "Where both differ; see `masks_of`.");
   m.def(

@@ -15,7 +15,7 @@ namespace {
 /// Side of the window that joins parts of one object: bars of a chair, say.
 constexpr int kJoin_px = 3;
 /// Around an object that changed, what is flat is its shadow or more of it.
-constexpr double kShadow_m = 0.08;
+constexpr double kShadow_m = 0.15;
 
 /// A surface, and where it is in the image.
 struct Part {
@@ -43,10 +43,10 @@ double median_of(const Array<float>& values, const Pixels& pixels) {
   return *middle;
 }
 
-double share_of(const Masks& masks, const Pixels& pixels) {
-  std::size_t differing = 0;
-  for (const std::size_t k : pixels) differing += masks.pixel[k] | masks.feature[k];
-  return double(differing) / double(pixels.size());
+double share_above(float least, const cv::Mat& values, const Pixels& pixels) {
+  std::size_t above = 0;
+  for (const std::size_t k : pixels) above += values.ptr<float>()[k] > least;
+  return double(above) / double(pixels.size());
 }
 
 bool are_near(const Surface& a, const Surface& b) {
@@ -57,7 +57,11 @@ bool are_near(const Surface& a, const Surface& b) {
 class Finder {
  public:
   Finder(const Views& views, const Masks& masks, const ObjectRule& rule)
-      : views_(views), masks_(masks), rule_(rule) {}
+      : views_(views),
+        masks_(masks),
+        rule_(rule),
+        foreign_(foreign_colors(views, masks, rule.reach_px)),
+        most_(cv::max(foreign_.in_photo, foreign_.in_map)) {}
 
   Surfaces found() {
     const DepthChange depth = depth_change_of(views_, masks_, rule_);
@@ -96,9 +100,7 @@ class Finder {
 
   /// What colours tell beside that.
   void add_flats() {
-    const Foreign foreign = foreign_colors(views_, masks_, rule_.reach_px);
-    const cv::Mat most = cv::max(foreign.in_photo, foreign.in_map);
-    cv::Mat mask = most > rule_.flat_color;
+    cv::Mat mask = most_ > rule_.flat_color;
     for (const Part& part : parts_) {
       for (const std::size_t k : part.pixels) mask.ptr<std::uint8_t>()[k] = 0;
     }
@@ -114,12 +116,12 @@ class Finder {
       Pixels pixels = pixels_of(components, component, width);
       cv::Mat region = cv::Mat::zeros(views_.camera.height, width, CV_8U);
       for (const std::size_t k : pixels) region.ptr<std::uint8_t>()[k] = 255;
-      const std::optional<Side> side = side_of_flat(views_, foreign, region, rule_);
+      const std::optional<Side> side = side_of_flat(views_, foreign_, region, rule_);
       if (!side) continue;
       std::optional<Surface> surface = seen_at(pixels, *side, rule_.flat_area_m2);
       if (!surface) continue;
       surface->flat = true;
-      surface->steps = cv::mean(most, region)[0] / rule_.flat_color;
+      surface->steps = cv::mean(most_, region)[0] / rule_.flat_color;
       add_flat(*surface, std::move(pixels), others);
     }
   }
@@ -127,9 +129,8 @@ class Finder {
   /// Beside one of the first parts, a flat one is more of it if it is of its side, else its shadow.
   void add_flat(const Surface& surface, Pixels pixels, std::size_t others) {
     const auto end = parts_.begin() + std::ptrdiff_t(others);
-    const auto near = std::find_if(parts_.begin(), end, [&](const Part& part) {
-      return are_near(part.surface, surface);
-    });
+    const auto near = std::find_if(
+        parts_.begin(), end, [&](const Part& part) { return are_near(part.surface, surface); });
     if (near == end) {
       parts_.push_back({surface, std::move(pixels)});
     } else if (near->surface.side == surface.side) {
@@ -143,13 +144,15 @@ class Finder {
   std::optional<Surface> seen_at(const Pixels& pixels, Side side, double least_area_m2) const {
     std::optional<Surface> surface = surface_of(views_, pixels, side);
     if (!surface || surface->area_m2 < least_area_m2) return std::nullopt;
-    surface->differing = share_of(masks_, pixels);
+    surface->differing = share_above(float(rule_.flat_color), most_, pixels);
     return surface;
   }
 
   const Views& views_;
   const Masks& masks_;
   const ObjectRule& rule_;
+  const Foreign foreign_;
+  const cv::Mat most_;  ///< The larger of both.
   std::vector<Part> parts_;
 };
 

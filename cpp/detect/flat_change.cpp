@@ -19,7 +19,7 @@ cv::Mat grown(const cv::Mat& region, int radius_px) {
 
 /// Median of measured - rendered depth where both are, m; 0 if there are hardly any.
 double median_difference(const Views& views, const cv::Mat& where) {
-  constexpr std::size_t kLeast = 10;
+  constexpr std::size_t kLeast = 5;
   std::vector<float> differences;
   for (std::size_t k = 0; k < views.size(); ++k) {
     if (!where.ptr<std::uint8_t>()[k]) continue;
@@ -79,10 +79,14 @@ Foreign foreign_colors(const Views& views, const Masks& masks, int reach_px) {
 std::optional<Side> side_of_flat(const Views& views, const Foreign& foreign, const cv::Mat& region,
                                  const ObjectRule& rule) {
   constexpr double kUneven = 1.3;
+  constexpr double kDeep_m = 0.1;
   constexpr int kRing_px = 6;
   const cv::Mat edge = grown(region, 1);
   const cv::Mat ring = grown(region, kRing_px) - grown(region, 2);
-  const double step_m = median_difference(views, region) - median_difference(views, ring);
+  // What is left over of a thing with depth lies between that and what is around it.
+  const double own_m = median_difference(views, region);
+  if (std::abs(own_m) > kDeep_m) return own_m < 0 ? Side::kAfter : Side::kBefore;
+  const double step_m = own_m - median_difference(views, ring);
   if (std::abs(step_m) > rule.flat_step_m) return step_m < 0 ? Side::kAfter : Side::kBefore;
   const double photo = cv::mean(foreign.in_photo, region)[0];
   const double map = cv::mean(foreign.in_map, region)[0];

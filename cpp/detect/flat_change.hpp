@@ -8,7 +8,8 @@
 namespace gslts::detect {
 
 /// [H,W] float: by how much a colour of one image, summed over the channels, is beyond all that the
-/// other shows within `reach_px`, so that edges a little off do not count; 0 where nothing is known.
+/// other shows within `reach_px`, so that edges a little off do not count; 0 where nothing is
+/// known.
 struct Foreign {
   cv::Mat in_photo, in_map;
 };

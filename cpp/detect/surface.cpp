@@ -39,14 +39,14 @@ std::optional<Surface> surface_of(const Views& views, const Pixels& pixels, Side
   const float* other = after ? views.rendered : views.measured;
   const float* colors = after ? views.photo : views.rgb;
   const Camera& camera = views.camera;
-  std::array<std::vector<double>, 3> points;
+  std::array<std::vector<double>, 3> points, channels;
   std::vector<double> steps;
   Surface surface;
   surface.side = side;
   const std::size_t stride = pixels.size() / kSamples + 1;
   const double farthest_m = farthest_of(depth, pixels);
   for (const std::size_t k : pixels) {
-    for (int c = 0; c < 3; ++c) surface.color[c] += colors[3 * k + std::size_t(c)];
+    for (std::size_t c = 0; c < 3; ++c) channels[c].push_back(colors[3 * k + c]);
     const double z = depth[k];
     if (!measured(depth[k]) || z > farthest_m) continue;
     const double x = (double(k % std::size_t(camera.width)) + 0.5 - camera.cx) / camera.fx * z;
@@ -59,12 +59,12 @@ std::optional<Surface> surface_of(const Views& views, const Pixels& pixels, Side
   }
   if (points[0].empty()) return std::nullopt;
   surface.area_px = int(pixels.size());
-  surface.color /= double(pixels.size());
   for (int c = 0; c < 3; ++c) {
     std::vector<double>& values = points[std::size_t(c)];
     surface.low[c] = at_share(values, kStrays);
     surface.high[c] = at_share(values, 1 - kStrays);
     surface.point[c] = at_share(values, 0.5);
+    surface.color[c] = at_share(channels[std::size_t(c)], 0.5);
   }
   if (!steps.empty()) surface.step_m = at_share(steps, 0.5);
   return surface;

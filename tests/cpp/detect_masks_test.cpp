@@ -1,17 +1,16 @@
-#include "gslts/detect/masks.hpp"
-
 #include <gmock/gmock.h>
 
 #include <numeric>
 
 #include "detect_scenes.hpp"
 #include "gslts/detect/components.hpp"
+#include "gslts/detect/masks.hpp"
 
 namespace gslts::detect {
 namespace {
 
-using testing::Pair;
 using ::testing::Each;
+using testing::Pair;
 using In = Pair::In;
 
 int count(const Array<std::uint8_t>& mask) { return std::accumulate(mask.begin(), mask.end(), 0); }

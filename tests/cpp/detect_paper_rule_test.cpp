@@ -1,16 +1,15 @@
-#include "gslts/detect/paper_rule.hpp"
-
 #include <gmock/gmock.h>
 
 #include <limits>
 
 #include "detect_scenes.hpp"
+#include "gslts/detect/paper_rule.hpp"
 
 namespace gslts::detect {
 namespace {
 
-using testing::Pair;
 using ::testing::HasSubstr;
+using testing::Pair;
 using In = Pair::In;
 
 std::optional<PaperChange> judged(const Pair& pair, const PaperRule& rule = {}) {
@@ -108,7 +107,8 @@ TEST(PaperRule, ThePointMovesWithTheCamera) {
   Pair pair;
   pair.put(In::kPhoto, 100, 40, 20, 10, 1.5f, 1, 0, 0);
   const Eigen::Vector3d at_home = judged(pair)->point_in_world;
-  pair.camera.world_from_camera.rotate(Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized()));
+  pair.camera.world_from_camera.rotate(
+      Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized()));
   pair.camera.world_from_camera.pretranslate(Eigen::Vector3d(4, 5, 6));
   const Eigen::Vector3d expected = pair.camera.world_from_camera * at_home;
   EXPECT_LT((judged(pair)->point_in_world - expected).norm(), 1e-9);

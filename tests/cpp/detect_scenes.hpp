@@ -29,7 +29,8 @@ struct Pair {
 
   enum class In { kPhoto, kMap };
 
-  /// A box facing the camera: columns [x, x + width), rows [y, y + height), at a depth, in a colour.
+  /// A box facing the camera: columns [x, x + width), rows [y, y + height), at a depth, in a
+  /// colour.
   void put(In where, int x, int y, int width, int height, float depth_m, float red, float green,
            float blue) {
     std::vector<float>& colors = where == In::kPhoto ? photo : rgb;

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,17 +15,6 @@ from gslts.change.features import FeatureExtractor, OrientedGradients
 from gslts.gaussian_map import GaussianMap
 
 Floats32 = NDArray[np.float32]
-
-
-class CoarseGradients:
-    """`OrientedGradients` of the picture at half its sides, which cost a quarter."""
-
-    def __call__(self, rgb: Floats32) -> Floats32:
-        """See `FeatureExtractor`."""
-        height, width = rgb.shape[:2]
-        size = (max(1, width // 2), max(1, height // 2))
-        small = cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
-        return OrientedGradients()(np.asarray(small, np.float32))
 
 
 class NoFeatures:
@@ -63,7 +51,7 @@ STRATEGIES = {
 HALVINGS = {"full": 0, "half": 1, "quarter": 2}
 FEATURES: dict[str, FeatureExtractor] = {
     "gradients": OrientedGradients(),
-    "coarse gradients": CoarseGradients(),
+    "fine gradients": OrientedGradients(halvings=0),
     "no features": NoFeatures(),
 }
 TRADE = {

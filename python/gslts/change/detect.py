@@ -33,7 +33,7 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Kind = Literal["addition", "removal", "relocation"]
 
-ALIGN_STEPS = 4
+ALIGN_STEPS = 3
 """Of the pose, at each resolution from a quarter of the frame's."""
 POSE_STDS = (0.01, 0.0087)
 """How far a robot's pose is expected to be off, m and rad (half a degree)."""

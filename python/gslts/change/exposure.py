@@ -10,7 +10,7 @@ from gslts.losses import Exposure, fit_exposure
 
 Floats32 = NDArray[np.float32]
 
-ROUNDS = 3
+ROUNDS = 2
 OUTLYING = 2.5
 """Pixels whose error is so many times the median are left out in the next round."""
 LEAST_ERROR = 0.02

@@ -38,18 +38,26 @@ class OrientedGradients:
 
     These are the histograms of which DAISY (Tola et al. 2010) is made, without its ring of
     places. One more feature, always the same, makes plain surfaces alike.
+
+    Args:
+        halvings: How often the sides of the image are halved first.
     """
 
+    def __init__(self, halvings: int = 1) -> None:
+        self._scale = 2**halvings
+
     def __call__(self, rgb: Floats32) -> Floats32:
-        """[H,W,17]; see `FeatureExtractor`."""
+        """[h,w,17]; see `FeatureExtractor`."""
         grey = cv2.cvtColor(np.ascontiguousarray(rgb), cv2.COLOR_RGB2GRAY)
+        height, width = (max(1, length // self._scale) for length in grey.shape)
+        grey = cv2.resize(grey, (width, height), interpolation=cv2.INTER_AREA)
         across = cv2.Sobel(grey, cv2.CV_32F, 1, 0, ksize=3, scale=1 / 8)
         down = cv2.Sobel(grey, cv2.CV_32F, 0, 1, ksize=3, scale=1 / 8)
         angles = 2 * np.pi / ORIENTATIONS * np.arange(ORIENTATIONS)
         edges = np.stack(
             [np.maximum(0, np.cos(a) * across + np.sin(a) * down) for a in angles], axis=-1
         ).astype(np.float32)
-        sigmas = [share * rgb.shape[1] for share in POOLED_SHARES]
+        sigmas = [share * width for share in POOLED_SHARES]
         # Filters take four channels at once.
         pooled = [
             cv2.GaussianBlur(np.ascontiguousarray(edges[..., k : k + 4]), (0, 0), sigma)

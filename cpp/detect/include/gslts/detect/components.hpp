@@ -9,11 +9,11 @@ namespace gslts::detect {
 
 /// Pixels of a mask that touch each other, also at their corners.
 struct Component {
-  int label;               ///< In the image of labels, from 1.
-  int area;                ///< Pixels.
-  int x, y;                ///< First column and row.
-  int width, height;       ///< Of the box around it, px.
-  double u, v;             ///< Centroid, px; the centre of the first pixel is (0.5, 0.5).
+  int label;          ///< In the image of labels, from 1.
+  int area;           ///< Pixels.
+  int x, y;           ///< First column and row.
+  int width, height;  ///< Of the box around it, px.
+  double u, v;        ///< Centroid, px; the centre of the first pixel is (0.5, 0.5).
 };
 
 struct Components {

@@ -14,18 +14,18 @@ namespace gslts::detect {
 
 /// How changed objects are told from errors of sensor, pose and map.
 struct ObjectRule {
-  double step_m = 0.025;          ///< A surface counts as nearer by so much, across it,
-  double step_per_m = 0.006;      ///< by so much more times the square of its depth in m,
-  double step_px = 1;             ///< and by what its depth changes within so many pixels.
-  int reach_px = 2;               ///< By which edges may be misplaced.
-  double least_area_m2 = 6e-4;    ///< Smaller surfaces, facing the camera, are no objects.
-  int least_area_px = 25;         ///< Nor are smaller parts of the image.
-  double flat_area_m2 = 1.5e-3;   ///< The same where colours alone differ,
-  double flat_color = 0.15;       ///< summed over the channels, from all that is around.
-  double flat_step_m = 0.006;     ///< A mean difference of depths that tells the side.
-  double least_contrast = 0.03;   ///< Of brightness a pixel, across the outline of a flat object.
-  double alike = 0.4;             ///< How alike the two ends of a relocation are, 0 to 1.
-  double certain = 0.5;           ///< Less likely changes are not reported.
+  double step_m = 0.025;         ///< A surface counts as nearer by so much, across it,
+  double step_per_m = 0.006;     ///< by so much more times the square of its depth in m,
+  double step_px = 1;            ///< and by what its depth changes within so many pixels.
+  int reach_px = 2;              ///< By which edges may be misplaced.
+  double least_area_m2 = 6e-4;   ///< Smaller surfaces, facing the camera, are no objects.
+  int least_area_px = 25;        ///< Nor are smaller parts of the image.
+  double flat_area_m2 = 1.5e-3;  ///< The same where colours alone differ,
+  double flat_color = 0.15;      ///< summed over the channels, from all that is around.
+  double flat_step_m = 0.006;    ///< A mean difference of depths that tells the side.
+  double least_contrast = 0.03;  ///< Of brightness a pixel, across the outline of a flat object.
+  double alike = 0.35;           ///< How alike the two ends of a relocation are, 0 to 1.
+  double certain = 0.5;          ///< Less likely changes are not reported.
 };
 
 /// @throws std::invalid_argument  naming the function, if a setting is out of range.
@@ -36,17 +36,17 @@ enum class Side { kBefore, kAfter };
 /// The visible surface of an object, at one of the times.
 struct Surface {
   Side side = Side::kBefore;  ///< Seen in the map (before) or in the photo (after).
-  int label = 0;         ///< In the image of labels.
-  int area_px = 0;       ///< Pixels.
-  double area_m2 = 0;    ///< Facing the camera.
+  int label = 0;              ///< In the image of labels.
+  int area_px = 0;            ///< Pixels.
+  double area_m2 = 0;         ///< Facing the camera.
   /// Its median, in the world, m.
   Eigen::Vector3d point = Eigen::Vector3d::Zero();
   /// Corners of the box around most of it, in the world, m.
   Eigen::Vector3d low = Eigen::Vector3d::Zero(), high = Eigen::Vector3d::Zero();
-  Eigen::Vector3d color = Eigen::Vector3d::Zero();  ///< Mean, sRGB.
+  Eigen::Vector3d color = Eigen::Vector3d::Zero();  ///< Median, sRGB.
   double step_m = 0;     ///< By which it is nearer than what is seen at the other time.
   double steps = 0;      ///< The same in units of the least that counts; 0 if flat.
-  double differing = 0;  ///< Share of its pixels in which colours or features differ.
+  double differing = 0;  ///< Share of its pixels whose colours are not around in the other image.
   bool flat = false;     ///< Whether colours and features alone tell of it.
   std::vector<Eigen::Vector3d> samples;  ///< Some of its points, in the world, m.
 };
