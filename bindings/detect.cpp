@@ -174,10 +174,11 @@ void define_results(py::module_& m) {
       .def_readonly("color", &Surface::color, "(3,) median, sRGB.")
       .def_readonly("step_m", &Surface::step_m,
                     "By which it is nearer than what is seen at the other time.")
-      .def_readonly("steps", &Surface::steps, "The same in units of the least that counts.")
+      .def_readonly("steps", &Surface::steps,
+                    "The same in units of the least that counts; if flat, of colours.")
       .def_readonly("differing", &Surface::differing,
                     "Share of its pixels whose colours are not around in the other image.")
-      .def_readonly("flat", &Surface::flat, "Whether colours and features alone tell of it.")
+      .def_readonly("flat", &Surface::flat, "Whether colours alone tell of it.")
       .def_readonly("samples", &Surface::samples, "[N] points (3,) of it, in the world, m.");
   py::class_<ObjectChange>(m, "ObjectChange", "An object elsewhere, new or gone.")
       .def_readonly("type", &ObjectChange::type)

@@ -116,6 +116,7 @@ class Finder {
       Pixels pixels = pixels_of(components, component, width);
       cv::Mat region = cv::Mat::zeros(views_.camera.height, width, CV_8U);
       for (const std::size_t k : pixels) region.ptr<std::uint8_t>()[k] = 255;
+      if (!has_outline(most_, region)) continue;
       const std::optional<Side> side = side_of_flat(views_, foreign_, region, rule_);
       if (!side) continue;
       std::optional<Surface> surface = seen_at(pixels, *side, rule_.flat_area_m2);

@@ -11,7 +11,6 @@ namespace {
 constexpr double kColorStep = 0.2;
 /// Of a difference in brightness, which light and shade change from place to place.
 constexpr double kBrightnessShare = 0.5;
-
 /// Of an object at least so much of its length is seen at both ends.
 constexpr double kLeastLength = 0.35;
 
@@ -31,17 +30,18 @@ double likeness(const Surface& a, const Surface& b) {
 /// Logistic regression over surfaces that were found in simulated homes (seeds below 10,000):
 /// benchmarks/README.md.
 double certainty(const Surface& surface) {
-  constexpr double kSteps = 3.6, kArea = 0.73, kFlat = -1.7, kOffset = 2.6;
-  constexpr double kLook = 0.3;  // Where so many pixels look otherwise, all of it does.
+  constexpr double kSteps = 3.1, kArea = 0.78, kFlat = -2.0, kOffset = 3.0;
+  constexpr double kLook = 0.3;   // Where so many pixels look otherwise, all of it does.
+  constexpr double kBlind = 0.3;  // What steps count where nothing looks otherwise.
   const double look = std::min(1.0, surface.differing / kLook);
-  const double evidence = surface.steps * (0.3 + 0.7 * look);
+  const double evidence = surface.steps * (kBlind + (1 - kBlind) * look);
   const double sum = kSteps * std::log(evidence + 0.01) + kArea * std::log(surface.area_m2 + 1e-9) +
                      (surface.flat ? kFlat : 0) + kOffset;
   return 1 / (1 + std::exp(-sum));
 }
 
 /// By how much more alike two surfaces must be if one of them may be an error.
-constexpr double kDoubt = 0.25;
+constexpr double kDoubt = 0.15;
 /// One end may be so much less certain than a change of its own must be.
 constexpr double kLeastCertain = 0.3;
 

@@ -76,10 +76,18 @@ Foreign foreign_colors(const Views& views, const Masks& masks, int reach_px) {
   return foreign;
 }
 
+bool has_outline(const cv::Mat& most, const cv::Mat& region) {
+  constexpr double kFall = 0.5;
+  constexpr int kOutside_px = 4;
+  const cv::Mat ring = grown(region, kOutside_px) - grown(region, 2);
+  return cv::mean(most, ring)[0] < kFall * cv::mean(most, region)[0];
+}
+
 std::optional<Side> side_of_flat(const Views& views, const Foreign& foreign, const cv::Mat& region,
                                  const ObjectRule& rule) {
-  constexpr double kUneven = 1.3;
-  constexpr double kDeep_m = 0.1;
+  constexpr double kDeep_m = 0.1;  // No flat thing is so high.
+  constexpr double kUneven =
+      1.3;  // So many times as foreign to the other image, it is in this one.
   constexpr int kRing_px = 6;
   const cv::Mat edge = grown(region, 1);
   const cv::Mat ring = grown(region, kRing_px) - grown(region, 2);

@@ -16,6 +16,11 @@ struct Foreign {
 
 Foreign foreign_colors(const Views& views, const Masks& masks, int reach_px);
 
+/// Whether foreign colours end at the outline of a region, as a thing does and light does not.
+/// @param most  [H,W] the larger of the two of `Foreign`.
+/// @param region  [H,W] 1 inside.
+bool has_outline(const cv::Mat& most, const cv::Mat& region);
+
 /// In which of the two images a thing lies that is too flat for the depth of single pixels: by the
 /// mean depth inside against that around it, else by where its colours or its outline stand out.
 /// @param region  [H,W] 1 inside.

@@ -52,7 +52,9 @@ def found(
 ) -> tuple[list[Any], np.ndarray]:
     views = core.Views(camera=CAMERA, **images)
     masks = core.masks_of(views, MaskRule())
-    return core.changed_objects(views, masks, ObjectRule() if rule is None else rule)
+    rule = ObjectRule() if rule is None else rule
+    surfaces, labels = core.changed_surfaces(views, masks, rule)
+    return core.changes_of(surfaces, rule), labels
 
 
 def at(row: float, column: float, depth_m: float) -> np.ndarray:
@@ -282,7 +284,7 @@ def test_arrays_that_do_not_fit_are_named(name: str) -> None:
             for name in ("tau_change", "tau_a", "tau_d", "epsilon")
         ],
         *[
-            ("changed_objects", ObjectRule(**{name: -1}))
+            ("changed_surfaces", ObjectRule(**{name: -1}))
             for name in (
                 "step_m", "step_per_m", "step_px", "reach_px", "least_area_m2", "least_area_px",
                 "flat_area_m2", "flat_step_m", "least_contrast", "alike",
@@ -315,6 +317,6 @@ def test_masks_of_another_size_are_refused() -> None:
     with pytest.raises(ValueError, match="masks"):
         core.arrays_of(masks, CAMERA)
     with pytest.raises(ValueError, match="masks"):
-        core.changed_objects(views, masks, ObjectRule())
+        core.changed_surfaces(views, masks, ObjectRule())
     with pytest.raises(ValueError, match="masks"):
         core.paper_change(views, masks, PaperRule())

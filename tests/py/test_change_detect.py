@@ -8,8 +8,9 @@ import pytest
 from change_room import BLUE, LOOKS, YELLOW, see, thing
 
 from gslts.camera import Camera, at_pose, camera_from_fov, look_at
+from gslts.change.changes import Change
 from gslts.change.config import DetectionConfig
-from gslts.change.detect import Change, ChangeDetector, Detection
+from gslts.change.detect import ChangeDetector, Detection
 from gslts.change.overlay import COLORS, overlay
 from gslts.frame import RgbdFrame
 from gslts.sim.changes import place
@@ -218,9 +219,10 @@ def test_frames_that_are_too_small_or_maps_of_doubles_are_refused() -> None:
 
 def test_pictures_show_what_was_detected() -> None:
     detection = change_room.detector().detect(see(added(change_room.home()), LOOKS[0]))
-    picture = overlay(detection)
-    assert picture.shape == (120, 3 * 160, 3)
-    assert picture.dtype == np.uint8
+    large = overlay(detection)
+    assert large.shape == (3 * 120, 3 * 3 * 160, 3)  # Three times as large.
+    assert large.dtype == np.uint8
+    picture = large[1::3, 1::3]  # The middle of each pixel.
     photo, render, masks = np.split(picture, 3, axis=1)
     mask = detection.changes[0].masks[1]
     assert mask is not None
@@ -230,10 +232,12 @@ def test_pictures_show_what_was_detected() -> None:
     # Somewhere inside, the picture is mixed with the colour of an addition.
     assert np.abs(change - 0.55 * towards).max(axis=1).min() < 2
     assert np.abs(render - (255 * detection.render).round()).max() <= 1
+    untouched = np.abs(photo - plain).max(axis=-1) <= 1
+    assert 0.7 < untouched.mean() < 1  # All but the change, its box and its name.
     np.testing.assert_array_equal((masks == 255).all(axis=-1), detection.combined)
     lost = overlay(change_room.detector().detect(see_nothing()))
-    assert lost.shape == picture.shape
-    assert (lost[:, 160:] == 60).all()
+    assert lost.shape == large.shape
+    assert (lost[:, 3 * 160 :] == 60).all()
 
 
 def see_nothing() -> RgbdFrame:

@@ -24,9 +24,12 @@ def texture(seed: int) -> np.ndarray:
     return squares.repeat(6, 0).repeat(6, 1)
 
 
-def likeness(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    features = OrientedGradients()
+def likeness(one: np.ndarray, other: np.ndarray, halvings: int = 1) -> np.ndarray:
+    features = OrientedGradients(halvings)
     return similarity(features(one), features(other), HEIGHT, WIDTH)
+
+
+halved = pytest.mark.parametrize("halvings", [0, 1])
 
 
 def test_plain_pictures_are_alike() -> None:
@@ -34,37 +37,75 @@ def test_plain_pictures_are_alike() -> None:
     np.testing.assert_allclose(likeness(dark, bright), 1, atol=1e-6)
 
 
-def test_features_go_with_the_picture() -> None:
-    features = OrientedGradients()
+@halved
+def test_features_go_with_the_picture(halvings: int) -> None:
+    """By 5 and -9 of their own pixels."""
+    features = OrientedGradients(halvings)
     picture = texture(0)
-    moved = features(np.roll(picture, (5, -9), axis=(0, 1)))
+    moved = features(np.roll(picture, (5 << halvings, -9 << halvings), axis=(0, 1)))
     expected = np.roll(features(picture), (5, -9), axis=(0, 1))
-    inner = (slice(BORDER_PX + 5, -BORDER_PX - 5), slice(BORDER_PX + 9, -BORDER_PX - 9))
+    assert expected.shape == (HEIGHT >> halvings, WIDTH >> halvings, 17)
+    border = BORDER_PX >> halvings
+    inner = (slice(border + 5, -border - 5), slice(border + 9, -border - 9))
     np.testing.assert_allclose(moved[inner], expected[inner], atol=1e-5)
     assert np.abs(moved - features(picture))[inner].max() > 0.01
 
 
-def test_light_hardly_changes_them() -> None:
+def test_they_are_those_of_the_halved_picture() -> None:
+    """Each of its pixels is the mean of 2 x 2; of an odd side the features still fill it all."""
+    rng = np.random.default_rng(0)
+    picture = rng.random((HEIGHT, WIDTH, 3), np.float32)
+    blocks = picture.reshape(HEIGHT // 2, 2, WIDTH // 2, 2, 3).mean(axis=(1, 3))
+    once = OrientedGradients(1)(picture)
+    np.testing.assert_allclose(once, OrientedGradients(0)(blocks), atol=1e-5)
+    np.testing.assert_array_equal(OrientedGradients()(picture), once)
+    assert OrientedGradients(1)(picture[1:, 1:]).shape == (HEIGHT // 2 - 1, WIDTH // 2 - 1, 17)
+    assert OrientedGradients(2)(picture[:3, :2]).shape == (1, 1, 17)
+
+
+@halved
+def test_they_lie_where_the_picture_changed(halvings: int) -> None:
+    """A square of 8 x 8 px: what it changes is around its middle, and as far on either side."""
     picture = texture(0)
-    assert likeness(picture, 0.7 * picture + np.float32(0.1)).min() > 0.97
-    assert likeness(picture, picture).min() > 1 - 1e-5
+    changed = picture.copy()
+    changed[40:48, 64:72] = 1
+    unlike = 1 - likeness(picture, changed, halvings)
+    rows, columns = np.nonzero(unlike > 0.02)
+    middle = (
+        np.average(rows + 0.5, weights=unlike[rows, columns]),
+        np.average(columns + 0.5, weights=unlike[rows, columns]),
+    )
+    assert middle == pytest.approx((44, 68), abs=1)
+    assert rows.min() > 40 - BORDER_PX
+    assert columns.max() < 72 + BORDER_PX
 
 
-def test_another_texture_changes_them() -> None:
-    assert np.median(likeness(texture(0), texture(1))) < 0.85
+@halved
+def test_light_hardly_changes_them(halvings: int) -> None:
+    picture = texture(0)
+    assert likeness(picture, 0.7 * picture + np.float32(0.1), halvings).min() > 0.97
+    assert likeness(picture, picture, halvings).min() > 1 - 1e-5
+
+
+@halved
+def test_another_texture_changes_them(halvings: int) -> None:
+    """Stripes are two pixels of the features wide: narrower ones are gone when halved."""
+    assert np.median(likeness(texture(0), texture(1), halvings)) < 0.85
+    on = np.arange(max(HEIGHT, WIDTH)) % (4 << halvings) < 2 << halvings
     stripes = np.zeros((HEIGHT, WIDTH, 3), np.float32)
-    stripes[::4] = stripes[1::4] = 0.8
+    stripes[on[:HEIGHT]] = 0.8
     across = np.zeros_like(stripes)
-    across[:, ::4] = across[:, 1::4] = 0.8
+    across[:, on[:WIDTH]] = 0.8
     # Both lean by 45 degrees to the orientations between theirs: 2 of 4 parts.
-    assert np.median(likeness(stripes, across)) < 0.51
-    assert np.median(likeness(stripes, np.full_like(stripes, 0.4))) < 0.05
+    assert np.median(likeness(stripes, across, halvings)) < 0.51
+    assert np.median(likeness(stripes, np.full_like(stripes, 0.4), halvings)) < 0.05
 
 
-def test_a_step_from_dark_to_bright_is_not_the_opposite_one() -> None:
+@halved
+def test_a_step_from_dark_to_bright_is_not_the_opposite_one(halvings: int) -> None:
     step = np.zeros((HEIGHT, WIDTH, 3), np.float32)
     step[:, WIDTH // 2 :] = 0.8
-    assert likeness(step, step[:, ::-1])[HEIGHT // 2, WIDTH // 2] < 0.1
+    assert likeness(step, step[:, ::-1], halvings)[HEIGHT // 2, WIDTH // 2] < 0.1
 
 
 def test_coarse_features_lie_where_they_were_computed() -> None:

@@ -9,9 +9,13 @@ import change_room
 import numpy as np
 import pytest
 from change_room import LOOKS, see
+from test_change_bindings import blank, put
+from test_change_objects import BLUE, RED, of_the_paper, told
 
 from gslts.camera import Camera
-from gslts.change.detect import Change, ChangeDetector, Detection
+from gslts.change.changes import Change
+from gslts.change.config import DetectionConfig
+from gslts.change.detect import ChangeDetector, Detection
 from gslts.change.monitor import ChangeMonitor, MonitorConfig
 from gslts.frame import RgbdFrame
 
@@ -24,7 +28,7 @@ Found = Callable[[float], list[Change]]
 
 
 def change(x: float, kind: str = "addition", confidence: float = 0.9) -> Change:
-    return Change(kind, confidence, np.array([x, 0.0, 1.0]), (None, None), (None, None))
+    return Change(kind, confidence, np.array([x, 0.0, 1.0]), None, None, (None, None))
 
 
 def frame(time_s: float) -> RgbdFrame:
@@ -37,6 +41,7 @@ class Stub:
 
     def __init__(self, found: Found, cost_s: float = 0.0) -> None:
         self.found, self.cost_s = found, cost_s
+        self.config = DetectionConfig()
         self.times: list[float] = []
 
     def detect(self, frame: RgbdFrame) -> Detection:
@@ -97,6 +102,94 @@ def test_changes_apart_are_several() -> None:
         ("addition", 1.0),
         ("addition", 2.0),
         ("removal", 1.0),
+    ]
+
+
+def boxes(
+    before: tuple[int, int] | None = None,
+    after: tuple[int, int] | None = None,
+    color: tuple[float, float, float] = RED,
+) -> list[Change]:
+    """What an image tells in which a red box vanished here, and one of a colour appeared there."""
+    images = blank()
+    if before is not None:
+        put(images, "before", before, color=RED)
+    if after is not None:
+        put(images, "after", after, color=color)
+    return list(told(images))
+
+
+HERE, THERE, BEYOND = (40, 20), (40, 100), (80, 60)
+"""First rows and columns of boxes that are farther apart than sightings of one change."""
+
+
+@pytest.mark.parametrize("removal_first", [True, False])
+def test_ends_of_different_frames_are_one_relocation(removal_first: bool) -> None:
+    (removal,), (addition,) = boxes(before=HERE), boxes(after=THERE)
+    assert (removal.kind, addition.kind) == ("removal", "addition")
+    ends = (removal, addition) if removal_first else (addition, removal)
+    reports, _ = watched(lambda t: [ends[t >= 5]], 20)
+    first, second = reports
+    assert first.change is ends[0]
+    assert (first.number, first.replaces, first.frames) == (1, None, (0.0, 1.0, 2.0))
+    assert (second.number, second.replaces, second.frames) == (2, 1, (5.0, 6.0, 7.0))
+    assert second.change.kind == "relocation"
+    np.testing.assert_array_equal(second.change.boxes[0], removal.boxes[0])
+    np.testing.assert_array_equal(second.change.boxes[1], addition.boxes[1])
+    np.testing.assert_array_equal(second.change.point, addition.point)
+
+
+def test_unlike_ends_of_different_frames_are_two_changes() -> None:
+    (removal,) = boxes(before=HERE)
+    for addition in (*boxes(after=THERE, color=BLUE), change(5.0), of_the_paper("after")):
+        reports, _ = watched(lambda t, end=addition: [end if t >= 5 else removal], 20)
+        assert [one.change for one in reports] == [removal, addition]
+        assert [one.replaces for one in reports] == [None, None]
+
+
+def test_an_end_that_is_not_confirmed_is_none() -> None:
+    (removal,), (addition,) = boxes(before=HERE), boxes(after=THERE)
+    reports, _ = watched(lambda t: [removal if t in (0, 1) else addition], 20)
+    assert [(one.change.kind, one.replaces) for one in reports] == [("addition", None)]
+
+
+def test_an_end_that_was_resolved_is_none() -> None:
+    (removal,), (addition,) = boxes(before=HERE), boxes(after=THERE)
+    with ChangeMonitor(Stub(lambda t: [removal if t < 5 else addition]), FAST) as monitor:
+        reports = []
+        for k in range(10):
+            if k == 5:
+                monitor.resolve(reports[0])
+            monitor.offer(frame(float(k)))
+            assert monitor.wait(LONG_S)
+            reports += monitor.poll()
+    assert [(one.change.kind, one.replaces) for one in reports] == [
+        ("removal", None),
+        ("addition", None),
+    ]
+
+
+def test_one_end_belongs_to_one_relocation() -> None:
+    """Of two boxes like the one that is gone, the second is new."""
+    (removal,), (one,), (other,) = boxes(before=HERE), boxes(after=THERE), boxes(after=BEYOND)
+    assert np.linalg.norm(one.point - other.point) > FAST.near_m
+    seen = (removal, one, other)
+    reports, _ = watched(lambda t: [seen[int(t) // 5]], 15)
+    assert [(one.change.kind, one.replaces) for one in reports] == [
+        ("removal", None),
+        ("relocation", 1),
+        ("addition", None),
+    ]
+
+
+def test_a_relocation_whose_ends_were_joined_is_not_reported_again() -> None:
+    """Later both ends are in one frame."""
+    seen = (*boxes(before=HERE), *boxes(after=THERE), *boxes(before=HERE, after=THERE))
+    assert [one.kind for one in seen] == ["removal", "addition", "relocation"]
+    reports, _ = watched(lambda t: [seen[int(t) // 5]], 15)
+    assert [(one.change.kind, one.replaces) for one in reports] == [
+        ("removal", None),
+        ("relocation", 1),
     ]
 
 

@@ -6,9 +6,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 
+from gslts.datasets import open_dataset
 from gslts.sim import make_home, write_glb
 from gslts.sim.task import read_task
 
@@ -75,6 +77,23 @@ def refused(tmp_path: Path, *arguments: str) -> str:
     assert lines[-1].startswith("gslts: ")
     assert "Traceback" not in done.stderr
     return lines[-1]
+
+
+def test_a_replayed_task_shows_its_change_first(tmp_path: Path) -> None:
+    gslts("sim", "tasks", "bedroom", "--count", "1", "--out", "tasks", cwd=tmp_path)
+    [script] = (tmp_path / "tasks").iterdir()
+    task = read_task(script)
+    states = {}
+    for name, options in {"before": (), "after": ("--changed",)}.items():
+        options = (*options, "--frames", "2", "--out", name)
+        done = gslts("sim", "replay", script, *options, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        states[name] = open_dataset(tmp_path / name).frames
+        assert len(states[name]) == 2
+    robot = task.start(task.home.load(script.parent), changed=True)
+    seen, expected = states["after"][0].read().rgb, robot.observe().rgb
+    assert np.abs(seen.astype(float) - expected).mean() < 5
+    assert np.abs(states["before"][0].read().rgb.astype(float) - expected).mean() > 20
 
 
 @pytest.mark.parametrize("command", ["home", "show", "capture"])

@@ -2,11 +2,12 @@
 What changed between map and frame.
 """
 from __future__ import annotations
+import collections.abc
 import gslts._core.map
 import numpy
 import numpy.typing
 import typing
-__all__: list[str] = ['ChangeType', 'Component', 'MaskRule', 'MaskSet', 'ObjectChange', 'ObjectRule', 'PaperChange', 'PaperRule', 'Surface', 'Views', 'arrays_of', 'changed_objects', 'masks_of', 'paper_change']
+__all__: list[str] = ['ChangeType', 'Component', 'MaskRule', 'MaskSet', 'ObjectChange', 'ObjectRule', 'PaperChange', 'PaperRule', 'Side', 'Surface', 'Views', 'arrays_of', 'changed_surfaces', 'changes_of', 'masks_of', 'paper_change']
 class MaskRule:
     """
     Where a photo and a rendering differ (GS-LTS, sec. III-C).
@@ -60,24 +61,32 @@ class ObjectRule:
     How changed objects are told from errors of sensor, pose and map.
     
     Args:
-        step_m: A surface counts as nearer by so much,
+        step_m: A surface counts as nearer by so much, across it,
         step_per_m: by so much more times the square of its depth in m,
         step_px: and by what its depth changes within so many pixels.
         reach_px: By which edges may be misplaced.
         least_area_m2: Smaller surfaces, facing the camera, are no objects.
         least_area_px: Nor are smaller parts of the image.
-        flat_area_m2: The same where colours and features alone differ.
+        flat_area_m2: The same where colours alone differ,
+        flat_color: summed over the channels, from all that is around.
         flat_step_m: A mean difference of depths that tells the side.
         least_contrast: Of brightness a pixel, across the outline of a flat object.
         alike: How alike the two ends of a relocation are, 0 to 1.
+        certain: Less likely changes are not reported.
     """
-    def __init__(self, *, step_m: typing.SupportsFloat | typing.SupportsIndex = 0.02, step_per_m: typing.SupportsFloat | typing.SupportsIndex = 0.006, step_px: typing.SupportsFloat | typing.SupportsIndex = 3.0, reach_px: int = 2, least_area_m2: typing.SupportsFloat | typing.SupportsIndex = 0.0006, least_area_px: int = 25, flat_area_m2: typing.SupportsFloat | typing.SupportsIndex = 0.0015, flat_step_m: typing.SupportsFloat | typing.SupportsIndex = 0.006, least_contrast: typing.SupportsFloat | typing.SupportsIndex = 0.03, alike: typing.SupportsFloat | typing.SupportsIndex = 0.45) -> None:
+    def __init__(self, *, step_m: typing.SupportsFloat | typing.SupportsIndex = 0.025, step_per_m: typing.SupportsFloat | typing.SupportsIndex = 0.006, step_px: typing.SupportsFloat | typing.SupportsIndex = 1.0, reach_px: int = 2, least_area_m2: typing.SupportsFloat | typing.SupportsIndex = 0.0006, least_area_px: int = 25, flat_area_m2: typing.SupportsFloat | typing.SupportsIndex = 0.0015, flat_color: typing.SupportsFloat | typing.SupportsIndex = 0.15, flat_step_m: typing.SupportsFloat | typing.SupportsIndex = 0.006, least_contrast: typing.SupportsFloat | typing.SupportsIndex = 0.03, alike: typing.SupportsFloat | typing.SupportsIndex = 0.35, certain: typing.SupportsFloat | typing.SupportsIndex = 0.5) -> None:
         ...
     @property
     def alike(self) -> float:
         ...
     @property
+    def certain(self) -> float:
+        ...
+    @property
     def flat_area_m2(self) -> float:
+        ...
+    @property
+    def flat_color(self) -> float:
         ...
     @property
     def flat_step_m(self) -> float:
@@ -135,6 +144,51 @@ class ChangeType:
         ...
     @typing.overload
     def __ne__(self, other: ChangeType) -> bool:
+        ...
+    @typing.overload
+    def __ne__(self, other: typing.Any) -> bool:
+        ...
+    def __repr__(self) -> str:
+        ...
+    def __setstate__(self, state: typing.SupportsInt | typing.SupportsIndex) -> None:
+        ...
+    def __str__(self) -> str:
+        ...
+    @property
+    def name(self) -> str:
+        ...
+    @property
+    def value(self) -> int:
+        ...
+class Side:
+    """
+    Members:
+    
+      BEFORE
+    
+      AFTER
+    """
+    AFTER: typing.ClassVar[Side]
+    BEFORE: typing.ClassVar[Side]
+    __members__: typing.ClassVar[dict[str, Side]]
+    @typing.overload
+    def __eq__(self, other: Side) -> bool:
+        ...
+    @typing.overload
+    def __eq__(self, other: typing.Any) -> bool:
+        ...
+    def __getstate__(self) -> int:
+        ...
+    def __hash__(self) -> int:
+        ...
+    def __index__(self) -> int:
+        ...
+    def __init__(self, value: typing.SupportsInt | typing.SupportsIndex) -> None:
+        ...
+    def __int__(self) -> int:
+        ...
+    @typing.overload
+    def __ne__(self, other: Side) -> bool:
         ...
     @typing.overload
     def __ne__(self, other: typing.Any) -> bool:
@@ -210,7 +264,12 @@ class Surface:
     @property
     def color(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]:
         """
-        (3,) mean, sRGB.
+        (3,) median, sRGB.
+        """
+    @property
+    def differing(self) -> float:
+        """
+        Share of its pixels whose colours are not around in the other image.
         """
     @property
     def flat(self) -> bool:
@@ -236,9 +295,24 @@ class Surface:
         (3,) its median, in the world, m.
         """
     @property
+    def samples(self) -> list[typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]]:
+        """
+        [N] points (3,) of it, in the world, m.
+        """
+    @property
+    def side(self) -> Side:
+        """
+        Seen in the map (BEFORE) or in the photo (AFTER).
+        """
+    @property
     def step_m(self) -> float:
         """
         By which it is nearer than what is seen at the other time.
+        """
+    @property
+    def steps(self) -> float:
+        """
+        The same in units of the least that counts.
         """
 class ObjectChange:
     """
@@ -288,12 +362,21 @@ def arrays_of(masks: MaskSet, camera: gslts._core.map.Camera) -> dict[str, numpy
     """
     [H,W] bool each: known, pixel (M_pixel), feature (M_feat) and combined (M_comb).
     """
-def changed_objects(views: Views, masks: MaskSet, rule: ObjectRule) -> tuple[list[ObjectChange], numpy.typing.NDArray[numpy.int32]]:
+def changed_surfaces(views: Views, masks: MaskSet, rule: ObjectRule) -> tuple[list[Surface], numpy.typing.NDArray[numpy.int32]]:
     """
-    All objects that changed, the most certain first.
+    What only one of map and photo shows.
     
     Returns:
-        The changes, and the labels [H,W] int32 of their surfaces; 0 where nothing changed.
+        The surfaces, and the image [H,W] int32 of their labels; 0 where nothing changed.
+    
+    Raises:
+        ValueError: A setting is out of range.
+    """
+def changes_of(surfaces: collections.abc.Sequence[Surface], rule: ObjectRule) -> list[ObjectChange]:
+    """
+    The changes that explain some surfaces, the most certain first.
+    
+    What vanished and what appeared are one object if they are alike in colour and size.
     
     Raises:
         ValueError: A setting is out of range.

@@ -18,6 +18,10 @@ class RenderOptions:
     Args:
         background: RGB behind the Gaussians.
         near_m: Gaussians with centre depth z <= near_m are not seen, m. > 0
+        near_sigmas: Gaussians whose depth is at most so many of its standard deviations are not seen:
+            projection linearises them at their centre, which fails where they reach the camera's plane,
+            and makes fog of a wall beside the camera (the guard band of Kerbl et al. 2023, sec. 6).
+            >= 0
         sh_degree: Highest SH degree used, 0 to 3; the map's own degree caps it.
         clamp_colors: Colours below 0 count as 0, as in 3DGS; if false they are kept, and `rgb` is
             linear in `sh`.
@@ -43,7 +47,7 @@ class RenderOptions:
         ...
     def __getstate__(self) -> tuple:
         ...
-    def __init__(self, *, background: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.0], near_m: typing.SupportsFloat | typing.SupportsIndex = 0.05, sh_degree: int = 3, clamp_colors: bool = True, eps2d_px2: typing.SupportsFloat | typing.SupportsIndex = 0.3, antialias: bool = False, surface_depth: bool = True, alpha_min: typing.SupportsFloat | typing.SupportsIndex = 0.001953125, transmittance_min: typing.SupportsFloat | typing.SupportsIndex = 0.0001, exp_degree: int = 3, threads: int = 0) -> None:
+    def __init__(self, *, background: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.0], near_m: typing.SupportsFloat | typing.SupportsIndex = 0.05, near_sigmas: typing.SupportsFloat | typing.SupportsIndex = 3.0, sh_degree: int = 3, clamp_colors: bool = True, eps2d_px2: typing.SupportsFloat | typing.SupportsIndex = 0.3, antialias: bool = False, surface_depth: bool = True, alpha_min: typing.SupportsFloat | typing.SupportsIndex = 0.001953125, transmittance_min: typing.SupportsFloat | typing.SupportsIndex = 0.0001, exp_degree: int = 3, threads: int = 0) -> None:
         ...
     def __repr__(self) -> str:
         ...
@@ -83,6 +87,11 @@ class RenderOptions:
     def near_m(self) -> float:
         """
         Near plane, m.
+        """
+    @property
+    def near_sigmas(self) -> float:
+        """
+        Least depth, in standard deviations of a Gaussian's own.
         """
     @property
     def sh_degree(self) -> int:

@@ -26,7 +26,8 @@ from gslts.bench.homes import MAP_S, RECORDING_S, BenchHome, default_state
 from gslts.bench.made import code_of, digest, made, native_code
 from gslts.bench.work import Add, Tell, message_of
 from gslts.camera_files import read_cameras
-from gslts.change.detect import Change, ChangeDetector
+from gslts.change.changes import Change
+from gslts.change.detect import ChangeDetector
 from gslts.files import write_whole
 from gslts.frame import RgbdFrame
 from gslts.map_folder import CAMERAS, read_map

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
 
 from gslts._core.detect import MaskRule, ObjectRule, PaperRule
 
 __all__ = ["DetectionConfig", "MaskRule", "ObjectRule", "PaperRule", "Strategy"]
 
 Strategy = Literal["objects", "paper"]
+
+MOST_HALVINGS = 2
 
 
 @dataclass(frozen=True)
@@ -34,3 +36,14 @@ class DetectionConfig:
     paper: PaperRule = field(default_factory=PaperRule)
     objects: ObjectRule = field(default_factory=ObjectRule)
     threads: int = 1
+
+    def __post_init__(self) -> None:
+        if self.strategy not in get_args(Strategy):
+            known = ", ".join(get_args(Strategy))
+            raise ValueError(
+                f"DetectionConfig: strategy must be one of {known}, got {self.strategy!r}"
+            )
+        if self.halvings not in range(MOST_HALVINGS + 1):
+            raise ValueError(
+                f"DetectionConfig: halvings must be in 0..{MOST_HALVINGS}, got {self.halvings}"
+            )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from gslts._core import detect as _core
 from gslts.alignment import aligned
 from gslts.camera import Camera, at_pose
+from gslts.change.changes import Change, object_changes, paper_change
 from gslts.change.config import DetectionConfig
 from gslts.change.exposure import robust_exposure
 from gslts.change.features import FeatureExtractor, OrientedGradients, similarity
@@ -31,41 +31,20 @@ from gslts.render import Rasterizer, RenderOptions
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-Kind = Literal["addition", "removal", "relocation"]
 
 ALIGN_STEPS = 3
 """Of the pose, at each resolution from a quarter of the frame's."""
 POSE_STDS = (0.01, 0.0087)
 """How far a robot's pose is expected to be off, m and rad (half a degree)."""
-KINDS: dict[_core.ChangeType, Kind] = {
-    _core.ChangeType.ADDITION: "addition",
-    _core.ChangeType.REMOVAL: "removal",
-    _core.ChangeType.RELOCATION: "relocation",
-}
-LEAST_FREE = 0.3
-"""Share of what appeared that must stand where a camera once looked through."""
-LEAST_SOLID = 0.5
+NEAR_SIGMAS = 6.0
+"""Gaussians nearer than so many of their standard deviations are left out: beside the camera the
+map is better unknown than blurred."""
+LEAST_SEEN = 0.3
+"""Share of what appeared that must stand where a camera once saw a surface or looked through."""
+LEAST_SOLID = 0.8
 """Share of the sights of what vanished that must have shown a surface there, and not farther on."""
-
-
-@dataclass(frozen=True, eq=False)
-class Change:
-    """One object that is new, gone or somewhere else.
-
-    Attributes:
-        kind: Of the change.
-        confidence: 0 to 1.
-        point: (3,) where it is to be looked at, in the world, m.
-        boxes: Lower and upper corners (3,) of the boxes around what is seen of the object in the
-            map and in the frame, in the world, m; None where it is not.
-        masks: [H,W] the same in the image; `Detection.camera` is its camera.
-    """
-
-    kind: Kind
-    confidence: float
-    point: Floats
-    boxes: tuple[tuple[Floats, Floats] | None, tuple[Floats, Floats] | None]
-    masks: tuple[Bools | None, Bools | None]
+LEAST_FREE = 0.05
+"""Share of the sights of what appeared that must have looked through, unless it is flat."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +139,8 @@ class ChangeDetector:
         mask: Bools | None,
     ) -> Detection:
         config = self.config
-        images = self._rasterizer.forward(self._map, camera, RenderOptions(threads=config.threads, near_sigmas=6))
+        options = RenderOptions(near_sigmas=NEAR_SIGMAS, threads=config.threads)
+        images = self._rasterizer.forward(self._map, camera, options)
         alpha = images.alpha if mask is None else np.where(mask, images.alpha, np.float32(0))
         known = alpha >= config.masks.alpha_min
         rgb = exposed(images.rgb, robust_exposure(images.rgb, photo, known, config.threads))
@@ -183,11 +163,7 @@ class ChangeDetector:
         )
         masks = _core.masks_of(views, config.masks)
         arrays = _core.arrays_of(masks, camera)
-        changes = (
-            self._objects(views, masks)
-            if config.strategy == "objects"
-            else _by_the_paper(views, masks, config)
-        )
+        changes = self._changes(views, masks)
         changed = [one for change in changes for one in change.masks if one is not None]
         if changed and np.any(changed, axis=0).sum() > MOST_CHANGED * known.sum():
             return Detection((), "most of the view differs", camera, photo)
@@ -202,57 +178,25 @@ class ChangeDetector:
             combined=arrays["combined"],
         )
 
-    def _objects(self, views: _core.Views, masks: _core.MaskSet) -> tuple[Change, ...]:
+    def _changes(self, views: _core.Views, masks: _core.MaskSet) -> tuple[Change, ...]:
+        if self.config.strategy == "paper":
+            change, labels = _core.paper_change(views, masks, self.config.paper)
+            return () if change is None else (paper_change(change, labels),)
         found, labels = _core.changed_surfaces(views, masks, self.config.objects)
         credible = [one for one in found if self._is_credible(one)]
-        changes = []
-        for one in _core.changes_of(credible, self.config.objects):
-            shown = one.after if one.after is not None else one.before
-            assert shown is not None  # Each change has one of them.
-            changes.append(
-                Change(
-                    kind=KINDS[one.type],
-                    confidence=one.confidence,
-                    point=shown.point,
-                    boxes=(_box(one.before), _box(one.after)),
-                    masks=(_mask(labels, one.before), _mask(labels, one.after)),
-                )
-            )
-        return tuple(changes)
+        return object_changes(credible, labels, self.config.objects)
 
     def _is_credible(self, surface: _core.Surface) -> bool:
         """Whether the map knows better than to take its own error or ignorance for a change."""
         if not self._seen.is_known:
             return True
         sights = self._seen.sights(np.array(surface.samples))
-        if surface.side == _core.Side.AFTER:
-            return bool((sights.through > 0).mean() >= LEAST_FREE)
-        solid = sights.on.sum()
-        return True; return bool(solid >= LEAST_SOLID * (solid + sights.through.sum()))
-
-
-def _by_the_paper(
-    views: _core.Views, masks: _core.MaskSet, config: DetectionConfig
-) -> tuple[Change, ...]:
-    found, labels = _core.paper_change(views, masks, config.paper)
-    if found is None:
-        return ()
-    first = labels == found.first.label
-    second = None if found.second is None else labels == found.second.label
-    both = first if second is None else first | second
-    kind = KINDS[found.type]
-    return (
-        Change(
-            kind=kind,
-            confidence=1.0,
-            point=found.point_in_world,
-            boxes=(None, None),
-            masks=(
-                None if kind == "addition" else both,
-                None if kind == "removal" else both,
-            ),
-        ),
-    )
+        on, through = sights.on.sum(), sights.through.sum()
+        if surface.side == _core.Side.BEFORE:
+            return bool(on >= LEAST_SOLID * (on + through))
+        if (sights.on + sights.through > 0).mean() < LEAST_SEEN:
+            return False
+        return bool(surface.flat or through >= LEAST_FREE * (on + through))
 
 
 def _fault_of_correction(given: Floats, pose: Floats) -> str | None:
@@ -262,11 +206,3 @@ def _fault_of_correction(given: Floats, pose: Floats) -> str | None:
     if shift_m <= MOST_SHIFT_M and turn_rad <= MOST_TURN_RAD:
         return None
     return f"the pose seems off by {shift_m:.2f} m and {np.degrees(turn_rad):.0f} degrees"
-
-
-def _box(surface: _core.Surface | None) -> tuple[Floats, Floats] | None:
-    return None if surface is None else (surface.low, surface.high)
-
-
-def _mask(labels: NDArray[np.int32], surface: _core.Surface | None) -> Bools | None:
-    return None if surface is None else labels == surface.label

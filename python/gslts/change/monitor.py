@@ -9,7 +9,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gslts.change.detect import Change, ChangeDetector
+from gslts.change.changes import Change, joined
+from gslts.change.detect import ChangeDetector, Detection
 from gslts.frame import RgbdFrame
 
 
@@ -48,11 +49,14 @@ class Report:
         number: Of the report, from 1.
         change: As last seen.
         frames: When it was seen, `RgbdFrame.time_s`.
+        replaces: Number of the report of its other end, if a removal and an addition that were seen
+            in different frames are one relocation.
     """
 
     number: int
     change: Change
     frames: tuple[float, ...]
+    replaces: int | None = None
 
 
 @dataclass(frozen=True)
@@ -199,20 +203,22 @@ class ChangeMonitor:
                 frame, detector = self._frames.popleft(), self._detector
             next_s = time.monotonic() + 1 / self.config.rate_hz
             try:
-                detection = detector.detect(frame)
+                self._take(detector, frame, detector.detect(frame))
             except Exception as error:  # It is raised where the frames come from.
                 with self._changed:
                     self._failure = error
                     self._changed.notify_all()
                 return
-            with self._changed:
-                counts = self._counts
-                number = counts.looked_at + 1
-                unreliable = counts.unreliable + (detection.unreliable is not None)
-                self._counts = replace(counts, looked_at=number, unreliable=unreliable)
-                if detector is self._detector:
-                    self._note(number, frame.time_s, detection.changes)
-                self._changed.notify_all()
+
+    def _take(self, detector: ChangeDetector, frame: RgbdFrame, detection: Detection) -> None:
+        with self._changed:
+            counts = self._counts
+            number = counts.looked_at + 1
+            unreliable = counts.unreliable + (detection.unreliable is not None)
+            self._counts = replace(counts, looked_at=number, unreliable=unreliable)
+            if detector is self._detector:
+                self._note(number, frame.time_s, detection.changes)
+            self._changed.notify_all()
 
     def _note(self, number: int, time_s: float, changes: tuple[Change, ...]) -> None:
         first = number - self.config.window + 1
@@ -221,23 +227,60 @@ class ChangeMonitor:
             if known is None:
                 known = _Suspicion(change)
                 self._suspicions.append(known)
-            known.change = change
+            if known.change.kind == change.kind:  # An end tells less than the whole.
+                known.change = change
             if not known.seen or known.seen[-1][0] != number:  # A frame counts once.
                 known.seen.append((number, time_s))
-        for one in self._suspicions:
+        for one in list(self._suspicions):
             one.seen = [seen for seen in one.seen if seen[0] >= first]
             if one.reported is None and len(one.seen) >= self.config.needed:
-                self._numbered += 1
-                one.reported = self._numbered
-                times_s = tuple(time_s for _, time_s in one.seen)
-                self._reports.append(Report(self._numbered, one.change, times_s))
+                self._report(one)
         self._suspicions = [one for one in self._suspicions if one.seen or one.reported is not None]
 
+    def _report(self, one: _Suspicion) -> None:
+        other = self._joined(one)
+        if other is not None:
+            self._suspicions.remove(other)
+        self._numbered += 1
+        one.reported = self._numbered
+        times_s = tuple(time_s for _, time_s in one.seen)
+        replaces = None if other is None else other.reported
+        self._reports.append(Report(self._numbered, one.change, times_s, replaces))
+
+    def _joined(self, one: _Suspicion) -> _Suspicion | None:
+        """The reported change that is part of one that is to be reported, which may grow by it."""
+        for other in self._suspicions:
+            if other.reported is None or other is one:
+                continue
+            if self._is_end(other.change, one.change):
+                return other
+            ends = {end.change.kind: end.change for end in (one, other)}
+            if set(ends) == {"removal", "addition"}:
+                rule = self._detector.config.objects
+                whole = joined(ends["removal"], ends["addition"], rule)
+                if whole is not None:
+                    one.change = whole
+                    return other
+        return None
+
     def _like(self, change: Change) -> _Suspicion | None:
+        """The nearest of a change's kind, or a relocation of which it is an end."""
         near = [
             (float(np.linalg.norm(one.change.point - change.point)), k, one)
             for k, one in enumerate(self._suspicions)
             if one.change.kind == change.kind
         ]
         distance_m, _, nearest = min(near, default=(np.inf, 0, None))
-        return nearest if distance_m <= self.config.near_m else None
+        if distance_m <= self.config.near_m:
+            return nearest
+        whole = (one for one in self._suspicions if self._is_end(change, one.change))
+        return next(whole, None)
+
+    def _is_end(self, change: Change, whole: Change) -> bool:
+        """Whether a removal or an addition is an end of a relocation."""
+        if whole.kind != "relocation" or change.kind == "relocation":
+            return False
+        end = whole.before if change.kind == "removal" else whole.after
+        if end is None:
+            return False
+        return float(np.linalg.norm(end.point - change.point)) <= self.config.near_m

@@ -7,31 +7,44 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.camera import Camera
-from gslts.change.detect import Change, Detection
+from gslts.change.changes import Change
+from gslts.change.detect import Detection
 from gslts.pictures import Picture, picture_of
 
 COLORS = {"addition": (40, 200, 70), "removal": (230, 60, 50), "relocation": (60, 120, 250)}
 """RGB of each kind."""
 EDGES = [(i, j) for i in range(8) for j in range(i + 1, 8) if (i ^ j).bit_count() == 1]
 """Of a box whose corners count in binary."""
+LEAST_WIDTH_PX = 480
+"""Of each picture, so that words can be read."""
 MIDDLE = 0.55
 """Share of the colour in what a mask covers."""
 
 
 def overlay(detection: Detection) -> Picture:
-    """[H,3W,3] the photograph with what appeared, the map with what vanished, and the masks."""
-    photo = picture_of(detection.photo)
+    """The photograph with what appeared, the map with what vanished, and the masks, side by side.
+
+    Each is a whole number of times as large as the images that were compared.
+    """
+    scale = -(-LEAST_WIDTH_PX // detection.photo.shape[1])
+    photo = _enlarged(picture_of(detection.photo), scale)
     if detection.render is None:
         blank = np.full_like(photo, 60)
         _write(photo, f"unreliable: {detection.unreliable}", (8, 20), (255, 210, 60))
         return np.concatenate([photo, blank, blank], axis=1)
-    render, masks = picture_of(detection.render), _masks(detection)
+    render, masks = (
+        _enlarged(one, scale) for one in (picture_of(detection.render), _masks(detection))
+    )
     for change in detection.changes:
         for picture, side in ((render, 0), (photo, 1)):
             _draw(picture, change, side, detection.camera)
     if not detection.changes:
         _write(photo, "no change", (8, 20), (255, 255, 255))
     return np.concatenate([photo, render, masks], axis=1)
+
+
+def _enlarged(picture: Picture, scale: int) -> Picture:
+    return picture.repeat(scale, axis=0).repeat(scale, axis=1)
 
 
 def _masks(detection: Detection) -> Picture:
@@ -50,26 +63,34 @@ def _draw(picture: Picture, change: Change, side: int, camera: Camera) -> None:
     color, mask, box = COLORS[change.kind], change.masks[side], change.boxes[side]
     if mask is None:
         return
+    scale = picture.shape[1] // mask.shape[1]
+    mask = mask.repeat(scale, axis=0).repeat(scale, axis=1)
     mixed = (1 - MIDDLE) * picture[mask] + MIDDLE * np.array(color)
     picture[mask] = mixed.astype(np.uint8)
     outlines, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     cv2.drawContours(picture, outlines, -1, color, 1)
     if box is not None:
-        _draw_box(picture, np.array(box), camera, color)
+        _draw_box(picture, np.array(box), camera, scale, color)
     rows, columns = np.nonzero(mask)
     place = (max(0, int(columns.min())), max(12, int(rows.min()) - 4))
     _write(picture, f"{change.kind} {change.confidence:.2f}", place, color)
 
 
 def _draw_box(
-    picture: Picture, box: NDArray[np.float64], camera: Camera, color: tuple[int, int, int]
+    picture: Picture,
+    box: NDArray[np.float64],
+    camera: Camera,
+    scale: int,
+    color: tuple[int, int, int],
 ) -> None:
     corners = np.array([[box[(k >> axis) & 1][axis] for axis in range(3)] for k in range(8)])
     pose = camera.world_from_camera
     x, y, z = ((corners - pose[:3, 3]) @ pose[:3, :3]).T
     if (z < 0.05).any():
         return
-    places = np.stack([camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy], axis=1)
+    places = scale * np.stack(
+        [camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy], axis=1
+    )
     for i, j in EDGES:
         ends = [tuple(map(int, places[k].round().clip(-9999, 9999))) for k in (i, j)]
         cv2.line(picture, ends[0], ends[1], color, 1, cv2.LINE_AA)
@@ -78,6 +99,8 @@ def _draw_box(
 def _write(
     picture: Picture, text: str, place: tuple[int, int], color: tuple[int, int, int]
 ) -> None:
+    (width, _), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.4, 3)
+    place = (max(0, min(place[0], picture.shape[1] - width)), place[1])
     for ink, thickness in (((0, 0, 0), 3), (color, 1)):
         cv2.putText(
             picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.4, ink, thickness, cv2.LINE_AA

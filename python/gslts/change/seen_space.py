@@ -61,7 +61,8 @@ class SeenSpace:
             [np.linalg.inv(camera.world_from_camera) for camera in small]
         ).reshape(-1, 4, 4)
         self._lenses = np.array([[one.fx, one.fy, one.cx, one.cy] for one in small]).reshape(-1, 4)
-        self._sizes = np.array([[one.width, one.height] for one in small]).reshape(-1, 2)
+        self._sizes = np.array([[one.width, one.height] for one in small], np.int64)
+        self._sizes = self._sizes.reshape(-1, 2)
 
     @property
     def is_known(self) -> bool:
@@ -81,7 +82,7 @@ class SeenSpace:
         # Nothing is at a depth of 0: the first number is that of all that is outside.
         depths = self._depths[np.where(inside, self._first + rows * width + columns, 0)]
         margin = MARGIN_M + MARGIN_SHARE * z
-        through = (depths > z + margin).sum(axis=0)
+        through = ((z > 0) & (depths > z + margin)).sum(axis=0)
         on = (np.abs(depths - z) <= margin).sum(axis=0, where=depths > 0)
         return Sights(through, on)
 

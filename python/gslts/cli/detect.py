@@ -12,7 +12,8 @@ import typer
 from gslts.cli.mapping import Dataset, Map, Threads
 
 if TYPE_CHECKING:
-    from gslts.change.detect import Change, Detection
+    from gslts.change.changes import Change
+    from gslts.change.detect import Detection
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
 

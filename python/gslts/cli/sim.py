@@ -171,3 +171,35 @@ def tasks(
 def _printable(text: str) -> str:
     """A name from a file, without what a terminal would obey."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+@sim.command()
+def replay(
+    script: Annotated[Path, typer.Argument(metavar="TASK", help="Script of a scene change task.")],
+    out: Annotated[Path, typer.Option(help="Folder of the data set; new or empty.")],
+    changed: Annotated[bool, typer.Option("--changed", help="After the change.")] = False,
+    frames: Annotated[int, typer.Option(min=1, help="At most.")] = 200,
+) -> None:
+    """Record the home of a task: all of it before the change, or the views of the change after it.
+
+    The first of these is the one in which the robot sees the change.
+
+    Example: gslts sim replay out/tasks/0000_removal_Mug-1.json --changed --out out/after
+    """
+    from tqdm import tqdm
+
+    from gslts.files import empty_folder
+    from gslts.sim.capture import capture as write
+    from gslts.sim.explore import explore
+    from gslts.sim.task import read_task
+
+    task = read_task(script)
+    robot = task.start(task.home.load(script.parent), changed=changed)
+    empty_folder(out)
+    if changed:
+        sets = task.test_viewpoints
+        looks = [one.look for one in (task.viewpoint, *sets.near, *sets.far)][:frames]
+    else:
+        looks, _ = explore(robot.home, frames, lambda at: tqdm(at, desc="exploring", unit="place"))
+    count = write(robot, tqdm(looks, desc=script.stem, unit="frame", disable=None), out)
+    typer.echo(f"wrote {count} frames to {out}")

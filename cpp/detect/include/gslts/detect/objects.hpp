@@ -44,10 +44,11 @@ struct Surface {
   /// Corners of the box around most of it, in the world, m.
   Eigen::Vector3d low = Eigen::Vector3d::Zero(), high = Eigen::Vector3d::Zero();
   Eigen::Vector3d color = Eigen::Vector3d::Zero();  ///< Median, sRGB.
-  double step_m = 0;     ///< By which it is nearer than what is seen at the other time.
-  double steps = 0;      ///< The same in units of the least that counts; 0 if flat.
+  double step_m = 0;  ///< By which it is nearer than what is seen at the other time.
+  /// The same in units of the least that counts; if flat, its difference in colour in such units.
+  double steps = 0;
   double differing = 0;  ///< Share of its pixels whose colours are not around in the other image.
-  bool flat = false;     ///< Whether colours and features alone tell of it.
+  bool flat = false;     ///< Whether colours alone tell of it.
   std::vector<Eigen::Vector3d> samples;  ///< Some of its points, in the world, m.
 };
 
@@ -67,8 +68,8 @@ struct ObjectChange {
 /// What only one of the two shows.
 ///
 /// Where the photo's surface is nearer than the map's anywhere around, something appeared; where
-/// the map's is nearer, something vanished. What lies flat is told by colours and features that
-/// both differ: it is in the image where it stands out.
+/// the map's is nearer, something vanished. What lies flat has colours that the other image does
+/// not show around; depth, colours or its outline tell in which image it is.
 /// @param masks  Of the same views.
 /// @throws std::invalid_argument  if the camera or a setting is invalid.
 Surfaces changed_surfaces(const Views& views, const Masks& masks, const ObjectRule& rule);

@@ -1,0 +1,30 @@
+"""Settings of the detection."""
+
+from typing import Any
+
+import pytest
+
+from gslts.change.config import DetectionConfig
+
+
+@pytest.mark.parametrize("strategy", ["objects", "paper"])
+@pytest.mark.parametrize("halvings", [0, 1, 2])
+def test_settings_in_range_are_taken(strategy: Any, halvings: int) -> None:
+    config = DetectionConfig(strategy=strategy, halvings=halvings)
+    assert (config.strategy, config.halvings) == (strategy, halvings)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"strategy": "guess"}, "strategy must be one of objects, paper, got 'guess'"),
+        ({"strategy": ""}, "strategy must be one of objects, paper, got ''"),
+        ({"strategy": "Paper"}, "strategy must be one of objects, paper, got 'Paper'"),
+        ({"halvings": -1}, r"halvings must be in 0\.\.2, got -1"),
+        ({"halvings": 3}, r"halvings must be in 0\.\.2, got 3"),
+        ({"halvings": float("nan")}, r"halvings must be in 0\.\.2, got nan"),
+    ],
+)
+def test_settings_out_of_range_are_named(settings: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=f"^DetectionConfig: {message}$"):
+        DetectionConfig(**settings)
