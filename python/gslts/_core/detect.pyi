@@ -274,7 +274,7 @@ class Surface:
     @property
     def flat(self) -> bool:
         """
-        Whether colours and features alone tell of it.
+        Whether colours alone tell of it.
         """
     @property
     def high(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]:
@@ -312,7 +312,7 @@ class Surface:
     @property
     def steps(self) -> float:
         """
-        The same in units of the least that counts.
+        The same in units of the least that counts; if flat, of colours.
         """
 class ObjectChange:
     """

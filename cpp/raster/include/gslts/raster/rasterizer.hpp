@@ -21,7 +21,7 @@ struct RenderOptions {
   /// linearises them at their centre, which fails where they reach the camera's plane, and makes
   /// fog of a wall beside the camera (the guard band of Kerbl et al. 2023, sec. 6). >= 0
   double near_sigmas = 3.0;
-  int sh_degree = 3;     ///< Highest SH degree used, 0 to 3; the map's own degree caps it.
+  int sh_degree = 3;  ///< Highest SH degree used, 0 to 3; the map's own degree caps it.
   /// Colours below 0 count as 0, as in 3DGS; if false they are kept, and `rgb` is linear in `sh`.
   bool clamp_colors = true;
   /// Variance added to each projected covariance, px^2 (3DGS: 0.3). >= 0
