@@ -1,6 +1,7 @@
 """The command `gslts detect`, as a user meets it."""
 
 import json
+import shutil
 from pathlib import Path
 
 import change_room
@@ -57,6 +58,7 @@ def test_json_and_pictures_of_one_frame(workplace: Path, tmp_path: Path) -> None
     assert change["pixels"][0] > 25
     assert change["pixels"][1] == 0
     (picture,) = (tmp_path / "pictures").iterdir()
+    assert picture.name == "00000_00001.png"
     with Image.open(picture) as image:
         assert image.size == (9 * SIZE["width"], 3 * SIZE["height"])  # Enlarged to be read.
 
@@ -113,6 +115,18 @@ def test_what_cannot_be_done_is_said_in_one_line(
     assert line.startswith("gslts: ")
     assert message in line
     assert sorted(workplace.rglob("*")) == before
+
+
+def test_a_damaged_frame_ends_nothing(workplace: Path, tmp_path: Path) -> None:
+    shutil.copytree(workplace / "visit", tmp_path / "visit")
+    damaged = tmp_path / "visit" / "images" / "00000.png"
+    damaged.write_bytes(damaged.read_bytes()[:300])
+    done = gslts(*MAP_AND_VISIT[:2], tmp_path / "visit", "--halvings", "0", cwd=workplace)
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert lines[0].startswith("00000: unreliable: ")
+    assert "00000.png" in lines[0]
+    assert lines[1].startswith("00001: removal")
 
 
 def test_cameras_that_are_damaged_are_named(workplace: Path, tmp_path: Path) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,7 +15,6 @@ from gslts.cli.mapping import Dataset, Map, Threads
 
 if TYPE_CHECKING:
     from gslts.change.changes import Change
-    from gslts.change.detect import Detection
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
 
@@ -78,20 +79,29 @@ def detect(
     )
     if out is not None:
         empty_folder(out)
+    for reason in opened.skipped:
+        typer.echo(f"skipped {reason}", err=True)
     names = frame or list(known)
     for number, name in enumerate(tqdm(names, desc="detecting", unit="frame", disable=None)):
-        detection = detector.detect(known[name].read())
-        typer.echo(json.dumps(_plain(name, detection)) if as_json else _line(name, detection))
+        try:
+            detection = detector.detect(known[name].read())
+        except (OSError, ValueError) as error:  # Of a damaged file; the others may be whole.
+            reason = " ".join(str(error).split())
+            typer.echo(json.dumps(_plain(name, (), reason)) if as_json else _line(name, (), reason))
+            continue
+        told = (name, detection.changes, detection.unreliable)
+        typer.echo(json.dumps(_plain(*told)) if as_json else _line(*told))
         if out is not None:
-            Image.fromarray(overlay(detection)).save(out / f"{number:05}.png")
+            stem = re.sub(r"[^\w.-]+", "-", name)
+            Image.fromarray(overlay(detection)).save(out / f"{number:05}_{stem}.png")
 
 
-def _line(name: str, detection: Detection) -> str:
-    if detection.unreliable is not None:
-        return f"{name}: unreliable: {detection.unreliable}"
-    if not detection.changes:
+def _line(name: str, changes: Sequence[Change], unreliable: str | None) -> str:
+    if unreliable is not None:
+        return f"{name}: unreliable: {unreliable}"
+    if not changes:
         return f"{name}: no change"
-    return f"{name}: " + "; ".join(_words(change) for change in detection.changes)
+    return f"{name}: " + "; ".join(_words(change) for change in changes)
 
 
 def _words(change: Change) -> str:
@@ -99,10 +109,10 @@ def _words(change: Change) -> str:
     return f"{change.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m, confidence {change.confidence:.2f}"
 
 
-def _plain(name: str, detection: Detection) -> dict[str, Any]:
+def _plain(name: str, changes: Sequence[Change], unreliable: str | None) -> dict[str, Any]:
     return {
         "frame": name,
-        "unreliable": detection.unreliable,
+        "unreliable": unreliable,
         "changes": [
             {
                 "kind": change.kind,
@@ -112,7 +122,7 @@ def _plain(name: str, detection: Detection) -> dict[str, Any]:
                 "box_after_m": _corners(change, 1),
                 "pixels": [0 if mask is None else int(mask.sum()) for mask in change.masks],
             }
-            for change in detection.changes
+            for change in changes
         ],
     }
 

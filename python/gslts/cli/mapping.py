@@ -119,6 +119,8 @@ def make(
         lambda folder: write_report(folder / "report.html", report_of(result, opened.name, config)),
     )
     saved.unlink(missing_ok=True)
+    for reason in result.skipped:
+        typer.echo(f"skipped {reason}", err=True)
     typer.echo(f"wrote {out}: {summary_of(result)}")
 
 

@@ -66,6 +66,12 @@ class Visit:
             raise ValueError(
                 f"{dataset.name}: {len(bad)} of {total} frames cannot be used, such as {bad[0]}"
             )
+        blind = [name for name, one in frames.items() if not one.measured[0].any()]
+        # Where many are without depth, the rest of them is worth more than nothing.
+        if len(bad) + len(blind) <= MOST_BAD_SHARE * total:
+            for name in blind:
+                bad.append(f"{name}: depth is measured nowhere")
+                del frames[name]
         names = list(frames)
         aside = [names[k] for k in judging(names)]
         training = {name: one for name, one in frames.items() if name not in set(aside)}
