@@ -13,27 +13,36 @@ using ::testing::Each;
 using testing::Pair;
 using In = Pair::In;
 
+/// Thresholds that the images of these tests are far from.
+MaskRule plain_rule() {
+  MaskRule rule;
+  rule.tau_gs = 0.25;
+  rule.tau_feat = 0.75;
+  rule.clean_px = 1;
+  return rule;
+}
+
 int count(const Array<std::uint8_t>& mask) { return std::accumulate(mask.begin(), mask.end(), 0); }
 
 TEST(Masks, ChangeIsWhereColoursDifferAndFeaturesAreUnlike) {
   Pair pair;
   pair.put(In::kPhoto, 20, 30, 40, 20, 2.0f, 0.8f, 0.5f, 0.5f);
-  const Masks both = masks_of(pair.views(), {});
+  const Masks both = masks_of(pair.views(), plain_rule());
   EXPECT_EQ(count(both.pixel), 800);
   EXPECT_EQ(count(both.feature), 800);
   EXPECT_NEAR(count(both.combined), 800, 4);  // Corners are rounded off.
   EXPECT_EQ(both.combined[std::size_t(40) * Pair::kWidth + 40], 1);
   pair.similarity.assign(pair.similarity.size(), 0.9f);
-  EXPECT_THAT(masks_of(pair.views(), {}).combined, Each(0));
+  EXPECT_THAT(masks_of(pair.views(), plain_rule()).combined, Each(0));
   pair.similarity.assign(pair.similarity.size(), 0.0f);
   pair.photo = pair.rgb;
-  EXPECT_THAT(masks_of(pair.views(), {}).combined, Each(0));
+  EXPECT_THAT(masks_of(pair.views(), plain_rule()).combined, Each(0));
 }
 
 TEST(Masks, DifferencesOfAllChannelsAddUp) {
   Pair pair;
   pair.put(In::kPhoto, 20, 30, 40, 20, 2.0f, 0.6f, 0.4f, 0.6f);
-  MaskRule rule;
+  MaskRule rule = plain_rule();
   rule.tau_gs = 0.29;
   EXPECT_EQ(count(masks_of(pair.views(), rule).pixel), 800);
   rule.tau_gs = 0.31;
@@ -44,7 +53,7 @@ TEST(Masks, WhatTheMapNeverSawIsNoChange) {
   Pair pair;
   pair.put(In::kPhoto, 20, 30, 40, 20, 1.0f, 1, 0, 0);
   pair.alpha.assign(pair.alpha.size(), 0.3f);
-  const Masks masks = masks_of(pair.views(), {});
+  const Masks masks = masks_of(pair.views(), plain_rule());
   EXPECT_THAT(masks.combined, Each(0));
   EXPECT_THAT(masks.known, Each(0));
 }
@@ -54,7 +63,7 @@ TEST(Masks, SpecksGoAndCracksClose) {
   pair.put(In::kPhoto, 10, 10, 1, 1, 2.0f, 1, 0, 0);
   pair.put(In::kPhoto, 40, 40, 20, 20, 2.0f, 1, 0, 0);
   pair.put(In::kPhoto, 40, 50, 20, 1, 2.0f, 0.5f, 0.5f, 0.5f);  // A line as before.
-  const Masks masks = masks_of(pair.views(), {});
+  const Masks masks = masks_of(pair.views(), plain_rule());
   const Components parts = components_of(masks.combined.data(), Pair::kWidth, Pair::kHeight);
   ASSERT_EQ(parts.components.size(), 1u);
   EXPECT_NEAR(parts.components[0].area, 400, 12);  // Both halves lose corners.

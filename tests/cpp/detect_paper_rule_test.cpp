@@ -12,9 +12,21 @@ using ::testing::HasSubstr;
 using testing::Pair;
 using In = Pair::In;
 
-std::optional<PaperChange> judged(const Pair& pair, const PaperRule& rule = {}) {
+/// Thresholds that the images of these tests are far from.
+PaperRule plain_rule() {
+  PaperRule rule;
+  rule.tau_change = 0.002;
+  rule.tau_a = 0.5;
+  rule.tau_d = 0.5;
+  rule.epsilon = 0.05;
+  return rule;
+}
+
+std::optional<PaperChange> judged(const Pair& pair, const PaperRule& rule = plain_rule()) {
   const Views views = pair.views();
-  const Masks masks = masks_of(views, {});
+  MaskRule mask;
+  mask.clean_px = 1;
+  const Masks masks = masks_of(views, mask);
   return paper_change(views, components_of(masks.combined.data(), Pair::kWidth, Pair::kHeight),
                       rule);
 }
@@ -46,7 +58,7 @@ TEST(PaperRule, WithinEpsilonNothingChanged) {
   Pair pair;
   pair.put(In::kPhoto, 100, 40, 20, 10, 1.96f, 1, 0, 0);
   EXPECT_FALSE(judged(pair));
-  PaperRule strict;
+  PaperRule strict = plain_rule();
   strict.epsilon = 0.03;
   EXPECT_TRUE(judged(pair, strict));
 }
@@ -75,7 +87,7 @@ TEST(PaperRule, UnlikeAreasOrFarRegionsAreNoRelocation) {
   far.put(In::kMap, 5, 40, 20, 10, 1.5f, 1, 0, 0);
   far.put(In::kPhoto, 130, 40, 20, 12, 1.0f, 1, 0, 0);
   EXPECT_EQ(judged(far)->type, ChangeType::kAddition);
-  PaperRule wide;
+  PaperRule wide = plain_rule();
   wide.tau_d = 1;
   EXPECT_EQ(judged(far, wide)->type, ChangeType::kRelocation);
 }
@@ -84,7 +96,7 @@ TEST(PaperRule, SmallDifferencesAreNoChange) {
   Pair pair;
   pair.put(In::kPhoto, 100, 40, 6, 6, 1.5f, 1, 0, 0);
   EXPECT_FALSE(judged(pair));
-  PaperRule strict;
+  PaperRule strict = plain_rule();
   strict.tau_change = 0.0005;
   EXPECT_TRUE(judged(pair, strict));
 }

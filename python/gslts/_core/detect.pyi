@@ -18,7 +18,7 @@ class MaskRule:
         alpha_min: Where less of the map is, it was never seen.
         clean_px: Radius by which specks are opened, and cracks closed.
     """
-    def __init__(self, *, tau_gs: typing.SupportsFloat | typing.SupportsIndex = 0.25, tau_feat: typing.SupportsFloat | typing.SupportsIndex = 0.75, alpha_min: typing.SupportsFloat | typing.SupportsIndex = 0.7, clean_px: int = 1) -> None:
+    def __init__(self, *, tau_gs: typing.SupportsFloat | typing.SupportsIndex = 0.15, tau_feat: typing.SupportsFloat | typing.SupportsIndex = 0.95, alpha_min: typing.SupportsFloat | typing.SupportsIndex = 0.7, clean_px: int = 2) -> None:
         ...
     @property
     def alpha_min(self) -> float:
@@ -42,7 +42,7 @@ class PaperRule:
         tau_d: Their distance, as a share of the width of the image.
         epsilon: Depth difference of an addition or a removal, m.
     """
-    def __init__(self, *, tau_change: typing.SupportsFloat | typing.SupportsIndex = 0.002, tau_a: typing.SupportsFloat | typing.SupportsIndex = 0.5, tau_d: typing.SupportsFloat | typing.SupportsIndex = 0.5, epsilon: typing.SupportsFloat | typing.SupportsIndex = 0.05) -> None:
+    def __init__(self, *, tau_change: typing.SupportsFloat | typing.SupportsIndex = 0.0002, tau_a: typing.SupportsFloat | typing.SupportsIndex = 0.5, tau_d: typing.SupportsFloat | typing.SupportsIndex = 1.0, epsilon: typing.SupportsFloat | typing.SupportsIndex = 0.02) -> None:
         ...
     @property
     def epsilon(self) -> float:

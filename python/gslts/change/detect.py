@@ -149,7 +149,7 @@ class ChangeDetector:
         if fault is not None:
             return Detection((), fault, camera, photo)
         alike = similarity(self._features(photo), self._features(rgb), *photo.shape[:2])
-        fault = fault_of_likeness(alike, known, config.masks.tau_feat)
+        fault = fault_of_likeness(alike, known)
         if fault is not None:
             return Detection((), fault, camera, photo)
         views = _core.Views(

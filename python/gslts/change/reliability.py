@@ -20,6 +20,8 @@ LEAST_KNOWN = 0.4
 """Share of the image that the map must fill."""
 LEAST_SHARPNESS = 0.15
 """Of the edges across and down, as a share of those in the rendering: a turn smears one of them."""
+ALIKE = 0.75
+"""Cosine of features of one thing."""
 MOST_UNLIKE = 0.3
 """Share of what the map knows where features may differ; changed objects are smaller."""
 MOST_CHANGED = 0.4
@@ -63,9 +65,9 @@ def fault_of_view(
     return None
 
 
-def fault_of_likeness(alike: Floats32, known: Bools, tau_feat: float) -> str | None:
+def fault_of_likeness(alike: Floats32, known: Bools) -> str | None:
     """Why a frame is not of the place that the map shows: similarities [H,W], and [H,W]."""
-    unlike = float((alike[known] < tau_feat).mean())
+    unlike = float((alike[known] < ALIKE).mean())
     if unlike <= MOST_UNLIKE:
         return None
     return f"{100 * unlike:.0f} % of the picture look otherwise: pose or intrinsics are wrong"

@@ -11,12 +11,12 @@ namespace gslts::detect {
 
 enum class ChangeType { kAddition, kRemoval, kRelocation };
 
-/// Thresholds of GS-LTS, sec. III-C.
+/// Thresholds of GS-LTS, sec. III-C, chosen as those of `MaskRule`.
 struct PaperRule {
-  double tau_change = 0.002;  ///< Share of the image that M_comb must exceed.
-  double tau_a = 0.5;         ///< Area similarity of a relocation's two regions.
-  double tau_d = 0.5;         ///< Their distance, as a share of the width of the image.
-  double epsilon = 0.05;      ///< Depth difference of an addition or a removal, m.
+  double tau_change = 0.0002;  ///< Share of the image that M_comb must exceed.
+  double tau_a = 0.5;          ///< Area similarity of a relocation's two regions.
+  double tau_d = 1.0;          ///< Their distance, as a share of the width of the image.
+  double epsilon = 0.02;       ///< Depth difference of an addition or a removal, m.
 };
 
 /// What the rule says, and why.
