@@ -145,8 +145,8 @@ RenderOptions make_options(std::array<double, 3> background, double near_m, doub
 /// The arguments of make_options.
 py::tuple fields(const RenderOptions& o) {
   return py::make_tuple(py::make_tuple(o.background[0], o.background[1], o.background[2]), o.near_m,
-                        o.near_sigmas, o.sh_degree, o.clamp_colors, o.eps2d_px2, o.antialias, o.surface_depth,
-                        o.alpha_min, o.transmittance_min, o.exp_degree, o.threads);
+                        o.near_sigmas, o.sh_degree, o.clamp_colors, o.eps2d_px2, o.antialias,
+                        o.surface_depth, o.alpha_min, o.transmittance_min, o.exp_degree, o.threads);
 }
 
 void define_options(py::module_& m) {
@@ -216,18 +216,18 @@ The values are checked by each rendering.)")
           py::is_operator(), py::arg("other"))
       .def("__repr__",
            [](const RenderOptions& o) {
-             return py::str(
-                        "RenderOptions(background={}, near_m={}, near_sigmas={}, sh_degree={}, "
-                        "clamp_colors={}, eps2d_px2={}, antialias={}, surface_depth={}, alpha_min={}, "
-                        "transmittance_min={}, exp_degree={}, threads={})")
-                 .format(*fields(o));
+             return py::
+                 str("RenderOptions(background={}, near_m={}, near_sigmas={}, sh_degree={}, "
+                     "clamp_colors={}, eps2d_px2={}, antialias={}, surface_depth={}, alpha_min={}, "
+                     "transmittance_min={}, exp_degree={}, threads={})")
+                     .format(*fields(o));
            })
       .def(py::pickle(&fields, [](const py::tuple& state) {
         return make_options(state[0].cast<std::array<double, 3>>(), state[1].cast<double>(),
                             state[2].cast<double>(), state[3].cast<int>(), state[4].cast<bool>(),
                             state[5].cast<double>(), state[6].cast<bool>(), state[7].cast<bool>(),
-                            state[8].cast<double>(), state[9].cast<double>(),
-                            state[10].cast<int>(), state[11].cast<int>());
+                            state[8].cast<double>(), state[9].cast<double>(), state[10].cast<int>(),
+                            state[11].cast<int>());
       }));
 }
 
