@@ -104,7 +104,7 @@ def test_pictures_tell_what_they_show(done: Path) -> None:
     assert {name[5] for name in names} <= {"right", "wrong"}
     for path in (done / "pictures").iterdir():
         with Image.open(path) as picture:
-            assert picture.size == (3 * 80, 60)
+            assert picture.size == (3 * 480, 360)  # Enlarged, so that words can be read.
 
 
 def test_nothing_is_made_twice(done: Path) -> None:
