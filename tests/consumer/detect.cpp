@@ -25,7 +25,8 @@ int main() {
   const gslts::detect::Views views{camera,          photo.data(), rgb.data(),       measured.data(),
                                    rendered.data(), alpha.data(), similarity.data()};
   const auto masks = gslts::detect::masks_of(views, {});
-  const auto changes = gslts::detect::changed_objects(views, masks, {}).changes;
+  const auto found = gslts::detect::changed_surfaces(views, masks, {});
+  const auto changes = gslts::detect::changes_of(found.surfaces, {});
   if (changes.size() != 1 || changes[0].type != gslts::detect::ChangeType::kAddition) {
     std::cerr << changes.size() << " changes, or the first is no addition\n";
     return 1;
