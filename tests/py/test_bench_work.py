@@ -87,12 +87,15 @@ def test_a_unit_that_fails_ends_no_other(
 
 
 PROGRAM = """
+import signal
 import sys
 from pathlib import Path
 sys.path.insert(0, {tests!r})
 from bench_units import Bar, CountingUnit
 from gslts.bench.work import run_units
 if __name__ == "__main__":
+    # What a shell runs in the background ignores it from the start.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     run_units([CountingUnit("a", Path({folder!r}), waits_at=3)], 1, Bar())
 """
 

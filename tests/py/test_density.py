@@ -87,7 +87,7 @@ def test_who_is_hidden_has_no_weight() -> None:
     three = gslts.GaussianMap(
         means=np.array([[0, 0, 0.5], [0, 0, 0.8], [0, 0, -1]]),
         quats=np.tile([1.0, 0, 0, 0], (3, 1)),
-        log_scales=np.log(np.full((3, 3), 0.1) * [[2.0], [0.1], [1.0]]),
+        log_scales=np.log([[0.2, 0.2, 0.02], [0.01, 0.01, 0.01], [0.1, 0.1, 0.1]]),
         logit_opacities=np.array([9.0, 9.0, 9.0]),
         sh=np.zeros((3, 1, 3)),
     ).astype(np.float32)

@@ -152,7 +152,7 @@ def test_clamped_alpha_has_no_slope_but_its_colour_does():
     ball = scenes.single_gaussian(logit_opacities=[30.0], log_scales=np.full((1, 3), 5.0))
     camera = gslts.camera_from_fov(8, 8, 0.2, gslts.look_at((-40, 0, 0), (0, 0, 0)))
     rasterizer = gslts.Rasterizer(np.float64)
-    images = rasterizer.forward(ball, camera)
+    images = rasterizer.forward(ball, camera, gslts.RenderOptions(near_sigmas=0))
     np.testing.assert_array_equal(images.alpha, 0.99)
     gradients = rasterizer.backward(
         dL_drgb=np.ones_like(images.rgb), dL_dalpha=np.ones_like(images.alpha)
