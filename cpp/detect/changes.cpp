@@ -1,5 +1,7 @@
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <numeric>
 
 #include "gslts/detect/objects.hpp"
 #include "rules.hpp"
@@ -89,10 +91,14 @@ std::vector<ObjectChange> changes_of(const std::vector<Surface>& surfaces, const
       changes.push_back({ChangeType::kAddition, certainty(surface), std::nullopt, surface});
     }
   }
-  std::stable_sort(
-      changes.begin(), changes.end(),
-      [](const ObjectChange& a, const ObjectChange& b) { return a.confidence > b.confidence; });
-  return changes;
+  std::vector<std::size_t> order(changes.size());
+  std::iota(order.begin(), order.end(), std::size_t(0));
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return changes[a].confidence > changes[b].confidence;
+  });
+  std::vector<ObjectChange> ordered;
+  for (const std::size_t k : order) ordered.push_back(changes[k]);
+  return ordered;
 }
 
 }  // namespace gslts::detect
