@@ -12,6 +12,7 @@ __all__ = ["DetectionConfig", "MaskRule", "ObjectRule", "PaperRule", "Strategy"]
 Strategy = Literal["objects", "paper"]
 
 MOST_HALVINGS = 2
+"""To a quarter of the frame's sides, from which its pose is corrected."""
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from gslts._core import detect as _core
 from gslts.alignment import aligned
 from gslts.camera import Camera, at_pose
 from gslts.change.changes import Change, object_changes, paper_change
-from gslts.change.config import DetectionConfig
+from gslts.change.config import MOST_HALVINGS, DetectionConfig
 from gslts.change.exposure import robust_exposure
 from gslts.change.features import FeatureExtractor, OrientedGradients, similarity
 from gslts.change.reliability import (
@@ -107,7 +107,7 @@ class ChangeDetector:
             ValueError: A setting is out of range, or the frame is too small to be halved.
         """
         sizes = [frame.registered()]
-        for _ in range(max(2, self.config.halvings)):
+        for _ in range(MOST_HALVINGS):
             sizes.append(sizes[-1].halved())
         small = sizes[self.config.halvings]
         photo = small.rgb.astype(np.float32) / np.float32(255)
