@@ -19,6 +19,7 @@ namespace {
 
 using detect::ChangeType;
 using detect::Component;
+using detect::Evidence;
 using detect::MaskRule;
 using detect::Masks;
 using detect::ObjectChange;
@@ -26,6 +27,7 @@ using detect::ObjectRule;
 using detect::PaperChange;
 using detect::PaperRule;
 using detect::Side;
+using detect::Sights;
 using detect::Surface;
 using detect::Views;
 using Arrays = py::typing::Dict<py::str, py::array>;
@@ -114,7 +116,7 @@ Args:
     flat_color: summed over the channels, from all that is around.
     flat_step_m: A mean difference of depths that tells the side.
     least_contrast: Of brightness a pixel, across the outline of a flat object.
-    alike: How alike the two ends of a relocation are, 0 to 1.
+    alike: How likely the ends of a relocation must be one object, 0 to 1.
     certain: Less likely changes are not reported.)")
       .def(py::init([](double step_m, double step_per_m, double step_px, int reach_px,
                        double least_area_m2, int least_area_px, double flat_area_m2,
@@ -163,23 +165,48 @@ void define_results(py::module_& m) {
       .def_readonly("point_in_world", &PaperChange::point_in_world, "p_world, m.")
       .def_readonly("first", &PaperChange::first, "R_1")
       .def_readonly("second", &PaperChange::second, "R_2 of a relocation.");
+  py::class_<Evidence>(m, "Evidence", "What tells an object that changed from an error.")
+      .def_readonly("steps", &Evidence::steps,
+                    "By which it is nearer, in units of the least that counts; if flat, of colour.")
+      .def_readonly("differing", &Evidence::differing,
+                    "Share of its pixels whose colours are not around in the other image.")
+      .def_readonly("thickness_m", &Evidence::thickness_m, "Of the largest disc in it.")
+      .def_readonly("unexplained", &Evidence::unexplained,
+                    "Mean difference in colour that more or less light does not explain.")
+      .def_readonly("correlation", &Evidence::correlation,
+                    "Of the brightness of both images, on it and beside it.")
+      .def_readonly("around_m", &Evidence::around_m, "Median difference of the depths around it.")
+      .def_readonly("around_color", &Evidence::around_color,
+                    "The difference in colour around it, as a share of that within.");
+  py::class_<Sights>(m, "Sights", R"(How the places of a surface look from where a map was made.
+
+Args:
+    on: How often a frame saw a surface there,
+    through: or looked through to something behind.
+    seen: Share of the places of which there is either.)")
+      .def(py::init([](double on, double through, double seen) {
+             return Sights{on, through, seen};
+           }),
+           py::kw_only(), py::arg("on"), py::arg("through"), py::arg("seen"))
+      .def_readonly("on", &Sights::on)
+      .def_readonly("through", &Sights::through)
+      .def_readonly("seen", &Sights::seen);
   py::class_<Surface>(m, "Surface", "The visible surface of an object, at one of the times.")
       .def_readonly("side", &Surface::side, "Seen in the map (BEFORE) or in the photo (AFTER).")
       .def_readonly("label", &Surface::label, "In the image of labels.")
       .def_readonly("area_px", &Surface::area_px)
       .def_readonly("area_m2", &Surface::area_m2, "Facing the camera.")
+      .def_readonly("depth_m", &Surface::depth_m, "Its median.")
       .def_readonly("point", &Surface::point, "(3,) its median, in the world, m.")
       .def_readonly("low", &Surface::low, "(3,) corner of the box around most of it, world, m.")
       .def_readonly("high", &Surface::high)
       .def_readonly("color", &Surface::color, "(3,) median, sRGB.")
       .def_readonly("step_m", &Surface::step_m,
                     "By which it is nearer than what is seen at the other time.")
-      .def_readonly("steps", &Surface::steps,
-                    "The same in units of the least that counts; if flat, of colours.")
-      .def_readonly("differing", &Surface::differing,
-                    "Share of its pixels whose colours are not around in the other image.")
       .def_readonly("flat", &Surface::flat, "Whether colours alone tell of it.")
-      .def_readonly("samples", &Surface::samples, "[N] points (3,) of it, in the world, m.");
+      .def_readonly("samples", &Surface::samples, "[N] points (3,) of it, in the world, m.")
+      .def_readonly("evidence", &Surface::evidence)
+      .def_readwrite("sights", &Surface::sights, "Of the samples; None if they are not known.");
   py::class_<ObjectChange>(m, "ObjectChange", "An object elsewhere, new or gone.")
       .def_readonly("type", &ObjectChange::type)
       .def_readonly("confidence", &ObjectChange::confidence, "0 to 1.")
@@ -287,10 +314,17 @@ Raises:
   m.def("changes_of", &detect::changes_of, py::arg("surfaces"), py::arg("rule"),
         R"(The changes that explain some surfaces, the most certain first.
 
-What vanished and what appeared are one object if they are alike in colour and size.
+What vanished and what appeared are one object if they are alike in colours and size.
 
 Raises:
     ValueError: A setting is out of range.)");
+  m.def("certainty", &detect::certainty, py::arg("surface"),
+        "0 to 1: how likely a surface is that of an object that changed.");
+  m.def("features_of", &detect::features_of, py::arg("surface"), "What `certainty` weighs.");
+  m.def("likeness", &detect::likeness, py::arg("a"), py::arg("b"),
+        "0 to 1: how likely two surfaces are one object, both answers being as likely beforehand.");
+  m.def("differences_of", &detect::differences_of, py::arg("a"), py::arg("b"),
+        "What `likeness` weighs: how far histograms of colours, and areas, are apart.");
 }
 
 }  // namespace gslts::python

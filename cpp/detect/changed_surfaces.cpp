@@ -2,12 +2,13 @@
 #include <opencv2/imgproc.hpp>
 
 #include "depth_change.hpp"
+#include "evidence.hpp"
 #include "flat_change.hpp"
 #include "gslts/detect/components.hpp"
 #include "gslts/detect/objects.hpp"
 #include "mat.hpp"
 #include "rules.hpp"
-#include "surface.hpp"
+#include "surface_of.hpp"
 
 namespace gslts::detect {
 namespace {
@@ -16,10 +17,13 @@ namespace {
 constexpr int kJoin_px = 3;
 /// Around an object that changed, what is flat is its shadow or more of it.
 constexpr double kShadow_m = 0.15;
+/// Parts of one object are no farther apart, and by no more than a share of its size.
+constexpr double kGap_m = 0.12, kGapShare = 0.5;
 
 /// A surface, and where it is in the image.
 struct Part {
   Surface surface;
+  double steps;  ///< See `Evidence`.
   Pixels pixels;
 };
 
@@ -49,9 +53,14 @@ double share_above(float least, const cv::Mat& values, const Pixels& pixels) {
   return double(above) / double(pixels.size());
 }
 
-bool are_near(const Surface& a, const Surface& b) {
-  return ((a.low.array() - kShadow_m) <= b.high.array()).all() &&
-         ((b.low.array() - kShadow_m) <= a.high.array()).all();
+/// Between the boxes around two surfaces, m.
+double gap_m(const Surface& a, const Surface& b) {
+  return (a.low - b.high).cwiseMax(b.low - a.high).cwiseMax(0).norm();
+}
+
+bool are_parts(const Surface& a, const Surface& b) {
+  const double size_m = std::max((a.high - a.low).norm(), (b.high - b.low).norm());
+  return a.side == b.side && gap_m(a, b) <= std::min(kGap_m, kGapShare * size_m);
 }
 
 class Finder {
@@ -68,10 +77,14 @@ class Finder {
     add_steps(depth.appeared, Side::kAfter, depth.steps);
     add_steps(depth.vanished, Side::kBefore, depth.steps);
     add_flats();
+    join_parts();
     Surfaces result;
     result.labels = Array<std::int32_t>(views_.size(), 0);
     for (Part& part : parts_) {
       part.surface.label = int(result.surfaces.size()) + 1;
+      part.surface.evidence = evidence_of(views_, masks_, part.pixels, part.surface.depth_m);
+      part.surface.evidence.steps = part.steps;
+      part.surface.evidence.differing = share_above(float(rule_.flat_color), most_, part.pixels);
       for (const std::size_t k : part.pixels) result.labels[k] = part.surface.label;
       result.surfaces.push_back(std::move(part.surface));
     }
@@ -93,8 +106,7 @@ class Finder {
       if (int(pixels.size()) < rule_.least_area_px) continue;
       std::optional<Surface> surface = seen_at(pixels, side, rule_.least_area_m2);
       if (!surface) continue;
-      surface->steps = median_of(steps, pixels);
-      parts_.push_back({*surface, std::move(pixels)});
+      parts_.push_back({*surface, median_of(steps, pixels), std::move(pixels)});
     }
   }
 
@@ -122,30 +134,51 @@ class Finder {
       std::optional<Surface> surface = seen_at(pixels, *side, rule_.flat_area_m2);
       if (!surface) continue;
       surface->flat = true;
-      surface->steps = cv::mean(most_, region)[0] / rule_.flat_color;
-      add_flat(*surface, std::move(pixels), others);
+      const double steps = cv::mean(most_, region)[0] / rule_.flat_color;
+      add_flat({*surface, steps, std::move(pixels)}, others);
     }
   }
 
   /// Beside one of the first parts, a flat one is more of it if it is of its side, else its shadow.
-  void add_flat(const Surface& surface, Pixels pixels, std::size_t others) {
+  void add_flat(Part flat, std::size_t others) {
     const auto end = parts_.begin() + std::ptrdiff_t(others);
-    const auto near = std::find_if(
-        parts_.begin(), end, [&](const Part& part) { return are_near(part.surface, surface); });
+    const auto near = std::find_if(parts_.begin(), end, [&](const Part& part) {
+      return gap_m(part.surface, flat.surface) <= kShadow_m;
+    });
     if (near == end) {
-      parts_.push_back({surface, std::move(pixels)});
-    } else if (near->surface.side == surface.side) {
-      near->pixels.insert(near->pixels.end(), pixels.begin(), pixels.end());
-      const double steps = near->surface.steps;
-      near->surface = *seen_at(near->pixels, surface.side, 0);
-      near->surface.steps = steps;
+      parts_.push_back(std::move(flat));
+    } else if (near->surface.side == flat.surface.side) {
+      join(*near, flat);
     }
+  }
+
+  void join_parts() {
+    for (std::size_t i = 0; i < parts_.size(); ++i) {
+      std::size_t j = i + 1;
+      while (j < parts_.size()) {
+        if (!are_parts(parts_[i].surface, parts_[j].surface)) {
+          ++j;
+          continue;
+        }
+        join(parts_[i], parts_[j]);
+        parts_.erase(parts_.begin() + std::ptrdiff_t(j));
+        j = i + 1;  // The whole is larger: what was too far away may be near.
+      }
+    }
+  }
+
+  void join(Part& part, const Part& other) const {
+    if (other.pixels.size() > part.pixels.size() && !other.surface.flat) part.steps = other.steps;
+    const Side side = part.surface.side;
+    const bool flat = part.surface.flat && other.surface.flat;
+    part.pixels.insert(part.pixels.end(), other.pixels.begin(), other.pixels.end());
+    part.surface = *surface_of(views_, part.pixels, side);
+    part.surface.flat = flat;
   }
 
   std::optional<Surface> seen_at(const Pixels& pixels, Side side, double least_area_m2) const {
     std::optional<Surface> surface = surface_of(views_, pixels, side);
     if (!surface || surface->area_m2 < least_area_m2) return std::nullopt;
-    surface->differing = share_above(float(rule_.flat_color), most_, pixels);
     return surface;
   }
 

@@ -3,7 +3,7 @@
 #include <opencv2/core.hpp>
 #include <optional>
 
-#include "surface.hpp"
+#include "gslts/detect/objects.hpp"
 
 namespace gslts::detect {
 

@@ -7,7 +7,7 @@ import gslts._core.map
 import numpy
 import numpy.typing
 import typing
-__all__: list[str] = ['ChangeType', 'Component', 'MaskRule', 'MaskSet', 'ObjectChange', 'ObjectRule', 'PaperChange', 'PaperRule', 'Side', 'Surface', 'Views', 'arrays_of', 'changed_surfaces', 'changes_of', 'masks_of', 'paper_change']
+__all__: list[str] = ['ChangeType', 'Component', 'Evidence', 'MaskRule', 'MaskSet', 'ObjectChange', 'ObjectRule', 'PaperChange', 'PaperRule', 'Side', 'Sights', 'Surface', 'Views', 'arrays_of', 'certainty', 'changed_surfaces', 'changes_of', 'differences_of', 'features_of', 'likeness', 'masks_of', 'paper_change']
 class MaskRule:
     """
     Where a photo and a rendering differ (GS-LTS, sec. III-C).
@@ -71,10 +71,10 @@ class ObjectRule:
         flat_color: summed over the channels, from all that is around.
         flat_step_m: A mean difference of depths that tells the side.
         least_contrast: Of brightness a pixel, across the outline of a flat object.
-        alike: How alike the two ends of a relocation are, 0 to 1.
+        alike: How likely the ends of a relocation must be one object, 0 to 1.
         certain: Less likely changes are not reported.
     """
-    def __init__(self, *, step_m: typing.SupportsFloat | typing.SupportsIndex = 0.025, step_per_m: typing.SupportsFloat | typing.SupportsIndex = 0.006, step_px: typing.SupportsFloat | typing.SupportsIndex = 1.0, reach_px: int = 2, least_area_m2: typing.SupportsFloat | typing.SupportsIndex = 0.0006, least_area_px: int = 25, flat_area_m2: typing.SupportsFloat | typing.SupportsIndex = 0.0015, flat_color: typing.SupportsFloat | typing.SupportsIndex = 0.15, flat_step_m: typing.SupportsFloat | typing.SupportsIndex = 0.006, least_contrast: typing.SupportsFloat | typing.SupportsIndex = 0.03, alike: typing.SupportsFloat | typing.SupportsIndex = 0.35, certain: typing.SupportsFloat | typing.SupportsIndex = 0.5) -> None:
+    def __init__(self, *, step_m: typing.SupportsFloat | typing.SupportsIndex = 0.025, step_per_m: typing.SupportsFloat | typing.SupportsIndex = 0.006, step_px: typing.SupportsFloat | typing.SupportsIndex = 1.0, reach_px: int = 2, least_area_m2: typing.SupportsFloat | typing.SupportsIndex = 0.0006, least_area_px: int = 25, flat_area_m2: typing.SupportsFloat | typing.SupportsIndex = 0.0015, flat_color: typing.SupportsFloat | typing.SupportsIndex = 0.15, flat_step_m: typing.SupportsFloat | typing.SupportsIndex = 0.006, least_contrast: typing.SupportsFloat | typing.SupportsIndex = 0.03, alike: typing.SupportsFloat | typing.SupportsIndex = 0.25, certain: typing.SupportsFloat | typing.SupportsIndex = 0.5) -> None:
         ...
     @property
     def alike(self) -> float:
@@ -249,6 +249,65 @@ class PaperChange:
     @property
     def type(self) -> ChangeType:
         ...
+class Evidence:
+    """
+    What tells an object that changed from an error.
+    """
+    @property
+    def around_color(self) -> float:
+        """
+        The difference in colour around it, as a share of that within.
+        """
+    @property
+    def around_m(self) -> float:
+        """
+        Median difference of the depths around it.
+        """
+    @property
+    def correlation(self) -> float:
+        """
+        Of the brightness of both images, on it and beside it.
+        """
+    @property
+    def differing(self) -> float:
+        """
+        Share of its pixels whose colours are not around in the other image.
+        """
+    @property
+    def steps(self) -> float:
+        """
+        By which it is nearer, in units of the least that counts; if flat, of colour.
+        """
+    @property
+    def thickness_px(self) -> float:
+        """
+        Of the largest disc in it.
+        """
+    @property
+    def unexplained(self) -> float:
+        """
+        Mean difference in colour that more or less light does not explain.
+        """
+class Sights:
+    """
+    How the places of a surface look from where a map was made.
+    
+    Args:
+        on: How often a frame saw a surface there,
+        through: or looked through to something behind.
+        seen: Share of the places of which there is either.
+    """
+    def __init__(self, *, on: typing.SupportsFloat | typing.SupportsIndex, through: typing.SupportsFloat | typing.SupportsIndex, seen: typing.SupportsFloat | typing.SupportsIndex) -> None:
+        ...
+    @property
+    def on(self) -> float:
+        ...
+    @property
+    def seen(self) -> float:
+        ...
+    @property
+    def through(self) -> float:
+        ...
 class Surface:
     """
     The visible surface of an object, at one of the times.
@@ -267,10 +326,8 @@ class Surface:
         (3,) median, sRGB.
         """
     @property
-    def differing(self) -> float:
-        """
-        Share of its pixels whose colours are not around in the other image.
-        """
+    def evidence(self) -> Evidence:
+        ...
     @property
     def flat(self) -> bool:
         """
@@ -305,14 +362,17 @@ class Surface:
         Seen in the map (BEFORE) or in the photo (AFTER).
         """
     @property
+    def sights(self) -> Sights | None:
+        """
+        Of the samples; None if they are not known.
+        """
+    @sights.setter
+    def sights(self, arg0: Sights | None) -> None:
+        ...
+    @property
     def step_m(self) -> float:
         """
         By which it is nearer than what is seen at the other time.
-        """
-    @property
-    def steps(self) -> float:
-        """
-        The same in units of the least that counts; if flat, of colours.
         """
 class ObjectChange:
     """
@@ -362,6 +422,10 @@ def arrays_of(masks: MaskSet, camera: gslts._core.map.Camera) -> dict[str, numpy
     """
     [H,W] bool each: known, pixel (M_pixel), feature (M_feat) and combined (M_comb).
     """
+def certainty(surface: Surface) -> float:
+    """
+    0 to 1: how likely a surface is that of an object that changed.
+    """
 def changed_surfaces(views: Views, masks: MaskSet, rule: ObjectRule) -> tuple[list[Surface], numpy.typing.NDArray[numpy.int32]]:
     """
     What only one of map and photo shows.
@@ -376,10 +440,22 @@ def changes_of(surfaces: collections.abc.Sequence[Surface], rule: ObjectRule) ->
     """
     The changes that explain some surfaces, the most certain first.
     
-    What vanished and what appeared are one object if they are alike in colour and size.
+    What vanished and what appeared are one object if they are alike in colours and size.
     
     Raises:
         ValueError: A setting is out of range.
+    """
+def differences_of(a: Surface, b: Surface) -> typing.Annotated[list[float], "FixedSize(2)"]:
+    """
+    What `likeness` weighs: how far histograms of colours, and areas, are apart.
+    """
+def features_of(surface: Surface) -> typing.Annotated[list[float], "FixedSize(14)"]:
+    """
+    What `certainty` weighs.
+    """
+def likeness(a: Surface, b: Surface) -> float:
+    """
+    0 to 1: how likely two surfaces are one object, both answers being as likely beforehand.
     """
 def masks_of(views: Views, rule: MaskRule) -> MaskSet:
     """

@@ -14,6 +14,7 @@ from gslts.bench.detect_pictures import PictureUnit, chosen_of
 from gslts.bench.detect_run import DetectUnit, Record
 from gslts.bench.detect_tables import summary
 from gslts.bench.detect_variants import STRATEGIES, VARIANTS
+from gslts.bench.detect_watch import WATCH
 from gslts.bench.homes import BenchHome
 from gslts.bench.work import Result, run_units
 from gslts.files import empty_folder
@@ -42,7 +43,7 @@ class Outcome:
     def summaries(self) -> dict[str, dict[str, Any]]:
         """The numbers of each detector that was asked."""
         asked = {one.variant for one in self.records} | set(STRATEGIES)
-        return {name: summary(self.records, name) for name in VARIANTS if name in asked}
+        return {name: summary(self.records, name) for name in (*VARIANTS, WATCH) if name in asked}
 
 
 def units_of(homes: Sequence[BenchHome], tasks: int, *, trade: bool) -> list[DetectUnit]:

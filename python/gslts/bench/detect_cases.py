@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -17,6 +17,7 @@ from gslts.frame import RgbdFrame
 from gslts.sim.actions import ChangeAction, SceneState
 from gslts.sim.controller import Controller
 from gslts.sim.home_source import STRICT, HomeSource
+from gslts.sim.robot_body import Look
 from gslts.sim.sensor import NOISE_PRESETS
 from gslts.sim.task import Task, Viewpoint
 
@@ -144,6 +145,14 @@ def frame_of(case: Case, before: SceneState, bench: BenchHome) -> RgbdFrame:
         ChangeError: An action cannot be done.
         ActionError: The robot cannot stand there.
     """
+    (frame,) = frames_of(case, before, bench, [case.viewpoint.look])
+    return frame
+
+
+def frames_of(
+    case: Case, before: SceneState, bench: BenchHome, looks: Iterable[Look]
+) -> list[RgbdFrame]:
+    """What the robot sees in some looks, one after the other; see `frame_of`."""
     state = before
     for action in case.actions:
         state = state.after(action)
@@ -159,8 +168,11 @@ def frame_of(case: Case, before: SceneState, bench: BenchHome) -> RgbdFrame:
         noise=noise,
         seed=case.sensor_seed,
     )
-    robot.go(case.viewpoint.look)
-    return robot.observe()
+    frames = []
+    for look in looks:
+        robot.go(look)
+        frames.append(robot.observe())
+    return frames
 
 
 def _single(number: int, task: Task, before: SceneState) -> Case:

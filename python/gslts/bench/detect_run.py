@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field
 from functools import cache, cached_property, partial
 from pathlib import Path
@@ -19,9 +19,11 @@ from gslts.bench.detect_cases import (
     Part,
     cases_of,
     frame_of,
+    frames_of,
 )
 from gslts.bench.detect_truth import Truth
 from gslts.bench.detect_variants import STRATEGIES, VARIANTS
+from gslts.bench.detect_watch import TURNS_DEG, WATCH, WATCHED, looks_around, watched
 from gslts.bench.homes import MAP_S, RECORDING_S, BenchHome, default_state
 from gslts.bench.made import code_of, digest, made, native_code
 from gslts.bench.work import Add, Tell, message_of
@@ -31,12 +33,13 @@ from gslts.change.detect import ChangeDetector
 from gslts.files import write_whole
 from gslts.frame import RgbdFrame
 from gslts.map_folder import CAMERAS, read_map
+from gslts.sim.actions import SceneState
 from gslts.sim.home_source import STRICT
 
 DETECT_CODE = (
     *("alignment", "camera", "camera_files", "change", "files", "frame", "gaussian_map"),
     *("losses", "map_folder", "ply", "render"),
-    *("bench/detect_run", "bench/detect_variants"),
+    *("bench/detect_run", "bench/detect_variants", "bench/detect_watch"),
 )
 """What decides what is detected in a frame, besides the compiled module."""
 CASE_S: dict[Part, float] = {"single": 0.5, "pair": 0.5, "triple": 0.8, "unchanged": 0.1}
@@ -61,11 +64,11 @@ class Record(BaseModel):
         id: Of case and detector.
         case: Its home and its name, such as `kitchen_0/single_03`.
         part: Of the benchmark.
-        variant: The detector, of `VARIANTS`.
+        variant: The detector, of `VARIANTS` or `WATCH`.
         truths: What differs.
         unreliable: Why nothing can be said.
         reports: The most certain first.
-        ms: Wall time of the detection.
+        ms: Wall time of the detection, in one frame.
         cpu_ms: Of all threads of the process meanwhile; less than `ms` where others took the core.
         error: Why there is no detection; then the rest says nothing.
     """
@@ -119,17 +122,19 @@ class DetectUnit:
 
     def variants(self, part: Part) -> tuple[str, ...]:
         """The detectors that see the cases of a part."""
-        return tuple(VARIANTS if self.trade and part == "single" else STRATEGIES)
+        watching = (WATCH,) if part in ("single", "unchanged") else ()
+        return (*(VARIANTS if self.trade and part == "single" else STRATEGIES), *watching)
 
     def seconds(self, done: frozenset[str]) -> float:
         """About how long it takes."""
         counts: dict[Part, int] = asdict(self.counts)  # type: ignore[assignment]
         wanted = sum(counts[part] * len(self.variants(part)) for part in CASE_S)
-        left = max(0, wanted - len(done))
-        looks = sum(counts.values()) if not done else left / len(STRATEGIES)
+        frames = sum(counts[part] * _frames(self.variants(part)) for part in CASE_S)
         made = sum(counts[part] * seconds for part, seconds in CASE_S.items())
         whole = MAP_S + RECORDING_S * self.bench.setup.frames
-        return looks * FRAME_S + left * DETECTION_S + (0 if done else made + whole)
+        share_left = max(0, wanted - len(done)) / max(1, wanted)
+        seeing = frames * FRAME_S + wanted * DETECTION_S
+        return share_left * seeing + (0 if done else made + whole)
 
     def run(self, done: frozenset[str], add: Add, tell: Tell) -> None:
         """Detects what was not detected yet.
@@ -149,11 +154,14 @@ class DetectUnit:
         before = default_state(told.home, told.initial_actions)
         for case, variants in left.items():
             look = cache(partial(frame_of, case, before, self.bench))
-            if variants:
-                tell(FRAME_S)
             for variant in variants:
-                add(self._record(case, variant, look, detectors).model_dump(mode="json"))
+                if variant == WATCH:
+                    see = partial(self._watched, case, before, detectors)
+                else:
+                    see = partial(self._seen, look, detectors, variant)
+                add(self._record(case, variant, see).model_dump(mode="json"))
                 tell(DETECTION_S)
+            tell(FRAME_S * _frames(variants))
 
     def cases(self, tell: Tell = lambda _: None) -> HomeCases:
         """The cases of the home, made unless they are there."""
@@ -174,9 +182,7 @@ class DetectUnit:
     def _id(self, case: Case, variant: str) -> str:
         return f"{self.name}/{case.name}: {variant}"
 
-    def _record(
-        self, case: Case, variant: str, look: Callable[[], RgbdFrame], detectors: Detectors
-    ) -> Record:
+    def _record(self, case: Case, variant: str, see: Callable[[], Seen]) -> Record:
         record = Record(
             id=self._id(case, variant),
             case=f"{self.name}/{case.name}",
@@ -185,19 +191,50 @@ class DetectUnit:
             truths=case.truths,
         )
         try:
-            frame, detector = look(), detectors.of(variant)
-            start_s, start_cpu_s = time.perf_counter(), time.process_time()
-            detection = detector.detect(frame)
-            end_s, end_cpu_s = time.perf_counter(), time.process_time()
+            seen = see()
         except Exception as error:  # Whatever fails is told of its case; others go on.
             return record.model_copy(update={"error": message_of(error)})
         found = {
-            "unreliable": detection.unreliable,
-            "reports": tuple(map(_report, detection.changes)),
-            "ms": 1000 * (end_s - start_s),
-            "cpu_ms": 1000 * (end_cpu_s - start_cpu_s),
+            "unreliable": seen.unreliable,
+            "reports": tuple(map(_report, seen.changes)),
+            "ms": seen.ms,
+            "cpu_ms": seen.cpu_ms,
         }
         return record.model_copy(update=found)
+
+    def _seen(self, look: Callable[[], RgbdFrame], detectors: Detectors, variant: str) -> Seen:
+        frame, detector = look(), detectors.of(variant)
+        clock = _Clock()
+        detection = detector.detect(frame)
+        return Seen(detection.unreliable, detection.changes, *clock.ms())
+
+    def _watched(self, case: Case, before: SceneState, detectors: Detectors) -> Seen:
+        frames = frames_of(case, before, self.bench, looks_around(case.viewpoint.look))
+        clock = _Clock()
+        unreliable, changes = watched(detectors.of(WATCHED), frames)
+        return Seen(unreliable, tuple(changes), *clock.ms(len(frames)))
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What a detector says; see `Record`."""
+
+    unreliable: str | None
+    changes: tuple[Change, ...]
+    ms: float
+    cpu_ms: float
+
+
+class _Clock:
+    """Takes the time since it was made."""
+
+    def __init__(self) -> None:
+        self._start_s, self._start_cpu_s = time.perf_counter(), time.process_time()
+
+    def ms(self, frames: int = 1) -> tuple[float, float]:
+        """Wall time of each frame, and that of all threads of the process meanwhile."""
+        wall_s = time.perf_counter() - self._start_s
+        return 1000 * wall_s / frames, 1000 * (time.process_time() - self._start_cpu_s) / frames
 
 
 class Detectors:
@@ -217,6 +254,12 @@ class Detectors:
         if variant not in self._made:
             self._made[variant] = VARIANTS[variant].detector(self._map, self._cameras)
         return self._made[variant]
+
+
+def _frames(variants: Iterable[str]) -> int:
+    """How many frames of a case are made for some detectors."""
+    single = any(variant != WATCH for variant in variants)
+    return single + len(TURNS_DEG) * (WATCH in variants)
 
 
 def _report(change: Change) -> Report:

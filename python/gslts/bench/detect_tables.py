@@ -18,6 +18,7 @@ from gslts.bench.detect_score import (
     size_name,
 )
 from gslts.bench.detect_variants import STRATEGIES, TRADE
+from gslts.bench.detect_watch import TURNS_DEG, WATCH
 from gslts.bench.tables import mean, share, table
 from gslts.sim.tasks import KINDS
 
@@ -91,9 +92,12 @@ def counted(records: Sequence[Record]) -> str:
 
 
 def printed(summaries: Mapping[str, dict[str, Any]]) -> str:
-    """All tables; `summaries` are those of `STRATEGIES`, and of `TRADE` if it was measured."""
+    """All tables; `summaries` are those of `STRATEGIES`, and of others that were measured."""
     strategies = {name: summaries[name] for name in STRATEGIES}
     parts = ["## Change detection", _overview(strategies)]
+    if WATCH in summaries:
+        title = f"### {len(TURNS_DEG)} frames as the robot turns, confirmed by `ChangeMonitor`"
+        parts += [title, _watching(summaries[WATCH])]
     for title, key in (
         ("Type and region right, by type of change", "by_type"),
         ("Type and region right, by size of the object in view (of 640 x 480)", "by_size"),
@@ -141,6 +145,16 @@ def _overview(strategies: Mapping[str, dict[str, Any]]) -> str:
         row("- of it on the core", "", lambda s: _ms(s["ms"]["all_cpu"])),
     ]
     return table(["", *(f"`{name}`" for name in strategies), "wanted"], rows)
+
+
+def _watching(one: dict[str, Any]) -> str:
+    rows = [
+        ["one change: told", share(*one["single"]["found"])],
+        ["- other reports", mean(*one["single"]["extra_reports"])],
+        ["no change: visits with reports", _false_visits(one)],
+        ["- unreliable", share(*one["unchanged"]["unreliable"])],
+    ]
+    return table(["", f"`{WATCH}`"], rows)
 
 
 def _false_visits(one: dict[str, Any]) -> str:

@@ -39,12 +39,6 @@ POSE_STDS = (0.01, 0.0087)
 NEAR_SIGMAS = 6.0
 """Gaussians nearer than so many of their standard deviations are left out: beside the camera the
 map is better unknown than blurred."""
-LEAST_SEEN = 0.3
-"""Share of what appeared that must stand where a camera once saw a surface or looked through."""
-LEAST_SOLID = 0.8
-"""Share of the sights of what vanished that must have shown a surface there, and not farther on."""
-LEAST_FREE = 0.05
-"""Share of the sights of what appeared that must have looked through, unless it is flat."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,20 +177,19 @@ class ChangeDetector:
             change, labels = _core.paper_change(views, masks, self.config.paper)
             return () if change is None else (paper_change(change, labels),)
         found, labels = _core.changed_surfaces(views, masks, self.config.objects)
-        credible = [one for one in found if self._is_credible(one)]
-        return object_changes(credible, labels, self.config.objects)
+        for one in found:
+            one.sights = self._sights(one)
+        return object_changes(found, labels, self.config.objects)
 
-    def _is_credible(self, surface: _core.Surface) -> bool:
-        """Whether the map knows better than to take its own error or ignorance for a change."""
+    def _sights(self, surface: _core.Surface) -> _core.Sights | None:
+        """What tells the map's own errors, and what it never knew, from changes."""
         if not self._seen.is_known:
-            return True
+            return None
         sights = self._seen.sights(np.array(surface.samples))
-        on, through = sights.on.sum(), sights.through.sum()
-        if surface.side == _core.Side.BEFORE:
-            return bool(on >= LEAST_SOLID * (on + through))
-        if (sights.on + sights.through > 0).mean() < LEAST_SEEN:
-            return False
-        return bool(surface.flat or through >= LEAST_FREE * (on + through))
+        seen = sights.on + sights.through > 0
+        return _core.Sights(
+            on=sights.on.sum(), through=sights.through.sum(), seen=float(seen.mean())
+        )
 
 
 def _fault_of_correction(given: Floats, pose: Floats) -> str | None:

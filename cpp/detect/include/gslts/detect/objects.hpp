@@ -1,12 +1,12 @@
 #pragma once
 
-#include <Eigen/Core>
 #include <cstdint>
 #include <optional>
 #include <vector>
 
 #include "gslts/detect/masks.hpp"
 #include "gslts/detect/paper_rule.hpp"
+#include "gslts/detect/surface.hpp"
 #include "gslts/detect/views.hpp"
 #include "gslts/map/array.hpp"
 
@@ -24,33 +24,12 @@ struct ObjectRule {
   double flat_color = 0.15;      ///< summed over the channels, from all that is around.
   double flat_step_m = 0.006;    ///< A mean difference of depths that tells the side.
   double least_contrast = 0.03;  ///< Of brightness a pixel, across the outline of a flat object.
-  double alike = 0.35;           ///< How alike the two ends of a relocation are, 0 to 1.
+  double alike = 0.25;           ///< How likely the ends of a relocation must be one object.
   double certain = 0.5;          ///< Less likely changes are not reported.
 };
 
 /// @throws std::invalid_argument  naming the function, if a setting is out of range.
 void validate(const ObjectRule& rule, const char* function);
-
-enum class Side { kBefore, kAfter };
-
-/// The visible surface of an object, at one of the times.
-struct Surface {
-  Side side = Side::kBefore;  ///< Seen in the map (before) or in the photo (after).
-  int label = 0;              ///< In the image of labels.
-  int area_px = 0;            ///< Pixels.
-  double area_m2 = 0;         ///< Facing the camera.
-  /// Its median, in the world, m.
-  Eigen::Vector3d point = Eigen::Vector3d::Zero();
-  /// Corners of the box around most of it, in the world, m.
-  Eigen::Vector3d low = Eigen::Vector3d::Zero(), high = Eigen::Vector3d::Zero();
-  Eigen::Vector3d color = Eigen::Vector3d::Zero();  ///< Median, sRGB.
-  double step_m = 0;  ///< By which it is nearer than what is seen at the other time.
-  /// The same in units of the least that counts; if flat, its difference in colour in such units.
-  double steps = 0;
-  double differing = 0;  ///< Share of its pixels whose colours are not around in the other image.
-  bool flat = false;     ///< Whether colours alone tell of it.
-  std::vector<Eigen::Vector3d> samples;  ///< Some of its points, in the world, m.
-};
 
 struct Surfaces {
   std::vector<Surface> surfaces;
@@ -75,7 +54,7 @@ struct ObjectChange {
 Surfaces changed_surfaces(const Views& views, const Masks& masks, const ObjectRule& rule);
 
 /// The changes that explain some surfaces, the most certain first: what vanished and what appeared
-/// are one object if they are alike in colour and size.
+/// are one object if they are alike in colours and size.
 /// @throws std::invalid_argument  if a setting is invalid.
 std::vector<ObjectChange> changes_of(const std::vector<Surface>& surfaces, const ObjectRule& rule);
 

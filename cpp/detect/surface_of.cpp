@@ -1,8 +1,10 @@
-#include "surface.hpp"
+#include "surface_of.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+
+#include "color_histogram.hpp"
 
 namespace gslts::detect {
 namespace {
@@ -40,13 +42,15 @@ std::optional<Surface> surface_of(const Views& views, const Pixels& pixels, Side
   const float* colors = after ? views.photo : views.rgb;
   const Camera& camera = views.camera;
   std::array<std::vector<double>, 3> points, channels;
-  std::vector<double> steps;
+  std::vector<double> depths, steps;
+  ColorHistogram histogram;
   Surface surface;
   surface.side = side;
   const std::size_t stride = pixels.size() / kSamples + 1;
   const double farthest_m = farthest_of(depth, pixels);
   for (const std::size_t k : pixels) {
     for (std::size_t c = 0; c < 3; ++c) channels[c].push_back(colors[3 * k + c]);
+    histogram.add(colors + 3 * k);
     const double z = depth[k];
     if (!measured(depth[k]) || z > farthest_m) continue;
     const double x = (double(k % std::size_t(camera.width)) + 0.5 - camera.cx) / camera.fx * z;
@@ -54,11 +58,14 @@ std::optional<Surface> surface_of(const Views& views, const Pixels& pixels, Side
     const Eigen::Vector3d point = camera.world_from_camera * Eigen::Vector3d(x, y, z);
     if (points[0].size() % stride == 0) surface.samples.push_back(point);
     for (int c = 0; c < 3; ++c) points[std::size_t(c)].push_back(point[c]);
+    depths.push_back(z);
     surface.area_m2 += z * z / (camera.fx * camera.fy);
     if (measured(other[k])) steps.push_back(double(other[k]) - z);
   }
   if (points[0].empty()) return std::nullopt;
   surface.area_px = int(pixels.size());
+  surface.depth_m = at_share(depths, 0.5);
+  surface.colors = histogram.smoothed();
   for (int c = 0; c < 3; ++c) {
     std::vector<double>& values = points[std::size_t(c)];
     surface.low[c] = at_share(values, kStrays);

@@ -3,7 +3,8 @@
 #include <optional>
 #include <vector>
 
-#include "gslts/detect/objects.hpp"
+#include "gslts/detect/surface.hpp"
+#include "gslts/detect/views.hpp"
 
 namespace gslts::detect {
 

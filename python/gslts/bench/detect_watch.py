@@ -1,0 +1,46 @@
+"""What a robot reports that looks around for a moment: changes that it saw in enough frames."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from gslts.change.changes import Change
+from gslts.change.detect import ChangeDetector
+from gslts.change.monitor import ChangeMonitor, MonitorConfig
+from gslts.frame import RgbdFrame
+from gslts.sim.robot_body import Look
+
+WATCH = "watching"
+"""Name of the detector, among those of `VARIANTS`."""
+WATCHED = "objects"
+"""The one of these that sees each frame."""
+TURNS_DEG = (-10.0, -6.0, -2.0, 2.0, 6.0, 10.0)
+"""Where the robot looks one after the other, from the direction of a single frame."""
+
+
+def looks_around(look: Look) -> list[Look]:
+    """As a robot turns on the spot past a look."""
+    return [replace(look, yaw_deg=(look.yaw_deg + turn_deg) % 360) for turn_deg in TURNS_DEG]
+
+
+def watched(
+    detector: ChangeDetector, frames: Sequence[RgbdFrame]
+) -> tuple[str | None, list[Change]]:
+    """Why nothing can be said, if so; and what `ChangeMonitor` reports, the most certain first.
+
+    Raises:
+        RuntimeError: A frame could not be looked at.
+    """
+    config = MonitorConfig(rate_hz=1e6, queue=len(frames))
+    with ChangeMonitor(detector, config) as monitor:
+        for frame in frames:
+            monitor.offer(frame)
+        monitor.wait()
+        reports = monitor.poll()
+        counts = monitor.counts
+    if counts.unreliable == counts.looked_at:
+        return "each frame is unreliable", []
+    replaced = {report.replaces for report in reports}
+    changes = [report.change for report in reports if report.number not in replaced]
+    return None, sorted(changes, key=lambda change: -change.confidence)
