@@ -171,6 +171,8 @@ void define_results(py::module_& m) {
       .def_readonly("differing", &Evidence::differing,
                     "Share of its pixels whose colours are not around in the other image.")
       .def_readonly("thickness_m", &Evidence::thickness_m, "Of the largest disc in it.")
+      .def_readonly("attached", &Evidence::attached,
+                    "Share of what is beside it whose depth goes on from it.")
       .def_readonly("unexplained", &Evidence::unexplained,
                     "Mean difference in colour that more or less light does not explain.")
       .def_readonly("correlation", &Evidence::correlation,

@@ -82,7 +82,7 @@ class Finder {
     result.labels = Array<std::int32_t>(views_.size(), 0);
     for (Part& part : parts_) {
       part.surface.label = int(result.surfaces.size()) + 1;
-      part.surface.evidence = evidence_of(views_, masks_, part.pixels, part.surface.depth_m);
+      part.surface.evidence = evidence_of(views_, masks_, part.pixels, part.surface);
       part.surface.evidence.steps = part.steps;
       part.surface.evidence.differing = share_above(float(rule_.flat_color), most_, part.pixels);
       for (const std::size_t k : part.pixels) result.labels[k] = part.surface.label;

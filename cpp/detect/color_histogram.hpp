@@ -9,10 +9,11 @@ namespace gslts::detect {
 /// and shade change it, by brightness.
 class ColorHistogram {
  public:
-  /// @param rgb  [3] sRGB, 0 to 1.
-  void add(const float* rgb);
+  /// @param rgb     [3] sRGB, 0 to 1.
+  /// @param weight  Positive.
+  void add(const float* rgb, float weight);
 
-  /// Shares, spread over neighbouring bins, which sum up to 1; all 0 if nothing was counted.
+  /// Shares, spread over neighbouring bins, which sum up to 1; something must have been counted.
   std::vector<float> smoothed() const;
 
  private:

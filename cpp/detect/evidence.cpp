@@ -86,9 +86,42 @@ double median_difference_m(const cv::Mat& measured, const cv::Mat& rendered, con
   return *middle;
 }
 
+/// Share of the pixels beside a region whose depth goes on from the nearest of its pixels; a half
+/// if hardly any can tell.
+double attached(const cv::Mat& depth, const cv::Mat& region) {
+  constexpr int kFrom_px = 1, kTo_px = 4;
+  constexpr double kStep_m = 0.01, kStepShare = 0.01;  // Of the depth.
+  constexpr int kLeast = 4;
+  const cv::Mat beside = grown(region, kTo_px) - grown(region, kFrom_px);
+  cv::Mat distances, nearest;
+  cv::distanceTransform(region == 0, distances, nearest, cv::DIST_L2, cv::DIST_MASK_5,
+                        cv::DIST_LABEL_PIXEL);
+  std::vector<float> own(std::size_t(region.total()) + 1);  // By the label of the pixel.
+  for (int y = 0; y < region.rows; ++y) {
+    for (int x = 0; x < region.cols; ++x) {
+      if (region.at<std::uint8_t>(y, x)) {
+        own[std::size_t(nearest.at<int>(y, x))] = depth.at<float>(y, x);
+      }
+    }
+  }
+  int known = 0, going_on = 0;
+  for (int y = 0; y < region.rows; ++y) {
+    for (int x = 0; x < region.cols; ++x) {
+      if (!beside.at<std::uint8_t>(y, x)) continue;
+      const double here = depth.at<float>(y, x);
+      const double there = own[std::size_t(nearest.at<int>(y, x))];
+      if (!(here > 0 && std::isfinite(here) && there > 0 && std::isfinite(there))) continue;
+      ++known;
+      going_on += std::abs(here - there) < kStep_m + kStepShare * there;
+    }
+  }
+  return known < kLeast ? 0.5 : double(going_on) / double(known);
+}
+
 }  // namespace
 
-Evidence evidence_of(const Views& views, const Masks& masks, const Pixels& pixels, double depth_m) {
+Evidence evidence_of(const Views& views, const Masks& masks, const Pixels& pixels,
+                     const Surface& surface) {
   const Camera& camera = views.camera;
   const cv::Rect part = around(pixels, camera);
   const cv::Mat photo = image_of(views.photo, camera, 3)(part);
@@ -109,7 +142,8 @@ Evidence evidence_of(const Views& views, const Masks& masks, const Pixels& pixel
   const double within = sum_of_magnitudes(cv::mean(difference, region));
   const double without = sum_of_magnitudes(cv::mean(difference, ring));
   Evidence evidence;
-  evidence.thickness_m = diameter_px(region) * depth_m / (0.5 * (camera.fx + camera.fy));
+  evidence.thickness_m = diameter_px(region) * surface.depth_m / (0.5 * (camera.fx + camera.fy));
+  evidence.attached = attached(surface.side == Side::kAfter ? measured : rendered, region);
   evidence.unexplained = unexplained(photo, map, region);
   evidence.correlation = correlation(photo, map, beside);
   evidence.around_m = median_difference_m(measured, rendered, ring);

@@ -7,8 +7,9 @@
 
 namespace gslts::detect {
 
-/// What the pixels (at least one) of a surface at some depth, and those around them, tell beside
-/// steps and how many differ.
-Evidence evidence_of(const Views& views, const Masks& masks, const Pixels& pixels, double depth_m);
+/// What the pixels (at least one) of a surface, and those around them, tell beside steps and how
+/// many differ.
+Evidence evidence_of(const Views& views, const Masks& masks, const Pixels& pixels,
+                     const Surface& surface);
 
 }  // namespace gslts::detect

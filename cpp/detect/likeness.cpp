@@ -8,7 +8,7 @@ namespace gslts::detect {
 namespace {
 
 /// Of an object at least so much of its length is seen at both ends.
-constexpr double kLeastLength = 0.3;
+constexpr double kLeastLength = 0.2;
 
 }  // namespace
 
@@ -22,7 +22,7 @@ double likeness(const Surface& a, const Surface& b) {
   const double one = (a.high - a.low).norm(), other = (b.high - b.low).norm();
   if (std::min(one, other) < kLeastLength * std::max(one, other)) return 0;
   // Found by benchmarks/fit_certainty.py.
-  constexpr double kOffset = 6.851, kColors = -12.708, kArea = -0.847;
+  constexpr double kOffset = 7.146, kColors = -12.015, kArea = -0.489;
   const auto [colors, area] = differences_of(a, b);
   return 1 / (1 + std::exp(-(kOffset + kColors * colors + kArea * area)));
 }

@@ -21,6 +21,14 @@ double at_share(std::vector<double>& values, double share) {
   return *middle;
 }
 
+/// At the edge of a surface colours are mixed with what is around it, which both images show: what
+/// differs tells more of it.
+constexpr float kLeastColor = 0.05f;
+
+float difference(const float* one, const float* other) {
+  return std::abs(one[0] - other[0]) + std::abs(one[1] - other[1]) + std::abs(one[2] - other[2]);
+}
+
 bool measured(float depth) { return depth > 0 && std::isfinite(depth); }
 
 /// At the outline of a surface some pixels show what is behind it.
@@ -50,7 +58,7 @@ std::optional<Surface> surface_of(const Views& views, const Pixels& pixels, Side
   const double farthest_m = farthest_of(depth, pixels);
   for (const std::size_t k : pixels) {
     for (std::size_t c = 0; c < 3; ++c) channels[c].push_back(colors[3 * k + c]);
-    histogram.add(colors + 3 * k);
+    histogram.add(colors + 3 * k, kLeastColor + difference(views.photo + 3 * k, views.rgb + 3 * k));
     const double z = depth[k];
     if (!measured(depth[k]) || z > farthest_m) continue;
     const double x = (double(k % std::size_t(camera.width)) + 0.5 - camera.cx) / camera.fx * z;

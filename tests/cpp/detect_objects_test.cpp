@@ -84,9 +84,9 @@ TEST(Objects, UnlikeEndsAreTwoChanges) {
   for (const bool other_color : {false, true}) {
     Pair pair;
     pair.put(In::kMap, 20, 40, 20, 10, 1.6f, 0.8f, 0.2f, 0.2f);
-    const int height = other_color ? 10 : 100;
+    const int height = other_color ? 10 : 115;
     const float red = other_color ? 0.1f : 0.8f, blue = other_color ? 0.9f : 0.2f;
-    pair.put(In::kPhoto, 90, 10, 20, height, 1.6f, red, 0.2f, blue);
+    pair.put(In::kPhoto, 90, 2, other_color ? 20 : 60, height, 1.6f, red, 0.2f, blue);
     const Found found = found_in(pair);
     ASSERT_EQ(found.changes.size(), 2u) << other_color;
     std::vector<ChangeType> types{found.changes[0].type, found.changes[1].type};

@@ -96,7 +96,7 @@ def mapped() -> tuple[GaussianMap, dict[str, Camera]]:
         iterations=500,
         patience=1.0,
         rough_epochs=0,
-        voxel_m=0.04,
+        voxel_m=0.03,
         coarse_share=0.3,
         variant_steps=0,
         refine_poses=False,

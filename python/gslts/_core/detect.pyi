@@ -264,6 +264,11 @@ class Evidence:
         Median difference of the depths around it.
         """
     @property
+    def attached(self) -> float:
+        """
+        Share of what is beside it whose depth goes on from it.
+        """
+    @property
     def correlation(self) -> float:
         """
         Of the brightness of both images, on it and beside it.
@@ -279,7 +284,7 @@ class Evidence:
         By which it is nearer, in units of the least that counts; if flat, of colour.
         """
     @property
-    def thickness_px(self) -> float:
+    def thickness_m(self) -> float:
         """
         Of the largest disc in it.
         """
@@ -324,6 +329,11 @@ class Surface:
     def color(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]:
         """
         (3,) median, sRGB.
+        """
+    @property
+    def depth_m(self) -> float:
+        """
+        Its median.
         """
     @property
     def evidence(self) -> Evidence:
@@ -449,7 +459,7 @@ def differences_of(a: Surface, b: Surface) -> typing.Annotated[list[float], "Fix
     """
     What `likeness` weighs: how far histograms of colours, and areas, are apart.
     """
-def features_of(surface: Surface) -> typing.Annotated[list[float], "FixedSize(14)"]:
+def features_of(surface: Surface) -> typing.Annotated[list[float], "FixedSize(15)"]:
     """
     What `certainty` weighs.
     """

@@ -17,6 +17,7 @@ struct Evidence {
   double steps = 0;
   double differing = 0;    ///< Share of its pixels whose colours are not around in the other image.
   double thickness_m = 0;  ///< Diameter of the largest disc in it.
+  double attached = 0;     ///< Share of what is beside it whose depth goes on from it.
   /// Mean difference in colour, summed over the channels, that more or less light does not explain.
   double unexplained = 0;
   /// Of the brightness of both images, on it and beside it: one surface looks alike in any light.
@@ -52,7 +53,7 @@ struct Surface {
   std::optional<Sights> sights;  ///< Of the samples, where they are known.
 };
 
-inline constexpr std::size_t kFeatures = 13;
+inline constexpr std::size_t kFeatures = 15;
 
 /// What `certainty` weighs.
 std::array<double, kFeatures> features_of(const Surface& surface);
