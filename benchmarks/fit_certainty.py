@@ -1,10 +1,11 @@
 """Fits the weights of `gslts::detect::certainty` and `likeness` to simulated changes.
 
-    python benchmarks/fit_certainty.py --seeds 5:12
+    python benchmarks/fit_certainty.py --seeds 5:12 --unchanged DATASET
 
 records, maps and changes homes as `gslts bench detect` does, and prints what belongs into
 cpp/detect/certainty.cpp and cpp/detect/likeness.cpp, with the loss (nats an answer) in homes that
-were left out of the fit. Seeds from 10,000 up are kept for evaluation.
+were left out of the fit. What is found in a real visit in which nothing changed, if one is given,
+is all wrong. Seeds from 10,000 up are kept for evaluation.
 """
 
 from __future__ import annotations
@@ -18,13 +19,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
+from unchanged_benchmark import visits_of
 
 from gslts._core.detect import Side, Surface, differences_of, features_of
 from gslts.bench.detect_cases import Case, cases_of, counts_of, frame_of
+from gslts.bench.detect_truth import Truth
 from gslts.bench.homes import BenchHome, HomeSetup, default_state, homes_of
 from gslts.camera_files import read_cameras
 from gslts.change.config import DetectionConfig, ObjectRule
 from gslts.change.detect import ChangeDetector, Detection
+from gslts.datasets import open_dataset
 from gslts.map_folder import CAMERAS, read_map
 
 Floats = NDArray[np.float64]
@@ -32,7 +36,7 @@ Floats = NDArray[np.float64]
 RULE = ObjectRule(certain=0, alike=1)
 """Reports each surface by itself, however unlikely."""
 HALVINGS = (0, 1, 2)
-"""Frames are looked at in all resolutions, so that weights do not depend on it."""
+"""Frames of homes are looked at in all resolutions, so that weights do not depend on it."""
 NEAR_M = 0.05
 """So near to the box of an object that changed, a surface is its."""
 NEGATIVES = 40
@@ -70,15 +74,18 @@ class Questions:
 
 def found_in(home: str, case: Case, detection: Detection) -> Iterator[Found]:
     """What a detector that reports everything found in a case."""
-    for change in detection.changes:
-        for surface in (change.before, change.after):
-            if surface is not None:
-                size = detection.camera.width
-                yield Found(home, case.name, size, surface, _owner(surface, case))
+    for surface in _surfaces_of(detection):
+        owner = _owner(surface, case.truths)
+        yield Found(home, case.name, detection.camera.width, surface, owner)
 
 
-def _owner(surface: Surface, case: Case) -> str | None:
-    for truth in case.truths:
+def _surfaces_of(detection: Detection) -> list[Surface]:
+    ends = [end for change in detection.changes for end in (change.before, change.after)]
+    return [end for end in ends if end is not None]
+
+
+def _owner(surface: Surface, truths: Iterable[Truth]) -> str | None:
+    for truth in truths:
         change = truth.change
         box = change.box_before if surface.side == Side.BEFORE else change.box_after
         if box is None:
@@ -205,20 +212,32 @@ def _found_in_homes(homes: Iterable[BenchHome], tasks: int, count: int) -> Itera
                 yield from found_in(bench.name, case, detector.detect(frame))
 
 
+def _found_unchanged(dataset: Path) -> Iterator[Found]:
+    for visit in visits_of(open_dataset(dataset), "fast"):
+        detector = visit.detector(DetectionConfig(objects=RULE))
+        for name, frame in visit.unknown.items():
+            detection = detector.detect(frame)
+            for surface in _surfaces_of(detection):
+                yield Found(str(dataset), name, detection.camera.width, surface, None)
+
+
 def main() -> None:
     """Prints both."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", default="5:12", help="A:B, without B")
     parser.add_argument("--tasks", type=int, default=525, help="single changes in all")
     parser.add_argument("--work", type=Path, default=Path("out/bench"))
+    parser.add_argument("--unchanged", type=Path, help="data set of one visit")
     arguments = parser.parse_args()
     first, end = map(int, arguments.seeds.split(":"))
     if end > 10_000:
         parser.error("seeds from 10,000 up are kept for evaluation")
     homes = homes_of(range(first, end), (), HomeSetup(), arguments.work)
     found = list(_found_in_homes(homes, arguments.tasks, len(homes)))
-    tell("certainty", certainty_questions(found))
     tell("likeness", likeness_questions(found, np.random.default_rng(0)))
+    if arguments.unchanged is not None:
+        found += _found_unchanged(arguments.unchanged)
+    tell("certainty", certainty_questions(found))
 
 
 if __name__ == "__main__":

@@ -8,8 +8,10 @@
 namespace gslts::detect {
 namespace {
 
+/// The first one for NaN.
 int bin_of(float value, float low, int bins) {
-  return std::clamp(int((value - low) * float(bins)), 0, bins - 1);
+  const float place = (value - low) * float(bins);
+  return place > 0 ? int(std::min(place, float(bins - 1))) : 0;
 }
 
 /// Each count, half of which goes to the neighbours along an axis, `stride` apart.

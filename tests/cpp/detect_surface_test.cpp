@@ -73,6 +73,18 @@ TEST(Evidence, BrightnessesOfOneSurfaceCorrelate) {
   EXPECT_LT(only_surface_in(other).evidence.correlation, 0.8);
 }
 
+TEST(Evidence, AStripOfABodyIsAttachedToIt) {
+  Pair pair;  // The map has 6 px more of a box than there are.
+  pair.put(In::kPhoto, 60, 30, 30, 60, 1.6f, 0.8f, 0.2f, 0.2f);
+  pair.put(In::kMap, 60, 30, 36, 60, 1.6f, 0.8f, 0.2f, 0.2f);
+  const Surface strip = only_surface_in(pair);
+  EXPECT_EQ(strip.side, Side::kBefore);
+  EXPECT_NEAR(strip.evidence.attached, 0.45, 0.1);
+  const Surface whole = box(In::kMap, 0.8f, 0.2f, 0.2f, 36, 60);
+  EXPECT_EQ(whole.evidence.attached, 0);
+  EXPECT_LT(certainty(strip), certainty(whole));
+}
+
 TEST(Evidence, WhatIsAroundTellsOfErrors) {
   Pair pair;
   pair.put(In::kPhoto, 60, 40, 20, 10, 1.6f, 0.8f, 0.2f, 0.2f);

@@ -320,3 +320,46 @@ def test_masks_of_another_size_are_refused() -> None:
         core.changed_surfaces(views, masks, ObjectRule())
     with pytest.raises(ValueError, match="masks"):
         core.paper_change(views, masks, PaperRule())
+
+
+def test_certainty_is_the_confidence_of_a_change() -> None:
+    images = blank()
+    put(images, "after", (40, 30))
+    ((change,), _) = found(images)
+    assert change.confidence == core.certainty(change.after)
+    assert len(core.features_of(change.after)) > 10
+    assert np.isfinite(core.features_of(change.after)).all()
+    assert change.after.evidence.steps > 1
+    assert change.after.evidence.differing == 1
+    assert change.after.evidence.attached == 0
+    assert change.after.sights is None
+
+
+def test_sights_change_the_certainty() -> None:
+    """What appears where the map's cameras saw a surface is rather an error of the map."""
+    images = blank()
+    put(images, "after", (40, 30))
+    ((change,), _) = found(images)
+    surface = change.after
+    surface.sights = core.Sights(on=0, through=900, seen=1)
+    free = core.certainty(surface)
+    surface.sights = core.Sights(on=900, through=0, seen=1)
+    assert (surface.sights.on, surface.sights.through, surface.sights.seen) == (900, 0, 1)
+    assert core.certainty(surface) < free
+
+
+def test_likeness_compares_colours() -> None:
+    ends = []
+    for side, color in (
+        ("before", (0.9, 0.2, 0.1)),
+        ("after", (0.9, 0.2, 0.1)),
+        ("after", (0, 0, 1)),
+    ):
+        images = blank()
+        put(images, side, (40, 30), color=color)
+        ((change,), _) = found(images)
+        ends.append(change.before if side == "before" else change.after)
+    before, same, other = ends
+    assert core.likeness(before, same) > 0.9
+    assert core.likeness(before, other) < 0.1
+    assert core.differences_of(before, same)[0] < core.differences_of(before, other)[0]
