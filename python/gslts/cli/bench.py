@@ -73,7 +73,8 @@ def detect(
 ) -> None:
     """Measure change detection: one, two and three changes, and none, seen once each.
 
-    Both strategies see the same frames. An interrupted run goes on where it stopped.
+    Both strategies see the same frames; `watching` is what is confirmed over six of them. An
+    interrupted run goes on where it stopped.
 
     Example: gslts bench detect --jobs 2 --json out/detect.json --pictures out/detect
     """
