@@ -43,7 +43,7 @@ cv::Mat slope_of(const cv::Mat& depth) {
 }
 
 /// Certain pixels, without specks, and those likely ones that `reach_px` took from around them.
-Array<std::uint8_t> grown(const cv::Mat& certain, const cv::Mat& likely, int reach_px) {
+Array<std::uint8_t> completed(const cv::Mat& certain, const cv::Mat& likely, int reach_px) {
   const cv::Mat disc = cv::getStructuringElement(cv::MORPH_ELLIPSE, {3, 3});
   cv::Mat mask;
   cv::morphologyEx(certain, mask, cv::MORPH_OPEN, disc);
@@ -83,7 +83,7 @@ DepthChange depth_change_of(const Views& views, const Masks& masks, const Object
   constexpr double kLikely = 0.5;
   const auto only_in = [&](const cv::Mat& one, const cv::Mat& other) {
     const cv::Mat certain = steps(one, nearest_around(other, rule.reach_px)) > 1;
-    return grown(certain, steps(one, other) > kLikely, rule.reach_px);
+    return completed(certain, steps(one, other) > kLikely, rule.reach_px);
   };
   DepthChange change{only_in(seen, known), only_in(known, seen), Array<float>(views.size())};
   const cv::Mat differences = cv::abs(steps(seen, known));

@@ -27,13 +27,6 @@ cv::Rect around(const Pixels& pixels, const Camera& camera) {
   return cv::Rect(low, high) & image;
 }
 
-cv::Mat grown(const cv::Mat& region, int radius_px) {
-  const int side = 2 * radius_px + 1;
-  cv::Mat larger;
-  cv::dilate(region, larger, cv::getStructuringElement(cv::MORPH_ELLIPSE, {side, side}));
-  return larger;
-}
-
 double diameter_px(const cv::Mat& region) {
   cv::Mat padded, distances;
   cv::copyMakeBorder(region, padded, 1, 1, 1, 1, cv::BORDER_CONSTANT, 0);

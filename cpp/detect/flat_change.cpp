@@ -10,13 +10,6 @@
 namespace gslts::detect {
 namespace {
 
-cv::Mat grown(const cv::Mat& region, int radius_px) {
-  const int side = 2 * radius_px + 1;
-  cv::Mat larger;
-  cv::dilate(region, larger, cv::getStructuringElement(cv::MORPH_ELLIPSE, {side, side}));
-  return larger;
-}
-
 /// Median of measured - rendered depth where both are, m; 0 if there are hardly any.
 double median_difference(const Views& views, const cv::Mat& where) {
   constexpr std::size_t kLeast = 5;

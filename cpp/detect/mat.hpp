@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 
 #include "gslts/detect/views.hpp"
 #include "gslts/map/array.hpp"
@@ -24,6 +25,14 @@ inline Array<std::uint8_t> array_of(const cv::Mat& mask) {
   Array<std::uint8_t> array(mask.total());
   std::copy_n(mask.ptr<std::uint8_t>(), mask.total(), array.begin());
   return array;
+}
+
+/// A mask with all that is within a radius of it.
+inline cv::Mat grown(const cv::Mat& region, int radius_px) {
+  const int side = 2 * radius_px + 1;
+  cv::Mat larger;
+  cv::dilate(region, larger, cv::getStructuringElement(cv::MORPH_ELLIPSE, {side, side}));
+  return larger;
 }
 
 }  // namespace gslts::detect
