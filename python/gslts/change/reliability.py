@@ -22,7 +22,7 @@ LEAST_SHARPNESS = 0.15
 """Of the edges across and down, as a share of those in the rendering: a turn smears one of them."""
 ALIKE = 0.75
 """Cosine of features of one thing."""
-MOST_UNLIKE = 0.3
+MOST_UNLIKE = 0.25
 """Share of what the map knows where features may differ; changed objects are smaller."""
 MOST_CHANGED = 0.4
 """Share of what the map knows; when more differs, something else is wrong."""
