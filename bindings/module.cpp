@@ -4,6 +4,7 @@ namespace gslts::python {
 void define_adam(pybind11::module_ m);
 void define_alignment(pybind11::module_ m);
 void define_detect(pybind11::module_ m);
+void define_edit(pybind11::module_ m);
 void define_losses(pybind11::module_ m);
 void define_map(pybind11::module_ m);
 void define_ply(pybind11::module_ m);
@@ -25,4 +26,5 @@ PYBIND11_MODULE(_core, m) {
   gslts::python::define_adam(raster);
   gslts::python::define_alignment(raster);
   gslts::python::define_detect(m.def_submodule("detect", "What changed between map and frame."));
+  gslts::python::define_edit(m.def_submodule("edit", "Which Gaussians go, and which come."));
 }

@@ -9,12 +9,10 @@
 #include <system_error>
 #include <utility>
 
-#include "arrays.hpp"
+#include "map_arrays.hpp"
 
 namespace gslts::python {
 namespace {
-
-using Arrays = py::typing::Dict<py::str, py::array>;
 
 py::object to_python(const std::filesystem::path& path) {
   return py::reinterpret_steal<py::object>(PyUnicode_DecodeFSDefault(path.c_str()));
@@ -39,20 +37,9 @@ auto with_python_errors(const std::filesystem::path& path, Function function) {
   throw py::error_already_set();
 }
 
-py::typing::Tuple<Arrays, std::vector<std::string>> read_ply(const std::filesystem::path& path) {
+py::typing::Tuple<MapArrays, std::vector<std::string>> read_ply(const std::filesystem::path& path) {
   PlyContents contents = with_python_errors(path, gslts::read_ply);
-  GaussianMap& map = contents.map;
-  const py::ssize_t size = static_cast<py::ssize_t>(map.size());
-  Arrays arrays;
-  arrays["means"] = to_numpy(std::move(map.means), {size, 3});
-  arrays["quats"] = to_numpy(std::move(map.quats), {size, 4});
-  arrays["log_scales"] = to_numpy(std::move(map.log_scales), {size, 3});
-  arrays["logit_opacities"] = to_numpy(std::move(map.logit_opacities), {size});
-  arrays["sh"] = to_numpy(std::move(map.sh), {size, map.sh_bases, 3});
-  arrays["features"] = to_numpy(std::move(map.features), {size, map.feature_dims});
-  arrays["ids"] = to_numpy(std::move(map.ids), {size});
-  arrays["origin"] = py::array_t<double>(3, map.origin.data());
-  return py::make_tuple(arrays, contents.ignored_properties);
+  return py::make_tuple(arrays_of(std::move(contents.map)), contents.ignored_properties);
 }
 
 void write_ply(const GaussianView<float>& gaussians, const py::array& ids,

@@ -40,8 +40,13 @@ class RecordedRobot:
         """[P,2] places from which there are frames, x and y in the world, m."""
         return np.unique(self._positions, axis=0)
 
-    def move_towards(self, position: NDArray[np.float64], yaw_rad: float) -> bool:
-        """Goes to the frame whose place and direction are nearest; one is always found."""
+    def move_towards(
+        self, position: NDArray[np.float64], yaw_rad: float, pitch_rad: float | None = None
+    ) -> bool:
+        """Goes to the frame whose place and direction are nearest; one is always found.
+
+        The pitch is what it was.
+        """
         metres = np.linalg.norm(self._positions - position, axis=1)
         turns_rad = np.abs((self._yaws_rad - yaw_rad + np.pi) % (2 * np.pi) - np.pi)
         self._at = int(np.argmin(metres + METRES_PER_RAD * turns_rad))

@@ -21,12 +21,16 @@ class Robot(Protocol):
         """[P,2] places of the robot's middle on the floor, x and y in the world, m."""
         ...
 
-    def move_towards(self, position: NDArray[np.float64], yaw_rad: float) -> bool:
+    def move_towards(
+        self, position: NDArray[np.float64], yaw_rad: float, pitch_rad: float | None = None
+    ) -> bool:
         """Goes to the reachable position nearest to `position`, and turns.
 
         Args:
             position: (2,) x and y in the world, m.
             yaw_rad: Direction to look in then, from x to y, rad.
+            pitch_rad: Angle of the camera below the horizon then, rad, as far as it can tilt; None
+                leaves it as it is.
 
         Returns:
             Whether the robot arrived.

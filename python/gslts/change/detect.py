@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from gslts.change.reliability import (
 from gslts.change.seen_space import SeenSpace
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import GaussianMap
-from gslts.losses import exposed
+from gslts.losses import Exposure, exposed
 from gslts.render import Rasterizer, RenderOptions
 
 Floats = NDArray[np.float64]
@@ -52,6 +52,9 @@ class Detection:
         photo: [H,W,3] float32 sRGB, 0 to 1.
         render: [H,W,3] float32, the map with the exposure of the photo; None if unreliable.
         pixel, feature, combined: [H,W] M_pixel, M_feat and M_comb; None if unreliable.
+        exposure: From the map's colours to those of the photo.
+        surfaces: All that changes are made of, likely or not; none with the strategy "paper".
+        labels: [H,W] int32 of them, 0 where there is none; None if unreliable.
     """
 
     changes: tuple[Change, ...]
@@ -62,6 +65,9 @@ class Detection:
     pixel: Bools | None = None
     feature: Bools | None = None
     combined: Bools | None = None
+    exposure: Exposure = field(default_factory=Exposure)
+    surfaces: tuple[_core.Surface, ...] = ()
+    labels: NDArray[np.int32] | None = None
 
 
 class ChangeDetector:
@@ -137,7 +143,8 @@ class ChangeDetector:
         images = self._rasterizer.forward(self._map, camera, options)
         alpha = images.alpha if mask is None else np.where(mask, images.alpha, np.float32(0))
         known = alpha >= config.masks.alpha_min
-        rgb = exposed(images.rgb, robust_exposure(images.rgb, photo, known, config.threads))
+        exposure = robust_exposure(images.rgb, photo, known, config.threads)
+        rgb = exposed(images.rgb, exposure)
         rgb = rgb.clip(0, 1).astype(np.float32)
         fault = fault_of_view(photo, rgb, measured, images.depth, known)
         if fault is not None:
@@ -157,7 +164,7 @@ class ChangeDetector:
         )
         masks = _core.masks_of(views, config.masks)
         arrays = _core.arrays_of(masks, camera)
-        changes = self._changes(views, masks)
+        changes, surfaces, labels = self._changes(views, masks)
         changed = [one for change in changes for one in change.masks if one is not None]
         if changed and np.any(changed, axis=0).sum() > MOST_CHANGED * known.sum():
             return Detection((), "most of the view differs", camera, photo)
@@ -170,16 +177,22 @@ class ChangeDetector:
             pixel=arrays["pixel"],
             feature=arrays["feature"],
             combined=arrays["combined"],
+            exposure=exposure,
+            surfaces=surfaces,
+            labels=labels,
         )
 
-    def _changes(self, views: _core.Views, masks: _core.MaskSet) -> tuple[Change, ...]:
+    def _changes(
+        self, views: _core.Views, masks: _core.MaskSet
+    ) -> tuple[tuple[Change, ...], tuple[_core.Surface, ...], NDArray[np.int32]]:
+        """The changes, the surfaces that they are made of, and the labels of either."""
         if self.config.strategy == "paper":
             change, labels = _core.paper_change(views, masks, self.config.paper)
-            return () if change is None else (paper_change(change, labels),)
+            return () if change is None else (paper_change(change, labels),), (), labels
         found, labels = _core.changed_surfaces(views, masks, self.config.objects)
         for one in found:
             one.sights = self._sights(one)
-        return object_changes(found, labels, self.config.objects)
+        return object_changes(found, labels, self.config.objects), tuple(found), labels
 
     def _sights(self, surface: _core.Surface) -> _core.Sights | None:
         """What tells the map's own errors, and what it never knew, from changes."""

@@ -49,8 +49,9 @@ def seed_from_depth(
     *,
     sh_degree: int = 0,
     most: int | None = None,
+    least_hits: int = LEAST_HITS,
 ) -> GaussianMap:
-    """One Gaussian for each voxel that at least two frames measured, larger ones on plain surfaces.
+    """One Gaussian for each voxel that enough frames measured, larger ones on plain surfaces.
 
     Args:
         frames: With registered depth, and poses that are roughly right.
@@ -60,11 +61,12 @@ def seed_from_depth(
         sh_degree: Of the map; all but the constant harmonic start at 0.
         most: If there would be more Gaussians, the contrast is raised, and if that is not enough,
             every so manieth one is left out.
+        least_hits: Frames that must have measured a voxel.
 
     Raises:
-        ValueError: No voxel was measured twice, or a point is kilometres away.
+        ValueError: No voxel was measured so often, or a point is kilometres away.
     """
-    voxels = _fused(frames, voxel_m)
+    voxels = _fused(frames, voxel_m, least_hits)
     levels = _levels(voxels, voxel_m, contrast)
     while most is not None and _size(levels) > most and contrast < MOST_CONTRAST:
         contrast = max(1.25 * contrast, LEAST_CONTRAST)
@@ -80,7 +82,7 @@ def seed_from_depth(
     return seeds
 
 
-def _fused(frames: Iterable[RgbdFrame], voxel_m: float) -> _Voxels:
+def _fused(frames: Iterable[RgbdFrame], voxel_m: float, least_hits: int) -> _Voxels:
     """Those that enough frames have seen."""
     surfaces = SurfaceVoxels(voxel_m, PIXEL_STEP)
     for frame in frames:
@@ -88,9 +90,9 @@ def _fused(frames: Iterable[RgbdFrame], voxel_m: float) -> _Voxels:
         depth, rgb = np.ascontiguousarray(frame.depth), np.ascontiguousarray(frame.rgb)
         surfaces.add(depth, rgb, frame.camera, mask)
     keys, sums, hits = surfaces.voxels()
-    kept = hits >= LEAST_HITS
+    kept = hits >= least_hits
     if not kept.any():
-        raise ValueError("seed_from_depth: no surface was measured by two frames")
+        raise ValueError("seed_from_depth: no surface was measured by enough frames")
     return _Voxels(keys, sums).select(kept)
 
 

@@ -173,12 +173,16 @@ class Controller:
         """[P,2] places on the robot's grid that it can reach from where it is, x and y, m."""
         return self._floor.places(GRID_M, self._position)
 
-    def move_towards(self, position: Floats, yaw_rad: float) -> bool:
-        """Goes to the reachable place nearest to `position` and looks along `yaw_rad`."""
+    def move_towards(
+        self, position: Floats, yaw_rad: float, pitch_rad: float | None = None
+    ) -> bool:
+        """Goes to the reachable place nearest to `position` and looks along both angles."""
         places = self.reachable_positions()
         place = places[np.argmin(np.linalg.norm(places - position, axis=1))]
+        down_deg = self._horizon_deg if pitch_rad is None else float(np.rad2deg(pitch_rad))
+        down_deg = float(np.clip(down_deg, *HORIZON_DEG))
         try:
-            self.go(Look(place, float(np.rad2deg(yaw_rad)) % 360, self._horizon_deg))
+            self.go(Look(place, float(np.rad2deg(yaw_rad)) % 360, down_deg))
         except ActionError:
             return False
         return True

@@ -19,6 +19,8 @@ from gslts.sim.thor.event import FAR_M, NEAR_M, ThorObject, frame_of, objects_of
 from gslts.sim.thor.frame import Floats, in_world, unity_from_world, unity_yaw_from_world
 
 GRID_M = 0.25
+HORIZON_DEG = (-30.0, 60.0)
+"""How far the agent can look up and down."""
 
 CHANGES = ("InitialRandomSpawn", "DisableObject", "EnableObject", "PlaceObjectAtPoint")
 """Actions that change the scene and need no other coordinates than a position."""
@@ -74,18 +76,24 @@ class ThorRobot:
         """
         return self._reachable_points()[:, :2]
 
-    def move_towards(self, position: Floats, yaw_rad: float) -> bool:
-        """Goes to the reachable place nearest to `position` and looks along `yaw_rad`.
+    def move_towards(
+        self, position: Floats, yaw_rad: float, pitch_rad: float | None = None
+    ) -> bool:
+        """Goes to the reachable place nearest to `position` and looks along both angles.
 
-        The agent teleports; how it stands and how far it looks down stay as they are.
+        The agent teleports; how it stands stays as it is.
         """
         points = self._reachable_points()
         if len(points) == 0:
             return False
         nearest = np.argmin(np.linalg.norm(points[:, :2] - position, axis=1))
+        horizon = {}
+        if pitch_rad is not None:
+            horizon = {"horizon": float(np.clip(np.rad2deg(pitch_rad), *HORIZON_DEG))}
         event = self._controller.step(
             action="Teleport",
             position=unity_from_world(points[nearest]),
+            **horizon,
             rotation={"x": 0.0, "y": unity_yaw_from_world(yaw_rad), "z": 0.0},
         )
         return bool(event.metadata["lastActionSuccess"])

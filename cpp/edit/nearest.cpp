@@ -1,0 +1,57 @@
+#include "gslts/edit/nearest.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <flann/algorithms/dist.h>
+#include <flann/algorithms/kdtree_single_index.h>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace gslts::edit {
+namespace {
+
+/// @throws std::invalid_argument  naming the first row that is not finite.
+void require_finite_rows(const float* rows, std::size_t count, const char* name) {
+  const float* end = rows + 3 * count;
+  const float* bad = std::find_if(rows, end, [](float x) { return !std::isfinite(x); });
+  if (bad == end) return;
+  throw std::invalid_argument("nearest_gaussians: " + std::string(name) + "[" +
+                              std::to_string((bad - rows) / 3) + "] is not finite");
+}
+
+}  // namespace
+
+Neighbours nearest_gaussians(const GaussianView<float>& gaussians, const float* points,
+                             std::size_t count, int k) {
+  validate(gaussians, "nearest_gaussians");
+  if (k < 1) {
+    throw std::invalid_argument("nearest_gaussians: k must be at least 1, got " +
+                                std::to_string(k));
+  }
+  if (gaussians.size == 0) throw std::invalid_argument("nearest_gaussians: there is no Gaussian");
+  require_finite_rows(gaussians.means, gaussians.size, "means");
+  require_finite_rows(points, count, "points");
+  const std::size_t found = std::min(std::size_t(k), gaussians.size);
+  Neighbours result{int(found), Array<std::uint32_t>(count * found),
+                    Array<float>(count * found)};
+  if (count == 0) return result;
+  // FLANN takes pointers to what it only reads.
+  const flann::Matrix<float> means(const_cast<float*>(gaussians.means), gaussians.size, 3);
+  const flann::Matrix<float> queries(const_cast<float*>(points), count, 3);
+  flann::KDTreeSingleIndex<flann::L2_3D<float>> index(means, flann::KDTreeSingleIndexParams());
+  index.buildIndex();
+  std::vector<std::size_t> rows(count * found);
+  flann::Matrix<std::size_t> row_table(rows.data(), count, found);
+  flann::Matrix<float> distances(result.distances_m.data(), count, found);
+  flann::SearchParams exact(flann::FLANN_CHECKS_UNLIMITED);
+  exact.cores = 1;
+  index.knnSearch(queries, row_table, distances, found, exact);
+  std::transform(rows.begin(), rows.end(), result.rows.begin(),
+                 [](std::size_t row) { return std::uint32_t(row); });
+  for (float& distance : result.distances_m) distance = std::sqrt(distance);  // They are squared.
+  return result;
+}
+
+}  // namespace gslts::edit

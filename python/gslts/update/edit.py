@@ -1,0 +1,224 @@
+"""Pre-editing: which Gaussians go and which come, before any is refined.
+
+Source: GS-LTS, sec. III-D, Gaussian Editing based Scene Update. `LITERAL` is that as printed; each
+setting of `EditConfig` mends one of its weaknesses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslts._core import edit as _core
+from gslts._core.map import SurfaceVoxels
+from gslts.camera import at_pose
+from gslts.frame import RgbdFrame
+from gslts.gaussian_map import GaussianMap
+from gslts.mapping.density import joined
+from gslts.mapping.seed import seed_from_depth
+from gslts.render import Rasterizer, RenderOptions
+from gslts.update.config import EditConfig
+from gslts.update.region import Site
+from gslts.update.views import View
+
+Bools = NDArray[np.bool_]
+Floats32 = NDArray[np.float32]
+
+FUSED_M, PIXEL_STEP = 0.01, 2
+"""Points that inherit are fused in voxels of such an edge, from every so manieth row and column."""
+SWEEP_NEIGHBOURS, SWEEP_SHARE = 8, 0.75
+"""What is left is swept away where such a share of so many nearest Gaussians was removed."""
+LEAST_THROUGH = 2
+"""Views that must see through a Gaussian, if there are so many: one may err at an edge."""
+SHOWN_M, SHOWN_SHARE = 0.03, 0.015
+"""A measured surface is shown by the map if its depth is off by less, m and share of the depth."""
+SHOWN_ALPHA = 0.6
+"""And if the map is so opaque there."""
+
+
+@dataclass(frozen=True, eq=False)
+class Edit:
+    """An edited map.
+
+    Attributes:
+        gaussian_map: New Gaussians come last.
+        removed: [N] bool, of the map before.
+        added: How many are new.
+    """
+
+    gaussian_map: GaussianMap
+    removed: Bools
+    added: int
+
+
+def pre_edit(
+    gaussian_map: GaussianMap,
+    views: Sequence[View],
+    sites: Sequence[Site],
+    config: EditConfig,
+    *,
+    features: Floats32 | None = None,
+    threads: int = 0,
+) -> Edit:
+    """Removes what is gone and adds what is new.
+
+    Args:
+        gaussian_map: float32, at least one Gaussian.
+        views: Of the change, at least one.
+        sites: Where something is gone ("before") and is new ("after").
+        config: Settings.
+        features: [D] semantic feature of what is new, s_manual of the paper. None means that of the
+            object that moved, or zeros for one that was added.
+        threads: 0 means one a hardware thread.
+
+    Raises:
+        ValueError: There is no view, or `features` does not fit the map.
+    """
+    if not views:
+        raise ValueError("pre_edit: views: there is none")
+    removed = removed_by(gaussian_map, views, sites, config, threads)
+    kept = gaussian_map.select(~removed)
+    gone = gaussian_map.select(removed)
+    wanted = _wanted(kept, views, config, threads)
+    make = _flat_ones if config.flat else _like_nearest
+    new = make(kept, _frames(kept, views, wanted), config)
+    if new.size == 0:
+        return Edit(kept, removed, 0)
+    of_object = _near(new, [site for site in sites if site.side == "after"], config.margin_m)
+    new = _painted(new, kept, gone, of_object, features, observed=config.observed_colors)
+    return Edit(joined(kept, new), removed, new.size)
+
+
+def removed_by(
+    gaussian_map: GaussianMap,
+    views: Sequence[View],
+    sites: Sequence[Site],
+    config: EditConfig,
+    threads: int = 0,
+) -> Bools:
+    """[N] the Gaussians of what is gone: G_target of the paper, and what is left of it."""
+    cameras = [view.camera for view in views]
+    removed = np.zeros(gaussian_map.size, np.bool_)
+    if any(site.side == "before" for site in sites):
+        rendered = None
+        if config.visible_votes:
+            rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
+            rendered = [
+                np.asarray(rasterizer.forward(gaussian_map, camera, options).depth, np.float32)
+                for camera in cameras
+            ]
+        masks = [np.ascontiguousarray(view.before) for view in views]
+        votes, seen = _core.votes_of(
+            gaussian_map.view(), cameras, masks, rendered, _core.VoteRule()
+        )
+        of = seen if config.visible_votes else len(views)
+        removed |= votes > config.vote_share * of
+    near = _near(gaussian_map, sites, config.margin_m)
+    if config.carve:
+        measured = [np.ascontiguousarray(view.depth) for view in views]
+        on, through = _core.sightings_of(gaussian_map.view(), cameras, measured, _core.DepthRule())
+        removed |= near & (through >= min(LEAST_THROUGH, len(views))) & (through > on)
+    if config.sweep and removed.any():
+        rows = np.flatnonzero(near & ~removed)
+        around, _ = _core.nearest_gaussians(
+            gaussian_map.view(), gaussian_map.means[rows], SWEEP_NEIGHBOURS + 1
+        )
+        gone = removed[around[:, 1:]].mean(axis=1)  # The nearest is the Gaussian itself.
+        removed[rows[gone >= SWEEP_SHARE]] = True
+    return removed
+
+
+def _near(gaussian_map: GaussianMap, sites: Sequence[Site], margin_m: float) -> Bools:
+    """[N] which centres are in the boxes of sites, or near them."""
+    centres = gaussian_map.means + gaussian_map.origin
+    near = [site.contains(centres, margin_m) for site in sites]
+    return np.any(near, axis=0) if near else np.zeros(gaussian_map.size, np.bool_)
+
+
+def _wanted(
+    kept: GaussianMap, views: Sequence[View], config: EditConfig, threads: int
+) -> list[Bools]:
+    """[H,W] of each view, where a surface was measured that needs Gaussians."""
+    if not config.only_missing:
+        return [view.changed for view in views]
+    rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
+    wanted = []
+    for view in views:
+        images = rasterizer.forward(kept, view.camera, options, mask=view.changed)
+        off_m = np.abs(images.depth - view.depth)
+        shown = (images.alpha >= SHOWN_ALPHA) & (off_m < SHOWN_M + SHOWN_SHARE * view.depth)
+        wanted.append(view.changed & (~shown | view.after))
+    return wanted
+
+
+def _frames(kept: GaussianMap, views: Sequence[View], wanted: Sequence[Bools]) -> list[RgbdFrame]:
+    """What was measured, in the colours and in the frame of the map."""
+    frames = []
+    for view, mask in zip(views, wanted, strict=True):
+        colors = np.rint(255 * view.colors.clip(0, 1)).astype(np.uint8)
+        pose = view.camera.world_from_camera
+        pose[:3, 3] -= kept.origin
+        allowed = mask if view.frame.mask is None else mask & view.frame.mask
+        frames.append(RgbdFrame(colors, view.depth, at_pose(view.camera, pose), mask=allowed))
+    return frames
+
+
+def _flat_ones(
+    kept: GaussianMap, frames: Sequence[RgbdFrame], config: EditConfig
+) -> GaussianMap:
+    """Flat Gaussians on measured surfaces, with the colours of the photographs."""
+    try:
+        return seed_from_depth(
+            frames,
+            config.voxel_m,
+            config.contrast,
+            sh_degree=kept.sh_degree,
+            least_hits=min(2, len(frames)),
+        )
+    except ValueError:  # Nothing was measured there.
+        return kept.select(np.zeros(0, np.int64))
+
+
+def _like_nearest(
+    kept: GaussianMap, frames: Sequence[RgbdFrame], _: EditConfig
+) -> GaussianMap:
+    """Gaussians at measured points, as dense as their surroundings and like the nearest ones."""
+    voxels = SurfaceVoxels(FUSED_M, PIXEL_STEP)
+    for frame in frames:
+        assert frame.mask is not None  # It says what is wanted.
+        voxels.add(frame.depth, frame.rgb, frame.camera, np.ascontiguousarray(frame.mask))
+    _, sums, _ = voxels.voxels()
+    points = (sums[:, 1:4] / sums[:, :1]).astype(np.float32)
+    nearest, _ = _core.nearest_gaussians(kept.view(), points, 1)
+    _, apart_m = _core.nearest_gaussians(kept.view(), kept.means[nearest[:, 0]], 2)
+    stay = _core.thinned(points, np.maximum(apart_m[:, -1], np.float32(FUSED_M)))
+    arrays = _core.inherited(kept.view(), points[stay], nearest[stay, 0], 0)
+    return GaussianMap(**arrays)
+
+
+def _painted(
+    new: GaussianMap,
+    kept: GaussianMap,
+    gone: GaussianMap,
+    of_object: Bools,
+    features: Floats32 | None,
+    *,
+    observed: bool,
+) -> GaussianMap:
+    """New Gaussians with features, and with colours if these are not those that were observed.
+
+    What fills a hole is like the nearest Gaussians; an object that moved is as it was.
+    """
+    nearest, _ = _core.nearest_gaussians(kept.view(), new.means, 1)
+    sh, of_nearest = kept.sh[nearest[:, 0]], kept.features[nearest[:, 0]]
+    if gone.size > 0:
+        drawn = np.random.default_rng(0).integers(gone.size, size=int(of_object.sum()))
+        sh[of_object], of_nearest[of_object] = gone.sh[drawn], gone.features[drawn]
+    else:
+        of_nearest[of_object] = 0
+    if features is not None:
+        of_nearest[of_object] = features
+    return replace(new, sh=new.sh if observed else sh, features=of_nearest)

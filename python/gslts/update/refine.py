@@ -1,0 +1,199 @@
+"""Refinement of an edited map: only pixels near the change are rendered, only Gaussians near it move."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, fields, replace
+from math import prod
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslts.adam import Adam, AdamRates
+from gslts.camera import Camera
+from gslts.gaussian_map import GaussianMap
+from gslts.losses import Exposure, depth_loss, photometric_loss
+from gslts.render import Gradients, Rasterizer, RenderOptions
+from gslts.update.config import RefineConfig
+from gslts.update.region import Site
+from gslts.update.views import View
+
+Bools = NDArray[np.bool_]
+Floats32 = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """What the map is to show from somewhere.
+
+    Attributes:
+        camera: There.
+        colors: [H,W,3] sRGB, 0 to 1.
+        exposure: From the map's colours to these.
+        depth: [H,W] m; 0 where it is not known.
+        mask: [H,W] pixels that are compared; None means all.
+    """
+
+    camera: Camera
+    colors: Floats32
+    exposure: Exposure
+    depth: Floats32
+    mask: Bools | None
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """A refined map.
+
+    Attributes:
+        gaussian_map: All but the Gaussians that could move are bit-identical.
+        iterations: Steps that were done.
+        losses: Mean loss of the views in each visit of them all.
+    """
+
+    gaussian_map: GaussianMap
+    iterations: int
+    losses: tuple[float, ...]
+
+
+def refine(
+    gaussian_map: GaussianMap,
+    targets: Sequence[Target],
+    active: Bools,
+    config: RefineConfig,
+    *,
+    threads: int = 0,
+    tell: Callable[[], None] = lambda: None,
+) -> Refined:
+    """Fits some Gaussians to what the map is to show; the same for any number of threads.
+
+    Args:
+        gaussian_map: float32.
+        targets: From `targets_of` and `remembered`.
+        active: [N] bool, Gaussians that may move.
+        config: Settings.
+        threads: 0 means one a hardware thread.
+        tell: Is told of each step.
+    """
+    rows = np.flatnonzero(_seen(gaussian_map, targets, threads) | active)
+    if len(targets) == 0 or not active.any():
+        return Refined(gaussian_map, 0, ())
+    moving = active[rows]
+    adam = Adam(gaussian_map.select(rows))
+    rasterizer, rng = Rasterizer(np.float32), np.random.default_rng(config.seed)
+    losses: list[float] = []
+    order: list[int] = []
+    visit: list[float] = []
+    done = 0
+    while done < config.iterations:
+        if not order:
+            if visit:
+                losses.append(float(np.mean(visit)))
+                visit = []
+                if _settled(losses, config):
+                    break
+            order = rng.permutation(len(targets)).tolist()
+        target = targets[order.pop()]
+        options = RenderOptions(threads=threads, background=rng.random(3).tolist())
+        images = rasterizer.forward(adam.map, target.camera, options, mask=target.mask)
+        color = photometric_loss(
+            images.rgb,
+            target.colors,
+            mask=target.mask,
+            dssim_weight=config.dssim_weight,
+            exposure=target.exposure,
+            threads=threads,
+        )
+        depth = depth_loss(
+            images.depth, target.depth, mask=target.mask, relative=True, threads=threads
+        )
+        gradients = rasterizer.backward(
+            dL_drgb=color.dL_drgb, dL_ddepth=depth.dL_ddepth * np.float32(config.depth_weight)
+        )
+        adam.step(_of(gradients, moving), _rates(config, done / config.iterations), threads=threads)
+        visit.append(color.value)
+        done += 1
+        tell()
+    return Refined(_merged(gaussian_map, rows, moving, adam.map), done, tuple(losses))
+
+
+def targets_of(
+    views: Iterable[View], sites: Sequence[Site], config: RefineConfig
+) -> list[Target]:
+    """What views show, and where they are compared with the map."""
+    targets = []
+    for view in views:
+        mask = view.frame.mask
+        if config.scope == "region":
+            mask = around(view, sites, config.around_px)
+            if not mask.any():
+                continue
+        photo = view.frame.rgb.astype(np.float32) / np.float32(255)
+        targets.append(Target(view.camera, photo, view.exposure, view.depth, mask))
+    return targets
+
+
+def around(view: View, sites: Sequence[Site], margin_px: int) -> Bools:
+    """[H,W] what a view shows of sites, and so many pixels around."""
+    mask = np.zeros(view.changed.shape, np.bool_)
+    for site in sites:
+        rectangle = site.rectangle(view.camera, margin_px)
+        if rectangle is not None:
+            x0, y0, x1, y1 = rectangle
+            mask[y0:y1, x0:x1] = True
+    return mask if view.frame.mask is None else mask & view.frame.mask
+
+
+def _seen(gaussian_map: GaussianMap, targets: Iterable[Target], threads: int) -> Bools:
+    """[N] which Gaussians have to do with the pixels that are compared."""
+    rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
+    seen = np.zeros(gaussian_map.size, np.bool_)
+    for target in targets:
+        images = rasterizer.forward(gaussian_map, target.camera, options, mask=target.mask)
+        seen[rasterizer.backward(dL_dalpha=np.zeros_like(images.alpha)).rows] = True
+    return seen
+
+
+def _of(gradients: Gradients, moving: Bools) -> Gradients:
+    """Those of Gaussians that may move."""
+    kept = moving[gradients.rows]
+    if kept.all():
+        return gradients
+    parts = {}
+    for one in fields(Gradients):
+        array = getattr(gradients, one.name)
+        if one.name != "dL_dtwist" and array is not None:
+            parts[one.name] = array[kept]
+    return replace(gradients, **parts)
+
+
+def _rates(config: RefineConfig, share: float) -> AdamRates:
+    left = config.rates_left**share
+    return AdamRates(
+        means=config.means_rate * left,
+        quats=config.quats_rate * left,
+        log_scales=config.log_scales_rate * left,
+        logit_opacities=config.logit_opacities_rate * left,
+        sh_dc=config.sh_rate * left,
+        sh_rest=config.sh_rate * left / 20,
+    )
+
+
+def _settled(losses: Sequence[float], config: RefineConfig) -> bool:
+    """Whether the error fell too little in the last visits."""
+    if len(losses) <= config.patience:
+        return False
+    before, after = min(losses[: -config.patience]), min(losses[-config.patience :])
+    return after > before * (1 - config.least_gain)
+
+
+def _merged(
+    gaussian_map: GaussianMap, rows: NDArray[np.int64], moving: Bools, refined: GaussianMap
+) -> GaussianMap:
+    """The map with those of the refined Gaussians that could move."""
+    arrays = {}
+    for name in ("means", "quats", "log_scales", "logit_opacities", "sh", "features"):
+        array = getattr(gaussian_map, name).copy()
+        array[rows[moving]] = getattr(refined, name)[moving]
+        arrays[name] = array
+    return replace(gaussian_map, **arrays)

@@ -1,0 +1,84 @@
+"""Where in the world a change is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslts._core.detect import Side, Surface
+from gslts.camera import Camera
+from gslts.change.changes import Change
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+NEAR_M = 0.15
+"""A surface so near to a site may be a part of it."""
+CORNERS = np.array([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)])
+
+
+@dataclass(frozen=True, eq=False)
+class Site:
+    """A place where something is gone, or is new.
+
+    Attributes:
+        side: "before" where the map shows what is gone, "after" where frames show what is new.
+        low, high: (3,) corners of the box around it, in the world, m.
+    """
+
+    side: Literal["before", "after"]
+    low: Floats
+    high: Floats
+
+    @property
+    def middle(self) -> Floats:
+        """(3,) m."""
+        middle: Floats = (self.low + self.high) / 2
+        return middle
+
+    def is_of(self, surface: Surface) -> bool:
+        """Whether a surface may be a part of what is seen here."""
+        side = "before" if surface.side == Side.BEFORE else "after"
+        return side == self.side and self.contains(surface.point, NEAR_M)
+
+    def contains(self, points: Floats, margin_m: float) -> bool | Bools:
+        """Whether points [...,3] are in the box, or that near to it."""
+        inside: Bools = np.all(
+            (points >= self.low - margin_m) & (points <= self.high + margin_m), axis=-1
+        )
+        return inside
+
+    def with_surfaces(self, surfaces: Iterable[Surface]) -> Site:
+        """The site with the boxes of surfaces that are parts of it."""
+        boxes = [(one.low, one.high) for one in surfaces]
+        low = np.min([self.low, *(low for low, _ in boxes)], axis=0)
+        high = np.max([self.high, *(high for _, high in boxes)], axis=0)
+        return Site(self.side, low, high)
+
+    def rectangle(self, camera: Camera, margin_px: int) -> tuple[int, int, int, int] | None:
+        """Columns [x0, x1) and rows [y0, y1) around the box in an image; None if it is not there."""
+        corners = self.low + CORNERS * (self.high - self.low)
+        pose = camera.world_from_camera
+        x, y, z = ((corners - pose[:3, 3]) @ pose[:3, :3]).T
+        if np.any(z < 0.05):
+            return None
+        u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
+        x0, y0 = int(np.floor(u.min())) - margin_px, int(np.floor(v.min())) - margin_px
+        x1, y1 = int(np.ceil(u.max())) + margin_px, int(np.ceil(v.max())) + margin_px
+        x0, y0, x1, y1 = max(x0, 0), max(y0, 0), min(x1, camera.width), min(y1, camera.height)
+        return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else None
+
+
+def sites_of(change: Change) -> tuple[Site, ...]:
+    """Where a change is to be looked at; none if only its pixels are known."""
+    before, after = change.boxes
+    sites = []
+    if before is not None:
+        sites.append(Site("before", *before))
+    if after is not None:
+        sites.append(Site("after", *after))
+    return tuple(sites)

@@ -1,0 +1,103 @@
+"""What a frame shows of a change."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslts.camera import Camera, at_pose
+from gslts.change.detect import Detection
+from gslts.frame import RgbdFrame
+from gslts.losses import Exposure
+from gslts.update.region import Site
+
+Floats32 = NDArray[np.float32]
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A frame that was compared with the map.
+
+    Attributes:
+        frame: Registered, at the corrected pose.
+        exposure: From the map's colours to those of the frame.
+        before: [H,W] where the map shows what is gone.
+        after: [H,W] where the frame shows what is new.
+        combined: [H,W] M_comb, wherever both differ.
+    """
+
+    frame: RgbdFrame
+    exposure: Exposure
+    before: Bools
+    after: Bools
+    combined: Bools
+
+    @property
+    def camera(self) -> Camera:
+        """Of the colours, at the corrected pose."""
+        return self.frame.camera
+
+    @property
+    def changed(self) -> Bools:
+        """[H,W] where something is gone or new."""
+        return self.before | self.after
+
+    @property
+    def depth(self) -> Floats32:
+        """[H,W] m; 0 where there is no measurement."""
+        depth: Floats32 = np.nan_to_num(self.frame.depth)
+        return depth
+
+    @property
+    def colors(self) -> Floats32:
+        """[H,W,3] sRGB, 0 to 1, as the map would have to show them."""
+        gain, offset = (
+            np.array(one, np.float32) for one in (self.exposure.gain, self.exposure.offset)
+        )
+        photo = self.frame.rgb.astype(np.float32) / np.float32(255)
+        colors: Floats32 = (photo - offset) / gain
+        return colors
+
+
+def view_of(detection: Detection, frame: RgbdFrame, sites: Iterable[Site]) -> View | None:
+    """What a frame shows of some sites; None where it is unreliable.
+
+    Args:
+        detection: Of the frame.
+        frame: What a robot saw.
+        sites: Where something changed.
+    """
+    if detection.labels is None or detection.combined is None:
+        return None
+    whole = frame.registered()
+    camera = at_pose(whole.camera, detection.camera.world_from_camera)
+    parts = {
+        side: [
+            one.label
+            for one in detection.surfaces
+            if any(site.side == side and site.is_of(one) for site in sites)
+        ]
+        for side in ("before", "after")
+    }
+    before, after, combined = (
+        _enlarged(mask, whole.rgb.shape[:2])
+        for mask in (
+            np.isin(detection.labels, parts["before"]),
+            np.isin(detection.labels, parts["after"]),
+            detection.combined,
+        )
+    )
+    moved = RgbdFrame(whole.rgb, whole.depth, camera, whole.time_s, mask=whole.mask)
+    return View(moved, detection.exposure, before, after, combined)
+
+
+def _enlarged(mask: Bools, shape: tuple[int, ...]) -> Bools:
+    """A mask of an image whose sides were halved, at the size of the whole."""
+    scale = shape[0] // mask.shape[0]
+    large = mask.repeat(scale, axis=0).repeat(scale, axis=1)
+    missing = [(0, whole - part) for whole, part in zip(shape, large.shape, strict=True)]
+    return np.pad(large, missing)
