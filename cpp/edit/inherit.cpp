@@ -7,8 +7,8 @@
 namespace gslts::edit {
 namespace {
 
-void copy_rows(const float* from, const std::uint32_t* rows, std::size_t count,
-               std::size_t columns, Array<float>& to) {
+void copy_rows(const float* from, const std::uint32_t* rows, std::size_t count, std::size_t columns,
+               Array<float>& to) {
   for (std::size_t i = 0; i < count; ++i) {
     std::copy_n(from + std::size_t(rows[i]) * columns, columns, to.data() + i * columns);
   }

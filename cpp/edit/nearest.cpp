@@ -1,9 +1,10 @@
 #include "gslts/edit/nearest.hpp"
 
-#include <algorithm>
-#include <cmath>
 #include <flann/algorithms/dist.h>
 #include <flann/algorithms/kdtree_single_index.h>
+
+#include <algorithm>
+#include <cmath>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -34,8 +35,7 @@ Neighbours nearest_gaussians(const GaussianView<float>& gaussians, const float* 
   require_finite_rows(gaussians.means, gaussians.size, "means");
   require_finite_rows(points, count, "points");
   const std::size_t found = std::min(std::size_t(k), gaussians.size);
-  Neighbours result{int(found), Array<std::uint32_t>(count * found),
-                    Array<float>(count * found)};
+  Neighbours result{int(found), Array<std::uint32_t>(count * found), Array<float>(count * found)};
   if (count == 0) return result;
   // FLANN takes pointers to what it only reads.
   const flann::Matrix<float> means(const_cast<float*>(gaussians.means), gaussians.size, 3);

@@ -59,7 +59,8 @@ Array<std::uint32_t> thinned(const float* points, const float* spacing_m, std::s
     const double least = double(spacing_m[i]) * double(spacing_m[i]);
     bool free = true;
     for (int k = 0; k < 27 && free; ++k) {
-      const auto cell = cells.find({home.x + k % 3 - 1, home.y + k / 3 % 3 - 1, home.z + k / 9 - 1});
+      const auto cell =
+          cells.find({home.x + k % 3 - 1, home.y + k / 3 % 3 - 1, home.z + k / 9 - 1});
       if (cell == cells.end()) continue;
       free = std::none_of(cell->second.begin(), cell->second.end(), [&](std::uint32_t row) {
         const Eigen::Map<const Eigen::Vector3f> other(points + 3 * std::size_t(row));

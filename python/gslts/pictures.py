@@ -57,6 +57,27 @@ def error_picture(rgb: Picture, expected: Picture, most: float) -> Picture:
     return _colored(apart / (255 * most), ERROR_COLORS)
 
 
+def write_on(
+    picture: Picture, text: str, place: tuple[int, int], color: tuple[int, int, int]
+) -> None:
+    """Writes a line into a picture, in a dark outline.
+
+    Args:
+        picture: Is changed.
+        text: Of ASCII characters.
+        place: Column and row of its lower left corner, px; it is moved where it would not fit.
+        color: RGB.
+    """
+    import cv2
+
+    (width, _), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.4, 3)
+    place = (max(0, min(place[0], picture.shape[1] - width)), place[1])
+    for ink, thickness in (((0, 0, 0), 3), (color, 1)):
+        cv2.putText(
+            picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.4, ink, thickness, cv2.LINE_AA
+        )
+
+
 def legend(colors: str, width: int = 256, height: int = 12) -> Picture:
     """A strip of all colours of a colour map, from its start at the left."""
     shares = (np.arange(width) + 0.5) / width

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.camera import Camera
 from gslts.frame import RgbdFrame
 
 METRES_PER_RAD = 0.5
@@ -29,7 +28,7 @@ class RecordedRobot:
             raise ValueError("RecordedRobot: frames: there is none")
         self._frames = frames
         self._positions = np.array([f.camera.world_from_camera[:2, 3] for f in frames])
-        self._yaws_rad = np.array([_yaw_rad(frame.camera) for frame in frames])
+        self._ahead = np.array([frame.camera.world_from_camera[:3, 2] for frame in frames])
         self._at = 0
 
     def observe(self) -> RgbdFrame:
@@ -43,17 +42,12 @@ class RecordedRobot:
     def move_towards(
         self, position: NDArray[np.float64], yaw_rad: float, pitch_rad: float | None = None
     ) -> bool:
-        """Goes to the frame whose place and direction are nearest; one is always found.
-
-        The pitch is what it was.
-        """
+        """Goes to the frame whose place and direction are nearest; one is always found."""
         metres = np.linalg.norm(self._positions - position, axis=1)
-        turns_rad = np.abs((self._yaws_rad - yaw_rad + np.pi) % (2 * np.pi) - np.pi)
+        x, y, z = self._ahead.T
+        turns_rad = np.abs((np.arctan2(y, x) - yaw_rad + np.pi) % (2 * np.pi) - np.pi)
+        if pitch_rad is not None:
+            tilts_rad = np.arctan2(-z, np.hypot(x, y)) - pitch_rad
+            turns_rad = np.hypot(turns_rad, tilts_rad)
         self._at = int(np.argmin(metres + METRES_PER_RAD * turns_rad))
         return True
-
-
-def _yaw_rad(camera: Camera) -> float:
-    """Direction in which a camera looks, about z, from x to y."""
-    ahead = camera.world_from_camera[:3, 2]
-    return float(np.arctan2(ahead[1], ahead[0]))

@@ -5,4 +5,5 @@ from __future__ import annotations
 from . import map
 from . import raster
 from . import detect
-__all__: list[str] = ['detect', 'map', 'raster']
+from . import edit
+__all__: list[str] = ['detect', 'edit', 'map', 'raster']

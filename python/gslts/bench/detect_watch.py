@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from gslts.change.changes import Change
 from gslts.change.detect import ChangeDetector
-from gslts.change.monitor import ChangeMonitor, MonitorConfig
+from gslts.change.monitor import confirmed
 from gslts.frame import RgbdFrame
 from gslts.sim.robot_body import Look
 
@@ -32,15 +32,7 @@ def watched(
     Raises:
         RuntimeError: A frame could not be looked at.
     """
-    config = MonitorConfig(rate_hz=1e6, queue=len(frames))
-    with ChangeMonitor(detector, config) as monitor:
-        for frame in frames:
-            monitor.offer(frame)
-        monitor.wait()
-        reports = monitor.poll()
-        counts = monitor.counts
+    changes, counts = confirmed(detector, frames)
     if counts.unreliable == counts.looked_at:
         return "each frame is unreliable", []
-    replaced = {report.replaces for report in reports}
-    changes = [report.change for report in reports if report.number not in replaced]
-    return None, sorted(changes, key=lambda change: -change.confidence)
+    return None, changes

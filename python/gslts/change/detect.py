@@ -100,6 +100,11 @@ class ChangeDetector:
         self._seen = SeenSpace(gaussian_map, cameras, self.config.threads)
         self._rasterizer = Rasterizer(np.float32)
 
+    @property
+    def gaussian_map(self) -> GaussianMap:
+        """What frames are compared with."""
+        return self._map
+
     def detect(self, frame: RgbdFrame) -> Detection:
         """Looks for changes.
 

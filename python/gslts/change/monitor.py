@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -284,3 +285,27 @@ class ChangeMonitor:
         if end is None:
             return False
         return float(np.linalg.norm(end.point - change.point)) <= self.config.near_m
+
+
+def confirmed(
+    detector: ChangeDetector, frames: Sequence[RgbdFrame], config: MonitorConfig | None = None
+) -> tuple[list[Change], Counts]:
+    """The changes that a monitor reports of frames, the most certain first.
+
+    Args:
+        detector: Of the map.
+        frames: In the order in which they were taken; each is looked at.
+        config: When a change is believed; None means the defaults.
+
+    Raises:
+        RuntimeError: A frame could not be looked at.
+    """
+    config = replace(config or MonitorConfig(), rate_hz=1e6, queue=max(1, len(frames)))
+    with ChangeMonitor(detector, config) as monitor:
+        for frame in frames:
+            monitor.offer(frame)
+        monitor.wait()
+        reports, counts = monitor.poll(), monitor.counts
+    replaced = {report.replaces for report in reports}
+    changes = [report.change for report in reports if report.number not in replaced]
+    return sorted(changes, key=lambda change: -change.confidence), counts

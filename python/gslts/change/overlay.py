@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from gslts.camera import Camera
 from gslts.change.changes import Change
 from gslts.change.detect import Detection
-from gslts.pictures import Picture, picture_of
+from gslts.pictures import Picture, picture_of, write_on
 
 COLORS = {"addition": (40, 200, 70), "removal": (230, 60, 50), "relocation": (60, 120, 250)}
 """RGB of each kind."""
@@ -30,7 +30,7 @@ def overlay(detection: Detection) -> Picture:
     photo = _enlarged(picture_of(detection.photo), scale)
     if detection.render is None:
         blank = np.full_like(photo, 60)
-        _write(photo, f"unreliable: {detection.unreliable}", (8, 20), (255, 210, 60))
+        write_on(photo, f"unreliable: {detection.unreliable}", (8, 20), (255, 210, 60))
         return np.concatenate([photo, blank, blank], axis=1)
     render, masks = (
         _enlarged(one, scale) for one in (picture_of(detection.render), _masks(detection))
@@ -39,7 +39,7 @@ def overlay(detection: Detection) -> Picture:
         for picture, side in ((render, 0), (photo, 1)):
             _draw(picture, change, side, detection.camera)
     if not detection.changes:
-        _write(photo, "no change", (8, 20), (255, 255, 255))
+        write_on(photo, "no change", (8, 20), (255, 255, 255))
     return np.concatenate([photo, render, masks], axis=1)
 
 
@@ -73,7 +73,7 @@ def _draw(picture: Picture, change: Change, side: int, camera: Camera) -> None:
         _draw_box(picture, np.array(box), camera, scale, color)
     rows, columns = np.nonzero(mask)
     place = (max(0, int(columns.min())), max(12, int(rows.min()) - 4))
-    _write(picture, f"{change.kind} {change.confidence:.2f}", place, color)
+    write_on(picture, f"{change.kind} {change.confidence:.2f}", place, color)
 
 
 def _draw_box(
@@ -94,14 +94,3 @@ def _draw_box(
     for i, j in EDGES:
         ends = [tuple(map(int, places[k].round().clip(-9999, 9999))) for k in (i, j)]
         cv2.line(picture, ends[0], ends[1], color, 1, cv2.LINE_AA)
-
-
-def _write(
-    picture: Picture, text: str, place: tuple[int, int], color: tuple[int, int, int]
-) -> None:
-    (width, _), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.4, 3)
-    place = (max(0, min(place[0], picture.shape[1] - width)), place[1])
-    for ink, thickness in (((0, 0, 0), 3), (color, 1)):
-        cv2.putText(
-            picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.4, ink, thickness, cv2.LINE_AA
-        )

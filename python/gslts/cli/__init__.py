@@ -11,6 +11,7 @@ from gslts.cli.bench import bench
 from gslts.cli.detect import detect
 from gslts.cli.sim import sim
 from gslts.cli.tradeoff import tradeoff
+from gslts.cli.update import update
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
 
@@ -26,6 +27,7 @@ app.command("eval")(mapping.judge)
 app.command("render")(output.render)
 app.command("export")(output.export)
 app.command("detect")(detect)
+app.command("update")(update)
 app.command("tradeoff")(tradeoff)
 app.add_typer(bench, name="bench")
 

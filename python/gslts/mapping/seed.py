@@ -50,6 +50,7 @@ def seed_from_depth(
     sh_degree: int = 0,
     most: int | None = None,
     least_hits: int = LEAST_HITS,
+    pixel_step: int = PIXEL_STEP,
 ) -> GaussianMap:
     """One Gaussian for each voxel that enough frames measured, larger ones on plain surfaces.
 
@@ -62,11 +63,13 @@ def seed_from_depth(
         most: If there would be more Gaussians, the contrast is raised, and if that is not enough,
             every so manieth one is left out.
         least_hits: Frames that must have measured a voxel.
+        pixel_step: Of every so many rows and columns one is looked at; surfaces narrower than twice
+            that are not found.
 
     Raises:
         ValueError: No voxel was measured so often, or a point is kilometres away.
     """
-    voxels = _fused(frames, voxel_m, least_hits)
+    voxels = _fused(frames, SurfaceVoxels(voxel_m, pixel_step), least_hits)
     levels = _levels(voxels, voxel_m, contrast)
     while most is not None and _size(levels) > most and contrast < MOST_CONTRAST:
         contrast = max(1.25 * contrast, LEAST_CONTRAST)
@@ -82,9 +85,8 @@ def seed_from_depth(
     return seeds
 
 
-def _fused(frames: Iterable[RgbdFrame], voxel_m: float, least_hits: int) -> _Voxels:
+def _fused(frames: Iterable[RgbdFrame], surfaces: SurfaceVoxels, least_hits: int) -> _Voxels:
     """Those that enough frames have seen."""
-    surfaces = SurfaceVoxels(voxel_m, PIXEL_STEP)
     for frame in frames:
         mask = None if frame.mask is None else np.ascontiguousarray(frame.mask)
         depth, rgb = np.ascontiguousarray(frame.depth), np.ascontiguousarray(frame.rgb)

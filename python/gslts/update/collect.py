@@ -17,7 +17,7 @@ from gslts.frame import RgbdFrame
 from gslts.robot import Robot
 from gslts.update.config import CollectConfig
 from gslts.update.region import Site
-from gslts.update.views import View, view_of
+from gslts.update.views import View, aligned_view, view_of
 
 Floats = NDArray[np.float64]
 
@@ -51,6 +51,8 @@ def collect(
     detector: ChangeDetector,
     sites: Sequence[Site],
     config: CollectConfig,
+    *,
+    threads: int = 0,
     tell: Callable[[], None] = lambda: None,
 ) -> Collection:
     """Lets a robot look at each site from all sides that it can reach.
@@ -60,6 +62,7 @@ def collect(
         detector: Of the map as it is.
         sites: Where something changed.
         config: Settings.
+        threads: 0 means one a hardware thread.
         tell: Is told of each step.
 
     Returns:
@@ -69,9 +72,10 @@ def collect(
     for number in range(len(sites)):
         tour.go_around(number)
     views = (view_of(detection, frame, tour.sites) for frame, detection in tour.seen)
-    return Collection(
-        tuple(view for view in views if view is not None), tuple(tour.sites), tuple(tour.skipped)
-    )
+    aligned = [
+        aligned_view(view, detector.gaussian_map, threads) for view in views if view is not None
+    ]
+    return Collection(tuple(aligned), tuple(tour.sites), tuple(tour.skipped))
 
 
 def shows(frame: RgbdFrame, site: Site) -> bool:
@@ -131,9 +135,7 @@ class _Tour:
                 views += self._look_from(places[place], number)
                 self._tell()
 
-    def _place(
-        self, number: int, places: Floats, taken: list[int], bearing: float
-    ) -> int | None:
+    def _place(self, number: int, places: Floats, taken: list[int], bearing: float) -> int | None:
         """The place nearest to a point of the circle that was not visited yet, if it is near."""
         site, config = self.sites[number], self._config
         radius_m = max(config.distance_m, float(np.linalg.norm(site.high - site.low)))

@@ -27,8 +27,10 @@ from gslts.update.views import View
 Bools = NDArray[np.bool_]
 Floats32 = NDArray[np.float32]
 
-FUSED_M, PIXEL_STEP = 0.01, 2
-"""Points that inherit are fused in voxels of such an edge, from every so manieth row and column."""
+PIXEL_STEP = 1
+"""Every pixel is looked at: handles and legs are few pixels wide."""
+FUSED_M = 0.01
+"""Points that inherit are fused in voxels of such an edge."""
 SWEEP_NEIGHBOURS, SWEEP_SHARE = 8, 0.75
 """What is left is swept away where such a share of so many nearest Gaussians was removed."""
 LEAST_THROUGH = 2
@@ -83,11 +85,11 @@ def pre_edit(
     kept = gaussian_map.select(~removed)
     gone = gaussian_map.select(removed)
     wanted = _wanted(kept, views, config, threads)
-    make = _flat_ones if config.flat else _like_nearest
-    new = make(kept, _frames(kept, views, wanted), config)
+    frames = _frames(kept, views, wanted)
+    new = _flat_ones(kept, frames, config) if config.flat else _like_nearest(kept, frames)
     if new.size == 0:
         return Edit(kept, removed, 0)
-    of_object = _near(new, [site for site in sites if site.side == "after"], config.margin_m)
+    of_object = near_sites(new, [site for site in sites if site.side == "after"], config.margin_m)
     new = _painted(new, kept, gone, of_object, features, observed=config.observed_colors)
     return Edit(joined(kept, new), removed, new.size)
 
@@ -116,7 +118,7 @@ def removed_by(
         )
         of = seen if config.visible_votes else len(views)
         removed |= votes > config.vote_share * of
-    near = _near(gaussian_map, sites, config.margin_m)
+    near = near_sites(gaussian_map, sites, config.margin_m)
     if config.carve:
         measured = [np.ascontiguousarray(view.depth) for view in views]
         on, through = _core.sightings_of(gaussian_map.view(), cameras, measured, _core.DepthRule())
@@ -131,7 +133,7 @@ def removed_by(
     return removed
 
 
-def _near(gaussian_map: GaussianMap, sites: Sequence[Site], margin_m: float) -> Bools:
+def near_sites(gaussian_map: GaussianMap, sites: Sequence[Site], margin_m: float) -> Bools:
     """[N] which centres are in the boxes of sites, or near them."""
     centres = gaussian_map.means + gaussian_map.origin
     near = [site.contains(centres, margin_m) for site in sites]
@@ -166,9 +168,7 @@ def _frames(kept: GaussianMap, views: Sequence[View], wanted: Sequence[Bools]) -
     return frames
 
 
-def _flat_ones(
-    kept: GaussianMap, frames: Sequence[RgbdFrame], config: EditConfig
-) -> GaussianMap:
+def _flat_ones(kept: GaussianMap, frames: Sequence[RgbdFrame], config: EditConfig) -> GaussianMap:
     """Flat Gaussians on measured surfaces, with the colours of the photographs."""
     try:
         return seed_from_depth(
@@ -177,14 +177,13 @@ def _flat_ones(
             config.contrast,
             sh_degree=kept.sh_degree,
             least_hits=min(2, len(frames)),
+            pixel_step=PIXEL_STEP,
         )
     except ValueError:  # Nothing was measured there.
         return kept.select(np.zeros(0, np.int64))
 
 
-def _like_nearest(
-    kept: GaussianMap, frames: Sequence[RgbdFrame], _: EditConfig
-) -> GaussianMap:
+def _like_nearest(kept: GaussianMap, frames: Sequence[RgbdFrame]) -> GaussianMap:
     """Gaussians at measured points, as dense as their surroundings and like the nearest ones."""
     voxels = SurfaceVoxels(FUSED_M, PIXEL_STEP)
     for frame in frames:

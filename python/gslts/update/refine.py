@@ -1,11 +1,11 @@
-"""Refinement of an edited map: only pixels near the change are rendered, only Gaussians near it move."""
+"""Refinement of an edited map: pixels near the change are rendered, Gaussians near it move."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields, replace
-from math import prod
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +20,11 @@ from gslts.update.views import View
 
 Bools = NDArray[np.bool_]
 Floats32 = NDArray[np.float32]
+
+EDITED = 0.02
+"""A colour that the edit changed by more is not remembered, nor are those beside it."""
+EDGE_PX = 5
+LEAST_DEPTH_M = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,9 +122,7 @@ def refine(
     return Refined(_merged(gaussian_map, rows, moving, adam.map), done, tuple(losses))
 
 
-def targets_of(
-    views: Iterable[View], sites: Sequence[Site], config: RefineConfig
-) -> list[Target]:
+def targets_of(views: Iterable[View], sites: Sequence[Site], config: RefineConfig) -> list[Target]:
     """What views show, and where they are compared with the map."""
     targets = []
     for view in views:
@@ -133,14 +136,75 @@ def targets_of(
     return targets
 
 
+def remembered(
+    before: GaussianMap,
+    edited: GaussianMap,
+    cameras: Sequence[Camera],
+    sites: Sequence[Site],
+    config: RefineConfig,
+    *,
+    threads: int = 0,
+) -> list[Target]:
+    """What the map showed around a change from where it was made, but for what was edited.
+
+    Args:
+        before: The map before the edit.
+        edited: And after it.
+        cameras: Of the frames that it was made of.
+        sites: Where something changed.
+        config: Settings.
+        threads: 0 means one a hardware thread.
+    """
+    rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
+    targets = []
+    for camera in _spread(cameras, sites, config.remembered):
+        mask = np.zeros((camera.height, camera.width), np.bool_)
+        for site in sites:
+            _add_rectangle(mask, site.rectangle(camera, config.around_px))
+        new = rasterizer.forward(edited, camera, options, mask=mask)
+        old = rasterizer.forward(before, camera, options, mask=mask)
+        apart = np.abs(new.rgb - old.rgb).max(axis=2) > EDITED
+        mask &= cv2.dilate(apart.astype(np.uint8), np.ones((EDGE_PX, EDGE_PX))) == 0
+        if mask.any():
+            depth = np.where(old.alpha > 0.5, old.depth, 0).astype(np.float32)
+            colors = np.asarray(old.rgb, np.float32)
+            targets.append(Target(camera, colors, Exposure(), depth, mask))
+    return targets
+
+
+def _spread(cameras: Sequence[Camera], sites: Sequence[Site], count: int) -> list[Camera]:
+    """Cameras that look at sites, from places as different as can be."""
+    looking = [one for one in cameras if any(_looks_at(one, site) for site in sites)]
+    places = np.array([one.world_from_camera[:3, 3] for one in looking]).reshape(-1, 3)
+    nearest_m = np.full(len(looking), np.inf)
+    chosen: list[Camera] = []
+    while len(chosen) < min(count, len(looking)):
+        best = int(np.argmax(nearest_m))
+        chosen.append(looking[best])
+        nearest_m = np.minimum(nearest_m, np.linalg.norm(places - places[best], axis=1))
+    return chosen
+
+
+def _looks_at(camera: Camera, site: Site) -> bool:
+    pose = camera.world_from_camera
+    x, y, z = (site.middle - pose[:3, 3]) @ pose[:3, :3]
+    if z < LEAST_DEPTH_M:
+        return False
+    u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
+    return bool(0 <= u < camera.width and 0 <= v < camera.height)
+
+
+def _add_rectangle(mask: Bools, rectangle: tuple[int, int, int, int] | None) -> None:
+    if rectangle is not None:
+        x0, y0, x1, y1 = rectangle
+        mask[y0:y1, x0:x1] = True
+
+
 def around(view: View, sites: Sequence[Site], margin_px: int) -> Bools:
     """[H,W] what a view shows of sites, and so many pixels around."""
     mask = np.zeros(view.changed.shape, np.bool_)
     for site in sites:
-        rectangle = site.rectangle(view.camera, margin_px)
-        if rectangle is not None:
-            x0, y0, x1, y1 = rectangle
-            mask[y0:y1, x0:x1] = True
+        _add_rectangle(mask, site.rectangle(view.camera, margin_px))
     return mask if view.frame.mask is None else mask & view.frame.mask
 
 

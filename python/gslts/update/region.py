@@ -43,14 +43,12 @@ class Site:
     def is_of(self, surface: Surface) -> bool:
         """Whether a surface may be a part of what is seen here."""
         side = "before" if surface.side == Side.BEFORE else "after"
-        return side == self.side and self.contains(surface.point, NEAR_M)
+        return side == self.side and bool(self.contains(surface.point, NEAR_M))
 
-    def contains(self, points: Floats, margin_m: float) -> bool | Bools:
-        """Whether points [...,3] are in the box, or that near to it."""
-        inside: Bools = np.all(
-            (points >= self.low - margin_m) & (points <= self.high + margin_m), axis=-1
-        )
-        return inside
+    def contains(self, points: Floats, margin_m: float) -> Bools:
+        """[...] whether points [...,3] are in the box, or that near to it."""
+        above, below = points >= self.low - margin_m, points <= self.high + margin_m
+        return np.asarray(np.all(above & below, axis=-1), np.bool_)
 
     def with_surfaces(self, surfaces: Iterable[Surface]) -> Site:
         """The site with the boxes of surfaces that are parts of it."""

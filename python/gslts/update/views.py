@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gslts.alignment import aligned
 from gslts.camera import Camera, at_pose
 from gslts.change.detect import Detection
 from gslts.frame import RgbdFrame
+from gslts.gaussian_map import GaussianMap
 from gslts.losses import Exposure
 from gslts.update.region import Site
 
 Floats32 = NDArray[np.float32]
 Bools = NDArray[np.bool_]
+
+ALIGN_STEPS = 3
+"""Of the pose, at half and at full resolution."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +98,26 @@ def view_of(detection: Detection, frame: RgbdFrame, sites: Iterable[Site]) -> Vi
     )
     moved = RgbdFrame(whole.rgb, whole.depth, camera, whole.time_s, mask=whole.mask)
     return View(moved, detection.exposure, before, after, combined)
+
+
+def aligned_view(view: View, gaussian_map: GaussianMap, threads: int = 0) -> View:
+    """The view at the pose where the map fits it best at full resolution, beside what changed.
+
+    Changes are looked for in smaller images, whose poses are off by more than new Gaussians may be.
+
+    Args:
+        view: Of the map before anything is edited.
+        gaussian_map: float32.
+        threads: 0 means one a hardware thread.
+    """
+    whole = view.frame
+    same = ~view.changed if whole.mask is None else whole.mask & ~view.changed
+    frame = RgbdFrame(whole.rgb, whole.depth, whole.camera, mask=same)
+    pose = aligned(gaussian_map, [frame.halved(), frame], ALIGN_STEPS, threads=threads)
+    camera = at_pose(whole.camera, pose)
+    return replace(
+        view, frame=RgbdFrame(whole.rgb, whole.depth, camera, whole.time_s, mask=whole.mask)
+    )
 
 
 def _enlarged(mask: Bools, shape: tuple[int, ...]) -> Bools:

@@ -17,8 +17,8 @@ struct DepthView {
 
 /// Depths that differ by no more are the same.
 struct DepthRule {
-  double margin_m = 0.03;     ///< At the camera,
-  double margin_share = 0.02; ///< and by so much of the depth more.
+  double margin_m = 0.03;      ///< At the camera,
+  double margin_share = 0.02;  ///< and by so much of the depth more.
 };
 
 /// For N Gaussians; views that look elsewhere, or at something before the Gaussian, do not count.

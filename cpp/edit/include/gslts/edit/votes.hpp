@@ -19,8 +19,8 @@ struct VotingView {
 
 /// How far behind the surface that the map shows a Gaussian still belongs to it.
 struct VoteRule {
-  double behind_m = 0.04;     ///< At the camera,
-  double behind_share = 0.02; ///< and by so much of the depth more.
+  double behind_m = 0.04;      ///< At the camera,
+  double behind_share = 0.02;  ///< and by so much of the depth more.
 };
 
 /// For N Gaussians.

@@ -1,0 +1,255 @@
+"""The way from a change to a map that shows it: collect, edit, refine, verify.
+
+Source: GS-LTS, sec. III-D.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslts._core import edit as _core
+from gslts.camera import Camera
+from gslts.change.changes import Change
+from gslts.change.detect import ChangeDetector
+from gslts.gaussian_map import GaussianMap
+from gslts.robot import Robot
+from gslts.update.collect import Collection, collect
+from gslts.update.config import UpdateConfig
+from gslts.update.edit import Edit, near_sites, pre_edit
+from gslts.update.refine import refine, remembered, targets_of
+from gslts.update.region import Site, sites_of
+from gslts.update.verify import error_around, split_held_back
+from gslts.update.views import View
+
+Stage = Literal["collecting", "editing", "refining", "verifying"]
+Tell = Callable[[Stage], None]
+Bools = NDArray[np.bool_]
+
+LEAST_SHOWING = 0.5
+"""Share of the views that must show a change, or it was a false alarm."""
+LEAST_MEASURED = 0.1
+"""Share of what changed in which depth must be measured."""
+LEAST_AGAINST = 2
+"""Views that see a Gaussian and such that see through it, from which on they contradict."""
+MOST_CONTRADICTED = 0.3
+"""Share of what comes and goes of which views may contradict each other."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """What was done.
+
+    Attributes:
+        refused: Why the map stays as it was; None if it was updated.
+        kinds: Of the changes.
+        views: Used for it, and held back.
+        skipped: Why other frames do not count.
+        removed, added, moved: Gaussians that went, that came, and that were refined.
+        iterations: Of the refinement.
+        psnr_before_db, psnr_after_db: Around the change in the views held back.
+        seconds: By stage.
+    """
+
+    refused: str | None
+    kinds: tuple[str, ...] = ()
+    views: tuple[int, int] = (0, 0)
+    skipped: tuple[str, ...] = ()
+    removed: int = 0
+    added: int = 0
+    moved: int = 0
+    iterations: int = 0
+    psnr_before_db: float | None = None
+    psnr_after_db: float | None = None
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    def plain(self) -> dict[str, Any]:
+        """In values of JSON."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, eq=False)
+class Update:
+    """What became of a map.
+
+    Attributes:
+        gaussian_map: The updated map, or the one given where the update was refused.
+        record: What was done.
+        views: That were collected, those used first.
+        sites: Where something changed.
+    """
+
+    gaussian_map: GaussianMap
+    record: Record
+    views: tuple[View, ...]
+    sites: tuple[Site, ...]
+
+
+def update(
+    gaussian_map: GaussianMap,
+    cameras: Sequence[Camera],
+    changes: Sequence[Change],
+    robot: Robot,
+    config: UpdateConfig | None = None,
+    *,
+    detector: ChangeDetector | None = None,
+    tell: Tell = lambda _: None,
+) -> Update:
+    """Lets a robot look at changes closely, and brings the map up to date with them.
+
+    Nothing of the map changes but what is near them. It stays as it was if no view can be had, the
+    views do not show a change or contradict each other, or the update fits views that were held
+    back no better.
+
+    Args:
+        gaussian_map: float32.
+        cameras: Of the frames that it was made of.
+        changes: As detected; those of which only pixels are known are left out.
+        robot: Somewhere near.
+        config: Settings; None means the defaults.
+        detector: Of the map; None means one with default settings.
+        tell: Is told of each step of a stage.
+
+    Raises:
+        ValueError: The map is not float32.
+    """
+    config = UpdateConfig() if config is None else config
+    clock = _Clock()
+    detector = detector or ChangeDetector(gaussian_map, cameras=cameras)
+    sites = [site for change in changes for site in sites_of(change)]
+    found = collect(
+        robot,
+        detector,
+        sites,
+        config.collect,
+        threads=config.threads,
+        tell=lambda: tell("collecting"),
+    )
+    clock.note("collecting")
+    updated, record = updated_with(gaussian_map, cameras, found, config, tell=tell, clock=clock)
+    record = replace(record, kinds=tuple(change.kind for change in changes))
+    used, held_back = split_held_back(found.views, config.collect.held_back)
+    return Update(updated, record, (*used, *held_back), found.sites)
+
+
+def updated_with(
+    gaussian_map: GaussianMap,
+    cameras: Sequence[Camera],
+    found: Collection,
+    config: UpdateConfig,
+    *,
+    tell: Tell = lambda _: None,
+    clock: _Clock | None = None,
+) -> tuple[GaussianMap, Record]:
+    """The part of `update` after the collection: edits, refines and verifies."""
+    clock = clock or _Clock()
+    sites, threads = found.sites, config.threads
+    used, held_back = split_held_back(found.views, config.collect.held_back)
+    record = Record(
+        refused=fault_of(found), views=(len(used), len(held_back)), skipped=found.skipped
+    )
+    if record.refused is not None:
+        return gaussian_map, replace(record, seconds=clock.stages)
+    tell("editing")
+    edit = pre_edit(gaussian_map, used, sites, config.edit, threads=threads)
+    against = contradicted(gaussian_map, edit, used)
+    clock.note("editing")
+    record = replace(record, removed=int(edit.removed.sum()), added=edit.added)
+    if against > MOST_CONTRADICTED:
+        why = f"the views contradict each other in {100 * against:.0f} % of what changed"
+        return gaussian_map, replace(record, refused=why, seconds=clock.stages)
+    moving = moving_of(edit, sites, config.refine.reach_m)
+    targets = targets_of(used, sites, config.refine)
+    targets += remembered(
+        gaussian_map, edit.gaussian_map, cameras, sites, config.refine, threads=threads
+    )
+    refined = refine(
+        edit.gaussian_map,
+        targets,
+        moving,
+        config.refine,
+        threads=threads,
+        tell=lambda: tell("refining"),
+    )
+    clock.note("refining")
+    tell("verifying")
+    before = error_around(gaussian_map, held_back, sites, threads)
+    after = error_around(refined.gaussian_map, held_back, sites, threads)
+    clock.note("verifying")
+    record = replace(
+        record,
+        moved=int(moving.sum()),
+        iterations=refined.iterations,
+        psnr_before_db=_psnr_db(before),
+        psnr_after_db=_psnr_db(after),
+        seconds=clock.stages,
+    )
+    if before is None or after is None or not after < before:
+        why = f"views held back fit no better: {_words(before)} before, {_words(after)} after"
+        return gaussian_map, replace(record, refused=why)
+    return refined.gaussian_map, record
+
+
+def fault_of(found: Collection) -> str | None:
+    """Why nothing can be done with what was collected; None if something can."""
+    if not found.sites:
+        return "there is no change whose place is known"
+    if len(found.views) < 2:
+        why = f": {found.skipped[0]}" if found.skipped else ": no place is reachable"
+        return f"{len(found.views)} view(s) show the change, 2 are needed{why}"
+    showing = sum(bool(view.changed.any()) for view in found.views)
+    if showing < LEAST_SHOWING * len(found.views):
+        return f"only {showing} of {len(found.views)} views show a change"
+    changed = sum(int(view.changed.sum()) for view in found.views)
+    measured = sum(int((view.depth[view.changed] > 0).sum()) for view in found.views)
+    if measured < LEAST_MEASURED * changed:
+        return f"depth is measured in {100 * measured / changed:.0f} % of what changed"
+    return None
+
+
+def moving_of(edit: Edit, sites: Sequence[Site], reach_m: float) -> Bools:
+    """[N] the Gaussians of an edited map that may move: new ones, and those near sites."""
+    moving = near_sites(edit.gaussian_map, sites, reach_m)
+    moving[moving.size - edit.added :] = True
+    return moving
+
+
+def contradicted(before: GaussianMap, edit: Edit, views: Sequence[View]) -> float:
+    """Share of what went and came that some views see, and others see through."""
+    new = edit.gaussian_map.select(
+        np.arange(edit.gaussian_map.size) >= edit.gaussian_map.size - edit.added
+    )
+    cameras = [view.camera for view in views]
+    depths = [view.depth for view in views]
+    against = total = 0
+    for part in (before.select(edit.removed), new):
+        on, through = _core.sightings_of(part.view(), cameras, depths, _core.DepthRule())
+        against += int((np.minimum(on, through) >= LEAST_AGAINST).sum())
+        total += part.size
+    return against / total if total else 0.0
+
+
+class _Clock:
+    """Seconds of each stage since the one before."""
+
+    def __init__(self) -> None:
+        self.stages: dict[str, float] = {}
+        self._last_s = time.perf_counter()
+
+    def note(self, stage: Stage) -> None:
+        """Tells what the time was used for."""
+        now_s = time.perf_counter()
+        self.stages[stage], self._last_s = round(now_s - self._last_s, 3), now_s
+
+
+def _psnr_db(error: float | None) -> float | None:
+    return None if error is None else float(-10 * np.log10(max(error, 1e-10)))
+
+
+def _words(error: float | None) -> str:
+    return "nothing to compare" if error is None else f"{_psnr_db(error):.2f} dB"
