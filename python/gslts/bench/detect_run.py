@@ -196,7 +196,7 @@ class DetectUnit:
             return record.model_copy(update={"error": message_of(error)})
         found = {
             "unreliable": seen.unreliable,
-            "reports": tuple(map(_report, seen.changes)),
+            "reports": tuple(map(report_of, seen.changes)),
             "ms": seen.ms,
             "cpu_ms": seen.cpu_ms,
         }
@@ -262,7 +262,8 @@ def _frames(variants: Iterable[str]) -> int:
     return single + len(TURNS_DEG) * (WATCH in variants)
 
 
-def _report(change: Change) -> Report:
+def report_of(change: Change) -> Report:
+    """What a change is judged by."""
     x, y, z = change.point.tolist()
     return Report(kind=change.kind, confidence=change.confidence, point_m=(x, y, z))
 

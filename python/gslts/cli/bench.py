@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gslts.cli.mapping import BAR, Preset
+from gslts.cli.mapping import BAR, Preset, both_weights
 
 if TYPE_CHECKING:
     from gslts.bench.homes import HomeSetup
@@ -108,6 +108,73 @@ def detect(
         with tqdm(total=1, desc="drawing", bar_format=BAR, disable=None) as bar:
             errors |= bench_detect.draw(units, outcome, pictures, jobs, bar)
     end(errors, outcome.missing, tasks)
+
+
+@bench.command()
+def update(
+    seeds: Seeds = "0:3",
+    room: Rooms = None,
+    tasks: Tasks = 160,
+    jobs: Jobs = 1,
+    json_path: Json = None,
+    ablation: Annotated[
+        bool, typer.Option("--ablation", help="Also leave out one improvement at a time.")
+    ] = False,
+    curve: Annotated[
+        Path | None, typer.Option(help="Measure PSNR against iterations too; a PNG of it.")
+    ] = None,
+    curve_tasks: Annotated[int, typer.Option(min=1, help="Of how many tasks that is.")] = 18,
+    pictures: Annotated[
+        Path | None, typer.Option(help="New or empty folder for a picture of each task.")
+    ] = None,
+    lpips_backbone: Annotated[
+        Path | None, typer.Option(help="Weights of torchvision's AlexNet, for LPIPS.")
+    ] = None,
+    lpips_heads: Annotated[
+        Path | None, typer.Option(help="alex.pth of the package lpips, for LPIPS.")
+    ] = None,
+    work: Work = WORK,
+    preset: MapPreset = Preset.BALANCED,
+    settings: Settings = None,
+    frames: Frames = 200,
+    size: Size = "640x480",
+) -> None:
+    """Measure updates: none, plain fine-tuning, the paper's editing as printed, and ours.
+
+    As in GS-LTS, changes that are not detected in the first frame are left out, and counted; test
+    views are cropped to the change. An interrupted run goes on where it stopped.
+
+    Example: gslts bench update --jobs 2 --json out/update.json --pictures out/update
+    """
+    from tqdm import tqdm
+
+    from gslts.bench import update as bench_update
+    from gslts.bench.homes import homes_of
+    from gslts.bench.update_plot import write_plot
+    from gslts.bench.update_tables import printed
+    from gslts.files import empty_folder, write_whole
+
+    weights = both_weights(lpips_backbone, lpips_heads)
+    chosen, setup = seeds_of(seeds), setup_of(preset, settings, frames, size)
+    homes = homes_of(chosen, room or [], setup, work)
+    for path in (json_path, curve):
+        require_writable(path)
+    if pictures is not None:
+        empty_folder(pictures)
+    work.mkdir(parents=True, exist_ok=True)
+    drawn = 0 if curve is None else min(curve_tasks, tasks)
+    units = bench_update.units_of(homes, tasks, ablation=ablation, curves=drawn, lpips=weights)
+    with tqdm(total=1, desc="updating", bar_format=BAR, smoothing=0.05, disable=None) as bar:
+        outcome = bench_update.measure(units, jobs, bar)
+    content = bench_update.told(units, outcome)
+    typer.echo(printed(content["summary"]))
+    if json_path is not None:
+        write_whole(json_path, (json.dumps(content, indent=1) + "\n").encode())
+    if curve is not None:
+        write_plot(content["summary"]["curves"], f"Updates of {drawn} tasks", curve)
+    if pictures is not None:
+        bench_update.copy_pictures(units, outcome, pictures)
+    end(outcome.errors, outcome.missing, tasks)
 
 
 def seeds_of(text: str) -> range:

@@ -156,11 +156,8 @@ def judge(
     from gslts.mapping.evaluate import evaluate_held_out
     from gslts.mapping.judge import Known, held_out_of
 
-    lpips = None
-    if lpips_backbone is not None and lpips_heads is not None:
-        lpips = Lpips(lpips_backbone, lpips_heads)
-    elif lpips_backbone is not None or lpips_heads is not None:
-        raise ValueError("LPIPS needs both --lpips-backbone and --lpips-heads")
+    weights = both_weights(lpips_backbone, lpips_heads)
+    lpips = None if weights is None else Lpips(*weights)
     gaussian_map = read_map(map_path)
     ply_bytes = ply_of(map_path).stat().st_size
     observations, neighbours = held_out_of(open_dataset(dataset), Known.of(map_path), every)
@@ -192,3 +189,16 @@ def judge(
         if rest.lpips is None
         else f"LPIPS {rest.lpips:.4f}"
     )
+
+
+def both_weights(backbone: Path | None, heads: Path | None) -> tuple[Path, Path] | None:
+    """The files of `gslts.lpips.Lpips`; None without them.
+
+    Raises:
+        ValueError: One is missing.
+    """
+    if backbone is None and heads is None:
+        return None
+    if backbone is None or heads is None:
+        raise ValueError("LPIPS needs both --lpips-backbone and --lpips-heads")
+    return backbone, heads

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts._core import edit as _core
-from gslts._core.map import SurfaceVoxels
+from gslts._core.map import GaussianViewFloat, SurfaceVoxels
 from gslts.camera import at_pose
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import GaussianMap
@@ -114,23 +114,30 @@ def removed_by(
             ]
         masks = [np.ascontiguousarray(view.before) for view in views]
         votes, seen = _core.votes_of(
-            gaussian_map.view(), cameras, masks, rendered, _core.VoteRule()
+            _view(gaussian_map), cameras, masks, rendered, _core.VoteRule()
         )
         of = seen if config.visible_votes else len(views)
         removed |= votes > config.vote_share * of
     near = near_sites(gaussian_map, sites, config.margin_m)
     if config.carve:
-        measured = [np.ascontiguousarray(view.depth) for view in views]
-        on, through = _core.sightings_of(gaussian_map.view(), cameras, measured, _core.DepthRule())
+        on, through = sightings(gaussian_map, views)
         removed |= near & (through >= min(LEAST_THROUGH, len(views))) & (through > on)
     if config.sweep and removed.any():
         rows = np.flatnonzero(near & ~removed)
         around, _ = _core.nearest_gaussians(
-            gaussian_map.view(), gaussian_map.means[rows], SWEEP_NEIGHBOURS + 1
+            _view(gaussian_map), gaussian_map.means[rows], SWEEP_NEIGHBOURS + 1
         )
         gone = removed[around[:, 1:]].mean(axis=1)  # The nearest is the Gaussian itself.
         removed[rows[gone >= SWEEP_SHARE]] = True
     return removed
+
+
+def sightings(
+    gaussian_map: GaussianMap, views: Sequence[View]
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """[N] how many views measured a surface at each centre, and how many one behind it."""
+    cameras, depths = [view.camera for view in views], [view.depth for view in views]
+    return _core.sightings_of(_view(gaussian_map), cameras, depths, _core.DepthRule())
 
 
 def near_sites(gaussian_map: GaussianMap, sites: Sequence[Site], margin_m: float) -> Bools:
@@ -191,10 +198,10 @@ def _like_nearest(kept: GaussianMap, frames: Sequence[RgbdFrame]) -> GaussianMap
         voxels.add(frame.depth, frame.rgb, frame.camera, np.ascontiguousarray(frame.mask))
     _, sums, _ = voxels.voxels()
     points = (sums[:, 1:4] / sums[:, :1]).astype(np.float32)
-    nearest, _ = _core.nearest_gaussians(kept.view(), points, 1)
-    _, apart_m = _core.nearest_gaussians(kept.view(), kept.means[nearest[:, 0]], 2)
+    nearest, _ = _core.nearest_gaussians(_view(kept), points, 1)
+    _, apart_m = _core.nearest_gaussians(_view(kept), kept.means[nearest[:, 0]], 2)
     stay = _core.thinned(points, np.maximum(apart_m[:, -1], np.float32(FUSED_M)))
-    arrays = _core.inherited(kept.view(), points[stay], nearest[stay, 0], 0)
+    arrays = _core.inherited(_view(kept), points[stay], nearest[stay, 0], 0)
     return GaussianMap(**arrays)
 
 
@@ -211,7 +218,7 @@ def _painted(
 
     What fills a hole is like the nearest Gaussians; an object that moved is as it was.
     """
-    nearest, _ = _core.nearest_gaussians(kept.view(), new.means, 1)
+    nearest, _ = _core.nearest_gaussians(_view(kept), new.means, 1)
     sh, of_nearest = kept.sh[nearest[:, 0]], kept.features[nearest[:, 0]]
     if gone.size > 0:
         drawn = np.random.default_rng(0).integers(gone.size, size=int(of_object.sum()))
@@ -221,3 +228,10 @@ def _painted(
     if features is not None:
         of_nearest[of_object] = features
     return replace(new, sh=new.sh if observed else sh, features=of_nearest)
+
+
+def _view(gaussian_map: GaussianMap) -> GaussianViewFloat:
+    view = gaussian_map.view()
+    if not isinstance(view, GaussianViewFloat):
+        raise ValueError(f"pre_edit: gaussian_map: expected float32, got {gaussian_map.dtype}")
+    return view

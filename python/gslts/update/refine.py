@@ -21,6 +21,9 @@ from gslts.update.views import View
 Bools = NDArray[np.bool_]
 Floats32 = NDArray[np.float32]
 
+Watch = Callable[[int, Callable[[], GaussianMap]], None]
+"""Is told how many steps were done, and may ask for the map as it is then."""
+
 EDITED = 0.02
 """A colour that the edit changed by more is not remembered, nor are those beside it."""
 EDGE_PX = 5
@@ -68,7 +71,7 @@ def refine(
     config: RefineConfig,
     *,
     threads: int = 0,
-    tell: Callable[[], None] = lambda: None,
+    watch: Watch = lambda *_: None,
 ) -> Refined:
     """Fits some Gaussians to what the map is to show; the same for any number of threads.
 
@@ -78,7 +81,7 @@ def refine(
         active: [N] bool, Gaussians that may move.
         config: Settings.
         threads: 0 means one a hardware thread.
-        tell: Is told of each step.
+        watch: Is told of each step.
     """
     rows = np.flatnonzero(_seen(gaussian_map, targets, threads) | active)
     if len(targets) == 0 or not active.any():
@@ -87,6 +90,10 @@ def refine(
     adam = Adam(gaussian_map.select(rows))
     rasterizer, rng = Rasterizer(np.float32), np.random.default_rng(config.seed)
     losses: list[float] = []
+
+    def current() -> GaussianMap:
+        return _merged(gaussian_map, rows, moving, adam.map)
+
     order: list[int] = []
     visit: list[float] = []
     done = 0
@@ -118,8 +125,8 @@ def refine(
         adam.step(_of(gradients, moving), _rates(config, done / config.iterations), threads=threads)
         visit.append(color.value)
         done += 1
-        tell()
-    return Refined(_merged(gaussian_map, rows, moving, adam.map), done, tuple(losses))
+        watch(done, current)
+    return Refined(current(), done, tuple(losses))
 
 
 def targets_of(views: Iterable[View], sites: Sequence[Site], config: RefineConfig) -> list[Target]:

@@ -58,7 +58,7 @@ class Site:
         return Site(self.side, low, high)
 
     def rectangle(self, camera: Camera, margin_px: int) -> tuple[int, int, int, int] | None:
-        """Columns [x0, x1) and rows [y0, y1) around the box in an image; None if it is not there."""
+        """Columns [x0, x1) and rows [y0, y1) around the box in an image; None beside it."""
         corners = self.low + CORNERS * (self.high - self.low)
         pose = camera.world_from_camera
         x, y, z = ((corners - pose[:3, 3]) @ pose[:3, :3]).T

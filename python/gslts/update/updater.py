@@ -13,7 +13,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts._core import edit as _core
 from gslts.camera import Camera
 from gslts.change.changes import Change
 from gslts.change.detect import ChangeDetector
@@ -21,13 +20,13 @@ from gslts.gaussian_map import GaussianMap
 from gslts.robot import Robot
 from gslts.update.collect import Collection, collect
 from gslts.update.config import UpdateConfig
-from gslts.update.edit import Edit, near_sites, pre_edit
-from gslts.update.refine import refine, remembered, targets_of
+from gslts.update.edit import Edit, near_sites, pre_edit, sightings
+from gslts.update.refine import Watch, refine, remembered, targets_of
 from gslts.update.region import Site, sites_of
 from gslts.update.verify import error_around, split_held_back
 from gslts.update.views import View
 
-Stage = Literal["collecting", "editing", "refining", "verifying"]
+Stage = Literal["collecting", "refining"]
 Tell = Callable[[Stage], None]
 Bools = NDArray[np.bool_]
 
@@ -113,7 +112,7 @@ def update(
         robot: Somewhere near.
         config: Settings; None means the defaults.
         detector: Of the map; None means one with default settings.
-        tell: Is told of each step of a stage.
+        tell: Is told of each step of the stages that take long.
 
     Raises:
         ValueError: The map is not float32.
@@ -131,8 +130,14 @@ def update(
         tell=lambda: tell("collecting"),
     )
     clock.note("collecting")
-    updated, record = updated_with(gaussian_map, cameras, found, config, tell=tell, clock=clock)
-    record = replace(record, kinds=tuple(change.kind for change in changes))
+    updated, record = updated_with(
+        gaussian_map, cameras, found, config, watch=lambda *_: tell("refining")
+    )
+    record = replace(
+        record,
+        kinds=tuple(change.kind for change in changes),
+        seconds={**clock.stages, **record.seconds},
+    )
     used, held_back = split_held_back(found.views, config.collect.held_back)
     return Update(updated, record, (*used, *held_back), found.sites)
 
@@ -143,11 +148,18 @@ def updated_with(
     found: Collection,
     config: UpdateConfig,
     *,
-    tell: Tell = lambda _: None,
-    clock: _Clock | None = None,
+    watch: Watch = lambda *_: None,
 ) -> tuple[GaussianMap, Record]:
-    """The part of `update` after the collection: edits, refines and verifies."""
-    clock = clock or _Clock()
+    """The part of `update` after the collection: edits, refines and verifies.
+
+    Args:
+        gaussian_map: float32.
+        cameras: Of the frames that it was made of.
+        found: Views of the change.
+        config: Settings.
+        watch: Is told of each step of the refinement.
+    """
+    clock = _Clock()
     sites, threads = found.sites, config.threads
     used, held_back = split_held_back(found.views, config.collect.held_back)
     record = Record(
@@ -155,7 +167,6 @@ def updated_with(
     )
     if record.refused is not None:
         return gaussian_map, replace(record, seconds=clock.stages)
-    tell("editing")
     edit = pre_edit(gaussian_map, used, sites, config.edit, threads=threads)
     against = contradicted(gaussian_map, edit, used)
     clock.note("editing")
@@ -174,10 +185,9 @@ def updated_with(
         moving,
         config.refine,
         threads=threads,
-        tell=lambda: tell("refining"),
+        watch=watch,
     )
     clock.note("refining")
-    tell("verifying")
     before = error_around(gaussian_map, held_back, sites, threads)
     after = error_around(refined.gaussian_map, held_back, sites, threads)
     clock.note("verifying")
@@ -221,14 +231,11 @@ def moving_of(edit: Edit, sites: Sequence[Site], reach_m: float) -> Bools:
 
 def contradicted(before: GaussianMap, edit: Edit, views: Sequence[View]) -> float:
     """Share of what went and came that some views see, and others see through."""
-    new = edit.gaussian_map.select(
-        np.arange(edit.gaussian_map.size) >= edit.gaussian_map.size - edit.added
-    )
-    cameras = [view.camera for view in views]
-    depths = [view.depth for view in views]
+    rows = np.arange(edit.gaussian_map.size)
+    new = edit.gaussian_map.select(rows >= rows.size - edit.added)
     against = total = 0
     for part in (before.select(edit.removed), new):
-        on, through = _core.sightings_of(part.view(), cameras, depths, _core.DepthRule())
+        on, through = sightings(part, views)
         against += int((np.minimum(on, through) >= LEAST_AGAINST).sum())
         total += part.size
     return against / total if total else 0.0
@@ -241,7 +248,7 @@ class _Clock:
         self.stages: dict[str, float] = {}
         self._last_s = time.perf_counter()
 
-    def note(self, stage: Stage) -> None:
+    def note(self, stage: str) -> None:
         """Tells what the time was used for."""
         now_s = time.perf_counter()
         self.stages[stage], self._last_s = round(now_s - self._last_s, 3), now_s
