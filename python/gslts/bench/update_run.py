@@ -246,21 +246,18 @@ class _Ground:
         return cls(home, gaussian_map, cameras, detector, None if lpips is None else Lpips(*lpips))
 
     def judged(self, task: Task) -> list[JudgedView]:
-        """The test views of a task without noise, each pixel the mean of four rays.
-
-        One ray a pixel makes stairs of edges and grains of textures, which no map can have.
-        """
+        """The test views of a task, without noise."""
         robot = Controller(
             task.states(self.home)[1],
-            width=2 * task.sensor.width,
-            height=2 * task.sensor.height,
+            width=task.sensor.width,
+            height=task.sensor.height,
             noise="none",
         )
         views = []
         sets = task.test_viewpoints
         for number, viewpoint in enumerate((*sets.near, *sets.far)):
             robot.go(viewpoint.look)
-            frame = robot.look(number).observation.halved()
+            frame = robot.look(number).observation
             near = number < len(sets.near)
             view = judged_view(frame, task.change, self.gaussian_map, near=near)
             views += [] if view is None else [view]

@@ -21,10 +21,8 @@ from gslts.update.views import View, aligned_view, view_of
 
 Floats = NDArray[np.float64]
 
-OFF_COURSE_STEPS = 1.0
-"""So many steps beside the circle, a place is still taken; else the way is blocked there."""
-LEAST_DISTANCE_M = 0.7
-"""Nearer, a camera sees no depth, and the robot stands in the furniture."""
+LEAST_DISTANCE_M, MOST_DISTANCE_M = 0.7, 2.5
+"""On the floor. Nearer, a camera measures no depth; farther, it sees too little."""
 INSIDE_PX = 0.06
 """Share of the image's width by which the middle of a site must lie within it."""
 HIDDEN_M = 0.15
@@ -136,15 +134,20 @@ class _Tour:
                 self._tell()
 
     def _place(self, number: int, places: Floats, taken: list[int], bearing: float) -> int | None:
-        """The place nearest to a point of the circle that was not visited yet, if it is near."""
+        """A place in a direction from the site that was not visited yet, at a fitting distance."""
         site, config = self.sites[number], self._config
-        radius_m = max(config.distance_m, float(np.linalg.norm(site.high - site.low)))
-        wanted = site.middle[:2] + radius_m * np.array([np.cos(bearing), np.sin(bearing)])
-        off_m = np.linalg.norm(places - wanted, axis=1)
-        off_m[np.linalg.norm(places - site.middle[:2], axis=1) < LEAST_DISTANCE_M] = np.inf
-        off_m[taken] = np.inf
-        best = int(np.argmin(off_m))
-        return best if off_m[best] <= OFF_COURSE_STEPS * config.step_m else None
+        ways = places - site.middle[:2]
+        metres = np.linalg.norm(ways, axis=1)
+        turns_rad = np.arctan2(ways[:, 1], ways[:, 0]) - bearing
+        off_rad = np.abs((turns_rad + np.pi) % (2 * np.pi) - np.pi)
+        fits = (metres >= LEAST_DISTANCE_M) & (metres <= MOST_DISTANCE_M)
+        fits &= off_rad <= config.step_m / config.distance_m
+        fits[taken] = False
+        if not fits.any():
+            return None
+        wanted_m = max(config.distance_m, float(np.linalg.norm(site.high - site.low)))
+        off_m = np.hypot(metres - wanted_m, metres * off_rad)
+        return int(np.argmin(np.where(fits, off_m, np.inf)))
 
     def _look_from(self, place: Floats, number: int) -> bool:
         """Whether a place is reached from which a frame shows the site."""

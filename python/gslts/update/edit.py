@@ -84,7 +84,7 @@ def pre_edit(
     removed = removed_by(gaussian_map, views, sites, config, threads)
     kept = gaussian_map.select(~removed)
     gone = gaussian_map.select(removed)
-    wanted = _wanted(kept, views, config, threads)
+    wanted = _wanted(kept, views, sites, config, threads)
     frames = _frames(kept, views, wanted)
     new = _flat_ones(kept, frames, config) if config.flat else _like_nearest(kept, frames)
     if new.size == 0:
@@ -148,7 +148,11 @@ def near_sites(gaussian_map: GaussianMap, sites: Sequence[Site], margin_m: float
 
 
 def _wanted(
-    kept: GaussianMap, views: Sequence[View], config: EditConfig, threads: int
+    kept: GaussianMap,
+    views: Sequence[View],
+    sites: Sequence[Site],
+    config: EditConfig,
+    threads: int,
 ) -> list[Bools]:
     """[H,W] of each view, where a surface was measured that needs Gaussians."""
     if not config.only_missing:
@@ -156,10 +160,14 @@ def _wanted(
     rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
     wanted = []
     for view in views:
-        images = rasterizer.forward(kept, view.camera, options, mask=view.changed)
+        near = np.zeros(view.changed.shape, np.bool_)
+        for site in sites:
+            near |= view.measured_near(site, config.margin_m)
+        images = rasterizer.forward(kept, view.camera, options, mask=near | view.changed)
         off_m = np.abs(images.depth - view.depth)
         shown = (images.alpha >= SHOWN_ALPHA) & (off_m < SHOWN_M + SHOWN_SHARE * view.depth)
-        wanted.append(view.changed & (~shown | view.after))
+        # What lies flat on something is shown by what it lies on, as far as depth can tell.
+        wanted.append(((near | view.changed) & ~shown) | view.after)
     return wanted
 
 

@@ -50,6 +50,10 @@ class Site:
         above, below = points >= self.low - margin_m, points <= self.high + margin_m
         return np.asarray(np.all(above & below, axis=-1), np.bool_)
 
+    def grown(self, margin_m: float) -> Site:
+        """The site with a larger box."""
+        return Site(self.side, self.low - margin_m, self.high + margin_m)
+
     def with_surfaces(self, surfaces: Iterable[Surface]) -> Site:
         """The site with the boxes of surfaces that are parts of it."""
         boxes = [(one.low, one.high) for one in surfaces]

@@ -67,6 +67,23 @@ class View:
         colors: Floats32 = (photo - offset) / gain
         return colors
 
+    def measured_near(self, site: Site, margin_m: float) -> Bools:
+        """[H,W] where a surface was measured in the box of a site, or that near to it."""
+        near: Bools = np.zeros(self.changed.shape, np.bool_)
+        camera = self.camera
+        rectangle = site.grown(margin_m).rectangle(camera, 0)
+        if rectangle is None:
+            return near
+        x0, y0, x1, y1 = rectangle
+        depth = self.depth[y0:y1, x0:x1]
+        x = (np.arange(x0, x1) + 0.5 - camera.cx) / camera.fx
+        y = (np.arange(y0, y1) + 0.5 - camera.cy) / camera.fy
+        in_camera = np.stack([x * depth, y[:, None] * depth, depth], axis=-1)
+        pose = camera.world_from_camera
+        inside = site.contains(in_camera @ pose[:3, :3].T + pose[:3, 3], margin_m)
+        near[y0:y1, x0:x1] = inside & (depth > 0)
+        return near
+
 
 def view_of(detection: Detection, frame: RgbdFrame, sites: Iterable[Site]) -> View | None:
     """What a frame shows of some sites; None where it is unreliable.

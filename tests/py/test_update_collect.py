@@ -1,0 +1,140 @@
+"""The way of a robot around a change."""
+
+from dataclasses import replace
+
+import change_room
+import numpy as np
+import pytest
+import update_room
+from update_room import COLLECT, REMOVED
+
+from gslts.frame import RgbdFrame
+from gslts.recorded_robot import RecordedRobot
+from gslts.robot import Robot
+from gslts.sim.controller import Controller
+from gslts.update.collect import collect, shows
+from gslts.update.config import CollectConfig
+from gslts.update.region import Site, sites_of
+
+SITE = Site("before", *REMOVED)
+
+
+class Watched:
+    """A robot whose ways are noted, and of which some fail."""
+
+    def __init__(self, robot: Controller, blocked: float = np.inf) -> None:
+        self.robot, self.blocked = robot, blocked
+        self.asked: list[np.ndarray] = []
+
+    def observe(self) -> RgbdFrame:
+        return self.robot.observe()
+
+    def reachable_positions(self) -> np.ndarray:
+        places = self.robot.reachable_positions()
+        return places[places[:, 0] < self.blocked]
+
+    def move_towards(
+        self, position: np.ndarray, yaw_rad: float, pitch_rad: float | None = None
+    ) -> bool:
+        self.asked.append(
+            np.array([*position, yaw_rad, np.nan if pitch_rad is None else pitch_rad])
+        )
+        return self.robot.move_towards(position, yaw_rad, pitch_rad)
+
+
+def watched(blocked: float = np.inf) -> Watched:
+    return Watched(update_room.robot_in(update_room.changed_home("removal")), blocked)
+
+
+def around(robot: Robot, config: CollectConfig = COLLECT) -> tuple[int, np.ndarray]:
+    """How many views there are, and their bearings from the change in the order of the way."""
+    sites = sites_of(update_room.detected("removal"))
+    found = collect(robot, change_room.detector(), sites, config)
+    eyes = np.array([view.camera.world_from_camera[:2, 3] for view in found.views])
+    ways = eyes.reshape(-1, 2) - SITE.middle[:2]
+    return len(found.views), np.arctan2(ways[:, 1], ways[:, 0])
+
+
+def test_it_goes_left_then_right_and_looks_at_the_change() -> None:
+    robot = watched()
+    count, bearings = around(robot)
+    assert count == COLLECT.steps + 1
+    turns = np.unwrap(bearings) - bearings[0]
+    left = COLLECT.steps // 2
+    assert turns[left] == max(turns) > 0.5
+    assert (turns[left + 1 :] < 0).all()
+    middle = update_room.collected("removal").sites[0].middle
+    for x, y, yaw_rad, pitch_rad in robot.asked:
+        way = middle[:2] - (x, y)
+        assert np.cos(yaw_rad - np.arctan2(way[1], way[0])) > np.cos(0.2)
+        assert 0.1 < pitch_rad < 1.0
+        assert 0.7 <= np.hypot(*way) < 1.6
+
+
+def test_views_see_the_change_and_know_where_it_is() -> None:
+    found = update_room.collected("removal")
+    (site,) = found.sites
+    assert site.side == "before"
+    np.testing.assert_allclose(site.low, REMOVED[0], atol=0.06)
+    np.testing.assert_allclose(site.high, REMOVED[1], atol=0.06)
+    for view in found.views:
+        assert view.before.sum() > 50
+        assert not view.after.any()
+        assert view.before.shape == view.frame.depth.shape
+        x0, y0, x1, y1 = site.rectangle(view.camera, 4)
+        assert view.before[y0:y1, x0:x1].sum() == view.before.sum()
+
+
+def test_where_one_side_is_blocked_it_goes_on_at_the_other() -> None:
+    count, bearings = around(watched(blocked=2.3))
+    free, _ = around(watched())
+    assert 4 <= count <= free
+    assert (np.cos(bearings) < 0.4).all()  # Nowhere right of the obstacle.
+
+
+def test_views_that_suffice_are_enough() -> None:
+    count, _ = around(watched(), CollectConfig(steps=2, distance_m=1.0))
+    assert count == 3
+
+
+def test_without_a_place_to_go_there_is_no_view() -> None:
+    count, _ = around(watched(blocked=-1.0))
+    assert count == 0
+
+
+def test_what_hides_a_site_or_leaves_it_out_is_no_view_of_it() -> None:
+    frame = update_room.robot_in(update_room.changed_home("removal")).observe()
+    assert shows(frame, SITE)
+    near = np.full_like(frame.depth, 0.3)
+    assert not shows(replace(frame, depth=near), SITE)
+    assert shows(replace(frame, depth=np.zeros_like(near)), SITE)  # It is not known what is there.
+    behind = Site("before", SITE.low - (0, 5, 0), SITE.high - (0, 5, 0))
+    beside = Site("before", SITE.low + (3, 0, 0), SITE.high + (3, 0, 0))
+    assert not shows(frame, behind)
+    assert not shows(frame, beside)
+
+
+def test_a_recording_offers_what_it_has() -> None:
+    robot = watched()
+    sites = sites_of(update_room.detected("removal"))
+    collect(robot, change_room.detector(), sites, COLLECT)
+    frames = []
+    for x, y, yaw_rad, pitch_rad in robot.asked[:5]:
+        assert robot.move_towards(np.array([x, y]), yaw_rad, pitch_rad)
+        frames.append(robot.observe())
+    recorded = RecordedRobot([robot.observe(), *frames])
+    found = collect(recorded, change_room.detector(), sites, COLLECT)
+    assert 3 <= len(found.views) <= 6
+    assert len({view.frame.time_s for view in found.views}) == len(found.views)
+
+
+@pytest.mark.parametrize("pixels", [0, 7])
+def test_a_site_beside_the_image_has_no_rectangle(pixels: int) -> None:
+    camera = update_room.robot_in(change_room.home()).observe().camera
+    beside = Site("before", SITE.low + (9, 0, 0), SITE.high + (9, 0, 0))
+    behind = Site("before", SITE.low - (0, 5, 0), SITE.high - (0, 5, 0))
+    assert beside.rectangle(camera, pixels) is None
+    assert behind.rectangle(camera, pixels) is None
+    x0, y0, x1, y1 = SITE.rectangle(camera, pixels)
+    assert 0 <= x0 < x1 <= camera.width
+    assert 0 <= y0 < y1 <= camera.height
