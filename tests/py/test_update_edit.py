@@ -31,7 +31,7 @@ def removed(**settings: object) -> np.ndarray:
     found = update_room.collected("removal")
     gaussian_map, _ = change_room.mapped()
     config = SMALL.model_copy(update=settings)
-    return removed_by(gaussian_map, found.views, found.sites, config, threads=1)
+    return removed_by(gaussian_map, found.views, found.sites, config)
 
 
 def in_box(gaussian_map: GaussianMap, box: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
@@ -130,7 +130,7 @@ def test_carving_removes_what_views_see_through() -> None:
     blind = [replace(view, before=np.zeros_like(view.before)) for view in found.views]
     for carve in (True, False):
         config = SMALL.model_copy(update={"carve": carve, "sweep": False})
-        gone = removed_by(dusty, blind, found.sites, config, threads=1)
+        gone = removed_by(dusty, blind, found.sites, config)
         assert gone[-3:].all() == carve
         assert gone.any() == carve
 
@@ -241,7 +241,7 @@ def test_without_depth_nothing_is_added() -> None:
     ]
     gaussian_map, _ = change_room.mapped()
     for config in (SMALL, LITERAL):
-        edit = pre_edit(gaussian_map, views, found.sites, config, threads=1)
+        edit = pre_edit(gaussian_map, views, found.sites, config)
         assert edit.added == 0
 
 

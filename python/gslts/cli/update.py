@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
 
+STAYS = ("dataset", "origin", "config", "lenses")
+"""Of a manifest; the rest tells of the frames that the map was made of and judged by."""
+
 
 def update(
     map_path: Map,
@@ -107,7 +110,8 @@ def update(
         (folder / "update.json").write_text(record, encoding="utf-8")
         Image.fromarray(picture).save(folder / "update.png")
 
-    known = {**manifest, "gslts": __version__, "updated_from": str(map_path)}
+    known = {name: manifest[name] for name in STAYS if name in manifest}
+    known |= {"gslts": __version__, "updated_from": str(map_path)}
     write_map_folder(out, result.gaussian_map, known, {**cameras, **seen}, finish)
     typer.echo(_words(result.record, gaussian_map.size))
     typer.echo(f"wrote {out}: {result.gaussian_map.size} Gaussians")

@@ -16,6 +16,7 @@ from gslts.change.detect import ChangeDetector, Detection
 from gslts.frame import RgbdFrame
 from gslts.robot import Robot
 from gslts.update.config import CollectConfig
+from gslts.update.extent import extended
 from gslts.update.region import Site
 from gslts.update.views import View, aligned_view, view_of
 
@@ -73,7 +74,8 @@ def collect(
     aligned = [
         aligned_view(view, detector.gaussian_map, threads) for view in views if view is not None
     ]
-    return Collection(tuple(aligned), tuple(tour.sites), tuple(tour.skipped))
+    grown, larger = extended(tour.sites, aligned)
+    return Collection(larger, grown, tuple(tour.skipped))
 
 
 def shows(frame: RgbdFrame, site: Site) -> bool:

@@ -22,7 +22,7 @@ from gslts.mapping.seed import seed_from_depth
 from gslts.render import Rasterizer, RenderOptions
 from gslts.update.config import EditConfig
 from gslts.update.region import Site
-from gslts.update.views import View
+from gslts.update.views import View, near_site
 
 Bools = NDArray[np.bool_]
 Floats32 = NDArray[np.float32]
@@ -81,7 +81,7 @@ def pre_edit(
     """
     if not views:
         raise ValueError("pre_edit: views: there is none")
-    removed = removed_by(gaussian_map, views, sites, config, threads)
+    removed = removed_by(gaussian_map, views, sites, config)
     kept = gaussian_map.select(~removed)
     gone = gaussian_map.select(removed)
     wanted = _wanted(kept, views, sites, config, threads)
@@ -99,19 +99,12 @@ def removed_by(
     views: Sequence[View],
     sites: Sequence[Site],
     config: EditConfig,
-    threads: int = 0,
 ) -> Bools:
     """[N] the Gaussians of what is gone: G_target of the paper, and what is left of it."""
     cameras = [view.camera for view in views]
     removed = np.zeros(gaussian_map.size, np.bool_)
     if any(site.side == "before" for site in sites):
-        rendered = None
-        if config.visible_votes:
-            rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
-            rendered = [
-                np.asarray(rasterizer.forward(gaussian_map, camera, options).depth, np.float32)
-                for camera in cameras
-            ]
+        rendered = [view.rendered for view in views] if config.visible_votes else None
         masks = [np.ascontiguousarray(view.before) for view in views]
         votes, seen = _core.votes_of(
             _view(gaussian_map), cameras, masks, rendered, _core.VoteRule()
@@ -162,7 +155,7 @@ def _wanted(
     for view in views:
         near = np.zeros(view.changed.shape, np.bool_)
         for site in sites:
-            near |= view.measured_near(site, config.margin_m)
+            near |= near_site(view.depth, view.camera, site, config.margin_m)
         images = rasterizer.forward(kept, view.camera, options, mask=near | view.changed)
         off_m = np.abs(images.depth - view.depth)
         shown = (images.alpha >= SHOWN_ALPHA) & (off_m < SHOWN_M + SHOWN_SHARE * view.depth)

@@ -9,12 +9,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts._core.detect import Side, Surface
+from gslts._core import detect as _core
 from gslts.camera import Camera
 from gslts.change.changes import Change
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+
+Side = Literal["before", "after"]
 
 NEAR_M = 0.15
 """A surface so near to a site may be a part of it."""
@@ -30,7 +32,7 @@ class Site:
         low, high: (3,) corners of the box around it, in the world, m.
     """
 
-    side: Literal["before", "after"]
+    side: Side
     low: Floats
     high: Floats
 
@@ -40,9 +42,9 @@ class Site:
         middle: Floats = (self.low + self.high) / 2
         return middle
 
-    def is_of(self, surface: Surface) -> bool:
+    def is_of(self, surface: _core.Surface) -> bool:
         """Whether a surface may be a part of what is seen here."""
-        side = "before" if surface.side == Side.BEFORE else "after"
+        side = "before" if surface.side == _core.Side.BEFORE else "after"
         return side == self.side and bool(self.contains(surface.point, NEAR_M))
 
     def contains(self, points: Floats, margin_m: float) -> Bools:
@@ -54,7 +56,7 @@ class Site:
         """The site with a larger box."""
         return Site(self.side, self.low - margin_m, self.high + margin_m)
 
-    def with_surfaces(self, surfaces: Iterable[Surface]) -> Site:
+    def with_surfaces(self, surfaces: Iterable[_core.Surface]) -> Site:
         """The site with the boxes of surfaces that are parts of it."""
         boxes = [(one.low, one.high) for one in surfaces]
         low = np.min([self.low, *(low for low, _ in boxes)], axis=0)

@@ -14,11 +14,14 @@ from gslts.change.detect import Detection
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import GaussianMap
 from gslts.losses import Exposure
+from gslts.render import Rasterizer, RenderOptions
 from gslts.update.region import Site
 
 Floats32 = NDArray[np.float32]
 Bools = NDArray[np.bool_]
 
+LEAST_ALPHA = 0.5
+"""Where the map is less opaque, it shows no surface."""
 ALIGN_STEPS = 3
 """Of the pose, at half and at full resolution."""
 
@@ -30,6 +33,7 @@ class View:
     Attributes:
         frame: Registered, at the corrected pose.
         exposure: From the map's colours to those of the frame.
+        rendered: [H,W] depth of the map, m; 0 where it shows nothing.
         before: [H,W] where the map shows what is gone.
         after: [H,W] where the frame shows what is new.
         combined: [H,W] M_comb, wherever both differ.
@@ -37,6 +41,7 @@ class View:
 
     frame: RgbdFrame
     exposure: Exposure
+    rendered: Floats32
     before: Bools
     after: Bools
     combined: Bools
@@ -67,26 +72,9 @@ class View:
         colors: Floats32 = (photo - offset) / gain
         return colors
 
-    def measured_near(self, site: Site, margin_m: float) -> Bools:
-        """[H,W] where a surface was measured in the box of a site, or that near to it."""
-        near: Bools = np.zeros(self.changed.shape, np.bool_)
-        camera = self.camera
-        rectangle = site.grown(margin_m).rectangle(camera, 0)
-        if rectangle is None:
-            return near
-        x0, y0, x1, y1 = rectangle
-        depth = self.depth[y0:y1, x0:x1]
-        x = (np.arange(x0, x1) + 0.5 - camera.cx) / camera.fx
-        y = (np.arange(y0, y1) + 0.5 - camera.cy) / camera.fy
-        in_camera = np.stack([x * depth, y[:, None] * depth, depth], axis=-1)
-        pose = camera.world_from_camera
-        inside = site.contains(in_camera @ pose[:3, :3].T + pose[:3, 3], margin_m)
-        near[y0:y1, x0:x1] = inside & (depth > 0)
-        return near
-
 
 def view_of(detection: Detection, frame: RgbdFrame, sites: Iterable[Site]) -> View | None:
-    """What a frame shows of some sites; None where it is unreliable.
+    """What a frame shows of some sites, but for what the map does; None where it is unreliable.
 
     Args:
         detection: Of the frame.
@@ -114,11 +102,12 @@ def view_of(detection: Detection, frame: RgbdFrame, sites: Iterable[Site]) -> Vi
         )
     )
     moved = RgbdFrame(whole.rgb, whole.depth, camera, whole.time_s, mask=whole.mask)
-    return View(moved, detection.exposure, before, after, combined)
+    unknown = np.zeros(whole.depth.shape, np.float32)
+    return View(moved, detection.exposure, unknown, before, after, combined)
 
 
 def aligned_view(view: View, gaussian_map: GaussianMap, threads: int = 0) -> View:
-    """The view at the pose where the map fits it best at full resolution, beside what changed.
+    """The view at the pose where the map fits it best at full resolution, and what the map shows.
 
     Changes are looked for in smaller images, whose poses are off by more than new Gaussians may be.
 
@@ -132,9 +121,34 @@ def aligned_view(view: View, gaussian_map: GaussianMap, threads: int = 0) -> Vie
     frame = RgbdFrame(whole.rgb, whole.depth, whole.camera, mask=same)
     pose = aligned(gaussian_map, [frame.halved(), frame], ALIGN_STEPS, threads=threads)
     camera = at_pose(whole.camera, pose)
-    return replace(
-        view, frame=RgbdFrame(whole.rgb, whole.depth, camera, whole.time_s, mask=whole.mask)
-    )
+    moved = RgbdFrame(whole.rgb, whole.depth, camera, whole.time_s, mask=whole.mask)
+    images = Rasterizer(np.float32).forward(gaussian_map, camera, RenderOptions(threads=threads))
+    rendered = np.where(images.alpha >= LEAST_ALPHA, images.depth, 0).astype(np.float32)
+    return replace(view, frame=moved, rendered=rendered)
+
+
+def near_site(depth: Floats32, camera: Camera, site: Site, margin_m: float) -> Bools:
+    """[H,W] where a surface is in the box of a site, or that near to it.
+
+    Args:
+        depth: [H,W] m; 0 where there is none.
+        camera: Of it.
+        site: Whose box it is.
+        margin_m: How near.
+    """
+    near: Bools = np.zeros(depth.shape, np.bool_)
+    rectangle = site.grown(margin_m).rectangle(camera, 0)
+    if rectangle is None:
+        return near
+    x0, y0, x1, y1 = rectangle
+    part = depth[y0:y1, x0:x1]
+    x = (np.arange(x0, x1) + 0.5 - camera.cx) / camera.fx
+    y = (np.arange(y0, y1) + 0.5 - camera.cy) / camera.fy
+    in_camera = np.stack([x * part, y[:, None] * part, part], axis=-1)
+    pose = camera.world_from_camera
+    inside = site.contains(in_camera @ pose[:3, :3].T + pose[:3, 3], margin_m)
+    near[y0:y1, x0:x1] = inside & (part > 0)
+    return near
 
 
 def _enlarged(mask: Bools, shape: tuple[int, ...]) -> Bools:

@@ -1,0 +1,35 @@
+// A cup before a wall is gone: checks that its Gaussian is voted away and the wall's is not.
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <gslts/edit/inherit.hpp>
+#include <gslts/edit/nearest.hpp>
+#include <gslts/edit/votes.hpp>
+#include <gslts/map/camera.hpp>
+#include <gslts/map/gaussian_map.hpp>
+#include <iostream>
+#include <vector>
+
+int main() {
+  const gslts::Camera camera = gslts::camera_from_fov(64, 48, 1.0);
+  gslts::GaussianMap map = gslts::make_gaussian_map<float>(2, 1);
+  for (auto* array : {&map.means, &map.quats, &map.log_scales, &map.logit_opacities, &map.sh}) {
+    std::fill(array->begin(), array->end(), 0.0f);
+  }
+  map.means[2] = 1;  // The cup, on the axis of the camera,
+  map.means[5] = 2;  // and the wall behind.
+  const std::vector<std::uint8_t> mask(std::size_t(64) * 48, 1);
+  const std::vector<float> rendered(mask.size(), 1.0f);
+  const auto votes =
+      gslts::edit::votes_of(map.view(), {{camera, mask.data(), rendered.data()}}, {});
+  if (votes.votes[0] != 1 || votes.votes[1] != 0) {
+    std::cerr << "votes: " << votes.votes[0] << " and " << votes.votes[1] << '\n';
+    return 1;
+  }
+  const std::vector<float> point = {0, 0, 1.9f};
+  const auto nearest = gslts::edit::nearest_gaussians(map.view(), point.data(), 1, 1);
+  const auto born = gslts::edit::inherited(map.view(), point.data(), nearest.rows.data(), 1, 2);
+  if (nearest.rows[0] == 1 && born.size() == 1 && born.ids[0] == 2) return 0;
+  std::cerr << "the nearest is " << nearest.rows[0] << '\n';
+  return 1;
+}
