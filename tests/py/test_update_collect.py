@@ -19,6 +19,10 @@ from gslts.update.region import Site, sites_of
 SITE = Site("before", *REMOVED)
 
 
+def moved_site(by: np.ndarray) -> Site:
+    return Site("before", SITE.low + by, SITE.high + by)
+
+
 class Watched:
     """A robot whose ways are noted, and of which some fail."""
 
@@ -108,8 +112,8 @@ def test_what_hides_a_site_or_leaves_it_out_is_no_view_of_it() -> None:
     near = np.full_like(frame.depth, 0.3)
     assert not shows(replace(frame, depth=near), SITE)
     assert shows(replace(frame, depth=np.zeros_like(near)), SITE)  # It is not known what is there.
-    behind = Site("before", SITE.low - (0, 5, 0), SITE.high - (0, 5, 0))
-    beside = Site("before", SITE.low + (3, 0, 0), SITE.high + (3, 0, 0))
+    behind = moved_site(-np.array([0, 5, 0]))
+    beside = moved_site(np.array([3, 0, 0]))
     assert not shows(frame, behind)
     assert not shows(frame, beside)
 
@@ -131,8 +135,8 @@ def test_a_recording_offers_what_it_has() -> None:
 @pytest.mark.parametrize("pixels", [0, 7])
 def test_a_site_beside_the_image_has_no_rectangle(pixels: int) -> None:
     camera = update_room.robot_in(change_room.home()).observe().camera
-    beside = Site("before", SITE.low + (9, 0, 0), SITE.high + (9, 0, 0))
-    behind = Site("before", SITE.low - (0, 5, 0), SITE.high - (0, 5, 0))
+    beside = moved_site(np.array([9, 0, 0]))
+    behind = moved_site(-np.array([0, 5, 0]))
     assert beside.rectangle(camera, pixels) is None
     assert behind.rectangle(camera, pixels) is None
     x0, y0, x1, y1 = SITE.rectangle(camera, pixels)

@@ -4,6 +4,7 @@ import change_room
 import numpy as np
 import pytest
 import update_room
+from test_update_edit import SMALL
 
 from gslts.gaussian_map import GaussianMap
 from gslts.render import render
@@ -12,7 +13,6 @@ from gslts.update.edit import Edit, pre_edit
 from gslts.update.refine import Refined, Target, refine, remembered, targets_of
 from gslts.update.updater import moving_of
 from gslts.update.verify import error_around, split_held_back
-from test_update_edit import SMALL
 
 ARRAYS = ("means", "quats", "log_scales", "logit_opacities", "sh", "features", "ids")
 CONFIG = RefineConfig(iterations=60, around_px=15, patience=100)

@@ -7,6 +7,7 @@ import change_room
 import numpy as np
 import pytest
 import update_room
+from test_update_edit import SMALL
 from update_room import COLLECT, REMOVED
 
 from gslts.camera import at_pose
@@ -20,7 +21,6 @@ from gslts.sim.controller import Controller
 from gslts.sim.home import Home
 from gslts.update.config import RefineConfig, UpdateConfig
 from gslts.update.updater import Update, update, updated_with
-from test_update_edit import SMALL
 
 CONFIG = UpdateConfig(
     collect=COLLECT, edit=SMALL, refine=RefineConfig(iterations=60, around_px=15), threads=1
@@ -62,7 +62,9 @@ class Changing:
     def move_towards(
         self, position: np.ndarray, yaw_rad: float, pitch_rad: float | None = None
     ) -> bool:
-        return all([one.move_towards(position, yaw_rad, pitch_rad) for one in self._robots])
+        first, second = self._robots
+        arrived = first.move_towards(position, yaw_rad, pitch_rad)
+        return second.move_towards(position, yaw_rad, pitch_rad) and arrived
 
 
 def run(robot: Robot, kind: str = "removal", change: Change | None = None) -> Update:
