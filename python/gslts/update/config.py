@@ -101,9 +101,9 @@ class RefineConfig(BaseModel):
 
     iterations: Count = 250
     scope: Literal["region", "map"] = "region"
-    reach_m: Rate = 0.3
-    around_px: Count = 50
-    remembered: Count = 8
+    reach_m: Rate = 0.45
+    around_px: Count = 80
+    remembered: Count = 10
     patience: Annotated[int, Field(ge=1)] = 4
     least_gain: Rate = 0.005
     dssim_weight: Share = 0.2
