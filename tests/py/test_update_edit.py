@@ -227,6 +227,48 @@ def test_edits_are_the_same_for_any_number_of_threads() -> None:
         np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
 
 
+def test_a_map_may_have_its_origin_anywhere() -> None:
+    gaussian_map, _ = change_room.mapped()
+    found = update_room.collected("relocation")
+    origin = np.array([100.0, -50.0, 3.0])
+    moved = replace(
+        gaussian_map, means=(gaussian_map.means - origin).astype(np.float32), origin=origin
+    )
+    here, there = (
+        pre_edit(one, found.views, found.sites, SMALL, threads=1) for one in (gaussian_map, moved)
+    )
+    assert here.added == pytest.approx(there.added, rel=0.06)
+    np.testing.assert_array_equal(there.gaussian_map.origin, origin)
+    assert (here.removed != there.removed).mean() < 0.001
+    means = new_of(there).means + origin
+    low, high = new_of(here).means.min(axis=0), new_of(here).means.max(axis=0)
+    assert ((means > low - 0.02) & (means < high + 0.02)).all()
+    colors = [np.median(new_of(one).sh[:, 0], axis=0) for one in (here, there)]
+    np.testing.assert_allclose(*colors, atol=0.05)
+
+
+def test_ids_of_removed_gaussians_are_not_used_again() -> None:
+    gaussian_map, _ = change_room.mapped()
+    gone = removed()
+    order = np.argsort(gone, kind="stable")  # Those that go have the greatest ids.
+    last = gaussian_map.select(order)
+    last = replace(last, ids=np.arange(last.size, dtype=np.uint64))
+    found = update_room.collected("removal")
+    config = SMALL.model_copy(update={"only_missing": False})
+    edit = pre_edit(last, found.views, found.sites, config, threads=1)
+    assert edit.removed[-1]
+    assert edit.added > 0
+    assert new_of(edit).ids.min() == last.size
+
+
+def test_a_map_of_which_nothing_would_be_left_is_refused() -> None:
+    gaussian_map, _ = change_room.mapped()
+    found = update_room.collected("removal")
+    only = gaussian_map.select(removed())
+    with pytest.raises(ValueError, match="all of it would be removed"):
+        pre_edit(only, found.views, found.sites, SMALL)
+
+
 def test_without_a_view_there_is_no_edit() -> None:
     gaussian_map, _ = change_room.mapped()
     with pytest.raises(ValueError, match="pre_edit: views: there is none"):

@@ -18,9 +18,18 @@ SPLIT_OFFSET, SPLIT_SHRINK = 0.7, 1.6
 (3DGS, Kerbl et al. 2023, sec. 5.2, shrinks by 1.6)."""
 
 
-def joined(old: GaussianMap, new: GaussianMap) -> GaussianMap:
-    """Both, the new Gaussians last and with ids that were never used in the old map."""
-    first = int(old.ids.max()) + 1 if old.size else 0
+def joined(old: GaussianMap, new: GaussianMap, first_id: int | None = None) -> GaussianMap:
+    """Both, the new Gaussians last.
+
+    Args:
+        old: Of any size.
+        new: In the frame of the old map.
+        first_id: The new Gaussians get this id and those after it; None means those after the
+            greatest of the old map.
+    """
+    first = first_id
+    if first is None:
+        first = int(old.ids.max()) + 1 if old.size else 0
     return GaussianMap(
         means=np.concatenate([old.means, new.means]),
         quats=np.concatenate([old.quats, new.quats]),

@@ -77,11 +77,13 @@ def pre_edit(
         threads: 0 means one a hardware thread.
 
     Raises:
-        ValueError: There is no view, or `features` does not fit the map.
+        ValueError: There is no view, `features` does not fit the map, or nothing would be left.
     """
     if not views:
         raise ValueError("pre_edit: views: there is none")
     removed = removed_by(gaussian_map, views, sites, config)
+    if removed.all():
+        raise ValueError("pre_edit: gaussian_map: all of it would be removed")
     kept = gaussian_map.select(~removed)
     gone = gaussian_map.select(removed)
     wanted = _wanted(kept, views, sites, config, threads)
@@ -91,7 +93,8 @@ def pre_edit(
         return Edit(kept, removed, 0)
     of_object = near_sites(new, [site for site in sites if site.side == "after"], config.margin_m)
     new = _painted(new, kept, gone, of_object, features, observed=config.observed_colors)
-    return Edit(joined(kept, new), removed, new.size)
+    first_id = int(gaussian_map.ids.max()) + 1  # Not one of those that were removed.
+    return Edit(joined(kept, new, first_id), removed, new.size)
 
 
 def removed_by(
@@ -179,7 +182,7 @@ def _frames(kept: GaussianMap, views: Sequence[View], wanted: Sequence[Bools]) -
 def _flat_ones(kept: GaussianMap, frames: Sequence[RgbdFrame], config: EditConfig) -> GaussianMap:
     """Flat Gaussians on measured surfaces, with the colours of the photographs."""
     try:
-        return seed_from_depth(
+        new = seed_from_depth(
             frames,
             config.voxel_m,
             config.contrast,
@@ -189,6 +192,7 @@ def _flat_ones(kept: GaussianMap, frames: Sequence[RgbdFrame], config: EditConfi
         )
     except ValueError:  # Nothing was measured there.
         return kept.select(np.zeros(0, np.int64))
+    return replace(new, origin=kept.origin)  # The frames are in the frame of the map.
 
 
 def _like_nearest(kept: GaussianMap, frames: Sequence[RgbdFrame]) -> GaussianMap:

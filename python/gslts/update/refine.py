@@ -83,31 +83,48 @@ def refine(
         threads: 0 means one a hardware thread.
         watch: Is told of each step.
     """
-    rows = np.flatnonzero(_seen(gaussian_map, targets, threads) | active)
     if len(targets) == 0 or not active.any():
         return Refined(gaussian_map, 0, ())
-    moving = active[rows]
-    adam = Adam(gaussian_map.select(rows))
-    rasterizer, rng = Rasterizer(np.float32), np.random.default_rng(config.seed)
+    fit = _Fit(gaussian_map, targets, active, config, threads)
+    rng = np.random.default_rng(config.seed)
     losses: list[float] = []
+    for step in range(config.iterations):
+        place = step % len(targets)
+        if place == 0:
+            if _settled(_by_visit(losses, len(targets)), config):
+                break
+            order = rng.permutation(len(targets))
+        background = rng.random(3).tolist()
+        losses.append(fit.step(targets[order[place]], step / config.iterations, background))
+        watch(step + 1, fit.current)
+    if not losses:
+        return Refined(gaussian_map, 0, ())
+    return Refined(fit.current(), len(losses), tuple(_by_visit(losses, len(targets))))
 
-    def current() -> GaussianMap:
-        return _merged(gaussian_map, rows, moving, adam.map)
 
-    order: list[int] = []
-    visit: list[float] = []
-    done = 0
-    while done < config.iterations:
-        if not order:
-            if visit:
-                losses.append(float(np.mean(visit)))
-                visit = []
-                if _settled(losses, config):
-                    break
-            order = rng.permutation(len(targets)).tolist()
-        target = targets[order.pop()]
-        options = RenderOptions(threads=threads, background=rng.random(3).tolist())
-        images = rasterizer.forward(adam.map, target.camera, options, mask=target.mask)
+class _Fit:
+    """The part of a map that has to do with the targets, on its way."""
+
+    def __init__(
+        self,
+        gaussian_map: GaussianMap,
+        targets: Sequence[Target],
+        active: Bools,
+        config: RefineConfig,
+        threads: int,
+    ) -> None:
+        self._whole, self._config, self._threads = gaussian_map, config, threads
+        self._rasterizer = Rasterizer(np.float32)
+        self._rows = np.flatnonzero(_seen(gaussian_map, targets, threads) | active)
+        self._moving = active[self._rows]
+        self._adam = Adam(gaussian_map.select(self._rows))
+
+    def step(self, target: Target, share: float, background: list[float]) -> float:
+        """One step at a share of all; the loss before it."""
+        config, threads = self._config, self._threads
+        # Dark colours must not be made of missing Gaussians: what is behind is never the same.
+        options = RenderOptions(threads=threads, background=background)
+        images = self._rasterizer.forward(self._adam.map, target.camera, options, mask=target.mask)
         color = photometric_loss(
             images.rgb,
             target.colors,
@@ -119,14 +136,21 @@ def refine(
         depth = depth_loss(
             images.depth, target.depth, mask=target.mask, relative=True, threads=threads
         )
-        gradients = rasterizer.backward(
+        gradients = self._rasterizer.backward(
             dL_drgb=color.dL_drgb, dL_ddepth=depth.dL_ddepth * np.float32(config.depth_weight)
         )
-        adam.step(_of(gradients, moving), _rates(config, done / config.iterations), threads=threads)
-        visit.append(color.value)
-        done += 1
-        watch(done, current)
-    return Refined(current(), done, tuple(losses))
+        self._adam.step(_of(gradients, self._moving), _rates(config, share), threads=threads)
+        return color.value
+
+    def current(self) -> GaussianMap:
+        """The whole map as it is now."""
+        rows = self._rows[self._moving]
+        arrays = {}
+        for name in ("means", "quats", "log_scales", "logit_opacities", "sh", "features"):
+            array = getattr(self._whole, name).copy()
+            array[rows] = getattr(self._adam.map, name)[self._moving]
+            arrays[name] = array
+        return replace(self._whole, **arrays)
 
 
 def targets_of(views: Iterable[View], sites: Sequence[Site], config: RefineConfig) -> list[Target]:
@@ -250,21 +274,16 @@ def _rates(config: RefineConfig, share: float) -> AdamRates:
     )
 
 
+def _by_visit(losses: Sequence[float], targets: int) -> list[float]:
+    """Means over each visit of all targets."""
+    whole = len(losses) // targets * targets
+    means = np.reshape(losses[:whole], (-1, targets)).mean(axis=1)
+    return [float(mean) for mean in means]
+
+
 def _settled(losses: Sequence[float], config: RefineConfig) -> bool:
     """Whether the error fell too little in the last visits."""
     if len(losses) <= config.patience:
         return False
     before, after = min(losses[: -config.patience]), min(losses[-config.patience :])
     return after > before * (1 - config.least_gain)
-
-
-def _merged(
-    gaussian_map: GaussianMap, rows: NDArray[np.int64], moving: Bools, refined: GaussianMap
-) -> GaussianMap:
-    """The map with those of the refined Gaussians that could move."""
-    arrays = {}
-    for name in ("means", "quats", "log_scales", "logit_opacities", "sh", "features"):
-        array = getattr(gaussian_map, name).copy()
-        array[rows[moving]] = getattr(refined, name)[moving]
-        arrays[name] = array
-    return replace(gaussian_map, **arrays)
