@@ -6,10 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-Share = Annotated[float, Field(ge=0, le=1)]
-Positive = Annotated[float, Field(gt=0)]
-Rate = Annotated[float, Field(ge=0)]
-Count = Annotated[int, Field(ge=0)]
+from gslts.mapping.config import Count, Positive, Rate, Share
 
 
 class CollectConfig(BaseModel):
