@@ -128,6 +128,18 @@ def test_it_is_a_robot(controller: Controller) -> None:
     assert place(controller) == pytest.approx((4.0, 3.25, 90.0), abs=0.26)
 
 
+def test_it_looks_down_as_far_as_it_can(controller: Controller) -> None:
+    for pitch_rad, expected in (
+        (0.5, np.rad2deg(0.5)),
+        (None, np.rad2deg(0.5)),
+        (1.5, 60),
+        (-1, -30),
+    ):
+        assert controller.move_towards(np.array([4.0, 3.25]), 0.0, pitch_rad)
+        event = controller.step("Pass")
+        assert event.metadata["agent"]["cameraHorizon"] == pytest.approx(expected)
+
+
 def test_bad_actions_are_named(controller: Controller) -> None:
     with pytest.raises(ValueError, match=r"action must be one of 'MoveAhead', .*, got 'Fly'"):
         controller.step("Fly")

@@ -34,6 +34,18 @@ def test_it_goes_to_the_frame_of_that_place_and_direction(visit: list) -> None:
         assert robot.observe() is visit[number]
 
 
+def test_of_frames_at_a_place_the_pitch_decides() -> None:
+    robot = Controller(sim_scenes.simple_home(), width=32, height=24)
+    frames = []
+    for horizon in (-30.0, 0.0, 30.0):
+        robot.act("Teleport", position={"x": 1.0, "y": 1.0}, rotation=90.0, horizon=horizon)
+        frames.append(robot.observe())
+    recorded = RecordedRobot(frames)
+    for number, pitch_rad in ((0, -0.4), (1, 0.1), (2, 0.5)):
+        assert recorded.move_towards(np.array([1.0, 1.0]), np.pi / 2, pitch_rad)
+        assert recorded.observe() is frames[number]
+
+
 def test_without_frames_there_is_no_robot() -> None:
     with pytest.raises(ValueError, match="RecordedRobot: frames: there is none"):
         RecordedRobot([])

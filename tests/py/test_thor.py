@@ -143,6 +143,9 @@ def test_it_is_a_robot(controller: StandInController, unity: UnityStandIn) -> No
     pose = robot.observe().camera.world_from_camera
     np.testing.assert_allclose(pose[:3, 3], (1.25, -2.0, 1.575))
     np.testing.assert_allclose(pose[:3, 2], (1, 0, 0), atol=1e-12)
+    for pitch_rad, horizon in ((0.5, np.rad2deg(0.5)), (2.0, 60.0)):
+        assert robot.move_towards(np.array([1.4, -2.1]), 0.0, pitch_rad)
+        assert unity.actions[-1]["horizon"] == pytest.approx(horizon)
 
 
 def test_a_robot_that_cannot_move_says_so(
