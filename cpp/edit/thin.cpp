@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <stdexcept>
 #include <string>
 #include <unordered_map>
@@ -21,7 +22,9 @@ struct Cell {
 
 struct HashCell {
   std::size_t operator()(const Cell& cell) const {
-    return std::size_t(cell.x * 73856093 ^ cell.y * 19349663 ^ cell.z * 83492791);
+    // Unsigned, as these products may overflow.
+    return std::size_t(std::uint64_t(cell.x) * 73856093 ^ std::uint64_t(cell.y) * 19349663 ^
+                       std::uint64_t(cell.z) * 83492791);
   }
 };
 
