@@ -5,8 +5,6 @@
 #include <cmath>
 #include <limits>
 #include <random>
-#include <stdexcept>
-#include <string>
 #include <vector>
 
 #include "edit_scenes.hpp"
@@ -130,16 +128,6 @@ TEST(Inherited, AreCopiesElsewhere) {
   same(map.sh, born.sh, 12);
   same(map.features, born.features, 2);
   EXPECT_EQ(inherited(map.view(), nullptr, nullptr, 0, 0).size(), 0u);
-}
-
-template <typename Function>
-std::string message_of(Function function) {
-  try {
-    function();
-  } catch (const std::invalid_argument& error) {
-    return error.what();
-  }
-  return "nothing was thrown";
 }
 
 TEST(EditErrors, NameWhatIsWrong) {

@@ -2,6 +2,8 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <stdexcept>
+#include <string>
 #include <vector>
 
 #include "gslts/map/camera.hpp"
@@ -32,6 +34,17 @@ inline GaussianMap map_of(const std::vector<Eigen::Vector3d>& centres,
     for (int k = 0; k < 3; ++k) map.means[3 * i + std::size_t(k)] = float(relative[k]);
   }
   return map;
+}
+
+/// What a function throws.
+template <typename Function>
+std::string message_of(Function function) {
+  try {
+    function();
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  return "nothing was thrown";
 }
 
 }  // namespace gslts::edit

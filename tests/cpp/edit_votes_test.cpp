@@ -4,8 +4,6 @@
 #include <cmath>
 #include <limits>
 #include <random>
-#include <stdexcept>
-#include <string>
 #include <vector>
 
 #include "edit_scenes.hpp"
@@ -166,16 +164,6 @@ TEST(Votes, AreOfNoGaussiansAndOfNoViews) {
   EXPECT_TRUE(votes_of(map_of({}).view(), {{camera, mask.data(), nullptr}}, {}).votes.empty());
   EXPECT_THAT(votes_of(map_of({{1, 0, 0}}).view(), {}, {}).votes, ElementsAre(0));
   EXPECT_THAT(sightings_of(map_of({{1, 0, 0}}).view(), {}, {}).on, ElementsAre(0));
-}
-
-template <typename Function>
-std::string message_of(Function function) {
-  try {
-    function();
-  } catch (const std::invalid_argument& error) {
-    return error.what();
-  }
-  return "nothing was thrown";
 }
 
 TEST(VotesErrors, NameWhatIsWrong) {

@@ -18,6 +18,7 @@ from gslts.frame import RgbdFrame
 from gslts.gaussian_map import GaussianMap
 from gslts.losses import Exposure, exposed, fit_exposure, photometric_loss
 from gslts.lpips import LEAST_PX, Lpips
+from gslts.mapping.evaluate import psnr_db
 from gslts.render import Rasterizer, RenderOptions
 from gslts.sim.task import Change
 from gslts.update.region import Site
@@ -128,9 +129,7 @@ class Judge:
             name: float(
                 np.mean(
                     [
-                        _psnr_db(
-                            (self.shown(gaussian_map, one, one.camera) - one.photo), one.inside
-                        )
+                        psnr_db(self.shown(gaussian_map, one, one.camera), one.photo, one.inside)
                         for one in self.views
                         if one.near == near
                     ]
@@ -147,16 +146,16 @@ class Judge:
     def _score(self, gaussian_map: GaussianMap, view: JudgedView) -> Score:
         rgb = self.shown(gaussian_map, view, view.camera)
         at_truth = self.shown(gaussian_map, view, view.true_camera)
-        off, inside = rgb - view.photo, view.inside
+        inside = view.inside
         return Score(
-            psnr_db=_psnr_db(off, inside),
+            psnr_db=psnr_db(rgb, view.photo, inside),
             ssim=photometric_loss(rgb, view.photo, mask=inside, threads=1).ssim,
             flip=_mean_over(view.crops, lambda crop: _flip(rgb, view.photo, crop)),
             lpips=None
             if self._lpips is None
             else _mean_over(view.crops, lambda crop: self._distance(rgb, view.photo, crop)),
-            outside_db=_psnr_db(off, ~inside),
-            true_pose_db=_psnr_db(at_truth - view.photo, inside),
+            outside_db=psnr_db(rgb, view.photo, ~inside),
+            true_pose_db=psnr_db(at_truth, view.photo, inside),
         )
 
     def _distance(self, rgb: Floats32, photo: Floats32, crop: Rectangle) -> float:
@@ -182,11 +181,6 @@ def _mean_over(crops: Sequence[Rectangle], score: Callable[[Rectangle], float]) 
     """The mean of a score over crops, by their sizes."""
     sizes = [(x1 - x0) * (y1 - y0) for x0, y0, x1, y1 in crops]
     return float(np.average([score(crop) for crop in crops], weights=sizes))
-
-
-def _psnr_db(off: Floats32, mask: Bools) -> float:
-    error = float(np.mean(off[mask] ** 2, dtype=np.float64))
-    return float(-10 * np.log10(max(error, 1e-10)))
 
 
 def _mean(scores: Sequence[Score]) -> Score:

@@ -75,11 +75,11 @@ def update(
         gaussian_map, DetectionConfig(threads=threads), cameras=cameras.values()
     )
     if robot is not None:
-        arm = _simulated(robot)
-        changes = list(detector.detect(arm.observe()).changes)
+        scout = _simulated(robot)
+        changes = list(detector.detect(scout.observe()).changes)
     else:
         assert frames is not None  # One of them is given.
-        arm, changes = _recorded(frames, detector)
+        scout, changes = _recorded(frames, detector)
     for change in changes:
         x, y, z = change.point
         typer.echo(f"{change.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m, {change.confidence:.2f}")
@@ -96,7 +96,13 @@ def update(
             bar.update()
 
         result = run(
-            gaussian_map, list(cameras.values()), changes, arm, config, detector=detector, tell=tell
+            gaussian_map,
+            list(cameras.values()),
+            changes,
+            scout,
+            config,
+            detector=detector,
+            tell=tell,
         )
     record = json.dumps(result.record.plain(), indent=1) + "\n"
     if result.record.refused is not None:
@@ -110,9 +116,9 @@ def update(
         (folder / "update.json").write_text(record, encoding="utf-8")
         Image.fromarray(picture).save(folder / "update.png")
 
-    known = {name: manifest[name] for name in STAYS if name in manifest}
-    known |= {"gslts": __version__, "updated_from": str(map_path)}
-    write_map_folder(out, result.gaussian_map, known, {**cameras, **seen}, finish)
+    told = {name: manifest[name] for name in STAYS if name in manifest}
+    told |= {"gslts": __version__, "updated_from": str(map_path)}
+    write_map_folder(out, result.gaussian_map, told, {**cameras, **seen}, finish)
     typer.echo(_words(result.record, gaussian_map.size))
     typer.echo(f"wrote {out}: {result.gaussian_map.size} Gaussians")
 

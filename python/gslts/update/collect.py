@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 
 LEAST_DISTANCE_M, MOST_DISTANCE_M = 0.7, 2.5
 """On the floor. Nearer, a camera measures no depth; farther, it sees too little."""
-INSIDE_PX = 0.06
+INSIDE = 0.06
 """Share of the image's width by which the middle of a site must lie within it."""
 HIDDEN_M = 0.15
 """What is measured so much before a site hides it."""
@@ -81,17 +81,16 @@ def collect(
 def shows(frame: RgbdFrame, site: Site) -> bool:
     """Whether the middle of a site is in a frame and nothing is before it."""
     camera = frame.camera
-    pose = camera.world_from_camera
-    x, y, z = (site.middle - pose[:3, 3]) @ pose[:3, :3]
-    if z <= 0:
+    middle = site.middle_in(camera)
+    if middle is None:
         return False
-    u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
-    margin = INSIDE_PX * camera.width
+    u, v, z = middle
+    margin = INSIDE * camera.width
     if not (margin <= u < camera.width - margin and margin <= v < camera.height - margin):
         return False
     depth = frame.registered().depth[int(v), int(u)]
     reach_m = HIDDEN_M + 0.5 * float(np.linalg.norm(site.high - site.low))
-    return not 0 < depth < z - reach_m
+    return not bool(0 < depth < z - reach_m)
 
 
 class _Tour:

@@ -25,11 +25,12 @@ def update_picture(
     Args:
         before: float32.
         after: float32.
-        views: Of one size, at least one; of many, those that are spread evenly are shown.
+        views: At least one; some of those of the first one's size, spread evenly, are shown.
         threads: 0 means one a hardware thread.
     """
     rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
     rows = []
+    views = [view for view in views if view.frame.rgb.shape == views[0].frame.rgb.shape]
     for number in np.unique(np.linspace(0, len(views) - 1, VIEWS).astype(int)):
         view = views[number]
         tiles = [view.frame.rgb.copy()]

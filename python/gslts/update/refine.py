@@ -27,7 +27,6 @@ Watch = Callable[[int, Callable[[], GaussianMap]], None]
 EDITED = 0.02
 """A colour that the edit changed by more is not remembered, nor are those beside it."""
 EDGE_PX = 5
-LEAST_DEPTH_M = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,7 +204,7 @@ def remembered(
 
 def _spread(cameras: Sequence[Camera], sites: Sequence[Site], count: int) -> list[Camera]:
     """Cameras that look at sites, from places as different as can be."""
-    looking = [one for one in cameras if any(_looks_at(one, site) for site in sites)]
+    looking = [one for one in cameras if any(site.middle_in(one) for site in sites)]
     places = np.array([one.world_from_camera[:3, 3] for one in looking]).reshape(-1, 3)
     nearest_m = np.full(len(looking), np.inf)
     chosen: list[Camera] = []
@@ -214,15 +213,6 @@ def _spread(cameras: Sequence[Camera], sites: Sequence[Site], count: int) -> lis
         chosen.append(looking[best])
         nearest_m = np.minimum(nearest_m, np.linalg.norm(places - places[best], axis=1))
     return chosen
-
-
-def _looks_at(camera: Camera, site: Site) -> bool:
-    pose = camera.world_from_camera
-    x, y, z = (site.middle - pose[:3, 3]) @ pose[:3, :3]
-    if z < LEAST_DEPTH_M:
-        return False
-    u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
-    return bool(0 <= u < camera.width and 0 <= v < camera.height)
 
 
 def _add_rectangle(mask: Bools, rectangle: tuple[int, int, int, int] | None) -> None:

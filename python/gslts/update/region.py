@@ -52,6 +52,16 @@ class Site:
         above, below = points >= self.low - margin_m, points <= self.high + margin_m
         return np.asarray(np.all(above & below, axis=-1), np.bool_)
 
+    def middle_in(self, camera: Camera) -> tuple[float, float, float] | None:
+        """Column and row, px, and depth, m, of the middle in an image; None where it is not."""
+        pose = camera.world_from_camera
+        x, y, z = (self.middle - pose[:3, 3]) @ pose[:3, :3]
+        if z <= 0:
+            return None
+        u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
+        inside = 0 <= u < camera.width and 0 <= v < camera.height
+        return (float(u), float(v), float(z)) if inside else None
+
     def grown(self, margin_m: float) -> Site:
         """The site with a larger box."""
         return Site(self.side, self.low - margin_m, self.high + margin_m)

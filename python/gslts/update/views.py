@@ -14,6 +14,7 @@ from gslts.change.detect import Detection
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import GaussianMap
 from gslts.losses import Exposure
+from gslts.mapping.seed_points import lifted
 from gslts.render import Rasterizer, RenderOptions
 from gslts.update.region import Site
 
@@ -36,7 +37,6 @@ class View:
         rendered: [H,W] depth of the map, m; 0 where it shows nothing.
         before: [H,W] where the map shows what is gone.
         after: [H,W] where the frame shows what is new.
-        combined: [H,W] M_comb, wherever both differ.
     """
 
     frame: RgbdFrame
@@ -44,7 +44,6 @@ class View:
     rendered: Floats32
     before: Bools
     after: Bools
-    combined: Bools
 
     @property
     def camera(self) -> Camera:
@@ -81,7 +80,7 @@ def view_of(detection: Detection, frame: RgbdFrame, sites: Iterable[Site]) -> Vi
         frame: What a robot saw.
         sites: Where something changed.
     """
-    if detection.labels is None or detection.combined is None:
+    if detection.labels is None:
         return None
     whole = frame.registered()
     camera = at_pose(whole.camera, detection.camera.world_from_camera)
@@ -93,17 +92,13 @@ def view_of(detection: Detection, frame: RgbdFrame, sites: Iterable[Site]) -> Vi
         ]
         for side in ("before", "after")
     }
-    before, after, combined = (
-        _enlarged(mask, whole.rgb.shape[:2])
-        for mask in (
-            np.isin(detection.labels, parts["before"]),
-            np.isin(detection.labels, parts["after"]),
-            detection.combined,
-        )
+    before, after = (
+        _enlarged(np.isin(detection.labels, labels), whole.rgb.shape[:2])
+        for labels in parts.values()
     )
     moved = RgbdFrame(whole.rgb, whole.depth, camera, whole.time_s, mask=whole.mask)
     unknown = np.zeros(whole.depth.shape, np.float32)
-    return View(moved, detection.exposure, unknown, before, after, combined)
+    return View(moved, detection.exposure, unknown, before, after)
 
 
 def aligned_view(view: View, gaussian_map: GaussianMap, threads: int = 0) -> View:
@@ -142,12 +137,10 @@ def near_site(depth: Floats32, camera: Camera, site: Site, margin_m: float) -> B
         return near
     x0, y0, x1, y1 = rectangle
     part = depth[y0:y1, x0:x1]
-    x = (np.arange(x0, x1) + 0.5 - camera.cx) / camera.fx
-    y = (np.arange(y0, y1) + 0.5 - camera.cy) / camera.fy
-    in_camera = np.stack([x * part, y[:, None] * part, part], axis=-1)
-    pose = camera.world_from_camera
-    inside = site.contains(in_camera @ pose[:3, :3].T + pose[:3, 3], margin_m)
-    near[y0:y1, x0:x1] = inside & (part > 0)
+    rows, columns = np.indices(part.shape)
+    places = np.column_stack([columns.ravel() + x0 + 0.5, rows.ravel() + y0 + 0.5])
+    points = lifted(camera, places, part.ravel().astype(np.float64))
+    near[y0:y1, x0:x1] = site.contains(points, margin_m).reshape(part.shape) & (part > 0)
     return near
 
 
