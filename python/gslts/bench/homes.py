@@ -181,10 +181,7 @@ def default_state(source: HomeSource, initial_actions: Iterable[ChangeAction]) -
         ValueError: It is another home.
         ChangeError: An action cannot be done.
     """
-    state = SceneState(source.load(Path()))
-    for action in initial_actions:
-        state = state.after(action)
-    return state
+    return SceneState(source.load(Path())).after_all(initial_actions)
 
 
 def shares_of(count: int, homes: int) -> list[int]:

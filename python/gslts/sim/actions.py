@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
@@ -179,6 +179,17 @@ class SceneState:
                 point = np.array([action.position.x, action.position.y, action.position.z])
                 home = changes.place(home, action.objectId, point, action.rotation, keep_free)
         return SceneState(home, aside)
+
+    def after_all(self, actions: Iterable[ChangeAction]) -> SceneState:
+        """The state after some actions.
+
+        Raises:
+            ChangeError: One cannot be done, and why.
+        """
+        state = self
+        for action in actions:
+            state = state.after(action)
+        return state
 
 
 def checked_action(name: str, arguments: Mapping[str, Any]) -> AnyAction:

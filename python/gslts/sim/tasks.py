@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gslts.sim.home import Home
+from gslts.sim.home import Home, HomeObject
 from gslts.sim.home_source import FILE_TYPES, FileSource, HomeSource, require_room_type
 from gslts.sim.task import Kind, Task
 from gslts.sim.trial import NoTaskError, Setting, Traversal
@@ -104,14 +104,13 @@ class TaskMaker:
         self._types: Counter[str] = Counter()
 
     def make(self, source: HomeSource | FileSource, home: Home, count: int) -> list[Task]:
-        """Up to `count` tasks of a home.
+        """Up to `count` tasks of a home, which all start from one state of it.
 
         Raises:
             ValueError: The setting asks for an object or receptacle that the first home lacks;
                 later ones without it give no tasks.
         """
-        rng = np.random.default_rng([self._seed, self._homes])
-        self._homes += 1
+        rng = self._rng_of_next_home()
         try:
             traversal = Traversal(home, self._setting, rng)
         except ValueError as reason:
@@ -123,26 +122,75 @@ class TaskMaker:
         left = {kind: traversal.objects(kind) for kind in KINDS}
         failures: Counter[Kind] = Counter()
         for _ in range(TRIES_PER_TASK * count):
-            kinds = [kind for kind in KINDS if left[kind]]
-            if len(tasks) == count or not kinds:
+            if len(tasks) == count or not any(left.values()):
                 break
-            # The kind that is behind, unless this home keeps refusing it.
-            kind = min(kinds, key=lambda name: self._kinds[name] + failures[name] // PATIENCE)
-            due = [thing for thing in left[kind] if self._type_is_due(thing.type)] or left[kind]
-            thing = due[rng.integers(len(due))]
-            try:
-                tasks.append(traversal.task(source, traversal.trial(kind, thing)))
-            except NoTaskError as reason:
-                self.refused[str(reason)] += 1
-                failures[kind] += 1
-                if kind == "removal":  # Nothing about it could turn out otherwise.
-                    left[kind].remove(thing)
-                continue
-            self._kinds[kind] += 1
-            self._types[thing.type] += 1
-            if kind == "removal" or self._setting.object_id is None:
-                left[kind].remove(thing)
+            tasks += self._tried(source, traversal, left, failures, rng)
         return tasks
+
+    def make_in_a_row(
+        self, source: HomeSource | FileSource, home: Home, count: int
+    ) -> Iterator[Task]:
+        """Up to `count` tasks of a home, each of which starts where the one before ended.
+
+        The first one starts as those of `make`.
+
+        Raises:
+            ValueError: The setting asks for an object or receptacle that the home lacks.
+        """
+        rng = self._rng_of_next_home()
+        traversal = Traversal(home, self._setting, rng)
+        failures: Counter[Kind] = Counter()
+        made = 0
+        left: dict[Kind, list[HomeObject]] = {}
+        for _ in range(TRIES_PER_TASK * count):
+            if not any(left.values()):  # All were tried, and may find another place.
+                left = {kind: traversal.objects(kind) for kind in KINDS}
+            if not any(left.values()):
+                return
+            for task in self._tried(source, traversal, left, failures, rng, once=True):
+                yield task
+                made += 1
+                if made == count:
+                    return
+                done = (*task.initial_actions, *task.change_actions)
+                traversal = Traversal(home, self._setting, rng, done)
+                left = {}
+
+    def _rng_of_next_home(self) -> np.random.Generator:
+        self._homes += 1
+        return np.random.default_rng([self._seed, self._homes - 1])
+
+    def _tried(
+        self,
+        source: HomeSource | FileSource,
+        traversal: Traversal,
+        left: dict[Kind, list[HomeObject]],
+        failures: Counter[Kind],
+        rng: np.random.Generator,
+        *,
+        once: bool = False,
+    ) -> list[Task]:
+        """The task of the change that is due, if it makes one; `once` does not try it again."""
+        # The kind that is behind, unless this home keeps refusing it.
+        kind = min(
+            (kind for kind in KINDS if left[kind]),
+            key=lambda name: self._kinds[name] + failures[name] // PATIENCE,
+        )
+        due = [thing for thing in left[kind] if self._type_is_due(thing.type)] or left[kind]
+        thing = due[rng.integers(len(due))]
+        try:
+            task = traversal.task(source, traversal.trial(kind, thing))
+        except NoTaskError as reason:
+            self.refused[str(reason)] += 1
+            failures[kind] += 1
+            if once or kind == "removal":  # Nothing about a removal could turn out otherwise.
+                left[kind].remove(thing)
+            return []
+        self._kinds[kind] += 1
+        self._types[thing.type] += 1
+        if kind == "removal" or self._setting.object_id is None:
+            left[kind].remove(thing)
+        return [task]
 
     def _type_is_due(self, name: str) -> bool:
         """Whether a type has not had more than its share yet."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,7 @@ from gslts.sim.actions import (
     EnableObject,
     PlaceObjectAtPoint,
     Point,
+    SceneState,
 )
 from gslts.sim.home import Floats, Home, HomeObject
 from gslts.sim.home_source import FileSource, HomeSource
@@ -99,21 +101,32 @@ class Traversal:
     """A home whose objects are traversed: movable objects x receptacles x places.
 
     Args:
-        home: With all its objects; some are taken aside.
+        home: With all its objects.
         setting: What all tasks have in common.
         rng: Decides everything.
+        initial_actions: What was done to the home before. None means that some objects are taken
+            aside, so that there is something to add.
 
     Raises:
         ValueError: The setting asks for an object or receptacle that cannot be used.
+        ChangeError: An initial action cannot be done.
     """
 
-    def __init__(self, home: Home, setting: Setting, rng: np.random.Generator) -> None:
+    def __init__(
+        self,
+        home: Home,
+        setting: Setting,
+        rng: np.random.Generator,
+        initial_actions: Sequence[ChangeAction] | None = None,
+    ) -> None:
         self._rng, self._setting = rng, setting
         _refuse_impossible(home, setting)
-        aside = self._draw_aside(home) if setting.object_id is None else []
-        self._aside = {thing.id: thing for thing in aside}
-        self._initial = tuple(DisableObject(objectId=thing.id) for thing in aside)
-        self._whole, self._home = home, home.without(self._aside)
+        if initial_actions is None:
+            aside = self._draw_aside(home) if setting.object_id is None else []
+            initial_actions = [DisableObject(objectId=thing.id) for thing in aside]
+        self._initial = tuple(initial_actions)
+        state = SceneState(home).after_all(self._initial)
+        self._whole, self._home, self._aside = home, state.home, state.aside
         self._scene = RayScene(self._home)
         self._sensor_seeds = rng.integers(1 << 31, size=2)
 
