@@ -82,6 +82,21 @@ def test_it_ends_when_the_error_falls_no_longer() -> None:
     assert min(result.losses[-2:]) > 0.9 * min(result.losses[:-2])
 
 
+def test_new_views_are_fitted_as_often_as_they_are_wanted() -> None:
+    found, edit = update_room.collected("removal"), edit_of("removal")
+    moving = moving_of(edit, found.sites, CONFIG.reach_m)
+    once = targets_of(found.views, found.sites, CONFIG.model_copy(update={"new_visits": 1}))
+    thrice = targets_of(found.views, found.sites, CONFIG.model_copy(update={"new_visits": 3}))
+    repeated = [target for target in once for _ in range(3)]
+    given = (edit.gaussian_map, moving, CONFIG)
+    maps = [
+        refine(given[0], targets, *given[1:], threads=1).gaussian_map
+        for targets in (once, thrice, repeated)
+    ]
+    np.testing.assert_array_equal(maps[1].sh, maps[2].sh)
+    assert (maps[0].sh != maps[1].sh).any()
+
+
 def test_steps_are_watched() -> None:
     found, edit = update_room.collected("removal"), edit_of("removal")
     moving = moving_of(edit, found.sites, CONFIG.reach_m)

@@ -177,6 +177,60 @@ def update(
     end(outcome.errors, outcome.missing, tasks)
 
 
+@bench.command()
+def series(
+    seeds: Seeds = "0:1",
+    room: Rooms = None,
+    changes: Annotated[int, typer.Option(min=1, help="In a row, in each home.")] = 100,
+    every: Annotated[
+        int, typer.Option(min=1, help="Fresh views are compared after so many changes.")
+    ] = 10,
+    jobs: Jobs = 1,
+    json_path: Json = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="PNG of PSNR and of the number of Gaussians.")
+    ] = None,
+    work: Work = WORK,
+    preset: MapPreset = Preset.BALANCED,
+    settings: Settings = None,
+    frames: Frames = 200,
+    size: Size = "640x480",
+) -> None:
+    """Measure many changes in a row: the updated map against one built anew at the end.
+
+    Each change starts where the one before ended, and from the map that was made of it; what is not
+    detected in the first frame stays as it is, until it is seen again.
+
+    Example: gslts bench series --room kitchen --changes 100 --plot out/series.png
+    """
+    from tqdm import tqdm
+
+    from gslts.bench import series as bench_series
+    from gslts.bench.homes import homes_of
+    from gslts.bench.series_report import printed, write_plot
+    from gslts.files import write_whole
+
+    chosen, setup = seeds_of(seeds), setup_of(preset, settings, frames, size)
+    homes = homes_of(chosen, room or [], setup, work)
+    for path in (json_path, plot):
+        require_writable(path)
+    work.mkdir(parents=True, exist_ok=True)
+    units = [bench_series.SeriesUnit(home, changes, every) for home in homes]
+    with tqdm(total=1, desc="changing", bar_format=BAR, smoothing=0.05, disable=None) as bar:
+        steps, ends, failed = bench_series.measure(units, jobs, bar)
+    typer.echo(printed(steps, ends))
+    if json_path is not None:
+        told = {
+            "steps": [one.model_dump(mode="json") for own in steps.values() for one in own],
+            "ends": [one.model_dump(mode="json") for one in ends.values()],
+            "errors": failed,
+        }
+        write_whole(json_path, (json.dumps(told, indent=1) + "\n").encode())
+    if plot is not None:
+        write_plot(steps, ends, plot)
+    end(failed, 0, 0)
+
+
 def seeds_of(text: str) -> range:
     """Of the option --seeds.
 

@@ -57,7 +57,7 @@ class EditConfig(BaseModel):
     only_missing: bool = True
     flat: bool = True
     observed_colors: bool = True
-    voxel_m: Positive = 0.01
+    voxel_m: Positive = 0.015
     contrast: Rate = 0.1
     margin_m: Rate = 0.1
 
@@ -83,8 +83,9 @@ class RefineConfig(BaseModel):
         reach_m: Gaussians so near to the boxes of the change may move.
         around_px: So many pixels around what changed are fitted.
         remembered: Old views that are kept as they were, at most.
-        patience: The refinement ends when the error of the new views fell by less than `least_gain`
-            for so many visits of them all.
+        new_visits: New views are fitted so often for each time that old ones are.
+        patience: The refinement ends when the error fell by less than `least_gain` in so many
+            rounds of all views.
         least_gain: Share of the error.
         dssim_weight: Of 1 - SSIM against L1 of the colours.
         depth_weight: Of the relative error of the depth.
@@ -100,17 +101,18 @@ class RefineConfig(BaseModel):
     scope: Literal["region", "map"] = "region"
     reach_m: Rate = 0.45
     around_px: Count = 80
-    remembered: Count = 10
-    patience: Annotated[int, Field(ge=1)] = 4
-    least_gain: Rate = 0.005
+    remembered: Count = 20
+    new_visits: Annotated[int, Field(ge=1, le=100)] = 2
+    patience: Annotated[int, Field(ge=1)] = 2
+    least_gain: Rate = 0.01
     dssim_weight: Share = 0.2
     depth_weight: Rate = 0.2
     means_rate: Rate = 1e-3
-    quats_rate: Rate = 1e-2
-    log_scales_rate: Rate = 2e-2
-    logit_opacities_rate: Rate = 4e-2
+    quats_rate: Rate = 2e-2
+    log_scales_rate: Rate = 3e-2
+    logit_opacities_rate: Rate = 6e-2
     sh_rate: Rate = 2e-2
-    rates_left: Share = 0.1
+    rates_left: Share = 0.05
     seed: Count = 0
 
 

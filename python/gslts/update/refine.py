@@ -39,6 +39,7 @@ class Target:
         exposure: From the map's colours to these.
         depth: [H,W] m; 0 where it is not known.
         mask: [H,W] pixels that are compared; None means all.
+        visits: How often it is fitted in a round of all targets.
     """
 
     camera: Camera
@@ -46,6 +47,7 @@ class Target:
     exposure: Exposure
     depth: Floats32
     mask: Bools | None
+    visits: int = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +57,7 @@ class Refined:
     Attributes:
         gaussian_map: All but the Gaussians that could move are bit-identical.
         iterations: Steps that were done.
-        losses: Mean loss of the views in each visit of them all.
+        losses: Mean loss of each whole round of the targets.
     """
 
     gaussian_map: GaussianMap
@@ -87,18 +89,19 @@ def refine(
     fit = _Fit(gaussian_map, targets, active, config, threads)
     rng = np.random.default_rng(config.seed)
     losses: list[float] = []
+    a_round = np.repeat(np.arange(len(targets)), [target.visits for target in targets])
     for step in range(config.iterations):
-        place = step % len(targets)
+        place = step % len(a_round)
         if place == 0:
-            if _settled(_by_visit(losses, len(targets)), config):
+            if _settled(_by_round(losses, len(a_round)), config):
                 break
-            order = rng.permutation(len(targets))
+            order = rng.permutation(a_round)
         background = rng.random(3).tolist()
         losses.append(fit.step(targets[order[place]], step / config.iterations, background))
         watch(step + 1, fit.current)
     if not losses:
         return Refined(gaussian_map, 0, ())
-    return Refined(fit.current(), len(losses), tuple(_by_visit(losses, len(targets))))
+    return Refined(fit.current(), len(losses), tuple(_by_round(losses, len(a_round))))
 
 
 class _Fit:
@@ -162,7 +165,10 @@ def targets_of(views: Iterable[View], sites: Sequence[Site], config: RefineConfi
             if not mask.any():
                 continue
         photo = view.frame.rgb.astype(np.float32) / np.float32(255)
-        targets.append(Target(view.camera, photo, view.exposure, view.depth, mask))
+        target = Target(
+            view.camera, photo, view.exposure, view.depth, mask, visits=config.new_visits
+        )
+        targets.append(target)
     return targets
 
 
@@ -264,15 +270,15 @@ def _rates(config: RefineConfig, share: float) -> AdamRates:
     )
 
 
-def _by_visit(losses: Sequence[float], targets: int) -> list[float]:
-    """Means over each visit of all targets."""
-    whole = len(losses) // targets * targets
-    means = np.reshape(losses[:whole], (-1, targets)).mean(axis=1)
+def _by_round(losses: Sequence[float], steps: int) -> list[float]:
+    """Means over each whole round of so many steps."""
+    whole = len(losses) // steps * steps
+    means = np.reshape(losses[:whole], (-1, steps)).mean(axis=1)
     return [float(mean) for mean in means]
 
 
 def _settled(losses: Sequence[float], config: RefineConfig) -> bool:
-    """Whether the error fell too little in the last visits."""
+    """Whether the error fell too little in the last rounds."""
     if len(losses) <= config.patience:
         return False
     before, after = min(losses[: -config.patience]), min(losses[-config.patience :])
