@@ -2,6 +2,7 @@
 
 import json
 from collections import Counter
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +43,33 @@ def test_kinds_are_balanced_and_changes_differ(tasks: list[Task]) -> None:
     assert set(kinds) == {"addition", "removal", "relocation"}
     assert len({(task.change.kind, task.change.object_id) for task in tasks}) == COUNT
     assert all(task.initial_actions == tasks[0].initial_actions for task in tasks), "one map"
+
+
+def test_changes_in_a_row_start_where_the_one_before_ended(
+    tasks: list[Task], source_and_home: tuple[HomeSource, Home]
+) -> None:
+    source, home = source_and_home
+    maker = TaskMaker(Setting(noise="kinect", width=160, height=120), 0)
+    row = list(maker.make_in_a_row(source, home, COUNT))
+    assert row[0].initial_actions == tasks[0].initial_actions, "the same map"
+    kinds = Counter(task.change.kind for task in row)
+    assert max(kinds.values()) - min(kinds.values()) <= 3
+    for before, after in pairwise(row):
+        assert after.initial_actions == (*before.initial_actions, *before.change_actions)
+        ended, starts = before.states(home)[1], after.states(home)[0]
+        assert sorted(ended.aside) == sorted(starts.aside)
+        for was, is_ in zip(ended.home.objects, starts.home.objects, strict=True):
+            assert was.id == is_.id
+            np.testing.assert_array_equal(was.world_from_object, is_.world_from_object)
+
+
+def test_a_home_without_movable_objects_gives_no_changes(
+    source_and_home: tuple[HomeSource, Home],
+) -> None:
+    source, home = source_and_home
+    bare = home.without(thing.id for thing in home.objects if thing.movable)
+    maker = TaskMaker(Setting(width=160, height=120), 0)
+    assert list(maker.make_in_a_row(source, bare, 3)) == []
 
 
 def test_the_change_is_what_happens_and_is_seen(
