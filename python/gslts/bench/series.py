@@ -140,6 +140,8 @@ class SeriesUnit:
             )
             seconds = result.record.seconds
             updated = result.gaussian_map
+            if result.record.refused is None:  # As `gslts update` does.
+                cameras += [view.camera for view in result.views]
             look = number % self.every == 0 or number == len(tasks)
             step = Step(
                 id=f"{self.name}/{number:03}",
