@@ -20,7 +20,7 @@ from gslts.robot import Robot
 from gslts.sim.controller import Controller
 from gslts.sim.home import Home
 from gslts.update.config import RefineConfig, UpdateConfig
-from gslts.update.updater import Update, update, updated_with
+from gslts.update.updater import Update, _moved_once, update, updated_with
 
 CONFIG = UpdateConfig(
     collect=COLLECT, edit=SMALL, refine=RefineConfig(iterations=60, around_px=15), threads=1
@@ -185,6 +185,23 @@ def test_an_object_that_moves_again_meanwhile_is_left(frames: int) -> None:
     robot = Changing(update_room.changed_home("addition"), change_room.home(), frames)
     result = run(robot, "addition")
     refused(result)
+
+
+def test_what_moved_once_is_told_from_errors_of_single_views() -> None:
+    seen = {
+        "moved": "nnnTTTTT",
+        "moved late": "nnnnnnTT",
+        "moved, one view errs": "nnnnTTTTTTnT",
+        "there": "nnnnnnnn",
+        "errors": "nTTnnTnn",
+        "one view alone": "nTTTTTTT",
+        "not seen": "        ",
+    }
+    for name, views in seen.items():
+        on, through = (np.array([[view == sign] for view in views], np.int32) for sign in "nT")
+        expected = name.startswith("moved")
+        assert bool(_moved_once(on, through)[0]) == expected, name
+        assert not _moved_once(through, on)[0]
 
 
 def test_one_wrong_pose_does_no_harm() -> None:

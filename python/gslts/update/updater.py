@@ -29,15 +29,18 @@ from gslts.update.views import View
 Stage = Literal["collecting", "refining"]
 Tell = Callable[[Stage], None]
 Bools = NDArray[np.bool_]
+Ints = NDArray[np.int32]
 
 LEAST_SHOWING = 0.5
 """Share of the views that must show a change, or it was a false alarm."""
 LEAST_MEASURED = 0.1
 """Share of what changed in which depth must be measured."""
 LEAST_AGAINST = 2
-"""Views that see a Gaussian and such that see through it, from which on they contradict."""
-MOST_CONTRADICTED = 0.3
-"""Share of what comes and goes of which views may contradict each other."""
+"""Views that see a Gaussian, and later or earlier ones that see through it, of one that moved."""
+MOST_UNSTEADY = 0.3
+"""Share of what comes and goes that may have moved while it was looked at."""
+AGREEING = 0.9
+"""Share of the views that must agree on when a Gaussian moved: errors come and go."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +105,7 @@ def update(
     """Lets a robot look at changes closely, and brings the map up to date with them.
 
     Nothing of the map changes but what is near them. It stays as it was if no view can be had, the
-    views do not show a change or contradict each other, or the update fits views that were held
+    views do not show a change, what changed moves again, or the update fits views that were held
     back no better.
 
     Args:
@@ -168,11 +171,11 @@ def updated_with(
     if record.refused is not None:
         return gaussian_map, replace(record, seconds=clock.stages)
     edit = pre_edit(gaussian_map, used, sites, config.edit, threads=threads)
-    against = contradicted(gaussian_map, edit, used)
+    unsteady = unsteady_share(gaussian_map, edit, used)
     clock.note("editing")
     record = replace(record, removed=int(edit.removed.sum()), added=edit.added)
-    if against > MOST_CONTRADICTED:
-        why = f"the views contradict each other in {100 * against:.0f} % of what changed"
+    if unsteady > MOST_UNSTEADY:
+        why = f"{100 * unsteady:.0f} % of what changed moved again while it was looked at"
         return gaussian_map, replace(record, refused=why, seconds=clock.stages)
     moving = moving_of(edit, sites, config.refine.reach_m)
     targets = targets_of(used, sites, config.refine)
@@ -229,16 +232,34 @@ def moving_of(edit: Edit, sites: Sequence[Site], reach_m: float) -> Bools:
     return moving
 
 
-def contradicted(before: GaussianMap, edit: Edit, views: Sequence[View]) -> float:
-    """Share of what went and came that some views see, and others see through."""
+def unsteady_share(before: GaussianMap, edit: Edit, views: Sequence[View]) -> float:
+    """Share of what went and came that was there up to some view and not from then on, or not yet.
+
+    Args:
+        before: The map before the edit.
+        edit: What went and came.
+        views: In the order in which they were taken.
+    """
     rows = np.arange(edit.gaussian_map.size)
     new = edit.gaussian_map.select(rows >= rows.size - edit.added)
-    against = total = 0
+    unsteady = total = 0
     for part in (before.select(edit.removed), new):
-        on, through = sightings(part, views)
-        against += int((np.minimum(on, through) >= LEAST_AGAINST).sum())
+        seen = [sightings(part, [view]) for view in views]
+        on, through = (np.array(one) for one in zip(*seen, strict=True))
+        moved = _moved_once(on, through) | _moved_once(through, on)
+        unsteady += int(moved.sum())
         total += part.size
-    return against / total if total else 0.0
+    return unsteady / total if total else 0.0
+
+
+def _moved_once(first: Ints, then: Ints) -> Bools:
+    """[N] whether views [V,N] tell one thing up to one of them and the other from there on."""
+    told = first.sum(axis=0) + then.sum(axis=0)
+    before = first.cumsum(axis=0)
+    after = then.sum(axis=0) - then.cumsum(axis=0)
+    enough = (before >= LEAST_AGAINST) & (after >= LEAST_AGAINST)
+    moved: Bools = (enough & (before + after >= AGREEING * told)).any(axis=0)
+    return moved
 
 
 class _Clock:
