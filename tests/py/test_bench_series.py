@@ -5,11 +5,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from PIL import Image
 from test_bench_update import SETTINGS
 from test_cli_sim import gslts
 
 from gslts.bench.series import ANEW, BEFORE, MAPS, UPDATED, End, Step
-from gslts.bench.series_report import GAIN, GROWTH, printed
+from gslts.bench.series_report import GAIN, GROWTH, printed, write_plot
 
 SMALL = ("--room", "kitchen", "--seeds", "3:4", "--changes", "4", "--every", "2")
 RUN = ("bench", "series", *SMALL, "--size", "240x180", "--frames", "32", *SETTINGS)
@@ -93,7 +94,24 @@ def test_the_table_holds_the_figures() -> None:
     assert printed(steps, {}) == "no home came to its end"
 
 
-def test_a_home_that_fails_is_named(tmp_path: Path) -> None:
+def test_a_home_that_stopped_early_is_drawn_without_its_end(tmp_path: Path) -> None:
+    step = Step(
+        id="home/001",
+        kind="removal",
+        object_type="Mug",
+        detected=True,
+        changes=1,
+        refused=None,
+        gaussians=10,
+        seconds=1.0,
+        psnr_db=None,
+    )
+    write_plot({"home": [step]}, {}, tmp_path / "plot.png")
+    with Image.open(tmp_path / "plot.png") as picture:
+        assert picture.size == (880, 660)
+
+
+def test_a_file_that_cannot_be_written_is_named_before_the_work(tmp_path: Path) -> None:
     process = gslts(*RUN, "--set", "voxel_m=0.05", "--work", "x/y", "--json", "/", cwd=tmp_path)
     assert process.returncode != 0
     assert process.stderr.count("\n") == 1

@@ -50,7 +50,8 @@ def write_plot(steps: Mapping[str, Sequence[Step]], ends: Mapping[str, End], pat
     for number, (name, own) in enumerate(steps.items()):
         color = f"C{number}"
         looked = [(k, one.psnr_db) for k, one in enumerate(own, start=1) if one.psnr_db is not None]
-        upper.plot(*zip(*looked, strict=True), "-o", color=color, label=f"{name}, updated")
+        places, psnrs_db = [place for place, _ in looked], [psnr_db for _, psnr_db in looked]
+        upper.plot(places, psnrs_db, "-o", color=color, label=f"{name}, updated")
         counts = [one.gaussians for one in own]
         lower.plot(range(1, len(own) + 1), counts, "-", color=color, label=f"{name}, updated")
         if name not in ends:

@@ -18,6 +18,7 @@ from gslts.update.verify import split_held_back
 
 PLAIN = RefineConfig(
     scope="map",
+    new_visits=1,
     patience=1_000_000,
     depth_weight=0.0,
     means_rate=5e-4,
