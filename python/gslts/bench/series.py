@@ -12,21 +12,19 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, FiniteFloat
 
-from gslts.alignment import aligned
 from gslts.bench.detect_run import report_of
 from gslts.bench.detect_score import fits
 from gslts.bench.detect_visits import draw_visit
 from gslts.bench.homes import MAP_S, RECORDING_S, BenchHome
+from gslts.bench.update_score import as_mapped
 from gslts.bench.work import Add, Tell, run_units
-from gslts.camera import at_pose
 from gslts.camera_files import read_cameras
 from gslts.change.detect import ChangeDetector
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import GaussianMap
-from gslts.losses import exposed, fit_exposure
+from gslts.losses import exposed
 from gslts.map_folder import CAMERAS, read_map
 from gslts.mapping.evaluate import psnr_db
-from gslts.render import Rasterizer, RenderOptions
 from gslts.sim.actions import SceneState
 from gslts.sim.controller import Controller
 from gslts.sim.home_source import STRICT
@@ -39,7 +37,6 @@ from gslts.update.updater import update
 FRESH_VIEWS = 40
 """That nothing was mapped from, drawn anew for each state that is looked at."""
 MAPS = UPDATED, BEFORE, ANEW = ("updated", "before all changes", "built anew")
-ALIGN_STEPS = 4
 STEP_S, LOOK_S = 12.0, 20.0
 """About how long a change takes, and a comparison, for the progress."""
 
@@ -130,7 +127,6 @@ class SeriesUnit:
         tasks = self._tasks()
         home = tasks[0].home.load(Path())
         for number, task in enumerate(tasks, start=1):
-            after = task.states(home)[1]
             robot = task.start(home, changed=True)
             detector = ChangeDetector(updated, cameras=cameras)
             found = detector.detect(robot.observe()).changes
@@ -143,6 +139,7 @@ class SeriesUnit:
             if result.record.refused is None:  # As `gslts update` does.
                 cameras += [view.camera for view in result.views]
             look = number % self.every == 0 or number == len(tasks)
+            frames = fresh_frames(task.states(home)[1], task, number) if look else []
             step = Step(
                 id=f"{self.name}/{number:03}",
                 kind=task.change.kind,
@@ -152,13 +149,13 @@ class SeriesUnit:
                 refused=result.record.refused if found else None,
                 gaussians=updated.size,
                 seconds=seconds.get("editing", 0.0) + seconds.get("refining", 0.0),
-                psnr_db=psnr_of(updated, fresh_frames(after, task, number)) if look else None,
+                psnr_db=psnr_of(updated, frames) if look else None,
             )
             add(step.model_dump(mode="json"))
             tell(time.perf_counter() - start_s)
         anew = read_map(_EndHome(**vars(self.bench), last=tasks[-1]).map(tell))
-        frames = fresh_frames(after, tasks[-1], 0)
         maps = dict(zip(MAPS, (updated, first, anew), strict=True))
+        frames = fresh_frames(tasks[-1].states(home)[1], tasks[-1], 0)
         end = End(
             id=f"{self.name}/end",
             psnr_db={name: psnr_of(one, frames) for name, one in maps.items()},
@@ -193,13 +190,11 @@ def fresh_frames(state: SceneState, task: Task, seed: int) -> list[RgbdFrame]:
 
 def psnr_of(gaussian_map: GaussianMap, frames: Sequence[RgbdFrame]) -> float:
     """Mean over frames, dB, with cameras aligned with the map and an exposure fitted to it."""
-    rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=1)
     psnrs_db = []
     for frame in frames:
-        pose = aligned(gaussian_map, [frame.halved(), frame], ALIGN_STEPS, threads=1)
-        rgb = rasterizer.forward(gaussian_map, at_pose(frame.camera, pose), options).rgb
+        _, exposure, rgb = as_mapped(frame, gaussian_map)
         photo = frame.rgb.astype(np.float32) / np.float32(255)
-        shown = exposed(rgb, fit_exposure(rgb, photo, threads=1)).clip(0, 1)
+        shown = exposed(rgb, exposure).clip(0, 1)
         psnrs_db.append(psnr_db(np.asarray(shown, np.float32), photo))
     return float(np.mean(psnrs_db))
 

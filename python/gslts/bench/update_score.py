@@ -96,12 +96,27 @@ def judged_view(
     for x0, y0, x1, y1 in crops:
         inside[y0:y1, x0:x1] = True
     rest = RgbdFrame(frame.rgb, frame.depth, frame.camera, mask=~inside)
-    pose = aligned(before, [rest.halved(), rest], ALIGN_STEPS, threads=1)
+    camera, exposure, _ = as_mapped(rest, before)
+    photo = frame.rgb.astype(np.float32) / np.float32(255)
+    return JudgedView(near, photo, camera, frame.camera, tuple(crops), inside, exposure)
+
+
+def as_mapped(frame: RgbdFrame, gaussian_map: GaussianMap) -> tuple[Camera, Exposure, Floats32]:
+    """Where a map says that a frame was taken, how it is exposed, and what the map shows there.
+
+    Args:
+        frame: Its mask tells what is compared; the pose is nearly right.
+        gaussian_map: float32.
+
+    Returns:
+        The camera, the exposure from the map's colours to those of the frame, and [H,W,3] the map's
+        colours.
+    """
+    pose = aligned(gaussian_map, [frame.halved(), frame], ALIGN_STEPS, threads=1)
     camera = at_pose(frame.camera, pose)
     photo = frame.rgb.astype(np.float32) / np.float32(255)
-    rgb = Rasterizer(np.float32).forward(before, camera, RenderOptions(threads=1)).rgb
-    exposure = fit_exposure(rgb, photo, mask=~inside, threads=1)
-    return JudgedView(near, photo, camera, frame.camera, tuple(crops), inside, exposure)
+    rgb = Rasterizer(np.float32).forward(gaussian_map, camera, RenderOptions(threads=1)).rgb
+    return camera, fit_exposure(rgb, photo, mask=frame.mask, threads=1), np.asarray(rgb, np.float32)
 
 
 class Judge:
