@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import re
+import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 
@@ -14,7 +16,7 @@ def write_whole(path: Path, content: bytes) -> None:
     Raises:
         OSError: It cannot be written.
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    temporary = part_of(path)
     try:
         with naming(path), temporary.open("wb") as file:
             file.write(content)
@@ -22,8 +24,32 @@ def write_whole(path: Path, content: bytes) -> None:
             os.fsync(file.fileno())
         temporary.replace(path)
     except BaseException:
-        temporary.unlink(missing_ok=True)
+        remove_tree(temporary)
         raise
+
+
+def part_of(path: Path) -> Path:
+    """Where this process writes what is to appear at a path as a whole: beside it.
+
+    What was left there by processes that were stopped is removed. One of them may have had the
+    number of this one: in a container, it is often the same each time.
+    """
+    name = re.compile(rf"\.{re.escape(path.name)}\.(\d{{1,9}})\.part")
+    own = path.with_name(f".{path.name}.{os.getpid()}.part")
+    for part in path.parent.glob(".*.part"):
+        of = name.fullmatch(part.name)
+        if of is not None and (part == own or not _runs(int(of[1]))):
+            remove_tree(part)
+    return own
+
+
+def remove_tree(path: Path) -> None:
+    """Removes a file or a folder, as far as the disk lets it."""
+    if path.is_dir():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        with suppress(OSError):
+            path.unlink()
 
 
 @contextmanager
@@ -32,7 +58,7 @@ def naming(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.filename is None:
+        if error.filename is None and error.errno is not None:
             error.filename = str(path)
         raise
 
@@ -47,3 +73,13 @@ def empty_folder(path: Path) -> None:
     path.mkdir(parents=True, exist_ok=True)
     if any(path.iterdir()):
         raise ValueError(f"{path} is not empty")
+
+
+def _runs(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        pass
+    return True

@@ -1,0 +1,117 @@
+"""Versions of a map that are known in advance, and a program that commits them.
+
+    python benchmarks/faults/made_up.py MAP --more 12
+
+adds so many versions, as the long-term loop does, and prints the number of each when its commit has
+returned. If it fails, it tries once more, and then tells.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslts.files import write_whole
+from gslts.gaussian_map import GaussianMap
+from gslts.map_folder import open_versions, write_map_folder
+from gslts.mapping.density import joined
+from gslts.store.index import Event
+from gslts.store.map_store import MapStore
+
+GAUSSIANS, NEW = 300, 20
+STATE = "loop.json"
+BOX = [[0.0, 0.0, 0.0], [0.1, 0.1, 0.1]]
+
+
+def random_map(size: int, seed: int) -> GaussianMap:
+    rng = np.random.default_rng(seed)
+
+    def normal(*shape: int) -> NDArray[np.float32]:
+        return rng.normal(size=shape).astype(np.float32)
+
+    return GaussianMap(
+        means=normal(size, 3),
+        quats=normal(size, 4) + np.float32(3),
+        log_scales=normal(size, 3),
+        logit_opacities=normal(size),
+        sh=normal(size, 4, 3),
+        features=normal(size, 2),
+    )
+
+
+def restored_by(number: int) -> int | None:
+    """The version that a version brings back; None if it is an update."""
+    return number - 3 if number % 5 == 0 else None
+
+
+@cache
+def map_of(number: int) -> GaussianMap:
+    """What a version holds: of the one before, some are gone, some moved, and some are new."""
+    if number == 1:
+        return random_map(GAUSSIANS, 0)
+    restored = restored_by(number)
+    if restored is not None:
+        return map_of(restored)
+    before = map_of(number - 1)
+    rng = np.random.default_rng(number)
+    kept = before.select(np.flatnonzero(rng.random(before.size) > NEW / GAUSSIANS))
+    means = kept.means.copy()
+    means[rng.random(kept.size) < 0.2] += np.float32(0.5)
+    first_id = max(int(map_of(one).ids[-1]) for one in range(1, number)) + 1
+    return joined(replace(kept, means=means), random_map(NEW, number), first_id)
+
+
+def write_first(folder: Path) -> None:
+    """A map of the first version."""
+    write_map_folder(folder, map_of(1), {"dataset": "made up"}, {})
+
+
+def commit_next(store: MapStore, number: int) -> None:
+    restored = restored_by(number)
+    if restored is not None:
+        store.restore(restored)
+        return
+    event = Event(0, "addition", f"Thing {number}", (None, BOX))
+    store.commit(map_of(number), {"number": number}, [event])
+
+
+def commit_more(folder: Path, more: int) -> None:
+    """Commits so many versions; an error is raised at the end, a second one at once."""
+    failed: OSError | None = None
+    with open_versions(folder, writable=True) as store:
+        store.collect_garbage()
+        last = store.version().number + more
+        while (number := store.version().number + 1) <= last:
+            try:
+                commit_next(store, number)
+                print(number, flush=True)
+                write_whole(folder / STATE, json.dumps({"version": number}).encode())
+            except OSError as error:
+                if failed is not None:
+                    raise
+                failed = error
+    if failed is not None:
+        raise failed
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path, metavar="MAP")
+    parser.add_argument("--more", type=int, required=True)
+    arguments = parser.parse_args()
+    try:
+        commit_more(arguments.folder, arguments.more)
+    except (OSError, ValueError) as error:
+        print(f"gslts: {' '.join(str(error).split())}", file=sys.stderr)
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

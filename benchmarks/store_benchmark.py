@@ -1,0 +1,125 @@
+"""How fast a map with a long past opens, and what its versions take on the disk.
+
+Makes a map of random Gaussians and commits updates, each of which removes, adds and changes as many
+as those of a small object do.
+"""
+
+import argparse
+import json
+import os
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from tqdm import tqdm
+
+from gslts.camera import Camera, camera_from_fov
+from gslts.camera_files import cameras_of_map
+from gslts.gaussian_map import GaussianMap
+from gslts.map_folder import open_versions, plain_camera, read_map, write_map_folder
+
+ARRAYS = ("means", "quats", "log_scales", "logit_opacities", "sh", "features")
+
+
+def random_map(rng: np.random.Generator, count: int, first_id: int) -> GaussianMap:
+    """Gaussians of a map with colours of degree 1."""
+    return GaussianMap(
+        means=rng.normal(size=(count, 3)).astype(np.float32),
+        quats=rng.normal(size=(count, 4)).astype(np.float32),
+        log_scales=rng.normal(size=(count, 3)).astype(np.float32),
+        logit_opacities=rng.normal(size=count).astype(np.float32),
+        sh=rng.normal(size=(count, 4, 3)).astype(np.float32),
+        features=np.zeros((count, 0), np.float32),
+        ids=np.arange(first_id, first_id + count, dtype=np.uint64),
+        origin=np.zeros(3),
+    )
+
+
+def updated(rng: np.random.Generator, before: GaussianMap, touched: int, first: int) -> GaussianMap:
+    """A map after an update: a third of what it touches each goes, comes and changes."""
+    third = touched // 3
+    start = int(rng.integers(before.size - 2 * third))
+    kept = np.ones(before.size, bool)
+    kept[start : start + third] = False
+    arrays = {name: getattr(before, name).copy() for name in ARRAYS}
+    for array in arrays.values():
+        array[start + third : start + 2 * third] += np.float32(0.01)
+    new = random_map(rng, third, first)
+    return GaussianMap(
+        **{name: np.concatenate([arrays[name][kept], getattr(new, name)]) for name in ARRAYS},
+        ids=np.concatenate([before.ids[kept], new.ids]),
+        origin=before.origin,
+    )
+
+
+def camera(rng: np.random.Generator) -> Camera:
+    pose = np.eye(4)
+    pose[:3, 3] = rng.uniform(0, 5, 3)
+    return camera_from_fov(640, 480, np.pi / 2, pose)
+
+
+def seconds(work: object, times: int = 5) -> float:
+    """Median of the time that something takes."""
+    took = []
+    for _ in range(times):
+        start_s = time.perf_counter()
+        work()  # type: ignore[operator]
+        took.append(time.perf_counter() - start_s)
+    return float(np.median(took))
+
+
+def size_of(folder: Path) -> int:
+    """Bytes of all files in it."""
+    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+
+
+def main() -> None:
+    """Measures, and prints JSON."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--gaussians", type=int, default=500_000)
+    parser.add_argument("--versions", type=int, default=1000)
+    parser.add_argument("--touched", type=int, default=3000, help="Gaussians of an update")
+    parser.add_argument("--views", type=int, default=12, help="frames of an update")
+    given = parser.parse_args()
+    rng = np.random.default_rng(0)
+    with TemporaryDirectory(dir=os.environ.get("TMPDIR")) as temporary:
+        folder = Path(temporary) / "map"
+        gaussian_map = random_map(rng, given.gaussians, 0)
+        cameras = {f"{k:05}": camera(rng) for k in range(200)}
+        write_map_folder(folder, gaussian_map, {"dataset": "random"}, cameras)
+        at_first = size_of(folder)
+        bytes_each = gaussian_map.nbytes / gaussian_map.size
+        committing = []
+        with open_versions(folder, writable=True) as store:
+            for _ in tqdm(range(given.versions - 1), desc="committing"):
+                newest = store.version()
+                gaussian_map = updated(rng, gaussian_map, given.touched, newest.next_id)
+                frames = [
+                    {**plain_camera(camera(rng)), "new_viewpoint": k == 0}
+                    for k in range(given.views)
+                ]
+                start_s = time.perf_counter()
+                store.commit(gaussian_map, {"frames": frames})
+                committing.append(time.perf_counter() - start_s)
+        grown = (size_of(folder) - at_first) / (given.versions - 1)
+        with open_versions(folder) as store:
+            newest = store.version().number
+            told = {
+                "gaussians": gaussian_map.size,
+                "versions": newest,
+                "open and read the newest, s": seconds(lambda: read_map(folder)),
+                "cameras, s": seconds(lambda: cameras_of_map(folder)),
+                "read others, s": {
+                    k: seconds(lambda k=k: store.read(k), 3)
+                    for k in range(1, newest + 1, max(1, newest // 8))
+                },
+                "commit, s": [float(np.median(committing)), max(committing)],
+                "bytes an update": grown,
+                "of the Gaussians touched": grown / (given.touched * bytes_each),
+            }
+    print(json.dumps(told, indent=1))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Versions of a map on the disk, each by what it changed."""

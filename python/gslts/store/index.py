@@ -1,0 +1,431 @@
+"""The index of a map's versions: one SQLite file."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+from gslts.files import naming
+
+SCHEMA = 1
+APPLICATION_ID = 0x67736C74
+"""`gslt`, which SQLite keeps in the header of the file."""
+BUSY_S = 10.0
+"""A reader waits so long for a writer that is about to commit."""
+
+Kind = Literal["base", "update", "restore"]
+Found = TypeVar("Found")
+
+TABLES = """
+CREATE TABLE versions (
+    number INTEGER PRIMARY KEY,
+    parent INTEGER REFERENCES versions (number),
+    kind TEXT NOT NULL,
+    time_s REAL NOT NULL,
+    gaussians INTEGER NOT NULL,
+    next_id INTEGER NOT NULL,
+    delta TEXT,
+    delta_bytes INTEGER,
+    touched INTEGER NOT NULL,
+    cause TEXT NOT NULL
+) STRICT;
+CREATE TABLE snapshots (
+    version INTEGER PRIMARY KEY REFERENCES versions (number),
+    key TEXT NOT NULL,
+    bytes INTEGER NOT NULL
+) STRICT;
+CREATE TABLE refusals (
+    version INTEGER NOT NULL REFERENCES versions (number),
+    time_s REAL NOT NULL,
+    cause TEXT NOT NULL
+) STRICT;
+CREATE TABLE events (
+    version INTEGER NOT NULL REFERENCES versions (number),
+    kind TEXT NOT NULL,
+    type TEXT NOT NULL,
+    boxes TEXT NOT NULL
+) STRICT;
+CREATE INDEX events_of_type ON events (type, version);
+"""
+
+
+@dataclass(frozen=True)
+class Blob:
+    """A file of arrays.
+
+    Attributes:
+        key: Its SHA-256.
+        size: Its bytes.
+    """
+
+    key: str
+    size: int
+
+
+@dataclass(frozen=True)
+class Version:
+    """A map as it was from some time on.
+
+    Attributes:
+        number: From 1 on.
+        parent: The version that `delta` leads from; None where there is a snapshot alone.
+        kind: How it came about.
+        time_s: When it was committed, s since 1970 (UTC), by the clock of then.
+        gaussians: How many it has.
+        next_id: No Gaussian of this version or one before has such an id or a higher one.
+        delta: What leads from its parent; None where nothing does, or it is the same.
+        touched: How many Gaussians were removed, added and changed.
+        cause: Why it is, in values of JSON.
+    """
+
+    number: int
+    parent: int | None
+    kind: Kind
+    time_s: float
+    gaussians: int
+    next_id: int
+    delta: Blob | None
+    touched: int
+    cause: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Why a map stayed as it was.
+
+    Attributes:
+        version: That it stayed.
+        time_s: When, s since 1970 (UTC), by the clock of then.
+        cause: What was tried, in values of JSON.
+    """
+
+    version: int
+    time_s: float
+    cause: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Event:
+    """What became of an object.
+
+    Attributes:
+        version: Of the map that knows of it.
+        kind: "addition", "removal" or "relocation".
+        type: Such as "Mug"; "object" where it is not known.
+        boxes: Around it before and after, corners in the world, m; None where it is not there.
+    """
+
+    version: int
+    kind: str
+    type: str
+    boxes: tuple[Any, Any]
+
+
+class Index:
+    """The versions, as one writer and any number of readers see them.
+
+    Args:
+        path: Of the SQLite file.
+        writable: Whether versions may be added; the caller makes sure that one writer does.
+        new: Whether to make the file.
+
+    Raises:
+        OSError: It cannot be opened.
+        ValueError: It is no index, or one of a newer gslts.
+    """
+
+    def __init__(self, path: Path, *, writable: bool = False, new: bool = False) -> None:
+        self._path = path
+        if new == path.exists():
+            raise (
+                FileExistsError(f"{path} is there already")
+                if new
+                else FileNotFoundError(f"{path}: there is no such file")
+            )
+        with self._told():
+            self._connection = self._opened(writable=writable, new=new)
+        try:
+            if new:
+                with self._told():
+                    self._make()
+            self._check()
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Gives the file free."""
+        self._connection.close()
+
+    def versions(self) -> list[Version]:
+        """All, the first one first."""
+        return self._rows("SELECT * FROM versions ORDER BY number", _version)
+
+    def version(self, number: int) -> Version:
+        """One of them.
+
+        Raises:
+            ValueError: There is no such version.
+        """
+        found = self._rows("SELECT * FROM versions WHERE number = ?", _version, (number,))
+        if not found:
+            raise ValueError(f"{self._path.parent}: there is no version {number}")
+        return found[0]
+
+    def newest(self) -> Version:
+        """The last one.
+
+        Raises:
+            ValueError: There is none.
+        """
+        found = self._rows("SELECT * FROM versions ORDER BY number DESC LIMIT 1", _version)
+        if not found:
+            raise ValueError(f"{self._path.parent}: there is no version in it")
+        return found[0]
+
+    def snapshots(self) -> dict[int, Blob]:
+        """Those of versions that were written as a whole."""
+        return dict(
+            self._rows(
+                "SELECT * FROM snapshots",
+                lambda row: (row["version"], _blob(row["key"], row["bytes"])),
+            )
+        )
+
+    def refusals(self) -> list[Refusal]:
+        """Updates that were tried and changed nothing, the first one first."""
+        return self._rows(
+            "SELECT * FROM refusals ORDER BY rowid",
+            lambda row: Refusal(row["version"], row["time_s"], _cause(row)),
+        )
+
+    def refuse(self, refusal: Refusal) -> None:
+        """Notes that an update changed nothing.
+
+        Raises:
+            OSError: It cannot be written.
+        """
+        with self._transaction() as connection:
+            connection.execute(
+                "INSERT INTO refusals VALUES (?, ?, ?)",
+                (refusal.version, refusal.time_s, json.dumps(refusal.cause)),
+            )
+
+    def events(self, object_type: str | None = None) -> list[Event]:
+        """What became of objects, of one type or of all, the first one first."""
+        where, given = ("", ()) if object_type is None else ("WHERE type = ?", (object_type,))
+        return self._rows(
+            f"SELECT * FROM events {where} ORDER BY version, rowid",
+            lambda row: Event(
+                row["version"], row["kind"], row["type"], tuple(json.loads(row["boxes"]))
+            ),
+            given,
+        )
+
+    def add(
+        self, version: Version, snapshot: Blob | None = None, events: Sequence[Event] = ()
+    ) -> None:
+        """Adds a version; it is there for good when this returns, or not at all.
+
+        Raises:
+            OSError: It cannot be written.
+        """
+        delta = version.delta
+        with self._transaction() as connection:
+            connection.execute(
+                "INSERT INTO versions VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                (
+                    version.number,
+                    version.parent,
+                    version.kind,
+                    version.time_s,
+                    version.gaussians,
+                    version.next_id,
+                    None if delta is None else delta.key,
+                    None if delta is None else delta.size,
+                    version.touched,
+                    json.dumps(version.cause),
+                ),
+            )
+            if snapshot is not None:
+                self._add_snapshot(version.number, snapshot)
+            connection.executemany(
+                "INSERT INTO events VALUES (?, ?, ?, ?)",
+                [(one.version, one.kind, one.type, json.dumps(one.boxes)) for one in events],
+            )
+
+    def add_snapshot(self, number: int, snapshot: Blob) -> None:
+        """Notes that a version was written as a whole.
+
+        Raises:
+            OSError: It cannot be written.
+        """
+        with self._transaction():
+            self._add_snapshot(number, snapshot)
+
+    def forget_before(self, number: int) -> None:
+        """Forgets which files the versions before one are made of.
+
+        Raises:
+            OSError: It cannot be written.
+        """
+        with self._transaction() as connection:
+            connection.execute("DELETE FROM snapshots WHERE version < ?", (number,))
+            connection.execute(
+                "UPDATE versions SET delta = NULL, delta_bytes = NULL WHERE number < ?", (number,)
+            )
+
+    def require_whole(self) -> None:
+        """Makes sure that the file itself is not damaged.
+
+        Raises:
+            ValueError: It is.
+        """
+        with self._told():
+            found = self._connection.execute("PRAGMA integrity_check").fetchone()[0]
+        if found != "ok":
+            raise self._damaged(found)
+
+    def _rows(
+        self, query: str, of: Callable[[sqlite3.Row], Found], given: tuple[Any, ...] = ()
+    ) -> list[Found]:
+        """What rows tell, each on its own."""
+        with self._told():
+            rows = self._connection.execute(query, given).fetchall()
+        try:
+            return [of(row) for row in rows]
+        except (IndexError, TypeError, ValueError) as error:
+            raise self._damaged(error) from error
+
+    def _damaged(self, why: object) -> ValueError:
+        return ValueError(f"{self._path}: it is damaged: {why}; copy the map from a backup")
+
+    def _add_snapshot(self, number: int, snapshot: Blob) -> None:
+        self._connection.execute(
+            "INSERT INTO snapshots VALUES (?, ?, ?)", (number, snapshot.key, snapshot.size)
+        )
+
+    def _opened(self, *, writable: bool, new: bool) -> sqlite3.Connection:
+        if writable or new:
+            return self._connect("mode=rwc" if new else "mode=rw")
+        try:
+            connection = self._connect("mode=rw")
+        except sqlite3.OperationalError as error:
+            if _primary(error) not in (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_IOERR):
+                raise
+            # SQLite puts files beside this one even to read, which a full or read-only disk does
+            # not allow. There it may be read alone, unless its log holds versions that it does not.
+            log = self._path.with_name(f"{self._path.name}-wal")
+            if log.exists() and log.stat().st_size > 0:
+                raise OSError(
+                    f"{log}: it cannot be read here; copy the map to a folder that can be written"
+                ) from error
+            return self._connect("mode=ro&immutable=1")
+        connection.execute("PRAGMA query_only = ON")
+        return connection
+
+    def _connect(self, mode: str) -> sqlite3.Connection:
+        connection = sqlite3.connect(
+            f"{self._path.absolute().as_uri()}?{mode}",
+            uri=True,
+            timeout=BUSY_S,
+            isolation_level=None,
+        )
+        connection.row_factory = sqlite3.Row
+        try:
+            connection.execute("PRAGMA foreign_keys = ON")
+            # With FULL, a commit is on the disk when it returns.
+            connection.execute("PRAGMA synchronous = FULL")
+            connection.execute("PRAGMA schema_version")  # Opens the files.
+        except BaseException:
+            connection.close()
+            raise
+        return connection
+
+    def _make(self) -> None:
+        self._connection.execute("PRAGMA journal_mode = WAL")
+        self._connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
+        with self._transaction() as connection:
+            for statement in TABLES.split(";"):
+                connection.execute(statement)
+            connection.execute(f"PRAGMA user_version = {SCHEMA}")
+
+    def _check(self) -> None:
+        with self._told():
+            application = self._connection.execute("PRAGMA application_id").fetchone()[0]
+            schema = self._connection.execute("PRAGMA user_version").fetchone()[0]
+        if application != APPLICATION_ID:
+            raise ValueError(f"{self._path}: it is not the index of a map")
+        if schema != SCHEMA:
+            raise ValueError(
+                f"{self._path}: its schema is version {schema}, this gslts reads {SCHEMA}; "
+                "a newer gslts made it: install that one"
+            )
+
+    @contextmanager
+    def _transaction(self) -> Iterator[sqlite3.Connection]:
+        with self._told():
+            self._connection.execute("BEGIN IMMEDIATE")
+            try:
+                yield self._connection
+                self._connection.execute("COMMIT")
+            except BaseException:
+                if self._connection.in_transaction:
+                    self._connection.execute("ROLLBACK")
+                raise
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        """Tells errors of SQLite as those of files."""
+        try:
+            with naming(self._path):
+                yield
+        except UnicodeDecodeError as error:  # Of what SQLite has to say of a damaged name.
+            raise self._damaged(error) from error
+        except sqlite3.DatabaseError as error:
+            # What Python itself raises, of text that is none, has no code.
+            if isinstance(error, sqlite3.OperationalError) and _primary(error):
+                full = _primary(error) == sqlite3.SQLITE_IOERR
+                hint = "; the disk is full or broken" if full else ""
+                raise OSError(f"{self._path}: {error}{hint}") from error
+            raise self._damaged(error) from error
+
+
+def _primary(error: sqlite3.Error) -> int:
+    """Its code, without what SQLite adds to tell more; 0 if it has none."""
+    return getattr(error, "sqlite_errorcode", 0) & 0xFF
+
+
+def _version(row: sqlite3.Row) -> Version:
+    number, parent = row["number"], row["parent"]
+    if parent is not None and parent >= number:
+        raise ValueError(f"version {number} is made of version {parent}")
+    return Version(
+        number=number,
+        parent=parent,
+        kind=row["kind"],
+        time_s=row["time_s"],
+        gaussians=row["gaussians"],
+        next_id=row["next_id"],
+        delta=None if row["delta"] is None else _blob(row["delta"], row["delta_bytes"]),
+        touched=row["touched"],
+        cause=_cause(row),
+    )
+
+
+def _cause(row: sqlite3.Row) -> dict[str, Any]:
+    cause = json.loads(row["cause"])
+    if not isinstance(cause, dict):
+        raise TypeError("a cause is no object of JSON")
+    return cause
+
+
+def _blob(key: Any, size: Any) -> Blob:
+    if not isinstance(key, str) or not isinstance(size, int):
+        raise TypeError("a file has no name")
+    return Blob(key, size)
