@@ -4,7 +4,7 @@
 help:  ## List the targets
 	@sed -n 's/^\([a-z-]*\):  ## /\1\t/p' Makefile | expand -t 12
 
-demo:  ## Furnish a room, record and map it, move something, tell it and update the map, in out/demo
+demo:  ## Let a robot map a room and keep the map up to date for a day of changes, in demo
 	@scripts/demo
 
 test:  ## Build, then run the C++ and Python tests

@@ -25,11 +25,11 @@ from gslts._core.detect import Side, Surface, differences_of, features_of
 from gslts.bench.detect_cases import Case, cases_of, counts_of, frame_of
 from gslts.bench.detect_truth import Truth
 from gslts.bench.homes import BenchHome, HomeSetup, default_state, homes_of
-from gslts.camera_files import read_cameras
+from gslts.camera_files import cameras_of_map
 from gslts.change.config import DetectionConfig, ObjectRule
 from gslts.change.detect import ChangeDetector, Detection
 from gslts.datasets import open_dataset
-from gslts.map_folder import CAMERAS, read_map
+from gslts.map_folder import read_map
 
 Floats = NDArray[np.float64]
 
@@ -197,7 +197,7 @@ def _found_in_homes(homes: Iterable[BenchHome], tasks: int, count: int) -> Itera
     for bench, counts in zip(homes, counts_of(tasks, count), strict=True):
         folder = bench.map()
         gaussian_map = read_map(folder)
-        cameras = read_cameras(folder / CAMERAS).values()
+        cameras = cameras_of_map(folder).values()
         detectors = [
             ChangeDetector(
                 gaussian_map, DetectionConfig(halvings=one, objects=RULE), cameras=cameras

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,6 +15,7 @@ __all__ = [
     "camera_from_fov",
     "look_at",
     "moved",
+    "new_viewpoints",
     "resized",
     "rotation",
     "rotation_of_quat",
@@ -21,6 +24,9 @@ __all__ = [
 ]
 
 Floats = NDArray[np.float64]
+
+APART_M, APART_RAD = 0.4, np.deg2rad(20)
+"""Cameras that are nearer than both show much the same."""
 
 
 def at_pose(camera: Camera, world_from_camera: Floats) -> Camera:
@@ -62,6 +68,25 @@ def moved(camera: Camera, twist: Floats) -> Camera:
     step = np.eye(4)
     step[:3, :3], step[:3, 3] = rotation(twist[3:]), twist[:3]
     return at_pose(camera, camera.world_from_camera @ step)
+
+
+def new_viewpoints(known: Iterable[Camera], more: Iterable[Camera]) -> list[bool]:
+    """Which cameras look from elsewhere than all known ones and those before them.
+
+    However often a robot comes back to where it was, there are no more of them than there are
+    viewpoints in a home.
+    """
+    poses = [one.world_from_camera for one in known]
+    new = []
+    for camera in more:
+        pose = camera.world_from_camera
+        others = np.array(poses).reshape(-1, 4, 4)
+        metres = np.linalg.norm(others[:, :3, 3] - pose[:3, 3], axis=1)
+        turns_rad = np.arccos(np.clip(others[:, :3, 2] @ pose[:3, 2], -1, 1))
+        new.append(not ((metres < APART_M) & (turns_rad < APART_RAD)).any())
+        if new[-1]:
+            poses.append(pose)
+    return new
 
 
 def twist_of(motion: Floats) -> Floats:

@@ -12,6 +12,8 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 from gslts.camera import Camera, at_pose
 from gslts.datasets.dataset import MAX_PIXELS, rigid
 from gslts.datasets.tum import read_trajectory
+from gslts.map_folder import CAMERAS, folder_of, open_versions
+from gslts.store.index import Version
 
 MAX_BYTES = 1 << 28
 
@@ -52,6 +54,43 @@ def read_cameras(path: Path, lens: Camera | None = None) -> dict[str, Camera]:
     return {
         name: _camera(entry, lens, f"{path}: {name!r}") for name, entry in _object(path).items()
     }
+
+
+def cameras_of_map(path: Path) -> dict[str, Camera]:
+    """Where a map was made and updated from, by name of the frame; none for a PLY file.
+
+    Frames of updates count where they look from elsewhere than all before.
+
+    Args:
+        path: As `gslts.map_folder.read_map` takes it.
+
+    Raises:
+        OSError: The file cannot be read.
+        ValueError: It is damaged.
+    """
+    folder, number = folder_of(path)
+    if not folder.is_dir():
+        return {}
+    cameras = read_cameras(folder / CAMERAS)
+    with open_versions(folder) as store:
+        way = store.way_to(number)
+    for version in way:
+        cameras |= cameras_of_update(version)
+    return cameras
+
+
+def cameras_of_update(version: Version) -> dict[str, Camera]:
+    """The cameras of the frames that led to a version, but for those of older viewpoints, by name.
+
+    Raises:
+        ValueError: They are damaged.
+    """
+    cameras = {}
+    for k, entry in enumerate(version.cause.get("frames", ())):
+        if not (isinstance(entry, dict) and entry.get("new_viewpoint") is False):
+            name = f"version {version.number}/{k}"
+            cameras[name] = _camera(entry, None, name)
+    return cameras
 
 
 def read_camera(path: Path, lens: Camera | None = None) -> Camera:

@@ -91,6 +91,11 @@ class GaussianMap:
         return self.means.dtype
 
     @property
+    def nbytes(self) -> int:
+        """Bytes that its arrays take, in memory and, but for headers, on the disk."""
+        return sum(getattr(self, field.name).nbytes for field in fields(self))
+
+    @property
     def sh_degree(self) -> int:
         """Degree of the spherical harmonics, 0 to 3."""
         return isqrt(self.sh.shape[1]) - 1

@@ -1,10 +1,10 @@
-"""A map on the disk: a folder with the Gaussians, a manifest, and the cameras as corrected."""
+"""A map on the disk: a folder with its versions, a manifest, and the cameras as corrected."""
 
 from __future__ import annotations
 
 import json
 import os
-import shutil
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -12,13 +12,17 @@ from typing import Any
 import numpy as np
 
 from gslts.camera import Camera
-from gslts.files import naming
+from gslts.files import naming, part_of, remove_tree
 from gslts.gaussian_map import GaussianMap
-from gslts.ply import read_ply, write_ply
+from gslts.ply import read_ply
+from gslts.store.blobs import sync_folder
+from gslts.store.map_store import MapStore
 
-FORMAT, VERSION = "gslts-map", 1
-PLY, MANIFEST, CAMERAS = "map.ply", "manifest.json", "cameras.json"
+FORMAT, VERSION = "gslts-map", 2
+MANIFEST, CAMERAS = "manifest.json", "cameras.json"
 MAX_MANIFEST_BYTES = 16 << 20
+OF_VERSION = re.compile(r"(.+)@(\d{1,9})")
+"""How a version of a map is named: the folder, and its number."""
 
 
 def write_map_folder(
@@ -28,40 +32,43 @@ def write_map_folder(
     cameras: Mapping[str, Camera],
     finish: Callable[[Path], None] = lambda _: None,
 ) -> None:
-    """Writes a new folder, which is there whole or not at all.
+    """Writes a new folder with the first version of a map; it is there whole or not at all.
 
     Args:
         folder: Must not be there yet.
-        gaussian_map: float32.
+        gaussian_map: float32; its ids rise from Gaussian to Gaussian.
         manifest: What else is to be known, in values of JSON; format and version are added.
         cameras: By name of the frame.
         finish: Puts further files into the folder, before it appears.
 
     Raises:
         OSError: It cannot be written, or is there already.
+        ValueError: Ids do not rise.
     """
     if folder.exists():
         raise FileExistsError(f"{folder} is there already")
     folder.parent.mkdir(parents=True, exist_ok=True)
-    temporary = folder.with_name(f".{folder.name}.{os.getpid()}.part")
+    temporary = part_of(folder)
     temporary.mkdir()
     try:
-        write_ply(gaussian_map, temporary / PLY)
         known = {"format": FORMAT, "version": VERSION, "gaussians": gaussian_map.size, **manifest}
+        MapStore.create(temporary, gaussian_map, {"dataset": manifest.get("dataset")})
         _write_json(temporary / MANIFEST, known)
         _write_json(temporary / CAMERAS, {name: plain_camera(one) for name, one in cameras.items()})
         finish(temporary)
+        sync_folder(temporary)
         temporary.rename(folder)
+        sync_folder(folder.parent)
     except BaseException:
-        shutil.rmtree(temporary, ignore_errors=True)
+        remove_tree(temporary)
         raise
 
 
-def read_map_folder(folder: Path) -> tuple[GaussianMap, dict[str, Any]]:
-    """The map and the manifest of a folder.
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """What is known of the frames that a map was made of.
 
     Raises:
-        OSError: A file cannot be read.
+        OSError: The file cannot be read.
         ValueError: It is no map, or of another version.
     """
     path = folder / MANIFEST
@@ -77,28 +84,55 @@ def read_map_folder(folder: Path) -> tuple[GaussianMap, dict[str, Any]]:
         raise ValueError(
             f"{path}: version is {manifest.get('version')!r}, this gslts reads {VERSION}"
         )
-    gaussian_map = read_ply(folder / PLY)
-    if gaussian_map.size != manifest.get("gaussians"):
-        raise ValueError(
-            f"{folder}: {PLY} has {gaussian_map.size} Gaussians, the manifest says "
-            f"{manifest.get('gaussians')!r}"
-        )
-    return gaussian_map, manifest
+    return manifest
 
 
 def read_map(path: Path) -> GaussianMap:
-    """The map of a folder, or of a PLY file of 3DGS.
+    """A map: the newest version of a folder, another one, or a PLY file of 3DGS.
+
+    Args:
+        path: The folder; with `@` and a number behind it, that version; or the file.
 
     Raises:
         OSError: A file cannot be read.
-        ValueError: It is no map.
+        ValueError: It is no map, or there is no such version.
     """
-    return read_map_folder(path)[0] if path.is_dir() else read_ply(path)
+    folder, number = folder_of(path)
+    if not folder.is_dir():
+        return read_ply(path)
+    read_manifest(folder)
+    with MapStore(folder) as store:
+        return store.read(number)
 
 
-def ply_of(path: Path) -> Path:
-    """The file with the Gaussians of what `read_map` takes."""
-    return path / PLY if path.is_dir() else path
+def open_versions(path: Path, *, writable: bool = False) -> MapStore:
+    """The versions of a map.
+
+    Args:
+        path: Its folder.
+        writable: See `MapStore`.
+
+    Raises:
+        OSError: It cannot be read, or another process writes it.
+        ValueError: It is no folder of a map.
+    """
+    if path.is_file():
+        raise ValueError(f"{path}: a file has no versions; gslts import makes a map of it")
+    read_manifest(path)
+    return MapStore(path, writable=writable)
+
+
+def picture_path(folder: Path, number: int) -> Path:
+    """Where the picture of what led to a version is."""
+    return folder / "updates" / f"{number:05}.png"
+
+
+def folder_of(path: Path) -> tuple[Path, int | None]:
+    """The folder of what `read_map` takes, and the number of the version that is named."""
+    named = OF_VERSION.fullmatch(str(path))
+    if named is None or path.exists():
+        return path, None
+    return Path(named[1]), int(named[2])
 
 
 def plain_camera(camera: Camera) -> dict[str, Any]:

@@ -110,13 +110,13 @@ def test_pictures_tell_what_they_show(done: Path) -> None:
 def test_nothing_is_made_twice(done: Path) -> None:
     (path,) = (done / "work" / "detect").iterdir()
     before = path.read_bytes()
-    maps = [one.stat().st_mtime_ns for one in (done / "work").rglob("*.ply")]
+    maps = [one.stat().st_mtime_ns for one in (done / "work").rglob("versions.sqlite")]
     assert len(maps) == 1
     again = gslts(*RUN, cwd=done)
     assert again.returncode == 0, again.stderr
     assert again.stdout == (done / "stdout").read_text(), "the same table, to the last time"
     assert path.read_bytes() == before
-    assert [one.stat().st_mtime_ns for one in (done / "work").rglob("*.ply")] == maps
+    assert [one.stat().st_mtime_ns for one in (done / "work").rglob("versions.sqlite")] == maps
 
 
 def test_a_killed_run_goes_on_where_it_stopped(done: Path, copied: Path) -> None:

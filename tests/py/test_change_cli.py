@@ -11,6 +11,8 @@ from change_room import LOOKS, SIZE
 from PIL import Image
 from test_cli_sim import gslts
 
+from gslts.map_folder import read_map
+from gslts.ply import write_ply
 from gslts.sim.capture import capture
 from gslts.sim.controller import Controller
 
@@ -85,7 +87,8 @@ def test_frames_come_in_the_order_in_which_they_are_asked_for(workplace: Path) -
 
 
 def test_a_ply_file_is_a_map_without_cameras(workplace: Path) -> None:
-    ply = workplace / "map" / "map.ply"
+    ply = workplace / "room.ply"
+    write_ply(read_map(workplace / "map"), ply)
     done = gslts("detect", ply, "visit", "--halvings", "0", "--frame", "00000", cwd=workplace)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("00000: removal")
@@ -100,7 +103,10 @@ def test_a_ply_file_is_a_map_without_cameras(workplace: Path) -> None:
         (("map", "visit", "--out", "visit"), "visit is not empty"),
         (("map", "visit", "--features", "edges"), "expected gradients, onnx:FILE or transformers"),
         (("map", "visit", "--features", "onnx:gone.onnx"), "gone.onnx"),
-        (("map", "visit", "--features", "onnx:map/map.ply"), "map.ply: it is no ONNX model"),
+        (
+            ("map", "visit", "--features", "onnx:map/cameras.json"),
+            "cameras.json: it is no ONNX model",
+        ),
         (("map", "visit", "--features", "transformers:map"), "map: there is no config.json"),
     ],
 )

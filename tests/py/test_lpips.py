@@ -186,14 +186,14 @@ def test_eval_command(weights: tuple[Path, Path], tmp_path: Path) -> None:
     done = run("eval", "map", *arguments, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "no LPIPS: it needs weights, --lpips-backbone and --lpips-heads" in done.stdout
-    done = run("eval", "map/map.ply", *arguments, "--json", cwd=tmp_path)
+    done = run("eval", "map@1", *arguments, "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout)
     assert result["lpips"] is None
     assert result["given"]["psnr_db"] > 40
     assert result["gaussians"] == 200
-    assert result["ply_bytes"] == (tmp_path / "map/map.ply").stat().st_size
-    assert result["bytes_per_gaussian"] == pytest.approx(result["ply_bytes"] / 200)
+    assert result["bytes"] == gaussian_map.nbytes
+    assert result["bytes_per_gaussian"] == pytest.approx(result["bytes"] / 200)
     assert 0 < result["render_ms"] < 1000
     files = ("--lpips-backbone", weights[0], "--lpips-heads", weights[1])
     done = run("eval", "map", *arguments, "--json", *files, cwd=tmp_path)

@@ -19,6 +19,7 @@ from gslts.camera_files import read_cameras, read_path
 from gslts.map_folder import write_map_folder
 from gslts.orbit import orbit
 from gslts.pictures import depth_picture
+from gslts.ply import write_ply
 
 SIZE = {"width": 64, "height": 48}
 
@@ -46,6 +47,7 @@ def gaussian_map() -> gslts.GaussianMap:
 @pytest.fixture
 def folder(gaussian_map: gslts.GaussianMap, tmp_path: Path) -> Path:
     write_map_folder(tmp_path / "map", gaussian_map, {}, around(10))
+    write_map_folder(tmp_path / "bare", gaussian_map, {}, {})
     return tmp_path
 
 
@@ -76,7 +78,8 @@ def test_one_view(folder: Path, gaussian_map: gslts.GaussianMap) -> None:
         fx=50, fy=60, cx=20, cy=30, width=70, height=44, world_from_camera=own.world_from_camera
     )
     (folder / "odd.json").write_text(json.dumps(entry(odd)))
-    done = run("render", "map/map.ply", "--pose", "odd.json", "--out", "b", cwd=folder)
+    write_ply(gaussian_map, folder / "room.ply")
+    done = run("render", "room.ply", "--pose", "odd.json", "--out", "b", cwd=folder)
     assert done.returncode == 0, done.stderr
     np.testing.assert_array_equal(picture(folder / "b/00000.png"), expected(gaussian_map, odd))
     (folder / "bare.json").write_text(json.dumps(entry(own, lens=False)))
@@ -262,7 +265,7 @@ def test_trajectories_without_poses_are_named(tmp_path: Path, line: str, message
         (("map", "--pose", "in 0", "--trajectory", "x"), "--pose and --trajectory exclude each"),
         (("map", "--pose", "gone.json"), "gone.json"),
         (("map", "--trajectory", "gone.txt"), "gone.txt"),
-        (("map/map.ply",), "map.ply: it has no cameras of its own, a view must be given"),
+        (("bare",), "bare: it has no cameras of its own, a view must be given"),
         (("map/cameras.json",), "cameras.json: "),
         (("gone",), "gone"),
     ],

@@ -16,6 +16,7 @@ from gslts.bench import tradeoff
 from gslts.bench.rooms import SIZES, make_room
 from gslts.cli import app
 from gslts.map_folder import write_map_folder
+from gslts.ply import write_ply
 
 
 @pytest.fixture(scope="module")
@@ -113,18 +114,19 @@ def test_the_command_takes_maps(tmp_path: Path) -> None:
     gaussian_map = scenes.random_map(300, dtype=np.float32)
     cameras = {"first": scenes.orbit_camera(48, 32), "second": scenes.orbit_camera(2, 2)}
     write_map_folder(tmp_path / "$map$", gaussian_map, {}, cameras)
-    folder, out = tmp_path / "$map$", tmp_path / "out"
+    folder, out, ply = tmp_path / "$map$", tmp_path / "out", tmp_path / "map.ply"
+    write_ply(gaussian_map, ply)
     common = ("--rounds", "1", "--out", str(out))
     result = CliRunner().invoke(app, ["tradeoff", "--map", str(folder), *common])
     assert result.exit_code == 0, result.output
     assert (out / "tradeoff_$map$.png").exists()
     pose = {"world_from_camera": cameras["first"].world_from_camera.tolist()}
     (tmp_path / "pose.json").write_text(json.dumps(pose))
-    arguments = ("--map", str(folder / "map.ply"), "--pose", str(tmp_path / "pose.json"))
+    arguments = ("--map", str(ply), "--pose", str(tmp_path / "pose.json"))
     result = CliRunner().invoke(app, ["tradeoff", *arguments, *common])
     assert result.exit_code == 0, result.output
     with (out / "tradeoff_map.csv").open() as file:
         assert len(list(csv.DictReader(file))) == len(tradeoff.SETTINGS)
-    for wrong in (("--map", str(folder / "map.ply")), ("--pose", "first")):
+    for wrong in (("--map", str(ply)), ("--pose", "first")):
         result = CliRunner().invoke(app, ["tradeoff", *wrong, *common])
         assert isinstance(result.exception, ValueError)

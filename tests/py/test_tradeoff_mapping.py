@@ -2,7 +2,6 @@
 
 import csv
 import json
-import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,7 +17,7 @@ from gslts.bench import tradeoff_mapping
 from gslts.bench.tradeoff_mapping import COUNTS, seconds_of, visit_of
 from gslts.cli import app
 from gslts.datasets import Dataset, open_dataset
-from gslts.map_folder import read_map_folder
+from gslts.map_folder import read_manifest, read_map
 from gslts.mapping.judge import Known
 from gslts.ply import write_ply
 from gslts.sim.capture import capture
@@ -79,7 +78,7 @@ def test_there_is_a_row_for_each_map(paths: Paths) -> None:
 
 
 def test_the_map_itself_is_judged_as_when_it_was_made(paths: Paths) -> None:
-    row, manifest = rows_of(paths.out)[0], read_map_folder(paths.map)[1]
+    row, manifest = rows_of(paths.out)[0], read_manifest(paths.map)
     for way in ("given", "by_neighbours", "refined"):
         wanted = manifest["held_out"][way]["psnr_db"]
         assert float(row[f"{way}_psnr_db"]) == pytest.approx(wanted, abs=1e-5)
@@ -125,7 +124,7 @@ def test_a_plain_file_is_judged_without_neighbours(
 ) -> None:
     monkeypatch.setattr(tradeoff_mapping, "LEAST_STEPS", 5)
     monkeypatch.setattr(tradeoff_mapping, "LEAST_VISITS", 0)
-    shutil.copy(paths.map / "map.ply", tmp_path / "any.ply")
+    write_ply(read_map(paths.map), tmp_path / "any.ply")
     common = ("--seconds", 1, "--rounds", 1, "--preset", "fast", "--out", tmp_path / "out")
     call("tradeoff", tmp_path / "any.ply", paths.visit, *common)
     rows = rows_of(tmp_path / "out")
@@ -178,7 +177,7 @@ def test_a_map_tells_how_long_it_was_made() -> None:
 
 
 def elsewhere(paths: Paths, folder: Path) -> list[str | Path]:
-    gaussian_map = read_map_folder(paths.map)[0]
+    gaussian_map = read_map(paths.map)
     write_ply(replace(gaussian_map, origin=np.array([900.0, 0, 0])), folder / "far.ply")
     return [folder / "far.ply", paths.visit]
 

@@ -1,6 +1,6 @@
 """The command `gslts update`, as a user meets it."""
 
-import json
+import shutil
 from pathlib import Path
 
 import change_room
@@ -10,8 +10,8 @@ import update_room
 from PIL import Image
 from test_cli_sim import gslts
 
-from gslts.camera_files import read_cameras
-from gslts.map_folder import read_map_folder
+from gslts.camera_files import cameras_of_map
+from gslts.map_folder import open_versions, read_map
 from gslts.sim.capture import capture
 from gslts.sim.robot_body import Look
 
@@ -46,58 +46,120 @@ def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_recorded_frames_update_a_map(workplace: Path) -> None:
+@pytest.fixture(scope="module")
+def updated(workplace: Path) -> list[str]:
+    """What was printed when the map was updated."""
     given = ("--iterations", "40", "--threads", "1")
-    done = gslts("update", "map", "--frames", "visit", "--out", "map_2", *given, cwd=workplace)
+    done = gslts("update", "map", "--frames", "visit", *given, cwd=workplace)
     assert done.returncode == 0, done.stderr
-    first, *_, last = done.stdout.splitlines()
-    assert first.startswith("removal at (2.")
-    assert last.startswith("wrote map_2: ")
-    old, _ = read_map_folder(workplace / "map")
-    new, manifest = read_map_folder(workplace / "map_2")
-    record = json.loads((workplace / "map_2" / "update.json").read_text())
+    return done.stdout.splitlines()
+
+
+def test_recorded_frames_update_a_map(workplace: Path, updated: list[str]) -> None:
+    assert updated[0].startswith("removal at (2.")
+    assert updated[-1].startswith("map is version 2 now: ")
+    old, new = read_map(workplace / "map@1"), read_map(workplace / "map")
+    with open_versions(workplace / "map") as store:
+        version = store.version()
+        (event,) = store.events()
+    record = version.cause["record"]
     assert record["refused"] is None
     assert record["kinds"] == ["removal"]
     assert new.size == old.size - record["removed"] + record["added"]
     assert record["psnr_after_db"] > record["psnr_before_db"]
-    assert manifest["updated_from"] == "map"
+    assert (event.version, event.kind) == (2, "removal")
     assert update_room.opaque_in(new, update_room.REMOVED, 0.04) == 0
-    cameras = read_cameras(workplace / "map_2" / "cameras.json")
-    assert len(cameras) == len(read_cameras(workplace / "map" / "cameras.json")) + sum(
-        record["views"]
-    )
-    with Image.open(workplace / "map_2" / "update.png") as picture:
+    cameras = cameras_of_map(workplace / "map")
+    new_views = len(cameras) - len(cameras_of_map(workplace / "map@1"))
+    assert 0 < new_views <= sum(record["views"]), "those that look from elsewhere"
+    with Image.open(workplace / "map" / "updates" / "00002.png") as picture:
         assert picture.size == (3 * 160, 3 * 120)
 
 
-def test_where_nothing_changed_there_is_no_new_map(workplace: Path) -> None:
-    done = gslts("update", "map", "--frames", "same", "--out", "map_3", cwd=workplace)
+def test_the_past_of_a_map_is_told(workplace: Path, updated: list[str]) -> None:
+    assert updated
+    printed = gslts("log", "map", cwd=workplace).stdout.splitlines()
+    assert printed[0].split()[0] == "2"
+    assert "object gone from (2." in printed[1]
+    assert printed[-1].split()[0] == "1"
+    shown = gslts("show", "map", "2", cwd=workplace).stdout
+    assert '"removal"' in shown
+    assert "updates/00002.png" in shown
+    apart = gslts("diff", "map", "1", "2", "--out", "apart.png", cwd=workplace).stdout
+    assert "Gaussians are gone" in apart
+    with Image.open(workplace / "apart.png") as picture:
+        assert picture.size[0] == 3 * 160
+    assert gslts("verify", "map", cwd=workplace).stdout == "2 versions are whole\n"
+    assert gslts("gc", "map", cwd=workplace).stdout == "0 bytes are free again\n"
+
+
+def test_an_old_version_comes_back(workplace: Path, updated: list[str]) -> None:
+    assert updated
+    done = gslts("restore", "map", "1", cwd=workplace)
+    assert done.returncode == 0, done.stderr
+    with open_versions(workplace / "map") as store:
+        number = store.version().number
+    old, new = read_map(workplace / "map@1"), read_map(workplace / f"map@{number}")
+    np.testing.assert_array_equal(old.means, new.means)
+    assert len(read_map(workplace / "map@2").means) != len(old.means)
+
+
+def test_a_picture_that_cannot_be_written_is_told(
+    workplace: Path, updated: list[str], tmp_path: Path
+) -> None:
+    assert updated
+    shutil.copytree(workplace / "map", tmp_path / "map")
+    shutil.rmtree(tmp_path / "map" / "updates")
+    (tmp_path / "map" / "updates").write_bytes(b"not a folder")
+    with open_versions(tmp_path / "map", writable=True) as store:
+        number = store.restore(1).number + 1
+    given = ("--iterations", "40", "--threads", "1")
+    done = gslts("update", "map", "--frames", workplace / "visit", *given, cwd=tmp_path)
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1].startswith(
+        f"gslts: map is version {number} now, but without a picture: "
+    )
+    assert "map/updates" in done.stderr
+    with open_versions(tmp_path / "map") as store:
+        assert store.version().number == number
+
+
+def test_where_nothing_changed_there_is_no_new_version(workplace: Path) -> None:
+    with open_versions(workplace / "map") as store:
+        before = store.version().number
+    done = gslts("update", "map", "--frames", "same", cwd=workplace)
     assert done.returncode == 1
     assert done.stderr.splitlines()[-1] == (
-        "gslts: map stays as it is: there is no change whose place is known; see map_3.refused.json"
+        "gslts: map stays as it is: there is no change whose place is known"
     )
-    record = json.loads((workplace / "map_3.refused.json").read_text())
-    assert record["refused"] == "there is no change whose place is known"
-    assert not (workplace / "map_3").exists()
+    with open_versions(workplace / "map") as store:
+        assert store.version().number == before
+        assert len(store.refusals()) == 1
+    printed = gslts("log", "map", cwd=workplace).stdout
+    assert "not updated: there is no change whose place is known" in printed
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("map",), "give either --robot or --frames"),
-        (("map", "--frames", "visit", "--robot", "x.json"), "give either --robot or --frames"),
-        (("nowhere", "--frames", "visit"), "nowhere"),
-        (("map", "--frames", "nowhere"), "nowhere"),
-        (("map", "--robot", "nowhere.json"), "nowhere.json"),
-        (("map", "--frames", "visit", "--out", "map"), "map is there already"),
+        (("update", "map"), "give either --robot or --frames"),
+        (("update", "map", "--frames", "visit", "--robot", "x"), "give either --robot or --frames"),
+        (("update", "nowhere", "--frames", "visit"), "nowhere"),
+        (("update", "map", "--frames", "nowhere"), "nowhere"),
+        (("update", "map", "--robot", "nowhere.json"), "nowhere.json"),
+        (("update", "visit", "--frames", "visit"), "visit/manifest.json"),
+        (("log", "nowhere"), "nowhere"),
+        (("show", "map", "99"), "map: there is no version 99"),
+        (("diff", "map", "1", "99"), "map: there is no version 99"),
+        (("restore", "map", "99"), "map: there is no version 99"),
+        (("export", "map@99", "x.ply"), "map: there is no version 99"),
     ],
 )
 def test_bad_input_is_named_in_one_line(
     workplace: Path, arguments: tuple[str, ...], message: str
 ) -> None:
-    out = () if "--out" in arguments else ("--out", "never")
-    done = gslts("update", *arguments, *out, cwd=workplace)
+    done = gslts(*arguments, cwd=workplace)
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
     assert message in done.stderr.splitlines()[-1]
-    assert not (workplace / "never").exists()
+    assert not (workplace / "x.ply").exists()

@@ -27,18 +27,18 @@ from gslts.bench.detect_watch import TURNS_DEG, WATCH, WATCHED, looks_around, wa
 from gslts.bench.homes import MAP_S, RECORDING_S, BenchHome, default_state
 from gslts.bench.made import code_of, digest, made, native_code
 from gslts.bench.work import Add, Tell, message_of
-from gslts.camera_files import read_cameras
+from gslts.camera_files import cameras_of_map
 from gslts.change.changes import Change
 from gslts.change.detect import ChangeDetector
 from gslts.files import write_whole
 from gslts.frame import RgbdFrame
-from gslts.map_folder import CAMERAS, read_map
+from gslts.map_folder import read_map
 from gslts.sim.actions import SceneState
 from gslts.sim.home_source import STRICT
 
 DETECT_CODE = (
     *("alignment", "camera", "camera_files", "change", "files", "frame", "gaussian_map"),
-    *("losses", "map_folder", "ply", "render"),
+    *("losses", "map_folder", "ply", "render", "store"),
     *("bench/detect_run", "bench/detect_variants", "bench/detect_watch"),
 )
 """What decides what is detected in a frame, besides the compiled module."""
@@ -246,7 +246,7 @@ class Detectors:
 
     def __init__(self, folder: Path) -> None:
         self._map = read_map(folder)
-        self._cameras = read_cameras(folder / CAMERAS).values()
+        self._cameras = cameras_of_map(folder).values()
         self._made: dict[str, ChangeDetector] = {}
 
     def of(self, variant: str) -> ChangeDetector:

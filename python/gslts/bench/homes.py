@@ -10,11 +10,10 @@ from typing import Any, TypeVar
 
 from gslts.bench.made import code_of, made, native_code
 from gslts.datasets import open_dataset
-from gslts.map_folder import write_map_folder
 from gslts.mapping.config import PRESETS, MappingConfig
 from gslts.mapping.engine import make_map
 from gslts.mapping.optimize import Progress
-from gslts.mapping.summary import manifest_of
+from gslts.mapping.summary import write_result
 from gslts.sim import ROOM_TYPES
 from gslts.sim.actions import ChangeAction, SceneState
 from gslts.sim.capture import capture
@@ -30,7 +29,7 @@ SIM_CODE = ("sim", "camera", "frame", "files", "bench/homes")
 SIM_LIBRARIES = ("numpy", "open3d-cpu", "open3d")
 MAP_CODE = (
     *("adam", "alignment", "camera", "camera_files", "datasets", "files", "frame"),
-    *("gaussian_map", "losses", "map_folder", "mapping", "ply", "render", "bench/homes"),
+    *("gaussian_map", "losses", "map_folder", "mapping", "ply", "render", "store", "bench/homes"),
 )
 """What decides what the map of a recording is, besides the compiled module."""
 RECORDING_S, MAP_S = 0.35, 110.0
@@ -152,9 +151,7 @@ class BenchHome:
                 told = share
 
             result = make_map(dataset, config, report=report)
-            cameras = {name: one.camera() for name, one in result.training.items()}
-            manifest = manifest_of(result, dataset.name, config)
-            write_map_folder(folder, result.gaussian_map, manifest, cameras)
+            write_result(folder, result, dataset.name, config)
 
         return made(self.work / "maps" / self.name, self.mapped_of, make)
 

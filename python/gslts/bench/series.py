@@ -6,6 +6,7 @@ import json
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import compress
 from pathlib import Path
 from typing import Any
 
@@ -18,17 +19,18 @@ from gslts.bench.detect_visits import draw_visit
 from gslts.bench.homes import MAP_S, RECORDING_S, BenchHome
 from gslts.bench.update_score import as_mapped
 from gslts.bench.work import Add, Tell, run_units
-from gslts.camera_files import read_cameras
+from gslts.camera import new_viewpoints
+from gslts.camera_files import cameras_of_map
 from gslts.change.detect import ChangeDetector
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import GaussianMap
 from gslts.losses import exposed
-from gslts.map_folder import CAMERAS, read_map
+from gslts.map_folder import read_map
 from gslts.mapping.evaluate import psnr_db
 from gslts.sim.actions import SceneState
 from gslts.sim.controller import Controller
 from gslts.sim.home_source import STRICT
-from gslts.sim.task import Kind, Task
+from gslts.sim.task import Kind, SensorSetup, Task
 from gslts.sim.tasks import TaskMaker
 from gslts.sim.trial import Setting
 from gslts.update.config import UpdateConfig
@@ -123,7 +125,7 @@ class SeriesUnit:
         folder = self.bench.map(tell)
         first = read_map(folder)
         updated = first
-        cameras = list(read_cameras(folder / CAMERAS).values())
+        cameras = list(cameras_of_map(folder).values())
         tasks = self._tasks()
         home = tasks[0].home.load(Path())
         for number, task in enumerate(tasks, start=1):
@@ -137,9 +139,10 @@ class SeriesUnit:
             seconds = result.record.seconds
             updated = result.gaussian_map
             if result.record.refused is None:  # As `gslts update` does.
-                cameras += [view.camera for view in result.views]
+                seen_from = [view.camera for view in result.views]
+                cameras += compress(seen_from, new_viewpoints(cameras, seen_from))
             look = number % self.every == 0 or number == len(tasks)
-            frames = fresh_frames(task.states(home)[1], task, number) if look else []
+            frames = fresh_frames(task.states(home)[1], task.sensor, number) if look else []
             step = Step(
                 id=f"{self.name}/{number:03}",
                 kind=task.change.kind,
@@ -155,7 +158,7 @@ class SeriesUnit:
             tell(time.perf_counter() - start_s)
         anew = read_map(_EndHome(**vars(self.bench), last=tasks[-1]).map(tell))
         maps = dict(zip(MAPS, (updated, first, anew), strict=True))
-        frames = fresh_frames(tasks[-1].states(home)[1], tasks[-1], 0)
+        frames = fresh_frames(tasks[-1].states(home)[1], tasks[-1].sensor, 0)
         end = End(
             id=f"{self.name}/end",
             psnr_db={name: psnr_of(one, frames) for name, one in maps.items()},
@@ -176,13 +179,14 @@ class SeriesUnit:
         return tasks
 
 
-def fresh_frames(state: SceneState, task: Task, seed: int) -> list[RgbdFrame]:
+def fresh_frames(
+    state: SceneState, sensor: SensorSetup, seed: int, count: int = FRESH_VIEWS
+) -> list[RgbdFrame]:
     """Clean frames from anywhere in a home."""
-    sensor = task.sensor
     robot = Controller(state, width=sensor.width, height=sensor.height, noise="none")
     rng = np.random.default_rng([seed, 2])
     frames = []
-    for number in range(FRESH_VIEWS):
+    for number in range(count):
         robot.go(draw_visit(robot.home, rng).look)
         frames.append(robot.look(number).observation)
     return frames

@@ -21,11 +21,11 @@ from gslts.bench.update_pictures import compared
 from gslts.bench.update_score import Judge, JudgedView, judged_view
 from gslts.bench.work import Add, Tell, message_of
 from gslts.camera import Camera
-from gslts.camera_files import read_cameras
+from gslts.camera_files import cameras_of_map
 from gslts.change.detect import ChangeDetector
 from gslts.gaussian_map import GaussianMap
 from gslts.lpips import Lpips
-from gslts.map_folder import CAMERAS, read_map
+from gslts.map_folder import read_map
 from gslts.sim.controller import Controller
 from gslts.sim.home import Home
 from gslts.sim.home_source import STRICT
@@ -36,7 +36,7 @@ from gslts.update.region import sites_of
 
 UPDATE_CODE = (
     *("alignment", "adam", "camera", "camera_files", "change", "files", "frame", "gaussian_map"),
-    *("losses", "map_folder", "mapping", "ply", "render", "robot", "update"),
+    *("losses", "map_folder", "mapping", "ply", "render", "robot", "store", "update"),
     *("bench/update_methods", "bench/update_run", "bench/update_score"),
 )
 """What decides what becomes of a map, besides the compiled module."""
@@ -241,7 +241,7 @@ class _Ground:
     @classmethod
     def of(cls, folder: Path, home: Home, lpips: tuple[Path, Path] | None) -> _Ground:
         gaussian_map = read_map(folder)
-        cameras = list(read_cameras(folder / CAMERAS).values())
+        cameras = list(cameras_of_map(folder).values())
         detector = ChangeDetector(gaussian_map, cameras=cameras)
         return cls(home, gaussian_map, cameras, detector, None if lpips is None else Lpips(*lpips))
 

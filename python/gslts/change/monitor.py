@@ -156,6 +156,15 @@ class ChangeMonitor:
         with self._changed:
             return self._counts
 
+    @property
+    def is_suspicious(self) -> bool:
+        """Whether something was seen in the last frame that is not certain yet."""
+        with self._changed:
+            number = self._counts.looked_at
+            return any(
+                one.reported is None and one.seen[-1][0] == number for one in self._suspicions
+            )
+
     def wait(self, timeout_s: float | None = None) -> bool:
         """Waits until no frame waits or is looked at; whether that came true in time.
 

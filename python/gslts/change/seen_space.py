@@ -17,6 +17,7 @@ from gslts.gaussian_map import GaussianMap
 from gslts.render import Rasterizer, RenderOptions
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 WIDTH_PX = 160
 """Of the depth images that are kept."""
@@ -71,6 +72,16 @@ class SeenSpace:
 
     def sights(self, points: Floats) -> Sights:
         """How points [P,3] (world, m) look from all cameras."""
+        through, on, _ = self._looks(points)
+        return Sights(through.sum(axis=0), on.sum(axis=0))
+
+    def shown(self, points: Floats, farthest_m: float) -> Bools:
+        """[V,P] which points [P,3] (world, m) are on a surface that each camera sees that near."""
+        _, on, z = self._looks(points)
+        return np.asarray(on & (z <= farthest_m), np.bool_)
+
+    def _looks(self, points: Floats) -> tuple[Bools, Bools, Floats]:
+        """[V,P] whether a camera looks through a point, sees it, and in which depth it is, m."""
         moves = self._camera_from_world
         x, y, z = np.einsum("vij,pj->ivp", moves[:, :3, :3], points) + moves[:, :3, 3].T[..., None]
         fx, fy, cx, cy = self._lenses.T[..., None]
@@ -82,9 +93,9 @@ class SeenSpace:
         # Nothing is at a depth of 0: the first number is that of all that is outside.
         depths = self._depths[np.where(inside, self._first + rows * width + columns, 0)]
         margin = MARGIN_M + MARGIN_SHARE * z
-        through = ((z > 0) & (depths > z + margin)).sum(axis=0)
-        on = (np.abs(depths - z) <= margin).sum(axis=0, where=depths > 0)
-        return Sights(through, on)
+        through = (z > 0) & (depths > z + margin)
+        on = (depths > 0) & (np.abs(depths - z) <= margin)
+        return through, on, z
 
 
 def _shrunk(camera: Camera) -> Camera:

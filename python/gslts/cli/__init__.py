@@ -6,9 +6,11 @@ import sys
 
 import typer
 
-from gslts.cli import mapping, output
+from gslts.cli import history, mapping, output
 from gslts.cli.bench import bench
+from gslts.cli.demo import demo
 from gslts.cli.detect import detect
+from gslts.cli.run import run
 from gslts.cli.sim import sim
 from gslts.cli.tradeoff import tradeoff
 from gslts.cli.update import update
@@ -28,6 +30,15 @@ app.command("render")(output.render)
 app.command("export")(output.export)
 app.command("detect")(detect)
 app.command("update")(update)
+app.command("run")(run)
+app.command("demo")(demo)
+app.command("log")(history.log)
+app.command("show")(history.show)
+app.command("diff")(history.diff)
+app.command("restore")(history.restore)
+app.command("verify")(history.verify)
+app.command("gc")(history.gc)
+app.command("import")(history.import_ply)
 app.command("tradeoff")(tradeoff)
 app.add_typer(bench, name="bench")
 

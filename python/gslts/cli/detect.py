@@ -55,27 +55,25 @@ def detect(
     from PIL import Image
     from tqdm import tqdm
 
-    from gslts.camera_files import read_cameras
+    from gslts.camera_files import cameras_of_map
     from gslts.change.config import DetectionConfig
     from gslts.change.detect import ChangeDetector
     from gslts.change.features import extractor_of
     from gslts.change.overlay import overlay
     from gslts.datasets import open_dataset
     from gslts.files import empty_folder
-    from gslts.map_folder import CAMERAS, read_map
+    from gslts.map_folder import read_map
 
     gaussian_map, opened = read_map(map_path), open_dataset(dataset)
     known = {one.name: one for one in opened.frames}
     for name in frame or []:
         if name not in known:
             raise ValueError(f"{dataset}: there is no frame {name!r}")
-    cameras_path = map_path / CAMERAS
-    cameras = read_cameras(cameras_path) if cameras_path.is_file() else {}
     detector = ChangeDetector(
         gaussian_map,
         DetectionConfig(strategy=strategy.value, halvings=halvings, threads=threads),
         features=extractor_of(features),
-        cameras=cameras.values(),
+        cameras=cameras_of_map(map_path).values(),
     )
     if out is not None:
         empty_folder(out)

@@ -67,13 +67,11 @@ def make(
     from tqdm import tqdm
 
     from gslts.datasets import open_dataset
-    from gslts.map_folder import write_map_folder
     from gslts.mapping.checkpoint import read_checkpoint, write_checkpoint
     from gslts.mapping.config import PRESETS
     from gslts.mapping.engine import make_map
     from gslts.mapping.optimize import Progress
-    from gslts.mapping.report import write_report
-    from gslts.mapping.summary import manifest_of, report_of, summary_of
+    from gslts.mapping.summary import summary_of, write_result
 
     if out.exists():
         raise FileExistsError(f"{out} is there already")
@@ -111,13 +109,7 @@ def make(
             show_frames=lambda frames: tqdm(frames, desc="reading", unit="frame", disable=None),
             report=report,
         )
-    write_map_folder(
-        out,
-        result.gaussian_map,
-        manifest_of(result, opened.name, config),
-        {name: one.camera() for name, one in result.training.items()},
-        lambda folder: write_report(folder / "report.html", report_of(result, opened.name, config)),
-    )
+    write_result(out, result, opened.name, config)
     saved.unlink(missing_ok=True)
     for reason in result.skipped:
         typer.echo(f"skipped {reason}", err=True)
@@ -151,7 +143,7 @@ def judge(
 
     from gslts.datasets import open_dataset
     from gslts.lpips import Lpips
-    from gslts.map_folder import ply_of, read_map
+    from gslts.map_folder import read_map
     from gslts.mapping.assess import assess
     from gslts.mapping.evaluate import evaluate_held_out
     from gslts.mapping.judge import Known, held_out_of
@@ -159,15 +151,14 @@ def judge(
     weights = both_weights(lpips_backbone, lpips_heads)
     lpips = None if weights is None else Lpips(*weights)
     gaussian_map = read_map(map_path)
-    ply_bytes = ply_of(map_path).stat().st_size
     observations, neighbours = held_out_of(open_dataset(dataset), Known.of(map_path), every)
     quality, _ = evaluate_held_out(gaussian_map, observations, neighbours, threads)
     rest = assess(gaussian_map, [one.rgbd() for one in observations], lpips, threads)
-    per_gaussian = ply_bytes / max(1, gaussian_map.size)
+    per_gaussian = gaussian_map.nbytes / max(1, gaussian_map.size)
     if as_json:
         sizes = {
             "gaussians": gaussian_map.size,
-            "ply_bytes": ply_bytes,
+            "bytes": gaussian_map.nbytes,
             "bytes_per_gaussian": per_gaussian,
         }
         typer.echo(json.dumps({**asdict(quality), **asdict(rest), **sizes}))
@@ -181,7 +172,7 @@ def judge(
                 f"SSIM {way['ssim']:.3f}{depth}"
             )
     typer.echo(
-        f"{gaussian_map.size} Gaussians in {ply_bytes} bytes, {per_gaussian:.1f} each; "
+        f"{gaussian_map.size} Gaussians in {gaussian_map.nbytes} bytes, {per_gaussian:.1f} each; "
         f"{rest.render_ms:.1f} ms a rendering"
     )
     typer.echo(

@@ -161,20 +161,19 @@ def _views(
 
 def _own(map_path: Path) -> dict[str, Camera]:
     """The cameras of a map folder, at least one."""
-    from gslts.camera_files import read_cameras
-    from gslts.map_folder import CAMERAS
+    from gslts.camera_files import cameras_of_map
 
-    if not map_path.is_dir():
-        raise ValueError(f"{map_path}: it has no cameras of its own, a view must be given")
-    cameras = read_cameras(map_path / CAMERAS)
+    cameras = cameras_of_map(map_path)
     if not cameras:
-        raise ValueError(f"{map_path / CAMERAS}: there is no camera in it")
+        raise ValueError(f"{map_path}: it has no cameras of its own, a view must be given")
     return cameras
 
 
 def _usual_lens(map_path: Path) -> Camera:
     """For poses without intrinsics: those of the map's first camera, if it has cameras."""
-    return next(iter(_own(map_path).values())) if map_path.is_dir() else _lens(None, None, None)
+    from gslts.camera_files import cameras_of_map
+
+    return next(iter(cameras_of_map(map_path).values()), _lens(None, None, None))
 
 
 def _lens(width: int | None, height: int | None, fov_deg: float | None) -> Camera:

@@ -168,6 +168,44 @@ def tasks(
         raise ValueError(f"only {written} of {count} tasks could be made: {why}")
 
 
+@sim.command()
+def day(
+    source: Source,
+    out: Annotated[Path, typer.Option(help="Folder for it; new or empty.")],
+    seed: Seed = 0,
+    changes: Annotated[int, typer.Option(min=1, help="Objects that come, go and move.")] = 6,
+    frames: Annotated[int, typer.Option(min=1, help="Of the recording, at most.")] = 150,
+    noise: Noise = "kinect",
+    width: Annotated[int, typer.Option(min=16, max=4096, help="px")] = 640,
+    height: Annotated[int, typer.Option(min=16, max=4096, help="px")] = 480,
+) -> None:
+    """Write what happens in a home in a day (day.json), and record it as it was before (before/).
+
+    Example: gslts sim day living_room 4 --out out/day
+    """
+    from tqdm import tqdm
+
+    from gslts.files import empty_folder, write_whole
+    from gslts.sim.capture import capture as write
+    from gslts.sim.day import make_day
+    from gslts.sim.explore import explore
+    from gslts.sim.tasks import homes_of
+    from gslts.sim.trial import Setting
+
+    setting = Setting(noise=noise, width=width, height=height)
+    origin, found = next(homes_of([source], out, seed))
+    made = make_day(origin, found, setting, seed, changes)
+    empty_folder(out)
+    robot = made.robot(made.home.load(out), 0)
+    looks, _ = explore(robot.home, frames, lambda at: tqdm(at, desc="exploring", unit="place"))
+    count = write(robot, tqdm(looks, desc="before", unit="frame", disable=None), out / "before")
+    write_whole(out / "day.json", (made.model_dump_json(indent=1) + "\n").encode())
+    for number, happened in enumerate(made.rounds):
+        for one in happened:
+            typer.echo(f"before round {number}: {one.change.kind} of {one.change.object_id}")
+    typer.echo(f"wrote {out / 'day.json'} and {count} frames to {out / 'before'}")
+
+
 def _printable(text: str) -> str:
     """A name from a file, without what a terminal would obey."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)

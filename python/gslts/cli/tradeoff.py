@@ -147,12 +147,13 @@ def _against_mapping(
     from gslts.bench.tradeoff_mapping_plot import write_plot
     from gslts.datasets import open_dataset
     from gslts.files import empty_folder
-    from gslts.map_folder import read_map, read_map_folder
+    from gslts.map_folder import folder_of, read_manifest, read_map
     from gslts.mapping.config import PRESETS
     from gslts.mapping.judge import Known
 
     gaussian_map, known, opened = read_map(map_path), Known.of(map_path), open_dataset(dataset)
-    made_in_s = bench.seconds_of(read_map_folder(map_path)[1]) if map_path.is_dir() else None
+    folder, _ = folder_of(map_path)
+    made_in_s = bench.seconds_of(read_manifest(folder)) if folder.is_dir() else None
     visit = bench.visit_of(
         opened, known, lambda frames: tqdm(frames, desc="reading", unit="frame", disable=None)
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,13 +17,9 @@ if TYPE_CHECKING:
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
 
-STAYS = ("dataset", "origin", "config", "lenses")
-"""Of a manifest; the rest tells of the frames that the map was made of and judged by."""
-
 
 def update(
     map_path: Map,
-    out: Annotated[Path, typer.Option(help="Folder of the new map; must not be there yet.")],
     robot: Annotated[
         Path | None,
         typer.Option(
@@ -43,84 +38,69 @@ def update(
 ) -> None:
     """Look closer at what changed, edit the map there, and refine only that.
 
-    The new map's folder also holds update.json, which tells what was done, and update.png, what was
-    seen and the map before and after. An update that does not fit views kept aside better is
-    refused: there is no new map then, and OUT.refused.json tells why.
+    The map gets a new version; what was before stays in its past (gslts log). A picture of what was
+    seen, and of the map before and after, lies in the folder of the map. An update that does not
+    fit views kept aside better is refused: there is no new version then, and gslts log tells why.
 
-    Example: gslts update out/map --robot out/tasks/0000_removal_Mug-1.json --out out/map_2
+    Example: gslts update out/map --robot out/tasks/0000_removal_Mug-1.json
     """
-    from PIL import Image
     from tqdm import tqdm
 
-    from gslts import __version__
-    from gslts.camera_files import read_cameras
+    from gslts.camera_files import cameras_of_map
     from gslts.change.config import DetectionConfig
     from gslts.change.detect import ChangeDetector
-    from gslts.files import write_whole
-    from gslts.map_folder import CAMERAS, read_map, read_map_folder, write_map_folder
+    from gslts.map_folder import open_versions, picture_path
     from gslts.update.config import LITERAL, UpdateConfig
-    from gslts.update.picture import update_picture
+    from gslts.update.published import published
     from gslts.update.updater import update as run
 
     if (robot is None) == (frames is None):
         raise ValueError("give either --robot or --frames")
-    refused = out.with_name(f"{out.name}.refused.json")
-    for path in (out, refused):
-        if path.exists():
-            raise FileExistsError(f"{path} is there already")
-    is_folder = map_path.is_dir()
-    gaussian_map, manifest = read_map_folder(map_path) if is_folder else (read_map(map_path), {})
-    cameras = read_cameras(map_path / CAMERAS) if is_folder else {}
-    detector = ChangeDetector(
-        gaussian_map, DetectionConfig(threads=threads), cameras=cameras.values()
-    )
-    if robot is not None:
-        scout = _simulated(robot)
-        changes = list(detector.detect(scout.observe()).changes)
-    else:
-        assert frames is not None  # One of them is given.
-        scout, changes = _recorded(frames, detector)
-    for change in changes:
-        x, y, z = change.point
-        typer.echo(f"{change.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m, {change.confidence:.2f}")
     config = UpdateConfig(threads=threads)
     refine = config.refine.model_copy(update={"iterations": iterations})
     config = config.model_copy(update={"refine": refine})
     if literal:
         config = config.model_copy(update={"edit": LITERAL})
-    steps = config.refine.iterations + len(changes) * (config.collect.steps + 1)
-    with tqdm(total=steps, desc="updating", bar_format=BAR, disable=None) as bar:
-
-        def tell(stage: str) -> None:
-            bar.set_description(stage, refresh=False)
-            bar.update()
-
-        result = run(
-            gaussian_map,
-            list(cameras.values()),
-            changes,
-            scout,
-            config,
-            detector=detector,
-            tell=tell,
+    with open_versions(map_path, writable=True) as store:
+        before, gaussian_map = store.version(), store.read()
+        cameras = cameras_of_map(map_path)
+        detector = ChangeDetector(
+            gaussian_map, DetectionConfig(threads=threads), cameras=cameras.values()
         )
-    record = json.dumps(result.record.plain(), indent=1) + "\n"
-    if result.record.refused is not None:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(refused, record.encode())
-        raise RuntimeError(f"{map_path} stays as it is: {result.record.refused}; see {refused}")
-    seen = {f"update {k}": view.camera for k, view in enumerate(result.views, len(cameras))}
-    picture = update_picture(gaussian_map, result.gaussian_map, result.views, threads)
+        if robot is not None:
+            scout = _simulated(robot)
+            changes = list(detector.detect(scout.observe()).changes)
+        else:
+            assert frames is not None  # One of them is given.
+            scout, changes = _recorded(frames, detector)
+        for change in changes:
+            x, y, z = change.point
+            typer.echo(f"{change.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m, {change.confidence:.2f}")
+        steps = config.refine.iterations + len(changes) * (config.collect.steps + 1)
+        with tqdm(total=steps, desc="updating", bar_format=BAR, disable=None) as bar:
 
-    def finish(folder: Path) -> None:
-        (folder / "update.json").write_text(record, encoding="utf-8")
-        Image.fromarray(picture).save(folder / "update.png")
+            def tell(stage: str) -> None:
+                bar.set_description(stage, refresh=False)
+                bar.update()
 
-    told = {name: manifest[name] for name in STAYS if name in manifest}
-    told |= {"gslts": __version__, "updated_from": str(map_path)}
-    write_map_folder(out, result.gaussian_map, told, {**cameras, **seen}, finish)
+            result = run(
+                gaussian_map,
+                list(cameras.values()),
+                changes,
+                scout,
+                config,
+                detector=detector,
+                first_id=before.next_id,
+                tell=tell,
+            )
+        version = published(store, gaussian_map, cameras.values(), result, changes, config)
+    if version is None:
+        raise RuntimeError(f"{map_path} stays as it is: {result.record.refused}")
     typer.echo(_words(result.record, gaussian_map.size))
-    typer.echo(f"wrote {out}: {result.gaussian_map.size} Gaussians")
+    picture = picture_path(map_path, version.number)
+    typer.echo(
+        f"{map_path} is version {version.number} now: {version.gaussians} Gaussians; see {picture}"
+    )
 
 
 def _simulated(path: Path) -> Robot:

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from gslts.camera import Camera
-from gslts.camera_files import read_cameras
+from gslts.camera_files import cameras_of_map
 from gslts.datasets import Dataset, Frame
-from gslts.map_folder import CAMERAS, camera_of, read_map_folder
+from gslts.map_folder import camera_of, folder_of, read_manifest
 from gslts.mapping.lenses import Lenses
 from gslts.mapping.observation import Observation
 
@@ -35,10 +35,10 @@ class Known:
             OSError: A file cannot be read.
             ValueError: A file is damaged.
         """
-        if not path.is_dir():
+        folder, _ = folder_of(path)
+        if not folder.is_dir():
             return cls({})
-        manifest = read_map_folder(path)[1]
-        cameras = read_cameras(path / CAMERAS) if (path / CAMERAS).exists() else {}
+        manifest, cameras = read_manifest(folder), cameras_of_map(path)
         if "lenses" not in manifest:
             return cls(cameras)
         try:

@@ -1,8 +1,9 @@
-"""What is told about a finished run: the manifest of the map, the report and one line."""
+"""What is told about a finished run: the folder of the map, the report and one line."""
 
 from __future__ import annotations
 
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,13 +12,35 @@ from numpy.typing import NDArray
 from gslts import __version__
 from gslts.camera import twist_of
 from gslts.gaussian_map import FloatArray
-from gslts.map_folder import plain_camera
+from gslts.map_folder import plain_camera, write_map_folder
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.engine import MappingResult
 from gslts.mapping.evaluate import Quality, psnr_db, shown
 from gslts.mapping.lenses import Lenses
+from gslts.mapping.report import write_report
 from gslts.mapping.report_data import ReportData, View
 from gslts.render import Rasterizer, RenderOptions
+
+
+def write_result(folder: Path, result: MappingResult, dataset: str, config: MappingConfig) -> None:
+    """Writes the folder of a map with its report; it is there whole or not at all.
+
+    Args:
+        folder: Must not be there yet.
+        result: What to write.
+        dataset: Its name.
+        config: It was made with.
+
+    Raises:
+        OSError: It cannot be written, or is there already.
+    """
+    write_map_folder(
+        folder,
+        result.gaussian_map,
+        manifest_of(result, dataset, config),
+        {name: one.camera() for name, one in result.training.items()},
+        lambda part: write_report(part / "report.html", report_of(result, dataset, config)),
+    )
 
 
 def manifest_of(result: MappingResult, dataset: str, config: MappingConfig) -> dict[str, Any]:

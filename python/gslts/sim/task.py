@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from functools import reduce
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
@@ -30,6 +30,7 @@ VIEWPOINTS = 10
 BOX_TOLERANCE_M = 1e-5
 
 Kind = Literal["addition", "removal", "relocation"]
+Script = TypeVar("Script", bound=BaseModel)
 Vector = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 Box = tuple[Vector, Vector]
 """Lower and upper corner of an axis-aligned box in the world, m."""
@@ -217,15 +218,29 @@ def read_task(path: Path) -> Task:
         OSError: The file cannot be read.
         ValueError: It is no task, or of another schema version.
     """
+    return read_script(path, Task)
+
+
+def read_script(path: Path, model: type[Script]) -> Script:
+    """Reads a script of a home.
+
+    Args:
+        path: Of the JSON file.
+        model: What it should be.
+
+    Raises:
+        OSError: The file cannot be read.
+        ValueError: It is something else, or of another schema version.
+    """
     with path.open("rb") as file:
         text = file.read(MAX_BYTES + 1)
     if len(text) > MAX_BYTES:
-        raise ValueError(f"{path}: larger than {MAX_BYTES >> 20} MiB, so it is no task")
+        raise ValueError(f"{path}: larger than {MAX_BYTES >> 20} MiB, so it is no script of a home")
     try:
         version = _Versioned.model_validate_json(text).schema_version
         if version != VERSION:
             raise ValueError(f"{path}: schema_version is {version}, this gslts reads {VERSION}")
-        return Task.model_validate_json(text)
+        return model.model_validate_json(text)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(str(part) for part in first["loc"]) or "file"

@@ -63,6 +63,7 @@ def pre_edit(
     config: EditConfig,
     *,
     features: Floats32 | None = None,
+    first_id: int | None = None,
     threads: int = 0,
 ) -> Edit:
     """Removes what is gone and adds what is new.
@@ -74,6 +75,7 @@ def pre_edit(
         config: Settings.
         features: [D] semantic feature of what is new, s_manual of the paper. None means that of the
             object that moved, or zeros for one that was added.
+        first_id: Of what is new; None means the next one after those of the map.
         threads: 0 means one a hardware thread.
 
     Raises:
@@ -93,7 +95,8 @@ def pre_edit(
         return Edit(kept, removed, 0)
     of_object = near_sites(new, [site for site in sites if site.side == "after"], config.margin_m)
     new = _painted(new, kept, gone, of_object, features, observed=config.observed_colors)
-    first_id = int(gaussian_map.ids.max()) + 1  # Not one of those that were removed.
+    if first_id is None:
+        first_id = int(gaussian_map.ids.max()) + 1  # Not one of those that were removed.
     return Edit(joined(kept, new, first_id), removed, new.size)
 
 

@@ -100,6 +100,7 @@ def update(
     config: UpdateConfig | None = None,
     *,
     detector: ChangeDetector | None = None,
+    first_id: int | None = None,
     tell: Tell = lambda _: None,
 ) -> Update:
     """Lets a robot look at changes closely, and brings the map up to date with them.
@@ -115,6 +116,7 @@ def update(
         robot: Somewhere near.
         config: Settings; None means the defaults.
         detector: Of the map; None means one with default settings.
+        first_id: Of Gaussians that are new; None means the next one after those of the map.
         tell: Is told of each step of the stages that take long.
 
     Raises:
@@ -134,7 +136,12 @@ def update(
     )
     clock.note("collecting")
     updated, record = updated_with(
-        gaussian_map, cameras, found, config, watch=lambda *_: tell("refining")
+        gaussian_map,
+        cameras,
+        found,
+        config,
+        first_id=first_id,
+        watch=lambda *_: tell("refining"),
     )
     record = replace(
         record,
@@ -151,6 +158,7 @@ def updated_with(
     found: Collection,
     config: UpdateConfig,
     *,
+    first_id: int | None = None,
     watch: Watch = lambda *_: None,
 ) -> tuple[GaussianMap, Record]:
     """The part of `update` after the collection: edits, refines and verifies.
@@ -160,6 +168,7 @@ def updated_with(
         cameras: Of the frames that it was made of.
         found: Views of the change.
         config: Settings.
+        first_id: See `update`.
         watch: Is told of each step of the refinement.
     """
     clock = _Clock()
@@ -170,7 +179,7 @@ def updated_with(
     )
     if record.refused is not None:
         return gaussian_map, replace(record, seconds=clock.stages)
-    edit = pre_edit(gaussian_map, used, sites, config.edit, threads=threads)
+    edit = pre_edit(gaussian_map, used, sites, config.edit, first_id=first_id, threads=threads)
     unsteady = unsteady_share(gaussian_map, edit, used)
     clock.note("editing")
     record = replace(record, removed=int(edit.removed.sum()), added=edit.added)

@@ -1,0 +1,141 @@
+"""A year of a map: three changes a day, each found in one frame and published as a version.
+
+python benchmarks/year_benchmark.py                          # 1,095 changes of a small kitchen
+python benchmarks/year_benchmark.py --changes 100 --seed 21  # fewer, and another home
+
+Prints a markdown table of memory, bytes of the store and seconds a cycle in the course of the year,
+and at its end the PSNR of fresh views of the map, and of one built anew.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import time
+from pathlib import Path
+from statistics import median
+
+from tqdm import tqdm
+
+from gslts.bench.series import fresh_frames, psnr_of
+from gslts.change.config import DetectionConfig
+from gslts.datasets import open_dataset
+from gslts.files import empty_folder
+from gslts.gaussian_map import GaussianMap
+from gslts.loop.keeper import LoopConfig, MapKeeper
+from gslts.map_folder import read_map, write_map_folder
+from gslts.mapping.config import PRESETS
+from gslts.mapping.engine import make_map
+from gslts.sim.capture import capture
+from gslts.sim.controller import Controller
+from gslts.sim.explore import explore
+from gslts.sim.home_source import HomeSource
+from gslts.sim.tasks import TaskMaker
+from gslts.sim.trial import Setting
+from gslts.update.config import RefineConfig, UpdateConfig
+
+
+def mapped(robot: Controller, folder: Path) -> GaussianMap:
+    """A map of a home as it is, in a new folder."""
+    looks, _ = explore(robot.home, 120)
+    capture(robot, tqdm(looks, desc="recording", leave=False), folder / "recording")
+    with tqdm(total=100, desc="mapping", leave=False) as bar:
+        result = make_map(
+            open_dataset(folder / "recording"),
+            PRESETS["fast"],
+            report=lambda progress: bar.update(round(100 * progress.share) - bar.n) and None,
+        )
+    cameras = {name: one.camera() for name, one in result.training.items()}
+    write_map_folder(folder / "map", result.gaussian_map, {"dataset": "recording"}, cameras)
+    return result.gaussian_map
+
+
+def memory_bytes() -> int:
+    """What this process has in memory now."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE")
+
+
+def bytes_of_store(folder: Path) -> int:
+    """Of the index and the files of Gaussians, without the pictures."""
+    files = [*folder.glob("versions.sqlite*"), *(folder / "blobs").rglob("*.safetensors")]
+    return sum(path.stat().st_size for path in files)
+
+
+def main() -> None:
+    """Lives through the year."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--room", default="kitchen")
+    parser.add_argument("--seed", type=int, default=20)
+    parser.add_argument("--changes", type=int, default=1095)
+    parser.add_argument("--every", type=int, default=50, help="changes from row to row")
+    parser.add_argument("--iterations", type=int, default=60, help="of a refinement")
+    parser.add_argument("--width", type=int, default=320, help="of the images, px")
+    parser.add_argument("--out", type=Path, default=Path("out/year"))
+    given = parser.parse_args()
+    shutil.rmtree(given.out, ignore_errors=True)
+    empty_folder(given.out)
+    setting = Setting(width=given.width, height=given.width * 3 // 4)
+    source, coarse = HomeSource.of_seed(given.room, given.seed)
+    tasks = TaskMaker(setting, given.seed).make_in_a_row(source, coarse, given.changes)
+    task = first = next(tasks)
+    home = source.load(given.out)
+    mapped(first.start(home, changed=False), given.out / "start")
+    folder = given.out / "start" / "map"
+    config = LoopConfig(
+        detection=DetectionConfig(halvings=0),
+        update=UpdateConfig(refine=RefineConfig(iterations=given.iterations)),
+    )
+    print("| changes | versions | parked | Gaussians | memory | store | s a cycle |", flush=True)
+    print("| --: | --: | --: | --: | --: | --: | --: |", flush=True)
+    with MapKeeper(folder, config) as keeper, (given.out / "cycles.jsonl").open("w") as log:
+        cycles: list[float] = []
+        for done in tqdm(range(1, given.changes + 1), desc="a year"):
+            robot = task.start(home, changed=True)
+            frame = robot.observe()
+            start_s = time.perf_counter()
+            keeper.go_round(robot, {"first": frame.camera})
+            cycles.append(time.perf_counter() - start_s)
+            version = keeper.version
+            told = {
+                "changes": done,
+                "versions": version.number,
+                "parked": len(keeper.state.parked),
+                "gaussians": version.gaussians,
+                "memory": memory_bytes(),
+                "store": bytes_of_store(folder),
+                "seconds": cycles[-1],
+            }
+            log.write(json.dumps(told) + "\n")
+            log.flush()
+            if done % given.every == 0 or done == given.changes:
+                print(
+                    f"| {done} | {version.number} | {told['parked']} | {version.gaussians} | "
+                    f"{told['memory'] / 2**20:.0f} MiB | {told['store'] / 2**20:.1f} MiB | "
+                    f"{median(cycles[-given.every :]):.2f} |",
+                    flush=True,
+                )
+            last = task
+            following = next(tasks, None)
+            if following is None:
+                break
+            task = following
+    state = last.states(home)[1]
+    sensor = last.sensor
+    end = Controller(
+        state, width=sensor.width, height=sensor.height, noise=sensor.noise, seed=sensor.seed_after
+    )
+    anew = mapped(end, given.out / "anew")
+    frames = fresh_frames(state, sensor, given.seed)
+    for words, one in (
+        ("kept up to date", read_map(folder)),
+        ("as at first", read_map(Path(f"{folder}@1"))),
+        ("built anew", anew),
+    ):
+        print(f"{words}: {psnr_of(one, frames):.2f} dB, {one.size} Gaussians", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,206 @@
+"""The commands that tell of the versions of a map: log, show, diff, restore, verify, gc, import."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gslts.cli.mapping import BAR, Threads
+
+if TYPE_CHECKING:
+    from gslts.store.delta import Delta
+    from gslts.store.index import Version
+
+# What a command needs is imported inside it, so that `gslts --help` answers at once.
+
+Folder = Annotated[Path, typer.Argument(metavar="MAP", help="Folder of a map.")]
+Number = Annotated[int, typer.Argument(min=1, help="Of a version, as gslts log tells it.")]
+
+
+def log(
+    map_path: Folder,
+    object_type: Annotated[
+        str | None, typer.Option("--object", help="What became of objects of this type alone.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    html: Annotated[
+        Path | None, typer.Option(help="Write all of it, with pictures, as one page here.")
+    ] = None,
+) -> None:
+    """List the versions of a map, the newest first, and what became of objects.
+
+    Any command takes an old version of a map as MAP@NUMBER, such as out/map@2.
+
+    Example: gslts log out/map
+    """
+    from dataclasses import asdict
+
+    from gslts.map_folder import open_versions
+    from gslts.store.words import words_of_event, words_of_time
+
+    with open_versions(map_path) as store:
+        versions, events, refusals = store.versions(), store.events(object_type), store.refusals()
+        if html is not None:
+            from gslts.loop.history_page import write_history
+
+            write_history(html, store)
+            typer.echo(f"wrote {html}")
+            return
+    if as_json:
+        told = {
+            "versions": [asdict(one) for one in versions],
+            "events": [asdict(one) for one in events],
+            "refusals": [asdict(one) for one in refusals],
+        }
+        typer.echo(json.dumps(told, indent=1))
+        return
+    for version in reversed(versions):
+        if object_type is None:
+            for refusal in refusals:
+                if refusal.version == version.number:
+                    why = refusal.cause.get("record", {}).get("refused")
+                    typer.echo(f"        {words_of_time(refusal.time_s)}  not updated: {why}")
+        own = [event for event in events if event.version == version.number]
+        if object_type is None or own:
+            typer.echo(_line(version))
+        for event in own:
+            typer.echo(f"        {words_of_event(event)}")
+    if object_type is not None and not events:
+        typer.echo(f"nothing is known of a {object_type}")
+
+
+def show(map_path: Folder, number: Number) -> None:
+    """Tell all that is known of a version: why it is, how it was made, and what it cost.
+
+    Example: gslts show out/map 2
+    """
+    from gslts.map_folder import open_versions, picture_path
+    from gslts.store.words import words_of_event
+
+    with open_versions(map_path) as store:
+        version = store.version(number)
+        events = [one for one in store.events() if one.version == number]
+    typer.echo(_line(version))
+    for event in events:
+        typer.echo(f"        {words_of_event(event)}")
+    picture = picture_path(map_path, number)
+    if picture.exists():
+        typer.echo(f"        picture: {picture}")
+    typer.echo(json.dumps(version.cause, indent=1))
+
+
+def diff(
+    map_path: Folder,
+    before: Number,
+    after: Number,
+    out: Annotated[
+        Path | None, typer.Option(help="PNG: both versions from where they differ most.")
+    ] = None,
+    threads: Threads = 0,
+) -> None:
+    """Name and draw what differs between two versions.
+
+    Example: gslts diff out/map 1 3 --out out/diff.png
+    """
+    from PIL import Image
+
+    from gslts.camera_files import cameras_of_map
+    from gslts.map_folder import open_versions
+    from gslts.store.words import words_of_event
+    from gslts.update.picture import difference_picture
+
+    with open_versions(map_path) as store:
+        maps = store.read(before), store.read(after)
+        delta = store.difference(before, after)
+        first, last = sorted((before, after))
+        events = [one for one in store.events() if first < one.version <= last]
+    typer.echo(_counts(delta))
+    for event in events:
+        typer.echo(f"version {event.version}: {words_of_event(event)}")
+    if out is not None:
+        picture = difference_picture(*maps, list(cameras_of_map(map_path).values()), threads)
+        out.parent.mkdir(parents=True, exist_ok=True)
+        Image.fromarray(picture).save(out)
+        typer.echo(f"wrote {out}")
+
+
+def restore(map_path: Folder, number: Number) -> None:
+    """Make an old version the newest one again; what came after it stays in the past.
+
+    Example: gslts restore out/map 2
+    """
+    from gslts.map_folder import open_versions
+
+    with open_versions(map_path, writable=True) as store:
+        version = store.restore(number)
+    typer.echo(_line(version))
+
+
+def verify(map_path: Folder) -> None:
+    """Check every file of every version against its checksum.
+
+    Example: gslts verify out/map
+    """
+    from tqdm import tqdm
+
+    from gslts.map_folder import open_versions
+
+    with open_versions(map_path) as store:
+        versions = store.versions()
+        with tqdm(total=len(versions), desc="checking", bar_format=BAR, disable=None) as bar:
+            problems = store.problems(bar.update)
+    for problem in problems:
+        typer.echo(problem, err=True)
+    if problems:
+        raise RuntimeError(f"{map_path}: {len(problems)} problem(s), named above")
+    typer.echo(f"{len(versions)} versions are whole")
+
+
+def gc(
+    map_path: Folder,
+    keep: Annotated[
+        int | None,
+        typer.Option(min=1, help="Forget the Gaussians of all but so many of the newest versions."),
+    ] = None,
+) -> None:
+    """Remove files that no version needs, and old versions if that is wished; the log stays whole.
+
+    Example: gslts gc out/map --keep 100
+    """
+    from gslts.map_folder import open_versions
+
+    with open_versions(map_path, writable=True) as store:
+        freed = store.collect_garbage() if keep is None else store.compact(keep)
+    typer.echo(f"{freed} bytes are free again")
+
+
+def import_ply(
+    ply: Annotated[Path, typer.Argument(metavar="PLY", help="Of 3DGS, of any program.")],
+    out: Annotated[Path, typer.Option(help="Folder of the map; must not be there yet.")],
+) -> None:
+    """Make a map of a PLY file of 3DGS, with a past of its own from now on.
+
+    Example: gslts import point_cloud.ply --out out/map
+    """
+    from gslts.map_folder import write_map_folder
+    from gslts.ply import read_ply
+
+    gaussian_map = read_ply(ply)
+    write_map_folder(out, gaussian_map, {"dataset": ply.name}, {})
+    typer.echo(f"wrote {out}: {gaussian_map.size} Gaussians")
+
+
+def _line(version: Version) -> str:
+    from gslts.store.words import words_of_time, words_of_version
+
+    return f"{version.number:6}  {words_of_time(version.time_s)}  {words_of_version(version)}"
+
+
+def _counts(delta: Delta) -> str:
+    return (
+        f"{len(delta.removed)} Gaussians are gone, {delta.added.size} are new, "
+        f"{delta.changed.size} are other ones"
+    )

@@ -1,0 +1,142 @@
+"""The command `gslts run`."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from gslts.cli.mapping import BAR, Threads
+
+if TYPE_CHECKING:
+    from gslts.camera import Camera
+    from gslts.robot import Robot
+
+    Walk = Callable[[int], tuple[Robot, Mapping[str, Camera] | None]]
+    """The robot of a round, and from where it is to look if that is known."""
+
+# What a command needs is imported inside it, so that `gslts --help` answers at once.
+
+
+def run(
+    map_path: Annotated[Path, typer.Argument(metavar="MAP", help="Folder of a map.")],
+    robot: Annotated[
+        Path | None,
+        typer.Option(metavar="DAY", help="A script of gslts sim day: the simulated robot goes."),
+    ] = None,
+    frames: Annotated[
+        Path | None,
+        typer.Option(metavar="DATASET", help="Recorded frames: one round, in their order."),
+    ] = None,
+    rounds: Annotated[
+        int | None, typer.Option(min=1, help="How many; as many as the day has, if not given.")
+    ] = None,
+    iterations: Annotated[int, typer.Option(min=0, help="Of a refinement, at most.")] = 250,
+    threads: Threads = 0,
+) -> None:
+    """Go rounds through a home, and keep its map up to date.
+
+    Where something looks changed, the robot looks again; what is certain is looked at closely and
+    becomes a version of the map (gslts log), or is parked and tried again in a later round. Ctrl-C
+    stops at the next safe point; the next run goes on there, also after a crash.
+
+    Example: gslts run out/map --robot out/day/day.json
+    """
+    from tqdm import tqdm
+
+    from gslts.change.config import DetectionConfig
+    from gslts.loop.keeper import LoopConfig, MapKeeper, StoppedError
+    from gslts.update.config import UpdateConfig
+
+    if robot is not None and frames is None:
+        walk, most = _of_a_day(robot)
+    elif frames is not None and robot is None:
+        walk, most = _of_a_recording(frames), None
+    else:
+        raise ValueError("give either --robot or --frames")
+    update = UpdateConfig(threads=threads)
+    refine = update.refine.model_copy(update={"iterations": iterations})
+    config = LoopConfig(
+        detection=DetectionConfig(threads=threads),
+        update=update.model_copy(update={"refine": refine}),
+    )
+    with stopped_by_signals() as came, tqdm(desc="starting", bar_format=BAR, disable=None) as bar:
+
+        def tell(stage: str) -> None:
+            left = len(keeper.state.left or ())
+            bar.total = max(bar.total or 0, left)
+            bar.n = bar.total - left
+            bar.set_postfix_str(stage)
+
+        def say(words: str) -> None:
+            tqdm.write(words)
+            sys.stdout.flush()  # What a log tells must have happened, and the other way round.
+
+        with MapKeeper(map_path, config, stopping=lambda: bool(came), tell=tell, say=say) as keeper:
+            first = keeper.state.round
+            last = first + (rounds or 1) if rounds or most is None else max(first, most)
+            try:
+                for number in range(first, last):
+                    bar.set_description(f"round {number}", refresh=False)
+                    bar.reset(total=0)
+                    keeper.go_round(*walk(number))
+            except StoppedError:
+                raise RuntimeError(
+                    f"stopped in round {keeper.state.round}; the same command goes on there"
+                ) from None
+            version = keeper.version
+    parked = keeper.state.parked
+    for one in parked:
+        x, y, z = one.point
+        typer.echo(f"parked: {one.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m: {one.reason}")
+    typer.echo(
+        f"{last - first} round(s); {map_path} is version {version.number} now, {len(parked)} "
+        f"parked; see gslts log {map_path}"
+    )
+
+
+@contextmanager
+def stopped_by_signals() -> Iterator[list[int]]:
+    """Collects SIGINT and SIGTERM; each ends the program only if it comes a second time."""
+    came: list[int] = []
+
+    def note(number: int, _: object) -> None:
+        came.append(number)
+        signal.signal(number, before[number])
+
+    before: dict[int, Any] = {}
+    for number in (int(signal.SIGINT), int(signal.SIGTERM)):
+        before[number] = signal.signal(number, note)
+    try:
+        yield came
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _of_a_day(path: Path) -> tuple[Walk, int]:
+    """The simulated robot of each round, and how many rounds the day has."""
+    from gslts.sim.day import read_day
+
+    day = read_day(path)
+    home = day.home.load(path.parent)
+    return lambda number: (day.robot(home, number + 1), None), len(day.rounds)
+
+
+def _of_a_recording(path: Path) -> Walk:
+    """A robot that replays frames, from where they were taken."""
+    from tqdm import tqdm
+
+    from gslts.datasets import open_dataset
+    from gslts.recorded_robot import RecordedRobot
+
+    opened = open_dataset(path)
+    read = {one.name: one.read() for one in tqdm(opened.frames, desc="reading", disable=None)}
+    robot = RecordedRobot(list(read.values()))
+    cameras = {name: frame.camera for name, frame in read.items()}
+    return lambda _: (robot, cameras)

@@ -1,0 +1,182 @@
+"""A day in the life of a map: a home is furnished and mapped, changes, and the map keeps up."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslts.bench.series import fresh_frames, psnr_of
+from gslts.datasets import open_dataset
+from gslts.files import empty_folder, write_whole
+from gslts.html_page import number, section, table
+from gslts.loop.history_page import write_history
+from gslts.loop.keeper import LoopConfig, MapKeeper
+from gslts.map_folder import open_versions, read_map
+from gslts.mapping.config import PRESETS, MappingConfig
+from gslts.mapping.engine import make_map
+from gslts.mapping.summary import summary_of, write_result
+from gslts.sim.capture import capture
+from gslts.sim.day import Day, make_day
+from gslts.sim.explore import explore
+from gslts.sim.home import Home
+from gslts.sim.home_source import HomeSource
+from gslts.sim.task import Box, Change
+from gslts.sim.trial import Setting
+from gslts.store.index import Event
+from gslts.update.config import RefineConfig, UpdateConfig
+
+ROOM, SEED, CHANGES = "living_room", 7, 6
+FOUND_M = 0.15
+"""An object was found if the middle of a box that is known is in the true one, or that near."""
+
+Floats = NDArray[np.float64]
+Bar = Callable[[Iterable[Any], str], Iterable[Any]]
+"""Shows how far a stage is, which is named."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How much is done.
+
+    Attributes:
+        width, height: Of the images, px.
+        frames: Of the recording, at most.
+        mapping: Of the home.
+        iterations: Of a refinement, at most.
+        fresh_views: That judge the map at the end.
+    """
+
+    width: int = 640
+    height: int = 480
+    frames: int = 150
+    mapping: MappingConfig = PRESETS["fast"]
+    iterations: int = 250
+    fresh_views: int = 20
+
+
+QUICK = Scale(
+    width=320,
+    height=240,
+    frames=90,
+    mapping=PRESETS["fast"].model_copy(update={"budget_s": 30.0}),
+    iterations=100,
+    fresh_views=10,
+)
+
+
+def live_a_day(
+    out: Path, scale: Scale, *, threads: int, bar: Bar, say: Callable[[str], None]
+) -> Path:
+    """Furnishes a home, maps it, and keeps the map up to date for a day.
+
+    Args:
+        out: New or empty folder: gets day.json, before/, map/ and report.html.
+        scale: How much is done.
+        threads: 0 means one a hardware thread.
+        bar: Shows progress.
+        say: Is told what was done, in words.
+
+    Returns:
+        The report.
+
+    Raises:
+        OSError: Something cannot be written.
+        ValueError: The folder is not empty.
+    """
+    empty_folder(out)
+    seconds: dict[str, float] = {}
+    start_s = time.perf_counter()
+
+    def note(stage: str) -> None:
+        seconds[stage] = time.perf_counter() - start_s - sum(seconds.values())
+
+    source, coarse = HomeSource.of_seed(ROOM, SEED)
+    day = make_day(source, coarse, Setting(width=scale.width, height=scale.height), SEED, CHANGES)
+    write_whole(out / "day.json", (day.model_dump_json(indent=1) + "\n").encode())
+    home = source.load(out)
+    robot = day.robot(home, 0)
+    looks, _ = explore(robot.home, scale.frames, lambda places: bar(places, "exploring"))
+    count = capture(robot, bar(looks, "recording"), out / "before")
+    note("recording")
+    say(f"recorded {count} frames of a {ROOM.replace('_', ' ')}")
+    say(f"mapped it: {_mapped(out, scale, threads, bar)}")
+    note("mapping")
+    update = UpdateConfig(threads=threads, refine=RefineConfig(iterations=scale.iterations))
+    config = LoopConfig(update=update)
+    with MapKeeper(out / "map", config, say=lambda words: say(f"  {words}")) as keeper:
+        for gone, happened in enumerate(bar(day.rounds, "rounds"), start=1):
+            for one in happened:
+                say(f"{one.change.kind} of {one.change.object_id}")
+            keeper.go_round(day.robot(home, gone))
+    note("keeping it up to date")
+    report = out / "report.html"
+    with open_versions(out / "map") as store:
+        sections = [
+            section("What really changed", _truth(day, store.events())),
+            section("How well the map shows the home at the end", _quality(out, day, home, scale)),
+            section("Seconds", table(("", "s"), [(k, f"{v:.0f}") for k, v in seconds.items()])),
+        ]
+        write_history(report, store, f"A day in a {ROOM.replace('_', ' ')}", sections)
+    return report
+
+
+def was_found(change: Change, events: Sequence[Event]) -> bool:
+    """Whether what is known of objects tells of a change, each of its ends in the right place."""
+    for side, box in enumerate((change.box_before, change.box_after)):
+        known = [np.mean(one.boxes[side], axis=0) for one in events if one.boxes[side] is not None]
+        if box is not None and not any(_is_in(middle, box) for middle in known):
+            return False
+    return True
+
+
+def _is_in(point: Floats, box: Box) -> bool:
+    low, high = np.array(box)
+    return bool(np.all((point >= low - FOUND_M) & (point <= high + FOUND_M)))
+
+
+def _mapped(out: Path, scale: Scale, threads: int, bar: Bar) -> str:
+    dataset = open_dataset(out / "before")
+    config = scale.mapping.model_copy(update={"threads": threads})
+    shares = iter(bar(range(100), "mapping"))
+    shown = [0]
+
+    def report(progress: Any) -> None:
+        while shown[0] < 100 * progress.share and next(shares, None) is not None:
+            shown[0] += 1
+
+    result = make_map(
+        dataset, config, show_frames=lambda frames: bar(frames, "reading"), report=report
+    )
+    write_result(out / "map", result, dataset.name, config)
+    return summary_of(result)
+
+
+def _truth(day: Day, events: Sequence[Event]) -> str:
+    rows = [
+        (
+            str(number_of_round),
+            one.change.kind,
+            one.change.object_type,
+            "yes" if was_found(one.change, events) else "no",
+        )
+        for number_of_round, happened in enumerate(day.rounds)
+        for one in happened
+    ]
+    return table(("before round", "change", "object", "found and repaired"), rows)
+
+
+def _quality(out: Path, day: Day, home: Home, scale: Scale) -> str:
+    frames = fresh_frames(day.state(home, len(day.rounds)), day.sensor, SEED, scale.fresh_views)
+    maps = {"as mapped in the morning": "map@1", "as it is in the evening": "map"}
+    rows = [
+        (words, f"{one.size:,}", number(psnr_of(one, frames)))
+        for words, one in ((words, read_map(out / path)) for words, path in maps.items())
+    ]
+    head = ("map", "Gaussians", f"PSNR of {len(frames)} fresh views, dB")
+    return table(head, rows)

@@ -1,0 +1,228 @@
+"""Rounds through a home, on which its map is kept up to date."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from gslts.camera import Camera
+from gslts.camera_files import cameras_of_map, cameras_of_update
+from gslts.change.changes import Change
+from gslts.change.config import DetectionConfig
+from gslts.change.detect import ChangeDetector
+from gslts.change.monitor import ChangeMonitor, MonitorConfig
+from gslts.frame import RgbdFrame
+from gslts.loop.rounds import go_to, stops_of
+from gslts.loop.state import LoopState, read_state, write_state
+from gslts.loop.waiting import next_changes, parked_again
+from gslts.map_folder import open_versions
+from gslts.robot import Robot
+from gslts.store.index import Version
+from gslts.update.config import UpdateConfig
+from gslts.update.published import published
+from gslts.update.updater import Update, update
+
+
+@dataclass(frozen=True)
+class LoopConfig:
+    """How a robot goes its rounds.
+
+    Attributes:
+        stops: Of a round, at most.
+        looks: At one stop, while something is suspected, at most.
+        watch: When a change is believed.
+        detection: Of changes.
+        update: Of the map.
+    """
+
+    stops: int = 40
+    looks: int = 4
+    # The robot waits for what the watch says.
+    watch: MonitorConfig = field(default_factory=lambda: MonitorConfig(rate_hz=1e6))
+    detection: DetectionConfig = field(default_factory=DetectionConfig)
+    update: UpdateConfig = field(default_factory=UpdateConfig)
+
+    def __post_init__(self) -> None:
+        if self.stops < 1 or self.looks < 1:
+            raise ValueError("LoopConfig: stops and looks must be positive")
+
+
+class StoppedError(Exception):
+    """Somebody wants the robot to stop; what it was about to do is done at the next start."""
+
+
+class MapKeeper:
+    """Keeps one map up to date; a context manager, which is its only writer.
+
+    Args:
+        folder: Of the map.
+        config: Settings; None means the defaults.
+        stopping: Whether to stop at the next safe point.
+        tell: Is told of each step of what takes long.
+        say: Is told what was found and done, in words.
+
+    Raises:
+        OSError: The map cannot be read, or another process writes it.
+        ValueError: It is no map with versions, or what is known of its rounds is damaged.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        config: LoopConfig | None = None,
+        *,
+        stopping: Callable[[], bool] = lambda: False,
+        tell: Callable[[str], None] = lambda _: None,
+        say: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        self._folder, self._config = folder, LoopConfig() if config is None else config
+        self._stopping, self._tell, self._say = stopping, tell, say
+        self._store = open_versions(folder, writable=True)
+        try:
+            self.state = read_state(folder)
+            self._map = self._store.read()
+            self._cameras = cameras_of_map(folder)
+            self._detector = self._detector_of_map()
+            self._watch = ChangeMonitor(self._detector, self._config.watch)
+        except BaseException:
+            self._store.close()
+            raise
+        self._waiting: dict[int, Change] = {}
+        self._last: RgbdFrame | None = None
+
+    def __enter__(self) -> MapKeeper:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._watch.close()
+        self._store.close()
+
+    @property
+    def version(self) -> Version:
+        """The newest one."""
+        return self._store.version()
+
+    def go_round(self, robot: Robot, viewpoints: Mapping[str, Camera] | None = None) -> None:
+        """Goes on with the round, or begins one, and repairs what changed on the way.
+
+        Args:
+            robot: In the home.
+            viewpoints: Where to look from, in this order, by name; None means some of those that
+                the map was made from, which show it. Where the robot cannot go now, it does not
+                look.
+
+        Raises:
+            StoppedError: As `stopping` wished; the state is that of the last stop.
+            OSError: Something cannot be written; the map is that of its newest version.
+        """
+        known = self._cameras if viewpoints is None else viewpoints
+        self._watch.publish(self._detector)  # What is parked may be reported again.
+        if self.state.left is None:
+            threads = self._config.update.threads
+            self._become(
+                left=tuple(viewpoints)
+                if viewpoints is not None
+                else stops_of(self._map, known, self._config.stops, threads)
+            )
+        while self.state.left:
+            name = self.state.left[0]
+            self._pause()
+            if name in known and go_to(robot, known[name]):
+                self._tell(name)
+                self._look(robot)
+                self._repair(robot)
+            self._become(left=self.state.left[1:])
+        # What was parked and due, and was not seen again, is no more.
+        parked = tuple(one for one in self.state.parked if one.until > self.state.round)
+        self._become(left=None, round=self.state.round + 1, parked=parked)
+
+    def _look(self, robot: Robot) -> None:
+        """Looks until it is certain whether there is a change."""
+        for _ in range(self._config.looks):
+            frame = robot.observe()
+            if frame is self._last:  # Of a recording, which has no other one.
+                break
+            self._last = frame
+            self._watch.offer(frame)
+            self._watch.wait()
+            if not self._watch.is_suspicious:
+                break
+        for report in self._watch.poll():
+            if report.replaces is not None:
+                self._waiting.pop(report.replaces, None)
+            if not self._is_parked(report.change):
+                self._waiting[report.number] = report.change
+
+    def _repair(self, robot: Robot) -> None:
+        """Works off what waits, the most certain and nearest first."""
+        while self._waiting:
+            self._pause()
+            place = robot.observe().camera.world_from_camera[:2, 3]
+            changes = next_changes(list(self._waiting.values()), place)
+            for change in changes:
+                x, y, z = change.point
+                self._say(f"{change.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m")
+            version = self._updated(robot, changes)
+            handled = set(map(id, changes))
+            self._waiting = {k: one for k, one in self._waiting.items() if id(one) not in handled}
+            if version is not None:
+                self._say(f"version {version.number}: {version.gaussians} Gaussians")
+
+    def _updated(self, robot: Robot, changes: list[Change]) -> Version | None:
+        """The version that shows the changes; None if they are parked."""
+
+        def tell(stage: str) -> None:
+            self._pause()
+            self._tell(stage)
+
+        config = self._config.update
+        result = update(
+            self._map,
+            list(self._cameras.values()),
+            changes,
+            robot,
+            config,
+            detector=self._detector,
+            first_id=self._store.version().next_id,
+            tell=tell,
+        )
+        cameras, of_round = self._cameras.values(), {"round": self.state.round}
+        version = published(self._store, self._map, cameras, result, changes, config, of_round)
+        if version is None:
+            self._park(result, changes)
+            return None
+        self._map = result.gaussian_map
+        self._cameras |= cameras_of_update(version)
+        self._detector = self._detector_of_map()
+        self._watch.publish(self._detector)
+        parked = tuple(
+            one for one in self.state.parked if not any(one.is_of(change) for change in changes)
+        )
+        self._become(parked=parked)
+        return version
+
+    def _park(self, result: Update, changes: list[Change]) -> None:
+        reason = result.record.refused or ""
+        parked = self.state.parked
+        for change in changes:
+            parked = parked_again(parked, change, reason, self.state.round)
+        self._become(parked=parked)
+        self._say(f"left as it is for now: {reason}")
+
+    def _is_parked(self, change: Change) -> bool:
+        return any(one.is_of(change) and one.until > self.state.round for one in self.state.parked)
+
+    def _detector_of_map(self) -> ChangeDetector:
+        return ChangeDetector(self._map, self._config.detection, cameras=self._cameras.values())
+
+    def _become(self, **changed: object) -> None:
+        """Another state, on the disk before it is believed."""
+        state = LoopState.model_validate({**self.state.model_dump(), **changed})
+        write_state(state, self._folder)
+        self.state = state
+
+    def _pause(self) -> None:
+        """A safe point: nothing is half done that anybody would miss."""
+        if self._stopping():
+            raise StoppedError

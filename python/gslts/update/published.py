@@ -1,0 +1,88 @@
+"""The last stage of an update: what came of it becomes a version of the map, or is told."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from io import BytesIO
+from typing import Any
+
+from PIL import Image
+
+from gslts import __version__
+from gslts.camera import Camera, new_viewpoints
+from gslts.change.changes import Change
+from gslts.files import write_whole
+from gslts.gaussian_map import GaussianMap
+from gslts.map_folder import picture_path, plain_camera
+from gslts.store.index import Event, Version
+from gslts.store.map_store import MapStore
+from gslts.update.config import UpdateConfig
+from gslts.update.picture import update_picture
+from gslts.update.updater import Update
+
+UNKNOWN_TYPE = "object"
+
+
+def published(
+    store: MapStore,
+    before: GaussianMap,
+    cameras: Iterable[Camera],
+    result: Update,
+    changes: Sequence[Change],
+    config: UpdateConfig,
+    more: Mapping[str, Any] | None = None,
+) -> Version | None:
+    """Adds a version of an updated map, and a picture of it; of one that stays, only why.
+
+    Args:
+        store: Writable.
+        before: Its newest version, which was updated.
+        cameras: That it was made from.
+        result: Of the update.
+        changes: That it was about.
+        config: It was made with.
+        more: Of its cause, in values of JSON.
+
+    Raises:
+        OSError: It cannot be written; then the newest version is what it was, or only the picture
+            is missing.
+    """
+    cause: dict[str, Any] = {
+        "gslts": __version__,
+        "changes": [_plain(one) for one in changes],
+        "record": result.record.plain(),
+        "config": config.model_dump(mode="json"),
+        **(more or {}),
+    }
+    if result.record.refused is not None:
+        store.refuse(cause)
+        return None
+    seen_from = [view.camera for view in result.views]
+    cause["frames"] = [
+        {**plain_camera(camera), "new_viewpoint": new}
+        for camera, new in zip(seen_from, new_viewpoints(cameras, seen_from), strict=True)
+    ]
+    events = [Event(0, one.kind, UNKNOWN_TYPE, _boxes(one)) for one in changes]
+    version = store.commit(result.gaussian_map, cause, events)
+    picture = update_picture(before, result.gaussian_map, result.views, config.threads)
+    path = picture_path(store.folder, version.number)
+    content = BytesIO()
+    Image.fromarray(picture).save(content, "PNG")
+    try:
+        path.parent.mkdir(exist_ok=True)
+        write_whole(path, content.getvalue())
+    except OSError as error:
+        now = f"{store.folder} is version {version.number} now, but without a picture"
+        raise OSError(f"{now}: {error}") from error
+    return version
+
+
+def _plain(change: Change) -> dict[str, Any]:
+    return {"kind": change.kind, "confidence": change.confidence, "boxes": _boxes(change)}
+
+
+def _boxes(change: Change) -> tuple[Any, Any]:
+    before, after = (
+        None if box is None else [corner.tolist() for corner in box] for box in change.boxes
+    )
+    return before, after

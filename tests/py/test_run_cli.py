@@ -1,0 +1,129 @@
+"""The command `gslts run`, as a user meets it."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import change_room
+import pytest
+import update_room
+from test_cli_sim import gslts
+from test_update_cli import looks_at_the_change
+
+from gslts.loop.state import read_state
+from gslts.map_folder import open_versions, read_map
+from gslts.sim.capture import capture
+
+QUICK = ("--iterations", "20", "--threads", "1")
+
+
+@pytest.fixture(scope="module")
+def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A visit after the red box was taken away."""
+    folder = tmp_path_factory.mktemp("run")
+    home = update_room.changed_home("removal")
+    capture(update_room.robot_in(home), looks_at_the_change(), folder / "visit")
+    return folder
+
+
+@pytest.fixture
+def new_map(workplace: Path, request: pytest.FixtureRequest) -> str:
+    """Its name."""
+    name = f"map_of_{request.node.name}"
+    change_room.write_room_map(workplace / name)
+    return name
+
+
+def test_a_recording_updates_a_map(workplace: Path, new_map: str) -> None:
+    done = gslts("run", new_map, "--frames", "visit", *QUICK, cwd=workplace)
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert lines[0].startswith("removal at (2.")
+    assert lines[-1] == (
+        f"1 round(s); {new_map} is version 2 now, 0 parked; see gslts log {new_map}"
+    )
+    new = read_map(workplace / new_map)
+    assert update_room.opaque_in(new, update_room.REMOVED, 0.04) == 0
+    page = workplace / "log.html"
+    done = gslts("log", new_map, "--html", str(page), cwd=workplace)
+    assert done.returncode == 0, done.stderr
+    text = page.read_text()
+    assert "object gone from (2." in text
+    assert text.count('src="data:image/jpeg') == 1
+
+
+def test_a_simulated_day(workplace: Path, new_map: str) -> None:
+    done = gslts(
+        *("sim", "day", "kitchen", "20", "--changes", "2", "--frames", "9", "--out", "day"),
+        *("--width", "64", "--height", "48"),
+        cwd=workplace,
+    )
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert [line[:15] for line in lines[:2]] == ["before round 0:", "before round 1:"]
+    assert lines[2].startswith("wrote day/day.json and 9 frames to day/before")
+    # A map of another home: every frame is unreliable, and nothing is changed.
+    done = gslts("run", new_map, "--robot", "day/day.json", *QUICK, cwd=workplace)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == [
+        f"2 round(s); {new_map} is version 1 now, 0 parked; see gslts log {new_map}"
+    ]
+    assert read_state(workplace / new_map).round == 2
+    done = gslts("run", new_map, "--robot", "day/day.json", *QUICK, cwd=workplace)
+    assert done.stdout.startswith("0 round(s)"), "the day is over"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_stops_it_and_it_goes_on(
+    workplace: Path, new_map: str, number: signal.Signals
+) -> None:
+    program = "import sys; from gslts.cli import main; sys.argv[0] = 'gslts'; main()"
+    command = [sys.executable, "-c", program, "run", new_map, "--frames", "visit", *QUICK]
+    with subprocess.Popen(
+        command, cwd=workplace, text=True, stderr=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as running:
+        state = workplace / new_map / "loop.json"
+        until_s = time.monotonic() + 60
+        while not state.exists() and time.monotonic() < until_s:
+            time.sleep(0.01)
+        os.kill(running.pid, number)
+        _, errors = running.communicate(timeout=60)
+    assert running.returncode == 1
+    assert errors.splitlines()[-1] == "gslts: stopped in round 0; the same command goes on there"
+    assert "Traceback" not in errors
+    done = gslts("run", new_map, "--frames", "visit", *QUICK, cwd=workplace)
+    assert done.returncode == 0, done.stderr
+    with open_versions(workplace / new_map) as store:
+        assert store.version().number == 2
+        assert store.problems() == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((), "give either --robot or --frames"),
+        (("--frames", "visit", "--robot", "day.json"), "give either --robot or --frames"),
+        (("--frames", "nowhere"), "nowhere"),
+        (("--robot", "nowhere.json"), "nowhere.json"),
+    ],
+)
+def test_bad_input_is_named_in_one_line(
+    workplace: Path, new_map: str, arguments: tuple[str, ...], message: str
+) -> None:
+    done = gslts("run", new_map, *arguments, cwd=workplace)
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("gslts: ")
+    assert message in line
+
+
+def test_a_second_writer_has_to_wait(workplace: Path, new_map: str) -> None:
+    with open_versions(workplace / new_map, writable=True):
+        done = gslts("run", new_map, "--frames", "visit", *QUICK, cwd=workplace)
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1].endswith(
+        "another process writes this map; wait until it ends"
+    )
