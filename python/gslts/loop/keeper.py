@@ -88,7 +88,6 @@ class MapKeeper:
         except BaseException:
             self._store.close()
             raise
-        self._waiting: dict[int, Change] = {}
         self._last: RgbdFrame | None = None
 
     def __enter__(self) -> MapKeeper:
@@ -130,15 +129,14 @@ class MapKeeper:
             self._pause()
             if name in known and go_to(robot, known[name]):
                 self._tell(name)
-                self._look(robot)
-                self._repair(robot)
+                self._repair(robot, self._seen(robot))
             self._become(left=self.state.left[1:])
         # What was parked and due, and was not seen again, is no more.
         parked = tuple(one for one in self.state.parked if one.until > self.state.round)
         self._become(left=None, round=self.state.round + 1, parked=parked)
 
-    def _look(self, robot: Robot) -> None:
-        """Looks until it is certain whether there is a change."""
+    def _seen(self, robot: Robot) -> list[Change]:
+        """Looks until it is certain what has changed."""
         for _ in range(self._config.looks):
             frame = robot.observe()
             if frame is self._last:  # Of a recording, which has no other one.
@@ -148,29 +146,25 @@ class MapKeeper:
             self._watch.wait()
             if not self._watch.is_suspicious:
                 break
-        for report in self._watch.poll():
-            if report.replaces is not None:
-                self._waiting.pop(report.replaces, None)
-            if not self._is_parked(report.change):
-                self._waiting[report.number] = report.change
+        reports = self._watch.poll()
+        replaced = {report.replaces for report in reports}
+        changes = [report.change for report in reports if report.number not in replaced]
+        return [change for change in changes if not self._is_parked(change)]
 
-    def _repair(self, robot: Robot) -> None:
+    def _repair(self, robot: Robot, waiting: list[Change]) -> None:
         """Works off what waits, the most certain and nearest first."""
-        while self._waiting:
+        while waiting:
             self._pause()
             place = robot.observe().camera.world_from_camera[:2, 3]
-            changes = next_changes(list(self._waiting.values()), place)
+            changes = next_changes(waiting, place)
+            waiting = [one for one in waiting if all(one is not other for other in changes)]
             for change in changes:
                 x, y, z = change.point
                 self._say(f"{change.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m")
-            version = self._updated(robot, changes)
-            handled = set(map(id, changes))
-            self._waiting = {k: one for k, one in self._waiting.items() if id(one) not in handled}
-            if version is not None:
-                self._say(f"version {version.number}: {version.gaussians} Gaussians")
+            self._update(robot, changes)
 
-    def _updated(self, robot: Robot, changes: list[Change]) -> Version | None:
-        """The version that shows the changes; None if they are parked."""
+    def _update(self, robot: Robot, changes: list[Change]) -> None:
+        """Publishes a version that shows the changes, or parks them."""
 
         def tell(stage: str) -> None:
             self._pause()
@@ -191,7 +185,8 @@ class MapKeeper:
         version = published(self._store, self._map, cameras, result, changes, config, of_round)
         if version is None:
             self._park(result, changes)
-            return None
+            return
+        self._say(f"version {version.number}: {version.gaussians} Gaussians")
         self._map = result.gaussian_map
         self._cameras |= cameras_of_update(version)
         self._detector = self._detector_of_map()
@@ -200,7 +195,6 @@ class MapKeeper:
             one for one in self.state.parked if not any(one.is_of(change) for change in changes)
         )
         self._become(parked=parked)
-        return version
 
     def _park(self, result: Update, changes: list[Change]) -> None:
         reason = result.record.refused or ""
