@@ -4,11 +4,11 @@
     python benchmarks/faults/fault_benchmark.py writes
 
 What is disturbed: `commits` adds versions to a map, `import` and `map` are the commands that make
-one. `kill` kills them at random moments of their run. `writes` lets each call that changes a file
-fail in turn, that one or all from there on, as if the disk were full, broken or read-only. Each
-time, the map must open, verify, and hold each version whose commit had returned, bit by bit, or not
-be there at all; and a command that fails must say so in one line. Another command that adds
-versions is disturbed with
+one, `run` is the command that keeps it up to date. `kill` kills them at random moments of their
+run. `writes` lets each call that changes a file fail in turn, that one or all from there on, as if
+the disk were full, broken or read-only. Each time, the map must open, verify, and hold each version
+whose commit had returned, bit by bit, or not be there at all; and a command that fails must say so
+in one line. Another command that adds versions is disturbed with
 
     python benchmarks/faults/fault_benchmark.py kill --map MAP --told REGEX -- COMMAND {map} ...
 
@@ -31,11 +31,11 @@ from itertools import product
 from pathlib import Path
 
 from disturbed import Fault, Outcome, disturbed, failing_disk
-from subjects import MAP, Command, Commits, NewMap, Subject, write_inputs
+from subjects import MAP, Command, Commits, NewMap, Rounds, Subject, write_home, write_inputs
 from tqdm import tqdm
 
 ERRORS = (errno.ENOSPC, errno.EIO, errno.EROFS)
-NAMES = ("commits", "import", "map")
+NAMES = ("commits", "import", "map", "run")
 FAST = ("--preset", "fast", "--iterations", "33", "--set", "variant_steps=0", "--threads", "1")
 SHOWN, WIDTH = 20, 1000
 
@@ -121,12 +121,17 @@ def subjects_of(arguments: argparse.Namespace, inputs: Path) -> Iterator[Subject
         yield Command(arguments.map.resolve(), arguments.command, arguments.told)
         return
     visit, ply = inputs / "visit", inputs / "made_up.ply"
-    write_inputs(visit if "map" in arguments.subjects else None, ply)
+    if {"import", "map"} & {*arguments.subjects}:
+        write_inputs(visit, ply)
+    if "run" in arguments.subjects:
+        write_home(inputs)
     for name in arguments.subjects:
         if name == "commits":
             yield Commits(arguments.more)
         elif name == "import":
             yield NewMap("import", ["import", str(ply)])
+        elif name == "run":
+            yield Rounds(inputs)
         else:
             yield NewMap("map", ["map", str(visit), *FAST])
 

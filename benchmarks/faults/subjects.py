@@ -25,6 +25,7 @@ import gslts.mapping.report
 import gslts.mapping.summary
 from gslts.cli import main
 from gslts.gaussian_map import GaussianMap
+from gslts.loop.state import read_state
 from gslts.map_folder import CAMERAS, MANIFEST, open_versions
 from gslts.ply import write_ply
 from gslts.store.delta import arrays_of
@@ -189,6 +190,33 @@ class Command:
         )
 
 
+class Rounds(Command):
+    """`gslts run` of a day in which two objects change.
+
+    Args:
+        inputs: From `write_home`.
+    """
+
+    name = "run"
+
+    def __init__(self, inputs: Path) -> None:
+        day = str((inputs / "day" / "day.json").resolve())
+        arguments = ["run", "{map}", "--robot", day, "--iterations", "10", "--threads", "1"]
+        super().__init__(inputs / "home", arguments, r"(?m)^version (\d+): ")
+
+    def run(self) -> None:
+        """Goes on where the one before was killed."""
+        sys.argv = ["gslts", *self._arguments]
+        main()
+
+    def problems(self, folder: Path, outcome: Outcome) -> list[str]:
+        """Once it ends well, the day is over."""
+        found = super().problems(folder, outcome)
+        if outcome.code == 0 and (days := read_state(folder / MAP).round) != 2:
+            found.append(f"it ended after {days} of 2 rounds")
+        return found
+
+
 def wrong_of_map(
     path: Path,
     needed: Iterable[int],
@@ -266,17 +294,29 @@ def removed(path: Path) -> None:
         path.unlink()
 
 
-def write_inputs(visit: Path | None, ply: Path) -> None:
-    """A tiny data set, if it is wanted, and a PLY file, to make maps of."""
+def write_inputs(visit: Path, ply: Path) -> None:
+    """A tiny data set and a PLY file, to make maps of."""
     write_ply(made_up.map_of(1), ply)
-    if visit is None:
-        return
     size = ["--frames", "12", "--width", "64", "--height", "48"]
+    prepared(visit.parent, ["sim", "capture", "kitchen", "0", "--out", str(visit), *size])
 
-    def record() -> None:
-        sys.argv = ["gslts", "sim", "capture", "kitchen", "0", "--out", str(visit), *size]
+
+def write_home(inputs: Path) -> None:
+    """A small day and a rough map of the home before it."""
+    size = ["--frames", "60", "--width", "240", "--height", "180", "--changes", "2"]
+    prepared(inputs, ["sim", "day", "living_room", "7", "--out", str(inputs / "day"), *size])
+    rough = ["--preset", "fast", "--iterations", "300", "--set", "variant_steps=0"]
+    before, home = str(inputs / "day" / "before"), str(inputs / "home")
+    prepared(inputs, ["map", before, "--out", home, *rough])
+
+
+def prepared(folder: Path, arguments: Sequence[str]) -> None:
+    """Runs a command that nobody disturbs."""
+
+    def run() -> None:
+        sys.argv = ["gslts", *arguments]
         main()
 
-    done = disturbed(visit.parent, record)
+    done = disturbed(folder, run)
     if done.code != 0:
-        raise RuntimeError(f"there is no data set: {done.told}")
+        raise RuntimeError(f"there is nothing to disturb: gslts {arguments[0]} {done.told}")
