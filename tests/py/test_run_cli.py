@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 import change_room
+import numpy as np
 import pytest
 import update_room
 from test_cli_sim import gslts
@@ -99,6 +100,29 @@ def test_a_signal_stops_it_and_it_goes_on(
     with open_versions(workplace / new_map) as store:
         assert store.version().number == 2
         assert store.problems() == []
+
+
+def test_a_run_that_was_killed_goes_on(workplace: Path, new_map: str) -> None:
+    program = "from gslts.cli import main; main()"
+    command = [sys.executable, "-c", program, "run", new_map, "--frames", "visit", *QUICK]
+    told = 1
+    for moment_s in np.random.default_rng(0).uniform(0.5, 4, 5):
+        with subprocess.Popen(
+            command, cwd=workplace, text=True, stderr=subprocess.DEVNULL, stdout=subprocess.PIPE
+        ) as running:
+            time.sleep(moment_s)
+            running.kill()
+            printed, _ = running.communicate(timeout=60)
+        told = max(told, 2 if "version 2: " in printed else 1)
+        with open_versions(workplace / new_map) as store:
+            assert store.problems() == []
+            assert store.version().number in (told, 2)
+    done = gslts("run", new_map, "--frames", "visit", *QUICK, cwd=workplace)
+    assert done.returncode == 0, done.stderr
+    with open_versions(workplace / new_map) as store:
+        assert store.version().number == 2
+    new = read_map(workplace / new_map)
+    assert update_room.opaque_in(new, update_room.REMOVED, 0.04) == 0
 
 
 @pytest.mark.parametrize(
