@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from safetensors.numpy import load, save
 
-from gslts.files import naming, remove_tree
+from gslts.files import naming, remove_tree, write_whole
 
 SUFFIX = ".safetensors"
 REPAIR = "copy it from a backup, or go back to a version that is whole with gslts restore"
@@ -43,7 +43,8 @@ class Blobs:
         key = hashlib.sha256(content).hexdigest()
         path = self._path(key)
         if not (path.exists() and path.read_bytes() == content):
-            self._write_part(path, content)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(path, content)
         for folder in (path.parent, self._folder, self._folder.parent):
             sync_folder(folder)
         return key, len(content)
@@ -107,20 +108,6 @@ class Blobs:
                 f"{path}: it is damaged: its content is not that of its name; {REPAIR}"
             )
         return content
-
-    def _write_part(self, path: Path, content: bytes) -> None:
-        """Writes a file beside its place, and moves it there when it is whole."""
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part = path.with_name(f".{path.name}.{os.getpid()}.part")
-        try:
-            with naming(part), part.open("wb") as file:
-                file.write(content)
-                file.flush()
-                os.fsync(file.fileno())
-            part.rename(path)
-        except BaseException:
-            remove_tree(part)
-            raise
 
 
 def sync_folder(folder: Path) -> None:
