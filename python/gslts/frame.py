@@ -11,10 +11,37 @@ from numpy.typing import NDArray
 from gslts._core.map import register_depth
 from gslts.camera import Camera, resized
 
-__all__ = ["RgbdFrame", "halved_depth", "halved_mask", "halved_rgb", "register_depth"]
+__all__ = ["Labels", "RgbdFrame", "halved_depth", "halved_mask", "halved_rgb", "register_depth"]
 
 EDGE_SHARE = 0.05
 """A relative difference of depths within 2 x 2 pixels that shows an edge."""
+
+
+@dataclass(frozen=True, eq=False)
+class Labels:
+    """Which object each pixel shows, where a simulator or a person knows it.
+
+    Args:
+        instances: [H,W] int32, row of the object in `types`; -1 where there is none.
+        types: Of the objects, such as "Mug".
+
+    Raises:
+        ValueError: The array has a wrong shape or dtype, or names an object that there is not.
+    """
+
+    instances: NDArray[np.int32]
+    types: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        if self.instances.dtype != np.int32 or self.instances.ndim != 2:
+            raise ValueError(
+                f"Labels: instances: expected int32 [H,W], got {self.instances.dtype} "
+                f"{self.instances.shape}"
+            )
+        if self.instances.size and not (
+            self.instances.min() >= -1 and self.instances.max() < len(self.types)
+        ):
+            raise ValueError(f"Labels: instances: must be in -1..{len(self.types) - 1}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +58,7 @@ class RgbdFrame:
             pixel by pixel that of the colours.
         mask: [H,W] bool, True where the camera saw something; None means everywhere. Elsewhere,
             as beyond the border of an undistorted picture, neither colour nor depth counts.
+        labels: [H,W] what the pixels show; None if nobody told. A halved frame has none.
 
     Raises:
         ValueError: An array has a wrong shape or dtype, or a depth is negative or infinite.
@@ -42,9 +70,14 @@ class RgbdFrame:
     time_s: float = 0.0
     depth_camera: Camera | None = None
     mask: NDArray[np.bool_] | None = None
+    labels: Labels | None = None
 
     def __post_init__(self) -> None:
         size = (self.camera.height, self.camera.width)
+        if self.labels is not None and self.labels.instances.shape != size:
+            raise ValueError(
+                f"RgbdFrame: labels: expected {size}, got {self.labels.instances.shape}"
+            )
         lens = self.camera if self.depth_camera is None else self.depth_camera
         depth_size = (lens.height, lens.width)
         for name, dtype, shape in (
@@ -68,7 +101,7 @@ class RgbdFrame:
         if self.depth_camera is None:
             return self
         depth = register_depth(self.depth, self.depth_camera, self.camera)
-        return RgbdFrame(self.rgb, depth, self.camera, self.time_s, mask=self.mask)
+        return RgbdFrame(self.rgb, depth, self.camera, self.time_s, None, self.mask, self.labels)
 
     def halved(self) -> RgbdFrame:
         """The same frame, registered, with half the sides; what is left over is cut off."""

@@ -50,6 +50,11 @@ def test_nerfstudio_comes_back_as_it_was_seen(recorded: Path) -> None:
         read = frame.read()
         np.testing.assert_array_equal(read.rgb, expected.rgb)
         np.testing.assert_allclose(read.depth, expected.depth, atol=0.00051)
+        assert read.labels is not None
+        assert expected.labels is not None
+        np.testing.assert_array_equal(read.labels.instances, expected.labels.instances)
+        assert read.labels.types == expected.labels.types
+        assert set(read.labels.types) == {"Block", "Wall"}
         pose, true_pose = (f.camera.world_from_camera for f in (read, expected))
         np.testing.assert_allclose(pose, true_pose, atol=1e-12)
         for name in ("fx", "fy", "cx", "cy", "width", "height"):
@@ -255,6 +260,27 @@ def test_what_is_no_data_set_is_named(tmp_path: Path) -> None:
     (tmp_path / "transforms.json").write_text("{")
     with pytest.raises(ValueError, match=r"transforms\.json: file: Invalid JSON"):
         open_dataset(tmp_path)
+
+
+def test_frames_are_read_without_labels_that_were_left_behind(recorded: Path) -> None:
+    (recorded / "instances" / "00001.png").unlink()
+    frames = [frame.read() for frame in open_dataset(recorded).frames]
+    assert [frame.labels is None for frame in frames] == [False, True, False]
+    (recorded / "objects.json").unlink()
+    assert all(frame.read().labels is None for frame in open_dataset(recorded).frames)
+
+
+@pytest.mark.parametrize("content", ["{", "[3]", '[{"objectType": 3}]', "{}"])
+def test_bad_lists_of_objects_are_named(recorded: Path, content: str) -> None:
+    (recorded / "objects.json").write_text(content)
+    with pytest.raises(ValueError, match=r"objects\.json: "):
+        open_dataset(recorded)
+
+
+def test_labels_of_objects_that_there_are_not_are_named(recorded: Path) -> None:
+    (recorded / "objects.json").write_text('[{"objectType": "Floor"}]')
+    with pytest.raises(ValueError, match=r"instances/00001\.png: Labels: instances: must be in"):
+        open_dataset(recorded).frames[1].read()
 
 
 @pytest.mark.parametrize("kind", ["images", "depth"])

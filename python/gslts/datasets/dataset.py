@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gslts.camera import Camera
 from gslts.datasets.undistort import Lens, undistort_depth, undistort_rgb
-from gslts.frame import RgbdFrame
+from gslts.frame import Labels, RgbdFrame
 
 RIGID_TOLERANCE = 0.02
 """Of the singular values of a rotation; those of 7-Scenes are off by up to some thousandths."""
@@ -107,6 +107,9 @@ class ImageFrame:
         depth_camera: Intrinsics and pose of the depth; None if it is registered.
         lens: That distorts the colours, and registered depth with them; None if none does. What it
             does is undone when the frame is read.
+        instances: 16-bit picture, 1 + row of the object in `types`, 0 where there is none; None if
+            there is none. A picture whose distortion is undone keeps no labels.
+        types: Of the objects.
         longer_name: Where the file's own does not tell it from other frames; "" elsewhere.
     """
 
@@ -118,6 +121,8 @@ class ImageFrame:
     time_s: float = 0.0
     depth_camera: Camera | None = None
     lens: Lens | None = None
+    instances: Path | None = None
+    types: tuple[str, ...] = ()
     longer_name: str = ""
 
     @property
@@ -126,21 +131,31 @@ class ImageFrame:
         return self.longer_name or self.rgb.stem
 
     def read(self) -> RgbdFrame:
-        """Reads both pictures."""
+        """Reads its pictures."""
         size = (self.camera.height, self.camera.width)
+        labels = None if self.instances is None or self.lens is not None else self._labels(size)
         rgb = read_image(self.rgb, "RGB", size).astype(np.uint8)
         mask = None
         if self.lens is not None:
             rgb, mask = undistort_rgb(rgb, self.camera, self.lens)
         if self.depth is None:
-            return RgbdFrame(rgb, np.zeros(size, np.float32), self.camera, self.time_s, mask=mask)
+            depth = np.zeros(size, np.float32)
+            return RgbdFrame(rgb, depth, self.camera, self.time_s, None, mask, labels)
         beside = self.camera if self.depth_camera is None else self.depth_camera
         steps = read_image(self.depth, "I", (beside.height, beside.width))
         depth = (steps * self.depth_unit_m).astype(np.float32)
         depth[(steps <= 0) | (steps == self.depth_invalid)] = 0
         if self.lens is not None and self.depth_camera is None:
             depth = undistort_depth(depth, self.camera, self.lens)
-        return RgbdFrame(rgb, depth, self.camera, self.time_s, self.depth_camera, mask)
+        return RgbdFrame(rgb, depth, self.camera, self.time_s, self.depth_camera, mask, labels)
+
+    def _labels(self, size: tuple[int, int]) -> Labels:
+        assert self.instances is not None
+        rows = read_image(self.instances, "I", size).astype(np.int32) - 1
+        try:
+            return Labels(rows, self.types)
+        except ValueError as error:
+            raise ValueError(f"{self.instances}: {error}") from None
 
 
 def told_apart(frames: Iterable[ImageFrame], folder: Path) -> tuple[ImageFrame, ...]:

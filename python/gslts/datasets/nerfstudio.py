@@ -1,4 +1,8 @@
-"""nerfstudio's `transforms.json` (Tancik et al. 2023): poses in the axes of OpenGL."""
+"""nerfstudio's `transforms.json` (Tancik et al. 2023): poses in the axes of OpenGL.
+
+Recordings of simulated homes also tell what pixels show: `instance_file_path` of a frame, and
+`objects.json` with the types of objects.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +11,13 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, TypeAdapter, ValidationError
 
 from gslts.datasets.dataset import Dataset, ImageFrame, image_size, pinhole, rigid, told_apart
 from gslts.datasets.undistort import Lens, lens_or_none
 
 OPENGL_FROM_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
+OBJECTS = "objects.json"
 MAX_BYTES = 1 << 28
 PERSPECTIVE = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL")
 FISHEYE = "OPENCV_FISHEYE"
@@ -43,7 +48,17 @@ class _Intrinsics(BaseModel):
 class _Frame(_Intrinsics):
     file_path: str
     depth_file_path: str | None = None
+    instance_file_path: str | None = None
     transform_matrix: Annotated[list[Row], Field(min_length=3, max_length=4)]
+
+
+class _Object(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+    objectType: str  # noqa: N815
+
+
+_OBJECTS = TypeAdapter(list[_Object])
 
 
 class _File(_Intrinsics):
@@ -75,10 +90,11 @@ def open_nerfstudio(path: Path) -> Dataset:
         raise ValueError(f"{file}: camera_model {content.camera_model} is not supported")
     frames: list[ImageFrame] = []
     skipped: list[str] = []
+    types = _types(path / OBJECTS)
     for number, entry in enumerate(content.frames):
         try:
             frame = _Frame.model_validate({**_shared(content), **_dict(entry)})
-            frames.append(_image_frame(path, frame, content, number))
+            frames.append(_image_frame(path, frame, content, number, types))
         except ValidationError as error:
             skipped.append(f"frames[{number}]: {_first(error)}")
         except (OSError, ValueError) as error:
@@ -86,7 +102,9 @@ def open_nerfstudio(path: Path) -> Dataset:
     return Dataset(path.name, told_apart(frames, path), tuple(skipped))
 
 
-def _image_frame(path: Path, frame: _Frame, content: _File, number: int) -> ImageFrame:
+def _image_frame(
+    path: Path, frame: _Frame, content: _File, number: int, types: tuple[str, ...]
+) -> ImageFrame:
     rgb = path / frame.file_path
     width, height = (frame.w, frame.h) if frame.w and frame.h else image_size(rgb)
     fx = frame.fl_x
@@ -110,7 +128,27 @@ def _image_frame(path: Path, frame: _Frame, content: _File, number: int) -> Imag
         content.depth_unit_scale_factor,
         time_s=float(number),
         lens=_lens(frame, content.camera_model == FISHEYE),
+        instances=_instances(path, frame) if types else None,
+        types=types,
     )
+
+
+def _instances(path: Path, frame: _Frame) -> Path | None:
+    """The picture, if it was not left behind: frames are of use without it."""
+    named = frame.instance_file_path
+    return path / named if named and (path / named).exists() else None
+
+
+def _types(path: Path) -> tuple[str, ...]:
+    """Of the objects of a recording; none where there is no such file."""
+    if not path.exists():
+        return ()
+    if path.stat().st_size > MAX_BYTES:
+        raise ValueError(f"{path}: larger than {MAX_BYTES >> 20} MiB")
+    try:
+        return tuple(one.objectType for one in _OBJECTS.validate_json(path.read_bytes()))
+    except ValidationError as error:
+        raise ValueError(f"{path}: {_first(error)}") from None
 
 
 def _lens(frame: _Frame, fisheye: bool) -> Lens | None:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from gslts.camera import Camera
-from gslts.datasets.nerfstudio import OPENGL_FROM_OPENCV
+from gslts.datasets.nerfstudio import OBJECTS, OPENGL_FROM_OPENCV
 from gslts.files import empty_folder, write_whole
 from gslts.sim.controller import ActionError, Controller
 from gslts.sim.event import Event
@@ -59,7 +59,7 @@ def capture(robot: Controller, looks: Iterable[Look], folder: Path) -> int:
     frames: list[dict[str, Any]] = []
     header: dict[str, Any] = {}
     try:
-        _write_json(folder / "objects.json", _objects(robot.last_event))
+        _write_json(folder / OBJECTS, _objects(robot.last_event))
         for look in looks:
             try:
                 robot.go(look)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.camera import Camera
-from gslts.frame import RgbdFrame
+from gslts.frame import Labels, RgbdFrame
 from gslts.sim.home import Home, HomeObject, yaw_of
 from gslts.sim.raycast import View
 
@@ -90,6 +90,7 @@ def make_event(
     """The event of a look at a home from a camera; `metadata` gets its `objects`."""
     near = truth.instances[(truth.depth > 0) & (truth.depth < VISIBILITY_M)]
     visible = set(np.unique(near).tolist())
+    types = tuple(thing.type for thing in home.objects)
     objects = [_metadata_of(thing, row in visible) for row, thing in enumerate(home.objects)]
     return Event(
         frame=frame.rgb,
@@ -99,7 +100,7 @@ def make_event(
         instances=truth.instances,
         color_to_object_id={color: name for name, color in palette.color_of.items()},
         metadata={**metadata, "objects": objects},
-        observation=frame,
+        observation=replace(frame, labels=Labels(truth.instances, types)),
         camera=camera,
     )
 

@@ -17,10 +17,9 @@ from gslts.map_folder import picture_path, plain_camera
 from gslts.store.index import Event, Version
 from gslts.store.map_store import MapStore
 from gslts.update.config import UpdateConfig
+from gslts.update.object_types import type_of
 from gslts.update.picture import update_picture
 from gslts.update.updater import Update
-
-UNKNOWN_TYPE = "object"
 
 
 def published(
@@ -62,7 +61,8 @@ def published(
         {**plain_camera(camera), "new_viewpoint": new}
         for camera, new in zip(seen_from, new_viewpoints(cameras, seen_from), strict=True)
     ]
-    events = [Event(0, one.kind, UNKNOWN_TYPE, _boxes(one)) for one in changes]
+    past = store.events()
+    events = [Event(0, one.kind, type_of(one, result.views, past), _boxes(one)) for one in changes]
     version = store.commit(result.gaussian_map, cause, events)
     picture = update_picture(before, result.gaussian_map, result.views, config.threads)
     path = picture_path(store.folder, version.number)

@@ -96,7 +96,7 @@ def view_of(detection: Detection, frame: RgbdFrame, sites: Iterable[Site]) -> Vi
         _enlarged(np.isin(detection.labels, labels), whole.rgb.shape[:2])
         for labels in parts.values()
     )
-    moved = RgbdFrame(whole.rgb, whole.depth, camera, whole.time_s, mask=whole.mask)
+    moved = replace(whole, camera=camera)
     unknown = np.zeros(whole.depth.shape, np.float32)
     return View(moved, detection.exposure, unknown, before, after)
 
@@ -116,7 +116,7 @@ def aligned_view(view: View, gaussian_map: GaussianMap, threads: int = 0) -> Vie
     frame = RgbdFrame(whole.rgb, whole.depth, whole.camera, mask=same)
     pose = aligned(gaussian_map, [frame.halved(), frame], ALIGN_STEPS, threads=threads)
     camera = at_pose(whole.camera, pose)
-    moved = RgbdFrame(whole.rgb, whole.depth, camera, whole.time_s, mask=whole.mask)
+    moved = replace(whole, camera=camera)
     images = Rasterizer(np.float32).forward(gaussian_map, camera, RenderOptions(threads=threads))
     rendered = np.where(images.alpha >= LEAST_ALPHA, images.depth, 0).astype(np.float32)
     return replace(view, frame=moved, rendered=rendered)

@@ -1,0 +1,74 @@
+"""What objects are called that came, went or moved."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import update_room
+
+from gslts.frame import Labels, RgbdFrame
+from gslts.store.index import Event
+from gslts.update.object_types import UNKNOWN, type_of
+
+BOX = [corner.tolist() for corner in update_room.REMOVED]
+
+
+def views_with(types: dict[str, str]) -> list:
+    """Those of the yellow box that came, whose objects are called otherwise."""
+    views = []
+    for view in update_room.collected("addition").views:
+        labels = view.frame.labels
+        assert labels is not None
+        named = Labels(labels.instances, tuple(types.get(one, one) for one in labels.types))
+        views.append(replace(view, frame=replace(view.frame, labels=named)))
+    return views
+
+
+def test_what_is_new_is_called_what_frames_show() -> None:
+    change = update_room.detected("addition")
+    assert type_of(change, update_room.collected("addition").views, []) == "Box"
+    assert type_of(change, views_with({"Box": "Mug"}), []) == "Mug"
+
+
+def test_what_is_gone_is_called_what_came_there_last() -> None:
+    change, views = update_room.detected("removal"), update_room.collected("removal").views
+    far = [(np.array(corner) + 1).tolist() for corner in BOX]
+    mug, cup, pot = (
+        Event(number, "addition", name, (None, box))
+        for number, (name, box) in enumerate([("Mug", BOX), ("Cup", BOX), ("Pot", far)], start=2)
+    )
+    assert type_of(change, views, []) == UNKNOWN
+    assert type_of(change, views, [mug, cup, pot]) == "Cup"
+    assert type_of(change, views, [pot]) == UNKNOWN
+    unknown = replace(cup, type=UNKNOWN)
+    assert type_of(change, views, [mug, unknown]) == "Mug"
+
+
+def test_nobody_knows_without_labels() -> None:
+    change = update_room.detected("addition")
+    views = [
+        replace(view, frame=replace(view.frame, labels=None))
+        for view in update_room.collected("addition").views
+    ]
+    assert type_of(change, views, []) == UNKNOWN
+
+
+@pytest.mark.parametrize(
+    ("instances", "message"),
+    [
+        (np.zeros((2, 2), np.int64), r"Labels: instances: expected int32 \[H,W\], got int64"),
+        (np.zeros(4, np.int32), r"Labels: instances: expected int32 \[H,W\]"),
+        (np.full((2, 2), 1, np.int32), r"Labels: instances: must be in -1\.\.0"),
+        (np.full((2, 2), -2, np.int32), r"Labels: instances: must be in -1\.\.0"),
+    ],
+)
+def test_bad_labels_are_refused(instances: np.ndarray, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Labels(instances, ("Mug",))
+
+
+def test_labels_are_as_large_as_the_frame() -> None:
+    frame = update_room.collected("addition").views[0].frame
+    labels = Labels(np.zeros((2, 2), np.int32), ("Mug",))
+    with pytest.raises(ValueError, match=r"RgbdFrame: labels: expected \(120, 160\), got \(2, 2\)"):
+        RgbdFrame(frame.rgb, frame.depth, frame.camera, labels=labels)
