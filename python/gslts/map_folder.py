@@ -124,7 +124,7 @@ def open_versions(path: Path, *, writable: bool = False) -> MapStore:
 
 def picture_path(folder: Path, number: int) -> Path:
     """Where the picture of what led to a version is."""
-    return folder / "updates" / f"{number:05}.png"
+    return folder / "updates" / f"{number:05}.jpg"
 
 
 def folder_of(path: Path) -> tuple[Path, int | None]:

@@ -72,7 +72,7 @@ def test_recorded_frames_update_a_map(workplace: Path, updated: list[str]) -> No
     cameras = cameras_of_map(workplace / "map")
     new_views = len(cameras) - len(cameras_of_map(workplace / "map@1"))
     assert 0 < new_views <= sum(record["views"]), "those that look from elsewhere"
-    with Image.open(workplace / "map" / "updates" / "00002.png") as picture:
+    with Image.open(workplace / "map" / "updates" / "00002.jpg") as picture:
         assert picture.size == (3 * 160, 3 * 120)
 
 
@@ -84,7 +84,7 @@ def test_the_past_of_a_map_is_told(workplace: Path, updated: list[str]) -> None:
     assert printed[-1].split()[0] == "1"
     shown = gslts("show", "map", "2", cwd=workplace).stdout
     assert '"removal"' in shown
-    assert "updates/00002.png" in shown
+    assert "updates/00002.jpg" in shown
     apart = gslts("diff", "map", "1", "2", "--out", "apart.png", cwd=workplace).stdout
     assert "Gaussians are gone" in apart
     with Image.open(workplace / "apart.png") as picture:

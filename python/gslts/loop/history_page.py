@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
-import numpy as np
-from PIL import Image
-
 from gslts.html_page import bullets, number, section, table, write_page
 from gslts.map_folder import picture_path
-from gslts.mapping.report_pictures import jpeg_of
 from gslts.store.index import Event, Refusal, Version
 from gslts.store.map_store import MapStore
 from gslts.store.words import words_of_event, words_of_time
-
-PICTURE_PX = 1200
-"""Width of the pictures of updates, at most."""
 
 
 def write_history(
@@ -90,13 +84,6 @@ def _pictures(folder: Path, updates: Sequence[Version], events: Sequence[Event])
         path = picture_path(folder, version.number)
         if path.exists():
             title = escape(f"Version {version.number}: {_what(version, events)}")
-            address = _jpeg(path)
+            address = f"data:image/jpeg;base64,{b64encode(path.read_bytes()).decode()}"
             parts.append(f'<h3>{title}</h3>\n<img class=wide alt="{title}" src="{address}">')
     return "\n".join(parts)
-
-
-def _jpeg(path: Path) -> str:
-    with Image.open(path) as opened:
-        picture = opened.convert("RGB")
-    picture.thumbnail((PICTURE_PX, PICTURE_PX))
-    return jpeg_of(np.asarray(picture))

@@ -21,6 +21,9 @@ from gslts.update.object_types import type_of
 from gslts.update.picture import update_picture
 from gslts.update.updater import Update
 
+PICTURE_PX, QUALITY = 1200, 85
+"""Greatest side of a picture, and how well it is kept: it takes less than the version."""
+
 
 def published(
     store: MapStore,
@@ -64,10 +67,13 @@ def published(
     past = store.events()
     events = [Event(0, one.kind, type_of(one, result.views, past), _boxes(one)) for one in changes]
     version = store.commit(result.gaussian_map, cause, events)
-    picture = update_picture(before, result.gaussian_map, result.views, config.threads)
+    picture = Image.fromarray(
+        update_picture(before, result.gaussian_map, result.views, config.threads)
+    )
+    picture.thumbnail((PICTURE_PX, PICTURE_PX))
     path = picture_path(store.folder, version.number)
     content = BytesIO()
-    Image.fromarray(picture).save(content, "PNG")
+    picture.save(content, "JPEG", quality=QUALITY)
     try:
         path.parent.mkdir(exist_ok=True)
         write_whole(path, content.getvalue())
