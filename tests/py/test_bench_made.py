@@ -103,7 +103,7 @@ def test_code_is_that_of_files_and_folders(tmp_path: Path, monkeypatch: pytest.M
 @pytest.mark.parametrize(
     ("used", "known", "harmless"),
     [
-        (("mapping", "map_folder"), MAP_CODE, {"lpips", "pictures"}),  # Of the report.
+        (("mapping", "map_folder"), MAP_CODE, {"lpips", "pictures", "html_page"}),  # Of the report.
         # Of the overlay; of the robot that looks around; axes of OpenGL for files of cameras.
         (("change", "camera_files", "map_folder"), DETECT_CODE, {"pictures", "robot", "datasets"}),
         (("sim",), SIM_CODE, {"datasets"}),  # Axes of OpenGL for recordings.
