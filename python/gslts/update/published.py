@@ -22,7 +22,7 @@ from gslts.update.picture import update_picture
 from gslts.update.updater import Update
 
 PICTURE_PX, QUALITY = 1200, 85
-"""Greatest side of a picture, and how well it is kept: it takes less than the version."""
+"""Greatest side of a picture, and how well it is kept: it should not outweigh the version."""
 
 
 def published(
