@@ -1,7 +1,7 @@
 // A disk that fails: lets one call that changes a file below a folder fail, or all from one on.
 //
 //   cc -shared -fPIC -O1 -o failing_writes.so failing_writes.c -ldl
-//   LD_PRELOAD=./failing_writes.so FAULT_FOLDER=/tmp/map FAULT_AT=7 FAULT_ERRNO=28 gslts ...
+//   LD_PRELOAD=./failing_writes.so FAULT_FOLDER="$PWD/map" FAULT_AT=7 FAULT_ERRNO=28 gslts ...
 //
 // FAULT_FOLDER  Absolute, without links; what lies elsewhere is left alone, as is all without it.
 // FAULT_AT      Which call fails, from 1 on; none if it is not set.

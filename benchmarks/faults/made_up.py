@@ -22,8 +22,8 @@ from gslts.files import write_whole
 from gslts.gaussian_map import GaussianMap
 from gslts.map_folder import open_versions, write_map_folder
 from gslts.mapping.density import joined
-from gslts.store.index import Event
 from gslts.store.map_store import MapStore
+from gslts.store.records import Event
 
 GAUSSIANS, NEW = 300, 20
 STATE = "loop.json"

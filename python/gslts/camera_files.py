@@ -13,7 +13,7 @@ from gslts.camera import Camera, at_pose
 from gslts.datasets.dataset import MAX_PIXELS, rigid
 from gslts.datasets.tum import read_trajectory
 from gslts.map_folder import CAMERAS, folder_of, open_versions
-from gslts.store.index import Version
+from gslts.store.records import Version
 
 MAX_BYTES = 1 << 28
 

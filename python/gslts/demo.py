@@ -28,7 +28,7 @@ from gslts.sim.home import Home
 from gslts.sim.home_source import HomeSource
 from gslts.sim.task import Box, Change
 from gslts.sim.trial import Setting
-from gslts.store.index import Event
+from gslts.store.records import Event
 from gslts.update.config import RefineConfig, UpdateConfig
 
 ROOM, SEED, CHANGES = "living_room", 7, 6

@@ -7,7 +7,7 @@ import pytest
 import update_room
 
 from gslts.frame import Labels, RgbdFrame
-from gslts.store.index import Event
+from gslts.store.records import Event
 from gslts.update.object_types import UNKNOWN, type_of
 
 BOX = [corner.tolist() for corner in update_room.REMOVED]

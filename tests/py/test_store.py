@@ -11,8 +11,8 @@ import pytest
 from gslts.gaussian_map import GaussianMap
 from gslts.mapping.density import joined
 from gslts.store.delta import ARRAYS, Delta, after_all, delta_of
-from gslts.store.index import Event
 from gslts.store.map_store import BLOBS, INDEX, MapStore
+from gslts.store.records import Event
 
 
 def random_map(size: int, seed: int = 0, features: int = 2) -> GaussianMap:

@@ -12,7 +12,7 @@ from gslts.cli.mapping import BAR, Threads
 
 if TYPE_CHECKING:
     from gslts.store.delta import Delta
-    from gslts.store.index import Version
+    from gslts.store.records import Version
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
 

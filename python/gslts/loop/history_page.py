@@ -9,8 +9,8 @@ from pathlib import Path
 
 from gslts.html_page import bullets, number, section, table, write_page
 from gslts.map_folder import picture_path
-from gslts.store.index import Event, Refusal, Version
 from gslts.store.map_store import MapStore
+from gslts.store.records import Event, Refusal, Version
 from gslts.store.words import words_of_event, words_of_time
 
 

@@ -18,7 +18,7 @@ from gslts.loop.state import LoopState, read_state, write_state
 from gslts.loop.waiting import next_changes, parked_again
 from gslts.map_folder import open_versions
 from gslts.robot import Robot
-from gslts.store.index import Version
+from gslts.store.records import Version
 from gslts.update.config import UpdateConfig
 from gslts.update.published import published
 from gslts.update.updater import Update, update

@@ -24,7 +24,8 @@ from gslts.store.delta import (
     plain_delta,
     require_rising,
 )
-from gslts.store.index import Blob, Event, Index, Refusal, Version
+from gslts.store.index import Index
+from gslts.store.records import Blob, Event, Refusal, Version
 
 INDEX, BLOBS, LOCK = "versions.sqlite", "blobs", "writer.lock"
 _logger = logging.getLogger(__name__)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Any
 
-from gslts.store.index import Event, Version
+from gslts.store.records import Event, Version
 
 
 def words_of_version(version: Version) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from gslts.change.changes import Change
-from gslts.store.index import Event
+from gslts.store.records import Event
 from gslts.update.region import Site
 from gslts.update.views import View, near_site
 

@@ -14,8 +14,8 @@ from gslts.change.changes import Change
 from gslts.files import write_whole
 from gslts.gaussian_map import GaussianMap
 from gslts.map_folder import picture_path, plain_camera
-from gslts.store.index import Event, Version
 from gslts.store.map_store import MapStore
+from gslts.store.records import Event, Version
 from gslts.update.config import UpdateConfig
 from gslts.update.object_types import type_of
 from gslts.update.picture import update_picture
