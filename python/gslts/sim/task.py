@@ -134,6 +134,14 @@ class Task(_Model):
             ValueError: An action fails, or leads to something else.
         """
         before = _after(SceneState(home), "initial_actions", self.initial_actions)
+        return before, self.changed(before)
+
+    def changed(self, before: SceneState) -> SceneState:
+        """The changed state, when the default one is known.
+
+        Raises:
+            ValueError: An action fails, or one of the two is not as `change` says.
+        """
         after = _after(before, "change_actions", self.change_actions)
         for name, state, box in (
             ("box_before", before, self.change.box_before),
@@ -141,7 +149,7 @@ class Task(_Model):
         ):
             if not _agrees(state.home, self.change, box):
                 raise ValueError(f"change: {self.change.object_id} is not as {name} says")
-        return before, after
+        return after
 
     def start(self, home: Home, *, changed: bool) -> Controller:
         """A robot at the initial viewpoint, before or after the change.

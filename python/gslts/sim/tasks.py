@@ -152,8 +152,7 @@ class TaskMaker:
                 made += 1
                 if made == count:
                     return
-                done = (*task.initial_actions, *task.change_actions)
-                traversal = Traversal(home, self._setting, rng, done)
+                traversal = traversal.after(task)
                 left = {}
 
     def _rng_of_next_home(self) -> np.random.Generator:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,12 +103,11 @@ class Traversal:
         home: With all its objects.
         setting: What all tasks have in common.
         rng: Decides everything.
-        initial_actions: What was done to the home before. None means that some objects are taken
+        done: What was done to the home, and how it is since. None means that some objects are taken
             aside, so that there is something to add.
 
     Raises:
         ValueError: The setting asks for an object or receptacle that cannot be used.
-        ChangeError: An initial action cannot be done.
     """
 
     def __init__(
@@ -117,18 +115,25 @@ class Traversal:
         home: Home,
         setting: Setting,
         rng: np.random.Generator,
-        initial_actions: Sequence[ChangeAction] | None = None,
+        done: tuple[tuple[ChangeAction, ...], SceneState] | None = None,
     ) -> None:
         self._rng, self._setting = rng, setting
         _refuse_impossible(home, setting)
-        if initial_actions is None:
+        if done is None:
             aside = self._draw_aside(home) if setting.object_id is None else []
-            initial_actions = [DisableObject(objectId=thing.id) for thing in aside]
-        self._initial = tuple(initial_actions)
-        state = SceneState(home).after_all(self._initial)
-        self._whole, self._home, self._aside = home, state.home, state.aside
+            actions = tuple(DisableObject(objectId=thing.id) for thing in aside)
+            done = (actions, SceneState(home).after_all(actions))
+        self._whole = home
+        self._initial, self._state = done
+        self._home, self._aside = self._state.home, self._state.aside
         self._scene = RayScene(self._home)
         self._sensor_seeds = rng.integers(1 << 31, size=2)
+
+    def after(self, task: Task) -> Traversal:
+        """Of the home in which a task was done."""
+        actions = (*task.initial_actions, *task.change_actions)
+        done = (actions, task.changed(self._state))
+        return Traversal(self._whole, self._setting, self._rng, done)
 
     def _draw_aside(self, home: Home) -> list[HomeObject]:
         free = [thing for thing in _free_objects(home) if thing.id != self._setting.receptacle_id]
@@ -231,7 +236,7 @@ class Traversal:
             ),
         )
         try:
-            task.states(self._whole)
+            task.changed(self._state)
         except ValueError as reason:
             raise NoTaskError(f"does not replay: {reason}") from None
         return task
