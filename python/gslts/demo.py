@@ -12,16 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.bench.series import fresh_frames, psnr_of
+from gslts.camera_files import cameras_of_map
 from gslts.datasets import open_dataset
 from gslts.files import empty_folder, write_whole
-from gslts.html_page import number, section, table
+from gslts.html_page import number, plots, section, table
 from gslts.loop.history_page import write_history
 from gslts.loop.keeper import LoopConfig, MapKeeper
 from gslts.map_folder import open_versions, read_map
 from gslts.mapping.config import PRESETS, MappingConfig
 from gslts.mapping.engine import make_map
+from gslts.mapping.report_pictures import png_of
 from gslts.mapping.summary import summary_of, write_result
 from gslts.sim.capture import capture
+from gslts.sim.controller import Controller
 from gslts.sim.day import Day, make_day
 from gslts.sim.explore import explore
 from gslts.sim.home import Home
@@ -29,6 +32,11 @@ from gslts.sim.home_source import HomeSource
 from gslts.sim.task import Box, Change
 from gslts.sim.trial import Setting
 from gslts.store.records import Event
+from gslts.tasks.meaning import Meaning
+from gslts.tasks.navigate import Navigator
+from gslts.tasks.query_picture import query_picture
+from gslts.tasks.semantic_map_files import map_picture
+from gslts.tasks.teach import teach
 from gslts.update.config import RefineConfig, UpdateConfig
 
 ROOM, SEED, CHANGES = "living_room", 7, 6
@@ -107,6 +115,9 @@ def live_a_day(
     say(f"recorded {count} frames of a {ROOM.replace('_', ' ')}")
     say(f"mapped it: {_mapped(out, scale, threads, bar)}")
     note("mapping")
+    teach(out / "map", out / "before", threads=threads, show=lambda one: bar(one, "teaching"))
+    say("taught it the words of the simulator")
+    note("teaching it words")
     update = UpdateConfig(threads=threads, refine=RefineConfig(iterations=scale.iterations))
     config = LoopConfig(update=update)
     with MapKeeper(out / "map", config, say=lambda words: say(f"  {words}")) as keeper:
@@ -117,8 +128,12 @@ def live_a_day(
     note("keeping it up to date")
     report = out / "report.html"
     with open_versions(out / "map") as store:
+        events = store.events()
+        walk = _walk(out / "map", day.robot(home, len(day.rounds)), _moved(day, home, events), say)
+        note("a query and a walk")
         sections = [
-            section("What really changed", _truth(day, store.events())),
+            section("What really changed", _truth(day, events)),
+            section("To an object that was moved", walk),
             section("How well the map shows the home at the end", _quality(out, day, home, scale)),
             section("Seconds", table(("", "s"), [(k, f"{v:.0f}") for k, v in seconds.items()])),
         ]
@@ -155,6 +170,39 @@ def _mapped(out: Path, scale: Scale, threads: int, bar: Bar) -> str:
     )
     write_result(out / "map", result, dataset.name, config)
     return summary_of(result)
+
+
+def _moved(day: Day, home: Home, events: Sequence[Event]) -> str:
+    """The type of an object that was relocated: of one that was found, and is the only such one."""
+    changes = [one.change for happened in day.rounds for one in happened]
+    types = [thing.type for thing in day.state(home, len(day.rounds)).home.objects]
+    moved = [one for one in changes if one.kind == "relocation"]
+    best = max(moved, key=lambda one: (was_found(one, events), -types.count(one.object_type)))
+    return best.object_type
+
+
+def _walk(folder: Path, robot: Controller, name: str, say: Callable[[str], None]) -> str:
+    """Asks the map for an object and sends the robot there; both as pictures."""
+    meaning, gaussian_map = Meaning.of_map(folder), read_map(folder)
+    assert meaning is not None  # It was taught.
+    navigator = Navigator(gaussian_map, meaning.autoencoder, meaning.source, categories=[name])
+    found = navigator.queries.find(name)
+    pictures = []
+    if found:
+        x, y, z = found[0].middle
+        say(f"asked for the {name}: at ({x:.2f}, {y:.2f}, {z:.2f}) m")
+        cameras = list(cameras_of_map(folder).values())
+        fits = navigator.queries.fits(name)
+        pictures.append((f"{name}: found", query_picture(gaussian_map, fits, found, cameras)))
+    journey = navigator.go(robot, name)
+    told = f"{journey.status}: {journey.reason}"
+    if journey.distance_m is not None:
+        told = f"{journey.length_m:.1f} m walked, stands {journey.distance_m:.1f} m from it"
+    say(f"went to the {name}: {told}")
+    pictures.append((f"The way to it: {told}", map_picture(navigator.semantic_map, journey.way)))
+    return plots(*((words, png_of(one)) for words, one in pictures)) + table(
+        (), [(f"{name}, {journey.status}", told)]
+    )
 
 
 def _truth(day: Day, events: Sequence[Event]) -> str:

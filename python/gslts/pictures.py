@@ -5,12 +5,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gslts._core.map import Camera
+
 Picture = NDArray[np.uint8]
 """[H,W,3] sRGB."""
 
 NO_DEPTH = (40, 40, 40)
-DEPTH_COLORS, ERROR_COLORS = "turbo_r", "inferno"
-"""Colour maps of matplotlib: near is red and far is blue; no error is black."""
+DEPTH_COLORS, ERROR_COLORS, HEAT_COLORS = "turbo_r", "inferno", "turbo"
+"""Colour maps of matplotlib: near is red and far is blue; no error is black; hot is red."""
+
+NEAREST_M = 0.05
+"""No edge is drawn nearer to a camera."""
 
 
 def picture_of(rgb: NDArray[np.floating]) -> Picture:
@@ -78,10 +83,60 @@ def write_on(
         )
 
 
+def corners_of(box: NDArray[np.floating]) -> NDArray[np.float64]:
+    """[8,3] corners of a box [2,3] along the axes; ends of an edge differ in one bit of the row."""
+    rows = (np.arange(8)[:, None] >> np.arange(3)) & 1
+    return np.asarray(box[rows, np.arange(3)], np.float64)
+
+
+def draw_box(
+    picture: Picture,
+    corners: NDArray[np.floating],
+    camera: Camera,
+    color: tuple[int, int, int],
+    scale: int = 1,
+) -> None:
+    """Draws the edges of a box, unless it reaches behind the camera.
+
+    Args:
+        picture: Is changed.
+        corners: [8,3] in the world, m, in the order of `corners_of`.
+        camera: Of the picture.
+        color: RGB.
+        scale: Pixels of the picture for one of the camera.
+    """
+    import cv2
+
+    pose = camera.world_from_camera
+    x, y, z = ((corners - pose[:3, 3]) @ pose[:3, :3]).T
+    if (z < NEAREST_M).any():
+        return
+    places = np.stack([camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy], axis=1)
+    ends = (scale * places).round().clip(-9999, 9999).astype(int).tolist()
+    for one in range(8):
+        for other in (one | 1, one | 2, one | 4):
+            if other != one:
+                cv2.line(picture, ends[one], ends[other], color, 1, cv2.LINE_AA)
+
+
 def legend(colors: str, width: int = 256, height: int = 12) -> Picture:
     """A strip of all colours of a colour map, from its start at the left."""
     shares = (np.arange(width) + 0.5) / width
     return _colored(np.tile(shares, (height, 1)), colors)
+
+
+def heat_picture(rgb: Picture, shares: NDArray[np.floating]) -> Picture:
+    """A picture in grey, in which heat has colours.
+
+    Args:
+        rgb: Of the same size as the heat.
+        shares: [H,W] heat, 0 to 1.
+    """
+    grey = np.repeat(rgb.mean(axis=2, keepdims=True), 3, axis=2)
+    weights = shares.clip(0, 1)[..., None]
+    mixed = (1 - weights) * grey + weights * _colored(shares, HEAT_COLORS)
+    result: Picture = np.rint(mixed).astype(np.uint8)
+    return result
 
 
 def _colored(shares: NDArray[np.floating], colors: str) -> Picture:

@@ -119,6 +119,26 @@ def test_an_old_version_is_restored_as_a_new_one(folder: Path) -> None:
     assert_same(maps[3].select(np.isin(maps[3].ids, found.added.ids)), found.added)
 
 
+def test_features_of_another_length_make_a_version(folder: Path) -> None:
+    maps = grown(folder, 2)
+    embedded = replace(maps[-1], features=np.ones((maps[-1].size, 5), np.float32))
+    with MapStore(folder, writable=True) as store:
+        version = store.commit_features(embedded, {"source": "oracle"})
+        assert (version.kind, version.parent, version.touched) == ("semantics", 3, embedded.size)
+        assert_same(store.read(), embedded)
+        assert_same(store.read(3), maps[-1])
+        later = embedded.select(np.arange(20))
+        store.commit(later, {})
+        assert_same(store.read(), later)
+        assert store.difference(3, 4).changed.size == embedded.size
+        assert [one.number for one in store.way_to()] == [1, 2, 3, 4, 5]
+        with pytest.raises(ValueError, match="means are not those of version 5"):
+            store.commit_features(replace(later, means=later.means + 1), {})
+        store.compact(1)
+        assert_same(store.read(), later)
+        assert store.problems() == []
+
+
 def test_used_ids_are_refused(folder: Path) -> None:
     maps = grown(folder, 1)
     with MapStore(folder, writable=True) as store:

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gslts.camera import Camera
 from gslts.change.changes import Change
 from gslts.change.detect import Detection
-from gslts.pictures import Picture, picture_of, write_on
+from gslts.pictures import Picture, corners_of, draw_box, picture_of, write_on
 
 COLORS = {"addition": (40, 200, 70), "removal": (230, 60, 50), "relocation": (60, 120, 250)}
 """RGB of each kind."""
-EDGES = [(i, j) for i in range(8) for j in range(i + 1, 8) if (i ^ j).bit_count() == 1]
-"""Of a box whose corners count in binary."""
 LEAST_WIDTH_PX = 480
 """Of each picture, so that words can be read."""
 MIDDLE = 0.55
@@ -70,27 +67,7 @@ def _draw(picture: Picture, change: Change, side: int, camera: Camera) -> None:
     outlines, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     cv2.drawContours(picture, outlines, -1, color, 1)
     if box is not None:
-        _draw_box(picture, np.array(box), camera, scale, color)
+        draw_box(picture, corners_of(np.array(box)), camera, color, scale)
     rows, columns = np.nonzero(mask)
     place = (max(0, int(columns.min())), max(12, int(rows.min()) - 4))
     write_on(picture, f"{change.kind} {change.confidence:.2f}", place, color)
-
-
-def _draw_box(
-    picture: Picture,
-    box: NDArray[np.float64],
-    camera: Camera,
-    scale: int,
-    color: tuple[int, int, int],
-) -> None:
-    corners = np.array([[box[(k >> axis) & 1][axis] for axis in range(3)] for k in range(8)])
-    pose = camera.world_from_camera
-    x, y, z = ((corners - pose[:3, 3]) @ pose[:3, :3]).T
-    if (z < 0.05).any():
-        return
-    places = scale * np.stack(
-        [camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy], axis=1
-    )
-    for i, j in EDGES:
-        ends = [tuple(map(int, places[k].round().clip(-9999, 9999))) for k in (i, j)]
-        cv2.line(picture, ends[0], ends[1], color, 1, cv2.LINE_AA)

@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from gslts.cli import history, mapping, output
+from gslts.cli import history, mapping, navigation, output, tasks
 from gslts.cli.bench import bench
 from gslts.cli.demo import demo
 from gslts.cli.detect import detect
@@ -39,6 +39,10 @@ app.command("restore")(history.restore)
 app.command("verify")(history.verify)
 app.command("gc")(history.gc)
 app.command("import")(history.import_ply)
+app.command("semantics")(tasks.semantics)
+app.command("query")(tasks.query)
+app.command("semantic-map")(navigation.flatten)
+app.command("go")(navigation.go)
 app.command("tradeoff")(tradeoff)
 app.add_typer(bench, name="bench")
 

@@ -178,6 +178,54 @@ def update(
 
 
 @bench.command()
+def navigate(
+    seeds: Seeds = "0:4",
+    room: Rooms = None,
+    episodes: Annotated[int, typer.Option(min=1, help="How many, spread over the homes.")] = 300,
+    jobs: Jobs = 1,
+    json_path: Json = None,
+    pictures: Annotated[
+        Path | None, typer.Option(help="New or empty folder for the way of each episode.")
+    ] = None,
+    work: Work = WORK,
+    preset: MapPreset = Preset.BALANCED,
+    settings: Settings = None,
+    frames: Frames = 200,
+    size: Size = "640x480",
+) -> None:
+    """Measure navigation to objects: success rate and SPL, as in SAVN, in homes that are mapped.
+
+    Maps know words from the labels of the simulator, which also judges success. An interrupted run
+    goes on where it stopped.
+
+    Example: gslts bench navigate --jobs 2 --json out/navigate.json --pictures out/navigate
+    """
+    from tqdm import tqdm
+
+    from gslts.bench import navigate as bench_navigate
+    from gslts.bench.homes import homes_of
+    from gslts.bench.navigate_tables import printed
+    from gslts.files import empty_folder, write_whole
+
+    chosen, setup = seeds_of(seeds), setup_of(preset, settings, frames, size)
+    homes = homes_of(chosen, room or [], setup, work)
+    require_writable(json_path)
+    if pictures is not None:
+        empty_folder(pictures)
+    work.mkdir(parents=True, exist_ok=True)
+    units = bench_navigate.units_of(homes, episodes)
+    with tqdm(total=1, desc="navigating", bar_format=BAR, smoothing=0.05, disable=None) as bar:
+        outcome = bench_navigate.measure(units, jobs, bar)
+    content = bench_navigate.told(units, outcome)
+    typer.echo(printed(content["summary"]))
+    if json_path is not None:
+        write_whole(json_path, (json.dumps(content, indent=1) + "\n").encode())
+    if pictures is not None:
+        bench_navigate.copy_pictures(units, outcome, pictures)
+    end(outcome.errors, 0, episodes)
+
+
+@bench.command()
 def series(
     seeds: Seeds = "0:1",
     room: Rooms = None,
@@ -229,6 +277,58 @@ def series(
     if plot is not None:
         write_plot(steps, ends, plot)
     end(failed, 0, 0)
+
+
+@bench.command()
+def localize(
+    seeds: Seeds = "0:4",
+    room: Rooms = None,
+    jobs: Jobs = 1,
+    json_path: Json = None,
+    ablation: Annotated[
+        bool,
+        typer.Option(
+            "--ablation", help="Also refine by gradient, and with smaller and with fewer images."
+        ),
+    ] = False,
+    trade: Annotated[
+        Path | None,
+        typer.Option(help="Codes of other lengths too; a PNG of accuracy, bytes and seconds."),
+    ] = None,
+    work: Work = WORK,
+    preset: MapPreset = Preset.BALANCED,
+    settings: Settings = None,
+    frames: Frames = 200,
+    size: Size = "640x480",
+) -> None:
+    """Measure localisation: boxes of all objects of the paper's twelve categories, by their names.
+
+    Maps are taught by the labels of their frames. An interrupted run goes on where it stopped.
+
+    Example: gslts bench localize --jobs 2 --json out/localize.json --trade out/localize.png
+    """
+    from tqdm import tqdm
+
+    from gslts.bench import localize as bench_localize
+    from gslts.bench.homes import homes_of
+    from gslts.bench.localize_tables import printed, write_plot
+    from gslts.files import write_whole
+
+    chosen, setup = seeds_of(seeds), setup_of(preset, settings, frames, size)
+    homes = homes_of(chosen, room or [], setup, work)
+    for path in (json_path, trade):
+        require_writable(path)
+    work.mkdir(parents=True, exist_ok=True)
+    units = bench_localize.units_of(homes, trade=trade is not None, ablation=ablation)
+    with tqdm(total=1, desc="asking", bar_format=BAR, smoothing=0.05, disable=None) as bar:
+        outcome = bench_localize.measure(units, jobs, bar)
+    content = bench_localize.told(units, outcome)
+    typer.echo(printed(content["summary"]))
+    if json_path is not None:
+        write_whole(json_path, (json.dumps(content, indent=1) + "\n").encode())
+    if trade is not None:
+        write_plot(content["summary"], trade)
+    end(outcome.errors, 0, 0)
 
 
 def seeds_of(text: str) -> range:

@@ -50,6 +50,7 @@ def update(
     from gslts.change.config import DetectionConfig
     from gslts.change.detect import ChangeDetector
     from gslts.map_folder import open_versions, picture_path
+    from gslts.tasks.meaning import Meaning
     from gslts.update.config import LITERAL, UpdateConfig
     from gslts.update.published import published
     from gslts.update.updater import update as run
@@ -63,7 +64,7 @@ def update(
         config = config.model_copy(update={"edit": LITERAL})
     with open_versions(map_path, writable=True) as store:
         before, gaussian_map = store.version(), store.read()
-        cameras = cameras_of_map(map_path)
+        cameras, meaning = cameras_of_map(map_path), Meaning.of_map(map_path, threads)
         detector = ChangeDetector(
             gaussian_map, DetectionConfig(threads=threads), cameras=cameras.values()
         )
@@ -91,9 +92,12 @@ def update(
                 config,
                 detector=detector,
                 first_id=before.next_id,
+                meaning=meaning,
                 tell=tell,
             )
-        version = published(store, gaussian_map, cameras.values(), result, changes, config)
+        version = published(
+            store, gaussian_map, cameras.values(), result, changes, config, meaning=meaning
+        )
     if version is None:
         raise RuntimeError(f"{map_path} stays as it is: {result.record.refused}")
     typer.echo(_words(result.record, gaussian_map.size))

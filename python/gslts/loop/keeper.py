@@ -19,6 +19,7 @@ from gslts.loop.waiting import next_changes, parked_again
 from gslts.map_folder import open_versions
 from gslts.robot import Robot
 from gslts.store.records import Version
+from gslts.tasks.meaning import Meaning
 from gslts.update.config import UpdateConfig
 from gslts.update.published import published
 from gslts.update.updater import Update, update
@@ -83,6 +84,7 @@ class MapKeeper:
             self.state = read_state(folder)
             self._map = self._store.read()
             self._cameras = cameras_of_map(folder)
+            self._meaning = Meaning.of_map(folder, self._config.update.threads)
             self._detector = self._detector_of_map()
             self._watch = ChangeMonitor(self._detector, self._config.watch)
         except BaseException:
@@ -179,10 +181,13 @@ class MapKeeper:
             config,
             detector=self._detector,
             first_id=self._store.version().next_id,
+            meaning=self._meaning,
             tell=tell,
         )
         cameras, of_round = self._cameras.values(), {"round": self.state.round}
-        version = published(self._store, self._map, cameras, result, changes, config, of_round)
+        version = published(
+            self._store, self._map, cameras, result, changes, config, of_round, self._meaning
+        )
         if version is None:
             self._park(result, changes)
             return

@@ -78,7 +78,7 @@ def delta_by_ids(before: GaussianMap, after: GaussianMap) -> Delta:
         was, is_ = (
             _bits(getattr(one, name)[of]) for one, of in ((before, rows), (after, old_rows))
         )
-        apart |= (was != is_).any(axis=1)
+        apart |= was.shape != is_.shape or (was != is_).any(axis=1)
     return Delta(
         removed=before.ids[~kept],
         added=after.select(np.flatnonzero(~old)),

@@ -11,6 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TextIO
 
+import numpy as np
+
 from gslts.gaussian_map import GaussianMap
 from gslts.store.blobs import Arrays, Blobs, sync_folder
 from gslts.store.delta import (
@@ -211,6 +213,38 @@ class MapStore:
         self._index.add(version, snapshot, known)
         return version
 
+    def commit_features(self, gaussian_map: GaussianMap, cause: dict[str, Any]) -> Version:
+        """Adds a version whose Gaussians are those of the newest one, but for their features.
+
+        Args:
+            gaussian_map: The newest version with other features, also of another length.
+            cause: Where they are from, in values of JSON.
+
+        Raises:
+            OSError: It cannot be written; then the newest version is what it was.
+            ValueError: More than the features differ.
+        """
+        newest = self._index.newest()
+        before = self.read(newest.number)
+        for name, array in arrays_of(before).items():
+            if name != "features" and not np.array_equal(array, getattr(gaussian_map, name)):
+                raise ValueError(
+                    f"commit_features: {name} are not those of version {newest.number}"
+                )
+        version = Version(
+            number=newest.number + 1,
+            parent=newest.number,
+            kind="semantics",
+            time_s=self._now_s(newest),
+            gaussians=gaussian_map.size,
+            next_id=newest.next_id,
+            delta=None,
+            touched=gaussian_map.size,
+            cause=cause,
+        )
+        self._index.add(version, self._written(arrays_of(gaussian_map)))
+        return version
+
     def refuse(self, cause: dict[str, Any]) -> None:
         """Notes an update that was tried and changed nothing.
 
@@ -329,7 +363,7 @@ class MapStore:
         while version.number not in snapshots:
             if version.delta is not None:
                 deltas.append(version.delta)
-            if version.parent is None:
+            if version.parent is None or version.kind == "semantics":
                 raise ValueError(
                     f"{self._folder}: version {wanted} was compacted and cannot be read any more; "
                     "gslts log tells what is known of it"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-Kind = Literal["base", "update", "restore"]
+Kind = Literal["base", "update", "restore", "semantics"]
 
 
 @dataclass(frozen=True)

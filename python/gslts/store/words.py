@@ -14,6 +14,7 @@ def words_of_version(version: Version) -> str:
         "base": f"made of {version.cause.get('dataset')}",
         "update": f"{version.touched} Gaussians touched",
         "restore": f"version {version.parent} again",
+        "semantics": f"with semantics of {version.cause.get('source')}",
     }[version.kind]
     return f"{version.gaussians} Gaussians, {what}"
 

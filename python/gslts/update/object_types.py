@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
@@ -21,18 +21,25 @@ NEAR_M = 0.15
 """An object that is gone stood where it was last seen, or that near."""
 
 
-def type_of(change: Change, views: Iterable[View], events: Sequence[Event]) -> str:
+def type_of(
+    change: Change,
+    views: Iterable[View],
+    events: Sequence[Event],
+    named: Callable[[Site], str | None] = lambda _: None,
+) -> str:
     """The type of an object, such as "Mug"; "object" where nobody knows it.
 
     Args:
         change: Of the object.
         views: Around it, after the change; their frames may have labels.
         events: What became of objects before, the first one first.
+        named: What the Gaussians of the map mean that vanished from a site.
     """
     before, after = change.boxes
     seen = None if after is None else _seen(Site("after", *after), views)
     if seen is None and before is not None:
-        seen = _known(Site("before", *before), events)
+        site = Site("before", *before)
+        seen = _known(site, events) or named(site)
     return seen or UNKNOWN
 
 

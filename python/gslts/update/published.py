@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from io import BytesIO
 from typing import Any
 
+import numpy as np
 from PIL import Image
 
 from gslts import __version__
@@ -16,9 +17,12 @@ from gslts.gaussian_map import GaussianMap
 from gslts.map_folder import picture_path, plain_camera
 from gslts.store.map_store import MapStore
 from gslts.store.records import Event, Version
+from gslts.tasks.meaning import Meaning
 from gslts.update.config import UpdateConfig
+from gslts.update.edit import near_sites
 from gslts.update.object_types import type_of
 from gslts.update.picture import update_picture
+from gslts.update.region import Site
 from gslts.update.updater import Update
 
 PICTURE_PX, QUALITY = 1200, 85
@@ -33,6 +37,7 @@ def published(
     changes: Sequence[Change],
     config: UpdateConfig,
     more: Mapping[str, Any] | None = None,
+    meaning: Meaning | None = None,
 ) -> Version | None:
     """Adds a version of an updated map, and a picture of it; of one that stays, only why.
 
@@ -44,6 +49,7 @@ def published(
         changes: That it was about.
         config: It was made with.
         more: Of its cause, in values of JSON.
+        meaning: Of the features of the map; gives names to what is gone.
 
     Raises:
         OSError: It cannot be written; then the newest version is what it was, or only the picture
@@ -65,7 +71,15 @@ def published(
         for camera, new in zip(seen_from, new_viewpoints(cameras, seen_from), strict=True)
     ]
     past = store.events()
-    events = [Event(0, one.kind, type_of(one, result.views, past), _boxes(one)) for one in changes]
+    vanished = ~np.isin(before.ids, result.gaussian_map.ids)
+
+    def named(site: Site) -> str | None:
+        own = vanished & near_sites(before, [site], 0.0)
+        return None if meaning is None else meaning.name_of(before, np.flatnonzero(own))
+
+    events = [
+        Event(0, one.kind, type_of(one, result.views, past, named), _boxes(one)) for one in changes
+    ]
     version = store.commit(result.gaussian_map, cause, events)
     picture = Image.fromarray(
         update_picture(before, result.gaussian_map, result.views, config.threads)

@@ -18,6 +18,7 @@ from gslts.change.changes import Change
 from gslts.change.detect import ChangeDetector
 from gslts.gaussian_map import GaussianMap
 from gslts.robot import Robot
+from gslts.tasks.meaning import Meaning
 from gslts.update.collect import Collection, collect
 from gslts.update.config import UpdateConfig
 from gslts.update.edit import Edit, near_sites, pre_edit, sightings
@@ -101,6 +102,7 @@ def update(
     *,
     detector: ChangeDetector | None = None,
     first_id: int | None = None,
+    meaning: Meaning | None = None,
     tell: Tell = lambda _: None,
 ) -> Update:
     """Lets a robot look at changes closely, and brings the map up to date with them.
@@ -117,6 +119,7 @@ def update(
         config: Settings; None means the defaults.
         detector: Of the map; None means one with default settings.
         first_id: Of Gaussians that are new; None means the next one after those of the map.
+        meaning: Of the features of the map; gives some to what was added.
         tell: Is told of each step of the stages that take long.
 
     Raises:
@@ -149,6 +152,9 @@ def update(
         seconds={**clock.stages, **record.seconds},
     )
     used, held_back = split_held_back(found.views, config.collect.held_back)
+    if meaning is not None and record.refused is None:
+        shown = [(view.frame, view.after) for view in used]
+        updated = meaning.taught(updated, shown, config.threads)
     return Update(updated, record, (*used, *held_back), found.sites)
 
 

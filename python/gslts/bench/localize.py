@@ -1,0 +1,81 @@
+"""The benchmark of localisation: homes and ways to teach their maps, to numbers."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from gslts import __version__
+from gslts.bench.homes import BenchHome
+from gslts.bench.localize_run import ABLATION, OURS, TRADE, LocalizeUnit, Record, Variant
+from gslts.bench.localize_tables import summary
+from gslts.bench.work import Result, run_units
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What the benchmark found.
+
+    Attributes:
+        records: One for each home and variant.
+        errors: Homes and variants without a result, and why.
+    """
+
+    records: tuple[Record, ...]
+    errors: dict[str, str]
+
+
+def units_of(homes: Sequence[BenchHome], *, trade: bool, ablation: bool) -> list[LocalizeUnit]:
+    """The work; `trade` asks with codes of other lengths, `ablation` with less of everything."""
+    variants = {OURS: Variant(), **(TRADE if trade else {}), **(ABLATION if ablation else {})}
+    return [LocalizeUnit(home, variants) for home in homes]
+
+
+def measure(units: Sequence[LocalizeUnit], jobs: int, bar: Any) -> Outcome:
+    """Does what was not done yet.
+
+    Args:
+        units: From `units_of`.
+        jobs: Processes.
+        bar: As tqdm's.
+
+    Raises:
+        OSError: Results cannot be kept.
+        ValueError: Kept results are none.
+    """
+    found = run_units(units, jobs, bar)
+    records: list[Record] = []
+    errors: dict[str, str] = {}
+    for unit in units:
+        for result in found[unit.name]:
+            if result["id"] == unit.name:
+                errors[unit.name] = result["error"]
+            elif result["id"] in unit.variants:
+                record = _record_of(result, unit)
+                if record.error is None:
+                    records.append(record)
+                else:
+                    errors[f"{unit.name}, {record.variant}"] = record.error
+    return Outcome(tuple(records), errors)
+
+
+def told(units: Sequence[LocalizeUnit], outcome: Outcome) -> dict[str, Any]:
+    """Everything, in values of JSON."""
+    return {
+        "gslts": __version__,
+        "homes": {unit.name: unit.bench.mapped_of for unit in units},
+        "summary": summary(outcome.records),
+        "errors": outcome.errors,
+        "records": [record.model_dump(mode="json") for record in outcome.records],
+    }
+
+
+def _record_of(result: Result, unit: LocalizeUnit) -> Record:
+    try:
+        return Record.model_validate_json(json.dumps(result))
+    except ValueError:
+        raise ValueError(
+            f"{unit.results}: {result['id']}: this is no result; remove the file"
+        ) from None

@@ -1,0 +1,113 @@
+"""The benchmark of navigation to objects: homes and episodes, to numbers."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from gslts import __version__
+from gslts.bench.homes import BenchHome, shares_of
+from gslts.bench.navigate_run import NavigateUnit, Record
+from gslts.bench.navigate_tables import summary
+from gslts.bench.work import Result, run_units
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What the benchmark found.
+
+    Attributes:
+        records: One for each episode.
+        failed: Homes in which nothing could be tried, and why.
+    """
+
+    records: tuple[Record, ...]
+    failed: dict[str, str]
+
+    @property
+    def errors(self) -> dict[str, str]:
+        """Episodes and homes that errored, and why."""
+        of_episodes = {one.id: one.error for one in self.records if one.error is not None}
+        return {**of_episodes, **self.failed}
+
+
+def units_of(homes: Sequence[BenchHome], episodes: int) -> list[NavigateUnit]:
+    """The work, for so many episodes in all."""
+    shares = zip(homes, shares_of(episodes, len(homes)), strict=True)
+    return [NavigateUnit(home, count) for home, count in shares if count]
+
+
+def measure(units: Sequence[NavigateUnit], jobs: int, bar: Any) -> Outcome:
+    """Does what was not done yet.
+
+    Args:
+        units: From `units_of`.
+        jobs: Processes.
+        bar: As tqdm's.
+
+    Raises:
+        OSError: Results cannot be kept.
+        ValueError: Kept results are none.
+    """
+    found = run_units(units, jobs, bar)
+    records: list[Record] = []
+    failed: dict[str, str] = {}
+    for unit in units:
+        for result in found[unit.name]:
+            if result["id"] == unit.name:
+                failed[unit.name] = result["error"]
+                continue
+            record = _record_of(result, unit)
+            if int(record.id.rpartition("/")[2]) < unit.episodes:  # More were asked for before.
+                records.append(record)
+    return Outcome(tuple(sorted(records, key=lambda one: one.id)), failed)
+
+
+def copy_pictures(units: Sequence[NavigateUnit], outcome: Outcome, folder: Path) -> int:
+    """Copies the picture of each episode to a folder; how many there are.
+
+    Raises:
+        OSError: One cannot be written.
+    """
+    count = 0
+    by_name = {unit.name: unit for unit in units}
+    for record in outcome.records:
+        path = by_name[record.id.partition("/")[0]].picture(record.id)
+        if path.is_file():
+            end = "reached" if record.success else "failed"
+            shutil.copyfile(path, folder / f"{path.stem}_{record.category}_{end}.png")
+            count += 1
+    return count
+
+
+def told(units: Sequence[NavigateUnit], outcome: Outcome) -> dict[str, Any]:
+    """Everything, in values of JSON."""
+    return {
+        "gslts": __version__,
+        "homes": {
+            unit.name: {
+                "made_of": unit.bench.mapped_of,
+                "episodes": unit.episodes,
+                "results": unit.results.name,
+            }
+            for unit in units
+        },
+        "summary": summary(outcome.records),
+        "errors": outcome.errors,
+        "records": [
+            {**record.model_dump(mode="json"), "spl": record.spl} for record in outcome.records
+        ],
+    }
+
+
+def _record_of(result: Result, unit: NavigateUnit) -> Record:
+    try:
+        return Record.model_validate_json(json.dumps(result))
+    except ValueError:
+        raise ValueError(
+            f"{unit.results}: {result['id']}: this is no result; remove the file"
+        ) from None

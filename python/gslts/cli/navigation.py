@@ -1,0 +1,143 @@
+"""The commands `gslts semantic-map` and `gslts go`: a map as a plan, and ways on it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gslts.cli.mapping import BAR
+from gslts.cli.sim import Noise
+
+if TYPE_CHECKING:
+    from gslts.robot import Robot
+    from gslts.tasks.autoencoder import Autoencoder
+    from gslts.tasks.semantics import SemanticSource
+
+# What a command needs is imported inside it, so that `gslts --help` answers at once.
+
+Folder = Annotated[Path, typer.Argument(metavar="MAP", help="Folder of a map.")]
+Clip = Annotated[
+    Path | None,
+    typer.Option(metavar="DIR", help="CLIP that the map was taught with, if it has moved."),
+]
+Radius = Annotated[float, typer.Option(min=0.05, max=2, help="Of the robot, m.")]
+Height = Annotated[float, typer.Option(min=0.1, max=5, help="Of the robot, m.")]
+Step = Annotated[float, typer.Option(min=0, max=0.5, help="The robot drives over it, m.")]
+
+
+def flatten(
+    map_path: Folder,
+    out: Annotated[Path, typer.Option(help="Folder for map.png, map.pgm and map.yaml.")],
+    category: Annotated[
+        list[str] | None, typer.Option(help="A layer, such as Mug; may be given again.")
+    ] = None,
+    cell: Annotated[float, typer.Option(min=0.01, max=1, help="Edge of a cell, m.")] = 0.05,
+    radius: Radius = 0.2,
+    height: Height = 1.2,
+    step: Step = 0.02,
+    clip: Clip = None,
+) -> None:
+    """Flatten a map to a plan of obstacles, of what was explored, and of categories.
+
+    map.pgm and map.yaml are what map_server of ROS reads.
+
+    Example: gslts semantic-map out/map --category Mug --category Sofa --out out/plan
+    """
+    from gslts.map_folder import read_map
+    from gslts.tasks.categories import Categories
+    from gslts.tasks.robot_body import RobotBody
+    from gslts.tasks.semantic_map import semantic_map
+    from gslts.tasks.semantic_map_files import map_picture, write_map_server, write_picture
+
+    body = RobotBody(radius_m=radius, height_m=height, step_m=step)
+    layers = Categories(tuple(category), *_words(map_path, clip)) if category else None
+    found = semantic_map(read_map(map_path), body, layers, cell)
+    out.mkdir(parents=True, exist_ok=True)
+    write_map_server(found, out)
+    write_picture(map_picture(found), out / "map.png")
+    missing = [name for name in found.categories if not found.category(name).any()]
+    note = f"; not found: {', '.join(missing)}" if missing else ""
+    size = found.grid.size
+    typer.echo(f"wrote {size} x {size} cells of {cell:g} m to {out}{note}")
+
+
+def go(
+    map_path: Folder,
+    text: Annotated[str, typer.Argument(help='What to go to, such as "alarm clock".')],
+    robot: Annotated[
+        str,
+        typer.Option(
+            metavar="DAY|TASK|HOME",
+            help="Where the simulated robot is: day.json of gslts sim day, a scene change task, "
+            "kitchen, living_room or bedroom, or a .glb or .gltf file.",
+        ),
+    ],
+    seed: Annotated[int, typer.Option(min=0, help="Of a kitchen, living_room or bedroom.")] = 0,
+    after: Annotated[
+        int, typer.Option(min=0, help="Rounds of the day, or changes of the task, that are over.")
+    ] = 0,
+    noise: Noise = "kinect",
+    out: Annotated[Path, typer.Option(help="PNG of the way.")] = Path("go.png"),
+    clip: Clip = None,
+) -> None:
+    """Let a robot go to the nearest thing that words name, and look at it.
+
+    Example: gslts go out/map "alarm clock" --robot out/day/day.json
+    """
+    from tqdm import tqdm
+
+    from gslts.map_folder import read_map
+    from gslts.tasks.navigate import MOST_STEPS, Navigator
+    from gslts.tasks.semantic_map_files import map_picture, write_picture
+
+    if not text.strip():
+        raise ValueError("TEXT: it is empty")
+    navigator = Navigator(read_map(map_path), *_words(map_path, clip), categories=[text])
+    scout = _robot(robot, seed, after, noise)
+    with tqdm(total=MOST_STEPS, desc="going", bar_format=BAR, disable=None) as bar:
+        found = navigator.go(scout, text, lambda: bar.update() and None)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_picture(map_picture(navigator.semantic_map, found.way), out)
+    if found.status != "reached":
+        raise RuntimeError(f"{text}: {found.status}: {found.reason}; see {out}")
+    replans = f", planned anew {found.replans} times" if found.replans else ""
+    typer.echo(
+        f"reached the {text}: {found.length_m:.1f} m walked, stands {found.distance_m:.1f} m from "
+        f"it{replans}; see {out}"
+    )
+
+
+def _words(map_path: Path, clip: Path | None) -> tuple[Autoencoder, SemanticSource]:
+    from gslts.tasks.semantics_files import require_semantics
+    from gslts.tasks.sources import source_of
+
+    setting, autoencoder = require_semantics(map_path)
+    return autoencoder, source_of(setting, clip)
+
+
+def _robot(name: str, seed: int, after: int, noise: str) -> Robot:
+    """The simulated robot of a script or of a home.
+
+    Raises:
+        OSError: A file cannot be read.
+        ValueError: It is neither a script nor a home.
+    """
+    from gslts.sim.controller import Controller
+    from gslts.sim.day import read_day
+    from gslts.sim.home_source import open_home
+    from gslts.sim.task import read_task
+
+    path = Path(name)
+    if path.suffix.lower() != ".json":
+        return Controller(open_home(name, seed), noise=noise)
+    try:
+        day = read_day(path)
+    except ValueError as of_day:
+        try:
+            task = read_task(path)
+        except ValueError:
+            raise ValueError(f"{path}: it is neither a day nor a task: {of_day}") from None
+        return task.start(task.home.load(path.parent), changed=after > 0)
+    return day.robot(day.home.load(path.parent), after)

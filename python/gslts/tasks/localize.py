@@ -1,0 +1,220 @@
+"""Where in a map something is that words tell: GS-LTS, sec. III-B, Querying and Localization."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.cluster.hierarchy import DisjointSet
+from sklearn.cluster import DBSCAN
+from sklearn.neighbors import KDTree
+
+from gslts.gaussian_map import GaussianMap
+from gslts.tasks.autoencoder import Autoencoder
+from gslts.tasks.relevance import CANONICAL, relevance
+from gslts.tasks.semantics import SemanticSource
+
+Floats = NDArray[np.float64]
+Floats32 = NDArray[np.float32]
+
+CHUNK = 1 << 14
+"""Gaussians that are decoded at a time: embeddings of all of them would take a gigabyte."""
+SAMPLE = 20_000
+"""Gaussians that are asked first."""
+AROUND_M = 0.25
+"""All Gaussians so near to one that matches are asked as well."""
+LEAST_OPACITY = 0.3
+LINK_M = 0.07
+"""Gaussians that match and are so near to each other are of one instance."""
+NEIGHBOURS, LINK_SPACINGS = 4, 3.0
+"""In a coarse map, they are linked so many times as far as they are from their third neighbour."""
+LEAST_GAUSSIANS = 12
+LEAST_SHARE = 0.1
+"""Of the Gaussians of the largest instance."""
+CELL_M = 0.02
+"""Gaussians of one cell are clustered as one."""
+JOIN_M = 0.3
+"""An object's pieces are no farther apart in height where what joins them was not seen."""
+JOIN_SHARE = 0.7
+"""Of the smaller piece's outline on the floor that the other one's must cover."""
+TRIM = 0.5
+"""Percent of the Gaussians of an instance that may stick out of its box on each side."""
+
+
+@dataclass(frozen=True, eq=False)
+class Instance:
+    """One object that fits a query.
+
+    Attributes:
+        low, high: (3,) corners of the box around it, axes of the world, m.
+        corners: [4,2] those of the smallest upright box, on the floor, x and y, m; its heights are
+            those of `low` and `high`.
+        score: Mean relevance of its Gaussians, 0 to 1.
+        rows: [K] of its Gaussians in the map.
+    """
+
+    low: Floats
+    high: Floats
+    corners: Floats
+    score: float
+    rows: NDArray[np.intp]
+
+    @property
+    def middle(self) -> Floats:
+        """(3,) m."""
+        middle: Floats = (self.low + self.high) / 2
+        return middle
+
+
+class Queries:
+    """Asks one map.
+
+    Args:
+        gaussian_map: With features of L * d numbers.
+        autoencoder: Of the features.
+        source: Of words.
+
+    Raises:
+        ValueError: The features are not those of the autoencoder.
+    """
+
+    def __init__(
+        self, gaussian_map: GaussianMap, autoencoder: Autoencoder, source: SemanticSource
+    ) -> None:
+        dims, code = gaussian_map.feature_dims, autoencoder.code
+        if dims == 0 or dims % code:
+            raise ValueError(
+                f"Queries: the map has {dims} features a Gaussian, which is no multiple of {code}"
+            )
+        if source.dims != autoencoder.dims:
+            raise ValueError(
+                f"Queries: the map was taught with embeddings of {autoencoder.dims} numbers, those "
+                f"of the source have {source.dims}"
+            )
+        self._map, self._autoencoder, self._source = gaussian_map, autoencoder, source
+        self._canonical = source.encode(CANONICAL)
+        opacities = 1 / (1 + np.exp(-gaussian_map.logit_opacities))
+        known = np.abs(gaussian_map.features).max(axis=1) > 0
+        self._rows = np.flatnonzero(known & (opacities >= LEAST_OPACITY))
+        self._points = gaussian_map.means[self._rows] + gaussian_map.origin
+        self._tree = KDTree(self._points) if len(self._rows) else None
+
+    def relevance(self, query: Floats32, rows: NDArray[np.intp]) -> Floats32:
+        """[K] how well Gaussians fit an embedding (D,), at the level where they fit best."""
+        parts = [rows[first : first + CHUNK] for first in range(0, len(rows), CHUNK)]
+        found = [self._relevance(query, part) for part in parts]
+        return np.concatenate(found) if found else np.zeros(0, np.float32)
+
+    def _relevance(self, query: Floats32, rows: NDArray[np.intp]) -> Floats32:
+        code = self._autoencoder.code
+        features = self._map.features[rows].astype(np.float32, copy=False)
+        features = features.reshape(len(rows), -1, code)
+        levels = [
+            relevance(self._autoencoder.decoded(features[:, level]), query, self._canonical)
+            for level in range(features.shape[1])
+        ]
+        # A level at which no view showed a mask has code 0, which decodes to anything.
+        known = np.abs(features).max(axis=2).T > 0
+        best: Floats32 = np.max(np.where(known, levels, 0), axis=0).astype(np.float32)
+        return best
+
+    def fits(self, text: str) -> Floats32:
+        """[N] how well each Gaussian fits a text, 0 to 1; 0 for those without a meaning.
+
+        Raises:
+            ValueError: The text is empty.
+        """
+        result = np.zeros(self._map.size, np.float32)
+        result[self._rows] = self.relevance(self._embedded(text), self._rows)
+        return result
+
+    def find(self, text: str) -> list[Instance]:
+        """What fits a text, the best first; nothing if nothing fits as well as the source asks.
+
+        Raises:
+            ValueError: The text is empty.
+        """
+        query, threshold = self._embedded(text), self._source.threshold
+        if self._tree is None:
+            return []
+        sample = np.arange(0, len(self._rows), max(1, len(self._rows) // SAMPLE))
+        hits = sample[self.relevance(query, self._rows[sample]) >= threshold]
+        if len(hits) == 0:
+            return []
+        near = np.unique(np.concatenate(self._tree.query_radius(self._points[hits], AROUND_M)))
+        scores = self.relevance(query, self._rows[near])
+        kept = scores >= threshold
+        return self._instances(near[kept], scores[kept])
+
+    def _embedded(self, text: str) -> Floats32:
+        if not text.strip():
+            raise ValueError("Queries: text: it is empty")
+        embedding: Floats32 = self._source.encode([text])[0]
+        return embedding
+
+    def _instances(self, places: NDArray[np.intp], scores: Floats32) -> list[Instance]:
+        """Clusters of Gaussians that match, but for stray ones."""
+        points = self._points[places]
+        labels = _clusters(points)
+        counts = np.bincount(labels + 1)[1:]  # Stray ones are -1.
+        large = np.flatnonzero(counts >= LEAST_GAUSSIANS)
+        pieces = [np.flatnonzero(labels == one) for one in large]
+        others = np.delete(self._points, places, axis=0)
+        groups = _joined([points[own] for own in pieces], others)
+        largest = max((sum(len(pieces[one]) for one in group) for group in groups), default=0)
+        found = []
+        for group in groups:
+            own = np.concatenate([pieces[one] for one in group])
+            if len(own) < LEAST_SHARE * largest:
+                continue
+            low, high = np.percentile(points[own], [TRIM, 100 - TRIM], axis=0)
+            corners = cv2.boxPoints(cv2.minAreaRect(points[own, :2].astype(np.float32)))
+            score = float(scores[own].mean())
+            rows = self._rows[places[own]]
+            found.append(Instance(low, high, np.asarray(corners, np.float64), score, rows))
+        return sorted(found, key=lambda one: -one.score * np.sqrt(len(one.rows)))
+
+
+def _clusters(points: Floats) -> NDArray[np.intp]:
+    """[K] cluster of each point, -1 for stray ones; dense ones count by their cell."""
+    cells, cell_of, counts = np.unique(
+        np.floor(points / CELL_M).astype(np.int64), axis=0, return_inverse=True, return_counts=True
+    )
+    cell_of = cell_of.ravel()
+    middles = np.empty(cells.shape)
+    for axis in range(3):
+        middles[:, axis] = np.bincount(cell_of, points[:, axis]) / counts
+    apart_m = KDTree(middles).query(middles, min(NEIGHBOURS, len(middles)))[0][:, -1]
+    link_m = max(LINK_M, LINK_SPACINGS * float(np.median(apart_m)))
+    found = DBSCAN(eps=link_m, min_samples=NEIGHBOURS).fit_predict(middles, sample_weight=counts)
+    return np.asarray(found[cell_of])
+
+
+def _joined(pieces: list[Floats], others: Floats) -> list[list[int]]:
+    """Pieces of one object: one stands above the other, and nothing was seen between them.
+
+    Args:
+        pieces: Points of each.
+        others: What belongs to no piece.
+
+    Returns:
+        The pieces of each object.
+    """
+    boxes = [np.percentile(own, [TRIM, 100 - TRIM], axis=0) for own in pieces]
+    groups = DisjointSet(range(len(pieces)))
+    for a, b in combinations(range(len(pieces)), 2):
+        if boxes[a][0, 2] > boxes[b][0, 2]:
+            a, b = b, a
+        low, high = np.maximum(boxes[a][0], boxes[b][0]), np.minimum(boxes[a][1], boxes[b][1])
+        smaller = min(np.prod((box[1] - box[0])[:2]) for box in (boxes[a], boxes[b]))
+        # What is above one's top and under the other's bottom: upside down where they overlap.
+        low[2], high[2] = high[2], low[2]
+        above = high[2] - low[2] < JOIN_M
+        if above and np.prod(np.maximum(0, (high - low)[:2])) > JOIN_SHARE * smaller:
+            between = ((others > low) & (others < high)).all(axis=1).sum()
+            if between < LEAST_GAUSSIANS:
+                groups.merge(a, b)
+    return [sorted(group) for group in groups.subsets()]

@@ -1,0 +1,96 @@
+"""What the Gaussians of a map mean, kept up while the map changes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslts.frame import RgbdFrame
+from gslts.gaussian_map import GaussianMap
+from gslts.tasks.autoencoder import Autoencoder
+from gslts.tasks.categories import categories_of
+from gslts.tasks.lift import FeatureView, lifted
+from gslts.tasks.semantics import SemanticSource
+from gslts.tasks.semantics_files import read_semantics
+from gslts.tasks.sources import teacher_of
+
+LEAST_SHARE = 0.5
+"""Of some Gaussians, which must agree on what they are."""
+
+
+@dataclass(frozen=True, eq=False)
+class Meaning:
+    """How the features of a map are made and read.
+
+    Attributes:
+        source: Of what pictures mean.
+        autoencoder: Of the features.
+        names: Of what the source has words for.
+    """
+
+    source: SemanticSource
+    autoencoder: Autoencoder
+    names: tuple[str, ...]
+
+    @classmethod
+    def of_map(cls, path: Path, threads: int = 0) -> Meaning | None:
+        """That of a map folder; None if nobody taught the map.
+
+        Raises:
+            ImportError: A model needs a package that is missing.
+            OSError: A file or the folder of a model cannot be read.
+            ValueError: A file is damaged.
+        """
+        found = read_semantics(path)
+        if found is None:
+            return None
+        setting, autoencoder = found
+        models = {name: Path(folder) for name, folder in setting.models.items()}
+        return cls(teacher_of(setting.source, models, threads), autoencoder, setting.names)
+
+    def taught(
+        self,
+        gaussian_map: GaussianMap,
+        views: Iterable[tuple[RgbdFrame, NDArray[np.bool_]]],
+        threads: int = 0,
+    ) -> GaussianMap:
+        """The map, in which Gaussians without a meaning have that of what frames show there.
+
+        Args:
+            gaussian_map: float32.
+            views: Frames, and [H,W] where they are to be believed; those that the source cannot
+                read, such as frames without labels, are left out.
+            threads: 0 means one a hardware thread.
+        """
+        unknown = ~gaussian_map.features.any(axis=1)
+        if not unknown.any():
+            return gaussian_map
+        code = self.autoencoder.code
+        levels = gaussian_map.feature_dims // code
+        seen: list[list[FeatureView]] = [[] for _ in range(levels)]
+        for frame, believed in views:
+            try:
+                segments = self.source.segments(frame)
+            except ValueError:
+                continue
+            codes = self.autoencoder.encoded(segments.embeddings)
+            for level, labels in enumerate(segments.labels[:levels]):
+                known = believed & (labels >= 0)
+                if known.any():
+                    seen[level].append((frame.camera, codes[labels], known))
+        features = gaussian_map.features.copy()
+        for level, own in enumerate(seen):
+            found = lifted(gaussian_map, own, code, threads)
+            features[unknown, level * code : (level + 1) * code] = found[unknown]
+        return replace(gaussian_map, features=features)
+
+    def name_of(self, gaussian_map: GaussianMap, rows: NDArray[np.intp]) -> str | None:
+        """What some Gaussians are, if most of those that fit a name agree."""
+        found = categories_of(gaussian_map, rows, self.autoencoder, self.source, self.names)
+        counts = np.bincount(found + 1, minlength=2)[1:]  # -1 fits none.
+        best = int(counts.argmax())
+        return self.names[best] if counts[best] > LEAST_SHARE * counts.sum() else None

@@ -1,0 +1,31 @@
+"""Nouns of a household: what may come into a home after its map was taught.
+
+An autoencoder that has seen only what is there when it is trained brings nothing else back.
+"""
+
+NOUNS = tuple(
+    """
+    air conditioner, alarm clock, apple, armchair, baby bottle, backpack, bag, banana, basket,
+    basketball, bathtub, bed, bench, bicycle, bin, blanket, blinds, book, bookshelf, boots, bottle,
+    bowl, box, bread, broom, brush, bucket, cabinet, cable, cake, camera, candle, candlestick,
+    cardboard box, carpet, cat, ceiling, ceiling lamp, chair, charger, clock, cloth, clothes, coat,
+    coffee machine, coffee table, computer, computer monitor, cooking pot, counter top, credit card,
+    crib, cup, cupboard, curtains, cushion, cutting board, desk, desk lamp, dining table,
+    dishwasher, dog, dog bed, door, drawer, dresser, drying rack, dumbbell, egg, extension cord,
+    fan, faucet, fireplace, fish tank, floor, floor lamp, flower, food, fork, frying pan, game
+    console, garbage can, glass, glasses, guitar, hair dryer, hat, headphones, helmet, house plant,
+    iron, ironing board, jacket, jar, kettle, key chain, keyboard, knife, ladder, lamp, laptop,
+    laundry, laundry hamper, letter, lettuce, light switch, lunch box, magazine, medicine,
+    microwave, mirror, mouse, mug, newspaper, orange, ottoman, oven, painting, pan, paper, paper
+    towel roll, pen, pencil, pencil cup, pepper shaker, person, phone, photograph, piano, picture
+    frame, pillow, plant, plate, poster, pot, potato, printer, radiator, radio, refrigerator, remote
+    control, robot, rug, salt shaker, scale, scissors, sewing machine, shelf, shelving unit, shirt,
+    shoes, shower, side table, sink, slippers, soap bottle, socks, sofa, speaker, sponge, spoon,
+    stairs, statue, stool, stove, suitcase, table, tablet, tea pot, teddy bear, television, tissue
+    box, toaster, toilet, toilet paper, tomato, toothbrush, towel, toy, toy car, trash bag, tray,
+    trousers, tv stand, umbrella, vacuum cleaner, vase, violin, walker, wall, wallet, wardrobe,
+    washing machine, watch, water bottle, wheelchair, window, wine bottle, yoga mat
+    """.strip()
+    .replace("\n    ", " ")
+    .split(", ")
+)

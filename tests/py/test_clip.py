@@ -1,0 +1,315 @@
+"""SAM and CLIP as a source of meaning, with tiny models: pictures, words, masks, and queries."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import change_room
+import numpy as np
+import pytest
+import tiny_models
+from PIL import Image
+from typer.testing import CliRunner
+
+from gslts.camera import camera_from_fov, look_at
+from gslts.cli import app
+from gslts.datasets import open_dataset
+from gslts.frame import RgbdFrame
+from gslts.map_folder import write_map_folder
+from gslts.sim.capture import capture
+from gslts.sim.controller import Controller
+from gslts.tasks.clip import ClipEncoder
+from gslts.tasks.clip_source import ClipSource
+from gslts.tasks.embed import embedded
+from gslts.tasks.localize import Queries
+from gslts.tasks.masks import cut_out, distinct, painted
+from gslts.tasks.relevance import CANONICAL
+from gslts.tasks.sam import MaskGenerator
+from gslts.tasks.semantics_files import SemanticsSetting, read_semantics
+from gslts.tasks.sources import source_of, teacher_of
+
+pytest.importorskip("transformers", reason="models need transformers")
+
+RED, BLUE = (200, 40, 30), (30, 60, 200)
+
+
+def plain(color: tuple[int, int, int]) -> np.ndarray:
+    """A picture of one colour, as CLIP takes it."""
+    return np.full((tiny_models.SIDE_PX, tiny_models.SIDE_PX, 3), color, np.uint8)
+
+
+def noise(height: int, width: int) -> np.ndarray:
+    return np.random.default_rng(0).integers(0, 256, (height, width, 3)).astype(np.uint8)
+
+
+def picture_by_transformers(folder: Path, rgb: np.ndarray) -> np.ndarray:
+    """[D] what transformers itself makes of a picture that is read from a file."""
+    import torch
+    from transformers import CLIPImageProcessorPil, CLIPModel
+
+    side = tiny_models.SIDE_PX
+    processor = CLIPImageProcessorPil(
+        size={"shortest_edge": side}, crop_size={"height": side, "width": side}
+    )
+    Image.fromarray(rgb).save(folder / "picture.png")
+    pixels = processor(Image.open(folder / "picture.png"), return_tensors="pt").pixel_values
+    with torch.no_grad():
+        found = CLIPModel.from_pretrained(folder).get_image_features(pixels).pooler_output[0]
+    return (found / found.norm()).numpy()
+
+
+def test_pictures_mean_what_transformers_says(tmp_path: Path) -> None:
+    tiny_models.write_clip(tmp_path)
+    encoder = ClipEncoder(tmp_path, threads=1)
+    assert (encoder.dims, encoder.side_px) == (tiny_models.DIMS, tiny_models.SIDE_PX)
+    ramp = noise(32, 32) // 2 + np.linspace(0, 120, 32).astype(np.uint8)[:, None]
+    pictures = [plain(RED), noise(32, 32), ramp]
+    found = encoder.of_pictures(pictures)
+    assert found.dtype == np.float32
+    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1, rtol=1e-6)
+    expected = [picture_by_transformers(tmp_path, one) for one in pictures]
+    np.testing.assert_allclose(found, expected, atol=1e-4)
+    # A wrong order of channels, or rows for columns, would have shown.
+    for wrong in (ramp[..., ::-1], ramp.transpose(1, 0, 2), ramp[::-1], ramp[:, ::-1]):
+        (other,) = encoder.of_pictures([np.ascontiguousarray(wrong)])
+        assert np.abs(other - expected[2]).max() > 0.02
+    np.testing.assert_array_equal(encoder.of_pictures(pictures), found)
+    assert encoder.of_pictures([]).shape == (0, tiny_models.DIMS)
+
+
+def test_words_mean_what_transformers_says(tmp_path: Path) -> None:
+    import torch
+    from transformers import CLIPModel, CLIPTokenizer
+
+    tiny_models.write_clip(tmp_path)
+    words = ["red", "alarm clock", "Blue ", "é"]
+    source = ClipSource(ClipEncoder(tmp_path, threads=1))
+    found = source.encode(words)
+    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1, rtol=1e-6)
+    tokens = CLIPTokenizer.from_pretrained(tmp_path)(words, padding=True, return_tensors="pt")
+    with torch.no_grad():
+        expected = CLIPModel.from_pretrained(tmp_path).get_text_features(**tokens).pooler_output
+    np.testing.assert_allclose(found, expected / expected.norm(dim=1, keepdim=True), atol=1e-5)
+    # None depends on its neighbours, on capitals, or on what no longer fits.
+    np.testing.assert_array_equal(source.encode(["blue", "red"]), found[[2, 0]])
+    assert source.encode(["very " * 40]).shape == (1, source.dims)
+    assert source.encode([]).shape == (0, source.dims)
+
+
+def test_threads_are_given_back(tmp_path: Path) -> None:
+    import torch
+
+    tiny_models.write_clip(tmp_path)
+    before = torch.get_num_threads()
+    ClipEncoder(tmp_path, threads=before + 1).of_texts(["red"])
+    assert torch.get_num_threads() == before
+    assert not torch.is_inference_mode_enabled()
+
+
+def test_what_a_mask_covers_is_cut_out_upright_on_black() -> None:
+    rgb = noise(9, 12)
+    mask = np.zeros((9, 12), bool)
+    mask[2:4, 3:7] = True
+    mask[2, 3] = False
+    expected = np.zeros((4, 4, 3), np.uint8)
+    expected[1:3] = rgb[2:4, 3:7]
+    expected[1, 0] = 0
+    np.testing.assert_array_equal(cut_out(rgb, mask, 4), expected)
+    assert cut_out(rgb, mask, 32).shape == (32, 32, 3)
+
+
+def test_doubles_go_and_the_smallest_mask_is_on_top() -> None:
+    masks = np.zeros((3, 10, 10), bool)
+    masks[0, :9] = True
+    masks[1] = True
+    masks[2, :2, :2] = True
+    assert distinct(masks, np.array([0.8, 0.9, 0.7], np.float32)).tolist() == [1, 2]
+    assert distinct(masks, np.array([0.9, 0.9, 0.7], np.float32)).tolist() == [0, 2]
+    assert distinct(masks[:0], np.zeros(0, np.float32)).tolist() == []
+    labels = painted(masks)
+    assert labels.dtype == np.int32
+    expected = np.ones((10, 10))
+    expected[:9], expected[:2, :2] = 0, 2
+    np.testing.assert_array_equal(labels, expected)
+    assert (painted(masks[:0]) == -1).all()
+
+
+def masks_by_transformers(folder: Path, rgb: np.ndarray) -> np.ndarray:
+    """[1024,3,H,W] masks at all points of the grid as transformers' own processor makes them."""
+    import torch
+    from transformers import SamImageProcessorPil, SamModel
+
+    side = tiny_models.SAM_SIDE_PX
+    processor = SamImageProcessorPil(
+        size={"longest_edge": side}, pad_size={"height": side, "width": side}
+    )
+    inputs = processor(Image.fromarray(rgb), return_tensors="pt")
+    height, width = rgb.shape[:2]
+    small = inputs["reshaped_input_sizes"][0].tolist()
+    points = [
+        [
+            (column + 0.5) / 32 * width * small[1] / width,
+            (row + 0.5) / 32 * height * small[0] / height,
+        ]
+        for row in range(32)
+        for column in range(32)
+    ]
+    with torch.no_grad():
+        output = SamModel.from_pretrained(folder)(
+            pixel_values=inputs["pixel_values"], input_points=torch.tensor(points)[None, :, None]
+        )
+    (masks,) = processor.post_process_masks(
+        output.pred_masks, inputs["original_sizes"], inputs["reshaped_input_sizes"]
+    )
+    return masks.numpy()
+
+
+def farthest(masks: np.ndarray, known: np.ndarray) -> float:
+    """Share of pixels in which the mask that is least like any known one differs from it."""
+    one, other = (x.reshape(len(x), -1).astype(np.float32) for x in (masks, known))
+    differing = one.sum(1)[:, None] + other.sum(1) - 2 * one @ other.T
+    return float(differing.min(axis=1).max() / one.shape[1])
+
+
+@pytest.mark.parametrize("size", [(48, 96), (96, 60)])
+def test_masks_are_those_of_transformers(tmp_path: Path, size: tuple[int, int]) -> None:
+    tiny_models.write_sam(tmp_path)
+    rgb = noise(*size) // 2
+    rgb[: size[0] // 2, : size[1] // 3] += np.array((120, 20, 0), np.uint8)
+    found = MaskGenerator(tmp_path, threads=1)(rgb)
+    known = masks_by_transformers(tmp_path, rgb)
+    assert [one.shape[1:] for one in found] == [size] * 3
+    assert sum(map(len, found)) > 20
+    wrong = masks_by_transformers(tmp_path, np.ascontiguousarray(rgb[..., ::-1]))
+    for level, masks in enumerate(found):
+        assert farthest(masks, known[:, 2 - level]) < 1e-3
+        if len(masks) > 5:
+            assert farthest(masks, wrong[:, 2 - level]) > 0.02
+    for one, other in zip(found, MaskGenerator(tmp_path, threads=1)(rgb), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_a_level_without_masks_is_empty(tmp_path: Path) -> None:
+    import torch
+    from transformers import SamModel
+
+    tiny_models.write_sam(tmp_path / "sam")
+    tiny_models.write_clip(tmp_path / "clip")
+    model = SamModel.from_pretrained(tmp_path / "sam")
+    with torch.no_grad():
+        model.mask_decoder.iou_prediction_head.proj_out.bias.fill_(0.1)
+    model.save_pretrained(tmp_path / "sam")
+    source = teacher_of("clip", {"clip": tmp_path / "clip", "sam": tmp_path / "sam"}, threads=1)
+    segments = source.segments(two_boxes()[0])
+    assert segments.embeddings.shape == (0, tiny_models.DIMS)
+    assert (segments.labels == -1).all()
+
+
+def two_boxes() -> list[RgbdFrame]:
+    """A red box and a blue one as the robot sees them."""
+    return [change_room.see(change_room.home(), look) for look in change_room.LOOKS]
+
+
+def true_masks(frames: list[RgbdFrame]) -> Callable[[np.ndarray], list[np.ndarray]]:
+    """One level of masks, those of the simulator, in place of a SAM."""
+    known = {}
+    for frame in frames:
+        assert frame.labels is not None
+        numbers = np.unique(frame.labels.instances)
+        masks = np.stack([frame.labels.instances == k for k in numbers if k >= 0])
+        known[frame.rgb.tobytes()] = [masks, masks[:0], masks[:0]]
+    return lambda rgb: known[rgb.tobytes()]
+
+
+def test_segments_number_what_shows(tmp_path: Path) -> None:
+    """Masks that others hide have no embedding; beyond the border of a picture there is nothing."""
+    tiny_models.write_clip(tmp_path)
+    encoder = ClipEncoder(tmp_path, threads=1)
+    pose = look_at((0, 0, 0), (0, 1, 0))
+    camera = camera_from_fov(8, 6, 1.0, pose)
+    seen = np.ones((6, 8), bool)
+    seen[:, 7] = False
+    frame = RgbdFrame(noise(6, 8), np.zeros((6, 8), np.float32), camera, mask=seen)
+    left, right, beyond = (np.zeros((6, 8), bool) for _ in range(3))
+    left[:, :4], right[:, 4:], beyond[:, 7] = True, True, True
+    whole = left | right
+    levels = [np.stack([whole, left, right]), np.stack([beyond, left]), np.zeros((0, 6, 8), bool)]
+    segments = ClipSource(encoder, lambda _: levels).segments(frame)
+    expected = np.full((3, 6, 8), -1)
+    expected[0, :, :4], expected[0, :, 4:7], expected[1, :, :4] = 0, 1, 2
+    np.testing.assert_array_equal(segments.labels, expected)
+    pictures = [cut_out(frame.rgb, one & seen, encoder.side_px) for one in (left, right, left)]
+    np.testing.assert_array_equal(segments.embeddings, encoder.of_pictures(pictures))
+    with pytest.raises(ValueError, match="without a SAM it knows words only"):
+        ClipSource(encoder).segments(frame)
+
+
+def test_a_map_is_asked_for_red_and_blue(tmp_path: Path) -> None:
+    """Words are tied to what transformers makes of files, so that a wrong order would show."""
+    tiny_models.write_clip(tmp_path)
+    frames = two_boxes()
+    masks, *_ = true_masks(frames)(frames[0].rgb)
+    shown = [
+        picture_by_transformers(tmp_path, cut_out(frames[0].rgb, one, tiny_models.SIDE_PX))
+        for one in masks
+    ]
+    # The boxes come last.
+    *other, red, blue = np.linalg.pinv(np.stack(shown)).T
+    everything_else = sum(other)
+    words = {"red": red - blue - everything_else, "blue": blue - red - everything_else}
+    words |= dict.fromkeys(CANONICAL, everything_else)
+    tiny_models.teach_words(tmp_path, words)
+    source = ClipSource(ClipEncoder(tmp_path, threads=1), true_masks(frames))
+    gaussian_map, _ = change_room.mapped()
+    found = embedded(gaussian_map, frames, source, code=8, threads=1)
+    assert found.features.shape == (gaussian_map.size, 24)
+    taught = replace(gaussian_map, features=found.features)
+    queries = Queries(taught, found.autoencoder, source)
+    for word, place in (("red", (2.2, 1.85)), ("blue", (3.0, 1.95))):
+        best = queries.find(word)[0]
+        np.testing.assert_allclose(best.middle[:2], place, atol=0.1)
+        np.testing.assert_allclose(best.high - best.low, (0.24, 0.24, 0.3), atol=0.15)
+
+
+def test_a_map_is_taught_and_asked_by_commands(tmp_path: Path) -> None:
+    tiny_models.write_clip(tmp_path / "clip")
+    tiny_models.write_sam(tmp_path / "sam")
+    robot = Controller(change_room.home(), **change_room.SIZE)
+    capture(robot, change_room.LOOKS[:2], tmp_path / "visit")
+    cameras = {one.name: one.read().camera for one in open_dataset(tmp_path / "visit").frames}
+    write_map_folder(tmp_path / "map", change_room.mapped()[0], {}, cameras)
+    clip, sam = ["--clip", str(tmp_path / "clip")], ["--sam", str(tmp_path / "sam")]
+    teach = ["semantics", str(tmp_path / "map"), str(tmp_path / "visit"), "--source", "clip"]
+    ask = ["query", str(tmp_path / "map"), "red", "--json"]
+
+    def run(*arguments: str) -> str:
+        result = CliRunner().invoke(app, arguments, catch_exceptions=False)
+        assert result.exit_code == 0, result.output
+        return result.stdout
+
+    with pytest.raises(ValueError, match="needs both models: --clip DIR and --sam DIR"):
+        run(*teach, *clip)
+    run(*teach, *clip, *sam, "--code", "8", "--threads", "1")
+    taught = read_semantics(tmp_path / "map")
+    assert taught is not None
+    setting, _ = taught
+    assert (setting.source, setting.levels) == ("clip", 3)
+    assert setting.models == {"clip": clip[1], "sam": sam[1]}
+    first = run(*ask)
+    assert isinstance(json.loads(first), list)
+    # Words need no SAM, and CLIP may move.
+    (tmp_path / "sam").rename(tmp_path / "gone")
+    (tmp_path / "clip").rename(tmp_path / "moved")
+    with pytest.raises(FileNotFoundError, match=r"is not there; --clip DIR tells where"):
+        run(*ask)
+    assert run(*ask, "--clip", str(tmp_path / "moved")) == first
+
+
+def test_sources_are_named() -> None:
+    oracle = SemanticsSetting.model_construct(source="oracle")
+    assert source_of(oracle).dims == 512
+    with pytest.raises(ValueError, match="the source oracle takes no model, got --clip"):
+        teacher_of("oracle", {"clip": Path("clip")})
+    with pytest.raises(ValueError, match="does not tell which CLIP"):
+        source_of(oracle.model_copy(update={"source": "clip"}))
