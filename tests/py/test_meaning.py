@@ -21,6 +21,8 @@ from gslts.map_folder import open_versions, read_map, write_map_folder
 from gslts.render import render
 from gslts.sim.capture import capture
 from gslts.sim.controller import Controller
+from gslts.sim.explore import explore
+from gslts.sim.robot_body import Look
 from gslts.tasks.embed import Embedded, embedded
 from gslts.tasks.lift import lifted
 from gslts.tasks.meaning import Meaning
@@ -33,8 +35,14 @@ from gslts.update.region import Site
 from gslts.update.updater import Update, update
 
 
+@cache
+def looks() -> list[Look]:
+    """Some all around the room, and those at the block."""
+    return [*explore(change_room.home(), 16)[0], *change_room.LOOKS]
+
+
 def frames() -> list[RgbdFrame]:
-    return [change_room.see(change_room.home(), look) for look in change_room.LOOKS]
+    return [change_room.see(change_room.home(), look) for look in looks()]
 
 
 @cache
@@ -140,7 +148,7 @@ def run(*arguments: str) -> str:
 
 def test_a_map_is_taught_asked_and_drawn_by_commands(tmp_path: Path) -> None:
     map_path, visit, picture = tmp_path / "map", tmp_path / "visit", tmp_path / "box.png"
-    capture(Controller(change_room.home(), **change_room.SIZE), change_room.LOOKS, visit)
+    capture(Controller(change_room.home(), **change_room.SIZE), looks(), visit)
     cameras = {one.name: one.read().camera for one in open_dataset(visit).frames}
     write_map_folder(map_path, change_room.mapped()[0], {}, cameras)
     with pytest.raises(ValueError, match=r"knows no words; gslts semantics teaches it"):

@@ -14,14 +14,12 @@ from sklearn.neighbors import KDTree
 
 from gslts.gaussian_map import GaussianMap
 from gslts.tasks.autoencoder import Autoencoder
-from gslts.tasks.relevance import CANONICAL, relevance
+from gslts.tasks.fits import Fits
 from gslts.tasks.semantics import SemanticSource
 
 Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
 
-CHUNK = 1 << 14
-"""Gaussians that are decoded at a time: embeddings of all of them would take a gigabyte."""
 SAMPLE = 20_000
 """Gaussians that are asked first."""
 AROUND_M = 0.25
@@ -84,42 +82,13 @@ class Queries:
     def __init__(
         self, gaussian_map: GaussianMap, autoencoder: Autoencoder, source: SemanticSource
     ) -> None:
-        dims, code = gaussian_map.feature_dims, autoencoder.code
-        if dims == 0 or dims % code:
-            raise ValueError(
-                f"Queries: the map has {dims} features a Gaussian, which is no multiple of {code}"
-            )
-        if source.dims != autoencoder.dims:
-            raise ValueError(
-                f"Queries: the map was taught with embeddings of {autoencoder.dims} numbers, those "
-                f"of the source have {source.dims}"
-            )
-        self._map, self._autoencoder, self._source = gaussian_map, autoencoder, source
-        self._canonical = source.encode(CANONICAL)
+        self._map, self._source = gaussian_map, source
+        self._fits = Fits(gaussian_map, autoencoder, source)
         opacities = 1 / (1 + np.exp(-gaussian_map.logit_opacities))
         known = np.abs(gaussian_map.features).max(axis=1) > 0
         self._rows = np.flatnonzero(known & (opacities >= LEAST_OPACITY))
         self._points = gaussian_map.means[self._rows] + gaussian_map.origin
         self._tree = KDTree(self._points) if len(self._rows) else None
-
-    def relevance(self, query: Floats32, rows: NDArray[np.intp]) -> Floats32:
-        """[K] how well Gaussians fit an embedding (D,), at the level where they fit best."""
-        parts = [rows[first : first + CHUNK] for first in range(0, len(rows), CHUNK)]
-        found = [self._relevance(query, part) for part in parts]
-        return np.concatenate(found) if found else np.zeros(0, np.float32)
-
-    def _relevance(self, query: Floats32, rows: NDArray[np.intp]) -> Floats32:
-        code = self._autoencoder.code
-        features = self._map.features[rows].astype(np.float32, copy=False)
-        features = features.reshape(len(rows), -1, code)
-        levels = [
-            relevance(self._autoencoder.decoded(features[:, level]), query, self._canonical)
-            for level in range(features.shape[1])
-        ]
-        # A level at which no view showed a mask has code 0, which decodes to anything.
-        known = np.abs(features).max(axis=2).T > 0
-        best: Floats32 = np.max(np.where(known, levels, 0), axis=0).astype(np.float32)
-        return best
 
     def fits(self, text: str) -> Floats32:
         """[N] how well each Gaussian fits a text, 0 to 1; 0 for those without a meaning.
@@ -128,7 +97,7 @@ class Queries:
             ValueError: The text is empty.
         """
         result = np.zeros(self._map.size, np.float32)
-        result[self._rows] = self.relevance(self._embedded(text), self._rows)
+        result[self._rows] = self._fits.of(self._embedded(text), self._rows)[0]
         return result
 
     def find(self, text: str) -> list[Instance]:
@@ -141,19 +110,18 @@ class Queries:
         if self._tree is None:
             return []
         sample = np.arange(0, len(self._rows), max(1, len(self._rows) // SAMPLE))
-        hits = sample[self.relevance(query, self._rows[sample]) >= threshold]
+        hits = sample[self._fits.of(query, self._rows[sample])[0] >= threshold]
         if len(hits) == 0:
             return []
         near = np.unique(np.concatenate(self._tree.query_radius(self._points[hits], AROUND_M)))
-        scores = self.relevance(query, self._rows[near])
+        scores = self._fits.of(query, self._rows[near])[0]
         kept = scores >= threshold
         return self._instances(near[kept], scores[kept])
 
     def _embedded(self, text: str) -> Floats32:
         if not text.strip():
             raise ValueError("Queries: text: it is empty")
-        embedding: Floats32 = self._source.encode([text])[0]
-        return embedding
+        return self._source.encode([text])
 
     def _instances(self, places: NDArray[np.intp], scores: Floats32) -> list[Instance]:
         """Clusters of Gaussians that match, but for stray ones."""

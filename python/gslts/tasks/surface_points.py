@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.gaussian_map import GaussianMap
+from gslts.mapping.density import axes_of
 
 Floats = NDArray[np.float64]
 
@@ -16,6 +17,7 @@ REACH = 1.5
 """Standard deviations to each side that count as the surface of a Gaussian."""
 MOST_STEPS = 4
 """Points to each side along an axis, at most; larger Gaussians are of windows and skies."""
+MOST_HEIGHT_M = 100.0
 FLOOR_BIN_M = 0.02
 FLOOR_SHARE = 0.3
 """Area of a horizontal layer over that of the largest, from which on it may be the floor."""
@@ -78,17 +80,17 @@ def surface_points(gaussian_map: GaussianMap, apart_m: float) -> SurfacePoints:
     means = gaussian_map.means[rows] + gaussian_map.origin
     scales = np.exp(gaussian_map.log_scales[rows].astype(np.float64))
     order = np.argsort(scales, axis=1)
-    axes = _rotations(gaussian_map.quats[rows].astype(np.float64))
+    axes = axes_of(gaussian_map.quats[rows].astype(np.float64))
     number = np.arange(len(rows))
     reaches = scales[number[:, None], order]
     areas_m2 = opacities[rows] * 2 * np.pi * reaches[:, 1] * reaches[:, 2]
-    level = np.abs(axes[number, 2, order[:, 0]]) >= LEVEL
+    level = np.abs(axes[number, order[:, 0], 2]) >= LEVEL
     steps = np.ceil(REACH * reaches[:, 1:] / apart_m - 0.5).clip(0, MOST_STEPS).astype(np.intp)
     parts = []
     for first, second in np.unique(steps, axis=0):
         own = np.flatnonzero((steps == (first, second)).all(axis=1))
-        long = axes[own, :, order[own, 2]] * reaches[own, 2, None]
-        wide = axes[own, :, order[own, 1]] * reaches[own, 1, None]
+        long = axes[own, order[own, 2]] * reaches[own, 2, None]
+        wide = axes[own, order[own, 1]] * reaches[own, 1, None]
         offsets = [
             (a, b)
             for a in _spread(int(first))
@@ -114,6 +116,8 @@ def floor_height_m(points: SurfacePoints) -> float:
     z, areas_m2 = points.points[:, 2], points.areas_m2
     if points.level.any():
         z, areas_m2 = z[points.level], areas_m2[points.level]
+    kept = np.abs(z - np.median(z)) <= MOST_HEIGHT_M  # A stray Gaussian may be anywhere.
+    z, areas_m2 = z[kept], areas_m2[kept]
     numbers = np.floor((z - z.min()) / FLOOR_BIN_M).astype(np.intp)
     layers = np.convolve(np.bincount(numbers, areas_m2), np.ones(3), "same")
     lowest = int(np.flatnonzero(layers >= FLOOR_SHARE * layers.max())[0])
@@ -127,15 +131,3 @@ def floor_height_m(points: SurfacePoints) -> float:
 def _spread(steps: int) -> list[float]:
     """Offsets along an axis, in standard deviations."""
     return [REACH * step / (steps + 0.5) for step in range(-steps, steps + 1)]
-
-
-def _rotations(quats: Floats) -> Floats:
-    """[N,3,3] of quaternions [N,4] wxyz of any length."""
-    w, x, y, z = (quats / np.linalg.norm(quats, axis=1, keepdims=True)).T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    result: Floats = np.array(rows).transpose(2, 0, 1)
-    return result
