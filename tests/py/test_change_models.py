@@ -254,11 +254,15 @@ def bring_code(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("spoil", "error", "message"),
     [
-        (spoil_config, OSError, "not a valid JSON file"),
+        (spoil_config, ValueError, r"config\.json is no JSON object"),
         (spoil_kind, ValueError, "sculptor"),
         (spoil_weights, ValueError, "header"),
         (lose_a_weight, ValueError, r"its weights lack embeddings\.cls_token"),
-        (pickle_weights, OSError, r"no file named model\.safetensors"),
+        (
+            pickle_weights,
+            ValueError,
+            r"pytorch_model\.bin is pickled and could run code: it is not read",
+        ),
         (bring_code, ValueError, "custom code"),
     ],
 )

@@ -14,6 +14,7 @@ Floats32 = NDArray[np.float32]
 MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 """Of ImageNet, with which SAM and DINOv2 were trained."""
 MOST_SIDE_PX = 4096
+EXAMPLE = "facebook/sam-vit-base"
 
 
 class TransformersEncoder:
@@ -29,18 +30,18 @@ class TransformersEncoder:
     """
 
     def __init__(self, folder: Path) -> None:
-        if not (folder / "config.json").is_file():
-            raise FileNotFoundError(f"{folder}: there is no config.json")
         try:
             import torch
             from transformers import AutoModel
+
+            from gslts.pretrained import pretrained
         except ImportError:
             raise ImportError(
                 "transformers features need transformers and torch: pip install 'gslts[models]'"
             ) from None
         self._torch = torch
         self._folder = folder
-        self._model = _loaded(AutoModel, folder)
+        self._model = pretrained(AutoModel, folder, EXAMPLE)
         config = self._model.config
         vision = getattr(config, "vision_config", config)
         side, patch = getattr(vision, "image_size", None), getattr(vision, "patch_size", None)
@@ -78,22 +79,3 @@ class TransformersEncoder:
             )
         tokens = features[features.shape[0] - count :]
         return tokens.reshape(self._patches, self._patches, -1)
-
-
-def _loaded(auto_model: Any, folder: Path) -> Any:
-    """The model of a folder, whole, from safetensors and without code of its own."""
-    try:
-        model, said = auto_model.from_pretrained(
-            folder,
-            local_files_only=True,
-            use_safetensors=True,
-            trust_remote_code=False,
-            output_loading_info=True,
-        )
-    except OSError:
-        raise
-    except Exception as error:  # safetensors has an exception of its own.
-        raise ValueError(f"{folder}: {error}") from None
-    if said["missing_keys"]:  # They would be random numbers.
-        raise ValueError(f"{folder}: its weights lack {sorted(said['missing_keys'])[0]}")
-    return model.eval()

@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from gslts.tasks.pretrained import how_to_get, inference, pretrained
+from gslts.pretrained import how_to_get, inference, pretrained
 
 Floats32 = NDArray[np.float32]
 Image = NDArray[np.uint8]

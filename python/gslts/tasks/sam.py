@@ -15,8 +15,8 @@ from PIL import Image
 from torch import Tensor
 from torch.nn.functional import interpolate, pad
 
+from gslts.pretrained import inference, pretrained
 from gslts.tasks.masks import Masks, distinct
-from gslts.tasks.pretrained import inference, pretrained
 from gslts.tasks.semantics import LEVELS
 
 EXAMPLE = "facebook/sam-vit-base"

@@ -20,7 +20,7 @@ def pretrained(model_class: Any, folder: Path, example: str) -> Any:
     """A model with all its weights, float32, ready to infer.
 
     Args:
-        model_class: Of transformers, such as CLIPModel.
+        model_class: Of transformers, such as CLIPModel, or AutoModel for any.
         folder: With `config.json` and `model.safetensors`; nothing is downloaded, and pickled
             weights, which can run code, are never opened.
         example: Public model that would do, such as "facebook/sam-vit-base".
@@ -30,7 +30,7 @@ def pretrained(model_class: Any, folder: Path, example: str) -> Any:
         ValueError: A file is damaged, or of another model.
     """
     _check_files(folder, model_class, example)
-    _check_kind(folder, model_class.config_class.model_type)
+    _check_config(folder, getattr(model_class, "config_class", None))
     try:
         with _quiet():
             model, said = model_class.from_pretrained(
@@ -92,15 +92,17 @@ def _check_files(folder: Path, model_class: Any, example: str) -> None:
     )
 
 
-def _check_kind(folder: Path, expected: str) -> None:
-    """Whether the configuration is of this kind of model; transformers would only warn."""
+def _check_config(folder: Path, config_class: Any) -> None:
+    """Whether the configuration is of the kind of model, if that is known; else one only warns."""
     try:
         config = json.loads((folder / CONFIG).read_text(encoding="utf-8"))
         kind, other = config.get("model_type"), config.get("transformers_weights")
     except (ValueError, AttributeError, RecursionError):
         raise ValueError(f"{folder}: {CONFIG} is no JSON object") from None
-    if kind != expected:
-        raise ValueError(f"{folder}: expected a model of type {expected}, got {kind}")
+    if config_class is not None and kind != config_class.model_type:
+        raise ValueError(
+            f"{folder}: expected a model of type {config_class.model_type}, got {kind}"
+        )
     # transformers would read that file instead, even a pickled one.
     if other is not None:
         raise ValueError(f"{folder}: {CONFIG} names other weights, {other}; only {WEIGHTS} is read")
