@@ -22,7 +22,8 @@ def test_relevance_by_hand() -> None:
     embeddings = np.array([[1, 0], [0, 1], [0.6, 0.8]], np.float32)
     query, canonical = np.array([1, 0], np.float32), np.array([[0, 1], [0, -1]], np.float32)
     expected = [1 / (1 + np.exp(-1)), 1 / (1 + np.exp(1)), 1 / (1 + np.exp(0.2))]
-    np.testing.assert_allclose(relevance(embeddings, query, canonical), expected, rtol=1e-6)
+    found = relevance(embeddings @ query, embeddings @ canonical.T)
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 
 def test_the_oracle_tells_types_apart() -> None:
@@ -71,6 +72,10 @@ def test_embeddings_come_back_from_their_codes(code: int, tmp_path: Path) -> Non
     found = model.decoded(codes)
     assert (found * embeddings).sum(axis=1).min() > 0.95
     assert (np.argmax(found @ embeddings.T, axis=1) == np.arange(40)).all()
+    mixed = (codes + codes[::-1]) / 2
+    np.testing.assert_allclose(
+        model.cosines(mixed, embeddings), model.decoded(mixed) @ embeddings.T, atol=2e-5
+    )
     content = bytes_of_autoencoder(model)
     path = tmp_path / "autoencoder.safetensors"
     path.write_bytes(content)

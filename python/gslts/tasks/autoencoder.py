@@ -80,12 +80,30 @@ class Autoencoder:
         """[S,D] embeddings of unit length of codes [S,d], also of mixtures of codes."""
         return self._through("decoder", codes)
 
+    def cosines(self, codes: Floats32, vectors: Floats32) -> Floats32:
+        """[S,V] of decoded codes [S,d] and vectors [V,D] of unit length.
+
+        The same as `decoded(codes) @ vectors.T`, without embeddings: their lengths and products
+        follow from the hidden layer.
+        """
+        hidden, weight, bias = self._hidden("decoder", codes), *self._last("decoder")
+        products = hidden @ (weight.T @ vectors.T) + vectors @ bias
+        squares = ((hidden @ (weight.T @ weight) + 2 * (bias @ weight)) * hidden).sum(axis=1)
+        lengths = np.sqrt(np.maximum(squares + bias @ bias, 1e-24))
+        return np.asarray(products / lengths[:, None], np.float32)
+
     def _through(self, part: str, vectors: Floats32) -> Floats32:
-        weights = self.weights
-        hidden = vectors @ weights[f"{part}.0.weight"].T + weights[f"{part}.0.bias"]
-        found = _gelu(hidden) @ weights[f"{part}.2.weight"].T + weights[f"{part}.2.bias"]
+        weight, bias = self._last(part)
+        found = self._hidden(part, vectors) @ weight.T + bias
         lengths = np.linalg.norm(found, axis=1, keepdims=True)
         return np.asarray(found / np.maximum(lengths, 1e-12), np.float32)
+
+    def _hidden(self, part: str, vectors: Floats32) -> Floats32:
+        weight, bias = self.weights[f"{part}.0.weight"], self.weights[f"{part}.0.bias"]
+        return _gelu(vectors @ weight.T + bias)
+
+    def _last(self, part: str) -> tuple[Floats32, Floats32]:
+        return self.weights[f"{part}.2.weight"], self.weights[f"{part}.2.bias"]
 
 
 def _gelu(x: Floats32) -> Floats32:

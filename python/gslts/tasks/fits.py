@@ -13,7 +13,7 @@ from gslts.tasks.semantics import SemanticSource
 Floats32 = NDArray[np.float32]
 
 CHUNK = 1 << 14
-"""Gaussians that are decoded at a time: embeddings of all of them would take a gigabyte."""
+"""Gaussians that are asked at a time: the hidden layer of all of them would take a gigabyte."""
 
 
 class Fits:
@@ -52,15 +52,16 @@ class Fits:
             rows: [K] Gaussians of the map. What has no meaning at any level fits nothing: 0.
         """
         found = np.zeros((len(queries), len(rows)), np.float32)
+        vectors = np.concatenate([queries, self._canonical])
         for first in range(0, len(rows), CHUNK):
             part = self._features[rows[first : first + CHUNK]]
             codes = part.astype(np.float32, copy=False).reshape(-1, self._autoencoder.code)
             # A level at which no view showed a mask has code 0, which decodes to anything.
             known = codes.any(axis=1)
-            decoded = self._autoencoder.decoded(codes[known])
+            cosines = self._autoencoder.cosines(codes[known], vectors)
             scores = np.zeros((len(queries), len(codes)), np.float32)
-            for number, query in enumerate(queries):
-                scores[number, known] = relevance(decoded, query, self._canonical)
+            for number in range(len(queries)):
+                scores[number, known] = relevance(cosines[:, number], cosines[:, len(queries) :])
             levels = scores.reshape(len(queries), len(part), -1)
             found[:, first : first + CHUNK] = levels.max(axis=2)
         return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 
 import cv2
 import numpy as np
@@ -23,7 +23,10 @@ Floats32 = NDArray[np.float32]
 SAMPLE = 20_000
 """Gaussians that are asked first."""
 AROUND_M = 0.25
-"""All Gaussians so near to one that matches are asked as well."""
+"""All Gaussians so near to one that matches, or a bit farther, are asked as well."""
+MOST_CELLS = 1 << 19
+"""Cells on each side of the world's origin; what is beyond is taken to be there."""
+CELL_STRIDES = np.array([1 << 42, 1 << 21, 1], np.int64)
 LEAST_OPACITY = 0.3
 LINK_M = 0.07
 """Gaussians that match and are so near to each other are of one instance."""
@@ -88,7 +91,9 @@ class Queries:
         known = np.abs(gaussian_map.features).max(axis=1) > 0
         self._rows = np.flatnonzero(known & (opacities >= LEAST_OPACITY))
         self._points = gaussian_map.means[self._rows] + gaussian_map.origin
-        self._tree = KDTree(self._points) if len(self._rows) else None
+        self._cells, self._cell_of = np.unique(
+            _cells_of(self._points, AROUND_M), return_inverse=True
+        )
 
     def fits(self, text: str) -> Floats32:
         """[N] how well each Gaussian fits a text, 0 to 1; 0 for those without a meaning.
@@ -107,13 +112,13 @@ class Queries:
             ValueError: The text is empty.
         """
         query, threshold = self._embedded(text), self._source.threshold
-        if self._tree is None:
+        if len(self._rows) == 0:
             return []
         sample = np.arange(0, len(self._rows), max(1, len(self._rows) // SAMPLE))
         hits = sample[self._fits.of(query, self._rows[sample])[0] >= threshold]
         if len(hits) == 0:
             return []
-        near = np.unique(np.concatenate(self._tree.query_radius(self._points[hits], AROUND_M)))
+        near = self._around(hits)
         scores = self._fits.of(query, self._rows[near])[0]
         kept = scores >= threshold
         return self._instances(near[kept], scores[kept])
@@ -122,6 +127,13 @@ class Queries:
         if not text.strip():
             raise ValueError("Queries: text: it is empty")
         return self._source.encode([text])
+
+    def _around(self, places: NDArray[np.intp]) -> NDArray[np.intp]:
+        """All Gaussians in the cells of some and in those beside them."""
+        own = self._cells[np.unique(self._cell_of[places])]
+        beside = np.array(list(product((-1, 0, 1), repeat=3))) @ CELL_STRIDES
+        wanted = np.isin(self._cells, own[:, None] + beside)
+        return np.flatnonzero(wanted[self._cell_of])
 
     def _instances(self, places: NDArray[np.intp], scores: Floats32) -> list[Instance]:
         """Clusters of Gaussians that match, but for stray ones."""
@@ -146,15 +158,20 @@ class Queries:
         return sorted(found, key=lambda one: -one.score * np.sqrt(len(one.rows)))
 
 
+def _cells_of(points: Floats, edge_m: float) -> NDArray[np.int64]:
+    """[K] a number for the cell of each point; numbers of neighbours differ by CELL_STRIDES."""
+    cells = np.floor(points / edge_m).clip(-MOST_CELLS, MOST_CELLS).astype(np.int64)
+    numbers: NDArray[np.int64] = cells @ CELL_STRIDES
+    return numbers
+
+
 def _clusters(points: Floats) -> NDArray[np.intp]:
     """[K] cluster of each point, -1 for stray ones; dense ones count by their cell."""
-    cells, cell_of, counts = np.unique(
-        np.floor(points / CELL_M).astype(np.int64), axis=0, return_inverse=True, return_counts=True
+    _, cell_of, counts = np.unique(
+        _cells_of(points, CELL_M), return_inverse=True, return_counts=True
     )
-    cell_of = cell_of.ravel()
-    middles = np.empty(cells.shape)
-    for axis in range(3):
-        middles[:, axis] = np.bincount(cell_of, points[:, axis]) / counts
+    sums = [np.bincount(cell_of, points[:, axis]) for axis in range(3)]
+    middles = np.stack(sums, axis=1) / counts[:, None]
     apart_m = KDTree(middles).query(middles, min(NEIGHBOURS, len(middles)))[0][:, -1]
     link_m = max(LINK_M, LINK_SPACINGS * float(np.median(apart_m)))
     found = DBSCAN(eps=link_m, min_samples=NEIGHBOURS).fit_predict(middles, sample_weight=counts)

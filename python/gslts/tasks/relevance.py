@@ -14,14 +14,12 @@ CANONICAL = ("object", "things", "stuff", "texture")
 """Phrases that fit anything: what fits them better than the query is none of it."""
 
 
-def relevance(embeddings: Floats32, query: Floats32, canonical: Floats32) -> Floats32:
+def relevance(to_query: Floats32, to_canonical: Floats32) -> Floats32:
     """[S] min_j exp(e . q) / (exp(e . q) + exp(e . c_j)), between 0 and 1.
 
     Args:
-        embeddings: [S,D] e, of unit length.
-        query: [D] q, of unit length.
-        canonical: [J,D] c, of unit length, those of `CANONICAL`.
+        to_query: [S] e . q of embeddings e with that of the query, all of unit length.
+        to_canonical: [S,J] e . c with those of `CANONICAL`.
     """
-    fits = embeddings @ query
-    anyway = (embeddings @ canonical.T).max(axis=1)  # The least quotient is that of the greatest.
-    return np.asarray(1 / (1 + np.exp(anyway - fits)), np.float32)
+    anyway = to_canonical.max(axis=1)  # The least quotient is that of the greatest.
+    return np.asarray(1 / (1 + np.exp(anyway - to_query)), np.float32)

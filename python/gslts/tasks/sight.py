@@ -49,7 +49,8 @@ def meant(points: Floats, frame: RgbdFrame, source: SemanticSource, text: str) -
     """
     segments = source.segments(frame)
     query, canonical = source.encode([text])[0], source.encode(CANONICAL)
-    fits = relevance(segments.embeddings, query, canonical) >= source.threshold
+    to_query, to_canonical = segments.embeddings @ query, segments.embeddings @ canonical.T
+    fits = relevance(to_query, to_canonical) >= source.threshold
     inside, rows, columns, _ = _projected(points, frame.camera)
     labels = segments.labels[:, rows, columns]
     result: Mask = inside & (np.append(fits, False)[labels]).any(axis=0)  # Row -1 is the last.
