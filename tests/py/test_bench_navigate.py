@@ -14,6 +14,7 @@ from scipy.sparse.csgraph import dijkstra
 from test_cli_sim import gslts
 
 from gslts.bench.navigate_episodes import LEAST_M, episodes_of
+from gslts.bench.navigate_moved import NOT_UPDATED
 from gslts.bench.navigate_run import Record
 from gslts.bench.navigate_tables import printed, summary
 from gslts.bench.navigate_truth import Truth, floor_distances_m, succeeds
@@ -24,7 +25,18 @@ from gslts.sim.robot_body import Look
 
 SETTINGS = ("--preset", "fast", "--set", "iterations=300", "--set", "rough_epochs=0")
 SMALL = ("--room", "kitchen", "--seeds", "3:4", "--size", "240x180", "--frames", "40")
-RUN = ("bench", "navigate", *SMALL, *SETTINGS, "--set", "voxel_m=0.05", "--episodes", "3")
+RUN = (
+    "bench",
+    "navigate",
+    *SMALL,
+    *SETTINGS,
+    "--set",
+    "voxel_m=0.05",
+    "--episodes",
+    "3",
+    "--moved",
+    "2",
+)
 
 
 def record(success: bool, shortest_m: float, walked_m: float, room: str = "kitchen") -> Record:
@@ -55,6 +67,20 @@ def test_spl_by_hand() -> None:
         "spl": pytest.approx(2 / 3),
         "shortest_m": pytest.approx(7 / 3),
     }
+
+
+def test_moved_objects_are_counted_apart() -> None:
+    def walk(name: str, success: bool, status: str = "reached") -> Record:
+        one = record(success, 1, 1)
+        return one.model_copy(update={"id": f"kitchen_0/moved_{name}", "status": status})
+
+    moved = [walk("00/0", True), walk("00/1", False), walk("01/0", False, NOT_UPDATED)]
+    found = summary([record(True, 1, 1), *moved])
+    assert found["rooms"]["overall"]["episodes"] == 1
+    assert found["moved"]["successes"] == 1
+    assert found["moved"]["episodes"] == 2
+    assert found["moved"]["relocations"] == [1, 2]
+    assert "updated: 50.0 % (1 of 2)." in printed(found)
 
 
 def test_errors_do_not_count_and_no_record_is_no_error() -> None:
@@ -171,11 +197,19 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., tuple[str, di
 
 def test_a_run_is_kept(run: Callable[..., tuple[str, dict[str, Any]]]) -> None:
     text, found = run("one")
-    assert [one["id"] for one in found["records"]] == [f"kitchen_3/00{k}" for k in range(3)]
+    ids = [one["id"] for one in found["records"]]
+    assert ids[:3] == [f"kitchen_3/00{k}" for k in range(3)]
+    moved = found["records"][3:]
+    assert {one["id"].rpartition("/")[0] for one in moved} == {
+        f"kitchen_3/moved_{k:02}" for k in range(2)
+    }
+    assert found["summary"]["moved"]["relocations"][1] == 2
+    walked = [one for one in moved if one["status"] != NOT_UPDATED]
+    assert found["summary"]["moved"]["episodes"] == len(walked)
     assert found["errors"] == {}
     assert "| kitchen |" in text
     assert found["summary"]["rooms"]["kitchen"]["episodes"] == 3
-    assert sum(one["success"] for one in found["records"]) >= 2
+    assert sum(one["success"] for one in found["records"][:3]) >= 2
     for one in found["records"]:
         assert one["success"] == (one["spl"] > 0)
         assert one["walked_m"] == 0 or one["walked_m"] >= 0.25

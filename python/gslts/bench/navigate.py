@@ -11,6 +11,7 @@ from typing import Any
 
 from gslts import __version__
 from gslts.bench.homes import BenchHome, shares_of
+from gslts.bench.navigate_moved import MovedUnit
 from gslts.bench.navigate_run import NavigateUnit, Record
 from gslts.bench.navigate_tables import summary
 from gslts.bench.work import Result, run_units
@@ -35,13 +36,20 @@ class Outcome:
         return {**of_episodes, **self.failed}
 
 
-def units_of(homes: Sequence[BenchHome], episodes: int) -> list[NavigateUnit]:
-    """The work, for so many episodes in all."""
-    shares = zip(homes, shares_of(episodes, len(homes)), strict=True)
-    return [NavigateUnit(home, count) for home, count in shares if count]
+Unit = NavigateUnit | MovedUnit
 
 
-def measure(units: Sequence[NavigateUnit], jobs: int, bar: Any) -> Outcome:
+def units_of(homes: Sequence[BenchHome], episodes: int, moved: int) -> list[Unit]:
+    """The work, for so many episodes in all, and relocations of so many objects."""
+    shares = shares_of(episodes, len(homes)), shares_of(moved, len(homes))
+    units: list[Unit] = []
+    for home, count, tasks in zip(homes, *shares, strict=True):
+        units += [NavigateUnit(home, count)] if count else []
+        units += [MovedUnit(home, tasks)] if tasks else []
+    return units
+
+
+def measure(units: Sequence[Unit], jobs: int, bar: Any) -> Outcome:
     """Does what was not done yet.
 
     Args:
@@ -62,36 +70,37 @@ def measure(units: Sequence[NavigateUnit], jobs: int, bar: Any) -> Outcome:
                 failed[unit.name] = result["error"]
                 continue
             record = _record_of(result, unit)
-            if int(record.id.rpartition("/")[2]) < unit.episodes:  # More were asked for before.
+            if unit.holds(record):  # More were asked for before.
                 records.append(record)
     return Outcome(tuple(sorted(records, key=lambda one: one.id)), failed)
 
 
-def copy_pictures(units: Sequence[NavigateUnit], outcome: Outcome, folder: Path) -> int:
+def copy_pictures(units: Sequence[Unit], outcome: Outcome, folder: Path) -> int:
     """Copies the picture of each episode to a folder; how many there are.
 
     Raises:
         OSError: One cannot be written.
     """
     count = 0
-    by_name = {unit.name: unit for unit in units}
     for record in outcome.records:
-        path = by_name[record.id.partition("/")[0]].picture(record.id)
-        if path.is_file():
+        places = [
+            unit.picture(record.id) for unit in units if record.id.startswith(unit.bench.name)
+        ]
+        for path in filter(Path.is_file, places):
             end = "reached" if record.success else "failed"
             shutil.copyfile(path, folder / f"{path.stem}_{record.category}_{end}.png")
             count += 1
     return count
 
 
-def told(units: Sequence[NavigateUnit], outcome: Outcome) -> dict[str, Any]:
+def told(units: Sequence[Unit], outcome: Outcome) -> dict[str, Any]:
     """Everything, in values of JSON."""
     return {
         "gslts": __version__,
         "homes": {
             unit.name: {
                 "made_of": unit.bench.mapped_of,
-                "episodes": unit.episodes,
+                "asked_for": unit.tasks if isinstance(unit, MovedUnit) else unit.episodes,
                 "results": unit.results.name,
             }
             for unit in units
@@ -104,7 +113,7 @@ def told(units: Sequence[NavigateUnit], outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def _record_of(result: Result, unit: NavigateUnit) -> Record:
+def _record_of(result: Result, unit: Unit) -> Record:
     try:
         return Record.model_validate_json(json.dumps(result))
     except ValueError:

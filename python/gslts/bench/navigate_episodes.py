@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gslts.bench.navigate_truth import Truth
+from gslts.sim.home import Floats
 
 CATEGORIES = {
     "kitchen": (
@@ -50,6 +52,17 @@ class Episode:
     shortest_m: float
 
 
+def starts_to(truth: Truth, category: str) -> tuple[Floats, NDArray[np.intp]]:
+    """From where objects of a type can be gone to.
+
+    Returns:
+        [P] shortest way from each of the places of the home, m; and the numbers of those from
+        which there is a way, and not too short a one.
+    """
+    metres = truth.metres_to(truth.goals(category))
+    return metres, np.flatnonzero(np.isfinite(metres) & (metres >= LEAST_M))
+
+
 def episodes_of(truth: Truth, room_type: str, name: str, seed: int, count: int) -> list[Episode]:
     """Episodes in one home; the first ones do not depend on how many there are.
 
@@ -65,18 +78,15 @@ def episodes_of(truth: Truth, room_type: str, name: str, seed: int, count: int) 
         ValueError: Nothing in the home can be gone to.
     """
     rng = np.random.default_rng([seed, sorted(CATEGORIES).index(room_type)])
-    ways = {one: truth.metres_to(truth.goals(one)) for one in CATEGORIES[room_type]}
-    starts = {
-        one: np.flatnonzero(np.isfinite(metres) & (metres >= LEAST_M))
-        for one, metres in ways.items()
-    }
-    wanted = [one for one, places in starts.items() if len(places)]
+    known = {one: starts_to(truth, one) for one in CATEGORIES[room_type]}
+    wanted = [one for one, (_, places) in known.items() if len(places)]
     if not wanted:
-        raise ValueError(f"{name}: none of {', '.join(ways)} can be gone to")
+        raise ValueError(f"{name}: none of {', '.join(known)} can be gone to")
     result: list[Episode] = []
     while len(result) < count:
         for category in rng.permutation(wanted).tolist():
-            place = int(rng.choice(starts[category]))
+            metres, starts = known[category]
+            place = int(rng.choice(starts))
             x, y = truth.places[place].tolist()
             result.append(
                 Episode(
@@ -85,7 +95,7 @@ def episodes_of(truth: Truth, room_type: str, name: str, seed: int, count: int) 
                     category=category,
                     place=(x, y),
                     yaw_deg=float(rng.integers(8) * 45),
-                    shortest_m=float(ways[category][place]),
+                    shortest_m=float(metres[place]),
                 )
             )
     return result[:count]

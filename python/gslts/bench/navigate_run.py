@@ -41,7 +41,8 @@ class Record(BaseModel):
     """How an episode went.
 
     Attributes:
-        id: Its home and its number, such as `kitchen_0/007`.
+        id: Its home and its number, such as `kitchen_0/007`; `kitchen_0/moved_03/1` to an object
+            that was moved.
         room_type: Of the home.
         category: That was gone to.
         success: Whether such an object is within 1 m in truth, and in the last picture.
@@ -67,7 +68,7 @@ class Record(BaseModel):
     @property
     def spl(self) -> float:
         """Success weighted by path length (Anderson et al. 2018)."""
-        return self.success * self.shortest_m / max(self.walked_m, self.shortest_m)
+        return self.shortest_m / max(self.walked_m, self.shortest_m) if self.success else 0.0
 
 
 @dataclass(frozen=True)
@@ -105,6 +106,10 @@ class NavigateUnit:
         """Of an episode."""
         return self.results.with_suffix("") / f"{episode.replace('/', '_')}.png"
 
+    def holds(self, record: Record) -> bool:
+        """Whether a record is of those that are asked for."""
+        return int(record.id.rpartition("/")[2]) < self.episodes
+
     def seconds(self, done: frozenset[str]) -> float:
         """About how long it takes."""
         whole = MAP_S + RECORDING_S * self.bench.setup.frames + SEMANTICS_S
@@ -140,7 +145,7 @@ class NavigateUnit:
             try:
                 record = gone(navigator, ground, episode, number, self.picture(episode.name))
             except Exception as error:  # Whatever fails is told of its episode; others go on.
-                record = _record(episode).model_copy(update={"error": message_of(error)})
+                record = record_of(episode).model_copy(update={"error": message_of(error)})
             add(record.model_dump(mode="json"))
             tell(EPISODE_S)
 
@@ -183,7 +188,7 @@ def gone(
     if picture is not None:
         shown = map_picture(navigator.semantic_map, journey.way, [episode.category])
         write_picture(shown, picture)
-    return _record(episode).model_copy(
+    return record_of(episode).model_copy(
         update={
             "success": succeeds(
                 ground.truth, episode.category, walker.places[-1], walker.event.instances
@@ -196,7 +201,8 @@ def gone(
     )
 
 
-def _record(episode: Episode) -> Record:
+def record_of(episode: Episode) -> Record:
+    """Of an episode that has not begun."""
     return Record(
         id=episode.name,
         room_type=episode.room_type,

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from gslts.bench.navigate_moved import NOT_UPDATED
 from gslts.bench.navigate_run import Record
 from gslts.bench.tables import share, table
 
@@ -17,7 +18,11 @@ FAR_M = 1.25
 
 def summary(records: Sequence[Record]) -> dict[str, Any]:
     """Success rate and SPL by room type, for far starts, and by category, in values of JSON."""
-    fine = [one for one in records if one.error is None]
+    every = [one for one in records if one.error is None]
+    moved = [one for one in every if "/moved_" in one.id]
+    fine = [one for one in every if "/moved_" not in one.id]
+    updated = [one for one in moved if one.status != NOT_UPDATED]
+    relocations = [len({one.id.rpartition("/")[0] for one in group}) for group in (updated, moved)]
     rooms = list(dict.fromkeys(one.room_type for one in fine))
     categories = sorted({one.category for one in fine})
     statuses = sorted({one.status for one in fine})
@@ -30,6 +35,7 @@ def summary(records: Sequence[Record]) -> dict[str, Any]:
         "categories": {
             name: _of([one for one in fine if one.category == name]) for name in categories
         },
+        "moved": {**_of(updated), "relocations": relocations} if moved else None,
         "statuses": {name: sum(one.status == name for one in fine) for name in statuses},
     }
 
@@ -38,16 +44,16 @@ def printed(found: Mapping[str, Any]) -> str:
     """All tables."""
     rooms = {name.replace("_", " "): one for name, one in found["rooms"].items()}
     rooms[f"overall, shortest way of {FAR_M:g} m or more"] = found["far"]
+    parts = ["## Navigation to objects"]
     statuses = ", ".join(f"{name} {count}" for name, count in found["statuses"].items())
-    return "\n\n".join(
-        [
-            "## Navigation to objects",
-            _table("Room", rooms),
-            f"As the robot sees it: {statuses}.",
-            "### By category",
-            _table("Category", found["categories"]),
-        ]
-    )
+    told = f"As the robot sees it: {statuses}."
+    moved = found["moved"]
+    if moved is not None:
+        rooms["to objects that were moved, once the map is updated"] = moved
+        updated = share(*moved["relocations"])
+        told += f" Relocations detected in the first frame and updated: {updated}."
+    parts += [_table("Room", rooms), told, "### By category"]
+    return "\n\n".join([*parts, _table("Category", found["categories"])])
 
 
 def _of(records: Sequence[Record]) -> dict[str, Any]:

@@ -182,6 +182,10 @@ def navigate(
     seeds: Seeds = "0:4",
     room: Rooms = None,
     episodes: Annotated[int, typer.Option(min=1, help="How many, spread over the homes.")] = 300,
+    moved: Annotated[
+        int,
+        typer.Option(min=0, help="Objects that move after mapping, and to which a robot goes too."),
+    ] = 0,
     jobs: Jobs = 1,
     json_path: Json = None,
     pictures: Annotated[
@@ -198,7 +202,7 @@ def navigate(
     Maps know words from the labels of the simulator, which also judges success. An interrupted run
     goes on where it stopped.
 
-    Example: gslts bench navigate --jobs 2 --json out/navigate.json --pictures out/navigate
+    Example: gslts bench navigate --moved 60 --jobs 2 --pictures out/navigate
     """
     from tqdm import tqdm
 
@@ -213,7 +217,7 @@ def navigate(
     if pictures is not None:
         empty_folder(pictures)
     work.mkdir(parents=True, exist_ok=True)
-    units = bench_navigate.units_of(homes, episodes)
+    units = bench_navigate.units_of(homes, episodes, moved)
     with tqdm(total=1, desc="navigating", bar_format=BAR, smoothing=0.05, disable=None) as bar:
         outcome = bench_navigate.measure(units, jobs, bar)
     content = bench_navigate.told(units, outcome)
