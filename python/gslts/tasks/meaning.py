@@ -55,20 +55,19 @@ class Meaning:
     def taught(
         self,
         gaussian_map: GaussianMap,
+        fresh: NDArray[np.bool_],
         views: Iterable[tuple[RgbdFrame, NDArray[np.bool_]]],
         threads: int = 0,
     ) -> GaussianMap:
-        """The map, in which Gaussians without a meaning have that of what frames show there.
+        """The map, in which some Gaussians mean what frames show there; others keep theirs.
 
         Args:
             gaussian_map: float32.
+            fresh: [N] Gaussians that may mean something else; if no frame tells, they keep theirs.
             views: Frames, and [H,W] where they are to be believed; those that the source cannot
                 read, such as frames without labels, are left out.
             threads: 0 means one a hardware thread.
         """
-        unknown = ~gaussian_map.features.any(axis=1)
-        if not unknown.any():
-            return gaussian_map
         code = self.autoencoder.code
         levels = gaussian_map.feature_dims // code
         seen: list[list[FeatureView]] = [[] for _ in range(levels)]
@@ -85,7 +84,8 @@ class Meaning:
         features = gaussian_map.features.copy()
         for level, own in enumerate(seen):
             found = lifted(gaussian_map, own, code, threads)
-            features[unknown, level * code : (level + 1) * code] = found[unknown]
+            told = fresh & found.any(axis=1)
+            features[told, level * code : (level + 1) * code] = found[told]
         return replace(gaussian_map, features=features)
 
     def name_of(self, gaussian_map: GaussianMap, rows: NDArray[np.intp]) -> str | None:

@@ -40,6 +40,8 @@ LEAST_AGAINST = 2
 """Views that see a Gaussian, and later or earlier ones that see through it, of one that moved."""
 MOST_UNSTEADY = 0.3
 """Share of what comes and goes that may have moved while it was looked at."""
+MEANING_M = 0.02
+"""Beyond a site, what stays there may mean something else: the table under what is gone."""
 AGREEING = 0.9
 """Share of the views that must agree on when a Gaussian moved: errors come and go."""
 
@@ -119,7 +121,7 @@ def update(
         config: Settings; None means the defaults.
         detector: Of the map; None means one with default settings.
         first_id: Of Gaussians that are new; None means the next one after those of the map.
-        meaning: Of the features of the map; gives some to what was added.
+        meaning: Of the features of the map; what is new means what frames show.
         tell: Is told of each step of the stages that take long.
 
     Raises:
@@ -153,8 +155,10 @@ def update(
     )
     used, held_back = split_held_back(found.views, config.collect.held_back)
     if meaning is not None and record.refused is None:
-        shown = [(view.frame, view.after) for view in used]
-        updated = meaning.taught(updated, shown, config.threads)
+        fresh = ~np.isin(updated.ids, gaussian_map.ids)
+        fresh |= near_sites(updated, found.sites, MEANING_M)
+        shown = [(view.frame, view.changed) for view in used]
+        updated = meaning.taught(updated, fresh, shown, config.threads)
     return Update(updated, record, (*used, *held_back), found.sites)
 
 
