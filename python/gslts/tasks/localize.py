@@ -8,14 +8,18 @@ from itertools import combinations, product
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.cluster.hierarchy import DisjointSet
-from sklearn.cluster import DBSCAN
-from sklearn.neighbors import KDTree
 
 from gslts.gaussian_map import GaussianMap
 from gslts.tasks.autoencoder import Autoencoder
 from gslts.tasks.fits import Fits
 from gslts.tasks.semantics import SemanticSource
+
+try:
+    from scipy.cluster.hierarchy import DisjointSet
+    from sklearn.cluster import DBSCAN
+    from sklearn.neighbors import KDTree
+except ImportError as error:
+    raise ImportError("queries need scikit-learn and scipy: pip install 'gslts[tasks]'") from error
 
 Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]

@@ -6,10 +6,14 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import skfmm  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
 from gslts.tasks.grid import Grid
+
+try:
+    import skfmm
+except ImportError as error:
+    raise ImportError("ways need scikit-fmm: pip install 'gslts[tasks]'") from error
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -6,11 +6,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import nn
 
 from gslts.tasks.autoencoder import CODES, Autoencoder
+
+try:
+    import torch
+    from torch import nn
+except ImportError as error:
+    raise ImportError("teaching a map needs PyTorch: pip install 'gslts[tasks]'") from error
 
 Floats32 = NDArray[np.float32]
 
