@@ -72,7 +72,7 @@ QUICK = Scale(
     width=320,
     height=240,
     frames=90,
-    mapping=PRESETS["fast"].model_copy(update={"budget_s": 30.0}),
+    mapping=PRESETS["fast"].model_copy(update={"budget_s": 20.0}),
     iterations=100,
     fresh_views=10,
 )

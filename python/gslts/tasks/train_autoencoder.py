@@ -22,6 +22,8 @@ HIDDEN = 256
 """With 128, 200 nearly orthogonal embeddings come back less than whole from 32 numbers."""
 BATCH = 1024
 RATE = 2e-3
+ENOUGH = 2e-3
+"""Loss at which embeddings come back with a cosine of about 0.999."""
 
 
 def trained(embeddings: Floats32, code: int = 32, steps: int = 1500, seed: int = 0) -> Autoencoder:
@@ -30,7 +32,7 @@ def trained(embeddings: Floats32, code: int = 32, steps: int = 1500, seed: int =
     Args:
         embeddings: [S,D] of unit length, at least one; those that occur often may stand often.
         code: Length of a code.
-        steps: Of Adam, with all or with 1,024 embeddings drawn at random.
+        steps: Of Adam, at most, with all or with 1,024 embeddings drawn at random.
         seed: Of the first weights and of what is drawn.
 
     Raises:
@@ -57,6 +59,8 @@ def trained(embeddings: Floats32, code: int = 32, steps: int = 1500, seed: int =
             found = nn.functional.normalize(model["decoder"](codes), dim=1)
             cosine = 1 - (found * batch).sum(dim=1).mean()
             loss = cosine + ((found - batch) ** 2).sum(dim=1).mean()
+            if float(loss.detach()) < ENOUGH:
+                break
             optimizer.zero_grad()
             torch.autograd.backward(loss)
             optimizer.step()
