@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -16,7 +15,7 @@ from gslts.bench.detect_tables import summary
 from gslts.bench.detect_variants import STRATEGIES, VARIANTS
 from gslts.bench.detect_watch import WATCH
 from gslts.bench.homes import BenchHome
-from gslts.bench.work import Result, run_units
+from gslts.bench.work import run_units, validated
 from gslts.files import empty_folder
 
 
@@ -72,26 +71,12 @@ def measure(units: Sequence[DetectUnit], jobs: int, bar: Any) -> Outcome:
             if result["id"] == unit.name:
                 failed[unit.name] = result["error"]
                 continue
-            record = record_of(result, unit)
+            record = validated(result, Record, unit.results)
             if record.variant in unit.variants(record.part):
                 records.append(record)
     wanted = sum(unit.counts.single for unit in units if unit.name not in failed)
     made = {one.case for one in records if one.part == "single"}
     return Outcome(tuple(records), failed, max(0, wanted - len(made)))
-
-
-def record_of(result: Result, unit: DetectUnit) -> Record:
-    """The record of a line that was kept.
-
-    Raises:
-        ValueError: It is none.
-    """
-    try:
-        return Record.model_validate_json(json.dumps(result))
-    except ValueError:
-        raise ValueError(
-            f"{unit.results}: {result['id']}: this is no result; remove the file"
-        ) from None
 
 
 def draw(

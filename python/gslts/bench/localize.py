@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +10,7 @@ from gslts import __version__
 from gslts.bench.homes import BenchHome
 from gslts.bench.localize_run import ABLATION, OURS, TRADE, LocalizeUnit, Record, Variant
 from gslts.bench.localize_tables import summary
-from gslts.bench.work import Result, run_units
+from gslts.bench.work import run_units, validated
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +52,7 @@ def measure(units: Sequence[LocalizeUnit], jobs: int, bar: Any) -> Outcome:
             if result["id"] == unit.name:
                 errors[unit.name] = result["error"]
             elif result["id"] in unit.variants:
-                record = _record_of(result, unit)
+                record = validated(result, Record, unit.results)
                 if record.error is None:
                     records.append(record)
                 else:
@@ -70,12 +69,3 @@ def told(units: Sequence[LocalizeUnit], outcome: Outcome) -> dict[str, Any]:
         "errors": outcome.errors,
         "records": [record.model_dump(mode="json") for record in outcome.records],
     }
-
-
-def _record_of(result: Result, unit: LocalizeUnit) -> Record:
-    try:
-        return Record.model_validate_json(json.dumps(result))
-    except ValueError:
-        raise ValueError(
-            f"{unit.results}: {result['id']}: this is no result; remove the file"
-        ) from None

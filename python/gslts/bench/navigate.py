@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from gslts.bench.homes import BenchHome, shares_of
 from gslts.bench.navigate_moved import MovedUnit
 from gslts.bench.navigate_run import NavigateUnit, Record
 from gslts.bench.navigate_tables import summary
-from gslts.bench.work import Result, run_units
+from gslts.bench.work import run_units, validated
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +68,7 @@ def measure(units: Sequence[Unit], jobs: int, bar: Any) -> Outcome:
             if result["id"] == unit.name:
                 failed[unit.name] = result["error"]
                 continue
-            record = _record_of(result, unit)
+            record = validated(result, Record, unit.results)
             if unit.holds(record):  # More were asked for before.
                 records.append(record)
     return Outcome(tuple(sorted(records, key=lambda one: one.id)), failed)
@@ -111,12 +110,3 @@ def told(units: Sequence[Unit], outcome: Outcome) -> dict[str, Any]:
             {**record.model_dump(mode="json"), "spl": record.spl} for record in outcome.records
         ],
     }
-
-
-def _record_of(result: Result, unit: Unit) -> Record:
-    try:
-        return Record.model_validate_json(json.dumps(result))
-    except ValueError:
-        raise ValueError(
-            f"{unit.results}: {result['id']}: this is no result; remove the file"
-        ) from None

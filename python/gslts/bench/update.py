@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from gslts import __version__
 from gslts.bench.homes import BenchHome, shares_of
 from gslts.bench.update_run import Record, UpdateUnit
 from gslts.bench.update_tables import summary
-from gslts.bench.work import Result, run_units
+from gslts.bench.work import run_units, validated
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +69,7 @@ def measure(units: Sequence[UpdateUnit], jobs: int, bar: Any) -> Outcome:
             if result["id"] == unit.name:
                 failed[unit.name] = result["error"]
                 continue
-            record = _record_of(result, unit)
+            record = validated(result, Record, unit.results)
             number = int(record.task.rpartition("/")[2])
             if number < unit.tasks:  # More were asked for before.
                 records.append(record)
@@ -115,12 +114,3 @@ def told(units: Sequence[UpdateUnit], outcome: Outcome) -> dict[str, Any]:
         "missing": outcome.missing,
         "records": [record.model_dump(mode="json") for record in outcome.records],
     }
-
-
-def _record_of(result: Result, unit: UpdateUnit) -> Record:
-    try:
-        return Record.model_validate_json(json.dumps(result))
-    except ValueError:
-        raise ValueError(
-            f"{unit.results}: {result['id']}: this is no result; remove the file"
-        ) from None

@@ -12,12 +12,15 @@ from contextlib import contextmanager
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any, Protocol, TypeVar, cast
+
+from pydantic import BaseModel
 
 from gslts.files import naming
 
 Result = dict[str, Any]
 """In values of JSON; `id` tells it from others of the unit, `error` why there is none."""
+Record = TypeVar("Record", bound=BaseModel)
 Add = Callable[[Result], None]
 Tell = Callable[[float], None]
 
@@ -138,6 +141,23 @@ def kept_results(path: Path | None) -> list[Result]:
         if result.get("error") is None:
             results[result["id"]] = result
     return list(results.values())
+
+
+def validated(result: Result, record: type[Record], path: Path) -> Record:
+    """A result as the record that it was.
+
+    Args:
+        result: From `run_units`.
+        record: Its model.
+        path: The file of the results of its unit.
+
+    Raises:
+        ValueError: It is none.
+    """
+    try:
+        return record.model_validate_json(json.dumps(result))
+    except ValueError:
+        raise ValueError(f"{path}: {result['id']}: this is no result; remove the file") from None
 
 
 def _keep(path: Path, result: Result) -> None:
