@@ -24,6 +24,7 @@ from gslts.tasks.clip_source import ClipSource
 from gslts.tasks.embed import embedded
 from gslts.tasks.localize import Queries
 from gslts.tasks.masks import cut_out, distinct, painted
+from gslts.tasks.meaning import Meaning
 from gslts.tasks.relevance import CANONICAL
 from gslts.tasks.sam import MaskGenerator
 from gslts.tasks.semantics_files import SemanticsSetting, read_semantics
@@ -272,7 +273,9 @@ def test_a_map_is_asked_for_red_and_blue(tmp_path: Path) -> None:
         np.testing.assert_allclose(best.high - best.low, (0.24, 0.24, 0.3), atol=0.15)
 
 
-def test_a_map_is_taught_and_asked_by_commands(tmp_path: Path) -> None:
+def test_a_map_is_taught_and_asked_by_commands(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     tiny_models.write_clip(tmp_path / "clip")
     tiny_models.write_sam(tmp_path / "sam")
     robot = Controller(change_room.home(), **change_room.SIZE)
@@ -298,8 +301,11 @@ def test_a_map_is_taught_and_asked_by_commands(tmp_path: Path) -> None:
     assert setting.models == {"clip": clip[1], "sam": sam[1]}
     first = run(*ask)
     assert isinstance(json.loads(first), list)
-    # Words need no SAM, and CLIP may move.
+    assert Meaning.of_map(tmp_path / "map") is not None
+    # Words need no SAM, and CLIP may move; without SAM, updates go on, and tell of it.
     (tmp_path / "sam").rename(tmp_path / "gone")
+    assert Meaning.of_map(tmp_path / "map") is None
+    assert "what is new will have no meaning" in caplog.text
     (tmp_path / "clip").rename(tmp_path / "moved")
     with pytest.raises(FileNotFoundError, match=r"is not there; --clip DIR tells where"):
         run(*ask)

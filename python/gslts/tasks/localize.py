@@ -92,7 +92,7 @@ class Queries:
         self._map, self._source = gaussian_map, source
         self._fits = Fits(gaussian_map, autoencoder, source)
         opacities = 1 / (1 + np.exp(-gaussian_map.logit_opacities))
-        known = np.abs(gaussian_map.features).max(axis=1) > 0
+        known = gaussian_map.features.any(axis=1)
         self._rows = np.flatnonzero(known & (opacities >= LEAST_OPACITY))
         self._points = gaussian_map.means[self._rows] + gaussian_map.origin
         self._cells, self._cell_of = np.unique(

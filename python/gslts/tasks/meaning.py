@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,6 +18,8 @@ from gslts.tasks.lift import FeatureView, lifted
 from gslts.tasks.semantics import SemanticSource
 from gslts.tasks.semantics_files import read_semantics
 from gslts.tasks.sources import teacher_of
+
+_logger = logging.getLogger(__name__)
 
 LEAST_SHARE = 0.5
 """Of some Gaussians, which must agree on what they are."""
@@ -40,9 +43,11 @@ class Meaning:
     def of_map(cls, path: Path, threads: int = 0) -> Meaning | None:
         """That of a map folder; None if nobody taught the map.
 
+        Nor is there one, and a warning tells why, where its models are not at hand: a robot keeps
+        its map up to date without them, and what is new has no meaning.
+
         Raises:
-            ImportError: A model needs a package that is missing.
-            OSError: A file or the folder of a model cannot be read.
+            OSError: A file cannot be read.
             ValueError: A file is damaged.
         """
         found = read_semantics(path)
@@ -50,7 +55,12 @@ class Meaning:
             return None
         setting, autoencoder = found
         models = {name: Path(folder) for name, folder in setting.models.items()}
-        return cls(teacher_of(setting.source, models, threads), autoencoder, setting.names)
+        try:
+            teacher = teacher_of(setting.source, models, threads)
+        except (ImportError, FileNotFoundError) as error:
+            _logger.warning("%s: what is new will have no meaning: %s", path, error)
+            return None
+        return cls(teacher, autoencoder, setting.names)
 
     def taught(
         self,

@@ -71,11 +71,13 @@ def published(
         for camera, new in zip(seen_from, new_viewpoints(cameras, seen_from), strict=True)
     ]
     past = store.events()
-    vanished = ~np.isin(before.ids, result.gaussian_map.ids)
 
     def named(site: Site) -> str | None:
+        if meaning is None:
+            return None
+        vanished = ~np.isin(before.ids, result.gaussian_map.ids)
         own = vanished & near_sites(before, [site], 0.0)
-        return None if meaning is None else meaning.name_of(before, np.flatnonzero(own))
+        return meaning.name_of(before, np.flatnonzero(own))
 
     events = [
         Event(0, one.kind, type_of(one, result.views, past, named), _boxes(one)) for one in changes
