@@ -38,7 +38,7 @@ from gslts.sim.home_source import STRICT
 
 DETECT_CODE = (
     *("alignment", "camera", "camera_files", "change", "files", "frame", "gaussian_map"),
-    *("losses", "map_folder", "ply", "render", "store"),
+    *("losses", "map_folder", "ply", "pretrained", "render", "store"),
     *("bench/detect_run", "bench/detect_variants", "bench/detect_watch"),
 )
 """What decides what is detected in a frame, besides the compiled module."""
