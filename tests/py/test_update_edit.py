@@ -205,6 +205,23 @@ def test_only_what_is_missing_is_added() -> None:
     assert edited("removal").added < edited("removal", only_missing=False).added
 
 
+def test_nothing_is_added_behind_what_the_map_shows() -> None:
+    def under_the_box(edit: Edit) -> int:
+        places = new_of(edit).means[:, :2]
+        low, high = REMOVED[0][:2] + 0.02, REMOVED[1][:2] - 0.02
+        return int(((places > low) & (places < high)).all(axis=1).sum())
+
+    assert under_the_box(edited("removal")) > 5
+    gaussian_map, _ = change_room.mapped()
+    found = update_room.collected("removal")
+    # The box stays in the map, before the table that is measured.
+    blind = [replace(view, before=np.zeros_like(view.before)) for view in found.views]
+    config = SMALL.model_copy(update={"carve": False, "sweep": False})
+    edit = pre_edit(gaussian_map, blind, found.sites, config, threads=1)
+    assert not edit.removed.any()
+    assert under_the_box(edit) == 0
+
+
 @pytest.mark.parametrize(
     "switch", ["visible_votes", "carve", "sweep", "only_missing", "flat", "observed_colors"]
 )

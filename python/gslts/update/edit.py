@@ -36,9 +36,10 @@ SWEEP_NEIGHBOURS, SWEEP_SHARE = 8, 0.75
 LEAST_THROUGH = 2
 """Views that must see through a Gaussian, if there are so many: one may err at an edge."""
 SHOWN_M, SHOWN_SHARE = 0.03, 0.015
-"""A measured surface is shown by the map if its depth is off by less, m and share of the depth."""
+"""A measured surface needs Gaussians where that of the map is farther by more, m and share of the
+depth. Where it is nearer, it would hide them."""
 SHOWN_ALPHA = 0.6
-"""And if the map is so opaque there."""
+"""And where the map is less opaque."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,8 +164,8 @@ def _wanted(
         for site in sites:
             near |= near_site(view.depth, view.camera, site, config.margin_m)
         images = rasterizer.forward(kept, view.camera, options, mask=near | view.changed)
-        off_m = np.abs(images.depth - view.depth)
-        shown = (images.alpha >= SHOWN_ALPHA) & (off_m < SHOWN_M + SHOWN_SHARE * view.depth)
+        farther_m = images.depth - view.depth
+        shown = (images.alpha >= SHOWN_ALPHA) & (farther_m < SHOWN_M + SHOWN_SHARE * view.depth)
         # What lies flat on something is shown by what it lies on, as far as depth can tell.
         wanted.append(((near | view.changed) & ~shown) | view.after)
     return wanted

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gslts.alignment import aligned
 from gslts.camera import Camera, at_pose
-from gslts.change.detect import Detection
+from gslts.change.detect import NEAR_SIGMAS, Detection
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import GaussianMap
 from gslts.losses import Exposure
@@ -117,7 +117,9 @@ def aligned_view(view: View, gaussian_map: GaussianMap, threads: int = 0) -> Vie
     pose = aligned(gaussian_map, [frame.halved(), frame], ALIGN_STEPS, threads=threads)
     camera = at_pose(whole.camera, pose)
     moved = replace(whole, camera=camera)
-    images = Rasterizer(np.float32).forward(gaussian_map, camera, RenderOptions(threads=threads))
+    # A wall beside the camera would become fog before what is behind: as if something was gone.
+    options = RenderOptions(near_sigmas=NEAR_SIGMAS, threads=threads)
+    images = Rasterizer(np.float32).forward(gaussian_map, camera, options)
     rendered = np.where(images.alpha >= LEAST_ALPHA, images.depth, 0).astype(np.float32)
     return replace(view, frame=moved, rendered=rendered)
 

@@ -1,0 +1,35 @@
+"""What a frame shows of a change."""
+
+from dataclasses import replace
+
+import change_room
+import numpy as np
+import update_room
+
+from gslts.gaussian_map import GaussianMap
+from gslts.mapping.density import joined
+from gslts.update.views import View, aligned_view
+
+
+def wall_beside(view: View) -> GaussianMap:
+    """A wide Gaussian at the left edge of a view, four of its standard deviations away."""
+    gaussian_map, _ = change_room.mapped()
+    wall = gaussian_map.select(np.arange(1))
+    pose = view.camera.world_from_camera
+    place = pose[:3, :3] @ np.array([-0.4, 0, 0.4]) + pose[:3, 3] - gaussian_map.origin
+    return replace(
+        wall,
+        means=place[None].astype(np.float32),
+        log_scales=np.log(np.full((1, 3), 0.1, np.float32)),
+        logit_opacities=np.full_like(wall.logit_opacities, 3),
+    )
+
+
+def test_a_wall_beside_the_camera_does_not_hide_what_is_behind() -> None:
+    view = update_room.collected("removal").views[0]
+    gaussian_map, _ = change_room.mapped()
+    alone = aligned_view(view, gaussian_map, threads=1)
+    beside = aligned_view(view, joined(gaussian_map, wall_beside(view)), threads=1)
+    known = (alone.rendered > 0) & (beside.rendered > 0)
+    off = np.abs(alone.rendered - beside.rendered)[known] > 0.1
+    assert off.mean() < 0.01
