@@ -10,28 +10,10 @@
 #include "gslts/map/gaussian_map.hpp"
 #include "gslts/map/register_depth.hpp"
 #include "gslts/map/scatter_rows.hpp"
+#include "poses.hpp"
 
 namespace gslts::python {
 namespace {
-
-using RowMajorMatrix4d = Eigen::Matrix<double, 4, 4, Eigen::RowMajor>;
-Eigen::Isometry3d to_eigen(const py::array& transform, const char* name) {
-  const py::array contiguous = py::array::ensure(transform, py::array::c_style);
-  const Eigen::Map<const RowMajorMatrix4d> matrix(require_array<double>(contiguous, name, {4, 4}));
-  if (matrix.row(3) != Eigen::RowVector4d(0, 0, 0, 1)) {
-    throw py::value_error(std::string(name) + ": the last row must be (0, 0, 0, 1), got " +
-                          std::string(py::repr(transform.attr("tolist")().attr("pop")())));
-  }
-  Eigen::Isometry3d result;
-  result.matrix() = matrix;
-  return result;
-}
-
-py::array_t<double> to_numpy(const Eigen::Isometry3d& transform) {
-  py::array_t<double> result({4, 4});
-  Eigen::Map<RowMajorMatrix4d>(result.mutable_data()) = transform.matrix();
-  return result;
-}
 
 Camera make_camera(double fx, double fy, double cx, double cy, int width, int height,
                    const py::array& world_from_camera) {
@@ -192,7 +174,7 @@ void define_scatter_rows(py::module_& m, const char* name) {
         const py::ssize_t count = rows.shape(0);
         const T* from = require_array<T>(values, "values", {count, kAnyLength});
         const py::ssize_t columns = values.shape(1);
-        return python::to_numpy(scatter_rows(places, from, count, columns, size), {size, columns});
+        return to_numpy(scatter_rows(places, from, count, columns, size), {size, columns});
       },
       py::arg("rows"), py::arg("values"), py::arg("size"),
       "[size,K] zeros but for `values` [V,K] at `rows` [V] uint32, which ascend.");
@@ -208,7 +190,7 @@ void define_register_depth(py::module_& m) {
           const py::gil_scoped_release release;
           return register_depth(measured, depth_camera, camera);
         }();
-        return python::to_numpy(std::move(registered), {camera.height, camera.width});
+        return to_numpy(std::move(registered), {camera.height, camera.width});
       },
       py::arg("depth"), py::arg("depth_camera"), py::arg("camera"),
       R"(A depth image as another camera would have measured it.

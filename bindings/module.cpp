@@ -9,6 +9,9 @@ void define_losses(pybind11::module_ m);
 void define_map(pybind11::module_ m);
 void define_ply(pybind11::module_ m);
 void define_raster(pybind11::module_ m);
+void define_reloc(pybind11::module_ m);
+void define_reloc_clouds(pybind11::module_ m);
+void define_reloc_refine(pybind11::module_ m);
 void define_surface_voxels(pybind11::module_ m);
 }  // namespace gslts::python
 
@@ -27,4 +30,8 @@ PYBIND11_MODULE(_core, m) {
   gslts::python::define_alignment(raster);
   gslts::python::define_detect(m.def_submodule("detect", "What changed between map and frame."));
   gslts::python::define_edit(m.def_submodule("edit", "Which Gaussians go, and which come."));
+  pybind11::module_ reloc = m.def_submodule("reloc", "Where in a map a picture was taken.");
+  gslts::python::define_reloc(reloc);
+  gslts::python::define_reloc_clouds(reloc);
+  gslts::python::define_reloc_refine(reloc);
 }

@@ -11,14 +11,8 @@ endforeach()
 
 set(package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/gslts)
 # These are in the export because a static library names even its private dependencies.
-set(private_dependencies gslts_highway)
-if(GSLTS_BUILD_DETECT)
-  list(APPEND private_dependencies gslts_opencv)
-endif()
-if(GSLTS_BUILD_EDIT)
-  list(APPEND private_dependencies gslts_flann)
-endif()
-install(TARGETS ${libraries} ${private_dependencies} EXPORT gsltsTargets FILE_SET HEADERS)
+get_property(externals GLOBAL PROPERTY GSLTS_EXTERNALS)
+install(TARGETS ${libraries} ${externals} gslts_highway EXPORT gsltsTargets FILE_SET HEADERS)
 install(EXPORT gsltsTargets NAMESPACE gslts:: DESTINATION ${package_dir})
 
 configure_package_config_file(

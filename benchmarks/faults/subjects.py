@@ -28,6 +28,8 @@ from gslts.gaussian_map import GaussianMap
 from gslts.loop.state import read_state
 from gslts.map_folder import CAMERAS, MANIFEST, open_versions
 from gslts.ply import write_ply
+from gslts.relocalize.landmark_files import FOLDER as LANDMARKS
+from gslts.relocalize.landmark_files import landmark_problems
 from gslts.store.delta import arrays_of
 from gslts.store.map_store import BLOBS, INDEX, LOCK
 
@@ -140,7 +142,7 @@ class NewMap:
             found += self._again(folder)
         if not found:
             found += wrong_of_map(path, [1], lambda _: self._expected or "")
-            found += foreign_in(path, {"report.html"})
+            found += foreign_in(path, {"report.html", LANDMARKS})
         return found
 
     def _again(self, folder: Path) -> list[str]:
@@ -234,7 +236,7 @@ def wrong_of_map(
     wrong = []
     try:
         with open_versions(path) as store:
-            wrong += store.problems()
+            wrong += store.problems() + landmark_problems(store)
             numbers = [version.number for version in store.versions()]
             if numbers != list(range(1, len(numbers) + 1)):
                 wrong.append(f"its versions are {numbers}")

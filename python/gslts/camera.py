@@ -11,8 +11,10 @@ from gslts._core.map import Camera, camera_from_fov, look_at
 
 __all__ = [
     "Camera",
+    "apart",
     "at_pose",
     "camera_from_fov",
+    "lifted",
     "look_at",
     "moved",
     "new_viewpoints",
@@ -70,11 +72,32 @@ def moved(camera: Camera, twist: Floats) -> Camera:
     return at_pose(camera, camera.world_from_camera @ step)
 
 
-def new_viewpoints(known: Iterable[Camera], more: Iterable[Camera]) -> list[bool]:
+def lifted(camera: Camera, places: Floats, depths_m: Floats) -> Floats:
+    """[P,3] points in the world at places [P,2] of a picture, px, and depths [P]."""
+    x = (places[:, 0] - camera.cx) / camera.fx
+    y = (places[:, 1] - camera.cy) / camera.fy
+    in_camera = np.column_stack([x, y, np.ones(len(places))]) * depths_m[:, None]
+    pose = camera.world_from_camera
+    result: Floats = in_camera @ pose[:3, :3].T + pose[:3, 3]
+    return result
+
+
+def new_viewpoints(
+    known: Iterable[Camera],
+    more: Iterable[Camera],
+    apart_m: float = APART_M,
+    apart_rad: float = APART_RAD,
+) -> list[bool]:
     """Which cameras look from elsewhere than all known ones and those before them.
 
     However often a robot comes back to where it was, there are no more of them than there are
     viewpoints in a home.
+
+    Args:
+        known: From where it was looked before.
+        more: From where it is looked now.
+        apart_m: Cameras that are nearer than this,
+        apart_rad: and turned by less, show much the same.
     """
     poses = [one.world_from_camera for one in known]
     new = []
@@ -83,10 +106,17 @@ def new_viewpoints(known: Iterable[Camera], more: Iterable[Camera]) -> list[bool
         others = np.array(poses).reshape(-1, 4, 4)
         metres = np.linalg.norm(others[:, :3, 3] - pose[:3, 3], axis=1)
         turns_rad = np.arccos(np.clip(others[:, :3, 2] @ pose[:3, 2], -1, 1))
-        new.append(not ((metres < APART_M) & (turns_rad < APART_RAD)).any())
+        new.append(not ((metres < apart_m) & (turns_rad < apart_rad)).any())
         if new[-1]:
             poses.append(pose)
     return new
+
+
+def apart(first: Floats, second: Floats) -> tuple[float, float]:
+    """How far two poses [4,4] are apart, m and rad."""
+    motion = np.linalg.inv(first) @ second
+    turn_rad = np.arccos(np.clip((np.trace(motion[:3, :3]) - 1) / 2, -1, 1))
+    return float(np.linalg.norm(motion[:3, 3])), float(turn_rad)
 
 
 def twist_of(motion: Floats) -> Floats:

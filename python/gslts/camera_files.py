@@ -98,6 +98,11 @@ def read_camera(path: Path, lens: Camera | None = None) -> Camera:
     return _camera(_object(path), lens, str(path))
 
 
+def read_lens(path: Path) -> Camera:
+    """As `read_camera`, of a file that need not tell a pose: the camera is at the origin then."""
+    return _camera({"world_from_camera": np.eye(4).tolist(), **_object(path)}, None, str(path))
+
+
 def read_path(path: Path, lens: Camera | None = None) -> list[Camera]:
     """Cameras one after the other.
 

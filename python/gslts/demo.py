@@ -12,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.bench.series import fresh_frames, psnr_of
+from gslts.camera import apart
 from gslts.camera_files import cameras_of_map
 from gslts.datasets import open_dataset
 from gslts.files import empty_folder, write_whole
+from gslts.frame import RgbdFrame
 from gslts.html_page import number, plots, section, table
 from gslts.loop.history_page import write_history
 from gslts.loop.keeper import LoopConfig, MapKeeper
@@ -23,6 +25,9 @@ from gslts.mapping.config import PRESETS, MappingConfig
 from gslts.mapping.engine import make_map
 from gslts.mapping.report_pictures import png_of
 from gslts.mapping.summary import summary_of, write_result
+from gslts.relocalize.config import RelocalizationConfig
+from gslts.relocalize.relocalizer import Relocalizer
+from gslts.relocalize.side_by_side import side_by_side
 from gslts.sim.capture import capture
 from gslts.sim.controller import Controller
 from gslts.sim.day import Day, make_day
@@ -131,10 +136,15 @@ def live_a_day(
         events = store.events()
         walk = _walk(out / "map", day.robot(home, len(day.rounds)), _moved(day, home, events), say)
         note("a query and a walk")
+        state = day.state(home, len(day.rounds))
+        frames = fresh_frames(state, day.sensor, SEED, scale.fresh_views)
         sections = [
             section("What really changed", _truth(day, events)),
             section("To an object that was moved", walk),
-            section("How well the map shows the home at the end", _quality(out, day, home, scale)),
+            section(
+                "Where a picture was taken", _found_again(out / "map", frames[0], threads, say)
+            ),
+            section("How well the map shows the home at the end", _quality(out, frames)),
             section("Seconds", table(("", "s"), [(k, f"{v:.0f}") for k, v in seconds.items()])),
         ]
         write_history(report, store, f"A day in a {ROOM.replace('_', ' ')}", sections)
@@ -219,8 +229,26 @@ def _truth(day: Day, events: Sequence[Event]) -> str:
     return table(("before round", "change", "object", "found and repaired"), rows)
 
 
-def _quality(out: Path, day: Day, home: Home, scale: Scale) -> str:
-    frames = fresh_frames(day.state(home, len(day.rounds)), day.sensor, SEED, scale.fresh_views)
+def _found_again(folder: Path, frame: RgbdFrame, threads: int, say: Callable[[str], None]) -> str:
+    """Asks the map where a picture was taken, of which it is told nothing."""
+    start_s = time.perf_counter()
+    relocalizer = Relocalizer.of_map(folder, RelocalizationConfig(threads=threads))
+    found = relocalizer.locate(frame)
+    took = f"after {time.perf_counter() - start_s:.1f} s"
+    pose = found.world_from_camera
+    if pose is None:
+        say(f"asked where a picture was taken: {found.status}: {found.reason}, {took}")
+        return table((), [(found.status, found.reason)])
+    metres, turn_rad = apart(frame.camera.world_from_camera, pose)
+    off = f"{1000 * metres:.0f} mm and {np.degrees(turn_rad):.2f} degrees off"
+    say(f"asked where a picture was taken: {found.status}, {off}, {took}")
+    picture = png_of(side_by_side(read_map(folder), frame, pose, threads))
+    return plots(("The picture, and the map from where it was found", picture)) + table(
+        (), [(found.status, f"{off}, {took}")]
+    )
+
+
+def _quality(out: Path, frames: Sequence[RgbdFrame]) -> str:
     maps = {"as mapped in the morning": "map@1", "as it is in the evening": "map"}
     rows = [
         (words, f"{one.size:,}", number(psnr_of(one, frames)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -59,6 +59,8 @@ class RgbdFrame:
         mask: [H,W] bool, True where the camera saw something; None means everywhere. Elsewhere,
             as beyond the border of an undistorted picture, neither colour nor depth counts.
         labels: [H,W] what the pixels show; None if nobody told. A halved frame has none.
+        fault: Why nothing may be concluded from it, such as that nobody knows where it was taken;
+            None if nothing is known against it.
 
     Raises:
         ValueError: An array has a wrong shape or dtype, or a depth is negative or infinite.
@@ -71,6 +73,7 @@ class RgbdFrame:
     depth_camera: Camera | None = None
     mask: NDArray[np.bool_] | None = None
     labels: Labels | None = None
+    fault: str | None = None
 
     def __post_init__(self) -> None:
         size = (self.camera.height, self.camera.width)
@@ -101,7 +104,7 @@ class RgbdFrame:
         if self.depth_camera is None:
             return self
         depth = register_depth(self.depth, self.depth_camera, self.camera)
-        return RgbdFrame(self.rgb, depth, self.camera, self.time_s, None, self.mask, self.labels)
+        return replace(self, depth=depth, depth_camera=None)
 
     def halved(self) -> RgbdFrame:
         """The same frame, registered, with half the sides; what is left over is cut off."""
@@ -112,6 +115,7 @@ class RgbdFrame:
             resized(whole.camera, 2),
             whole.time_s,
             mask=None if whole.mask is None else halved_mask(whole.mask),
+            fault=whole.fault,
         )
 
 

@@ -13,6 +13,8 @@ from gslts.bench.detect_cases import Counts
 from gslts.bench.detect_run import DETECT_CODE, DetectUnit
 from gslts.bench.homes import MAP_CODE, SIM_CODE, BenchHome, HomeSetup
 from gslts.bench.made import MADE_OF, code_of, digest, made, native_code
+from gslts.bench.relocalize_fold import FOLD_CODE
+from gslts.bench.relocalize_run import RELOCALIZE_CODE, RelocalizeUnit
 from gslts.mapping.config import PRESETS
 
 HOME = BenchHome("kitchen", 3, HomeSetup(), Path("work"))
@@ -43,6 +45,15 @@ OTHER_MAPS = {
     "mapping": with_code("map"),
     "native": with_setup(code={**HOME.setup.code, "map": {"native": "another"}}),
 }
+RELOCALIZE_UNIT = RelocalizeUnit(HOME, 60)
+OTHER_RELOCALIZATIONS = {
+    **{name: replace(RELOCALIZE_UNIT, bench=home) for name, home in OTHER_MAPS.items()},
+    "views": replace(RELOCALIZE_UNIT, views=30),
+    "makers of frames": replace(
+        RELOCALIZE_UNIT, code={**RELOCALIZE_UNIT.code, "frames": "another"}
+    ),
+    "relocalizer": replace(RELOCALIZE_UNIT, code={**RELOCALIZE_UNIT.code, "finding": "another"}),
+}
 OTHER_RESULTS = {
     **{name: replace(UNIT, bench=home) for name, home in OTHER_MAPS.items()},
     "counts": replace(UNIT, counts=Counts(8, 1, 1, 6)),
@@ -66,12 +77,19 @@ def test_what_decides_results_decides_their_file(what: str) -> None:
     assert OTHER_RESULTS[what].results != UNIT.results
 
 
+@pytest.mark.parametrize("what", OTHER_RELOCALIZATIONS)
+def test_what_decides_where_frames_are_found_decides_their_file(what: str) -> None:
+    assert OTHER_RELOCALIZATIONS[what].results != RELOCALIZE_UNIT.results
+
+
 def test_what_decides_nothing_does_not_count() -> None:
     threads = PRESETS["fast"].model_copy(update={"threads": 7})
     assert with_setup(mapping=threads).mapped_of == HOME.mapped_of
     assert with_setup(mapping=PRESETS["best"]).recorded_of == HOME.recorded_of
     assert with_code("map").recorded_of == HOME.recorded_of
     assert replace(UNIT, trade=True).results == UNIT.results, "other detectors, other lines"
+    more = replace(RELOCALIZE_UNIT, ablation=True, trade=True)
+    assert more.results == RELOCALIZE_UNIT.results
 
 
 def test_digests_do_not_depend_on_the_order_of_keys() -> None:
@@ -103,10 +121,17 @@ def test_code_is_that_of_files_and_folders(tmp_path: Path, monkeypatch: pytest.M
 @pytest.mark.parametrize(
     ("used", "known", "harmless"),
     [
-        (("mapping", "map_folder"), MAP_CODE, {"lpips", "pictures", "html_page"}),  # Of the report.
+        # Of the report; of relocalization only landmarks count, which stand there.
+        (("mapping", "map_folder"), MAP_CODE, {"lpips", "pictures", "html_page", "relocalize"}),
         # Of the overlay; of the robot that looks around; axes of OpenGL for files of cameras.
         (("change", "camera_files", "map_folder"), DETECT_CODE, {"pictures", "robot", "datasets"}),
         (("sim",), SIM_CODE, {"datasets"}),  # Axes of OpenGL for recordings.
+        (("relocalize", "map_folder"), RELOCALIZE_CODE, {"pictures", "robot"}),
+        (
+            ("relocalize", "mapping", "camera_files"),
+            FOLD_CODE,
+            {"lpips", "pictures", "html_page", "robot"},
+        ),
     ],
 )
 def test_all_code_that_is_used_counts(

@@ -7,7 +7,7 @@ import scenes
 from scipy.spatial.transform import Rotation
 
 import gslts
-from gslts.camera import at_pose, resized, rotation, rotation_vector
+from gslts.camera import at_pose, lifted, new_viewpoints, resized, rotation, rotation_vector
 
 IDENTITY = np.eye(4)
 
@@ -167,3 +167,27 @@ def test_cameras_elsewhere_and_of_smaller_images() -> None:
     assert (half.width, half.height) == (320, 240)
     # The same ray meets the same place in the image, counted in halves of a pixel.
     assert (2 * half.fx, 2 * half.cx, 2 * half.cy) == (camera.fx, camera.cx, camera.cy)
+
+
+def test_places_of_a_picture_are_lifted_to_where_they_are_seen() -> None:
+    camera = make_camera()
+    points = np.random.default_rng(0).normal(0, 0.3, (20, 3))
+    pose = camera.world_from_camera
+    x, y, depths_m = ((points - pose[:3, 3]) @ pose[:3, :3]).T
+    places = np.column_stack(
+        [camera.fx * x / depths_m + camera.cx, camera.fy * y / depths_m + camera.cy]
+    )
+    np.testing.assert_allclose(lifted(camera, places, depths_m), points, atol=1e-12)
+
+
+def test_a_new_viewpoint_is_away_from_all_before_or_turned() -> None:
+    def at(x: float, turn_deg: float = 0.0) -> gslts.Camera:
+        turn = np.deg2rad(turn_deg)
+        return make_camera(
+            world_from_camera=gslts.look_at((x, 0, 1), (x + np.cos(turn), np.sin(turn), 1))
+        )
+
+    assert new_viewpoints([], [at(0), at(0.3), at(0.5), at(0.6)]) == [True, False, True, False]
+    assert new_viewpoints([at(0)], [at(0, 19), at(0, 21), at(0, 40)]) == [False, True, False]
+    near = (0.25, np.deg2rad(15))
+    assert new_viewpoints([at(0)], [at(0.2), at(0.3), at(0.1, 16)], *near) == [False, True, True]

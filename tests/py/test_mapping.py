@@ -16,6 +16,7 @@ from test_cli_sim import gslts as run
 
 import gslts
 from gslts.camera import twist_of
+from gslts.camera_files import cameras_of_map
 from gslts.datasets import Dataset, open_dataset
 from gslts.frame import RgbdFrame
 from gslts.map_folder import read_manifest, read_map, write_map_folder
@@ -27,6 +28,7 @@ from gslts.mapping.observation import Observation
 from gslts.mapping.report_data import CurvePoint
 from gslts.mapping.summary import summary_of
 from gslts.mapping.variants import LEAST_GAIN_DB, chosen_of
+from gslts.relocalize.landmark_files import read_landmarks
 from gslts.sim.capture import capture
 from gslts.sim.controller import Controller
 from gslts.sim.explore import explore
@@ -322,6 +324,13 @@ def test_the_commands(recorded: dict[str, Path], tmp_path: Path) -> None:
     page = (tmp_path / "map" / "report.html").read_text()
     assert "poses corrected by neighbours" in page
     manifest = json.loads((tmp_path / "map" / "manifest.json").read_text())
+    landmarks, cameras = read_landmarks(tmp_path / "map"), cameras_of_map(tmp_path / "map")
+    assert landmarks is not None
+    assert landmarks.size > 300
+    poses = [camera.world_from_camera for camera in cameras.values()]
+    for pose in landmarks.world_from_keyframe:
+        assert any(np.allclose(pose, one) for one in poses), "of a frame kept aside"
+    assert run("verify", "map", cwd=tmp_path).stdout == "1 versions are whole\n"
     done = run("eval", "map", recorded["kinect"], "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     again = json.loads(done.stdout)

@@ -184,7 +184,14 @@ def test_a_damaged_autoencoder_is_named(tmp_path: Path) -> None:
     cameras = {one.name: one.read().camera for one in open_dataset(visit).frames}
     write_map_folder(map_path, change_room.mapped()[0], {}, cameras)
     run("semantics", str(map_path), str(visit), "--code", "8", "--threads", "1")
+    assert run("verify", str(map_path)) == "2 versions are whole\n"
     (path,) = (map_path / "semantics").iterdir()
     path.write_bytes(path.read_bytes()[:-1] + b"\0")
     with pytest.raises(ValueError, match=r"it is damaged; gslts semantics teaches the map anew"):
         run("query", str(map_path), "box")
+    for what in ("damaged", "missing"):
+        done = CliRunner().invoke(app, ["verify", str(map_path)])
+        assert done.stderr.splitlines()[-1] == (
+            f"version 2: {path}: it is {what}; gslts semantics teaches the map anew"
+        )
+        path.unlink(missing_ok=True)

@@ -6,4 +6,5 @@ from . import map
 from . import raster
 from . import detect
 from . import edit
-__all__: list[str] = ['detect', 'edit', 'map', 'raster']
+from . import reloc
+__all__: list[str] = ['detect', 'edit', 'map', 'raster', 'reloc']

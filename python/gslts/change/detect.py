@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gslts._core import detect as _core
 from gslts.alignment import aligned
-from gslts.camera import Camera, at_pose
+from gslts.camera import Camera, apart, at_pose
 from gslts.change.changes import Change, object_changes, paper_change
 from gslts.change.config import MOST_HALVINGS, DetectionConfig
 from gslts.change.exposure import robust_exposure
@@ -117,7 +117,7 @@ class ChangeDetector:
         small = sizes[self.config.halvings]
         photo = small.rgb.astype(np.float32) / np.float32(255)
         measured = np.nan_to_num(small.depth)
-        fault = fault_of_frame(photo, measured)
+        fault = frame.fault or fault_of_frame(photo, measured)
         if fault is not None:
             return Detection((), fault, small.camera, photo)
         camera = small.camera
@@ -211,9 +211,7 @@ class ChangeDetector:
 
 
 def _fault_of_correction(given: Floats, pose: Floats) -> str | None:
-    motion = np.linalg.inv(given) @ pose
-    shift_m = float(np.linalg.norm(motion[:3, 3]))
-    turn_rad = float(np.arccos(np.clip((np.trace(motion[:3, :3]) - 1) / 2, -1, 1)))
+    shift_m, turn_rad = apart(given, pose)
     if shift_m <= MOST_SHIFT_M and turn_rad <= MOST_TURN_RAD:
         return None
     return f"the pose seems off by {shift_m:.2f} m and {np.degrees(turn_rad):.0f} degrees"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -85,11 +85,19 @@ class ChangeMonitor:
     Args:
         detector: Of the map as it is.
         config: Settings.
+        locate: Puts a frame where it was taken before it is looked at, such as
+            `gslts.relocalize.localized.Localizer.located`; None means that it says itself where.
     """
 
-    def __init__(self, detector: ChangeDetector, config: MonitorConfig | None = None) -> None:
+    def __init__(
+        self,
+        detector: ChangeDetector,
+        config: MonitorConfig | None = None,
+        *,
+        locate: Callable[[RgbdFrame], RgbdFrame] | None = None,
+    ) -> None:
         self.config = MonitorConfig() if config is None else config
-        self._detector = detector
+        self._detector, self._locate = detector, locate
         self._frames: deque[RgbdFrame] = deque(maxlen=self.config.queue)
         self._suspicions: list[_Suspicion] = []
         self._reports: deque[Report] = deque()
@@ -213,6 +221,8 @@ class ChangeMonitor:
                 frame, detector = self._frames.popleft(), self._detector
             next_s = time.monotonic() + 1 / self.config.rate_hz
             try:
+                if self._locate is not None:
+                    frame = self._locate(frame)
                 self._take(detector, frame, detector.detect(frame))
             except Exception as error:  # It is raised where the frames come from.
                 with self._changed:

@@ -10,6 +10,7 @@ from gslts.cli import history, mapping, navigation, output, tasks
 from gslts.cli.bench import bench
 from gslts.cli.demo import demo
 from gslts.cli.detect import detect
+from gslts.cli.locate import locate
 from gslts.cli.run import run
 from gslts.cli.sim import sim
 from gslts.cli.tradeoff import tradeoff
@@ -28,6 +29,7 @@ app.command("map")(mapping.make)
 app.command("eval")(mapping.judge)
 app.command("render")(output.render)
 app.command("export")(output.export)
+app.command("locate")(locate)
 app.command("detect")(detect)
 app.command("update")(update)
 app.command("run")(run)

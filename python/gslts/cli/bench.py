@@ -335,6 +335,85 @@ def localize(
     end(outcome.errors, 0, 0)
 
 
+@bench.command()
+def relocalize(
+    seeds: Seeds = "0:4",
+    room: Rooms = None,
+    views: Annotated[
+        int,
+        typer.Option(
+            min=1, help="Frames of each home as mapped, of it changed, and of other homes."
+        ),
+    ] = 60,
+    jobs: Jobs = 1,
+    json_path: Json = None,
+    ablation: Annotated[
+        bool, typer.Option("--ablation", help="Also leave out depth, clouds and refinement.")
+    ] = False,
+    trade: Annotated[
+        Path | None,
+        typer.Option(help="Other resolutions, corners and iterations too; a PNG of them."),
+    ] = None,
+    real: Annotated[
+        Path | None,
+        typer.Option(
+            help="Instead of homes, a data set such as one of 7-Scenes: each eighth of its frames "
+            "is looked for in a map made without it."
+        ),
+    ] = None,
+    fold: Annotated[
+        list[int] | None,
+        typer.Option(help="Of --real, an eighth instead of all, 0 to 7; may be given again."),
+    ] = None,
+    work: Work = WORK,
+    preset: MapPreset = Preset.BALANCED,
+    settings: Settings = None,
+    frames: Frames = 200,
+    size: Size = "640x480",
+) -> None:
+    """Measure relocalization: where in the map of its home a robot looks around, or that it is not.
+
+    Frames are taken of each home as it was mapped, after three changes, and of other homes, none of
+    which may be found; in its own, the robot also tracks its pose from a start nearby. The
+    simulator knows the true poses. An interrupted run goes on where it stopped.
+
+    Example: gslts bench relocalize --jobs 2 --json out/relocalize.json --trade out/relocalize.png
+    """
+    from tqdm import tqdm
+
+    from gslts.bench import relocalize as bench_relocalize
+    from gslts.bench.homes import homes_of
+    from gslts.bench.relocalize_plot import write_plot
+    from gslts.bench.relocalize_room import RecordedRoom
+    from gslts.files import write_whole
+
+    chosen, setup = seeds_of(seeds), setup_of(preset, settings, frames, size)
+    for path in (json_path, trade):
+        require_writable(path)
+    units: list[bench_relocalize.Unit] = []
+    if real is None:
+        if fold:
+            raise ValueError("--fold is for --real")
+        homes = homes_of(chosen, room or [], setup, work)
+        units += bench_relocalize.units_of(homes, views, ablation=ablation, trade=trade is not None)
+    elif ablation or trade is not None:
+        raise ValueError("--ablation and --trade are for homes, not for --real")
+    else:
+        recorded = RecordedRoom.of(real, setup.mapping, work)
+        units += bench_relocalize.folds_of(recorded, fold or [])
+    work.mkdir(parents=True, exist_ok=True)
+    with tqdm(total=1, desc="looking", bar_format=BAR, smoothing=0.05, disable=None) as bar:
+        outcome = bench_relocalize.measure(units, jobs, bar)
+    typer.echo(bench_relocalize.tables(outcome))
+    content = bench_relocalize.told(units, outcome)
+    if json_path is not None:
+        write_whole(json_path, (json.dumps(content, indent=1) + "\n").encode())
+    if trade is not None:
+        title = f"Relocalization: {views} frames of each of {len(units)} home(s)"
+        write_plot(content["summary"], title, trade)
+    end(outcome.errors, 0, 0)
+
+
 def seeds_of(text: str) -> range:
     """Of the option --seeds.
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gslts.cli.locate import Locate, localizer_of
 from gslts.cli.mapping import Dataset, Map, Threads
 
 if TYPE_CHECKING:
@@ -46,6 +47,7 @@ def detect(
     halvings: Annotated[
         int, typer.Option(min=0, max=2, help="How often the sides of a frame are halved first.")
     ] = 1,
+    locate: Locate = False,
     threads: Threads = 0,
 ) -> None:
     """Tell what RGB-D frames show that a map does not, and the other way round.
@@ -75,6 +77,7 @@ def detect(
         features=extractor_of(features),
         cameras=cameras_of_map(map_path).values(),
     )
+    localizer = localizer_of(map_path, threads) if locate else None
     if out is not None:
         empty_folder(out)
     for reason in opened.skipped:
@@ -82,7 +85,8 @@ def detect(
     names = frame or list(known)
     for number, name in enumerate(tqdm(names, desc="detecting", unit="frame", disable=None)):
         try:
-            detection = detector.detect(known[name].read())
+            read = known[name].read()
+            detection = detector.detect(read if localizer is None else localizer.located(read))
         except (OSError, ValueError) as error:  # Of a damaged file; the others may be whole.
             reason = " ".join(str(error).split())
             typer.echo(json.dumps(_plain(name, (), reason)) if as_json else _line(name, (), reason))

@@ -140,18 +140,21 @@ def restore(map_path: Folder, number: Number) -> None:
 
 
 def verify(map_path: Folder) -> None:
-    """Check every file of every version against its checksum.
+    """Check every file of every version against its checksum, with landmarks and what words mean.
 
     Example: gslts verify out/map
     """
     from tqdm import tqdm
 
     from gslts.map_folder import open_versions
+    from gslts.relocalize.landmark_files import landmark_problems
+    from gslts.tasks.semantics_files import semantics_problems
 
     with open_versions(map_path) as store:
         versions = store.versions()
         with tqdm(total=len(versions), desc="checking", bar_format=BAR, disable=None) as bar:
             problems = store.problems(bar.update)
+        problems += landmark_problems(store) + semantics_problems(store)
     for problem in problems:
         typer.echo(problem, err=True)
     if problems:
@@ -171,9 +174,11 @@ def gc(
     Example: gslts gc out/map --keep 100
     """
     from gslts.map_folder import open_versions
+    from gslts.relocalize.landmark_files import remove_unneeded_landmarks
 
     with open_versions(map_path, writable=True) as store:
         freed = store.collect_garbage() if keep is None else store.compact(keep)
+        freed += remove_unneeded_landmarks(store)
     typer.echo(f"{freed} bytes are free again")
 
 

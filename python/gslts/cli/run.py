@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gslts.cli.locate import Locate, localizer_of, read_frames
 from gslts.cli.mapping import BAR, Threads
 
 if TYPE_CHECKING:
     from gslts.camera import Camera
+    from gslts.relocalize.localized import Localizer
     from gslts.robot import Robot
 
     Walk = Callable[[int], tuple[Robot, Mapping[str, Camera] | None]]
@@ -37,6 +39,7 @@ def run(
         int | None, typer.Option(min=1, help="How many; as many as the day has, if not given.")
     ] = None,
     iterations: Annotated[int, typer.Option(min=0, help="Of a refinement, at most.")] = 250,
+    locate: Locate = False,
     threads: Threads = 0,
 ) -> None:
     """Go rounds through a home, and keep its map up to date.
@@ -51,12 +54,14 @@ def run(
 
     from gslts.change.config import DetectionConfig
     from gslts.loop.keeper import LoopConfig, MapKeeper, StoppedError
+    from gslts.relocalize.config import RelocalizationConfig
     from gslts.update.config import UpdateConfig
 
     if robot is not None and frames is None:
         walk, most = _of_a_day(robot)
     elif frames is not None and robot is None:
-        walk, most = _of_a_recording(frames), None
+        localizer = localizer_of(map_path, threads) if locate else None
+        walk, most = _of_a_recording(frames, localizer), None
     else:
         raise ValueError("give either --robot or --frames")
     update = UpdateConfig(threads=threads)
@@ -64,6 +69,8 @@ def run(
     config = LoopConfig(
         detection=DetectionConfig(threads=threads),
         update=update.model_copy(update={"refine": refine}),
+        # Frames of a recording are where they were found already.
+        locate=RelocalizationConfig(threads=threads) if locate and robot is not None else None,
     )
     with stopped_by_signals() as came, tqdm(desc="starting", bar_format=BAR, disable=None) as bar:
 
@@ -128,15 +135,11 @@ def _of_a_day(path: Path) -> tuple[Walk, int]:
     return lambda number: (day.robot(home, number + 1), None), len(day.rounds)
 
 
-def _of_a_recording(path: Path) -> Walk:
+def _of_a_recording(path: Path, localizer: Localizer | None) -> Walk:
     """A robot that replays frames, from where they were taken."""
-    from tqdm import tqdm
-
-    from gslts.datasets import open_dataset
     from gslts.recorded_robot import RecordedRobot
 
-    opened = open_dataset(path)
-    read = {one.name: one.read() for one in tqdm(opened.frames, desc="reading", disable=None)}
+    read = read_frames(path, localizer)
     robot = RecordedRobot(list(read.values()))
     cameras = {name: frame.camera for name, frame in read.items()}
     return lambda _: (robot, cameras)

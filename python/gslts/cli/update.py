@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gslts.cli.locate import Locate, localizer_of, read_frames
 from gslts.cli.mapping import BAR, Map, Threads
 
 if TYPE_CHECKING:
     from gslts.change.changes import Change
     from gslts.change.detect import ChangeDetector
+    from gslts.relocalize.localized import Localizer
     from gslts.robot import Robot
     from gslts.update.updater import Record
 
@@ -31,6 +33,7 @@ def update(
         typer.Option(metavar="DATASET", help="Recorded frames, taken after the change."),
     ] = None,
     iterations: Annotated[int, typer.Option(min=0, help="Of the refinement, at most.")] = 250,
+    locate: Locate = False,
     literal: Annotated[
         bool, typer.Option("--literal", help="Edit as printed in GS-LTS, without improvements.")
     ] = False,
@@ -50,6 +53,7 @@ def update(
     from gslts.change.config import DetectionConfig
     from gslts.change.detect import ChangeDetector
     from gslts.map_folder import open_versions, picture_path
+    from gslts.relocalize.localized_robot import LocalizedRobot
     from gslts.tasks.meaning import Meaning
     from gslts.update.config import LITERAL, UpdateConfig
     from gslts.update.published import published
@@ -68,12 +72,15 @@ def update(
         detector = ChangeDetector(
             gaussian_map, DetectionConfig(threads=threads), cameras=cameras.values()
         )
+        localizer = localizer_of(map_path, threads) if locate else None
         if robot is not None:
             scout = _simulated(robot)
+            if localizer is not None:
+                scout = LocalizedRobot(scout, localizer)
             changes = list(detector.detect(scout.observe()).changes)
         else:
             assert frames is not None  # One of them is given.
-            scout, changes = _recorded(frames, detector)
+            scout, changes = _recorded(frames, detector, localizer)
         for change in changes:
             x, y, z = change.point
             typer.echo(f"{change.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m, {change.confidence:.2f}")
@@ -114,16 +121,14 @@ def _simulated(path: Path) -> Robot:
     return task.start(task.home.load(path.parent), changed=True)
 
 
-def _recorded(path: Path, detector: ChangeDetector) -> tuple[Robot, list[Change]]:
+def _recorded(
+    path: Path, detector: ChangeDetector, localizer: Localizer | None
+) -> tuple[Robot, list[Change]]:
     """A robot that replays frames, and the changes that enough of them show."""
-    from tqdm import tqdm
-
     from gslts.change.monitor import confirmed
-    from gslts.datasets import open_dataset
     from gslts.recorded_robot import RecordedRobot
 
-    opened = open_dataset(path)
-    frames = [one.read() for one in tqdm(opened.frames, desc="reading", disable=None)]
+    frames = list(read_frames(path, localizer).values())
     return RecordedRobot(frames), confirmed(detector, frames)[0]
 
 

@@ -17,6 +17,11 @@ from gslts.loop.rounds import go_to, stops_of
 from gslts.loop.state import LoopState, read_state, write_state
 from gslts.loop.waiting import next_changes, parked_again
 from gslts.map_folder import open_versions
+from gslts.relocalize.config import RelocalizationConfig
+from gslts.relocalize.landmark_files import require_landmarks
+from gslts.relocalize.localized import Localizer
+from gslts.relocalize.localized_robot import LocalizedRobot
+from gslts.relocalize.relocalizer import Relocalizer
 from gslts.robot import Robot
 from gslts.store.records import Version
 from gslts.tasks.meaning import Meaning
@@ -35,6 +40,7 @@ class LoopConfig:
         watch: When a change is believed.
         detection: Of changes.
         update: Of the map.
+        locate: How the robot finds out where in the map it is; None means that its odometry tells.
     """
 
     stops: int = 40
@@ -43,6 +49,7 @@ class LoopConfig:
     watch: MonitorConfig = field(default_factory=lambda: MonitorConfig(rate_hz=1e6))
     detection: DetectionConfig = field(default_factory=DetectionConfig)
     update: UpdateConfig = field(default_factory=UpdateConfig)
+    locate: RelocalizationConfig | None = None
 
     def __post_init__(self) -> None:
         if self.stops < 1 or self.looks < 1:
@@ -65,7 +72,8 @@ class MapKeeper:
 
     Raises:
         OSError: The map cannot be read, or another process writes it.
-        ValueError: It is no map with versions, or what is known of its rounds is damaged.
+        ValueError: It is no map with versions, what is known of its rounds is damaged, or the robot
+            is to be located and the map has no landmarks.
     """
 
     def __init__(
@@ -86,6 +94,9 @@ class MapKeeper:
             self._cameras = cameras_of_map(folder)
             self._meaning = Meaning.of_map(folder, self._config.update.threads)
             self._detector = self._detector_of_map()
+            self._localizer = None
+            if self._config.locate is not None:
+                self._localizer = Localizer(self._relocalizer_of_map())
             self._watch = ChangeMonitor(self._detector, self._config.watch)
         except BaseException:
             self._store.close()
@@ -118,6 +129,8 @@ class MapKeeper:
             OSError: Something cannot be written; the map is that of its newest version.
         """
         known = self._cameras if viewpoints is None else viewpoints
+        if self._localizer is not None:
+            robot = LocalizedRobot(robot, self._localizer)
         self._watch.publish(self._detector)  # What is parked may be reported again.
         if self.state.left is None:
             threads = self._config.update.threads
@@ -196,6 +209,8 @@ class MapKeeper:
         self._cameras |= cameras_of_update(version)
         self._detector = self._detector_of_map()
         self._watch.publish(self._detector)
+        if self._localizer is not None:
+            self._localizer.publish(self._relocalizer_of_map())
         parked = tuple(
             one for one in self.state.parked if not any(one.is_of(change) for change in changes)
         )
@@ -214,6 +229,9 @@ class MapKeeper:
 
     def _detector_of_map(self) -> ChangeDetector:
         return ChangeDetector(self._map, self._config.detection, cameras=self._cameras.values())
+
+    def _relocalizer_of_map(self) -> Relocalizer:
+        return Relocalizer(self._map, require_landmarks(self._folder), self._config.locate)
 
     def _become(self, **changed: object) -> None:
         """Another state, on the disk before it is believed."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.camera import Camera
+from gslts.camera import Camera, lifted
 from gslts.datasets.dataset import PointCloud
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import SH_C0, GaussianMap
@@ -103,16 +103,6 @@ def nearest(points: Floats, count: int) -> tuple[NDArray[np.int64], Floats]:
     index = cv2.flann.Index(near_zero, {"algorithm": 4, "leaf_max_size": 12})
     rows, squares = index.knnSearch(near_zero, count, params={})
     return rows.astype(np.int64), squares.astype(np.float64)
-
-
-def lifted(camera: Camera, places: Floats, depths_m: Floats) -> Floats:
-    """[P,3] points in the world at places [P,2] of a picture, px, and depths [P]."""
-    x = (places[:, 0] - camera.cx) / camera.fx
-    y = (places[:, 1] - camera.cy) / camera.fy
-    in_camera = np.column_stack([x, y, np.ones(len(places))]) * depths_m[:, None]
-    pose = camera.world_from_camera
-    result: Floats = in_camera @ pose[:3, :3].T + pose[:3, 3]
-    return result
 
 
 def _filled(

@@ -19,11 +19,13 @@ from gslts.mapping.evaluate import Quality, psnr_db, shown
 from gslts.mapping.lenses import Lenses
 from gslts.mapping.report import write_report
 from gslts.mapping.report_data import ReportData, View
+from gslts.relocalize.landmark_files import KEY, digest_of, keep_landmarks
+from gslts.relocalize.landmarks import landmarks_of
 from gslts.render import Rasterizer, RenderOptions
 
 
 def write_result(folder: Path, result: MappingResult, dataset: str, config: MappingConfig) -> None:
-    """Writes the folder of a map with its report; it is there whole or not at all.
+    """Writes the folder of a map with landmarks and its report; it is there whole or not at all.
 
     Args:
         folder: Must not be there yet.
@@ -34,12 +36,19 @@ def write_result(folder: Path, result: MappingResult, dataset: str, config: Mapp
     Raises:
         OSError: It cannot be written, or is there already.
     """
+    frames = (one.rgbd() for one in result.training.values())
+    landmarks = landmarks_of(result.gaussian_map, frames, threads=config.threads)
+
+    def finish(part: Path) -> None:
+        keep_landmarks(landmarks, part)
+        write_report(part / "report.html", report_of(result, dataset, config))
+
     write_map_folder(
         folder,
         result.gaussian_map,
-        manifest_of(result, dataset, config),
+        {**manifest_of(result, dataset, config), KEY: digest_of(landmarks)},
         {name: one.camera() for name, one in result.training.items()},
-        lambda part: write_report(part / "report.html", report_of(result, dataset, config)),
+        finish,
     )
 
 

@@ -20,6 +20,7 @@ from safetensors.numpy import load, save
 Floats32 = NDArray[np.float32]
 
 MOST_BYTES = 1 << 26
+REPAIR = "gslts semantics teaches the map anew"
 CODES = (8, 64)
 """Least and greatest length of a code."""
 
@@ -128,12 +129,15 @@ def read_autoencoder(path: Path, digest: str) -> Autoencoder:
         OSError: The file cannot be read.
         ValueError: It is damaged, or no autoencoder.
     """
-    with path.open("rb") as file:
-        content = file.read(MOST_BYTES + 1)
+    try:
+        with path.open("rb") as file:
+            content = file.read(MOST_BYTES + 1)
+    except FileNotFoundError:
+        raise FileNotFoundError(f"{path}: it is missing; {REPAIR}") from None
     if len(content) > MOST_BYTES:
         raise ValueError(f"{path}: larger than {MOST_BYTES >> 20} MiB")
     if hashlib.sha256(content).hexdigest() != digest:
-        raise ValueError(f"{path}: it is damaged; gslts semantics teaches the map anew")
+        raise ValueError(f"{path}: it is damaged; {REPAIR}")
     try:
         return Autoencoder(load(content))
     except (SafetensorError, ValueError) as error:

@@ -16,6 +16,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from gslts.files import write_whole
 from gslts.map_folder import folder_of, open_versions
 from gslts.store.blobs import sync_folder
+from gslts.store.map_store import MapStore
+from gslts.store.records import Version
 from gslts.tasks.autoencoder import Autoencoder, bytes_of_autoencoder, read_autoencoder
 
 FOLDER = "semantics"
@@ -78,16 +80,7 @@ def read_semantics(path: Path) -> tuple[SemanticsSetting, Autoencoder] | None:
     folder, number = folder_of(path)
     with open_versions(folder) as store:
         taught = [one for one in store.way_to(number) if one.kind == "semantics"]
-    if not taught:
-        return None
-    try:
-        setting = SemanticsSetting.model_validate(dict[str, Any](taught[-1].cause))
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = ".".join(str(part) for part in first["loc"])
-        what = f"the semantics of version {taught[-1].number} are damaged"
-        raise ValueError(f"{folder}: {what}: {where}: {first['msg']}") from None
-    return setting, read_autoencoder(_path_of(folder, setting.autoencoder), setting.autoencoder)
+    return _taught_by(taught[-1], folder) if taught else None
 
 
 def require_semantics(path: Path) -> tuple[SemanticsSetting, Autoencoder]:
@@ -101,6 +94,33 @@ def require_semantics(path: Path) -> tuple[SemanticsSetting, Autoencoder]:
     if found is None:
         raise ValueError(f"{path} knows no words; gslts semantics teaches it")
     return found
+
+
+def semantics_problems(store: MapStore) -> list[str]:
+    """Every autoencoder that is missing or damaged, in one line each; none if all is well.
+
+    Args:
+        store: Of the map.
+    """
+    found = []
+    for version in store.versions():
+        try:
+            if version.kind == "semantics":
+                _taught_by(version, store.folder)
+        except (OSError, ValueError) as error:
+            found.append(f"version {version.number}: {error}")
+    return found
+
+
+def _taught_by(version: Version, folder: Path) -> tuple[SemanticsSetting, Autoencoder]:
+    try:
+        setting = SemanticsSetting.model_validate(dict[str, Any](version.cause))
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(str(part) for part in first["loc"])
+        what = f"the semantics of version {version.number} are damaged"
+        raise ValueError(f"{folder}: {what}: {where}: {first['msg']}") from None
+    return setting, read_autoencoder(_path_of(folder, setting.autoencoder), setting.autoencoder)
 
 
 def _path_of(folder: Path, digest: str) -> Path:

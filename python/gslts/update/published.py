@@ -15,6 +15,8 @@ from gslts.change.changes import Change
 from gslts.files import write_whole
 from gslts.gaussian_map import GaussianMap
 from gslts.map_folder import picture_path, plain_camera
+from gslts.relocalize.landmark_files import KEY, has_landmarks, keep_landmarks
+from gslts.relocalize.landmarks import landmarks_of
 from gslts.store.map_store import MapStore
 from gslts.store.records import Event, Version
 from gslts.tasks.meaning import Meaning
@@ -27,6 +29,8 @@ from gslts.update.updater import Update
 
 PICTURE_PX, QUALITY = 1200, 85
 """Greatest side of a picture, and how well it is kept: it should not outweigh the version."""
+LANDMARK_BYTES = 32 << 10
+"""Of the landmarks that an update brings, at most: about 500, as many as a picture of it shows."""
 
 
 def published(
@@ -41,6 +45,8 @@ def published(
 ) -> Version | None:
     """Adds a version of an updated map, and a picture of it; of one that stays, only why.
 
+    A map with landmarks gets those of what is new, too.
+
     Args:
         store: Writable.
         before: Its newest version, which was updated.
@@ -54,6 +60,7 @@ def published(
     Raises:
         OSError: It cannot be written; then the newest version is what it was, or only the picture
             is missing.
+        ValueError: What is known of the map is damaged.
     """
     cause: dict[str, Any] = {
         "gslts": __version__,
@@ -70,6 +77,17 @@ def published(
         {**plain_camera(camera), "new_viewpoint": new}
         for camera, new in zip(seen_from, new_viewpoints(cameras, seen_from), strict=True)
     ]
+    if has_landmarks(store.folder):
+        used = result.views[: result.record.views[0]]
+        landmarks = landmarks_of(
+            result.gaussian_map,
+            [view.frame for view in used],
+            [view.changed for view in used],
+            most_bytes=LANDMARK_BYTES,
+            threads=config.threads,
+        )
+        if landmarks.size:
+            cause[KEY] = keep_landmarks(landmarks, store.folder)
     past = store.events()
 
     def named(site: Site) -> str | None:

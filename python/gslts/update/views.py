@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.alignment import aligned
-from gslts.camera import Camera, at_pose
+from gslts.camera import Camera, at_pose, lifted
 from gslts.change.detect import NEAR_SIGMAS, Detection
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import GaussianMap
 from gslts.losses import Exposure
-from gslts.mapping.seed_points import lifted
 from gslts.render import Rasterizer, RenderOptions
 from gslts.update.region import Site
 

@@ -1,0 +1,15 @@
+# What gslts::reloc is built with: parts of OpenCV, Ceres and PCL.
+include(GsltsOpenCV)
+
+gslts_external(opencv_reloc
+  HEADER opencv2/calib3d.hpp SUFFIXES opencv4
+  LIBRARIES opencv_calib3d opencv_features2d opencv_flann)
+target_link_libraries(gslts_opencv_reloc INTERFACE gslts_opencv)
+
+# Its CMake package looks for all of SuiteSparse, which only the building of Ceres needs.
+gslts_external(ceres HEADER ceres/ceres.h LIBRARIES ceres glog)
+
+# Its CMake package names VTK. Its headers lie in a folder of its version.
+gslts_external(pcl
+  HEADER pcl/registration/gicp.h SUFFIXES pcl-1.15 pcl-1.14 pcl-1.13 pcl-1.12
+  LIBRARIES pcl_registration pcl_filters pcl_search pcl_kdtree pcl_common)

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <vector>
+
+#include "gslts/reloc/view_cost.hpp"
+
+namespace gslts::reloc {
+
+/// How a pose is refined.
+struct RefineRule {
+  CostRule cost;
+  int iterations = 8;          ///< At each resolution, at most. >= 0
+  double least_step_m = 1e-4;  ///< A step that is shorter, and turns less than so many rad, is the
+                               ///< last one at its resolution. >= 0
+};
+
+/// A pose where a picture fits a map best.
+struct RefinedPose {
+  Eigen::Isometry3d world_from_camera;
+  /// Curvature of the cost there, by a twist (rho, phi) of world_from_camera * exp(rho, phi): what
+  /// the picture tells about each direction, m before rad.
+  Matrix6 curvature = Matrix6::Zero();
+  double cost = 0;         ///< Mean over the pixels that count, at the finest resolution.
+  Fit fit;                 ///< There, too.
+  int iterations = 0;      ///< Of all resolutions.
+  bool converged = false;  ///< Whether the last resolution ended before its iterations did.
+};
+
+/// Inverts the rendering for its camera (iComMa, Sun et al. 2023), by Levenberg and Marquardt's
+/// method on SE(3) (Ceres): descends along the rasterizer's exact gradient with the curvature of
+/// direct image alignment, which takes a few steps where the gradient alone takes hundreds. At each
+/// resolution it goes on from what the one before came to, or from the start where that fits
+/// better.
+/// @param views  One picture in several resolutions, the coarsest first.
+/// @param start  world_from_camera, some pixels of the coarsest picture off at most.
+/// @return  The start, not converged, if the map is not seen from there.
+/// @throws std::invalid_argument  if there is no view, or one, the pose or a setting is invalid.
+RefinedPose refine_pose(const GaussianView<float>& gaussians,
+                        const std::vector<RgbdView<float>>& views, const Eigen::Isometry3d& start,
+                        const RefineRule& rule = {});
+
+}  // namespace gslts::reloc

@@ -1,0 +1,109 @@
+#include "gslts/reloc/landmark_index.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/core.hpp>
+#include <opencv2/flann/miniflann.hpp>
+#include <stdexcept>
+#include <string>
+
+namespace gslts::reloc {
+namespace {
+
+constexpr int kMaxNeighbours = 16;
+constexpr int kDescriptorBits = 8 * int(kDescriptorBytes);
+
+/// Tables, bits of a key, and bits of it that may differ. Of 54,000 landmarks of a real room they
+/// find 9 of 10 nearest ones; with one bit more, which takes five times as long, no more poses are
+/// found.
+constexpr int kTables = 12, kKeyBits = 20, kProbedBits = 1;
+
+/// FLANN draws the bits of its keys from OpenCV's generator of the thread: it starts from here, and
+/// goes on afterwards as if nothing had been drawn.
+class FixedRandom {
+ public:
+  FixedRandom() : before_(cv::theRNG()) { cv::theRNG() = cv::RNG(1); }
+  ~FixedRandom() { cv::theRNG() = before_; }
+  FixedRandom(const FixedRandom&) = delete;
+  FixedRandom& operator=(const FixedRandom&) = delete;
+
+ private:
+  cv::RNG before_;
+};
+
+/// OpenCV takes pointers to what it only reads.
+cv::Mat rows_of(const Array<std::uint8_t>& descriptors) {
+  return {int(descriptors.size() / kDescriptorBytes), int(kDescriptorBytes), CV_8U,
+          const_cast<std::uint8_t*>(descriptors.data())};
+}
+
+[[noreturn]] void fail(const std::string& message) { throw std::invalid_argument(message); }
+
+void validate(const LandmarksView& landmarks) {
+  for (std::size_t i = 0; i < landmarks.size; ++i) {
+    const float* position = landmarks.positions + 3 * i;
+    if (!std::all_of(position, position + 3, [](float x) { return std::isfinite(x); })) {
+      fail("LandmarkIndex: positions[" + std::to_string(i) + "] is not finite");
+    }
+    if (landmarks.keyframes[i] < 0) {
+      fail("LandmarkIndex: keyframes[" + std::to_string(i) + "] must not be negative, got " +
+           std::to_string(landmarks.keyframes[i]));
+    }
+  }
+}
+
+}  // namespace
+
+struct LandmarkIndex::Index {
+  Array<float> positions;
+  Array<std::uint8_t> descriptors;
+  Array<std::int32_t> keyframes;
+  cv::flann::Index hashes;  ///< Of the descriptors.
+};
+
+LandmarkIndex::LandmarkIndex(const LandmarksView& landmarks) {
+  validate(landmarks);
+  const auto copy = [&](const auto* from, std::size_t columns) {
+    return Array<std::decay_t<decltype(*from)>>(from, from + columns * landmarks.size);
+  };
+  index_ = std::make_unique<Index>();
+  index_->positions = copy(landmarks.positions, 3);
+  index_->descriptors = copy(landmarks.descriptors, kDescriptorBytes);
+  index_->keyframes = copy(landmarks.keyframes, 1);
+  if (landmarks.size == 0) return;
+  const FixedRandom fixed;
+  index_->hashes.build(rows_of(index_->descriptors),
+                       cv::flann::LshIndexParams(kTables, kKeyBits, kProbedBits),
+                       cvflann::FLANN_DIST_HAMMING);
+}
+
+LandmarkIndex::~LandmarkIndex() = default;
+LandmarkIndex::LandmarkIndex(LandmarkIndex&&) noexcept = default;
+LandmarkIndex& LandmarkIndex::operator=(LandmarkIndex&&) noexcept = default;
+
+LandmarksView LandmarkIndex::landmarks() const {
+  return {index_->keyframes.size(), index_->positions.data(), index_->descriptors.data(),
+          index_->keyframes.data()};
+}
+
+Matches LandmarkIndex::match(const Features& features, int k) const {
+  if (k < 1 || k > kMaxNeighbours) {
+    fail("LandmarkIndex.match: k must be in 1..16, got " + std::to_string(k));
+  }
+  const std::size_t count = features.size(), columns = std::size_t(k);
+  if (features.descriptors.size() != count * kDescriptorBytes) {
+    fail("LandmarkIndex.match: expected " + std::to_string(count * kDescriptorBytes) +
+         " bytes of descriptors, got " + std::to_string(features.descriptors.size()));
+  }
+  Matches matches{k, Array<std::int32_t>(count * columns, -1),
+                  Array<std::int32_t>(count * columns, kDescriptorBits)};
+  if (count == 0 || index_->keyframes.empty()) return matches;
+  cv::Mat landmarks(int(count), k, CV_32S, matches.landmarks.data());
+  cv::Mat distances(int(count), k, CV_32S, matches.distances.data());
+  index_->hashes.knnSearch(rows_of(features.descriptors), landmarks, distances, k);
+  // Where it finds fewer, it leaves the largest number.
+  for (std::int32_t& distance : matches.distances) distance = std::min(distance, kDescriptorBits);
+  return matches;
+}
+
+}  // namespace gslts::reloc

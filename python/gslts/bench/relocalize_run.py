@@ -1,0 +1,226 @@
+"""Relocalization in one home: frames are looked for in its map, and judged by what is true."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cache, cached_property, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel
+
+from gslts.bench.detect_cases import Case
+from gslts.bench.homes import MAP_S, RECORDING_S, BenchHome, Tell
+from gslts.bench.made import code_of, digest, native_code
+from gslts.bench.relocalize_frames import (
+    FRAMES_CODE,
+    LOOKS,
+    PARTS,
+    SET_S,
+    TASKS_S,
+    Batch,
+    Part,
+    batches_of,
+)
+from gslts.bench.relocalize_score import Answer, Floats, Told, start_near
+from gslts.bench.relocalize_variants import ABLATION, OURS, TRADE, VARIANTS
+from gslts.bench.work import Add, message_of
+from gslts.frame import RgbdFrame
+from gslts.map_folder import read_map
+from gslts.relocalize.landmark_files import read_landmarks
+from gslts.relocalize.relocalizer import Relocalizer
+from gslts.sim.home_source import STRICT
+
+FINDING_CODE = (
+    *("camera", "files", "frame", "gaussian_map", "map_folder", "ply", "relocalize", "render"),
+    *("store", "bench/relocalize_score", "bench/relocalize_variants"),
+)
+"""What decides where a picture is said to be from, besides the compiled module."""
+RELOCALIZE_CODE = (*FINDING_CODE, "bench/relocalize_run")
+FRAME_S, FINDING_S = 0.6, 0.7
+"""About how long it takes to see a frame, and to find it, for the progress."""
+
+
+class Record(BaseModel):
+    """What became of one frame, in one way.
+
+    Attributes:
+        id: Of frame and variant.
+        home: Whose map it was looked for in, such as `kitchen_3`.
+        room_type: Of that.
+        frame: Where it was taken, and its number, such as `kitchen_3/visit_07`.
+        part: What it was asked for.
+        variant: Of `VARIANTS`.
+        located: From nothing.
+        tracked: From a start nearby; None where it was not asked for.
+        error: Why there is no result; then the rest says nothing.
+    """
+
+    model_config = STRICT
+
+    id: str
+    home: str
+    room_type: str
+    frame: str
+    part: Part
+    variant: str
+    located: Answer | None = None
+    tracked: Answer | None = None
+    error: str | None = None
+
+
+@dataclass(frozen=True)
+class RelocalizeUnit:
+    """One home.
+
+    Attributes:
+        bench: The home.
+        views: Frames of each part, at most.
+        ablation: Whether frames of the home are also looked for in the ways of `ABLATION`.
+        trade: Whether frames of the home as mapped are, in those of `TRADE`.
+        code: Digests of the code that makes and finds frames; see `HomeSetup`.
+    """
+
+    bench: BenchHome
+    views: int
+    ablation: bool = False
+    trade: bool = False
+    code: dict[str, Any] = field(default_factory=lambda: _code())
+
+    @property
+    def name(self) -> str:
+        """That of the home."""
+        return self.bench.name
+
+    @property
+    def mapped_of(self) -> dict[str, Any]:
+        """All that decides what its map is."""
+        return self.bench.mapped_of
+
+    @cached_property
+    def results(self) -> Path:
+        """The file of records; another one when anything that decides them is another."""
+        key = digest({"map": self.mapped_of, "views": self.views, "code": self.code})
+        return self.bench.work / "relocalize" / f"{self.name}_{key}.jsonl"
+
+    def variants(self, part: Part) -> tuple[str, ...]:
+        """The ways in which frames of a part are looked for."""
+        own = part != "another home"
+        return (
+            OURS,
+            *(ABLATION if self.ablation and own else ()),
+            *(TRADE if self.trade and part == "as mapped" else ()),
+        )
+
+    def seconds(self, done: frozenset[str]) -> float:
+        """About how long it takes."""
+        wanted = self.views * sum(len(self.variants(part)) for part in PARTS)
+        work = FINDING_S * wanted + FRAME_S * self.views * len(PARTS)
+        making = 3 * TASKS_S + SET_S * self.views / LOOKS
+        whole = making + MAP_S + RECORDING_S * self.bench.setup.frames
+        return max(0, wanted - len(done)) / wanted * work + (0 if done else whole)
+
+    def run(self, done: frozenset[str], add: Add, tell: Tell) -> None:
+        """Looks for what was not looked for yet.
+
+        Raises:
+            ValueError: The home gives no frames, or no map can be made of it.
+            OSError: The disk is full.
+        """
+        left: dict[Batch, dict[Case, list[str]]] = {}
+        for batch in batches_of(self.bench, self.views, self.code["frames"], tell):
+            asked = {case: self._left(batch, case, done) for case in batch.cases.cases}
+            left[batch] = {case: variants for case, variants in asked.items() if variants}
+        if not any(left.values()):
+            return
+        finders = Finders(self.bench.map(tell))
+        for batch, asked in left.items():
+            if not asked:
+                continue
+            before = batch.before()
+            for case, variants in asked.items():
+                look = cache(partial(batch.look, case, before))
+                for variant in variants:
+                    record = self._record(batch, case, variant, look, finders)
+                    add(record.model_dump(mode="json"))
+                    tell(FINDING_S)
+                tell(FRAME_S)
+
+    def _left(self, batch: Batch, case: Case, done: frozenset[str]) -> list[str]:
+        variants = self.variants(batch.part(case))
+        return [one for one in variants if _id(batch, case, one) not in done]
+
+    def _record(
+        self,
+        batch: Batch,
+        case: Case,
+        variant: str,
+        look: Callable[[], tuple[RgbdFrame, Floats]],
+        finders: Finders,
+    ) -> Record:
+        record = Record(
+            id=_id(batch, case, variant),
+            home=self.name,
+            room_type=self.bench.room_type,
+            frame=f"{batch.bench.name}/{case.name}",
+            part=batch.part(case),
+            variant=variant,
+        )
+        try:
+            found = _found(finders.of(variant), *look(), batch, case, variant)
+        except Exception as error:  # Whatever fails is told of its frame; others go on.
+            found = {"error": message_of(error)}
+        return record.model_copy(update=found)
+
+
+class Finders:
+    """Relocalizers of one map, made when they are asked for.
+
+    Args:
+        folder: Of the map.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._map, self._landmarks = read_map(folder), read_landmarks(folder)
+        self._made: dict[str, Relocalizer] = {}
+
+    def of(self, variant: str) -> Relocalizer:
+        """The one of that name, of `VARIANTS`."""
+        if variant not in self._made:
+            config = VARIANTS[variant]
+            self._made[variant] = Relocalizer(self._map, self._landmarks, config)
+        return self._made[variant]
+
+
+def _found(
+    relocalizer: Relocalizer,
+    frame: RgbdFrame,
+    true: Floats,
+    batch: Batch,
+    case: Case,
+    variant: str,
+) -> dict[str, Any]:
+    """What a record tells besides what was asked."""
+    located = Told.by(lambda: relocalizer.locate(frame))
+    if batch.strange:
+        return {"located": located.answer(None)}
+    if variant != OURS:
+        return {"located": located.answer(true)}
+    start = start_near(true, np.random.default_rng([case.sensor_seed, 1]))
+    return {
+        "located": located.answer(true),
+        "tracked": Told.by(lambda: relocalizer.track(frame, start)).answer(true),
+    }
+
+
+def _id(batch: Batch, case: Case, variant: str) -> str:
+    return f"{batch.bench.name}/{case.name}: {variant}"
+
+
+def _code() -> dict[str, Any]:
+    return {
+        "frames": code_of(*FRAMES_CODE),
+        "finding": {"python": code_of(*RELOCALIZE_CODE), "native": native_code()},
+    }

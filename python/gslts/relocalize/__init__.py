@@ -1,0 +1,1 @@
+"""Where in a map a picture was taken, if nobody knows."""

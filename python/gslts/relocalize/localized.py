@@ -1,0 +1,106 @@
+"""Frames at the poses that a map gives them, one after the other."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslts.camera import apart, at_pose
+from gslts.frame import RgbdFrame
+from gslts.relocalize.relocalizer import Localization, Relocalizer
+
+Floats = NDArray[np.float64]
+
+NEAR_M, NEAR_RAD = 0.10, np.deg2rad(5)
+"""Tracking that ends farther from where it began, or that uncertain, may have lost its way: from
+0.3 m off it has ended 7 cm beside the right place, and fitted there; a black picture fits anywhere.
+"""
+
+
+class Localizer:
+    """Puts the frames of a robot where the map says that they were taken.
+
+    From one frame to the next its odometry is believed; where that does not lead, a frame is looked
+    for from nothing.
+
+    Args:
+        relocalizer: Of the map as it is.
+    """
+
+    def __init__(self, relocalizer: Relocalizer) -> None:
+        self._relocalizer = relocalizer
+        self._world_from_odometry: Floats | None = None
+
+    @property
+    def world_from_odometry(self) -> Floats | None:
+        """[4,4] as the last frame that was found tells; None before the first one."""
+        return self._world_from_odometry
+
+    def publish(self, relocalizer: Relocalizer) -> None:
+        """From the next frame on, looks in a new version of the map."""
+        self._relocalizer = relocalizer
+
+    def locate(self, frame: RgbdFrame) -> Localization:
+        """Finds the next frame.
+
+        Args:
+            frame: Its pose is one of the odometry; frames of robots without one all have the same.
+
+        Raises:
+            ValueError: As for `Relocalizer.locate`.
+        """
+        found = self._tracked(frame) or self._relocalizer.locate(frame)
+        if found.status == "ok":
+            assert found.world_from_camera is not None
+            camera_from_odometry = np.linalg.inv(frame.camera.world_from_camera)
+            self._world_from_odometry = found.world_from_camera @ camera_from_odometry
+        return found
+
+    def located(self, frame: RgbdFrame) -> RgbdFrame:
+        """The next frame where it was taken.
+
+        If that is not certain, it is where the odometry leads, without depth and with a fault, so
+        that nothing is concluded from it.
+
+        Args:
+            frame: As for `locate`.
+
+        Raises:
+            ValueError: As for `Relocalizer.locate`.
+        """
+        found = self.locate(frame)
+        placed = frame
+        if self._world_from_odometry is not None:
+            placed = in_world(frame, self._world_from_odometry)
+        if found.status == "ok":
+            return placed
+        fault = f"{found.status}: {found.reason}"
+        nothing = np.zeros((frame.camera.height, frame.camera.width), np.float32)
+        return replace(placed, depth=nothing, depth_camera=None, fault=fault)
+
+    def _tracked(self, frame: RgbdFrame) -> Localization | None:
+        if self._world_from_odometry is None:
+            return None
+        expected = self._world_from_odometry @ frame.camera.world_from_camera
+        found = self._relocalizer.track(frame, expected)
+        if found.status != "ok" or found.world_from_camera is None:
+            return None
+        metres, turn_rad = apart(expected, found.world_from_camera)
+        return found if metres < NEAR_M and turn_rad < NEAR_RAD else None
+
+
+def in_world(frame: RgbdFrame, world_from_other: Floats) -> RgbdFrame:
+    """A frame whose poses were those of another world.
+
+    Args:
+        frame: Of the other world.
+        world_from_other: [4,4], rigid, m.
+    """
+    camera, depth_camera = (
+        None if one is None else at_pose(one, world_from_other @ one.world_from_camera)
+        for one in (frame.camera, frame.depth_camera)
+    )
+    assert camera is not None
+    return replace(frame, camera=camera, depth_camera=depth_camera)

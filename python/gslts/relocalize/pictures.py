@@ -1,0 +1,56 @@
+"""A frame as relocalization works with it: in several resolutions, without a pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslts.frame import RgbdFrame
+
+Floats32 = NDArray[np.float32]
+
+LEAST_SIDE_PX = 60
+"""Of the coarsest picture, a pixel of which is about a degree: from there a pose is found that is
+some degrees off."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pictures:
+    """One frame at full size, and halved as long as it stays large enough.
+
+    Attributes:
+        frames: Registered, the finest first.
+        photos: [H,W,3] float32 sRGB of each, 0 to 1.
+        depths: [H,W] float32 of each, m; 0 where there is none.
+    """
+
+    frames: tuple[RgbdFrame, ...]
+    photos: tuple[Floats32, ...]
+    depths: tuple[Floats32, ...]
+
+    @classmethod
+    def of(cls, frame: RgbdFrame, *, use_depth: bool = True) -> Pictures:
+        """Halves a frame.
+
+        Args:
+            frame: Its pose does not count.
+            use_depth: False means as if none had been measured.
+        """
+        frames = [frame.registered()]
+        while min(frames[-1].rgb.shape[:2]) >= 2 * LEAST_SIDE_PX:
+            frames.append(frames[-1].halved())
+        photos = (one.rgb.astype(np.float32) / np.float32(255) for one in frames)
+        depths = (np.nan_to_num(one.depth) * np.float32(use_depth) for one in frames)
+        return cls(tuple(frames), tuple(photos), tuple(depths))
+
+    def levels(self, halvings: int) -> range:
+        """Halvings from the coarsest picture to one that is halved so often, if there is one."""
+        coarsest = len(self.frames) - 1
+        return range(coarsest, min(halvings, coarsest) - 1, -1)
+
+    @property
+    def has_depth(self) -> bool:
+        """Whether anything was measured."""
+        return bool(self.depths[0].any())
