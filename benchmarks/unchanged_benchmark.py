@@ -62,16 +62,17 @@ def main() -> None:
     parser.add_argument("dataset", type=Path)
     parser.add_argument("--preset", default="fast", choices=sorted(PRESETS))
     arguments = parser.parse_args()
+    compared = {name: one for name, one in STRATEGIES.items() if not one.locate}
     frames, reports, unreliable = 0, Counter[str](), Counter[str]()
     for visit in visits_of(open_dataset(arguments.dataset), arguments.preset):
         frames += len(visit.unknown)
-        for name, variant in STRATEGIES.items():
+        for name, variant in compared.items():
             detector = visit.detector(variant.config)
             for frame in visit.unknown.values():
                 detection = detector.detect(frame)
                 reports[name] += bool(detection.changes)
                 unreliable[name] += detection.unreliable is not None
-    for name in STRATEGIES:
+    for name in compared:
         print(
             f"{name}: reports in {reports[name]} of {frames} frames, "
             f"{unreliable[name]} of them unreliable"

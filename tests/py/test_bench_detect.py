@@ -78,9 +78,10 @@ def cases_in(folder: Path) -> HomeCases:
 def test_all_is_asked_once_of_each(done: Path) -> None:
     told = json.loads((done / "all.json").read_text())
     asked = Counter((one["part"], one["variant"]) for one in told["records"])
-    both = {(part, name): count for part, count in COUNTS.items() for name in ("objects", "paper")}
+    names = ("objects", "located", "paper")
+    all_see = {(part, name): count for part, count in COUNTS.items() for name in names}
     watched = {(part, "watching"): COUNTS[part] for part in ("single", "unchanged")}
-    assert asked == both | watched
+    assert asked == all_see | watched
     assert all(one["ms"] > 0 and one["cpu_ms"] > 0 for one in told["records"])
     assert told["errors"] == {}
     one = told["summaries"]["objects"]["single"]
@@ -158,7 +159,7 @@ def test_a_task_that_errors_is_named_and_ends_in_1(done: Path, copied: Path) -> 
     healed = gslts(*RUN, cwd=copied)
     assert healed.returncode == 0, healed.stderr
     errors = [one for one in lines(copied) if one["error"] is not None]
-    assert len(errors) == 3, "one for each detector"
+    assert len(errors) == 4, "one for each detector"
     rest = [one for one in lines(copied) if one["error"] is None]
     assert sorted(map(str, rest)) == sorted(map(str, lines(done)))
 

@@ -57,6 +57,7 @@ def test_each_frame_is_asked_about_in_each_way(done: Path) -> None:
     for one in records(done / "all.json"):
         asked.setdefault((one["part"], one["frame"]), set()).add(one["variant"])
     expected = {
+        "kept aside": {OURS, *ABLATION},
         "as mapped": {OURS, *ABLATION, *TRADE},
         "three changes": {OURS, *ABLATION},
         "another home": {OURS},
@@ -64,6 +65,7 @@ def test_each_frame_is_asked_about_in_each_way(done: Path) -> None:
     for (part, _), variants in asked.items():
         assert variants == expected[part]
     names = {part: sorted(name for own, name in asked if own == part) for part in expected}
+    assert names["kept aside"] == [f"bedroom_3/kept_{k:05}" for k in range(0, 32, 8)]
     assert names["as mapped"] == [f"bedroom_3/visit_{k:02}" for k in range(4)]
     assert names["three changes"] == [f"bedroom_3/changed_{k:02}" for k in range(4)]
     assert names["another home"] == [f"{home}/visit_0{k}" for home in STRANGERS for k in range(2)]
@@ -90,9 +92,11 @@ def test_frames_are_found_even_in_a_rough_map(done: Path) -> None:
 
 def test_tables_and_picture(done: Path) -> None:
     text = (done / "stdout").read_text()
-    assert "4 frames of homes as mapped, 4 after three changes, 4 of other homes" in text
-    assert text.count("\n| bedroom | 4 |") == 5
-    assert text.count("\n| without depth | 8 |") == 1
+    assert (
+        "4 frames kept aside, 4 of homes as mapped, 4 after three changes, 4 of other homes" in text
+    )
+    assert text.count("\n| bedroom | 4 |") == 7
+    assert text.count("\n| without depth | 12 |") == 1
     with Image.open(done / "t.png") as picture:
         assert picture.size[0] > 900
 
@@ -109,6 +113,14 @@ def test_an_interrupted_run_goes_on(done: Path) -> None:
     for one, other in zip(before[-2:], after[-2:], strict=True):
         assert timeless(one) == timeless(other), "the same but for the times"
     assert sorted((done / "work" / "maps").iterdir()) == maps
+
+
+def test_frames_kept_aside_are_those_that_the_map_was_made_without(done: Path) -> None:
+    (map_cameras,) = (done / "work" / "maps").glob("bedroom_3_*/cameras.json")
+    kept = {one["frame"] for one in records(done / "all.json") if one["part"] == "kept aside"}
+    assert not {one.partition("kept_")[2] for one in kept} & set(
+        json.loads(map_cameras.read_text())
+    )
 
 
 def timeless(record: dict[str, Any]) -> dict[str, Any]:

@@ -145,7 +145,8 @@ def test_the_summary_counts_each_part_by_itself() -> None:
     assert (tracked["frames"], tracked["lost"], tracked["far"]) == (2, 1, 1)
     assert of_knob(found, "corners")[250]["located"]["cpu_s"] == 0.5
     assert counted(RECORDS) == (
-        "4 frames of homes as mapped, 1 after three changes, 1 of other homes; maps of 1 home(s)"
+        "0 frames kept aside, 4 of homes as mapped, 1 after three changes, 1 of other homes; "
+        "maps of 1 home(s)"
     )
 
 

@@ -12,7 +12,7 @@ from PIL import Image
 import gslts
 from gslts.datasets.nerfstudio import OPENGL_FROM_OPENCV
 from gslts.sim import make_home
-from gslts.sim.capture import capture
+from gslts.sim.capture import capture, true_poses
 from gslts.sim.controller import Controller
 from gslts.sim.explore import COMPLETE_SHARE, explore
 from gslts.sim.home import Home
@@ -122,6 +122,20 @@ def test_the_pose_is_the_one_that_the_robot_believes(tmp_path: Path) -> None:
     assert 0 < np.linalg.norm(way) < 0.05
     lost = [(frame["depth_file_path"] == 0).mean() for frame in (noisy[0], true[0])]
     assert lost[0] > lost[1] == 0
+
+
+def test_true_poses_are_those_of_the_robot(tmp_path: Path) -> None:
+    capture(robot("kinect"), LOOKS[:2], tmp_path / "visit")
+    capture(robot("none"), LOOKS[:2], tmp_path / "true")
+    poses = true_poses(tmp_path / "visit")
+    assert list(poses) == ["00000", "00001"]
+    _, frames = read(tmp_path / "true")
+    for frame, pose in zip(frames, poses.values(), strict=True):
+        np.testing.assert_allclose(pose, frame["world_from_camera"], atol=1e-12)
+    path = tmp_path / "visit" / "transforms.json"
+    path.write_text('{"frames": [{"file_path": "images/00000.png"}]}')
+    with pytest.raises(ValueError, match=r"transforms\.json: it does not tell true poses"):
+        true_poses(tmp_path / "visit")
 
 
 def full_after(monkeypatch: pytest.MonkeyPatch, pictures: int) -> None:

@@ -33,12 +33,16 @@ from gslts.change.detect import ChangeDetector
 from gslts.files import write_whole
 from gslts.frame import RgbdFrame
 from gslts.map_folder import read_map
+from gslts.relocalize.config import RelocalizationConfig
+from gslts.relocalize.landmark_files import read_landmarks
+from gslts.relocalize.localized import Localizer
+from gslts.relocalize.relocalizer import Relocalizer
 from gslts.sim.actions import SceneState
 from gslts.sim.home_source import STRICT
 
 DETECT_CODE = (
     *("alignment", "camera", "camera_files", "change", "files", "frame", "gaussian_map"),
-    *("losses", "map_folder", "ply", "pretrained", "render", "store"),
+    *("losses", "map_folder", "ply", "pretrained", "relocalize", "render", "store"),
     *("bench/detect_run", "bench/detect_variants", "bench/detect_watch"),
 )
 """What decides what is detected in a frame, besides the compiled module."""
@@ -205,6 +209,8 @@ class DetectUnit:
     def _seen(self, look: Callable[[], RgbdFrame], detectors: Detectors, variant: str) -> Seen:
         frame, detector = look(), detectors.of(variant)
         clock = _Clock()
+        if VARIANTS[variant].locate:
+            frame = detectors.located(frame)
         detection = detector.detect(frame)
         return Seen(detection.unreliable, detection.changes, *clock.ms())
 
@@ -248,12 +254,18 @@ class Detectors:
         self._map = read_map(folder)
         self._cameras = cameras_of_map(folder).values()
         self._made: dict[str, ChangeDetector] = {}
+        landmarks = read_landmarks(folder)
+        self._relocalizer = Relocalizer(self._map, landmarks, RelocalizationConfig(threads=1))
 
     def of(self, variant: str) -> ChangeDetector:
         """The detector of that name, of `VARIANTS`."""
         if variant not in self._made:
             self._made[variant] = VARIANTS[variant].detector(self._map, self._cameras)
         return self._made[variant]
+
+    def located(self, frame: RgbdFrame) -> RgbdFrame:
+        """The frame where the map says that it was taken, found from nothing."""
+        return Localizer(self._relocalizer).located(frame)
 
 
 def _frames(variants: Iterable[str]) -> int:

@@ -32,10 +32,12 @@ class Variant:
     Attributes:
         config: Settings.
         features: Extractor.
+        locate: Whether it is told no pose: the map tells where frames were taken.
     """
 
     config: DetectionConfig
     features: FeatureExtractor = field(default_factory=OrientedGradients)
+    locate: bool = False
 
     def detector(self, gaussian_map: GaussianMap, cameras: Iterable[Camera]) -> ChangeDetector:
         """The detector for a map, made from frames of those cameras."""
@@ -44,6 +46,7 @@ class Variant:
 
 STRATEGIES = {
     "objects": Variant(DetectionConfig(strategy="objects", threads=1)),
+    "located": Variant(DetectionConfig(strategy="objects", threads=1), locate=True),
     "paper": Variant(DetectionConfig(strategy="paper", threads=1)),
 }
 """Those that are compared in all parts of the benchmark."""

@@ -25,8 +25,8 @@ from gslts.sim.task import Task, Viewpoint
 
 FRAMES_CODE = (*CASES_CODE, "bench/relocalize_frames")
 
-Part = Literal["as mapped", "three changes", "another home"]
-PARTS: tuple[Part, ...] = ("as mapped", "three changes", "another home")
+Part = Literal["kept aside", "as mapped", "three changes", "another home"]
+PARTS: tuple[Part, ...] = ("kept aside", "as mapped", "three changes", "another home")
 
 CHANGES = 3
 LOOKS = 4

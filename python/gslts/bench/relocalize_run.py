@@ -4,26 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cache, cached_property, partial
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pydantic import BaseModel
 
-from gslts.bench.detect_cases import Case
 from gslts.bench.homes import MAP_S, RECORDING_S, BenchHome, Tell
 from gslts.bench.made import code_of, digest, native_code
-from gslts.bench.relocalize_frames import (
-    FRAMES_CODE,
-    LOOKS,
-    PARTS,
-    SET_S,
-    TASKS_S,
-    Batch,
-    Part,
-    batches_of,
-)
+from gslts.bench.relocalize_frames import FRAMES_CODE, LOOKS, PARTS, SET_S, TASKS_S, Part
+from gslts.bench.relocalize_questions import Question, questions_of
 from gslts.bench.relocalize_score import Answer, Floats, Told, start_near
 from gslts.bench.relocalize_variants import ABLATION, OURS, TRADE, VARIANTS
 from gslts.bench.work import Add, message_of
@@ -38,7 +29,7 @@ FINDING_CODE = (
     *("store", "bench/relocalize_score", "bench/relocalize_variants"),
 )
 """What decides where a picture is said to be from, besides the compiled module."""
-RELOCALIZE_CODE = (*FINDING_CODE, "bench/relocalize_run")
+RELOCALIZE_CODE = (*FINDING_CODE, "bench/relocalize_run", "bench/relocalize_questions")
 FRAME_S, FINDING_S = 0.6, 0.7
 """About how long it takes to see a frame, and to find it, for the progress."""
 
@@ -129,47 +120,39 @@ class RelocalizeUnit:
             ValueError: The home gives no frames, or no map can be made of it.
             OSError: The disk is full.
         """
-        left: dict[Batch, dict[Case, list[str]]] = {}
-        for batch in batches_of(self.bench, self.views, self.code["frames"], tell):
-            asked = {case: self._left(batch, case, done) for case in batch.cases.cases}
-            left[batch] = {case: variants for case, variants in asked.items() if variants}
+        asked = list(questions_of(self.bench, self.views, self.code["frames"], tell))
+        left = {one: self._left(one, done) for one in asked}
         if not any(left.values()):
             return
         finders = Finders(self.bench.map(tell))
-        for batch, asked in left.items():
-            if not asked:
-                continue
-            before = batch.before()
-            for case, variants in asked.items():
-                look = cache(partial(batch.look, case, before))
-                for variant in variants:
-                    record = self._record(batch, case, variant, look, finders)
-                    add(record.model_dump(mode="json"))
-                    tell(FINDING_S)
-                tell(FRAME_S)
+        for question, variants in left.items():
+            look = cache(question.look)
+            for variant in variants:
+                add(self._record(question, variant, look, finders).model_dump(mode="json"))
+                tell(FINDING_S)
+            tell(FRAME_S if variants else 0)
 
-    def _left(self, batch: Batch, case: Case, done: frozenset[str]) -> list[str]:
-        variants = self.variants(batch.part(case))
-        return [one for one in variants if _id(batch, case, one) not in done]
+    def _left(self, question: Question, done: frozenset[str]) -> list[str]:
+        variants = self.variants(question.part)
+        return [one for one in variants if _id(question, one) not in done]
 
     def _record(
         self,
-        batch: Batch,
-        case: Case,
+        question: Question,
         variant: str,
         look: Callable[[], tuple[RgbdFrame, Floats]],
         finders: Finders,
     ) -> Record:
         record = Record(
-            id=_id(batch, case, variant),
+            id=_id(question, variant),
             home=self.name,
             room_type=self.bench.room_type,
-            frame=f"{batch.bench.name}/{case.name}",
-            part=batch.part(case),
+            frame=question.frame,
+            part=question.part,
             variant=variant,
         )
         try:
-            found = _found(finders.of(variant), *look(), batch, case, variant)
+            found = _found(finders.of(variant), *look(), question, variant)
         except Exception as error:  # Whatever fails is told of its frame; others go on.
             found = {"error": message_of(error)}
         return record.model_copy(update=found)
@@ -195,28 +178,23 @@ class Finders:
 
 
 def _found(
-    relocalizer: Relocalizer,
-    frame: RgbdFrame,
-    true: Floats,
-    batch: Batch,
-    case: Case,
-    variant: str,
+    relocalizer: Relocalizer, frame: RgbdFrame, true: Floats, question: Question, variant: str
 ) -> dict[str, Any]:
     """What a record tells besides what was asked."""
     located = Told.by(lambda: relocalizer.locate(frame))
-    if batch.strange:
+    if question.is_strange:
         return {"located": located.answer(None)}
     if variant != OURS:
         return {"located": located.answer(true)}
-    start = start_near(true, np.random.default_rng([case.sensor_seed, 1]))
+    start = start_near(true, np.random.default_rng([question.seed, 1]))
     return {
         "located": located.answer(true),
         "tracked": Told.by(lambda: relocalizer.track(frame, start)).answer(true),
     }
 
 
-def _id(batch: Batch, case: Case, variant: str) -> str:
-    return f"{batch.bench.name}/{case.name}: {variant}"
+def _id(question: Question, variant: str) -> str:
+    return f"{question.frame}: {variant}"
 
 
 def _code() -> dict[str, Any]:

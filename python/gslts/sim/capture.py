@@ -80,6 +80,25 @@ def capture(robot: Controller, looks: Iterable[Look], folder: Path) -> int:
     return len(frames)
 
 
+def true_poses(folder: Path) -> dict[str, NDArray[np.float64]]:
+    """[4,4] world_from_camera of each frame that was captured, as it really was, by its name.
+
+    Raises:
+        OSError: The list of frames cannot be read.
+        ValueError: It is none that `capture` wrote.
+    """
+    path = folder / "transforms.json"
+    try:
+        frames = json.loads(path.read_bytes())["frames"]
+        return {
+            Path(one["file_path"]).stem: np.array(one["true_transform_matrix"], np.float64)
+            @ OPENGL_FROM_OPENCV
+            for one in frames
+        }
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{path}: it does not tell true poses: {error}") from None
+
+
 def _write_frame(event: Event, folder: Path, number: int) -> dict[str, Any]:
     """Writes the pictures of a frame, all or none, and returns its entry in the list."""
     depth = event.depth_frame
