@@ -29,7 +29,7 @@ FAST = ("--halvings", "0", "--threads", "1")
 
 
 @pytest.fixture(scope="module")
-def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def visited(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A map, and visits after the red box was taken away, one by a robot whose odometry is off.
 
     The last frame is black.
@@ -64,21 +64,21 @@ def darken(visit: Path, name: str) -> None:
         Image.fromarray(black).save(path)
 
 
-def true_cameras(workplace: Path) -> list:
-    return [one.camera for one in open_dataset(workplace / "visit").frames]
+def true_cameras(visited: Path) -> list:
+    return [one.camera for one in open_dataset(visited / "visit").frames]
 
 
 def off_m(camera: object, place: object) -> float:
     return float(np.linalg.norm(camera.world_from_camera[:3, 3] - np.asarray(place, float)))
 
 
-def test_a_picture_alone_is_found(workplace: Path) -> None:
-    done = gslts("locate", "map", "visit/images/00000.png", "--threads", "1", cwd=workplace)
+def test_a_picture_alone_is_found(visited: Path) -> None:
+    done = gslts("locate", "map", "visit/images/00000.png", "--threads", "1", cwd=visited)
     assert done.returncode == 0, done.stderr
     (line,) = done.stdout.splitlines()
     told = re.fullmatch(rf"00000: ok at {PLACE}, \+- {SIZES}, (\d+) corners, [\d.]+ s", line)
     assert told
-    assert off_m(true_cameras(workplace)[0], told.groups()[:3]) < WELL_M
+    assert off_m(true_cameras(visited)[0], told.groups()[:3]) < WELL_M
     assert 1 <= float(told[4]) < 50
     assert int(told[6]) >= 12
 
@@ -86,17 +86,17 @@ def test_a_picture_alone_is_found(workplace: Path) -> None:
 @pytest.mark.parametrize(
     "lens", [(), ("--camera", "camera.json"), ("--camera", "lens.json"), ("--fov-deg", "90")]
 )
-def test_json_and_a_picture(workplace: Path, tmp_path: Path, lens: tuple[str, ...]) -> None:
+def test_json_and_a_picture(visited: Path, tmp_path: Path, lens: tuple[str, ...]) -> None:
     picture = tmp_path / "pictures" / "beside.png"
     done = gslts(
         *("locate", "map", "visit/images/00001.png", "--depth", "visit/depth/00001.png"),
         *(*lens, *FAST, "--json", "--picture", picture),
-        cwd=workplace,
+        cwd=visited,
     )
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     assert (told["frame"], told["status"], told["reason"]) == ("00001", "ok", "")
-    true = true_cameras(workplace)[1]
+    true = true_cameras(visited)[1]
     pose = np.array(told["world_from_camera"])
     assert off_m(true, pose[:3, 3]) < WELL_M
     assert np.trace(pose[:3, :3].T @ true.world_from_camera[:3, :3]) > 1 + 2 * np.cos(0.02)
@@ -110,34 +110,34 @@ def test_json_and_a_picture(workplace: Path, tmp_path: Path, lens: tuple[str, ..
     assert done.stderr.splitlines()[-1] == f"see {picture}"
     with Image.open(picture) as image:
         left, right = np.split(np.asarray(image, float), 2, axis=1)
-    with Image.open(workplace / "visit" / "images" / "00001.png") as image:
+    with Image.open(visited / "visit" / "images" / "00001.png") as image:
         np.testing.assert_array_equal(left, np.asarray(image))
     assert np.abs(left - right).mean() < 25, "the map looks like it from there"
 
 
-def test_where_a_picture_is_lost_is_an_answer(workplace: Path, tmp_path: Path) -> None:
+def test_where_a_picture_is_lost_is_an_answer(visited: Path, tmp_path: Path) -> None:
     picture = tmp_path / "beside.png"
     arguments = ("locate", "map", "visit/images/00003.png", "--picture", picture)
-    done = gslts(*arguments, cwd=workplace)
+    done = gslts(*arguments, cwd=visited)
     assert done.returncode == 0, done.stderr
     assert done.stdout == f"00003: {LOST}\n"
     assert not picture.exists()
-    told = json.loads(gslts(*arguments, "--json", cwd=workplace).stdout)
+    told = json.loads(gslts(*arguments, "--json", cwd=visited).stdout)
     assert told["status"] == "lost"
     assert told["world_from_camera"] is told["covariance"] is told["residual"] is None
 
 
 @pytest.mark.parametrize("track", [(), ("--track",)])
-def test_poses_of_a_data_set_do_not_count(workplace: Path, track: tuple[str, ...]) -> None:
-    done = gslts("locate", "map", "adrift", *track, *FAST, cwd=workplace)
+def test_poses_of_a_data_set_do_not_count(visited: Path, track: tuple[str, ...]) -> None:
+    done = gslts("locate", "map", "adrift", *track, *FAST, cwd=visited)
     assert done.returncode == 0, done.stderr
     *frames, lost, summary = done.stdout.splitlines()
     assert len(frames) == 3
-    given = [one.camera for one in open_dataset(workplace / "adrift").frames]
+    given = [one.camera for one in open_dataset(visited / "adrift").frames]
     for number, line in enumerate(frames):
         told = re.search(rf"ok at {PLACE}.*; {SIZES} from the pose given", line)
         assert told
-        true = true_cameras(workplace)[number]
+        true = true_cameras(visited)[number]
         place = told.groups()[:3]
         assert off_m(true, place) < WELL_M
         assert float(told[4]) / 1000 == pytest.approx(off_m(given[number], place), abs=2e-3)
@@ -149,9 +149,9 @@ def test_poses_of_a_data_set_do_not_count(workplace: Path, track: tuple[str, ...
     )
 
 
-def test_tracking_finds_a_frame_where_the_last_one_was(workplace: Path, tmp_path: Path) -> None:
+def test_tracking_finds_a_frame_where_the_last_one_was(visited: Path, tmp_path: Path) -> None:
     capture(Controller(change_room.home(), **SIZE), [LOOKS[0]] * 3, tmp_path / "still")
-    done = gslts("locate", "map", tmp_path / "still", "--track", *FAST, cwd=workplace)
+    done = gslts("locate", "map", tmp_path / "still", "--track", *FAST, cwd=visited)
     assert done.returncode == 0, done.stderr
     first, second, third, _ = done.stdout.splitlines()
     assert "corners" in first
@@ -159,11 +159,11 @@ def test_tracking_finds_a_frame_where_the_last_one_was(workplace: Path, tmp_path
     assert ", tracked, " in third
 
 
-def test_changes_are_detected_whatever_the_odometry_says(workplace: Path) -> None:
+def test_changes_are_detected_whatever_the_odometry_says(visited: Path) -> None:
     detect = ("detect", "map", "adrift", "--halvings", "0", "--threads", "1")
-    expected = gslts("detect", "map", "visit", *detect[3:], cwd=workplace).stdout.splitlines()
-    blind = gslts(*detect, cwd=workplace).stdout.splitlines()
-    done = gslts(*detect, "--locate", cwd=workplace)
+    expected = gslts("detect", "map", "visit", *detect[3:], cwd=visited).stdout.splitlines()
+    blind = gslts(*detect, cwd=visited).stdout.splitlines()
+    done = gslts(*detect, "--locate", cwd=visited)
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
     for blind_line, line, same in zip(blind[:3], lines, expected, strict=False):
@@ -178,24 +178,22 @@ def test_changes_are_detected_whatever_the_odometry_says(workplace: Path) -> Non
 
 
 @pytest.mark.parametrize("command", [("run", "--frames", "long"), ("update", "--frames", "long")])
-def test_a_recording_of_any_odometry_updates_a_map(
-    workplace: Path, command: tuple[str, ...]
-) -> None:
-    if not (workplace / "long").exists():
+def test_a_recording_of_any_odometry_updates_a_map(visited: Path, command: tuple[str, ...]) -> None:
+    if not (visited / "long").exists():
         robot = update_room.robot_in(update_room.changed_home("removal"))
-        capture(robot, looks_at_the_change(), workplace / "true")
-        adrift.set_adrift(workplace / "true", workplace / "long")
-        darken(workplace / "long", "00002")
+        capture(robot, looks_at_the_change(), visited / "true")
+        adrift.set_adrift(visited / "true", visited / "long")
+        darken(visited / "long", "00002")
     verb, *rest = command
-    adrift.write_room_map(workplace / f"map_to_{verb}")
+    adrift.write_room_map(visited / f"map_to_{verb}")
     quick = ("--locate", "--iterations", "20", "--threads", "1")
-    done = gslts(verb, f"map_to_{verb}", *rest, *quick, cwd=workplace)
+    done = gslts(verb, f"map_to_{verb}", *rest, *quick, cwd=visited)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("removal at (2.")
     assert "is version 2 now" in done.stdout
     skipped = [line for line in done.stderr.splitlines() if line.startswith("skipped")]
     assert skipped == [f"skipped 00002: {LOST}"]
-    new = read_map(workplace / f"map_to_{verb}")
+    new = read_map(visited / f"map_to_{verb}")
     assert update_room.opaque_in(new, update_room.REMOVED, 0.04) == 0
 
 
@@ -222,9 +220,9 @@ def test_a_recording_of_any_odometry_updates_a_map(
     ],
 )
 def test_what_cannot_be_done_is_said_in_one_line(
-    workplace: Path, arguments: tuple[str, ...], message: str
+    visited: Path, arguments: tuple[str, ...], message: str
 ) -> None:
-    done = gslts("locate", *arguments, cwd=workplace)
+    done = gslts("locate", *arguments, cwd=visited)
     assert done.returncode == 1
     assert done.stdout == ""
     (line,) = done.stderr.splitlines()
@@ -233,19 +231,19 @@ def test_what_cannot_be_done_is_said_in_one_line(
 
 
 @pytest.mark.parametrize("command", [("detect",), ("run", "--frames"), ("update", "--frames")])
-def test_without_landmarks_nothing_is_located(workplace: Path, command: tuple[str, ...]) -> None:
+def test_without_landmarks_nothing_is_located(visited: Path, command: tuple[str, ...]) -> None:
     verb, *option = command
-    done = gslts(verb, "bare", *option, "visit", "--locate", cwd=workplace)
+    done = gslts(verb, "bare", *option, "visit", "--locate", cwd=visited)
     assert done.returncode == 1
     (line,) = done.stderr.splitlines()
     assert line == "gslts: bare: it has no landmarks; gslts map makes maps that do"
 
 
-def test_frames_that_are_all_lost_are_no_recording(workplace: Path, tmp_path: Path) -> None:
+def test_frames_that_are_all_lost_are_no_recording(visited: Path, tmp_path: Path) -> None:
     robot = Controller(change_room.home(), **SIZE)
     capture(robot, LOOKS[:2], tmp_path / "dark")
     for name in ("00000", "00001"):
         darken(tmp_path / "dark", name)
-    done = gslts("run", "map", "--frames", tmp_path / "dark", "--locate", cwd=workplace)
+    done = gslts("run", "map", "--frames", tmp_path / "dark", "--locate", cwd=visited)
     assert done.returncode == 1
     assert done.stderr.splitlines()[-1].endswith("dark: none of its frames was found in the map")
