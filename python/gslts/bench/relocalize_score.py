@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, FiniteFloat
 
-from gslts.camera import rotation, twist_of
+from gslts.camera import apart, rotation, twist_of
 from gslts.relocalize.relocalizer import Localization, Status
 from gslts.sim.home_source import STRICT
 
@@ -34,9 +34,8 @@ class Off(BaseModel):
     @classmethod
     def of(cls, pose: Floats, true: Floats) -> Off:
         """Both [4,4] world_from_camera."""
-        motion = np.linalg.inv(pose) @ true
-        cosine = np.clip((np.trace(motion[:3, :3]) - 1) / 2, -1, 1)
-        return cls(m=float(np.linalg.norm(motion[:3, 3])), deg=float(np.rad2deg(np.arccos(cosine))))
+        metres, turn_rad = apart(pose, true)
+        return cls(m=metres, deg=float(np.rad2deg(turn_rad)))
 
     def within(self, m: float, deg: float) -> bool:
         """Whether it is at most so far off."""
