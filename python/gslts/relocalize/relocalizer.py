@@ -1,8 +1,8 @@
 """Where in a map a picture was taken, and how far that can be trusted.
 
 Corners of the picture give poses that may be, the rendering of the map at each sorts them out, and
-the best one is refined until rendering and picture agree (iComMa, Sun et al. 2023; GS-LTS, sec.
-IV-E). What is not certain is said to be so.
+the best one is refined until rendering and picture agree (iComMa, Sun et al. 2023; GS-LTS,
+"Application in Real-world Robot System"). What is not certain is said to be so.
 """
 
 from __future__ import annotations
