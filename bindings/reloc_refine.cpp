@@ -50,13 +50,14 @@ std::vector<RgbdView<float>> views_of(const std::vector<Camera>& cameras, const 
   return views;
 }
 
-RefinedPose refine_pose(const GaussianView<float>& gaussians, const std::vector<Camera>& cameras,
-                        const Images& photos, const std::optional<Images>& measured,
-                        const std::optional<Images>& masks, const RefineRule& rule) {
+RefinedPose refine_pose(const std::vector<GaussianView<float>>& maps,
+                        const std::vector<Camera>& cameras, const Images& photos,
+                        const std::optional<Images>& measured, const std::optional<Images>& masks,
+                        const RefineRule& rule) {
   const std::vector<RgbdView<float>> views = views_of(cameras, photos, measured, masks);
   if (views.empty()) throw std::invalid_argument("refine_pose: cameras: there is none");
   const py::gil_scoped_release release;
-  return reloc::refine_pose(gaussians, views, cameras[0].world_from_camera, rule);
+  return reloc::refine_pose(maps, views, cameras[0].world_from_camera, rule);
 }
 
 void define_rules(py::module_& m) {
@@ -66,7 +67,8 @@ void define_rules(py::module_& m) {
 
 Args:
     iterations: At each resolution, at most.
-    least_step_m: A step that is shorter, and turns less than so many rad, is the last one.
+    least_step_m: A step that is shorter, and turns less than so many rad, is the last one; twice as
+        much at half the resolution, and so on.
     color_scale: Difference of a channel at which trust begins to end.
     depth_scale: The same of the depth, as a share of it.
     depth_weight: Of the depth, against the colours.
@@ -91,7 +93,7 @@ void define_results(py::module_& m) {
   py::class_<Fit>(m, "Fit", R"(How well a picture fits a map.
 
 Attributes:
-    known: Share of the picture that the map fills.
+    known: Share of the pixels that may count that the map fills.
     alike: Share of that where colours are alike.
     measured: Share of that where depth was measured.
     near: Share of this where it is near that of the map.)")
@@ -126,17 +128,17 @@ Attributes:
 void define_reloc_refine(py::module_ m) {
   define_rules(m);
   define_results(m);
-  m.def("refine_pose", &refine_pose, py::arg("gaussians"), py::arg("cameras"), py::arg("photos"),
+  m.def("refine_pose", &refine_pose, py::arg("maps"), py::arg("cameras"), py::arg("photos"),
         py::kw_only(), py::arg("measured") = py::none(), py::arg("masks") = py::none(),
         py::arg("rule"), R"(Where a picture fits a map best, near a pose.
 
 Args:
-    gaussians: View of a float32 map.
+    maps: Views of a float32 map: one for all pictures, or one for each.
     cameras: Of one picture in several resolutions, the coarsest first; the pose of the first one is
         where the search starts.
     photos: [H,W,3] float32 sRGB of each, 0 to 1.
     measured: [H,W] float32 depth of each, m, 0 or NaN where there is none; None means without.
-    masks: [H,W] bool of each, where the camera saw something; None means everywhere.
+    masks: [H,W] bool of each, pixels that may count; None means all.
     rule: Settings.
 
 Source: iComMa, Sun et al. 2023.)");

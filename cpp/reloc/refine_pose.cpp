@@ -6,6 +6,7 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -18,6 +19,8 @@ constexpr double kRidge = 1e-12;
 /// What a start is worth, so that a direction that a picture tells nothing about stays: that many
 /// pixels that say so, with a trust in it of so many m and rad. A view has some 100,000.
 constexpr double kStartPixels = 5, kStartStd = 0.1;
+/// Of the cost: a step that gains less is the last one at its resolution.
+constexpr double kLeastGain = 1e-4;
 /// Pixels below which a view says nothing.
 constexpr std::size_t kLeastPixels = 64;
 
@@ -131,33 +134,40 @@ void validate(const RefineRule& rule) {
 
 }  // namespace
 
-RefinedPose refine_pose(const GaussianView<float>& gaussians,
+RefinedPose refine_pose(const std::vector<GaussianView<float>>& maps,
                         const std::vector<RgbdView<float>>& views, const Eigen::Isometry3d& start,
                         const RefineRule& rule) {
   validate(rule);
   if (views.empty()) throw std::invalid_argument("refine_pose: views: there is none");
+  if (maps.size() != 1 && maps.size() != views.size()) {
+    throw std::invalid_argument("refine_pose: maps: expected one, or one a view, got " +
+                                std::to_string(maps.size()));
+  }
   RefinedPose result;
   result.world_from_camera = start;
+  std::optional<ViewCost<float>> cost;
   for (std::size_t k = 0; k < views.size(); ++k) {
-    // Far from the optimum nearly all looks like something else: trust ends later there.
+    // Far from the optimum nearly all looks like something else: trust ends later there, and less
+    // of a pose is worth a step.
+    const double coarseness = std::ldexp(1.0, int(views.size() - 1 - k));
     CostRule wide = rule.cost;
-    wide.color_scale *= std::ldexp(1.0, int(views.size() - 1 - k));
-    wide.depth_scale *= std::ldexp(1.0, int(views.size() - 1 - k));
-    ViewCost<float> cost(gaussians, views[k], result.world_from_camera, wide);
-    if (k > 0) {
-      // A pixel of a coarse picture may be wider than the start was off.
+    wide.color_scale *= coarseness;
+    wide.depth_scale *= coarseness;
+    const GaussianView<float>& gaussians = maps.size() == 1 ? maps[0] : maps[k];
+    cost.emplace(gaussians, views[k], result.world_from_camera, wide);
+    if (k == 1) {
+      // A pixel of the coarsest picture may be wider than the start was off.
       ViewCost<float> at_start(gaussians, views[k], start, wide);
-      if (mean_at(at_start, start) < mean_at(cost, result.world_from_camera)) {
+      if (mean_at(at_start, start) < mean_at(*cost, result.world_from_camera)) {
         result.world_from_camera = start;
         cost = std::move(at_start);
       }
     }
-    result.fit = cost.fit();
     result.converged = false;
-    if (cost.pixels() < kLeastPixels) continue;
+    if (cost->pixels() < kLeastPixels) continue;
     Vector6 x = Vector6::Zero();
-    CondensedCost condensed(cost, result.world_from_camera);
-    ShortStep short_step(rule.least_step_m);
+    CondensedCost condensed(*cost, result.world_from_camera);
+    ShortStep short_step(rule.least_step_m * coarseness);
     ceres::Problem::Options owning;
     owning.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
     ceres::Problem problem(owning);
@@ -169,7 +179,7 @@ RefinedPose refine_pose(const GaussianView<float>& gaussians,
     ceres::Solver::Options options;
     options.linear_solver_type = ceres::DENSE_QR;
     options.max_num_iterations = rule.iterations;
-    options.function_tolerance = 1e-5;
+    options.function_tolerance = kLeastGain;
     options.logging_type = ceres::SILENT;
     options.callbacks.push_back(&short_step);
     ceres::Solver::Summary summary;
@@ -179,15 +189,10 @@ RefinedPose refine_pose(const GaussianView<float>& gaussians,
     result.iterations += int(summary.num_successful_steps);
     result.converged = summary.termination_type != ceres::NO_CONVERGENCE;
   }
-  // As it is there: what the map knows and the exposure were settled where the last solve began.
-  ViewCost<float> last(gaussians, views.back(), result.world_from_camera, rule.cost);
-  result.fit = last.fit();
-  if (last.pixels() < kLeastPixels) {
-    result.converged = false;
-    return result;
-  }
-  result.curvature = last.curvature(result.world_from_camera);
-  result.cost = last.at(result.world_from_camera) / double(last.pixels());
+  result.fit = cost->fit(result.world_from_camera);
+  if (cost->pixels() < kLeastPixels) return result;
+  result.curvature = cost->curvature(result.world_from_camera);
+  result.cost = cost->at(result.world_from_camera) / double(cost->pixels());
   return result;
 }
 

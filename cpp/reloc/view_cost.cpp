@@ -48,6 +48,8 @@ void validate(const CostRule& rule) {
   require(rule.alpha_min > 0 && rule.alpha_min <= 1, "alpha_min must be in (0, 1]", rule.alpha_min);
 }
 
+std::uint8_t is_nonzero(std::uint8_t value) { return value != 0; }
+
 /// M' W M for the motion M = (-I | [x]x) of a point under a twist of the camera.
 Matrix6 by_twist(const Eigen::Vector3d& point, const Eigen::Matrix3d& by_point) {
   Eigen::Matrix<double, 3, 6> motion;
@@ -67,8 +69,8 @@ struct ViewCost<T>::State {
   raster::Rasterizer<T> rasterizer;
   raster::Exposure exposure;
   std::vector<std::uint8_t> known;
+  std::size_t wanted = 0;
   std::size_t pixels = 0;
-  Fit fit;
   raster::Images<T> images;
   std::optional<Eigen::Matrix4d> rendered_at;
   int threads = 1;
@@ -91,6 +93,7 @@ struct ViewCost<T>::State {
 
   void settle(const Eigen::Isometry3d& pose);
   void fit_exposure();
+  Fit fit() const;
   void render(const Eigen::Isometry3d& pose);
   std::array<T, 3> color_error(std::size_t pixel) const;
   std::optional<T> depth_error(std::size_t pixel) const;
@@ -104,9 +107,8 @@ void ViewCost<T>::State::render(const Eigen::Isometry3d& pose) {
   rendered_at.reset();
   Camera camera = view.camera;
   camera.world_from_camera = pose;
-  const raster::PixelMask wanted{known.empty() ? nullptr : known.data(), camera.width,
-                                 camera.height};
-  images = rasterizer.forward(gaussians, camera, rule.render, wanted);
+  images = rasterizer.forward(gaussians, camera, rule.render,
+                              {known.data(), camera.width, camera.height});
   rendered_at = pose.matrix();
 }
 
@@ -133,14 +135,14 @@ std::optional<T> ViewCost<T>::State::depth_error(std::size_t pixel) const {
 template <typename T>
 void ViewCost<T>::State::fit_exposure() {
   const int width = view.camera.width, height = view.camera.height;
-  std::vector<std::uint8_t> wanted = known;
+  std::vector<std::uint8_t> alike = known;
   for (int round = 0; round < 2; ++round) {
     exposure = raster::fit_exposure(images.rgb.data(), view.photo, width, height,
-                                    {wanted.data(), width, height}, rule.render.threads);
+                                    {alike.data(), width, height}, rule.render.threads);
     for (std::size_t pixel = 0; pixel < known.size(); ++pixel) {
       const std::array<T, 3> error = color_error(pixel);
       const T most = std::max({std::abs(error[0]), std::abs(error[1]), std::abs(error[2])});
-      wanted[pixel] = known[pixel] && most < T(kOtherThing);
+      alike[pixel] = known[pixel] && most < T(kOtherThing);
     }
   }
 }
@@ -148,17 +150,22 @@ void ViewCost<T>::State::fit_exposure() {
 template <typename T>
 void ViewCost<T>::State::settle(const Eigen::Isometry3d& pose) {
   threads = parallel::resolve_threads(rule.render.threads);
-  render(pose);
   const std::size_t size = std::size_t(view.camera.width) * std::size_t(view.camera.height);
-  known.resize(size);
+  known.assign(size, 1);
+  if (view.mask != nullptr) std::transform(view.mask, view.mask + size, known.begin(), is_nonzero);
+  wanted = std::size_t(std::count(known.begin(), known.end(), 1));
+  render(pose);
   for (std::size_t pixel = 0; pixel < size; ++pixel) {
-    known[pixel] =
-        (view.mask == nullptr || view.mask[pixel] != 0) && images.alpha[pixel] >= T(rule.alpha_min);
+    known[pixel] = known[pixel] && images.alpha[pixel] >= T(rule.alpha_min);
   }
   pixels = std::size_t(std::count(known.begin(), known.end(), 1));
   fit_exposure();
+}
+
+template <typename T>
+Fit ViewCost<T>::State::fit() const {
   std::size_t alike = 0, measured = 0, near = 0;
-  for (std::size_t pixel = 0; pixel < size; ++pixel) {
+  for (std::size_t pixel = 0; pixel < known.size(); ++pixel) {
     if (!known[pixel]) continue;
     const std::array<T, 3> error = color_error(pixel);
     const T square = error[0] * error[0] + error[1] * error[1] + error[2] * error[2];
@@ -170,7 +177,8 @@ void ViewCost<T>::State::settle(const Eigen::Isometry3d& pose) {
   const auto share = [](std::size_t part, std::size_t whole) {
     return whole == 0 ? 0.0 : double(part) / double(whole);
   };
-  fit = {share(pixels, size), share(alike, pixels), share(measured, pixels), share(near, measured)};
+  return {share(pixels, wanted), share(alike, pixels), share(measured, pixels),
+          share(near, measured)};
 }
 
 template <typename T>
@@ -270,8 +278,9 @@ template <typename T>
 ViewCost<T>& ViewCost<T>::operator=(ViewCost&&) noexcept = default;
 
 template <typename T>
-const Fit& ViewCost<T>::fit() const {
-  return state_->fit;
+Fit ViewCost<T>::fit(const Eigen::Isometry3d& world_from_camera) {
+  state_->render(world_from_camera);
+  return state_->fit();
 }
 
 template <typename T>

@@ -216,9 +216,9 @@ TEST(ViewCost, IsLeastWhereThePictureWasTaken) {
   const Eigen::Isometry3d pose = some_pose(random);
   const Picture<float> picture(map, camera_of(160, 120, pose));
   ViewCost<float> cost(map.view(), picture.view(), pose);
-  EXPECT_GT(cost.fit().known, 0.5);
-  EXPECT_EQ(cost.fit().alike, 1);
-  EXPECT_EQ(cost.fit().near, 1);
+  EXPECT_GT(cost.fit(pose).known, 0.5);
+  EXPECT_EQ(cost.fit(pose).alike, 1);
+  EXPECT_EQ(cost.fit(pose).near, 1);
   const double there = cost.at(pose);
   EXPECT_LT(there, 1e-6 * double(cost.pixels()));
   for (int i = 0; i < 6; ++i) {
@@ -259,7 +259,8 @@ TEST(RefinePose, ComesBackFromCentimetresAndDegrees) {
     for (int i = 3; i < 6; ++i) off[i] = random.uniform(-0.015, 0.015);
     RefineRule rule;
     rule.iterations = 20;  // Squares of one colour tell little about some directions.
-    const RefinedPose refined = refine_pose(map.view(), pyramid.views, pose * motion_of(off), rule);
+    const RefinedPose refined =
+        refine_pose({map.view()}, pyramid.views, pose * motion_of(off), rule);
     EXPECT_LT(off_m(refined.world_from_camera, pose), 5e-4) << "round " << round;
     EXPECT_LT(off_rad(refined.world_from_camera, pose), 3e-4) << "round " << round;
     EXPECT_TRUE(refined.converged);
@@ -275,7 +276,7 @@ TEST(RefinePose, AnotherExposureDoesNotMatter) {
   }
   Vector6 off;
   off << 0.03, -0.02, 0.02, 0.01, -0.01, 0.02;
-  const RefinedPose refined = refine_pose(map.view(), pyramid.views, kAskew * motion_of(off));
+  const RefinedPose refined = refine_pose({map.view()}, pyramid.views, kAskew * motion_of(off));
   EXPECT_LT(off_m(refined.world_from_camera, kAskew), 5e-4);
   EXPECT_GT(refined.fit.alike, 0.99);
 }
@@ -295,7 +296,7 @@ TEST(RefinePose, WhatChangedSinceDoesNotPull) {
   }
   Vector6 off;
   off << 0.02, 0.02, -0.02, 0.01, 0.01, 0.01;
-  const RefinedPose refined = refine_pose(map.view(), pyramid.views, kAskew * motion_of(off));
+  const RefinedPose refined = refine_pose({map.view()}, pyramid.views, kAskew * motion_of(off));
   EXPECT_LT(off_m(refined.world_from_camera, kAskew), 2e-3);
   EXPECT_LT(refined.fit.alike, 0.95);
 }
@@ -306,7 +307,7 @@ TEST(RefinePose, WorksWithoutDepth) {
   for (RgbdView<float>& view : pyramid.views) view.measured = nullptr;
   Vector6 off;
   off << 0.02, 0.01, -0.02, 0.01, -0.01, 0.01;
-  const RefinedPose refined = refine_pose(map.view(), pyramid.views, kAskew * motion_of(off));
+  const RefinedPose refined = refine_pose({map.view()}, pyramid.views, kAskew * motion_of(off));
   EXPECT_LT(off_m(refined.world_from_camera, kAskew), 1e-3);
   EXPECT_EQ(refined.fit.measured, 0);
 }
@@ -327,7 +328,7 @@ TEST(RefinePose, DirectionsThatAreNotSeenStayAsTheyAre) {
   const Pyramid pyramid(map, kAskew);
   Vector6 off = Vector6::Zero();
   off << 0.03, -0.03, 0.03, 0, 0, 0;
-  const RefinedPose refined = refine_pose(map.view(), pyramid.views, kAskew * motion_of(off));
+  const RefinedPose refined = refine_pose({map.view()}, pyramid.views, kAskew * motion_of(off));
   const Eigen::Vector3d place = (kAskew.inverse() * refined.world_from_camera).translation();
   EXPECT_TRUE(refined.world_from_camera.matrix().allFinite());
   EXPECT_LT(std::abs(place.z()), 2e-3);
@@ -340,7 +341,7 @@ TEST(RefinePose, WhereNothingIsSeenTheStartComesBack) {
   const Pyramid pyramid(map, kAskew);
   Eigen::Isometry3d away = Eigen::Isometry3d::Identity();
   away.translation() = Eigen::Vector3d(0, 0, 50);
-  const RefinedPose refined = refine_pose(map.view(), pyramid.views, away);
+  const RefinedPose refined = refine_pose({map.view()}, pyramid.views, away);
   EXPECT_EQ(refined.world_from_camera.matrix(), away.matrix());
   EXPECT_FALSE(refined.converged);
   EXPECT_EQ(refined.fit.known, 0);
@@ -354,7 +355,7 @@ TEST(RefinePose, FarFromTheOriginOfTheWorldIsAsGood) {
   const Pyramid pyramid(map, pose);
   Vector6 off;
   off << 0.03, -0.02, 0.02, 0.01, -0.01, 0.02;
-  const RefinedPose refined = refine_pose(map.view(), pyramid.views, pose * motion_of(off));
+  const RefinedPose refined = refine_pose({map.view()}, pyramid.views, pose * motion_of(off));
   EXPECT_LT(off_m(refined.world_from_camera, pose), 5e-4);
 }
 
@@ -365,10 +366,11 @@ TEST(RefinePoseDeterminism, AnyNumberOfThreadsGivesTheSameBits) {
   off << 0.03, -0.02, 0.02, 0.01, -0.01, 0.02;
   RefineRule rule;
   rule.cost.render.threads = 1;
-  const RefinedPose one = refine_pose(map.view(), pyramid.views, kAskew * motion_of(off), rule);
+  const RefinedPose one = refine_pose({map.view()}, pyramid.views, kAskew * motion_of(off), rule);
   for (const int threads : {2, 5}) {
     rule.cost.render.threads = threads;
-    const RefinedPose more = refine_pose(map.view(), pyramid.views, kAskew * motion_of(off), rule);
+    const RefinedPose more =
+        refine_pose({map.view()}, pyramid.views, kAskew * motion_of(off), rule);
     EXPECT_EQ(more.world_from_camera.matrix(), one.world_from_camera.matrix());
     EXPECT_EQ(more.curvature, one.curvature);
     EXPECT_EQ(more.cost, one.cost);
@@ -379,13 +381,15 @@ TEST(RefinePose, RefusesWhatIsNoPictureOrNoRule) {
   const GaussianMap map = corner<float>(16, 0.5);
   const Pyramid pyramid(map, kAskew);
   const Eigen::Isometry3d start = Eigen::Isometry3d::Identity();
-  EXPECT_THROW(refine_pose(map.view(), {}, start), std::invalid_argument);
+  EXPECT_THROW(refine_pose({map.view()}, {}, start), std::invalid_argument);
+  const std::vector<GaussianView<float>> too_many(pyramid.views.size() + 1, map.view());
+  EXPECT_THROW(refine_pose(too_many, pyramid.views, start), std::invalid_argument);
   std::vector<RgbdView<float>> no_photo = pyramid.views;
   no_photo[1].photo = nullptr;
-  EXPECT_THROW(refine_pose(map.view(), no_photo, start), std::invalid_argument);
+  EXPECT_THROW(refine_pose({map.view()}, no_photo, start), std::invalid_argument);
   Eigen::Isometry3d nowhere = start;
   nowhere.translation().x() = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_THROW(refine_pose(map.view(), pyramid.views, nowhere), std::invalid_argument);
+  EXPECT_THROW(refine_pose({map.view()}, pyramid.views, nowhere), std::invalid_argument);
   for (const auto spoil : {+[](RefineRule& rule) { rule.iterations = -1; },
                            +[](RefineRule& rule) { rule.least_step_m = -1; },
                            +[](RefineRule& rule) { rule.cost.color_scale = 0; },
@@ -395,7 +399,7 @@ TEST(RefinePose, RefusesWhatIsNoPictureOrNoRule) {
                            +[](RefineRule& rule) { rule.cost.render.threads = -1; }}) {
     RefineRule rule;
     spoil(rule);
-    EXPECT_THROW(refine_pose(map.view(), pyramid.views, start, rule), std::invalid_argument);
+    EXPECT_THROW(refine_pose({map.view()}, pyramid.views, start, rule), std::invalid_argument);
   }
 }
 

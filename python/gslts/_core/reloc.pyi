@@ -185,7 +185,8 @@ class RefineRule:
     
     Args:
         iterations: At each resolution, at most.
-        least_step_m: A step that is shorter, and turns less than so many rad, is the last one.
+        least_step_m: A step that is shorter, and turns less than so many rad, is the last one; twice as
+            much at half the resolution, and so on.
         color_scale: Difference of a channel at which trust begins to end.
         depth_scale: The same of the depth, as a share of it.
         depth_weight: Of the depth, against the colours.
@@ -199,7 +200,7 @@ class Fit:
     How well a picture fits a map.
     
     Attributes:
-        known: Share of the picture that the map fills.
+        known: Share of the pixels that may count that the map fills.
         alike: Share of that where colours are alike.
         measured: Share of that where depth was measured.
         near: Share of this where it is near that of the map.
@@ -286,17 +287,17 @@ def hypotheses_of(camera: gslts._core.map.Camera, pixels: numpy.ndarray, descrip
     Source: RANSAC with three points (Umeyama 1991) where depth is measured, P3P (Gao et al. 2003)
     elsewhere.
     """
-def refine_pose(gaussians: gslts._core.map.GaussianViewFloat, cameras: collections.abc.Sequence[gslts._core.map.Camera], photos: collections.abc.Sequence[numpy.ndarray], *, measured: collections.abc.Sequence[numpy.ndarray] | None = None, masks: collections.abc.Sequence[numpy.ndarray] | None = None, rule: RefineRule) -> RefinedPose:
+def refine_pose(maps: collections.abc.Sequence[gslts._core.map.GaussianViewFloat], cameras: collections.abc.Sequence[gslts._core.map.Camera], photos: collections.abc.Sequence[numpy.ndarray], *, measured: collections.abc.Sequence[numpy.ndarray] | None = None, masks: collections.abc.Sequence[numpy.ndarray] | None = None, rule: RefineRule) -> RefinedPose:
     """
     Where a picture fits a map best, near a pose.
     
     Args:
-        gaussians: View of a float32 map.
+        maps: Views of a float32 map: one for all pictures, or one for each.
         cameras: Of one picture in several resolutions, the coarsest first; the pose of the first one is
             where the search starts.
         photos: [H,W,3] float32 sRGB of each, 0 to 1.
         measured: [H,W] float32 depth of each, m, 0 or NaN where there is none; None means without.
-        masks: [H,W] bool of each, where the camera saw something; None means everywhere.
+        masks: [H,W] bool of each, pixels that may count; None means all.
         rule: Settings.
     
     Source: iComMa, Sun et al. 2023.

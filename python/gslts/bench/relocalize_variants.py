@@ -17,7 +17,7 @@ LEFT_OUT: dict[str, dict[str, Any]] = {
 KNOBS = {
     "halvings": (0, 1, 2),
     "corners": (250, 500, 1000, 2000),
-    "iterations": (2, 4, 6, 12),
+    "iterations": (2, 4, 8, 16),
 }
 """Settings that buy accuracy with time, each changed by itself."""
 

@@ -26,7 +26,7 @@ class RelocalizationConfig(BaseModel):
     corners: Annotated[int, Field(ge=50, le=10_000)] = 1000
     hypotheses: Annotated[int, Field(ge=1, le=16)] = 4
     halvings: Annotated[int, Field(ge=0, le=8)] = 0
-    iterations: Annotated[int, Field(ge=0, le=100)] = 4
+    iterations: Annotated[int, Field(ge=0, le=100)] = 8
     register_clouds: bool = True
     use_depth: bool = True
     threads: Annotated[int, Field(ge=0)] = 0

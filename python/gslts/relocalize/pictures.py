@@ -15,6 +15,11 @@ LEAST_SIDE_PX = 60
 """Of the coarsest picture, a pixel of which is about a degree: from there a pose is found that is
 some degrees off."""
 
+ENOUGH_ROWS = 240
+"""Of a picture all of whose pixels count. Of a larger one as many do, which cost less."""
+BLOCK_PX = 32
+"""Side of a block of pixels that count together: the rasterizer renders blocks."""
+
 
 @dataclass(frozen=True, eq=False)
 class Pictures:
@@ -49,6 +54,15 @@ class Pictures:
         """Halvings from the coarsest picture to one that is halved so often, if there is one."""
         coarsest = len(self.frames) - 1
         return range(coarsest, min(halvings, coarsest) - 1, -1)
+
+    def spread(self, level: int) -> NDArray[np.bool_]:
+        """[H,W] pixels that tell the pose: of those that saw something, blocks all over."""
+        height, width = self.photos[level].shape[:2]
+        step = max(1, height // ENOUGH_ROWS)
+        rows, columns = np.arange(height) // BLOCK_PX, np.arange(width) // BLOCK_PX
+        blocks: NDArray[np.bool_] = (rows % step == 0)[:, None] & (columns % step == 0)
+        mask = self.frames[level].mask
+        return blocks if mask is None else blocks & mask
 
     @property
     def has_depth(self) -> bool:

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts._core import reloc as _core
-from gslts._core.map import GaussianViewFloat
 from gslts.camera import apart, at_pose
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import GaussianMap
 from gslts.map_folder import read_map
 from gslts.relocalize.clouds import SurfaceCloud
+from gslts.relocalize.coarse_maps import CoarseMaps
 from gslts.relocalize.config import RelocalizationConfig
 from gslts.relocalize.landmark_files import read_landmarks
 from gslts.relocalize.landmarks import Landmarks, grey_of
@@ -96,11 +96,10 @@ class Relocalizer:
         landmarks: Landmarks | None,
         config: RelocalizationConfig | None = None,
     ) -> None:
-        view = gaussian_map.view()
-        if not isinstance(view, GaussianViewFloat):
+        if gaussian_map.dtype != np.float32:
             raise ValueError(f"Relocalizer: the map must be float32, got {gaussian_map.dtype}")
         self.config = RelocalizationConfig() if config is None else config
-        self._view = view
+        self._maps = CoarseMaps(gaussian_map)
         self._surface = SurfaceCloud(gaussian_map)
         self._index = None
         if landmarks is not None and landmarks.size > 0:
@@ -194,13 +193,13 @@ class Relocalizer:
     ) -> _core.RefinedPose:
         config = self.config
         cameras = [at_pose(pictures.frames[level].camera, start) for level in levels]
-        masks = [one for level in levels if (one := pictures.frames[level].mask) is not None]
+        thinned = [*levels[:-1], 0]  # The last one tells how well the picture fits the whole map.
         return _core.refine_pose(
-            self._view,
+            [self._maps.halved(level) for level in thinned],
             cameras,
             [pictures.photos[level] for level in levels],
             measured=[pictures.depths[level] for level in levels],
-            masks=masks or None,  # Of all levels, or of none.
+            masks=[pictures.spread(level) for level in levels],
             rule=_core.RefineRule(
                 iterations=config.iterations, least_step_m=STEP_M, threads=config.threads
             ),

@@ -11,7 +11,7 @@ struct RefineRule {
   CostRule cost;
   int iterations = 8;          ///< At each resolution, at most. >= 0
   double least_step_m = 1e-4;  ///< A step that is shorter, and turns less than so many rad, is the
-                               ///< last one at its resolution. >= 0
+                               ///< last one; twice as much at half the resolution, and so on. >= 0
 };
 
 /// A pose where a picture fits a map best.
@@ -31,11 +31,13 @@ struct RefinedPose {
 /// direct image alignment, which takes a few steps where the gradient alone takes hundreds. At each
 /// resolution it goes on from what the one before came to, or from the start where that fits
 /// better.
+/// @param maps  With which each picture is compared: one for all, or one for each.
 /// @param views  One picture in several resolutions, the coarsest first.
 /// @param start  world_from_camera, some pixels of the coarsest picture off at most.
 /// @return  The start, not converged, if the map is not seen from there.
-/// @throws std::invalid_argument  if there is no view, or one, the pose or a setting is invalid.
-RefinedPose refine_pose(const GaussianView<float>& gaussians,
+/// @throws std::invalid_argument  if there is no view, not one map a view, or a view, the pose or a
+///                                setting is invalid.
+RefinedPose refine_pose(const std::vector<GaussianView<float>>& maps,
                         const std::vector<RgbdView<float>>& views, const Eigen::Isometry3d& start,
                         const RefineRule& rule = {});
 

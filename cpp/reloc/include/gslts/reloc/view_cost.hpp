@@ -16,7 +16,7 @@ struct RgbdView {
   Camera camera;                       ///< Its intrinsics; its pose is not used.
   const T* photo = nullptr;            ///< [H,W,3] sRGB, 0 to 1
   const T* measured = nullptr;         ///< [H,W] z, m; 0 or NaN where there is no measurement.
-  const std::uint8_t* mask = nullptr;  ///< [H,W] nonzero where the camera saw something; null: all.
+  const std::uint8_t* mask = nullptr;  ///< [H,W] nonzero where pixels may count; null: all.
 };
 
 /// How much a picture and a map may differ.
@@ -30,7 +30,7 @@ struct CostRule {
 
 /// How well a picture fits a map.
 struct Fit {
-  double known = 0;     ///< Share of the picture that the map fills.
+  double known = 0;     ///< Share of the pixels that may count that the map fills.
   double alike = 0;     ///< Share of that where colours differ by less than `color_scale`,
   double measured = 0;  ///< where depth was measured,
   double near = 0;      ///< and share of this where it differs by less than `depth_scale`.
@@ -65,14 +65,12 @@ class ViewCost {
   ViewCost(ViewCost&&) noexcept;
   ViewCost& operator=(ViewCost&&) noexcept;
 
-  /// At the pose of construction.
-  const Fit& fit() const;
-
   /// Pixels that count.
   std::size_t pixels() const;
 
   // Each renders only if the last call was of another pose.
 
+  Fit fit(const Eigen::Isometry3d& world_from_camera);
   double at(const Eigen::Isometry3d& world_from_camera);
   Linearization linearized(const Eigen::Isometry3d& world_from_camera);
   Matrix6 curvature(const Eigen::Isometry3d& world_from_camera);
