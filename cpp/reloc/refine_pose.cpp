@@ -189,8 +189,14 @@ RefinedPose refine_pose(const std::vector<GaussianView<float>>& maps,
     result.iterations += int(summary.num_successful_steps);
     result.converged = summary.termination_type != ceres::NO_CONVERGENCE;
   }
+  if (views.size() == 1) {  // Which may have begun far from there.
+    cost.emplace(maps[0], views[0], result.world_from_camera, rule.cost);
+  }
   result.fit = cost->fit(result.world_from_camera);
-  if (cost->pixels() < kLeastPixels) return result;
+  if (cost->pixels() < kLeastPixels) {
+    result.converged = false;
+    return result;
+  }
   result.curvature = cost->curvature(result.world_from_camera);
   result.cost = cost->at(result.world_from_camera) / double(cost->pixels());
   return result;

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <type_traits>
@@ -60,12 +61,12 @@ Survival<T> expect_survival(const BasicGaussianMap<T>& map, const Camera& camera
   return result;
 }
 
-/// Steps for the parameters of one Gaussian, small against what changes the image.
+/// Steps for the parameters of one Gaussian and the pose, small against what changes the image.
 struct Steps {
-  double means = 1e-5, quats = 1e-5, log_scales = 1e-5, logit_opacities = 1e-5;
+  double means = 1e-5, quats = 1e-5, log_scales = 1e-5, logit_opacities = 1e-5, twist = 1e-5;
 };
 
-/// In double, compares the gradient of some Gaussians with finite differences; in float, for which
+/// In double, compares the gradient of some Gaussians and the pose with finite differences; in float, for which
 /// no difference is small enough, does nothing. Smooth only where alpha_min and transmittance_min
 /// are all but zero.
 template <typename T>
@@ -76,7 +77,8 @@ void expect_spot_derivatives(const BasicGaussianMap<T>& map, const Camera& camer
     Rasterizer<double> rasterizer;
     const auto loss = random_loss<double>(1, camera, map.feature_dims);
     rasterizer.forward(map.view(), camera, options);
-    const auto dense = dense_gradients(rasterizer.backward(map.view(), loss.gradients()), map);
+    const Gradients<double> gradients = rasterizer.backward(map.view(), loss.gradients());
+    const auto dense = dense_gradients(gradients, map);
     BasicGaussianMap<double> changed = map;
     const auto groups = parameter_groups(changed);
     const double step_of[4] = {steps.means, steps.quats, steps.log_scales, steps.logit_opacities};
@@ -104,6 +106,22 @@ void expect_spot_derivatives(const BasicGaussianMap<T>& map, const Camera& camer
               << kGroupNames[group] << "[" << row << "," << c << "]";
         }
       }
+    }
+    std::vector<double> numeric;
+    double largest = 0;
+    for (std::size_t axis = 0; axis < 6; ++axis) {
+      const Derivative derivative = differentiate(
+          [&](double h) {
+            return loss.value(
+                rasterizer.forward(map.view(), moved_along(camera, axis, h), options));
+          },
+          steps.twist);
+      numeric.push_back(derivative.value);
+      largest = std::max(largest, std::abs(derivative.value));
+    }
+    for (std::size_t axis = 0; axis < 6; ++axis) {
+      EXPECT_NEAR(gradients.dL_dtwist[axis], numeric[axis], tolerance * largest + 1e-12)
+          << "twist[" << axis << "]";
     }
   }
 }

@@ -244,6 +244,7 @@ TEST(ViewCost, WhatIsHiddenByTheMaskDoesNotCount) {
   view.mask = mask.data();
   ViewCost<float> cost(map.view(), view, pose);
   EXPECT_LE(cost.pixels(), 80u * 40u);
+  EXPECT_EQ(cost.fit(pose).known, double(cost.pixels()) / (80 * 40));
   EXPECT_LT(cost.at(pose), 1e-3);
   EXPECT_TRUE(cost.linearized(pose).gradient.allFinite());
 }
@@ -266,6 +267,23 @@ TEST(RefinePose, ComesBackFromCentimetresAndDegrees) {
     EXPECT_TRUE(refined.converged);
     EXPECT_GT(refined.fit.alike, 0.99);
   }
+}
+
+TEST(RefinePose, ComparesEachPictureWithItsOwnMap) {
+  const GaussianMap map = corner<float>(21), nothing;
+  const Pyramid pyramid(map, kAskew);
+  Vector6 off;
+  off << 0.005, -0.005, 0.005, 0.002, -0.002, 0.002;
+  const Eigen::Isometry3d start = kAskew * motion_of(off);
+  const RefinedPose by_last =
+      refine_pose({nothing.view(), nothing.view(), map.view()}, pyramid.views, start);
+  EXPECT_LT(off_m(by_last.world_from_camera, kAskew), 2e-3);
+  EXPECT_GT(by_last.fit.alike, 0.99);
+  const RefinedPose by_others =
+      refine_pose({map.view(), map.view(), nothing.view()}, pyramid.views, start);
+  EXPECT_LT(off_m(by_others.world_from_camera, kAskew), 2e-3);
+  EXPECT_EQ(by_others.fit.known, 0);
+  EXPECT_FALSE(by_others.converged);
 }
 
 TEST(RefinePose, AnotherExposureDoesNotMatter) {

@@ -1,5 +1,6 @@
 """A simulated room, a map of it, and what a robot sees after something was changed."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -44,10 +45,15 @@ def tiled(
     darkest: int,
     *,
     inward: bool = False,
+    period: int = TILES,
 ) -> HomeObject:
-    """A box with squares of 0.25 m of random colours, no two places of which look the same."""
+    """A box with squares of 0.25 m of random colours, no two places of which look the same.
+
+    With a smaller period, they repeat after so many.
+    """
     rng = np.random.default_rng(seed)
-    squares = rng.integers(darkest, 220, (TILES, TILES, 3)).astype(np.uint8)
+    squares = rng.integers(darkest, 220, (period, period, 3)).astype(np.uint8)
+    squares = np.tile(squares, (TILES // period, TILES // period, 1))
     texture = squares.repeat(16, 0).repeat(16, 1)
     box = sim_scenes.box_object(name, low, high, texture, inward=inward)
     (surface,) = box.surfaces
@@ -92,6 +98,11 @@ def see(where: Home, look: Look, noise: str = "none", seed: int = 0) -> RgbdFram
 @cache
 def mapped() -> tuple[GaussianMap, dict[str, Camera]]:
     """The map of the room, and the cameras of the frames that it was made from."""
+    return map_of(home(), [*explore(home(), 48)[0], *LOOKS])
+
+
+def map_of(where: Home, looks: Sequence[Look]) -> tuple[GaussianMap, dict[str, Camera]]:
+    """A map that is made in some seconds, and the cameras of the frames."""
     config = MappingConfig(
         iterations=500,
         patience=1.0,
@@ -102,10 +113,9 @@ def mapped() -> tuple[GaussianMap, dict[str, Camera]]:
         refine_poses=False,
         refine_lenses=False,
     )
-    looks, _ = explore(home(), 48)
     with TemporaryDirectory() as folder:
         visit = Path(folder) / "visit"
-        capture(Controller(home(), **SIZE), [*looks, *LOOKS], visit)
+        capture(Controller(where, **SIZE), looks, visit)
         result = make_map(open_dataset(visit), config)
     cameras = {name: one.camera() for name, one in (result.training | result.held_out).items()}
     return result.gaussian_map, cameras

@@ -105,6 +105,17 @@ def test_a_frame_is_found_whatever_its_pose_says(look: object) -> None:
     )
 
 
+def test_poses_written_with_few_digits_stay_rigid_one_after_the_other() -> None:
+    """A camera may be off by a millionth; what two of them come to is off by more."""
+    frame = change_room.see(change_room.home(), change_room.LOOKS[0])
+    sheared = np.eye(4)
+    sheared[0, 1] = 9e-7
+    for _ in range(4):
+        frame = in_world(frame, sheared)
+    turned = frame.camera.world_from_camera[:3, :3]
+    np.testing.assert_allclose(turned @ turned.T, np.eye(3), rtol=0, atol=1e-12)
+
+
 def test_depth_of_a_lens_of_its_own_comes_along() -> None:
     frame = see(change_room.home(), LOOKS[0])
     beside = at_pose(frame.camera, frame.camera.world_from_camera @ shifted(0.03))

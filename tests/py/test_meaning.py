@@ -25,6 +25,7 @@ from gslts.sim.explore import explore
 from gslts.sim.robot_body import Look
 from gslts.tasks.embed import Embedded, embedded
 from gslts.tasks.lift import lifted
+from gslts.tasks.localize import Queries
 from gslts.tasks.meaning import Meaning
 from gslts.tasks.refine import refined
 from gslts.tasks.semantics import Oracle
@@ -88,6 +89,19 @@ def test_what_is_added_means_what_was_seen() -> None:
     rows = new_rows(result)
     assert len(rows) > 20
     assert meaning().name_of(result.gaussian_map, rows) == "Box"
+
+
+def test_what_moved_is_found_where_it_is_now_and_means_what_it_did() -> None:
+    """The blue box went from (3.0, 1.95) to (2.6, 1.7), and stands beside the red one now."""
+    before = Queries(taught()[0], meaning().autoencoder, Oracle()).find("box")
+    assert max(one.high[0] for one in before) > 3.0
+    result = updated("relocation")
+    found = Queries(result.gaussian_map, meaning().autoencoder, Oracle()).find("box")
+    assert max(one.high[0] for one in found) == pytest.approx(2.72, abs=0.05)
+    rows = np.intersect1d(np.concatenate([one.rows for one in found]), new_rows(result))
+    assert len(rows) > 20
+    known = {one.tobytes() for one in taught()[0].features}
+    assert all(one.tobytes() in known for one in result.gaussian_map.features[rows])
 
 
 def test_what_nobody_names_has_no_meaning_and_others_keep_theirs() -> None:

@@ -4,6 +4,7 @@ from dataclasses import replace
 from functools import cache
 
 import change_room
+import cv2
 import numpy as np
 import pytest
 import update_room
@@ -15,6 +16,7 @@ from gslts.gaussian_map import GaussianMap
 from gslts.relocalize.config import RelocalizationConfig
 from gslts.relocalize.landmarks import Landmarks, joined
 from gslts.relocalize.relocalizer import Localization, Relocalizer
+from gslts.sim.controller import Controller
 from gslts.sim.explore import explore
 
 ONE_THREAD = RelocalizationConfig(threads=1)
@@ -119,10 +121,13 @@ def test_tracking_from_another_place_is_lost() -> None:
     frame = views()[0]
     start = frame.camera.world_from_camera.copy()
     start[:3, :3] = start[:3, :3] @ np.diag([-1.0, 1, -1])  # Looks behind itself.
-    result = relocalizer().track(frame, start)
-    assert result.status == "lost"
-    assert result.world_from_camera is None
-    assert result.covariance is None
+    across = frame.camera.world_from_camera.copy()
+    across[:2, 3] = np.array([5.0, 4.0]) - across[:2, 3]  # Of a room of 5 x 4 m.
+    for elsewhere in (start, across):
+        result = relocalizer().track(frame, elsewhere)
+        assert result.status == "lost"
+        assert result.world_from_camera is None
+        assert result.covariance is None
 
 
 @pytest.mark.parametrize("level", [0, 180, 255])
@@ -168,6 +173,42 @@ def test_what_shows_nothing_of_the_map_is_lost(harmed) -> None:  # type: ignore[
     assert result.status == "lost"
     assert result.reason
     assert result.world_from_camera is None
+
+
+def test_a_large_picture_is_found_by_blocks_of_it() -> None:
+    """Of 640 x 480: four resolutions, of which the map is thinned for three."""
+    robot = Controller(change_room.home(), width=640, height=480)
+    for look in explore(change_room.home(), 3)[0]:
+        robot.go(look)
+        frame = robot.observe()
+        result = relocalizer().locate(without_pose(frame))
+        assert result.status == "ok", result.reason
+        assert off(result, frame)[0] < 0.02
+        beside = moved(frame.camera, np.array([0.03, -0.03, 0.02, 0.02, -0.02, 0.01]))
+        tracked = relocalizer().track(frame, beside.world_from_camera)
+        assert tracked.status == "ok", tracked.reason
+        assert off(tracked, frame)[0] < 0.02
+
+
+def test_a_blurred_picture_is_found_or_lost_but_never_elsewhere() -> None:
+    found = []
+    for frame in views():
+        rgb = cv2.GaussianBlur(frame.rgb, (0, 0), 2.0)  # Of 160 columns: a smear of 8 at 640.
+        result = relocalizer().locate(replace(frame, rgb=rgb))
+        if result.world_from_camera is not None:
+            found.append(off(result, frame)[0])
+    assert found
+    assert max(found) < 0.06
+
+
+def test_depth_that_saturates_is_no_error() -> None:
+    """65.535 m, the most that 16 bits of millimetres hold, in a third of the picture."""
+    frame = views()[0]
+    depth = frame.depth.copy()
+    depth[:, : depth.shape[1] // 3] = 65.535
+    result = relocalizer().locate(replace(frame, depth=depth))
+    assert result.status == "ok", result.reason
+    assert off(result, frame)[0] < 0.05
 
 
 def test_wrong_intrinsics_are_not_ok() -> None:

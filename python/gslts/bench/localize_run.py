@@ -72,7 +72,7 @@ OURS = "d = 32"
 TRADE = {"d = 8": Variant(code=8), "d = 16": Variant(code=16), "d = 64": Variant(code=64)}
 ABLATION = {
     "refined by gradient, 600 steps": Variant(refine=600),
-    "images of 320x240": Variant(width=320, height=240),
+    "images of 300x300": Variant(width=300, height=300),
     "60 % of the frames": Variant(frames_share=0.6),
 }
 

@@ -249,6 +249,8 @@ def image_size(path: Path) -> tuple[int, int]:
             return image.size
     except UnidentifiedImageError:
         raise ValueError(f"{path}: it is no picture") from None
+    except Image.DecompressionBombError as error:
+        raise ValueError(f"{path}: {error}") from None
 
 
 def read_image(path: Path, mode: str, size: tuple[int, int]) -> NDArray[Any]:

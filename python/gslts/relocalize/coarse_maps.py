@@ -12,7 +12,7 @@ from gslts._core.map import GaussianViewFloat
 from gslts.gaussian_map import GaussianMap
 
 MOST_THINNED = 8
-"""Of so many Gaussians at least one stays."""
+"""Of so many Gaussians one stays, at least."""
 
 
 class CoarseMaps:
@@ -38,6 +38,8 @@ class CoarseMaps:
 
 def thinned(gaussian_map: GaussianMap, factor: int) -> GaussianMap:
     """One Gaussian of so many, of one colour from all sides, which together fill the same volume.
+
+    Grown to cover the same area, they would hide more of each other, and poses were worse.
 
     Args:
         gaussian_map: float32 or float64.

@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.camera import apart, at_pose
+from gslts.datasets.dataset import rigid
 from gslts.frame import RgbdFrame
 from gslts.relocalize.relocalizer import Localization, Relocalizer
 
 Floats = NDArray[np.float64]
 
 NEAR_M, NEAR_RAD = 0.10, np.deg2rad(5)
-"""Tracking that ends farther from where it began, or that uncertain, may have lost its way: from
-0.3 m off it has ended 7 cm beside the right place, and fitted there; a black picture fits anywhere.
-"""
+"""Tracking that ends farther from where it began may have lost its way: from 0.3 m off it has ended
+7 cm beside the right place, and fitted there."""
 
 
 class Localizer:
@@ -47,9 +47,6 @@ class Localizer:
 
         Args:
             frame: Its pose is one of the odometry; frames of robots without one all have the same.
-
-        Raises:
-            ValueError: As for `Relocalizer.locate`.
         """
         found = self._tracked(frame) or self._relocalizer.locate(frame)
         if found.status == "ok":
@@ -66,9 +63,6 @@ class Localizer:
 
         Args:
             frame: As for `locate`.
-
-        Raises:
-            ValueError: As for `Relocalizer.locate`.
         """
         found = self.locate(frame)
         placed = frame
@@ -83,7 +77,7 @@ class Localizer:
     def _tracked(self, frame: RgbdFrame) -> Localization | None:
         if self._world_from_odometry is None:
             return None
-        expected = self._world_from_odometry @ frame.camera.world_from_camera
+        expected = rigid(self._world_from_odometry @ frame.camera.world_from_camera)
         found = self._relocalizer.track(frame, expected)
         if found.status != "ok" or found.world_from_camera is None:
             return None
@@ -99,7 +93,7 @@ def in_world(frame: RgbdFrame, world_from_other: Floats) -> RgbdFrame:
         world_from_other: [4,4], rigid, m.
     """
     camera, depth_camera = (
-        None if one is None else at_pose(one, world_from_other @ one.world_from_camera)
+        None if one is None else at_pose(one, rigid(world_from_other @ one.world_from_camera))
         for one in (frame.camera, frame.depth_camera)
     )
     assert camera is not None

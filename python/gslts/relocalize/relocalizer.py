@@ -40,8 +40,8 @@ Status = Literal["ok", "ambiguous", "lost"]
 COARSE_LEVELS = 2
 """Resolutions, of the coarsest ones, at which hypotheses are compared."""
 STEP_M = 1e-3
-"""A step of the refinement that is shorter is its last one at a resolution: a third of what the map
-itself is off."""
+"""A step of the refinement that is shorter is its last one at full size, and twice as much at half
+of it: a third of what the map itself is off."""
 APART_M, APART_RAD = 0.10, np.deg2rad(5)
 """Poses that are farther apart are different places."""
 LIKELIER = 0.85
@@ -138,12 +138,12 @@ class Relocalizer:
         best = tried[0]
         pose = self._refined(pictures, best.pose, levels[COARSE_LEVELS:] or levels[-1:])
         coarse = np.asarray(best.hypothesis.world_from_camera)
-        others = tuple(
-            one.pose
-            for one in tried[1:]
-            if one.trust > LIKELIER * best.trust and _are_apart(one.pose, best.pose)
-        )
-        return self._told(pictures, pose, best.hypothesis.inliers, others, coarse)
+        others: list[Floats] = []
+        for one in tried[1:]:
+            is_new = all(_are_apart(one.pose, other) for other in (best.pose, *others))
+            if is_new and one.trust > LIKELIER * best.trust:
+                others.append(one.pose)
+        return self._told(pictures, pose, best.hypothesis.inliers, tuple(others), coarse)
 
     def track(self, frame: RgbdFrame, world_from_camera: Floats) -> Localization:
         """Finds a frame near a pose, such as that of the frame before.

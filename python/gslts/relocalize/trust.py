@@ -10,7 +10,7 @@ from gslts._core import reloc as _core
 Floats = NDArray[np.float64]
 
 LEAST_KNOWN = 0.4
-"""Share of the picture that the map must fill."""
+"""Share of the pixels that may count that the map must fill."""
 LEAST_ALIKE, LEAST_NEAR = 0.7, 0.7
 """Shares of pixels whose colours and depths must be about those of the map."""
 LEAST_MEASURED = 0.05

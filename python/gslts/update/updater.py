@@ -157,6 +157,10 @@ def update(
     if meaning is not None and record.refused is None:
         fresh = ~np.isin(updated.ids, gaussian_map.ids)
         fresh |= near_sites(updated, found.sites, MEANING_M)
+        if all(change.kind == "relocation" for change in changes):  # What moved means what it did.
+            after = [site for site in found.sites if site.side == "after"]
+            moved = near_sites(updated, after, config.edit.margin_m)
+            fresh &= ~(moved & updated.features.any(axis=1))
         shown = [(view.frame, view.changed) for view in used]
         updated = meaning.taught(updated, fresh, shown, config.threads)
     return Update(updated, record, (*used, *held_back), found.sites)

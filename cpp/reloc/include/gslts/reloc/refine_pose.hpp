@@ -20,16 +20,16 @@ struct RefinedPose {
   /// Curvature of the cost there, by a twist (rho, phi) of world_from_camera * exp(rho, phi): what
   /// the picture tells about each direction, m before rad.
   Matrix6 curvature = Matrix6::Zero();
-  double cost = 0;         ///< Mean over the pixels that count, at the finest resolution.
-  Fit fit;                 ///< There, too.
+  double cost = 0;  ///< Mean over the pixels that count, at the finest resolution.
+  Fit fit;          ///< There, too; with what counts as known where its resolution began.
   int iterations = 0;      ///< Of all resolutions.
   bool converged = false;  ///< Whether the last resolution ended before its iterations did.
 };
 
 /// Inverts the rendering for its camera (iComMa, Sun et al. 2023), by Levenberg and Marquardt's
 /// method on SE(3) (Ceres): descends along the rasterizer's exact gradient with the curvature of
-/// direct image alignment, which takes a few steps where the gradient alone takes hundreds. At each
-/// resolution it goes on from what the one before came to, or from the start where that fits
+/// direct image alignment, which takes a few steps where the gradient alone takes hundreds. Each
+/// resolution goes on from what the one before came to, the second one from the start if that fits
 /// better.
 /// @param maps  With which each picture is compared: one for all, or one for each.
 /// @param views  One picture in several resolutions, the coarsest first.
