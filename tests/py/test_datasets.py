@@ -158,6 +158,12 @@ def test_tum_without_partners_or_with_bad_lines(tmp_path: Path) -> None:
     (folder / "groundtruth.txt").write_text(truth + "1 2 3 4 5 6 7 nan\n")
     with pytest.raises(ValueError, match=r"groundtruth\.txt: line 11: .* is not 8 values"):
         open_dataset(folder)
+    (folder / "groundtruth.txt").unlink()
+    with pytest.raises(ValueError, match="0 usable frames, at least 2 are needed"):
+        open_dataset(folder)
+    blind = open_dataset(folder, posed=False)
+    assert [one.name for one in blind.frames] == [one.name for one in dataset.frames]
+    np.testing.assert_array_equal(blind.frames[0].camera.world_from_camera, np.eye(4))
 
 
 def test_the_real_room_is_read() -> None:

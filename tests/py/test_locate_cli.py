@@ -2,6 +2,9 @@
 
 import json
 import re
+import shutil
+import struct
+import zlib
 from pathlib import Path
 
 import adrift
@@ -53,7 +56,17 @@ def visited(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "broken.json").write_text("{")
     (folder / "text.png").write_text("no picture")
     Image.fromarray(np.zeros((90, 120, 3), np.uint8)).save(folder / "small.jpg")
+    (folder / "vast.png").write_bytes(
+        b"\x89PNG\r\n\x1a\n"
+        + png_chunk(b"IHDR", struct.pack(">II5B", 20_000, 20_000, 8, 2, 0, 0, 0))
+        + png_chunk(b"IDAT", b"")
+    )
     return folder
+
+
+def png_chunk(kind: bytes, content: bytes) -> bytes:
+    check = struct.pack(">I", zlib.crc32(kind + content))
+    return struct.pack(">I", len(content)) + kind + content + check
 
 
 def darken(visit: Path, name: str) -> None:
@@ -177,6 +190,25 @@ def test_changes_are_detected_whatever_the_odometry_says(visited: Path) -> None:
     assert lines[3:] == [lost]
 
 
+def test_frames_without_poses_are_located_and_compared(visited: Path, tmp_path: Path) -> None:
+    shutil.copytree(visited / "visit", tmp_path / "bare")
+    file = tmp_path / "bare" / "transforms.json"
+    content = json.loads(file.read_text())
+    for frame in content["frames"]:
+        del frame["transform_matrix"]
+    file.write_text(json.dumps(content))
+    refused = gslts("detect", visited / "map", "bare", *FAST, cwd=tmp_path)
+    assert refused.returncode == 1
+    assert "0 usable frames, at least 2 are needed; 00000: it has no pose" in refused.stderr
+    found = gslts("locate", visited / "map", "bare", *FAST, cwd=tmp_path)
+    assert found.returncode == 0, found.stderr
+    assert "00001: ok at (" in found.stdout
+    assert "from the pose" not in found.stdout
+    done = gslts("detect", visited / "map", "bare", "--locate", *FAST, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "removal at (2." in done.stdout.splitlines()[1]
+
+
 @pytest.mark.parametrize("command", [("run", "--frames", "long"), ("update", "--frames", "long")])
 def test_a_recording_of_any_odometry_updates_a_map(visited: Path, command: tuple[str, ...]) -> None:
     if not (visited / "long").exists():
@@ -204,6 +236,7 @@ def test_a_recording_of_any_odometry_updates_a_map(visited: Path, command: tuple
         (("map", "gone.png"), "gone.png"),
         (("map", "gone"), "gone: there is no such file or folder"),
         (("map", "text.png"), "text.png: it is no picture"),
+        (("map", "vast.png", "--fov-deg", "90"), "vast.png: Image size (400000000 pixels) exceeds"),
         (("map", "small.jpg"), "no camera of map has 120 x 90 px: give --camera or --fov-deg"),
         (("map", "small.jpg", "--camera", "lens.json"), "120 x 90 px, expected 160 x 120"),
         (("map", "visit/images/00000.png", "--camera", "other.json"), "expected 320 x 120"),

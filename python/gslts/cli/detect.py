@@ -66,7 +66,7 @@ def detect(
     from gslts.files import empty_folder
     from gslts.map_folder import read_map
 
-    gaussian_map, opened = read_map(map_path), open_dataset(dataset)
+    gaussian_map, opened = read_map(map_path), open_dataset(dataset, posed=not locate)
     known = {one.name: one for one in opened.frames}
     for name in frame or []:
         if name not in known:

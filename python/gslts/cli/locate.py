@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from gslts.camera import Camera
-    from gslts.datasets import Frame
+    from gslts.datasets import Dataset, Frame
     from gslts.frame import RgbdFrame
     from gslts.relocalize.localized import Localizer
     from gslts.relocalize.relocalizer import Localization, Relocalizer
@@ -34,7 +34,7 @@ Locate = Annotated[
     bool,
     typer.Option(
         "--locate",
-        help="Poses are those of any odometry, or all the same: the map tells where it was.",
+        help="Poses are those of any odometry, or missing: the map tells where it was.",
     ),
 ]
 
@@ -87,6 +87,7 @@ def locate(
     from PIL import Image
     from tqdm import tqdm
 
+    from gslts.datasets import Dataset
     from gslts.map_folder import read_map
     from gslts.relocalize.localized import Localizer
     from gslts.relocalize.relocalizer import Localization
@@ -96,14 +97,16 @@ def locate(
     relocalizer = _relocalizer(map_path, settings)
     is_image = frames.suffix.lower() in PICTURES and not frames.is_dir()
     if is_image:
-        opened: Sequence[Frame] = [_frame_of_image(map_path, frames, depth, camera, fov_deg)]
+        image = _frame_of_image(map_path, frames, depth, camera, fov_deg)
+        opened = Dataset(image.name, (image,), unposed=(image,))
     elif (depth, camera, fov_deg) != (None,) * 3:
         raise ValueError(f"{frames}: --depth, --camera and --fov-deg are for a PNG or JPEG only")
     else:
-        opened = _opened(frames)
+        opened = _opened(frames, posed=False)
     find = Localizer(relocalizer).locate if track else relocalizer.locate
     told: list[_Told] = []
-    for frame in tqdm(opened, desc="locating", unit="frame", disable=None):
+    unposed = {one.name for one in opened.unposed}
+    for frame in tqdm(opened.frames, desc="locating", unit="frame", disable=None):
         start_s = time.perf_counter()
         try:
             read = _without_pose(frame.read())
@@ -113,7 +116,7 @@ def locate(
             if is_image:
                 raise
             found = Localization("lost", " ".join(str(error).split()))
-        pose = None if is_image else frame.camera.world_from_camera
+        pose = None if frame.name in unposed else frame.camera.world_from_camera
         told.append(_Told(frame.name, found, time.perf_counter() - start_s, pose))
         typer.echo(json.dumps(told[-1].plain()) if as_json else told[-1].line())
         if picture is not None and found.world_from_camera is not None:
@@ -148,7 +151,8 @@ def read_frames(path: Path, localizer: Localizer | None) -> dict[str, RgbdFrame]
     from tqdm import tqdm
 
     read: dict[str, RgbdFrame] = {}
-    for one in tqdm(_opened(path), desc="reading", unit="frame", disable=None):
+    opened = _opened(path, posed=localizer is None)
+    for one in tqdm(opened.frames, desc="reading", unit="frame", disable=None):
         frame = one.read() if localizer is None else localizer.located(one.read())
         if frame.fault is None:
             read[one.name] = frame
@@ -170,13 +174,13 @@ def _relocalizer(map_path: Path, settings: dict[str, int]) -> Relocalizer:
     return Relocalizer(gaussian_map, require_landmarks(map_path), config)
 
 
-def _opened(path: Path) -> Sequence[Frame]:
+def _opened(path: Path, *, posed: bool) -> Dataset:
     from gslts.datasets import open_dataset
 
-    opened = open_dataset(path)
+    opened = open_dataset(path, posed=posed)
     for reason in opened.skipped:
         typer.echo(f"skipped {reason}", err=True)
-    return opened.frames
+    return opened
 
 
 def _frame_of_image(

@@ -85,12 +85,14 @@ class Dataset:
         frames: In the order in which they were taken.
         skipped: What was left out when the data set was opened: names, and why.
         points: What the data set knows of the scene besides its frames; None if nothing.
+        unposed: Frames of which nobody knows where they were taken; their poses are the identity.
     """
 
     name: str
     frames: tuple[Frame, ...]
     skipped: tuple[str, ...] = ()
     points: PointCloud | None = None
+    unposed: tuple[Frame, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

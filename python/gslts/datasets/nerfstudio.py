@@ -49,7 +49,7 @@ class _Frame(_Intrinsics):
     file_path: str
     depth_file_path: str | None = None
     instance_file_path: str | None = None
-    transform_matrix: Annotated[list[Row], Field(min_length=3, max_length=4)]
+    transform_matrix: Annotated[list[Row], Field(min_length=3, max_length=4)] | None = None
 
 
 class _Object(BaseModel):
@@ -89,17 +89,26 @@ def open_nerfstudio(path: Path) -> Dataset:
     if content.camera_model not in (*PERSPECTIVE, FISHEYE):
         raise ValueError(f"{file}: camera_model {content.camera_model} is not supported")
     frames: list[ImageFrame] = []
+    unposed: set[Path] = set()
     skipped: list[str] = []
     types = _types(path / OBJECTS)
     for number, entry in enumerate(content.frames):
         try:
             frame = _Frame.model_validate({**_shared(content), **_dict(entry)})
             frames.append(_image_frame(path, frame, content, number, types))
+            if frame.transform_matrix is None:
+                unposed.add(frames[-1].rgb)
         except ValidationError as error:
             skipped.append(f"frames[{number}]: {_first(error)}")
         except (OSError, ValueError) as error:
             skipped.append(f"frames[{number}]: {error}")
-    return Dataset(path.name, told_apart(frames, path), tuple(skipped))
+    named = told_apart(frames, path)
+    return Dataset(
+        path.name,
+        tuple(one for one in named if one.rgb not in unposed),
+        tuple(skipped),
+        unposed=tuple(one for one in named if one.rgb in unposed),
+    )
 
 
 def _image_frame(
@@ -112,14 +121,17 @@ def _image_frame(
         if frame.camera_angle_x is None:
             raise ValueError(f"{rgb}: neither fl_x nor camera_angle_x is given")
         fx = width / 2 / float(np.tan(frame.camera_angle_x / 2))
-    matrix = np.vstack([np.array(frame.transform_matrix)[:3], [0, 0, 0, 1]])
+    pose = np.eye(4)
+    if frame.transform_matrix is not None:
+        matrix = np.vstack([np.array(frame.transform_matrix)[:3], [0, 0, 0, 1]])
+        pose = rigid(matrix @ OPENGL_FROM_OPENCV)
     intrinsics = (
         fx,
         fx if frame.fl_y is None else frame.fl_y,
         width / 2 if frame.cx is None else frame.cx,
         height / 2 if frame.cy is None else frame.cy,
     )
-    camera = pinhole(intrinsics, (width, height), rigid(matrix @ OPENGL_FROM_OPENCV))
+    camera = pinhole(intrinsics, (width, height), pose)
     depth = None if frame.depth_file_path is None else path / frame.depth_file_path
     return ImageFrame(
         rgb,

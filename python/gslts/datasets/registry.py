@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from gslts.datasets.colmap import is_colmap, open_colmap
@@ -25,8 +26,13 @@ FORMATS: dict[str, tuple[Callable[[Path], bool], Callable[[Path], Dataset]]] = {
 LEAST_FRAMES = 2
 
 
-def open_dataset(path: str | os.PathLike[str]) -> Dataset:
+def open_dataset(path: str | os.PathLike[str], *, posed: bool = True) -> Dataset:
     """Opens a data set of any known format.
+
+    Args:
+        path: A folder or a file.
+        posed: Whether a frame needs a pose; if not, `frames` has those of `unposed`, too, for those
+            who find poses by themselves.
 
     Raises:
         OSError: There is no such path.
@@ -37,7 +43,7 @@ def open_dataset(path: str | os.PathLike[str]) -> Dataset:
         raise FileNotFoundError(f"{path}: there is no such file or folder")
     for looks_like, open_it in FORMATS.values():
         if looks_like(path):
-            dataset = open_it(path)
+            dataset = _usable(open_it(path), posed)
             if len(dataset.frames) < LEAST_FRAMES:
                 why = f"; {dataset.skipped[0]}" if dataset.skipped else ""
                 raise ValueError(
@@ -46,3 +52,10 @@ def open_dataset(path: str | os.PathLike[str]) -> Dataset:
                 )
             return dataset
     raise ValueError(f"{path}: no data set of a known format ({', '.join(FORMATS)})")
+
+
+def _usable(dataset: Dataset, posed: bool) -> Dataset:
+    if not posed:
+        return replace(dataset, frames=(*dataset.frames, *dataset.unposed))
+    left_out = tuple(f"{one.name}: it has no pose" for one in dataset.unposed)
+    return replace(dataset, skipped=(*dataset.skipped, *left_out))

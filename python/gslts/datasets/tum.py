@@ -1,4 +1,7 @@
-"""TUM RGB-D (Sturm et al. 2012): rgb.txt, depth.txt and groundtruth.txt with times of their own."""
+"""TUM RGB-D (Sturm et al. 2012): rgb.txt, depth.txt and groundtruth.txt with times of their own.
+
+Without groundtruth.txt, no pose is known.
+"""
 
 from __future__ import annotations
 
@@ -27,8 +30,8 @@ DEFAULT_INTRINSICS = (525.0, 525.0, 319.5, 239.5)
 
 
 def is_tum(path: Path) -> bool:
-    """Whether a folder has the three lists."""
-    return all((path / name).exists() for name in ("rgb.txt", "depth.txt", "groundtruth.txt"))
+    """Whether a folder has the lists of pictures."""
+    return all((path / name).exists() for name in ("rgb.txt", "depth.txt"))
 
 
 def open_tum(path: Path) -> Dataset:
@@ -42,7 +45,9 @@ def open_tum(path: Path) -> Dataset:
         ValueError: A list is damaged.
     """
     names = _rows(path / "rgb.txt", 2)
-    depth_rows, pose_rows = _rows(path / "depth.txt", 2), _rows(path / "groundtruth.txt", 8)
+    trajectory = path / "groundtruth.txt"
+    is_posed = trajectory.exists()
+    depth_rows, pose_rows = _rows(path / "depth.txt", 2), _rows(trajectory, 8) if is_posed else []
     depth_times, pose_times = (_times(rows) for rows in (depth_rows, pose_rows))
     poses = np.array([row[1:] for row in pose_rows], np.float64).reshape(-1, 7)
     fx, fy, cx, cy = next(
@@ -54,18 +59,24 @@ def open_tum(path: Path) -> Dataset:
         try:
             time_s = float(time)
             depth = _nearest(depth_times, time_s, "depth picture")
-            pose = _nearest(pose_times, time_s, "pose")
+            pose = _pose(poses[_nearest(pose_times, time_s, "pose")]) if is_posed else np.eye(4)
             width, height = image_size(path / name)
             # Calibrations by OpenCV count from the middle of the first pixel, this project from
             # its corner.
             intrinsics = (fx, fy, cx + 0.5, cy + 0.5)
-            camera = pinhole(intrinsics, (width, height), _pose(poses[pose]))
+            camera = pinhole(intrinsics, (width, height), pose)
         except (OSError, ValueError) as error:
             skipped.append(f"{name}: {error}")
             continue
         depth_path = path / depth_rows[depth][1]
         frames.append(ImageFrame(path / name, camera, depth_path, DEPTH_UNIT_M, time_s=time_s))
-    return Dataset(path.name, told_apart(frames, path), tuple(skipped))
+    named = told_apart(frames, path)
+    return Dataset(
+        path.name,
+        named if is_posed else (),
+        tuple(skipped),
+        unposed=() if is_posed else named,
+    )
 
 
 def read_trajectory(path: Path) -> list[Floats]:
