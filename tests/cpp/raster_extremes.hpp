@@ -66,9 +66,9 @@ struct Steps {
   double means = 1e-5, quats = 1e-5, log_scales = 1e-5, logit_opacities = 1e-5, twist = 1e-5;
 };
 
-/// In double, compares the gradient of some Gaussians and the pose with finite differences; in float, for which
-/// no difference is small enough, does nothing. Smooth only where alpha_min and transmittance_min
-/// are all but zero.
+/// In double, compares the gradient of some Gaussians and the pose with finite differences; in
+/// float, for which no difference is small enough, does nothing. Smooth only where alpha_min and
+/// transmittance_min are all but zero.
 template <typename T>
 void expect_spot_derivatives(const BasicGaussianMap<T>& map, const Camera& camera,
                              const RenderOptions& options, const std::vector<std::size_t>& rows,

@@ -20,8 +20,8 @@ struct RefinedPose {
   /// Curvature of the cost there, by a twist (rho, phi) of world_from_camera * exp(rho, phi): what
   /// the picture tells about each direction, m before rad.
   Matrix6 curvature = Matrix6::Zero();
-  double cost = 0;  ///< Mean over the pixels that count, at the finest resolution.
-  Fit fit;          ///< There, too; with what counts as known where its resolution began.
+  double cost = 0;         ///< Mean over the pixels that count, at the finest resolution.
+  Fit fit;                 ///< There, too; with what counts as known where its resolution began.
   int iterations = 0;      ///< Of all resolutions.
   bool converged = false;  ///< Whether the last resolution ended before its iterations did.
 };
