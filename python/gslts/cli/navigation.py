@@ -33,7 +33,10 @@ def flatten(
     category: Annotated[
         list[str] | None, typer.Option(help="A layer, such as Mug; may be given again.")
     ] = None,
-    cell: Annotated[float, typer.Option(min=0.01, max=1, help="Edge of a cell, m.")] = 0.05,
+    cell: Annotated[
+        float | None,
+        typer.Option(min=0.01, max=1, help="Edge of a cell, m. Default: a quarter of --radius."),
+    ] = None,
     radius: Radius = 0.2,
     height: Height = 1.2,
     step: Step = 0.02,
@@ -60,7 +63,7 @@ def flatten(
     missing = [name for name in found.categories if not found.category(name).any()]
     note = f"; not found: {', '.join(missing)}" if missing else ""
     size = found.grid.size
-    typer.echo(f"wrote {size} x {size} cells of {cell:g} m to {out}{note}")
+    typer.echo(f"wrote {size} x {size} cells of {found.grid.cell_m:g} m to {out}{note}")
 
 
 def go(

@@ -17,7 +17,8 @@ from gslts.tasks.surface_points import SurfacePoints, floor_height_m, surface_po
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-CELL_M = 0.05
+CELLS_A_RADIUS = 4
+"""Of the robot: a way that is as wide as it is is told from one that is not."""
 ROUGH_M = 0.04
 """So far above the step that a robot climbs begin obstacles: Gaussians of a floor are rough."""
 LEAST_COVER = 0.3
@@ -74,7 +75,7 @@ def semantic_map(
     gaussian_map: GaussianMap,
     body: RobotBody,
     categories: Categories | None = None,
-    cell_m: float = CELL_M,
+    cell_m: float | None = None,
 ) -> SemanticMap:
     """Flattens a map of Gaussians along z.
 
@@ -85,12 +86,13 @@ def semantic_map(
         gaussian_map: With features if there are categories.
         body: Of the robot.
         categories: Of the layers; None for none.
-        cell_m: Edge of a cell.
+        cell_m: Edge of a cell; None means a quarter of the radius of the robot.
 
     Raises:
         ValueError: No Gaussian is opaque, there are too many cells, or the features are not those
             that the categories are told from.
     """
+    cell_m = body.radius_m / CELLS_A_RADIUS if cell_m is None else cell_m
     points = surface_points(gaussian_map, cell_m)
     if len(points.rows) == 0:
         raise ValueError("semantic_map: gaussian_map: it has no opaque Gaussian")
