@@ -16,6 +16,7 @@ from gslts.gaussian_map import GaussianMap
 from gslts.relocalize.config import RelocalizationConfig
 from gslts.relocalize.landmarks import Landmarks, joined
 from gslts.relocalize.relocalizer import Localization, Relocalizer
+from gslts.relocalize.trust import fault_of_corners
 from gslts.sim.controller import Controller
 from gslts.sim.explore import explore
 
@@ -291,3 +292,20 @@ def test_an_empty_map_is_no_place() -> None:
 def test_a_map_in_double_is_refused() -> None:
     with pytest.raises(ValueError, match="must be float32, got float64"):
         Relocalizer(change_room.mapped()[0].astype(np.float64), None)
+
+
+class FitOf:
+    """Of a picture that is all known and measured."""
+
+    known = measured = 1.0
+
+    def __init__(self, alike: float) -> None:
+        self.alike, self.near = alike, 1.0
+
+
+@pytest.mark.parametrize(("alike", "enough"), [(0.96, 10), (0.9, 20), (0.72, 30)])
+def test_the_worse_a_pose_fits_the_more_corners_it_needs(alike: float, enough: int) -> None:
+    fit = FitOf(alike)
+    assert fault_of_corners(enough, fit, True) is None  # type: ignore[arg-type]
+    told = fault_of_corners(enough - 1, fit, True)  # type: ignore[arg-type]
+    assert told == f"only {enough - 1} corners support the best pose"

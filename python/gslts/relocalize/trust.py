@@ -20,10 +20,10 @@ TYPICAL_COST, LEAST_COST = 0.03, 0.01
 less certain by as much. And what is taken for it where nearly nothing differs."""
 MOST_STD_M, MOST_STD_RAD = 0.05, np.deg2rad(2.5)
 """By which a place and a direction may be uncertain: more, and a blank wall would be a place."""
-LEAST_CORNERS, ENOUGH_CORNERS = 10, 20
-"""That must support a pose nobody expected: the first are enough if all else fits by `SURE`."""
-SURE = 0.95
-"""Of `trust_of`. Views of other homes came to 0.6, and walls of a texture that repeats to 0.91."""
+CORNERS = ((0.95, 10), (0.8, 20), (0.0, 30))
+"""From so much of `trust_of` on, so many must support a pose nobody expected. Views of other homes
+came to 0.6 with 20 corners, and walls of a texture that repeats to 0.68 with 21 and 0.91 with 18;
+of right poses, none below 0.8 had fewer than 36."""
 CORRELATED = 20.0
 """Neighbouring pixels err together: so many count as one."""
 MAP_STDS = (0.0015, 0.0004)
@@ -49,8 +49,8 @@ def fault_of_fit(fit: _core.Fit, has_depth: bool) -> str | None:
 
 def fault_of_corners(inliers: int, fit: _core.Fit, has_depth: bool) -> str | None:
     """Why a pose that nobody expected is none; None if enough corners support it."""
-    is_sure = trust_of(fit, has_depth) >= SURE
-    if inliers >= (LEAST_CORNERS if is_sure else ENOUGH_CORNERS):
+    trust = trust_of(fit, has_depth)
+    if inliers >= next(corners for least, corners in CORNERS if trust >= least):
         return None
     return f"only {inliers} corners support the best pose"
 
