@@ -242,7 +242,7 @@ def _found_again(folder: Path, frame: RgbdFrame, threads: int, say: Callable[[st
     metres, turn_rad = apart(frame.camera.world_from_camera, pose)
     off = f"{1000 * metres:.0f} mm and {np.degrees(turn_rad):.2f} degrees off"
     say(f"asked where a picture was taken: {found.status}, {off}, {took}")
-    picture = png_of(side_by_side(read_map(folder), frame, pose, threads))
+    picture = png_of(side_by_side(relocalizer.gaussian_map, frame, pose, threads))
     return plots(("The picture, and the map from where it was found", picture)) + table(
         (), [(found.status, f"{off}, {took}")]
     )

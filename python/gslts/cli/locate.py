@@ -88,7 +88,6 @@ def locate(
     from tqdm import tqdm
 
     from gslts.datasets import Dataset
-    from gslts.map_folder import read_map
     from gslts.relocalize.localized import Localizer
     from gslts.relocalize.relocalizer import Localization
     from gslts.relocalize.side_by_side import side_by_side
@@ -120,7 +119,8 @@ def locate(
         told.append(_Told(frame.name, found, time.perf_counter() - start_s, pose))
         typer.echo(json.dumps(told[-1].plain()) if as_json else told[-1].line())
         if picture is not None and found.world_from_camera is not None:
-            beside = side_by_side(read_map(map_path), read, found.world_from_camera, threads)
+            pose = found.world_from_camera
+            beside = side_by_side(relocalizer.gaussian_map, read, pose, threads)
             picture.parent.mkdir(parents=True, exist_ok=True)
             Image.fromarray(beside).save(picture)
             typer.echo(f"see {picture}", err=True)
@@ -171,7 +171,7 @@ def _relocalizer(map_path: Path, settings: dict[str, int]) -> Relocalizer:
 
     gaussian_map = read_map(map_path)
     config = RelocalizationConfig.model_validate(settings)
-    return Relocalizer(gaussian_map, require_landmarks(map_path), config)
+    return Relocalizer(gaussian_map, require_landmarks(map_path, gaussian_map), config)
 
 
 def _opened(path: Path, *, posed: bool) -> Dataset:

@@ -231,7 +231,8 @@ class MapKeeper:
         return ChangeDetector(self._map, self._config.detection, cameras=self._cameras.values())
 
     def _relocalizer_of_map(self) -> Relocalizer:
-        return Relocalizer(self._map, require_landmarks(self._folder), self._config.locate)
+        landmarks = require_landmarks(self._folder, self._map)
+        return Relocalizer(self._map, landmarks, self._config.locate)
 
     def _become(self, **changed: object) -> None:
         """Another state, on the disk before it is believed."""

@@ -21,6 +21,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from gslts.files import naming, remove_tree, write_whole
+from gslts.gaussian_map import GaussianMap
 from gslts.map_folder import MANIFEST, folder_of, open_versions, read_manifest
 from gslts.relocalize.landmarks import Landmarks, bounded, joined
 from gslts.store.blobs import SUFFIX, sync_folder
@@ -78,11 +79,13 @@ def has_landmarks(folder: Path) -> bool:
     return _digest_in(read_manifest(folder), str(folder / MANIFEST)) is not None
 
 
-def read_landmarks(path: Path) -> Landmarks | None:
+def read_landmarks(path: Path, gaussian_map: GaussianMap | None = None) -> Landmarks | None:
     """The landmarks of a version; None if the map was made without any, or is a PLY file.
 
     Args:
         path: A map folder, or a version of it such as MAP@3.
+        gaussian_map: That version, if it was read already: it is not read again, and the landmarks
+            are of its Gaussians although another one may be the newest now.
 
     Raises:
         OSError: A file cannot be read.
@@ -93,21 +96,21 @@ def read_landmarks(path: Path) -> Landmarks | None:
         return None
     with open_versions(folder) as store:
         way = store.way_to(number)
-        ids = store.read(way[-1].number).ids
+        ids = (store.read(way[-1].number) if gaussian_map is None else gaussian_map).ids
     # Two updates that found the same have one file.
     digests = dict.fromkeys(_digest_in(known, where) for _, known, where in _namers(folder, way))
     parts = [_read(folder, one).living(ids) for one in digests if one is not None]
     return bounded(joined(parts), MOST_BYTES)
 
 
-def require_landmarks(path: Path) -> Landmarks:
+def require_landmarks(path: Path, gaussian_map: GaussianMap | None = None) -> Landmarks:
     """As `read_landmarks`.
 
     Raises:
         OSError: A file cannot be read.
         ValueError: The map was made without any, or as for `read_landmarks`.
     """
-    landmarks = read_landmarks(path)
+    landmarks = read_landmarks(path, gaussian_map)
     if landmarks is None:
         raise ValueError(f"{path}: it has no landmarks; gslts map makes maps that do")
     return landmarks

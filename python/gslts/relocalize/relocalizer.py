@@ -99,7 +99,7 @@ class Relocalizer:
         if gaussian_map.dtype != np.float32:
             raise ValueError(f"Relocalizer: the map must be float32, got {gaussian_map.dtype}")
         self.config = RelocalizationConfig() if config is None else config
-        self._maps = CoarseMaps(gaussian_map)
+        self._map, self._maps = gaussian_map, CoarseMaps(gaussian_map)
         self._surface = SurfaceCloud(gaussian_map)
         self._index = None
         if landmarks is not None and landmarks.size > 0:
@@ -115,7 +115,13 @@ class Relocalizer:
             OSError: A file cannot be read.
             ValueError: It is no map, or damaged.
         """
-        return cls(read_map(path), read_landmarks(path), config)
+        gaussian_map = read_map(path)
+        return cls(gaussian_map, read_landmarks(path, gaussian_map), config)
+
+    @property
+    def gaussian_map(self) -> GaussianMap:
+        """In which it looks."""
+        return self._map
 
     def locate(self, frame: RgbdFrame) -> Localization:
         """Finds a frame from nothing.
