@@ -25,8 +25,8 @@ from gslts.relocalize.relocalizer import Relocalizer
 from gslts.sim.home_source import STRICT
 
 FINDING_CODE = (
-    *("camera", "files", "frame", "gaussian_map", "map_folder", "ply", "relocalize", "render"),
-    *("store", "bench/relocalize_score", "bench/relocalize_variants"),
+    *("camera", "datasets", "files", "frame", "gaussian_map", "map_folder", "ply", "relocalize"),
+    *("render", "store", "bench/relocalize_score", "bench/relocalize_variants"),
 )
 """What decides where a picture is said to be from, besides the compiled module."""
 RELOCALIZE_CODE = (*FINDING_CODE, "bench/relocalize_run", "bench/relocalize_questions")
