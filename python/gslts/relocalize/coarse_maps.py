@@ -44,6 +44,9 @@ def thinned(gaussian_map: GaussianMap, factor: int) -> GaussianMap:
     Args:
         gaussian_map: float32 or float64.
         factor: 1 gives the map back.
+
+    Returns:
+        A part of the Gaussians, by id, without features.
     """
     if factor == 1:
         return gaussian_map
