@@ -345,9 +345,8 @@ def addition() -> Update:
 
 def publish(folder: Path, result: Update) -> None:
     gaussian_map, cameras = change_room.mapped()
-    changes = [update_room.detected("addition")]
     with open_versions(folder, writable=True) as store:
-        assert published(store, gaussian_map, cameras.values(), result, changes, CONFIG)
+        assert published(store, gaussian_map, cameras.values(), result, CONFIG)
 
 
 def test_an_update_brings_landmarks_of_what_is_new(folder: Path) -> None:

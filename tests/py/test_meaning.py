@@ -122,9 +122,8 @@ def test_what_is_gone_is_named_by_what_it_meant(tmp_path: Path) -> None:
     result = updated("removal", labels=False)
     gaussian_map, _ = taught()
     write_map_folder(tmp_path / "map", gaussian_map, {}, {})
-    changes = [update_room.detected("removal")]
     with open_versions(tmp_path / "map", writable=True) as store:
-        published(store, gaussian_map, [], result, changes, CONFIG, meaning=meaning())
+        published(store, gaussian_map, [], result, CONFIG, meaning=meaning())
         (event,) = store.events()
     assert (event.kind, event.type) == ("removal", "Box")
 

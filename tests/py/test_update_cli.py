@@ -129,14 +129,12 @@ def test_where_nothing_changed_there_is_no_new_version(workplace: Path) -> None:
         before = store.version().number
     done = gslts("update", "map", "--frames", "same", cwd=workplace)
     assert done.returncode == 1
-    assert done.stderr.splitlines()[-1] == (
-        "gslts: map stays as it is: there is no change whose place is known"
-    )
+    assert done.stderr.splitlines()[-1] == ("gslts: map stays as it is: nothing changed")
     with open_versions(workplace / "map") as store:
         assert store.version().number == before
         assert len(store.refusals()) == 1
     printed = gslts("log", "map", cwd=workplace).stdout
-    assert "not updated: there is no change whose place is known" in printed
+    assert "not updated: nothing changed" in printed
 
 
 @pytest.mark.parametrize(

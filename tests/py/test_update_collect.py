@@ -12,9 +12,10 @@ from gslts.frame import RgbdFrame
 from gslts.recorded_robot import RecordedRobot
 from gslts.robot import Robot
 from gslts.sim.controller import Controller
-from gslts.update.collect import collect, shows
+from gslts.update.collect import collect
 from gslts.update.config import CollectConfig
-from gslts.update.region import Site, sites_of
+from gslts.update.evidence import shows
+from gslts.update.region import Site
 
 SITE = Site("before", *REMOVED)
 
@@ -52,8 +53,7 @@ def watched(blocked: float = np.inf) -> Watched:
 
 def around(robot: Robot, config: CollectConfig = COLLECT) -> tuple[int, np.ndarray]:
     """How many views there are, and their bearings from the change in the order of the way."""
-    sites = sites_of(update_room.detected("removal"))
-    found = collect(robot, change_room.detector(), sites, config)
+    found = collect(robot, change_room.detector(), [update_room.detected("removal")], config)
     eyes = np.array([view.camera.world_from_camera[:2, 3] for view in found.views])
     ways = eyes.reshape(-1, 2) - SITE.middle[:2]
     return len(found.views), np.arctan2(ways[:, 1], ways[:, 0])
@@ -120,14 +120,14 @@ def test_what_hides_a_site_or_leaves_it_out_is_no_view_of_it() -> None:
 
 def test_a_recording_offers_what_it_has() -> None:
     robot = watched()
-    sites = sites_of(update_room.detected("removal"))
-    collect(robot, change_room.detector(), sites, COLLECT)
+    changes = [update_room.detected("removal")]
+    collect(robot, change_room.detector(), changes, COLLECT)
     frames = []
     for x, y, yaw_rad, pitch_rad in robot.asked[:5]:
         assert robot.move_towards(np.array([x, y]), yaw_rad, pitch_rad)
         frames.append(robot.observe())
     recorded = RecordedRobot([robot.observe(), *frames])
-    found = collect(recorded, change_room.detector(), sites, COLLECT)
+    found = collect(recorded, change_room.detector(), changes, COLLECT)
     assert 3 <= len(found.views) <= 6
     assert len({view.frame.time_s for view in found.views}) == len(found.views)
 

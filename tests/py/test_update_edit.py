@@ -23,7 +23,11 @@ def edited(kind: str, config: EditConfig = SMALL, **settings: object) -> Edit:
     found = update_room.collected(kind)
     gaussian_map, _ = change_room.mapped()
     return pre_edit(
-        gaussian_map, found.views, found.sites, config.model_copy(update=settings), threads=1
+        gaussian_map,
+        found.views,
+        found.sites_of_each,
+        config.model_copy(update=settings),
+        threads=1,
     )
 
 
@@ -139,19 +143,20 @@ def test_sweeping_removes_what_is_left_amid_the_removed() -> None:
     gaussian_map, _ = change_room.mapped()
     found = update_room.collected("removal")
     gone = removed(carve=False, sweep=False)
+    # One in the midst of the box, where no view sees it, and one beside it on the block.
     middle = gaussian_map.means[gone].mean(axis=0)
-    left = int(np.argmin(np.linalg.norm(gaussian_map.means - middle, axis=1) + 9 * ~gone))
-    # One of them is as far away as if it were seen by nobody.
+    left, beside = np.flatnonzero(~gone)[:2]
     means = gaussian_map.means.copy()
-    means[left] = middle
-    hidden = replace(gaussian_map, means=means)
-    config = SMALL.model_copy(update={"carve": False, "vote_share": 0.5})
+    means[left], means[beside] = middle, (1.98, middle[1], 0.75)
+    spread = replace(gaussian_map, means=means)
+    config = SMALL.model_copy(update={"carve": False})
     without = removed_by(
-        hidden, found.views, found.sites, config.model_copy(update={"sweep": False})
+        spread, found.views, found.sites, config.model_copy(update={"sweep": False})
     )
-    swept = removed_by(hidden, found.views, found.sites, config)
-    assert (swept | ~without).all()
-    assert swept.sum() >= without.sum()
+    swept = removed_by(spread, found.views, found.sites, config)
+    assert swept[left]
+    assert not without[left]
+    assert not swept[beside]
 
 
 def test_literally_new_gaussians_are_like_the_nearest() -> None:
@@ -181,24 +186,40 @@ def test_literally_a_moved_object_has_the_colours_that_it_had() -> None:
     assert {tuple(one) for one in new.sh[there].reshape(-1, 3 * before.sh.shape[1])} <= gone
 
 
-@pytest.mark.parametrize("kind", ["addition", "relocation", "removal"])
-def test_features_are_those_of_the_object(kind: str) -> None:
+BLUE_BOX = (np.array([2.88, 1.83, 0.75]), np.array([3.12, 2.07, 1.05]))
+"""Corners of the box that is moved."""
+
+
+def known_boxes() -> GaussianMap:
+    """The room with a meaning of the blue box, and one of all else."""
     gaussian_map, _ = change_room.mapped()
     features = np.zeros((gaussian_map.size, 2), np.float32)
     features[:, 0] = 1
-    blue = (np.array([2.88, 1.83, 0.75]), np.array([3.12, 2.07, 1.05]))
-    features[in_box(gaussian_map, blue)] = (0, 5)
-    known = replace(gaussian_map, features=features)
+    features[in_box(gaussian_map, BLUE_BOX)] = (0, 5)
+    return replace(gaussian_map, features=features)
+
+
+@pytest.mark.parametrize("kind", ["addition", "relocation", "removal"])
+def test_features_are_those_of_the_object(kind: str) -> None:
     found = update_room.collected(kind)
-    for given in (None, np.array([7, 7], np.float32)):
-        edit = pre_edit(known, found.views, found.sites, SMALL, features=given, threads=1)
-        new = new_of(edit)
-        there = in_box(new, ADDED)
-        expected = {"addition": (0, 0), "relocation": (0, 5), "removal": (1, 0)}[kind]
-        if kind != "removal" and given is not None:
-            expected = (7, 7)
-        chosen = new.features if kind == "removal" else new.features[there]
-        np.testing.assert_array_equal(np.median(chosen, axis=0), expected)
+    edit = pre_edit(known_boxes(), found.views, found.sites_of_each, SMALL, threads=1)
+    new = new_of(edit)
+    there = in_box(new, ADDED)
+    expected = {"addition": (0, 0), "relocation": (0, 5), "removal": (1, 0)}[kind]
+    chosen = new.features if kind == "removal" else new.features[there]
+    np.testing.assert_array_equal(np.median(chosen, axis=0), expected)
+
+
+def test_what_is_added_does_not_mean_what_is_removed() -> None:
+    """One box goes while another one comes, which are two changes."""
+    gone, come = (update_room.collected(kind) for kind in ("removal", "addition"))
+    views = (*gone.views, *come.views)
+    sites = (*gone.sites_of_each, *come.sites_of_each)
+    edit = pre_edit(known_boxes(), views, sites, SMALL, threads=1)
+    assert edit.removed.sum() > 20
+    there = in_box(new_of(edit), ADDED)
+    assert there.sum() > 20
+    assert not new_of(edit).features[there].any()
 
 
 def test_only_what_is_missing_is_added() -> None:
@@ -217,7 +238,7 @@ def test_nothing_is_added_behind_what_the_map_shows() -> None:
     # The box stays in the map, before the table that is measured.
     blind = [replace(view, before=np.zeros_like(view.before)) for view in found.views]
     config = SMALL.model_copy(update={"carve": False, "sweep": False})
-    edit = pre_edit(gaussian_map, blind, found.sites, config, threads=1)
+    edit = pre_edit(gaussian_map, blind, found.sites_of_each, config, threads=1)
     assert not edit.removed.any()
     assert under_the_box(edit) == 0
 
@@ -225,19 +246,25 @@ def test_nothing_is_added_behind_what_the_map_shows() -> None:
 @pytest.mark.parametrize(
     "switch", ["visible_votes", "carve", "sweep", "only_missing", "flat", "observed_colors"]
 )
-def test_each_switch_makes_a_map(switch: str) -> None:
+def test_each_switch_makes_another_map(switch: str) -> None:
+    before, _ = change_room.mapped()
+    differs = False
     for kind in ("removal", "addition"):
-        edit = edited(kind, **{switch: False})
         views = update_room.collected(kind).views
-        before, _ = change_room.mapped()
+        edit, usual = edited(kind, **{switch: False}), edited(kind)
         assert off_m(edit.gaussian_map, views) < 0.7 * off_m(before, views)
+        differs |= edit.removed.sum() != usual.removed.sum() or edit.added != usual.added
+        differs |= not np.array_equal(new_of(edit).sh, new_of(usual).sh)
+    assert differs
 
 
 def test_edits_are_the_same_for_any_number_of_threads() -> None:
     found = update_room.collected("relocation")
     gaussian_map, _ = change_room.mapped()
     one, two = (
-        pre_edit(gaussian_map, found.views, found.sites, SMALL, threads=threads).gaussian_map
+        pre_edit(
+            gaussian_map, found.views, found.sites_of_each, SMALL, threads=threads
+        ).gaussian_map
         for threads in (1, 2)
     )
     for name in ("means", "sh", "log_scales", "ids"):
@@ -252,7 +279,8 @@ def test_a_map_may_have_its_origin_anywhere() -> None:
         gaussian_map, means=(gaussian_map.means - origin).astype(np.float32), origin=origin
     )
     here, there = (
-        pre_edit(one, found.views, found.sites, SMALL, threads=1) for one in (gaussian_map, moved)
+        pre_edit(one, found.views, found.sites_of_each, SMALL, threads=1)
+        for one in (gaussian_map, moved)
     )
     assert here.added == pytest.approx(there.added, rel=0.06)
     np.testing.assert_array_equal(there.gaussian_map.origin, origin)
@@ -272,7 +300,7 @@ def test_ids_of_removed_gaussians_are_not_used_again() -> None:
     last = replace(last, ids=np.arange(last.size, dtype=np.uint64))
     found = update_room.collected("removal")
     config = SMALL.model_copy(update={"only_missing": False})
-    edit = pre_edit(last, found.views, found.sites, config, threads=1)
+    edit = pre_edit(last, found.views, found.sites_of_each, config, threads=1)
     assert edit.removed[-1]
     assert edit.added > 0
     assert new_of(edit).ids.min() == last.size
@@ -283,13 +311,13 @@ def test_a_map_of_which_nothing_would_be_left_is_refused() -> None:
     found = update_room.collected("removal")
     only = gaussian_map.select(removed())
     with pytest.raises(ValueError, match="all of it would be removed"):
-        pre_edit(only, found.views, found.sites, SMALL)
+        pre_edit(only, found.views, found.sites_of_each, SMALL)
 
 
 def test_without_a_view_there_is_no_edit() -> None:
     gaussian_map, _ = change_room.mapped()
     with pytest.raises(ValueError, match="pre_edit: views: there is none"):
-        pre_edit(gaussian_map, [], update_room.collected("removal").sites, SMALL)
+        pre_edit(gaussian_map, [], update_room.collected("removal").sites_of_each, SMALL)
 
 
 def test_without_depth_nothing_is_added() -> None:
@@ -300,7 +328,7 @@ def test_without_depth_nothing_is_added() -> None:
     ]
     gaussian_map, _ = change_room.mapped()
     for config in (SMALL, LITERAL):
-        edit = pre_edit(gaussian_map, views, found.sites, config)
+        edit = pre_edit(gaussian_map, views, found.sites_of_each, config)
         assert edit.added == 0
 
 
@@ -308,7 +336,7 @@ def test_a_map_in_double_is_refused() -> None:
     found = update_room.collected("removal")
     gaussian_map, _ = change_room.mapped()
     with pytest.raises(ValueError, match="expected float32, got float64"):
-        pre_edit(gaussian_map.astype(np.float64), found.views, found.sites, LITERAL)
+        pre_edit(gaussian_map.astype(np.float64), found.views, found.sites_of_each, LITERAL)
 
 
 def test_arrays_of_the_core_are_checked() -> None:

@@ -6,11 +6,12 @@ import pytest
 import update_room
 from test_update_edit import SMALL
 
+from gslts.camera import at_pose
 from gslts.gaussian_map import GaussianMap
 from gslts.render import render
 from gslts.update.config import RefineConfig
 from gslts.update.edit import Edit, pre_edit
-from gslts.update.refine import Refined, Target, refine, remembered, targets_of
+from gslts.update.refine import Refined, Target, _spread, refine, remembered, targets_of
 from gslts.update.updater import moving_of
 from gslts.update.verify import error_around, split_held_back
 
@@ -21,7 +22,7 @@ CONFIG = RefineConfig(iterations=60, around_px=15, patience=100)
 def edit_of(kind: str) -> Edit:
     found = update_room.collected(kind)
     gaussian_map, _ = change_room.mapped()
-    return pre_edit(gaussian_map, found.views, found.sites, SMALL, threads=1)
+    return pre_edit(gaussian_map, found.views, found.sites_of_each, SMALL, threads=1)
 
 
 def refined(kind: str, config: RefineConfig = CONFIG, threads: int = 1) -> tuple[Edit, Refined]:
@@ -149,6 +150,15 @@ def test_what_the_edit_changed_is_not_remembered() -> None:
     assert apart.min() > 0.2
 
 
+def test_cameras_at_one_place_are_remembered_once_each() -> None:
+    _, cameras = change_room.mapped()
+    (site,) = update_room.collected("removal").sites
+    here, there = [one for one in cameras.values() if site.middle_in(one) is not None][:2]
+    known = [here, there, *(at_pose(one, one.world_from_camera) for one in (here, there, here))]
+    chosen = _spread(known, [site], 4)
+    assert len({id(one) for one in chosen}) == 4
+
+
 def test_nothing_is_remembered_where_nothing_is_wanted() -> None:
     assert memories(0)[1] == []
 
@@ -157,8 +167,7 @@ def test_views_are_held_back_evenly() -> None:
     views = list(update_room.collected("removal").views)
     used, held_back = split_held_back(views, 4)
     assert [views.index(one) for one in held_back] == [2, 6]
-    assert used + held_back != views
-    assert len(used) + len(held_back) == len(views)
+    assert used == [view for k, view in enumerate(views) if k not in (2, 6)]
     for count, expected in ((0, 0), (1, 0), (2, 1), (3, 1)):
         assert len(split_held_back(views[:count], 4)[1]) == expected
 

@@ -14,7 +14,6 @@ from gslts.sim.controller import Controller
 from gslts.sim.home import Home, HomeObject
 from gslts.update.collect import Collection, collect
 from gslts.update.config import CollectConfig
-from gslts.update.region import sites_of
 
 Kind = Literal["removal", "addition", "relocation"]
 COLLECT = CollectConfig(distance_m=1.0)
@@ -55,9 +54,9 @@ def detected(kind: Kind) -> Change:
 
 @cache
 def collected(kind: Kind) -> Collection:
-    return collect(
-        robot_in(changed_home(kind)), change_room.detector(), sites_of(detected(kind)), COLLECT
-    )
+    found = collect(robot_in(changed_home(kind)), change_room.detector(), [detected(kind)], COLLECT)
+    assert found.changes == (detected(kind),)
+    return found
 
 
 def opaque_in(

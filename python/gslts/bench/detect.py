@@ -15,7 +15,7 @@ from gslts.bench.detect_tables import summary
 from gslts.bench.detect_variants import STRATEGIES, VARIANTS
 from gslts.bench.detect_watch import WATCH
 from gslts.bench.homes import BenchHome
-from gslts.bench.work import run_units, validated
+from gslts.bench.work import run_for_records, run_units
 from gslts.files import empty_folder
 
 
@@ -52,28 +52,8 @@ def units_of(homes: Sequence[BenchHome], tasks: int, *, trade: bool) -> list[Det
 
 
 def measure(units: Sequence[DetectUnit], jobs: int, bar: Any) -> Outcome:
-    """Does what was not done yet.
-
-    Args:
-        units: From `units_of`.
-        jobs: Processes.
-        bar: As tqdm's.
-
-    Raises:
-        OSError: Results cannot be kept.
-        ValueError: Kept results are none.
-    """
-    found = run_units(units, jobs, bar)
-    records: list[Record] = []
-    failed: dict[str, str] = {}
-    for unit in units:
-        for result in found[unit.name]:
-            if result["id"] == unit.name:
-                failed[unit.name] = result["error"]
-                continue
-            record = validated(result, Record, unit.results)
-            if record.variant in unit.variants(record.part):
-                records.append(record)
+    """Does what was not done yet; see `run_for_records`."""
+    records, failed = run_for_records(units, jobs, bar)
     wanted = sum(unit.counts.single for unit in units if unit.name not in failed)
     made = {one.case for one in records if one.part == "single"}
     return Outcome(tuple(records), failed, max(0, wanted - len(made)))

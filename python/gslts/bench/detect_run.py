@@ -26,7 +26,7 @@ from gslts.bench.detect_variants import STRATEGIES, VARIANTS
 from gslts.bench.detect_watch import TURNS_DEG, WATCH, WATCHED, looks_around, watched
 from gslts.bench.homes import MAP_S, RECORDING_S, BenchHome, default_state
 from gslts.bench.made import code_of, digest, made, native_code
-from gslts.bench.work import Add, Tell, message_of
+from gslts.bench.work import Add, Result, Tell, message_of, validated
 from gslts.camera_files import cameras_of_map
 from gslts.change.changes import Change
 from gslts.change.detect import ChangeDetector
@@ -123,6 +123,11 @@ class DetectUnit:
             }
         )
         return self.bench.work / "detect" / f"{self.name}_{key}.jsonl"
+
+    def record_of(self, result: Result) -> Record | None:
+        """None of other detectors; see `RecordUnit`."""
+        record = validated(result, Record, self.results)
+        return record if record.variant in self.variants(record.part) else None
 
     def variants(self, part: Part) -> tuple[str, ...]:
         """The detectors that see the cases of a part."""

@@ -10,7 +10,7 @@ from gslts import __version__
 from gslts.bench.homes import BenchHome
 from gslts.bench.localize_run import ABLATION, OURS, TRADE, LocalizeUnit, Record, Variant
 from gslts.bench.localize_tables import summary
-from gslts.bench.work import run_units, validated
+from gslts.bench.work import run_for_records
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,31 +33,11 @@ def units_of(homes: Sequence[BenchHome], *, trade: bool, ablation: bool) -> list
 
 
 def measure(units: Sequence[LocalizeUnit], jobs: int, bar: Any) -> Outcome:
-    """Does what was not done yet.
-
-    Args:
-        units: From `units_of`.
-        jobs: Processes.
-        bar: As tqdm's.
-
-    Raises:
-        OSError: Results cannot be kept.
-        ValueError: Kept results are none.
-    """
-    found = run_units(units, jobs, bar)
-    records: list[Record] = []
-    errors: dict[str, str] = {}
-    for unit in units:
-        for result in found[unit.name]:
-            if result["id"] == unit.name:
-                errors[unit.name] = result["error"]
-            elif result["id"] in unit.variants:
-                record = validated(result, Record, unit.results)
-                if record.error is None:
-                    records.append(record)
-                else:
-                    errors[f"{unit.name}, {record.variant}"] = record.error
-    return Outcome(tuple(records), errors)
+    """Does what was not done yet; see `run_for_records`."""
+    records, failed = run_for_records(units, jobs, bar)
+    errors = {f"{one.home}, {one.variant}": one.error for one in records if one.error is not None}
+    good = tuple(one for one in records if one.error is None)
+    return Outcome(good, {**errors, **failed})
 
 
 def told(units: Sequence[LocalizeUnit], outcome: Outcome) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from scipy.optimize import linear_sum_assignment
 from gslts.bench.homes import MAP_S, RECORDING_S, BenchHome, default_state
 from gslts.bench.made import code_of, digest, native_code
 from gslts.bench.semantic_homes import SEMANTICS_S, frames_of
-from gslts.bench.work import Add, Tell, message_of
+from gslts.bench.work import Add, Result, Tell, message_of, validated
 from gslts.map_folder import read_map
 from gslts.sim.home_source import STRICT, HomeSource
 from gslts.tasks.embed import embedded
@@ -150,6 +150,11 @@ class LocalizeUnit:
         """The file of records; another one when anything that decides them is another."""
         key = digest({"map": self.bench.mapped_of, "code": self.code})
         return self.bench.work / "localize" / f"{self.name}_{key}.jsonl"
+
+    def record_of(self, result: Result) -> Record | None:
+        """None of other variants; see `RecordUnit`."""
+        record = validated(result, Record, self.results)
+        return record if record.variant in self.variants else None
 
     def seconds(self, done: frozenset[str]) -> float:
         """About how long it takes."""

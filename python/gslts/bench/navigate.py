@@ -13,7 +13,7 @@ from gslts.bench.homes import BenchHome, shares_of
 from gslts.bench.navigate_moved import MovedUnit
 from gslts.bench.navigate_run import NavigateUnit, Record
 from gslts.bench.navigate_tables import summary
-from gslts.bench.work import run_units, validated
+from gslts.bench.work import run_for_records
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,28 +49,8 @@ def units_of(homes: Sequence[BenchHome], episodes: int, moved: int) -> list[Unit
 
 
 def measure(units: Sequence[Unit], jobs: int, bar: Any) -> Outcome:
-    """Does what was not done yet.
-
-    Args:
-        units: From `units_of`.
-        jobs: Processes.
-        bar: As tqdm's.
-
-    Raises:
-        OSError: Results cannot be kept.
-        ValueError: Kept results are none.
-    """
-    found = run_units(units, jobs, bar)
-    records: list[Record] = []
-    failed: dict[str, str] = {}
-    for unit in units:
-        for result in found[unit.name]:
-            if result["id"] == unit.name:
-                failed[unit.name] = result["error"]
-                continue
-            record = validated(result, Record, unit.results)
-            if unit.holds(record):  # More were asked for before.
-                records.append(record)
+    """Does what was not done yet; see `run_for_records`."""
+    records, failed = run_for_records(units, jobs, bar)
     return Outcome(tuple(sorted(records, key=lambda one: one.id)), failed)
 
 

@@ -19,7 +19,7 @@ from gslts.bench.navigate_run import NAVIGATE_CODE, Ground, Record, gone, record
 from gslts.bench.navigate_truth import Truth
 from gslts.bench.semantic_homes import SEMANTICS_CODE, SEMANTICS_S, TaughtMap, taught
 from gslts.bench.update_run import UPDATE_CODE
-from gslts.bench.work import Add, Tell, message_of
+from gslts.bench.work import Add, Result, Tell, message_of, validated
 from gslts.camera import Camera
 from gslts.camera_files import cameras_of_map
 from gslts.change.detect import ChangeDetector
@@ -77,9 +77,11 @@ class MovedUnit:
         """Of an episode."""
         return self.results.with_suffix("") / f"{episode.replace('/', '_')}.png"
 
-    def holds(self, record: Record) -> bool:
-        """Whether a record is of those that are asked for."""
-        return int(record.id.split("/")[1].removeprefix("moved_")) < self.tasks
+    def record_of(self, result: Result) -> Record | None:
+        """None beyond the number of objects; see `RecordUnit`."""
+        record = validated(result, Record, self.results)
+        number = int(record.id.split("/")[1].removeprefix("moved_"))
+        return record if number < self.tasks else None
 
     def seconds(self, done: frozenset[str]) -> float:
         """About how long it takes."""

@@ -16,7 +16,7 @@ from gslts.bench.navigate_episodes import CATEGORIES, Episode, episodes_of
 from gslts.bench.navigate_truth import Truth, succeeds
 from gslts.bench.navigate_walker import Walker
 from gslts.bench.semantic_homes import SEMANTICS_CODE, SEMANTICS_S, taught
-from gslts.bench.work import Add, Tell, message_of
+from gslts.bench.work import Add, Result, Tell, message_of, validated
 from gslts.sim.actions import SceneState
 from gslts.sim.controller import Controller
 from gslts.sim.home_source import STRICT, HomeSource
@@ -106,9 +106,10 @@ class NavigateUnit:
         """Of an episode."""
         return self.results.with_suffix("") / f"{episode.replace('/', '_')}.png"
 
-    def holds(self, record: Record) -> bool:
-        """Whether a record is of those that are asked for."""
-        return int(record.id.rpartition("/")[2]) < self.episodes
+    def record_of(self, result: Result) -> Record | None:
+        """None beyond the number of episodes; see `RecordUnit`."""
+        record = validated(result, Record, self.results)
+        return record if int(record.id.rpartition("/")[2]) < self.episodes else None
 
     def seconds(self, done: frozenset[str]) -> float:
         """About how long it takes."""

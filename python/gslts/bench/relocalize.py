@@ -13,7 +13,7 @@ from gslts.bench.relocalize_room import FOLDS, RecordedRoom
 from gslts.bench.relocalize_room_tables import room_printed, room_summary
 from gslts.bench.relocalize_run import Record, RelocalizeUnit
 from gslts.bench.relocalize_tables import counted, printed, summary
-from gslts.bench.work import run_units, validated
+from gslts.bench.work import run_for_records
 
 Unit = RelocalizeUnit | FoldUnit
 
@@ -59,32 +59,12 @@ def folds_of(room: RecordedRoom, folds: Sequence[int]) -> list[FoldUnit]:
 
 
 def measure(units: Sequence[Unit], jobs: int, bar: Any) -> Outcome:
-    """Does what was not done yet.
-
-    Args:
-        units: From `units_of` or `folds_of`.
-        jobs: Processes.
-        bar: As tqdm's.
-
-    Raises:
-        OSError: Results cannot be kept.
-        ValueError: Kept results are none.
-    """
-    found = run_units(units, jobs, bar)
-    records: list[Record] = []
-    of_room: list[RoomRecord] = []
-    failed: dict[str, str] = {}
-    for unit in units:
-        for result in found[unit.name]:
-            if result["id"] == unit.name:
-                failed[unit.name] = result["error"]
-            elif isinstance(unit, FoldUnit):
-                of_room.append(validated(result, RoomRecord, unit.results))
-            else:
-                record = validated(result, Record, unit.results)
-                if record.variant in unit.variants(record.part):  # More were asked for before.
-                    records.append(record)
-    return Outcome(tuple(records), tuple(of_room), failed)
+    """Does what was not done yet; see `run_for_records`."""
+    records: list[Record | RoomRecord]
+    records, failed = run_for_records(units, jobs, bar)
+    of_homes = tuple(one for one in records if isinstance(one, Record))
+    of_room = tuple(one for one in records if isinstance(one, RoomRecord))
+    return Outcome(of_homes, of_room, failed)
 
 
 def told(units: Sequence[Unit], outcome: Outcome) -> dict[str, Any]:

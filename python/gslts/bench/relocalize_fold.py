@@ -20,7 +20,7 @@ from gslts.bench.relocalize_room import FOLDS, ROOM_S, RecordedRoom, brought_to
 from gslts.bench.relocalize_run import FINDING_CODE, FINDING_S, Finders
 from gslts.bench.relocalize_score import Answer, Floats, Told
 from gslts.bench.relocalize_variants import OURS
-from gslts.bench.work import Add, message_of
+from gslts.bench.work import Add, Result, message_of, validated
 from gslts.datasets import Frame
 from gslts.mapping.judge import Known
 from gslts.relocalize.relocalizer import Relocalizer
@@ -85,6 +85,10 @@ class FoldUnit:
         """The file of records; another one when anything that decides them is another."""
         key = digest({"map": self.mapped_of, "code": self.code})
         return self.room.work / "relocalize" / f"{self.name}_{key}.jsonl"
+
+    def record_of(self, result: Result) -> RoomRecord:
+        """See `RecordUnit`."""
+        return validated(result, RoomRecord, self.results)
 
     def seconds(self, done: frozenset[str]) -> float:
         """About how long it takes, with a share of the map of all frames."""

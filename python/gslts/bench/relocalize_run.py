@@ -17,7 +17,7 @@ from gslts.bench.relocalize_frames import FRAMES_CODE, LOOKS, PARTS, SET_S, TASK
 from gslts.bench.relocalize_questions import Question, questions_of
 from gslts.bench.relocalize_score import Answer, Floats, Told, start_near
 from gslts.bench.relocalize_variants import ABLATION, OURS, TRADE, VARIANTS
-from gslts.bench.work import Add, message_of
+from gslts.bench.work import Add, Result, message_of, validated
 from gslts.frame import RgbdFrame
 from gslts.map_folder import read_map
 from gslts.relocalize.landmark_files import read_landmarks
@@ -95,6 +95,11 @@ class RelocalizeUnit:
         """The file of records; another one when anything that decides them is another."""
         key = digest({"map": self.mapped_of, "views": self.views, "code": self.code})
         return self.bench.work / "relocalize" / f"{self.name}_{key}.jsonl"
+
+    def record_of(self, result: Result) -> Record | None:
+        """None of other variants; see `RecordUnit`."""
+        record = validated(result, Record, self.results)
+        return record if record.variant in self.variants(record.part) else None
 
     def variants(self, part: Part) -> tuple[str, ...]:
         """The ways in which frames of a part are looked for."""

@@ -12,7 +12,7 @@ from gslts import __version__
 from gslts.bench.homes import BenchHome, shares_of
 from gslts.bench.update_run import Record, UpdateUnit
 from gslts.bench.update_tables import summary
-from gslts.bench.work import run_units, validated
+from gslts.bench.work import run_for_records
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,29 +50,8 @@ def units_of(
 
 
 def measure(units: Sequence[UpdateUnit], jobs: int, bar: Any) -> Outcome:
-    """Does what was not done yet.
-
-    Args:
-        units: From `units_of`.
-        jobs: Processes.
-        bar: As tqdm's.
-
-    Raises:
-        OSError: Results cannot be kept.
-        ValueError: Kept results are none.
-    """
-    found = run_units(units, jobs, bar)
-    records: list[Record] = []
-    failed: dict[str, str] = {}
-    for unit in units:
-        for result in found[unit.name]:
-            if result["id"] == unit.name:
-                failed[unit.name] = result["error"]
-                continue
-            record = validated(result, Record, unit.results)
-            number = int(record.task.rpartition("/")[2])
-            if number < unit.tasks:  # More were asked for before.
-                records.append(record)
+    """Does what was not done yet; see `run_for_records`."""
+    records, failed = run_for_records(units, jobs, bar)
     wanted = sum(unit.tasks for unit in units if unit.name not in failed)
     return Outcome(tuple(records), failed, max(0, wanted - len({one.task for one in records})))
 

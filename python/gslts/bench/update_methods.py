@@ -112,7 +112,7 @@ def updated(
     used, _ = split_held_back(found.views, OURS.collect.held_back)
     edit = Edit(gaussian_map, np.zeros(gaussian_map.size, np.bool_), 0)
     if method.edit is not None:
-        edit = pre_edit(gaussian_map, used, found.sites, method.edit, threads=threads)
+        edit = pre_edit(gaussian_map, used, found.sites_of_each, method.edit, threads=threads)
     refined = Refined(edit.gaussian_map, 0, ())
     if method.refine is not None:
         config_of = method.refine.model_copy(update=steps)

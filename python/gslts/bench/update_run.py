@@ -19,7 +19,7 @@ from gslts.bench.made import code_of, digest, native_code
 from gslts.bench.update_methods import ABLATION, METHODS, Method, updated
 from gslts.bench.update_pictures import compared
 from gslts.bench.update_score import Judge, JudgedView, judged_view
-from gslts.bench.work import Add, Tell, message_of
+from gslts.bench.work import Add, Result, Tell, message_of, validated
 from gslts.camera import Camera
 from gslts.camera_files import cameras_of_map
 from gslts.change.detect import ChangeDetector
@@ -32,7 +32,6 @@ from gslts.sim.home_source import STRICT
 from gslts.sim.task import Task
 from gslts.update.collect import Collection, collect
 from gslts.update.config import CollectConfig
-from gslts.update.region import sites_of
 
 UPDATE_CODE = (
     *("alignment", "adam", "camera", "camera_files", "change", "files", "frame", "gaussian_map"),
@@ -129,6 +128,11 @@ class UpdateUnit:
         """Those that are compared."""
         return {**METHODS, **(ABLATION if self.ablation else {})}
 
+    def record_of(self, result: Result) -> Record | None:
+        """None beyond the number of tasks; see `RecordUnit`."""
+        record = validated(result, Record, self.results)
+        return record if int(record.task.rpartition("/")[2]) < self.tasks else None
+
     def picture(self, task: str) -> Path:
         """Of a task."""
         return self.results.with_suffix("") / f"{task.replace('/', '_')}.png"
@@ -188,7 +192,7 @@ class UpdateUnit:
             add(_record(name, task, "not detected").model_dump(mode="json"))
             return
         start_s = time.perf_counter()
-        found = collect(robot, ground.detector, sites_of(change), CollectConfig(), threads=1)
+        found = collect(robot, ground.detector, [change], CollectConfig(), threads=1)
         collecting_s = time.perf_counter() - start_s
         judge = Judge(ground.judged(task), ground.lpips)
         maps: dict[str, GaussianMap] = {}

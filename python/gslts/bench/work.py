@@ -21,6 +21,7 @@ from gslts.files import naming
 Result = dict[str, Any]
 """In values of JSON; `id` tells it from others of the unit, `error` why there is none."""
 Record = TypeVar("Record", bound=BaseModel)
+RecordOut = TypeVar("RecordOut", bound=BaseModel, covariant=True)
 Add = Callable[[Result], None]
 Tell = Callable[[float], None]
 
@@ -55,6 +56,43 @@ class Unit(Protocol):
             tell: Is told of work done, in the seconds that it usually takes.
         """
         ...
+
+
+class RecordUnit(Unit, Protocol[RecordOut]):
+    """One whose results are records."""
+
+    def record_of(self, result: Result) -> RecordOut | None:
+        """What a result was; None if it is not asked for this time.
+
+        Raises:
+            ValueError: It is no such record.
+        """
+        ...
+
+
+def run_for_records(
+    units: Sequence[RecordUnit[RecordOut]], jobs: int, bar: Any
+) -> tuple[list[RecordOut], dict[str, str]]:
+    """Does what is left of all units, as `run_units`.
+
+    Returns:
+        The records that are asked for, in the order of the units; and what failed as a whole, by
+        its name, with the reason.
+
+    Raises:
+        OSError: Results cannot be kept.
+        ValueError: Kept results are none.
+    """
+    found = run_units(units, jobs, bar)
+    records: list[RecordOut] = []
+    failed: dict[str, str] = {}
+    for unit in units:
+        for result in found[unit.name]:
+            if result["id"] == unit.name:
+                failed[unit.name] = result["error"]
+            elif (record := unit.record_of(result)) is not None:
+                records.append(record)
+    return records, failed
 
 
 def run_units(units: Sequence[Unit], jobs: int, bar: Any) -> dict[str, list[Result]]:

@@ -12,6 +12,8 @@ import typer
 from gslts.cli.mapping import BAR, Preset, both_weights
 
 if TYPE_CHECKING:
+    from tqdm import tqdm
+
     from gslts.bench.homes import HomeSetup
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
@@ -78,34 +80,25 @@ def detect(
 
     Example: gslts bench detect --jobs 2 --json out/detect.json --pictures out/detect
     """
-    from tqdm import tqdm
-
     from gslts.bench import detect as bench_detect
     from gslts.bench.detect_plot import write_plot
     from gslts.bench.detect_tables import counted, printed
     from gslts.bench.homes import homes_of
-    from gslts.files import empty_folder, write_whole
 
     chosen, setup = seeds_of(seeds), setup_of(preset, settings, frames, size)
     homes = homes_of(chosen, room or [], setup, work)
-    for path in (json_path, trade):
-        require_writable(path)
-    if pictures is not None:
-        empty_folder(pictures)
-    work.mkdir(parents=True, exist_ok=True)
+    prepare(work, pictures, json_path, trade)
     units = bench_detect.units_of(homes, tasks, trade=trade is not None)
-    with tqdm(total=1, desc="detecting", bar_format=BAR, smoothing=0.05, disable=None) as bar:
+    with progress("detecting") as bar:
         outcome = bench_detect.measure(units, jobs, bar)
     summaries = outcome.summaries()
     typer.echo(f"{counted(outcome.records)}\n\n{printed(summaries)}")
-    if json_path is not None:
-        content = json.dumps(bench_detect.told(units, outcome), indent=1) + "\n"
-        write_whole(json_path, content.encode())
+    write_json(json_path, bench_detect.told(units, outcome))
     errors = outcome.errors
     if trade is not None:
         write_plot(summaries, f"Change detection: {tasks} tasks of {len(units)} home(s)", trade)
     if pictures is not None:
-        with tqdm(total=1, desc="drawing", bar_format=BAR, disable=None) as bar:
+        with progress("drawing") as bar:
             errors |= bench_detect.draw(units, outcome, pictures, jobs, bar)
     end(errors, outcome.missing, tasks)
 
@@ -146,30 +139,22 @@ def update(
 
     Example: gslts bench update --jobs 2 --json out/update.json --pictures out/update
     """
-    from tqdm import tqdm
-
     from gslts.bench import update as bench_update
     from gslts.bench.homes import homes_of
     from gslts.bench.update_plot import write_plot
     from gslts.bench.update_tables import printed
-    from gslts.files import empty_folder, write_whole
 
     weights = both_weights(lpips_backbone, lpips_heads)
     chosen, setup = seeds_of(seeds), setup_of(preset, settings, frames, size)
     homes = homes_of(chosen, room or [], setup, work)
-    for path in (json_path, curve):
-        require_writable(path)
-    if pictures is not None:
-        empty_folder(pictures)
-    work.mkdir(parents=True, exist_ok=True)
+    prepare(work, pictures, json_path, curve)
     drawn = 0 if curve is None else min(curve_tasks, tasks)
     units = bench_update.units_of(homes, tasks, ablation=ablation, curves=drawn, lpips=weights)
-    with tqdm(total=1, desc="updating", bar_format=BAR, smoothing=0.05, disable=None) as bar:
+    with progress("updating") as bar:
         outcome = bench_update.measure(units, jobs, bar)
     content = bench_update.told(units, outcome)
     typer.echo(printed(content["summary"]))
-    if json_path is not None:
-        write_whole(json_path, (json.dumps(content, indent=1) + "\n").encode())
+    write_json(json_path, content)
     if curve is not None:
         write_plot(content["summary"]["curves"], f"Updates of {drawn} tasks", curve)
     if pictures is not None:
@@ -204,26 +189,19 @@ def navigate(
 
     Example: gslts bench navigate --moved 60 --jobs 2 --pictures out/navigate
     """
-    from tqdm import tqdm
-
     from gslts.bench import navigate as bench_navigate
     from gslts.bench.homes import homes_of
     from gslts.bench.navigate_tables import printed
-    from gslts.files import empty_folder, write_whole
 
     chosen, setup = seeds_of(seeds), setup_of(preset, settings, frames, size)
     homes = homes_of(chosen, room or [], setup, work)
-    require_writable(json_path)
-    if pictures is not None:
-        empty_folder(pictures)
-    work.mkdir(parents=True, exist_ok=True)
+    prepare(work, pictures, json_path)
     units = bench_navigate.units_of(homes, episodes, moved)
-    with tqdm(total=1, desc="navigating", bar_format=BAR, smoothing=0.05, disable=None) as bar:
+    with progress("navigating") as bar:
         outcome = bench_navigate.measure(units, jobs, bar)
     content = bench_navigate.told(units, outcome)
     typer.echo(printed(content["summary"]))
-    if json_path is not None:
-        write_whole(json_path, (json.dumps(content, indent=1) + "\n").encode())
+    write_json(json_path, content)
     if pictures is not None:
         bench_navigate.copy_pictures(units, outcome, pictures)
     end(outcome.errors, 0, episodes)
@@ -255,29 +233,23 @@ def series(
 
     Example: gslts bench series --room kitchen --changes 100 --plot out/series.png
     """
-    from tqdm import tqdm
-
     from gslts.bench import series as bench_series
     from gslts.bench.homes import homes_of
     from gslts.bench.series_report import printed, write_plot
-    from gslts.files import write_whole
 
     chosen, setup = seeds_of(seeds), setup_of(preset, settings, frames, size)
     homes = homes_of(chosen, room or [], setup, work)
-    for path in (json_path, plot):
-        require_writable(path)
-    work.mkdir(parents=True, exist_ok=True)
+    prepare(work, None, json_path, plot)
     units = [bench_series.SeriesUnit(home, changes, every) for home in homes]
-    with tqdm(total=1, desc="changing", bar_format=BAR, smoothing=0.05, disable=None) as bar:
+    with progress("changing") as bar:
         steps, ends, failed = bench_series.measure(units, jobs, bar)
     typer.echo(printed(steps, ends))
-    if json_path is not None:
-        told = {
-            "steps": [one.model_dump(mode="json") for own in steps.values() for one in own],
-            "ends": [one.model_dump(mode="json") for one in ends.values()],
-            "errors": failed,
-        }
-        write_whole(json_path, (json.dumps(told, indent=1) + "\n").encode())
+    told = {
+        "steps": [one.model_dump(mode="json") for own in steps.values() for one in own],
+        "ends": [one.model_dump(mode="json") for one in ends.values()],
+        "errors": failed,
+    }
+    write_json(json_path, told)
     if plot is not None:
         write_plot(steps, ends, plot)
     end(failed, 0, 0)
@@ -311,25 +283,19 @@ def localize(
 
     Example: gslts bench localize --jobs 2 --json out/localize.json --trade out/localize.png
     """
-    from tqdm import tqdm
-
     from gslts.bench import localize as bench_localize
     from gslts.bench.homes import homes_of
     from gslts.bench.localize_tables import printed, write_plot
-    from gslts.files import write_whole
 
     chosen, setup = seeds_of(seeds), setup_of(preset, settings, frames, size)
     homes = homes_of(chosen, room or [], setup, work)
-    for path in (json_path, trade):
-        require_writable(path)
-    work.mkdir(parents=True, exist_ok=True)
+    prepare(work, None, json_path, trade)
     units = bench_localize.units_of(homes, trade=trade is not None, ablation=ablation)
-    with tqdm(total=1, desc="asking", bar_format=BAR, smoothing=0.05, disable=None) as bar:
+    with progress("asking") as bar:
         outcome = bench_localize.measure(units, jobs, bar)
     content = bench_localize.told(units, outcome)
     typer.echo(printed(content["summary"]))
-    if json_path is not None:
-        write_whole(json_path, (json.dumps(content, indent=1) + "\n").encode())
+    write_json(json_path, content)
     if trade is not None:
         write_plot(content["summary"], trade)
     end(outcome.errors, 0, 0)
@@ -379,17 +345,12 @@ def relocalize(
 
     Example: gslts bench relocalize --jobs 2 --json out/relocalize.json --trade out/relocalize.png
     """
-    from tqdm import tqdm
-
     from gslts.bench import relocalize as bench_relocalize
     from gslts.bench.homes import homes_of
     from gslts.bench.relocalize_plot import write_plot
     from gslts.bench.relocalize_room import RecordedRoom
-    from gslts.files import write_whole
 
     chosen, setup = seeds_of(seeds), setup_of(preset, settings, frames, size)
-    for path in (json_path, trade):
-        require_writable(path)
     units: list[bench_relocalize.Unit] = []
     if real is None:
         if fold:
@@ -401,13 +362,12 @@ def relocalize(
     else:
         recorded = RecordedRoom.of(real, setup.mapping, work)
         units += bench_relocalize.folds_of(recorded, fold or [])
-    work.mkdir(parents=True, exist_ok=True)
-    with tqdm(total=1, desc="looking", bar_format=BAR, smoothing=0.05, disable=None) as bar:
+    prepare(work, None, json_path, trade)
+    with progress("looking") as bar:
         outcome = bench_relocalize.measure(units, jobs, bar)
     typer.echo(bench_relocalize.tables(outcome))
     content = bench_relocalize.told(units, outcome)
-    if json_path is not None:
-        write_whole(json_path, (json.dumps(content, indent=1) + "\n").encode())
+    write_json(json_path, content)
     if trade is not None:
         title = f"Relocalization: {views} frames of each of {len(units)} home(s)"
         write_plot(content["summary"], title, trade)
@@ -443,19 +403,48 @@ def setup_of(preset: Preset, settings: list[str] | None, frames: int, size: str)
     return HomeSetup(frames=frames, width=int(width), height=int(height), mapping=mapping)
 
 
-def require_writable(path: Path | None) -> None:
-    """Finds out before hours of work whether a file can be written after them.
+def prepare(work: Path, pictures: Path | None, *files: Path | None) -> None:
+    """Finds out before hours of work whether what comes of them can be written.
+
+    Args:
+        work: Folder of recordings, maps and results; made.
+        pictures: New or empty folder; made.
+        files: To be written at the end.
 
     Raises:
-        OSError: It cannot.
+        OSError: One cannot.
+        ValueError: There is something in the folder of pictures.
     """
-    if path is None:
-        return
-    path.parent.mkdir(parents=True, exist_ok=True)
-    if path.is_dir():
-        raise IsADirectoryError(f"{path} is a folder")
-    if not os.access(path.parent, os.W_OK):
-        raise PermissionError(f"{path}: its folder cannot be written to")
+    from gslts.files import empty_folder
+
+    for path in filter(None, files):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.is_dir():
+            raise IsADirectoryError(f"{path} is a folder")
+        if not os.access(path.parent, os.W_OK):
+            raise PermissionError(f"{path}: its folder cannot be written to")
+    if pictures is not None:
+        empty_folder(pictures)
+    work.mkdir(parents=True, exist_ok=True)
+
+
+def progress(what: str) -> tqdm[Any]:
+    """A bar of seconds, whose total comes later."""
+    from tqdm import tqdm
+
+    return tqdm(total=1, desc=what, bar_format=BAR, smoothing=0.05, disable=None)
+
+
+def write_json(path: Path | None, content: dict[str, Any]) -> None:
+    """Writes everything that was found, if it is wanted.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    from gslts.files import write_whole
+
+    if path is not None:
+        write_whole(path, (json.dumps(content, indent=1) + "\n").encode())
 
 
 def end(errors: dict[str, Any], missing: int, tasks: int) -> None:

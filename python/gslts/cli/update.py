@@ -49,6 +49,7 @@ def update(
     """
     from tqdm import tqdm
 
+    from gslts import __version__
     from gslts.camera_files import cameras_of_map
     from gslts.change.config import DetectionConfig
     from gslts.change.detect import ChangeDetector
@@ -77,10 +78,15 @@ def update(
             scout = _simulated(robot)
             if localizer is not None:
                 scout = LocalizedRobot(scout, localizer)
-            changes = list(detector.detect(scout.observe()).changes)
+            detection = detector.detect(scout.observe())
+            changes, fault = list(detection.changes), detection.unreliable
         else:
             assert frames is not None  # One of them is given.
-            scout, changes = _recorded(frames, detector, localizer)
+            scout, changes, fault = _recorded(frames, detector, localizer)
+        if not changes:
+            why = fault or "nothing changed"
+            store.refuse({"gslts": __version__, "changes": [], "record": {"refused": why}})
+            raise RuntimeError(f"{map_path} stays as it is: {why}")
         for change in changes:
             x, y, z = change.point
             typer.echo(f"{change.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m, {change.confidence:.2f}")
@@ -102,11 +108,11 @@ def update(
                 meaning=meaning,
                 tell=tell,
             )
-        version = published(
-            store, gaussian_map, cameras.values(), result, changes, config, meaning=meaning
-        )
+        version = published(store, gaussian_map, cameras.values(), result, config, meaning=meaning)
     if version is None:
         raise RuntimeError(f"{map_path} stays as it is: {result.record.refused}")
+    for change, why in result.left:
+        typer.echo(f"{change.kind} left as it was: {why}")
     typer.echo(_words(result.record, gaussian_map.size))
     picture = picture_path(map_path, version.number)
     typer.echo(
@@ -123,13 +129,17 @@ def _simulated(path: Path) -> Robot:
 
 def _recorded(
     path: Path, detector: ChangeDetector, localizer: Localizer | None
-) -> tuple[Robot, list[Change]]:
-    """A robot that replays frames, and the changes that enough of them show."""
+) -> tuple[Robot, list[Change], str | None]:
+    """A robot that replays frames, the changes that enough of them show, or why they show none."""
     from gslts.change.monitor import confirmed
     from gslts.recorded_robot import RecordedRobot
 
     frames = list(read_frames(path, localizer).values())
-    return RecordedRobot(frames), confirmed(detector, frames)[0]
+    changes, counts = confirmed(detector, frames)
+    fault = None
+    if counts.unreliable == counts.looked_at:
+        fault = f"none of {counts.looked_at} frames can be compared with it; gslts detect tells why"
+    return RecordedRobot(frames), changes, fault
 
 
 def _words(record: Record, size: int) -> str:

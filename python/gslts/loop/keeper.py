@@ -199,10 +199,10 @@ class MapKeeper:
         )
         cameras, of_round = self._cameras.values(), {"round": self.state.round}
         version = published(
-            self._store, self._map, cameras, result, changes, config, of_round, self._meaning
+            self._store, self._map, cameras, result, config, of_round, self._meaning
         )
+        self._park(result)
         if version is None:
-            self._park(result, changes)
             return
         self._say(f"version {version.number}: {version.gaussians} Gaussians")
         self._map = result.gaussian_map
@@ -212,17 +212,20 @@ class MapKeeper:
         if self._localizer is not None:
             self._localizer.publish(self._relocalizer_of_map())
         parked = tuple(
-            one for one in self.state.parked if not any(one.is_of(change) for change in changes)
+            one
+            for one in self.state.parked
+            if not any(one.is_of(change) for change in result.changes)
         )
         self._become(parked=parked)
 
-    def _park(self, result: Update, changes: list[Change]) -> None:
-        reason = result.record.refused or ""
+    def _park(self, result: Update) -> None:
+        """What the map does not show is tried again later."""
         parked = self.state.parked
-        for change in changes:
-            parked = parked_again(parked, change, reason, self.state.round)
-        self._become(parked=parked)
-        self._say(f"left as it is for now: {reason}")
+        for change, why in result.left:
+            parked = parked_again(parked, change, why, self.state.round)
+            self._say(f"{change.kind} left as it is for now: {why}")
+        if result.left:
+            self._become(parked=parked)
 
     def _is_parked(self, change: Change) -> bool:
         return any(one.is_of(change) and one.until > self.state.round for one in self.state.parked)

@@ -7,59 +7,66 @@ right, and aims and ranges anew after each step.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gslts.change.changes import Change
 from gslts.change.detect import ChangeDetector, Detection
 from gslts.frame import RgbdFrame
 from gslts.robot import Robot
 from gslts.update.config import CollectConfig
+from gslts.update.evidence import fault_of_site, shows
 from gslts.update.extent import extended
-from gslts.update.region import Site
-from gslts.update.views import View, aligned_view, view_of
+from gslts.update.region import Site, sites_of
+from gslts.update.views import View, aligned_view, masks_of, view_of
 
 Floats = NDArray[np.float64]
 
 LEAST_DISTANCE_M, MOST_DISTANCE_M = 0.7, 2.5
 """On the floor. Nearer, a camera measures no depth; farther, it sees too little."""
-INSIDE = 0.06
-"""Share of the image's width by which the middle of a site must lie within it."""
-HIDDEN_M = 0.15
-"""What is measured so much before a site hides it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Collection:
-    """Views around the sites of a change.
+    """Views around changes.
 
     Attributes:
-        views: Of the sites, in the order in which they were taken.
-        sites: The sites as these views show them.
+        views: In the order in which they were taken.
+        changes: Those that the views show.
+        sites_of_each: Of each of these changes, as the views show them.
+        left: Changes that the views do not show, and why.
         skipped: Why other frames do not count.
     """
 
     views: tuple[View, ...]
-    sites: tuple[Site, ...]
+    changes: tuple[Change, ...]
+    sites_of_each: tuple[tuple[Site, ...], ...]
+    left: tuple[tuple[Change, str], ...]
     skipped: tuple[str, ...]
+
+    @property
+    def sites(self) -> tuple[Site, ...]:
+        """Of all changes that the views show."""
+        return tuple(site for own in self.sites_of_each for site in own)
 
 
 def collect(
     robot: Robot,
     detector: ChangeDetector,
-    sites: Sequence[Site],
+    changes: Sequence[Change],
     config: CollectConfig,
     *,
     threads: int = 0,
     tell: Callable[[], None] = lambda: None,
 ) -> Collection:
-    """Lets a robot look at each site from all sides that it can reach.
+    """Lets a robot look at each site of some changes from all sides that it can reach.
 
     Args:
         robot: Somewhere near.
         detector: Of the map as it is.
-        sites: Where something changed.
+        changes: As detected.
         config: Settings.
         threads: 0 means one a hardware thread.
         tell: Is told of each step.
@@ -67,30 +74,45 @@ def collect(
     Returns:
         What it saw; no view where no place is reachable that shows a site.
     """
-    tour = _Tour(robot, detector, list(sites), config, tell)
-    for number in range(len(sites)):
+    first = [site for change in changes for site in sites_of(change)]
+    tour = _Tour(robot, detector, first, config, tell)
+    for number in range(len(first)):
         tour.go_around(number)
-    views = (view_of(detection, frame, tour.sites) for frame, detection in tour.seen)
-    aligned = [
-        aligned_view(view, detector.gaussian_map, threads) for view in views if view is not None
-    ]
-    grown, larger = extended(tour.sites, aligned)
-    return Collection(larger, grown, tuple(tour.skipped))
-
-
-def shows(frame: RgbdFrame, site: Site) -> bool:
-    """Whether the middle of a site is in a frame and nothing is before it."""
-    camera = frame.camera
-    middle = site.middle_in(camera)
-    if middle is None:
-        return False
-    u, v, z = middle
-    margin = INSIDE * camera.width
-    if not (margin <= u < camera.width - margin and margin <= v < camera.height - margin):
-        return False
-    depth = frame.registered().depth[int(v), int(u)]
-    reach_m = HIDDEN_M + 0.5 * float(np.linalg.norm(site.high - site.low))
-    return not bool(0 < depth < z - reach_m)
+    seen = []
+    for frame, detection in tour.seen:
+        view = view_of(detection, frame, tour.sites)
+        if view is not None:
+            # What is left as it was changes all the same: no pose must be fitted to it.
+            view = aligned_view(view, detector.gaussian_map, threads)
+        if view is None:
+            tour.skipped.append("a frame fits the map at another place")
+        else:
+            seen.append((view, detection))
+    waiting = list(tour.sites)
+    shown: list[tuple[Change, tuple[Site, ...]]] = []
+    left: list[tuple[Change, str]] = []
+    for change in changes:
+        own = tuple(waiting.pop(0) for _ in sites_of(change))
+        told = (fault_of_site(site, seen, tour.skipped) for site in own)
+        faults = [fault for fault in told if fault is not None]
+        if own and not faults:
+            shown.append((change, own))
+        else:
+            left.append((change, faults[0] if faults else "its place is not known"))
+    sites = [site for _, own in shown for site in own]
+    views = []
+    for view, detection in seen:
+        before, after = masks_of(detection, view.changed.shape, sites)
+        views.append(replace(view, before=before, after=after))
+    grown, larger = extended(sites, views)
+    waiting = list(grown)
+    return Collection(
+        views=larger,
+        changes=tuple(change for change, _ in shown),
+        sites_of_each=tuple(tuple(waiting.pop(0) for _ in own) for _, own in shown),
+        left=tuple(left),
+        skipped=tuple(tour.skipped),
+    )
 
 
 class _Tour:
@@ -114,6 +136,7 @@ class _Tour:
         """K/2 steps to the left, K to the right; where one side ends, the other goes on."""
         places = self._robot.reachable_positions()
         if len(places) == 0:
+            self.skipped.append("no place is reachable")
             return
         config = self._config
         site = self.sites[number]

@@ -21,11 +21,11 @@ from gslts.mapping.density import joined
 from gslts.mapping.seed import seed_from_depth
 from gslts.render import Rasterizer, RenderOptions
 from gslts.update.config import EditConfig
+from gslts.update.evidence import shows
 from gslts.update.region import Site
 from gslts.update.views import View, near_site
 
 Bools = NDArray[np.bool_]
-Floats32 = NDArray[np.float32]
 
 PIXEL_STEP = 1
 """Every pixel is looked at: handles and legs are few pixels wide."""
@@ -60,42 +60,43 @@ class Edit:
 def pre_edit(
     gaussian_map: GaussianMap,
     views: Sequence[View],
-    sites: Sequence[Site],
+    sites: Sequence[Sequence[Site]],
     config: EditConfig,
     *,
-    features: Floats32 | None = None,
     first_id: int | None = None,
     threads: int = 0,
 ) -> Edit:
     """Removes what is gone and adds what is new.
 
+    Objects that moved keep the semantic features that they had, drawn at random from what was
+    removed, as in the paper; those of objects that were added are zeros until frames tell them
+    (`gslts.tasks.meaning`).
+
     Args:
         gaussian_map: float32, at least one Gaussian.
-        views: Of the change, at least one.
-        sites: Where something is gone ("before") and is new ("after").
+        views: Of the changes, at least one.
+        sites: Of each change, where something is gone ("before") and is new ("after").
         config: Settings.
-        features: [D] semantic feature of what is new, s_manual of the paper. None means that of the
-            object that moved, or zeros for one that was added.
         first_id: Of what is new; None means the next one after those of the map.
         threads: 0 means one a hardware thread.
 
     Raises:
-        ValueError: There is no view, `features` does not fit the map, or nothing would be left.
+        ValueError: There is no view, or nothing would be left.
     """
     if not views:
         raise ValueError("pre_edit: views: there is none")
-    removed = removed_by(gaussian_map, views, sites, config)
+    every = [site for own in sites for site in own]
+    removed = removed_by(gaussian_map, views, every, config)
     if removed.all():
         raise ValueError("pre_edit: gaussian_map: all of it would be removed")
     kept = gaussian_map.select(~removed)
     gone = gaussian_map.select(removed)
-    wanted = _wanted(kept, views, sites, config, threads)
+    wanted = _wanted(kept, views, every, config, threads)
     frames = _frames(kept, views, wanted)
     new = _flat_ones(kept, frames, config) if config.flat else _like_nearest(kept, frames)
     if new.size == 0:
         return Edit(kept, removed, 0)
-    of_object = near_sites(new, [site for site in sites if site.side == "after"], config.margin_m)
-    new = _painted(new, kept, gone, of_object, features, observed=config.observed_colors)
+    new = _painted(new, kept, gone, sites, config)
     if first_id is None:
         first_id = int(gaussian_map.ids.max()) + 1  # Not one of those that were removed.
     return Edit(joined(kept, new, first_id), removed, new.size)
@@ -107,16 +108,26 @@ def removed_by(
     sites: Sequence[Site],
     config: EditConfig,
 ) -> Bools:
-    """[N] the Gaussians of what is gone: G_target of the paper, and what is left of it."""
+    """[N] the Gaussians of what is gone: G_target of the paper, and what is left of it.
+
+    Args:
+        gaussian_map: float32.
+        views: Of the changes.
+        sites: Where something changed.
+        config: Settings.
+    """
     cameras = [view.camera for view in views]
     removed = np.zeros(gaussian_map.size, np.bool_)
-    if any(site.side == "before" for site in sites):
+    emptied = [site for site in sites if site.side == "before"]
+    if emptied:
         rendered = [view.rendered for view in views] if config.visible_votes else None
         masks = [np.ascontiguousarray(view.before) for view in views]
         votes, seen = _core.votes_of(
             _view(gaussian_map), cameras, masks, rendered, _core.VoteRule()
         )
-        of = seen if config.visible_votes else len(views)
+        # K of the paper is that of one region; a relocation has views of another one, too.
+        of_region = sum(any(shows(view.frame, site) for site in emptied) for view in views)
+        of = seen if config.visible_votes else of_region
         removed |= votes > config.vote_share * of
     near = near_sites(gaussian_map, sites, config.margin_m)
     if config.carve:
@@ -135,13 +146,24 @@ def removed_by(
 def sightings(
     gaussian_map: GaussianMap, views: Sequence[View]
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """[N] how many views measured a surface at each centre, and how many one behind it."""
+    """[N] how many views measured a surface at each centre, and how many one behind it.
+
+    Args:
+        gaussian_map: float32.
+        views: Whose depth counts.
+    """
     cameras, depths = [view.camera for view in views], [view.depth for view in views]
     return _core.sightings_of(_view(gaussian_map), cameras, depths, _core.DepthRule())
 
 
 def near_sites(gaussian_map: GaussianMap, sites: Sequence[Site], margin_m: float) -> Bools:
-    """[N] which centres are in the boxes of sites, or near them."""
+    """[N] which centres are in the boxes of sites, or near them.
+
+    Args:
+        gaussian_map: Of any dtype.
+        sites: In the world.
+        margin_m: How near to a box.
+    """
     centres = gaussian_map.means + gaussian_map.origin
     near = [site.contains(centres, margin_m) for site in sites]
     return np.any(near, axis=0) if near else np.zeros(gaussian_map.size, np.bool_)
@@ -218,25 +240,29 @@ def _painted(
     new: GaussianMap,
     kept: GaussianMap,
     gone: GaussianMap,
-    of_object: Bools,
-    features: Floats32 | None,
-    *,
-    observed: bool,
+    sites: Sequence[Sequence[Site]],
+    config: EditConfig,
 ) -> GaussianMap:
     """New Gaussians with features, and with colours if these are not those that were observed.
 
     What fills a hole is like the nearest Gaussians; an object that moved is as it was.
     """
+    if config.observed_colors and kept.feature_dims == 0:
+        return replace(new, features=np.zeros((new.size, 0), np.float32))
     nearest, _ = _core.nearest_gaussians(_view(kept), new.means, 1)
-    sh, of_nearest = kept.sh[nearest[:, 0]], kept.features[nearest[:, 0]]
-    if gone.size > 0:
-        drawn = np.random.default_rng(0).integers(gone.size, size=int(of_object.sum()))
-        sh[of_object], of_nearest[of_object] = gone.sh[drawn], gone.features[drawn]
-    else:
-        of_nearest[of_object] = 0
-    if features is not None:
-        of_nearest[of_object] = features
-    return replace(new, sh=new.sh if observed else sh, features=of_nearest)
+    sh, features = kept.sh[nearest[:, 0]], kept.features[nearest[:, 0]]
+    rng = np.random.default_rng(0)
+    for own in sites:
+        before, after = (
+            [site for site in own if site.side == side] for side in ("before", "after")
+        )
+        rows = np.flatnonzero(near_sites(new, after, config.margin_m))
+        features[rows] = 0
+        was = np.flatnonzero(near_sites(gone, before, config.margin_m))
+        if len(was):  # The object moved.
+            drawn = rng.choice(was, len(rows))
+            sh[rows], features[rows] = gone.sh[drawn], gone.features[drawn]
+    return replace(new, sh=new.sh if config.observed_colors else sh, features=features)
 
 
 def _view(gaussian_map: GaussianMap) -> GaussianViewFloat:

@@ -31,6 +31,8 @@ GAP = 3
 LEAST_VIEWS = 2
 MOST_M = 0.8
 """No farther than that beyond what was detected."""
+MOST_PAIRS = 1 << 20
+"""Of voxels that are compared at a time."""
 
 
 def extended(
@@ -95,8 +97,10 @@ def _connected(points: Floats, start: Bools) -> Bools:
     frontier = cells[reached]
     while len(frontier):
         left = np.flatnonzero(~reached)
-        apart = np.abs(cells[left][:, None] - frontier[None]).max(axis=2)
-        new = left[(apart <= GAP).any(axis=1)] if len(left) else left
-        reached[new] = True
-        frontier = cells[new]
+        near = np.zeros(len(left), np.bool_)
+        parts = 1 + len(left) * len(frontier) // MOST_PAIRS
+        for part in np.array_split(frontier, parts):
+            near |= (np.abs(cells[left][:, None] - part).max(axis=2) <= GAP).any(axis=1)
+        reached[left[near]] = True
+        frontier = cells[left[near]]
     return reached

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from io import BytesIO
 from typing import Any
 
@@ -38,12 +38,11 @@ def published(
     before: GaussianMap,
     cameras: Iterable[Camera],
     result: Update,
-    changes: Sequence[Change],
     config: UpdateConfig,
     more: Mapping[str, Any] | None = None,
     meaning: Meaning | None = None,
 ) -> Version | None:
-    """Adds a version of an updated map, and a picture of it; of one that stays, only why.
+    """Adds a version of an updated map, and a picture of it; of what stays as it was, only why.
 
     A map with landmarks gets those of what is new, too.
 
@@ -52,7 +51,6 @@ def published(
         before: Its newest version, which was updated.
         cameras: That it was made from.
         result: Of the update.
-        changes: That it was about.
         config: It was made with.
         more: Of its cause, in values of JSON.
         meaning: Of the features of the map; gives names to what is gone.
@@ -64,13 +62,13 @@ def published(
     """
     cause: dict[str, Any] = {
         "gslts": __version__,
-        "changes": [_plain(one) for one in changes],
+        "changes": [_plain(one) for one in result.changes],
         "record": result.record.plain(),
         "config": config.model_dump(mode="json"),
         **(more or {}),
     }
     if result.record.refused is not None:
-        store.refuse(cause)
+        store.refuse({**cause, "changes": [_plain(one) for one, _ in result.left]})
         return None
     seen_from = [view.camera for view in result.views]
     cause["frames"] = [
@@ -98,9 +96,12 @@ def published(
         return meaning.name_of(before, np.flatnonzero(own))
 
     events = [
-        Event(0, one.kind, type_of(one, result.views, past, named), _boxes(one)) for one in changes
+        Event(0, one.kind, type_of(one, result.views, past, named), _boxes(one))
+        for one in result.changes
     ]
     version = store.commit(result.gaussian_map, cause, events)
+    for change, why in result.left:
+        store.refuse({"changes": [_plain(change)], "record": {"refused": why}, **(more or {})})
     picture = Image.fromarray(
         update_picture(before, result.gaussian_map, result.views, config.threads)
     )

@@ -218,6 +218,7 @@ def _spread(cameras: Sequence[Camera], sites: Sequence[Site], count: int) -> lis
         best = int(np.argmax(nearest_m))
         chosen.append(looking[best])
         nearest_m = np.minimum(nearest_m, np.linalg.norm(places - places[best], axis=1))
+        nearest_m[best] = -1  # Others may stand at the very place.
     return chosen
 
 

@@ -23,7 +23,7 @@ from gslts.update.collect import Collection, collect
 from gslts.update.config import UpdateConfig
 from gslts.update.edit import Edit, near_sites, pre_edit, sightings
 from gslts.update.refine import Watch, refine, remembered, targets_of
-from gslts.update.region import Site, sites_of
+from gslts.update.region import Site
 from gslts.update.verify import error_around, split_held_back
 from gslts.update.views import View
 
@@ -32,10 +32,6 @@ Tell = Callable[[Stage], None]
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int32]
 
-LEAST_SHOWING = 0.5
-"""Share of the views that must show a change, or it was a false alarm."""
-LEAST_MEASURED = 0.1
-"""Share of what changed in which depth must be measured."""
 LEAST_AGAINST = 2
 """Views that see a Gaussian, and later or earlier ones that see through it, of one that moved."""
 MOST_UNSTEADY = 0.3
@@ -52,7 +48,7 @@ class Record:
 
     Attributes:
         refused: Why the map stays as it was; None if it was updated.
-        kinds: Of the changes.
+        kinds: Of the changes that were to be made.
         views: Used for it, and held back.
         skipped: Why other frames do not count.
         removed, added, moved: Gaussians that went, that came, and that were refined.
@@ -84,12 +80,16 @@ class Update:
 
     Attributes:
         gaussian_map: The updated map, or the one given where the update was refused.
+        changes: That it shows now; none where the update was refused.
+        left: Changes that it does not show, and why.
         record: What was done.
         views: That were collected, those used first.
         sites: Where something changed.
     """
 
     gaussian_map: GaussianMap
+    changes: tuple[Change, ...]
+    left: tuple[tuple[Change, str], ...]
     record: Record
     views: tuple[View, ...]
     sites: tuple[Site, ...]
@@ -109,14 +109,14 @@ def update(
 ) -> Update:
     """Lets a robot look at changes closely, and brings the map up to date with them.
 
-    Nothing of the map changes but what is near them. It stays as it was if no view can be had, the
-    views do not show a change, what changed moves again, or the update fits views that were held
-    back no better.
+    Nothing of the map changes but what is near them. A change is left out if too few views of all
+    its places can be had, or they do not show it. The map stays as it was if no change is left,
+    what changed moves again, or the update fits views that were held back no better.
 
     Args:
         gaussian_map: float32.
         cameras: Of the frames that it was made of.
-        changes: As detected; those of which only pixels are known are left out.
+        changes: As detected.
         robot: Somewhere near.
         config: Settings; None means the defaults.
         detector: Of the map; None means one with default settings.
@@ -125,16 +125,15 @@ def update(
         tell: Is told of each step of the stages that take long.
 
     Raises:
-        ValueError: The map is not float32.
+        ValueError: The map is not float32, or nothing of it would be left.
     """
     config = UpdateConfig() if config is None else config
     clock = _Clock()
     detector = detector or ChangeDetector(gaussian_map, cameras=cameras)
-    sites = [site for change in changes for site in sites_of(change)]
     found = collect(
         robot,
         detector,
-        sites,
+        changes,
         config.collect,
         threads=config.threads,
         tell=lambda: tell("collecting"),
@@ -148,22 +147,25 @@ def update(
         first_id=first_id,
         watch=lambda *_: tell("refining"),
     )
-    record = replace(
-        record,
-        kinds=tuple(change.kind for change in changes),
-        seconds={**clock.stages, **record.seconds},
-    )
+    record = replace(record, seconds={**clock.stages, **record.seconds})
     used, held_back = split_held_back(found.views, config.collect.held_back)
-    if meaning is not None and record.refused is None:
+    if record.refused is not None:
+        left = found.left + tuple((change, record.refused) for change in found.changes)
+        return Update(gaussian_map, (), left, record, (*used, *held_back), found.sites)
+    if meaning is not None:
         fresh = ~np.isin(updated.ids, gaussian_map.ids)
         fresh |= near_sites(updated, found.sites, MEANING_M)
-        if all(change.kind == "relocation" for change in changes):  # What moved means what it did.
-            after = [site for site in found.sites if site.side == "after"]
-            moved = near_sites(updated, after, config.edit.margin_m)
-            fresh &= ~(moved & updated.features.any(axis=1))
+        now_at = [  # What moved means what it did.
+            site
+            for change, own in zip(found.changes, found.sites_of_each, strict=True)
+            for site in own
+            if change.kind == "relocation" and site.side == "after"
+        ]
+        moved = near_sites(updated, now_at, config.edit.margin_m)
+        fresh &= ~(moved & updated.features.any(axis=1))
         shown = [(view.frame, view.changed) for view in used]
         updated = meaning.taught(updated, fresh, shown, config.threads)
-    return Update(updated, record, (*used, *held_back), found.sites)
+    return Update(updated, found.changes, found.left, record, (*used, *held_back), found.sites)
 
 
 def updated_with(
@@ -189,11 +191,17 @@ def updated_with(
     sites, threads = found.sites, config.threads
     used, held_back = split_held_back(found.views, config.collect.held_back)
     record = Record(
-        refused=fault_of(found), views=(len(used), len(held_back)), skipped=found.skipped
+        refused=None,
+        kinds=tuple(change.kind for change in found.changes),
+        views=(len(used), len(held_back)),
+        skipped=found.skipped,
     )
-    if record.refused is not None:
-        return gaussian_map, replace(record, seconds=clock.stages)
-    edit = pre_edit(gaussian_map, used, sites, config.edit, first_id=first_id, threads=threads)
+    if not found.changes:
+        why = "; ".join(dict.fromkeys(why for _, why in found.left)) or "nothing changed"
+        return gaussian_map, replace(record, refused=why, seconds=clock.stages)
+    edit = pre_edit(
+        gaussian_map, used, found.sites_of_each, config.edit, first_id=first_id, threads=threads
+    )
     unsteady = unsteady_share(gaussian_map, edit, used)
     clock.note("editing")
     record = replace(record, removed=int(edit.removed.sum()), added=edit.added)
@@ -214,38 +222,24 @@ def updated_with(
         watch=watch,
     )
     clock.note("refining")
-    before = error_around(gaussian_map, held_back, sites, threads)
-    after = error_around(refined.gaussian_map, held_back, sites, threads)
+    before, after = (
+        [error_around(one, held_back, own, threads) for own in (sites, *found.sites_of_each)]
+        for one in (gaussian_map, refined.gaussian_map)
+    )
     clock.note("verifying")
     record = replace(
         record,
-        moved=int(moving.sum()),
+        moved=int(moving.sum()) if refined.iterations else 0,
         iterations=refined.iterations,
-        psnr_before_db=_psnr_db(before),
-        psnr_after_db=_psnr_db(after),
+        psnr_before_db=_psnr_db(before[0]),
+        psnr_after_db=_psnr_db(after[0]),
         seconds=clock.stages,
     )
-    if before is None or after is None or not after < before:
-        why = f"views held back fit no better: {_words(before)} before, {_words(after)} after"
-        return gaussian_map, replace(record, refused=why)
+    for was, now in zip(before, after, strict=True):  # All in all, and each change.
+        if was is None or now is None or not now < was:
+            why = f"views held back fit no better: {_words(was)} before, {_words(now)} after"
+            return gaussian_map, replace(record, refused=why)
     return refined.gaussian_map, record
-
-
-def fault_of(found: Collection) -> str | None:
-    """Why nothing can be done with what was collected; None if something can."""
-    if not found.sites:
-        return "there is no change whose place is known"
-    if len(found.views) < 2:
-        why = f": {found.skipped[0]}" if found.skipped else ": no place is reachable"
-        return f"{len(found.views)} view(s) show the change, 2 are needed{why}"
-    showing = sum(bool(view.changed.any()) for view in found.views)
-    if showing < LEAST_SHOWING * len(found.views):
-        return f"only {showing} of {len(found.views)} views show a change"
-    changed = sum(int(view.changed.sum()) for view in found.views)
-    measured = sum(int((view.depth[view.changed] > 0).sum()) for view in found.views)
-    if measured < LEAST_MEASURED * changed:
-        return f"depth is measured in {100 * measured / changed:.0f} % of what changed"
-    return None
 
 
 def moving_of(edit: Edit, sites: Sequence[Site], reach_m: float) -> Bools:

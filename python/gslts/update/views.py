@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +24,8 @@ LEAST_ALPHA = 0.5
 """Where the map is less opaque, it shows no surface."""
 ALIGN_STEPS = 3
 """Of the pose, at half and at full resolution."""
+MOST_ALIGNED_M = 0.1
+"""A pose that this moves farther from the one at which the change was detected is not trusted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,25 +85,36 @@ def view_of(detection: Detection, frame: RgbdFrame, sites: Iterable[Site]) -> Vi
         return None
     whole = frame.registered()
     camera = at_pose(whole.camera, detection.camera.world_from_camera)
-    parts = {
-        side: [
-            one.label
-            for one in detection.surfaces
-            if any(site.side == side and site.is_of(one) for site in sites)
-        ]
-        for side in ("before", "after")
-    }
-    before, after = (
-        _enlarged(np.isin(detection.labels, labels), whole.rgb.shape[:2])
-        for labels in parts.values()
-    )
+    before, after = masks_of(detection, whole.rgb.shape[:2], list(sites))
     moved = replace(whole, camera=camera)
     unknown = np.zeros(whole.depth.shape, np.float32)
     return View(moved, detection.exposure, unknown, before, after)
 
 
-def aligned_view(view: View, gaussian_map: GaussianMap, threads: int = 0) -> View:
+def masks_of(
+    detection: Detection, shape: tuple[int, ...], sites: Sequence[Site]
+) -> tuple[Bools, Bools]:
+    """[H,W] where the map shows what is gone from some sites, and where a frame shows what is new.
+
+    Args:
+        detection: Of the frame, with labels.
+        shape: Of the frame, (H, W).
+        sites: Where something changed.
+    """
+    assert detection.labels is not None
+    masks = []
+    for side in ("before", "after"):
+        own = [site for site in sites if site.side == side]
+        labels = [one.label for one in detection.surfaces if any(site.is_of(one) for site in own)]
+        masks.append(_enlarged(np.isin(detection.labels, labels), shape))
+    before, after = masks
+    return before, after
+
+
+def aligned_view(view: View, gaussian_map: GaussianMap, threads: int = 0) -> View | None:
     """The view at the pose where the map fits it best at full resolution, and what the map shows.
+
+    None where that pose is far from the one given: then too little in the view tells it.
 
     Changes are looked for in smaller images, whose poses are off by more than new Gaussians may be.
 
@@ -114,6 +127,8 @@ def aligned_view(view: View, gaussian_map: GaussianMap, threads: int = 0) -> Vie
     same = ~view.changed if whole.mask is None else whole.mask & ~view.changed
     frame = RgbdFrame(whole.rgb, whole.depth, whole.camera, mask=same)
     pose = aligned(gaussian_map, [frame.halved(), frame], ALIGN_STEPS, threads=threads)
+    if not np.linalg.norm(pose[:3, 3] - whole.camera.world_from_camera[:3, 3]) < MOST_ALIGNED_M:
+        return None
     camera = at_pose(whole.camera, pose)
     moved = replace(whole, camera=camera)
     # A wall beside the camera would become fog before what is behind: as if something was gone.

@@ -1,0 +1,69 @@
+"""Whether views show that something changed at a place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gslts.change.detect import Detection
+from gslts.frame import RgbdFrame
+from gslts.update.region import Site
+from gslts.update.views import View, masks_of
+
+INSIDE = 0.06
+"""Share of the image's width by which the middle of a site must lie within it."""
+HIDDEN_M = 0.15
+"""What is measured so much before a site hides it."""
+LEAST_VIEWS = 2
+LEAST_SHOWING = 1 / 3
+"""Share of the views of a place that must show a change there, or it was a false alarm; small dark
+things are detected in fewer than half of them."""
+LEAST_MEASURED = 0.1
+"""Share of what changed in which depth must be measured."""
+
+
+def shows(frame: RgbdFrame, site: Site) -> bool:
+    """Whether the middle of a site is in a frame and nothing is before it."""
+    camera = frame.camera
+    middle = site.middle_in(camera)
+    if middle is None:
+        return False
+    u, v, z = middle
+    margin = INSIDE * camera.width
+    if not (margin <= u < camera.width - margin and margin <= v < camera.height - margin):
+        return False
+    depth = frame.registered().depth[int(v), int(u)]
+    reach_m = HIDDEN_M + 0.5 * float(np.linalg.norm(site.high - site.low))
+    return not bool(0 < depth < z - reach_m)
+
+
+def fault_of_site(
+    site: Site, seen: Sequence[tuple[View, Detection]], skipped: Sequence[str]
+) -> str | None:
+    """Why views do not tell that something is gone from a place, or new there; None if they do.
+
+    Args:
+        site: The place.
+        seen: Views of this and of other places, and what was detected in them.
+        skipped: Why other frames do not count.
+    """
+    own = [(view, detection) for view, detection in seen if shows(view.frame, site)]
+    if len(own) < LEAST_VIEWS:
+        why = skipped[0] if skipped else "the robot offers no other frame"
+        return f"{len(own)} view(s) show the change, {LEAST_VIEWS} are needed: {why}"
+    masks = []
+    for view, detection in own:
+        before, after = masks_of(detection, view.changed.shape, [site])
+        masks.append(before if site.side == "before" else after)
+    showing = sum(bool(mask.any()) for mask in masks)
+    if showing < LEAST_SHOWING * len(own):
+        what = "something gone" if site.side == "before" else "something new"
+        return f"only {showing} of {len(own)} views show {what} there"
+    changed = sum(int(mask.sum()) for mask in masks)
+    measured = sum(
+        int(np.count_nonzero(view.depth[mask])) for (view, _), mask in zip(own, masks, strict=True)
+    )
+    if measured < LEAST_MEASURED * changed:
+        return f"depth is measured in {100 * measured / changed:.0f} % of what changed"
+    return None
