@@ -71,7 +71,10 @@ def kill(subject: Subject, folder: Path, arguments: argparse.Namespace) -> Tally
             subject.prepare(folder, fresh=fresh)
             moment_s = rng.uniform(0, whole.seconds)
             outcome = disturbed(folder, subject.run, kill_after_s=moment_s)
-            tally.add(f"killed after {moment_s:.4f} s", outcome, subject.problems(folder, outcome))
+            problems = subject.problems(folder, outcome)
+            if outcome.code not in (0, None):  # What a killed run left must not stop the next one.
+                problems.append(f"it ended with {outcome.code}: {outcome.told}")
+            tally.add(f"killed after {moment_s:.4f} s", outcome, problems)
             fresh = outcome.code is not None  # It was done before: what a killed run left is gone.
             killed += not fresh
             bar.update(not fresh)

@@ -31,7 +31,8 @@ from gslts.ply import write_ply
 from gslts.relocalize.landmark_files import FOLDER as LANDMARKS
 from gslts.relocalize.landmark_files import landmark_problems
 from gslts.store.delta import arrays_of
-from gslts.store.map_store import BLOBS, INDEX, LOCK
+from gslts.store.map_store import BLOBS, INDEX
+from gslts.store.writer_lock import LOCK
 
 MAP = "map"
 OWN_FILES = {MANIFEST, CAMERAS, BLOBS, INDEX, f"{INDEX}-wal", f"{INDEX}-shm", LOCK}

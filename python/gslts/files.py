@@ -11,10 +11,10 @@ from pathlib import Path
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Writes a file, or leaves what was there.
+    """Writes a file, which is on the disk for good when this returns, or leaves what was there.
 
     Raises:
-        OSError: It cannot be written.
+        OSError: It cannot be written, or the disk failed before its name was there for good.
     """
     temporary = part_of(path)
     try:
@@ -26,6 +26,21 @@ def write_whole(path: Path, content: bytes) -> None:
     except BaseException:
         remove_tree(temporary)
         raise
+    sync_folder(path.parent)
+
+
+def sync_folder(folder: Path) -> None:
+    """Makes names in a folder last.
+
+    Raises:
+        OSError: The disk failed.
+    """
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        with naming(folder.absolute()):  # "." would tell nothing.
+            os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def part_of(path: Path) -> Path:

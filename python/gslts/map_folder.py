@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 
 from gslts.camera import Camera
-from gslts.files import naming, part_of, remove_tree
+from gslts.files import naming, part_of, remove_tree, sync_folder
 from gslts.gaussian_map import GaussianMap
 from gslts.ply import read_ply
-from gslts.store.blobs import sync_folder
 from gslts.store.map_store import MapStore
 
 FORMAT, VERSION = "gslts-map", 2

@@ -100,7 +100,7 @@ def test_a_round_repairs_what_changed_and_the_next_one_has_nothing_to_do(folder:
         keeper.go_round(robot_of("removal"))
         assert keeper.version.number == 2
         assert update_room.opaque_in(read_map(folder), update_room.REMOVED, 0.04) == 0
-        assert keeper.state == LoopState(round=1) == read_state(folder)
+        assert keeper.state == LoopState(round=1, of_source=1) == read_state(folder)
         keeper.go_round(robot_of("removal"))
         assert keeper.version.number == 2
     assert said[0].startswith("removal at (2.")

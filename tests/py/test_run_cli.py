@@ -14,7 +14,7 @@ import update_room
 from test_cli_sim import gslts
 from test_update_cli import looks_at_the_change
 
-from gslts.loop.state import read_state
+from gslts.loop.state import LoopState, read_state, write_state
 from gslts.map_folder import open_versions, read_map
 from gslts.sim.capture import capture
 
@@ -75,6 +75,20 @@ def test_a_simulated_day(workplace: Path, new_map: str) -> None:
     assert read_state(workplace / new_map).round == 2
     done = gslts("run", new_map, "--robot", "day/day.json", *QUICK, cwd=workplace)
     assert done.stdout.startswith("0 round(s)"), "the day is over"
+    day = workplace / "day" / "day.json"
+    day.with_name("next.json").write_text(day.read_text() + "\n")  # Another one.
+    done = gslts("run", new_map, "--robot", "day/next.json", *QUICK, cwd=workplace)
+    assert done.stdout.startswith("2 round(s)"), done.stderr
+    assert read_state(workplace / new_map).round == 4
+
+
+def test_what_is_left_of_another_recording_is_forgotten(workplace: Path, new_map: str) -> None:
+    state = LoopState(round=3, source="another one", of_source=2, left=("nowhere",))
+    write_state(state, workplace / new_map)
+    done = gslts("run", new_map, "--frames", "visit", *QUICK, cwd=workplace)
+    assert done.stdout.splitlines()[-1].startswith(f"1 round(s); {new_map} is version 2 now")
+    after = read_state(workplace / new_map)
+    assert (after.round, after.of_source) == (4, 1)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

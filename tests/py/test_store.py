@@ -1,7 +1,10 @@
 """Versions of a map: they come back bit by bit, and nothing of them is lost."""
 
 import multiprocessing
+import os
+import shutil
 import sqlite3
+import tempfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +13,8 @@ import pytest
 
 from gslts.gaussian_map import GaussianMap
 from gslts.mapping.density import joined
-from gslts.store.delta import ARRAYS, Delta, after_all, delta_of
+from gslts.store.blobs import Blobs
+from gslts.store.delta import ARRAYS, Delta, after_all, delta_by_ids, delta_of
 from gslts.store.map_store import BLOBS, INDEX, MapStore
 from gslts.store.records import Event
 
@@ -115,7 +119,7 @@ def test_an_old_version_is_restored_as_a_new_one(folder: Path) -> None:
         store.commit(after, {})
         assert_same(store.read(6), after)
         assert_same(store.read(4), maps[3])
-        found = store.difference(6, 4)
+        found = delta_by_ids(store.read(6), store.read(4))
     assert_same(maps[3].select(np.isin(maps[3].ids, found.added.ids)), found.added)
 
 
@@ -130,7 +134,7 @@ def test_features_of_another_length_make_a_version(folder: Path) -> None:
         later = embedded.select(np.arange(20))
         store.commit(later, {})
         assert_same(store.read(), later)
-        assert store.difference(3, 4).changed.size == embedded.size
+        assert delta_by_ids(store.read(3), store.read(4)).changed.size == embedded.size
         assert [one.number for one in store.way_to()] == [1, 2, 3, 4, 5]
         with pytest.raises(ValueError, match="means are not those of version 5"):
             store.commit_features(replace(later, means=later.means + 1), {})
@@ -170,8 +174,26 @@ def test_objects_are_told(folder: Path) -> None:
     with MapStore(folder, writable=True) as store:
         store.commit(store.read(), {}, events)
         assert [one.type for one in store.events()] == ["Mug", "Book"]
-        (mug,) = store.events("Mug")
-        assert mug == Event(2, "addition", "Mug", (None, box))
+        for name in ("Mug", "mug"):
+            (mug,) = store.events(name)
+            assert mug == Event(2, "addition", "Mug", (None, box))
+
+
+def test_what_a_restored_version_undid_is_told(folder: Path) -> None:
+    box = [[0.0, 0.0, 0.0], [0.1, 0.1, 0.2]]
+    with MapStore(folder, writable=True) as store:
+        store.commit(store.read(), {}, [Event(0, "addition", "Mug", (None, box))])
+        store.restore(1)
+        store.commit(store.read(), {}, [Event(0, "addition", "Book", (None, box))])
+
+        def told(before: int, after: int) -> list[list[str]]:
+            return [[one.type for one in own] for own in store.events_between(before, after)]
+
+        assert told(1, 2) == [["Mug"], []]
+        assert told(2, 1) == [[], ["Mug"]]
+        assert told(1, 3) == [[], []]
+        assert told(2, 4) == [["Book"], ["Mug"]]
+        assert [one.number for one in store.way_to(4)] == [1, 3, 4]
 
 
 def _opens(folder: Path, answer: multiprocessing.Queue) -> None:
@@ -202,6 +224,116 @@ def test_readers_see_what_was_there_while_one_writes(folder: Path) -> None:
         writer.commit(edited(before, 1, 100), {})
         assert_same(reader.read(1), before)
         assert reader.version().number == 2
+
+
+def test_a_version_that_is_compacted_meanwhile_is_read(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    maps = grown(folder, 4)
+    read = Blobs.read
+    with MapStore(folder) as reader:
+
+        def compacted_first(self: Blobs, key: str, size: int) -> dict[str, np.ndarray]:
+            monkeypatch.setattr(Blobs, "read", read)
+            with MapStore(folder, writable=True) as writer:
+                writer.compact(1)
+            return read(self, key, size)
+
+        monkeypatch.setattr(Blobs, "read", compacted_first)
+        assert_same(reader.read(5), maps[-1])
+
+        def compacted_then(self: Blobs, key: str, size: int) -> None:
+            monkeypatch.setattr(Blobs, "verify", verify)
+            with MapStore(folder, writable=True) as writer:
+                writer.commit(edited(maps[-1], 9, writer.version().next_id), {})
+                writer.compact(1)
+            verify(self, key, size)
+
+        verify = Blobs.verify
+        monkeypatch.setattr(Blobs, "verify", compacted_then)
+        assert reader.problems() == []
+
+
+@pytest.mark.parametrize("loss", ["file", "name"])
+def test_nothing_is_removed_where_a_file_is_missing(folder: Path, loss: str) -> None:
+    """It may be the one that a damaged index means."""
+    grown(folder, 1)
+    with MapStore(folder) as store:
+        delta = store.version(2).delta
+        assert delta is not None
+    if loss == "file":
+        next(path for path in blobs_of(folder) if path.stem == delta.key).unlink()
+    else:
+        other = ("0" if delta.key[0] != "0" else "1") + delta.key[1:]
+        with sqlite3.connect(folder / INDEX) as index:
+            index.execute("UPDATE versions SET delta = ? WHERE number = 2", (other,))
+    before = blobs_of(folder)
+    with (
+        MapStore(folder, writable=True) as store,
+        pytest.raises(ValueError, match=r"1 file\(s\) of its versions are missing; nothing was"),
+    ):
+        store.collect_garbage()
+    assert blobs_of(folder) == before
+
+
+@pytest.mark.parametrize(
+    "harm",
+    [
+        "UPDATE versions SET kind = 'apdate'",
+        "UPDATE versions SET time_s = 1e300",
+        "UPDATE versions SET cause = '[]'",
+        "UPDATE events SET kind = 'edition'",
+        "UPDATE events SET boxes = '[null, [[0, 0, 0]]]'",
+        "UPDATE events SET boxes = '7'",
+        "UPDATE refusals SET time_s = -1",
+    ],
+)
+def test_what_makes_no_sense_in_the_index_is_damage(folder: Path, harm: str) -> None:
+    box = [[0.0, 0.0, 0.0], [0.1, 0.1, 0.2]]
+    with MapStore(folder, writable=True) as store:
+        store.commit(store.read(), {}, [Event(0, "addition", "Mug", (None, box))])
+        store.refuse({})
+    with sqlite3.connect(folder / INDEX) as index:
+        index.execute(harm)
+    with (
+        MapStore(folder) as store,
+        pytest.raises(ValueError, match=r"versions\.sqlite: it is damaged: .*from a backup"),
+    ):
+        store.versions(), store.events(), store.refusals()
+
+
+def _reads_as_a_stranger(folder: Path, answer: multiprocessing.Queue) -> None:
+    if os.geteuid() == 0:
+        os.seteuid(65534)
+    told = []
+    for writable in (False, True):
+        try:
+            with MapStore(folder, writable=writable) as store:
+                told.append(f"{len(store.versions())} versions, {store.read().size} Gaussians")
+        except OSError as error:
+            told.append(str(error))
+    answer.put(told)
+
+
+def test_a_map_of_somebody_else_is_read(folder: Path) -> None:
+    with tempfile.TemporaryDirectory() as name:  # Those of pytest are closed to others.
+        place = Path(name) / "map"
+        shutil.copytree(folder, place)
+        for path in (Path(name), place, *place.rglob("*")):
+            path.chmod(0o555 if path.is_dir() else 0o444)
+        context = multiprocessing.get_context("fork")
+        answer = context.Queue()
+        stranger = context.Process(target=_reads_as_a_stranger, args=(place, answer))
+        stranger.start()
+        read, refused = answer.get(timeout=30)
+        stranger.join()
+        Path(name).chmod(0o755)
+        for path in (place, *place.rglob("*")):
+            path.chmod(0o755)
+    assert read == "1 versions, 100 Gaussians"
+    assert refused.endswith(
+        "Permission denied; copy the map to a folder that can be written, or ask for permission"
+    )
 
 
 def blobs_of(folder: Path) -> list[Path]:
@@ -301,7 +433,7 @@ def test_snapshots_keep_the_way_to_a_version_short(tmp_path: Path) -> None:
     maps = grown(tmp_path, 30)
     with MapStore(tmp_path) as store:
         snapshots = store._index.snapshots()
-        ways = [len(store._way_to(one, snapshots)[1]) for one in store.versions()]
+        ways = [len(store._way_to(one.number, snapshots)[1]) for one in store.versions()]
         assert max(ways) < 12
         for number, expected in enumerate(maps, start=1):
             assert_same(store.read(number), expected)

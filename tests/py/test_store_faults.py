@@ -17,8 +17,9 @@ from test_store import assert_same, blobs_of, edited, grown, random_map
 
 from gslts.files import write_whole
 from gslts.map_folder import open_versions, read_map, write_map_folder
-from gslts.store.map_store import INDEX, LOCK, MapStore
+from gslts.store.map_store import INDEX, MapStore
 from gslts.store.records import Event
+from gslts.store.writer_lock import LOCK
 
 FAULTS = Path(__file__).parents[2] / "benchmarks" / "faults"
 LOG = f"{INDEX}-wal"

@@ -102,6 +102,11 @@ def test_an_old_version_comes_back(workplace: Path, updated: list[str]) -> None:
     old, new = read_map(workplace / "map@1"), read_map(workplace / f"map@{number}")
     np.testing.assert_array_equal(old.means, new.means)
     assert len(read_map(workplace / "map@2").means) != len(old.means)
+    told = gslts("log", "map", "--object", "Object", cwd=workplace).stdout.splitlines()
+    assert told[1].endswith("m, undone since")
+    assert "gone from" not in gslts("diff", "map", "1", str(number), cwd=workplace).stdout
+    back = gslts("diff", "map", "2", str(number), cwd=workplace).stdout.splitlines()
+    assert back[1].startswith("without version 2: object gone from (2.")
 
 
 def test_a_picture_that_cannot_be_written_is_told(

@@ -39,10 +39,13 @@ def log(
     from dataclasses import asdict
 
     from gslts.map_folder import open_versions
-    from gslts.store.words import words_of_event, words_of_time
+    from gslts.store.words import words_of_event, words_of_refusal, words_of_time
 
+    if html is not None and (as_json or object_type is not None):
+        raise ValueError("--html tells everything: give it without --object and --json")
     with open_versions(map_path) as store:
         versions, events, refusals = store.versions(), store.events(object_type), store.refusals()
+        standing = {one.number for one in store.way_to()}
         if html is not None:
             from gslts.loop.history_page import write_history
 
@@ -61,13 +64,14 @@ def log(
         if object_type is None:
             for refusal in refusals:
                 if refusal.version == version.number:
-                    why = refusal.cause.get("record", {}).get("refused")
-                    typer.echo(f"        {words_of_time(refusal.time_s)}  not updated: {why}")
+                    when = words_of_time(refusal.time_s)
+                    typer.echo(f"        {when}  {words_of_refusal(refusal)}")
         own = [event for event in events if event.version == version.number]
         if object_type is None or own:
             typer.echo(_line(version))
         for event in own:
-            typer.echo(f"        {words_of_event(event)}")
+            undone = "" if event.version in standing else ", undone since"
+            typer.echo(f"        {words_of_event(event)}{undone}")
     if object_type is not None and not events:
         typer.echo(f"nothing is known of a {object_type}")
 
@@ -109,17 +113,18 @@ def diff(
 
     from gslts.camera_files import cameras_of_map
     from gslts.map_folder import open_versions
+    from gslts.store.delta import delta_by_ids
     from gslts.store.words import words_of_event
     from gslts.update.picture import difference_picture
 
     with open_versions(map_path) as store:
         maps = store.read(before), store.read(after)
-        delta = store.difference(before, after)
-        first, last = sorted((before, after))
-        events = [one for one in store.events() if first < one.version <= last]
-    typer.echo(_counts(delta))
-    for event in events:
+        done, undone = store.events_between(before, after)
+    typer.echo(_counts(delta_by_ids(*maps)))
+    for event in done:
         typer.echo(f"version {event.version}: {words_of_event(event)}")
+    for event in reversed(undone):
+        typer.echo(f"without version {event.version}: {words_of_event(event)}")
     if out is not None:
         picture = difference_picture(*maps, list(cameras_of_map(map_path).values()), threads)
         out.parent.mkdir(parents=True, exist_ok=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -46,7 +47,7 @@ def run(
 
     Where something looks changed, the robot looks again; what is certain is looked at closely and
     becomes a version of the map (gslts log), or is parked and tried again in a later round. Ctrl-C
-    stops at the next safe point; the next run goes on there, also after a crash.
+    or SIGTERM stops at the next safe point; the same command goes on there, also after a crash.
 
     Example: gslts run out/map --robot out/day/day.json
     """
@@ -59,9 +60,11 @@ def run(
 
     if robot is not None and frames is None:
         walk, most = _of_a_day(robot)
+        source = hashlib.sha256(robot.read_bytes()).hexdigest()
     elif frames is not None and robot is None:
         localizer = localizer_of(map_path, threads) if locate else None
         walk, most = _of_a_recording(frames, localizer), None
+        source = str(frames.resolve())
     else:
         raise ValueError("give either --robot or --frames")
     update = UpdateConfig(threads=threads)
@@ -85,7 +88,7 @@ def run(
             sys.stdout.flush()  # What a log tells must have happened, and the other way round.
 
         with MapKeeper(map_path, config, stopping=lambda: bool(came), tell=tell, say=say) as keeper:
-            first = keeper.state.round
+            first = keeper.rounds_of(source)
             last = first + (rounds or 1) if rounds or most is None else max(first, most)
             try:
                 for number in range(first, last):

@@ -11,7 +11,12 @@ from gslts.html_page import bullets, number, section, table, write_page
 from gslts.map_folder import picture_path
 from gslts.store.map_store import MapStore
 from gslts.store.records import Event, Refusal, Version
-from gslts.store.words import words_of_event, words_of_time
+from gslts.store.words import (
+    words_of_event,
+    words_of_refusal,
+    words_of_time,
+    words_of_version,
+)
 
 
 def write_history(
@@ -66,16 +71,14 @@ def _row(version: Version, events: Sequence[Event]) -> list[str]:
 
 def _what(version: Version, events: Sequence[Event]) -> str:
     told = [words_of_event(one) for one in events if one.version == version.number]
-    if version.kind == "restore":
-        return f"version {version.parent} again"
-    return "; ".join(told) or f"made of {version.cause.get('dataset')}"
+    return "; ".join(told) or words_of_version(version)
 
 
 def _refusal(refusal: Refusal) -> str:
     cause = refusal.cause
     kinds = ", ".join(one["kind"] for one in cause.get("changes", ()))
-    why = cause.get("record", {}).get("refused")
-    return f"{words_of_time(refusal.time_s)}, version {refusal.version} stayed: {kinds}: {why}"
+    when = words_of_time(refusal.time_s)
+    return f"{when}, version {refusal.version}: {kinds} {words_of_refusal(refusal)}"
 
 
 def _pictures(folder: Path, updates: Sequence[Version], events: Sequence[Event]) -> str:

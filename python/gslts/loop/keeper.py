@@ -115,6 +115,16 @@ class MapKeeper:
         """The newest one."""
         return self._store.version()
 
+    def rounds_of(self, source: str) -> int:
+        """How many rounds of a source of frames are done; those of another one begin anew.
+
+        Raises:
+            OSError: The state cannot be written.
+        """
+        if self.state.source != source:
+            self._become(source=source, of_source=0, left=None)
+        return self.state.of_source
+
     def go_round(self, robot: Robot, viewpoints: Mapping[str, Camera] | None = None) -> None:
         """Goes on with the round, or begins one, and repairs what changed on the way.
 
@@ -148,7 +158,12 @@ class MapKeeper:
             self._become(left=self.state.left[1:])
         # What was parked and due, and was not seen again, is no more.
         parked = tuple(one for one in self.state.parked if one.until > self.state.round)
-        self._become(left=None, round=self.state.round + 1, parked=parked)
+        self._become(
+            left=None,
+            round=self.state.round + 1,
+            of_source=self.state.of_source + 1,
+            parked=parked,
+        )
 
     def _seen(self, robot: Robot) -> list[Change]:
         """Looks until it is certain what has changed."""

@@ -11,16 +11,19 @@ from gslts.files import write_whole
 from gslts.loop.waiting import Parked
 
 STATE = "loop.json"
-MAX_BYTES = 1 << 20
+MAX_BYTES = 1 << 26
 
 
 class LoopState(BaseModel):
     """Where the robot is, which is all that a run that was killed needs to go on.
 
-    What it had seen but not repaired is seen again.
+    What it had seen but not repaired is seen again, where it can look once more: of a recording,
+    each frame is looked at once a round.
 
     Attributes:
         round: Number of the round, from 0 on.
+        source: Whose rounds these are, such as those of one recording; "" where nobody tells.
+        of_source: How many rounds of it are done.
         left: Names of the viewpoints that it has still to go to in this round; None before its
             start.
         parked: Changes that could not be repaired.
@@ -30,6 +33,8 @@ class LoopState(BaseModel):
 
     schema_version: Literal[1] = 1
     round: Annotated[int, Field(ge=0)] = 0
+    source: str = ""
+    of_source: Annotated[int, Field(ge=0)] = 0
     left: tuple[str, ...] | None = None
     parked: tuple[Parked, ...] = ()
 

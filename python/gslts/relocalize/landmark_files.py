@@ -20,11 +20,11 @@ import numpy as np
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
-from gslts.files import naming, remove_tree, write_whole
+from gslts.files import naming, remove_tree, sync_folder, write_whole
 from gslts.gaussian_map import GaussianMap
 from gslts.map_folder import MANIFEST, folder_of, open_versions, read_manifest
 from gslts.relocalize.landmarks import Landmarks, bounded, joined
-from gslts.store.blobs import SUFFIX, sync_folder
+from gslts.store.blobs import SUFFIX
 from gslts.store.map_store import MapStore
 from gslts.store.records import Version
 
@@ -56,7 +56,6 @@ def keep_landmarks(landmarks: Landmarks, folder: Path) -> str:
     path = _path_of(folder, digest)
     path.parent.mkdir(exist_ok=True)
     write_whole(path, content)
-    sync_folder(path.parent)
     sync_folder(folder)
     return digest
 
@@ -144,12 +143,15 @@ def remove_unneeded_landmarks(store: MapStore) -> int:
 
     Raises:
         OSError: A file cannot be removed.
-        ValueError: What names a file is damaged.
+        ValueError: What names a file is damaged, or a file that is named is missing.
     """
     folder = store.folder
     namers = _namers(folder, store.versions())
     digests = {_digest_in(known, where) for _, known, where in namers}
     needed = {_path_of(folder, one) for one in digests if one is not None}
+    missing = [path for path in needed if not path.exists()]
+    if missing:
+        raise ValueError(f"{missing[0]}: it is missing; {REPAIR}; nothing was removed")
     freed = 0
     for path in sorted((folder / FOLDER).glob(f"*{SUFFIX}")):
         if path not in needed:

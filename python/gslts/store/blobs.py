@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from safetensors.numpy import load, save
 
-from gslts.files import naming, remove_tree, write_whole
+from gslts.files import naming, remove_tree, sync_folder, write_whole
 
 SUFFIX = ".safetensors"
 REPAIR = "copy it from a backup, or go back to a version that is whole with gslts restore"
@@ -108,17 +107,3 @@ class Blobs:
                 f"{path}: it is damaged: its content is not that of its name; {REPAIR}"
             )
         return content
-
-
-def sync_folder(folder: Path) -> None:
-    """Makes names in a folder last.
-
-    Raises:
-        OSError: The disk failed.
-    """
-    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        with naming(folder.absolute()):  # "." would tell nothing.
-            os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

@@ -7,16 +7,28 @@ import sqlite3
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
+
+import numpy as np
 
 from gslts.files import naming
-from gslts.store.records import Blob, Event, Refusal, Version
+from gslts.store.records import Blob, ChangeKind, Event, Kind, Refusal, Version
 
 SCHEMA = 1
 APPLICATION_ID = 0x67736C74
 """`gslt`, which SQLite keeps in the header of the file."""
 BUSY_S = 10.0
 """A reader waits so long for a writer that is about to commit."""
+CANNOT_WRITE = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_READONLY)
+"""What SQLite says where it cannot write: a full, a broken and a forbidden disk."""
+LAST_S = 253_402_300_800
+"""The end of the year 9999, as far as clocks are told in words."""
+
+ELSEWHERE = "copy the map to a folder that can be written, or ask for permission"
+HINTS = {
+    sqlite3.SQLITE_IOERR: "; the disk is full or broken",
+    sqlite3.SQLITE_READONLY: f"; {ELSEWHERE}",
+}
 
 Found = TypeVar("Found")
 
@@ -104,6 +116,17 @@ class Index:
             raise ValueError(f"{self._path.parent}: there is no version {number}")
         return found[0]
 
+    def way(self, number: int) -> list[Version]:
+        """A version and those that it was made of, itself first."""
+        query = """
+            WITH RECURSIVE way AS (
+                SELECT * FROM versions WHERE number = ?
+                UNION ALL
+                SELECT versions.* FROM versions JOIN way
+                ON versions.number = way.parent AND versions.number < way.number
+            ) SELECT * FROM way ORDER BY number DESC"""
+        return self._rows(query, _version, (number,))
+
     def newest(self) -> Version:
         """The last one.
 
@@ -128,7 +151,7 @@ class Index:
         """Updates that were tried and changed nothing, the first one first."""
         return self._rows(
             "SELECT * FROM refusals ORDER BY rowid",
-            lambda row: Refusal(row["version"], row["time_s"], _cause(row)),
+            lambda row: Refusal(row["version"], _time_s(row), _cause(row)),
         )
 
     def refuse(self, refusal: Refusal) -> None:
@@ -145,14 +168,11 @@ class Index:
 
     def events(self, object_type: str | None = None) -> list[Event]:
         """What became of objects, of one type or of all, the first one first."""
-        where, given = ("", ()) if object_type is None else ("WHERE type = ?", (object_type,))
-        return self._rows(
-            f"SELECT * FROM events {where} ORDER BY version, rowid",
-            lambda row: Event(
-                row["version"], row["kind"], row["type"], tuple(json.loads(row["boxes"]))
-            ),
-            given,
-        )
+        of_type, given = "", tuple[str, ...]()
+        if object_type is not None:
+            of_type, given = "WHERE type = ? COLLATE NOCASE", (object_type,)
+        query = f"SELECT * FROM events {of_type} ORDER BY version, rowid"
+        return self._rows(query, _event, given)
 
     def add(
         self, version: Version, snapshot: Blob | None = None, events: Sequence[Event] = ()
@@ -243,7 +263,7 @@ class Index:
         try:
             connection = self._connect("mode=rw")
         except sqlite3.OperationalError as error:
-            if _primary(error) not in (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_IOERR):
+            if _primary(error) not in CANNOT_WRITE:
                 raise
             # SQLite puts files beside this one even to read, which a full or read-only disk does
             # not allow. There it may be read alone, unless its log holds versions that it does not.
@@ -317,8 +337,7 @@ class Index:
         except sqlite3.DatabaseError as error:
             # What Python itself raises, of text that is none, has no code.
             if isinstance(error, sqlite3.OperationalError) and _primary(error):
-                full = _primary(error) == sqlite3.SQLITE_IOERR
-                hint = "; the disk is full or broken" if full else ""
+                hint = HINTS.get(_primary(error), "")
                 raise OSError(f"{self._path}: {error}{hint}") from error
             raise self._damaged(error) from error
 
@@ -332,17 +351,38 @@ def _version(row: sqlite3.Row) -> Version:
     number, parent = row["number"], row["parent"]
     if parent is not None and parent >= number:
         raise ValueError(f"version {number} is made of version {parent}")
+    if row["kind"] not in get_args(Kind):
+        raise ValueError(f"version {number} is of no kind")
     return Version(
         number=number,
         parent=parent,
         kind=row["kind"],
-        time_s=row["time_s"],
+        time_s=_time_s(row),
         gaussians=row["gaussians"],
         next_id=row["next_id"],
         delta=None if row["delta"] is None else _blob(row["delta"], row["delta_bytes"]),
         touched=row["touched"],
         cause=_cause(row),
     )
+
+
+def _event(row: sqlite3.Row) -> Event:
+    boxes = json.loads(row["boxes"])
+    if row["kind"] not in get_args(ChangeKind) or len(boxes) != 2:
+        raise ValueError(f"an event of version {row['version']} is of no kind")
+    for box in boxes:
+        if box is not None and not (
+            np.shape(box) == (2, 3) and np.isfinite(np.asarray(box, np.float64)).all()
+        ):
+            raise ValueError(f"a box of version {row['version']} is none")
+    return Event(row["version"], row["kind"], row["type"], tuple(boxes))
+
+
+def _time_s(row: sqlite3.Row) -> float:
+    time_s: float = row["time_s"]
+    if not 0 <= time_s < LAST_S:
+        raise ValueError(f"a time is {time_s} s")
+    return time_s
 
 
 def _cause(row: sqlite3.Row) -> dict[str, Any]:

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-import errno
-import fcntl
 import logging
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import numpy as np
 
+from gslts.files import sync_folder
 from gslts.gaussian_map import GaussianMap
-from gslts.store.blobs import Arrays, Blobs, sync_folder
+from gslts.store.blobs import Arrays, Blobs
 from gslts.store.delta import (
-    Delta,
     after_all,
     arrays_of,
-    delta_by_ids,
     delta_from,
     delta_of,
     map_of,
@@ -28,8 +26,9 @@ from gslts.store.delta import (
 )
 from gslts.store.index import Index
 from gslts.store.records import Blob, Event, Refusal, Version
+from gslts.store.writer_lock import writer_lock
 
-INDEX, BLOBS, LOCK = "versions.sqlite", "blobs", "writer.lock"
+INDEX, BLOBS = "versions.sqlite", "blobs"
 _logger = logging.getLogger(__name__)
 
 
@@ -53,7 +52,7 @@ class MapStore:
     def __init__(self, folder: Path, *, writable: bool = False) -> None:
         self._folder = folder
         self._blobs = Blobs(folder / BLOBS)
-        self._lock = _locked(folder) if writable else None
+        self._lock = writer_lock(folder) if writable else None
         try:
             self._index = Index(folder / INDEX, writable=writable)
         except BaseException:
@@ -76,10 +75,9 @@ class MapStore:
             ValueError: Ids do not rise.
         """
         require_rising(gaussian_map, "gaussian_map")
-        lock = _locked(folder)
+        lock = writer_lock(folder)
         try:
             key, size = Blobs(folder / BLOBS).write(arrays_of(gaussian_map))
-            index = Index(folder / INDEX, new=True)
             version = Version(
                 number=1,
                 parent=None,
@@ -91,8 +89,8 @@ class MapStore:
                 touched=gaussian_map.size,
                 cause=cause,
             )
-            index.add(version, Blob(key, size))
-            index.close()
+            with closing(Index(folder / INDEX, new=True)) as index:
+                index.add(version, Blob(key, size))
             sync_folder(folder)
         finally:
             lock.close()
@@ -131,14 +129,29 @@ class MapStore:
         Raises:
             ValueError: There is no such version.
         """
-        way = [self.version(number)]
-        while way[-1].parent is not None:
-            way.append(self._index.version(way[-1].parent))
-        return way[::-1]
+        return self._index.way(self.version(number).number)[::-1]
 
     def events(self, object_type: str | None = None) -> list[Event]:
         """What became of objects, of one type or of all."""
         return self._index.events(object_type)
+
+    def events_between(self, before: int, after: int) -> tuple[list[Event], list[Event]]:
+        """What became of objects from one version to another, and what is undone there.
+
+        Where a version was restored, what it undid is on neither way.
+
+        Args:
+            before: Number of the one.
+            after: Of the other.
+
+        Raises:
+            ValueError: There is no such version.
+        """
+        old, new = ({one.number for one in self.way_to(number)} for number in (before, after))
+        events = self.events()
+        done = [event for event in events if event.version in new - old]
+        undone = [event for event in events if event.version in old - new]
+        return done, undone
 
     def read(self, number: int | None = None) -> GaussianMap:
         """A version of the map, bit by bit as it was.
@@ -150,12 +163,21 @@ class MapStore:
             OSError: A file is missing or cannot be read.
             ValueError: There is no such version, or a file is damaged.
         """
+        known = self._index.snapshots()
+        try:
+            return self._read(number)
+        except FileNotFoundError:
+            if self._index.snapshots() == known:
+                raise
+            return self._read(number)  # Its writer compacted it meanwhile.
+
+    def _read(self, number: int | None) -> GaussianMap:
         version = self.version(number)
         snapshots = self._index.snapshots()
         harm: OSError | ValueError | None = None
         while True:
             try:
-                start, deltas = self._way_to(version, snapshots)
+                start, deltas = self._way_to(version.number, snapshots)
             except ValueError as error:
                 raise harm or error from None
             snapshot = snapshots.pop(start.number)
@@ -284,28 +306,28 @@ class MapStore:
         self._index.add(version)
         return version
 
-    def difference(self, before: int, after: int) -> Delta:
-        """What a version changed of another, by ids; the order of Gaussians does not count.
-
-        Raises:
-            OSError: A file is missing or cannot be read.
-            ValueError: There is no such version, or a file is damaged.
-        """
-        return delta_by_ids(self.read(before), self.read(after))
-
     def problems(self, tell: Callable[[], None] = lambda: None) -> list[str]:
         """Every file that is missing or damaged, in one line each; none if all is well.
 
         Args:
             tell: Is told of each version that was looked at.
         """
+        while True:
+            versions, snapshots = self.versions(), self._index.snapshots()
+            found = self._problems(versions, snapshots, tell)
+            same = (versions, snapshots) == (self.versions(), self._index.snapshots())
+            if not found or same:  # A writer may have compacted it meanwhile.
+                return found
+
+    def _problems(
+        self, versions: list[Version], snapshots: dict[int, Blob], tell: Callable[[], None]
+    ) -> list[str]:
         found = []
         try:
             self._index.require_whole()
         except (OSError, ValueError) as error:
             found.append(str(error))
-        snapshots = self._index.snapshots()
-        for version in self.versions():
+        for version in versions:
             for blob in (version.delta, snapshots.get(version.number)):
                 try:
                     if blob is not None:
@@ -323,11 +345,20 @@ class MapStore:
 
         Raises:
             OSError: A file cannot be removed.
+            ValueError: The index is damaged, or a file is missing: then any may be the one that it
+                meant.
         """
+        self._index.require_whole()
         snapshots = self._index.snapshots()
         needed = {blob.key for blob in snapshots.values()}
         needed |= {one.delta.key for one in self.versions() if one.delta is not None}
-        return sum(self._blobs.remove(key) for key in list(self._blobs) if key not in needed)
+        there = set(self._blobs)
+        if not needed <= there:
+            raise ValueError(
+                f"{self._folder}: {len(needed - there)} file(s) of its versions are missing; "
+                "nothing was removed: gslts verify tells which, copy them from a backup"
+            )
+        return sum(self._blobs.remove(key) for key in sorted(there - needed))
 
     def compact(self, keep: int) -> int:
         """Forgets the Gaussians of all but the newest versions; what happened stays known.
@@ -355,28 +386,27 @@ class MapStore:
         self._index.forget_before(first)
         return self.collect_garbage()
 
-    def _way_to(
-        self, version: Version, snapshots: Mapping[int, Blob]
-    ) -> tuple[Version, list[Blob]]:
+    def _way_to(self, number: int, snapshots: Mapping[int, Blob]) -> tuple[Version, list[Blob]]:
         """The version of the snapshot to start from, and the deltas that lead on from there."""
-        wanted, deltas = version.number, list[Blob]()
-        while version.number not in snapshots:
+        deltas: list[Blob] = []
+        for version in self._index.way(number):
+            if version.number in snapshots:
+                return version, deltas[::-1]
             if version.delta is not None:
                 deltas.append(version.delta)
-            if version.parent is None or version.kind == "semantics":
-                raise ValueError(
-                    f"{self._folder}: version {wanted} was compacted and cannot be read any more; "
-                    "gslts log tells what is known of it"
-                )
-            version = self._index.version(version.parent)
-        return version, deltas[::-1]
+            if version.kind == "semantics":
+                break
+        raise ValueError(
+            f"{self._folder}: version {number} was compacted and cannot be read any more; "
+            "gslts log tells what is known of it"
+        )
 
     def _is_far(self, version: Version) -> bool:
         """Whether its deltas since the last snapshot take more bytes than that."""
         assert version.parent is not None
         assert version.delta is not None
         snapshots = self._index.snapshots()
-        start, deltas = self._way_to(self._index.version(version.parent), snapshots)
+        start, deltas = self._way_to(version.parent, snapshots)
         return sum(one.size for one in (*deltas, version.delta)) > snapshots[start.number].size
 
     def _written(self, arrays: Arrays) -> Blob:
@@ -401,30 +431,3 @@ class MapStore:
 
 def _next_id(gaussian_map: GaussianMap, least: int) -> int:
     return max(least, int(gaussian_map.ids[-1]) + 1) if gaussian_map.size else least
-
-
-def _locked(folder: Path) -> TextIO:
-    """The file that the only writer of a folder holds; the system lets go when it ends.
-
-    Raises:
-        OSError: Another process holds it, or it cannot be made.
-    """
-    path = folder / LOCK
-    try:
-        lock = path.open("w")
-    except OSError as error:
-        if error.errno not in (errno.EACCES, errno.EPERM, errno.EROFS):
-            raise
-        raise OSError(
-            f"{path}: {error.strerror}; copy the map to a folder that can be written, or ask for "
-            "permission"
-        ) from None
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        lock.close()
-        raise OSError(f"{folder}: another process writes this map; wait until it ends") from None
-    except BaseException:
-        lock.close()
-        raise
-    return lock

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 Kind = Literal["base", "update", "restore", "semantics"]
+ChangeKind = Literal["addition", "removal", "relocation"]
 
 
 @dataclass(frozen=True)
@@ -69,12 +70,13 @@ class Event:
 
     Attributes:
         version: Of the map that knows of it.
-        kind: "addition", "removal" or "relocation".
+        kind: What became of it.
         type: Such as "Mug"; "object" where it is not known.
-        boxes: Around it before and after, corners in the world, m; None where it is not there.
+        boxes: Around it before and after, lower and upper corner [2,3] in the world, m; None where
+            it is not there.
     """
 
     version: int
-    kind: str
+    kind: ChangeKind
     type: str
     boxes: tuple[Any, Any]

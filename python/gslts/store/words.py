@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Any
 
-from gslts.store.records import Event, Version
+from gslts.store.records import Event, Refusal, Version
 
 
 def words_of_version(version: Version) -> str:
@@ -28,6 +28,12 @@ def words_of_event(event: Event) -> str:
         "relocation": f"from {before} to {after}",
     }[event.kind]
     return f"{event.type} {way}"
+
+
+def words_of_refusal(refusal: Refusal) -> str:
+    """Why the map stayed as it was."""
+    record = refusal.cause.get("record")
+    return f"not updated: {record.get('refused') if isinstance(record, dict) else None}"
 
 
 def words_of_time(time_s: float) -> str:

@@ -13,9 +13,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from gslts.files import write_whole
+from gslts.files import sync_folder, write_whole
 from gslts.map_folder import folder_of, open_versions
-from gslts.store.blobs import sync_folder
 from gslts.store.map_store import MapStore
 from gslts.store.records import Version
 from gslts.tasks.autoencoder import Autoencoder, bytes_of_autoencoder, read_autoencoder
@@ -62,7 +61,6 @@ def keep_autoencoder(model: Autoencoder, folder: Path) -> str:
     path = _path_of(folder, digest)
     path.parent.mkdir(exist_ok=True)
     write_whole(path, content)
-    sync_folder(path.parent)
     sync_folder(folder)
     return digest
 

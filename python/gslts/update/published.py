@@ -86,7 +86,8 @@ def published(
         )
         if landmarks.size:
             cause[KEY] = keep_landmarks(landmarks, store.folder)
-    past = store.events()
+    standing = {one.number for one in store.way_to()}  # The others were undone by a restore.
+    past = [event for event in store.events() if event.version in standing]
 
     def named(site: Site) -> str | None:
         if meaning is None:
