@@ -12,7 +12,8 @@ from test_cli_sim import gslts
 
 from gslts.cli import app
 from gslts.datasets import open_dataset
-from gslts.map_folder import write_map_folder
+from gslts.loop.state import read_state
+from gslts.map_folder import open_versions, write_map_folder
 from gslts.sim import write_glb
 from gslts.sim.capture import capture
 from gslts.sim.controller import Controller
@@ -76,6 +77,16 @@ def test_the_robot_goes(folder: Path) -> None:
     done = gslts("go", "map", "sofa", "--robot", "home.glb", cwd=folder)
     assert done.returncode == 1
     assert done.stderr == "gslts: sofa: not found: the map knows no sofa; see go.png\n"
+
+
+def test_the_robot_watches_on_its_way(folder: Path) -> None:
+    done = gslts("go", "map", "mug", "--robot", "home.glb", "--watch", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert "reached the mug: " in done.stdout
+    assert read_state(folder / "map").round == 0
+    with open_versions(folder / "map", writable=True):  # Nobody else may write meanwhile.
+        done = gslts("go", "map", "mug", "--robot", "home.glb", "--watch", cwd=folder)
+    assert done.stderr == "gslts: map: another process writes this map; wait until it ends\n"
 
 
 @pytest.mark.parametrize(

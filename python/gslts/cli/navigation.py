@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,6 +14,7 @@ from gslts.cli.sim import Noise
 if TYPE_CHECKING:
     from gslts.robot import Robot
     from gslts.tasks.autoencoder import Autoencoder
+    from gslts.tasks.navigate import Journey, Navigator
     from gslts.tasks.semantics import SemanticSource
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
@@ -82,10 +84,17 @@ def go(
         int, typer.Option(min=0, help="Rounds of the day, or changes of the task, that are over.")
     ] = 0,
     noise: Noise = "kinect",
+    watch: Annotated[
+        bool,
+        typer.Option("--watch", help="Look for changes on the way, and update the map with them."),
+    ] = False,
     out: Annotated[Path, typer.Option(help="PNG of the way.")] = Path("go.png"),
     clip: Clip = None,
 ) -> None:
     """Let a robot go to the nearest thing that words name, and look at it.
+
+    With --watch, what is certain to have changed on the way becomes a version of the map, as with
+    gslts run; then the robot goes on, with the new map if it did not find the thing with the old.
 
     Example: gslts go out/map "alarm clock" --robot out/day/day.json
     """
@@ -97,10 +106,17 @@ def go(
 
     if not text.strip():
         raise ValueError("TEXT: it is empty")
-    navigator = Navigator(read_map(map_path), *_words(map_path, clip), categories=[text])
-    scout = _robot(robot, seed, after, noise)
+    scout, words = _robot(robot, seed, after, noise), _words(map_path, clip)
     with tqdm(total=MOST_STEPS, desc="going", bar_format=BAR, disable=None) as bar:
-        found = navigator.go(scout, text, lambda: bar.update() and None)
+
+        def tell() -> None:
+            bar.update()
+
+        if watch:
+            navigator, found = _watching(map_path, scout, text, tell)
+        else:
+            navigator = Navigator(read_map(map_path), *words, categories=[text])
+            found = navigator.go(scout, text, tell)
     out.parent.mkdir(parents=True, exist_ok=True)
     write_picture(map_picture(navigator.semantic_map, found.way), out)
     if found.status != "reached":
@@ -110,6 +126,20 @@ def go(
         f"reached the {text}: {found.length_m:.1f} m walked, stands {found.distance_m:.1f} m from "
         f"it{replans}; see {out}"
     )
+
+
+def _watching(
+    map_path: Path, robot: Robot, text: str, tell: Callable[[], None]
+) -> tuple[Navigator, Journey]:
+    from tqdm import tqdm
+
+    from gslts.loop.errand import run_errand
+    from gslts.loop.keeper import MapKeeper
+
+    with MapKeeper(map_path, say=tqdm.write) as keeper:
+        if keeper.meaning is None:
+            raise ValueError(f"{map_path}: --watch needs the models that the map was taught with")
+        return run_errand(keeper, keeper.meaning, robot, text, tell)
 
 
 def _words(map_path: Path, clip: Path | None) -> tuple[Autoencoder, SemanticSource]:

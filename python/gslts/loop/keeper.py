@@ -13,6 +13,7 @@ from gslts.change.config import DetectionConfig
 from gslts.change.detect import ChangeDetector
 from gslts.change.monitor import ChangeMonitor, MonitorConfig
 from gslts.frame import RgbdFrame
+from gslts.gaussian_map import GaussianMap
 from gslts.loop.rounds import go_to, stops_of
 from gslts.loop.state import LoopState, read_state, write_state
 from gslts.loop.waiting import next_changes, parked_again
@@ -115,6 +116,33 @@ class MapKeeper:
         """The newest one."""
         return self._store.version()
 
+    @property
+    def gaussian_map(self) -> GaussianMap:
+        """Of the newest version."""
+        return self._map
+
+    @property
+    def meaning(self) -> Meaning | None:
+        """Of its features; None if nobody taught the map, or with models that are not at hand."""
+        return self._meaning
+
+    def watch(self, frame: RgbdFrame) -> None:
+        """Looks for changes in what a robot sees on an errand."""
+        self._watch.offer(frame)
+        self._watch.wait()
+
+    def attend(self, robot: Robot) -> None:
+        """Repairs what is certain to have changed, for which the robot goes there.
+
+        Args:
+            robot: In the home.
+
+        Raises:
+            StoppedError: As `stopping` wished.
+            OSError: Something cannot be written; the map is that of its newest version.
+        """
+        self._repair(robot, self._reported())
+
     def rounds_of(self, source: str) -> int:
         """How many rounds of a source of frames are done; those of another one begin anew.
 
@@ -172,10 +200,13 @@ class MapKeeper:
             if frame is self._last:  # Of a recording, which has no other one.
                 break
             self._last = frame
-            self._watch.offer(frame)
-            self._watch.wait()
+            self.watch(frame)
             if not self._watch.is_suspicious:
                 break
+        return self._reported()
+
+    def _reported(self) -> list[Change]:
+        """What is certain since it was asked last."""
         reports = self._watch.poll()
         replaced = {report.replaces for report in reports}
         changes = [report.change for report in reports if report.number not in replaced]
