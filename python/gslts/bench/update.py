@@ -43,10 +43,13 @@ def units_of(
     ablation: bool,
     curves: int,
     lpips: tuple[Path, Path] | None,
+    threads: int,
 ) -> list[UpdateUnit]:
     """The work, for so many tasks in all, and curves of so many of them."""
     shares = zip(homes, shares_of(tasks, len(homes)), shares_of(curves, len(homes)), strict=True)
-    return [UpdateUnit(home, count, ablation, drawn, lpips) for home, count, drawn in shares]
+    return [
+        UpdateUnit(home, count, ablation, drawn, lpips, threads) for home, count, drawn in shares
+    ]
 
 
 def measure(units: Sequence[UpdateUnit], jobs: int, bar: Any) -> Outcome:

@@ -99,6 +99,7 @@ class UpdateUnit:
         ablation: Whether the methods of `ABLATION` are tried too.
         curves: Of how many tasks curves are made.
         lpips: Files of the weights of LPIPS, backbone and heads; None leaves it out.
+        threads: Of an update; results are the same but for seconds.
         code: Digests of the code that updates; see `HomeSetup`.
     """
 
@@ -107,6 +108,7 @@ class UpdateUnit:
     ablation: bool = False
     curves: int = 0
     lpips: tuple[Path, Path] | None = None
+    threads: int = 1
     code: dict[str, Any] = field(
         default_factory=lambda: {"python": code_of(*UPDATE_CODE), "native": native_code()}
     )
@@ -120,7 +122,14 @@ class UpdateUnit:
     def results(self) -> Path:
         """The file of records; another one when anything that decides them is another."""
         weights = None if self.lpips is None else [str(path) for path in self.lpips]
-        key = digest({"map": self.bench.mapped_of, "code": self.code, "lpips": weights})
+        key = digest(
+            {
+                "map": self.bench.mapped_of,
+                "code": self.code,
+                "lpips": weights,
+                "threads": self.threads,
+            }
+        )
         return self.bench.work / "update" / f"{self.name}_{key}.jsonl"
 
     @property
@@ -192,13 +201,15 @@ class UpdateUnit:
             add(_record(name, task, "not detected").model_dump(mode="json"))
             return
         start_s = time.perf_counter()
-        found = collect(robot, ground.detector, [change], CollectConfig(), threads=1)
+        found = collect(robot, ground.detector, [change], CollectConfig(), threads=self.threads)
         collecting_s = time.perf_counter() - start_s
         judge = Judge(ground.judged(task), ground.lpips)
         maps: dict[str, GaussianMap] = {}
         for one, method in methods.items():
             start_s = time.perf_counter()
-            maps[one], told = updated(method, ground.gaussian_map, ground.cameras, found)
+            maps[one], told = updated(
+                method, ground.gaussian_map, ground.cameras, found, threads=self.threads
+            )
             seconds = {"update": time.perf_counter() - start_s, "collecting": collecting_s}
             known: dict[str, Any] = {}
             if told is not None:

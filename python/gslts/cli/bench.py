@@ -126,6 +126,7 @@ def update(
     lpips_heads: Annotated[
         Path | None, typer.Option(help="alex.pth of the package lpips, for LPIPS.")
     ] = None,
+    threads: Annotated[int, typer.Option(min=1, help="Of an update, for its seconds.")] = 1,
     work: Work = WORK,
     preset: MapPreset = Preset.BALANCED,
     settings: Settings = None,
@@ -149,7 +150,9 @@ def update(
     homes = homes_of(chosen, room or [], setup, work)
     prepare(work, pictures, json_path, curve)
     drawn = 0 if curve is None else min(curve_tasks, tasks)
-    units = bench_update.units_of(homes, tasks, ablation=ablation, curves=drawn, lpips=weights)
+    units = bench_update.units_of(
+        homes, tasks, ablation=ablation, curves=drawn, lpips=weights, threads=threads
+    )
     with progress("updating") as bar:
         outcome = bench_update.measure(units, jobs, bar)
     content = bench_update.told(units, outcome)
