@@ -156,7 +156,13 @@ class _Fit:
 
 
 def targets_of(views: Iterable[View], sites: Sequence[Site], config: RefineConfig) -> list[Target]:
-    """What views show, and where they are compared with the map."""
+    """What views show, and where they are compared with the map.
+
+    Args:
+        views: Of the changes.
+        sites: Where something changed.
+        config: Settings; its scope decides where.
+    """
     targets = []
     for view in views:
         mask = view.frame.mask
@@ -229,7 +235,13 @@ def _add_rectangle(mask: Bools, rectangle: tuple[int, int, int, int] | None) -> 
 
 
 def around(view: View, sites: Sequence[Site], margin_px: int) -> Bools:
-    """[H,W] what a view shows of sites, and so many pixels around."""
+    """[H,W] the pixels of a view that may show sites, and those around.
+
+    Args:
+        view: Of the changes.
+        sites: Where something changed.
+        margin_px: How far around the boxes of the sites.
+    """
     mask = np.zeros(view.changed.shape, np.bool_)
     for site in sites:
         _add_rectangle(mask, site.rectangle(view.camera, margin_px))

@@ -243,7 +243,13 @@ def updated_with(
 
 
 def moving_of(edit: Edit, sites: Sequence[Site], reach_m: float) -> Bools:
-    """[N] the Gaussians of an edited map that may move: new ones, and those near sites."""
+    """[N] the Gaussians of an edited map that may move: new ones, and those near sites.
+
+    Args:
+        edit: Whose map it is.
+        sites: Where something changed.
+        reach_m: How near to a site.
+    """
     moving = near_sites(edit.gaussian_map, sites, reach_m)
     moving[moving.size - edit.added :] = True
     return moving
