@@ -142,7 +142,10 @@ def test_added_and_removed_again_it_is_as_it_was() -> None:
 def test_a_change_that_cannot_be_reached_is_left() -> None:
     nowhere = Spoilt(update_room.robot_in(update_room.changed_home("removal")), lambda _, f: f)
     nowhere.reachable_positions = lambda: np.zeros((0, 2))  # type: ignore[method-assign]
-    assert refused(run(nowhere)) == "0 view(s) show the change, 2 are needed: no place is reachable"
+    assert (
+        refused(run(nowhere))
+        == "0 view(s) show the change, 2 are needed: no place around it is reachable"
+    )
 
 
 def test_dark_frames_are_no_views() -> None:
@@ -175,11 +178,39 @@ def test_a_false_alarm_beside_a_change_is_left() -> None:
     assert psnr_db(result.gaussian_map, home) > psnr_db(before, home) + 1
 
 
-def test_what_moved_to_a_place_that_shows_nothing_is_left() -> None:
-    """The map would lose the object, and nobody would look for it."""
+def test_what_left_and_is_not_where_it_was_seen_is_gone() -> None:
     home = change_room.home().without(["Box|2"])
-    reason = refused(run(update_room.robot_in(home), "relocation"))
-    assert re.fullmatch(r"only \d of \d+ views show something new there", reason)
+    result = run(update_room.robot_in(home), "relocation")
+    assert [change.kind for change in result.changes] == ["removal"]
+    assert result.record.kinds == ("removal",)
+    assert result.changes[0].boxes[1] is None
+    before, _ = change_room.mapped()
+    assert psnr_db(result.gaussian_map, home) > psnr_db(before, home) + 1
+
+
+def test_what_came_and_left_nothing_behind_is_new() -> None:
+    """What looks like it may still be where it was."""
+    blue = update_room.changed_home("relocation").objects[-1]
+    home = change_room.home()
+    home = replace(home, objects=(*home.objects, replace(blue, id="Box|9")))
+    result = run(update_room.robot_in(home), "relocation")
+    assert [change.kind for change in result.changes] == ["addition"]
+    before, _ = change_room.mapped()
+    assert psnr_db(result.gaussian_map, home) > psnr_db(before, home) + 1
+
+
+def test_what_moved_to_where_no_view_can_be_had_is_left() -> None:
+    """The map would lose the object, and nobody would look for it."""
+    change = update_room.detected("relocation")
+    after = change.after
+    assert after is not None
+
+    class Outside:
+        low, high = after.low + np.array([9, 0, 0]), after.high + np.array([9, 0, 0])
+
+    robot = update_room.robot_in(update_room.changed_home("relocation"))
+    reason = refused(run(robot, change=replace(change, after=Outside())))  # type: ignore[arg-type]
+    assert reason == "0 view(s) show the change, 2 are needed: no place around it is reachable"
 
 
 def test_a_change_without_a_place_changes_nothing() -> None:

@@ -47,6 +47,16 @@ class Change:
         """Lower and upper corners (3,) around what is seen before and after, in the world, m."""
         return _box(self.before), _box(self.after)
 
+    def end(self, side: Literal["before", "after"]) -> Change:
+        """The removal or the addition that one end of a relocation is."""
+        part, mask = (
+            (self.before, self.masks[0]) if side == "before" else (self.after, self.masks[1])
+        )
+        assert part is not None  # A relocation has both.
+        if side == "before":
+            return Change("removal", self.confidence, part.point, part, None, (mask, None))
+        return Change("addition", self.confidence, part.point, None, part, (None, mask))
+
 
 def object_changes(
     surfaces: list[_core.Surface], labels: NDArray[np.int32], rule: _core.ObjectRule

@@ -17,7 +17,7 @@ from gslts.change.detect import ChangeDetector, Detection
 from gslts.frame import RgbdFrame
 from gslts.robot import Robot
 from gslts.update.config import CollectConfig
-from gslts.update.evidence import fault_of_site, shows
+from gslts.update.evidence import shown_of, shows
 from gslts.update.extent import extended
 from gslts.update.region import Site, sites_of
 from gslts.update.views import View, aligned_view, masks_of, view_of
@@ -34,7 +34,7 @@ class Collection:
 
     Attributes:
         views: In the order in which they were taken.
-        changes: Those that the views show.
+        changes: What the views show of those that were detected.
         sites_of_each: Of each of these changes, as the views show them.
         left: Changes that the views do not show, and why.
         skipped: Why other frames do not count.
@@ -92,13 +92,13 @@ def collect(
     shown: list[tuple[Change, tuple[Site, ...]]] = []
     left: list[tuple[Change, str]] = []
     for change in changes:
-        own = tuple(waiting.pop(0) for _ in sites_of(change))
-        told = (fault_of_site(site, seen, tour.skipped) for site in own)
-        faults = [fault for fault in told if fault is not None]
-        if own and not faults:
-            shown.append((change, own))
+        own = [waiting.pop(0) for _ in sites_of(change)]
+        found = shown_of(change, own, seen, tour.skipped)
+        if isinstance(found, str):
+            left.append((change, found))
         else:
-            left.append((change, faults[0] if faults else "its place is not known"))
+            sides = [site.side for site in sites_of(found)]
+            shown.append((found, tuple(site for site in own if site.side in sides)))
     sites = [site for _, own in shown for site in own]
     views = []
     for view, detection in seen:
@@ -135,9 +135,6 @@ class _Tour:
     def go_around(self, number: int) -> None:
         """K/2 steps to the left, K to the right; where one side ends, the other goes on."""
         places = self._robot.reachable_positions()
-        if len(places) == 0:
-            self.skipped.append("no place is reachable")
-            return
         config = self._config
         site = self.sites[number]
         first = _bearing(self._frames[-1].camera.world_from_camera[:2, 3] - site.middle[:2])
@@ -156,6 +153,8 @@ class _Tour:
                 taken.append(place)
                 views += self._look_from(places[place], number)
                 self._tell()
+        if not taken:
+            self.skipped.append("no place around it is reachable")
 
     def _place(self, number: int, places: Floats, taken: list[int], bearing: float) -> int | None:
         """A place in a direction from the site that was not visited yet, at a fitting distance."""

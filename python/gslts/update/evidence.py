@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
+from gslts.change.changes import Change
 from gslts.change.detect import Detection
 from gslts.frame import RgbdFrame
 from gslts.update.region import Site
 from gslts.update.views import View, masks_of
+
+Answer = Literal["shown", "not shown", "not known"]
 
 INSIDE = 0.06
 """Share of the image's width by which the middle of a site must lie within it."""
@@ -38,20 +42,41 @@ def shows(frame: RgbdFrame, site: Site) -> bool:
     return not bool(0 < depth < z - reach_m)
 
 
-def fault_of_site(
-    site: Site, seen: Sequence[tuple[View, Detection]], skipped: Sequence[str]
-) -> str | None:
-    """Why views do not tell that something is gone from a place, or new there; None if they do.
+def shown_of(
+    change: Change,
+    sites: Sequence[Site],
+    seen: Sequence[tuple[View, Detection]],
+    skipped: Sequence[str],
+) -> Change | str:
+    """What views show of a change, or why it is none.
+
+    An object that moved is only new, or only gone, if views of its other place show no change.
 
     Args:
-        site: The place.
-        seen: Views of this and of other places, and what was detected in them.
+        change: As detected.
+        sites: Where it is to be seen.
+        seen: Views of these and of other places, and what was detected in them.
         skipped: Why other frames do not count.
     """
+    if not sites:
+        return "its place is not known"
+    answers = [_judged(site, seen, skipped) for site in sites]
+    shown = [site for site, (what, _) in zip(sites, answers, strict=True) if what == "shown"]
+    if len(shown) == len(sites):
+        return change
+    if shown and not any(what == "not known" for what, _ in answers):
+        return change.end(shown[0].side)
+    return next(why for what, why in answers if what != "shown")
+
+
+def _judged(
+    site: Site, seen: Sequence[tuple[View, Detection]], skipped: Sequence[str]
+) -> tuple[Answer, str]:
+    """Whether views show a change at a place, and why if they do not."""
     own = [(view, detection) for view, detection in seen if shows(view.frame, site)]
     if len(own) < LEAST_VIEWS:
         why = skipped[0] if skipped else "the robot offers no other frame"
-        return f"{len(own)} view(s) show the change, {LEAST_VIEWS} are needed: {why}"
+        return "not known", f"{len(own)} view(s) show the change, {LEAST_VIEWS} are needed: {why}"
     masks = []
     for view, detection in own:
         before, after = masks_of(detection, view.changed.shape, [site])
@@ -59,11 +84,12 @@ def fault_of_site(
     showing = sum(bool(mask.any()) for mask in masks)
     if showing < LEAST_SHOWING * len(own):
         what = "something gone" if site.side == "before" else "something new"
-        return f"only {showing} of {len(own)} views show {what} there"
+        return "not shown", f"only {showing} of {len(own)} views show {what} there"
     changed = sum(int(mask.sum()) for mask in masks)
     measured = sum(
         int(np.count_nonzero(view.depth[mask])) for (view, _), mask in zip(own, masks, strict=True)
     )
     if measured < LEAST_MEASURED * changed:
-        return f"depth is measured in {100 * measured / changed:.0f} % of what changed"
-    return None
+        share = 100 * measured / changed
+        return "not known", f"depth is measured in {share:.0f} % of what changed"
+    return "shown", ""
