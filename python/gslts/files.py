@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import shutil
@@ -30,7 +31,7 @@ def write_whole(path: Path, content: bytes) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Makes names in a folder last.
+    """Makes names in a folder last, where the file system can.
 
     Raises:
         OSError: The disk failed.
@@ -39,6 +40,9 @@ def sync_folder(folder: Path) -> None:
     try:
         with naming(folder.absolute()):  # "." would tell nothing.
             os.fsync(descriptor)
+    except OSError as error:
+        if error.errno != errno.EINVAL:  # Some of networks have no such call for folders.
+            raise
     finally:
         os.close(descriptor)
 

@@ -45,7 +45,7 @@ def log(
         raise ValueError("--html tells everything: give it without --object and --json")
     with open_versions(map_path) as store:
         versions, events, refusals = store.versions(), store.events(object_type), store.refusals()
-        standing = {one.number for one in store.way_to()}
+        standing = store.numbers_of_way_to()
         if html is not None:
             from gslts.loop.history_page import write_history
 

@@ -116,16 +116,16 @@ class Index:
             raise ValueError(f"{self._path.parent}: there is no version {number}")
         return found[0]
 
-    def way(self, number: int) -> list[Version]:
-        """A version and those that it was made of, itself first."""
+    def way(self, number: int) -> list[int]:
+        """Numbers of a version and of those that it was made of, its own first."""
         query = """
-            WITH RECURSIVE way AS (
-                SELECT * FROM versions WHERE number = ?
+            WITH RECURSIVE way (number, parent) AS (
+                SELECT number, parent FROM versions WHERE number = ?
                 UNION ALL
-                SELECT versions.* FROM versions JOIN way
+                SELECT versions.number, versions.parent FROM versions JOIN way
                 ON versions.number = way.parent AND versions.number < way.number
-            ) SELECT * FROM way ORDER BY number DESC"""
-        return self._rows(query, _version, (number,))
+            ) SELECT number FROM way ORDER BY number DESC"""
+        return self._rows(query, lambda row: int(row["number"]), (number,))
 
     def newest(self) -> Version:
         """The last one.

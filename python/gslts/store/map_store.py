@@ -129,7 +129,16 @@ class MapStore:
         Raises:
             ValueError: There is no such version.
         """
-        return self._index.way(self.version(number).number)[::-1]
+        way = self.numbers_of_way_to(number)
+        return [version for version in self.versions() if version.number in way]
+
+    def numbers_of_way_to(self, number: int | None = None) -> set[int]:
+        """Of the versions of `way_to`, which is much less to read.
+
+        Raises:
+            ValueError: There is no such version.
+        """
+        return set(self._index.way(self.version(number).number))
 
     def events(self, object_type: str | None = None) -> list[Event]:
         """What became of objects, of one type or of all."""
@@ -147,7 +156,7 @@ class MapStore:
         Raises:
             ValueError: There is no such version.
         """
-        old, new = ({one.number for one in self.way_to(number)} for number in (before, after))
+        old, new = (self.numbers_of_way_to(number) for number in (before, after))
         events = self.events()
         done = [event for event in events if event.version in new - old]
         undone = [event for event in events if event.version in old - new]
@@ -389,8 +398,9 @@ class MapStore:
     def _way_to(self, number: int, snapshots: Mapping[int, Blob]) -> tuple[Version, list[Blob]]:
         """The version of the snapshot to start from, and the deltas that lead on from there."""
         deltas: list[Blob] = []
-        for version in self._index.way(number):
-            if version.number in snapshots:
+        for one in self._index.way(number):
+            version = self._index.version(one)
+            if one in snapshots:
                 return version, deltas[::-1]
             if version.delta is not None:
                 deltas.append(version.delta)

@@ -86,7 +86,7 @@ def published(
         )
         if landmarks.size:
             cause[KEY] = keep_landmarks(landmarks, store.folder)
-    standing = {one.number for one in store.way_to()}  # The others were undone by a restore.
+    standing = store.numbers_of_way_to()  # What others brought was undone by a restore.
     past = [event for event in store.events() if event.version in standing]
 
     def named(site: Site) -> str | None:
