@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from gslts.camera import Camera, at_pose, look_at
+from gslts.change import seen_space
 from gslts.change.seen_space import MARGIN_M, MARGIN_SHARE, SeenSpace
 from gslts.gaussian_map import GaussianMap
 
@@ -170,3 +171,17 @@ def test_without_cameras_nothing_is_known() -> None:
     nobody = SeenSpace(wall(), [])
     assert not nobody.is_known
     assert told(nobody, (0.0, 1.0, 1.0), (0.0, WALL_Y_M, 1.0)) == [UNSEEN, UNSEEN]
+
+
+def test_many_points_are_looked_at_a_few_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = np.random.default_rng(0).uniform((-1, 0.5, 0), (1, 2.5, 2), (500, 3))
+    space = SeenSpace(wall(), [CAMERA, at_pose(CAMERA, look_at((0.5, 0.2, 1), (0, 2, 1)))])
+    once, shown = space.sights(points), space.shown(points, 1.9)
+    assert once.through.any()
+    assert shown.any()
+    monkeypatch.setattr(seen_space, "MOST_LOOKS", 64)
+    assert len(space._parts(points)) > 10
+    again = space.sights(points)
+    np.testing.assert_array_equal(again.through, once.through)
+    np.testing.assert_array_equal(again.on, once.on)
+    np.testing.assert_array_equal(space.shown(points, 1.9), shown)

@@ -21,6 +21,8 @@ Bools = NDArray[np.bool_]
 
 WIDTH_PX = 160
 """Of the depth images that are kept."""
+MOST_LOOKS = 1 << 18
+"""From cameras at points, at a time."""
 MARGIN_M, MARGIN_SHARE = 0.03, 0.02
 """Within so much of a surface, and by so much of its depth more, a point is on it."""
 
@@ -72,13 +74,21 @@ class SeenSpace:
 
     def sights(self, points: Floats) -> Sights:
         """How points [P,3] (world, m) look from all cameras."""
-        through, on, _ = self._looks(points)
-        return Sights(through.sum(axis=0), on.sum(axis=0))
+        counts = [
+            (through.sum(axis=0), on.sum(axis=0))
+            for through, on, _ in map(self._looks, self._parts(points))
+        ]
+        through, on = (np.concatenate(one) for one in zip(*counts, strict=True))
+        return Sights(through, on)
 
     def shown(self, points: Floats, farthest_m: float) -> Bools:
         """[V,P] which points [P,3] (world, m) are on a surface that each camera sees that near."""
-        _, on, z = self._looks(points)
-        return np.asarray(on & (z <= farthest_m), np.bool_)
+        looks = map(self._looks, self._parts(points))
+        return np.concatenate([on & (z <= farthest_m) for _, on, z in looks], axis=1)
+
+    def _parts(self, points: Floats) -> list[Floats]:
+        """Points a few at a time: a map that lives has ever more cameras."""
+        return np.array_split(points, 1 + len(points) * len(self._lenses) // MOST_LOOKS)
 
     def _looks(self, points: Floats) -> tuple[Bools, Bools, Floats]:
         """[V,P] whether a camera looks through a point, sees it, and in which depth it is, m."""
