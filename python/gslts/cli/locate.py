@@ -81,8 +81,9 @@ def locate(
     It is ok, or ambiguous where other places look nearly the same, or lost. How far the places
     found are from the poses of a data set is told as well.
 
-    Examples: gslts locate out/map photo.jpg --fov-deg 69 --picture out/photo.png;
-    gslts locate out/map out/visit --track
+    Example: gslts locate out/map photo.jpg --fov-deg 69 --picture out/photo.png
+
+    Example: gslts locate out/map out/visit --track
     """
     from PIL import Image
     from tqdm import tqdm

@@ -54,8 +54,9 @@ def semantics(
 ) -> None:
     """Teach a map what its Gaussians mean, from the frames that it was made from.
 
-    Examples: gslts semantics out/map out/day/before;
-    gslts semantics out/map out/day/before --source clip --clip models/clip --sam models/sam
+    Example: gslts semantics out/map out/day/before
+
+    Example: gslts semantics out/map out/visit --source clip --clip models/clip --sam models/sam
     """
     import time
 
