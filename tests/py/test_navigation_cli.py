@@ -79,6 +79,15 @@ def test_the_robot_goes(folder: Path) -> None:
     assert done.stderr == "gslts: sofa: not found: the map knows no sofa; see go.png\n"
 
 
+def test_a_way_is_tried_out_in_the_map(folder: Path) -> None:
+    done = gslts("go", "map", "mug", "--out", "tried.png", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert float(done.stdout.partition("stands ")[2].split()[0]) <= 1
+    assert (folder / "tried.png").exists()
+    done = gslts("go", "map", "mug", "--watch", cwd=folder)
+    assert done.stderr == "gslts: --watch needs a --robot: in the map, nothing changes\n"
+
+
 def test_the_robot_watches_on_its_way(folder: Path) -> None:
     done = gslts("go", "map", "mug", "--robot", "home.glb", "--watch", cwd=folder)
     assert done.returncode == 0, done.stderr

@@ -72,13 +72,13 @@ def go(
     map_path: Folder,
     text: Annotated[str, typer.Argument(help='What to go to, such as "alarm clock".')],
     robot: Annotated[
-        str,
+        str | None,
         typer.Option(
             metavar="DAY|TASK|HOME",
             help="Where the simulated robot is: day.json of gslts sim day, a scene change task, "
-            "kitchen, living_room or bedroom, or a .glb or .gltf file.",
+            "kitchen, living_room or bedroom, or a .glb or .gltf file. Default: in the map itself.",
         ),
-    ],
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of a kitchen, living_room or bedroom.")] = 0,
     after: Annotated[
         int, typer.Option(min=0, help="Rounds of the day, or changes of the task, that are over.")
@@ -93,6 +93,9 @@ def go(
 ) -> None:
     """Let a robot go to the nearest thing that words name, and look at it.
 
+    Without --robot, the way is tried out in the map: from where its first frame was taken, by a
+    robot that sees what the map shows.
+
     With --watch, what is certain to have changed on the way becomes a version of the map, as with
     gslts run; then the robot goes on, with the new map if it did not find the thing with the old.
 
@@ -106,17 +109,20 @@ def go(
 
     if not text.strip():
         raise ValueError("TEXT: it is empty")
-    scout, words = _robot(robot, seed, after, noise), _words(map_path, clip)
+    words = _words(map_path, clip)
+    scout = None if robot is None else _robot(robot, seed, after, noise)
+    if watch and scout is None:
+        raise ValueError("--watch needs a --robot: in the map, nothing changes")
     with tqdm(total=MOST_STEPS, desc="going", bar_format=BAR, disable=None) as bar:
 
         def tell() -> None:
             bar.update()
 
-        if watch:
+        if watch and scout is not None:
             navigator, found = _watching(map_path, scout, text, tell)
         else:
             navigator = Navigator(read_map(map_path), *words, categories=[text])
-            found = navigator.go(scout, text, tell)
+            found = navigator.go(scout or _in_the_map(map_path, navigator), text, tell)
     out.parent.mkdir(parents=True, exist_ok=True)
     write_picture(map_picture(navigator.semantic_map, found.way), out)
     if found.status != "reached":
@@ -126,6 +132,16 @@ def go(
         f"reached the {text}: {found.length_m:.1f} m walked, stands {found.distance_m:.1f} m from "
         f"it{replans}; see {out}"
     )
+
+
+def _in_the_map(map_path: Path, navigator: Navigator) -> Robot:
+    from gslts.camera_files import cameras_of_map
+    from gslts.tasks.map_robot import MapRobot
+
+    first = next(iter(cameras_of_map(map_path).values()), None)
+    if first is None:
+        raise ValueError(f"{map_path}: it is not known where it was made from; give a --robot")
+    return MapRobot(navigator.gaussian_map, navigator.semantic_map, navigator.body, first)
 
 
 def _watching(
