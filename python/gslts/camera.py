@@ -22,6 +22,7 @@ __all__ = [
     "rotation",
     "rotation_of_quat",
     "rotation_vector",
+    "seen_from",
     "twist_of",
 ]
 
@@ -50,6 +51,13 @@ def at_pose(camera: Camera, world_from_camera: Floats) -> Camera:
         height=camera.height,
         world_from_camera=world_from_camera,
     )
+
+
+def seen_from(camera: Camera, origin: Floats) -> Camera:
+    """The same camera in a frame that starts at a place (3,), such as the origin of a map, m."""
+    pose = camera.world_from_camera
+    pose[:3, 3] -= origin
+    return at_pose(camera, pose)
 
 
 def resized(camera: Camera, divisor: int) -> Camera:

@@ -178,7 +178,7 @@ def _mapped(out: Path, scale: Scale, threads: int, bar: Bar) -> str:
     result = make_map(
         dataset, config, show_frames=lambda frames: bar(frames, "reading"), report=report
     )
-    write_result(out / "map", result, dataset.name, config)
+    write_result(out / "map", result, dataset.name)
     return summary_of(result)
 
 

@@ -15,10 +15,11 @@ import sim_scenes
 from test_cli_sim import gslts as run
 
 import gslts
-from gslts.camera import twist_of
+from gslts.camera import at_pose, seen_from, twist_of
 from gslts.camera_files import cameras_of_map
-from gslts.datasets import Dataset, open_dataset
+from gslts.datasets import Dataset, Frame, open_dataset
 from gslts.frame import RgbdFrame
+from gslts.losses import fit_exposure
 from gslts.map_folder import read_manifest, read_map, write_map_folder
 from gslts.mapping.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from gslts.mapping.config import PRESETS, MappingConfig
@@ -28,6 +29,7 @@ from gslts.mapping.observation import Observation
 from gslts.mapping.report_data import CurvePoint
 from gslts.mapping.summary import summary_of
 from gslts.mapping.variants import LEAST_GAIN_DB, chosen_of
+from gslts.memory import free_memory_bytes
 from gslts.relocalize.landmark_files import read_landmarks
 from gslts.sim.capture import capture
 from gslts.sim.controller import Controller
@@ -92,6 +94,37 @@ def test_a_map_shows_what_was_kept_aside(recorded: dict[str, Path]) -> None:
     assert ways.refined.psnr_db > ways.by_neighbours.psnr_db
 
 
+def test_exposures_stay_out_of_the_map(recorded: dict[str, Path]) -> None:
+    plain = open_dataset(recorded["none"])
+
+    class Exposed:
+        """A frame that is darker than it was."""
+
+        def __init__(self, frame: Frame, gain: float) -> None:
+            self.name, self.camera = frame.name, frame.camera
+            self._frame, self.gain = frame, gain
+
+        def read(self) -> RgbdFrame:
+            frame = self._frame.read()
+            rgb = np.rint(self.gain * frame.rgb.astype(float)).astype(np.uint8)
+            return replace(frame, rgb=rgb)
+
+    frames = tuple(Exposed(one, (0.5, 0.75)[k % 2]) for k, one in enumerate(plain.frames))
+    result = make_map(Dataset("exposed", frames), CONFIG)
+    found = {name: np.mean(one.exposure.gain) for name, one in result.training.items()}
+    ratios = [found[one.name] / one.gain for one in frames if one.name in found]
+    assert np.std(ratios) < 0.03 * np.mean(ratios), "each frame's gain is its own"
+    gains = []
+    for frame in plain.frames[::8]:
+        clean = Observation.of(frame.read())
+        images = gslts.render(result.gaussian_map, clean.camera())
+        gains.append(np.mean(fit_exposure(images.rgb, clean.photo()).gain))
+    assert np.std(gains) < 0.03 * np.mean(gains), "the map is exposed alike everywhere"
+    steady = make_map(Dataset("dark", tuple(Exposed(one, 0.6) for one in plain.frames)), CONFIG)
+    best_db = judged(steady, recorded["none"]).psnr_db
+    assert judged(result, recorded["none"]).psnr_db > best_db - 0.5
+
+
 def test_corrected_poses_are_nearer_to_the_truth(recorded: dict[str, Path]) -> None:
     result = make_map(open_dataset(recorded["kinect"]), CONFIG)
     true = {frame.name: frame.camera for frame in open_dataset(recorded["none"]).frames}
@@ -135,7 +168,7 @@ def test_a_run_goes_on_exactly_where_it_stopped(
 ) -> None:
     monkeypatch.setattr("gslts.mapping.engine.SAVE_EVERY_S", 0.0)
     dataset = open_dataset(recorded["kinect"])
-    config = CONFIG.model_copy(update={"iterations": 300})
+    config = CONFIG.model_copy(update={"iterations": 300, "variant_steps": 2})
     saved: list[Path] = []
 
     def save(checkpoint: Checkpoint) -> None:
@@ -144,11 +177,12 @@ def test_a_run_goes_on_exactly_where_it_stopped(
 
     whole = make_map(dataset, config, save=save)
     assert len(saved) >= 5
-    for path in (saved[0], saved[3]):
+    for path in (saved[0], saved[3], saved[-1]):
         rest = make_map(dataset, config, resume=read_checkpoint(path))
         require_same(whole, rest)
         assert [p.iteration for p in rest.curve] == [p.iteration for p in whole.curve]
         assert rest.quality == whole.quality
+        assert [one.psnr_db for one in rest.variants] == [one.psnr_db for one in whole.variants]
     start = read_checkpoint(saved[0])
     with pytest.raises(ValueError, match="the checkpoint is of other settings"):
         make_map(dataset, CONFIG, resume=start)
@@ -233,8 +267,19 @@ def test_few_bad_frames_are_skipped_and_many_stop(recorded: dict[str, Path]) -> 
     many = Dataset("many", (*dataset.frames[:20], *[Bad()] * 10))
     with pytest.raises(ValueError, match="many: 10 of 30 frames cannot be used, such as bad: bad"):
         make_map(many, config)
-    with pytest.raises(ValueError, match="short: 6 frames are too few"):
-        make_map(Dataset("short", dataset.frames[:6]), config)
+    with pytest.raises(ValueError, match="short: 9 frames are too few"):
+        make_map(Dataset("short", dataset.frames[:9]), config)
+    assert len(make_map(Dataset("least", dataset.frames[:10]), config).held_out) == 2
+
+
+def test_frames_that_no_memory_holds_are_refused(
+    recorded: dict[str, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert 1 << 20 < free_memory_bytes() < 1 << 50
+    monkeypatch.setattr("gslts.mapping.visit.free_memory_bytes", lambda: 5 << 20)
+    # 60 frames of 160 x 120 px.
+    with pytest.raises(ValueError, match=r"60 frames take 0\.0 GiB .* such as one in 4$"):
+        make_map(open_dataset(recorded["none"]), CONFIG)
 
 
 def test_presets_differ_in_what_they_cost() -> None:
@@ -263,6 +308,9 @@ def test_settings_are_checked() -> None:
         ("iterations=many", "iterations=many: Input should be a valid integer"),
         ("voxel=1", "voxel=1: expected NAME=VALUE, NAME one of iterations, "),
         ("seed", "seed: expected NAME=VALUE"),
+        ("budget_s=nan", "budget_s=nan: Input should be "),
+        ("means_rate=inf", "means_rate=inf: Input should be a finite number"),
+        ("min_opacity=1", "min_opacity=1: Input should be less than 1"),
     ):
         with pytest.raises(ValueError, match=f"^{message}"):
             config.with_settings([setting])
@@ -346,6 +394,13 @@ def test_the_commands(recorded: dict[str, Path], tmp_path: Path) -> None:
     done = run(*arguments, "--out", "map", cwd=tmp_path)
     assert done.returncode == 1
     assert done.stderr.splitlines()[-1] == "gslts: map is there already"
+    few = ["map", recorded["kinect"], "--out", "few", "--every", "3", "--iterations", "10"]
+    done = run(*few, "--budget-s", "inf", cwd=tmp_path)
+    assert done.returncode == 1
+    assert done.stderr == "gslts: budget_s=inf: Input should be a finite number\n"
+    assert run(*few, cwd=tmp_path).returncode == 0
+    names = [frame.name for frame in open_dataset(recorded["kinect"]).frames[::3]]
+    assert set(cameras_of_map(tmp_path / "few")) == set(names) - set(names[::8])
     done = run("map", tmp_path, "--out", "other", cwd=tmp_path)
     assert done.returncode == 1
     assert "no data set of a known format" in done.stderr.splitlines()[-1]
@@ -372,17 +427,21 @@ def test_sizes_are_compared_and_harmonics_rise_only_for_a_gain(recorded: dict[st
 
 
 class Photograph:
-    """A frame in memory, without depth."""
+    """A frame in memory, without depth, in a world of which so many units are a metre."""
 
-    def __init__(self, number: int, camera: gslts.Camera) -> None:
-        self.name, self.camera = f"{number:02}", camera
+    def __init__(self, number: int, camera: gslts.Camera, units: float = 1.0) -> None:
+        self.name, self._camera = f"{number:02}", camera
+        pose = camera.world_from_camera
+        pose[:3, 3] *= units
+        self.camera = at_pose(camera, pose)
 
     def read(self) -> RgbdFrame:
-        return blob_room.frame(self.camera)
+        return replace(blob_room.frame(self._camera), camera=self.camera)
 
 
 def test_photographs_alone_make_a_map() -> None:
-    frames = [Photograph(k, camera) for k, camera in enumerate(blob_room.cameras(16))]
+    cameras = blob_room.cameras(16)
+    frames = [Photograph(k, camera) for k, camera in enumerate(cameras)]
     result = make_map(Dataset("photographs", tuple(frames)), CONFIG)
     assert result.quality.given.depth_l1_m is None
     assert result.quality.given.psnr_db > 25
@@ -391,3 +450,33 @@ def test_photographs_alone_make_a_map() -> None:
     assert (images.alpha > 0.5).mean() > 0.95
     assert np.median(np.abs(images.depth - depth) / depth) < 0.05
     assert "depth" not in summary_of(result)
+    # Structure from motion has a unit of its own.
+    frames = [Photograph(k, camera, units=20.0) for k, camera in enumerate(cameras)]
+    large = make_map(Dataset("photographs", tuple(frames)), CONFIG)
+    assert large.quality.given.psnr_db > result.quality.given.psnr_db - 0.5
+    assert large.config.max_scale_m == pytest.approx(20 * result.config.max_scale_m)
+    few = CONFIG.model_copy(update={"max_gaussians": 2000, "iterations": 20})
+    assert make_map(Dataset("photographs", tuple(frames)), few).gaussian_map.size <= 2000
+
+
+class Far:
+    """A frame somewhere else in the world."""
+
+    def __init__(self, frame: Frame, shift_m: np.ndarray) -> None:
+        self.name, self._frame, self._shift_m = frame.name, frame, shift_m
+        self.camera = seen_from(frame.camera, -shift_m)
+
+    def read(self) -> RgbdFrame:
+        return replace(self._frame.read(), camera=self.camera)
+
+
+def test_a_room_far_from_the_origin_is_mapped_as_well(recorded: dict[str, Path]) -> None:
+    near = open_dataset(recorded["kinect"])
+    shift_m = np.array([4.5e5, 5.2e6, 400.0])  # As in UTM, where float32 resolves half a metre.
+    far = replace(near, frames=tuple(Far(frame, shift_m) for frame in near.frames))
+    config = CONFIG.model_copy(update={"iterations": 200, "fill_holes": True})
+    here, there = make_map(near, config), make_map(far, config)
+    assert np.abs(there.gaussian_map.origin - shift_m).max() < 10
+    assert np.abs(there.gaussian_map.means).max() < 20
+    assert there.gaussian_map.size == pytest.approx(here.gaussian_map.size, rel=0.02)
+    assert there.quality.refined.psnr_db > here.quality.refined.psnr_db - 0.3

@@ -152,7 +152,7 @@ class BenchHome:
                 told = share
 
             result = make_map(dataset, config, report=report)
-            write_result(folder, result, dataset.name, config)
+            write_result(folder, result, dataset.name)
 
         return made(self.work / "maps" / self.name, self.mapped_of, make)
 

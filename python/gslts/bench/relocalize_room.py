@@ -97,7 +97,7 @@ class RecordedRoom:
             frames = [one for k, one in enumerate(dataset.frames) if k % FOLDS != fold]
             dataset = replace(dataset, frames=tuple(frames))
             result = make_map(dataset, self._config, report=_reporting(tell))
-            write_result(folder, result, dataset.name, self._config)
+            write_result(folder, result, dataset.name)
 
         folder = self.work / "maps" / f"{self.name}_without_{fold}"
         return made(folder, self.mapped_of(fold), make)

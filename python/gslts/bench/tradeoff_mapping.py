@@ -103,7 +103,7 @@ def against_count(
     training = list(visit.training.values())
     steps = max(LEAST_STEPS, LEAST_VISITS * len(training))
     if not visit.has_depth:
-        config = config.for_photographs()
+        config = config.for_photographs(visit.extent_m)
     config = config.model_copy(update={"variant_steps": steps})
     for name, share in COUNTS.items():
         if share > 1:

@@ -41,9 +41,17 @@ def make(
         int | None, typer.Option(min=1, help="Instead of those of the preset.")
     ] = None,
     budget_s: Annotated[
-        float | None, typer.Option(min=1, help="Seconds for it all, instead of iterations.")
+        float | None,
+        typer.Option(
+            min=1,
+            help="Seconds for reading and optimising, instead of iterations; comparing sizes and "
+            "judging come after.",
+        ),
     ] = None,
     max_gaussians: Annotated[int | None, typer.Option(min=1, help="No more than these.")] = None,
+    every: Annotated[
+        int, typer.Option(min=1, help="Use every so manieth frame, as of a long recording.")
+    ] = 1,
     settings: Annotated[
         list[str] | None,
         typer.Option(
@@ -64,6 +72,8 @@ def make(
 
     Example: gslts map out/kitchen_3 --out out/map
     """
+    from dataclasses import replace
+
     from tqdm import tqdm
 
     from gslts.datasets import open_dataset
@@ -84,10 +94,11 @@ def make(
         "max_gaussians": max_gaussians,
         "threads": threads,
     }
-    chosen = {name: value for name, value in given.items() if value is not None}
-    config = PRESETS[preset].model_copy(update=chosen).with_settings(settings or [])
+    chosen = [f"{name}={value}" for name, value in given.items() if value is not None]
+    config = PRESETS[preset].with_settings([*chosen, *(settings or [])])
     start = read_checkpoint(saved) if resume else None
     opened = open_dataset(dataset)
+    opened = replace(opened, frames=opened.frames[::every])
     out.parent.mkdir(parents=True, exist_ok=True)
     with tqdm(total=100, desc="mapping", bar_format=BAR, smoothing=0.05, disable=None) as bar:
 
@@ -109,7 +120,7 @@ def make(
             show_frames=lambda frames: tqdm(frames, desc="reading", unit="frame", disable=None),
             report=report,
         )
-    write_result(out, result, opened.name, config)
+    write_result(out, result, opened.name)
     saved.unlink(missing_ok=True)
     for reason in result.skipped:
         typer.echo(f"skipped {reason}", err=True)

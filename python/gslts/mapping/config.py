@@ -8,9 +8,13 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 Share = Annotated[float, Field(ge=0, le=1)]
-Positive = Annotated[float, Field(gt=0)]
-Rate = Annotated[float, Field(ge=0)]
+LeastOpacity = Annotated[float, Field(ge=0, lt=1)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Rate = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=0)]
+
+USUAL_EXTENT_M = 2.0
+"""Of the cameras in a room: what lengths and rates of the settings are meant for."""
 
 
 class MappingConfig(BaseModel):
@@ -22,8 +26,8 @@ class MappingConfig(BaseModel):
             or it ends; 1 means that it never does before its time.
         rough_epochs: Visits of each frame before that, at a quarter of the resolution and with
             Gaussians of twice the size, which only correct poses and lenses.
-        budget_s: Instead of a number of steps, the time for reading, seeding and optimising. The
-            map is then not the same each time.
+        budget_s: Instead of a number of steps, the time for reading, seeding and optimising;
+            comparing sizes and judging come after it. The map is then not the same each time.
         max_gaussians: No more than so many; None means no limit.
         voxel_m: Edge of the voxels of which each that was measured twice seeds a Gaussian, m.
         seed_contrast: Where colours change by less over larger voxels, these have one Gaussian.
@@ -73,7 +77,7 @@ class MappingConfig(BaseModel):
     dssim_weight: Share = 0.2
     depth_weight: Rate = 0.5
     opacity_weight: Rate = 0.01
-    min_opacity: Share = 0.02
+    min_opacity: LeastOpacity = 0.02
     max_scale_m: Positive = 0.3
     means_rate: Rate = 2e-3
     quats_rate: Rate = 3e-2
@@ -85,20 +89,27 @@ class MappingConfig(BaseModel):
     seed: Count = 0
     threads: Count = 0
 
-    def for_photographs(self) -> MappingConfig:
-        """The settings where no depth says where surfaces are.
+    def for_photographs(self, extent_m: float) -> MappingConfig:
+        """The settings where no depth says where surfaces are, nor how long a metre is.
 
         Gaussians must travel farther and keep their shape longer, and what hangs in the air is
         faint. Poses are those of structure from motion, better than a young map could tell, and
         there is no depth lens.
+
+        Args:
+            extent_m: Of the cameras, in the unit of their poses; lengths go by it (Kerbl et al.
+                2023 scale the rate of the means by it).
         """
+        size = extent_m / USUAL_EXTENT_M
         return self.model_copy(
             update={
                 "refine_poses": False,
                 "refine_lenses": False,
                 "fill_holes": False,
                 "min_opacity": max(self.min_opacity, 0.05),
-                "means_rate": 2 * self.means_rate,
+                "voxel_m": size * self.voxel_m,
+                "max_scale_m": size * self.max_scale_m,
+                "means_rate": 2 * size * self.means_rate,
                 "log_scales_rate": 0.5 * self.log_scales_rate,
                 "quats_rate": 0.5 * self.quats_rate,
             }

@@ -37,6 +37,7 @@ class MappingResult:
     """A map, and what was found out on the way.
 
     Attributes:
+        config: What it was made with: the settings that fit these frames.
         gaussian_map: float32.
         training: The frames learned from, by name.
         held_out: Those kept aside, by name, at refined poses.
@@ -49,6 +50,7 @@ class MappingResult:
         skipped: Frames that could not be used, and why.
     """
 
+    config: MappingConfig
     gaussian_map: GaussianMap
     training: dict[str, Observation]
     held_out: dict[str, Observation]
@@ -78,7 +80,7 @@ def make_map(
     """Makes a map of a data set; the same for any number of threads.
 
     Args:
-        dataset: At least nine frames, so that one can judge.
+        dataset: At least ten frames, two of which judge.
         config: Settings.
         resume: Where an earlier run of the same data set stopped; without a budget in seconds, the
             map becomes what it would have become.
@@ -126,6 +128,7 @@ def make_map(
     )
     clock.note("judging")
     return MappingResult(
+        config=config,
         gaussian_map=gaussian_map,
         training=dict(visit.training),
         held_out=dict(zip(visit.held_out, refined, strict=True)),
@@ -145,7 +148,7 @@ def _fitting(config: MappingConfig, visit: Visit, given: Lenses) -> MappingConfi
     if not all(one.lenses.alike(given) for one in frames):
         # Each sensor would have to be corrected by itself, from a part of the frames.
         config = config.model_copy(update={"refine_lenses": False})
-    return config if visit.has_depth else config.for_photographs()
+    return config if visit.has_depth else config.for_photographs(visit.extent_m)
 
 
 def _resumed(resume: Checkpoint, dataset: Dataset, visit: Visit, config: MappingConfig) -> Start:
@@ -154,6 +157,8 @@ def _resumed(resume: Checkpoint, dataset: Dataset, visit: Visit, config: Mapping
         what = "settings" if same_frames else "frames"
         raise ValueError(f"{dataset.name}: the checkpoint is of other {what}")
     resume.restore_observations(list(visit.training.values()))
+    if config.refine_lenses:
+        _follow(visit.held_out.values(), resume.lenses)
     return Start(resume.gaussian_map, resume.seeds, resume.pose_stds)
 
 

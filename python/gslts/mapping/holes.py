@@ -27,7 +27,7 @@ def seeds_in_holes(
     """Gaussians at a depth between those that are known around a hole.
 
     Args:
-        camera: That was rendered.
+        camera: That was rendered, in a frame that starts at the map's origin.
         images: Of the map there.
         colors: [H,W,3] of the photograph, as the map would have to show them.
         measured: [H,W] depth, m; 0 where there is none.

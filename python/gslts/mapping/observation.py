@@ -18,6 +18,8 @@ Floats32 = NDArray[np.float32]
 
 LEVELS = 3
 """Full, half and quarter resolution."""
+BYTES_PER_PIXEL = 14
+"""Of the memory that a frame takes: colours, depth and mask of all levels, registered depth."""
 
 
 @dataclass(eq=False)

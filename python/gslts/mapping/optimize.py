@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gslts.adam import Adam, AdamRates
 from gslts.alignment import DEPTH_SHARE, PIXELS_PER_FACT, Alignment, NormalEquations, align
-from gslts.camera import moved, twist_of
+from gslts.camera import moved, seen_from, twist_of
 from gslts.gaussian_map import SH_C0, GaussianMap
 from gslts.losses import Exposure, depth_loss, exposed, fit_exposure, photometric_loss
 from gslts.mapping.config import MappingConfig
@@ -199,9 +199,8 @@ class Optimizer:
         exposure, old = observation.exposure, self.adam.map
         gain, offset = (np.array(one, np.float32) for one in (exposure.gain, exposure.offset))
         colors = ((observation.photo(level) - offset) / gain).clip(0, 1)
-        new = seeds_in_holes(
-            observation.camera(level), images, colors, observation.depth(level), old.sh_degree
-        )
+        camera = seen_from(observation.camera(level), old.origin)
+        new = seeds_in_holes(camera, images, colors, observation.depth(level), old.sh_degree)
         most = self.config.max_gaussians
         if new is not None and (most is None or old.size + new.size <= most):
             rows = np.concatenate([np.arange(old.size), np.full(new.size, -1)])

@@ -28,7 +28,10 @@ DEPTH_RANGE = (0.1, 3.0)
 
 
 def seed_from_points(
-    cloud: PointCloud, frames: Sequence[RgbdFrame], sh_degree: int = 0
+    cloud: PointCloud,
+    frames: Sequence[RgbdFrame],
+    sh_degree: int = 0,
+    most: int | None = None,
 ) -> GaussianMap:
     """Round Gaussians at the points, and where pictures have none.
 
@@ -36,13 +39,17 @@ def seed_from_points(
         cloud: Such as of `triangulated`; at least one point that a frame sees.
         frames: Their colours, masks and cameras are looked at.
         sh_degree: Of the map; all but the constant harmonic start at 0.
+        most: If there would be more Gaussians, every so manieth point is left out.
 
     Raises:
         ValueError: No frame sees a point.
     """
     points, colors, nearest_m_per_px = _filled(cloud, frames)
-    least, most = (limit * nearest_m_per_px for limit in SCALE_RANGE_PX)
-    scales_m = spacing(points).clip(least, most)
+    if most is not None and len(points) > most:
+        kept = np.linspace(0, len(points) - 1, most).astype(np.int64)
+        points, colors, nearest_m_per_px = points[kept], colors[kept], nearest_m_per_px[kept]
+    low_m, high_m = (limit * nearest_m_per_px for limit in SCALE_RANGE_PX)
+    scales_m = spacing(points).clip(low_m, high_m)
     size = len(points)
     sh = np.zeros((size, (sh_degree + 1) ** 2, 3), np.float32)
     sh[:, 0] = (colors / 255 - 0.5) / SH_C0

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gslts.camera import twist_of
-from gslts.datasets import Dataset
+from gslts.camera import seen_from, twist_of
+from gslts.datasets import Dataset, PointCloud
+from gslts.frame import RgbdFrame
 from gslts.gaussian_map import GaussianMap
 from gslts.mapping.clock import Clock
 from gslts.mapping.config import MappingConfig
@@ -18,6 +20,8 @@ from gslts.mapping.seed import seed_from_depth
 from gslts.mapping.seed_points import random_points_in_view, seed_from_points
 from gslts.mapping.triangulate import triangulated
 
+Floats = NDArray[np.float64]
+
 ROUGH_WIDTH_PX = 160
 """Rough poses are found in images of at least this width."""
 ROUGH_BUDGET = 0.2
@@ -26,6 +30,9 @@ AVERAGED = 12.0
 """So many more facts about the map are the poses of frames whose errors are their own."""
 LEAST_POINTS, RANDOM_POINTS = 100, 30_000
 """With fewer points, photographs without depth start from so many random ones."""
+FAR_M = 1000.0
+"""Maps of cameras that are farther from the world's origin get one of their own: float32 resolves
+0.1 mm there."""
 LEAST_POSE_STD_M, LEAST_POSE_STD_RAD = 0.001, 0.0005
 """No pose is better known than this."""
 
@@ -70,19 +77,37 @@ def start_of(
 def _first_gaussians(
     dataset: Dataset, observations: Sequence[Observation], config: MappingConfig
 ) -> GaussianMap:
-    frames = [one.rgbd() for one in observations]
+    origin = _origin(observations)
+    frames = _frames(observations, origin)
     if any(one.measured[0].any() for one in observations):
-        return seed_from_depth(
+        seeds = seed_from_depth(
             frames,
             config.voxel_m,
             config.seed_contrast,
             sh_degree=config.sh_degree,
             most=config.max_gaussians,
         )
-    cloud = triangulated(frames) if dataset.points is None else dataset.points
+        return replace(seeds, origin=origin)
+    if dataset.points is None:
+        cloud = triangulated(frames)
+    else:
+        cloud = PointCloud(dataset.points.points - origin, dataset.points.colors)
     if len(cloud.points) < LEAST_POINTS:
         cloud = random_points_in_view(frames, RANDOM_POINTS, config.seed)
-    return seed_from_points(cloud, frames, config.sh_degree)
+    seeds = seed_from_points(cloud, frames, config.sh_degree, config.max_gaussians)
+    return replace(seeds, origin=origin)
+
+
+def _origin(observations: Sequence[Observation]) -> Floats:
+    """(3,) m of the map: the world's, or whole metres in the middle of cameras far from that."""
+    middle = np.mean([one.given_pose[:3, 3] for one in observations], axis=0)
+    return np.rint(middle) if np.linalg.norm(middle) > FAR_M else np.zeros(3)
+
+
+def _frames(observations: Sequence[Observation], origin: Floats) -> list[RgbdFrame]:
+    """In a frame that starts there."""
+    frames = (one.rgbd() for one in observations)
+    return [replace(frame, camera=seen_from(frame.camera, origin)) for frame in frames]
 
 
 def _find_rough_poses(
@@ -93,9 +118,10 @@ def _find_rough_poses(
     level = 0
     while level + 1 < LEVELS and given.color.width >> (level + 1) >= ROUGH_WIDTH_PX:
         level += 1
-    seeds = seed_from_depth(
-        (one.rgbd() for one in observations), 2 * config.voxel_m, config.seed_contrast
-    )
+    origin = _origin(observations)
+    frames = _frames(observations, origin)
+    seeds = seed_from_depth(frames, 2 * config.voxel_m, config.seed_contrast)
+    seeds = replace(seeds, origin=origin)
     iterations = config.rough_epochs * len(observations)
     times_s = clock.times_s("rough poses", ROUGH_BUDGET)
     schedule = Schedule(iterations, ((float("inf"), level),), times_s)

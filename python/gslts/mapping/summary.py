@@ -13,7 +13,6 @@ from gslts import __version__
 from gslts.camera import twist_of
 from gslts.gaussian_map import FloatArray
 from gslts.map_folder import plain_camera, write_map_folder
-from gslts.mapping.config import MappingConfig
 from gslts.mapping.engine import MappingResult
 from gslts.mapping.evaluate import Quality, psnr_db, shown
 from gslts.mapping.lenses import Lenses
@@ -24,41 +23,40 @@ from gslts.relocalize.landmarks import landmarks_of
 from gslts.render import Rasterizer, RenderOptions
 
 
-def write_result(folder: Path, result: MappingResult, dataset: str, config: MappingConfig) -> None:
+def write_result(folder: Path, result: MappingResult, dataset: str) -> None:
     """Writes the folder of a map with landmarks and its report; it is there whole or not at all.
 
     Args:
         folder: Must not be there yet.
         result: What to write.
         dataset: Its name.
-        config: It was made with.
 
     Raises:
         OSError: It cannot be written, or is there already.
     """
     frames = (one.rgbd() for one in result.training.values())
-    landmarks = landmarks_of(result.gaussian_map, frames, threads=config.threads)
+    landmarks = landmarks_of(result.gaussian_map, frames, threads=result.config.threads)
 
     def finish(part: Path) -> None:
         keep_landmarks(landmarks, part)
-        write_report(part / "report.html", report_of(result, dataset, config))
+        write_report(part / "report.html", report_of(result, dataset))
 
     write_map_folder(
         folder,
         result.gaussian_map,
-        {**manifest_of(result, dataset, config), KEY: digest_of(landmarks)},
+        {**manifest_of(result, dataset), KEY: digest_of(landmarks)},
         {name: one.camera() for name, one in result.training.items()},
         finish,
     )
 
 
-def manifest_of(result: MappingResult, dataset: str, config: MappingConfig) -> dict[str, Any]:
+def manifest_of(result: MappingResult, dataset: str) -> dict[str, Any]:
     """What stands beside the Gaussians, in values of JSON."""
     return {
         "gslts": __version__,
         "dataset": dataset,
         "origin": result.gaussian_map.origin.tolist(),
-        "config": config.model_dump(),
+        "config": result.config.model_dump(),
         "lenses": {"given": _plain(result.given_lenses), "found": _plain(_found(result))},
         "held_out": asdict(result.quality),
         "variants": [
@@ -92,7 +90,7 @@ def summary_of(result: MappingResult) -> str:
     )
 
 
-def report_of(result: MappingResult, dataset: str, config: MappingConfig) -> ReportData:
+def report_of(result: MappingResult, dataset: str) -> ReportData:
     """The pages that people look at."""
     quality = result.quality
     ways = {
@@ -109,7 +107,7 @@ def report_of(result: MappingResult, dataset: str, config: MappingConfig) -> Rep
             (one.name, one.gaussian_map.size, one.psnr_db) for one in result.variants
         ],
         curve=result.curve,
-        views=_views(result, config.threads),
+        views=_views(result, result.config.threads),
         findings={
             **_lens_findings(result),
             **{f"seconds for {stage}": f"{s:.1f}" for stage, s in result.seconds.items()},
@@ -117,7 +115,7 @@ def report_of(result: MappingResult, dataset: str, config: MappingConfig) -> Rep
         pose_shifts_m=np.linalg.norm(corrections[:, :3], axis=1).tolist(),
         pose_turns_rad=np.linalg.norm(corrections[:, 3:], axis=1).tolist(),
         skipped=result.skipped,
-        config=config.model_dump(),
+        config=result.config.model_dump(),
     )
 
 

@@ -6,8 +6,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
+import numpy as np
+
 from gslts.datasets import Dataset, Frame
-from gslts.mapping.observation import Observation
+from gslts.mapping.config import USUAL_EXTENT_M
+from gslts.mapping.observation import BYTES_PER_PIXEL, Observation
+from gslts.memory import free_memory_bytes
 
 HELD_OUT_EVERY = 8
 """Every eighth frame judges the map and is not learned from."""
@@ -50,8 +54,10 @@ class Visit:
             show_frames: Shows how far the reading is.
 
         Raises:
-            ValueError: Too many frames cannot be used, or those that are left are too few.
+            ValueError: Too many frames cannot be used, those that are left are too few, or there is
+                no memory for them.
         """
+        _require_memory(dataset)
         frames: dict[str, Observation] = {}
         bad = list(dataset.skipped)
         for frame in show_frames(dataset.frames):
@@ -100,6 +106,24 @@ class Visit:
     def has_depth(self) -> bool:
         """Whether any frame to learn from measured some."""
         return any(one.measured[0].any() for one in self.training.values())
+
+    @property
+    def extent_m(self) -> float:
+        """How far cameras are from their middle at most, with a tenth more, as in 3DGS; above 0."""
+        centres = np.array([one.given_pose[:3, 3] for one in self.training.values()])
+        farthest_m = float(np.linalg.norm(centres - centres.mean(axis=0), axis=1).max())
+        return 1.1 * farthest_m or USUAL_EXTENT_M
+
+
+def _require_memory(dataset: Dataset) -> None:
+    """Better to say so at once than to be killed in the middle."""
+    sizes = (frame.camera.width * frame.camera.height for frame in dataset.frames)
+    needed, free = BYTES_PER_PIXEL * sum(sizes), free_memory_bytes()
+    if free is not None and needed > free:
+        raise ValueError(
+            f"{dataset.name}: {len(dataset.frames)} frames take {needed / 2**30:.1f} GiB of memory "
+            f"and {free / 2**30:.1f} are free: take fewer, such as one in {-(-needed // free)}"
+        )
 
 
 def every_eighth(names: Sequence[str]) -> range:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gslts._core import edit as _core
 from gslts._core.map import GaussianViewFloat, SurfaceVoxels
-from gslts.camera import at_pose
+from gslts.camera import seen_from
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import GaussianMap
 from gslts.mapping.density import joined
@@ -198,10 +198,9 @@ def _frames(kept: GaussianMap, views: Sequence[View], wanted: Sequence[Bools]) -
     frames = []
     for view, mask in zip(views, wanted, strict=True):
         colors = np.rint(255 * view.colors.clip(0, 1)).astype(np.uint8)
-        pose = view.camera.world_from_camera
-        pose[:3, 3] -= kept.origin
+        camera = seen_from(view.camera, kept.origin)
         allowed = mask if view.frame.mask is None else mask & view.frame.mask
-        frames.append(RgbdFrame(colors, view.depth, at_pose(view.camera, pose), mask=allowed))
+        frames.append(RgbdFrame(colors, view.depth, camera, mask=allowed))
     return frames
 
 
