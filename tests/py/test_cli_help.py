@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from typer.main import get_command
 
+import gslts
 from gslts.cli import app
 
 HEAVY = {"torch", "cv2", "open3d", "transformers", "scipy", "sklearn", "pydantic", "PIL"}
@@ -49,3 +50,11 @@ def test_help_imports_nothing_heavy() -> None:
     ).stdout
     assert "Photorealistic" in printed
     assert not HEAVY & set(printed.splitlines()[-1].split())
+
+
+def test_the_version_is_told() -> None:
+    program = "from typer.main import get_command; from gslts.cli import app; get_command(app)()"
+    done = subprocess.run(
+        [sys.executable, "-c", program, "--version"], text=True, capture_output=True
+    )
+    assert (done.returncode, done.stdout) == (0, f"gslts {gslts.__version__}\n")
