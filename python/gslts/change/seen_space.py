@@ -41,7 +41,7 @@ class Sights:
 
 
 class SeenSpace:
-    """Depth of a map from where it was made.
+    """Depth of a map from where it was made, which is rendered where a point is asked about.
 
     Args:
         gaussian_map: float32.
@@ -52,14 +52,13 @@ class SeenSpace:
     def __init__(
         self, gaussian_map: GaussianMap, cameras: Iterable[Camera], threads: int = 0
     ) -> None:
-        rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
-        small = [_shrunk(camera) for camera in cameras]
-        depths = []
-        for camera in small:
-            images = rasterizer.forward(gaussian_map, camera, options)
-            depths.append(np.where(images.alpha > 0.5, images.depth, 0).ravel())
-        self._depths = np.concatenate([np.zeros(1, np.float32), *depths])
-        self._first = np.cumsum([1, *(len(depth) for depth in depths)])[:-1, None]
+        self._map, self._options = gaussian_map, RenderOptions(threads=threads)
+        self._rasterizer = Rasterizer(np.float32)
+        self._cameras = small = [_shrunk(camera) for camera in cameras]
+        ends = np.cumsum([1, *(one.width * one.height for one in small)])
+        self._depths = np.zeros(ends[-1], np.float32)
+        self._first = ends[:-1, None]
+        self._rendered = np.zeros(len(small), np.bool_)
         self._camera_from_world = np.array(
             [np.linalg.inv(camera.world_from_camera) for camera in small]
         ).reshape(-1, 4, 4)
@@ -99,6 +98,7 @@ class SeenSpace:
         ahead = np.maximum(z, 1e-9)
         u, v = fx * x / ahead + cx, fy * y / ahead + cy
         inside = (z > 0) & (u >= 0) & (u < width) & (v >= 0) & (v < height)
+        self._render(np.flatnonzero(inside.any(axis=1) & ~self._rendered))
         columns, rows = (np.where(inside, one, 0).astype(np.int64) for one in (u, v))
         # Nothing is at a depth of 0: the first number is that of all that is outside.
         depths = self._depths[np.where(inside, self._first + rows * width + columns, 0)]
@@ -106,6 +106,14 @@ class SeenSpace:
         through = (z > 0) & (depths > z + margin)
         on = (depths > 0) & (np.abs(depths - z) <= margin)
         return through, on, z
+
+    def _render(self, views: NDArray[np.intp]) -> None:
+        for view in views:
+            images = self._rasterizer.forward(self._map, self._cameras[view], self._options)
+            depth = np.where(images.alpha > 0.5, images.depth, 0).ravel()
+            first = int(self._first[view, 0])
+            self._depths[first : first + len(depth)] = depth
+            self._rendered[view] = True
 
 
 def _shrunk(camera: Camera) -> Camera:

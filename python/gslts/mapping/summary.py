@@ -77,7 +77,7 @@ def summary_of(result: MappingResult) -> str:
         ways.append(f"{quality.by_neighbours.psnr_db:.1f} with poses corrected by neighbours")
     ways.append(f"{quality.refined.psnr_db:.1f} with refined ones")
     depth_m = quality.refined.depth_l1_m
-    depth = "" if depth_m is None else f", depth {100 * depth_m:.1f} cm off"
+    depth = ", no depth measured" if depth_m is None else f", depth {100 * depth_m:.1f} cm off"
     sizes = "".join(
         f"; {one.name} as many: {one.psnr_db - result.variants[0].psnr_db:+.2f} dB"
         for one in result.variants
@@ -140,6 +140,7 @@ def _views(result: MappingResult, threads: int) -> list[View]:
                 measured_depth=one.depth(),
                 rendered_depth=images.depth.astype(np.float32),
                 psnr_db=psnr_db(rgb, one.photo(), one.mask()),
+                mask=one.mask(),
             )
         )
     return views
