@@ -53,7 +53,7 @@ def photographs(dataset: Path) -> Path:
     path.mkdir(exist_ok=True)
     whole = json.loads((dataset / "transforms.json").read_text())
     for frame in whole["frames"]:
-        del frame["depth_file_path"]
+        frame.pop("depth_file_path", None)
     (path / "transforms.json").write_text(json.dumps(whole))
     if not (path / "images").exists():
         (path / "images").symlink_to(Path("..") / dataset.name / "images")
@@ -64,7 +64,9 @@ def mapped(
     dataset: Path, judge: Path, preset: str, settings: list[str], out: Path
 ) -> dict[str, Any]:
     """The judgement, and what it took."""
+    # What an earlier run, finished or stopped, left behind.
     shutil.rmtree(out, ignore_errors=True)
+    out.with_name(f"{out.name}.checkpoint.npz").unlink(missing_ok=True)
     options = [word for setting in settings for word in ("--set", setting)]
     gslts("map", dataset, "--preset", preset, *options, "--out", out)
     manifest = json.loads((out / "manifest.json").read_text())
@@ -78,26 +80,26 @@ def row(name: str, result: dict[str, Any]) -> str:
     ways = [result[way] for way in ("given", "by_neighbours", "refined")]
     psnrs = " | ".join("" if way is None else f"{way['psnr_db']:.2f}" for way in ways)
     given, refined = ways[0], ways[2]
+    depths_m = [way["depth_l1_m"] for way in (given, refined)]
+    depths = " | ".join("" if depth_m is None else f"{100 * depth_m:.2f}" for depth_m in depths_m)
     half = result["variants"].get("half")
     change = "" if half is None else f"{half - result['variants']['chosen']:+.2f}"
     return (
-        f"| {name} | {psnrs} | {given['ssim']:.3f} | {refined['ssim']:.3f} | "
-        f"{100 * given['depth_l1_m']:.2f} | {100 * refined['depth_l1_m']:.2f} | "
+        f"| {name} | {psnrs} | {given['ssim']:.3f} | {refined['ssim']:.3f} | {depths} | "
         f"{result['gaussians']:.0f} | {change} | {result['seconds']:.0f} |"
     )
 
 
 def mean_of(results: list[dict[str, Any]]) -> dict[str, Any]:
-    """Numbers as means; a way in which one was not judged is left out."""
+    """Numbers as means; what one was not judged by is None."""
     whole: dict[str, Any] = {}
-    for name, first in results[0].items():
-        values = [result[name] for result in results]
-        if isinstance(first, dict):
+    for name in results[0]:
+        values = [result.get(name) for result in results]
+        whole[name] = None
+        if all(isinstance(value, dict) for value in values):
             whole[name] = mean_of(values)
-        elif isinstance(first, int | float):
+        elif all(isinstance(value, int | float) for value in values):
             whole[name] = mean(values)
-        else:
-            whole[name] = None
     return whole
 
 

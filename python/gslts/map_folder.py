@@ -75,7 +75,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         content = file.read(MAX_MANIFEST_BYTES + 1)
     try:
         manifest = json.loads(content[:MAX_MANIFEST_BYTES])
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ValueError(f"{path}: {error}") from None
     if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
         raise ValueError(f"{path}: it is not the manifest of a map")

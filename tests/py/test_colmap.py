@@ -81,6 +81,12 @@ def test_models_are_read_wherever_they_lie(tmp_path: Path, sparse: str, text: bo
     np.testing.assert_array_equal(dataset.points.colors, COLORS)
 
 
+def test_models_are_named_from_inside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_model(tmp_path / "room")
+    monkeypatch.chdir(tmp_path / "room")
+    assert open_dataset(".").name == "room"
+
+
 def dot_at(camera: Camera, point: np.ndarray) -> np.ndarray:
     """(2,) px: where a pinhole sees a point of the world."""
     pose = camera.world_from_camera

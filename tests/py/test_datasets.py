@@ -1,6 +1,7 @@
 """Data sets of other projects' formats: what is read, in which frame, and what is refused."""
 
 import json
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,8 @@ from PIL import Image
 
 from gslts.camera import Camera
 from gslts.datasets import open_dataset
-from gslts.datasets.dataset import ImageFrame, told_apart
+from gslts.datasets.dataset import ImageFrame, read_image, read_numbers, told_apart
+from gslts.datasets.tum import read_trajectory
 from gslts.datasets.undistort import Lens
 from gslts.sim.capture import capture
 from gslts.sim.controller import Controller
@@ -145,7 +147,7 @@ def test_tum(tmp_path: Path) -> None:
         assert (read.camera.fx, read.camera.cx) == (535.4, 320.6)
 
 
-def test_tum_without_partners_or_with_bad_lines(tmp_path: Path) -> None:
+def test_tum_without_partners(tmp_path: Path) -> None:
     folder = tmp_path / "room"
     write_tum(folder)
     lines = (folder / "depth.txt").read_text().splitlines()
@@ -154,10 +156,6 @@ def test_tum_without_partners_or_with_bad_lines(tmp_path: Path) -> None:
     assert len(dataset.frames) == 2
     assert "there is no depth picture within 0.02 s" in dataset.skipped[0]
     assert dataset.frames[0].camera.fx == 525
-    truth = (folder / "groundtruth.txt").read_text()
-    (folder / "groundtruth.txt").write_text(truth + "1 2 3 4 5 6 7 nan\n")
-    with pytest.raises(ValueError, match=r"groundtruth\.txt: line 11: .* is not 8 values"):
-        open_dataset(folder)
     (folder / "groundtruth.txt").unlink()
     with pytest.raises(ValueError, match="0 usable frames, at least 2 are needed"):
         open_dataset(folder)
@@ -180,14 +178,141 @@ def test_the_real_room_is_read() -> None:
     assert measured.max() < 65
 
 
-def test_tum_of_another_size_is_not_taken_for_the_cameras(tmp_path: Path) -> None:
+def resize_tum(folder: Path, number: int, size: tuple[int, int]) -> None:
+    for path in (
+        f"rgb/{1305031102 + number}.000000.png",
+        f"depth/{1305031102 + number}.012000.png",
+    ):
+        with Image.open(folder / path) as picture:
+            small = picture.resize(size, Image.Resampling.NEAREST)
+        small.save(folder / path)
+
+
+def test_tum_of_another_size_has_the_intrinsics_of_that_size(tmp_path: Path) -> None:
+    folder = tmp_path / "rgbd_dataset_freiburg3_room"
+    write_tum(folder)
+    resize_tum(folder, 0, (160, 120))
+    resize_tum(folder, 1, (1280, 960))
+    dataset = open_dataset(folder)
+    assert dataset.skipped == ()
+    for frame, scale in zip(dataset.frames, (1 / 4, 2, 1), strict=True):
+        read = frame.read()
+        assert read.rgb.shape == (480 * scale, 640 * scale, 3)
+        numbers = (read.camera.fx, read.camera.fy, read.camera.cx, read.camera.cy)
+        expected = scale * np.array((535.4, 539.2, 320.6, 248.1))
+        np.testing.assert_allclose(numbers, expected, rtol=1e-12)
+
+
+def test_tum_of_another_shape_is_skipped(tmp_path: Path) -> None:
     folder = tmp_path / "room"
     write_tum(folder)
-    with Image.open(folder / "rgb/1305031102.000000.png") as picture:
-        small = picture.resize((160, 120))
-    small.save(folder / "rgb/1305031102.000000.png")
-    (reason,) = open_dataset(folder).skipped
-    assert "the principal point (320, 240) is outside the image of 160 x 120 px" in reason
+    resize_tum(folder, 1, (640, 360))
+    dataset = open_dataset(folder)
+    assert len(dataset.frames) == 2
+    assert dataset.skipped == (
+        "rgb/1305031103.000000.png: it has 640 x 360 px, but intrinsics are known for 4:3 only",
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("groundtruth", "1305031103.5 2 3 4 5 6 7 nan"),
+        ("groundtruth", "1305031103.5 2 3"),
+        ("groundtruth", "1305031103.5 2 3 4 5 6 seven 8"),
+        ("depth", "inf depth/1305031103.012000.png"),
+        ("depth", "1305031103.012"),
+        ("rgb", "never rgb/1305031103.000000.png"),
+    ],
+)
+def test_bad_lines_of_tum_are_left_out_and_named(tmp_path: Path, name: str, line: str) -> None:
+    folder = tmp_path / "room"
+    write_tum(folder)
+    path = folder / f"{name}.txt"
+    good = path.read_text().splitlines()
+    path.write_text("\n".join([*good[:2], line, *good[2:]]))
+    dataset = open_dataset(folder)
+    assert len(dataset.frames) == 3
+    columns = 8 if name == "groundtruth" else 2
+    assert dataset.skipped == (f"{name}.txt: line 3: {line!r} is not {columns} values",)
+    path.write_text("\n".join([*good[:2], line, *good[2:], *["?"] * 50]))
+    skipped = open_dataset(folder).skipped
+    assert skipped[0].startswith(f"{name}.txt: line 3: ")
+    # Lines of pictures are frames; of poses there are far more.
+    assert len(skipped) == (51 if name == "rgb" else 1)
+    assert name == "rgb" or skipped[0].endswith(", and 50 lines more")
+    path.write_text("\n".join(["# All others are bad.", line, "nan"]))
+    with pytest.raises(ValueError, match=rf"{name}\.txt: no line can be used; line 2: .* values"):
+        open_dataset(folder)
+
+
+def test_a_trajectory_with_a_bad_line_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "way.txt"
+    path.write_text("0 1 2 3 0 0 0 1\n1 1 2 3 0 0 0 nan\n")
+    with pytest.raises(ValueError, match=r"way\.txt: line 2: .* is not 8 values"):
+        read_trajectory(path)
+
+
+@pytest.mark.parametrize("where", [".", "..", "rgb/.."])
+def test_data_sets_are_named_from_inside(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
+) -> None:
+    folder = tmp_path / "rgbd_dataset_freiburg3_room"
+    write_tum(folder)
+    monkeypatch.chdir(folder / "rgb" if where == ".." else folder)
+    dataset = open_dataset(where)
+    assert dataset.name == "rgbd_dataset_freiburg3_room"
+    assert dataset.frames[0].camera.fx == 535.4
+
+
+def test_a_link_to_a_sequence_of_tum(tmp_path: Path) -> None:
+    write_tum(tmp_path / "rgbd_dataset_freiburg3_room")
+    (tmp_path / "room").symlink_to("rgbd_dataset_freiburg3_room")
+    dataset = open_dataset(tmp_path / "room")
+    assert dataset.name == "room"
+    assert dataset.frames[0].camera.fx == 535.4
+
+
+@pytest.mark.parametrize("write", ["nerfstudio", "7scenes"])
+def test_other_data_sets_are_named_from_inside(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest, write: str
+) -> None:
+    folder = tmp_path / "room"
+    if write == "nerfstudio":
+        request.getfixturevalue("recorded")
+    else:
+        write_seven_scenes(folder)
+    monkeypatch.chdir(folder)
+    assert open_dataset(".").name == "room"
+
+
+def test_seven_scenes_of_another_size_has_the_focal_lengths_of_that_size(tmp_path: Path) -> None:
+    write_seven_scenes(tmp_path / "chess")
+    (tmp_path / "chess" / "camera-intrinsics.txt").unlink()
+    read = open_dataset(tmp_path / "chess").frames[0].read()
+    assert read.depth_camera is not None
+    assert read.depth_camera.fx == pytest.approx(58.5)
+    assert read.depth_camera.fy == pytest.approx(58.5)
+    assert read.camera.fx == pytest.approx(52.5)
+
+
+def test_numbers_beyond_the_limit_are_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "camera-intrinsics.txt"
+    path.write_text("5 0 3\n0 5 2\n0 0 1\n" + " " * 10_000 + "7")
+    with pytest.raises(ValueError, match=r"camera-intrinsics\.txt: more than 10000 bytes are no"):
+        read_numbers(path, (3, 3))
+    with path.open("wb") as file:
+        file.truncate(1 << 26)
+    tracemalloc.start()
+    with pytest.raises(ValueError, match="more than 10000 bytes"):
+        read_numbers(path, (3, 3))
+    most_bytes = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most_bytes < 1 << 20
+    path.write_text("x" * 9000)
+    with pytest.raises(ValueError, match="could not convert") as caught:
+        read_numbers(path, (3, 3))
+    assert len(str(caught.value)) < len(str(path)) + 100
 
 
 def edited(folder: Path, edit: object) -> Path:
@@ -244,6 +369,73 @@ def test_bad_frames_are_skipped_and_named(recorded: Path, edit: object, message:
 def test_bad_data_sets_are_refused(recorded: Path, edit: object, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         open_dataset(edited(recorded, edit))
+
+
+BAD_ANGLES = [0, float("nan"), -1.5, 3.2, "wide", "0.9", True, 1e300, 10**400, 1e-323]
+
+
+def without_focal_length(content: dict) -> None:
+    for part in (content, *content["frames"]):
+        for name in ("fl_x", "fl_y"):
+            part.pop(name, None)
+
+
+def test_nerfstudio_with_the_angle_of_view(recorded: Path) -> None:
+    def edit(content: dict) -> None:
+        without_focal_length(content)
+        content["camera_angle_x"] = 1.2
+
+    camera = open_dataset(edited(recorded, edit)).frames[0].camera
+    assert camera.fx == camera.fy == pytest.approx(32 / np.tan(0.6))
+
+
+@pytest.mark.parametrize("angle", BAD_ANGLES, ids=lambda angle: repr(angle)[:8])
+def test_angles_of_view_that_are_none_are_refused(recorded: Path, angle: object) -> None:
+    def edit(content: dict) -> None:
+        without_focal_length(content)
+        content["camera_angle_x"] = angle
+
+    edited(recorded, edit)
+    with pytest.raises(ValueError, match=r"transforms\.json: camera_angle_x: .*, got ") as caught:
+        open_dataset(recorded)
+    assert str(caught.value).endswith(f", got {angle!r:.40}")
+
+
+@pytest.mark.parametrize("angle", BAD_ANGLES, ids=lambda angle: repr(angle)[:8])
+def test_an_angle_of_view_that_is_none_is_skipped(recorded: Path, angle: object) -> None:
+    edited(recorded, lambda c: c["frames"][1].update(camera_angle_x=angle))
+    (reason,) = open_dataset(recorded).skipped
+    assert reason.startswith("frames[1]: camera_angle_x: Input should be ")
+
+
+@pytest.mark.parametrize("name", ["w", "h"])
+def test_sides_that_are_no_floats_are_refused(recorded: Path, name: str) -> None:
+    def edit(content: dict) -> None:
+        for part in (content, *content["frames"]):
+            part.pop("cx", None)
+            part.pop("cy", None)
+        content["frames"][1].update({"w": 64, "h": 48, name: 10**400})
+
+    (reason,) = open_dataset(edited(recorded, edit)).skipped
+    assert reason.startswith(f"frames[1]: {name}: Input should be less than or equal to 65536, got")
+    assert len(reason) < 120
+
+
+@pytest.mark.parametrize("unit", [0, -0.001])
+def test_units_of_depth_that_are_none_are_refused(recorded: Path, unit: float) -> None:
+    edited(recorded, lambda c: c.update(depth_unit_scale_factor=unit))
+    with pytest.raises(ValueError, match=r"json: depth_unit_scale_factor: .*greater than 0, got"):
+        open_dataset(recorded)
+
+
+def test_paths_that_name_no_file_are_skipped(recorded: Path) -> None:
+    def edit(content: dict) -> None:
+        for entry in content["frames"][1:]:
+            entry.update(file_path="/", w=64, h=48)
+        content["frames"].append(content["frames"][0])
+
+    dataset = open_dataset(edited(recorded, edit))
+    assert dataset.skipped == tuple(f"frames[{k}]: file_path: '/' is no file" for k in (1, 2))
 
 
 def test_nerfstudio_has_lenses(recorded: Path) -> None:
@@ -306,6 +498,16 @@ def test_damaged_pictures_are_named(recorded: Path, kind: str, harm: str) -> Non
     frame = open_dataset(recorded).frames[1]
     with pytest.raises((OSError, ValueError), match=f"{kind}/00001.png"):
         frame.read()
+
+
+def test_pictures_are_damaged_in_many_ways(tmp_path: Path) -> None:
+    path = tmp_path / "a.tif"
+    Image.new("P", (8, 8)).save(path)
+    content = bytearray(path.read_bytes())
+    content[72] = 7  # Makes offsets bytes, for which Pillow raises a TypeError.
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match=r"a\.tif: "):
+        read_image(path, "RGB", (8, 8))
 
 
 def test_pictures_of_one_name_are_told_apart(recorded: Path) -> None:

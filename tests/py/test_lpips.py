@@ -1,6 +1,7 @@
 """LPIPS against the layers written out one by one, and `gslts eval` with and without weights."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -176,6 +177,22 @@ def test_assessments_fit_the_exposure(weights: tuple[Path, Path]) -> None:
     assert assess(gaussian_map, frames_of(gaussian_map, 1.0)).lpips is None
     with pytest.raises(ValueError, match="there is no frame"):
         assess(gaussian_map, [])
+
+
+def test_what_the_camera_did_not_see_is_not_assessed(weights: tuple[Path, Path]) -> None:
+    gaussian_map, lpips = dim_map(), Lpips(*weights)
+    whole = frames_of(gaussian_map, 0.7)
+    seen = np.ones((60, 80), np.bool_)
+    seen[:, :25] = False
+    black = [np.where(seen[..., None], frame.rgb, 0) for frame in whole]
+    masked = [replace(frame, rgb=rgb, mask=seen) for frame, rgb in zip(whole, black, strict=True)]
+    without = [replace(frame, mask=None) for frame in masked]
+    found, wrong = (assess(gaussian_map, frames, lpips).lpips for frames in (masked, without))
+    assert found is not None
+    assert wrong is not None
+    assert found < 0.05 * wrong
+    nothing = [replace(frame, mask=np.zeros_like(seen)) for frame in masked]
+    assert assess(gaussian_map, nothing, lpips).lpips == 0
 
 
 def test_eval_command(weights: tuple[Path, Path], tmp_path: Path) -> None:

@@ -354,6 +354,7 @@ def test_nothing_half_written_looks_like_a_map(tmp_path: Path) -> None:
     [
         ("{", r"manifest\.json: Expecting"),
         ("[]", "not the manifest of a map"),
+        ("[" * 100_000, r"manifest\.json: maximum recursion depth"),
         ('{"format": "gslts-map", "version": 3}', "version is 3, this gslts reads 2"),
     ],
 )

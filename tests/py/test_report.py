@@ -6,13 +6,18 @@ import re
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import scenes
 from PIL import Image
 
+from gslts.frame import RgbdFrame
+from gslts.mapping.observation import Observation
 from gslts.mapping.report import MOST_VIEWS, CurvePoint, ReportData, View, write_report
 from gslts.mapping.report_pictures import smaller
+from gslts.mapping.summary import _views
 from gslts.pictures import error_picture
 
 VOID = {"meta", "img", "br", "link", "input", "hr"}
@@ -128,6 +133,34 @@ def test_pictures_are_those_of_the_view(tmp_path: Path) -> None:
     assert rendered[-8:, :, 0].mean() < rendered[-8:, :, 2].mean()
     both = np.abs(measured[30:].astype(int) - rendered[30:]).mean()
     assert both < 4, "both depths have the same scale"
+
+
+def test_what_the_camera_did_not_see_is_no_error(tmp_path: Path) -> None:
+    seen = np.ones((48, 64), np.bool_)
+    seen[:, 32:] = False
+    report = replace(REPORT, views=[view(mask=seen)])
+    error = np.asarray(written(tmp_path, report).pictures()[4].convert("RGB"))
+    assert error[:, :28].mean() > 60
+    assert error[:, 40:].max() < 16
+    bad = view("odd", mask=seen[1:])
+    with pytest.raises(ValueError, match="the pictures of view 'odd' differ in size"):
+        write_report(tmp_path / "report.html", replace(REPORT, views=[bad]))
+
+
+def test_views_of_a_result_tell_what_the_camera_saw() -> None:
+    camera = scenes.orbit_camera(64, 48)
+    seen = np.ones((48, 64), np.bool_)
+    seen[:20] = False
+    for mask in (seen, None):
+        frame = RgbdFrame(
+            np.zeros((48, 64, 3), np.uint8), np.ones((48, 64), np.float32), camera, mask=mask
+        )
+        result = SimpleNamespace(
+            held_out={"00": Observation.of(frame)},
+            gaussian_map=scenes.random_map(50, dtype=np.float32),
+        )
+        (shown,) = _views(result, 1)
+        assert shown.mask is mask
 
 
 def test_errors_are_bright_and_equal_pictures_black() -> None:

@@ -3,6 +3,7 @@
 import io
 import struct
 import sys
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -406,6 +407,58 @@ def test_damaged_pictures_are_named(tmp_path: Path) -> None:
     frame = simple_bag(tmp_path, damaged).frames[0]
     with pytest.raises(ValueError, match=r"image_raw/compressed at \d+ ns: "):
         frame.read()
+
+
+def bomb(kind: str, width: int, height: int) -> bytes:
+    """A picture of 8 x 8 px that claims to have other sides."""
+    data = bytearray(encoded(np.zeros((8, 8, 3), np.uint8), kind))
+    if kind == "PNG":
+        data[16:24] = struct.pack(">II", width, height)
+        data[29:33] = struct.pack(">I", zlib.crc32(data[12:29]))
+    else:
+        sides = data.index(b"\xff\xc0") + 5  # In the header of the frame.
+        data[sides : sides + 4] = struct.pack(">HH", height, width)
+    return bytes(data)
+
+
+@pytest.mark.parametrize("kind", ["PNG", "JPEG"])
+@pytest.mark.parametrize("harm", ["error", "warning", "large", "truncated", "garbage", "empty"])
+def test_damaged_compressed_pictures_are_named(tmp_path: Path, kind: str, harm: str) -> None:
+    """Pillow raises errors of its own above some sizes, and warns below."""
+    harmed = {
+        "error": bomb(kind, 60_000, 60_000),
+        "warning": bomb(kind, 10_000, 10_000),
+        "large": bomb(kind, 8200, 8200),
+        "truncated": encoded(np.zeros((48, 64, 3), np.uint8), kind)[:-20],
+        "garbage": encoded(np.zeros((48, 64, 3), np.uint8), kind)[:40] + b"?" * 500,
+        "empty": b"",
+    }[harm]
+
+    def add(bag: Recorder, time: int) -> None:
+        bag.compressed(f"{RGB}/compressed", time, FRAME, f"rgb8; {kind.lower()} compressed", harmed)
+        bag.image(DEPTH, time, FRAME, "16UC1", np.ones((48, 64), "<u2"))
+
+    frame = simple_bag(tmp_path, add).frames[0]
+    with pytest.raises(ValueError, match=r"image_raw/compressed at \d+ ns: it"):
+        frame.read()
+
+
+def test_damaged_compressed_depth_is_named(tmp_path: Path) -> None:
+    def add(bag: Recorder, time: int) -> None:
+        bag.image(RGB, time, FRAME, "rgb8", np.zeros((48, 64, 3), np.uint8))
+        data = bytes(12) + bomb("PNG", 60_000, 60_000)
+        kind = "16UC1; compressedDepth png"
+        bag.compressed(f"{DEPTH}/compressedDepth", time, FRAME, kind, data)
+
+    frame = simple_bag(tmp_path, add).frames[0]
+    with pytest.raises(ValueError, match=r"compressedDepth at \d+ ns: its picture cannot be read"):
+        frame.read()
+
+
+def test_bags_are_named_from_inside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = robot_bag(frames_of_robot()).write(tmp_path / "walk", "mcap")
+    monkeypatch.chdir(path)
+    assert open_dataset(".").name == "walk"
 
 
 def test_depth_of_another_size_is_named_with_both_sizes(tmp_path: Path) -> None:

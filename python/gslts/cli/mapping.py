@@ -146,11 +146,13 @@ def judge(
     """Compare a map with frames that it was not made from, the exposure of each fitted.
 
     Three ways: poses as given, poses corrected as those of their neighbours were, and poses refined
-    against the map.
+    against the map. Frames that cannot be used are skipped, as when a map is made.
 
     Example: gslts eval out/map out/kitchen_3
     """
     from dataclasses import asdict
+
+    from tqdm import tqdm
 
     from gslts.datasets import open_dataset
     from gslts.lpips import Lpips
@@ -162,7 +164,14 @@ def judge(
     weights = both_weights(lpips_backbone, lpips_heads)
     lpips = None if weights is None else Lpips(*weights)
     gaussian_map = read_map(map_path)
-    observations, neighbours = held_out_of(open_dataset(dataset), Known.of(map_path), every)
+    observations, neighbours, skipped = held_out_of(
+        open_dataset(dataset),
+        Known.of(map_path),
+        every,
+        lambda frames: tqdm(frames, desc="reading", unit="frame", disable=None),
+    )
+    for reason in skipped:
+        typer.echo(f"skipped {reason}", err=True)
     quality, _ = evaluate_held_out(gaussian_map, observations, neighbours, threads)
     rest = assess(gaussian_map, [one.rgbd() for one in observations], lpips, threads)
     per_gaussian = gaussian_map.nbytes / max(1, gaussian_map.size)
@@ -172,7 +181,7 @@ def judge(
             "bytes": gaussian_map.nbytes,
             "bytes_per_gaussian": per_gaussian,
         }
-        typer.echo(json.dumps({**asdict(quality), **asdict(rest), **sizes}))
+        typer.echo(json.dumps({**asdict(quality), **asdict(rest), **sizes, "skipped": skipped}))
         return
     for name, way in asdict(quality).items():
         if way is not None:

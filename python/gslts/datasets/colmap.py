@@ -12,7 +12,7 @@ from gslts.datasets.colmap_files import (
     read_images,
     read_points,
 )
-from gslts.datasets.dataset import Dataset, ImageFrame, pinhole, told_apart
+from gslts.datasets.dataset import Dataset, ImageFrame, name_of, pinhole, told_apart
 from gslts.datasets.poses import inverse, pose_of
 from gslts.datasets.undistort import Lens, lens_or_none
 
@@ -62,7 +62,7 @@ def open_colmap(path: Path) -> Dataset:
             skipped.append(f"{image.name}: {error}")
     points = _file(folder, "points3D")
     return Dataset(
-        path.name,
+        name_of(path),
         told_apart(frames, path),
         tuple(skipped),
         read_points(points) if points.exists() else None,

@@ -23,6 +23,8 @@ MAX_PIXELS = 1 << 26
 MAX_SIDE_PX = 1 << 16
 FOCAL_RANGE = (0.05, 50.0)
 """Of the focal length over the longer side of the image: from 168 degrees of view to 1.1."""
+MOST_NUMBERS_BYTES = 10_000
+"""Of a text file with a small matrix."""
 
 
 class Frame(Protocol):
@@ -160,6 +162,16 @@ class ImageFrame:
             raise ValueError(f"{self.instances}: {error}") from None
 
 
+def reason_of(error: Exception) -> str:
+    """What an error says, in one line; its kind if it says nothing."""
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def name_of(path: Path) -> str:
+    """The name of a folder, which `.` and `..` do not say themselves."""
+    return path.resolve().name if path.name in ("", "..") else path.name
+
+
 def told_apart(frames: Iterable[ImageFrame], folder: Path) -> tuple[ImageFrame, ...]:
     """The frames of a folder; those of one name get their path in it, with the ending if need be.
 
@@ -251,8 +263,10 @@ def image_size(path: Path) -> tuple[int, int]:
             return image.size
     except UnidentifiedImageError:
         raise ValueError(f"{path}: it is no picture") from None
-    except Image.DecompressionBombError as error:
-        raise ValueError(f"{path}: {error}") from None
+    except OSError:
+        raise
+    except Exception as error:  # Pillow raises errors of any kind for damage.
+        raise ValueError(f"{path}: {reason_of(error)}") from None
 
 
 def read_image(path: Path, mode: str, size: tuple[int, int]) -> NDArray[Any]:
@@ -272,8 +286,8 @@ def read_image(path: Path, mode: str, size: tuple[int, int]) -> NDArray[Any]:
     try:
         with Image.open(path) as image:
             return np.asarray(image.convert(mode))
-    except (OSError, SyntaxError, ValueError) as error:  # Pillow raises each of them for damage.
-        raise ValueError(f"{path}: {error}") from None
+    except Exception as error:  # As above.
+        raise ValueError(f"{path}: {reason_of(error)}") from None
 
 
 def read_numbers(path: Path, shape: tuple[int, int]) -> NDArray[np.float64]:
@@ -281,13 +295,16 @@ def read_numbers(path: Path, shape: tuple[int, int]) -> NDArray[np.float64]:
 
     Raises:
         OSError: It cannot be read.
-        ValueError: It holds anything else, or another number of them.
+        ValueError: It holds anything else, or another number of them, or is too long.
     """
-    text = path.read_text(encoding="utf-8", errors="replace")[:10_000]
+    with path.open("rb") as file:
+        content = file.read(MOST_NUMBERS_BYTES + 1)
+    if len(content) > MOST_NUMBERS_BYTES:
+        raise ValueError(f"{path}: more than {MOST_NUMBERS_BYTES} bytes are no matrix of {shape}")
     try:
-        numbers = np.array(text.split(), np.float64)
+        numbers = np.array(content.decode(errors="replace").split(), np.float64)
     except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+        raise ValueError(f"{path}: {str(error)[:80]}") from None
     if numbers.size != shape[0] * shape[1]:
         raise ValueError(f"{path}: expected {shape[0]} x {shape[1]} numbers, got {numbers.size}")
     return numbers.reshape(shape)

@@ -7,13 +7,23 @@ Recordings of simulated homes also tell what pixels show: `instance_file_path` o
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, TypeAdapter, ValidationError
 
-from gslts.datasets.dataset import Dataset, ImageFrame, image_size, pinhole, rigid, told_apart
+from gslts.datasets.dataset import (
+    MAX_SIDE_PX,
+    Dataset,
+    ImageFrame,
+    image_size,
+    name_of,
+    pinhole,
+    rigid,
+    told_apart,
+)
 from gslts.datasets.undistort import Lens, lens_or_none
 
 OPENGL_FROM_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -23,6 +33,9 @@ PERSPECTIVE = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL")
 FISHEYE = "OPENCV_FISHEYE"
 
 Row = tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat]
+Side = Annotated[int, Field(ge=0, le=MAX_SIDE_PX)]
+Angle = Annotated[FiniteFloat, Field(strict=True, gt=1e-6, lt=math.pi)]
+"""Of view, rad; half of a smaller one may have no tangent."""
 
 
 class _Intrinsics(BaseModel):
@@ -30,13 +43,13 @@ class _Intrinsics(BaseModel):
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
-    w: int | None = None
-    h: int | None = None
+    w: Side | None = None
+    h: Side | None = None
     fl_x: FiniteFloat | None = None
     fl_y: FiniteFloat | None = None
     cx: FiniteFloat | None = None
     cy: FiniteFloat | None = None
-    camera_angle_x: FiniteFloat | None = None
+    camera_angle_x: Angle | None = None
     k1: FiniteFloat = 0.0
     k2: FiniteFloat = 0.0
     k3: FiniteFloat = 0.0
@@ -63,7 +76,7 @@ _OBJECTS = TypeAdapter(list[_Object])
 
 class _File(_Intrinsics):
     camera_model: str = "OPENCV"
-    depth_unit_scale_factor: FiniteFloat = 0.001
+    depth_unit_scale_factor: Annotated[FiniteFloat, Field(gt=0)] = 0.001
     frames: list[Any]
 
 
@@ -104,7 +117,7 @@ def open_nerfstudio(path: Path) -> Dataset:
             skipped.append(f"frames[{number}]: {error}")
     named = told_apart(frames, path)
     return Dataset(
-        path.name,
+        name_of(path),
         tuple(one for one in named if one.rgb not in unposed),
         tuple(skipped),
         unposed=tuple(one for one in named if one.rgb in unposed),
@@ -115,6 +128,8 @@ def _image_frame(
     path: Path, frame: _Frame, content: _File, number: int, types: tuple[str, ...]
 ) -> ImageFrame:
     rgb = path / frame.file_path
+    if not rgb.name:
+        raise ValueError(f"file_path: {frame.file_path!r} is no file")
     width, height = (frame.w, frame.h) if frame.w and frame.h else image_size(rgb)
     fx = frame.fl_x
     if fx is None:
@@ -184,5 +199,8 @@ def _dict(entry: Any) -> dict[str, Any]:
 
 def _first(error: ValidationError) -> str:
     first = error.errors(include_url=False)[0]
-    where = ".".join(str(part) for part in first["loc"]) or "file"
-    return f"{where}: {first['msg']}"
+    where = ".".join(str(part) for part in first["loc"])
+    value = first["input"]
+    if not where or not isinstance(value, str | int | float):  # Others may be as long as the file.
+        return f"{where or 'file'}: {first['msg']}"
+    return f"{where}: {first['msg']}, got {value!r:.40}"

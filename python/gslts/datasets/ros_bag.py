@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from gslts.datasets.dataset import reason_of
+
 MOST_METADATA_BYTES = 1 << 24
 
 
@@ -139,5 +141,4 @@ class Bag:
         except OSError:
             raise
         except Exception as error:
-            reason = " ".join(str(error).split()) or type(error).__name__
-            raise ValueError(f"{self.path}: {what}: {reason}") from error
+            raise ValueError(f"{self.path}: {what}: {reason_of(error)}") from error

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.datasets.dataset import MAX_PIXELS
+from gslts.datasets.dataset import MAX_PIXELS, reason_of
 from gslts.datasets.undistort import Lens, lens_or_none
 
 Floats32 = NDArray[np.float32]
@@ -106,18 +106,22 @@ def _rows(message: Any, kind: np.dtype[Any], channels: int) -> NDArray[Any]:
 
 
 def _decoded(data: Any, mode: str) -> NDArray[Any]:
-    """The pixels of a picture's file, in a mode of Pillow."""
+    """The pixels of a picture's file, in a mode of Pillow.
+
+    Raises:
+        ValueError: It is damaged, too large or of another format.
+    """
     from PIL import Image, UnidentifiedImageError
 
     try:
         with Image.open(io.BytesIO(bytes(data)), formats=("JPEG", "PNG")) as image:
             if image.width * image.height > MAX_PIXELS:
-                raise ValueError(f"an image cannot have {image.width} x {image.height} px")
+                raise ValueError(f"{image.width} x {image.height} px are more than {MAX_PIXELS}")
             return np.asarray(image.convert(mode))
     except UnidentifiedImageError:
         raise ValueError("it is neither JPEG nor PNG") from None
-    except (OSError, SyntaxError) as error:
-        raise ValueError(f"its picture is damaged: {error}") from None
+    except Exception as error:  # Pillow raises errors of any kind for damage.
+        raise ValueError(f"its picture cannot be read: {reason_of(error)}") from None
 
 
 def camera_of(info: Any, rectified: bool) -> tuple[tuple[float, ...], tuple[int, int], Lens | None]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gslts.camera import Camera, at_pose
-from gslts.datasets.dataset import Dataset, pinhole
+from gslts.datasets.dataset import Dataset, name_of, pinhole
 from gslts.datasets.ros_bag import Bag, Place
 from gslts.datasets.ros_images import camera_of, depth_of, rgb_of
 from gslts.datasets.ros_poses import FrameTree, Track, plain, time_of
@@ -152,7 +152,7 @@ def open_rosbag(path: Path) -> Dataset:
             )
         except ValueError as error:
             skipped.append(f"{frame.name}: {error}")
-    name = path.stem if path.is_file() else path.name
+    name = path.stem if path.is_file() else name_of(path)
     return Dataset(name, tuple(frames), tuple(skipped))
 
 

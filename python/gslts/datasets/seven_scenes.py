@@ -12,15 +12,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.camera import Camera
-from gslts.datasets.dataset import Dataset, ImageFrame, image_size, pinhole, read_numbers, rigid
+from gslts.datasets.dataset import (
+    Dataset,
+    ImageFrame,
+    image_size,
+    name_of,
+    pinhole,
+    read_numbers,
+    rigid,
+)
 
 Floats = NDArray[np.float64]
 
 NO_DEPTH = 65535
 DEPTH_FOCAL_PX = 585.0
 """Of the depth camera, as the data set's page recommends."""
-COLOR_FOCAL_PX, COLOR_WIDTH_PX = 525.0, 640
+COLOR_FOCAL_PX = 525.0
 """What OpenNI's drivers take a Kinect's colour camera for until it is calibrated."""
+KINECT_WIDTH_PX = 640
+"""Of the pictures that have these focal lengths."""
 COLOR_FROM_DEPTH = np.eye(4)
 COLOR_FROM_DEPTH[0, 3] = -0.025
 """The colour camera stands 2.5 cm to the right of the depth camera."""
@@ -58,17 +68,18 @@ def open_seven_scenes(path: Path) -> Dataset:
             )
         except (OSError, ValueError) as error:
             skipped.append(f"{stem}: {error}")
-    return Dataset(path.name, tuple(frames), tuple(skipped))
+    return Dataset(name_of(path), tuple(frames), tuple(skipped))
 
 
 def _color_camera(size: tuple[int, int], pose: Floats) -> Camera:
     width, height = size
-    focal_px = COLOR_FOCAL_PX * width / COLOR_WIDTH_PX
+    focal_px = COLOR_FOCAL_PX * width / KINECT_WIDTH_PX
     return pinhole((focal_px, focal_px, width / 2, height / 2), size, pose)
 
 
 def _depth_camera(size: tuple[int, int], pose: Floats, matrix: Floats | None) -> Camera:
     width, height = size
     if matrix is None:
-        return pinhole((DEPTH_FOCAL_PX, DEPTH_FOCAL_PX, width / 2, height / 2), size, pose)
+        focal_px = DEPTH_FOCAL_PX * width / KINECT_WIDTH_PX
+        return pinhole((focal_px, focal_px, width / 2, height / 2), size, pose)
     return pinhole((matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]), size, pose)

@@ -21,7 +21,9 @@ class Assessment:
 
     Attributes:
         render_ms: Median time of a rendering, without gradients, on this machine.
-        lpips: Mean; None if no weights were given.
+        lpips: Mean; None if no weights were given. Its features reach across many pixels, so that
+            none can be left out: where a frame's mask is False, the rendering takes the colours of
+            the photograph, and both are the same there.
     """
 
     render_ms: float
@@ -55,8 +57,11 @@ def assess(
         times_s.append(time.perf_counter() - start)
         if lpips is not None:
             photo = frame.rgb.astype(np.float32) / 255
-            exposure = fit_exposure(images.rgb, photo, threads=threads)
-            distances.append(lpips.distance(exposed(images.rgb, exposure), photo))
+            exposure = fit_exposure(images.rgb, photo, mask=frame.mask, threads=threads)
+            shown = exposed(images.rgb, exposure)
+            if frame.mask is not None:
+                shown[~frame.mask] = photo[~frame.mask]
+            distances.append(lpips.distance(shown, photo))
     if not times_s:
         raise ValueError("assess: there is no frame")
     return Assessment(

@@ -22,10 +22,16 @@ from gslts.mapping.lenses import Lenses
 from gslts.mapping.observation import Observation
 from gslts.mapping.optimize import Optimizer
 from gslts.mapping.report_data import CurvePoint
+from gslts.mapping.visit import every_eighth
 
 FORMAT, VERSION = "gslts-checkpoint", 1
 MAP_ARRAYS = ("means", "quats", "log_scales", "logit_opacities", "sh", "ids", "origin")
 ADAM_ARRAYS = ("first", "second", "steps")
+DAMAGE = (
+    *(ValueError, KeyError, TypeError, AttributeError, OverflowError),
+    *(EOFError, RuntimeError, zipfile.BadZipFile),
+)
+"""What damage raises; RuntimeError is that of zipfile and of JSON that is nested too deeply."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,18 +158,28 @@ def read_checkpoint(path: Path) -> Checkpoint:
                 raise ValueError("it is compressed")
         with np.load(path, allow_pickle=False) as arrays:
             return _checkpoint_of({name: arrays[name] for name in arrays.files})
-    except (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
-        raise ValueError(f"{path}: it is no checkpoint of a map: {error}") from None
+    except DAMAGE as error:
+        reason = " ".join(str(error).split())  # That of pydantic has several lines.
+        raise ValueError(f"{path}: it is no checkpoint of a map: {reason}") from None
 
 
 def _checkpoint_of(arrays: dict[str, NDArray[Any]]) -> Checkpoint:
     known = json.loads(arrays["known"].tobytes())
+    if not isinstance(known, dict):
+        raise ValueError("known is no object of JSON")
     if known.get("format") != FORMAT or known.get("version") != VERSION:
         raise ValueError(f"format is {known.get('format')!r}, version {known.get('version')!r}")
     color, depth = (camera_of(one) for one in known["lenses"])
+    frames = tuple(known["frames"])
+    training = len(frames) - len(every_eighth(frames))
+    for name, shape in (("poses", (training, 4, 4)), ("exposures", (training, 2, 3))):
+        array = arrays[name]
+        if array.dtype != np.float64 or array.shape != shape:
+            raise ValueError(f"{name}: expected float64 {shape}, got {array.dtype} {array.shape}")
+    np.random.PCG64().state = known["random"]  # Checks it.
     return Checkpoint(
         config=MappingConfig.model_validate(known["config"]),
-        frames=tuple(known["frames"]),
+        frames=frames,
         gaussian_map=GaussianMap(**{name: arrays[name] for name in MAP_ARRAYS}),
         adam=AdamState(**{name: arrays[name] for name in ADAM_ARRAYS}),
         iteration=int(known["iteration"]),
@@ -175,5 +191,5 @@ def _checkpoint_of(arrays: dict[str, NDArray[Any]]) -> Checkpoint:
         pose_stds=(float(known["pose_stds"][0]), float(known["pose_stds"][1])),
         curve=tuple(CurvePoint(**point) for point in known["curve"]),
         seeds=int(known["seeds"]),
-        seconds=known["seconds"],
+        seconds={stage: float(seconds) for stage, seconds in known["seconds"].items()},
     )

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from gslts.datasets import Dataset, Frame
 from gslts.map_folder import camera_of, folder_of, read_manifest
 from gslts.mapping.lenses import Lenses
 from gslts.mapping.observation import Observation
+from gslts.mapping.visit import ShowFrames, usable
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,34 +66,39 @@ class Known:
 
 
 def held_out_of(
-    dataset: Dataset, known: Known, every: int | None
-) -> tuple[list[Observation], list[list[Observation]]]:
+    dataset: Dataset, known: Known, every: int | None = None, show_frames: ShowFrames = iter
+) -> tuple[list[Observation], list[list[Observation]], tuple[str, ...]]:
     """Frames to judge by, and for each its neighbours that the map was made from.
+
+    Frames that cannot be used are left out as when a map is made; see `gslts.mapping.visit.usable`.
 
     Args:
         dataset: The one that the map was made from, or another one of the same scene.
         known: Of the map.
         every: Use every so manieth frame; None means those that the map was not made from, or
             every eighth if it knows none of them.
+        show_frames: Shows how far the reading is, if all frames have to be looked at.
+
+    Returns:
+        The frames, their neighbours, and what cannot be used and why.
 
     Raises:
-        OSError: A file cannot be read.
-        ValueError: A file is damaged, or there is no frame.
+        ValueError: There is no frame, or too many cannot be used.
     """
-    frames = dataset.frames
-    chosen = judging([frame.name for frame in frames], known, every)
-    if not chosen:
-        raise ValueError(f"{dataset.name}: the map was made from all of its frames")
-    observations = [known.observe(frames[k]) for k in chosen]
-    neighbours = [
-        [
-            known.observe(frames[near])
-            for near in (k - 1, k + 1)
-            if 0 <= near < len(frames) and frames[near].name in known.cameras
-        ]
-        for k in chosen
-    ]
-    return observations, neighbours
+    frames = {frame.name: frame for frame in dataset.frames[::-1]}  # Of one name, the first.
+    skipped = dataset.skipped
+    wanted = _wanted([frame.name for frame in dataset.frames], known, every)
+    read = None if len(frames) < len(dataset.frames) else _read(wanted, frames, known)
+    if read is None:
+        # Only all frames tell whether too many are bad, and which good ones are side by side.
+        looks, skipped = usable(dataset, lambda one: _shrunk(known.observe(one)), show_frames)
+        wanted = _wanted(list(looks), known, every)
+        read = {name: known.observe(frames[name]) for name in _all(wanted)}
+    if not wanted:
+        why = f" that can be used; {skipped[-1]}" if skipped else ""
+        raise ValueError(f"{dataset.name}: the map was made from all of its frames{why}")
+    neighbours = [[read[name] for name in near] for near in wanted.values()]
+    return [read[name] for name in wanted], neighbours, skipped
 
 
 def judging(names: Sequence[str], known: Known, every: int | None = None) -> list[int]:
@@ -100,6 +107,36 @@ def judging(names: Sequence[str], known: Known, every: int | None = None) -> lis
     if every is not None or len(chosen) == len(names):
         chosen = list(range(0, len(names), every or 8))
     return chosen
+
+
+def _wanted(names: Sequence[str], known: Known, every: int | None) -> dict[str, list[str]]:
+    """The frames that judge, and for each its neighbours that the map was made from."""
+    beside = {k: (*names[max(0, k - 1) : k], *names[k + 1 : k + 2]) for k in range(len(names))}
+    return {
+        names[k]: [name for name in beside[k] if name in known.cameras]
+        for k in judging(names, known, every)
+    }
+
+
+def _all(wanted: Mapping[str, Sequence[str]]) -> set[str]:
+    return {*wanted, *chain.from_iterable(wanted.values())}
+
+
+def _read(
+    wanted: Mapping[str, Sequence[str]], frames: Mapping[str, Frame], known: Known
+) -> dict[str, Observation] | None:
+    """The frames by name; None if one cannot be read, or only some have depth."""
+    try:
+        read = {name: known.observe(frames[name]) for name in _all(wanted)}
+    except (OSError, ValueError):
+        return None
+    with_depth = {bool(one.measured[0].any()) for one in read.values()}
+    return None if len(with_depth) > 1 else read
+
+
+def _shrunk(one: Observation) -> Observation:
+    """All that tells whether it can be used: there may be no memory for the pictures of all."""
+    return replace(one, rgb=(), measured=(one.measured[0].max(keepdims=True),), masks=None)
 
 
 def _lenses(plain: Mapping[str, Any]) -> Lenses:

@@ -98,7 +98,7 @@ def _views(views: Sequence[View]) -> str:
         "<p>The exposure of the photograph is applied to the rendering."
         f"{left_out}</p>\n"
         f'<p>Error: 0 <img class=legend alt="black to yellow" src="{error}"> {ERROR_SHOWN:g} of '
-        "the whole range, mean of the channels.<br>\n"
+        "the whole range, mean of the channels; 0 where the camera saw nothing.<br>\n"
         f'Depth: near <img class=legend alt="red to blue" src="{depth}"> far; grey where there is '
         "none.</p>"
     )
@@ -107,12 +107,14 @@ def _views(views: Sequence[View]) -> str:
 
 def _view(view: View) -> str:
     size = view.photo.shape[:2]
+    mask = np.ones(size, np.bool_) if view.mask is None else view.mask
     if any(
         picture.shape[:2] != size
-        for picture in (view.render, view.measured_depth, view.rendered_depth)
+        for picture in (view.render, view.measured_depth, view.rendered_depth, mask)
     ):
         raise ValueError(f"write_report: the pictures of view {view.name!r} differ in size")
-    error = error_picture(view.render, view.photo, ERROR_SHOWN)
+    comparable = np.where(mask[..., None], view.render, view.photo)
+    error = error_picture(comparable, view.photo, ERROR_SHOWN)
     measured, rendered = (smaller(one) for one in (view.measured_depth, view.rendered_depth))
     range_m = depth_range(measured if (measured > 0).any() else rendered)
     figures = (

@@ -45,6 +45,7 @@ class View:
         measured_depth: [H,W], m; 0 or NaN where there is no measurement.
         rendered_depth: [H,W], m.
         psnr_db: Of the rendering.
+        mask: [H,W] bool, True where the colour camera saw something; None means everywhere.
     """
 
     name: str
@@ -53,6 +54,7 @@ class View:
     measured_depth: NDArray[np.float32]
     rendered_depth: NDArray[np.float32]
     psnr_db: float
+    mask: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -58,26 +58,7 @@ class Visit:
                 no memory for them.
         """
         _require_memory(dataset)
-        frames: dict[str, Observation] = {}
-        bad = list(dataset.skipped)
-        for frame in show_frames(dataset.frames):
-            try:
-                if frame.name in frames:
-                    raise ValueError("there is another frame of that name")
-                frames[frame.name] = observe(frame)
-            except (OSError, ValueError) as error:
-                bad.append(f"{frame.name}: {error}")
-        total = len(dataset.frames) + len(dataset.skipped)
-        if len(bad) > MOST_BAD_SHARE * total:
-            raise ValueError(
-                f"{dataset.name}: {len(bad)} of {total} frames cannot be used, such as {bad[0]}"
-            )
-        blind = [name for name, one in frames.items() if not one.measured[0].any()]
-        # Where many are without depth, the rest of them is worth more than nothing.
-        if len(bad) + len(blind) <= MOST_BAD_SHARE * total:
-            for name in blind:
-                bad.append(f"{name}: depth is measured nowhere")
-                del frames[name]
+        frames, bad = usable(dataset, observe, show_frames)
         names = list(frames)
         aside = [names[k] for k in judging(names)]
         training = {name: one for name, one in frames.items() if name not in set(aside)}
@@ -99,7 +80,7 @@ class Visit:
                 ]
                 for name in aside
             ],
-            skipped=tuple(bad),
+            skipped=bad,
         )
 
     @property
@@ -113,6 +94,45 @@ class Visit:
         centres = np.array([one.given_pose[:3, 3] for one in self.training.values()])
         farthest_m = float(np.linalg.norm(centres - centres.mean(axis=0), axis=1).max())
         return 1.1 * farthest_m or USUAL_EXTENT_M
+
+
+def usable(
+    dataset: Dataset, observe: Callable[[Frame], Observation], show_frames: ShowFrames = iter
+) -> tuple[dict[str, Observation], tuple[str, ...]]:
+    """Reads all frames.
+
+    Args:
+        dataset: Where they are.
+        observe: Reads one.
+        show_frames: Shows how far the reading is.
+
+    Returns:
+        Those that can be used, by name, and why others cannot.
+
+    Raises:
+        ValueError: The others are too many.
+    """
+    frames: dict[str, Observation] = {}
+    bad = list(dataset.skipped)
+    for frame in show_frames(dataset.frames):
+        try:
+            if frame.name in frames:
+                raise ValueError("there is another frame of that name")
+            frames[frame.name] = observe(frame)
+        except (OSError, ValueError) as error:
+            bad.append(f"{frame.name}: {error}")
+    total = len(dataset.frames) + len(dataset.skipped)
+    if len(bad) > MOST_BAD_SHARE * total:
+        raise ValueError(
+            f"{dataset.name}: {len(bad)} of {total} frames cannot be used, such as {bad[0]}"
+        )
+    blind = [name for name, one in frames.items() if not one.measured[0].any()]
+    # Where many are without depth, the rest of them is worth more than nothing.
+    if len(bad) + len(blind) <= MOST_BAD_SHARE * total:
+        for name in blind:
+            bad.append(f"{name}: depth is measured nowhere")
+            del frames[name]
+    return frames, tuple(bad)
 
 
 def _require_memory(dataset: Dataset) -> None:
