@@ -120,6 +120,13 @@ def test_too_many_bad_frames_are_an_error() -> None:
         held_out_of(replace(seen(), skipped=()), everything)
 
 
+def test_more_frames_than_memory_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gslts.mapping.visit.free_memory_bytes", lambda: 10_000)
+    with pytest.raises(ValueError, match=r"set: 30 frames take .* such as one in 9$"):
+        held_out_of(seen(), Known({}), every=1)
+    assert len(held_out_of(seen(), Known({}), every=10)[0]) == 3
+
+
 def test_eval_skips_and_tells(tmp_path: Path) -> None:
     robot = Controller(sim_scenes.simple_home(), width=64, height=48, noise="none")
     looks = [Look(np.array([1.0, 1.0]), yaw, 20.0) for yaw in np.arange(0.0, 360.0, 20.0)]

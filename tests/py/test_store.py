@@ -282,6 +282,7 @@ def test_nothing_is_removed_where_a_file_is_missing(folder: Path, loss: str) -> 
         "UPDATE versions SET kind = 'apdate'",
         "UPDATE versions SET time_s = 1e300",
         "UPDATE versions SET cause = '[]'",
+        f"UPDATE versions SET cause = '{'[' * 100_000}'",
         "UPDATE events SET kind = 'edition'",
         "UPDATE events SET boxes = '[null, [[0, 0, 0]]]'",
         "UPDATE events SET boxes = '7'",

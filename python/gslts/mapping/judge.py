@@ -14,7 +14,7 @@ from gslts.datasets import Dataset, Frame
 from gslts.map_folder import camera_of, folder_of, read_manifest
 from gslts.mapping.lenses import Lenses
 from gslts.mapping.observation import Observation
-from gslts.mapping.visit import ShowFrames, usable
+from gslts.mapping.visit import ShowFrames, require_memory, usable
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +88,7 @@ def held_out_of(
     frames = {frame.name: frame for frame in dataset.frames[::-1]}  # Of one name, the first.
     skipped = dataset.skipped
     wanted = _wanted([frame.name for frame in dataset.frames], known, every)
+    require_memory(dataset.name, [frames[name] for name in _all(wanted)])
     read = None if len(frames) < len(dataset.frames) else _read(wanted, frames, known)
     if read is None:
         # Only all frames tell whether too many are bad, and which good ones are side by side.

@@ -57,7 +57,7 @@ class Visit:
             ValueError: Too many frames cannot be used, those that are left are too few, or there is
                 no memory for them.
         """
-        _require_memory(dataset)
+        require_memory(dataset.name, dataset.frames)
         frames, bad = usable(dataset, observe, show_frames)
         names = list(frames)
         aside = [names[k] for k in judging(names)]
@@ -135,13 +135,17 @@ def usable(
     return frames, tuple(bad)
 
 
-def _require_memory(dataset: Dataset) -> None:
-    """Better to say so at once than to be killed in the middle."""
-    sizes = (frame.camera.width * frame.camera.height for frame in dataset.frames)
+def require_memory(dataset: str, frames: Sequence[Frame]) -> None:
+    """Better to say so at once than to be killed in the middle.
+
+    Raises:
+        ValueError: There is not enough to keep all frames in it.
+    """
+    sizes = (frame.camera.width * frame.camera.height for frame in frames)
     needed, free = BYTES_PER_PIXEL * sum(sizes), free_memory_bytes()
     if free is not None and needed > free:
         raise ValueError(
-            f"{dataset.name}: {len(dataset.frames)} frames take {needed / 2**30:.1f} GiB of memory "
+            f"{dataset}: {len(frames)} frames take {needed / 2**30:.1f} GiB of memory "
             f"and {free / 2**30:.1f} are free: take fewer, such as one in {-(-needed // free)}"
         )
 

@@ -246,7 +246,7 @@ class Index:
             rows = self._connection.execute(query, given).fetchall()
         try:
             return [of(row) for row in rows]
-        except (IndexError, TypeError, ValueError) as error:
+        except (IndexError, TypeError, ValueError, RecursionError) as error:
             raise self._damaged(error) from error
 
     def _damaged(self, why: object) -> ValueError:
