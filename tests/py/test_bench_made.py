@@ -121,8 +121,13 @@ def test_code_is_that_of_files_and_folders(tmp_path: Path, monkeypatch: pytest.M
 @pytest.mark.parametrize(
     ("used", "known", "harmless"),
     [
-        # Of the report; of relocalization only landmarks count, which stand there.
-        (("mapping", "map_folder"), MAP_CODE, {"lpips", "pictures", "html_page", "relocalize"}),
+        # Of the report; of relocalization only landmarks count, which stand there; too little
+        # memory makes no other map but none.
+        (
+            ("mapping", "map_folder"),
+            MAP_CODE,
+            {"lpips", "pictures", "html_page", "relocalize", "memory"},
+        ),
         # Of the overlay; of the robot that looks around; axes of OpenGL for files of cameras.
         (("change", "camera_files", "map_folder"), DETECT_CODE, {"pictures", "robot", "datasets"}),
         (("sim",), SIM_CODE, {"datasets"}),  # Axes of OpenGL for recordings.
@@ -130,7 +135,7 @@ def test_code_is_that_of_files_and_folders(tmp_path: Path, monkeypatch: pytest.M
         (
             ("relocalize", "mapping", "camera_files"),
             FOLD_CODE,
-            {"lpips", "pictures", "html_page", "robot"},
+            {"lpips", "pictures", "html_page", "robot", "memory"},
         ),
     ],
 )
