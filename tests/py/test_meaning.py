@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import change_room
 import numpy as np
@@ -126,6 +127,24 @@ def test_what_is_gone_is_named_by_what_it_meant(tmp_path: Path) -> None:
         published(store, gaussian_map, [], result, CONFIG, meaning=meaning())
         (event,) = store.events()
     assert (event.kind, event.type) == ("removal", "Box")
+
+
+def test_what_is_gone_was_where_its_gaussians_were(tmp_path: Path) -> None:
+    result = updated("removal", labels=False)
+    (change,) = result.changes
+    low, high = change.boxes[0]
+    # A look that took the wall behind the object for a part of it.
+    longer = SimpleNamespace(
+        kind=change.kind,
+        confidence=change.confidence,
+        boxes=((low - (0, 0.8, 0), high), None),
+    )
+    gaussian_map, _ = taught()
+    write_map_folder(tmp_path / "map", gaussian_map, {}, {})
+    with open_versions(tmp_path / "map", writable=True) as store:
+        published(store, gaussian_map, [], replace(result, changes=(longer,)), CONFIG)
+        (event,) = store.events()
+    np.testing.assert_allclose(event.boxes[0], (low, high), atol=0.06)
 
 
 def test_gradient_descent_lowers_the_error() -> None:

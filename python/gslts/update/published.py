@@ -7,6 +7,7 @@ from io import BytesIO
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 
 from gslts import __version__
@@ -29,6 +30,8 @@ from gslts.update.updater import Update
 
 PICTURE_PX, QUALITY = 1200, 85
 """Greatest side of a picture, and how well it is kept: it should not outweigh the version."""
+LEAST_GONE, STRAYS = 20, 0.02
+"""So many Gaussians tell where something was, and such a share of them may lie beside it."""
 LANDMARK_BYTES = 32 << 10
 """Of the landmarks that an update brings, at most: about 500, as many as a picture of it shows."""
 
@@ -89,15 +92,25 @@ def published(
     standing = store.numbers_of_way_to()  # What others brought was undone by a restore.
     past = [event for event in store.events() if event.version in standing]
 
+    vanished = ~np.isin(before.ids, result.gaussian_map.ids)
+
+    def gone_from(site: Site) -> NDArray[np.intp]:
+        return np.flatnonzero(vanished & near_sites(before, [site], 0.0))
+
     def named(site: Site) -> str | None:
-        if meaning is None:
-            return None
-        vanished = ~np.isin(before.ids, result.gaussian_map.ids)
-        own = vanished & near_sites(before, [site], 0.0)
-        return meaning.name_of(before, np.flatnonzero(own))
+        return None if meaning is None else meaning.name_of(before, gone_from(site))
+
+    def boxes(change: Change) -> tuple[Any, Any]:
+        """What is gone is where its Gaussians were: a look may take for it what is behind."""
+        first, after = _boxes(change)
+        rows = gone_from(Site("before", *change.boxes[0])) if change.boxes[0] is not None else ()
+        if len(rows) >= LEAST_GONE:
+            centres = before.means[rows] + before.origin
+            first = np.quantile(centres, (STRAYS, 1 - STRAYS), axis=0).tolist()
+        return first, after
 
     events = [
-        Event(0, one.kind, type_of(one, result.views, past, named), _boxes(one))
+        Event(0, one.kind, type_of(one, result.views, past, named), boxes(one))
         for one in result.changes
     ]
     version = store.commit(result.gaussian_map, cause, events)
