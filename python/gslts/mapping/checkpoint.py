@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.adam import Adam, AdamState
+from gslts.datasets.dataset import reason_of
 from gslts.files import write_whole
 from gslts.gaussian_map import GaussianMap
 from gslts.losses import Exposure
@@ -159,8 +160,7 @@ def read_checkpoint(path: Path) -> Checkpoint:
         with np.load(path, allow_pickle=False) as arrays:
             return _checkpoint_of({name: arrays[name] for name in arrays.files})
     except DAMAGE as error:
-        reason = " ".join(str(error).split())  # That of pydantic has several lines.
-        raise ValueError(f"{path}: it is no checkpoint of a map: {reason}") from None
+        raise ValueError(f"{path}: it is no checkpoint of a map: {reason_of(error)}") from None
 
 
 def _checkpoint_of(arrays: dict[str, NDArray[Any]]) -> Checkpoint:

@@ -103,7 +103,9 @@ def published(
     def boxes(change: Change) -> tuple[Any, Any]:
         """What is gone is where its Gaussians were: a look may take for it what is behind."""
         first, after = _boxes(change)
-        rows = gone_from(Site("before", *change.boxes[0])) if change.boxes[0] is not None else ()
+        if change.boxes[0] is None:
+            return first, after
+        rows = gone_from(Site("before", *change.boxes[0]))
         if len(rows) >= LEAST_GONE:
             centres = before.means[rows] + before.origin
             first = np.quantile(centres, (STRAYS, 1 - STRAYS), axis=0).tolist()
