@@ -1,5 +1,6 @@
 """Queries over made-up maps whose Gaussians mean what they should."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -65,6 +66,29 @@ def test_each_instance_has_a_box_and_stray_ones_are_dropped() -> None:
         np.testing.assert_allclose(one.high, points.max(axis=0) + ORIGIN, atol=0.003)
         assert one.score > Oracle.threshold
         assert len(one.rows) == len(points)
+
+
+def test_far_from_the_origin_of_the_world_the_same_is_found() -> None:
+    far = np.array([512_345.6, 4_123_456.7, 400.0])  # Such as eastings and northings, m.
+    near = map_of(WALL, ("Mug", FIRST), ("Mug", SECOND))
+    expected = Queries(near, autoencoder(), Oracle()).find("mug")
+    found = Queries(replace(near, origin=far), autoencoder(), Oracle()).find("mug")
+    assert len(found) == len(expected) == 2
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(one.rows, other.rows)
+        np.testing.assert_allclose(one.low - far, other.low - ORIGIN, atol=1e-6)
+        np.testing.assert_allclose(one.corners - far[:2], other.corners - ORIGIN[:2], atol=1e-6)
+
+
+def test_what_is_large_is_clustered_in_wider_cells(monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = [block((y, 0, 0), (y + 0.4, 1, 1)) for y in (0.0, 0.5, 1.2)]
+    some = queries(*(("Shelf", points) for points in rows))
+    expected = [one.rows for one in some.find("shelf")]
+    monkeypatch.setattr(localize, "MANY_CELLS", 500)
+    found = [one.rows for one in some.find("shelf")]
+    assert len(found) == len(expected) == 3
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 def test_a_turned_object_has_a_turned_box() -> None:

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 import update_room
 from test_landmarks import found
+from test_landmarks import frames as mapped_frames
 
 from gslts.camera import at_pose, moved, twist_of
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import GaussianMap
 from gslts.relocalize.config import RelocalizationConfig
-from gslts.relocalize.landmarks import Landmarks, joined
+from gslts.relocalize.landmarks import Landmarks, joined, landmarks_of
 from gslts.relocalize.relocalizer import Localization, Relocalizer
 from gslts.relocalize.trust import fault_of_corners
 from gslts.sim.controller import Controller
@@ -86,6 +87,27 @@ def test_the_pose_of_the_frame_does_not_count() -> None:
     one = relocalizer().locate(without_pose(frame))
     other = relocalizer().locate(replace(frame, camera=moved(frame.camera, np.full(6, 0.5))))
     np.testing.assert_array_equal(one.world_from_camera, other.world_from_camera)
+
+
+def test_far_from_the_origin_of_the_world_poses_are_as_good() -> None:
+    far = np.array([512_345.6, 4_123_456.7, 400.0])  # Such as eastings and northings, m.
+
+    def carried(frame: RgbdFrame) -> RgbdFrame:
+        pose = frame.camera.world_from_camera.copy()
+        pose[:3, 3] += far
+        return replace(frame, camera=at_pose(frame.camera, pose))
+
+    gaussian_map = replace(change_room.mapped()[0], origin=far)
+    landmarks = landmarks_of(gaussian_map, map(carried, mapped_frames()), threads=1)
+    np.testing.assert_allclose(landmarks.positions, found().positions, atol=1e-4)
+    there = Relocalizer(gaussian_map, landmarks, ONE_THREAD)
+    for frame in views()[:3]:
+        result, near = there.locate(without_pose(frame)), relocalizer().locate(frame)
+        assert result.status == near.status == "ok"
+        assert abs(off(result, carried(frame))[0] - off(near, frame)[0]) < 1e-3
+        assert result.coarse is not None
+        assert near.coarse is not None
+        np.testing.assert_allclose(result.coarse[:3, 3] - far, near.coarse[:3, 3], atol=1e-3)
 
 
 def test_any_number_of_threads_gives_the_same_pose() -> None:

@@ -63,7 +63,7 @@ class Landmarks:
     """L corners with descriptors, seen from K keyframes.
 
     Args:
-        positions: [L,3] float32, in the world, m.
+        positions: [L,3] float32, m, relative to the origin of their map, as `means` are.
         descriptors: [L,32] uint8, ORB, 256 bits.
         keyframes: [L] int32, row of the keyframe that each was seen from.
         world_from_keyframe: [K,4,4] float64, poses of the keyframes' cameras, m.
@@ -189,10 +189,10 @@ def landmarks_of(
         descriptors.append(looks)
         cameras.append(frame.camera)
     counts = [len(one) for one in descriptors[1:]]
-    points = np.concatenate(positions)
+    points = (np.concatenate(positions) - gaussian_map.origin).astype(np.float32)
     gaussians, apart_m = _nearest(gaussian_map, points)
     found = Landmarks(
-        points.astype(np.float32),
+        points,
         np.concatenate(descriptors),
         np.repeat(np.arange(len(cameras), dtype=np.int32), counts),
         np.array([one.world_from_camera for one in cameras]).reshape(-1, 4, 4),
@@ -273,14 +273,13 @@ def _on_surfaces(frame: RgbdFrame, depth: Floats32, solid: Bools) -> Bools:
     return sure
 
 
-def _nearest(gaussian_map: GaussianMap, points: Floats) -> tuple[NDArray[np.uint64], Floats32]:
-    """The id of the Gaussian whose centre is nearest to each point of the world, and how far."""
+def _nearest(gaussian_map: GaussianMap, points: Floats32) -> tuple[NDArray[np.uint64], Floats32]:
+    """The id of the Gaussian whose centre is nearest to each position, and how far."""
     if len(points) == 0:
         return np.zeros(0, np.uint64), np.zeros(0, np.float32)
     view = gaussian_map.view()
     assert isinstance(view, GaussianViewFloat)  # It was rendered as such.
-    in_map = (points - gaussian_map.origin).astype(np.float32)
-    rows, apart_m = _edit.nearest_gaussians(view, in_map, 1)
+    rows, apart_m = _edit.nearest_gaussians(view, points, 1)
     return gaussian_map.ids[rows[:, 0]], apart_m[:, 0]
 
 

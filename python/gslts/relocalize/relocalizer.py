@@ -143,13 +143,12 @@ class Relocalizer:
         tried.sort(key=lambda one: -one.trust)
         best = tried[0]
         pose = self._refined(pictures, best.pose, levels[COARSE_LEVELS:] or levels[-1:])
-        coarse = np.asarray(best.hypothesis.world_from_camera)
         others: list[Floats] = []
         for one in tried[1:]:
             is_new = all(_are_apart(one.pose, other) for other in (best.pose, *others))
             if is_new and one.trust > LIKELIER * best.trust:
                 others.append(one.pose)
-        return self._told(pictures, pose, best.hypothesis.inliers, tuple(others), coarse)
+        return self._told(pictures, pose, best.inliers, tuple(others), best.coarse)
 
     def track(self, frame: RgbdFrame, world_from_camera: Floats) -> Localization:
         """Finds a frame near a pose, such as that of the frame before.
@@ -183,7 +182,8 @@ class Relocalizer:
         self, pictures: Pictures, hypothesis: _core.Hypothesis, levels: Sequence[int]
     ) -> _Tried:
         """A hypothesis after a look at the map, and how far it can be trusted."""
-        start = np.asarray(hypothesis.world_from_camera)
+        start = np.array(hypothesis.world_from_camera)
+        start[:3, 3] += self._map.origin  # Landmarks are relative to it.
         pose = self._refined(pictures, start, levels)
         far = pose.fit.near < WORST_NEAR or self.config.iterations == 0
         if self.config.register_clouds and pictures.has_depth and far:
@@ -192,7 +192,7 @@ class Relocalizer:
             if trust_of(again.fit, True) > trust_of(pose.fit, True):
                 pose = again
         trust = trust_of(pose.fit, pictures.has_depth)
-        return _Tried(pose.world_from_camera, trust, hypothesis)
+        return _Tried(pose.world_from_camera, trust, start, hypothesis.inliers)
 
     def _refined(
         self, pictures: Pictures, start: Floats, levels: Sequence[int]
@@ -244,7 +244,8 @@ class Relocalizer:
 class _Tried:
     pose: Floats
     trust: float
-    hypothesis: _core.Hypothesis
+    coarse: Floats
+    inliers: int
 
 
 def _lost(reason: str) -> Localization:

@@ -29,7 +29,7 @@ SAMPLE = 20_000
 AROUND_M = 0.25
 """All Gaussians so near to one that matches, or a bit farther, are asked as well."""
 MOST_CELLS = 1 << 19
-"""Cells on each side of the world's origin; what is beyond is taken to be there."""
+"""Cells on each side of the map's origin; what is beyond is taken to be there."""
 CELL_STRIDES = np.array([1 << 42, 1 << 21, 1], np.int64)
 LEAST_OPACITY = 0.3
 LINK_M = 0.07
@@ -41,6 +41,8 @@ LEAST_SHARE = 0.1
 """Of the Gaussians of the largest instance."""
 CELL_M = 0.02
 """Gaussians of one cell are clustered as one."""
+MANY_CELLS = 4_000
+"""Of what has more, such as walls, cells are half as wide as what they are linked over."""
 JOIN_M = 0.3
 """An object's pieces are no farther apart in height where what joins them was not seen."""
 JOIN_SHARE = 0.7
@@ -94,7 +96,8 @@ class Queries:
         opacities = 1 / (1 + np.exp(-gaussian_map.logit_opacities))
         known = gaussian_map.features.any(axis=1)
         self._rows = np.flatnonzero(known & (opacities >= LEAST_OPACITY))
-        self._points = gaussian_map.means[self._rows] + gaussian_map.origin
+        # Relative to the map's origin: cells are counted from there.
+        self._points = gaussian_map.means[self._rows].astype(np.float64)
         self._cells, self._cell_of = np.unique(
             _cells_of(self._points, AROUND_M), return_inverse=True
         )
@@ -157,8 +160,8 @@ class Queries:
             low, high = np.percentile(points[own], [TRIM, 100 - TRIM], axis=0)
             corners = cv2.boxPoints(cv2.minAreaRect(points[own, :2].astype(np.float32)))
             score = float(scores[own].mean())
-            rows = self._rows[places[own]]
-            found.append(Instance(low, high, np.asarray(corners, np.float64), score, rows))
+            rows, origin = self._rows[places[own]], self._map.origin
+            found.append(Instance(low + origin, high + origin, corners + origin[:2], score, rows))
         return sorted(found, key=lambda one: -one.score * np.sqrt(len(one.rows)))
 
 
@@ -171,15 +174,23 @@ def _cells_of(points: Floats, edge_m: float) -> NDArray[np.int64]:
 
 def _clusters(points: Floats) -> NDArray[np.intp]:
     """[K] cluster of each point, -1 for stray ones; dense ones count by their cell."""
-    _, cell_of, counts = np.unique(
-        _cells_of(points, CELL_M), return_inverse=True, return_counts=True
-    )
-    sums = [np.bincount(cell_of, points[:, axis]) for axis in range(3)]
-    middles = np.stack(sums, axis=1) / counts[:, None]
-    apart_m = KDTree(middles).query(middles, min(NEIGHBOURS, len(middles)))[0][:, -1]
+    middles, cell_of, counts = _thinned(points, CELL_M)
+    some = middles[:: -(-len(middles) // MANY_CELLS)]
+    apart_m = KDTree(middles).query(some, min(NEIGHBOURS, len(middles)))[0][:, -1]
     link_m = max(LINK_M, LINK_SPACINGS * float(np.median(apart_m)))
+    if len(middles) > MANY_CELLS:
+        middles, cell_of, counts = _thinned(points, link_m / 2)
     found = DBSCAN(eps=link_m, min_samples=NEIGHBOURS).fit_predict(middles, sample_weight=counts)
     return np.asarray(found[cell_of])
+
+
+def _thinned(points: Floats, edge_m: float) -> tuple[Floats, NDArray[np.intp], NDArray[np.intp]]:
+    """[C,3] mean of the points of each cell, [K] cell of each point, [C] how many each has."""
+    _, cell_of, counts = np.unique(
+        _cells_of(points, edge_m), return_inverse=True, return_counts=True
+    )
+    sums = [np.bincount(cell_of, points[:, axis]) for axis in range(3)]
+    return np.stack(sums, axis=1) / counts[:, None], cell_of, counts
 
 
 def _joined(pieces: list[Floats], others: Floats) -> list[list[int]]:
