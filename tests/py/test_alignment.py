@@ -168,12 +168,28 @@ def test_the_world_comes_back_from_a_motion() -> None:
     rng = np.random.default_rng(1)
     given = np.array([look_at(eye, target) for eye, target in zip(EYES, TARGETS, strict=True)])
     motion = moved(camera_at(np.eye(4)), np.array([0.1, -0.2, 0.05, 0.02, -0.01, 0.03]))
-    found = anchoring(motion.world_from_camera @ given, given)
+    found = anchoring(motion.world_from_camera @ given, given, 2.0)
     np.testing.assert_allclose(found @ motion.world_from_camera, np.eye(4), atol=1e-12)
     jittered = [moved(camera_at(pose), rng.normal(0, 0.001, 6)).world_from_camera for pose in given]
-    near = anchoring(np.array(jittered), given)
+    near = anchoring(np.array(jittered), given, 2.0)
     assert np.abs(near - np.eye(4)).max() < 0.003
     assert np.linalg.det(near[:3, :3]) == pytest.approx(1)
+
+
+def test_turned_cameras_turn_the_world_by_how_far_away_they_see() -> None:
+    given = np.array([look_at(eye, target) for eye, target in zip(EYES, TARGETS, strict=True)])
+    turned, by_rad = given.copy(), 0.02
+    turned[:, :3, :3] = (
+        moved(camera_at(np.eye(4)), np.array([0, 0, 0, 0, 0, by_rad])).world_from_camera[:3, :3]
+        @ given[:, :3, :3]
+    )
+    left = []
+    for arm_m in (0.1, 1.0, 10.0):
+        back = anchoring(turned, given, arm_m)
+        left.append(by_rad + twist_of(back)[5])
+    assert left[0] > 0.9 * by_rad  # Where the cameras stand decides.
+    assert left[2] < 0.1 * by_rad  # What they see does.
+    assert left[0] > left[1] > left[2]
 
 
 def test_a_moved_map_looks_the_same_from_a_moved_camera() -> None:

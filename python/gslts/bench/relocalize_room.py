@@ -26,6 +26,8 @@ Floats = NDArray[np.float64]
 
 FOLDS = 8
 """Each frame is left out of one map, and is in all others."""
+ARM_M = 2.0
+"""About how far away what a camera in a room sees is."""
 ROOM_S = 300.0
 """About how long a map of a hundred frames takes, for the progress."""
 POSES = "poses.json"
@@ -137,7 +139,8 @@ def brought_to(poses: Mapping[str, Floats], known: Mapping[str, Floats]) -> dict
     both = [name for name in poses if name in known]
     if not both:
         raise ValueError("brought_to: the maps have no frame in common")
-    motion = anchoring(*(np.array([some[name] for name in both]) for some in (poses, known)))
+    start, end = (np.array([some[name] for name in both]) for some in (poses, known))
+    motion = anchoring(start, end, ARM_M)
     return {name: motion @ pose for name, pose in poses.items()}
 
 

@@ -264,10 +264,11 @@ class Optimizer:
 
     def _anchored(self, old: GaussianMap) -> GaussianMap:
         """The map, and with it all observations, back where the given poses put them."""
-        motion = anchoring(
-            np.array([one.pose for one in self.observations]),
-            np.array([one.given_pose for one in self.observations]),
-        )
+        poses = np.array([one.pose for one in self.observations])
+        given = np.array([one.given_pose for one in self.observations])
+        from_cameras = old.means + (old.origin - poses[:, :3, 3].mean(axis=0))
+        arm_m = float(np.median(np.linalg.norm(from_cameras, axis=1)))
+        motion = anchoring(poses, given, arm_m)
         for one in self.observations:
             one.pose = motion @ one.pose
         return moved_map(old, motion)

@@ -13,7 +13,7 @@ from gslts.gaussian_map import GaussianMap
 Floats = NDArray[np.float64]
 
 
-def anchoring(poses: Floats, given: Floats) -> Floats:
+def anchoring(poses: Floats, given: Floats, arm_m: float) -> Floats:
     """[4,4] the motion of the world that brings poses nearest to the given ones.
 
     Corrections of single poses must not add up to a motion of the map as a whole, which no picture
@@ -22,10 +22,12 @@ def anchoring(poses: Floats, given: Floats) -> Floats:
     Args:
         poses: [F,4,4].
         given: [F,4,4].
+        arm_m: About how far away what the cameras see is: a turn moves it by so much more than the
+            cameras.
 
-    Source: Kabsch 1976, over the cameras' centres and the ends of their axes, 1 m long.
+    Source: Kabsch 1976, over the cameras' centres and the ends of their axes, so long.
     """
-    ends = np.array([[0, 0, 0, 1], [1, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 1.0]]).T
+    ends = np.hstack([arm_m * np.vstack([np.zeros(3), np.eye(3)]), np.ones((4, 1))]).T
     start, end = ((some @ ends)[:, :3].transpose(0, 2, 1).reshape(-1, 3) for some in (poses, given))
     centres = start.mean(axis=0), end.mean(axis=0)
     u, _, v = np.linalg.svd((start - centres[0]).T @ (end - centres[1]))
