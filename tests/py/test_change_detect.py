@@ -10,7 +10,7 @@ from change_room import BLUE, LOOKS, YELLOW, see, thing
 from gslts.camera import Camera, at_pose, camera_from_fov, look_at
 from gslts.change.changes import Change
 from gslts.change.config import DetectionConfig
-from gslts.change.detect import ChangeDetector, Detection
+from gslts.change.detect import MOST_CAMERAS, ChangeDetector, Detection, evenly
 from gslts.change.overlay import COLORS, overlay
 from gslts.frame import RgbdFrame
 from gslts.sim.changes import place
@@ -243,3 +243,13 @@ def test_pictures_show_what_was_detected() -> None:
 def see_nothing() -> RgbdFrame:
     frame = see(change_room.home(), LOOKS[0])
     return replace(frame, depth=0 * frame.depth)
+
+
+def test_of_many_cameras_an_even_share_counts() -> None:
+    cameras = [camera_from_fov(8 + k, 8, 1.0, np.eye(4)) for k in range(3 * MOST_CAMERAS)]
+    assert evenly(cameras[:7]) == cameras[:7]
+    assert evenly(()) == []
+    kept = [one.width for one in evenly(cameras)]
+    assert len(kept) == MOST_CAMERAS
+    assert (kept[0], kept[-1]) == (cameras[0].width, cameras[-1].width)
+    assert np.ptp(np.diff(kept)) <= 1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -39,6 +39,10 @@ POSE_STDS = (0.01, 0.0087)
 NEAR_SIGMAS = 6.0
 """Gaussians nearer than so many of their standard deviations are left out: beside the camera the
 map is better unknown than blurred."""
+
+MOST_CAMERAS = 200
+"""A map that lives has ever more of them, and how certain changes are was fitted to maps of as many
+frames."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +82,8 @@ class ChangeDetector:
         config: Settings.
         features: None means `OrientedGradients`.
         cameras: Of the frames that the map was made from: what none of them saw cannot have
-            changed. None of them means that everything was seen.
+            changed. None of them means that everything was seen; of more than `MOST_CAMERAS`, an
+            even share counts.
 
     Raises:
         ValueError: The map is not float32.
@@ -97,7 +102,7 @@ class ChangeDetector:
         self.config = DetectionConfig() if config is None else config
         self._map = gaussian_map
         self._features = OrientedGradients() if features is None else features
-        self._seen = SeenSpace(gaussian_map, cameras, self.config.threads)
+        self._seen = SeenSpace(gaussian_map, evenly(tuple(cameras)), self.config.threads)
         self._rasterizer = Rasterizer(np.float32)
 
     @property
@@ -208,6 +213,12 @@ class ChangeDetector:
         return _core.Sights(
             on=sights.on.sum(), through=sights.through.sum(), seen=float(seen.mean())
         )
+
+
+def evenly(cameras: Sequence[Camera]) -> list[Camera]:
+    """`MOST_CAMERAS` of some cameras, or all of them if they are fewer."""
+    count = min(len(cameras), MOST_CAMERAS)
+    return [cameras[k] for k in np.linspace(0, len(cameras) - 1, count).round().astype(int)]
 
 
 def _fault_of_correction(given: Floats, pose: Floats) -> str | None:
