@@ -26,22 +26,24 @@ CONFIG = RelocalizationConfig(halvings=0, threads=1)
 
 
 class Adrift:
-    """A robot in the world of its odometry."""
+    """A robot in the world of its odometry, which may count from far away."""
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, far: tuple[float, float, float] = (0, 0, 0)) -> None:
         self.robot = robot
+        self.odometry_from_world = ODOMETRY_FROM_WORLD.copy()
+        self.odometry_from_world[:3, 3] += far
 
     def observe(self) -> RgbdFrame:
-        return in_world(self.robot.observe(), ODOMETRY_FROM_WORLD)
+        return in_world(self.robot.observe(), self.odometry_from_world)
 
     def reachable_positions(self) -> np.ndarray:
         places = self.robot.reachable_positions()
-        return places @ ODOMETRY_FROM_WORLD[:2, :2].T + ODOMETRY_FROM_WORLD[:2, 3]
+        return places @ self.odometry_from_world[:2, :2].T + self.odometry_from_world[:2, 3]
 
     def move_towards(
         self, position: np.ndarray, yaw_rad: float, pitch_rad: float | None = None
     ) -> bool:
-        in_room = (position - ODOMETRY_FROM_WORLD[:2, 3]) @ ODOMETRY_FROM_WORLD[:2, :2]
+        in_room = (position - self.odometry_from_world[:2, 3]) @ self.odometry_from_world[:2, :2]
         return self.robot.move_towards(in_room, yaw_rad - TURN_RAD, pitch_rad)
 
 

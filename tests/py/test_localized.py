@@ -245,9 +245,10 @@ def test_a_watch_looks_where_frames_were_taken() -> None:
     assert (monitor.counts.looked_at, monitor.counts.unreliable) == (8, 2)
 
 
-def test_a_robot_goes_to_where_the_map_says() -> None:
+@pytest.mark.parametrize("far", [(0, 0, 0), (412_345.25, 5_432_109.5, 300)])
+def test_a_robot_goes_to_where_the_map_says(far: tuple[float, float, float]) -> None:
     robot = update_room.robot_in(change_room.home())
-    localized: Robot = LocalizedRobot(Adrift(robot), adrift.localizer())
+    localized: Robot = LocalizedRobot(Adrift(robot, far), adrift.localizer())
     np.testing.assert_allclose(
         localized.reachable_positions(), robot.reachable_positions(), atol=0.1
     )

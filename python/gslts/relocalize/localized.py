@@ -32,11 +32,17 @@ class Localizer:
     def __init__(self, relocalizer: Relocalizer) -> None:
         self._relocalizer = relocalizer
         self._world_from_odometry: Floats | None = None
+        self._found_at: Floats | None = None
 
     @property
     def world_from_odometry(self) -> Floats | None:
         """[4,4] as the last frame that was found tells; None before the first one."""
         return self._world_from_odometry
+
+    @property
+    def found_at(self) -> Floats | None:
+        """(3,) m, where the odometry had the last frame that was found; None before the first."""
+        return self._found_at
 
     def publish(self, relocalizer: Relocalizer) -> None:
         """From the next frame on, looks in a new version of the map."""
@@ -53,6 +59,7 @@ class Localizer:
             assert found.world_from_camera is not None
             camera_from_odometry = np.linalg.inv(frame.camera.world_from_camera)
             self._world_from_odometry = found.world_from_camera @ camera_from_odometry
+            self._found_at = frame.camera.world_from_camera[:3, 3]
         return found
 
     def located(self, frame: RgbdFrame) -> RgbdFrame:

@@ -55,11 +55,14 @@ class LocalizedRobot:
         """[2,2] and (2,), turn and shift from odometry to map, and the angle of the turn, rad."""
         if self._localizer.world_from_odometry is None:
             self.observe()
-        motion = self._localizer.world_from_odometry
-        if motion is None:
+        motion, place = self._localizer.world_from_odometry, self._localizer.found_at
+        if motion is None or place is None:
             return np.eye(2), np.zeros(2), 0.0
         turn_rad = float(np.arctan2(motion[1, 0] - motion[0, 1], motion[0, 0] + motion[1, 1]))
         turn = np.array(
             [[np.cos(turn_rad), -np.sin(turn_rad)], [np.sin(turn_rad), np.cos(turn_rad)]]
         )
-        return turn, motion[:2, 3], turn_rad
+        # The motion also tilts a little, which is metres where the odometry counts from far away:
+        # what it says of the place where the robot was found is right.
+        here = (motion[:3, :3] @ place + motion[:3, 3])[:2]
+        return turn, here - turn @ place[:2], turn_rad
