@@ -49,6 +49,12 @@ def write_splat(gaussian_map: GaussianMap, path: Path) -> None:
     write_whole(path, rows[np.argsort(-importance, kind="stable")].tobytes())
 
 
+def rounding_m(gaussian_map: GaussianMap) -> float:
+    """By how much centres are rounded in the format, at most, m."""
+    farthest_m = np.abs(gaussian_map.means + gaussian_map.origin).max(initial=0)
+    return float(np.spacing(np.float32(farthest_m)) / 2)
+
+
 def _unit(quats: NDArray[np.float64]) -> NDArray[np.float64]:
     lengths = np.linalg.norm(quats, axis=1, keepdims=True)
     rotated = lengths > SHORTEST_QUAT

@@ -104,6 +104,17 @@ def test_export_command(tmp_path: Path) -> None:
         np.sort(gaussian_map.means[:, 0] + ORIGIN[0]),
         rtol=1e-6,
     )
+    assert "rounded" not in done.stdout
+
+
+def test_rounded_centres_are_told(tmp_path: Path) -> None:
+    far = scenes.random_map(9, dtype=np.float32, origin=(0.0, 5_432_109.5, 0.0))
+    write_map_folder(tmp_path / "map", far, {}, {})
+    done = run("export", "map", "a.splat", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "rounded by up to 250 mm" in done.stdout
+    written = np.sort(decoded(tmp_path / "a.splat").means[:, 1])
+    assert np.abs(written - np.sort(far.means[:, 1]) - far.origin[1]).max() <= 0.25
 
 
 @pytest.mark.parametrize(

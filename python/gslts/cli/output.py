@@ -31,6 +31,8 @@ Range = tuple[float, float]
 DEFAULT_SIZE, DEFAULT_FOV_DEG = (640, 480), 70.0
 COARSE, SAMPLES = 4, 8
 """So many views at a fraction of their size tell the range of depths."""
+WORTH_TELLING_M = 1e-3
+"""Centres that a format rounds by more are noted."""
 
 
 def render(
@@ -102,7 +104,7 @@ def export(
     """
     from gslts.map_folder import read_map
     from gslts.ply import write_ply
-    from gslts.splat import write_splat
+    from gslts.splat import rounding_m, write_splat
 
     kind = out.suffix.lower()
     if kind not in (".ply", ".splat"):
@@ -120,6 +122,11 @@ def export(
             lost = (
                 f"; colours are those of SH degree 0, degrees to {gaussian_map.sh_degree} do not "
                 "fit into the format"
+            )
+        if rounding_m(gaussian_map) > WORTH_TELLING_M:
+            lost += (
+                f"; centres are rounded by up to {1000 * rounding_m(gaussian_map):.3g} mm, as the "
+                "format counts from the world's origin"
             )
     typer.echo(f"wrote {out}: {gaussian_map.size} Gaussians, {out.stat().st_size} bytes{lost}")
 

@@ -14,7 +14,7 @@ namespace gslts::reloc {
 /// keyframes of a map, and where they are.
 struct LandmarksView {
   std::size_t size = 0;                       ///< L
-  const float* positions = nullptr;           ///< [L,3] in the world, m
+  const float* positions = nullptr;           ///< [L,3] from the map's origin, m
   const std::uint8_t* descriptors = nullptr;  ///< [L,32]
   const std::int32_t* keyframes = nullptr;    ///< [L] row of the keyframe that saw it, 0 to K - 1
 };
