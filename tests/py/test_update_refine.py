@@ -1,5 +1,7 @@
 """Refinement: only what is near the change is rendered, and only that moves."""
 
+from dataclasses import replace
+
 import change_room
 import numpy as np
 import pytest
@@ -11,7 +13,15 @@ from gslts.gaussian_map import GaussianMap
 from gslts.render import render
 from gslts.update.config import RefineConfig
 from gslts.update.edit import Edit, pre_edit
-from gslts.update.refine import Refined, Target, _spread, refine, remembered, targets_of
+from gslts.update.refine import (
+    LARGE_M,
+    Refined,
+    Target,
+    _spread,
+    refine,
+    remembered,
+    targets_of,
+)
 from gslts.update.updater import moving_of
 from gslts.update.verify import error_around, split_held_back
 
@@ -57,6 +67,29 @@ def test_the_rest_is_bit_identical() -> None:
         old, new = getattr(edit.gaussian_map, name), getattr(result.gaussian_map, name)
         np.testing.assert_array_equal(new[~moving], old[~moving])
     assert (result.gaussian_map.sh[moving] != edit.gaussian_map.sh[moving]).any()
+
+
+def test_large_gaussians_keep_their_shape() -> None:
+    edit, result = refined("removal")
+    old, new = edit.gaussian_map.log_scales, result.gaussian_map.log_scales
+    large = old.max(axis=1) > np.log(LARGE_M)
+    moved = (result.gaussian_map.sh != edit.gaussian_map.sh).any(axis=(1, 2))
+    assert (large & moved).any()
+    np.testing.assert_array_equal(new[large], old[large])
+    assert (new[~large] != old[~large]).any()
+
+
+def test_what_reaches_beyond_the_views_of_a_site_stays() -> None:
+    gaussian_map, _ = change_room.mapped()
+    site = update_room.collected("removal").sites[0]
+    two = gaussian_map.select(np.arange(2))
+    scales_m = np.array([[0.02, 0.02, 0.02], [0.02, 0.02, 0.3]], np.float32)
+    means = np.repeat(site.high[None] + 0.1, 2, axis=0).astype(np.float32)
+    two = replace(two, means=means, log_scales=np.log(scales_m))
+    unchanged = np.zeros(2, np.bool_)
+    assert moving_of(Edit(two, unchanged, 0), [site], 0.45).tolist() == [True, False]
+    assert moving_of(Edit(two, unchanged, 1), [site], 0.45).tolist() == [True, True]
+    assert moving_of(Edit(two, unchanged, 0), [site], 0.12).tolist() == [False, False]
 
 
 def test_it_is_the_same_for_any_number_of_threads() -> None:

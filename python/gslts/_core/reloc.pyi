@@ -84,7 +84,7 @@ class LandmarkIndex:
     It keeps a copy of the landmarks; the same ones give the same index.
     
     Args:
-        positions: [L,3] float32 in the world, m.
+        positions: [L,3] float32 from the map's origin, m.
         descriptors: [L,32] uint8, ORB.
         keyframes: [L] int32, row of the keyframe that saw it.
     

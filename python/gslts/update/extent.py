@@ -1,7 +1,7 @@
 """How far a change reaches: from what was detected to all that hangs together with it.
 
-A detector tells surfaces, and of a lamp perhaps the shade alone. Views from several sides tell what
-else is new, or gone, beside it.
+A detector tells surfaces, and of a lamp perhaps the shade alone, of a newspaper on a chair what
+juts out. Views from several sides tell what else is new, or gone, beside it.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts._core.map import SurfaceVoxels
+from gslts.camera import lifted
 from gslts.update.region import Side, Site
 from gslts.update.views import View, near_site
 
@@ -28,6 +29,12 @@ AROUND_PX = 5
 VOXEL_M = 0.04
 GAP = 3
 """Parts of an object are at most so many voxels apart along each axis."""
+FLAT_GAP = 2
+"""And of something that lies flat."""
+OTHER_COLOR = 0.1
+"""What lies flat differs in a colour by more."""
+BLUR_PX = 3.0
+"""In images so blurred, edges that are a pixel off do not differ."""
 LEAST_VIEWS = 2
 MOST_M = 0.8
 """No farther than that beyond what was detected."""
@@ -50,15 +57,22 @@ def extended(
     differing: dict[Side, list[Bools]] = {
         side: [_differing(view, side) for view in views] for side in ("before", "after")
     }
-    grown = tuple(_grown(site, views, differing[site.side]) for site in sites)
-    larger = []
-    for number, view in enumerate(views):
-        masks: dict[Side, Bools] = {"before": view.before, "after": view.after}
-        for site in grown:
-            inside = near_site(_surface(view, site.side), view.camera, site, VOXEL_M / 2)
-            masks[site.side] = masks[site.side] | (inside & differing[site.side][number])
-        larger.append(replace(view, before=masks["before"], after=masks["after"]))
-    return grown, tuple(larger)
+    flat = _points(views, "after", [_recolored(view) for view in views])
+    masks: dict[Side, list[Bools]] = {
+        "before": [view.before.copy() for view in views],
+        "after": [view.after.copy() for view in views],
+    }
+    grown = []
+    for site in sites:
+        points = _points(views, site.side, differing[site.side])
+        larger = _around(site, points[_connected(points, site, GAP)])
+        on_it = flat[_connected(flat, larger, FLAT_GAP)] if site.side == "after" else flat[:0]
+        for view, mask, here in zip(views, masks[site.side], differing[site.side], strict=True):
+            near = near_site(_surface(view, site.side), view.camera, larger, VOXEL_M / 2)
+            mask |= (near & here) | _in_voxels_of(on_it, view)
+        grown.append(_around(larger, on_it))
+    pairs = zip(views, masks["before"], masks["after"], strict=True)
+    return tuple(grown), tuple(replace(view, before=old, after=new) for view, old, new in pairs)
 
 
 def _surface(view: View, side: Side) -> Floats32:
@@ -76,31 +90,67 @@ def _differing(view: View, side: Side) -> Bools:
     return np.asarray((here > 0) & np.isfinite(nearest) & (here < nearest - step_m), np.bool_)
 
 
-def _grown(site: Site, views: Sequence[View], differing: Sequence[Bools]) -> Site:
+def _recolored(view: View) -> Bools:
+    """[H,W] where a surface is where the map has one, but in another colour."""
+    step_m = STEP_M + STEP_PER_M * view.depth**2
+    same = (view.depth > 0) & (view.rendered > 0) & (np.abs(view.depth - view.rendered) < step_m)
+    weights = same.astype(np.float32)[..., None]  # What is before or behind has its own colours.
+    apart, known = (
+        cv2.GaussianBlur(one, (0, 0), BLUR_PX)
+        for one in ((view.colors - view.shown) * weights, weights)
+    )
+    return np.asarray(same & (np.abs(apart).max(axis=2) > OTHER_COLOR * known), np.bool_)
+
+
+def _points(views: Sequence[View], side: Side, masks: Sequence[Bools]) -> Floats:
+    """[P,3] of the surfaces of one time in some masks: one a voxel that enough views show."""
     voxels = SurfaceVoxels(VOXEL_M, 1)
-    for view, mask in zip(views, differing, strict=True):
-        surface = np.ascontiguousarray(_surface(view, site.side))
+    for view, mask in zip(views, masks, strict=True):
+        surface = np.ascontiguousarray(_surface(view, side))
         voxels.add(surface, view.frame.rgb, view.camera, np.ascontiguousarray(mask))
     _, sums, hits = voxels.voxels()
     points: Floats = (sums[:, 1:4] / sums[:, :1])[hits >= min(LEAST_VIEWS, len(views))]
-    points = points[site.contains(points, MOST_M)]
-    together = points[_connected(points, site.contains(points, VOXEL_M))]
-    low = np.min([site.low, *(together - VOXEL_M / 2)], axis=0)
-    high = np.max([site.high, *(together + VOXEL_M / 2)], axis=0)
+    return points
+
+
+def _around(site: Site, points: Floats) -> Site:
+    """The site with a box that points are in as well."""
+    low = np.min([site.low, *(points - VOXEL_M / 2)], axis=0)
+    high = np.max([site.high, *(points + VOXEL_M / 2)], axis=0)
     return Site(site.side, low, high)
 
 
-def _connected(points: Floats, start: Bools) -> Bools:
-    """[P] which points are reached from some over others that are near."""
+def _in_voxels_of(points: Floats, view: View) -> Bools:
+    """[H,W] where what a view measured is in a voxel of one of some points."""
+    inside = np.zeros(view.depth.shape, np.bool_)
+    if len(points) == 0:
+        return inside
+    own = np.floor(points / VOXEL_M).astype(np.int64)
+    first = own.min(axis=0)
+    filled = np.zeros(own.max(axis=0) - first + 1, np.bool_)
+    filled[tuple((own - first).T)] = True
+    box = Site("after", VOXEL_M * first, VOXEL_M * (first + filled.shape))
+    inside = near_site(view.depth, view.camera, box, 0)
+    rows, columns = np.nonzero(inside)
+    places = np.column_stack([columns + 0.5, rows + 0.5])
+    measured = lifted(view.camera, places, view.depth[rows, columns].astype(np.float64))
+    cells = np.floor(measured / VOXEL_M).astype(np.int64) - first
+    inside[rows, columns] = filled[tuple(cells.clip(0, np.array(filled.shape) - 1).T)]
+    return inside
+
+
+def _connected(points: Floats, site: Site, gap: int) -> Bools:
+    """[P] which points are reached from a site over others, at most so many voxels apart."""
     cells = np.floor(points / VOXEL_M).astype(np.int64)
-    reached = start.copy()
+    near = site.contains(points, MOST_M)
+    reached = site.contains(points, VOXEL_M)
     frontier = cells[reached]
     while len(frontier):
-        left = np.flatnonzero(~reached)
-        near = np.zeros(len(left), np.bool_)
+        left = np.flatnonzero(near & ~reached)
+        beside = np.zeros(len(left), np.bool_)
         parts = 1 + len(left) * len(frontier) // MOST_PAIRS
         for part in np.array_split(frontier, parts):
-            near |= (np.abs(cells[left][:, None] - part).max(axis=2) <= GAP).any(axis=1)
-        reached[left[near]] = True
-        frontier = cells[left[near]]
+            beside |= (np.abs(cells[left][:, None] - part).max(axis=2) <= gap).any(axis=1)
+        reached[left[beside]] = True
+        frontier = cells[left[beside]]
     return reached

@@ -47,8 +47,8 @@ class Site:
         side = "before" if surface.side == _core.Side.BEFORE else "after"
         return side == self.side and bool(self.contains(surface.point, NEAR_M))
 
-    def contains(self, points: Floats, margin_m: float) -> Bools:
-        """[...] whether points [...,3] are in the box, or that near to it."""
+    def contains(self, points: Floats, margin_m: float | Floats) -> Bools:
+        """[...] whether points [...,3] are in the box, or that near to it, each by its margin."""
         above, below = points >= self.low - margin_m, points <= self.high + margin_m
         return np.asarray(np.all(above & below, axis=-1), np.bool_)
 

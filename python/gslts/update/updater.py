@@ -38,6 +38,8 @@ MOST_UNSTEADY = 0.3
 """Share of what comes and goes that may have moved while it was looked at."""
 MEANING_M = 0.02
 """Beyond a site, what stays there may mean something else: the table under what is gone."""
+WHOLE_SIGMAS = 2
+"""A Gaussian is within so many of its standard deviations, nearly."""
 AGREEING = 0.9
 """Share of the views that must agree on when a Gaussian moved: errors come and go."""
 
@@ -245,12 +247,19 @@ def updated_with(
 def moving_of(edit: Edit, sites: Sequence[Site], reach_m: float) -> Bools:
     """[N] the Gaussians of an edited map that may move: new ones, and those near sites.
 
+    What reaches farther than views of the sites show would change there unseen.
+
     Args:
         edit: Whose map it is.
         sites: Where something changed.
-        reach_m: How near to a site.
+        reach_m: How near to a site all of a Gaussian is, to `WHOLE_SIGMAS`.
     """
-    moving = near_sites(edit.gaussian_map, sites, reach_m)
+    gaussian_map = edit.gaussian_map
+    centres = gaussian_map.means + gaussian_map.origin
+    radii_m = WHOLE_SIGMAS * np.exp(gaussian_map.log_scales.max(axis=1))
+    moving = np.zeros(gaussian_map.size, np.bool_)
+    for site in sites:
+        moving |= site.contains(centres, reach_m - radii_m[:, None])
     moving[moving.size - edit.added :] = True
     return moving
 

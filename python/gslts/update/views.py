@@ -36,6 +36,7 @@ class View:
         frame: Registered, at the corrected pose.
         exposure: From the map's colours to those of the frame.
         rendered: [H,W] depth of the map, m; 0 where it shows nothing.
+        shown: [H,W,3] its colours, sRGB, 0 to 1.
         before: [H,W] where the map shows what is gone.
         after: [H,W] where the frame shows what is new.
     """
@@ -43,6 +44,7 @@ class View:
     frame: RgbdFrame
     exposure: Exposure
     rendered: Floats32
+    shown: Floats32
     before: Bools
     after: Bools
 
@@ -87,8 +89,8 @@ def view_of(detection: Detection, frame: RgbdFrame, sites: Iterable[Site]) -> Vi
     camera = at_pose(whole.camera, detection.camera.world_from_camera)
     before, after = masks_of(detection, whole.rgb.shape[:2], list(sites))
     moved = replace(whole, camera=camera)
-    unknown = np.zeros(whole.depth.shape, np.float32)
-    return View(moved, detection.exposure, unknown, before, after)
+    unknown, black = (np.zeros(one.shape, np.float32) for one in (whole.depth, whole.rgb))
+    return View(moved, detection.exposure, unknown, black, before, after)
 
 
 def masks_of(
@@ -135,7 +137,8 @@ def aligned_view(view: View, gaussian_map: GaussianMap, threads: int = 0) -> Vie
     options = RenderOptions(near_sigmas=NEAR_SIGMAS, threads=threads)
     images = Rasterizer(np.float32).forward(gaussian_map, camera, options)
     rendered = np.where(images.alpha >= LEAST_ALPHA, images.depth, 0).astype(np.float32)
-    return replace(view, frame=moved, rendered=rendered)
+    shown = np.asarray(images.rgb, np.float32)
+    return replace(view, frame=moved, rendered=rendered, shown=shown)
 
 
 def near_site(depth: Floats32, camera: Camera, site: Site, margin_m: float) -> Bools:
