@@ -65,6 +65,19 @@ def test_where_nothing_changed_a_site_stays_as_it_is(side: str) -> None:
     assert not any(view.changed.any() for view in larger)
 
 
+def test_light_that_changed_is_nothing_that_came() -> None:
+    """It gets brighter from one side of the pictures to the other."""
+    lit = []
+    for view in views(changed=False):
+        columns = np.arange(view.shown.shape[1], dtype=np.float32)[None, :, None]
+        shown = view.shown / (1 + columns / columns.max())
+        lit.append(replace(view, shown=shown))
+    assert np.mean([np.abs(one.colors - one.shown).max(axis=2) > 0.1 for one in lit]) > 0.5
+    (site,), larger = extended([CORNER], lit)
+    np.testing.assert_array_equal((site.low, site.high), (CORNER.low, CORNER.high))
+    assert not any(view.changed.any() for view in larger)
+
+
 def test_colours_tell_nothing_of_what_is_gone() -> None:
     """Light that moved would take the floor away."""
     gone = replace(CORNER, side="before")

@@ -35,6 +35,11 @@ OTHER_COLOR = 0.1
 """What lies flat differs in a colour by more."""
 BLUR_PX = 3.0
 """In images so blurred, edges that are a pixel off do not differ."""
+OUTLINE, EDGE_PX = 0.1, 8
+"""Near its edge, the logarithms of its colours differ by so much more than those of what is around,
+within so many pixels."""
+DARK = 0.1
+"""Added to colours, as the logarithms of black ones are mostly noise."""
 LEAST_VIEWS = 2
 MOST_M = 0.8
 """No farther than that beyond what was detected."""
@@ -91,15 +96,46 @@ def _differing(view: View, side: Side) -> Bools:
 
 
 def _recolored(view: View) -> Bools:
-    """[H,W] where a surface is where the map has one, but in another colour."""
+    """[H,W] where something lies on a surface of the map that it does not have there."""
     step_m = STEP_M + STEP_PER_M * view.depth**2
     same = (view.depth > 0) & (view.rendered > 0) & (np.abs(view.depth - view.rendered) < step_m)
-    weights = same.astype(np.float32)[..., None]  # What is before or behind has its own colours.
-    apart, known = (
-        cv2.GaussianBlur(one, (0, 0), BLUR_PX)
-        for one in ((view.colors - view.shown) * weights, weights)
+    if view.frame.mask is not None:
+        same &= view.frame.mask
+    other = same & (_blurred(view.colors - view.shown, same) > OTHER_COLOR)
+    # Light changes what is bright by more; logarithms differ by the same for all that it falls on.
+    ratios = np.log((view.colors.clip(0, 1) + DARK) / (view.shown.clip(0, 1) + DARK))
+    return _outlined(other, _blurred(ratios, same), same)
+
+
+def _blurred(apart: Floats32, where: Bools) -> Floats32:
+    """[H,W] the largest absolute value of a pixel of an image [H,W,3], blurred within a part."""
+    weights = where.astype(np.float32)  # What is before or behind has its own colours.
+    blurred = cv2.GaussianBlur(apart * weights[..., None], (0, 0), BLUR_PX)
+    known = cv2.GaussianBlur(weights, (0, 0), BLUR_PX)
+    return np.asarray(np.abs(blurred).max(axis=2) / np.maximum(known, 1e-6), np.float32)
+
+
+def _outlined(other: Bools, steps: Floats32, same: Bools) -> Bools:
+    """[H,W] what has an edge at which colours change; light that changed has none."""
+    around = np.ones((2 * EDGE_PX + 1, 2 * EDGE_PX + 1), np.uint8)
+    _, labels = cv2.connectedComponents(other.astype(np.uint8))
+    rest = same & ~other
+    edge = other & (cv2.dilate(rest.astype(np.uint8), around) > 0)
+    nearest = cv2.dilate(labels.astype(np.float32), around).astype(np.int64)
+    inside, outside = (
+        _means(steps, np.where(where, numbers, 0), labels.max())
+        for where, numbers in ((edge, labels), (rest, nearest))
     )
-    return np.asarray(same & (np.abs(apart).max(axis=2) > OTHER_COLOR * known), np.bool_)
+    stands_out = inside > outside + OUTLINE
+    stands_out[0] = False
+    return np.asarray(stands_out[labels], np.bool_)
+
+
+def _means(values: Floats32, labels: NDArray[np.int64], last: int) -> Floats:
+    """[last + 1] of each label; 0 of those that nothing has."""
+    sums = np.bincount(labels.ravel(), values.ravel(), last + 1)
+    means: Floats = sums / np.maximum(np.bincount(labels.ravel(), minlength=last + 1), 1)
+    return means
 
 
 def _points(views: Sequence[View], side: Side, masks: Sequence[Bools]) -> Floats:
