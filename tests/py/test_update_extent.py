@@ -21,8 +21,8 @@ SHEET = Site("after", LOW, HIGH)
 CORNER = Site("after", LOW, np.array([2.45, 1.65, HIGH[2]]))
 """As much as a detector may have told of it."""
 
-NEAR_M = 0.08
-"""Half a voxel, and what is blurred in pictures as small as these."""
+NEAR_M = 0.12
+"""A voxel, and what is blurred in pictures as small as these."""
 
 
 def with_sheet() -> Home:

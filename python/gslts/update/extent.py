@@ -62,20 +62,23 @@ def extended(
     differing: dict[Side, list[Bools]] = {
         side: [_differing(view, side) for view in views] for side in ("before", "after")
     }
-    flat = _points(views, "after", [_recolored(view) for view in views])
+    recolored = [_recolored(view) for view in views]
     masks: dict[Side, list[Bools]] = {
         "before": [view.before.copy() for view in views],
         "after": [view.after.copy() for view in views],
     }
     grown = []
     for site in sites:
-        points = _points(views, site.side, differing[site.side])
+        points = _points(site, views, differing[site.side])
         larger = _around(site, points[_connected(points, site, GAP)])
-        on_it = flat[_connected(flat, larger, FLAT_GAP)] if site.side == "after" else flat[:0]
         for view, mask, here in zip(views, masks[site.side], differing[site.side], strict=True):
-            near = near_site(_surface(view, site.side), view.camera, larger, VOXEL_M / 2)
-            mask |= (near & here) | _in_voxels_of(on_it, view)
-        grown.append(_around(larger, on_it))
+            mask |= here & near_site(_surface(view, site.side), view.camera, larger, VOXEL_M / 2)
+        if site.side == "after":
+            points, lying = _lying(larger, views, recolored)
+            larger = _around(larger, points)
+            for mask, here in zip(masks["after"], lying, strict=True):
+                mask |= here
+        grown.append(larger)
     pairs = zip(views, masks["before"], masks["after"], strict=True)
     return tuple(grown), tuple(replace(view, before=old, after=new) for view, old, new in pairs)
 
@@ -138,15 +141,49 @@ def _means(values: Floats32, labels: NDArray[np.int64], last: int) -> Floats:
     return means
 
 
-def _points(views: Sequence[View], side: Side, masks: Sequence[Bools]) -> Floats:
-    """[P,3] of the surfaces of one time in some masks: one a voxel that enough views show."""
+def _points(site: Site, views: Sequence[View], masks: Sequence[Bools]) -> Floats:
+    """[P,3] of the surfaces of a site's time in some masks: one a voxel that enough views show."""
     voxels = SurfaceVoxels(VOXEL_M, 1)
     for view, mask in zip(views, masks, strict=True):
-        surface = np.ascontiguousarray(_surface(view, side))
+        surface = np.ascontiguousarray(_surface(view, site.side))
         voxels.add(surface, view.frame.rgb, view.camera, np.ascontiguousarray(mask))
     _, sums, hits = voxels.voxels()
     points: Floats = (sums[:, 1:4] / sums[:, :1])[hits >= min(LEAST_VIEWS, len(views))]
     return points
+
+
+def _lying(
+    site: Site, views: Sequence[View], recolored: Sequence[Bools]
+) -> tuple[Floats, list[Bools]]:
+    """What lies flat in or beside a site.
+
+    Returns:
+        [P,3] the middles of its voxels, and [H,W] of each view, what it shows of them.
+    """
+    low = site.low - MOST_M
+    shape = np.floor((site.high + MOST_M - low) / VOXEL_M).astype(np.int64) + 1
+    measured, changed, showing = np.zeros((3, shape.prod()))
+    places = []
+    for view, other in zip(views, recolored, strict=True):
+        rows, columns = np.nonzero(near_site(view.depth, view.camera, site, MOST_M))
+        pixels = np.column_stack([columns + 0.5, rows + 0.5])
+        points = lifted(view.camera, pixels, view.depth[rows, columns].astype(np.float64))
+        cells = ((points - low) / VOXEL_M).astype(np.int64).clip(0, shape - 1)
+        voxels = np.ravel_multi_index(tuple(cells.T), tuple(shape))
+        counts = np.bincount(voxels, other[rows, columns], shape.prod())
+        measured += np.bincount(voxels, minlength=shape.prod())
+        changed += counts
+        showing += counts > 0
+        places.append((rows, columns, voxels))
+    found = np.flatnonzero((changed > measured / 2) & (showing >= min(LEAST_VIEWS, len(views))))
+    middles = low + VOXEL_M * (np.column_stack(np.unravel_index(found, tuple(shape))) + 0.5)
+    together = _connected(middles, site, FLAT_GAP)
+    lies = np.zeros(shape.prod(), np.bool_)
+    lies[found[together]] = True
+    masks = [np.zeros(view.depth.shape, np.bool_) for view in views]
+    for mask, (rows, columns, voxels) in zip(masks, places, strict=True):
+        mask[rows, columns] = lies[voxels]
+    return middles[together], masks
 
 
 def _around(site: Site, points: Floats) -> Site:
@@ -154,25 +191,6 @@ def _around(site: Site, points: Floats) -> Site:
     low = np.min([site.low, *(points - VOXEL_M / 2)], axis=0)
     high = np.max([site.high, *(points + VOXEL_M / 2)], axis=0)
     return Site(site.side, low, high)
-
-
-def _in_voxels_of(points: Floats, view: View) -> Bools:
-    """[H,W] where what a view measured is in a voxel of one of some points."""
-    inside = np.zeros(view.depth.shape, np.bool_)
-    if len(points) == 0:
-        return inside
-    own = np.floor(points / VOXEL_M).astype(np.int64)
-    first = own.min(axis=0)
-    filled = np.zeros(own.max(axis=0) - first + 1, np.bool_)
-    filled[tuple((own - first).T)] = True
-    box = Site("after", VOXEL_M * first, VOXEL_M * (first + filled.shape))
-    inside = near_site(view.depth, view.camera, box, 0)
-    rows, columns = np.nonzero(inside)
-    places = np.column_stack([columns + 0.5, rows + 0.5])
-    measured = lifted(view.camera, places, view.depth[rows, columns].astype(np.float64))
-    cells = np.floor(measured / VOXEL_M).astype(np.int64) - first
-    inside[rows, columns] = filled[tuple(cells.clip(0, np.array(filled.shape) - 1).T)]
-    return inside
 
 
 def _connected(points: Floats, site: Site, gap: int) -> Bools:
