@@ -27,8 +27,6 @@ Watch = Callable[[int, Callable[[], GaussianMap]], None]
 EDITED = 0.02
 """A colour that the edit changed by more is not remembered, nor are those beside it."""
 EDGE_PX = 5
-LARGE_M = 0.03
-"""Gaussians with a larger scale keep their shape, m: they would grow to where no target looks."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +120,6 @@ class _Fit:
         self._rows = np.flatnonzero(_seen(gaussian_map, targets, threads) | active)
         self._moving = active[self._rows]
         self._adam = Adam(gaussian_map.select(self._rows))
-        self._large = (self._adam.map.log_scales > np.log(LARGE_M)).any(axis=1)
 
     def step(self, target: Target, share: float, background: list[float]) -> float:
         """One step at a share of all; the loss before it."""
@@ -144,10 +141,7 @@ class _Fit:
         gradients = self._rasterizer.backward(
             dL_drgb=color.dL_drgb, dL_ddepth=depth.dL_ddepth * np.float32(config.depth_weight)
         )
-        gradients = _of(gradients, self._moving)
-        if config.scope == "region":
-            gradients = _of_same_scales(gradients, self._large)
-        self._adam.step(gradients, _rates(config, share), threads=threads)
+        self._adam.step(_of(gradients, self._moving), _rates(config, share), threads=threads)
         return color.value
 
     def current(self) -> GaussianMap:
@@ -275,13 +269,6 @@ def _of(gradients: Gradients, moving: Bools) -> Gradients:
         if one.name != "dL_dtwist" and array is not None:
             parts[one.name] = array[kept]
     return replace(gradients, **parts)
-
-
-def _of_same_scales(gradients: Gradients, large: Bools) -> Gradients:
-    """Those of Gaussians of which some keep their scales."""
-    dL_dlog_scales = gradients.dL_dlog_scales.copy()
-    dL_dlog_scales[large[gradients.rows]] = 0
-    return replace(gradients, dL_dlog_scales=dL_dlog_scales)
 
 
 def _rates(config: RefineConfig, share: float) -> AdamRates:
