@@ -29,6 +29,7 @@ import threading
 from collections.abc import Iterator
 from itertools import product
 from pathlib import Path
+from typing import TextIO
 
 from disturbed import Fault, Outcome, disturbed, failing_disk
 from subjects import MAP, Command, Commits, NewMap, Rounds, Subject, write_home, write_inputs
@@ -66,7 +67,7 @@ def kill(subject: Subject, folder: Path, arguments: argparse.Namespace) -> Tally
         tally.problems.append(f"{subject.name} cannot be run: {whole.told}")
         return tally
     fresh, killed = True, 0
-    with tqdm(total=arguments.moments, desc=f"kill {subject.name}") as bar:
+    with tqdm(total=arguments.moments, desc=f"kill {subject.name}", file=terminal()) as bar:
         while killed < arguments.moments:
             subject.prepare(folder, fresh=fresh)
             moment_s = rng.uniform(0, whole.seconds)
@@ -94,7 +95,7 @@ def writes(subject: Subject, folder: Path, arguments: argparse.Namespace) -> Tal
     faults = [Fault(*one) for one in product(range(1, len(whole.calls) + 1), ERRORS, (False, True))]
     if arguments.runs is not None:
         faults = random.Random(arguments.seed).sample(faults, min(arguments.runs, len(faults)))
-    for fault in tqdm(faults, desc=f"writes of {subject.name}"):
+    for fault in tqdm(faults, desc=f"writes of {subject.name}", file=terminal()):
         subject.prepare(folder, fresh=True)
         outcome = disturbed(folder, subject.run, fault=fault)
         name = errno.errorcode[fault.error]
@@ -105,6 +106,11 @@ def writes(subject: Subject, folder: Path, arguments: argparse.Namespace) -> Tal
             when, outcome, [*wrong_words(outcome, folder), *subject.problems(folder, outcome)]
         )
     return tally
+
+
+def terminal() -> TextIO:
+    """The error output of this process: its bars are not drawn into that of a child with bars."""
+    return os.fdopen(os.dup(sys.stderr.fileno()), "w", encoding="utf-8")
 
 
 def wrong_words(outcome: Outcome, folder: Path) -> list[str]:
