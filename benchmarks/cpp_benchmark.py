@@ -51,7 +51,7 @@ def run_timings(
     Args:
         binary: `gslts_raster_benchmark`.
         workloads: Folder that `workloads.py` wrote.
-        simd: "native" or "avx2".
+        simd: Instruction set, such as "avx2"; empty: the best that the machine has.
         filter_regex: Names to run, such as "forward/M/.*".
         repetitions: How often each benchmark is repeated; the median counts.
         seconds: Least time of one repetition.
@@ -61,7 +61,7 @@ def run_timings(
         command = [
             str(binary),
             f"--workloads={workloads}",
-            f"--simd={simd}",
+            *([f"--simd={simd}"] if simd else []),
             f"--benchmark_filter={filter_regex}",
             f"--benchmark_repetitions={repetitions}",
             f"--benchmark_min_time={seconds}",

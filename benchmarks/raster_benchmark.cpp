@@ -18,7 +18,7 @@
 
 #include "fma_peak.hpp"
 #include "gslts/raster/rasterizer.hpp"
-#include "hwy/targets.h"
+#include "gslts/raster/simd_target.hpp"
 #include "memory.hpp"
 #include "training_benchmark.hpp"
 #include "workload.hpp"
@@ -28,7 +28,7 @@ namespace {
 
 struct Arguments {
   std::string workloads = "build/bench/workloads";
-  std::string simd = "native";
+  std::string simd;    ///< Empty: the best.
   std::string memory;  ///< Workload whose memory is measured instead of time.
   int sh = 0, threads = 1;
 };
@@ -150,19 +150,6 @@ Arguments parse(int& argc, char** argv) {
   return arguments;
 }
 
-/// Must come before the first kernel runs: Highway chooses once.
-void restrict_simd(const std::string& simd) {
-  if (simd == "native") return;
-#if HWY_ARCH_X86
-  if (simd == "avx2") {
-    // Each better instruction set is a lower bit.
-    hwy::DisableTargets(HWY_AVX2 - 1);
-    return;
-  }
-#endif
-  throw std::invalid_argument("--simd must be native or, on x86, avx2, got " + simd);
-}
-
 void print_memory(const Arguments& arguments) {
   const MemoryUse use =
       measure_memory(arguments.workloads, arguments.memory, arguments.sh, arguments.threads);
@@ -175,7 +162,7 @@ void print_memory(const Arguments& arguments) {
 
 int run(int argc, char** argv) {
   const Arguments arguments = parse(argc, argv);
-  restrict_simd(arguments.simd);
+  if (!arguments.simd.empty()) raster::use_simd_target(arguments.simd);
   if (!arguments.memory.empty()) {
     print_memory(arguments);
     return 0;

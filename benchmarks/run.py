@@ -63,10 +63,10 @@ def measure(args: argparse.Namespace) -> tuple[dict[str, Any], str]:
 
     any_name = f"({'|'.join(names)})"
     native = cpp_benchmark.run_timings(
-        args.binary, FOLDER, "native", f"fma_peak|/{any_name}/", repetitions, seconds
+        args.binary, FOLDER, "", f"fma_peak|/{any_name}/", repetitions, seconds
     )
     runs = [native]
-    if targets.simd_family(native.simd_target) == "AVX-512":
+    if native.simd_target == "avx512":
         one_core = f"fma_peak|^forward(_backward)?/{any_name}/sh:0/threads:1/"
         runs.append(
             cpp_benchmark.run_timings(args.binary, FOLDER, "avx2", one_core, repetitions, seconds)

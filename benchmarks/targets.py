@@ -57,8 +57,8 @@ class Verdict:
 
 
 def simd_family(simd_target: str) -> str:
-    """The instruction set as the targets name it; Highway calls AVX-512 AVX3."""
-    return "AVX-512" if simd_target.startswith("AVX3") else simd_target
+    """The instruction set as the targets name it."""
+    return {"avx512": "AVX-512", "avx2": "AVX2"}.get(simd_target, simd_target)
 
 
 def find(timings: Sequence[Timing], case: str, workload: str, threads: int = 1) -> float | None:

@@ -6,6 +6,8 @@ if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
   # The instruction set is chosen at run time, by code in the library.
   find_package(hwy CONFIG REQUIRED)
   target_link_libraries(gslts_highway INTERFACE hwy::hwy)
+  # AVX-512 as of Ice Lake adds nothing that the kernels use, but time to compile.
+  target_compile_definitions(gslts_highway INTERFACE HWY_DISABLED_TARGETS=HWY_AVX3_DL)
   set(GSLTS_FIND_HIGHWAY "find_dependency(hwy CONFIG)")
 else()
   # One instruction set is compiled (NEON on arm64), nothing is chosen, and the headers suffice.

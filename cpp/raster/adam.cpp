@@ -88,8 +88,10 @@ Adam<T>::Adam(AdamState<T> state, const AdamOptions& options)
 template <typename T>
 void Adam<T>::extend_corrections(std::uint32_t steps) {
   for (std::size_t t = corrections_.size(); t <= steps; ++t) {
-    corrections_.push_back({T(1 / (1 - std::pow(options_.beta1, double(t)))),
-                            T(std::sqrt(1 / (1 - std::pow(options_.beta2, double(t)))))});
+    corrections_.push_back({T(1 / (1 - power1_)), T(std::sqrt(1 / (1 - power2_)))});
+    // By products, which are the same bits on every machine; std::pow is not.
+    power1_ *= options_.beta1;
+    power2_ *= options_.beta2;
   }
 }
 

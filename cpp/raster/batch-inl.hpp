@@ -189,12 +189,12 @@ bool blend_block_exp(const TileSplat<T>* splats, const std::uint16_t* list, std:
       const Footprint<Lanes<T>> at(hn::Set(d, s.corner_u), hn::Set(d, s.corner_v), hn::Set(d, s.uu),
                                    hn::Set(d, s.uv), hn::Set(d, s.vv), hn::Set(d, s.log2_opacity),
                                    centers);
-      const V weight = hn::IfThenElseZero(hn::Ge(at.log2_alpha, threshold),
-                                          alpha_of<kExpDegree>(at.log2_alpha) * before);
-      const V after = before - weight;
+      const V pixel_alpha =
+          hn::IfThenElseZero(hn::Ge(at.log2_alpha, threshold), alpha_of<kExpDegree>(at.log2_alpha));
+      const V after = hn::NegMulAdd(pixel_alpha, before, before);
       // Multiplying on and masking by the result ends a pixel for good, as T only falls.
       const auto live = hn::Ge(after, transmittance_min);
-      const V w = hn::IfThenElseZero(live, weight);
+      const V w = hn::IfThenElseZero(live, pixel_alpha * before);
       red = hn::MulAdd(w, hn::Set(d, s.color[0]), red);
       green = hn::MulAdd(w, hn::Set(d, s.color[1]), green);
       blue = hn::MulAdd(w, hn::Set(d, s.color[2]), blue);

@@ -4,7 +4,6 @@
 #include "hwy/highway.h"
 
 #include <algorithm>
-#include <cmath>
 #include <vector>
 
 #include "blend-inl.hpp"
@@ -129,7 +128,7 @@ bool blend_entries_backward(const TileTask<T>& tile, const RenderSetup<T>& setup
   }
 
   const V zero = hn::Zero(d), one = hn::Set(d, T(1)), two_ln2 = hn::Set(d, T(2 * kLn2));
-  const V clamp = hn::Set(d, T(std::log2(kMaxAlpha)));
+  const V clamp = hn::Set(d, T(kLog2MaxAlpha));
   const V threshold = hn::Set(d, setup.log2_alpha_min);
   const V transmittance_min = hn::Set(d, setup.transmittance_min);
   for (std::uint32_t entry = 0; entry < tile.count; ++entry) {
@@ -140,7 +139,7 @@ bool blend_entries_backward(const TileTask<T>& tile, const RenderSetup<T>& setup
     }
     const std::size_t place = tile.entries[entry].gradient;
     T* sums = out.sums + place * kSumsPerEntry;
-    std::uint64_t blocks = entry < *tile.reached ? tile.blocks[entry] & alive : 0;
+    const std::uint64_t blocks = entry < *tile.reached ? tile.blocks[entry] & alive : 0;
     if (!blocks) {
       std::fill(sums, sums + kSumsPerEntry, T(0));
       std::fill_n(out.features + place * dims, dims, T(0));
@@ -161,25 +160,35 @@ bool blend_entries_backward(const TileTask<T>& tile, const RenderSetup<T>& setup
     // Of the depth from pixel to pixel.
     const V depth_x = uu * depth_u, depth_y = hn::MulAdd(uv, depth_u, vv * depth_v);
     const T* feature = features + std::size_t(splat.gaussian) * setup.feature_dims;
-    V g_sum = zero, gu_sum = zero, gv_sum = zero, guu_sum = zero, guv_sum = zero, gvv_sum = zero;
-    V red_sum = zero, green_sum = zero, blue_sum = zero, depth_sum = zero;
-    V depth_u_sum = zero, depth_v_sum = zero;
-    V abs_x_sum = zero, abs_y_sum = zero, max_weight = zero, pixel_count = zero;
+    // Partial sums of a vector of pixels are added up over the blocks in registers, one vector of
+    // each block after the other: two of AVX2 would not fit.
+    constexpr std::size_t kParts = kVectors<Lanes<T>>;
+    V g_sums[kParts], gu_sums[kParts], gv_sums[kParts];
+    V guu_sums[kParts], guv_sums[kParts], gvv_sums[kParts];
+    V red_sums[kParts], green_sums[kParts], blue_sums[kParts];
+    V depth_sums[kParts], depth_u_sums[kParts], depth_v_sums[kParts];
+    V abs_x_sums[kParts], abs_y_sums[kParts], zeros[kParts], pixel_counts[kParts];
+    V max_weight = zero;
     std::fill(feature_sums.begin(), feature_sums.end(), T(0));
-    for (; blocks; blocks &= blocks - 1) {
-      const std::size_t block = hwy::Num0BitsBelowLS1Bit_Nonzero64(blocks);
-      bool any_alive = false;
-      for (std::size_t i = 0; i < kBlockPixels; i += lanes) {
+    std::uint64_t still_alive = 0;
+    for (std::size_t part = 0; part < kParts; ++part) {
+      const std::size_t i = part * lanes;
+      V g_sum = zero, gu_sum = zero, gv_sum = zero, guu_sum = zero, guv_sum = zero, gvv_sum = zero;
+      V red_sum = zero, green_sum = zero, blue_sum = zero, depth_sum = zero;
+      V depth_u_sum = zero, depth_v_sum = zero, abs_x_sum = zero, abs_y_sum = zero;
+      V pixel_count = zero;
+      for (std::uint64_t left = blocks; left; left &= left - 1) {
+        const std::size_t block = hwy::Num0BitsBelowLS1Bit_Nonzero64(left);
         T* pixel = pixels + block * stride + i;
         const auto value = [&](std::size_t which)
                                HWY_ATTR { return hn::Load(d, pixel + which * kBlockPixels); };
         T* t = transmittance + block * kBlockPixels + i;
-        const PixelCenters<Lanes<T>> centers(d, block, i / lanes);
+        const PixelCenters<Lanes<T>> centers(d, block, part);
         const Footprint<Lanes<T>> at(corner_u, corner_v, uu, uv, vv, log2_opacity, centers);
         const V before = hn::Load(d, t);
         const V any_alpha = hn::IfThenElseZero(hn::Ge(at.log2_alpha, threshold),
                                                alpha_of<kExpDegree>(at.log2_alpha));
-        const V after = before - any_alpha * before;
+        const V after = hn::NegMulAdd(any_alpha, before, before);
         hn::Store(after, d, t);
         const auto live = hn::Ge(after, transmittance_min);
         const V alpha = hn::IfThenElseZero(live, any_alpha);
@@ -195,13 +204,13 @@ bool blend_entries_backward(const TileTask<T>& tile, const RenderSetup<T>& setup
         for (std::size_t k = 0; k < dims; ++k) {
           const V g = value(kFeatures + k);
           s = hn::MulAdd(g, hn::Set(d, feature[k]), s);
-          T* sum = feature_sums.data() + k * kBlockPixels;
+          T* sum = feature_sums.data() + k * kBlockPixels + i;
           hn::Store(hn::MulAdd(w, g, hn::Load(d, sum)), d, sum);
         }
         // dL/dlog(alpha_i) = w_i s_i - alpha_i / (1 - alpha_i) sum_{j > i} w_j s_j
         const V behind = hn::NegMulAdd(w, s, value(kBehind));
         hn::Store(behind, d, pixel + kBehind * kBlockPixels);
-        const V odds = alpha * reciprocal(d, one - alpha);
+        const V odds = alpha / (one - alpha);
         // The clamped alpha does not move with the footprint or the opacity.
         const V g =
             hn::IfThenElseZero(hn::Le(at.log2_alpha, clamp), hn::NegMulAdd(odds, behind, w * s));
@@ -228,24 +237,27 @@ bool blend_entries_backward(const TileTask<T>& tile, const RenderSetup<T>& setup
           max_weight = hn::Max(max_weight, w);
           pixel_count = pixel_count + hn::IfThenElseZero(hn::Gt(w, zero), one);
         }
-        any_alive |= !hn::AllFalse(d, live);
+        if (!hn::AllFalse(d, live)) still_alive |= std::uint64_t{1} << block;
       }
-      if (!any_alive) alive &= ~(std::uint64_t{1} << block);
+      g_sums[part] = g_sum, gu_sums[part] = gu_sum, gv_sums[part] = gv_sum;
+      guu_sums[part] = guu_sum, guv_sums[part] = guv_sum, gvv_sums[part] = gvv_sum;
+      red_sums[part] = red_sum, green_sums[part] = green_sum, blue_sums[part] = blue_sum;
+      depth_sums[part] = depth_sum, depth_u_sums[part] = depth_u_sum;
+      depth_v_sums[part] = depth_v_sum;
+      abs_x_sums[part] = abs_x_sum, abs_y_sums[part] = abs_y_sum, zeros[part] = zero;
+      pixel_counts[part] = pixel_count;
     }
-    store_sums(d, g_sum, gu_sum, gv_sum, guu_sum, sums);
-    store_sums(d, guv_sum, gvv_sum, red_sum, green_sum, sums + 4);
-    store_sums(d, blue_sum, depth_sum, depth_u_sum, depth_v_sum, sums + 8);
+    alive &= ~blocks | still_alive;
+    store_sums(d, g_sums, gu_sums, gv_sums, guu_sums, sums);
+    store_sums(d, guv_sums, gvv_sums, red_sums, green_sums, sums + 4);
+    store_sums(d, blue_sums, depth_sums, depth_u_sums, depth_v_sums, sums + 8);
     if (kStatistics) {
       T* statistics = out.statistics + place * kStatisticsPerEntry;
-      store_sums(d, abs_x_sum, abs_y_sum, zero, pixel_count, statistics);
+      store_sums(d, abs_x_sums, abs_y_sums, zeros, pixel_counts, statistics);
       statistics[2] = hn::GetLane(hn::MaxOfLanes(d, max_weight));
     }
     for (std::size_t k = 0; k < dims; ++k) {
-      V sum = zero;
-      for (std::size_t i = 0; i < kBlockPixels; i += lanes) {
-        sum = sum + hn::Load(d, feature_sums.data() + k * kBlockPixels + i);
-      }
-      out.features[place * dims + k] = hn::GetLane(hn::SumOfLanes(d, sum));
+      out.features[place * dims + k] = sum_of_pixels(feature_sums.data() + k * kBlockPixels);
     }
   }
   return true;

@@ -25,6 +25,7 @@ constexpr long kMinBandEntries = 1L << 20;
 /// Alpha never exceeds this, so that 1 / (1 - alpha) stays bounded (3DGS, Kerbl et al. 2023, app.
 /// C).
 constexpr double kMaxAlpha = 0.99;
+constexpr double kLog2MaxAlpha = -0.014499569695115089;
 
 /// The Jacobian of the projection is evaluated at most this share of the field of view outside the
 /// image, where the affine approximation breaks down (Inria's rasterizer: 1.3 tan(fov / 2)).

@@ -75,16 +75,6 @@ HWY_INLINE void lift_channels(const T (*weights)[kBlockPixels], const T* pixels,
 }
 
 template <typename T>
-HWY_INLINE T sum_of_pixels(const T* weights) {
-  const Lanes<T> d;
-  auto sum = hn::Load(d, weights);
-  for (std::size_t i = hn::Lanes(d); i < kBlockPixels; i += hn::Lanes(d)) {
-    sum = sum + hn::Load(d, weights + i);
-  }
-  return hn::GetLane(hn::SumOfLanes(d, sum));
-}
-
-template <typename T>
 bool lift_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const Splat<T>* splats,
                const WantedPixels& wanted, const LiftChannels<T>& image, const EntryLifts<T>& out) {
   constexpr std::size_t kGroup = 4;

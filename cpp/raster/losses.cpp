@@ -9,6 +9,7 @@
 #include <string>
 
 #include "gslts/parallel/parallel_for.hpp"
+#include "kernels.hpp"
 
 namespace gslts::raster {
 namespace {
@@ -151,6 +152,7 @@ PhotometricLoss<T> photometric_loss(const T* rgb, const T* target, int width, in
   }
   if (count == 0) return loss;
 
+  apply_environment();
   task.rgb = rgb;
   task.target = target;
   task.width = width;

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 
 #include "losses.hpp"
 #include "simd-inl.hpp"
@@ -22,17 +21,16 @@ constexpr int kFirst = 16;
 static_assert(kFirst >= kReach);
 constexpr double kC1 = 0.01 * 0.01, kC2 = 0.03 * 0.03;  // Wang et al. 2004, sec. III-B
 
+/// The window of SSIM: exp(-x^2 / (2 * 1.5^2)) at x = -5..5, with a sum of 1.
+constexpr double kWindow[kWindowSize] = {
+    0.0010283800844791099, 0.0075987581352391839, 0.036000772128430821, 0.10936068950970002,
+    0.21300553771125369,   0.26601172486179437,   0.21300553771125369,  0.10936068950970002,
+    0.036000772128430821,  0.0075987581352391839, 0.0010283800844791099};
+
 template <typename T>
 std::array<T, kWindowSize> window() {
-  constexpr double kSigma = 1.5;
-  std::array<double, kWindowSize> weights;
-  double sum = 0;
-  for (int i = 0; i < kWindowSize; ++i) {
-    const double x = (i - kWindowRadius) / kSigma;
-    sum += weights[i] = std::exp(-0.5 * x * x);
-  }
   std::array<T, kWindowSize> result;
-  for (int i = 0; i < kWindowSize; ++i) result[i] = T(weights[i] / sum);
+  for (int i = 0; i < kWindowSize; ++i) result[i] = T(kWindow[i]);
   return result;
 }
 
@@ -95,12 +93,12 @@ void load_row(const PhotometricTask<T>& task, int y, RowMemory<T>& memory) {
   const T *rgb = task.rgb + at, *target = task.target + at;
   const std::size_t numbers = 3 * std::size_t(columns), lanes = hn::Lanes(d);
   const ByChannel<T> gains(task.gain), offsets(task.offset);
-  std::size_t i = 0;
-  for (; i + lanes <= numbers; i += lanes) {
-    hn::StoreU(hn::MulAdd(gains.at(d, i), hn::LoadU(d, rgb + i), offsets.at(d, i)), d,
-               x_row + kFirst + i);
+  std::copy_n(rgb, numbers, x_row + kFirst);
+  for (std::size_t i = 0; i < numbers; i += lanes) {
+    T* x = x_row + kFirst + i;
+    hn::Store(hn::MulAdd(gains.at(d, i), hn::Load(d, x), offsets.at(d, i)), d, x);
   }
-  for (; i < numbers; ++i) x_row[kFirst + i] = task.gain[i % 3] * rgb[i] + task.offset[i % 3];
+  std::fill(x_row + kFirst + numbers, x_row + memory.stride, T(0));  // The last vector's rest.
   std::copy_n(target, numbers, y_row + kFirst);
   std::fill_n(mask_row + kFirst, numbers, T(1));
   for (int x = 0; x < columns && !task.wanted->all(); ++x) {
@@ -176,7 +174,8 @@ double similarity_row(const PhotometricTask<T>& task, int center, const Array<T>
   const V weight = hn::Set(d, task.ssim_weight);
   const T* mask = memory.mask.row(center);
   const std::size_t end = std::size_t(kFirst + 3 * (task.box.x1 - task.box.x0));
-  V total = zero;
+  V totals[kVectors<Lanes<T>>];
+  std::fill_n(totals, kVectors<Lanes<T>>, zero);
   for (std::size_t i = kFirst; i < end; i += hn::Lanes(d)) {
     const auto wanted = hn::Gt(hn::LoadU(d, mask + i), zero);
     V inverse;
@@ -201,6 +200,7 @@ double similarity_row(const PhotometricTask<T>& task, int center, const Array<T>
     const V a2 = hn::Clamp(hn::MulAdd(two, product - mean_product, c2), hn::Neg(b2), b2);
     const V inverse_b = one / (b1 * b2);
     const V ssim = a1 * a2 * inverse_b;
+    V& total = totals[i / hn::Lanes(d) % kVectors<Lanes<T>>];
     total = total + hn::IfThenElseZero(wanted, ssim);
     const V scale = weight * inverse;
     const V by_product = two * a1 * inverse_b;
@@ -211,7 +211,7 @@ double similarity_row(const PhotometricTask<T>& task, int center, const Array<T>
     hn::StoreU(by_square * scale, d, memory.factors[1].data() + i);
     hn::StoreU(by_product * scale, d, memory.factors[2].data() + i);
   }
-  return double(hn::GetLane(hn::SumOfLanes(d, total)));
+  return double(sum_of(d, totals));
 }
 
 /// The gradients of row y and, unless it is `last`, the next, and their sums of absolute
@@ -230,7 +230,8 @@ void gradient_rows(const PhotometricTask<T>& task, int y, int last,
   const ByChannel<T> gains(task.gain);
   const std::size_t numbers = 3 * std::size_t(task.box.x1 - task.box.x0);
   const int count = std::min(2, last - y);
-  V totals[2] = {zero, zero};
+  V totals[2][kVectors<Lanes<T>>];
+  for (auto& parts : totals) std::fill_n(parts, kVectors<Lanes<T>>, zero);
   const T *x_rows[2], *y_rows[2], *mask_rows[2];
   T* out_rows[2];
   for (int row = 0; row < 2; ++row) {
@@ -243,7 +244,8 @@ void gradient_rows(const PhotometricTask<T>& task, int y, int last,
   const auto write = [&](int row, std::size_t i, const V* by) HWY_ATTR {
     const V x = hn::Load(d, x_rows[row] + i), measured = hn::Load(d, y_rows[row] + i);
     const V difference = x - measured;
-    totals[row] = totals[row] + hn::Abs(difference);  // 0 behind the row.
+    V& total = totals[row][i / hn::Lanes(d) % kVectors<Lanes<T>>];
+    total = total + hn::Abs(difference);  // 0 behind the row.
     const V sign = hn::IfThenElseZero(hn::Ne(difference, zero), hn::CopySign(l1, difference));
     const V ssim = by[0] + hn::MulAdd(two * x, by[1], measured * by[2]);
     const V gradient = hn::IfThenElseZero(hn::Gt(hn::Load(d, mask_rows[row] + i), zero),
@@ -271,7 +273,7 @@ void gradient_rows(const PhotometricTask<T>& task, int y, int last,
     if (count == 2) write(1, i, by[1]);
   }
   for (int row = 0; row < count; ++row) {
-    sums[y + row].l1 = double(hn::GetLane(hn::SumOfLanes(d, totals[row])));
+    sums[y + row].l1 = double(sum_of(d, totals[row]));
   }
 }
 

@@ -129,9 +129,13 @@ void project_chunk_backward(const GaussianView<T>& gaussians, const RenderSetup<
   const std::size_t base = count ? splats[0].gaussian : 0;
   const GaussianView<T> local = rows_from(gaussians, base);
 
-  // Summed in T over a chunk; the caller sums the chunks in double.
-  V force_sum[3] = {hn::Zero(d), hn::Zero(d), hn::Zero(d)};
-  V torque_sum[3] = {hn::Zero(d), hn::Zero(d), hn::Zero(d)};
+  // Summed in T over a chunk, Gaussian k into partial sum k % kBlockPixels; the caller sums the
+  // chunks in double.
+  V force_sums[3][kVectors<D>], torque_sums[3][kVectors<D>];
+  for (int a = 0; a < 3; ++a) {
+    std::fill_n(force_sums[a], kVectors<D>, hn::Zero(d));
+    std::fill_n(torque_sums[a], kVectors<D>, hn::Zero(d));
+  }
   for (std::size_t i = 0; i < count; i += lanes) {
     const std::size_t valid = std::min(lanes, count - i);
     std::uint32_t rows[kBlockPixels], places[kBlockPixels];
@@ -261,13 +265,15 @@ void project_chunk_backward(const GaussianView<T>& gaussians, const RenderSetup<
                            g.camera_from_gaussian[c][k] * rotated[b][k]);
         force = hn::MulAdd(hn::Set(d, setup.camera_from_map[a][k]), mean[k], force);
       }
-      force_sum[a] = force_sum[a] + hn::IfThenElseZero(counted, force);
-      torque_sum[a] = torque_sum[a] + hn::IfThenElseZero(counted, torque);
+      V& force_sum = force_sums[a][i / lanes % kVectors<D>];
+      V& torque_sum = torque_sums[a][i / lanes % kVectors<D>];
+      force_sum = force_sum + hn::IfThenElseZero(counted, force);
+      torque_sum = torque_sum + hn::IfThenElseZero(counted, torque);
     }
   }
   for (int a = 0; a < 3; ++a) {
-    twist[a] -= double(hn::GetLane(hn::SumOfLanes(d, force_sum[a])));
-    twist[3 + a] -= double(hn::GetLane(hn::SumOfLanes(d, torque_sum[a])));
+    twist[a] -= double(sum_of(d, force_sums[a]));
+    twist[3 + a] -= double(sum_of(d, torque_sums[a]));
   }
 }
 

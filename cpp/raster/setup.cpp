@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "gslts/parallel/parallel_for.hpp"
+#include "kernels.hpp"
 
 namespace gslts::raster {
 namespace {
@@ -41,6 +42,22 @@ void validate(const RenderOptions& options) {
           "in [0, 1)", options.transmittance_min);
 }
 
+/// The binary logarithm of a positive number, the same bits on every machine: that of a C library
+/// may differ in the last one.
+double log2_of(double value) {
+  int exponent = 0;
+  double mantissa = std::frexp(value, &exponent);  // In [1/2, 1).
+  if (mantissa < 0.70710678118654752) {
+    mantissa *= 2;
+    --exponent;
+  }
+  // ln m = 2 artanh((m - 1) / (m + 1)); the 12th power of s^2 <= 0.0295 is below 1e-18.
+  const double s = (mantissa - 1) / (mantissa + 1);
+  double series = 0;
+  for (int k = 11; k >= 0; --k) series = series * s * s + 1.0 / (2 * k + 1);
+  return exponent + 2 * s * series / kLn2;
+}
+
 }  // namespace
 
 template <typename T>
@@ -48,14 +65,18 @@ RenderSetup<T> make_setup(const GaussianView<T>& gaussians, const Camera& camera
                           const RenderOptions& options) {
   gslts::validate(camera, "Rasterizer::forward");
   validate(options);
+  apply_environment();
   RenderSetup<T> setup;
   // World coordinates are huge far from the world's origin: they meet only here, in double.
   const Eigen::Matrix3d rotation = camera.world_from_camera.linear().transpose();
   const Eigen::Vector3d camera_in_map = camera.world_from_camera.translation() - gaussians.origin;
-  const Eigen::Vector3d origin_in_camera = -(rotation * camera_in_map);
   for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) setup.camera_from_map[i][j] = T(rotation(i, j));
-    setup.map_origin_in_camera[i] = T(origin_in_camera(i));
+    double origin_in_camera = 0;  // Summed here: Eigen's order depends on the machine.
+    for (int j = 0; j < 3; ++j) {
+      setup.camera_from_map[i][j] = T(rotation(i, j));
+      origin_in_camera -= rotation(i, j) * camera_in_map(j);
+    }
+    setup.map_origin_in_camera[i] = T(origin_in_camera);
     setup.camera_in_map[i] = T(camera_in_map(i));
     setup.background[i] = T(options.background[i]);
   }
@@ -74,7 +95,7 @@ RenderSetup<T> make_setup(const GaussianView<T>& gaussians, const Camera& camera
   setup.near_variances = T(options.near_sigmas * options.near_sigmas);
   setup.eps2d_px2 = T(options.eps2d_px2);
   setup.alpha_min = T(options.alpha_min);
-  setup.log2_alpha_min = T(std::log2(options.alpha_min));
+  setup.log2_alpha_min = T(log2_of(options.alpha_min));
   setup.transmittance_min = T(options.transmittance_min);
   setup.antialias = options.antialias;
   setup.surface_depth = options.surface_depth;

@@ -18,9 +18,20 @@ namespace gslts::raster::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
+// Results are the same bits on every instruction set with fused multiply-add (AVX2, AVX-512, NEON):
+// - The compiler fuses nothing by itself (-ffp-contract=off): what is written as MulAdd is fused.
+// - Sums over pixels or Gaussians are kept as kBlockPixels partial sums, in as many vectors as that
+//   takes, and are added up in one order (`store_sums`, `sum_of`).
+// - Instructions whose result depends on the machine, such as approximate reciprocals, decide
+//   nothing but how much work is done.
+
 /// Lanes of T: as many as the machine has, at most the pixels of one block.
 template <typename T>
 using Lanes = hn::CappedTag<T, kBlockPixels>;
+
+/// Vectors that hold one number for each pixel of a block.
+template <class D>
+constexpr std::size_t kVectors = kBlockPixels / hn::MaxLanes(D());
 
 /// 2^x for finite x in [-126, 0]; any value for smaller x. In float by the minimax polynomial of
 /// 2^f on [-1/2, 1/2], with a relative error below 3e-7 for degree 5 and 8e-5 for degree 3; in
@@ -54,17 +65,6 @@ HWY_INLINE hn::Vec<D> exp2_nonpositive(D d, hn::Vec<D> x) {
   return hn::Exp(d, hn::Mul(x, hn::Set(d, kLn2)));
 }
 
-/// 1 / x to full precision.
-template <class D, hwy::EnableIf<sizeof(hn::TFromD<D>) == 4>* = nullptr>
-HWY_INLINE hn::Vec<D> reciprocal(D d, hn::Vec<D> x) {
-  const auto r = hn::ApproximateReciprocal(x);
-  return hn::Mul(r, hn::NegMulAdd(x, r, hn::Set(d, 2.0f)));
-}
-template <class D, hwy::EnableIf<sizeof(hn::TFromD<D>) == 8>* = nullptr>
-HWY_INLINE hn::Vec<D> reciprocal(D d, hn::Vec<D> x) {
-  return hn::Div(hn::Set(d, 1.0), x);
-}
-
 /// sqrt(max(x, 0)), in float with a relative error of at most kApproximateSqrtError: that of NEON's
 /// estimate, those of x86 are better.
 template <typename T>
@@ -79,7 +79,7 @@ HWY_INLINE hn::Vec<D> approximate_sqrt(D d, hn::Vec<D> x) {
   return hn::Sqrt(hn::Max(x, hn::Zero(d)));
 }
 
-/// Adds up the 128-bit parts of a vector.
+/// Adds up the 128-bit parts of a vector: the upper half to the lower one, and so on.
 template <class D>
 HWY_INLINE auto sum_parts([[maybe_unused]] D d, hn::Vec<D> v) {
   if constexpr (hn::MaxLanes(D()) * sizeof(hn::TFromD<D>) <= 16) {
@@ -90,25 +90,97 @@ HWY_INLINE auto sum_parts([[maybe_unused]] D d, hn::Vec<D> v) {
   }
 }
 
-/// Stores the sums over the lanes of each of four vectors.
-template <class D, class V = hn::Vec<D>, hwy::EnableIf<sizeof(hn::TFromD<D>) == 4>* = nullptr>
-HWY_INLINE void store_sums(D d, V a, V b, V c, V e, float* out) {
-  // Transposing within the 128-bit parts leaves a, b, c, e side by side in each.
+/// Adds up kCount vectors, the second half to the first one, and so on.
+template <std::size_t kCount, class V>
+HWY_INLINE V sum_vectors(const V* vectors) {
+  if constexpr (kCount == 1) {
+    return vectors[0];
+  } else {
+    V sums[kCount / 2];
+    for (std::size_t i = 0; i < kCount / 2; ++i) {
+      sums[i] = hn::Add(vectors[i], vectors[i + kCount / 2]);
+    }
+    return sum_vectors<kCount / 2>(sums);
+  }
+}
+
+/// The sum of kBlockPixels partial sums.
+template <class D, typename T = hn::TFromD<D>>
+HWY_INLINE T sum_of(D d, const hn::Vec<D>* partial) {
+  constexpr std::size_t kPart = 16 / sizeof(T);
+  const hn::FixedTag<T, kPart> part;
+  HWY_ALIGN T sums[kPart];
+  hn::Store(sum_parts(d, sum_vectors<kVectors<D>>(partial)), part, sums);
+  if constexpr (kPart == 2) return sums[0] + sums[1];
+  return (sums[0] + sums[2]) + (sums[1] + sums[3]);
+}
+
+/// The sum of a number for each pixel of a block.
+template <typename T>
+HWY_INLINE T sum_of_pixels(const T* values) {
+  const Lanes<T> d;
+  hn::Vec<Lanes<T>> vectors[kVectors<Lanes<T>>];
+  for (std::size_t i = 0; i < kVectors<Lanes<T>>; ++i) {
+    vectors[i] = hn::Load(d, values + i * hn::Lanes(d));
+  }
+  return sum_of(d, vectors);
+}
+
+/// Half as many lanes as a block has pixels, or as many as the machine has.
+template <typename T>
+using HalfLanes = hn::CappedTag<T, kBlockPixels / 2>;
+
+/// Vector i of kBlockPixels / 2 partial sums: the second half of kBlockPixels added to the first.
+template <class D, typename T = hn::TFromD<D>>
+HWY_INLINE hn::Vec<HalfLanes<T>> half_sums([[maybe_unused]] D d, const hn::Vec<D>* partial,
+                                           std::size_t i) {
+  if constexpr (kVectors<D> == 1) {
+    const HalfLanes<T> half;
+    return hn::Add(hn::LowerHalf(half, partial[0]), hn::UpperHalf(half, partial[0]));
+  } else {
+    return hn::Add(partial[i], partial[i + kVectors<D> / 2]);
+  }
+}
+
+/// Sums over the pixels of four values, side by side in each 128-bit part (float), or of two.
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE V add_within_parts(D d, V a, V b, V c, V e) {
   const hn::RepartitionToWide<D> wide;
   const V ab = hn::Add(hn::InterleaveLower(d, a, b), hn::InterleaveUpper(d, a, b));
   const V ce = hn::Add(hn::InterleaveLower(d, c, e), hn::InterleaveUpper(d, c, e));
   const auto ab_pairs = hn::BitCast(wide, ab), ce_pairs = hn::BitCast(wide, ce);
-  const V sums = hn::Add(hn::BitCast(d, hn::InterleaveLower(wide, ab_pairs, ce_pairs)),
-                         hn::BitCast(d, hn::InterleaveUpper(wide, ab_pairs, ce_pairs)));
-  hn::StoreU(sum_parts(d, sums), hn::FixedTag<float, 4>(), out);
+  return hn::Add(hn::BitCast(d, hn::InterleaveLower(wide, ab_pairs, ce_pairs)),
+                 hn::BitCast(d, hn::InterleaveUpper(wide, ab_pairs, ce_pairs)));
 }
-template <class D, class V = hn::Vec<D>, hwy::EnableIf<sizeof(hn::TFromD<D>) == 8>* = nullptr>
-HWY_INLINE void store_sums(D d, V a, V b, V c, V e, double* out) {
-  const hn::FixedTag<double, 2> part;
-  const V ab = hn::Add(hn::InterleaveLower(d, a, b), hn::InterleaveUpper(d, a, b));
-  const V ce = hn::Add(hn::InterleaveLower(d, c, e), hn::InterleaveUpper(d, c, e));
-  hn::StoreU(sum_parts(d, ab), part, out);
-  hn::StoreU(sum_parts(d, ce), part, out + 2);
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE V add_within_parts(D d, V a, V b) {
+  return hn::Add(hn::InterleaveLower(d, a, b), hn::InterleaveUpper(d, a, b));
+}
+
+/// Stores the sums of each of four values of which kBlockPixels partial sums are given.
+template <class D, typename T = hn::TFromD<D>>
+HWY_INLINE void store_sums(D d, const hn::Vec<D>* a, const hn::Vec<D>* b, const hn::Vec<D>* c,
+                           const hn::Vec<D>* e, T* out) {
+  const HalfLanes<T> half;
+  constexpr std::size_t kHalfVectors = kBlockPixels / 2 / hn::MaxLanes(HalfLanes<T>());
+  using V = hn::Vec<HalfLanes<T>>;
+  if constexpr (sizeof(T) == 4) {
+    V sums[kHalfVectors];
+    for (std::size_t i = 0; i < kHalfVectors; ++i) {
+      sums[i] = add_within_parts(half, half_sums(d, a, i), half_sums(d, b, i), half_sums(d, c, i),
+                                 half_sums(d, e, i));
+    }
+    hn::StoreU(sum_parts(half, sum_vectors<kHalfVectors>(sums)), hn::FixedTag<T, 4>(), out);
+  } else {
+    V ab[kHalfVectors], ce[kHalfVectors];
+    for (std::size_t i = 0; i < kHalfVectors; ++i) {
+      ab[i] = add_within_parts(half, half_sums(d, a, i), half_sums(d, b, i));
+      ce[i] = add_within_parts(half, half_sums(d, c, i), half_sums(d, e, i));
+    }
+    const hn::FixedTag<T, 2> part;
+    hn::StoreU(sum_parts(half, sum_vectors<kHalfVectors>(ab)), part, out);
+    hn::StoreU(sum_parts(half, sum_vectors<kHalfVectors>(ce)), part, out + 2);
+  }
 }
 
 // Rows of four numbers, one a lane, to four columns and back. In float a vector is made of the

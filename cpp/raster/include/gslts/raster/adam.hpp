@@ -77,6 +77,7 @@ class Adam {
   AdamOptions options_;
   AdamState<T> state_;
   std::vector<Correction> corrections_;  ///< By the number of steps, from 0.
+  double power1_ = 1, power2_ = 1;       ///< beta1^t and beta2^t for t = corrections_.size().
 };
 
 }  // namespace gslts::raster

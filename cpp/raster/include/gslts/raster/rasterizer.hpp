@@ -169,7 +169,4 @@ class Rasterizer {
   std::unique_ptr<RenderState<T>> state_;
 };
 
-/// Name of the instruction set that the kernels use on this machine, such as "AVX3" (AVX-512).
-const char* simd_target();
-
 }  // namespace gslts::raster
