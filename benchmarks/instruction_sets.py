@@ -45,7 +45,9 @@ def runs() -> dict[str, dict[str, str]]:
 
 def digest(*arrays: np.ndarray) -> str:
     """Returns a short hash of the bits of arrays."""
-    return hashlib.sha256(b"".join(np.ascontiguousarray(one).tobytes() for one in arrays)).hexdigest()[:12]
+    return hashlib.sha256(
+        b"".join(np.ascontiguousarray(one).tobytes() for one in arrays)
+    ).hexdigest()[:12]
 
 
 def pipeline(before: Path, after: Path, out: Path, variables: dict[str, str]) -> dict[str, str]:
@@ -66,8 +68,11 @@ def pipeline(before: Path, after: Path, out: Path, variables: dict[str, str]) ->
         for version in store.versions():
             gaussians = store.read(version.number)
             hashes[f"version {version.number}"] = digest(
-                gaussians.means, gaussians.quats, gaussians.log_scales,
-                gaussians.logit_opacities, gaussians.sh,
+                gaussians.means,
+                gaussians.quats,
+                gaussians.log_scales,
+                gaussians.logit_opacities,
+                gaussians.sh,
             )
     hashes["update"] = updated.strip().replace(str(out), "MAP").splitlines()[-1][:70]
     return hashes
@@ -75,7 +80,9 @@ def pipeline(before: Path, after: Path, out: Path, variables: dict[str, str]) ->
 
 def main() -> None:
     """Runs the pipelines and prints which results equal those of the machine as it is."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
     parser.add_argument("before", type=Path)
     parser.add_argument("after", type=Path)
     parser.add_argument("--json", type=Path)
@@ -87,7 +94,9 @@ def main() -> None:
             results[name] = pipeline(args.before, args.after, Path(folder), runs()[name])
     first = next(iter(results.values()))
     for name, hashes in results.items():
-        marks = [f"{what} {'same' if hashes.get(what) == first[what] else 'DIFFERS'}" for what in first]
+        marks = [
+            f"{what} {'same' if hashes.get(what) == first[what] else 'DIFFERS'}" for what in first
+        ]
         print(f"{name:10}", ", ".join(marks))
     if args.json:
         args.json.write_text(json.dumps(results, indent=1))

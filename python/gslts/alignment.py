@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts._core import raster as _core
-from gslts.camera import Camera, at_pose, moved, twist_of
+from gslts.camera import Camera, at_pose, moved, relative, twist_of
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import FloatArray, GaussianMap
 from gslts.losses import Exposure, fit_exposure
@@ -22,6 +22,8 @@ PIXELS_PER_FACT = 50.0
 DEPTH_SHARE = 0.03
 """Of the say of depth in a pose: its errors are the same in neighbouring pixels and frames, and
 colours, which people look at, must fit first."""
+PIVOT = 1e-13
+"""Share of its diagonal element below which a pivot is rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +117,41 @@ def align(
     return Alignment(NormalEquations(hessian, right), NormalEquations(depth_hessian, depth_right))
 
 
+def solve_positive(matrix: Floats, right: Floats) -> Floats:
+    """Solves small normal equations by Gaussian elimination, in one order of sums.
+
+    `np.linalg.solve` (OpenBLAS) rounds differently from processor to processor. Unknowns that the
+    equations do not fix, where a pivot is nothing but rounding, stay 0.
+
+    Args:
+        matrix: [N,N] symmetric and positive semidefinite, so that no row is exchanged.
+        right: [N] or [N,M].
+
+    Returns:
+        x of matrix @ x = right, in the shape of `right`, float64.
+    """
+    left, x = np.array(matrix, np.float64), np.array(right, np.float64)
+    least = PIVOT * np.diag(matrix)
+    fixed = [k for k in range(len(left)) if _eliminate(left, x, k, least[k])]
+    result = np.zeros_like(x)
+    for k in reversed(fixed):
+        for later in fixed:
+            if later > k:
+                x[k] -= left[k, later] * result[later]
+        result[k] = x[k] / left[k, k]
+    return result
+
+
+def _eliminate(left: Floats, right: Floats, k: int, least: float) -> bool:
+    """Takes unknown k out of the rows below its own; returns whether its pivot is above `least`."""
+    if not left[k, k] > least:
+        return False
+    factors = left[k + 1 :, k] / left[k, k]
+    left[k + 1 :] -= np.multiply.outer(factors, left[k])
+    right[k + 1 :] -= np.multiply.outer(factors, right[k])
+    return True
+
+
 def aligned(
     gaussian_map: GaussianMap,
     frames: Iterable[RgbdFrame],
@@ -159,9 +196,9 @@ def aligned(
             )
             color, depth = alignment.color, alignment.depth
             hessian = color.hessian[:6, :6] + DEPTH_SHARE * depth.hessian[:6, :6] + np.diag(prior)
-            off = twist_of(np.linalg.inv(given) @ camera.world_from_camera)
+            off = twist_of(relative(given, camera.world_from_camera))
             right = color.right[:6] + DEPTH_SHARE * depth.right[:6] - prior * off
-            camera = moved(camera, np.asarray(np.linalg.solve(hessian, right), np.float64))
+            camera = moved(camera, solve_positive(hessian, right))
         pose = camera.world_from_camera
     if pose is None:
         raise ValueError("aligned: there is no frame")

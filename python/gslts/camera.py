@@ -77,7 +77,7 @@ def moved(camera: Camera, twist: Floats) -> Camera:
     """The camera at world_from_camera @ exp(xi), with exp to first order in the translation."""
     step = np.eye(4)
     step[:3, :3], step[:3, 3] = rotation(twist[3:]), twist[:3]
-    return at_pose(camera, camera.world_from_camera @ step)
+    return at_pose(camera, product(camera.world_from_camera, step))
 
 
 def lifted(camera: Camera, places: Floats, depths_m: Floats) -> Floats:
@@ -85,8 +85,47 @@ def lifted(camera: Camera, places: Floats, depths_m: Floats) -> Floats:
     x = (places[:, 0] - camera.cx) / camera.fx
     y = (places[:, 1] - camera.cy) / camera.fy
     in_camera = np.column_stack([x, y, np.ones(len(places))]) * depths_m[:, None]
-    pose = camera.world_from_camera
-    result: Floats = in_camera @ pose[:3, :3].T + pose[:3, 3]
+    return transform(camera.world_from_camera, in_camera)
+
+
+def transform(b_from_a: Floats, points: Floats) -> Floats:
+    """Carries points from one frame into another.
+
+    Sums in one order: a matrix product of NumPy (OpenBLAS) rounds differently from processor to
+    processor.
+
+    Args:
+        b_from_a: [4,4] rigid.
+        points: [...,3] in frame a, m.
+
+    Returns:
+        [...,3] in frame b, m, float64.
+    """
+    turn, shift = b_from_a[:3, :3], b_from_a[:3, 3]
+    x, y, z = (points[..., i, None] for i in range(3))
+    result: Floats = x * turn[:, 0] + y * turn[:, 1] + z * turn[:, 2] + shift
+    return result
+
+
+def product(first: Floats, second: Floats) -> Floats:
+    """Multiplies small matrices [N,K] and [K,M], summing in one order; see `transform`."""
+    result: Floats = (first[:, :, None] * second[None]).sum(axis=1)
+    return result
+
+
+def relative(world_from_a: Floats, world_from_b: Floats) -> Floats:
+    """Returns a_from_b [4,4] of two rigid poses [4,4]."""
+    result = np.eye(4)
+    result[:3, :3] = product(world_from_a[:3, :3].T, world_from_b[:3, :3])
+    result[:3, 3] = inverse_transform(world_from_a, world_from_b[:3, 3])
+    return result
+
+
+def inverse_transform(b_from_a: Floats, points: Floats) -> Floats:
+    """Carries points [...,3] back from frame b into frame a; see `transform`."""
+    turn, shift = b_from_a[:3, :3], b_from_a[:3, 3]
+    x, y, z = (points[..., i, None] - shift[i] for i in range(3))
+    result: Floats = x * turn[0] + y * turn[1] + z * turn[2]
     return result
 
 
@@ -122,7 +161,7 @@ def new_viewpoints(
 
 def apart(first: Floats, second: Floats) -> tuple[float, float]:
     """How far two poses [4,4] are apart, m and rad."""
-    motion = np.linalg.inv(first) @ second
+    motion = relative(first, second)
     turn_rad = np.arccos(np.clip((np.trace(motion[:3, :3]) - 1) / 2, -1, 1))
     return float(np.linalg.norm(motion[:3, 3])), float(turn_rad)
 
@@ -139,7 +178,7 @@ def rotation(vector_rad: Floats) -> Floats:
         return np.eye(3)
     x, y, z = vector_rad / angle
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    result: Floats = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    result: Floats = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * product(cross, cross)
     return result
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.camera import Camera
+from gslts.camera import Camera, transform
 from gslts.gaussian_map import FloatArray, GaussianMap
 from gslts.mapping.seed import flat_gaussians
 from gslts.render import Images
@@ -48,7 +48,7 @@ def seeds_in_holes(
     u, v = ((index + 0.5) * STRIDE for index in (columns, rows))
     x, y = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy
     pose = camera.world_from_camera
-    points = np.stack([x * depth, y * depth, depth], axis=1) @ pose[:3, :3].T + pose[:3, 3]
+    points = transform(pose, np.stack([x * depth, y * depth, depth], axis=1))
     towards = pose[:3, 3] - points
     shades = np.stack([_binned(colors[..., c])[holes] for c in range(3)], axis=1)
     return flat_gaussians(points, towards, shades, depth * STRIDE / camera.fx, OPACITY, sh_degree)

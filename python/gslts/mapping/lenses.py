@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.alignment import PIXELS_PER_FACT, Alignment, NormalEquations
-from gslts.camera import Camera, at_pose, moved, twist_of
+from gslts.alignment import PIXELS_PER_FACT, Alignment, NormalEquations, solve_positive
+from gslts.camera import Camera, at_pose, moved, product, relative, twist_of
 
 Floats = NDArray[np.float64]
 
@@ -70,14 +70,14 @@ class Lenses:
 def pose_step(alignment: Alignment) -> Floats:
     """(6,) the twist of the pose that fits both images best, the lenses as they are."""
     both = alignment.color + alignment.depth
-    return np.linalg.solve(both.hessian[_POSE, _POSE], both.right[_POSE]).astype(np.float64)
+    return solve_positive(both.hessian[_POSE, _POSE], both.right[_POSE])
 
 
 def after_step(alignment: Alignment, step: Floats) -> Alignment:
     """The same equations for what is left once the pose has moved by a twist (6,)."""
 
     def left(equations: NormalEquations) -> NormalEquations:
-        right = equations.right - equations.hessian[:, _POSE] @ step
+        right = equations.right - product(equations.hessian[:, _POSE], step[:, None])[:, 0]
         return NormalEquations(equations.hessian, right)
 
     return Alignment(left(alignment.color), left(alignment.depth))
@@ -101,26 +101,29 @@ def corrected_lenses(lenses: Lenses, given: Lenses, looks: Sequence[Alignment]) 
         mixed = np.concatenate(
             [color.hessian[_POSE, _INTRINSICS], depth.hessian[_POSE, _POSE]], axis=1
         )
-        eliminated = np.linalg.solve(
+        eliminated = solve_positive(
             both.hessian[_POSE, _POSE], np.column_stack([mixed, both.right[_POSE]])
         )
-        system += shared - mixed.T @ eliminated[:, :10]
-        right += shared_right - mixed.T @ eliminated[:, 10]
+        explained = product(mixed.T, eliminated)
+        system += shared - explained[:, :10]
+        right += shared_right - explained[:, 10]
     registered = np.array_equal(given.depth.world_from_camera, np.eye(4))
     trust = REGISTERED if registered else NOMINAL
     centre_px = trust.centre_share * given.color.width
     stds = np.repeat([trust.log_focal, centre_px, trust.offset_m, trust.turn_rad], [2, 2, 3, 3])
     # Once a look: the errors of a sensor are the same in all of them and do not average out.
     prior = len(looks) * PIXELS_PER_FACT / stds**2
+    back = relative(lenses.depth.world_from_camera, np.eye(4))
     off = np.concatenate(
         [
             _intrinsics_between(lenses.color, given.color),
-            twist_of(given.depth.world_from_camera @ np.linalg.inv(lenses.depth.world_from_camera)),
+            twist_of(product(given.depth.world_from_camera, back)),
         ]
     )
-    step = np.linalg.solve(system + np.diag(prior), right + prior * off)
+    step = solve_positive(system + np.diag(prior), right + prior * off)
     # exp(twist) moves the depth lens in the colour camera's frame, from the left.
-    turned = moved(lenses.color, step[_TWIST]).world_from_camera @ lenses.depth.world_from_camera
+    twisted = moved(lenses.color, step[_TWIST]).world_from_camera
+    turned = product(twisted, lenses.depth.world_from_camera)
     return Lenses(_changed(lenses.color, step[_COLOR]), at_pose(lenses.depth, turned))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.alignment import Alignment
-from gslts.camera import Camera, at_pose, resized
+from gslts.camera import Camera, at_pose, product, relative, resized
 from gslts.frame import RgbdFrame, halved_depth, halved_mask, halved_rgb, register_depth
 from gslts.losses import Exposure
 from gslts.mapping.lenses import Lenses
@@ -59,8 +59,7 @@ class Observation:
                 masks.append(halved_mask(masks[-1]))
         color = at_pose(frame.camera, np.eye(4))
         depth_lens = frame.depth_camera or frame.camera
-        camera_from_world = np.linalg.inv(frame.camera.world_from_camera)
-        color_from_depth = camera_from_world @ depth_lens.world_from_camera
+        color_from_depth = relative(frame.camera.world_from_camera, depth_lens.world_from_camera)
         return cls(
             rgb=tuple(rgb),
             measured=tuple(measured),
@@ -76,14 +75,13 @@ class Observation:
     @property
     def given_pose(self) -> Floats:
         """[4,4] world_from_camera of the colour camera, as the data set and the lenses say."""
-        pose: Floats = self.given @ np.linalg.inv(self.lenses.depth.world_from_camera)
-        return pose
+        depth_from_color = relative(self.lenses.depth.world_from_camera, np.eye(4))
+        return product(self.given, depth_from_color)
 
     @property
     def correction(self) -> Floats:
         """[4,4] given_pose @ correction is the pose."""
-        motion: Floats = np.linalg.inv(self.given_pose) @ self.pose
-        return motion
+        return relative(self.given_pose, self.pose)
 
     def set_lenses(self, lenses: Lenses) -> None:
         """Takes the sensor for another one."""

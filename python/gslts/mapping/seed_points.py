@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.camera import Camera, lifted
+from gslts.camera import Camera, inverse_transform, lifted
 from gslts.datasets.dataset import PointCloud
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import SH_C0, GaussianMap
@@ -152,8 +152,7 @@ def _filled(
 
 def _seen(camera: Camera, points: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     """Where points [P,3] are in a picture [P,2], px, their depths [P], m, and whether they are."""
-    pose = camera.world_from_camera
-    in_camera = (points - pose[:3, 3]) @ pose[:3, :3]
+    in_camera = inverse_transform(camera.world_from_camera, points)
     depths_m = in_camera[:, 2]
     ahead = np.where(depths_m > 0, depths_m, 1)[:, None]
     places = in_camera[:, :2] / ahead * (camera.fx, camera.fy) + (camera.cx, camera.cy)

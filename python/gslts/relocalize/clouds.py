@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts._core import reloc as _core
-from gslts.camera import lifted
+from gslts.camera import inverse_transform, lifted, transform
 from gslts.gaussian_map import GaussianMap
 from gslts.relocalize.pictures import Pictures
 
@@ -44,11 +44,10 @@ class SurfaceCloud:
         rows, columns = np.nonzero(depth)
         places = np.column_stack([columns, rows]).astype(np.float64) + 0.5
         in_world = lifted(camera, places, depth[rows, columns].astype(np.float64))
-        back = np.linalg.inv(camera.world_from_camera)
-        in_camera = in_world @ back[:3, :3].T + back[:3, 3]
+        in_camera = inverse_transform(camera.world_from_camera, in_world)
         guess = world_from_camera.copy()
         guess[:3, 3] -= self._origin
-        around = in_camera @ guess[:3, :3].T + guess[:3, 3]
+        around = transform(guess, in_camera)
         if len(around) == 0:
             return world_from_camera
         low, high = around.min(axis=0) - MARGIN_M, around.max(axis=0) + MARGIN_M

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.camera import Camera, resized
+from gslts.camera import Camera, inverse_transform, resized
 from gslts.gaussian_map import GaussianMap
 from gslts.pictures import Picture, draw_box, heat_picture, picture_of, write_on
 from gslts.render import Rasterizer, RenderOptions
@@ -84,8 +84,7 @@ def _write_score(picture: Picture, one: Instance, camera: Camera) -> None:
 
 def _place_of(point: Floats, camera: Camera) -> tuple[int, int] | None:
     """Column and row of a point in the image of a camera."""
-    pose = camera.world_from_camera
-    x, y, z = pose[:3, :3].T @ (point - pose[:3, 3])
+    x, y, z = inverse_transform(camera.world_from_camera, point)
     if z <= 0:
         return None
     column, row = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.camera import Camera
+from gslts.camera import Camera, inverse_transform
 from gslts.frame import RgbdFrame
 from gslts.tasks.relevance import CANONICAL, relevance
 from gslts.tasks.semantics import SemanticSource
@@ -72,8 +72,7 @@ def _projected(
     points: Floats, camera: Camera
 ) -> tuple[Mask, NDArray[np.intp], NDArray[np.intp], Floats]:
     """[P] whether points are in an image, their rows and columns, 0 if not, and their depths."""
-    world_from_camera = camera.world_from_camera
-    x, y, z = ((points - world_from_camera[:3, 3]) @ world_from_camera[:3, :3]).T
+    x, y, z = inverse_transform(camera.world_from_camera, points).T
     before = z > OFF_M
     safe = np.where(before, z, 1.0)
     u = camera.fx * x / safe + camera.cx

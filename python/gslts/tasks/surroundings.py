@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from gslts.camera import transform
 from gslts.frame import RgbdFrame
 from gslts.tasks.robot_body import RobotBody
 from gslts.tasks.semantic_map import SemanticMap
@@ -50,8 +51,7 @@ def new_obstacles(
     )
     measured = (depth > FROM_M) & (depth < TO_M)
     in_camera = rays[measured] * depth[measured, None]
-    world_from_camera = camera.world_from_camera
-    points = in_camera @ world_from_camera[:3, :3].T + world_from_camera[:3, 3]
+    points = transform(camera.world_from_camera, in_camera)
     heights = points[:, 2] - semantic_map.floor_m
     in_the_way = (heights > body.step_m + LIFT_M) & (heights < body.height_m)
     grid = semantic_map.grid

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts._core import detect as _core
-from gslts.camera import Camera
+from gslts.camera import Camera, inverse_transform
 from gslts.change.changes import Change
 
 Floats = NDArray[np.float64]
@@ -54,8 +54,7 @@ class Site:
 
     def middle_in(self, camera: Camera) -> tuple[float, float, float] | None:
         """Column and row, px, and depth, m, of the middle in an image; None where it is not."""
-        pose = camera.world_from_camera
-        x, y, z = (self.middle - pose[:3, 3]) @ pose[:3, :3]
+        x, y, z = inverse_transform(camera.world_from_camera, self.middle)
         if z <= 0:
             return None
         u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
@@ -76,8 +75,7 @@ class Site:
     def rectangle(self, camera: Camera, margin_px: int) -> tuple[int, int, int, int] | None:
         """Columns [x0, x1) and rows [y0, y1) around the box in an image; None beside it."""
         corners = self.low + CORNERS * (self.high - self.low)
-        pose = camera.world_from_camera
-        x, y, z = ((corners - pose[:3, 3]) @ pose[:3, :3]).T
+        x, y, z = inverse_transform(camera.world_from_camera, corners).T
         if np.any(z < 0.05):
             return None
         u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
