@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from command import gslts
 from PIL import Image
-from test_cli_sim import gslts
 
 from gslts.bench.detect_cases import (
     Case,

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bench_settings import SETTINGS
+from command import gslts
 from PIL import Image
-from test_bench_update import SETTINGS
-from test_cli_sim import gslts
 
 from gslts.bench.localize_run import (
     CATEGORIES,

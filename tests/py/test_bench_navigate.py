@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 import surfel_room
+from command import gslts
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
-from test_cli_sim import gslts
 
 from gslts.bench.navigate_episodes import LEAST_M, episodes_of
 from gslts.bench.navigate_moved import NOT_UPDATED

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bench_settings import SETTINGS
+from command import gslts
 from PIL import Image
-from test_bench_update import SETTINGS
-from test_cli_sim import gslts
 
 from gslts.bench.homes import BenchHome, HomeSetup
 from gslts.bench.relocalize import folds_of

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from bench_settings import SETTINGS
+from command import gslts
 from PIL import Image
-from test_bench_update import SETTINGS
-from test_cli_sim import gslts
 
 from gslts.bench.series import ANEW, BEFORE, MAPS, UPDATED, End, Step
 from gslts.bench.series_report import GAIN, GROWTH, printed, write_plot

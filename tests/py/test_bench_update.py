@@ -5,15 +5,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from bench_settings import SETTINGS
+from command import gslts
 from PIL import Image
-from test_cli_sim import gslts
 
 from gslts.bench.update_methods import ABLATION, METHODS, OURS
 from gslts.bench.update_run import MARKS, Record
 from gslts.bench.update_tables import printed, summary
 from gslts.update.config import LITERAL
 
-SETTINGS = ("--preset", "fast", "--set", "iterations=300", "--set", "rough_epochs=0")
 SMALL = ("--room", "kitchen", "--seeds", "3:4", "--tasks", "3", "--size", "240x180")
 RUN = ("bench", "update", *SMALL, "--frames", "32", *SETTINGS, "--set", "voxel_m=0.05")
 

@@ -8,8 +8,8 @@ import change_room
 import numpy as np
 import pytest
 from change_room import LOOKS, SIZE
+from command import gslts
 from PIL import Image
-from test_cli_sim import gslts
 
 from gslts.map_folder import read_map
 from gslts.ply import write_ply

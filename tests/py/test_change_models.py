@@ -7,8 +7,8 @@ from typing import Any
 import change_room
 import numpy as np
 import pytest
+from change_images import texture
 from change_room import LOOKS, see
-from test_change_features import texture
 
 from gslts.change.detect import ChangeDetector
 from gslts.change.features import FeatureExtractor, extractor_of

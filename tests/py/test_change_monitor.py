@@ -8,9 +8,8 @@ from collections.abc import Callable
 import change_room
 import numpy as np
 import pytest
+from change_images import BLUE, RED, blank, of_the_paper, put, told
 from change_room import LOOKS, see
-from test_change_bindings import blank, put
-from test_change_objects import BLUE, RED, of_the_paper, told
 
 from gslts.camera import Camera
 from gslts.change.changes import Change

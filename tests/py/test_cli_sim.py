@@ -1,30 +1,16 @@
 """The commands of `gslts sim`, as a user meets them: what they write, and how they refuse."""
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command import gslts
 from PIL import Image
 
 from gslts.datasets import open_dataset
 from gslts.sim import make_home, write_glb
 from gslts.sim.task import read_task
-
-
-def gslts(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
-    program = "import sys; from gslts.cli import main; sys.argv[0] = 'gslts'; main()"
-    return subprocess.run(
-        [sys.executable, "-c", program, *map(str, arguments)],
-        cwd=cwd,
-        text=True,
-        capture_output=True,
-        check=False,
-        env={**os.environ, "NO_COLOR": "1", "COLUMNS": "200"},
-    )
 
 
 def test_home_lists_objects(tmp_path: Path) -> None:

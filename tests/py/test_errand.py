@@ -6,8 +6,8 @@ import change_room
 import numpy as np
 import pytest
 import update_room
-from test_loop import CONFIG
-from test_meaning import meaning, taught
+from meaning_room import meaning, taught
+from update_room import LOOP
 
 from gslts.frame import RgbdFrame
 from gslts.loop.errand import WatchedRobot, run_errand
@@ -38,7 +38,7 @@ def test_what_changed_on_the_way_is_repaired_and_the_robot_gets_there(folder: Pa
     said: list[str] = []
     moves: list[int] = []
     home = update_room.changed_home("removal")
-    with MapKeeper(folder, CONFIG, say=said.append) as keeper:
+    with MapKeeper(folder, LOOP, say=said.append) as keeper:
         _, journey = run_errand(keeper, meaning(), robot_in(home), "block", lambda: moves.append(1))
         assert (journey.status, journey.reason) == ("reached", "")
         assert keeper.version.number == 2
@@ -49,7 +49,7 @@ def test_what_changed_on_the_way_is_repaired_and_the_robot_gets_there(folder: Pa
 
 def test_what_has_moved_is_found_on_the_map_as_it_is_now(folder: Path) -> None:
     home = update_room.changed_home("relocation").without(["Box|1"])
-    with MapKeeper(folder, CONFIG) as keeper:
+    with MapKeeper(folder, LOOP) as keeper:
         navigator, journey = run_errand(keeper, meaning(), robot_in(home), "box")
         assert keeper.version.number > 1
     assert journey.status == "reached", journey.reason
@@ -59,7 +59,7 @@ def test_what_has_moved_is_found_on_the_map_as_it_is_now(folder: Path) -> None:
 
 
 def test_without_a_change_the_map_stays_as_it_is(folder: Path) -> None:
-    with MapKeeper(folder, CONFIG) as keeper:
+    with MapKeeper(folder, LOOP) as keeper:
         _, journey = run_errand(keeper, meaning(), robot_in(change_room.home()), "block")
         assert journey.status == "reached"
         assert keeper.version.number == 1
@@ -75,7 +75,7 @@ def test_a_robot_that_is_to_stop_does_not_move_on(folder: Path) -> None:
 
     robot = Robot(update_room.changed_home("removal"), **change_room.SIZE)
     robot.go(change_room.LOOKS[0])
-    with MapKeeper(folder, CONFIG, stopping=lambda: True) as keeper:
+    with MapKeeper(folder, LOOP, stopping=lambda: True) as keeper:
         watched = WatchedRobot(robot, keeper)
         for _ in range(3):
             watched.observe()
@@ -86,7 +86,7 @@ def test_a_robot_that_is_to_stop_does_not_move_on(folder: Path) -> None:
 
 def test_a_watched_robot_is_a_robot(folder: Path) -> None:
     robot = robot_in(change_room.home())
-    with MapKeeper(folder, CONFIG) as keeper:
+    with MapKeeper(folder, LOOP) as keeper:
         watched = WatchedRobot(robot, keeper)
         frame: RgbdFrame = watched.observe()
         np.testing.assert_array_equal(frame.rgb, robot.observe().rgb)

@@ -1,7 +1,6 @@
 """Generated homes: what a person would check who walks through them."""
 
 import functools
-import hashlib
 import multiprocessing
 import subprocess
 import sys
@@ -10,6 +9,7 @@ from pathlib import Path
 import home_checks
 import numpy as np
 import pytest
+from home_checks import digest
 
 from gslts.sim import ROOM_TYPES, make_home
 from gslts.sim.home import Home
@@ -23,22 +23,6 @@ PAPERS_TYPES = {
 @functools.cache
 def coarse_home(room_type: str, seed: int) -> Home:
     return make_home(room_type, seed, detail=home_checks.DETAIL)
-
-
-def digest(home: Home) -> str:
-    """Hash of all that a home is made of."""
-    result = hashlib.sha256(f"{home.name} {home.ambient.tolist()}".encode())
-    for thing in home.objects:
-        result.update(f"{thing.id} {thing.movable} {thing.receptacle} {thing.parent}".encode())
-        for array in (thing.boxes, thing.world_from_object):
-            result.update(array.tobytes())
-        for surface in thing.surfaces:
-            for part in (surface.vertices, surface.faces, surface.uvs, surface.texture):
-                result.update(np.ascontiguousarray(part).tobytes())
-    for light in home.all_lights:
-        for edge in (light.center, light.edge_u, light.edge_v, light.radiance):
-            result.update(edge.tobytes())
-    return result.hexdigest()
 
 
 def test_hundred_homes_of_each_type_are_sound():
@@ -94,12 +78,12 @@ def test_textures_have_detail(room_type):
 
 def test_same_seed_same_home():
     code = (
-        "from test_homes import digest\nfrom gslts.sim import make_home\n"
+        "from home_checks import digest\nfrom gslts.sim import make_home\n"
         "print(digest(make_home('living_room', 7)))"
     )
     environment = {
         "PYTHONHASHSEED": "1",
-        "PYTHONPATH": str(Path(__file__).parent),
+        "PYTHONPATH": str(Path(home_checks.__file__).parent),
     }
     fresh = subprocess.run(
         [sys.executable, "-c", code], check=True, capture_output=True, text=True, env=environment

@@ -11,22 +11,20 @@ import change_room
 import numpy as np
 import pytest
 import update_room
+from landmark_room import folder_with, found, frames
 from safetensors.numpy import save
-from test_update_updater import CONFIG
-from test_update_updater import run as updated
 from typer.testing import CliRunner
 
 from gslts._core import reloc
 from gslts.cli import app
 from gslts.frame import RgbdFrame
-from gslts.map_folder import MANIFEST, open_versions, read_map, write_map_folder
+from gslts.map_folder import MANIFEST, open_versions, read_map
 from gslts.ply import write_ply
 from gslts.relocalize import landmark_files
 from gslts.relocalize.landmark_files import (
     FOLDER,
     KEY,
     MOST_FILE_BYTES,
-    digest_of,
     has_landmarks,
     keep_landmarks,
     read_landmarks,
@@ -43,36 +41,12 @@ from gslts.relocalize.landmarks import (
     joined,
     landmarks_of,
 )
-from gslts.sim.explore import explore
 from gslts.sim.physics import boxes_in_world
 from gslts.update.published import published
 from gslts.update.updater import Update
 
 ARRAYS = ("positions", "descriptors", "keyframes", "world_from_keyframe", "gaussians")
 SPLIT_PX = change_room.SIZE["width"] // 2
-
-
-@cache
-def frames() -> tuple[RgbdFrame, ...]:
-    """Of the room as it is mapped, with perfect depth."""
-    looks = [*explore(change_room.home(), 24)[0], *change_room.LOOKS]
-    return tuple(change_room.see(change_room.home(), look) for look in looks)
-
-
-@cache
-def found() -> Landmarks:
-    return landmarks_of(change_room.mapped()[0], frames(), threads=1)
-
-
-def folder_with(landmarks: Landmarks, path: Path) -> Path:
-    """The folder of a map of the room, as `gslts map` writes it."""
-    gaussian_map, cameras = change_room.mapped()
-
-    def finish(part: Path) -> None:
-        keep_landmarks(landmarks, part)
-
-    write_map_folder(path, gaussian_map, {KEY: digest_of(landmarks)}, cameras, finish)
-    return path
 
 
 @pytest.fixture
@@ -340,13 +314,14 @@ def test_they_go_with_their_gaussians_and_come_back_with_them(folder: Path) -> N
 
 @cache
 def addition() -> Update:
-    return updated(update_room.robot_in(update_room.changed_home("addition")), "addition")
+    home = update_room.changed_home("addition")
+    return update_room.run_update(update_room.robot_in(home), "addition")
 
 
 def publish(folder: Path, result: Update) -> None:
     gaussian_map, cameras = change_room.mapped()
     with open_versions(folder, writable=True) as store:
-        assert published(store, gaussian_map, cameras.values(), result, CONFIG)
+        assert published(store, gaussian_map, cameras.values(), result, update_room.UPDATE)
 
 
 def test_an_update_brings_landmarks_of_what_is_new(folder: Path) -> None:

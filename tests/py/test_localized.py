@@ -12,7 +12,7 @@ import sim_scenes
 import update_room
 from adrift import ODOMETRY_FROM_WORLD, Adrift
 from change_room import LOOKS, SIZE, see
-from test_loop import CONFIG as LOOP
+from update_room import LOOP
 
 from gslts.camera import apart, at_pose, look_at, rotation
 from gslts.change.detect import ChangeDetector, Detection

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 import update_room
 from change_room import LOOKS, SIZE
+from command import gslts
 from PIL import Image
-from test_cli_sim import gslts
-from test_update_cli import looks_at_the_change
+from update_room import looks_at_the_change
 
 from gslts.datasets import open_dataset
 from gslts.map_folder import plain_camera, read_map

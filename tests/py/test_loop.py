@@ -8,32 +8,20 @@ import change_room
 import numpy as np
 import pytest
 import update_room
-from test_update_edit import SMALL
-from test_update_updater import Changing
+from update_room import LOOP as CONFIG
+from update_room import Changing
 
 from gslts.camera import Camera, at_pose, look_at
 from gslts.change.changes import Change
 from gslts.change.seen_space import SeenSpace
 from gslts.loop import rounds
-from gslts.loop.keeper import LoopConfig, MapKeeper, StoppedError
+from gslts.loop.keeper import MapKeeper, StoppedError
 from gslts.loop.rounds import go_to, stops_of
 from gslts.loop.state import STATE, LoopState, read_state, write_state
 from gslts.loop.waiting import MOST_WAIT, Parked, next_changes, parked_again
 from gslts.map_folder import open_versions, read_map
 from gslts.robot import Robot
 from gslts.sim.controller import Controller
-from gslts.update.config import RefineConfig, UpdateConfig
-
-CONFIG = LoopConfig(
-    stops=8,
-    detection=change_room.CONFIG,
-    update=UpdateConfig(
-        collect=update_room.COLLECT,
-        edit=SMALL,
-        refine=RefineConfig(iterations=30, around_px=15),
-        threads=1,
-    ),
-)
 
 
 @pytest.fixture

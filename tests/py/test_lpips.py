@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import scenes
 import torch
+from command import gslts as run
 from PIL import Image
-from test_cli_sim import gslts as run
 from torch import nn
 from torch.nn import functional
 

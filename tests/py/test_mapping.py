@@ -11,8 +11,8 @@ import analytic_room
 import blob_room
 import numpy as np
 import pytest
-import sim_scenes
-from test_cli_sim import gslts as run
+from command import gslts as run
+from sim_scenes import textured_home
 
 import gslts
 from gslts.camera import at_pose, seen_from, twist_of
@@ -34,7 +34,6 @@ from gslts.relocalize.landmark_files import read_landmarks
 from gslts.sim.capture import capture
 from gslts.sim.controller import Controller
 from gslts.sim.explore import explore
-from gslts.sim.home import Home
 
 # Pictures are of 160 px: Gaussians of 5 cm are a few pixels wide there.
 CONFIG = MappingConfig(
@@ -46,12 +45,6 @@ CONFIG = MappingConfig(
     variant_steps=0,
 )
 MAP_ARRAYS = ("means", "quats", "log_scales", "logit_opacities", "sh", "ids")
-
-
-def textured_home() -> Home:
-    rng = np.random.default_rng(0)
-    tiles = rng.integers(40, 220, (2, 2, 3)).astype(np.uint8).repeat(16, 0).repeat(16, 1)
-    return sim_scenes.simple_home(wall=tiles)
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scenes
 import sim_scenes
-from test_cli_sim import gslts as run
+from command import gslts as run
 
 from gslts.datasets import Dataset, open_dataset
 from gslts.frame import RgbdFrame

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,24 +9,20 @@ import change_room
 import numpy as np
 import pytest
 import update_room
-from test_update_updater import CONFIG
+from meaning_room import frames, looks, meaning, taught
 from typer.testing import CliRunner
+from update_room import UPDATE
 
 from gslts.change.detect import ChangeDetector
 from gslts.cli import app
 from gslts.datasets import open_dataset
 from gslts.frame import RgbdFrame
-from gslts.gaussian_map import GaussianMap
 from gslts.map_folder import open_versions, read_map, write_map_folder
 from gslts.render import render
 from gslts.sim.capture import capture
 from gslts.sim.controller import Controller
-from gslts.sim.explore import explore
-from gslts.sim.robot_body import Look
-from gslts.tasks.embed import Embedded, embedded
 from gslts.tasks.lift import lifted
 from gslts.tasks.localize import Queries
-from gslts.tasks.meaning import Meaning
 from gslts.tasks.refine import refined
 from gslts.tasks.semantics import Oracle
 from gslts.tasks.semantics_files import read_semantics
@@ -35,28 +30,6 @@ from gslts.update.edit import near_sites
 from gslts.update.published import published
 from gslts.update.region import Site
 from gslts.update.updater import Update, update
-
-
-@cache
-def looks() -> list[Look]:
-    """Some all around the room, and those at the block."""
-    return [*explore(change_room.home(), 16)[0], *change_room.LOOKS]
-
-
-def frames() -> list[RgbdFrame]:
-    return [change_room.see(change_room.home(), look) for look in looks()]
-
-
-@cache
-def taught() -> tuple[GaussianMap, Embedded]:
-    gaussian_map, _ = change_room.mapped()
-    found = embedded(gaussian_map, frames(), Oracle(), 8, threads=1)
-    return replace(gaussian_map, features=found.features), found
-
-
-def meaning() -> Meaning:
-    _, found = taught()
-    return Meaning(Oracle(), found.autoencoder, found.names)
 
 
 def updated(kind: update_room.Kind, *, labels: bool = True) -> Update:
@@ -70,10 +43,10 @@ def updated(kind: update_room.Kind, *, labels: bool = True) -> Update:
 
     robot = Robot(update_room.changed_home(kind), **change_room.SIZE)
     robot.go(change_room.LOOKS[0])
-    detector = ChangeDetector(gaussian_map, change_room.CONFIG, cameras=cameras)
+    detector = ChangeDetector(gaussian_map, change_room.UPDATE, cameras=cameras)
     change = update_room.detected(kind)
     return update(
-        gaussian_map, cameras, [change], robot, CONFIG, detector=detector, meaning=meaning()
+        gaussian_map, cameras, [change], robot, UPDATE, detector=detector, meaning=meaning()
     )
 
 
@@ -124,7 +97,7 @@ def test_what_is_gone_is_named_by_what_it_meant(tmp_path: Path) -> None:
     gaussian_map, _ = taught()
     write_map_folder(tmp_path / "map", gaussian_map, {}, {})
     with open_versions(tmp_path / "map", writable=True) as store:
-        published(store, gaussian_map, [], result, CONFIG, meaning=meaning())
+        published(store, gaussian_map, [], result, UPDATE, meaning=meaning())
         (event,) = store.events()
     assert (event.kind, event.type) == ("removal", "Box")
 
@@ -142,7 +115,7 @@ def test_what_is_gone_was_where_its_gaussians_were(tmp_path: Path) -> None:
     gaussian_map, _ = taught()
     write_map_folder(tmp_path / "map", gaussian_map, {}, {})
     with open_versions(tmp_path / "map", writable=True) as store:
-        published(store, gaussian_map, [], replace(result, changes=(longer,)), CONFIG)
+        published(store, gaussian_map, [], replace(result, changes=(longer,)), UPDATE)
         (event,) = store.events()
     np.testing.assert_allclose(event.boxes[0], (low, high), atol=0.06)
 

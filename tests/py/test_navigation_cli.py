@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import surfel_room
 import yaml
+from command import gslts
 from PIL import Image
-from test_cli_sim import gslts
 
 from gslts.cli import app
 from gslts.datasets import open_dataset

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 import update_room
-from test_landmarks import found
-from test_landmarks import frames as mapped_frames
+from landmark_room import found
+from landmark_room import frames as mapped_frames
 
 from gslts.camera import at_pose, moved, twist_of
 from gslts.frame import RgbdFrame

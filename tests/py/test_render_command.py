@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 import pytest
 import scenes
+from command import gslts as run
 from PIL import Image
 from scipy.spatial.transform import Rotation
-from test_cli_sim import gslts as run
 
 import gslts
 from gslts.camera import rotation_of_quat

@@ -11,8 +11,8 @@ import change_room
 import numpy as np
 import pytest
 import update_room
-from test_cli_sim import gslts
-from test_update_cli import looks_at_the_change
+from command import gslts
+from update_room import looks_at_the_change
 
 from gslts.loop.state import LoopState, read_state, write_state
 from gslts.map_folder import open_versions, read_map

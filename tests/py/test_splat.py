@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scenes
+from command import gslts as run
 from plyfile import PlyData
-from test_cli_sim import gslts as run
 
 import gslts
 from gslts.gaussian_map import SH_C0

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_store import assert_same, blobs_of, edited, grown, random_map
+from store_maps import assert_same, blobs_of, edited, grown, random_map
 
 from gslts.files import write_whole
 from gslts.map_folder import open_versions, read_map, write_map_folder

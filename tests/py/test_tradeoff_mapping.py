@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command import gslts as run
 from PIL import Image
-from test_cli_sim import gslts as run
-from test_mapping import textured_home
+from sim_scenes import textured_home
 from typer.testing import CliRunner, Result
 
 from gslts.bench import tradeoff_mapping

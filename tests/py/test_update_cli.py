@@ -7,30 +7,13 @@ import change_room
 import numpy as np
 import pytest
 import update_room
+from command import gslts
 from PIL import Image
-from test_cli_sim import gslts
+from update_room import looks_at_the_change
 
 from gslts.camera_files import cameras_of_map
 from gslts.map_folder import open_versions, read_map
 from gslts.sim.capture import capture
-from gslts.sim.robot_body import Look
-
-
-def looks_at_the_change() -> list[Look]:
-    """First some at once, so that the change is believed, then all around."""
-    found = update_room.collected("removal")
-    looks = []
-    for view in (*found.views[:1] * 4, *found.views):
-        pose = view.camera.world_from_camera
-        x, y, z = pose[:3, 2]
-        looks.append(
-            Look(
-                np.round(pose[:2, 3] / 0.25) * 0.25,
-                float(np.rad2deg(np.arctan2(y, x))),
-                float(np.rad2deg(np.arcsin(-z))),
-            )
-        )
-    return looks
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import change_room
 import numpy as np
 import pytest
 import update_room
-from update_room import ADDED, REMOVED
+from update_room import ADDED, REMOVED, SMALL
 
 from gslts._core import edit as core
 from gslts.gaussian_map import GaussianMap
@@ -14,9 +14,6 @@ from gslts.render import render
 from gslts.update.config import LITERAL, EditConfig
 from gslts.update.edit import Edit, pre_edit, removed_by
 from gslts.update.views import View
-
-SMALL = EditConfig(voxel_m=0.02)
-"""Pictures of 160 px do not resolve more."""
 
 
 def edited(kind: str, config: EditConfig = SMALL, **settings: object) -> Edit:

@@ -6,7 +6,7 @@ import change_room
 import numpy as np
 import pytest
 import update_room
-from test_update_edit import SMALL
+from update_room import SMALL
 
 from gslts.camera import at_pose
 from gslts.gaussian_map import GaussianMap

@@ -8,24 +8,16 @@ import change_room
 import numpy as np
 import pytest
 import update_room
-from test_update_edit import SMALL
-from update_room import COLLECT, REMOVED
+from update_room import REMOVED, UPDATE, Changing, run_update, run_updates
 
 from gslts.camera import at_pose
-from gslts.change.changes import Change
 from gslts.change.detect import ChangeDetector
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import GaussianMap
 from gslts.render import render
-from gslts.robot import Robot
 from gslts.sim.controller import Controller
 from gslts.sim.home import Home
-from gslts.update.config import RefineConfig, UpdateConfig
 from gslts.update.updater import Update, _moved_once, update, updated_with
-
-CONFIG = UpdateConfig(
-    collect=COLLECT, edit=SMALL, refine=RefineConfig(iterations=60, around_px=15), threads=1
-)
 
 
 class Spoilt:
@@ -45,43 +37,6 @@ class Spoilt:
         self, position: np.ndarray, yaw_rad: float, pitch_rad: float | None = None
     ) -> bool:
         return self._robot.move_towards(position, yaw_rad, pitch_rad)
-
-
-class Changing:
-    """A robot in a home that becomes another one after some frames."""
-
-    def __init__(self, first: Home, then: Home, frames: int) -> None:
-        self._robots, self._left = [update_room.robot_in(one) for one in (first, then)], frames
-
-    def observe(self) -> RgbdFrame:
-        self._left -= 1
-        return self._robots[0 if self._left >= 0 else 1].observe()
-
-    def reachable_positions(self) -> np.ndarray:
-        return self._robots[0].reachable_positions()
-
-    def move_towards(
-        self, position: np.ndarray, yaw_rad: float, pitch_rad: float | None = None
-    ) -> bool:
-        first, second = self._robots
-        arrived = first.move_towards(position, yaw_rad, pitch_rad)
-        return second.move_towards(position, yaw_rad, pitch_rad) and arrived
-
-
-def run(robot: Robot, kind: str = "removal", change: Change | None = None) -> Update:
-    return run_all(robot, [change or update_room.detected(kind)])
-
-
-def run_all(robot: Robot, changes: list[Change]) -> Update:
-    gaussian_map, cameras = change_room.mapped()
-    return update(
-        gaussian_map,
-        list(cameras.values()),
-        changes,
-        robot,
-        CONFIG,
-        detector=change_room.detector(),
-    )
 
 
 def refused(result: Update) -> str:
@@ -105,7 +60,7 @@ def psnr_db(gaussian_map: GaussianMap, home: Home) -> float:
 def test_the_updated_map_shows_the_change(kind: str) -> None:
     before, _ = change_room.mapped()
     home = update_room.changed_home(kind)
-    result = run(update_room.robot_in(home, "kinect"), kind)
+    result = run_update(update_room.robot_in(home, "kinect"), kind)
     record = result.record
     assert record.refused is None
     assert record.kinds == (kind,)
@@ -121,7 +76,7 @@ def test_the_updated_map_shows_the_change(kind: str) -> None:
 
 
 def test_no_gaussian_is_left_where_the_object_was() -> None:
-    result = run(update_room.robot_in(update_room.changed_home("removal")))
+    result = run_update(update_room.robot_in(update_room.changed_home("removal")))
     assert update_room.opaque_in(result.gaussian_map, REMOVED, 0.03) == 0
 
 
@@ -129,12 +84,12 @@ def test_added_and_removed_again_it_is_as_it_was() -> None:
     home = change_room.home()
     before, cameras = change_room.mapped()
     known = list(cameras.values())
-    added = run(update_room.robot_in(update_room.changed_home("addition")), "addition")
-    detector = ChangeDetector(added.gaussian_map, change_room.CONFIG, cameras=known)
+    added = run_update(update_room.robot_in(update_room.changed_home("addition")), "addition")
+    detector = ChangeDetector(added.gaussian_map, change_room.UPDATE, cameras=known)
     robot = update_room.robot_in(home)
     (change, *_) = detector.detect(robot.observe()).changes
     assert change.kind == "removal"
-    back = update(added.gaussian_map, known, [change], robot, CONFIG, detector=detector)
+    back = update(added.gaussian_map, known, [change], robot, UPDATE, detector=detector)
     assert back.record.refused is None
     assert psnr_db(back.gaussian_map, home) > psnr_db(before, home) - 0.3
 
@@ -143,7 +98,7 @@ def test_a_change_that_cannot_be_reached_is_left() -> None:
     nowhere = Spoilt(update_room.robot_in(update_room.changed_home("removal")), lambda _, f: f)
     nowhere.reachable_positions = lambda: np.zeros((0, 2))  # type: ignore[method-assign]
     assert (
-        refused(run(nowhere))
+        refused(run_update(nowhere))
         == "0 view(s) show the change, 2 are needed: no place around it is reachable"
     )
 
@@ -153,21 +108,21 @@ def test_dark_frames_are_no_views() -> None:
         return replace(frame, rgb=np.zeros_like(frame.rgb)) if number > 1 else frame
 
     robot = Spoilt(update_room.robot_in(update_room.changed_home("removal")), darken)
-    result = run(robot)
+    result = run_update(robot)
     assert refused(result).startswith("0 view(s) show the change, 2 are needed: frame 2: ")
     assert "black" in refused(result)
     assert len(result.record.skipped) >= 8
 
 
 def test_a_false_alarm_changes_nothing() -> None:
-    reason = refused(run(update_room.robot_in(change_room.home())))
+    reason = refused(run_update(update_room.robot_in(change_room.home())))
     assert re.fullmatch(r"only 0 of \d+ views show something gone there", reason)
 
 
 def test_a_false_alarm_beside_a_change_is_left() -> None:
     alarm, change = update_room.detected("removal"), update_room.detected("addition")
     home = update_room.changed_home("addition")
-    result = run_all(update_room.robot_in(home), [alarm, change])
+    result = run_updates(update_room.robot_in(home), [alarm, change])
     assert result.record.refused is None
     assert result.changes == (change,)
     ((left, why),) = result.left
@@ -180,7 +135,7 @@ def test_a_false_alarm_beside_a_change_is_left() -> None:
 
 def test_what_left_and_is_not_where_it_was_seen_is_gone() -> None:
     home = change_room.home().without(["Box|2"])
-    result = run(update_room.robot_in(home), "relocation")
+    result = run_update(update_room.robot_in(home), "relocation")
     assert [change.kind for change in result.changes] == ["removal"]
     assert result.record.kinds == ("removal",)
     assert result.changes[0].boxes[1] is None
@@ -193,7 +148,7 @@ def test_what_came_and_left_nothing_behind_is_new() -> None:
     blue = update_room.changed_home("relocation").objects[-1]
     home = change_room.home()
     home = replace(home, objects=(*home.objects, replace(blue, id="Box|9")))
-    result = run(update_room.robot_in(home), "relocation")
+    result = run_update(update_room.robot_in(home), "relocation")
     assert [change.kind for change in result.changes] == ["addition"]
     before, _ = change_room.mapped()
     assert psnr_db(result.gaussian_map, home) > psnr_db(before, home) + 1
@@ -209,14 +164,14 @@ def test_what_moved_to_where_no_view_can_be_had_is_left() -> None:
         low, high = after.low + np.array([9, 0, 0]), after.high + np.array([9, 0, 0])
 
     robot = update_room.robot_in(update_room.changed_home("relocation"))
-    reason = refused(run(robot, change=replace(change, after=Outside())))  # type: ignore[arg-type]
+    reason = refused(run_update(robot, change=replace(change, after=Outside())))  # type: ignore[arg-type]
     assert reason == "0 view(s) show the change, 2 are needed: no place around it is reachable"
 
 
 def test_a_change_without_a_place_changes_nothing() -> None:
     change = replace(update_room.detected("removal"), before=None)
     robot = update_room.robot_in(update_room.changed_home("removal"))
-    assert refused(run(robot, change=change)) == "its place is not known"
+    assert refused(run_update(robot, change=change)) == "its place is not known"
 
 
 def test_without_depth_in_what_changed_nothing_is_done() -> None:
@@ -234,14 +189,14 @@ def test_without_depth_in_what_changed_nothing_is_done() -> None:
         return replace(frame, depth=np.where(inside, 0, frame.depth).astype(np.float32))
 
     robot = Spoilt(update_room.robot_in(update_room.changed_home("addition")), hide)
-    reason = refused(run(robot, "addition"))
+    reason = refused(run_update(robot, "addition"))
     assert re.fullmatch("depth is measured in [0-9] % of what changed", reason)
 
 
 @pytest.mark.parametrize("frames", [5, 7])
 def test_an_object_that_moves_again_meanwhile_is_left(frames: int) -> None:
     robot = Changing(update_room.changed_home("addition"), change_room.home(), frames)
-    reason = refused(run(robot, "addition"))
+    reason = refused(run_update(robot, "addition"))
     assert re.fullmatch(r"\d\d % of what changed moved again while it was looked at", reason)
 
 
@@ -273,8 +228,8 @@ def test_one_wrong_pose_does_no_harm() -> None:
         return replace(frame, camera=at_pose(frame.camera, pose))
 
     home = update_room.changed_home("removal")
-    good = run(update_room.robot_in(home))
-    bad = run(Spoilt(update_room.robot_in(home), shift))
+    good = run_update(update_room.robot_in(home))
+    bad = run_update(Spoilt(update_room.robot_in(home), shift))
     assert bad.record.refused is None
     assert psnr_db(bad.gaussian_map, home) > psnr_db(good.gaussian_map, home) - 0.3
 
@@ -291,7 +246,7 @@ def test_an_update_that_fits_no_better_is_refused() -> None:
         for k, view in enumerate(found.views)
     ]
     result, record = updated_with(
-        before, list(cameras.values()), replace(found, views=tuple(seen)), CONFIG
+        before, list(cameras.values()), replace(found, views=tuple(seen)), UPDATE
     )
     assert result is before
     assert record.refused is not None

@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from videos import write
 
 from gslts.video import Video
 
@@ -14,18 +15,11 @@ SIZE = (64, 48)
 LIMITED = """
 import resource, signal, sys
 from pathlib import Path
-from test_video import write
+from videos import write
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2)
 write(Path("a.mp4"), 100)
 """
-
-
-def write(path: Path, count: int) -> None:
-    rng = np.random.default_rng(0)
-    with Video(path, *SIZE) as video:
-        for _ in range(count):
-            video.add(rng.integers(0, 255, (48, 64, 3)).astype(np.uint8))
 
 
 @pytest.mark.parametrize("count", [1, 2, 60])

@@ -113,3 +113,9 @@ def furnished_home(lamp: str | None = None) -> Home:
     light = replace(home.lights[0], center=np.array([0.0, 0.0, 0.2]))
     mugs = [replace(mug, lights=(light,)) if mug.id == lamp else mug for mug in mugs]
     return replace(home, objects=(walls, replace(floor, receptacle=True), block, *mugs))
+
+
+def textured_home() -> Home:
+    rng = np.random.default_rng(0)
+    tiles = rng.integers(40, 220, (2, 2, 3)).astype(np.uint8).repeat(16, 0).repeat(16, 1)
+    return simple_home(wall=tiles)

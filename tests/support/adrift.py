@@ -7,7 +7,7 @@ from pathlib import Path
 
 import change_room
 import numpy as np
-from test_landmarks import folder_with, found
+from landmark_room import folder_with, found
 
 from gslts.camera import rotation
 from gslts.frame import RgbdFrame

@@ -1,5 +1,7 @@
 """Checks of many homes at once, in processes of their own; used by test_homes.py."""
 
+import hashlib
+
 import numpy as np
 
 from gslts.sim import make_home
@@ -58,3 +60,19 @@ def wrong_meshes(home: Home) -> list[str]:
 def signed_volume(vertices: np.ndarray, faces: np.ndarray) -> float:
     corners = (vertices - vertices.mean(axis=0))[faces]
     return float(np.einsum("fi,fi->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6)
+
+
+def digest(home: Home) -> str:
+    """Hash of all that a home is made of."""
+    result = hashlib.sha256(f"{home.name} {home.ambient.tolist()}".encode())
+    for thing in home.objects:
+        result.update(f"{thing.id} {thing.movable} {thing.receptacle} {thing.parent}".encode())
+        for array in (thing.boxes, thing.world_from_object):
+            result.update(array.tobytes())
+        for surface in thing.surfaces:
+            for part in (surface.vertices, surface.faces, surface.uvs, surface.texture):
+                result.update(np.ascontiguousarray(part).tobytes())
+    for light in home.all_lights:
+        for edge in (light.center, light.edge_u, light.edge_v, light.radiance):
+            result.update(edge.tobytes())
+    return result.hexdigest()
