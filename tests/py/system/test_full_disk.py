@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sim_scenes
+from videos import write
 
 from gslts.files import write_whole
 from gslts.sim.capture import capture
@@ -75,3 +76,32 @@ def test_an_error_in_writing_names_the_file(
     monkeypatch.undo()
     assert path.read_bytes() == b"old"
     assert [one.name for one in tmp_path.iterdir()] == ["file"]
+
+
+VIDEO_LIMITED = """
+import resource, signal, sys
+from pathlib import Path
+from videos import write
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2)
+write(Path("a.mp4"), 100)
+"""
+
+
+@pytest.mark.parametrize("share", [0, 0.01, 0.5, 0.99, 0.9987])
+def test_a_video_on_a_full_disk_leaves_what_was_there(tmp_path: Path, share: float) -> None:
+    write(tmp_path / "a.mp4", 100)
+    limit = int(share * (tmp_path / "a.mp4").stat().st_size)
+    (tmp_path / "a.mp4").write_bytes(b"old")
+    done = subprocess.run(
+        [sys.executable, "-c", f"import sys; sys.path += {sys.path}\n{VIDEO_LIMITED}", str(limit)],
+        cwd=tmp_path,
+        text=True,
+        capture_output=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith("OSError: a.mp4: "), done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["a.mp4"]
+    assert (tmp_path / "a.mp4").read_bytes() == b"old"

@@ -21,7 +21,7 @@ from gslts.store.map_store import INDEX, MapStore
 from gslts.store.records import Event
 from gslts.store.writer_lock import LOCK
 
-FAULTS = Path(__file__).parents[2] / "benchmarks" / "faults"
+FAULTS = Path(__file__).parents[3] / "benchmarks" / "faults"
 LOG = f"{INDEX}-wal"
 COMPILER = pytest.mark.skipif(shutil.which("cc") is None, reason="no compiler of C")
 MEMORY = Path("/dev/shm")

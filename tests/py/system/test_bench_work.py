@@ -8,6 +8,7 @@ import sys
 import time
 from pathlib import Path
 
+import bench_units
 import pytest
 from bench_units import Bar, CountingUnit
 
@@ -90,7 +91,7 @@ PROGRAM = """
 import signal
 import sys
 from pathlib import Path
-sys.path.insert(0, {tests!r})
+sys.path.insert(0, {support!r})
 from bench_units import Bar, CountingUnit
 from gslts.bench.work import run_units
 if __name__ == "__main__":
@@ -102,7 +103,7 @@ if __name__ == "__main__":
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_a_stop_leaves_whole_results_and_no_process(tmp_path: Path, how: signal.Signals) -> None:
-    program = PROGRAM.format(tests=str(Path(__file__).parent), folder=str(tmp_path))
+    program = PROGRAM.format(support=str(Path(bench_units.__file__).parent), folder=str(tmp_path))
     (tmp_path / "program.py").write_text(program)
     with subprocess.Popen(
         [sys.executable, tmp_path / "program.py"], stderr=subprocess.DEVNULL

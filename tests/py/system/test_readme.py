@@ -9,7 +9,7 @@ import change_room
 from gslts.sim.capture import capture
 from gslts.sim.controller import Controller
 
-README = Path(__file__).parents[2] / "README.md"
+README = Path(__file__).parents[3] / "README.md"
 
 
 def demo_in(folder: Path) -> None:
