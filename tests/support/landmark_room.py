@@ -4,6 +4,7 @@ from functools import cache
 from pathlib import Path
 
 import change_room
+from shared import looks_all_around
 
 from gslts.frame import RgbdFrame
 from gslts.map_folder import write_map_folder
@@ -16,13 +17,12 @@ from gslts.relocalize.landmarks import (
     Landmarks,
     landmarks_of,
 )
-from gslts.sim.explore import explore
 
 
 @cache
 def frames() -> tuple[RgbdFrame, ...]:
     """Of the room as it is mapped, with perfect depth."""
-    looks = [*explore(change_room.home(), 24)[0], *change_room.LOOKS]
+    looks = [*looks_all_around("change_room", change_room.home(), 24), *change_room.LOOKS]
     return tuple(change_room.see(change_room.home(), look) for look in looks)
 
 

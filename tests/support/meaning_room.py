@@ -1,14 +1,19 @@
 """The map of `change_room`, taught what its labels say."""
 
+import json
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import change_room
+import numpy as np
+from safetensors.numpy import load_file, save_file
+from shared import looks_all_around, made_once
 
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import GaussianMap
-from gslts.sim.explore import explore
 from gslts.sim.robot_body import Look
+from gslts.tasks.autoencoder import Autoencoder
 from gslts.tasks.embed import Embedded, embedded
 from gslts.tasks.meaning import Meaning
 from gslts.tasks.semantics import Oracle
@@ -17,7 +22,7 @@ from gslts.tasks.semantics import Oracle
 @cache
 def looks() -> list[Look]:
     """Some all around the room, and those at the block."""
-    return [*explore(change_room.home(), 16)[0], *change_room.LOOKS]
+    return [*looks_all_around("change_room", change_room.home(), 16), *change_room.LOOKS]
 
 
 def frames() -> list[RgbdFrame]:
@@ -27,8 +32,19 @@ def frames() -> list[RgbdFrame]:
 @cache
 def taught() -> tuple[GaussianMap, Embedded]:
     gaussian_map, _ = change_room.mapped()
-    found = embedded(gaussian_map, frames(), Oracle(), 8, threads=1)
-    return replace(gaussian_map, features=found.features), found
+
+    def make(folder: Path) -> None:
+        folder.mkdir()
+        found = embedded(gaussian_map, frames(), Oracle(), 8, threads=1)
+        np.save(folder / "features.npy", found.features)
+        save_file(dict(found.autoencoder.weights), folder / "autoencoder.safetensors")
+        (folder / "names.json").write_text(json.dumps(found.names))
+
+    folder = made_once("change_room_meaning", make)
+    features = np.load(folder / "features.npy")
+    autoencoder = Autoencoder(load_file(folder / "autoencoder.safetensors"))
+    names = tuple(json.loads((folder / "names.json").read_text()))
+    return replace(gaussian_map, features=features), Embedded(features, autoencoder, names)
 
 
 def meaning() -> Meaning:

@@ -3,6 +3,7 @@
 import change_room
 import numpy as np
 import pytest
+from shared import looks_all_around
 
 from gslts._core.map import GaussianViewFloat
 from gslts._core.raster import RasterizerFloat, RenderOptions
@@ -11,7 +12,6 @@ from gslts.frame import RgbdFrame
 from gslts.gaussian_map import GaussianMap
 from gslts.relocalize.coarse_maps import CoarseMaps, thinned
 from gslts.relocalize.pictures import Pictures
-from gslts.sim.explore import explore
 
 
 def volume(gaussian_map: GaussianMap) -> float:
@@ -29,7 +29,7 @@ def test_fewer_gaussians_fill_about_the_same_volume() -> None:
 
 def test_a_small_picture_of_fewer_gaussians_is_about_the_same() -> None:
     gaussian_map = change_room.mapped()[0]
-    look = explore(change_room.home(), 9)[0][0]
+    look = looks_all_around("change_room", change_room.home(), 9)[0]
     frame = change_room.see(change_room.home(), look).halved()
     maps = CoarseMaps(gaussian_map)
 

@@ -10,6 +10,7 @@ import pytest
 import update_room
 from landmark_room import found
 from landmark_room import frames as mapped_frames
+from shared import looks_all_around
 
 from gslts.camera import at_pose, moved, twist_of
 from gslts.frame import RgbdFrame
@@ -19,7 +20,6 @@ from gslts.relocalize.landmarks import Landmarks, joined, landmarks_of
 from gslts.relocalize.relocalizer import Localization, Relocalizer
 from gslts.relocalize.trust import fault_of_corners
 from gslts.sim.controller import Controller
-from gslts.sim.explore import explore
 
 ONE_THREAD = RelocalizationConfig(threads=1)
 AWAY = np.array([[0, -1, 0, 7.0], [1, 0, 0, -3], [0, 0, 1, 0], [0, 0, 0, 1]])
@@ -34,7 +34,7 @@ def relocalizer() -> Relocalizer:
 @cache
 def views() -> tuple[RgbdFrame, ...]:
     """Of the room as it was mapped, with the noise of a Kinect; poses are the true ones."""
-    looks = explore(change_room.home(), 9)[0]
+    looks = looks_all_around("change_room", change_room.home(), 9)
     frames = []
     for seed, look in enumerate(looks):
         true = change_room.see(change_room.home(), look)
@@ -201,7 +201,7 @@ def test_what_shows_nothing_of_the_map_is_lost(harmed) -> None:  # type: ignore[
 def test_a_large_picture_is_found_by_blocks_of_it() -> None:
     """Of 640 x 480: four resolutions, of which the map is thinned for three."""
     robot = Controller(change_room.home(), width=640, height=480)
-    for look in explore(change_room.home(), 3)[0]:
+    for look in looks_all_around("change_room", change_room.home(), 3):
         robot.go(look)
         frame = robot.observe()
         result = relocalizer().locate(without_pose(frame))
