@@ -142,10 +142,9 @@ def test_scripts_replay_bit_for_bit(task_file: Path) -> None:
     assert len(set(first)) == len(first), "the change, the noise and the move must show"
 
 
-def test_scripts_are_small_and_come_back(tasks: list[Task], tmp_path: Path) -> None:
+def test_scripts_come_back(tasks: list[Task], tmp_path: Path) -> None:
     for task in tasks:
         write_task(task, tmp_path / "t.json")
-        assert (tmp_path / "t.json").stat().st_size < 8000
         assert read_task(tmp_path / "t.json") == task
     assert [path.name for path in tmp_path.iterdir()] == ["t.json"]
 

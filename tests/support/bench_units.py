@@ -38,7 +38,7 @@ class CountingUnit:
                 os.kill(os.getpid(), signal.SIGKILL)
             if number == self.waits_at:
                 (self.folder / f"{os.getpid()}.pid").touch()
-                time.sleep(60)
+                time.sleep(3600)
             add({"id": name, "square": number**2, "process": os.getpid()})
             tell(1)
 

@@ -3,16 +3,13 @@
 import json
 import shutil
 import signal
-import subprocess
-import sys
-import time
 from collections import Counter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from command import gslts
+from command import gslts, stopped_at
 from PIL import Image
 
 from gslts.bench.detect_cases import (
@@ -121,23 +118,15 @@ def test_nothing_is_made_twice(done: Path) -> None:
 
 
 def test_a_killed_run_goes_on_where_it_stopped(done: Path, copied: Path) -> None:
-    program = "import sys; from gslts.cli import main; sys.argv[0] = 'gslts'; main()"
-    with subprocess.Popen([sys.executable, "-c", program, *RUN], cwd=copied) as process:
-        kept: list[Path] = []
-        while not kept or kept[0].read_bytes().count(b"\n") < 3:
-            assert process.poll() is None, "it was to be stopped before its end"
-            time.sleep(0.002)
-            kept = list((copied / "work").glob("detect/*"))
-        process.send_signal(signal.SIGKILL)
-    time.sleep(0.5)
+    at_the_third = stopped_at("gslts.bench.work:_keep", 3)
+    killed = gslts(*RUN, cwd=copied, before=at_the_third, session=True)
+    assert killed.returncode == -signal.SIGKILL
+    kept = list((copied / "work").glob("detect/*"))
     first = kept[0].read_bytes()
-    assert 3 <= first.count(b"\n") < 2 * sum(COUNTS.values())
-    time.sleep(0.5)
-    assert kept[0].read_bytes() == first, "nobody goes on behind the back of who stopped it"
+    assert first.count(b"\n") == 3
     again = gslts(*RUN, cwd=copied)
     assert again.returncode == 0, again.stderr
-    whole = first[: first.rfind(b"\n") + 1]
-    assert kept[0].read_bytes().startswith(whole)
+    assert kept[0].read_bytes().startswith(first)
     assert lines(copied) == lines(done)
 
 

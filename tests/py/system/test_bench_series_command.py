@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from bench_settings import SETTINGS
 from command import gslts
+from drawn import assert_drawn
 
 from gslts.bench.series import ANEW, BEFORE, MAPS, UPDATED
 from gslts.bench.series_report import GAIN
@@ -64,7 +65,7 @@ def test_the_table_and_the_plot_are_made(done: Path) -> None:
     text = (done / "stdout").read_text()
     assert "| kitchen_3, 4 changes |" in text
     assert GAIN in text
-    assert (done / "plot.png").stat().st_size > 10_000
+    assert_drawn(done / "plot.png")
 
 
 def test_a_file_that_cannot_be_written_is_named_before_the_work(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 import bench_units
 import pytest
 from bench_units import Bar, CountingUnit
+from command import LONG_S
 
 from gslts.bench.work import kept_results, run_units
 
@@ -110,7 +111,7 @@ def test_a_stop_leaves_whole_results_and_no_process(tmp_path: Path, how: signal.
     ) as process:
         worker = int(wait_for(lambda: [one.stem for one in tmp_path.glob("*.pid")])[0])
         process.send_signal(how)
-        process.wait(timeout=10)
+        process.wait(timeout=LONG_S)
     wait_for(lambda: not is_alive(worker))
     found = run_units([CountingUnit("a", tmp_path)], 1, Bar())
     assert squares(found["a"]) == expected("a")
@@ -120,7 +121,7 @@ def test_a_stop_leaves_whole_results_and_no_process(tmp_path: Path, how: signal.
 
 
 def wait_for(ask):
-    for _ in range(300):
+    for _ in range(int(LONG_S / 0.05)):
         answer = ask()
         if answer:
             return answer

@@ -38,7 +38,7 @@ def test_eval_command(weights: tuple[Path, Path], tmp_path: Path) -> None:
     assert result["gaussians"] == 200
     assert result["bytes"] == gaussian_map.nbytes
     assert result["bytes_per_gaussian"] == pytest.approx(result["bytes"] / 200)
-    assert 0 < result["render_ms"] < 1000
+    assert result["render_ms"] > 0
     files = ("--lpips-backbone", weights[0], "--lpips-heads", weights[1])
     done = run("eval", "map", *arguments, "--json", *files, cwd=tmp_path)
     assert done.returncode == 0, done.stderr

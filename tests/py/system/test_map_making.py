@@ -1,9 +1,7 @@
 """Maps are made of simulated visits, as the engine and as `gslts map` make them."""
 
 import json
-import subprocess
-import sys
-import time
+import signal
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +11,7 @@ import numpy as np
 import pytest
 from clocks import make_mapping_tick
 from command import gslts as run
+from command import stopped_at
 from sim_scenes import textured_home
 
 import gslts
@@ -204,24 +203,14 @@ def test_damaged_checkpoints_are_named(recorded: dict[str, Path], tmp_path: Path
 def test_a_killed_run_leaves_no_map_and_goes_on(recorded: dict[str, Path], tmp_path: Path) -> None:
     arguments = ["map", recorded["kinect"], "--out", "map", "--preset", "fast"]
     arguments += ["--iterations", "150", "--threads", "1"]
-    script = (
-        "import gslts.mapping.engine as engine; engine.SAVE_EVERY_S = 0.0;"
-        "from gslts.cli import main; main()"
-    )
-    command = [sys.executable, "-c", script, *map(str, arguments)]
+    save_often = "import gslts.mapping.engine as engine; engine.SAVE_EVERY_S = 0.0\n"
+    once = save_often + stopped_at("gslts.mapping.checkpoint:write_checkpoint", 1)
     checkpoint = tmp_path / "map.checkpoint.npz"
-    for _ in range(3):
-        again = ["--resume"] if checkpoint.exists() else []
-        with subprocess.Popen([*command, *again], cwd=tmp_path, stderr=subprocess.DEVNULL) as run_:
-            before = checkpoint.stat().st_mtime_ns if checkpoint.exists() else 0
-            while run_.poll() is None:
-                if checkpoint.exists() and checkpoint.stat().st_mtime_ns != before:
-                    run_.kill()
-                time.sleep(0.01)
-        if run_.returncode == 0:
-            break
+    for again in ((), ("--resume",), ("--resume",)):
+        killed = run(*arguments, *again, cwd=tmp_path, before=once)
+        assert killed.returncode == -signal.SIGKILL, killed.stderr
         assert not (tmp_path / "map").exists()
-    assert checkpoint.exists(), "it was killed at least once"
+    assert checkpoint.exists()
     done = run(*arguments, cwd=tmp_path)
     assert done.returncode == 1
     assert "go on with --resume, or remove it" in done.stderr

@@ -1,17 +1,12 @@
 """The command `gslts run`, as a user meets it."""
 
-import os
 import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import change_room
-import numpy as np
 import pytest
 import update_room
-from command import gslts
+from command import gslts, stopped_at
 from update_room import looks_at_the_change
 
 from gslts.loop.state import LoopState, read_state, write_state
@@ -19,6 +14,7 @@ from gslts.map_folder import open_versions, read_map
 from gslts.sim.capture import capture
 
 QUICK = ("--iterations", "20", "--threads", "1")
+FSYNCS = (1, 2, 4, 8, 12)
 
 
 @pytest.fixture(scope="module")
@@ -95,20 +91,13 @@ def test_what_is_left_of_another_recording_is_forgotten(workplace: Path, new_map
 def test_a_signal_stops_it_and_it_goes_on(
     workplace: Path, new_map: str, number: signal.Signals
 ) -> None:
-    program = "import sys; from gslts.cli import main; sys.argv[0] = 'gslts'; main()"
-    command = [sys.executable, "-c", program, "run", new_map, "--frames", "visit", *QUICK]
-    with subprocess.Popen(
-        command, cwd=workplace, text=True, stderr=subprocess.PIPE, stdout=subprocess.PIPE
-    ) as running:
-        state = workplace / new_map / "loop.json"
-        until_s = time.monotonic() + 60
-        while not state.exists() and time.monotonic() < until_s:
-            time.sleep(0.01)
-        os.kill(running.pid, number)
-        _, errors = running.communicate(timeout=60)
-    assert running.returncode == 1
-    assert errors.splitlines()[-1] == "gslts: stopped in round 0; the same command goes on there"
-    assert "Traceback" not in errors
+    at_the_first_state = stopped_at("gslts.loop.keeper:write_state", 1, number)
+    arguments = ("run", new_map, "--frames", "visit", *QUICK)
+    done = gslts(*arguments, cwd=workplace, before=at_the_first_state)
+    assert done.returncode == 1
+    last = done.stderr.splitlines()[-1]
+    assert last == "gslts: stopped in round 0; the same command goes on there"
+    assert "Traceback" not in done.stderr
     done = gslts("run", new_map, "--frames", "visit", *QUICK, cwd=workplace)
     assert done.returncode == 0, done.stderr
     with open_versions(workplace / new_map) as store:
@@ -117,17 +106,13 @@ def test_a_signal_stops_it_and_it_goes_on(
 
 
 def test_a_run_that_was_killed_goes_on(workplace: Path, new_map: str) -> None:
-    program = "from gslts.cli import main; main()"
-    command = [sys.executable, "-c", program, "run", new_map, "--frames", "visit", *QUICK]
+    """It is killed whenever it has written so many files, all of which it brings to the disk."""
+    arguments = ("run", new_map, "--frames", "visit", *QUICK)
     told = 1
-    for moment_s in np.random.default_rng(0).uniform(0.5, 4, 5):
-        with subprocess.Popen(
-            command, cwd=workplace, text=True, stderr=subprocess.DEVNULL, stdout=subprocess.PIPE
-        ) as running:
-            time.sleep(moment_s)
-            running.kill()
-            printed, _ = running.communicate(timeout=60)
-        told = max(told, 2 if "version 2: " in printed else 1)
+    for files in FSYNCS:
+        killed = gslts(*arguments, cwd=workplace, before=stopped_at("os:fsync", files))
+        assert killed.returncode == -signal.SIGKILL
+        told = max(told, 2 if "version 2: " in killed.stdout else 1)
         with open_versions(workplace / new_map) as store:
             assert store.problems() == []
             assert store.version().number in (told, 2)

@@ -7,6 +7,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
+from command import LONG_S
 from store_maps import random_map
 
 from gslts.store.map_store import MapStore
@@ -33,11 +34,11 @@ def test_one_process_writes_at_a_time(folder: Path) -> None:
     with MapStore(folder, writable=True):
         other = context.Process(target=_opens, args=(folder, answer))
         other.start()
-        assert "another process writes this map" in answer.get(timeout=30)
+        assert "another process writes this map" in answer.get(timeout=LONG_S)
         other.join()
     other = context.Process(target=_opens, args=(folder, answer))
     other.start()
-    assert answer.get(timeout=30) == ""
+    assert answer.get(timeout=LONG_S) == ""
     other.join()
 
 
@@ -64,7 +65,7 @@ def test_a_map_of_somebody_else_is_read(folder: Path) -> None:
         answer = context.Queue()
         stranger = context.Process(target=_reads_as_a_stranger, args=(place, answer))
         stranger.start()
-        read, refused = answer.get(timeout=30)
+        read, refused = answer.get(timeout=LONG_S)
         stranger.join()
         Path(name).chmod(0o755)
         for path in (place, *place.rglob("*")):
