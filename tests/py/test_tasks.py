@@ -325,25 +325,6 @@ def test_what_cannot_be_placed_is_counted_with_its_reason(
     assert maker.refused["no room on a SideTable for a Pillow"] > 0
 
 
-def test_every_task_of_many_homes_replays() -> None:
-    """Also where the robot would stand in the way if it were there."""
-    maker = TaskMaker(Setting(width=16, height=16), 0)
-    made = list(tasks_of(["kitchen", "living_room"], Path(), 0, 48, 12, maker))
-    assert len(made) == 48
-    homes = {
-        source: home
-        for (source, home), _ in zip(
-            homes_of(["kitchen", "living_room"], Path(), 0), range(4), strict=False
-        )
-    }
-    for task in made:
-        for changed in (False, True):
-            robot = task.start(homes[task.home], changed=changed)
-            assert (task.change.object_id in robot.home) == (
-                (task.change.box_after if changed else task.change.box_before) is not None
-            )
-
-
 def test_what_does_not_stand_in_a_file_is_left_alone() -> None:
     """Things that float or sink, as in many files, are no reason to fail."""
     home = make_home("bedroom", 2, detail=0.05)

@@ -34,6 +34,7 @@ def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.smoke
 def test_it_tells_what_changed_in_each_frame(workplace: Path) -> None:
     done = gslts(*MAP_AND_VISIT, "--threads", "1", cwd=workplace)
     assert done.returncode == 0, done.stderr

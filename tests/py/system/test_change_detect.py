@@ -16,6 +16,8 @@ from gslts.frame import RgbdFrame
 from gslts.sim.changes import place
 from gslts.sim.home import Home
 
+pytestmark = pytest.mark.smoke
+
 NEAR_M = 0.3
 RED_M, BLUE_M, FREE_M = (2.2, 1.85, 0.9), (3.0, 1.95, 0.9), (2.6, 1.85, 0.9)
 """Middles of the boxes on the block, and of a place between them."""

@@ -12,6 +12,8 @@ from typer.main import get_command
 import gslts
 from gslts.cli import app
 
+pytestmark = pytest.mark.smoke
+
 HEAVY = {"torch", "cv2", "open3d", "transformers", "scipy", "sklearn", "pydantic", "PIL"}
 
 

@@ -40,6 +40,7 @@ def test_homes_files_tasks_and_pictures(tmp_path: Path) -> None:
     assert (tmp_path / "pictures" / "flat.png").exists()
 
 
+@pytest.mark.smoke
 def test_captures_are_data_sets(tmp_path: Path) -> None:
     arguments = ("kitchen", "2", "--frames", "4", "--width", "64", "--height", "48")
     done = gslts("sim", "capture", *arguments, "--out", "set", cwd=tmp_path)

@@ -34,6 +34,7 @@ def robot_in(home: Home) -> Controller:
     return robot
 
 
+@pytest.mark.smoke
 def test_what_changed_on_the_way_is_repaired_and_the_robot_gets_there(folder: Path) -> None:
     said: list[str] = []
     moves: list[int] = []

@@ -12,6 +12,7 @@ from splat_files import ORIGIN, decoded
 from gslts.map_folder import read_map, write_map_folder
 
 
+@pytest.mark.smoke
 def test_export_command(tmp_path: Path) -> None:
     gaussian_map = scenes.random_map(30, sh_degree=2, dtype=np.float32, origin=ORIGIN)
     write_map_folder(tmp_path / "map", gaussian_map, {}, {})

@@ -124,6 +124,7 @@ def test_depth_of_a_lens_of_its_own_comes_along() -> None:
     np.testing.assert_allclose(np.linalg.inv(color) @ depth, shifted(0.03), atol=1e-9)
 
 
+@pytest.mark.smoke
 def test_a_robot_that_was_found_is_tracked_by_its_odometry() -> None:
     """Also over ways on which the picture alone would not be found again so."""
     localizer = adrift.localizer()

@@ -85,6 +85,7 @@ def off_m(camera: object, place: object) -> float:
     return float(np.linalg.norm(camera.world_from_camera[:3, 3] - np.asarray(place, float)))
 
 
+@pytest.mark.smoke
 def test_a_picture_alone_is_found(visited: Path) -> None:
     done = gslts("locate", "map", "visit/images/00000.png", "--threads", "1", cwd=visited)
     assert done.returncode == 0, done.stderr

@@ -99,6 +99,7 @@ def test_a_round_repairs_what_changed_and_the_next_one_has_nothing_to_do(folder:
         assert store.refusals() == []
 
 
+@pytest.mark.smoke
 def test_who_stops_it_and_goes_on_gets_the_same_map(folder: Path, tmp_path: Path) -> None:
     change_room.write_room_map(tmp_path / "other")
     with keeper_of(tmp_path / "other") as keeper:

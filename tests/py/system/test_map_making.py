@@ -67,6 +67,7 @@ def judged(result: MappingResult, folder: Path) -> Quality:
     return evaluate(result.gaussian_map, [Observation.of(frame.read()) for frame in frames])
 
 
+@pytest.mark.smoke
 def test_a_map_shows_what_was_kept_aside(recorded: dict[str, Path]) -> None:
     dataset = open_dataset(recorded["kinect"])
     seen = []
@@ -282,6 +283,7 @@ def test_the_end_comes_when_nothing_is_gained() -> None:
     assert not _settled(curve(*[20.0] * 20), 1.0)
 
 
+@pytest.mark.smoke
 def test_the_commands(recorded: dict[str, Path], tmp_path: Path) -> None:
     arguments = ("map", recorded["kinect"], "--iterations", "30", "--preset", "fast")
     done = run(*arguments, "--out", "map", cwd=tmp_path)

@@ -151,6 +151,7 @@ def run(*arguments: str) -> str:
     return result.stdout
 
 
+@pytest.mark.smoke
 def test_a_map_is_taught_asked_and_drawn_by_commands(tmp_path: Path) -> None:
     map_path, visit, picture = tmp_path / "map", tmp_path / "visit", tmp_path / "box.png"
     capture(Controller(change_room.home(), **change_room.SIZE), looks(), visit)

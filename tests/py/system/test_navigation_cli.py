@@ -39,6 +39,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.smoke
 def test_a_map_becomes_a_plan(folder: Path) -> None:
     layers = ("--category", "Mug", "--category", "Sofa")
     done = gslts("semantic-map", "map", *layers, "--out", "plan", cwd=folder)
@@ -66,6 +67,7 @@ def test_a_plain_map_has_no_words(folder: Path, monkeypatch: pytest.MonkeyPatch)
     assert not (folder / "none").exists()
 
 
+@pytest.mark.smoke
 def test_the_robot_goes(folder: Path) -> None:
     done = gslts("go", "map", "mug", "--robot", "home.glb", "--out", "way.png", cwd=folder)
     assert done.returncode == 0, done.stderr

@@ -5,9 +5,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import change_room
+import pytest
 
 from gslts.sim.capture import capture
 from gslts.sim.controller import Controller
+
+pytestmark = pytest.mark.smoke
 
 README = Path(__file__).parents[3] / "README.md"
 

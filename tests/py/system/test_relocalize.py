@@ -54,6 +54,7 @@ def without_pose(frame: RgbdFrame) -> RgbdFrame:
     return replace(frame, camera=at_pose(frame.camera, np.eye(4)))
 
 
+@pytest.mark.smoke
 def test_views_are_located_from_nothing() -> None:
     errors = []
     for frame in views():

@@ -42,6 +42,7 @@ def expected(gaussian_map: gslts.GaussianMap, camera: gslts.Camera) -> np.ndarra
     return np.rint(255 * rgb.clip(0, 1)).astype(np.uint8)
 
 
+@pytest.mark.smoke
 def test_one_view(folder: Path, gaussian_map: gslts.GaussianMap) -> None:
     """By the name of a camera of the map, and from files with and without intrinsics."""
     done = run("render", "map", "--pose", "in 3", "--out", "a", cwd=folder)

@@ -34,6 +34,7 @@ def new_map(workplace: Path, request: pytest.FixtureRequest) -> str:
     return name
 
 
+@pytest.mark.smoke
 def test_a_recording_updates_a_map(workplace: Path, new_map: str) -> None:
     done = gslts("run", new_map, "--frames", "visit", *QUICK, cwd=workplace)
     assert done.returncode == 0, done.stderr

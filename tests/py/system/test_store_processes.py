@@ -12,6 +12,8 @@ from store_maps import random_map
 
 from gslts.store.map_store import MapStore
 
+pytestmark = pytest.mark.smoke
+
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:

@@ -38,6 +38,7 @@ def updated(workplace: Path) -> list[str]:
     return done.stdout.splitlines()
 
 
+@pytest.mark.smoke
 def test_recorded_frames_update_a_map(workplace: Path, updated: list[str]) -> None:
     assert updated[0].startswith("removal at (2.")
     assert updated[-1].startswith("map is version 2 now: ")
@@ -59,6 +60,7 @@ def test_recorded_frames_update_a_map(workplace: Path, updated: list[str]) -> No
         assert picture.size == (3 * 160, 3 * 120)
 
 
+@pytest.mark.smoke
 def test_the_past_of_a_map_is_told(workplace: Path, updated: list[str]) -> None:
     assert updated
     printed = gslts("log", "map", cwd=workplace).stdout.splitlines()

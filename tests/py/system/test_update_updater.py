@@ -56,6 +56,7 @@ def psnr_db(gaussian_map: GaussianMap, home: Home) -> float:
     return float(-10 * np.log10(np.mean(errors)))
 
 
+@pytest.mark.smoke
 @pytest.mark.parametrize("kind", ["removal", "addition", "relocation"])
 def test_the_updated_map_shows_the_change(kind: str) -> None:
     before, _ = change_room.mapped()
