@@ -43,7 +43,7 @@ def updated(kind: update_room.Kind, *, labels: bool = True) -> Update:
 
     robot = Robot(update_room.changed_home(kind), **change_room.SIZE)
     robot.go(change_room.LOOKS[0])
-    detector = ChangeDetector(gaussian_map, change_room.UPDATE, cameras=cameras)
+    detector = ChangeDetector(gaussian_map, change_room.CONFIG, cameras=cameras)
     change = update_room.detected(kind)
     return update(
         gaussian_map, cameras, [change], robot, UPDATE, detector=detector, meaning=meaning()

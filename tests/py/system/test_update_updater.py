@@ -86,7 +86,7 @@ def test_added_and_removed_again_it_is_as_it_was() -> None:
     before, cameras = change_room.mapped()
     known = list(cameras.values())
     added = run_update(update_room.robot_in(update_room.changed_home("addition")), "addition")
-    detector = ChangeDetector(added.gaussian_map, change_room.UPDATE, cameras=known)
+    detector = ChangeDetector(added.gaussian_map, change_room.CONFIG, cameras=known)
     robot = update_room.robot_in(home)
     (change, *_) = detector.detect(robot.observe()).changes
     assert change.kind == "removal"
