@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -26,6 +27,7 @@ from gslts.tasks.localize import Queries
 from gslts.tasks.refine import refined
 from gslts.tasks.semantics import Oracle
 from gslts.tasks.semantics_files import read_semantics
+from gslts.tasks.train_autoencoder import trained
 from gslts.update.edit import near_sites
 from gslts.update.published import published
 from gslts.update.region import Site
@@ -184,7 +186,8 @@ def test_a_map_that_has_changed_is_not_taught_what_was(tmp_path: Path) -> None:
         run("semantics", str(map_path), str(visit))
 
 
-def test_a_damaged_autoencoder_is_named(tmp_path: Path) -> None:
+def test_a_damaged_autoencoder_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gslts.tasks.embed.trained", partial(trained, steps=20))
     map_path, visit = tmp_path / "map", tmp_path / "visit"
     capture(Controller(change_room.home(), **change_room.SIZE), change_room.LOOKS[:2], visit)
     cameras = {one.name: one.read().camera for one in open_dataset(visit).frames}
