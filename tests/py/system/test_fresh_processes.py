@@ -9,6 +9,7 @@ import home_checks
 import numpy as np
 import pytest
 import scenes
+from command import LONG_S
 from home_checks import digest
 
 from gslts.sim import make_home
@@ -19,7 +20,7 @@ from gslts.sim import make_home
 def test_child_renders_what_its_parent_renders(method):
     expected = scenes.render_bytes(2)  # The pool has started before the child does.
     with multiprocessing.get_context(method).Pool(1) as pool:
-        assert pool.apply_async(scenes.render_bytes, (2,)).get(timeout=60) == expected
+        assert pool.apply_async(scenes.render_bytes, (2,)).get(timeout=LONG_S) == expected
     assert scenes.render_bytes(2) == expected
 
 

@@ -13,6 +13,7 @@ import update_room
 from adrift import ODOMETRY_FROM_WORLD, Adrift
 from change_room import LOOKS, SIZE, see
 from update_room import LOOP
+from watching import LONG_S
 
 from gslts.camera import apart, at_pose, look_at, rotation
 from gslts.change.detect import ChangeDetector, Detection
@@ -240,7 +241,7 @@ def test_a_watch_looks_where_frames_were_taken() -> None:
     with ChangeMonitor(change_room.detector(), config, locate=located) as monitor:
         for frame in (afar(changed[0]), black(changed[0]), elsewhere(), *map(afar, changed[1:])):
             monitor.offer(frame)
-        assert monitor.wait(60)
+        assert monitor.wait(LONG_S)
         (report,) = monitor.poll()
     assert report.change.kind == "removal"
     assert (monitor.counts.looked_at, monitor.counts.unreliable) == (8, 2)
