@@ -5,14 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gslts.bench.localize_run import (
-    OURS,
-    Found,
-    Record,
-    Variant,
-    best_ious,
-    iou_of,
-)
+from gslts.bench.localize_run import OURS, Found, Record, Variant, best_ious, iou_of
 from gslts.bench.localize_tables import printed, summary
 from gslts.tasks.localize import Instance
 

@@ -8,15 +8,8 @@ from shared import looks_all_around
 
 from gslts.frame import RgbdFrame
 from gslts.map_folder import write_map_folder
-from gslts.relocalize.landmark_files import (
-    KEY,
-    digest_of,
-    keep_landmarks,
-)
-from gslts.relocalize.landmarks import (
-    Landmarks,
-    landmarks_of,
-)
+from gslts.relocalize.landmark_files import KEY, digest_of, keep_landmarks
+from gslts.relocalize.landmarks import Landmarks, landmarks_of
 
 
 @cache

@@ -12,12 +12,7 @@ import pytest
 from command import gslts, stopped_at
 from PIL import Image
 
-from gslts.bench.detect_cases import (
-    Case,
-    HomeCases,
-    counts_of,
-    frame_of,
-)
+from gslts.bench.detect_cases import Case, HomeCases, counts_of, frame_of
 from gslts.bench.detect_visits import LIGHT_SHIFT_M, noise_of_visit, with_light_moved
 from gslts.bench.homes import BenchHome, HomeSetup, default_state, homes_of
 from gslts.camera import rotation_vector

@@ -11,11 +11,7 @@ from command import gslts
 from gslts.bench.navigate_moved import NOT_UPDATED
 
 SETTINGS = ("--preset", "fast", "--set", "iterations=300", "--set", "rough_epochs=0")
-
-
 SMALL = ("--room", "kitchen", "--seeds", "3:4", "--size", "240x180", "--frames", "40")
-
-
 RUN = (
     "bench",
     "navigate",

@@ -13,11 +13,7 @@ from gslts.bench.relocalize_room import FOLDS
 from gslts.bench.relocalize_variants import ABLATION, OURS, TRADE
 
 SMALL = ("--room", "bedroom", "--seeds", "3:4", "--size", "240x180", "--frames", "32")
-
-
 MAPPED = (*SETTINGS, "--set", "voxel_m=0.05", "--work", "work")
-
-
 RUN = ("bench", "relocalize", *SMALL, *MAPPED, "--views", "4", "--ablation", "--trade", "t.png")
 
 

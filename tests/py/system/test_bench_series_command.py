@@ -13,8 +13,6 @@ from gslts.bench.series import ANEW, BEFORE, MAPS, UPDATED
 from gslts.bench.series_report import GAIN
 
 SMALL = ("--room", "kitchen", "--seeds", "3:4", "--changes", "4", "--every", "2")
-
-
 RUN = ("bench", "series", *SMALL, "--size", "240x180", "--frames", "32", *SETTINGS)
 
 

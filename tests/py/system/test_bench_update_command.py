@@ -13,8 +13,6 @@ from gslts.bench.update_methods import METHODS
 from gslts.bench.update_run import MARKS
 
 SMALL = ("--room", "kitchen", "--seeds", "3:4", "--tasks", "3", "--size", "240x180")
-
-
 RUN = ("bench", "update", *SMALL, "--frames", "32", *SETTINGS, "--set", "voxel_m=0.05")
 
 

@@ -44,8 +44,6 @@ CONFIG = MappingConfig(
     coarse_share=0.3,
     variant_steps=0,
 )
-
-
 MAP_ARRAYS = ("means", "quats", "log_scales", "logit_opacities", "sh", "ids")
 
 
