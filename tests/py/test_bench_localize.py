@@ -1,4 +1,4 @@
-"""`gslts bench localize` as a user meets it, in one small home, and how it counts."""
+"""How `gslts bench localize` counts."""
 
 from pathlib import Path
 

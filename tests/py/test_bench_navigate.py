@@ -1,4 +1,4 @@
-"""`gslts bench navigate`: scores by hand, what is true of a home, and a run as a user meets it."""
+"""`gslts bench navigate`: scores by hand, and what is true of a home."""
 
 from functools import cache
 

@@ -1,4 +1,4 @@
-"""`gslts bench relocalize` as a user meets it, in one small home, and the frames it asks about."""
+"""The frames that `gslts bench relocalize` asks about."""
 
 from dataclasses import replace
 from pathlib import Path

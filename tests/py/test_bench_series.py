@@ -1,4 +1,4 @@
-"""`gslts bench series` as a user meets it, in one small home."""
+"""The table and the plot of `gslts bench series`."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""`gslts bench update` as a user meets it, in one small home."""
+"""The ablation and the figures of `gslts bench update`."""
 
 from typing import Any
 

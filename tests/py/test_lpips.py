@@ -1,4 +1,4 @@
-"""LPIPS against the layers written out one by one, and `gslts eval` with and without weights."""
+"""LPIPS against the layers written out one by one."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""From a data set to a map: what it reaches, that it repeats, and what stops it."""
+"""Settings of mapping, and folders of maps."""
 
 import json
 from pathlib import Path

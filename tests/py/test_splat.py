@@ -1,4 +1,4 @@
-"""Export: .splat as another program decodes it, and PLY files of and for other programs."""
+""".splat files as another program decodes them."""
 
 import struct
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Videos are there whole or not at all."""
+"""Videos are whole."""
 
 from pathlib import Path
 
