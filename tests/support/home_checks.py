@@ -1,4 +1,4 @@
-"""Checks of many homes at once, in processes of their own; used by test_homes.py."""
+"""Checks of homes, for processes of their own, too."""
 
 import hashlib
 

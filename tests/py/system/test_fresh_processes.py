@@ -1,4 +1,4 @@
-"""A child process renders like its parent, however it was started."""
+"""What holds in a process that has just started."""
 
 import multiprocessing
 import subprocess

@@ -1,4 +1,4 @@
-"""A disk that is full while a map is made: one clear line, and nothing that looks finished."""
+"""A disk that is full: one clear line, and nothing that looks finished."""
 
 import subprocess
 import sys
