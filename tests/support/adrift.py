@@ -49,6 +49,7 @@ class Adrift:
 
 @cache
 def relocalizer() -> Relocalizer:
+    """Return the relocalizer of the mapped room."""
     return Relocalizer(change_room.mapped()[0], found(), CONFIG)
 
 

@@ -47,12 +47,14 @@ def put(
 
 
 def told(images: Images, rule: ObjectRule = RULE, camera: Camera = CAMERA) -> tuple[Change, ...]:
+    """Return the changes that the rules find in images."""
     views = core.Views(camera=camera, **images)
     surfaces, labels = core.changed_surfaces(views, core.masks_of(views, MaskRule()), rule)
     return object_changes(surfaces, labels, rule)
 
 
 def of_the_paper(side: str) -> Change:
+    """Return the change that the strategy "paper" finds where one box came or went."""
     images = blank()
     put(images, side, (40, 20 if side == "before" else 100))
     views = core.Views(camera=CAMERA, **images)

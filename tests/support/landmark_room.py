@@ -21,6 +21,7 @@ def frames() -> tuple[RgbdFrame, ...]:
 
 @cache
 def found() -> Landmarks:
+    """Return the landmarks of the mapped room."""
     return landmarks_of(change_room.mapped()[0], frames(), threads=1)
 
 

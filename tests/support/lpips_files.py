@@ -32,6 +32,7 @@ def write_weights(folder: Path) -> tuple[Path, Path]:
 
 
 def frames_of(gaussian_map: gslts.GaussianMap, gain: float) -> list[RgbdFrame]:
+    """Return what three cameras see of a map, all colours times a gain."""
     frames = []
     for angle in (0.0, 1.0, 2.0):
         camera = scenes.orbit_camera(80, 60, angle_rad=angle)
@@ -54,6 +55,7 @@ def dim_map() -> gslts.GaussianMap:
 
 
 def write_nerfstudio(folder: Path, frames: list[RgbdFrame]) -> None:
+    """Write frames without depth in nerfstudio's layout."""
     folder.mkdir()
     entries = []
     for number, frame in enumerate(frames):

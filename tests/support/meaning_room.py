@@ -26,11 +26,13 @@ def looks() -> list[Look]:
 
 
 def frames() -> list[RgbdFrame]:
+    """Return what is seen at `looks`."""
     return [change_room.see(change_room.home(), look) for look in looks()]
 
 
 @cache
 def taught() -> tuple[GaussianMap, Embedded]:
+    """Return the map with features, and what they mean; made once a run."""
     gaussian_map, _ = change_room.mapped()
 
     def make(folder: Path) -> None:
@@ -48,5 +50,6 @@ def taught() -> tuple[GaussianMap, Embedded]:
 
 
 def meaning() -> Meaning:
+    """Return the meaning of the map, as updates take it."""
     _, found = taught()
     return Meaning(Oracle(), found.autoencoder, found.names)

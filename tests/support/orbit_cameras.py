@@ -27,6 +27,7 @@ def around(count: int, *, roll_rad: float = 0.0) -> dict[str, gslts.Camera]:
 
 
 def entry(camera: gslts.Camera, *, lens: bool = True) -> dict[str, Any]:
+    """Return a camera as it stands in a JSON file."""
     names = ("fx", "fy", "cx", "cy", "width", "height") if lens else ()
     values = {name: getattr(camera, name) for name in names}
     return {**values, "world_from_camera": camera.world_from_camera.tolist()}

@@ -27,4 +27,5 @@ def columns_of(gaussians: gslts.GaussianMap) -> dict[str, NDArray[np.float32]]:
 
 
 def float_map(size: int, **options: Any) -> gslts.GaussianMap:
+    """Return a map of random numbers in float32, as PLY files hold them."""
     return scenes.random_map(size, dtype=np.float32, **options)

@@ -10,6 +10,7 @@ LOOKS = [Look(np.array([1.0, y]), yaw, 30.0) for y, yaw in ((1.0, 0.0), (1.0, 45
 
 
 def frames_of_robot(width: int = 64, height: int = 48) -> list:
+    """Return the frames that a robot sees at `LOOKS`."""
     robot = Controller(sim_scenes.simple_home(), width=width, height=height)
     frames = []
     for look in LOOKS:

@@ -71,6 +71,7 @@ def _shell(low: tuple[float, ...], high: tuple[float, ...], thickness: float = 0
 
 
 def plain(value: int) -> np.ndarray:
+    """Return a texture of one grey."""
     return np.full((4, 4, 3), value, np.uint8)
 
 
@@ -116,6 +117,7 @@ def furnished_home(lamp: str | None = None) -> Home:
 
 
 def textured_home() -> Home:
+    """Return `simple_home` with tiles on its walls."""
     rng = np.random.default_rng(0)
     tiles = rng.integers(40, 220, (2, 2, 3)).astype(np.uint8).repeat(16, 0).repeat(16, 1)
     return simple_home(wall=tiles)

@@ -12,6 +12,7 @@ from gslts.store.map_store import BLOBS, MapStore
 
 
 def random_map(size: int, seed: int = 0, features: int = 2) -> GaussianMap:
+    """Return a map of random numbers, float32, with harmonics of degree 1."""
     rng = np.random.default_rng(seed)
 
     def normal(*shape: int) -> np.ndarray:
@@ -39,6 +40,7 @@ def edited(before: GaussianMap, seed: int, next_id: int) -> GaussianMap:
 
 
 def assert_same(one: GaussianMap, other: GaussianMap) -> None:
+    """Fail unless all arrays, ids and origins are equal."""
     for name in (*ARRAYS, "ids", "origin"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
 
@@ -54,4 +56,5 @@ def grown(folder: Path, count: int) -> list[GaussianMap]:
 
 
 def blobs_of(folder: Path) -> list[Path]:
+    """Return the files of arrays of a map folder."""
     return sorted((folder / BLOBS).glob("*/*.safetensors"))

@@ -44,10 +44,12 @@ ADDED = (np.array([2.48, 1.58, 0.75]), np.array([2.72, 1.82, 1.05]))
 
 
 def yellow() -> HomeObject:
+    """Return a yellow box on the block."""
     return change_room.thing("Box|3", 2.6, 1.7, YELLOW, "Block|1")
 
 
 def changed_home(kind: Kind) -> Home:
+    """Return the room after a change."""
     home = change_room.home()
     if kind == "removal":
         return home.without(["Box|1"])
@@ -74,6 +76,7 @@ def detected(kind: Kind) -> Change:
 
 @cache
 def collected(kind: Kind) -> Collection:
+    """Return what a robot collects around the change; made once a process."""
     found = collect(robot_in(changed_home(kind)), change_room.detector(), [detected(kind)], COLLECT)
     assert found.changes == (detected(kind),)
     return found
@@ -110,10 +113,12 @@ class Changing:
 
 
 def run_update(robot: Robot, kind: str = "removal", change: Change | None = None) -> Update:
+    """Update the map of the room for a change, by default the one that is detected first."""
     return run_updates(robot, [change or detected(kind)])
 
 
 def run_updates(robot: Robot, changes: list[Change]) -> Update:
+    """Update the map of the room for several changes."""
     gaussian_map, cameras = change_room.mapped()
     return update(
         gaussian_map,
