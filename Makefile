@@ -1,5 +1,5 @@
 # Each target sets up what it needs first; scripts/ does the work.
-.PHONY: help demo test test-arm bench fuzz lint format clean
+.PHONY: help demo test test-all test-arm bench fuzz lint format clean
 
 help:  ## List the targets
 	@sed -n 's/^\([a-z-]*\):  ## /\1\t/p' Makefile | expand -t 12
@@ -7,8 +7,11 @@ help:  ## List the targets
 demo:  ## Let a robot map a room and keep the map up to date for a day of changes, in demo
 	@scripts/demo
 
-test:  ## Build, then run the C++ and Python tests
+test:  ## Build, then run the C++ tests, the unit tests and a system test of each stage
 	@scripts/test
+
+test-all:  ## Build, then run all C++ and Python tests
+	@scripts/test all
 
 test-arm:  ## Cross-compile the C++ tests for 64-bit ARM and run them under QEMU
 	@scripts/setup arm

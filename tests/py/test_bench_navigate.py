@@ -1,17 +1,12 @@
-"""`gslts bench navigate`: scores by hand, what is true of a home, and a run as a user meets it."""
+"""`gslts bench navigate`: scores by hand, and what is true of a home."""
 
-import json
-from collections.abc import Callable
 from functools import cache
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import surfel_room
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
-from test_cli_sim import gslts
 
 from gslts.bench.navigate_episodes import LEAST_M, episodes_of
 from gslts.bench.navigate_moved import NOT_UPDATED
@@ -22,21 +17,6 @@ from gslts.bench.navigate_walker import Walker
 from gslts.sim.controller import Controller
 from gslts.sim.home import pose
 from gslts.sim.robot_body import Look
-
-SETTINGS = ("--preset", "fast", "--set", "iterations=300", "--set", "rough_epochs=0")
-SMALL = ("--room", "kitchen", "--seeds", "3:4", "--size", "240x180", "--frames", "40")
-RUN = (
-    "bench",
-    "navigate",
-    *SMALL,
-    *SETTINGS,
-    "--set",
-    "voxel_m=0.05",
-    "--episodes",
-    "3",
-    "--moved",
-    "2",
-)
 
 
 def record(success: bool, shortest_m: float, walked_m: float, room: str = "kitchen") -> Record:
@@ -177,56 +157,3 @@ def test_the_walker_does_not_jump_over_the_block() -> None:
     assert walker.move_towards(np.array([1.27, 0.52]), 1.0)  # The same place of the grid.
     assert walker.length_m == pytest.approx(1.0)
     np.testing.assert_allclose(walker.places, [[1.25, 1.5], [1.25, 0.5]])
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., tuple[str, dict[str, Any]]]:
-    """Runs the benchmark in one folder; gives what it printed and its JSON."""
-    folder = tmp_path_factory.mktemp("bench")
-
-    def once(pictures: str) -> tuple[str, dict[str, Any]]:
-        outputs = ("--json", "all.json", "--pictures", pictures, "--work", "work")
-        done = gslts(*RUN, *outputs, cwd=folder)
-        assert done.returncode == 0, done.stderr
-        found = json.loads((folder / "all.json").read_text())
-        assert len(list((folder / pictures).glob("kitchen_3_00?_*.png"))) == 3
-        return done.stdout, found
-
-    return once
-
-
-def test_a_run_is_kept(run: Callable[..., tuple[str, dict[str, Any]]]) -> None:
-    text, found = run("one")
-    ids = [one["id"] for one in found["records"]]
-    assert ids[:3] == [f"kitchen_3/00{k}" for k in range(3)]
-    moved = found["records"][3:]
-    assert {one["id"].rpartition("/")[0] for one in moved} == {
-        f"kitchen_3/moved_{k:02}" for k in range(2)
-    }
-    assert found["summary"]["moved"]["relocations"][1] == 2
-    walked = [one for one in moved if one["status"] != NOT_UPDATED]
-    assert found["summary"]["moved"]["episodes"] == len(walked)
-    assert found["errors"] == {}
-    assert "| kitchen |" in text
-    assert found["summary"]["rooms"]["kitchen"]["episodes"] == 3
-    assert sum(one["success"] for one in found["records"][:3]) >= 2
-    for one in found["records"]:
-        assert one["success"] == (one["spl"] > 0)
-        assert one["walked_m"] == 0 or one["walked_m"] >= 0.25
-    again = run("two")
-    assert again == (text, found)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--seeds", "3"), "--seeds: expected A:B"),
-        (("--room", "bathroom"), "room types: expected some of"),
-        (("--size", "8x8"), "--size: expected WxH"),
-    ],
-)
-def test_bad_arguments_are_named(arguments: tuple[str, ...], message: str, tmp_path: Path) -> None:
-    done = gslts("bench", "navigate", *arguments, "--work", tmp_path / "work", cwd=tmp_path)
-    assert done.returncode == 1
-    assert message in done.stderr
-    assert not (tmp_path / "work").exists()

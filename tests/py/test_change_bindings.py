@@ -4,47 +4,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from change_images import CAMERA, HEIGHT, POSE, WALL_M, WIDTH, blank, put
 from hypothesis import given
 from hypothesis import strategies as st
 
 from gslts._core import detect as core
 from gslts._core.detect import ChangeType, MaskRule, ObjectRule, PaperRule
-from gslts.camera import Camera, look_at
-
-HEIGHT, WIDTH = 120, 160
-WALL_M = 2.0
-POSE = look_at(np.array([1.0, -2.0, 0.5]), np.array([2.0, 1.0, 0.3]))
-CAMERA = Camera(fx=150, fy=160, cx=78, cy=61, width=WIDTH, height=HEIGHT, world_from_camera=POSE)
-
-
-def blank() -> dict[str, np.ndarray]:
-    """A map that shows exactly what the camera saw."""
-    colors = np.full((HEIGHT, WIDTH, 3), 0.5, np.float32)
-    depth = np.full((HEIGHT, WIDTH), WALL_M, np.float32)
-    ones = np.ones((HEIGHT, WIDTH), np.float32)
-    return {
-        "photo": colors,
-        "rgb": colors.copy(),
-        "measured": depth,
-        "rendered": depth.copy(),
-        "alpha": ones,
-        "similarity": ones.copy(),
-    }
-
-
-def put(
-    images: dict[str, np.ndarray],
-    side: str,
-    corner: tuple[int, int],
-    size: tuple[int, int] = (24, 20),
-    depth_m: float = 1.6,
-    color: tuple[float, float, float] = (0.9, 0.2, 0.1),
-) -> None:
-    """A box that faces the camera: its first row and column, and its height and width in px."""
-    part = (slice(corner[0], corner[0] + size[0]), slice(corner[1], corner[1] + size[1]))
-    images["photo" if side == "after" else "rgb"][part] = color
-    images["measured" if side == "after" else "rendered"][part] = depth_m
-    images["similarity"][part] = 0
+from gslts.camera import Camera
 
 
 def found(

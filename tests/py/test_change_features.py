@@ -2,19 +2,13 @@
 
 import numpy as np
 import pytest
+from change_images import texture
 
 from gslts.change.features import OrientedGradients, extractor_of, similarity
 
 HEIGHT, WIDTH = 90, 120
 BORDER_PX = 16
 """Farther than the features look."""
-
-
-def texture(seed: int) -> np.ndarray:
-    """[H,W,3] random colours of 6 x 6 px, not too dark nor too bright."""
-    rng = np.random.default_rng(seed)
-    squares = rng.uniform(0.2, 0.8, (HEIGHT // 6, WIDTH // 6, 3)).astype(np.float32)
-    return squares.repeat(6, 0).repeat(6, 1)
 
 
 def likeness(one: np.ndarray, other: np.ndarray, halvings: int = 1) -> np.ndarray:

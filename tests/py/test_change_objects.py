@@ -2,23 +2,14 @@
 
 import numpy as np
 import pytest
-from test_change_bindings import CAMERA, blank, put
+from change_images import BLUE, CAMERA, RED, RULE, blank, of_the_paper, put, told
 
-from gslts._core import detect as core
-from gslts._core.detect import MaskRule, ObjectRule, PaperRule
+from gslts._core.detect import ObjectRule
 from gslts.camera import Camera, at_pose, look_at
-from gslts.change.changes import Change, joined, object_changes, paper_change
+from gslts.change.changes import Change, joined
 
-RED, BLUE = (0.9, 0.2, 0.1), (0.1, 0.2, 0.9)
-RULE = ObjectRule()
 ELSEWHERE = at_pose(CAMERA, look_at(np.array([3.0, -1.0, 0.9]), np.array([1.0, 1.0, 0.3])))
 Images = dict[str, np.ndarray]
-
-
-def told(images: Images, rule: ObjectRule = RULE, camera: Camera = CAMERA) -> tuple[Change, ...]:
-    views = core.Views(camera=camera, **images)
-    surfaces, labels = core.changed_surfaces(views, core.masks_of(views, MaskRule()), rule)
-    return object_changes(surfaces, labels, rule)
 
 
 def one_box(
@@ -152,15 +143,6 @@ def test_ends_are_one_of_each_time() -> None:
     assert joined(addition, removal, RULE) is None
     assert joined(removal, removal, RULE) is None
     assert joined(addition, addition, RULE) is None
-
-
-def of_the_paper(side: str) -> Change:
-    images = blank()
-    put(images, side, (40, 20 if side == "before" else 100))
-    views = core.Views(camera=CAMERA, **images)
-    found, labels = core.paper_change(views, core.masks_of(views, MaskRule()), PaperRule())
-    assert found is not None
-    return paper_change(found, labels)
 
 
 def test_changes_of_the_paper_have_no_ends_to_be_joined() -> None:

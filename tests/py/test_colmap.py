@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
-from test_datasets import frames_of_robot
+from recorded_frames import frames_of_robot
 
 from gslts.camera import Camera
 from gslts.datasets import Dataset, open_dataset

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import sim_scenes
 from PIL import Image
+from recorded_frames import LOOKS, frames_of_robot
 
 from gslts.camera import Camera
 from gslts.datasets import open_dataset
@@ -16,9 +17,6 @@ from gslts.datasets.tum import read_trajectory
 from gslts.datasets.undistort import Lens
 from gslts.sim.capture import capture
 from gslts.sim.controller import Controller
-from gslts.sim.viewpoints import Look
-
-LOOKS = [Look(np.array([1.0, y]), yaw, 30.0) for y, yaw in ((1.0, 0.0), (1.0, 45.0), (2.5, 330.0))]
 
 
 @pytest.fixture
@@ -27,21 +25,6 @@ def recorded(tmp_path: Path) -> Path:
     robot = Controller(sim_scenes.simple_home(), width=64, height=48)
     capture(robot, LOOKS, tmp_path / "room")
     return tmp_path / "room"
-
-
-def frames_of_robot(width: int = 64, height: int = 48) -> list:
-    robot = Controller(sim_scenes.simple_home(), width=width, height=height)
-    frames = []
-    for look in LOOKS:
-        x, y = look.place
-        robot.act(
-            "Teleport",
-            position={"x": x, "y": y},
-            rotation=look.yaw_deg,
-            horizon=look.horizon_deg,
-        )
-        frames.append(robot.observe())
-    return frames
 
 
 def test_nerfstudio_comes_back_as_it_was_seen(recorded: Path) -> None:

@@ -1,7 +1,6 @@
 """Wrong input is rejected with the name of the argument, and none of it crashes."""
 
 import threading
-import time
 from typing import Any
 
 import numpy as np
@@ -181,11 +180,12 @@ def test_rasterizer_turns_away_a_second_thread():
     rasterizer = gslts.Rasterizer()
     gaussians = scenes.random_map(2000, dtype=np.float32)
     camera = scenes.orbit_camera(400, 300)
-    give_up = time.monotonic() + 20
     errors: list[str] = []
 
     def render_until_turned_away() -> None:
-        while not errors and time.monotonic() < give_up:
+        for _ in range(2000):
+            if errors:
+                return
             try:
                 rasterizer.forward(gaussians, camera)
             except RuntimeError as error:

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 import trimesh
 from gltf_files import CUBE, Gltf, flat, one, sized
-from home_checks import signed_volume
+from home_checks import digest, signed_volume
 from PIL import Image
-from test_homes import digest
 
 from gslts.camera import camera_from_fov, look_at
 from gslts.sim import load_home, make_home, write_glb

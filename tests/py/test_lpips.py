@@ -1,6 +1,5 @@
-"""LPIPS against the layers written out one by one, and `gslts eval` with and without weights."""
+"""LPIPS against the layers written out one by one."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,37 +7,17 @@ import numpy as np
 import pytest
 import scenes
 import torch
-from PIL import Image
-from test_cli_sim import gslts as run
+from lpips_files import dim_map, frames_of, write_weights
 from torch import nn
 from torch.nn import functional
 
-import gslts
-from gslts.frame import RgbdFrame
 from gslts.lpips import LEAST_PX, Lpips
-from gslts.map_folder import write_map_folder
 from gslts.mapping.assess import assess
-
-SIZES = ((64, 3, 11), (192, 64, 5), (384, 192, 3), (256, 384, 3), (256, 256, 3))
-ROWS = (0, 3, 6, 8, 10)
 
 
 @pytest.fixture(scope="module")
 def weights(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """Random ones, in the layout of torchvision's and the authors' files."""
-    random = torch.Generator().manual_seed(0)
-    folder = tmp_path_factory.mktemp("weights")
-    backbone, heads = {}, {}
-    for number, (row, (outputs, inputs, kernel)) in enumerate(zip(ROWS, SIZES, strict=True)):
-        shape = (outputs, inputs, kernel, kernel)
-        scale = (inputs * kernel**2) ** -0.5
-        backbone[f"features.{row}.weight"] = scale * torch.randn(shape, generator=random)
-        backbone[f"features.{row}.bias"] = 0.1 * torch.randn(outputs, generator=random)
-        heads[f"lin{number}.model.1.weight"] = torch.rand((1, outputs, 1, 1), generator=random)
-    backbone["classifier.1.weight"] = torch.zeros(2, 2)  # There is more in it than is needed.
-    torch.save(backbone, folder / "alexnet.pth")
-    torch.save(heads, folder / "alex.pth")
-    return folder / "alexnet.pth", folder / "alex.pth"
+    return write_weights(tmp_path_factory.mktemp("weights"))
 
 
 def pictures() -> tuple[np.ndarray, np.ndarray]:
@@ -142,28 +121,6 @@ class Runs:
         return Path.touch, (self.path,)
 
 
-def frames_of(gaussian_map: gslts.GaussianMap, gain: float) -> list[RgbdFrame]:
-    frames = []
-    for angle in (0.0, 1.0, 2.0):
-        camera = scenes.orbit_camera(80, 60, angle_rad=angle)
-        images = gslts.render(gaussian_map, camera)
-        photo = np.rint(255 * (gain * images.rgb).clip(0, 1)).astype(np.uint8)
-        frames.append(RgbdFrame(photo, images.depth, camera))
-    return frames
-
-
-def dim_map() -> gslts.GaussianMap:
-    """No colour is clipped."""
-    gaussian_map = scenes.random_map(200, dtype=np.float32)
-    return gslts.GaussianMap(
-        means=gaussian_map.means,
-        quats=gaussian_map.quats,
-        log_scales=gaussian_map.log_scales,
-        logit_opacities=gaussian_map.logit_opacities,
-        sh=gaussian_map.sh.clip(-1.2, 1.2),
-    )
-
-
 def test_assessments_fit_the_exposure(weights: tuple[Path, Path]) -> None:
     gaussian_map, lpips = dim_map(), Lpips(*weights)
     found = assess(gaussian_map, frames_of(gaussian_map, 0.7), lpips)
@@ -173,7 +130,7 @@ def test_assessments_fit_the_exposure(weights: tuple[Path, Path]) -> None:
     assert found.lpips is not None
     assert other.lpips is not None
     assert found.lpips < 0.05 * other.lpips
-    assert 0 < found.render_ms < 1000
+    assert found.render_ms > 0
     assert assess(gaussian_map, frames_of(gaussian_map, 1.0)).lpips is None
     with pytest.raises(ValueError, match="there is no frame"):
         assess(gaussian_map, [])
@@ -193,47 +150,3 @@ def test_what_the_camera_did_not_see_is_not_assessed(weights: tuple[Path, Path])
     assert found < 0.05 * wrong
     nothing = [replace(frame, mask=np.zeros_like(seen)) for frame in masked]
     assert assess(gaussian_map, nothing, lpips).lpips == 0
-
-
-def test_eval_command(weights: tuple[Path, Path], tmp_path: Path) -> None:
-    gaussian_map = dim_map()
-    write_map_folder(tmp_path / "map", gaussian_map, {}, {})
-    write_nerfstudio(tmp_path / "set", frames_of(gaussian_map, 1.0))
-    arguments = ("set", "--every", "1")
-    done = run("eval", "map", *arguments, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "no LPIPS: it needs weights, --lpips-backbone and --lpips-heads" in done.stdout
-    done = run("eval", "map@1", *arguments, "--json", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    result = json.loads(done.stdout)
-    assert result["lpips"] is None
-    assert result["given"]["psnr_db"] > 40
-    assert result["gaussians"] == 200
-    assert result["bytes"] == gaussian_map.nbytes
-    assert result["bytes_per_gaussian"] == pytest.approx(result["bytes"] / 200)
-    assert 0 < result["render_ms"] < 1000
-    files = ("--lpips-backbone", weights[0], "--lpips-heads", weights[1])
-    done = run("eval", "map", *arguments, "--json", *files, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert 0 < json.loads(done.stdout)["lpips"] < 0.1
-    done = run("eval", "map", *arguments, *files[:2], cwd=tmp_path)
-    assert done.returncode == 1
-    assert done.stderr == "gslts: LPIPS needs both --lpips-backbone and --lpips-heads\n"
-    done = run("eval", "map", *arguments, *files[:3], weights[0], cwd=tmp_path)
-    assert done.returncode == 1
-    assert "alexnet.pth: there is no tensor lin0.model.1.weight" in done.stderr
-
-
-def write_nerfstudio(folder: Path, frames: list[RgbdFrame]) -> None:
-    folder.mkdir()
-    entries = []
-    for number, frame in enumerate(frames):
-        Image.fromarray(frame.rgb).save(folder / f"{number}.png")
-        pose = frame.camera.world_from_camera @ np.diag([1.0, -1, -1, 1])
-        entries.append({"file_path": f"{number}.png", "transform_matrix": pose.tolist()})
-    camera = frames[0].camera
-    header = {
-        "w": camera.width, "h": camera.height, "fl_x": camera.fx, "fl_y": camera.fy,
-        "cx": camera.cx, "cy": camera.cy, "frames": entries,
-    }  # fmt: skip
-    (folder / "transforms.json").write_text(json.dumps(header))

@@ -1,25 +1,17 @@
 """Frames that judge a map: those that cannot be used are skipped as when a map is made."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 import scenes
-import sim_scenes
-from test_cli_sim import gslts as run
 
-from gslts.datasets import Dataset, open_dataset
+from gslts.datasets import Dataset
 from gslts.frame import RgbdFrame
-from gslts.map_folder import write_map_folder
 from gslts.mapping.judge import Known, held_out_of, judging
 from gslts.mapping.observation import Observation
 from gslts.mapping.visit import Visit, every_eighth
-from gslts.sim.capture import capture
-from gslts.sim.controller import Controller
-from gslts.sim.viewpoints import Look
 
 COUNT = 30
 
@@ -125,25 +117,3 @@ def test_more_frames_than_memory_are_refused(monkeypatch: pytest.MonkeyPatch) ->
     with pytest.raises(ValueError, match=r"set: 30 frames take .* such as one in 9$"):
         held_out_of(seen(), Known({}), every=1)
     assert len(held_out_of(seen(), Known({}), every=10)[0]) == 3
-
-
-def test_eval_skips_and_tells(tmp_path: Path) -> None:
-    robot = Controller(sim_scenes.simple_home(), width=64, height=48, noise="none")
-    looks = [Look(np.array([1.0, 1.0]), yaw, 20.0) for yaw in np.arange(0.0, 360.0, 20.0)]
-    capture(robot, looks, tmp_path / "set")
-    frames = open_dataset(tmp_path / "set").frames
-    gaussian_map = scenes.random_map(100, dtype=np.float32)
-    cameras = {one.name: one.camera for k, one in enumerate(frames) if k % 8}
-    write_map_folder(tmp_path / "map", gaussian_map, {}, cameras)
-    torn = frames[8].rgb
-    torn.write_bytes(torn.read_bytes()[:200])
-    done = run("eval", "map", "set", "--json", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    result = json.loads(done.stdout)
-    assert result["given"]["frames"] == 2
-    (reason,) = result["skipped"]
-    assert reason.startswith(f"{frames[8].name}: set/")
-    assert done.stderr == f"skipped {reason}\n"
-    done = run("eval", "map", "set", "--every", "5", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("4 frames, poses given")

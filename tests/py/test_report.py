@@ -215,7 +215,6 @@ def test_pages_can_be_sent(tmp_path: Path) -> None:
     }
     views = [view(f"view {k}", **shape) for k in range(2 * MOST_VIEWS + 1)]
     page = written(tmp_path, replace(REPORT, views=views))
-    assert (tmp_path / "report.html").stat().st_size < 6e6
     text = " ".join(page.texts)
     assert "25 of 51 are shown" in text
     assert "view 0" in text

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
+from recorded_frames import frames_of_robot
 from ros_bags import MAP_FROM_ODOM, MOUNT, OPTICAL, START_NS, Recorder, moving
-from test_datasets import frames_of_robot
 
 from gslts.camera import Camera
 from gslts.datasets import Dataset, open_dataset

@@ -1,4 +1,4 @@
-"""Export: .splat as another program decodes it, and PLY files of and for other programs."""
+""".splat files as another program decodes them."""
 
 import struct
 from pathlib import Path
@@ -6,31 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scenes
-from plyfile import PlyData
-from test_cli_sim import gslts as run
+from splat_files import ORIGIN, decoded
 
 import gslts
 from gslts.gaussian_map import SH_C0
-from gslts.map_folder import read_map, write_map_folder
 from gslts.splat import write_splat
-
-ORIGIN = (3.0, -2.0, 0.5)
-
-
-def decoded(path: Path) -> gslts.GaussianMap:
-    """What a viewer makes of the file, byte by byte, as its inventor's page describes it."""
-    content = path.read_bytes()
-    rows = [struct.unpack_from("<6f8B", content, at) for at in range(0, len(content), 32)]
-    assert len(content) == 32 * len(rows)
-    values = np.array(rows)
-    opacities = (values[:, 9] / 255).clip(1e-3, 1 - 1e-3)
-    return gslts.GaussianMap(
-        means=values[:, 0:3],
-        quats=(values[:, 10:14] - 128) / 128,
-        log_scales=np.log(values[:, 3:6]),
-        logit_opacities=np.log(opacities / (1 - opacities)),
-        sh=((values[:, 6:9] / 255 - 0.5) / SH_C0)[:, None],
-    )
 
 
 def test_a_viewer_shows_the_same(tmp_path: Path) -> None:
@@ -83,54 +63,3 @@ def test_the_most_important_come_first(tmp_path: Path) -> None:
     # Opacities are rounded to 1/255, so neighbours may change places.
     assert (importance[10:] < 1.1 * importance[:-10]).all()
     assert importance[:100].min() > importance[200:].max()
-
-
-def test_export_command(tmp_path: Path) -> None:
-    gaussian_map = scenes.random_map(30, sh_degree=2, dtype=np.float32, origin=ORIGIN)
-    write_map_folder(tmp_path / "map", gaussian_map, {}, {})
-    done = run("export", "map", "a.ply", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    vertex = PlyData.read(tmp_path / "a.ply")["vertex"]
-    np.testing.assert_array_equal(vertex["opacity"], gaussian_map.logit_opacities)
-    back = read_map(tmp_path / "a.ply")
-    assert back.sh.tobytes() == gaussian_map.sh.tobytes()
-    assert tuple(back.origin) == ORIGIN
-    done = run("export", "a.ply", "new/b.splat", cwd=tmp_path)  # A plain file is a map too.
-    assert done.returncode == 0, done.stderr
-    assert "30 Gaussians, 960 bytes" in done.stdout
-    assert "SH degree 0, degrees to 2 do not fit" in done.stdout
-    np.testing.assert_allclose(
-        np.sort(decoded(tmp_path / "new/b.splat").means[:, 0]),
-        np.sort(gaussian_map.means[:, 0] + ORIGIN[0]),
-        rtol=1e-6,
-    )
-    assert "rounded" not in done.stdout
-
-
-def test_rounded_centres_are_told(tmp_path: Path) -> None:
-    far = scenes.random_map(9, dtype=np.float32, origin=(0.0, 5_432_109.5, 0.0))
-    write_map_folder(tmp_path / "map", far, {}, {})
-    done = run("export", "map", "a.splat", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "rounded by up to 250 mm" in done.stdout
-    written = np.sort(decoded(tmp_path / "a.splat").means[:, 1])
-    assert np.abs(written - np.sort(far.means[:, 1]) - far.origin[1]).max() <= 0.25
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("map", "a.obj"), "gslts: a.obj: must end in .ply or .splat"),
-        (("map", "there.ply"), "gslts: there.ply is there already"),
-        (("gone", "a.ply"), "gone"),
-        (("there.ply", "a.splat"), "there.ply"),
-    ],
-)
-def test_what_cannot_be_exported(tmp_path: Path, arguments: tuple[str, str], message: str) -> None:
-    write_map_folder(tmp_path / "map", scenes.random_map(3, dtype=np.float32), {}, {})
-    (tmp_path / "there.ply").write_text("no map")
-    done = run("export", *arguments, cwd=tmp_path)
-    assert done.returncode == 1
-    assert message in done.stderr
-    assert len(done.stderr.splitlines()) == 1
-    assert (tmp_path / "there.ply").read_text() == "no map"

@@ -1,54 +1,18 @@
 """Versions of a map: they come back bit by bit, and nothing of them is lost."""
 
-import multiprocessing
-import os
-import shutil
 import sqlite3
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from store_maps import assert_same, blobs_of, edited, grown, random_map
 
-from gslts.gaussian_map import GaussianMap
 from gslts.mapping.density import joined
 from gslts.store.blobs import Blobs
-from gslts.store.delta import ARRAYS, Delta, after_all, delta_by_ids, delta_of
-from gslts.store.map_store import BLOBS, INDEX, MapStore
+from gslts.store.delta import Delta, after_all, delta_by_ids, delta_of
+from gslts.store.map_store import INDEX, MapStore
 from gslts.store.records import Event
-
-
-def random_map(size: int, seed: int = 0, features: int = 2) -> GaussianMap:
-    rng = np.random.default_rng(seed)
-
-    def normal(*shape: int) -> np.ndarray:
-        return rng.normal(size=shape).astype(np.float32)
-
-    return GaussianMap(
-        means=normal(size, 3),
-        quats=normal(size, 4) + np.float32(3),
-        log_scales=normal(size, 3),
-        logit_opacities=normal(size),
-        sh=normal(size, 4, 3),
-        features=normal(size, features),
-        origin=np.array([1.0, -2.0, 0.5]),
-    )
-
-
-def edited(before: GaussianMap, seed: int, next_id: int) -> GaussianMap:
-    """Some are gone, some moved, and some are new."""
-    rng = np.random.default_rng(seed)
-    kept = before.select(np.flatnonzero(rng.random(before.size) > 0.1))
-    means = kept.means.copy()
-    means[rng.random(kept.size) < 0.2] += np.float32(0.5)
-    new = replace(random_map(7, seed), origin=before.origin)
-    return joined(replace(kept, means=means), new, next_id)
-
-
-def assert_same(one: GaussianMap, other: GaussianMap) -> None:
-    for name in (*ARRAYS, "ids", "origin"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
 
 
 @pytest.fixture
@@ -56,16 +20,6 @@ def folder(tmp_path: Path) -> Path:
     """Of a map of one version."""
     MapStore.create(tmp_path, random_map(100), {"data set": "room"})
     return tmp_path
-
-
-def grown(folder: Path, count: int) -> list[GaussianMap]:
-    """Adds versions; all maps, the first one first."""
-    with MapStore(folder, writable=True) as store:
-        maps = [store.read()]
-        for seed in range(1, count + 1):
-            maps.append(edited(maps[-1], seed, store.version().next_id))
-            store.commit(maps[-1], {"seed": seed})
-    return maps
 
 
 def test_every_version_comes_back_bit_by_bit(folder: Path) -> None:
@@ -196,28 +150,6 @@ def test_what_a_restored_version_undid_is_told(folder: Path) -> None:
         assert [one.number for one in store.way_to(4)] == [1, 3, 4]
 
 
-def _opens(folder: Path, answer: multiprocessing.Queue) -> None:
-    try:
-        MapStore(folder, writable=True).close()
-        answer.put("")
-    except OSError as error:
-        answer.put(str(error))
-
-
-def test_one_process_writes_at_a_time(folder: Path) -> None:
-    context = multiprocessing.get_context("fork")
-    answer = context.Queue()
-    with MapStore(folder, writable=True):
-        other = context.Process(target=_opens, args=(folder, answer))
-        other.start()
-        assert "another process writes this map" in answer.get(timeout=30)
-        other.join()
-    other = context.Process(target=_opens, args=(folder, answer))
-    other.start()
-    assert answer.get(timeout=30) == ""
-    other.join()
-
-
 def test_readers_see_what_was_there_while_one_writes(folder: Path) -> None:
     with MapStore(folder) as reader, MapStore(folder, writable=True) as writer:
         before = reader.read()
@@ -301,44 +233,6 @@ def test_what_makes_no_sense_in_the_index_is_damage(folder: Path, harm: str) -> 
         pytest.raises(ValueError, match=r"versions\.sqlite: it is damaged: .*from a backup"),
     ):
         store.versions(), store.events(), store.refusals()
-
-
-def _reads_as_a_stranger(folder: Path, answer: multiprocessing.Queue) -> None:
-    if os.geteuid() == 0:
-        os.seteuid(65534)
-    told = []
-    for writable in (False, True):
-        try:
-            with MapStore(folder, writable=writable) as store:
-                told.append(f"{len(store.versions())} versions, {store.read().size} Gaussians")
-        except OSError as error:
-            told.append(str(error))
-    answer.put(told)
-
-
-def test_a_map_of_somebody_else_is_read(folder: Path) -> None:
-    with tempfile.TemporaryDirectory() as name:  # Those of pytest are closed to others.
-        place = Path(name) / "map"
-        shutil.copytree(folder, place)
-        for path in (Path(name), place, *place.rglob("*")):
-            path.chmod(0o555 if path.is_dir() else 0o444)
-        context = multiprocessing.get_context("fork")
-        answer = context.Queue()
-        stranger = context.Process(target=_reads_as_a_stranger, args=(place, answer))
-        stranger.start()
-        read, refused = answer.get(timeout=30)
-        stranger.join()
-        Path(name).chmod(0o755)
-        for path in (place, *place.rglob("*")):
-            path.chmod(0o755)
-    assert read == "1 versions, 100 Gaussians"
-    assert refused.endswith(
-        "Permission denied; copy the map to a folder that can be written, or ask for permission"
-    )
-
-
-def blobs_of(folder: Path) -> list[Path]:
-    return sorted((folder / BLOBS).glob("*/*.safetensors"))
 
 
 @pytest.mark.parametrize("harm", ["flip", "cut", "grow", "delete"])
@@ -439,8 +333,7 @@ def test_snapshots_keep_the_way_to_a_version_short(tmp_path: Path) -> None:
         for number, expected in enumerate(maps, start=1):
             assert_same(store.read(number), expected)
     deltas = sum(one.delta.size for one in store_versions(tmp_path) if one.delta is not None)
-    whole = sum(path.stat().st_size for path in blobs_of(tmp_path))
-    assert whole < 3 * deltas
+    assert sum(one.size for one in snapshots.values()) < 2 * deltas
 
 
 def store_versions(folder: Path) -> list:

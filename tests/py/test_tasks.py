@@ -142,10 +142,9 @@ def test_scripts_replay_bit_for_bit(task_file: Path) -> None:
     assert len(set(first)) == len(first), "the change, the noise and the move must show"
 
 
-def test_scripts_are_small_and_come_back(tasks: list[Task], tmp_path: Path) -> None:
+def test_scripts_come_back(tasks: list[Task], tmp_path: Path) -> None:
     for task in tasks:
         write_task(task, tmp_path / "t.json")
-        assert (tmp_path / "t.json").stat().st_size < 8000
         assert read_task(tmp_path / "t.json") == task
     assert [path.name for path in tmp_path.iterdir()] == ["t.json"]
 
@@ -324,25 +323,6 @@ def test_what_cannot_be_placed_is_counted_with_its_reason(
     maker = TaskMaker(Setting(object_id="Pillow|1", receptacle_id="SideTable|1"), 0)
     assert maker.make(source, home, 4) == []
     assert maker.refused["no room on a SideTable for a Pillow"] > 0
-
-
-def test_every_task_of_many_homes_replays() -> None:
-    """Also where the robot would stand in the way if it were there."""
-    maker = TaskMaker(Setting(width=16, height=16), 0)
-    made = list(tasks_of(["kitchen", "living_room"], Path(), 0, 48, 12, maker))
-    assert len(made) == 48
-    homes = {
-        source: home
-        for (source, home), _ in zip(
-            homes_of(["kitchen", "living_room"], Path(), 0), range(4), strict=False
-        )
-    }
-    for task in made:
-        for changed in (False, True):
-            robot = task.start(homes[task.home], changed=changed)
-            assert (task.change.object_id in robot.home) == (
-                (task.change.box_after if changed else task.change.box_before) is not None
-            )
 
 
 def test_what_does_not_stand_in_a_file_is_left_alone() -> None:

@@ -87,6 +87,7 @@ class ChangeMonitor:
         config: Settings.
         locate: Puts a frame where it was taken before it is looked at, such as
             `gslts.relocalize.localized.Localizer.located`; None means that it says itself where.
+        clock: Returns the time in s by which the rate is kept.
     """
 
     def __init__(
@@ -95,9 +96,10 @@ class ChangeMonitor:
         config: MonitorConfig | None = None,
         *,
         locate: Callable[[RgbdFrame], RgbdFrame] | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.config = MonitorConfig() if config is None else config
-        self._detector, self._locate = detector, locate
+        self._detector, self._locate, self._clock = detector, locate, clock
         self._frames: deque[RgbdFrame] = deque(maxlen=self.config.queue)
         self._suspicions: list[_Suspicion] = []
         self._reports: deque[Report] = deque()
@@ -210,16 +212,17 @@ class ChangeMonitor:
             raise RuntimeError("ChangeMonitor: it is closed")
 
     def _work(self) -> None:
-        next_s = 0.0
+        next_s = -np.inf
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._closing or self._frames)
                 # A pause keeps to the rate; only `close` cuts it short.
-                self._changed.wait_for(lambda: self._closing, max(0.0, next_s - time.monotonic()))
+                while not self._closing and (pause_s := next_s - self._clock()) > 0:
+                    self._changed.wait(pause_s)
                 if self._closing:
                     return
                 frame, detector = self._frames.popleft(), self._detector
-            next_s = time.monotonic() + 1 / self.config.rate_hz
+            next_s = self._clock() + 1 / self.config.rate_hz
             try:
                 if self._locate is not None:
                     frame = self._locate(frame)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -14,6 +13,7 @@ from gslts.alignment import DEPTH_SHARE, PIXELS_PER_FACT, Alignment, NormalEquat
 from gslts.camera import moved, seen_from, twist_of
 from gslts.gaussian_map import SH_C0, GaussianMap
 from gslts.losses import Exposure, depth_loss, exposed, fit_exposure, photometric_loss
+from gslts.mapping import clock
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.density import joined, split
 from gslts.mapping.evaluate import psnr_db
@@ -63,8 +63,8 @@ class Schedule:
     Attributes:
         iterations: Steps at most.
         levels: Shares of the schedule, and the resolution that is used up to each.
-        times_s: Of `time.monotonic`, when it starts and when it ends, in the place of a number of
-            steps; None means no such limit.
+        times_s: By `gslts.mapping.clock.now_s`, when it starts and when it ends, in the place of
+            a number of steps; None means no such limit.
     """
 
     iterations: int
@@ -109,7 +109,7 @@ class Optimizer:
         if self.schedule.times_s is None:
             return self.iteration / self.schedule.iterations
         start_s, end_s = self.schedule.times_s
-        return (time.monotonic() - start_s) / max(1e-3, end_s - start_s)
+        return (clock.now_s() - start_s) / max(1e-3, end_s - start_s)
 
     def run_epoch(self, report: Callable[[Progress], None]) -> None:
         """Visits each observation once, or fewer at the end of the schedule."""

@@ -1,0 +1,306 @@
+"""`gslts bench detect` as a user meets it, in one small home: made once, stopped, spoilt."""
+
+import json
+import shutil
+import signal
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from command import gslts, stopped_at
+from PIL import Image
+
+from gslts.bench.detect_cases import Case, HomeCases, counts_of, frame_of
+from gslts.bench.detect_visits import LIGHT_SHIFT_M, noise_of_visit, with_light_moved
+from gslts.bench.homes import BenchHome, HomeSetup, default_state, homes_of
+from gslts.camera import rotation_vector
+from gslts.sim.actions import SceneState
+from gslts.sim.controller import Controller
+from gslts.sim.home_source import HomeSource
+from gslts.sim.raycast import RayCaster
+from gslts.sim.robot_body import robot_camera
+from gslts.sim.sensor import NOISE_PRESETS, Sensor
+from gslts.sim.task import Task
+from gslts.sim.trial import FIRST_SHARE_PX
+
+SETTINGS = ("--set", "iterations=40", "--set", "rough_epochs=0", "--set", "voxel_m=0.1")
+SMALL = ("--room", "kitchen", "--seeds", "3:4", "--tasks", "6", "--size", "160x120")
+RUN = ("bench", "detect", *SMALL, "--frames", "16", *SETTINGS, "--work", "work")
+TIMES = ("ms", "cpu_ms")
+COUNTS = {"single": 6, "pair": 1, "triple": 1, "unchanged": 4}
+BENCH = BenchHome("kitchen", 3, HomeSetup(frames=16, width=160, height=120), Path("work"))
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder in which the benchmark ran."""
+    folder = tmp_path_factory.mktemp("bench")
+    process = gslts(*RUN, "--json", "all.json", "--pictures", "pictures", cwd=folder)
+    assert process.returncode == 0, process.stderr
+    (folder / "stdout").write_text(process.stdout)
+    return folder
+
+
+@pytest.fixture
+def copied(done: Path, tmp_path: Path) -> Path:
+    """Another folder with the maps, but without results."""
+    for name in ("recordings", "maps", "cases"):
+        shutil.copytree(done / "work" / name, tmp_path / "work" / name)
+    return tmp_path
+
+
+def lines(folder: Path) -> list[dict[str, Any]]:
+    """What was kept, without the times, which differ."""
+    (path,) = (folder / "work" / "detect").iterdir()
+    results = [json.loads(line) for line in path.read_text().splitlines()]
+    return [{key: value for key, value in one.items() if key not in TIMES} for one in results]
+
+
+def cases_file(folder: Path) -> Path:
+    (path,) = (folder / "work" / "cases").glob("kitchen_3_*/cases.json")
+    return path
+
+
+def cases_in(folder: Path) -> HomeCases:
+    return HomeCases.model_validate_json(cases_file(folder).read_bytes())
+
+
+def test_all_is_asked_once_of_each(done: Path) -> None:
+    told = json.loads((done / "all.json").read_text())
+    asked = Counter((one["part"], one["variant"]) for one in told["records"])
+    names = ("objects", "located", "paper")
+    all_see = {(part, name): count for part, count in COUNTS.items() for name in names}
+    watched = {(part, "watching"): COUNTS[part] for part in ("single", "unchanged")}
+    assert asked == all_see | watched
+    assert all(one["ms"] > 0 and one["cpu_ms"] > 0 for one in told["records"])
+    assert told["errors"] == {}
+    one = told["summaries"]["objects"]["single"]
+    assert one["right"][1] == 6
+    assert sum(sum(row.values()) for row in one["confusion"].values()) == 6
+    text = (done / "stdout").read_text()
+    assert "6 single changes, 1 pairs, 1 triples, 4 visits of unchanged homes; 1 home(s)" in text
+    right, of = one["right"]
+    assert (
+        f"| one change: type and region right | {100 * right / of:.1f} % ({right} of {of})" in text
+    )
+
+
+def test_pictures_tell_what_they_show(done: Path) -> None:
+    records = json.loads((done / "all.json").read_text())["records"]
+    names = [path.stem.split("_") for path in (done / "pictures").iterdir()]
+    shown = {"_".join(name[:4]) for name in names}
+    assert 1 <= len(names) == len(shown) <= 20
+    assert shown <= {one["case"].replace("/", "_") for one in records}
+    assert {name[4] for name in names} == {"objects"}
+    assert {name[5] for name in names} <= {"right", "wrong"}
+    for path in (done / "pictures").iterdir():
+        with Image.open(path) as picture:
+            assert picture.size == (3 * 480, 360)  # Enlarged, so that words can be read.
+
+
+def test_nothing_is_made_twice(done: Path) -> None:
+    (path,) = (done / "work" / "detect").iterdir()
+    before = path.read_bytes()
+    maps = [one.stat().st_mtime_ns for one in (done / "work").rglob("versions.sqlite")]
+    assert len(maps) == 1
+    again = gslts(*RUN, cwd=done)
+    assert again.returncode == 0, again.stderr
+    assert again.stdout == (done / "stdout").read_text(), "the same table, to the last time"
+    assert path.read_bytes() == before
+    assert [one.stat().st_mtime_ns for one in (done / "work").rglob("versions.sqlite")] == maps
+
+
+def test_a_killed_run_goes_on_where_it_stopped(done: Path, copied: Path) -> None:
+    at_the_third = stopped_at("gslts.bench.work:_keep", 3)
+    killed = gslts(*RUN, cwd=copied, before=at_the_third, session=True)
+    assert killed.returncode == -signal.SIGKILL
+    kept = list((copied / "work").glob("detect/*"))
+    first = kept[0].read_bytes()
+    assert first.count(b"\n") == 3
+    again = gslts(*RUN, cwd=copied)
+    assert again.returncode == 0, again.stderr
+    assert kept[0].read_bytes().startswith(first)
+    assert lines(copied) == lines(done)
+
+
+def test_a_task_that_errors_is_named_and_ends_in_1(done: Path, copied: Path) -> None:
+    path = cases_file(copied)
+    content = json.loads(path.read_text())
+    content["cases"][1]["viewpoint"]["x"] = 1000.0
+    path.write_text(json.dumps(content))
+    spoilt = gslts(*RUN, "--json", "all.json", cwd=copied)
+    assert spoilt.returncode == 1
+    assert "Traceback" not in spoilt.stderr
+    assert "gslts: 1 tasks errored, named above" in spoilt.stderr
+    assert "kitchen_3/single_01: ActionError: Teleport: the robot cannot stand at" in spoilt.stderr
+    assert "5 single changes" in spoilt.stdout
+    assert "type and region right" in spoilt.stdout, "the table comes all the same"
+    told = json.loads((copied / "all.json").read_text())
+    assert list(told["errors"]) == ["kitchen_3/single_01"]
+    path.write_bytes(cases_file(done).read_bytes())
+    healed = gslts(*RUN, cwd=copied)
+    assert healed.returncode == 0, healed.stderr
+    errors = [one for one in lines(copied) if one["error"] is not None]
+    assert len(errors) == 4, "one for each detector"
+    rest = [one for one in lines(copied) if one["error"] is None]
+    assert sorted(map(str, rest)) == sorted(map(str, lines(done)))
+
+
+def test_a_home_that_fails_is_named(copied: Path) -> None:
+    (manifest,) = (copied / "work").glob("maps/*/manifest.json")
+    manifest.write_text("{}")
+    spoilt = gslts(*RUN, cwd=copied)
+    assert spoilt.returncode == 1
+    assert "kitchen_3: ValueError:" in spoilt.stderr
+    assert "it is not the manifest of a map" in spoilt.stderr
+
+
+def test_the_trade_is_measured_and_drawn(copied: Path) -> None:
+    process = gslts(*RUN, "--trade", "trade.png", "--json", "all.json", cwd=copied)
+    assert process.returncode == 0, process.stderr
+    assert "### Speed against accuracy" in process.stdout
+    told = json.loads((copied / "all.json").read_text())
+    parts = Counter(
+        one["part"] for one in told["records"] if one["variant"] == "quarter, gradients"
+    )
+    assert parts == {"single": 6}
+    with Image.open(copied / "trade.png") as picture:
+        assert picture.size[0] > 500
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--seeds", "3:3"), "--seeds: expected A:B with 0 <= A < B, got '3:3'"),
+        (("--seeds", "4"), "--seeds: expected A:B"),
+        (("--seeds", "-1:4"), "--seeds: expected A:B"),
+        (("--jobs", "0"), "Invalid value for '--jobs'"),
+        (("--tasks", "0"), "Invalid value for '--tasks'"),
+        (("--json", "/dev/null/a.json"), "/dev/null"),
+        (("--json", "."), "gslts: . is a folder"),
+        (("--size", "640"), "--size: expected WxH"),
+        (("--room", "garage"), "expected some of kitchen, living_room, bedroom"),
+        (("--set", "iterations=0"), "iterations=0"),
+        (("--pictures", "full"), "full is not empty"),
+    ],
+)
+def test_bad_input_is_refused_in_one_line(
+    tmp_path: Path, arguments: tuple[str, ...], message: str
+) -> None:
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "a").touch()
+    refused = gslts("bench", "detect", "--work", "work", *arguments, cwd=tmp_path)
+    assert refused.returncode in (1, 2)
+    assert "Traceback" not in refused.stderr
+    assert message in refused.stderr
+    assert not (tmp_path / "work").exists()
+
+
+def test_single_cases_are_tasks(done: Path) -> None:
+    """What is shown is what `Task.start` shows, to the last bit."""
+    cases = cases_in(done)
+    tasks: list[Task] = BENCH.tasks(12)
+    home = cases.home.load(Path())
+    before = default_state(cases.home, cases.initial_actions)
+    for case, task in zip(cases.cases[:2], tasks, strict=False):
+        ours = frame_of(case, before, BENCH)
+        theirs = task.start(home, changed=True).observe()
+        np.testing.assert_array_equal(ours.rgb, theirs.rgb)
+        np.testing.assert_array_equal(ours.depth, theirs.depth)
+        assert case.truths[0].change == task.change
+
+
+def test_several_changes_are_all_seen(done: Path) -> None:
+    """Each from the same look, before and after all of them, as a single task must be."""
+    cases = cases_in(done)
+    before = default_state(cases.home, cases.initial_actions)
+    several = [case for case in cases.cases if case.part in ("pair", "triple")]
+    assert [len(case.truths) for case in several] == [2, 3]
+    for case in several:
+        after = before
+        for action in case.actions:
+            after = after.after(action)
+        assert len({truth.change.object_id for truth in case.truths}) == len(case.truths)
+        for truth in case.truths:
+            change, counted = truth.change, []
+            for state, box in ((before, change.box_before), (after, change.box_after)):
+                assert (change.object_id in state.home) == (box is not None)
+                if box is None:
+                    continue
+                np.testing.assert_allclose(
+                    state.home[change.object_id].box_in_world, box, atol=1e-5
+                )
+                counted.append(seen_px(state, case, change.object_id))
+            assert min(counted) == truth.size_px
+            # At another size than that of the search.
+            assert truth.size_px >= 0.7 * FIRST_SHARE_PX[0] * 640 * 480
+
+
+def seen_px(state: SceneState, case: Case, object_id: str) -> int:
+    robot = Controller(state)
+    robot.go(case.viewpoint.look)
+    masks = robot.step("Pass").instance_masks
+    return int(masks[object_id].sum()) if object_id in masks else 0
+
+
+def test_visits_err_as_they_should(done: Path) -> None:
+    """Poses by 1 cm and half a degree, each visit with another exposure and lamp."""
+    cases = cases_in(done)
+    before = default_state(cases.home, cases.initial_actions)
+    visits = [case for case in cases.cases if case.part == "unchanged"]
+    assert len(visits) == COUNTS["unchanged"]
+    assert len({case.sensor_seed for case in visits}) == len(visits)
+    transforms = json.loads(next((done / "work").rglob("transforms.json")).read_text())
+    recorded = np.array([one["true_transform_matrix"] for one in transforms["frames"]])[:, :3, 3]
+    for case in visits:
+        assert case.light_shift_m is not None
+        assert np.linalg.norm(case.light_shift_m) == pytest.approx(LIGHT_SHIFT_M, abs=1e-3)
+        assert not case.actions
+        near = np.linalg.norm(recorded[:, :2] - [case.viewpoint.x, case.viewpoint.y], axis=1)
+        assert near.min() > 0.001
+    true = robot_camera(before.home, visits[0].viewpoint.look, (160, 120))
+    noise = noise_of_visit(NOISE_PRESETS["kinect"])
+    caster = RayCaster(before.home)
+    poses = [Sensor(noise, seed).take(caster, true, 0)[0].camera for seed in range(60)]
+    motions = [np.linalg.inv(true.world_from_camera) @ camera.world_from_camera for camera in poses]
+    metres = [np.linalg.norm(motion[:3, 3]) for motion in motions]
+    degrees = [np.rad2deg(np.linalg.norm(rotation_vector(motion[:3, :3]))) for motion in motions]
+    assert np.sqrt(np.mean(np.square(metres))) == pytest.approx(0.01, rel=0.15)
+    assert np.sqrt(np.mean(np.square(degrees))) == pytest.approx(0.5, rel=0.15)
+    seen = frame_of(visits[0].model_copy(update={"sensor_seed": 7}), before, BENCH)
+    np.testing.assert_array_equal(seen.camera.world_from_camera, poses[7].world_from_camera)
+
+
+def test_the_light_moves_and_the_lamp_does_not(done: Path) -> None:
+    _, home = HomeSource.of_seed("bedroom", 1)
+    moved = with_light_moved(home, (0.3, -0.4))
+    changed = [
+        new.center - old.center
+        for old, new in zip(home.all_lights, moved.all_lights, strict=True)
+        if not np.array_equal(old.center, new.center)
+    ]
+    assert len(changed) == 1
+    np.testing.assert_allclose(changed[0], [0.3, -0.4, 0], atol=1e-9)
+    assert [thing.id for thing in moved.objects] == [thing.id for thing in home.objects]
+    for old, new in zip(home.objects, moved.objects, strict=True):
+        np.testing.assert_array_equal(old.box_in_world, new.box_in_world)
+    cases = cases_in(done)
+    before = default_state(cases.home, cases.initial_actions)
+    visit = next(case for case in cases.cases if case.part == "unchanged")
+    views = [
+        frame_of(case, before, BENCH).rgb.astype(float)
+        for case in (visit, visit.model_copy(update={"light_shift_m": None}))
+    ]
+    assert np.abs(views[0] - views[1]).mean() > 0.2, "it must be seen"
+
+
+def test_work_is_spread_evenly() -> None:
+    counts = counts_of(301, 12)
+    assert sorted(one.single for one in counts) == [25] * 11 + [26]
+    assert sum(one.pair for one in counts) == sum(one.triple for one in counts) == 50
+    assert sum(one.unchanged for one in counts) == 200
+    assert sum(one.unchanged for one in counts_of(30, 3)) == 20
+    homes = homes_of(range(4), [], HomeSetup(), Path("work"))
+    assert len({home.name for home in homes}) == 12

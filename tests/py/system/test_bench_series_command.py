@@ -1,0 +1,73 @@
+"""`gslts bench series` as a user meets it, in one small home."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from bench_settings import SETTINGS
+from command import gslts
+from drawn import assert_drawn
+
+from gslts.bench.series import ANEW, BEFORE, MAPS, UPDATED
+from gslts.bench.series_report import GAIN
+
+SMALL = ("--room", "kitchen", "--seeds", "3:4", "--changes", "4", "--every", "2")
+RUN = ("bench", "series", *SMALL, "--size", "240x180", "--frames", "32", *SETTINGS)
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder in which the benchmark ran."""
+    folder = tmp_path_factory.mktemp("series")
+    given = ("--json", "all.json", "--plot", "plot.png", "--work", "work")
+    process = gslts(*RUN, "--set", "voxel_m=0.05", *given, cwd=folder)
+    assert process.returncode == 0, process.stderr
+    (folder / "stdout").write_text(process.stdout)
+    return folder
+
+
+def found(folder: Path) -> dict[str, Any]:
+    content: dict[str, Any] = json.loads((folder / "all.json").read_text())
+    return content
+
+
+def test_each_change_goes_on_from_the_map_after_the_one_before(done: Path) -> None:
+    steps = found(done)["steps"]
+    assert [one["id"] for one in steps] == [f"kitchen_3/00{number}" for number in range(1, 5)]
+    assert [one["psnr_db"] is not None for one in steps] == [False, True, False, True]
+    (end,) = found(done)["ends"]
+    size = end["gaussians"][BEFORE]
+    updated = 0
+    for one in steps:
+        if one["changes"] == 0 or one["refused"] is not None:
+            assert one["gaussians"] == size
+        else:
+            updated += 1
+            assert one["seconds"] > 0
+        size = one["gaussians"]
+    assert size == end["gaussians"][UPDATED]
+    assert updated > 0
+
+
+def test_the_end_is_compared_with_a_map_built_anew(done: Path) -> None:
+    (end,) = found(done)["ends"]
+    assert set(end["psnr_db"]) == set(MAPS) == set(end["gaussians"])
+    assert end["psnr_db"][UPDATED] > end["psnr_db"][BEFORE], "it was updated"
+    assert end["gaussians"][ANEW] != end["gaussians"][BEFORE], "another map"
+    maps = sorted(path.name.rpartition("_")[0] for path in (done / "work/maps").glob("k*"))
+    assert maps == ["kitchen_3", "kitchen_3_end"]
+
+
+def test_the_table_and_the_plot_are_made(done: Path) -> None:
+    text = (done / "stdout").read_text()
+    assert "| kitchen_3, 4 changes |" in text
+    assert GAIN in text
+    assert_drawn(done / "plot.png")
+
+
+def test_a_file_that_cannot_be_written_is_named_before_the_work(tmp_path: Path) -> None:
+    process = gslts(*RUN, "--set", "voxel_m=0.05", "--work", "x/y", "--json", "/", cwd=tmp_path)
+    assert process.returncode != 0
+    assert process.stderr.count("\n") == 1
+    assert "Traceback" not in process.stderr

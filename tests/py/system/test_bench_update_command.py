@@ -1,0 +1,106 @@
+"""`gslts bench update` as a user meets it, in one small home."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from bench_settings import SETTINGS
+from command import gslts
+from PIL import Image
+
+from gslts.bench.update_methods import METHODS
+from gslts.bench.update_run import MARKS
+
+SMALL = ("--room", "kitchen", "--seeds", "3:4", "--tasks", "3", "--size", "240x180")
+RUN = ("bench", "update", *SMALL, "--frames", "32", *SETTINGS, "--set", "voxel_m=0.05")
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder in which the benchmark ran."""
+    folder = tmp_path_factory.mktemp("bench")
+    outputs = ("--json", "all.json", "--pictures", "pictures", "--curve", "curve.png")
+    process = gslts(*RUN, *outputs, "--curve-tasks", "3", "--work", "work", cwd=folder)
+    assert process.returncode == 0, process.stderr
+    (folder / "stdout").write_text(process.stdout)
+    return folder
+
+
+def records(folder: Path) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = json.loads((folder / "all.json").read_text())["records"]
+    return found
+
+
+def test_each_detected_change_is_updated_in_each_way(done: Path) -> None:
+    by_task: dict[str, set[str]] = {}
+    for one in records(done):
+        by_task.setdefault(one["task"], set()).add(one["method"])
+    assert len(by_task) == 3
+    detected = [methods for methods in by_task.values() if methods != {"not detected"}]
+    assert detected
+    curves = {"curve, plain fine-tuning", "curve, ours"}
+    for methods in detected:
+        assert methods == {*METHODS, *curves}
+
+
+def test_records_tell_what_was_done(done: Path) -> None:
+    by_method: dict[str, list[dict[str, Any]]] = {}
+    for one in records(done):
+        by_method.setdefault(one["method"], []).append(one)
+    for one in by_method["ours"]:
+        before, after = one["gaussians"]
+        if one["refused"] is None:
+            assert after == before - one["removed"] + one["added"]
+        assert set(one["seconds"]) >= {"update", "collecting"}
+    for one in by_method["no update"]:
+        assert one["gaussians"][0] == one["gaussians"][1]
+    for plain, none in zip(by_method["plain fine-tuning"], by_method["no update"], strict=True):
+        assert plain["scores"]["near"]["psnr_db"] > none["scores"]["near"]["psnr_db"]
+        assert plain["scores"]["near"]["lpips"] is None
+    for one in by_method["curve, ours"]:
+        assert set(one["curve"]) == {*map(str, MARKS), "50 of 250"}
+
+
+def test_the_curve_starts_without_an_update(done: Path) -> None:
+    found = {one["id"]: one for one in records(done)}
+    for one in found.values():
+        if one["method"] == "curve, plain fine-tuning":
+            none = found[f"{one['task']}: no update"]["scores"]
+            expected = [none[view]["psnr_db"] for view in ("near", "far")]
+            assert one["curve"]["0"] == pytest.approx(expected)
+
+
+def test_tables_and_pictures_are_made(done: Path) -> None:
+    text = (done / "stdout").read_text()
+    for name in METHODS:
+        assert f"| {name} | near |" in text
+    assert "PSNR against iterations" in text
+    pictures = sorted((done / "pictures").iterdir())
+    updated = {one["task"] for one in records(done) if one["method"] == "ours"}
+    assert len(pictures) == len(updated)
+    with Image.open(pictures[0]) as picture, Image.open(done / "curve.png") as curve:
+        assert picture.size == (5 * 120, 4 * 90)
+        assert curve.size[0] > 500
+
+
+def test_what_was_done_is_not_done_again(done: Path) -> None:
+    (kept,) = (done / "work" / "update").glob("*.jsonl")
+    before = kept.read_bytes()
+    process = gslts(*RUN, "--work", "work", "--json", "again.json", cwd=done)
+    assert process.returncode == 0, process.stderr
+    assert kept.read_bytes() == before
+    again = json.loads((done / "again.json").read_text())
+    assert {one["id"] for one in again["records"]} == {one["id"] for one in records(done)}
+
+
+def test_bad_input_is_named(tmp_path: Path) -> None:
+    for arguments, message in (
+        (("--lpips-heads", "x.pth"), "LPIPS needs both"),
+        (("--seeds", "3"), "--seeds: expected A:B"),
+        (("--room", "attic"), "room types"),
+    ):
+        process = gslts("bench", "update", *arguments, cwd=tmp_path)
+        assert process.returncode == 1
+        assert "Traceback" not in process.stderr
+        assert message in process.stderr

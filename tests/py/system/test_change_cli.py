@@ -1,0 +1,151 @@
+"""The command `gslts detect`, as a user meets it."""
+
+import json
+import shutil
+from pathlib import Path
+
+import change_room
+import numpy as np
+import pytest
+from change_room import LOOKS, SIZE
+from command import gslts
+from PIL import Image
+
+from gslts.map_folder import read_map
+from gslts.ply import write_ply
+from gslts.sim.capture import capture
+from gslts.sim.controller import Controller
+
+MAP_AND_VISIT = ("detect", "map", "visit", "--halvings", "0")
+
+
+@pytest.fixture(scope="module")
+def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A map, and a visit of the room after the red box was taken away; its last frame is dark."""
+    folder = tmp_path_factory.mktemp("detect")
+    change_room.write_room_map(folder / "map")
+    home = change_room.home().without(["Box|1"])
+    capture(Controller(home, **SIZE, noise="kinect"), LOOKS, folder / "visit")
+    # The paper's rule needs the depth at one pixel, which noise may take away.
+    capture(Controller(home, **SIZE), LOOKS, folder / "clean")
+    for visit in ("visit", "clean"):
+        dark = folder / visit / "images" / "00002.png"
+        Image.fromarray(np.zeros((SIZE["height"], SIZE["width"], 3), np.uint8)).save(dark)
+    return folder
+
+
+@pytest.mark.smoke
+def test_it_tells_what_changed_in_each_frame(workplace: Path) -> None:
+    done = gslts(*MAP_AND_VISIT, "--threads", "1", cwd=workplace)
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert len(lines) == 3
+    for name, line in zip(("00000", "00001"), lines, strict=False):
+        assert line.startswith(f"{name}: removal at (2.")
+        assert line.endswith(tuple(f"confidence {k / 100:.2f}" for k in range(101)))
+    assert lines[2] == "00002: unreliable: the picture is black"
+
+
+def test_json_and_pictures_of_one_frame(workplace: Path, tmp_path: Path) -> None:
+    arguments = ("--frame", "00001", "--json", "--out", tmp_path / "pictures")
+    done = gslts(*MAP_AND_VISIT, *arguments, cwd=workplace)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert (told["frame"], told["unreliable"]) == ("00001", None)
+    (change,) = told["changes"]
+    assert change["kind"] == "removal"
+    np.testing.assert_allclose(change["point_m"], (2.2, 1.85, 0.9), atol=0.3)
+    assert 0 < change["confidence"] <= 1
+    assert change["box_after_m"] is None
+    assert np.shape(change["box_before_m"]) == (2, 3)
+    assert change["pixels"][0] > 25
+    assert change["pixels"][1] == 0
+    (picture,) = (tmp_path / "pictures").iterdir()
+    assert picture.name == "00000_00001.png"
+    with Image.open(picture) as image:
+        assert image.size == (9 * SIZE["width"], 3 * SIZE["height"])  # Enlarged to be read.
+
+
+def test_all_frames_in_json_are_one_object_a_line(workplace: Path) -> None:
+    arguments = ("--halvings", "0", "--json", "--strategy", "paper")
+    done = gslts("detect", "map", "clean", *arguments, cwd=workplace)
+    assert done.returncode == 0, done.stderr
+    told = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [one["frame"] for one in told] == ["00000", "00001", "00002"]
+    assert [len(one["changes"]) for one in told] == [1, 1, 0]
+    for one in told[:2]:
+        (change,) = one["changes"]
+        assert change["kind"] == "removal"
+        assert np.hypot(*(np.array(change["point_m"]) - (2.2, 1.85, 0.9))[:2]) < 0.3
+        assert change["box_before_m"] is change["box_after_m"] is None
+    assert told[2]["unreliable"] == "the picture is black"
+
+
+def test_frames_come_in_the_order_in_which_they_are_asked_for(workplace: Path) -> None:
+    done = gslts(*MAP_AND_VISIT, "--frame", "00002", "--frame", "00000", cwd=workplace)
+    assert done.returncode == 0, done.stderr
+    assert [line.split(":")[0] for line in done.stdout.splitlines()] == ["00002", "00000"]
+
+
+def test_a_ply_file_is_a_map_without_cameras(workplace: Path) -> None:
+    ply = workplace / "room.ply"
+    write_ply(read_map(workplace / "map"), ply)
+    done = gslts("detect", ply, "visit", "--halvings", "0", "--frame", "00000", cwd=workplace)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("00000: removal")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("gone", "visit"), "gone"),
+        (("map", "gone"), "gone"),
+        (("map", "visit", "--frame", "00007"), "visit: there is no frame '00007'"),
+        (("map", "visit", "--out", "visit"), "visit is not empty"),
+        (("map", "visit", "--features", "edges"), "expected gradients, onnx:FILE or transformers"),
+        (("map", "visit", "--features", "onnx:gone.onnx"), "gone.onnx"),
+        (
+            ("map", "visit", "--features", "onnx:map/cameras.json"),
+            "cameras.json: it is no ONNX model",
+        ),
+        (("map", "visit", "--features", "transformers:map"), "map: there is no config.json"),
+    ],
+)
+def test_what_cannot_be_done_is_said_in_one_line(
+    workplace: Path, arguments: tuple[str, ...], message: str
+) -> None:
+    before = sorted(workplace.rglob("*"))
+    done = gslts("detect", *arguments, cwd=workplace)
+    assert done.returncode == 1
+    assert done.stdout == ""
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("gslts: ")
+    assert message in line
+    assert sorted(workplace.rglob("*")) == before
+
+
+def test_a_damaged_frame_ends_nothing(workplace: Path, tmp_path: Path) -> None:
+    shutil.copytree(workplace / "visit", tmp_path / "visit")
+    damaged = tmp_path / "visit" / "images" / "00000.png"
+    damaged.write_bytes(damaged.read_bytes()[:300])
+    done = gslts(*MAP_AND_VISIT[:2], tmp_path / "visit", "--halvings", "0", cwd=workplace)
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert lines[0].startswith("00000: unreliable: ")
+    assert "00000.png" in lines[0]
+    assert lines[1].startswith("00001: removal")
+
+
+def test_cameras_that_are_damaged_are_named(workplace: Path, tmp_path: Path) -> None:
+    change_room.write_room_map(tmp_path / "map")
+    (tmp_path / "map" / "cameras.json").write_text('{"00000": {"fx": 1}}')
+    done = gslts("detect", tmp_path / "map", "visit", cwd=workplace)
+    assert done.returncode == 1
+    assert "cameras.json: '00000': world_from_camera: Field required" in done.stderr
+
+
+@pytest.mark.parametrize("option", [("--strategy", "guess"), ("--halvings", "3")])
+def test_options_out_of_range_are_named(workplace: Path, option: tuple[str, str]) -> None:
+    done = gslts("detect", "map", "visit", *option, cwd=workplace)
+    assert done.returncode == 2
+    assert option[0] in done.stderr.splitlines()[-1]

@@ -1,0 +1,257 @@
+"""Changes of a simulated room, from a frame and a map to what changed and where."""
+
+from dataclasses import replace
+
+import change_room
+import numpy as np
+import pytest
+from change_room import BLUE, LOOKS, YELLOW, see, thing
+
+from gslts.camera import Camera, at_pose, camera_from_fov, look_at
+from gslts.change.changes import Change
+from gslts.change.config import DetectionConfig
+from gslts.change.detect import MOST_CAMERAS, ChangeDetector, Detection, evenly
+from gslts.change.overlay import COLORS, overlay
+from gslts.frame import RgbdFrame
+from gslts.sim.changes import place
+from gslts.sim.home import Home
+
+pytestmark = pytest.mark.smoke
+
+NEAR_M = 0.3
+RED_M, BLUE_M, FREE_M = (2.2, 1.85, 0.9), (3.0, 1.95, 0.9), (2.6, 1.85, 0.9)
+"""Middles of the boxes on the block, and of a place between them."""
+
+looks = pytest.mark.parametrize("look", LOOKS, ids=["front", "back", "corner"])
+noises = pytest.mark.parametrize("noise", ["none", "kinect"])
+
+
+def added(home: Home) -> Home:
+    return home.with_object(thing("Box|3", 2.6, 1.85, YELLOW, "Block|1"))
+
+
+def removed(home: Home) -> Home:
+    return home.without(["Box|1"])
+
+
+def moved(home: Home) -> Home:
+    return place(home, "Box|1", np.array([2.6, 1.85, change_room.BLOCK_TOP_M]))
+
+
+def told(changes: tuple[Change, ...]) -> list[tuple[str, np.ndarray]]:
+    return [(one.kind, one.point) for one in changes]
+
+
+def require(detection: Detection, *expected: tuple[str, tuple[float, float, float]]) -> None:
+    """These changes and no others, each within 0.3 m."""
+    assert detection.unreliable is None
+    assert sorted(one.kind for one in detection.changes) == sorted(kind for kind, _ in expected)
+    for kind, point in expected:
+        distances = [
+            np.linalg.norm(one.point - point) for one in detection.changes if one.kind == kind
+        ]
+        assert min(distances) < NEAR_M, told(detection.changes)
+
+
+@looks
+@noises
+def test_an_added_object_is_found(look: object, noise: str) -> None:
+    detection = change_room.detector().detect(see(added(change_room.home()), look, noise))
+    require(detection, ("addition", FREE_M))
+    (change,) = detection.changes
+    before, after = change.masks
+    assert before is None
+    assert after is not None
+    assert change.boxes[0] is None
+    # It is where the photograph is yellow: red and green, and not blue.
+    red, green, blue = detection.photo.transpose(2, 0, 1)
+    yellow = (red > 2 * blue) & (green > 2 * blue) & (red > 0.2)
+    assert (after & yellow).sum() > 0.6 * after.sum()
+
+
+@looks
+@noises
+def test_a_removed_object_is_found(look: object, noise: str) -> None:
+    detection = change_room.detector().detect(see(removed(change_room.home()), look, noise))
+    require(detection, ("removal", RED_M))
+    (change,) = detection.changes
+    before, after = change.masks
+    assert after is None
+    assert before is not None
+    assert detection.render is not None
+    red, green, blue = detection.render.transpose(2, 0, 1)
+    assert (before & (red > 2 * blue) & (red > 2 * green)).sum() > 0.6 * before.sum()
+
+
+@looks
+@noises
+def test_a_moved_object_is_found_at_both_ends(look: object, noise: str) -> None:
+    detection = change_room.detector().detect(see(moved(change_room.home()), look, noise))
+    require(detection, ("relocation", FREE_M))
+    (change,) = detection.changes
+    for box, place_m in zip(change.boxes, (RED_M, FREE_M), strict=True):
+        assert box is not None
+        assert np.linalg.norm(np.mean(box, axis=0) - place_m) < NEAR_M
+    assert all(mask is not None and mask.any() for mask in change.masks)
+
+
+@looks
+@noises
+def test_an_unchanged_room_gives_nothing(look: object, noise: str) -> None:
+    for seed in range(3):
+        frame = see(change_room.home(), look, noise, seed)
+        require(change_room.detector().detect(frame))
+
+
+@looks
+@noises
+def test_two_changes_at_once_are_both_found(look: object, noise: str) -> None:
+    home = added(change_room.home()).without(["Box|2"])
+    detection = change_room.detector().detect(see(home, look, noise))
+    require(detection, ("addition", FREE_M), ("removal", BLUE_M))
+    masks = [mask for one in detection.changes for mask in one.masks if mask is not None]
+    assert not (masks[0] & masks[1]).any()
+    both_gone = change_room.home().without(["Box|1", "Box|2"])
+    detection = change_room.detector().detect(see(both_gone, look, noise))
+    require(detection, ("removal", RED_M), ("removal", BLUE_M))
+
+
+def test_something_new_on_the_floor_is_found() -> None:
+    home = change_room.home().with_object(thing("Box|3", 1.4, 2.0, BLUE, "Floor|1"))
+    for look in LOOKS:
+        require(change_room.detector().detect(see(home, look)), ("addition", (1.4, 2.0, 0.15)))
+
+
+def test_boxes_are_around_the_object() -> None:
+    """What is seen of a box of 0.24 x 0.24 x 0.3 m, give or take 6 cm."""
+    changed = see(added(change_room.home()), LOOKS[0])
+    (change,) = change_room.detector().detect(changed).changes
+    box = change.boxes[1]
+    assert box is not None
+    low, high = box
+    assert (low > np.array([2.48, 1.73, 0.75]) - 0.06).all()
+    assert (high < np.array([2.72, 1.97, 1.05]) + 0.06).all()
+    assert (high - low)[[0, 2]] == pytest.approx([0.24, 0.3], abs=0.1)
+
+
+def test_the_paper_tells_one_change_a_frame() -> None:
+    config = replace(change_room.CONFIG, strategy="paper")
+    detector = ChangeDetector(change_room.mapped()[0], config)
+    for home, kind, point in (
+        (added(change_room.home()), "addition", FREE_M),
+        (removed(change_room.home()), "removal", RED_M),
+        (moved(change_room.home()), "relocation", np.mean([RED_M, FREE_M], axis=0)),
+    ):
+        require(detector.detect(see(home, LOOKS[0])), (kind, tuple(point)))
+    require(detector.detect(see(change_room.home(), LOOKS[0])))
+
+
+def test_results_are_the_same_for_any_number_of_threads() -> None:
+    frame = see(added(removed(change_room.home())), LOOKS[2], "kinect")
+    one, two = (
+        ChangeDetector(
+            change_room.mapped()[0],
+            replace(change_room.CONFIG, threads=threads),
+            cameras=change_room.mapped()[1].values(),
+        ).detect(frame)
+        for threads in (1, 2)
+    )
+    assert len(one.changes) == len(two.changes) >= 1
+    for a, b in zip(one.changes, two.changes, strict=True):
+        assert (a.kind, a.confidence) == (b.kind, b.confidence)
+        np.testing.assert_array_equal(a.point, b.point)
+        for side in (0, 1):
+            np.testing.assert_array_equal(a.masks[side], b.masks[side])
+            np.testing.assert_array_equal(a.boxes[side], b.boxes[side])
+    for name in ("photo", "render", "pixel", "feature", "combined"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(two, name), err_msg=name)
+    np.testing.assert_array_equal(one.camera.world_from_camera, two.camera.world_from_camera)
+
+
+def test_the_most_certain_come_first() -> None:
+    home = added(change_room.home()).without(["Box|1", "Box|2"])
+    for look in LOOKS:
+        detection = change_room.detector().detect(see(home, look))
+        certain = [one.confidence for one in detection.changes]
+        assert certain == sorted(certain, reverse=True)
+        assert all(0 < one <= 1 for one in certain)
+
+
+def test_a_pose_that_is_a_little_off_is_corrected() -> None:
+    frame = see(removed(change_room.home()), LOOKS[0])
+    off = frame.camera.world_from_camera.copy()
+    off[:3, 3] += 0.02, -0.015, 0.01
+    camera = at_pose(frame.camera, off)
+    detection = change_room.detector().detect(replace(frame, camera=camera))
+    require(detection, ("removal", RED_M))
+    corrected = detection.camera.world_from_camera[:3, 3]
+    true = frame.camera.world_from_camera[:3, 3]
+    assert np.linalg.norm(corrected - true) < 0.5 * np.linalg.norm(off[:3, 3] - true)
+
+
+def test_what_a_mask_hides_has_not_changed() -> None:
+    frame = see(removed(change_room.home()), LOOKS[0])
+    mask = np.ones((120, 160), np.bool_)
+    mask[:75, 40:] = False  # The block's top, and all behind it, right of the corner.
+    require(change_room.detector().detect(replace(frame, mask=mask)))
+
+
+def test_what_no_camera_saw_is_not_new() -> None:
+    """Without a camera that looked through the place, what stands there may always have."""
+    gaussian_map, _ = change_room.mapped()
+    frame = see(added(change_room.home()), LOOKS[0])
+    # In a corner of the room, looking into it.
+    pose = look_at(np.array([0.5, 3.5, 0.3]), np.array([0.0, 4.0, 0.2]))
+    elsewhere = camera_from_fov(160, 120, 1.0, pose)
+    blind = ChangeDetector(gaussian_map, change_room.CONFIG, cameras=[elsewhere])
+    require(blind.detect(frame))
+    require(ChangeDetector(gaussian_map, change_room.CONFIG).detect(frame), ("addition", FREE_M))
+
+
+def test_frames_that_are_too_small_or_maps_of_doubles_are_refused() -> None:
+    gaussian_map, _ = change_room.mapped()
+    camera = Camera(fx=2, fy=2, cx=1, cy=1, width=2, height=2, world_from_camera=np.eye(4))
+    tiny = RgbdFrame(np.zeros((2, 2, 3), np.uint8), np.ones((2, 2), np.float32), camera)
+    with pytest.raises(ValueError, match=r"camera\.width must be in"):
+        ChangeDetector(gaussian_map, DetectionConfig()).detect(tiny)
+    doubles = gaussian_map.astype(np.float64)
+    with pytest.raises(ValueError, match="ChangeDetector: the map must be float32, got float64"):
+        ChangeDetector(doubles)
+
+
+def test_pictures_show_what_was_detected() -> None:
+    detection = change_room.detector().detect(see(added(change_room.home()), LOOKS[0]))
+    large = overlay(detection)
+    assert large.shape == (3 * 120, 3 * 3 * 160, 3)  # Three times as large.
+    assert large.dtype == np.uint8
+    picture = large[1::3, 1::3]  # The middle of each pixel.
+    photo, render, masks = np.split(picture, 3, axis=1)
+    mask = detection.changes[0].masks[1]
+    assert mask is not None
+    plain = (255 * detection.photo).round()
+    change = photo[mask].astype(float) - plain[mask]
+    towards = np.array(COLORS["addition"]) - plain[mask]
+    # Somewhere inside, the picture is mixed with the colour of an addition.
+    assert np.abs(change - 0.55 * towards).max(axis=1).min() < 2
+    assert np.abs(render - (255 * detection.render).round()).max() <= 1
+    untouched = np.abs(photo - plain).max(axis=-1) <= 1
+    assert 0.7 < untouched.mean() < 1  # All but the change, its box and its name.
+    np.testing.assert_array_equal((masks == 255).all(axis=-1), detection.combined)
+    lost = overlay(change_room.detector().detect(see_nothing()))
+    assert lost.shape == large.shape
+    assert (lost[:, 3 * 160 :] == 60).all()
+
+
+def see_nothing() -> RgbdFrame:
+    frame = see(change_room.home(), LOOKS[0])
+    return replace(frame, depth=0 * frame.depth)
+
+
+def test_of_many_cameras_an_even_share_counts() -> None:
+    cameras = [camera_from_fov(8 + k, 8, 1.0, np.eye(4)) for k in range(3 * MOST_CAMERAS)]
+    assert evenly(cameras[:7]) == cameras[:7]
+    assert evenly(()) == []
+    kept = [one.width for one in evenly(cameras)]
+    assert len(kept) == MOST_CAMERAS
+    assert (kept[0], kept[-1]) == (cameras[0].width, cameras[-1].width)
+    assert np.ptp(np.diff(kept)) <= 1

@@ -1,0 +1,39 @@
+"""Standing watch with the real detector under load."""
+
+import change_room
+import numpy as np
+from change_room import LOOKS, see
+from watching import LONG_S, Gated
+
+from gslts.change.detect import ChangeDetector
+from gslts.change.monitor import ChangeMonitor, MonitorConfig, Report
+from gslts.frame import RgbdFrame
+
+
+def test_under_load_with_the_real_detector() -> None:
+    """A box goes while frames come faster than they can be looked at; it comes back later."""
+    full, empty = change_room.home(), change_room.home().without(["Box|1"])
+    views = [
+        [see(home, look, "kinect", seed) for seed in range(2) for look in LOOKS]
+        for home in (full, empty)
+    ]
+    detector = Gated(ChangeDetector(change_room.mapped()[0], change_room.CONFIG))
+    with ChangeMonitor(detector, MonitorConfig(rate_hz=1e6)) as monitor:
+
+        def watch(frames: list[RgbdFrame], count: int) -> list[Report]:
+            """Offer frames in turn, two for each that is looked at; return what is reported."""
+            for k in range(count):
+                monitor.offer(frames[k % len(frames)])
+                if k % 2:
+                    detector.let_through()
+            detector.open(monitor.config.queue + 1)
+            assert monitor.wait(LONG_S)
+            return monitor.poll()
+
+        assert watch(views[0], 30) == []
+        (report,) = watch(views[1], 60)
+        assert report.change.kind == "removal"
+        np.testing.assert_allclose(report.change.point, [2.2, 1.85, 0.9], atol=0.3)
+        counts = monitor.counts
+    assert counts.unreliable == 0
+    assert counts.dropped > 0

@@ -1,0 +1,71 @@
+"""Maps of fewer, larger Gaussians for pictures of few pixels."""
+
+import change_room
+import numpy as np
+import pytest
+from shared import looks_all_around
+
+from gslts._core.map import GaussianViewFloat
+from gslts._core.raster import RasterizerFloat, RenderOptions
+from gslts.camera import Camera
+from gslts.frame import RgbdFrame
+from gslts.gaussian_map import GaussianMap
+from gslts.relocalize.coarse_maps import CoarseMaps, thinned
+from gslts.relocalize.pictures import Pictures
+
+
+def volume(gaussian_map: GaussianMap) -> float:
+    return float(np.exp(gaussian_map.log_scales.astype(np.float64).sum(axis=1)).sum())
+
+
+def test_fewer_gaussians_fill_about_the_same_volume() -> None:
+    gaussian_map = change_room.mapped()[0]
+    few = thinned(gaussian_map, 4)
+    assert few.size == gaussian_map.size // 4
+    assert few.sh_degree == 0
+    assert set(few.ids) < set(gaussian_map.ids)
+    assert volume(few) == pytest.approx(volume(gaussian_map), rel=0.15)
+
+
+def test_a_small_picture_of_fewer_gaussians_is_about_the_same() -> None:
+    gaussian_map = change_room.mapped()[0]
+    look = looks_all_around("change_room", change_room.home(), 9)[0]
+    frame = change_room.see(change_room.home(), look).halved()
+    maps = CoarseMaps(gaussian_map)
+
+    def rendered(view: GaussianViewFloat) -> np.ndarray:
+        images = RasterizerFloat().forward(
+            view, camera=frame.camera, options=RenderOptions(), mask=None
+        )
+        return images["rgb"]
+
+    full = rendered(maps.halved(0))
+    off = np.abs(rendered(maps.halved(1)) - full)
+    assert 0 < off.mean() < 0.05
+    smaller = np.abs(rendered(_not_grown(gaussian_map)) - full)
+    assert off.mean() < 0.8 * smaller.mean()
+
+
+def _not_grown(gaussian_map: GaussianMap) -> GaussianViewFloat:
+    view = gaussian_map.select(np.isin(gaussian_map.ids, thinned(gaussian_map, 2).ids)).view()
+    assert isinstance(view, GaussianViewFloat)
+    return view
+
+
+def test_a_picture_not_halved_is_compared_with_the_whole_map() -> None:
+    gaussian_map = change_room.mapped()[0]
+    assert thinned(gaussian_map, 1) is gaussian_map
+
+
+def test_a_large_picture_counts_in_blocks_all_over_it() -> None:
+    camera = Camera(
+        fx=500, fy=500, cx=320, cy=240, width=640, height=480, world_from_camera=np.eye(4)
+    )
+    frame = RgbdFrame(np.zeros((480, 640, 3), np.uint8), np.ones((480, 640), np.float32), camera)
+    large = Pictures.of(frame)
+    full = large.spread(0)
+    assert full.shape == (480, 640)
+    assert full.mean() == pytest.approx(0.25, abs=0.05)
+    assert full[:32, :32].all()
+    assert not full[:32, 32:64].any()
+    assert large.spread(1).all()

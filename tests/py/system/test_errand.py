@@ -1,0 +1,97 @@
+"""A robot that keeps the map up to date while it runs an errand."""
+
+from pathlib import Path
+
+import change_room
+import numpy as np
+import pytest
+import update_room
+from meaning_room import meaning, taught
+from update_room import LOOP
+
+from gslts.frame import RgbdFrame
+from gslts.loop.errand import WatchedRobot, run_errand
+from gslts.loop.keeper import MapKeeper, StoppedError
+from gslts.map_folder import read_map, write_map_folder
+from gslts.sim.controller import Controller
+from gslts.sim.home import Home
+from gslts.sim.robot_body import Look
+
+FAR = Look(np.array([0.75, 0.5]), 45.0, 30.0)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Of a map that knows words."""
+    gaussian_map, _ = taught()
+    write_map_folder(tmp_path / "map", gaussian_map, {}, change_room.mapped()[1])
+    return tmp_path / "map"
+
+
+def robot_in(home: Home) -> Controller:
+    robot = Controller(home, **change_room.SIZE)
+    robot.go(FAR)
+    return robot
+
+
+@pytest.mark.smoke
+def test_what_changed_on_the_way_is_repaired_and_the_robot_gets_there(folder: Path) -> None:
+    said: list[str] = []
+    moves: list[int] = []
+    home = update_room.changed_home("removal")
+    with MapKeeper(folder, LOOP, say=said.append) as keeper:
+        _, journey = run_errand(keeper, meaning(), robot_in(home), "block", lambda: moves.append(1))
+        assert (journey.status, journey.reason) == ("reached", "")
+        assert keeper.version.number == 2
+    assert said[0].startswith("removal at (2.")
+    assert update_room.opaque_in(read_map(folder), update_room.REMOVED, 0.04) == 0
+    assert len(moves) == len(journey.way) - 1
+
+
+def test_what_has_moved_is_found_on_the_map_as_it_is_now(folder: Path) -> None:
+    home = update_room.changed_home("relocation").without(["Box|1"])
+    with MapKeeper(folder, LOOP) as keeper:
+        navigator, journey = run_errand(keeper, meaning(), robot_in(home), "box")
+        assert keeper.version.number > 1
+    assert journey.status == "reached", journey.reason
+    low, high = update_room.ADDED
+    boxes = [one.middle for one in navigator.queries.find("box")]
+    assert any(((box > low) & (box < high)).all() for box in boxes)
+
+
+def test_without_a_change_the_map_stays_as_it_is(folder: Path) -> None:
+    with MapKeeper(folder, LOOP) as keeper:
+        _, journey = run_errand(keeper, meaning(), robot_in(change_room.home()), "block")
+        assert journey.status == "reached"
+        assert keeper.version.number == 1
+
+
+def test_a_robot_that_is_to_stop_does_not_move_on(folder: Path) -> None:
+    moves = []
+
+    class Robot(Controller):
+        def move_towards(self, *where: object) -> bool:
+            moves.append(where)
+            return super().move_towards(*where)  # type: ignore[arg-type]
+
+    robot = Robot(update_room.changed_home("removal"), **change_room.SIZE)
+    robot.go(change_room.LOOKS[0])
+    with MapKeeper(folder, LOOP, stopping=lambda: True) as keeper:
+        watched = WatchedRobot(robot, keeper)
+        for _ in range(3):
+            watched.observe()
+        with pytest.raises(StoppedError):
+            watched.move_towards(np.array([1.0, 1.0]), 0.0)
+    assert moves == []
+
+
+def test_a_watched_robot_is_a_robot(folder: Path) -> None:
+    robot = robot_in(change_room.home())
+    with MapKeeper(folder, LOOP) as keeper:
+        watched = WatchedRobot(robot, keeper)
+        frame: RgbdFrame = watched.observe()
+        np.testing.assert_array_equal(frame.rgb, robot.observe().rgb)
+        np.testing.assert_array_equal(watched.reachable_positions(), robot.reachable_positions())
+        assert watched.move_towards(np.array([1.0, 1.0]), 0.5, 0.2)
+        eye = robot.observe().camera.world_from_camera[:2, 3]
+        assert np.linalg.norm(eye - (1.0, 1.0)) < 0.2

@@ -1,0 +1,343 @@
+"""Frames and robots at the poses that a map gives them, and what is concluded from them."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import adrift
+import change_room
+import numpy as np
+import pytest
+import sim_scenes
+import update_room
+from adrift import ODOMETRY_FROM_WORLD, Adrift
+from change_room import LOOKS, SIZE, see
+from update_room import LOOP
+from watching import LONG_S
+
+from gslts.camera import apart, at_pose, look_at, rotation
+from gslts.change.detect import ChangeDetector, Detection
+from gslts.change.monitor import ChangeMonitor, MonitorConfig
+from gslts.frame import RgbdFrame
+from gslts.gaussian_map import GaussianMap
+from gslts.loop import keeper as keeper_module
+from gslts.loop.keeper import MapKeeper
+from gslts.loop.rounds import go_to
+from gslts.map_folder import read_map
+from gslts.recorded_robot import RecordedRobot
+from gslts.relocalize.localized import NEAR_M, Localizer, in_world
+from gslts.relocalize.localized_robot import LocalizedRobot
+from gslts.relocalize.relocalizer import Localization, Relocalizer
+from gslts.robot import Robot
+from gslts.sim.controller import Controller
+
+WELL_M, WELL_RAD = 0.03, np.deg2rad(1)
+"""How well such small pictures are found, at worst."""
+
+
+def afar(frame: RgbdFrame) -> RgbdFrame:
+    """As a robot whose odometry is off has it."""
+    return in_world(frame, ODOMETRY_FROM_WORLD)
+
+
+def black(frame: RgbdFrame) -> RgbdFrame:
+    return replace(frame, rgb=np.zeros_like(frame.rgb))
+
+
+def elsewhere() -> RgbdFrame:
+    """A room that the map does not show."""
+    return Controller(sim_scenes.simple_home(), **SIZE).observe()
+
+
+def assert_there(found: RgbdFrame, true: RgbdFrame) -> None:
+    metres, turn_rad = apart(true.camera.world_from_camera, found.camera.world_from_camera)
+    assert metres < WELL_M
+    assert turn_rad < WELL_RAD
+
+
+def detected(frame: RgbdFrame) -> Detection:
+    return change_room.detector().detect(frame)
+
+
+class Scripted:
+    """Finds what it is told, and notes how it was asked."""
+
+    def __init__(self, tracked: Localization, located: Localization) -> None:
+        self.tracked, self.located, self.asked = tracked, located, []
+
+    def track(self, _: RgbdFrame, world_from_camera: np.ndarray) -> Localization:
+        self.asked.append(world_from_camera)
+        return self.tracked
+
+    def locate(self, _: RgbdFrame) -> Localization:
+        self.asked.append(None)
+        return self.located
+
+
+LOST = Localization("lost", "no luck")
+
+
+def ok(pose: np.ndarray) -> Localization:
+    return Localization("ok", "", pose, 1e-6 * np.eye(6))
+
+
+def shifted(x: float) -> np.ndarray:
+    pose = np.eye(4)
+    pose[0, 3] = x
+    return pose
+
+
+def at(x: float) -> RgbdFrame:
+    """A frame whose odometry says that it is at x."""
+    frame = elsewhere()
+    return replace(frame, camera=at_pose(frame.camera, shifted(x)))
+
+
+@pytest.mark.parametrize("look", LOOKS)
+def test_a_frame_is_found_whatever_its_pose_says(look: object) -> None:
+    true = see(change_room.home(), look, "kinect")
+    localizer = adrift.localizer()
+    found = localizer.located(afar(true))
+    assert found.fault is None
+    assert_there(found, true)
+    assert found.depth is true.depth
+    np.testing.assert_allclose(
+        localizer.world_from_odometry @ ODOMETRY_FROM_WORLD, np.eye(4), atol=0.05
+    )
+
+
+def test_poses_written_with_few_digits_stay_rigid_one_after_the_other() -> None:
+    """A camera may be off by a millionth; what two of them come to is off by more."""
+    frame = change_room.see(change_room.home(), change_room.LOOKS[0])
+    sheared = np.eye(4)
+    sheared[0, 1] = 9e-7
+    for _ in range(4):
+        frame = in_world(frame, sheared)
+    turned = frame.camera.world_from_camera[:3, :3]
+    np.testing.assert_allclose(turned @ turned.T, np.eye(3), rtol=0, atol=1e-12)
+
+
+def test_depth_of_a_lens_of_its_own_comes_along() -> None:
+    frame = see(change_room.home(), LOOKS[0])
+    beside = at_pose(frame.camera, frame.camera.world_from_camera @ shifted(0.03))
+    found = adrift.localizer().located(afar(replace(frame, depth_camera=beside)))
+    color, depth = found.camera.world_from_camera, found.depth_camera.world_from_camera
+    np.testing.assert_allclose(np.linalg.inv(color) @ depth, shifted(0.03), atol=1e-9)
+
+
+@pytest.mark.smoke
+def test_a_robot_that_was_found_is_tracked_by_its_odometry() -> None:
+    """Also over ways on which the picture alone would not be found again so."""
+    localizer = adrift.localizer()
+    first = localizer.locate(afar(see(change_room.home(), LOOKS[0])))
+    assert first.inliers > 0
+    true = see(change_room.home(), LOOKS[1])
+    tracked = localizer.locate(afar(true))
+    assert (tracked.status, tracked.inliers) == ("ok", 0)
+    metres, _ = apart(tracked.world_from_camera, true.camera.world_from_camera)
+    assert metres < WELL_M
+
+
+def test_a_robot_that_was_carried_away_is_found_again() -> None:
+    localizer = adrift.localizer()
+    here, there = (see(change_room.home(), look) for look in LOOKS[:2])
+    localizer.locate(afar(here))
+    # The odometry has not noticed.
+    carried = replace(there, camera=afar(here).camera)
+    found = localizer.locate(carried)
+    assert (found.status, found.inliers > 0) == ("ok", True)
+    metres, turn_rad = apart(found.world_from_camera, there.camera.world_from_camera)
+    assert metres < WELL_M
+    assert turn_rad < WELL_RAD
+
+
+def test_tracking_starts_where_the_odometry_leads() -> None:
+    relocalizer = Scripted(ok(shifted(5.02)), ok(shifted(4.0)))
+    localizer = Localizer(relocalizer)
+    assert localizer.world_from_odometry is None
+    localizer.locate(at(1.0))
+    np.testing.assert_allclose(localizer.world_from_odometry, shifted(3.0))
+    found = localizer.located(at(2.0))
+    first, second = relocalizer.asked
+    assert first is None
+    np.testing.assert_allclose(second, shifted(5.0))
+    np.testing.assert_allclose(found.camera.world_from_camera, shifted(5.02))
+    np.testing.assert_allclose(localizer.world_from_odometry, shifted(3.02))
+
+
+@pytest.mark.parametrize(
+    "tracked",
+    [
+        LOST,
+        ok(shifted(5.0 + 1.1 * NEAR_M)),
+    ],
+)
+def test_what_is_not_there_is_looked_for_from_nothing(tracked: Localization) -> None:
+    relocalizer = Scripted(tracked, ok(shifted(4.0)))
+    localizer = Localizer(relocalizer)
+    localizer.locate(at(1.0))
+    assert localizer.locate(at(2.0)) is relocalizer.located
+    assert [one is None for one in relocalizer.asked] == [True, False, True]
+    np.testing.assert_allclose(localizer.world_from_odometry, shifted(2.0))
+
+
+@pytest.mark.parametrize(
+    "unsure",
+    [LOST, replace(ok(shifted(9.0)), status="ambiguous", reason="no luck")],
+)
+def test_what_is_uncertain_is_where_the_odometry_leads_and_has_a_fault(
+    unsure: Localization,
+) -> None:
+    relocalizer = Scripted(LOST, unsure)
+    localizer = Localizer(relocalizer)
+    unknown = localizer.located(at(1.0))
+    np.testing.assert_array_equal(unknown.camera.world_from_camera, shifted(1.0))
+    relocalizer.located = ok(shifted(4.0))
+    assert localizer.located(at(1.0)).fault is None
+    relocalizer.located = unsure
+    expected = localizer.located(at(2.0))
+    np.testing.assert_allclose(expected.camera.world_from_camera, shifted(5.0))
+    np.testing.assert_allclose(localizer.world_from_odometry, shifted(3.0))
+    for one in (unknown, expected):
+        assert one.fault == f"{unsure.status}: no luck"
+        assert not one.depth.any()
+        assert one.registered().fault == one.halved().fault == one.fault
+
+
+@pytest.mark.parametrize("spoilt", [lambda: black(see(change_room.home(), LOOKS[0])), elsewhere])
+def test_nothing_is_concluded_from_a_frame_that_is_lost(spoilt: Callable[[], RgbdFrame]) -> None:
+    found = adrift.localizer().located(spoilt())
+    assert found.fault.startswith("lost: ")
+    detection = detected(found)
+    assert detection.unreliable == found.fault
+    assert detection.changes == ()
+
+
+@pytest.mark.parametrize("kind", ["removal", "addition", "relocation"])
+def test_changes_are_detected_as_with_true_poses(kind: update_room.Kind) -> None:
+    localizer = adrift.localizer()
+    for look in LOOKS:
+        true = see(update_room.changed_home(kind), look)
+        assert detected(afar(true)).unreliable is not None
+        expected, found = detected(true), detected(localizer.located(afar(true)))
+        assert found.unreliable is None
+        assert [one.kind for one in found.changes] == [one.kind for one in expected.changes]
+        for one, other in zip(found.changes, expected.changes, strict=True):
+            np.testing.assert_allclose(one.point, other.point, atol=0.05)
+
+
+def test_a_black_picture_without_depth_is_not_tracked() -> None:
+    localizer = adrift.localizer()
+    frame = afar(see(change_room.home(), LOOKS[0]))
+    assert localizer.locate(frame).status == "ok"
+    nothing = replace(black(frame), depth=np.zeros_like(frame.depth))
+    assert localizer.locate(nothing).status == "lost"
+
+
+def test_a_watch_looks_where_frames_were_taken() -> None:
+    changed = [see(update_room.changed_home("removal"), look) for look in (*LOOKS, *LOOKS)]
+    config = MonitorConfig(rate_hz=1e6, queue=9)
+    located = adrift.localizer().located
+    with ChangeMonitor(change_room.detector(), config, locate=located) as monitor:
+        for frame in (afar(changed[0]), black(changed[0]), elsewhere(), *map(afar, changed[1:])):
+            monitor.offer(frame)
+        assert monitor.wait(LONG_S)
+        (report,) = monitor.poll()
+    assert report.change.kind == "removal"
+    assert (monitor.counts.looked_at, monitor.counts.unreliable) == (8, 2)
+
+
+@pytest.mark.parametrize("far", [(0, 0, 0), (412_345.25, 5_432_109.5, 300)])
+def test_a_robot_goes_to_where_the_map_says(far: tuple[float, float, float]) -> None:
+    robot = update_room.robot_in(change_room.home())
+    localized: Robot = LocalizedRobot(Adrift(robot, far), adrift.localizer())
+    np.testing.assert_allclose(
+        localized.reachable_positions(), robot.reachable_positions(), atol=0.1
+    )
+    wanted = at_pose(
+        robot.observe().camera, look_at(np.array([1.5, 0.5, 1.5]), np.array([2.5, 1.5, 0.8]))
+    )
+    assert go_to(localized, wanted)
+    true = robot.observe()
+    np.testing.assert_allclose(true.camera.world_from_camera[:3, 3], (1.5, 0.5, 1.5), atol=1e-6)
+    ahead = wanted.world_from_camera[:3, 2] @ true.camera.world_from_camera[:3, 2]
+    assert ahead > np.cos(2 * WELL_RAD)
+    assert_there(localized.observe(), true)
+
+
+def test_a_recorded_frame_is_looked_for_once() -> None:
+    frames = [see(change_room.home(), look) for look in LOOKS[:2]]
+    relocalizer = Scripted(LOST, ok(frames[0].camera.world_from_camera))
+    robot = LocalizedRobot(RecordedRobot(frames), Localizer(relocalizer))
+    first = robot.observe()
+    assert robot.observe() is first
+    assert len(relocalizer.asked) == 1
+    assert go_to(robot, frames[1].camera)
+    relocalizer.tracked = ok(frames[1].camera.world_from_camera)
+    assert robot.observe() is not first
+    assert go_to(robot, frames[0].camera)
+    assert robot.observe() is first
+    assert len(relocalizer.asked) == 2
+
+
+def test_the_odometry_of_a_robot_that_was_never_found_is_believed() -> None:
+    robot = Controller(sim_scenes.simple_home(), **SIZE)
+    localized = LocalizedRobot(robot, adrift.localizer())
+    np.testing.assert_array_equal(localized.reachable_positions(), robot.reachable_positions())
+    assert localized.move_towards(np.array([1.0, 1.0]), 0.5)
+    frame = localized.observe()
+    assert frame.fault.startswith("lost: ")
+    pose = robot.observe().camera.world_from_camera
+    np.testing.assert_array_equal(frame.camera.world_from_camera, pose)
+    np.testing.assert_allclose(np.arctan2(pose[1, 2], pose[0, 2]), 0.5)
+
+
+def test_a_robot_whose_odometry_is_off_keeps_a_map_up_to_date(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = adrift.write_room_map(tmp_path / "map")
+    robot = Adrift(update_room.robot_in(update_room.changed_home("removal")))
+    with MapKeeper(folder, LOOP) as keeper:
+        keeper.go_round(robot)
+        assert keeper.version.number == 1, "nothing is certain so far off"
+    made = []
+
+    def noted(gaussian_map: GaussianMap, *rest: object) -> Relocalizer:
+        made.append(gaussian_map.size)
+        return Relocalizer(gaussian_map, *rest)
+
+    monkeypatch.setattr(keeper_module, "Relocalizer", noted)
+    with MapKeeper(folder, replace(LOOP, locate=adrift.CONFIG)) as keeper:
+        keeper.go_round(robot)
+        assert keeper.version.number == 2
+        keeper.go_round(robot)
+        assert keeper.version.number == 2
+    updated = read_map(folder)
+    assert made == [change_room.mapped()[0].size, updated.size], "one a version"
+    assert update_room.opaque_in(updated, update_room.REMOVED, 0.04) == 0
+    detector = ChangeDetector(updated, change_room.CONFIG)
+    views = [see(update_room.changed_home("removal"), look) for look in LOOKS]
+    for view in views:
+        assert detected(view).changes, "the map before shows the box"
+        assert detector.detect(view).changes == ()
+
+
+def test_a_robot_in_another_home_changes_nothing(tmp_path: Path) -> None:
+    folder = adrift.write_room_map(tmp_path / "map")
+    with MapKeeper(folder, replace(LOOP, stops=3, locate=adrift.CONFIG)) as keeper:
+        keeper.go_round(Controller(sim_scenes.simple_home(), **SIZE))
+        assert keeper.version.number == 1
+        assert keeper.state.parked == ()
+
+
+def test_where_a_map_has_no_landmarks_is_said_before_a_round(tmp_path: Path) -> None:
+    change_room.write_room_map(tmp_path / "map")
+    with pytest.raises(ValueError, match="map: it has no landmarks; gslts map makes maps that do"):
+        MapKeeper(tmp_path / "map", replace(LOOP, locate=adrift.CONFIG))
+
+
+def test_poses_are_apart_by_metres_and_radians() -> None:
+    turned = shifted(0.2)
+    turned[:3, :3] = rotation(np.array([0, 0.3, 0]))
+    assert apart(np.eye(4), turned) == pytest.approx((0.2, 0.3))
+    assert apart(turned, turned) == pytest.approx((0, 0), abs=1e-6)

@@ -1,0 +1,198 @@
+"""Rounds on which a map is kept up to date."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import change_room
+import numpy as np
+import pytest
+import update_room
+from update_room import LOOP as CONFIG
+from update_room import Changing
+
+from gslts.camera import Camera, at_pose, look_at
+from gslts.change.changes import Change
+from gslts.change.seen_space import SeenSpace
+from gslts.loop import rounds
+from gslts.loop.keeper import MapKeeper, StoppedError
+from gslts.loop.rounds import go_to, stops_of
+from gslts.loop.state import STATE, LoopState, read_state, write_state
+from gslts.loop.waiting import MOST_WAIT, Parked, next_changes, parked_again
+from gslts.map_folder import open_versions, read_map
+from gslts.robot import Robot
+from gslts.sim.controller import Controller
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    change_room.write_room_map(tmp_path / "map")
+    return tmp_path / "map"
+
+
+def keeper_of(folder: Path, **told: Callable[..., object]) -> MapKeeper:
+    return MapKeeper(folder, CONFIG, **told)  # type: ignore[arg-type]
+
+
+def robot_of(kind: update_room.Kind) -> Controller:
+    return update_room.robot_in(update_room.changed_home(kind))
+
+
+def change_at(x: float, y: float, confidence: float) -> Change:
+    """A removal of what was at a place of the floor."""
+    found = update_room.detected("removal")
+    before = found.before
+    assert before is not None
+
+    way = np.array([x - 2.2, y - 1.85, 0])
+
+    class Moved:
+        low, high = before.low + way, before.high + way
+
+    point = (Moved.low + Moved.high) / 2
+    return replace(found, confidence=confidence, point=point, before=Moved())  # type: ignore[arg-type]
+
+
+def test_a_round_shows_nearly_all_that_can_be_seen() -> None:
+    gaussian_map, cameras = change_room.mapped()
+    stops = stops_of(gaussian_map, cameras, 100)
+    points = gaussian_map.means[::7]
+    seen = SeenSpace(gaussian_map, cameras.values()).shown(points, rounds.FARTHEST_M)
+    on_the_way = SeenSpace(gaussian_map, [cameras[name] for name in stops]).shown(
+        points, rounds.FARTHEST_M
+    )
+    assert on_the_way.any(axis=0).sum() > 0.9 * seen.any(axis=0).sum()
+    assert len(set(stops)) == len(stops) < len(cameras) / 2, "few of them do"
+    assert len(stops_of(gaussian_map, cameras, 3)) == 3
+
+
+def test_nothing_is_known_of_where_a_map_was_made() -> None:
+    gaussian_map, _ = change_room.mapped()
+    with pytest.raises(ValueError, match="nothing is known of where the map was made"):
+        stops_of(gaussian_map, {}, 3)
+
+
+def test_a_robot_goes_to_where_a_camera_was() -> None:
+    robot = robot_of("removal")
+    eye, target = np.array([1.5, 0.5, 1.5]), np.array([2.5, 1.5, 0.8])
+    wanted = at_pose(robot.observe().camera, look_at(eye, target))
+    assert go_to(robot, wanted)
+    there = robot.observe().camera.world_from_camera
+    assert np.allclose(there[:3, 3], eye, atol=1e-6)
+    assert np.allclose(there[:3, 2], wanted.world_from_camera[:3, 2], atol=1e-6)
+
+
+def test_a_round_repairs_what_changed_and_the_next_one_has_nothing_to_do(folder: Path) -> None:
+    said: list[str] = []
+    with keeper_of(folder, say=said.append) as keeper:
+        keeper.go_round(robot_of("removal"))
+        assert keeper.version.number == 2
+        assert update_room.opaque_in(read_map(folder), update_room.REMOVED, 0.04) == 0
+        assert keeper.state == LoopState(round=1, of_source=1) == read_state(folder)
+        keeper.go_round(robot_of("removal"))
+        assert keeper.version.number == 2
+    assert said[0].startswith("removal at (2.")
+    assert said[1].startswith("version 2: ")
+    assert len(said) == 2
+    with open_versions(folder) as store:
+        assert store.version(2).cause["round"] == 0
+        assert store.refusals() == []
+
+
+@pytest.mark.smoke
+def test_who_stops_it_and_goes_on_gets_the_same_map(folder: Path, tmp_path: Path) -> None:
+    change_room.write_room_map(tmp_path / "other")
+    with keeper_of(tmp_path / "other") as keeper:
+        keeper.go_round(robot_of("addition"))
+    stops = 0
+    for calls in (1, 9, 30, 10_000):  # Safe points until somebody wants it to stop.
+        left = iter(range(calls))
+        with keeper_of(folder, stopping=lambda left=left: next(left, None) is None) as keeper:
+            try:
+                keeper.go_round(robot_of("addition"))
+            except StoppedError:
+                stops += 1
+                assert keeper.state.round == 0
+                assert keeper.state == read_state(folder)
+    assert stops == 3
+    assert read_state(folder).round == 1
+    one, other = read_map(folder), read_map(tmp_path / "other")
+    for name in ("means", "quats", "log_scales", "logit_opacities", "sh", "ids"):
+        assert np.array_equal(getattr(one, name), getattr(other, name)), name
+
+
+def test_a_change_that_cannot_be_repaired_is_parked_and_tried_again(folder: Path) -> None:
+    looks = CONFIG.looks
+
+    def restless() -> Robot:  # The box is back as soon as the robot comes near.
+        return Changing(update_room.changed_home("removal"), change_room.home(), looks)
+
+    said: list[str] = []
+    start = {"start": at_the_block()}
+    with keeper_of(folder, say=said.append) as keeper:
+        keeper.go_round(restless(), start)
+        assert keeper.version.number == 1
+        (parked,) = keeper.state.parked
+        assert (parked.kind, parked.tries, parked.until) == ("removal", 1, 1)
+        assert parked.reason in said[-1]
+        keeper.go_round(restless(), start)
+        (parked,) = keeper.state.parked
+        assert (parked.tries, parked.until) == (2, 3)
+        tried = len(said)
+        keeper.go_round(restless(), start)
+        assert len(said) == tried, "its time has not come"
+        assert keeper.state.parked == (parked,)
+        keeper.go_round(robot_of("removal"), start)
+        assert keeper.state.parked == ()
+        assert keeper.version.number == 2
+    with open_versions(folder) as store:
+        assert len(store.refusals()) == 2
+
+
+def test_what_was_parked_and_is_not_seen_again_is_forgotten(folder: Path) -> None:
+    parked = Parked(kind="removal", point=(2.2, 1.8, 0.9), reason="no view", tries=1, until=0)
+    write_state(LoopState(parked=(parked,)), folder)
+    with keeper_of(folder) as keeper:
+        keeper.go_round(update_room.robot_in(change_room.home()), {"start": at_the_block()})
+        assert keeper.state.parked == ()
+
+
+def test_the_most_certain_and_nearest_change_comes_first_with_what_is_beside_it() -> None:
+    near, far, sure = change_at(1, 1, 0.5), change_at(4, 3, 0.5), change_at(4, 3.5, 1.0)
+    place = np.array([0.5, 0.5])
+    assert next_changes([far, near], place) == [near]
+    assert next_changes([near, far, sure], place) == [near]
+    assert next_changes([far, sure], place) == [far, sure]
+    assert next_changes([change_at(1, 1, 0.1), sure], place) == [sure]
+
+
+def test_the_wait_grows_with_each_try() -> None:
+    parked: tuple[Parked, ...] = ()
+    number = 0
+    for wait in (1, 2, 4, 8, 16, 16):
+        parked = parked_again(parked, change_at(1, 1, 0.5), "why", number)
+        assert [one.until for one in parked] == [number + wait]
+        number += wait
+    assert wait == MOST_WAIT
+    assert len(parked_again(parked, change_at(3, 3, 0.5), "why", 0)) == 2
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("{", "Invalid JSON"),
+        ('{"round": -1}', "round: Input should be greater than or equal to 0"),
+        ('{"rund": 1}', "rund: Extra inputs are not permitted"),
+        ('{"schema_version": 2}', "schema_version: Input should be 1"),
+    ],
+)
+def test_a_damaged_state_is_named(folder: Path, content: str, message: str) -> None:
+    (folder / STATE).write_text(content)
+    with pytest.raises(ValueError, match=f"{STATE}: .*{message}.*; without this file, rounds"):
+        keeper_of(folder)
+    with open_versions(folder, writable=True) as store:  # It was given free.
+        assert store.version().number == 1
+
+
+def at_the_block() -> Camera:
+    return update_room.robot_in(change_room.home()).observe().camera

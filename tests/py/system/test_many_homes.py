@@ -1,0 +1,36 @@
+"""Homes of many seeds are sound, and so are tasks in them."""
+
+import multiprocessing
+from pathlib import Path
+
+import home_checks
+
+from gslts.sim import ROOM_TYPES
+from gslts.sim.tasks import TaskMaker, homes_of, tasks_of
+from gslts.sim.trial import Setting
+
+
+def test_hundred_homes_of_each_type_are_sound():
+    seeds = [(room_type, seed) for room_type in ROOM_TYPES for seed in range(100)]
+    with multiprocessing.get_context("spawn").Pool(2) as pool:
+        found = pool.starmap(home_checks.complaints, seeds, chunksize=10)
+    assert [complaint for of_home in found for complaint in of_home] == []
+
+
+def test_every_task_of_many_homes_replays() -> None:
+    """Also where the robot would stand in the way if it were there."""
+    maker = TaskMaker(Setting(width=16, height=16), 0)
+    made = list(tasks_of(["kitchen", "living_room"], Path(), 0, 48, 12, maker))
+    assert len(made) == 48
+    homes = {
+        source: home
+        for (source, home), _ in zip(
+            homes_of(["kitchen", "living_room"], Path(), 0), range(4), strict=False
+        )
+    }
+    for task in made:
+        for changed in (False, True):
+            robot = task.start(homes[task.home], changed=changed)
+            assert (task.change.object_id in robot.home) == (
+                (task.change.box_after if changed else task.change.box_before) is not None
+            )

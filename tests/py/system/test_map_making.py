@@ -1,0 +1,400 @@
+"""Maps are made of simulated visits, as the engine and as `gslts map` make them."""
+
+import json
+import signal
+from dataclasses import replace
+from pathlib import Path
+
+import analytic_room
+import blob_room
+import numpy as np
+import pytest
+from clocks import make_mapping_tick
+from command import gslts as run
+from command import stopped_at
+from sim_scenes import textured_home
+
+import gslts
+from gslts.camera import at_pose, seen_from, twist_of
+from gslts.camera_files import cameras_of_map
+from gslts.datasets import Dataset, Frame, open_dataset
+from gslts.frame import RgbdFrame
+from gslts.losses import fit_exposure
+from gslts.map_folder import read_map
+from gslts.mapping.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from gslts.mapping.config import MappingConfig
+from gslts.mapping.engine import MappingResult, _settled, make_map
+from gslts.mapping.evaluate import Quality, evaluate
+from gslts.mapping.observation import Observation
+from gslts.mapping.report_data import CurvePoint
+from gslts.mapping.summary import summary_of
+from gslts.mapping.variants import LEAST_GAIN_DB, chosen_of
+from gslts.memory import free_memory_bytes
+from gslts.relocalize.landmark_files import read_landmarks
+from gslts.sim.capture import capture
+from gslts.sim.controller import Controller
+from gslts.sim.explore import explore
+
+# Pictures are of 160 px: Gaussians of 5 cm are a few pixels wide there.
+CONFIG = MappingConfig(
+    iterations=500,
+    patience=1.0,
+    rough_epochs=5,
+    voxel_m=0.05,
+    coarse_share=0.3,
+    variant_steps=0,
+)
+MAP_ARRAYS = ("means", "quats", "log_scales", "logit_opacities", "sh", "ids")
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """A visit of a room with the errors of a real camera, and the same without."""
+    folders = {}
+    home = textured_home()
+    looks, _ = explore(home, 60)
+    for noise in ("kinect", "none"):
+        folders[noise] = tmp_path_factory.mktemp("visit") / noise
+        capture(Controller(home, width=160, height=120, noise=noise), looks, folders[noise])
+    return folders
+
+
+def judged(result: MappingResult, folder: Path) -> Quality:
+    """By the clean pictures of the frames that were kept aside."""
+    frames = open_dataset(folder).frames[::8]
+    return evaluate(result.gaussian_map, [Observation.of(frame.read()) for frame in frames])
+
+
+@pytest.mark.smoke
+def test_a_map_shows_what_was_kept_aside(recorded: dict[str, Path]) -> None:
+    dataset = open_dataset(recorded["kinect"])
+    seen = []
+    result = make_map(dataset, CONFIG, report=seen.append)
+    assert [progress.iteration for progress in seen] == list(range(1, CONFIG.iterations + 1))
+    assert seen[-1].share == 1
+    assert result.skipped == ()
+    assert list(result.held_out) == [frame.name for frame in dataset.frames[::8]]
+    quality = judged(result, recorded["none"])
+    assert quality.frames == 8
+    assert quality.psnr_db > 29
+    assert quality.depth_l1_m < 0.04
+    curve = [p.held_out_psnr_db for p in result.curve if p.held_out_psnr_db is not None]
+    assert curve[-1] > curve[0]
+    assert result.curve[-1].training_psnr_db > result.curve[0].training_psnr_db + 2
+    fixed = make_map(dataset, CONFIG.model_copy(update={"refine_poses": False}))
+    assert quality.psnr_db > judged(fixed, recorded["none"]).psnr_db + 0.2
+    ways = result.quality
+    assert ways.by_neighbours is not None
+    assert ways.refined.psnr_db > ways.by_neighbours.psnr_db
+
+
+def test_exposures_stay_out_of_the_map(recorded: dict[str, Path]) -> None:
+    plain = open_dataset(recorded["none"])
+
+    class Exposed:
+        """A frame that is darker than it was."""
+
+        def __init__(self, frame: Frame, gain: float) -> None:
+            self.name, self.camera = frame.name, frame.camera
+            self._frame, self.gain = frame, gain
+
+        def read(self) -> RgbdFrame:
+            frame = self._frame.read()
+            rgb = np.rint(self.gain * frame.rgb.astype(float)).astype(np.uint8)
+            return replace(frame, rgb=rgb)
+
+    frames = tuple(Exposed(one, (0.5, 0.75)[k % 2]) for k, one in enumerate(plain.frames))
+    result = make_map(Dataset("exposed", frames), CONFIG)
+    found = {name: np.mean(one.exposure.gain) for name, one in result.training.items()}
+    ratios = [found[one.name] / one.gain for one in frames if one.name in found]
+    assert np.std(ratios) < 0.03 * np.mean(ratios), "each frame's gain is its own"
+    gains = []
+    for frame in plain.frames[::8]:
+        clean = Observation.of(frame.read())
+        images = gslts.render(result.gaussian_map, clean.camera())
+        gains.append(np.mean(fit_exposure(images.rgb, clean.photo()).gain))
+    assert np.std(gains) < 0.03 * np.mean(gains), "the map is exposed alike everywhere"
+    steady = make_map(Dataset("dark", tuple(Exposed(one, 0.6) for one in plain.frames)), CONFIG)
+    best_db = judged(steady, recorded["none"]).psnr_db
+    assert judged(result, recorded["none"]).psnr_db > best_db - 0.5
+
+
+def test_corrected_poses_are_nearer_to_the_truth(recorded: dict[str, Path]) -> None:
+    result = make_map(open_dataset(recorded["kinect"]), CONFIG)
+    true = {frame.name: frame.camera for frame in open_dataset(recorded["none"]).frames}
+
+    def error(poses: dict[str, np.ndarray]) -> np.ndarray:
+        motions = [np.linalg.inv(pose) @ true[n].world_from_camera for n, pose in poses.items()]
+        return np.median([np.abs(twist_of(motion)) for motion in motions], axis=0)
+
+    before = error({name: one.given_pose for name, one in result.training.items()})
+    after = error({name: one.pose for name, one in result.training.items()})
+    # At 160 pixels a side, a shift of 3 mm is seen by a few tenths of a pixel.
+    assert after[:3].mean() < before[:3].mean()
+    assert after[3:].mean() < 0.75 * before[3:].mean()
+    # The map as a whole stays where the poses put it.
+    shifts = [
+        one.pose[:3, 3] - true[n].world_from_camera[:3, 3] for n, one in result.training.items()
+    ]
+    assert np.abs(np.mean(shifts, axis=0)).max() < 0.003
+
+
+def test_the_same_for_any_number_of_threads(recorded: dict[str, Path]) -> None:
+    dataset = open_dataset(recorded["kinect"])
+    maps = [
+        make_map(dataset, CONFIG.model_copy(update={"iterations": 120, "threads": threads}))
+        for threads in (1, 2)
+    ]
+    require_same(*maps)
+
+
+def require_same(first: MappingResult, second: MappingResult) -> None:
+    for name in MAP_ARRAYS:
+        one, other = (getattr(result.gaussian_map, name) for result in (first, second))
+        assert one.tobytes() == other.tobytes(), name
+    for one, other in zip(first.training.values(), second.training.values(), strict=True):
+        np.testing.assert_array_equal(one.pose, other.pose)
+        assert one.lenses == other.lenses
+
+
+def test_a_run_goes_on_exactly_where_it_stopped(
+    recorded: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("gslts.mapping.engine.SAVE_EVERY_S", 0.0)
+    dataset = open_dataset(recorded["kinect"])
+    config = CONFIG.model_copy(update={"iterations": 300, "variant_steps": 2})
+    saved: list[Path] = []
+
+    def save(checkpoint: Checkpoint) -> None:
+        saved.append(tmp_path / f"{len(saved)}.npz")
+        write_checkpoint(saved[-1], checkpoint)
+
+    whole = make_map(dataset, config, save=save)
+    assert len(saved) >= 5
+    for path in (saved[0], saved[3], saved[-1]):
+        rest = make_map(dataset, config, resume=read_checkpoint(path))
+        require_same(whole, rest)
+        assert [p.iteration for p in rest.curve] == [p.iteration for p in whole.curve]
+        assert rest.quality == whole.quality
+        assert [one.psnr_db for one in rest.variants] == [one.psnr_db for one in whole.variants]
+    start = read_checkpoint(saved[0])
+    with pytest.raises(ValueError, match="the checkpoint is of other settings"):
+        make_map(dataset, CONFIG, resume=start)
+    with pytest.raises(ValueError, match="the checkpoint is of other frames"):
+        make_map(open_dataset(recorded["none"]), config, resume=replace(start, frames=("a",)))
+
+
+def test_damaged_checkpoints_are_named(recorded: dict[str, Path], tmp_path: Path) -> None:
+    saved = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("gslts.mapping.engine.SAVE_EVERY_S", 0.0)
+        config = CONFIG.model_copy(update={"iterations": 60})
+        make_map(open_dataset(recorded["kinect"]), config, save=saved.append)
+    path = tmp_path / "map.checkpoint.npz"
+    write_checkpoint(path, saved[0])
+    content = path.read_bytes()
+    for torn in (b"", content[:1000], content[:-100], content.replace(b"gslts-", b"other-")):
+        path.write_bytes(torn)
+        with pytest.raises(ValueError, match="it is no checkpoint of a map"):
+            read_checkpoint(path)
+
+
+def test_a_killed_run_leaves_no_map_and_goes_on(recorded: dict[str, Path], tmp_path: Path) -> None:
+    arguments = ["map", recorded["kinect"], "--out", "map", "--preset", "fast"]
+    arguments += ["--iterations", "150", "--threads", "1"]
+    save_often = "import gslts.mapping.engine as engine; engine.SAVE_EVERY_S = 0.0\n"
+    once = save_often + stopped_at("gslts.mapping.checkpoint:write_checkpoint", 1)
+    checkpoint = tmp_path / "map.checkpoint.npz"
+    for again in ((), ("--resume",), ("--resume",)):
+        killed = run(*arguments, *again, cwd=tmp_path, before=once)
+        assert killed.returncode == -signal.SIGKILL, killed.stderr
+        assert not (tmp_path / "map").exists()
+    assert checkpoint.exists()
+    done = run(*arguments, cwd=tmp_path)
+    assert done.returncode == 1
+    assert "go on with --resume, or remove it" in done.stderr
+    done = run(*arguments, "--resume", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert not checkpoint.exists()
+    resumed = read_map(tmp_path / "map")
+    arguments[3] = "whole"
+    assert run(*arguments, cwd=tmp_path).returncode == 0
+    whole = read_map(tmp_path / "whole")
+    for name in MAP_ARRAYS:
+        assert getattr(resumed, name).tobytes() == getattr(whole, name).tobytes(), name
+
+
+def test_budgets_are_kept(recorded: dict[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    make_mapping_tick(monkeypatch, 0.02)
+    dataset = open_dataset(recorded["kinect"])
+    config = CONFIG.model_copy(update={"budget_s": 6.0, "max_gaussians": 500})
+    result = make_map(dataset, config)
+    spent_s = sum(s for stage, s in result.seconds.items() if stage != "judging")
+    assert 5.9 < spent_s < 6.5
+    assert 250 < result.gaussian_map.size <= 500
+
+
+def test_few_bad_frames_are_skipped_and_many_stop(recorded: dict[str, Path]) -> None:
+    dataset = open_dataset(recorded["none"])
+
+    class Bad:
+        name, camera = "bad", dataset.frames[0].camera
+
+        def read(self) -> None:
+            raise ValueError("bad.png: it is torn")
+
+    few = Dataset("few", (*dataset.frames, Bad()), ("early: no pose",))
+    config = CONFIG.model_copy(update={"iterations": 2, "rough_epochs": 0})
+    assert make_map(few, config).skipped == ("early: no pose", "bad: bad.png: it is torn")
+    twice = Dataset("twice", (*dataset.frames, dataset.frames[3]))
+    name = dataset.frames[3].name
+    assert make_map(twice, config).skipped == (f"{name}: there is another frame of that name",)
+    many = Dataset("many", (*dataset.frames[:20], *[Bad()] * 10))
+    with pytest.raises(ValueError, match="many: 10 of 30 frames cannot be used, such as bad: bad"):
+        make_map(many, config)
+    with pytest.raises(ValueError, match="short: 9 frames are too few"):
+        make_map(Dataset("short", dataset.frames[:9]), config)
+    assert len(make_map(Dataset("least", dataset.frames[:10]), config).held_out) == 2
+
+
+def test_frames_that_no_memory_holds_are_refused(
+    recorded: dict[str, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert 1 << 20 < free_memory_bytes() < 1 << 50
+    monkeypatch.setattr("gslts.mapping.visit.free_memory_bytes", lambda: 5 << 20)
+    # 60 frames of 160 x 120 px.
+    with pytest.raises(ValueError, match=r"60 frames take 0\.0 GiB .* such as one in 4$"):
+        make_map(open_dataset(recorded["none"]), CONFIG)
+
+
+def test_the_end_comes_when_nothing_is_gained() -> None:
+    def curve(*held_out_db: float | None, level: int = 0) -> list[CurvePoint]:
+        return [CurvePoint(0.0, 0, level, 0.0, each, 0) for each in held_out_db]
+
+    rising = [20.0, 20.1, 20.2, 20.3, 20.4, 20.5]
+    assert not _settled(curve(*rising), 0.2)
+    assert _settled(curve(*rising, 20.5, None, 20.4, 20.51, 20.3), 0.2)
+    assert not _settled(curve(*rising, 20.5, None, 20.4, 20.51, 20.3), 0.25)
+    assert not _settled(curve(*rising, 20.5, 20.4, 20.53, 20.3), 0.2)
+    assert not _settled(curve(*rising, 20.5, 20.4), 0.2)
+    assert not _settled(curve(*rising, 20.5, 20.4, 20.51, 20.3, level=1), 0.2)
+    assert not _settled(curve(*[20.0] * 20), 1.0)
+
+
+@pytest.mark.smoke
+def test_the_commands(recorded: dict[str, Path], tmp_path: Path) -> None:
+    arguments = ("map", recorded["kinect"], "--iterations", "30", "--preset", "fast")
+    done = run(*arguments, "--out", "map", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "8 frames kept aside" in done.stdout
+    page = (tmp_path / "map" / "report.html").read_text()
+    assert "poses corrected by neighbours" in page
+    manifest = json.loads((tmp_path / "map" / "manifest.json").read_text())
+    landmarks, cameras = read_landmarks(tmp_path / "map"), cameras_of_map(tmp_path / "map")
+    assert landmarks is not None
+    assert landmarks.size > 300
+    poses = [camera.world_from_camera for camera in cameras.values()]
+    for pose in landmarks.world_from_keyframe:
+        assert any(np.allclose(pose, one) for one in poses), "of a frame kept aside"
+    assert run("verify", "map", cwd=tmp_path).stdout == "1 versions are whole\n"
+    done = run("eval", "map", recorded["kinect"], "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    again = json.loads(done.stdout)
+    for way in ("given", "by_neighbours", "refined"):
+        assert again[way] == pytest.approx(manifest["held_out"][way], rel=1e-5)
+    done = run("eval", "map", recorded["none"], "--json", cwd=tmp_path)
+    assert json.loads(done.stdout)["refined"]["ssim"] > again["refined"]["ssim"], "without noise"
+    assert run("export", "map", "room.ply", cwd=tmp_path).returncode == 0
+    done = run("eval", "room.ply", recorded["none"], "--every", "20", "--json", cwd=tmp_path)
+    plain = json.loads(done.stdout)
+    assert plain["given"]["frames"] == 3
+    assert plain["by_neighbours"] is None
+    done = run(*arguments, "--out", "map", cwd=tmp_path)
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1] == "gslts: map is there already"
+    few = ["map", recorded["kinect"], "--out", "few", "--every", "3", "--iterations", "10"]
+    done = run(*few, "--budget-s", "inf", cwd=tmp_path)
+    assert done.returncode == 1
+    assert done.stderr == "gslts: budget_s=inf: Input should be a finite number\n"
+    assert run(*few, cwd=tmp_path).returncode == 0
+    names = [frame.name for frame in open_dataset(recorded["kinect"]).frames[::3]]
+    assert set(cameras_of_map(tmp_path / "few")) == set(names) - set(names[::8])
+    done = run("map", tmp_path, "--out", "other", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "no data set of a known format" in done.stderr.splitlines()[-1]
+    assert not (tmp_path / "other").exists()
+
+
+def test_sizes_are_compared_and_harmonics_rise_only_for_a_gain(recorded: dict[str, Path]) -> None:
+    config = CONFIG.model_copy(update={"variant_steps": 60})
+    result = make_map(open_dataset(recorded["kinect"]), config)
+    chosen, half, double, harmonics = result.variants
+    assert [one.name for one in result.variants] == ["chosen", "half", "double", "SH degree 1"]
+    assert half.gaussian_map.size == pytest.approx(chosen.gaussian_map.size / 2, rel=0.01)
+    assert (
+        abs(double.gaussian_map.size - 2 * chosen.gaussian_map.size)
+        < 0.05 * double.gaussian_map.size
+    )
+    assert half.psnr_db < chosen.psnr_db
+    gains = harmonics.psnr_db > chosen.psnr_db + LEAST_GAIN_DB
+    assert result.gaussian_map.sh_degree == (1 if gains else 0)
+    better = replace(harmonics, psnr_db=chosen.psnr_db + 2 * LEAST_GAIN_DB)
+    assert chosen_of([chosen, half, better]) is better
+    worse = replace(harmonics, psnr_db=chosen.psnr_db + 0.5 * LEAST_GAIN_DB)
+    assert chosen_of([chosen, half, worse]) is chosen
+
+
+class Photograph:
+    """A frame in memory, without depth, in a world of which so many units are a metre."""
+
+    def __init__(self, number: int, camera: gslts.Camera, units: float = 1.0) -> None:
+        self.name, self._camera = f"{number:02}", camera
+        pose = camera.world_from_camera
+        pose[:3, 3] *= units
+        self.camera = at_pose(camera, pose)
+
+    def read(self) -> RgbdFrame:
+        return replace(blob_room.frame(self._camera), camera=self.camera)
+
+
+def test_photographs_alone_make_a_map() -> None:
+    cameras = blob_room.cameras(16)
+    frames = [Photograph(k, camera) for k, camera in enumerate(cameras)]
+    result = make_map(Dataset("photographs", tuple(frames)), CONFIG)
+    assert result.quality.given.depth_l1_m is None
+    assert result.quality.given.psnr_db > 25
+    camera = frames[8].camera
+    images, depth = gslts.render(result.gaussian_map, camera), analytic_room.look(camera)[1]
+    assert (images.alpha > 0.5).mean() > 0.95
+    assert np.median(np.abs(images.depth - depth) / depth) < 0.05
+    assert "with refined ones, no depth measured;" in summary_of(result)
+    # Structure from motion has a unit of its own.
+    frames = [Photograph(k, camera, units=20.0) for k, camera in enumerate(cameras)]
+    large = make_map(Dataset("photographs", tuple(frames)), CONFIG)
+    assert large.quality.given.psnr_db > result.quality.given.psnr_db - 0.5
+    assert large.config.max_scale_m == pytest.approx(20 * result.config.max_scale_m)
+    few = CONFIG.model_copy(update={"max_gaussians": 2000, "iterations": 20})
+    assert make_map(Dataset("photographs", tuple(frames)), few).gaussian_map.size <= 2000
+
+
+class Far:
+    """A frame somewhere else in the world."""
+
+    def __init__(self, frame: Frame, shift_m: np.ndarray) -> None:
+        self.name, self._frame, self._shift_m = frame.name, frame, shift_m
+        self.camera = seen_from(frame.camera, -shift_m)
+
+    def read(self) -> RgbdFrame:
+        return replace(self._frame.read(), camera=self.camera)
+
+
+def test_a_room_far_from_the_origin_is_mapped_as_well(recorded: dict[str, Path]) -> None:
+    near = open_dataset(recorded["kinect"])
+    shift_m = np.array([4.5e5, 5.2e6, 400.0])  # As in UTM, where float32 resolves half a metre.
+    far = replace(near, frames=tuple(Far(frame, shift_m) for frame in near.frames))
+    config = CONFIG.model_copy(update={"iterations": 200, "fill_holes": True})
+    here, there = make_map(near, config), make_map(far, config)
+    assert np.abs(there.gaussian_map.origin - shift_m).max() < 10
+    assert np.abs(there.gaussian_map.means).max() < 20
+    assert there.gaussian_map.size == pytest.approx(here.gaussian_map.size, rel=0.02)
+    assert there.quality.refined.psnr_db > here.quality.refined.psnr_db - 0.3

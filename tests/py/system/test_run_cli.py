@@ -1,0 +1,154 @@
+"""The command `gslts run`, as a user meets it."""
+
+import signal
+from pathlib import Path
+
+import change_room
+import pytest
+import update_room
+from command import gslts, stopped_at
+from update_room import looks_at_the_change
+
+from gslts.loop.state import LoopState, read_state, write_state
+from gslts.map_folder import open_versions, read_map
+from gslts.sim.capture import capture
+
+QUICK = ("--iterations", "20", "--threads", "1")
+FSYNCS = (1, 3, 9, 7, 5, 6)
+"""Calls at which runs are killed in turn: while states, a version and its picture are kept."""
+
+
+@pytest.fixture(scope="module")
+def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A visit after the red box was taken away."""
+    folder = tmp_path_factory.mktemp("run")
+    home = update_room.changed_home("removal")
+    capture(update_room.robot_in(home), looks_at_the_change(), folder / "visit")
+    return folder
+
+
+@pytest.fixture
+def new_map(workplace: Path, request: pytest.FixtureRequest) -> str:
+    """Its name."""
+    name = f"map_of_{request.node.name}"
+    change_room.write_room_map(workplace / name)
+    return name
+
+
+@pytest.mark.smoke
+def test_a_recording_updates_a_map(workplace: Path, new_map: str) -> None:
+    done = gslts("run", new_map, "--frames", "visit", *QUICK, cwd=workplace)
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert lines[0].startswith("removal at (2.")
+    assert lines[-1] == (
+        f"1 round(s); {new_map} is version 2 now, 0 parked; see gslts log {new_map}"
+    )
+    new = read_map(workplace / new_map)
+    assert update_room.opaque_in(new, update_room.REMOVED, 0.04) == 0
+    page = workplace / "log.html"
+    done = gslts("log", new_map, "--html", str(page), cwd=workplace)
+    assert done.returncode == 0, done.stderr
+    text = page.read_text()
+    assert "object gone from (2." in text
+    assert text.count('src="data:image/jpeg') == 1
+
+
+def test_a_simulated_day(workplace: Path, new_map: str) -> None:
+    done = gslts(
+        *("sim", "day", "kitchen", "20", "--changes", "2", "--frames", "9", "--out", "day"),
+        *("--width", "64", "--height", "48"),
+        cwd=workplace,
+    )
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert [line[:15] for line in lines[:2]] == ["before round 0:", "before round 1:"]
+    assert lines[2].startswith("wrote day/day.json and 9 frames to day/before")
+    # A map of another home: every frame is unreliable, and nothing is changed.
+    done = gslts("run", new_map, "--robot", "day/day.json", *QUICK, cwd=workplace)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == [
+        f"2 round(s); {new_map} is version 1 now, 0 parked; see gslts log {new_map}"
+    ]
+    assert read_state(workplace / new_map).round == 2
+    done = gslts("run", new_map, "--robot", "day/day.json", *QUICK, cwd=workplace)
+    assert done.stdout.startswith("0 round(s)"), "the day is over"
+    day = workplace / "day" / "day.json"
+    day.with_name("next.json").write_text(day.read_text() + "\n")  # Another one.
+    done = gslts("run", new_map, "--robot", "day/next.json", *QUICK, cwd=workplace)
+    assert done.stdout.startswith("2 round(s)"), done.stderr
+    assert read_state(workplace / new_map).round == 4
+
+
+def test_what_is_left_of_another_recording_is_forgotten(workplace: Path, new_map: str) -> None:
+    state = LoopState(round=3, source="another one", of_source=2, left=("nowhere",))
+    write_state(state, workplace / new_map)
+    done = gslts("run", new_map, "--frames", "visit", *QUICK, cwd=workplace)
+    assert done.stdout.splitlines()[-1].startswith(f"1 round(s); {new_map} is version 2 now")
+    after = read_state(workplace / new_map)
+    assert (after.round, after.of_source) == (4, 1)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_stops_it_and_it_goes_on(
+    workplace: Path, new_map: str, number: signal.Signals
+) -> None:
+    at_the_first_state = stopped_at("gslts.loop.keeper:write_state", 1, number)
+    arguments = ("run", new_map, "--frames", "visit", *QUICK)
+    done = gslts(*arguments, cwd=workplace, before=at_the_first_state)
+    assert done.returncode == 1
+    last = done.stderr.splitlines()[-1]
+    assert last == "gslts: stopped in round 0; the same command goes on there"
+    assert "Traceback" not in done.stderr
+    done = gslts("run", new_map, "--frames", "visit", *QUICK, cwd=workplace)
+    assert done.returncode == 0, done.stderr
+    with open_versions(workplace / new_map) as store:
+        assert store.version().number == 2
+        assert store.problems() == []
+
+
+def test_a_run_that_was_killed_goes_on(workplace: Path, new_map: str) -> None:
+    """It is killed whenever it has written so many files, all of which it brings to the disk."""
+    arguments = ("run", new_map, "--frames", "visit", *QUICK)
+    told = 1
+    for files in FSYNCS:
+        killed = gslts(*arguments, cwd=workplace, before=stopped_at("os:fsync", files))
+        assert killed.returncode == -signal.SIGKILL
+        told = max(told, 2 if "version 2: " in killed.stdout else 1)
+        with open_versions(workplace / new_map) as store:
+            assert store.problems() == []
+            assert store.version().number in (told, 2)
+    done = gslts("run", new_map, "--frames", "visit", *QUICK, cwd=workplace)
+    assert done.returncode == 0, done.stderr
+    with open_versions(workplace / new_map) as store:
+        assert store.version().number == 2
+    new = read_map(workplace / new_map)
+    assert update_room.opaque_in(new, update_room.REMOVED, 0.04) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((), "give either --robot or --frames"),
+        (("--frames", "visit", "--robot", "day.json"), "give either --robot or --frames"),
+        (("--frames", "nowhere"), "nowhere"),
+        (("--robot", "nowhere.json"), "nowhere.json"),
+    ],
+)
+def test_bad_input_is_named_in_one_line(
+    workplace: Path, new_map: str, arguments: tuple[str, ...], message: str
+) -> None:
+    done = gslts("run", new_map, *arguments, cwd=workplace)
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("gslts: ")
+    assert message in line
+
+
+def test_a_second_writer_has_to_wait(workplace: Path, new_map: str) -> None:
+    with open_versions(workplace / new_map, writable=True):
+        done = gslts("run", new_map, "--frames", "visit", *QUICK, cwd=workplace)
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1].endswith(
+        "another process writes this map; wait until it ends"
+    )

@@ -1,0 +1,78 @@
+"""Several processes read and write one map."""
+
+import multiprocessing
+import os
+import shutil
+import tempfile
+from pathlib import Path
+
+import pytest
+from command import LONG_S
+from store_maps import random_map
+
+from gslts.store.map_store import MapStore
+
+pytestmark = pytest.mark.smoke
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Of a map of one version."""
+    MapStore.create(tmp_path, random_map(100), {"data set": "room"})
+    return tmp_path
+
+
+def _opens(folder: Path, answer: multiprocessing.Queue) -> None:
+    try:
+        MapStore(folder, writable=True).close()
+        answer.put("")
+    except OSError as error:
+        answer.put(str(error))
+
+
+def test_one_process_writes_at_a_time(folder: Path) -> None:
+    context = multiprocessing.get_context("fork")
+    answer = context.Queue()
+    with MapStore(folder, writable=True):
+        other = context.Process(target=_opens, args=(folder, answer))
+        other.start()
+        assert "another process writes this map" in answer.get(timeout=LONG_S)
+        other.join()
+    other = context.Process(target=_opens, args=(folder, answer))
+    other.start()
+    assert answer.get(timeout=LONG_S) == ""
+    other.join()
+
+
+def _reads_as_a_stranger(folder: Path, answer: multiprocessing.Queue) -> None:
+    if os.geteuid() == 0:
+        os.seteuid(65534)
+    told = []
+    for writable in (False, True):
+        try:
+            with MapStore(folder, writable=writable) as store:
+                told.append(f"{len(store.versions())} versions, {store.read().size} Gaussians")
+        except OSError as error:
+            told.append(str(error))
+    answer.put(told)
+
+
+def test_a_map_of_somebody_else_is_read(folder: Path) -> None:
+    with tempfile.TemporaryDirectory() as name:  # Those of pytest are closed to others.
+        place = Path(name) / "map"
+        shutil.copytree(folder, place)
+        for path in (Path(name), place, *place.rglob("*")):
+            path.chmod(0o555 if path.is_dir() else 0o444)
+        context = multiprocessing.get_context("fork")
+        answer = context.Queue()
+        stranger = context.Process(target=_reads_as_a_stranger, args=(place, answer))
+        stranger.start()
+        read, refused = answer.get(timeout=LONG_S)
+        stranger.join()
+        Path(name).chmod(0o755)
+        for path in (place, *place.rglob("*")):
+            path.chmod(0o755)
+    assert read == "1 versions, 100 Gaussians"
+    assert refused.endswith(
+        "Permission denied; copy the map to a folder that can be written, or ask for permission"
+    )

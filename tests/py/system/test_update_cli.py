@@ -1,0 +1,153 @@
+"""The command `gslts update`, as a user meets it."""
+
+import shutil
+from pathlib import Path
+
+import change_room
+import numpy as np
+import pytest
+import update_room
+from command import gslts
+from PIL import Image
+from update_room import looks_at_the_change
+
+from gslts.camera_files import cameras_of_map
+from gslts.map_folder import open_versions, read_map
+from gslts.sim.capture import capture
+
+
+@pytest.fixture(scope="module")
+def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A map, a visit after the red box was taken away, and one in which nothing changed."""
+    folder = tmp_path_factory.mktemp("update")
+    change_room.write_room_map(folder / "map")
+    for name, home in (
+        ("visit", update_room.changed_home("removal")),
+        ("same", change_room.home()),
+    ):
+        capture(update_room.robot_in(home), looks_at_the_change(), folder / name)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def updated(workplace: Path) -> list[str]:
+    """What was printed when the map was updated."""
+    given = ("--iterations", "40", "--threads", "1")
+    done = gslts("update", "map", "--frames", "visit", *given, cwd=workplace)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
+
+
+@pytest.mark.smoke
+def test_recorded_frames_update_a_map(workplace: Path, updated: list[str]) -> None:
+    assert updated[0].startswith("removal at (2.")
+    assert updated[-1].startswith("map is version 2 now: ")
+    old, new = read_map(workplace / "map@1"), read_map(workplace / "map")
+    with open_versions(workplace / "map") as store:
+        version = store.version()
+        (event,) = store.events()
+    record = version.cause["record"]
+    assert record["refused"] is None
+    assert record["kinds"] == ["removal"]
+    assert new.size == old.size - record["removed"] + record["added"]
+    assert record["psnr_after_db"] > record["psnr_before_db"]
+    assert (event.version, event.kind) == (2, "removal")
+    assert update_room.opaque_in(new, update_room.REMOVED, 0.04) == 0
+    cameras = cameras_of_map(workplace / "map")
+    new_views = len(cameras) - len(cameras_of_map(workplace / "map@1"))
+    assert 0 < new_views <= sum(record["views"]), "those that look from elsewhere"
+    with Image.open(workplace / "map" / "updates" / "00002.jpg") as picture:
+        assert picture.size == (3 * 160, 3 * 120)
+
+
+@pytest.mark.smoke
+def test_the_past_of_a_map_is_told(workplace: Path, updated: list[str]) -> None:
+    assert updated
+    printed = gslts("log", "map", cwd=workplace).stdout.splitlines()
+    assert printed[0].split()[0] == "2"
+    assert "object gone from (2." in printed[1]
+    assert printed[-1].split()[0] == "1"
+    shown = gslts("show", "map", "2", cwd=workplace).stdout
+    assert '"removal"' in shown
+    assert "updates/00002.jpg" in shown
+    apart = gslts("diff", "map", "1", "2", "--out", "apart.png", cwd=workplace).stdout
+    assert "Gaussians are gone" in apart
+    with Image.open(workplace / "apart.png") as picture:
+        assert picture.size[0] == 3 * 160
+    assert gslts("verify", "map", cwd=workplace).stdout == "2 versions are whole\n"
+    assert gslts("gc", "map", cwd=workplace).stdout == "0 bytes are free again\n"
+
+
+def test_an_old_version_comes_back(workplace: Path, updated: list[str]) -> None:
+    assert updated
+    done = gslts("restore", "map", "1", cwd=workplace)
+    assert done.returncode == 0, done.stderr
+    with open_versions(workplace / "map") as store:
+        number = store.version().number
+    old, new = read_map(workplace / "map@1"), read_map(workplace / f"map@{number}")
+    np.testing.assert_array_equal(old.means, new.means)
+    assert len(read_map(workplace / "map@2").means) != len(old.means)
+    told = gslts("log", "map", "--object", "Object", cwd=workplace).stdout.splitlines()
+    assert told[1].endswith("m, undone since")
+    assert "gone from" not in gslts("diff", "map", "1", str(number), cwd=workplace).stdout
+    back = gslts("diff", "map", "2", str(number), cwd=workplace).stdout.splitlines()
+    assert back[1].startswith("without version 2: object gone from (2.")
+
+
+def test_a_picture_that_cannot_be_written_is_told(
+    workplace: Path, updated: list[str], tmp_path: Path
+) -> None:
+    assert updated
+    shutil.copytree(workplace / "map", tmp_path / "map")
+    shutil.rmtree(tmp_path / "map" / "updates")
+    (tmp_path / "map" / "updates").write_bytes(b"not a folder")
+    with open_versions(tmp_path / "map", writable=True) as store:
+        number = store.restore(1).number + 1
+    given = ("--iterations", "40", "--threads", "1")
+    done = gslts("update", "map", "--frames", workplace / "visit", *given, cwd=tmp_path)
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1].startswith(
+        f"gslts: map is version {number} now, but without a picture: "
+    )
+    assert "map/updates" in done.stderr
+    with open_versions(tmp_path / "map") as store:
+        assert store.version().number == number
+
+
+def test_where_nothing_changed_there_is_no_new_version(workplace: Path) -> None:
+    with open_versions(workplace / "map") as store:
+        before = store.version().number
+    done = gslts("update", "map", "--frames", "same", cwd=workplace)
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1] == ("gslts: map stays as it is: nothing changed")
+    with open_versions(workplace / "map") as store:
+        assert store.version().number == before
+        assert len(store.refusals()) == 1
+    printed = gslts("log", "map", cwd=workplace).stdout
+    assert "not updated: nothing changed" in printed
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("update", "map"), "give either --robot or --frames"),
+        (("update", "map", "--frames", "visit", "--robot", "x"), "give either --robot or --frames"),
+        (("update", "nowhere", "--frames", "visit"), "nowhere"),
+        (("update", "map", "--frames", "nowhere"), "nowhere"),
+        (("update", "map", "--robot", "nowhere.json"), "nowhere.json"),
+        (("update", "visit", "--frames", "visit"), "visit/manifest.json"),
+        (("log", "nowhere"), "nowhere"),
+        (("show", "map", "99"), "map: there is no version 99"),
+        (("diff", "map", "1", "99"), "map: there is no version 99"),
+        (("restore", "map", "99"), "map: there is no version 99"),
+        (("export", "map@99", "x.ply"), "map: there is no version 99"),
+    ],
+)
+def test_bad_input_is_named_in_one_line(
+    workplace: Path, arguments: tuple[str, ...], message: str
+) -> None:
+    done = gslts(*arguments, cwd=workplace)
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+    assert message in done.stderr.splitlines()[-1]
+    assert not (workplace / "x.ply").exists()

@@ -1,0 +1,74 @@
+"""A robot whose odometry is off, and what finds it in the map of the room of `change_room`."""
+
+import json
+import shutil
+from functools import cache
+from pathlib import Path
+
+import change_room
+import numpy as np
+from landmark_room import folder_with, found
+
+from gslts.camera import rotation
+from gslts.frame import RgbdFrame
+from gslts.relocalize.config import RelocalizationConfig
+from gslts.relocalize.localized import Localizer, in_world
+from gslts.relocalize.relocalizer import Relocalizer
+from gslts.robot import Robot
+
+TURN_RAD = float(np.deg2rad(10))
+ODOMETRY_FROM_WORLD = np.eye(4)
+"""30 cm and 10 degrees."""
+ODOMETRY_FROM_WORLD[:3, :3] = rotation(np.array([0, 0, TURN_RAD]))
+ODOMETRY_FROM_WORLD[:3, 3] = (0.24, -0.18, 0.0)
+CONFIG = RelocalizationConfig(halvings=0, threads=1)
+"""Pictures are small already."""
+
+
+class Adrift:
+    """A robot in the world of its odometry, which may count from far away."""
+
+    def __init__(self, robot: Robot, far: tuple[float, float, float] = (0, 0, 0)) -> None:
+        self.robot = robot
+        self.odometry_from_world = ODOMETRY_FROM_WORLD.copy()
+        self.odometry_from_world[:3, 3] += far
+
+    def observe(self) -> RgbdFrame:
+        return in_world(self.robot.observe(), self.odometry_from_world)
+
+    def reachable_positions(self) -> np.ndarray:
+        places = self.robot.reachable_positions()
+        return places @ self.odometry_from_world[:2, :2].T + self.odometry_from_world[:2, 3]
+
+    def move_towards(
+        self, position: np.ndarray, yaw_rad: float, pitch_rad: float | None = None
+    ) -> bool:
+        in_room = (position - self.odometry_from_world[:2, 3]) @ self.odometry_from_world[:2, :2]
+        return self.robot.move_towards(in_room, yaw_rad - TURN_RAD, pitch_rad)
+
+
+@cache
+def relocalizer() -> Relocalizer:
+    """Return the relocalizer of the mapped room."""
+    return Relocalizer(change_room.mapped()[0], found(), CONFIG)
+
+
+def localizer() -> Localizer:
+    """That has found nothing yet."""
+    return Localizer(relocalizer())
+
+
+def write_room_map(folder: Path) -> Path:
+    """The map of the room with landmarks."""
+    return folder_with(found(), folder)
+
+
+def set_adrift(visit: Path, to: Path) -> None:
+    """The recording of a robot whose odometry was off."""
+    shutil.copytree(visit, to)
+    path = to / "transforms.json"
+    content = json.loads(path.read_text())
+    for frame in content["frames"]:
+        pose = ODOMETRY_FROM_WORLD @ np.array(frame["transform_matrix"])
+        frame["transform_matrix"] = pose.tolist()
+    path.write_text(json.dumps(content))

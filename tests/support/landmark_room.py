@@ -1,0 +1,36 @@
+"""Landmarks of the map of `change_room`."""
+
+from functools import cache
+from pathlib import Path
+
+import change_room
+from shared import looks_all_around
+
+from gslts.frame import RgbdFrame
+from gslts.map_folder import write_map_folder
+from gslts.relocalize.landmark_files import KEY, digest_of, keep_landmarks
+from gslts.relocalize.landmarks import Landmarks, landmarks_of
+
+
+@cache
+def frames() -> tuple[RgbdFrame, ...]:
+    """Of the room as it is mapped, with perfect depth."""
+    looks = [*looks_all_around("change_room", change_room.home(), 24), *change_room.LOOKS]
+    return tuple(change_room.see(change_room.home(), look) for look in looks)
+
+
+@cache
+def found() -> Landmarks:
+    """Return the landmarks of the mapped room."""
+    return landmarks_of(change_room.mapped()[0], frames(), threads=1)
+
+
+def folder_with(landmarks: Landmarks, path: Path) -> Path:
+    """The folder of a map of the room, as `gslts map` writes it."""
+    gaussian_map, cameras = change_room.mapped()
+
+    def finish(part: Path) -> None:
+        keep_landmarks(landmarks, part)
+
+    write_map_folder(path, gaussian_map, {KEY: digest_of(landmarks)}, cameras, finish)
+    return path

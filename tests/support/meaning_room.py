@@ -1,0 +1,55 @@
+"""The map of `change_room`, taught what its labels say."""
+
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import change_room
+import numpy as np
+from safetensors.numpy import load_file, save_file
+from shared import looks_all_around, made_once
+
+from gslts.frame import RgbdFrame
+from gslts.gaussian_map import GaussianMap
+from gslts.sim.robot_body import Look
+from gslts.tasks.autoencoder import Autoencoder
+from gslts.tasks.embed import Embedded, embedded
+from gslts.tasks.meaning import Meaning
+from gslts.tasks.semantics import Oracle
+
+
+@cache
+def looks() -> list[Look]:
+    """Some all around the room, and those at the block."""
+    return [*looks_all_around("change_room", change_room.home(), 16), *change_room.LOOKS]
+
+
+def frames() -> list[RgbdFrame]:
+    """Return what is seen at `looks`."""
+    return [change_room.see(change_room.home(), look) for look in looks()]
+
+
+@cache
+def taught() -> tuple[GaussianMap, Embedded]:
+    """Return the map with features, and what they mean; made once a run."""
+    gaussian_map, _ = change_room.mapped()
+
+    def make(folder: Path) -> None:
+        folder.mkdir()
+        found = embedded(gaussian_map, frames(), Oracle(), 8, threads=1)
+        np.save(folder / "features.npy", found.features)
+        save_file(dict(found.autoencoder.weights), folder / "autoencoder.safetensors")
+        (folder / "names.json").write_text(json.dumps(found.names))
+
+    folder = made_once("change_room_meaning", make)
+    features = np.load(folder / "features.npy")
+    autoencoder = Autoencoder(load_file(folder / "autoencoder.safetensors"))
+    names = tuple(json.loads((folder / "names.json").read_text()))
+    return replace(gaussian_map, features=features), Embedded(features, autoencoder, names)
+
+
+def meaning() -> Meaning:
+    """Return the meaning of the map, as updates take it."""
+    _, found = taught()
+    return Meaning(Oracle(), found.autoencoder, found.names)

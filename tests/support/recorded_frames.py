@@ -1,0 +1,25 @@
+"""Frames that a robot sees in a small room."""
+
+import numpy as np
+import sim_scenes
+
+from gslts.sim.controller import Controller
+from gslts.sim.viewpoints import Look
+
+LOOKS = [Look(np.array([1.0, y]), yaw, 30.0) for y, yaw in ((1.0, 0.0), (1.0, 45.0), (2.5, 330.0))]
+
+
+def frames_of_robot(width: int = 64, height: int = 48) -> list:
+    """Return the frames that a robot sees at `LOOKS`."""
+    robot = Controller(sim_scenes.simple_home(), width=width, height=height)
+    frames = []
+    for look in LOOKS:
+        x, y = look.place
+        robot.act(
+            "Teleport",
+            position={"x": x, "y": y},
+            rotation=look.yaw_deg,
+            horizon=look.horizon_deg,
+        )
+        frames.append(robot.observe())
+    return frames

@@ -1,0 +1,55 @@
+"""Costly things that many tests share: made once a run, by the process that needs them first."""
+
+import atexit
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from gslts.bench.made import made
+from gslts.sim.explore import explore
+from gslts.sim.home import Home
+from gslts.sim.robot_body import Look
+
+VARIABLE = "GSLTS_TEST_SHARED"
+"""Names the folder of a run: all processes of it, and pytest runs one after the other, use one."""
+
+
+def share_folder() -> None:
+    """Make the folder of this run unless there is one; it is removed when its process exits."""
+    if VARIABLE not in os.environ:
+        os.environ[VARIABLE] = tempfile.mkdtemp(prefix="gslts-tests-")
+        atexit.register(shutil.rmtree, os.environ[VARIABLE], ignore_errors=True)
+
+
+def made_once(name: str, make: Callable[[Path], None]) -> Path:
+    """Return the folder of a name, made once a run.
+
+    Args:
+        name: Unlike that of anything else.
+        make: Is given the path of a folder that it makes; others wait until it has returned.
+    """
+    return made(Path(os.environ[VARIABLE]) / name, {}, make)
+
+
+def looks_all_around(name: str, home: Home, most: int) -> list[Look]:
+    """Return `explore(home, most)[0]`, made once a run.
+
+    Args:
+        name: Of the home, unlike that of any other.
+        home: To look at.
+        most: Number of views at most.
+    """
+
+    def make(folder: Path) -> None:
+        folder.mkdir()
+        looks, _ = explore(home, most)
+        numbers = [[*one.place.tolist(), one.yaw_deg, one.horizon_deg] for one in looks]
+        (folder / "looks.json").write_text(json.dumps(numbers))
+
+    numbers = json.loads((made_once(f"{name}_{most}_looks", make) / "looks.json").read_text())
+    return [Look(np.array([x, y]), yaw, horizon) for x, y, yaw, horizon in numbers]

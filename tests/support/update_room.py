@@ -1,0 +1,147 @@
+"""Changes of the room of `change_room`, what a robot collects of them, and updates of its map."""
+
+from dataclasses import replace
+from functools import cache
+from typing import Literal
+
+import change_room
+import numpy as np
+from change_room import BLUE, LOOKS, SIZE, YELLOW
+
+from gslts.change.changes import Change
+from gslts.frame import RgbdFrame
+from gslts.gaussian_map import GaussianMap
+from gslts.loop.keeper import LoopConfig
+from gslts.robot import Robot
+from gslts.sim.controller import Controller
+from gslts.sim.home import Home, HomeObject
+from gslts.sim.robot_body import Look
+from gslts.update.collect import Collection, collect
+from gslts.update.config import CollectConfig, EditConfig, RefineConfig, UpdateConfig
+from gslts.update.updater import Update, update
+
+Kind = Literal["removal", "addition", "relocation"]
+COLLECT = CollectConfig(distance_m=1.0)
+SMALL = EditConfig(voxel_m=0.02)
+"""Pictures of 160 px do not resolve more."""
+UPDATE = UpdateConfig(
+    collect=COLLECT, edit=SMALL, refine=RefineConfig(iterations=60, around_px=15), threads=1
+)
+LOOP = LoopConfig(
+    stops=8,
+    detection=change_room.CONFIG,
+    update=UpdateConfig(
+        collect=COLLECT,
+        edit=SMALL,
+        refine=RefineConfig(iterations=30, around_px=15),
+        threads=1,
+    ),
+)
+REMOVED = (np.array([2.08, 1.73, 0.75]), np.array([2.32, 1.97, 1.05]))
+"""Corners of the red box that goes."""
+ADDED = (np.array([2.48, 1.58, 0.75]), np.array([2.72, 1.82, 1.05]))
+"""And of the yellow one that comes."""
+
+
+def yellow() -> HomeObject:
+    """Return a yellow box on the block."""
+    return change_room.thing("Box|3", 2.6, 1.7, YELLOW, "Block|1")
+
+
+def changed_home(kind: Kind) -> Home:
+    """Return the room after a change."""
+    home = change_room.home()
+    if kind == "removal":
+        return home.without(["Box|1"])
+    if kind == "addition":
+        return replace(home, objects=(*home.objects, yellow()))
+    moved = replace(change_room.thing("Box|2", 2.6, 1.7, BLUE, "Block|1"))
+    return replace(home.without(["Box|2"]), objects=(*home.without(["Box|2"]).objects, moved))
+
+
+def robot_in(home: Home, noise: str = "none") -> Controller:
+    """A robot that looks at the block."""
+    robot = Controller(home, **SIZE, noise=noise)
+    robot.go(LOOKS[0])
+    return robot
+
+
+@cache
+def detected(kind: Kind) -> Change:
+    """What the first frame tells."""
+    change = change_room.detector().detect(robot_in(changed_home(kind)).observe()).changes[0]
+    assert change.kind == kind
+    return change
+
+
+@cache
+def collected(kind: Kind) -> Collection:
+    """Return what a robot collects around the change; made once a process."""
+    found = collect(robot_in(changed_home(kind)), change_room.detector(), [detected(kind)], COLLECT)
+    assert found.changes == (detected(kind),)
+    return found
+
+
+def opaque_in(
+    gaussian_map: GaussianMap, box: tuple[np.ndarray, np.ndarray], margin_m: float
+) -> int:
+    """How many Gaussians that can be seen have their centres in a box, but for a margin."""
+    low, high = box[0] + margin_m, box[1] - margin_m
+    inside = ((gaussian_map.means > low) & (gaussian_map.means < high)).all(axis=1)
+    return int((inside & (gaussian_map.logit_opacities > np.log(0.05 / 0.95))).sum())
+
+
+class Changing:
+    """A robot in a home that becomes another one after some frames."""
+
+    def __init__(self, first: Home, then: Home, frames: int) -> None:
+        self._robots, self._left = [robot_in(one) for one in (first, then)], frames
+
+    def observe(self) -> RgbdFrame:
+        self._left -= 1
+        return self._robots[0 if self._left >= 0 else 1].observe()
+
+    def reachable_positions(self) -> np.ndarray:
+        return self._robots[0].reachable_positions()
+
+    def move_towards(
+        self, position: np.ndarray, yaw_rad: float, pitch_rad: float | None = None
+    ) -> bool:
+        first, second = self._robots
+        arrived = first.move_towards(position, yaw_rad, pitch_rad)
+        return second.move_towards(position, yaw_rad, pitch_rad) and arrived
+
+
+def run_update(robot: Robot, kind: str = "removal", change: Change | None = None) -> Update:
+    """Update the map of the room for a change, by default the one that is detected first."""
+    return run_updates(robot, [change or detected(kind)])
+
+
+def run_updates(robot: Robot, changes: list[Change]) -> Update:
+    """Update the map of the room for several changes."""
+    gaussian_map, cameras = change_room.mapped()
+    return update(
+        gaussian_map,
+        list(cameras.values()),
+        changes,
+        robot,
+        UPDATE,
+        detector=change_room.detector(),
+    )
+
+
+def looks_at_the_change() -> list[Look]:
+    """First some at once, so that the change is believed, then all around."""
+    found = collected("removal")
+    looks = []
+    for view in (*found.views[:1] * 4, *found.views):
+        pose = view.camera.world_from_camera
+        x, y, z = pose[:3, 2]
+        looks.append(
+            Look(
+                np.round(pose[:2, 3] / 0.25) * 0.25,
+                float(np.rad2deg(np.arctan2(y, x))),
+                float(np.rad2deg(np.arcsin(-z))),
+            )
+        )
+    return looks

@@ -1,0 +1,52 @@
+"""Detectors and clocks for tests of a standing watch, which nothing but the test moves on."""
+
+import threading
+
+from gslts.change.detect import ChangeDetector, Detection
+from gslts.change.monitor import ChangeMonitor
+from gslts.frame import RgbdFrame
+
+LONG_S = 60.0
+"""More than anything here takes: a test that waits so long has failed."""
+
+
+class Clock:
+    """A clock that stands still until its time is set."""
+
+    def __init__(self) -> None:
+        self.time_s = 0.0
+
+    def __call__(self) -> float:
+        return self.time_s
+
+
+class Gated:
+    """A detector that looks at a frame only when it is let through."""
+
+    def __init__(self, detector: ChangeDetector) -> None:
+        self._detector, self.config = detector, detector.config
+        self._allowed, self._done = threading.Semaphore(0), threading.Semaphore(0)
+
+    def detect(self, frame: RgbdFrame) -> Detection:
+        assert self._allowed.acquire(timeout=LONG_S)
+        try:
+            return self._detector.detect(frame)
+        finally:
+            self._done.release()
+
+    def let_through(self) -> None:
+        """Let one frame through and wait until it was looked at."""
+        self._allowed.release()
+        assert self._done.acquire(timeout=LONG_S)
+
+    def open(self, frames: int) -> None:
+        """Let so many further frames through, now or later."""
+        self._allowed.release(frames)
+
+
+def close(monitor: ChangeMonitor) -> None:
+    """Close a monitor; fail, rather than wait for ever, if that does not end."""
+    closing = threading.Thread(target=monitor.close, daemon=True)
+    closing.start()
+    closing.join(LONG_S)
+    assert not closing.is_alive()
