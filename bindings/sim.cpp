@@ -1,12 +1,16 @@
 #include <pybind11/eigen.h>
+#include <pybind11/stl.h>
 #include <pybind11/typing.h>
 
+#include <array>
 #include <cstdint>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "arrays.hpp"
 #include "gslts/sim/pixel_rays.hpp"
+#include "gslts/sim/sensor.hpp"
 #include "gslts/sim/shading.hpp"
 #include "gslts/sim/surfaces.hpp"
 
@@ -98,6 +102,86 @@ py::array_t<float> pixel_rays(const Camera& camera, int threads) {
   return to_numpy(std::move(rays), {camera.height, camera.width, 6});
 }
 
+py::array_t<std::uint8_t> measure_color(const py::array& radiance,
+                                        const std::optional<py::array>& normals,
+                                        const std::array<double, 3>& gains, double vignetting,
+                                        double noise_std, int threads) {
+  const double* light = require_array<double>(radiance, "radiance", {kAnyLength, kAnyLength, 3});
+  const py::ssize_t height = radiance.shape(0), width = radiance.shape(1);
+  const double* noise =
+      normals ? require_array<double>(*normals, "normals", {height, width, 3}) : nullptr;
+  Array<std::uint8_t> rgb = [&] {
+    const py::gil_scoped_release release;
+    return sim::measure_color(light, noise, int(width), int(height),
+                              {gains, vignetting, noise_std}, threads);
+  }();
+  return to_numpy(std::move(rgb), {height, width, 3});
+}
+
+py::array_t<float> measure_depth(const py::array& depth, const py::array& cosines,
+                                 const py::array& normals, const py::array& uniforms, double std_m,
+                                 double std_per_m, const std::array<double, 2>& range_m,
+                                 double least_cosine, double edge_dropout, double dropout,
+                                 int threads) {
+  const float* truth = require_array<float>(depth, "depth", {kAnyLength, kAnyLength});
+  const py::ssize_t height = depth.shape(0), width = depth.shape(1);
+  const float* facing = require_array<float>(cosines, "cosines", {height, width});
+  const double* noise = require_array<double>(normals, "normals", {height, width});
+  const double* luck = require_array<double>(uniforms, "uniforms", {height, width});
+  Array<float> measured = [&] {
+    const py::gil_scoped_release release;
+    return sim::measure_depth(
+        truth, facing, noise, luck, int(width), int(height),
+        {std_m, std_per_m, range_m[0], range_m[1], least_cosine, edge_dropout, dropout}, threads);
+  }();
+  return to_numpy(std::move(measured), {height, width});
+}
+
+void define_sensor(py::module_& m) {
+  m.def("measure_color", &measure_color, py::arg("radiance"), py::kw_only(), py::arg("normals"),
+        py::arg("gains"), py::arg("vignetting"), py::arg("noise_std"),
+        py::arg("threads").noconvert(),
+        R"(Makes an sRGB image (IEC 61966-2-1) of linear light.
+
+Args:
+    radiance: [H,W,3] float64, linear RGB.
+    normals: [H,W,3] float64, standard normal numbers, the noise; None: there is none.
+    gains: Factors of red, green and blue.
+    vignetting: Share of the light that is lost in the corners.
+    noise_std: Of the noise of each number of the image, 0 to 1.
+    threads: 0 means one a hardware thread; the result does not depend on it.
+
+Returns:
+    [H,W,3] uint8
+
+Raises:
+    ValueError: An array does not fit, or threads is negative.)");
+  m.def("measure_depth", &measure_depth, py::arg("depth"), py::arg("cosines"), py::kw_only(),
+        py::arg("normals"), py::arg("uniforms"), py::arg("std_m"), py::arg("std_per_m"),
+        py::arg("range_m"), py::arg("least_cosine"), py::arg("edge_dropout"), py::arg("dropout"),
+        py::arg("threads").noconvert(),
+        R"(Makes a depth image with noise and holes.
+
+Args:
+    depth: [H,W] float32, true depth, m; 0 where nothing is.
+    cosines: [H,W] float32, between surface normal and ray.
+    normals: [H,W] float64, standard normal numbers.
+    uniforms: [H,W] float64 in 0 to 1, which decide the dropout.
+    std_m: Of the noise at any depth, m.
+    std_per_m: Growth of that with the squared depth, m/m^2.
+    range_m: Nearest and farthest depth that is measured, m.
+    least_cosine: Surfaces at a smaller cosine to the ray give no depth.
+    edge_dropout: Probability that a pixel at an edge of the depth gives none.
+    dropout: Probability that any other pixel gives none.
+    threads: 0 means one a hardware thread; the result does not depend on it.
+
+Returns:
+    [H,W] float32, m; 0 where nothing is measured.
+
+Raises:
+    ValueError: An array does not fit, or threads is negative.)");
+}
+
 void define_shading(py::module_& m) {
   py::class_<SizedShading>(m, "Shading", R"(An image under area lights, in two steps.
 
@@ -187,6 +271,7 @@ Raises:
            py::arg("level_count"), py::arg("level_sizes"), py::arg("texels"),
            py::arg("linear_of_byte"));
   define_shading(m);
+  define_sensor(m);
   m.def("pixel_rays", &pixel_rays, py::arg("camera"), py::kw_only(),
         py::arg("threads").noconvert(),
         R"(Makes the rays from the eye of a camera through the centres of its pixels.

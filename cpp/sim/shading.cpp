@@ -117,7 +117,7 @@ Shading::Shading(const Surfaces& surfaces, const Hits& hits, const std::vector<A
   depth_.resize(pixels);
   cosines_.resize(pixels);
   objects_.resize(pixels);
-  albedo_.resize(3 * pixels);
+  albedo_.resize(pixels);
   emission_.resize(pixels);
   factors_.resize(lights_.size() * pixels);
   first_ray_.assign(height + 1, 0);
@@ -139,7 +139,9 @@ void Shading::look_up_row(std::size_t row) {
   const auto width = std::size_t(hits_.width);
   const std::size_t first = row * width;
   const std::vector<Triangle>& triangles = surfaces_.triangles();
-  std::vector<float> ways(3 * width);
+  std::vector<float> buffer(6 * width);
+  float* ways = buffer.data();
+  float *texels = ways + 3 * width, *last = texels + width, *levels = last + width;
   for (std::size_t i = 0; i < width; ++i) {
     const float* ray = hits_.rays + 6 * (first + i);
     for (std::size_t k = 0; k < 3; ++k) ways[k * width + i] = ray[3 + k];
@@ -153,23 +155,28 @@ void Shading::look_up_row(std::size_t row) {
     const Triangle* triangle = hit ? &triangles[index] : nullptr;
     depth_[first + i] = hit ? depth : 0.0f;
     objects_[first + i] = hit ? triangle->object : -1;
+    texels[i] = hit ? triangle->texels_per_m : 0.0f;
+    last[i] = hit ? float(triangle->level_count - 1) : 0.0f;
     emission_[first + i] = hit ? triangle->emission : 0.0f;
     for (std::size_t k = 0; k < 3; ++k) normals_[k][first + i] = hit ? triangle->normal[k] : 0.0f;
   }
   float* cosines = cosines_.data() + first;
-  face_camera({ways.data(), ways.data() + width, ways.data() + 2 * width}, width,
+  face_camera({ways, ways + width, ways + 2 * width}, width,
               normals_[0].data() + first, normals_[1].data() + first, normals_[2].data() + first,
               cosines);
   for (std::size_t i = 0; i < width; ++i) {
-    float* albedo = albedo_.data() + 3 * (first + i);
+    const float cosine = cosines[i] > kLeastCosine ? cosines[i] : kLeastCosine;
+    texels[i] = depth_[first + i] * hits_.pixel_rad / cosine * texels[i];
+  }
+  mip_levels(texels, last, width, levels);
+  for (std::size_t i = 0; i < width; ++i) {
     if (objects_[first + i] < 0) {
-      std::fill_n(albedo, 3, 0.0f);
+      albedo_[first + i].setZero();
       continue;
     }
-    const float pixel_m =
-        depth_[first + i] * hits_.pixel_rad / std::max(cosines[i], kLeastCosine);
     const float* weights = hits_.weights + 2 * (first + i);
-    surfaces_.sample(triangles[hits_.triangles[first + i]], weights[0], weights[1], pixel_m, albedo);
+    albedo_[first + i] = surfaces_.sample(triangles[hits_.triangles[first + i]], weights[0],
+                                          weights[1], levels[i]);
   }
 }
 
@@ -305,14 +312,14 @@ void Shading::radiance_row(std::size_t row, const Planes& direct, const Vector3f
     }
     add(same, width, weight);
   }
-  const float* albedo = albedo_.data() + 3 * first;
+  const Eigen::Array4f* albedo = albedo_.data() + first;
   for (std::size_t k = 0; k < 3; ++k) {
     float* __restrict rgb = light + k * width;
     divide(weight, width, rgb);
     const float* __restrict emission = emission_.data() + first;
     const float everywhere = ambient[Eigen::Index(k)];
     for (std::size_t i = 0; i < width; ++i) rgb[i] = rgb[i] + everywhere + emission[i];
-    for (std::size_t i = 0; i < width; ++i) radiance[3 * i + k] = albedo[3 * i + k] * rgb[i];
+    for (std::size_t i = 0; i < width; ++i) radiance[3 * i + k] = albedo[i][Eigen::Index(k)] * rgb[i];
   }
 }
 

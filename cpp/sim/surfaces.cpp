@@ -9,9 +9,11 @@
 namespace gslts::sim {
 namespace {
 
+using Eigen::Array4f;
+
 /// The logarithm of a positive normal number, to base 2, rounded from double: that of the C library
-/// has other last bits on other machines.
-float log2_of(float value) {
+/// has other last bits on other machines. Without a branch, so that a loop becomes vector code.
+inline float log2_of(float value) {
   std::uint32_t bits;
   std::memcpy(&bits, &value, sizeof bits);
   // The mantissa is taken from sqrt(1/2) to sqrt(2), where the series below is shortest.
@@ -45,7 +47,12 @@ std::invalid_argument error(const std::string& what) {
 
 Surfaces::Surfaces(const TriangleArrays& triangles, const TextureArrays& textures)
     : texels_(textures.texels, textures.texels + textures.texel_count) {
-  std::copy_n(textures.linear_of_byte, 256, linear_of_byte_.begin());
+  for (Eigen::Index k = 0; k < 3; ++k) {
+    for (std::size_t byte = 0; byte < 256; ++byte) {
+      linear_[std::size_t(k)][byte].setZero();
+      linear_[std::size_t(k)][byte][k] = textures.linear_of_byte[byte];
+    }
+  }
   std::int64_t end = 0;
   for (std::size_t k = 0; k < textures.level_count; ++k) {
     const std::int32_t height = textures.sizes[2 * k], width = textures.sizes[2 * k + 1];
@@ -75,43 +82,42 @@ Surfaces::Surfaces(const TriangleArrays& triangles, const TextureArrays& texture
   }
 }
 
-void Surfaces::sample(const Triangle& triangle, float second, float third, float pixel_m,
-                      float* color) const {
-  const std::array<float, 6>& c = triangle.uvs;
-  const float u = c[0] + second * (c[2] - c[0]) + third * (c[4] - c[0]);
-  const float v = c[1] + second * (c[3] - c[1]) + third * (c[5] - c[1]);
-  const float texels = std::max(pixel_m * triangle.texels_per_m, 1e-6f);
-  const Level* levels = levels_.data() + triangle.first_level;
-  const float last = float(triangle.level_count - 1);
-  const float level = texels > 1 ? std::min(log2_of(texels), last) : 0.0f;
-  const int lower = int(level);
-  bilinear(levels[lower], u, v, color);
-  const float beyond = level - float(lower);
-  if (beyond == 0) return;
-  float far[3];
-  bilinear(levels[lower + 1], u, v, far);
-  for (int k = 0; k < 3; ++k) color[k] += beyond * (far[k] - color[k]);
-}
-
-void Surfaces::bilinear(const Level& level, float u, float v, float* color) const {
+inline Array4f Surfaces::bilinear(const Level& level, float u, float v) const {
   const std::int32_t width = level.width, height = level.height;
   const float x = u * float(width) - 0.5f, y = v * float(height) - 0.5f;
   const float column = std::floor(x), row = std::floor(y);
   const float right = x - column, down = y - row;
-  const std::int32_t left = wrapped(column, width);
-  const std::int32_t upper = wrapped(row, height);
+  const std::int32_t left = wrapped(column, width), upper = wrapped(row, height);
   const std::int32_t next = left + 1 == width ? 0 : left + 1;
   const std::uint32_t* texels = texels_.data() + level.offset;
   const std::uint32_t* above = texels + std::int64_t(upper) * width;
   const std::uint32_t* below = texels + std::int64_t(upper + 1 == height ? 0 : upper + 1) * width;
-  const std::uint32_t corners[4] = {above[left], above[next], below[left], below[next]};
-  for (int k = 0; k < 3; ++k) {
-    const auto linear = [&](int corner) {
-      return linear_of_byte_[corners[corner] >> (8 * k) & 255];
-    };
-    const float upper_color = linear(0) + right * (linear(1) - linear(0));
-    const float lower_color = linear(2) + right * (linear(3) - linear(2));
-    color[k] = upper_color + down * (lower_color - upper_color);
+  const auto color = [&](std::uint32_t texel) -> Array4f {
+    return linear_[0][texel & 255] + linear_[1][texel >> 8 & 255] + linear_[2][texel >> 16 & 255];
+  };
+  const Array4f upper_left = color(above[left]), lower_left = color(below[left]);
+  const Array4f upper_color = upper_left + right * (color(above[next]) - upper_left);
+  const Array4f lower_color = lower_left + right * (color(below[next]) - lower_left);
+  return upper_color + down * (lower_color - upper_color);
+}
+
+Array4f Surfaces::sample(const Triangle& triangle, float second, float third, float level) const {
+  const std::array<float, 6>& c = triangle.uvs;
+  const float u = c[0] + second * (c[2] - c[0]) + third * (c[4] - c[0]);
+  const float v = c[1] + second * (c[3] - c[1]) + third * (c[5] - c[1]);
+  const Level* levels = levels_.data() + triangle.first_level;
+  const int lower = int(level);
+  const Array4f near = bilinear(levels[lower], u, v);
+  const float beyond = level - float(lower);
+  if (beyond == 0) return near;
+  return near + beyond * (bilinear(levels[lower + 1], u, v) - near);
+}
+
+void mip_levels(const float* __restrict texels, const float* __restrict last, std::size_t count,
+                float* __restrict levels) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const float level = log2_of(texels[i] > 1 ? texels[i] : 1.0f);
+    levels[i] = level < last[i] ? level : last[i];
   }
 }
 

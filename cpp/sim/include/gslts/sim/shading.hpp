@@ -81,7 +81,8 @@ class Shading {
   Planes normals_;                      ///< [H,W] each, towards the camera.
   Array<float> depth_, cosines_;        ///< [H,W]
   Array<std::int32_t> objects_;         ///< [H,W]
-  Array<float> albedo_, emission_;      ///< [H,W,3], [H,W]
+  Array<Eigen::Array4f> albedo_;        ///< [H,W] RGB, 0
+  Array<float> emission_;               ///< [H,W]
   Array<float> factors_;                ///< [H,L,W] light that may arrive for a radiance of 1.
   std::vector<std::size_t> first_ray_;  ///< [H+1] index of the first shadow ray of each row.
   Array<float> shadow_rays_;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -51,10 +52,10 @@ class Surfaces {
 
   /// Interpolates between the texels and between the levels of a triangle's texture.
   ///
-  /// @param u, v  Barycentric weights of the second and the third corner.
-  /// @param pixel_m  Size of a pixel on the surface, m.
-  /// @param color  Linear RGB, 0 to 1, is written here.
-  void sample(const Triangle& triangle, float u, float v, float pixel_m, float* color) const;
+  /// @param second, third  Barycentric weights of these corners.
+  /// @param level  See `mip_levels`.
+  /// @return  Linear RGB, 0 to 1, and a 0.
+  Eigen::Array4f sample(const Triangle& triangle, float second, float third, float level) const;
 
  private:
   struct Level {
@@ -62,12 +63,21 @@ class Surfaces {
     std::int32_t width, height;
   };
 
-  void bilinear(const Level& level, float u, float v, float* color) const;
+  Eigen::Array4f bilinear(const Level& level, float u, float v) const;
 
   std::vector<Triangle> triangles_;
   std::vector<Level> levels_;
   std::vector<std::uint32_t> texels_;
-  std::array<float, 256> linear_of_byte_;
+  /// Linear light of the bytes of a texel, each at its place among red, green and blue; a sum of three
+  /// makes a colour.
+  std::array<std::array<Eigen::Array4f, 256>, 3> linear_;
 };
+
+/// Computes which level of a texture has texels of the size of a pixel, between two if need be.
+///
+/// @param texels  [N] texels of the largest level along a pixel.
+/// @param last  [N] the smallest level.
+/// @param levels  [N] are written: 0 to `last`.
+void mip_levels(const float* texels, const float* last, std::size_t count, float* levels);
 
 }  // namespace gslts::sim
