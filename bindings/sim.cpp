@@ -31,15 +31,15 @@ Surfaces surfaces_of(const py::array& normals, const py::array& objects, const p
   const py::ssize_t size = normals.shape(0);
   const auto* sizes = require_array<std::int32_t>(level_sizes, "level_sizes", {kAnyLength, 2});
   const auto* numbers = require_array<std::uint32_t>(texels, "texels", {kAnyLength});
-  return Surfaces({std::size_t(size), vectors,
-                   require_array<std::int32_t>(objects, "objects", {size}),
-                   require_array<float>(emission, "emission", {size}),
-                   require_array<float>(uvs, "uvs", {size, 3, 2}),
-                   require_array<float>(texels_per_m, "texels_per_m", {size}),
-                   require_array<std::int32_t>(first_level, "first_level", {size}),
-                   require_array<std::int32_t>(level_count, "level_count", {size})},
-                  {std::size_t(level_sizes.shape(0)), sizes, std::size_t(texels.shape(0)), numbers,
-                   require_array<float>(linear_of_byte, "linear_of_byte", {256})});
+  return Surfaces(
+      {std::size_t(size), vectors, require_array<std::int32_t>(objects, "objects", {size}),
+       require_array<float>(emission, "emission", {size}),
+       require_array<float>(uvs, "uvs", {size, 3, 2}),
+       require_array<float>(texels_per_m, "texels_per_m", {size}),
+       require_array<std::int32_t>(first_level, "first_level", {size}),
+       require_array<std::int32_t>(level_count, "level_count", {size})},
+      {std::size_t(level_sizes.shape(0)), sizes, std::size_t(texels.shape(0)), numbers,
+       require_array<float>(linear_of_byte, "linear_of_byte", {256})});
 }
 
 /// Lights from [L,4,3].
@@ -112,8 +112,8 @@ py::array_t<std::uint8_t> measure_color(const py::array& radiance,
       normals ? require_array<double>(*normals, "normals", {height, width, 3}) : nullptr;
   Array<std::uint8_t> rgb = [&] {
     const py::gil_scoped_release release;
-    return sim::measure_color(light, noise, int(width), int(height),
-                              {gains, vignetting, noise_std}, threads);
+    return sim::measure_color(light, noise, int(width), int(height), {gains, vignetting, noise_std},
+                              threads);
   }();
   return to_numpy(std::move(rgb), {height, width, 3});
 }
@@ -272,8 +272,7 @@ Raises:
            py::arg("linear_of_byte"));
   define_shading(m);
   define_sensor(m);
-  m.def("pixel_rays", &pixel_rays, py::arg("camera"), py::kw_only(),
-        py::arg("threads").noconvert(),
+  m.def("pixel_rays", &pixel_rays, py::arg("camera"), py::kw_only(), py::arg("threads").noconvert(),
         R"(Makes the rays from the eye of a camera through the centres of its pixels.
 
 Returns:

@@ -42,9 +42,9 @@ class PowerTable {
   struct Entry {
     double inverse, power;
   };
-  static constexpr int kShift = 52 - 7;                                // 128 steps an octave,
+  static constexpr int kShift = 52 - 7;                                  // 128 steps an octave,
   static constexpr std::uint64_t kFirst = std::uint64_t(1023 - 9) << 7;  // from 2^-9,
-  static constexpr std::size_t kSize = 9 * 128 + 1;                    // to 1.
+  static constexpr std::size_t kSize = 9 * 128 + 1;                      // to 1.
 
   /// y with y^12 = x^5, by Newton's method from above, for x up to 1.01.
   static double power(double x) {
@@ -105,8 +105,8 @@ Array<std::uint8_t> measure_color(const double* radiance, const double* normals,
 }
 
 Array<float> measure_depth(const float* depth, const float* cosines, const double* normals,
-                           const double* uniforms, int width, int height,
-                           const DepthSensor& sensor, int threads) {
+                           const double* uniforms, int width, int height, const DepthSensor& sensor,
+                           int threads) {
   const auto columns = std::size_t(width), rows = std::size_t(height);
   Array<float> result(columns * rows);
   parallel::parallel_for(rows, threads, [&](std::size_t row) {

@@ -161,9 +161,8 @@ void Shading::look_up_row(std::size_t row) {
     for (std::size_t k = 0; k < 3; ++k) normals_[k][first + i] = hit ? triangle->normal[k] : 0.0f;
   }
   float* cosines = cosines_.data() + first;
-  face_camera({ways, ways + width, ways + 2 * width}, width,
-              normals_[0].data() + first, normals_[1].data() + first, normals_[2].data() + first,
-              cosines);
+  face_camera({ways, ways + width, ways + 2 * width}, width, normals_[0].data() + first,
+              normals_[1].data() + first, normals_[2].data() + first, cosines);
   for (std::size_t i = 0; i < width; ++i) {
     const float cosine = cosines[i] > kLeastCosine ? cosines[i] : kLeastCosine;
     texels[i] = depth_[first + i] * hits_.pixel_rad / cosine * texels[i];
@@ -175,8 +174,8 @@ void Shading::look_up_row(std::size_t row) {
       continue;
     }
     const float* weights = hits_.weights + 2 * (first + i);
-    albedo_[first + i] = surfaces_.sample(triangles[hits_.triangles[first + i]], weights[0],
-                                          weights[1], levels[i]);
+    albedo_[first + i] =
+        surfaces_.sample(triangles[hits_.triangles[first + i]], weights[0], weights[1], levels[i]);
   }
 }
 
@@ -196,7 +195,7 @@ void Shading::start_points(std::size_t row, float* __restrict x, float* __restri
 void Shading::light_row(std::size_t row, const Light& light, float* __restrict factors) const {
   const auto width = std::size_t(hits_.width);
   std::vector<float> buffer(3 * width);
-  float *__restrict x = buffer.data(), *__restrict y = x + width, *__restrict z = y + width;
+  float* __restrict x = buffer.data(), * __restrict y = x + width, * __restrict z = y + width;
   start_points(row, x, y, z);
   // From here on the way to the light's point.
   const auto& points = light.points[row % kPattern];
@@ -300,7 +299,8 @@ void Shading::radiance_row(std::size_t row, const Planes& direct, const Vector3f
   std::vector<float> buffer(5 * width);
   float *weight = buffer.data(), *same = weight + width, *light = same + width;
   std::fill_n(weight, width, 1.0f);
-  for (std::size_t k = 0; k < 3; ++k) std::copy_n(direct[k].data() + first, width, light + k * width);
+  for (std::size_t k = 0; k < 3; ++k)
+    std::copy_n(direct[k].data() + first, width, light + k * width);
   for (const int shift : kShifts) {
     const auto other = std::ptrdiff_t(row) + shift;
     if (other < 0 || other >= hits_.height) continue;
@@ -319,7 +319,8 @@ void Shading::radiance_row(std::size_t row, const Planes& direct, const Vector3f
     const float* __restrict emission = emission_.data() + first;
     const float everywhere = ambient[Eigen::Index(k)];
     for (std::size_t i = 0; i < width; ++i) rgb[i] = rgb[i] + everywhere + emission[i];
-    for (std::size_t i = 0; i < width; ++i) radiance[3 * i + k] = albedo[i][Eigen::Index(k)] * rgb[i];
+    for (std::size_t i = 0; i < width; ++i)
+      radiance[3 * i + k] = albedo[i][Eigen::Index(k)] * rgb[i];
   }
 }
 

@@ -22,15 +22,16 @@ inline float log2_of(float value) {
   bits -= std::uint32_t(exponent) << 23;
   float mantissa;
   std::memcpy(&mantissa, &bits, sizeof mantissa);
-  // log2(m) = 2/ln(2) * artanh((m - 1) / (m + 1)); |s| < 0.172, so that the next term is below 1e-13.
+  // log2(m) = 2/ln(2) * artanh((m - 1) / (m + 1)); |s| < 0.172, so that the next term is below
+  // 1e-13.
   const double s = (double(mantissa) - 1) / (double(mantissa) + 1), q = s * s;
   const double series =
       1 + q * (1.0 / 3 + q * (1.0 / 5 + q * (1.0 / 7 + q * (1.0 / 9 + q * (1.0 / 11 + q / 13)))));
   return float(double(exponent) + 2.8853900817779268 * (s * series));
 }
 
-/// The remainder, at least 0, of a whole number divided by a positive one. Beyond 2^31 a float tells
-/// texels no longer apart, and the first one stands for all.
+/// The remainder, at least 0, of a whole number divided by a positive one. Beyond 2^31 a float
+/// tells texels no longer apart, and the first one stands for all.
 std::int32_t wrapped(float value, std::int32_t size) {
   if (!(std::abs(value) < 2147483648.0f)) return 0;
   const auto whole = std::int32_t(value);

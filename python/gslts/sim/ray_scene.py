@@ -71,7 +71,7 @@ class RayScene:
         return {name: hits[name].numpy() for name in ("t_hit", "primitive_ids", "primitive_uvs")}
 
     def blocked(self, rays: Floats32, end: float) -> NDArray[np.bool_]:
-        """[...] whether anything is met on the first `end` (a share) of the ways of rays [...,6]."""
+        """[...] whether rays [...,6] meet anything on the first `end` (a share) of their ways."""
         result: NDArray[np.bool_] = self._scene.test_occlusions(
             self._tensor(rays), tnear=0.0, tfar=end, nthreads=self._threads
         ).numpy()

@@ -16,12 +16,12 @@ struct ColorSensor {
 
 /// How a camera measures depth, and when it does not.
 struct DepthSensor {
-  double std_m;         ///< Of the noise at any depth, m.
-  double std_per_m;     ///< Growth of that with the squared depth, m/m^2.
+  double std_m;          ///< Of the noise at any depth, m.
+  double std_per_m;      ///< Growth of that with the squared depth, m/m^2.
   double near_m, far_m;  ///< The depths that are measured, m.
-  double least_cosine;  ///< Surfaces at a smaller cosine to the ray give no depth.
-  double edge_dropout;  ///< Probability that a pixel at an edge of the depth gives none.
-  double dropout;       ///< Probability that any other pixel gives none.
+  double least_cosine;   ///< Surfaces at a smaller cosine to the ray give no depth.
+  double edge_dropout;   ///< Probability that a pixel at an edge of the depth gives none.
+  double dropout;        ///< Probability that any other pixel gives none.
 };
 
 /// Makes an sRGB image (IEC 61966-2-1) of linear light.
@@ -44,7 +44,7 @@ Array<std::uint8_t> measure_color(const double* radiance, const double* normals,
 /// @return  [H,W] m; 0 where nothing is measured.
 /// @throws std::invalid_argument  if threads is negative.
 Array<float> measure_depth(const float* depth, const float* cosines, const double* normals,
-                           const double* uniforms, int width, int height,
-                           const DepthSensor& sensor, int threads);
+                           const double* uniforms, int width, int height, const DepthSensor& sensor,
+                           int threads);
 
 }  // namespace gslts::sim

@@ -30,8 +30,8 @@ struct Hits {
 
 /// An image under area lights, in two steps: between them, the caller casts the shadow rays.
 ///
-/// Each pixel sees one of 4 x 4 points of every light. The points differ within tiles of 4 x 4 pixels,
-/// over which the light is averaged where they show one surface.
+/// Each pixel sees one of 4 x 4 points of every light. The points differ within tiles of 4 x 4
+/// pixels, over which the light is averaged where they show one surface.
 class Shading {
  public:
   /// @param surfaces, hits  Must outlive the object.
@@ -51,8 +51,8 @@ class Shading {
   /// @return  [H,W,3] linear RGB; 0 where nothing was hit.
   Array<float> radiance(const std::uint8_t* blocked, const Eigen::Vector3d& ambient) const;
 
-  const Array<float>& depth() const { return depth_; }             ///< [H,W] m, 0 for no hit.
-  const Array<float>& cosines() const { return cosines_; }         ///< [H,W] of normal and ray, or 0.
+  const Array<float>& depth() const { return depth_; }      ///< [H,W] m, 0 for no hit.
+  const Array<float>& cosines() const { return cosines_; }  ///< [H,W] of normal and ray, or 0.
   const Array<std::int32_t>& objects() const { return objects_; }  ///< [H,W] index, -1 for no hit.
 
  private:

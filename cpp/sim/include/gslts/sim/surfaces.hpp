@@ -25,8 +25,8 @@ struct TextureArrays {
   std::size_t level_count;    ///< L
   const std::int32_t* sizes;  ///< [L,2] height and width of each level, px.
   std::size_t texel_count;
-  const std::uint32_t* texels;   ///< All levels one after the other: red + 256 green + 65536 blue.
-  const float* linear_of_byte;   ///< [256] linear light of an sRGB byte.
+  const std::uint32_t* texels;  ///< All levels one after the other: red + 256 green + 65536 blue.
+  const float* linear_of_byte;  ///< [256] linear light of an sRGB byte.
 };
 
 /// What shading needs to know of a triangle.
@@ -68,8 +68,8 @@ class Surfaces {
   std::vector<Triangle> triangles_;
   std::vector<Level> levels_;
   std::vector<std::uint32_t> texels_;
-  /// Linear light of the bytes of a texel, each at its place among red, green and blue; a sum of three
-  /// makes a colour.
+  /// Linear light of the bytes of a texel, each at its place among red, green and blue; a sum of
+  /// three makes a colour.
   std::array<std::array<Eigen::Array4f, 256>, 3> linear_;
 };
 
