@@ -12,6 +12,7 @@ void define_raster(pybind11::module_ m);
 void define_reloc(pybind11::module_ m);
 void define_reloc_clouds(pybind11::module_ m);
 void define_reloc_refine(pybind11::module_ m);
+void define_sim(pybind11::module_ m);
 void define_surface_voxels(pybind11::module_ m);
 }  // namespace gslts::python
 
@@ -34,4 +35,5 @@ PYBIND11_MODULE(_core, m) {
   gslts::python::define_reloc(reloc);
   gslts::python::define_reloc_clouds(reloc);
   gslts::python::define_reloc_refine(reloc);
+  gslts::python::define_sim(m.def_submodule("sim", "Shading of simulated RGB-D frames."));
 }

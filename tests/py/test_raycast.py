@@ -4,9 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import shading_oracle
 import sim_scenes
 
 import gslts
+from gslts._core import sim as core_sim
+from gslts.sim.home import Home
 from gslts.sim.raycast import RayCaster
 from gslts.sim.texture_atlas import linear_from_srgb, srgb_from_linear
 
@@ -160,3 +163,54 @@ def test_surfaces_glow_while_a_light_of_their_object_is_on() -> None:
     grey = linear_from_srgb(np.array(128 / 255))
     np.testing.assert_allclose((on.radiance - off.radiance)[on_block], 2 * grey, rtol=1e-4)
     np.testing.assert_array_equal(on.radiance[~on_block], off.radiance[~on_block])
+
+
+def tiled_home(*, lights: bool = True) -> Home:
+    """A furnished home with a lamp, a glowing block, and tiles of all levels."""
+    tiles = np.random.default_rng(1).integers(0, 256, (48, 80, 3), dtype=np.uint8)
+    home = replace(sim_scenes.furnished_home(lamp="Mug|1"))
+    walls = sim_scenes.simple_home(wall=tiles).objects[0]
+    block = sim_scenes.box_object("Block|7", (2.0, 1.0, 0.0), (2.6, 1.4, 0.5), tiles)
+    glowing = replace(block, surfaces=(replace(block.surfaces[0], emission=2.0),))
+    home = replace(home, objects=(walls, *home.objects[1:], glowing))
+    return home if lights else replace(home, lights=())
+
+
+@pytest.mark.parametrize("size", [(1, 1), (2, 3), (97, 61)])
+@pytest.mark.parametrize("lights", [True, False])
+def test_shading_is_that_of_numpy_bit_for_bit(size: tuple[int, int], lights: bool) -> None:
+    home = tiled_home(lights=lights)
+    shining = home.all_lights if lights else ()
+    camera = tilted_camera(*size)
+    views = [RayCaster(home, shining, threads).look(camera) for threads in (1, 2, 3)]
+    expected = shading_oracle.radiance_of(RayCaster(home, shining), camera)
+    for view in views:
+        np.testing.assert_array_equal(view.radiance, expected)
+    assert expected.max() > 0
+
+
+def test_shading_sees_the_edge_of_the_world() -> None:
+    """A camera outside: some rays miss."""
+    caster = RayCaster(tiled_home())
+    camera = gslts.camera_from_fov(50, 40, 1.5, gslts.look_at((8, 2, 1.5), (2.5, 2.5, 1)))
+    view = caster.look(camera)
+    assert 0 < (view.instances >= 0).mean() < 1
+    np.testing.assert_array_equal(view.radiance, shading_oracle.radiance_of(caster, camera))
+
+
+def test_bad_hits_are_named() -> None:
+    caster = RayCaster(sim_scenes.simple_home())
+    rays, none = np.zeros((1, 2, 6), np.float32), np.zeros((0, 4, 3))
+
+    def shade(depth: np.ndarray, triangle: int) -> core_sim.Shading:
+        triangles, weights = np.full((1, 2), triangle, np.uint32), np.zeros((1, 2, 2), np.float32)
+        return core_sim.Shading(
+            caster._surfaces, rays, depth, triangles, weights, pixel_rad=0.1, lights=none, threads=1
+        )
+
+    with pytest.raises(ValueError, match="there is no triangle 4000000000"):
+        shade(np.ones((1, 2), np.float32), 4_000_000_000)
+    missed = shade(np.full((1, 2), np.inf, np.float32), 4_000_000_000)
+    assert not missed.radiance(np.zeros(0, bool), np.ones(3)).any()
+    with pytest.raises(ValueError, match=r"depth: expected .* \(1, 2\), got float32 \(2, 1\)"):
+        shade(np.ones((2, 1), np.float32), 0)

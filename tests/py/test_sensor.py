@@ -7,6 +7,7 @@ import pytest
 import sim_scenes
 
 import gslts
+from gslts._core import sim as core_sim
 from gslts.frame import RgbdFrame
 from gslts.sim.controller import Controller
 from gslts.sim.raycast import RayCaster
@@ -204,3 +205,45 @@ def test_controllers_see_in_the_light_of_their_visit() -> None:
         for seed in range(4)
     ]
     assert np.ptp(frames) > 1
+
+
+def test_every_light_has_the_colour_of_the_standard() -> None:
+    """C++ against numpy's power, through each of its tables, beyond 0 to 1 and for no number."""
+    light = np.concatenate([np.linspace(-0.1, 1.1, 100_001), [np.nan, np.inf, -np.inf]])
+    radiance = np.repeat(light[None, :, None], 3, axis=2)
+    rgb = core_sim.measure_color(
+        radiance, normals=None, gains=(1, 1, 1), vignetting=0, noise_std=0, threads=1
+    )
+    expected = np.rint(255 * srgb_from_linear(np.nan_to_num(radiance).clip(0, 1)))
+    np.testing.assert_array_equal(rgb, expected.astype(np.uint8))
+
+
+def test_sensors_do_not_depend_on_threads() -> None:
+    rng = np.random.default_rng(0)
+    radiance, normals = rng.uniform(size=(7, 5, 3)), rng.normal(size=(7, 5, 3))
+    depth, cosines = rng.uniform(0, 5, (2, 7, 5)).astype(np.float32)
+    images = [
+        core_sim.measure_color(
+            radiance,
+            normals=normals,
+            gains=(1, 0.9, 1.1),
+            vignetting=0.1,
+            noise_std=0.1,
+            threads=threads,
+        ).tobytes()
+        + core_sim.measure_depth(
+            depth,
+            cosines,
+            normals=normals[..., 0].copy(),
+            uniforms=radiance[..., 0].copy(),
+            std_m=0.1,
+            std_per_m=0.1,
+            range_m=(0.1, 4),
+            least_cosine=0.1,
+            edge_dropout=0.5,
+            dropout=0.1,
+            threads=threads,
+        ).tobytes()
+        for threads in (1, 2, 5)
+    ]
+    assert images[0] == images[1] == images[2]

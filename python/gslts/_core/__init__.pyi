@@ -7,4 +7,5 @@ from . import raster
 from . import detect
 from . import edit
 from . import reloc
-__all__: list[str] = ['detect', 'edit', 'map', 'raster', 'reloc']
+from . import sim
+__all__: list[str] = ['detect', 'edit', 'map', 'raster', 'reloc', 'sim']

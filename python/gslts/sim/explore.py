@@ -8,9 +8,10 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from gslts._core.sim import pixel_rays
 from gslts.sim.actions import GRID_M
 from gslts.sim.home import Floats, Home
-from gslts.sim.ray_scene import RayScene, pixel_directions
+from gslts.sim.ray_scene import RayScene
 from gslts.sim.robot_body import Look, floor_of, robot_camera
 
 CELL_M = 0.1
@@ -82,12 +83,11 @@ def _candidates(home: Home, progress: Progress) -> tuple[list[Look], list[NDArra
 def _cells_seen(home: Home, scene: RayScene, look: Look) -> NDArray[np.int64]:
     """[K,3] the cells that a look hits."""
     camera = robot_camera(home, look, SIZE_PX)
-    eye = camera.world_from_camera[:3, 3].astype(np.float32)[:, None, None]
-    directions = pixel_directions(camera)
-    depth = scene.cast(eye, directions)["t_hit"]
+    rays = pixel_rays(camera, threads=0)
+    depth = scene.cast(rays)["t_hit"]
     hit = depth < RANGE_M
-    points = (eye + directions * np.where(hit, depth, 0))[:, hit]
-    cells: NDArray[np.int64] = np.floor(points.T / CELL_M).astype(np.int64)
+    points = rays[hit, :3] + rays[hit, 3:] * depth[hit, None]
+    cells: NDArray[np.int64] = np.floor(points / CELL_M).astype(np.int64)
     return cells
 
 

@@ -8,19 +8,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gslts._core import sim as core_sim
 from gslts.camera import Camera, at_pose, rotation, rotation_vector
 from gslts.frame import RgbdFrame
 from gslts.sim.home import AreaLight, Home
 from gslts.sim.raycast import RayCaster, View
-from gslts.sim.texture_atlas import srgb_from_linear
 
 Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
 
 BLUR_SAMPLES = 5
 """Moments of an exposure that are averaged for motion blur."""
-EDGE_STEP = 0.03
-"""Relative step of depth between neighbouring pixels that counts as an edge."""
 
 
 @dataclass(frozen=True)
@@ -157,26 +155,31 @@ class Sensor:
         return frame, truth
 
     def _rgb(self, radiance: Floats, rng: np.random.Generator) -> NDArray[np.uint8]:
-        height, width = radiance.shape[:2]
-        y, x = (np.indices((height, width)) + 0.5).astype(np.float64)
-        squared = (x / width - 0.5) ** 2 + (y / height - 0.5) ** 2
-        light = radiance * self.gains * (1 - 2 * self.noise.vignetting * squared)[..., None]
-        values = srgb_from_linear(np.clip(light, 0, 1))
-        if self.noise.rgb_std > 0:
-            values = values + self.noise.rgb_std * rng.normal(size=values.shape)
-        rgb: NDArray[np.uint8] = np.rint(255 * np.clip(values, 0, 1)).astype(np.uint8)
-        return rgb
+        noise = self.noise
+        return core_sim.measure_color(
+            radiance,
+            normals=rng.normal(size=radiance.shape) if noise.rgb_std > 0 else None,
+            gains=tuple(self.gains),
+            vignetting=noise.vignetting,
+            noise_std=noise.rgb_std,
+            threads=0,
+        )
 
     def _depth(self, truth: View, rng: np.random.Generator) -> Floats32:
-        noise, depth = self.noise, truth.depth.astype(np.float64)
-        std_m = noise.depth_std_m + noise.depth_std_per_m * depth**2
-        measured = depth + std_m * rng.normal(size=depth.shape)
-        lost = (depth < noise.depth_range_m[0]) | (depth > noise.depth_range_m[1])
-        lost |= truth.cosines < np.cos(noise.grazing_rad)
-        chance = np.where(_at_edges(depth), noise.edge_dropout, noise.dropout)
-        lost |= rng.uniform(size=depth.shape) < chance
-        lost |= (depth == 0) | (measured <= 0)
-        return np.where(lost, 0, measured).astype(np.float32)
+        noise = self.noise
+        return core_sim.measure_depth(
+            truth.depth,
+            truth.cosines,
+            normals=rng.normal(size=truth.depth.shape),
+            uniforms=rng.uniform(size=truth.depth.shape),
+            std_m=noise.depth_std_m,
+            std_per_m=noise.depth_std_per_m,
+            range_m=noise.depth_range_m,
+            least_cosine=np.cos(noise.grazing_rad),
+            edge_dropout=noise.edge_dropout,
+            dropout=noise.dropout,
+            threads=0,
+        )
 
     def _believed(self, camera: Camera, rng: np.random.Generator) -> Camera:
         if self.noise.position_std_m == 0 and self.noise.rotation_std_rad == 0:
@@ -185,18 +188,6 @@ class Sensor:
         pose[:3, 3] += self.noise.position_std_m * rng.normal(size=3)
         pose[:3, :3] = pose[:3, :3] @ rotation(self.noise.rotation_std_rad * rng.normal(size=3))
         return at_pose(camera, pose)
-
-
-def _at_edges(depth: Floats) -> NDArray[np.bool_]:
-    """Pixels next to a step of the depth."""
-    edges = np.zeros(depth.shape, bool)
-    # Transposed views share their memory: first each row with the next, then each column.
-    for values, marks in ((depth, edges), (depth.T, edges.T)):
-        first, second = values[:-1], values[1:]
-        step = np.abs(second - first) > EDGE_STEP * np.minimum(first, second)
-        marks[:-1] |= step
-        marks[1:] |= step
-    return edges
 
 
 def _poses_between(start: Floats, end: Floats, share: float) -> list[Floats]:

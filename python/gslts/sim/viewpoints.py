@@ -47,9 +47,8 @@ class Sight:
         eyes = eyes_above(self.home, places)
         points = _points_on(self.thing)
         origins = np.repeat(eyes[:, None], len(points), axis=1)
-        planes = np.moveaxis(origins, -1, 0).astype(np.float32)
-        ways = np.moveaxis(points[None] - origins, -1, 0).astype(np.float32)
-        hits = self.scene.cast(planes, ways)
+        rays = np.concatenate([origins, points[None] - origins], axis=-1)
+        hits = self.scene.cast(rays.astype(np.float32))
         rows = self.scene.owners[np.where(np.isfinite(hits["t_hit"]), hits["primitive_ids"], 0)]
         share: Floats = (rows == self._row).mean(axis=1)
         return share
