@@ -16,7 +16,7 @@ from gslts.change.changes import Change
 from gslts.change.detect import ChangeDetector
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import GaussianMap
-from gslts.render import render
+from gslts.rasterizer import render
 from gslts.robot import Robot
 from gslts.sim.controller import Controller
 from gslts.sim.home import Home
