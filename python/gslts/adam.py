@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gslts._core.raster import AdamDouble, AdamFloat, AdamOptions, AdamRates
 from gslts.gaussian_map import FloatArray, GaussianMap
-from gslts.render import Gradients
+from gslts.rasterizer import Gradients
 
 __all__ = ["Adam", "AdamOptions", "AdamRates", "AdamState"]
 

@@ -13,7 +13,7 @@ from gslts.camera import Camera, at_pose, moved, relative, twist_of
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import FloatArray, GaussianMap
 from gslts.losses import Exposure, fit_exposure
-from gslts.render import Rasterizer, RenderOptions
+from gslts.rasterizer import Rasterizer, RenderOptions
 
 Floats = NDArray[np.float64]
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -14,14 +13,31 @@ import numpy as np
 from gslts.camera import Camera
 from gslts.files import naming, part_of, remove_tree, sync_folder
 from gslts.gaussian_map import GaussianMap
+from gslts.manifest import (
+    CAMERAS,
+    FORMAT,
+    MANIFEST,
+    VERSION,
+    folder_of,
+    picture_path,
+    read_manifest,
+    require_versions,
+)
 from gslts.ply import read_ply
 from gslts.store.map_store import MapStore
 
-FORMAT, VERSION = "gslts-map", 2
-MANIFEST, CAMERAS = "manifest.json", "cameras.json"
-MAX_MANIFEST_BYTES = 16 << 20
-OF_VERSION = re.compile(r"(.+)@(\d{1,9})")
-"""How a version of a map is named: the folder, and its number."""
+__all__ = [
+    "CAMERAS",
+    "MANIFEST",
+    "camera_of",
+    "folder_of",
+    "open_versions",
+    "picture_path",
+    "plain_camera",
+    "read_manifest",
+    "read_map",
+    "write_map_folder",
+]
 
 
 def write_map_folder(
@@ -63,29 +79,6 @@ def write_map_folder(
         raise
 
 
-def read_manifest(folder: Path) -> dict[str, Any]:
-    """What is known of the frames that a map was made of.
-
-    Raises:
-        OSError: The file cannot be read.
-        ValueError: It is no map, or of another version.
-    """
-    path = folder / MANIFEST
-    with path.open("rb") as file:
-        content = file.read(MAX_MANIFEST_BYTES + 1)
-    try:
-        manifest = json.loads(content[:MAX_MANIFEST_BYTES])
-    except (ValueError, RecursionError) as error:
-        raise ValueError(f"{path}: {error}") from None
-    if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
-        raise ValueError(f"{path}: it is not the manifest of a map")
-    if manifest.get("version") != VERSION:
-        raise ValueError(
-            f"{path}: version is {manifest.get('version')!r}, this gslts reads {VERSION}"
-        )
-    return manifest
-
-
 def read_map(path: Path) -> GaussianMap:
     """A map: the newest version of a folder, another one, or a PLY file of 3DGS.
 
@@ -115,23 +108,8 @@ def open_versions(path: Path, *, writable: bool = False) -> MapStore:
         OSError: It cannot be read, or another process writes it.
         ValueError: It is no folder of a map.
     """
-    if path.is_file():
-        raise ValueError(f"{path}: a file has no versions; gslts import makes a map of it")
-    read_manifest(path)
+    require_versions(path)
     return MapStore(path, writable=writable)
-
-
-def picture_path(folder: Path, number: int) -> Path:
-    """Where the picture of what led to a version is."""
-    return folder / "updates" / f"{number:05}.jpg"
-
-
-def folder_of(path: Path) -> tuple[Path, int | None]:
-    """The folder of what `read_map` takes, and the number of the version that is named."""
-    named = OF_VERSION.fullmatch(str(path))
-    if named is None or path.exists():
-        return path, None
-    return Path(named[1]), int(named[2])
 
 
 def plain_camera(camera: Camera) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from gslts.gaussian_map import SH_C0, GaussianMap
 from gslts.mapping.density import axes_of
 from gslts.mapping.merge import merged
 from gslts.mapping.seed import flat_gaussians
-from gslts.render import render
+from gslts.rasterizer import render
 
 
 def flats(points: np.ndarray, normals: np.ndarray, colors: np.ndarray, **changes) -> GaussianMap:

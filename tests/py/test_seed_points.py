@@ -17,7 +17,7 @@ from gslts.mapping.seed_points import (
     spacing,
 )
 from gslts.mapping.triangulate import triangulated
-from gslts.render import Rasterizer
+from gslts.rasterizer import Rasterizer
 
 
 @pytest.fixture(scope="module")

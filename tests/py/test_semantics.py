@@ -10,7 +10,7 @@ import pytest
 
 from gslts.camera import camera_from_fov, look_at
 from gslts.gaussian_map import GaussianMap
-from gslts.render import render
+from gslts.rasterizer import render
 from gslts.tasks.autoencoder import Autoencoder, bytes_of_autoencoder, read_autoencoder
 from gslts.tasks.lift import lifted
 from gslts.tasks.relevance import CANONICAL, relevance

@@ -42,7 +42,7 @@ from gslts.sim.home_source import STRICT
 
 DETECT_CODE = (
     *("alignment", "camera", "camera_files", "change", "files", "frame", "gaussian_map"),
-    *("losses", "map_folder", "ply", "pretrained", "relocalize", "render", "store"),
+    *("losses", "manifest", "map_folder", "ply", "pretrained", "relocalize", "rasterizer", "store"),
     *("bench/detect_run", "bench/detect_variants", "bench/detect_watch"),
 )
 """What decides what is detected in a frame, besides the compiled module."""

@@ -29,7 +29,7 @@ SIM_CODE = ("sim", "camera", "frame", "files", "bench/homes")
 SIM_LIBRARIES = ("numpy", "open3d-cpu", "open3d")
 MAP_CODE = (
     *("adam", "alignment", "camera", "camera_files", "datasets", "files", "frame"),
-    *("gaussian_map", "losses", "map_folder", "mapping", "ply", "render", "store"),
+    *("gaussian_map", "losses", "manifest", "map_folder", "mapping", "ply", "rasterizer", "store"),
     *("relocalize/landmarks", "relocalize/landmark_files", "bench/homes"),
 )
 """What decides what the map of a recording is, besides the compiled module."""

@@ -33,7 +33,7 @@ CATEGORIES = (
 """Those of the paper."""
 LOCALIZE_CODE = (
     *("adam", "camera", "camera_files", "datasets", "frame", "gaussian_map", "map_folder"),
-    *("render", "store", "tasks", "bench/localize_run", "bench/semantic_homes"),
+    *("rasterizer", "store", "tasks", "bench/localize_run", "bench/semantic_homes"),
 )
 """What decides what is found, besides the compiled module and the maps."""
 Floats = NDArray[np.float64]

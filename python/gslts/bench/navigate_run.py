@@ -26,7 +26,7 @@ from gslts.tasks.semantic_map_files import map_picture, write_picture
 from gslts.tasks.semantics import Oracle
 
 NAVIGATE_CODE = (
-    *("camera", "files", "frame", "gaussian_map", "render", "robot", "tasks", "sim"),
+    *("camera", "files", "frame", "gaussian_map", "rasterizer", "robot", "tasks", "sim"),
     *("bench/navigate_episodes", "bench/navigate_run", "bench/navigate_truth"),
     "bench/navigate_walker",
 )

@@ -26,7 +26,7 @@ from gslts.sim.home_source import STRICT
 
 FINDING_CODE = (
     *("camera", "datasets", "files", "frame", "gaussian_map", "map_folder", "ply", "relocalize"),
-    *("render", "store", "bench/relocalize_score", "bench/relocalize_variants"),
+    *("rasterizer", "store", "bench/relocalize_score", "bench/relocalize_variants"),
 )
 """What decides where a picture is said to be from, besides the compiled module."""
 RELOCALIZE_CODE = (*FINDING_CODE, "bench/relocalize_run", "bench/relocalize_questions")

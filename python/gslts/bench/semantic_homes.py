@@ -22,7 +22,7 @@ from gslts.tasks.embed import embedded
 from gslts.tasks.semantics import Oracle
 
 SEMANTICS_CODE = (
-    *("camera", "camera_files", "datasets", "frame", "gaussian_map", "render"),
+    *("camera", "camera_files", "datasets", "frame", "gaussian_map", "rasterizer"),
     *("tasks/autoencoder", "tasks/embed", "tasks/lift", "tasks/refine", "tasks/semantics"),
     *("tasks/train_autoencoder", "tasks/vocabulary", "bench/semantic_homes"),
 )

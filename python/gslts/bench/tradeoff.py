@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gslts.camera import Camera, resized
 from gslts.gaussian_map import FloatArray, GaussianMap
-from gslts.render import Gradients, Rasterizer, RenderOptions
+from gslts.rasterizer import Gradients, Rasterizer, RenderOptions
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance

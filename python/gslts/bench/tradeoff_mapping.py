@@ -24,7 +24,7 @@ from gslts.mapping.judge import Known, judging
 from gslts.mapping.observation import LEVELS
 from gslts.mapping.variants import fewer, refined
 from gslts.mapping.visit import ShowFrames, Visit
-from gslts.render import Rasterizer, RenderOptions
+from gslts.rasterizer import Rasterizer, RenderOptions
 
 COUNTS = {"an eighth": 0.125, "a quarter": 0.25, "half": 0.5, "as many": 1.0, "double": 2.0}
 """Numbers of Gaussians that are tried, as shares of those of the map."""

@@ -35,8 +35,8 @@ from gslts.update.config import CollectConfig
 
 UPDATE_CODE = (
     *("alignment", "adam", "camera", "camera_files", "change", "files", "frame", "gaussian_map"),
-    *("losses", "map_folder", "mapping", "ply", "render", "robot", "store", "update"),
-    *("bench/update_methods", "bench/update_run", "bench/update_score"),
+    *("losses", "manifest", "map_folder", "mapping", "ply", "rasterizer", "robot", "store"),
+    *("update", "bench/update_methods", "bench/update_run", "bench/update_score"),
 )
 """What decides what becomes of a map, besides the compiled module."""
 MARKS = (0, 50, 100, 250, 500, 1000)

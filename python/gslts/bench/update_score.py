@@ -19,7 +19,7 @@ from gslts.gaussian_map import GaussianMap
 from gslts.losses import Exposure, exposed, fit_exposure, photometric_loss
 from gslts.lpips import LEAST_PX, Lpips
 from gslts.mapping.evaluate import psnr_db
-from gslts.render import Rasterizer, RenderOptions
+from gslts.rasterizer import Rasterizer, RenderOptions
 from gslts.sim.task import Change
 from gslts.update.region import Site
 

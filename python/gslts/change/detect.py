@@ -27,7 +27,7 @@ from gslts.change.seen_space import SeenSpace
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import GaussianMap
 from gslts.losses import Exposure, exposed
-from gslts.render import Rasterizer, RenderOptions
+from gslts.rasterizer import Rasterizer, RenderOptions
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gslts.camera import Camera
 from gslts.gaussian_map import GaussianMap
-from gslts.render import Rasterizer, RenderOptions
+from gslts.rasterizer import Rasterizer, RenderOptions
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -38,12 +38,12 @@ def log(
     """
     from dataclasses import asdict
 
-    from gslts.map_folder import open_versions
+    from gslts.store.history import open_history
     from gslts.store.words import words_of_event, words_of_refusal, words_of_time
 
     if html is not None and (as_json or object_type is not None):
         raise ValueError("--html tells everything: give it without --object and --json")
-    with open_versions(map_path) as store:
+    with open_history(map_path) as store:
         versions, events, refusals = store.versions(), store.events(object_type), store.refusals()
         standing = store.numbers_of_way_to()
         if html is not None:
@@ -81,10 +81,11 @@ def show(map_path: Folder, number: Number) -> None:
 
     Example: gslts show out/map 2
     """
-    from gslts.map_folder import open_versions, picture_path
+    from gslts.manifest import picture_path
+    from gslts.store.history import open_history
     from gslts.store.words import words_of_event
 
-    with open_versions(map_path) as store:
+    with open_history(map_path) as store:
         version = store.version(number)
         events = [one for one in store.events() if one.version == number]
     typer.echo(_line(version))

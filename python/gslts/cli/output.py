@@ -199,7 +199,7 @@ def _depth_range(gaussian_map: GaussianMap, cameras: list[Camera], threads: int)
 
     from gslts.camera import resized
     from gslts.pictures import depth_range
-    from gslts.render import Rasterizer, RenderOptions
+    from gslts.rasterizer import Rasterizer, RenderOptions
 
     rasterizer, options = Rasterizer(gaussian_map.dtype), RenderOptions(threads=threads)
     sample = cameras[:: max(1, len(cameras) // SAMPLES)]
@@ -213,7 +213,7 @@ def _pictures(
 ) -> Iterator[tuple[Picture, Picture | None]]:
     """Colour, and depth if it has a range."""
     from gslts.pictures import depth_picture, picture_of
-    from gslts.render import Rasterizer, RenderOptions
+    from gslts.rasterizer import Rasterizer, RenderOptions
 
     rasterizer, options = Rasterizer(gaussian_map.dtype), RenderOptions(threads=threads)
     for camera in cameras:

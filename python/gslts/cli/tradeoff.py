@@ -102,7 +102,7 @@ def _against_knobs(
 
     from gslts.bench import tradeoff
     from gslts.bench.tradeoff_plot import write_plot
-    from gslts.render import RenderOptions
+    from gslts.rasterizer import RenderOptions
 
     out.mkdir(parents=True, exist_ok=True)
     points = tradeoff.measure(

@@ -8,8 +8,8 @@ from html import escape
 from pathlib import Path
 
 from gslts.html_page import bullets, number, section, table, write_page
-from gslts.map_folder import picture_path
-from gslts.store.map_store import MapStore
+from gslts.manifest import picture_path
+from gslts.store.history import History
 from gslts.store.records import Event, Refusal, Version
 from gslts.store.words import (
     words_of_event,
@@ -20,7 +20,7 @@ from gslts.store.words import (
 
 
 def write_history(
-    path: Path, store: MapStore, title: str | None = None, more: Sequence[str] = ()
+    path: Path, store: History, title: str | None = None, more: Sequence[str] = ()
 ) -> None:
     """Writes the page, which is there whole or not at all.
 

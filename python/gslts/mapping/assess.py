@@ -12,7 +12,7 @@ from gslts.frame import RgbdFrame
 from gslts.gaussian_map import GaussianMap
 from gslts.losses import exposed, fit_exposure
 from gslts.lpips import Lpips
-from gslts.render import Rasterizer, RenderOptions
+from gslts.rasterizer import Rasterizer, RenderOptions
 
 
 @dataclass(frozen=True)

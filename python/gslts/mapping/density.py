@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gslts.gaussian_map import GaussianMap
 from gslts.mapping.observation import Observation
-from gslts.render import Rasterizer, RenderOptions
+from gslts.rasterizer import Rasterizer, RenderOptions
 
 SPLIT_OFFSET, SPLIT_SHRINK = 0.7, 1.6
 """Halves of a Gaussian stand so many standard deviations off its centre, and are narrower by that

@@ -13,7 +13,7 @@ from gslts.camera import moved, twist_of
 from gslts.gaussian_map import FloatArray, GaussianMap
 from gslts.losses import exposed, fit_exposure, photometric_loss
 from gslts.mapping.observation import Observation
-from gslts.render import Images, Rasterizer, RenderOptions
+from gslts.rasterizer import Images, Rasterizer, RenderOptions
 
 Floats = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from gslts.camera import Camera, transform
 from gslts.gaussian_map import FloatArray, GaussianMap
 from gslts.mapping.seed import flat_gaussians
-from gslts.render import Images
+from gslts.rasterizer import Images
 
 Floats = NDArray[np.float64]
 

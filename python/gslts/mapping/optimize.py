@@ -21,7 +21,7 @@ from gslts.mapping.holes import seeds_in_holes
 from gslts.mapping.lenses import Lenses, after_step, corrected_lenses, pose_step
 from gslts.mapping.observation import Observation
 from gslts.mapping.pose import anchoring, moved_map
-from gslts.render import Images, Rasterizer, RenderOptions
+from gslts.rasterizer import Images, Rasterizer, RenderOptions
 
 Floats32 = NDArray[np.float32]
 

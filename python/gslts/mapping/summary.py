@@ -18,9 +18,9 @@ from gslts.mapping.evaluate import Quality, psnr_db, shown
 from gslts.mapping.lenses import Lenses
 from gslts.mapping.report import write_report
 from gslts.mapping.report_data import ReportData, View
+from gslts.rasterizer import Rasterizer, RenderOptions
 from gslts.relocalize.landmark_files import KEY, digest_of, keep_landmarks
 from gslts.relocalize.landmarks import landmarks_of
-from gslts.render import Rasterizer, RenderOptions
 
 
 def write_result(folder: Path, result: MappingResult, dataset: str) -> None:

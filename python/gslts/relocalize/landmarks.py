@@ -17,7 +17,7 @@ from gslts._core.map import GaussianViewFloat
 from gslts.camera import Camera, lifted, new_viewpoints
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import GaussianMap
-from gslts.render import Rasterizer, RenderOptions
+from gslts.rasterizer import Rasterizer, RenderOptions
 
 Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]

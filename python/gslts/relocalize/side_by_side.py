@@ -9,7 +9,7 @@ from gslts.camera import at_pose
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import GaussianMap
 from gslts.pictures import Picture, picture_of
-from gslts.render import Rasterizer, RenderOptions
+from gslts.rasterizer import Rasterizer, RenderOptions
 
 
 def side_by_side(

@@ -6,10 +6,9 @@ import json
 import sqlite3
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from math import isfinite
 from pathlib import Path
 from typing import Any, TypeVar, get_args
-
-import numpy as np
 
 from gslts.files import naming
 from gslts.store.records import Blob, ChangeKind, Event, Kind, Refusal, Version
@@ -371,11 +370,19 @@ def _event(row: sqlite3.Row) -> Event:
     if row["kind"] not in get_args(ChangeKind) or len(boxes) != 2:
         raise ValueError(f"an event of version {row['version']} is of no kind")
     for box in boxes:
-        if box is not None and not (
-            np.shape(box) == (2, 3) and np.isfinite(np.asarray(box, np.float64)).all()
-        ):
+        if box is not None and not _is_box(box):
             raise ValueError(f"a box of version {row['version']} is none")
     return Event(row["version"], row["kind"], row["type"], tuple(boxes))
+
+
+def _is_box(box: Any) -> bool:
+    """Whether it is two corners of three finite numbers each."""
+    corners = box if isinstance(box, list) else []
+    rows = [one for one in corners if isinstance(one, list) and len(one) == 3]
+    numbers = [value for row in rows for value in row]
+    return len(corners) == len(rows) == 2 and all(
+        isinstance(value, int | float) and isfinite(value) for value in numbers
+    )
 
 
 def _time_s(row: sqlite3.Row) -> float:

@@ -24,15 +24,16 @@ from gslts.store.delta import (
     plain_delta,
     require_rising,
 )
+from gslts.store.history import INDEX, History
 from gslts.store.index import Index
 from gslts.store.records import Blob, Event, Refusal, Version
 from gslts.store.writer_lock import writer_lock
 
-INDEX, BLOBS = "versions.sqlite", "blobs"
+BLOBS = "blobs"
 _logger = logging.getLogger(__name__)
 
 
-class MapStore:
+class MapStore(History):
     """The versions of one map in a folder; a context manager.
 
     A version is the changes that led to it, by the ids of Gaussians, and now and then a snapshot of
@@ -50,11 +51,10 @@ class MapStore:
     """
 
     def __init__(self, folder: Path, *, writable: bool = False) -> None:
-        self._folder = folder
         self._blobs = Blobs(folder / BLOBS)
         self._lock = writer_lock(folder) if writable else None
         try:
-            self._index = Index(folder / INDEX, writable=writable)
+            super().__init__(folder, writable=writable)
         except BaseException:
             self._unlock()
             raise
@@ -95,72 +95,10 @@ class MapStore:
         finally:
             lock.close()
 
-    def __enter__(self) -> MapStore:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
     def close(self) -> None:
         """Lets others write."""
-        self._index.close()
+        super().close()
         self._unlock()
-
-    @property
-    def folder(self) -> Path:
-        """Of the map."""
-        return self._folder
-
-    def versions(self) -> list[Version]:
-        """All, the first one first."""
-        return self._index.versions()
-
-    def version(self, number: int | None = None) -> Version:
-        """One of them; None means the newest.
-
-        Raises:
-            ValueError: There is no such version.
-        """
-        return self._index.newest() if number is None else self._index.version(number)
-
-    def way_to(self, number: int | None = None) -> list[Version]:
-        """The versions that a version was made of, the first one first, and itself.
-
-        Raises:
-            ValueError: There is no such version.
-        """
-        way = self.numbers_of_way_to(number)
-        return [version for version in self.versions() if version.number in way]
-
-    def numbers_of_way_to(self, number: int | None = None) -> set[int]:
-        """Of the versions of `way_to`, which is much less to read.
-
-        Raises:
-            ValueError: There is no such version.
-        """
-        return set(self._index.way(self.version(number).number))
-
-    def events(self, object_type: str | None = None) -> list[Event]:
-        """What became of objects, of one type or of all."""
-        return self._index.events(object_type)
-
-    def events_between(self, before: int, after: int) -> tuple[list[Event], list[Event]]:
-        """What became of objects from one version to another, and what is undone there.
-
-        Where a version was restored, what it undid is on neither way.
-
-        Args:
-            before: Number of the one.
-            after: Of the other.
-
-        Raises:
-            ValueError: There is no such version.
-        """
-        old, new = (self.numbers_of_way_to(number) for number in (before, after))
-        events = self.events()
-        done = [event for event in events if event.version in new - old]
-        undone = [event for event in events if event.version in old - new]
-        return done, undone
 
     def read(self, number: int | None = None) -> GaussianMap:
         """A version of the map, bit by bit as it was.
@@ -287,10 +225,6 @@ class MapStore:
         """
         newest = self._index.newest()
         self._index.refuse(Refusal(newest.number, self._now_s(newest), cause))
-
-    def refusals(self) -> list[Refusal]:
-        """Those updates, the first one first."""
-        return self._index.refusals()
 
     def restore(self, number: int) -> Version:
         """Makes an old version the newest one again; those between stay in the past.

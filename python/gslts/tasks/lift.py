@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gslts.camera import Camera
 from gslts.gaussian_map import GaussianMap
-from gslts.render import Rasterizer, RenderOptions
+from gslts.rasterizer import Rasterizer, RenderOptions
 
 Floats32 = NDArray[np.float32]
 FeatureView = tuple[Camera, Floats32, NDArray[np.bool_]]

@@ -11,15 +11,9 @@ from numpy.typing import NDArray
 
 from gslts.gaussian_map import GaussianMap
 from gslts.tasks.autoencoder import Autoencoder
+from gslts.tasks.clusters import CELL_STRIDES, cells_of, clusters, linked
 from gslts.tasks.fits import Fits
 from gslts.tasks.semantics import SemanticSource
-
-try:
-    from scipy.cluster.hierarchy import DisjointSet
-    from sklearn.cluster import DBSCAN
-    from sklearn.neighbors import KDTree
-except ImportError as error:
-    raise ImportError("queries need scikit-learn and scipy: pip install 'gslts[tasks]'") from error
 
 Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
@@ -28,12 +22,11 @@ SAMPLE = 20_000
 """Gaussians that are asked first."""
 AROUND_M = 0.25
 """All Gaussians so near to one that matches, or a bit farther, are asked as well."""
-MOST_CELLS = 1 << 19
-"""Cells on each side of the map's origin; what is beyond is taken to be there."""
-CELL_STRIDES = np.array([1 << 42, 1 << 21, 1], np.int64)
 LEAST_OPACITY = 0.3
 LINK_M = 0.07
 """Gaussians that match and are so near to each other are of one instance."""
+KDTREE_SINGLE = 4
+"""FLANN's exact k-d tree; OpenCV does not name it in Python."""
 NEIGHBOURS, LINK_SPACINGS = 4, 3.0
 """In a coarse map, they are linked so many times as far as they are from their third neighbour."""
 LEAST_GAUSSIANS = 12
@@ -99,7 +92,7 @@ class Queries:
         # Relative to the map's origin: cells are counted from there.
         self._points = gaussian_map.means[self._rows].astype(np.float64)
         self._cells, self._cell_of = np.unique(
-            _cells_of(self._points, AROUND_M), return_inverse=True
+            cells_of(self._points, AROUND_M), return_inverse=True
         )
 
     def fits(self, text: str) -> Floats32:
@@ -165,29 +158,27 @@ class Queries:
         return sorted(found, key=lambda one: -one.score * np.sqrt(len(one.rows)))
 
 
-def _cells_of(points: Floats, edge_m: float) -> NDArray[np.int64]:
-    """[K] a number for the cell of each point; numbers of neighbours differ by CELL_STRIDES."""
-    cells = np.floor(points / edge_m).clip(-MOST_CELLS, MOST_CELLS).astype(np.int64)
-    numbers: NDArray[np.int64] = cells @ CELL_STRIDES
-    return numbers
-
-
 def _clusters(points: Floats) -> NDArray[np.intp]:
     """[K] cluster of each point, -1 for stray ones; dense ones count by their cell."""
     middles, cell_of, counts = _thinned(points, CELL_M)
     some = middles[:: -(-len(middles) // MANY_CELLS)]
-    apart_m = KDTree(middles).query(some, min(NEIGHBOURS, len(middles)))[0][:, -1]
-    link_m = max(LINK_M, LINK_SPACINGS * float(np.median(apart_m)))
+    link_m = max(LINK_M, LINK_SPACINGS * _spacing_m(middles, some))
     if len(middles) > MANY_CELLS:
         middles, cell_of, counts = _thinned(points, link_m / 2)
-    found = DBSCAN(eps=link_m, min_samples=NEIGHBOURS).fit_predict(middles, sample_weight=counts)
-    return np.asarray(found[cell_of])
+    return clusters(middles, link_m, NEIGHBOURS, counts)[cell_of]
+
+
+def _spacing_m(points: Floats, some: Floats) -> float:
+    """Median distance of some points from their third neighbour, or from the farthest there is."""
+    tree = cv2.flann.Index(points.astype(np.float32), {"algorithm": KDTREE_SINGLE})
+    squares = tree.knnSearch(some.astype(np.float32), min(NEIGHBOURS, len(points)), params={})[1]
+    return float(np.median(np.sqrt(squares[:, -1])))
 
 
 def _thinned(points: Floats, edge_m: float) -> tuple[Floats, NDArray[np.intp], NDArray[np.intp]]:
     """[C,3] mean of the points of each cell, [K] cell of each point, [C] how many each has."""
     _, cell_of, counts = np.unique(
-        _cells_of(points, edge_m), return_inverse=True, return_counts=True
+        cells_of(points, edge_m), return_inverse=True, return_counts=True
     )
     sums = [np.bincount(cell_of, points[:, axis]) for axis in range(3)]
     return np.stack(sums, axis=1) / counts[:, None], cell_of, counts
@@ -204,7 +195,7 @@ def _joined(pieces: list[Floats], others: Floats) -> list[list[int]]:
         The pieces of each object.
     """
     boxes = [np.percentile(own, [TRIM, 100 - TRIM], axis=0) for own in pieces]
-    groups = DisjointSet(range(len(pieces)))
+    pairs = []
     for a, b in combinations(range(len(pieces)), 2):
         if boxes[a][0, 2] > boxes[b][0, 2]:
             a, b = b, a
@@ -216,5 +207,6 @@ def _joined(pieces: list[Floats], others: Floats) -> list[list[int]]:
         if above and np.prod(np.maximum(0, (high - low)[:2])) > JOIN_SHARE * smaller:
             between = ((others > low) & (others < high)).all(axis=1).sum()
             if between < LEAST_GAUSSIANS:
-                groups.merge(a, b)
-    return [sorted(group) for group in groups.subsets()]
+                pairs.append((a, b))
+    least = linked(len(pieces), np.array(pairs, np.intp).reshape(-1, 2))
+    return [[int(one) for one in np.flatnonzero(least == first)] for first in np.unique(least)]

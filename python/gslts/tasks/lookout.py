@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gslts.camera import Camera, at_pose, look_at, resized
 from gslts.gaussian_map import GaussianMap
-from gslts.render import Rasterizer, RenderOptions
+from gslts.rasterizer import Rasterizer, RenderOptions
 from gslts.tasks.localize import Instance
 from gslts.tasks.sight import aim, seen
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from gslts.camera import Camera, at_pose, look_at
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import GaussianMap
-from gslts.render import Rasterizer, RenderOptions
+from gslts.rasterizer import Rasterizer, RenderOptions
 from gslts.tasks.plan import room_for
 from gslts.tasks.robot_body import RobotBody
 from gslts.tasks.semantic_map import SemanticMap

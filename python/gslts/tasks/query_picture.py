@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gslts.camera import Camera, inverse_transform, resized
 from gslts.gaussian_map import GaussianMap
 from gslts.pictures import Picture, draw_box, heat_picture, picture_of, write_on
-from gslts.render import Rasterizer, RenderOptions
+from gslts.rasterizer import Rasterizer, RenderOptions
 from gslts.tasks.localize import Instance
 
 Floats = NDArray[np.float64]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gslts.adam import Adam, AdamRates
 from gslts.gaussian_map import GaussianMap
-from gslts.render import Rasterizer, RenderOptions
+from gslts.rasterizer import Rasterizer, RenderOptions
 from gslts.tasks.lift import FeatureView
 
 Floats32 = NDArray[np.float32]

@@ -15,7 +15,7 @@ from gslts._core.map import GaussianViewDouble, GaussianViewFloat
 from gslts._core.raster import RasterizerDouble, RasterizerFloat, RenderOptions
 from gslts.camera import Camera
 from gslts.gaussian_map import SH_C0, FloatArray
-from gslts.render import scatter_rows
+from gslts.rasterizer import scatter_rows
 from gslts.torch.checks import require_finite
 
 MIN_SCALE_M = 1e-30  # Stands for a scale of 0, which has no logarithm.

@@ -19,7 +19,7 @@ from gslts.frame import RgbdFrame
 from gslts.gaussian_map import GaussianMap
 from gslts.mapping.density import joined
 from gslts.mapping.seed import seed_from_depth
-from gslts.render import Rasterizer, RenderOptions
+from gslts.rasterizer import Rasterizer, RenderOptions
 from gslts.update.config import EditConfig
 from gslts.update.evidence import shows
 from gslts.update.region import Site

@@ -10,7 +10,7 @@ from gslts.camera import Camera
 from gslts.gaussian_map import GaussianMap
 from gslts.losses import exposed
 from gslts.pictures import Picture, picture_of, write_on
-from gslts.render import Rasterizer, RenderOptions
+from gslts.rasterizer import Rasterizer, RenderOptions
 from gslts.update.views import View
 
 VIEWS = 3

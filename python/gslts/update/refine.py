@@ -13,7 +13,7 @@ from gslts.adam import Adam, AdamRates
 from gslts.camera import Camera
 from gslts.gaussian_map import GaussianMap
 from gslts.losses import Exposure, depth_loss, photometric_loss
-from gslts.render import Gradients, Rasterizer, RenderOptions
+from gslts.rasterizer import Gradients, Rasterizer, RenderOptions
 from gslts.update.config import RefineConfig
 from gslts.update.region import Site
 from gslts.update.views import View

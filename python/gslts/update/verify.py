@@ -8,7 +8,7 @@ import numpy as np
 
 from gslts.gaussian_map import GaussianMap
 from gslts.losses import exposed
-from gslts.render import Rasterizer, RenderOptions
+from gslts.rasterizer import Rasterizer, RenderOptions
 from gslts.update.refine import around
 from gslts.update.region import Site
 from gslts.update.views import View

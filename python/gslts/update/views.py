@@ -14,7 +14,7 @@ from gslts.change.detect import NEAR_SIGMAS, Detection
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import GaussianMap
 from gslts.losses import Exposure
-from gslts.render import Rasterizer, RenderOptions
+from gslts.rasterizer import Rasterizer, RenderOptions
 from gslts.update.region import Site
 
 Floats32 = NDArray[np.float32]

@@ -4,17 +4,26 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from typer.main import get_command
 
 import gslts
 from gslts.cli import app
+from gslts.gaussian_map import GaussianMap
+from gslts.map_folder import open_versions, write_map_folder
+from gslts.tasks.semantics import Oracle
+from gslts.tasks.semantics_files import keep_autoencoder
+from gslts.tasks.train_autoencoder import trained
 
 pytestmark = pytest.mark.smoke
 
-HEAVY = {"torch", "cv2", "open3d", "transformers", "scipy", "sklearn", "pydantic", "PIL"}
+MODELS = {"torch", "transformers", "open3d", "matplotlib", "scipy", "sklearn"}
+HEAVY = {*MODELS, "cv2", "numpy", "pydantic", "PIL", "gslts._core"}
 
 
 def commands(group: Any, way: str = "gslts") -> Iterator[tuple[str, Any]]:
@@ -42,16 +51,94 @@ def test_every_command_has_an_example_that_it_understands(way: str) -> None:
         assert values
 
 
-def test_help_imports_nothing_heavy() -> None:
-    program = (
-        "import sys; from typer.main import get_command; from gslts.cli import app\n"
-        "try:\n    get_command(app)(['--help'])\nexcept SystemExit:\n    print(*sys.modules)"
+def imported_by(program: str, *arguments: str) -> tuple[str, set[str]]:
+    """What a program prints, and the modules that are imported at its end."""
+    done = subprocess.run(
+        [sys.executable, "-c", f"import sys\n{program}\nprint(*sys.modules)", *arguments],
+        text=True,
+        capture_output=True,
     )
-    printed = subprocess.run(
-        [sys.executable, "-c", program], text=True, capture_output=True, check=True
-    ).stdout
+    assert done.returncode == 0, done.stderr
+    *printed, modules = done.stdout.splitlines()
+    return "\n".join(printed), set(modules.split())
+
+
+COMMAND = """
+from typer.main import get_command
+from gslts.cli import app
+try:
+    get_command(app)()
+except SystemExit as end:
+    assert end.code == 0
+"""
+
+
+def test_help_imports_nothing_heavy() -> None:
+    printed, modules = imported_by(COMMAND, "--help")
     assert "Photorealistic" in printed
-    assert not HEAVY & set(printed.splitlines()[-1].split())
+    assert not HEAVY & modules
+
+
+def test_importing_gslts_imports_none_of_its_parts() -> None:
+    _, modules = imported_by("import gslts")
+    assert not HEAVY & modules
+
+
+def test_every_public_name_is_there_and_no_other() -> None:
+    program = """
+import gslts
+import gslts.rasterizer, gslts.losses
+assert all(hasattr(gslts, name) for name in gslts.__all__), gslts.__all__
+assert set(gslts.__all__) <= set(dir(gslts))
+assert callable(gslts.render)
+assert gslts.losses.photometric_loss
+try:
+    gslts.missing
+except AttributeError as error:
+    print(error)
+"""
+    assert imported_by(program)[0] == "module 'gslts' has no attribute 'missing'"
+
+
+@pytest.fixture(scope="module")
+def taught(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A map of a few Gaussians that know words."""
+    folder = tmp_path_factory.mktemp("taught") / "map"
+    names = ("Mug", "Wall")
+    autoencoder = trained(Oracle().encode(names), 8, steps=100)
+    points = np.random.default_rng(0).uniform(0, 0.1, (200, 3)).astype(np.float32)
+    some = GaussianMap(
+        means=points,
+        quats=np.tile(np.float32([1, 0, 0, 0]), (200, 1)),
+        log_scales=np.full((200, 3), -4, np.float32),
+        logit_opacities=np.full(200, 3, np.float32),
+        sh=np.zeros((200, 1, 3), np.float32),
+    )
+    write_map_folder(folder, some, {"dataset": "made up"}, {})
+    setting = {
+        "source": "oracle",
+        "dataset": "made up",
+        "levels": 1,
+        "code": 8,
+        "names": names,
+        "autoencoder": keep_autoencoder(autoencoder, folder),
+    }
+    features = autoencoder.encoded(np.repeat(Oracle().encode(["Mug"]), 200, axis=0))
+    with open_versions(folder, writable=True) as store:
+        store.commit_features(replace(some, features=features), setting)
+    return folder
+
+
+def test_a_query_imports_neither_models_nor_what_plots(taught: Path) -> None:
+    printed, modules = imported_by(COMMAND, "query", str(taught), "mug")
+    assert printed.startswith("mug at (0.05, 0.05, 0.05) m")
+    assert not MODELS & modules
+
+
+def test_the_log_imports_neither_numpy_nor_the_extension(taught: Path) -> None:
+    printed, modules = imported_by(COMMAND, "log", str(taught))
+    assert "with semantics of oracle" in printed
+    assert not (HEAVY - {"pydantic"}) & modules  # Typer itself imports pydantic.
 
 
 def test_the_version_is_told() -> None:

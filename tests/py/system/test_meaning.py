@@ -19,7 +19,7 @@ from gslts.cli import app
 from gslts.datasets import open_dataset
 from gslts.frame import RgbdFrame
 from gslts.map_folder import open_versions, read_map, write_map_folder
-from gslts.render import render
+from gslts.rasterizer import render
 from gslts.sim.capture import capture
 from gslts.sim.controller import Controller
 from gslts.tasks.lift import lifted

@@ -10,7 +10,7 @@ from update_room import ADDED, REMOVED, SMALL
 
 from gslts._core import edit as core
 from gslts.gaussian_map import GaussianMap
-from gslts.render import render
+from gslts.rasterizer import render
 from gslts.update.config import LITERAL, EditConfig
 from gslts.update.edit import Edit, pre_edit, removed_by
 from gslts.update.views import View

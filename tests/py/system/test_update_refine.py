@@ -10,7 +10,7 @@ from update_room import SMALL
 
 from gslts.camera import at_pose
 from gslts.gaussian_map import GaussianMap
-from gslts.render import render
+from gslts.rasterizer import render
 from gslts.update.config import RefineConfig
 from gslts.update.edit import Edit, pre_edit
 from gslts.update.refine import Refined, Target, _spread, refine, remembered, targets_of

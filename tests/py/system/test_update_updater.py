@@ -14,7 +14,8 @@ from gslts.camera import at_pose
 from gslts.change.detect import ChangeDetector
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import GaussianMap
-from gslts.render import render
+from gslts.rasterizer import render
+from gslts.robot import Robot
 from gslts.sim.controller import Controller
 from gslts.sim.home import Home
 from gslts.update.updater import Update, _moved_once, update, updated_with
