@@ -15,7 +15,6 @@ from gslts.change.detect import ChangeDetector
 from gslts.frame import RgbdFrame
 from gslts.gaussian_map import GaussianMap
 from gslts.rasterizer import render
-from gslts.robot import Robot
 from gslts.sim.controller import Controller
 from gslts.sim.home import Home
 from gslts.update.updater import Update, _moved_once, update, updated_with
