@@ -32,7 +32,8 @@ CATEGORIES = (
 )
 """Those of the paper."""
 LOCALIZE_CODE = (
-    *("adam", "camera", "camera_files", "datasets", "frame", "gaussian_map", "map_folder"),
+    *("adam", "camera", "camera_files", "datasets", "frame", "gaussian_map", "manifest"),
+    "map_folder",
     *("rasterizer", "store", "tasks", "bench/localize_run", "bench/semantic_homes"),
 )
 """What decides what is found, besides the compiled module and the maps."""

@@ -25,7 +25,17 @@ from gslts.relocalize.relocalizer import Relocalizer
 from gslts.sim.home_source import STRICT
 
 FINDING_CODE = (
-    *("camera", "datasets", "files", "frame", "gaussian_map", "map_folder", "ply", "relocalize"),
+    *(
+        "camera",
+        "datasets",
+        "files",
+        "frame",
+        "gaussian_map",
+        "manifest",
+        "map_folder",
+        "ply",
+        "relocalize",
+    ),
     *("rasterizer", "store", "bench/relocalize_score", "bench/relocalize_variants"),
 )
 """What decides where a picture is said to be from, besides the compiled module."""
