@@ -14,7 +14,9 @@ constexpr std::size_t kMaxGaussians = std::size_t{1} << 27;
 }  // namespace
 
 template <typename T>
-Rasterizer<T>::Rasterizer() : state_(std::make_unique<RenderState<T>>()) {}
+Rasterizer<T>::Rasterizer() : state_(std::make_unique<RenderState<T>>()) {
+  apply_environment();
+}
 template <typename T>
 Rasterizer<T>::~Rasterizer() = default;
 template <typename T>

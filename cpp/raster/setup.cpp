@@ -9,7 +9,6 @@
 #include <stdexcept>
 
 #include "gslts/parallel/parallel_for.hpp"
-#include "kernels.hpp"
 
 namespace gslts::raster {
 namespace {
@@ -65,7 +64,6 @@ RenderSetup<T> make_setup(const GaussianView<T>& gaussians, const Camera& camera
                           const RenderOptions& options) {
   gslts::validate(camera, "Rasterizer::forward");
   validate(options);
-  apply_environment();
   RenderSetup<T> setup;
   // World coordinates are huge far from the world's origin: they meet only here, in double.
   const Eigen::Matrix3d rotation = camera.world_from_camera.linear().transpose();

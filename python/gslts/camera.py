@@ -173,7 +173,7 @@ def twist_of(motion: Floats) -> Floats:
 
 def rotation(vector_rad: Floats) -> Floats:
     """[3,3] rotation about a vector (3,) by its length, rad (Rodrigues' formula)."""
-    angle = float(np.linalg.norm(vector_rad))
+    angle = _length(vector_rad)
     if angle == 0:
         return np.eye(3)
     x, y, z = vector_rad / angle
@@ -182,10 +182,15 @@ def rotation(vector_rad: Floats) -> Floats:
     return result
 
 
+def _length(vector: Floats) -> float:
+    """Returns the length of a vector (N,), summed in one order; see `transform`."""
+    return float(np.sqrt((vector * vector).sum()))
+
+
 def rotation_vector(turn: Floats) -> Floats:
     """(3,) inverse of `rotation`, rad, for angles well below pi."""
     axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-    sine, cosine = 0.5 * float(np.linalg.norm(axis)), 0.5 * (float(np.trace(turn)) - 1)
+    sine, cosine = 0.5 * _length(axis), 0.5 * (float(np.trace(turn)) - 1)
     angle = np.arctan2(sine, cosine)
     result: Floats = axis * (0.5 if sine < 1e-9 else 0.5 * angle / sine)
     return result

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from typing import Annotated
 
@@ -54,7 +55,9 @@ def _tell_version(wanted: bool) -> None:
     if wanted:
         from importlib.metadata import version
 
-        typer.echo(f"gslts {version('gslts')}")
+        from gslts._core.raster import simd_target
+
+        typer.echo(f"gslts {version('gslts')} ({simd_target()})")
         raise typer.Exit
 
 
@@ -62,7 +65,12 @@ def _tell_version(wanted: bool) -> None:
 def describe(
     version: Annotated[
         bool,
-        typer.Option("--version", callback=_tell_version, is_eager=True, help="Tell the version."),
+        typer.Option(
+            "--version",
+            callback=_tell_version,
+            is_eager=True,
+            help="Tell the version and the instruction set in use.",
+        ),
     ] = False,
 ) -> None:
     """Photorealistic, semantic 3D Gaussian maps that keep themselves up to date."""
@@ -71,6 +79,10 @@ def describe(
 def main() -> None:
     """Runs a command; what goes wrong ends in one line and a non-zero exit."""
     try:
+        if os.environ.get("GSLTS_SIMD"):
+            from gslts._core.raster import simd_target
+
+            simd_target()  # Says what this machine lacks before anything is done.
         app(standalone_mode=True)
     except (OSError, ValueError, RuntimeError, ImportError, MemoryError) as error:
         message = " ".join(str(error).split()) or type(error).__name__

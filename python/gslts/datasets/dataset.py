@@ -12,12 +12,14 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.camera import Camera
+from gslts.camera import Camera, product
 from gslts.datasets.undistort import Lens, undistort_depth, undistort_rgb
 from gslts.frame import Labels, RgbdFrame
 
 RIGID_TOLERANCE = 0.02
 """Of the singular values of a rotation; those of 7-Scenes are off by up to some thousandths."""
+POLAR_STEPS = 5
+"""Newton steps from such a matrix to the nearest rotation; each doubles the right digits."""
 MAX_PIXELS = 1 << 26
 """Larger images are refused before memory is taken."""
 MAX_SIDE_PX = 1 << 16
@@ -239,11 +241,13 @@ def rigid(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
         raise ValueError("the pose must be 4 x 4 finite numbers")
-    u, sizes, v = np.linalg.svd(matrix[:3, :3])
-    rotation = u @ v
+    rotation = matrix[:3, :3]
+    sizes = np.linalg.svd(rotation, compute_uv=False)
     bottom = np.abs(matrix[3] - (0, 0, 0, 1)).max()
     if max(np.abs(sizes - 1).max(), bottom) > RIGID_TOLERANCE or np.linalg.det(rotation) < 0:
         raise ValueError(f"the pose is not rigid: {np.round(matrix, 4).tolist()}")
+    for _ in range(POLAR_STEPS):
+        rotation = 0.5 * (3 * rotation - product(rotation, product(rotation.T, rotation)))
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation, matrix[:3, 3]
     return pose

@@ -134,6 +134,7 @@ struct RenderState;
 template <typename T>
 class Rasterizer {
  public:
+  /// @throws std::invalid_argument  if GSLTS_SIMD names an instruction set that this machine lacks.
   Rasterizer();
   ~Rasterizer();
   Rasterizer(Rasterizer&&) noexcept;
