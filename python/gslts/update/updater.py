@@ -24,7 +24,7 @@ from gslts.update.config import UpdateConfig
 from gslts.update.edit import Edit, near_sites, pre_edit, sightings
 from gslts.update.refine import Watch, refine, remembered, targets_of
 from gslts.update.region import Site
-from gslts.update.verify import error_around, split_held_back
+from gslts.update.verify import error_around, is_settled, split_held_back
 from gslts.update.views import View
 
 Stage = Literal["collecting", "refining"]
@@ -40,6 +40,8 @@ MEANING_M = 0.02
 """Beyond a site, what stays there may mean something else: the table under what is gone."""
 WHOLE_SIGMAS = 2
 """A Gaussian is within so many of its standard deviations, nearly."""
+MOST_MORE = 2
+"""How often the refinement goes on where the detector still reports something, at most."""
 AGREEING = 0.9
 """Share of the views that must agree on when a Gaussian moved: errors come and go."""
 
@@ -146,6 +148,7 @@ def update(
         cameras,
         found,
         config,
+        detector=detector,
         first_id=first_id,
         watch=lambda *_: tell("refining"),
     )
@@ -176,6 +179,7 @@ def updated_with(
     found: Collection,
     config: UpdateConfig,
     *,
+    detector: ChangeDetector | None = None,
     first_id: int | None = None,
     watch: Watch = lambda *_: None,
 ) -> tuple[GaussianMap, Record]:
@@ -186,6 +190,8 @@ def updated_with(
         cameras: Of the frames that it was made of.
         found: Views of the change.
         config: Settings.
+        detector: Of the map; what it still reports in the views is refined further. None means that
+            the first refinement has to do.
         first_id: See `update`.
         watch: Is told of each step of the refinement.
     """
@@ -216,13 +222,16 @@ def updated_with(
         gaussian_map, edit.gaussian_map, cameras, sites, config.refine, threads=threads
     )
     refined = refine(
-        edit.gaussian_map,
-        targets,
-        moving,
-        config.refine,
-        threads=threads,
-        watch=watch,
+        edit.gaussian_map, targets, moving, config.refine, threads=threads, watch=watch
     )
+    every = [*cameras, *(view.camera for view in used)]
+    for _ in range(MOST_MORE if detector is not None else 0):
+        if is_settled(detector.with_map(refined.gaussian_map, every), used, sites):
+            break
+        more = refine(
+            refined.gaussian_map, targets, moving, config.refine, threads=threads, watch=watch
+        )
+        refined = replace(more, iterations=refined.iterations + more.iterations)
     clock.note("refining")
     before, after = (
         [error_around(one, held_back, own, threads) for own in (sites, *found.sites_of_each)]

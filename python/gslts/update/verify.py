@@ -6,15 +6,19 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gslts._core.detect import certainty
+from gslts.change.detect import ChangeDetector
 from gslts.gaussian_map import GaussianMap
 from gslts.losses import exposed
 from gslts.render import Rasterizer, RenderOptions
 from gslts.update.refine import around
-from gslts.update.region import Site
+from gslts.update.region import NEAR_M, Site
 from gslts.update.views import View
 
 AROUND_PX = 20
 """Around the boxes of the change, where the map is compared with views held back."""
+SETTLED = 0.5
+"""Share of the certainty at which a change is reported: other frames have other noise."""
 
 
 def split_held_back(views: Sequence[View], every: int) -> tuple[list[View], list[View]]:
@@ -52,3 +56,19 @@ def error_around(
         total += float(np.sum((shown - photo) ** 2, dtype=np.float64))
         count += photo.size
     return total / count if count else None
+
+
+def is_settled(detector: ChangeDetector, views: Sequence[View], sites: Sequence[Site]) -> bool:
+    """Whether a detector is far from reporting anything at some sites in any view.
+
+    Args:
+        detector: Of the updated map.
+        views: Of the changes.
+        sites: Where they were.
+    """
+    most = SETTLED * detector.config.objects.certain
+    return not any(
+        certainty(surface) > most and any(site.contains(surface.point, NEAR_M) for site in sites)
+        for view in views
+        for surface in detector.detect(view.frame).surfaces
+    )
