@@ -24,7 +24,7 @@ from gslts.update.config import UpdateConfig
 from gslts.update.edit import Edit, near_sites, pre_edit, sightings
 from gslts.update.refine import Watch, refine, remembered, targets_of
 from gslts.update.region import Site
-from gslts.update.verify import error_around, is_settled, split_held_back
+from gslts.update.verify import doubt_left, error_around, split_held_back
 from gslts.update.views import View
 
 Stage = Literal["collecting", "refining"]
@@ -40,8 +40,11 @@ MEANING_M = 0.02
 """Beyond a site, what stays there may mean something else: the table under what is gone."""
 WHOLE_SIGMAS = 2
 """A Gaussian is within so many of its standard deviations, nearly."""
+SETTLED = 0.5
+"""Share of the certainty at which a change is reported that may be left: other frames have other
+noise."""
 MOST_MORE = 2
-"""How often the refinement goes on where the detector still reports something, at most."""
+"""How often a refinement is repeated where more is left, at most."""
 AGREEING = 0.9
 """Share of the views that must agree on when a Gaussian moved: errors come and go."""
 
@@ -190,8 +193,8 @@ def updated_with(
         cameras: Of the frames that it was made of.
         found: Views of the change.
         config: Settings.
-        detector: Of the map; what it still reports in the views is refined further. None means that
-            the first refinement has to do.
+        detector: Of the map; the refinement is repeated while it still sees something in the views
+            that were used. None means that the first refinement has to do.
         first_id: See `update`.
         watch: Is told of each step of the refinement.
     """
@@ -224,14 +227,24 @@ def updated_with(
     refined = refine(
         edit.gaussian_map, targets, moving, config.refine, threads=threads, watch=watch
     )
-    every = [*cameras, *(view.camera for view in used)]
-    for _ in range(MOST_MORE if detector is not None else 0):
-        if is_settled(detector.with_map(refined.gaussian_map, every), used, sites):
-            break
-        more = refine(
-            refined.gaussian_map, targets, moving, config.refine, threads=threads, watch=watch
-        )
-        refined = replace(more, iterations=refined.iterations + more.iterations)
+    if detector is not None:
+        cameras_now = [*cameras, *(view.camera for view in used)]
+
+        def doubt(of: GaussianMap) -> float:
+            return doubt_left(detector.with_map(of, cameras_now), used, sites)
+
+        most = SETTLED * detector.config.objects.certain
+        left = doubt(refined.gaussian_map)
+        for _ in range(MOST_MORE):
+            if left <= most:
+                break
+            more = refine(
+                refined.gaussian_map, targets, moving, config.refine, threads=threads, watch=watch
+            )
+            refined = replace(more, iterations=refined.iterations + more.iterations)
+            before, left = left, doubt(refined.gaussian_map)
+            if left >= before:  # What is left is no matter of refinement.
+                break
     clock.note("refining")
     before, after = (
         [error_around(one, held_back, own, threads) for own in (sites, *found.sites_of_each)]

@@ -17,8 +17,6 @@ from gslts.update.views import View
 
 AROUND_PX = 20
 """Around the boxes of the change, where the map is compared with views held back."""
-SETTLED = 0.5
-"""Share of the certainty at which a change is reported: other frames have other noise."""
 
 
 def split_held_back(views: Sequence[View], every: int) -> tuple[list[View], list[View]]:
@@ -58,17 +56,23 @@ def error_around(
     return total / count if count else None
 
 
-def is_settled(detector: ChangeDetector, views: Sequence[View], sites: Sequence[Site]) -> bool:
-    """Whether a detector is far from reporting anything at some sites in any view.
+def doubt_left(
+    detector: ChangeDetector, views: Sequence[View], sites: Sequence[Site]
+) -> float:
+    """The greatest certainty with which a detector sees a change at some sites in any view.
 
     Args:
         detector: Of the updated map.
         views: Of the changes.
         sites: Where they were.
+
+    Returns:
+        0 to 1; likely changes count as well as unlikely ones, which the detector does not report.
     """
-    most = SETTLED * detector.config.objects.certain
-    return not any(
-        certainty(surface) > most and any(site.contains(surface.point, NEAR_M) for site in sites)
+    found = [
+        certainty(surface)
         for view in views
         for surface in detector.detect(view.frame).surfaces
-    )
+        if any(site.contains(surface.point, NEAR_M) for site in sites)
+    ]
+    return max(found, default=0.0)
