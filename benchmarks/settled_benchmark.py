@@ -279,19 +279,23 @@ def run_case(place: Place, kind: str, seed: int, made: Path) -> dict[str, Any]:
             keeper.go_round(robot_in(home, 3_000_000 + seed))
             second = keeper.version.number
         with open_versions(folder) as store:
-            known = [
-                box
-                for event in store.events()
-                if 1 < event.version <= first
-                for box in event.boxes
-                if box is not None
-            ]
+            known, late = (
+                [
+                    box
+                    for one in store.events()
+                    if low < one.version <= high
+                    for box in one.boxes
+                    if box
+                ]
+                for low, high in ((1, first), (first, second))
+            )
     return {
         "kind": kind,
         "seed": seed,
         "made": all(any(is_at(np.mean(one, axis=0), [box]) for one in known) for box in boxes),
         "versions": [first, second],
         "reports": told,
+        "anew": [is_at(np.mean(box, axis=0), boxes) for box in late],
         "psnr_db": float(-10 * np.log10(np.mean(errors))),
         "said": [said[:rest], said[rest:]],
         "cpu_s": round(time.process_time() - start_s, 1),
@@ -305,8 +309,8 @@ def summary(cases: Sequence[dict[str, Any]]) -> list[str]:
         groups.setdefault((one["room"], one["kind"]), []).append(one)
     lines = [
         "| room | change | updated | views without a report there | cases without one "
-        "| second rounds without a version | PSNR |",
-        "| --- | --- | --: | --: | --: | --: | --: |",
+        "| second rounds without a version there | without any | PSNR |",
+        "| --- | --- | --: | --: | --: | --: | --: | --: |",
     ]
     for (room, kind), own in [*groups.items(), (("all", ""), list(cases))]:
         # Where a change was not found in the first round, nothing can be settled.
@@ -314,7 +318,8 @@ def summary(cases: Sequence[dict[str, Any]]) -> list[str]:
         views = [report is None for one in made for report in one["reports"]]
         silent = [all(report is None for report in one["reports"]) for one in made]
         still = [one["versions"][0] == one["versions"][1] for one in made]
-        shares = " | ".join(share(one) for one in (views, silent, still))
+        kept = [not any(one["anew"]) for one in made]
+        shares = " | ".join(share(one) for one in (views, silent, kept, still))
         psnr_db = np.mean([one["psnr_db"] for one in own])
         lines.append(
             f"| {room} | {kind} | {len(made)} of {len(own)} | {shares} | {psnr_db:.2f} dB |"

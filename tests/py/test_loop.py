@@ -105,10 +105,8 @@ def test_a_round_repairs_what_changed_and_the_next_one_has_nothing_to_do(folder:
         assert keeper.version.number == 2
     assert said[0].startswith("removal at (2.")
     assert said[1].startswith("version 2: ")
-    assert len(said) == 2
     with open_versions(folder) as store:
         assert store.version(2).cause["round"] == 0
-        assert store.refusals() == []
 
 
 def test_who_stops_it_and_goes_on_gets_the_same_map(folder: Path, tmp_path: Path) -> None:

@@ -73,11 +73,11 @@ def extended(
         larger = _around(site, points[_connected(points, site, GAP)])
         for view, mask, here in zip(views, masks[site.side], differing[site.side], strict=True):
             mask |= here & near_site(_surface(view, site.side), view.camera, larger, VOXEL_M / 2)
-        # What stood somewhere ends where it touched: there, colours alone tell what is left of it.
-        points, lying = _lying(larger, views, recolored)
-        larger = _around(larger, points)
-        for mask, here in zip(masks[site.side], lying, strict=True):
-            mask |= here
+        if site.side == "after":
+            points, lying = _lying(larger, views, recolored)
+            larger = _around(larger, points)
+            for mask, here in zip(masks["after"], lying, strict=True):
+                mask |= here
         grown.append(larger)
     pairs = zip(views, masks["before"], masks["after"], strict=True)
     return tuple(grown), tuple(replace(view, before=old, after=new) for view, old, new in pairs)
@@ -99,7 +99,7 @@ def _differing(view: View, side: Side) -> Bools:
 
 
 def _recolored(view: View) -> Bools:
-    """[H,W] where something lies, or lay, flat on a surface: colours differ, depths do not."""
+    """[H,W] where something lies on a surface of the map that it does not have there."""
     step_m = STEP_M + STEP_PER_M * view.depth**2
     same = (view.depth > 0) & (view.rendered > 0) & (np.abs(view.depth - view.rendered) < step_m)
     if view.frame.mask is not None:

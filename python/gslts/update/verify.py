@@ -56,9 +56,7 @@ def error_around(
     return total / count if count else None
 
 
-def doubt_left(
-    detector: ChangeDetector, views: Sequence[View], sites: Sequence[Site]
-) -> float:
+def doubt_left(detector: ChangeDetector, views: Sequence[View], sites: Sequence[Site]) -> float:
     """The greatest certainty with which a detector sees a change at some sites in any view.
 
     Args:
