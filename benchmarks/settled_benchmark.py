@@ -4,10 +4,10 @@
     python benchmarks/settled_benchmark.py --seeds 0:4 --rooms block
 
 A robot goes a round after a change and keeps the map up to date. Then (a) the detector compares the
-map with new frames that look at the place, and (b) the robot goes a second round. The seed of a case
-decides the noise of all frames after the mapping, and where an object comes to stand; each room is
-mapped several times with other noise, and its cases take these maps in turn. The rooms are small and
-plain, and so are the images: a case takes some seconds.
+map with new frames that look at the place, and (b) the robot goes a second round. The seed of a
+case decides the noise of all frames after the mapping, and where an object comes to stand; each
+room is mapped several times with other noise, and its cases take these maps in turn. The rooms are
+small and plain, and so are the images: a case takes some seconds.
 """
 
 from __future__ import annotations
