@@ -22,7 +22,7 @@ from gslts.tasks.meaning import Meaning
 from gslts.update.collect import Collection, collect
 from gslts.update.config import UpdateConfig
 from gslts.update.edit import Edit, near_sites, pre_edit, sightings
-from gslts.update.refine import Watch, refine, remembered, targets_of
+from gslts.update.refine import Refined, Watch, refine, remembered, targets_of
 from gslts.update.region import Site
 from gslts.update.verify import doubt_left, error_around, split_held_back
 from gslts.update.views import View
@@ -224,27 +224,20 @@ def updated_with(
     targets += remembered(
         gaussian_map, edit.gaussian_map, cameras, sites, config.refine, threads=threads
     )
-    refined = refine(
-        edit.gaussian_map, targets, moving, config.refine, threads=threads, watch=watch
-    )
-    if detector is not None:
+
+    def refine_once(of: GaussianMap) -> Refined:
+        return refine(of, targets, moving, config.refine, threads=threads, watch=watch)
+
+    if detector is None:
+        refined = refine_once(edit.gaussian_map)
+    else:
         cameras_now = [*cameras, *(view.camera for view in used)]
-
-        def doubt(of: GaussianMap) -> float:
-            return doubt_left(detector.with_map(of, cameras_now), used, sites)
-
-        most = SETTLED * detector.config.objects.certain
-        left = doubt(refined.gaussian_map)
-        for _ in range(MOST_MORE):
-            if left <= most:
-                break
-            more = refine(
-                refined.gaussian_map, targets, moving, config.refine, threads=threads, watch=watch
-            )
-            refined = replace(more, iterations=refined.iterations + more.iterations)
-            before, left = left, doubt(refined.gaussian_map)
-            if left >= before:  # What is left is no matter of refinement.
-                break
+        refined = _refine_until_settled(
+            edit.gaussian_map,
+            refine_once,
+            lambda of: doubt_left(detector.with_map(of, cameras_now), used, sites),
+            SETTLED * detector.config.objects.certain,
+        )
     clock.note("refining")
     before, after = (
         [error_around(one, held_back, own, threads) for own in (sites, *found.sites_of_each)]
@@ -264,6 +257,26 @@ def updated_with(
             why = f"views held back fit no better: {_words(was)} before, {_words(now)} after"
             return gaussian_map, replace(record, refused=why)
     return refined.gaussian_map, record
+
+
+def _refine_until_settled(
+    edited: GaussianMap,
+    refine_once: Callable[[GaussianMap], Refined],
+    doubt: Callable[[GaussianMap], float],
+    most: float,
+) -> Refined:
+    """Refines a map, and again while that lessens a doubt that is greater than some limit."""
+    refined = refine_once(edited)
+    left = doubt(refined.gaussian_map)
+    for _ in range(MOST_MORE):
+        if left <= most:
+            break
+        more = refine_once(refined.gaussian_map)
+        refined = replace(more, iterations=refined.iterations + more.iterations)
+        was, left = left, doubt(refined.gaussian_map)
+        if left >= was:  # What is left is no matter of refinement.
+            break
+    return refined
 
 
 def moving_of(edit: Edit, sites: Sequence[Site], reach_m: float) -> Bools:
