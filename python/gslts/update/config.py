@@ -14,7 +14,7 @@ class CollectConfig(BaseModel):
 
     Attributes:
         steps: K of the paper: so many steps along the tangent, half of them to either side.
-        step_m: Length of a step.
+        step_m: Least length of a step; longer ones where the robot can go farther around.
         distance_m: From the middle of the region to the camera, on the floor, at first.
         held_back: Every so manieth view is kept to judge the update.
     """
