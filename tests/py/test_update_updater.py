@@ -21,7 +21,8 @@ from gslts.robot import Robot
 from gslts.sim.controller import Controller
 from gslts.sim.home import Home
 from gslts.update.config import RefineConfig, UpdateConfig
-from gslts.update.updater import Update, _moved_once, update, updated_with
+from gslts.update.refine import Refined
+from gslts.update.updater import Update, _moved_once, _refine_until_settled, update, updated_with
 
 CONFIG = UpdateConfig(
     collect=COLLECT, edit=SMALL, refine=RefineConfig(iterations=60, around_px=15), threads=1
@@ -264,6 +265,19 @@ def test_what_moved_once_is_told_from_errors_of_single_views() -> None:
         expected = name.startswith("moved")
         assert bool(_moved_once(on, through)[0]) == expected, name
         assert not _moved_once(through, on)[0]
+
+
+@pytest.mark.parametrize(
+    ("doubts", "times"), [((0.1,), 1), ((0.9, 0.1), 2), ((0.9, 0.9), 2), ((0.9, 0.8, 0.7), 3)]
+)
+def test_a_refinement_is_repeated_while_that_helps(doubts: tuple[float, ...], times: int) -> None:
+    before, _ = change_room.mapped()
+    left = iter(doubts)
+    refined = _refine_until_settled(
+        before, lambda of: Refined(of, 10, ()), lambda _: next(left), 0.25
+    )
+    assert refined.iterations == 10 * times
+    assert next(left, None) is None
 
 
 def test_one_wrong_pose_does_no_harm() -> None:
