@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gslts.camera import Camera
+from gslts.change.config import DetectionConfig
+from gslts.change.detect import ChangeDetector
 from gslts.gaussian_map import GaussianMap
 from gslts.update.collect import Collection
 from gslts.update.config import LITERAL, EditConfig, RefineConfig, UpdateConfig
@@ -108,7 +110,12 @@ def updated(
         config = UpdateConfig(
             edit=method.edit, refine=method.refine.model_copy(update=steps), threads=threads
         )
-        return updated_with(gaussian_map, cameras, found, config, watch=watch)
+        detector = None
+        if iterations is None:  # Else so many steps are what is compared.
+            detector = ChangeDetector(
+                gaussian_map, DetectionConfig(threads=threads), cameras=cameras
+            )
+        return updated_with(gaussian_map, cameras, found, config, detector=detector, watch=watch)
     used, _ = split_held_back(found.views, OURS.collect.held_back)
     edit = Edit(gaussian_map, np.zeros(gaussian_map.size, np.bool_), 0)
     if method.edit is not None:

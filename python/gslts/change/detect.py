@@ -110,6 +110,18 @@ class ChangeDetector:
         """What frames are compared with."""
         return self._map
 
+    def with_map(self, gaussian_map: GaussianMap, cameras: Iterable[Camera]) -> ChangeDetector:
+        """Makes a detector with the same settings for another map.
+
+        Args:
+            gaussian_map: float32.
+            cameras: Of the frames that it was made from.
+
+        Raises:
+            ValueError: The map is not float32.
+        """
+        return ChangeDetector(gaussian_map, self.config, features=self._features, cameras=cameras)
+
     def detect(self, frame: RgbdFrame) -> Detection:
         """Looks for changes.
 

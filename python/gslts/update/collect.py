@@ -23,6 +23,7 @@ from gslts.update.region import Site, sites_of
 from gslts.update.views import View, aligned_view, masks_of, view_of
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 LEAST_DISTANCE_M, MOST_DISTANCE_M = 0.7, 2.5
 """On the floor. Nearer, a camera measures no depth; farther, it sees too little."""
@@ -133,12 +134,17 @@ class _Tour:
         self._frames = [robot.observe()]
 
     def go_around(self, number: int) -> None:
-        """K/2 steps to the left, K to the right; where one side ends, the other goes on."""
+        """K/2 steps to the left, K to the right; where one side ends, the other goes on.
+
+        The steps are so long that the views show all sides that can be reached: what no view shows
+        of an object would be missing from the map, and be reported as a change once it is seen.
+        """
         places = self._robot.reachable_positions()
         config = self._config
         site = self.sites[number]
         first = _bearing(self._frames[-1].camera.world_from_camera[:2, 3] - site.middle[:2])
         step_rad = config.step_m / config.distance_m
+        step_rad = max(step_rad, _reachable_rad(places, site, step_rad) / (config.steps + 1))
         most_steps = int(np.pi / step_rad)
         left = range(config.steps // 2 + 1)
         right = range(-1, -most_steps - 1, -1)
@@ -159,12 +165,9 @@ class _Tour:
     def _place(self, number: int, places: Floats, taken: list[int], bearing: float) -> int | None:
         """A place in a direction from the site that was not visited yet, at a fitting distance."""
         site, config = self.sites[number], self._config
-        ways = places - site.middle[:2]
-        metres = np.linalg.norm(ways, axis=1)
-        turns_rad = np.arctan2(ways[:, 1], ways[:, 0]) - bearing
-        off_rad = np.abs((turns_rad + np.pi) % (2 * np.pi) - np.pi)
-        fits = (metres >= LEAST_DISTANCE_M) & (metres <= MOST_DISTANCE_M)
-        fits &= off_rad <= config.step_m / config.distance_m
+        metres, bearings = _seen_from_site(places, site)
+        off_rad = np.abs((bearings - bearing + np.pi) % (2 * np.pi) - np.pi)
+        fits = _fits(metres) & (off_rad <= config.step_m / config.distance_m)
         fits[taken] = False
         if not fits.any():
             return None
@@ -201,3 +204,22 @@ class _Tour:
 
 def _bearing(way: Floats) -> float:
     return float(np.arctan2(way[1], way[0]))
+
+
+def _seen_from_site(places: Floats, site: Site) -> tuple[Floats, Floats]:
+    """[P] distances, m, and bearings, rad, of places [P,2] from the middle of a site."""
+    ways = places - site.middle[:2]
+    return np.linalg.norm(ways, axis=1), np.arctan2(ways[:, 1], ways[:, 0])
+
+
+def _fits(metres: Floats) -> Bools:
+    """[P] whether a camera at such distances sees a site well."""
+    return np.asarray((metres >= LEAST_DISTANCE_M) & (metres <= MOST_DISTANCE_M), np.bool_)
+
+
+def _reachable_rad(places: Floats, site: Site, sector_rad: float) -> float:
+    """Sum of the sectors around a site in which there is a place [P,2] to look at it from, rad."""
+    metres, bearings = _seen_from_site(places, site)
+    sectors = int(np.ceil(2 * np.pi / sector_rad))
+    taken = np.unique(((bearings[_fits(metres)] + np.pi) / (2 * np.pi) * sectors).astype(int))
+    return 2 * np.pi * len(taken) / sectors

@@ -14,14 +14,14 @@ class CollectConfig(BaseModel):
 
     Attributes:
         steps: K of the paper: so many steps along the tangent, half of them to either side.
-        step_m: Length of a step.
+        step_m: Least length of a step; longer ones where the robot can go farther around.
         distance_m: From the middle of the region to the camera, on the floor, at first.
         held_back: Every so manieth view is kept to judge the update.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    steps: Annotated[int, Field(ge=2, le=100)] = 8
+    steps: Annotated[int, Field(ge=2, le=100)] = 12
     step_m: Positive = 0.35
     distance_m: Positive = 1.2
     held_back: Annotated[int, Field(ge=2)] = 4

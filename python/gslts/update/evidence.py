@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 
+from gslts._core import detect as _core
 from gslts.change.changes import Change
 from gslts.change.detect import Detection
 from gslts.frame import RgbdFrame
@@ -20,9 +21,9 @@ INSIDE = 0.06
 HIDDEN_M = 0.15
 """What is measured so much before a site hides it."""
 LEAST_VIEWS = 2
-LEAST_SHOWING = 1 / 3
-"""Share of the views of a place that must show a change there, or it was a false alarm; small dark
-things are detected in fewer than half of them."""
+MOST_LOG_ODDS = 3.0
+"""Of a change, by one view: 20 to 1 for it at most, and as much against it where nothing is seen.
+What all views tell is their sum; as they share the errors of the map, none may decide alone."""
 LEAST_MEASURED = 0.1
 """Share of what changed in which depth must be measured."""
 
@@ -77,14 +78,15 @@ def _judged(
     if len(own) < LEAST_VIEWS:
         why = skipped[0] if skipped else "the robot offers no other frame"
         return "not known", f"{len(own)} view(s) show the change, {LEAST_VIEWS} are needed: {why}"
+    log_odds = [_log_odds(site, detection) for _, detection in own]
+    if sum(log_odds) <= 0:
+        showing = sum(one > 0 for one in log_odds)
+        what = "something gone" if site.side == "before" else "something new"
+        return "not shown", f"only {showing} of {len(own)} views show {what} there"
     masks = []
     for view, detection in own:
         before, after = masks_of(detection, view.changed.shape, [site])
         masks.append(before if site.side == "before" else after)
-    showing = sum(bool(mask.any()) for mask in masks)
-    if showing < LEAST_SHOWING * len(own):
-        what = "something gone" if site.side == "before" else "something new"
-        return "not shown", f"only {showing} of {len(own)} views show {what} there"
     changed = sum(int(mask.sum()) for mask in masks)
     measured = sum(
         int(np.count_nonzero(view.depth[mask])) for (view, _), mask in zip(own, masks, strict=True)
@@ -93,3 +95,10 @@ def _judged(
         share = 100 * measured / changed
         return "not known", f"depth is measured in {share:.0f} % of what changed"
     return "shown", ""
+
+
+def _log_odds(site: Site, detection: Detection) -> float:
+    """How likely one view makes a change at a site, as the logarithm of the odds, bounded."""
+    certainties = [_core.certainty(one) for one in detection.surfaces if site.is_of(one)]
+    certainty = np.clip(max(certainties, default=0.0), 1e-9, 1 - 1e-9)
+    return float(np.clip(np.log(certainty / (1 - certainty)), -MOST_LOG_ODDS, MOST_LOG_ODDS))

@@ -22,9 +22,9 @@ from gslts.tasks.meaning import Meaning
 from gslts.update.collect import Collection, collect
 from gslts.update.config import UpdateConfig
 from gslts.update.edit import Edit, near_sites, pre_edit, sightings
-from gslts.update.refine import Watch, refine, remembered, targets_of
+from gslts.update.refine import Refined, Watch, refine, remembered, targets_of
 from gslts.update.region import Site
-from gslts.update.verify import error_around, split_held_back
+from gslts.update.verify import doubt_left, error_around, split_held_back
 from gslts.update.views import View
 
 Stage = Literal["collecting", "refining"]
@@ -40,6 +40,11 @@ MEANING_M = 0.02
 """Beyond a site, what stays there may mean something else: the table under what is gone."""
 WHOLE_SIGMAS = 2
 """A Gaussian is within so many of its standard deviations, nearly."""
+SETTLED = 0.5
+"""Share of the certainty at which a change is reported that may be left: other frames have other
+noise."""
+MOST_MORE = 2
+"""How often a refinement is repeated where more is left, at most."""
 AGREEING = 0.9
 """Share of the views that must agree on when a Gaussian moved: errors come and go."""
 
@@ -146,6 +151,7 @@ def update(
         cameras,
         found,
         config,
+        detector=detector,
         first_id=first_id,
         watch=lambda *_: tell("refining"),
     )
@@ -176,6 +182,7 @@ def updated_with(
     found: Collection,
     config: UpdateConfig,
     *,
+    detector: ChangeDetector | None = None,
     first_id: int | None = None,
     watch: Watch = lambda *_: None,
 ) -> tuple[GaussianMap, Record]:
@@ -186,6 +193,8 @@ def updated_with(
         cameras: Of the frames that it was made of.
         found: Views of the change.
         config: Settings.
+        detector: Of the map; the refinement is repeated while it still sees something in the views
+            that were used. None means that the first refinement has to do.
         first_id: See `update`.
         watch: Is told of each step of the refinement.
     """
@@ -215,14 +224,20 @@ def updated_with(
     targets += remembered(
         gaussian_map, edit.gaussian_map, cameras, sites, config.refine, threads=threads
     )
-    refined = refine(
-        edit.gaussian_map,
-        targets,
-        moving,
-        config.refine,
-        threads=threads,
-        watch=watch,
-    )
+
+    def refine_once(of: GaussianMap) -> Refined:
+        return refine(of, targets, moving, config.refine, threads=threads, watch=watch)
+
+    if detector is None:
+        refined = refine_once(edit.gaussian_map)
+    else:
+        cameras_now = [*cameras, *(view.camera for view in used)]
+        refined = _refine_until_settled(
+            edit.gaussian_map,
+            refine_once,
+            lambda of: doubt_left(detector.with_map(of, cameras_now), used, sites),
+            SETTLED * detector.config.objects.certain,
+        )
     clock.note("refining")
     before, after = (
         [error_around(one, held_back, own, threads) for own in (sites, *found.sites_of_each)]
@@ -242,6 +257,26 @@ def updated_with(
             why = f"views held back fit no better: {_words(was)} before, {_words(now)} after"
             return gaussian_map, replace(record, refused=why)
     return refined.gaussian_map, record
+
+
+def _refine_until_settled(
+    edited: GaussianMap,
+    refine_once: Callable[[GaussianMap], Refined],
+    doubt: Callable[[GaussianMap], float],
+    most: float,
+) -> Refined:
+    """Refines a map, and again while that lessens a doubt that is greater than some limit."""
+    refined = refine_once(edited)
+    left = doubt(refined.gaussian_map)
+    for _ in range(MOST_MORE):
+        if left <= most:
+            break
+        more = refine_once(refined.gaussian_map)
+        refined = replace(more, iterations=refined.iterations + more.iterations)
+        was, left = left, doubt(refined.gaussian_map)
+        if left >= was:  # What is left is no matter of refinement.
+            break
+    return refined
 
 
 def moving_of(edit: Edit, sites: Sequence[Site], reach_m: float) -> Bools:

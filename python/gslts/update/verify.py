@@ -6,11 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gslts._core.detect import certainty
+from gslts.change.detect import ChangeDetector
 from gslts.gaussian_map import GaussianMap
 from gslts.losses import exposed
 from gslts.rasterizer import Rasterizer, RenderOptions
 from gslts.update.refine import around
-from gslts.update.region import Site
+from gslts.update.region import NEAR_M, Site
 from gslts.update.views import View
 
 AROUND_PX = 20
@@ -52,3 +54,23 @@ def error_around(
         total += float(np.sum((shown - photo) ** 2, dtype=np.float64))
         count += photo.size
     return total / count if count else None
+
+
+def doubt_left(detector: ChangeDetector, views: Sequence[View], sites: Sequence[Site]) -> float:
+    """The greatest certainty with which a detector sees a change at some sites in any view.
+
+    Args:
+        detector: Of the updated map.
+        views: Of the changes.
+        sites: Where they were.
+
+    Returns:
+        0 to 1; likely changes count as well as unlikely ones, which the detector does not report.
+    """
+    found = [
+        certainty(surface)
+        for view in views
+        for surface in detector.detect(view.frame).surfaces
+        if any(site.contains(surface.point, NEAR_M) for site in sites)
+    ]
+    return max(found, default=0.0)

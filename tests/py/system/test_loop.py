@@ -82,21 +82,27 @@ def test_a_robot_goes_to_where_a_camera_was() -> None:
     assert np.allclose(there[:3, 2], wanted.world_from_camera[:3, 2], atol=1e-6)
 
 
-def test_a_round_repairs_what_changed_and_the_next_one_has_nothing_to_do(folder: Path) -> None:
-    said: list[str] = []
-    with keeper_of(folder, say=said.append) as keeper:
-        keeper.go_round(robot_of("removal"))
-        assert keeper.version.number == 2
-        assert update_room.opaque_in(read_map(folder), update_room.REMOVED, 0.04) == 0
-        assert keeper.state == LoopState(round=1, of_source=1) == read_state(folder)
-        keeper.go_round(robot_of("removal"))
-        assert keeper.version.number == 2
-    assert said[0].startswith("removal at (2.")
-    assert said[1].startswith("version 2: ")
-    assert len(said) == 2
-    with open_versions(folder) as store:
-        assert store.version(2).cause["round"] == 0
-        assert store.refusals() == []
+def test_a_round_repairs_what_changed_and_the_next_one_has_nothing_to_do(tmp_path: Path) -> None:
+    """With most noise: the map of the room has errors of its own, which may be found late."""
+    home, settled = update_room.changed_home("removal"), 0
+    for seed in range(4):
+        folder = tmp_path / str(seed)
+        change_room.write_room_map(folder)
+        said: list[str] = []
+        with keeper_of(folder, say=said.append) as keeper:
+            keeper.go_round(Controller(home, **change_room.SIZE, noise="kinect", seed=seed))
+            first = keeper.version.number
+            assert first > 1
+            assert update_room.opaque_in(read_map(folder), update_room.REMOVED, 0.04) == 0
+            assert keeper.state == read_state(folder)
+            assert keeper.state.round == keeper.state.of_source == 1
+            keeper.go_round(Controller(home, **change_room.SIZE, noise="kinect", seed=seed + 10))
+            settled += keeper.version.number == first
+        assert any(words.startswith("removal at (2.") for words in said)
+        assert any(words.startswith("version 2: ") for words in said)
+        with open_versions(folder) as store:
+            assert store.version(2).cause["round"] == 0
+    assert settled >= 3
 
 
 @pytest.mark.smoke

@@ -63,10 +63,12 @@ def test_it_goes_left_then_right_and_looks_at_the_change() -> None:
     robot = watched()
     count, bearings = around(robot)
     assert count == COLLECT.steps + 1
-    turns = np.unwrap(bearings) - bearings[0]
+    turns = (bearings - bearings[0] + np.pi) % (2 * np.pi) - np.pi
     left = COLLECT.steps // 2
     assert turns[left] == max(turns) > 0.5
     assert (turns[left + 1 :] < 0).all()
+    gaps = np.diff(np.sort([*bearings, bearings.min() + 2 * np.pi]))
+    assert gaps.max() < np.pi / 3, "no side is left out"
     middle = update_room.collected("removal").sites[0].middle
     for x, y, yaw_rad, pitch_rad in robot.asked:
         way = middle[:2] - (x, y)
