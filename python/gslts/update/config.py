@@ -21,7 +21,7 @@ class CollectConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    steps: Annotated[int, Field(ge=2, le=100)] = 12
+    steps: Annotated[int, Field(ge=2, le=100)] = 8
     step_m: Positive = 0.35
     distance_m: Positive = 1.2
     held_back: Annotated[int, Field(ge=2)] = 4

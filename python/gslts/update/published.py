@@ -87,6 +87,9 @@ def published(
             most_bytes=LANDMARK_BYTES,
             threads=config.threads,
         )
+        # Views from all sides also see more of what was there before.
+        new = ~np.isin(landmarks.gaussians, before.ids)
+        landmarks = landmarks.select(np.flatnonzero(new))
         if landmarks.size:
             cause[KEY] = keep_landmarks(landmarks, store.folder)
     standing = store.numbers_of_way_to()  # What others brought was undone by a restore.

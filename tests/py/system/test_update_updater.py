@@ -192,14 +192,10 @@ def test_without_depth_in_what_changed_nothing_is_done() -> None:
 
     robot = Spoilt(update_room.robot_in(update_room.changed_home("addition")), hide)
     reason = refused(run_update(robot, "addition"))
-    # Without depth, most views are not sure either.
-    words = (
-        r"depth is measured in \d % of what changed|only \d of \d+ views show something new there"
-    )
-    assert re.fullmatch(words, reason)
+    assert re.fullmatch("depth is measured in [0-9] % of what changed", reason)
 
 
-@pytest.mark.parametrize("frames", [9, 10])
+@pytest.mark.parametrize("frames", [6, 7])
 def test_an_object_that_moves_again_meanwhile_is_left(frames: int) -> None:
     robot = Changing(update_room.changed_home("addition"), change_room.home(), frames)
     reason = refused(run_update(robot, "addition"))
