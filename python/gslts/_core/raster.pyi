@@ -7,7 +7,7 @@ import gslts._core.map
 import numpy
 import numpy.typing
 import typing
-__all__: list[str] = ['AdamDouble', 'AdamFloat', 'AdamOptions', 'AdamRates', 'Exposure', 'RasterizerDouble', 'RasterizerFloat', 'RenderOptions', 'align_double', 'align_float', 'depth_loss_double', 'depth_loss_float', 'fit_exposure_double', 'fit_exposure_float', 'photometric_loss_double', 'photometric_loss_float', 'simd_target']
+__all__: list[str] = ['AdamDouble', 'AdamFloat', 'AdamOptions', 'AdamRates', 'Exposure', 'RasterizerDouble', 'RasterizerFloat', 'RenderOptions', 'align_double', 'align_float', 'depth_loss_double', 'depth_loss_float', 'fit_exposure_double', 'fit_exposure_float', 'photometric_loss_double', 'photometric_loss_float', 'simd_target', 'simd_targets', 'use_simd_target']
 class RenderOptions:
     """
     How to render; immutable.
@@ -340,5 +340,13 @@ def photometric_loss_float(rgb: numpy.ndarray, target: numpy.ndarray, *, mask: n
     """
 def simd_target() -> str:
     """
-    Name of the instruction set that the kernels use on this machine.
+    Name of the instruction set that the kernels use: sse4, avx2, avx512 or neon.
+    """
+def simd_targets() -> list[str]:
+    """
+    Names of the instruction sets that this machine can use, the best first.
+    """
+def use_simd_target(name: str) -> None:
+    """
+    Makes the kernels use an instruction set from now on. Call it while no kernel runs.
     """
