@@ -110,6 +110,8 @@ def test_a_stop_leaves_whole_results_and_no_process(tmp_path: Path, how: signal.
         [sys.executable, tmp_path / "program.py"], stderr=subprocess.DEVNULL
     ) as process:
         worker = int(wait_for(lambda: [one.stem for one in tmp_path.glob("*.pid")])[0])
+        # The worker may wait before the program has kept what it was sent.
+        wait_for(lambda: (tmp_path / "a.jsonl").read_bytes().count(b"\n") == 3)
         process.send_signal(how)
         process.wait(timeout=LONG_S)
     wait_for(lambda: not is_alive(worker))
