@@ -216,7 +216,7 @@ class MapKeeper:
         """Works off what waits, the most certain and nearest first."""
         while waiting:
             self._pause()
-            place = robot.observe().camera.world_from_camera[:2, 3]
+            place = robot.pose()[:2, 3]
             changes = next_changes(waiting, place)
             waiting = [one for one in waiting if all(one is not other for other in changes)]
             for change in changes:

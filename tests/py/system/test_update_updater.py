@@ -31,6 +31,9 @@ class Spoilt:
         self._number += 1
         return self._spoil(self._number, self._robot.observe())
 
+    def pose(self) -> np.ndarray:
+        return self._robot.pose()
+
     def reachable_positions(self) -> np.ndarray:
         return self._robot.reachable_positions()
 
