@@ -332,7 +332,7 @@ def test_a_robot_in_another_home_changes_nothing(tmp_path: Path) -> None:
     with MapKeeper(folder, replace(LOOP, stops=3, locate=adrift.CONFIG)) as keeper:
         keeper.go_round(Controller(sim_scenes.simple_home(), **SIZE))
         assert keeper.version.number == 1
-        assert keeper.state.parked == ()
+        assert keeper.state.deferred == ()
 
 
 def test_where_a_map_has_no_landmarks_is_said_before_a_round(tmp_path: Path) -> None:
