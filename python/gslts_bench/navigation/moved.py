@@ -36,7 +36,7 @@ WALKS = 3
 TASKS_FOR_ONE = 6
 """So many tasks of a home are made for each wanted: a third are relocations."""
 NOT_UPDATED = "not updated"
-"""Status where the change was not detected in the first frame, or its update was refused."""
+"""Status where the change was not detected in the first frame, or its update was rejected."""
 TASK_S = 20.0
 """About how long one takes, for the progress."""
 
@@ -164,7 +164,7 @@ def _is_only_one(task: Task, home: Home) -> bool:
 def _updated(
     task: Task, home: Home, known: TaughtMap, detector: ChangeDetector, cameras: list[Camera]
 ) -> GaussianMap | None:
-    """The map after the relocation; None if it was not seen in the first frame, or refused."""
+    """The map after the relocation; None if it was not seen in the first frame, or rejected."""
     robot = task.start(home, changed=True)
     changes = detector.detect(robot.observe()).changes
     if not changes or not fits(report_of(changes[0]), task.change):
@@ -178,4 +178,4 @@ def _updated(
         detector=detector,
         meaning=Meaning(Oracle(), known.autoencoder, ()),
     )
-    return None if result.record.refused is not None else result.gaussian_map
+    return None if result.record.rejected is not None else result.gaussian_map

@@ -54,7 +54,7 @@ class Record(BaseModel):
             if not, there is no update.
         views: That were collected.
         scores: Of the near and of the far test views; see `update_score.Score`.
-        refused: Why the map stays as it was.
+        rejected: Why the map stays as it was.
         gaussians: Before and after.
         removed, added, iterations: See `gslts.update.updater.Record`.
         seconds: By stage; all of it under `update`.
@@ -73,7 +73,7 @@ class Record(BaseModel):
     detected: bool = False
     views: int = 0
     scores: dict[str, dict[str, FiniteFloat | None]] = {}
-    refused: str | None = None
+    rejected: str | None = None
     gaussians: tuple[int, int] = (0, 0)
     removed: int = 0
     added: int = 0
@@ -209,7 +209,7 @@ class UpdateUnit:
             if told is not None:
                 seconds |= told.seconds
                 known = {
-                    "refused": told.refused,
+                    "rejected": told.rejected,
                     "removed": told.removed,
                     "added": told.added,
                     "iterations": told.iterations,
