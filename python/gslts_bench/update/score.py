@@ -14,7 +14,7 @@ import numpy as np
 from gslts.core.camera import Camera, at_pose
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
-from gslts.localization.alignment import aligned
+from gslts.localization.alignment import align_pose
 from gslts.mapping.evaluation.evaluate import psnr_db
 from gslts.rendering.losses import Exposure, exposed, fit_exposure, photometric_loss
 from gslts.rendering.lpips import LEAST_PX, Lpips
@@ -110,7 +110,7 @@ def as_mapped(frame: RgbdFrame, gaussian_map: GaussianMap) -> tuple[Camera, Expo
         The camera, the exposure from the map's colours to those of the frame, and [H,W,3] the map's
         colours.
     """
-    pose = aligned(gaussian_map, [frame.halved(), frame], ALIGN_STEPS, threads=1)
+    pose = align_pose(gaussian_map, [frame.halved(), frame], ALIGN_STEPS, threads=1)
     camera = at_pose(frame.camera, pose)
     photo = frame.rgb.astype(np.float32) / np.float32(255)
     rgb = Rasterizer(np.float32).forward(gaussian_map, camera, RenderOptions(threads=1)).rgb

@@ -94,7 +94,7 @@ def test_the_most_certain_report_counts() -> None:
 
 def test_nothing_said_is_none_or_unreliable() -> None:
     assert single("removal").said == NONE
-    silent = single("removal", unreliable="the picture is black")
+    silent = single("removal", unreliable="the image is black")
     assert (silent.said, silent.right, silent.found, silent.extra) == (UNRELIABLE, False, False, 0)
 
 
@@ -183,8 +183,8 @@ def many_records() -> list[Record]:
 
 def test_numbers_are_those_of_one_detector_without_errors() -> None:
     records = many_records()
-    of_paper = [one.model_copy(update={"variant": "paper", "reports": ()}) for one in records]
-    numbers = summary([*of_paper, *records], "objects")
+    of_gs_lts = [one.model_copy(update={"variant": "gs_lts", "reports": ()}) for one in records]
+    numbers = summary([*of_gs_lts, *records], "objects")
     one = numbers["single"]
     assert (one["right"], one["type"], one["region"]) == ([1, 3], [2, 3], [1, 3])
     assert (one["found"], one["unreliable"], one["extra_reports"]) == ([1, 3], [1, 3], [1, 3])
@@ -201,7 +201,7 @@ def test_numbers_are_those_of_one_detector_without_errors() -> None:
     assert numbers["triple"] == {"found": [2, 3], "false_reports": [0, 1]}
     assert numbers["unchanged"] == {"with_reports": [1, 2], "unreliable": [1, 2]}
     assert numbers["ms"]["single"] == 30.0
-    assert summary(of_paper, "paper")["single"]["right"] == [0, 3]
+    assert summary(of_gs_lts, "gs_lts")["single"]["right"] == [0, 3]
 
 
 def test_tables_tell_them() -> None:

@@ -70,7 +70,7 @@ def cases_in(folder: Path) -> HomeCases:
 def test_all_is_asked_once_of_each(done: Path) -> None:
     told = json.loads((done / "all.json").read_text())
     asked = Counter((one["part"], one["variant"]) for one in told["records"])
-    names = ("objects", "located", "paper")
+    names = ("objects", "located", "gs_lts")
     all_see = {(part, name): count for part, count in COUNTS.items() for name in names}
     watched = {(part, "watching"): COUNTS[part] for part in ("single", "unchanged")}
     assert asked == all_see | watched

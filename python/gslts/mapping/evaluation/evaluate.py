@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gslts.core.camera import moved, twist_of
 from gslts.core.gaussian_map import FloatArray, GaussianMap
-from gslts.localization.alignment import aligned
+from gslts.localization.alignment import align_pose
 from gslts.mapping.observation import Observation
 from gslts.rendering.losses import exposed, fit_exposure, photometric_loss
 from gslts.rendering.rasterizer import Images, Rasterizer, RenderOptions
@@ -136,7 +136,7 @@ def refine_pose(
 ) -> Observation:
     """The observation at the pose nearby where the map fits it best."""
     frames = [observation.rgbd(level) for level in POSE_LEVELS]
-    return replace(observation, pose=aligned(gaussian_map, frames, POSE_STEPS, threads=threads))
+    return replace(observation, pose=align_pose(gaussian_map, frames, POSE_STEPS, threads=threads))
 
 
 def shown(images: Images, observation: Observation, threads: int = 0) -> FloatArray:
