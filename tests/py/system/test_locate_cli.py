@@ -280,4 +280,5 @@ def test_frames_that_are_all_lost_are_no_recording(visited: Path, tmp_path: Path
         darken(tmp_path / "dark", name)
     done = gslts("run", "map", "--frames", tmp_path / "dark", "--locate", cwd=visited)
     assert done.returncode == 1
-    assert done.stderr.splitlines()[-1].endswith("dark: none of its frames was localized in the map")
+    message = "dark: none of its frames was localized in the map"
+    assert done.stderr.splitlines()[-1].endswith(message)
