@@ -17,7 +17,7 @@ RATE = 2.5e-3
 """Of Adam, as in LangSplat."""
 
 
-def refined(
+def refine_features(
     gaussian_map: GaussianMap,
     features: Floats32,
     views: Sequence[FeatureView],

@@ -8,7 +8,7 @@ from gslts.semantics.files import SemanticsSetting
 from gslts.semantics.source import Oracle, SemanticSource
 
 
-def source_of(
+def open_text_source(
     setting: SemanticsSetting, clip: Path | None = None, threads: int = 0
 ) -> SemanticSource:
     """That of the words of a map.
@@ -39,7 +39,7 @@ def source_of(
     return ClipSource(ClipEncoder(folder, threads))
 
 
-def teacher_of(name: str, models: dict[str, Path], threads: int = 0) -> SemanticSource:
+def open_source(name: str, models: dict[str, Path], threads: int = 0) -> SemanticSource:
     """One that can also tell what frames show.
 
     Args:

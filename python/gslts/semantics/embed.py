@@ -13,16 +13,16 @@ from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.semantics.autoencoder import Autoencoder
-from gslts.semantics.gradient_lift import refined
-from gslts.semantics.lift import FeatureView, lifted
+from gslts.semantics.lift import FeatureView, lift_features
+from gslts.semantics.refine import refine_features
 from gslts.semantics.source import SemanticSource
-from gslts.semantics.train_autoencoder import trained
+from gslts.semantics.train_autoencoder import train_autoencoder
 from gslts.semantics.vocabulary import NOUNS
 from gslts.types import Floats32
 
 
 @dataclass(frozen=True, eq=False)
-class Embedded:
+class SemanticFeatures:
     """What Gaussians mean.
 
     Attributes:
@@ -36,14 +36,14 @@ class Embedded:
     names: tuple[str, ...]
 
 
-def embedded(
+def embed_semantics(
     gaussian_map: GaussianMap,
     frames: Iterable[RgbdFrame],
     source: SemanticSource,
     code: int = 32,
     refine: int = 0,
     threads: int = 0,
-) -> Embedded:
+) -> SemanticFeatures:
     """Lifts what frames mean to the Gaussians that they show.
 
     Args:
@@ -73,14 +73,16 @@ def embedded(
     if not cameras:
         raise ValueError("embedded: frames: there is none")
     seen, row_of = np.unique(np.concatenate(embeddings), axis=0, return_inverse=True)
-    autoencoder = trained(np.concatenate([seen, source.encode(NOUNS)]), code)
-    codes = autoencoder.encoded(seen)[row_of.ravel()]
+    autoencoder = train_autoencoder(np.concatenate([seen, source.encode(NOUNS)]), code)
+    codes = autoencoder.encode(seen)[row_of.ravel()]
     features = []
     for level in range(len(labels[0])):
         views = _Views(cameras, [of_view[level] for of_view in labels], codes)
-        of_level = lifted(gaussian_map, views, code, threads)
-        features.append(refined(gaussian_map, of_level, views, refine, threads=threads))
-    return Embedded(np.concatenate(features, axis=1), autoencoder, tuple(sorted(names)) or NOUNS)
+        of_level = lift_features(gaussian_map, views, code, threads)
+        features.append(refine_features(gaussian_map, of_level, views, refine, threads=threads))
+    return SemanticFeatures(
+        np.concatenate(features, axis=1), autoencoder, tuple(sorted(names)) or NOUNS
+    )
 
 
 @dataclass(frozen=True, eq=False)

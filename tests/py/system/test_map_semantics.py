@@ -10,7 +10,7 @@ import change_room
 import numpy as np
 import pytest
 import update_room
-from meaning_room import frames, looks, meaning, taught
+from semantic_room import embedded_map, frames, looks, map_semantics
 from typer.testing import CliRunner
 from update_room import UPDATE
 
@@ -20,11 +20,11 @@ from gslts.core.frame import RgbdFrame
 from gslts.datasets import open_dataset
 from gslts.rendering.rasterizer import render
 from gslts.semantics.files import read_semantics
-from gslts.semantics.gradient_lift import refined
-from gslts.semantics.lift import lifted
+from gslts.semantics.lift import lift_features
 from gslts.semantics.queries import SemanticQueries
+from gslts.semantics.refine import refine_features
 from gslts.semantics.source import Oracle
-from gslts.semantics.train_autoencoder import trained
+from gslts.semantics.train_autoencoder import train_autoencoder
 from gslts.store.map_folder import open_map, read_map, write_map_folder
 from gslts.update.edit import near_sites
 from gslts.update.publish import published
@@ -35,7 +35,7 @@ from gslts_sim.controller import Controller
 
 
 def updated(kind: update_room.Kind, *, labels: bool = True) -> Update:
-    gaussian_map, _ = taught()
+    gaussian_map, _ = embedded_map()
     cameras = list(change_room.mapped()[1].values())
 
     class Robot(Controller):
@@ -48,35 +48,35 @@ def updated(kind: update_room.Kind, *, labels: bool = True) -> Update:
     detector = ChangeDetector(gaussian_map, change_room.CONFIG, cameras=cameras)
     change = update_room.detected(kind)
     return update(
-        gaussian_map, cameras, [change], robot, UPDATE, detector=detector, meaning=meaning()
+        gaussian_map, cameras, [change], robot, UPDATE, detector=detector, semantics=map_semantics()
     )
 
 
 def new_rows(result: Update) -> np.ndarray:
-    return np.flatnonzero(~np.isin(result.gaussian_map.ids, taught()[0].ids))
+    return np.flatnonzero(~np.isin(result.gaussian_map.ids, embedded_map()[0].ids))
 
 
 def test_names_are_those_of_the_labels() -> None:
-    assert taught()[1].names == ("Block", "Box", "Floor", "Wall")
+    assert embedded_map()[1].names == ("Block", "Box", "Floor", "Wall")
 
 
 def test_what_is_added_means_what_was_seen() -> None:
     result = updated("addition")
     rows = new_rows(result)
     assert len(rows) > 20
-    assert meaning().name_of(result.gaussian_map, rows) == "Box"
+    assert map_semantics().name_of(result.gaussian_map, rows) == "Box"
 
 
 def test_what_moved_is_found_where_it_is_now_and_means_what_it_did() -> None:
     """The blue box went from (3.0, 1.95) to (2.6, 1.7), and stands beside the red one now."""
-    before = SemanticQueries(taught()[0], meaning().autoencoder, Oracle()).find("box")
+    before = SemanticQueries(embedded_map()[0], map_semantics().autoencoder, Oracle()).find("box")
     assert max(one.high[0] for one in before) > 3.0
     result = updated("relocation")
-    found = SemanticQueries(result.gaussian_map, meaning().autoencoder, Oracle()).find("box")
+    found = SemanticQueries(result.gaussian_map, map_semantics().autoencoder, Oracle()).find("box")
     assert max(one.high[0] for one in found) == pytest.approx(2.72, abs=0.05)
     rows = np.intersect1d(np.concatenate([one.rows for one in found]), new_rows(result))
     assert len(rows) > 20
-    known = {one.tobytes() for one in taught()[0].features}
+    known = {one.tobytes() for one in embedded_map()[0].features}
     assert all(one.tobytes() in known for one in result.gaussian_map.features[rows])
 
 
@@ -87,8 +87,8 @@ def test_what_nobody_names_has_no_meaning_and_others_keep_theirs() -> None:
     of_object = np.intersect1d(new_rows(result), np.flatnonzero(inside))
     assert len(of_object) > 20
     assert unknown[of_object].all()
-    assert meaning().name_of(result.gaussian_map, of_object) is None
-    before = taught()[0]
+    assert map_semantics().name_of(result.gaussian_map, of_object) is None
+    before = embedded_map()[0]
     kept = np.isin(before.ids, result.gaussian_map.ids)
     after = np.isin(result.gaussian_map.ids, before.ids)
     np.testing.assert_array_equal(result.gaussian_map.features[after], before.features[kept])
@@ -96,10 +96,10 @@ def test_what_nobody_names_has_no_meaning_and_others_keep_theirs() -> None:
 
 def test_what_is_gone_is_named_by_what_it_meant(tmp_path: Path) -> None:
     result = updated("removal", labels=False)
-    gaussian_map, _ = taught()
+    gaussian_map, _ = embedded_map()
     write_map_folder(tmp_path / "map", gaussian_map, {}, {})
     with open_map(tmp_path / "map", writable=True) as store:
-        published(store, gaussian_map, [], result, UPDATE, meaning=meaning())
+        published(store, gaussian_map, [], result, UPDATE, semantics=map_semantics())
         (event,) = store.events()
     assert (event.kind, event.type) == ("removal", "Box")
 
@@ -114,7 +114,7 @@ def test_what_is_gone_was_where_its_gaussians_were(tmp_path: Path) -> None:
         confidence=change.confidence,
         boxes=((low - (0, 0.8, 0), high), None),
     )
-    gaussian_map, _ = taught()
+    gaussian_map, _ = embedded_map()
     write_map_folder(tmp_path / "map", gaussian_map, {}, {})
     with open_map(tmp_path / "map", writable=True) as store:
         published(store, gaussian_map, [], replace(result, changes=(longer,)), UPDATE)
@@ -123,11 +123,11 @@ def test_what_is_gone_was_where_its_gaussians_were(tmp_path: Path) -> None:
 
 
 def test_gradient_descent_lowers_the_error() -> None:
-    gaussian_map, found = taught()
+    gaussian_map, found = embedded_map()
     views = []
     for frame in frames():
         segments = Oracle().segments(frame)
-        codes = found.autoencoder.encoded(segments.embeddings)
+        codes = found.autoencoder.encode(segments.embeddings)
         labels = segments.labels[0]
         views.append((frame.camera, codes[labels], labels >= 0))
 
@@ -142,9 +142,11 @@ def test_gradient_descent_lowers_the_error() -> None:
             )
         )
 
-    features = lifted(gaussian_map, views, 8, threads=1)
-    assert refined(gaussian_map, features, views, 0) is features
-    assert error(refined(gaussian_map, features, views, 60, threads=1)) < 0.9 * error(features)
+    features = lift_features(gaussian_map, views, 8, threads=1)
+    assert refine_features(gaussian_map, features, views, 0) is features
+    assert error(refine_features(gaussian_map, features, views, 60, threads=1)) < 0.9 * error(
+        features
+    )
 
 
 def run(*arguments: str) -> str:
@@ -187,7 +189,9 @@ def test_a_map_that_has_changed_is_not_taught_what_was(tmp_path: Path) -> None:
 
 
 def test_a_damaged_autoencoder_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gslts.semantics.build.trained", partial(trained, steps=20))
+    monkeypatch.setattr(
+        "gslts.semantics.embed.train_autoencoder", partial(train_autoencoder, steps=20)
+    )
     map_path, visit = tmp_path / "map", tmp_path / "visit"
     capture(Controller(change_room.home(), **change_room.SIZE), change_room.LOOKS[:2], visit)
     cameras = {one.name: one.read().camera for one in open_dataset(visit).frames}

@@ -13,8 +13,8 @@ from shared import looks_all_around, made_once
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.semantics.autoencoder import Autoencoder
-from gslts.semantics.build import Embedded, embedded
-from gslts.semantics.map_semantics import Meaning
+from gslts.semantics.embed import SemanticFeatures, embed_semantics
+from gslts.semantics.map_semantics import MapSemantics
 from gslts.semantics.source import Oracle
 from gslts_sim.robot_body import Look
 
@@ -31,25 +31,25 @@ def frames() -> list[RgbdFrame]:
 
 
 @cache
-def taught() -> tuple[GaussianMap, Embedded]:
+def embedded_map() -> tuple[GaussianMap, SemanticFeatures]:
     """Return the map with features, and what they mean; made once a run."""
     gaussian_map, _ = change_room.mapped()
 
     def make(folder: Path) -> None:
         folder.mkdir()
-        found = embedded(gaussian_map, frames(), Oracle(), 8, threads=1)
+        found = embed_semantics(gaussian_map, frames(), Oracle(), 8, threads=1)
         np.save(folder / "features.npy", found.features)
         save_file(dict(found.autoencoder.weights), folder / "autoencoder.safetensors")
         (folder / "names.json").write_text(json.dumps(found.names))
 
-    folder = made_once("change_room_meaning", make)
+    folder = made_once("change_room_semantics", make)
     features = np.load(folder / "features.npy")
     autoencoder = Autoencoder(load_file(folder / "autoencoder.safetensors"))
     names = tuple(json.loads((folder / "names.json").read_text()))
-    return replace(gaussian_map, features=features), Embedded(features, autoencoder, names)
+    return replace(gaussian_map, features=features), SemanticFeatures(features, autoencoder, names)
 
 
-def meaning() -> Meaning:
+def map_semantics() -> MapSemantics:
     """Return the meaning of the map, as updates take it."""
-    _, found = taught()
-    return Meaning(Oracle(), found.autoencoder, found.names)
+    _, found = embedded_map()
+    return MapSemantics(Oracle(), found.autoencoder, found.names)

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from gslts.datasets import open_dataset
-from gslts.semantics.build import embedded
-from gslts.semantics.files import SemanticsSetting, keep_autoencoder
-from gslts.semantics.open_source import teacher_of
+from gslts.semantics.embed import embed_semantics
+from gslts.semantics.files import SemanticsSetting, write_autoencoder
+from gslts.semantics.registry import open_source
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import open_map
 from gslts.store.records import Version
@@ -18,7 +18,7 @@ from gslts.store.records import Version
 Show = Callable[[Iterable[Any]], Iterable[Any]]
 
 
-def teach(
+def add_semantics(
     map_path: Path,
     dataset: Path,
     source: Literal["oracle", "clip"] = "oracle",
@@ -35,7 +35,7 @@ def teach(
         map_path: Its folder.
         dataset: Of the frames that it was made from.
         source: Of the meaning.
-        models: Folders of its weights; see `teacher_of`.
+        models: Folders of its weights; see `open_source`.
         code: Numbers that a Gaussian keeps of an embedding, d.
         refine: Steps of gradient descent after the lifting.
         threads: 0 means one a hardware thread.
@@ -51,7 +51,7 @@ def teach(
             what the source needs.
     """
     models = {name: folder.resolve() for name, folder in (models or {}).items()}
-    teacher = teacher_of(source, models, threads)
+    teacher = open_source(source, models, threads)
     opened, cameras = open_dataset(dataset), cameras_of_map(map_path)
     known = [frame for frame in opened.frames if frame.name in cameras]
     if not known:
@@ -64,7 +64,7 @@ def teach(
             )
         gaussian_map = store.read()
         frames = (replace(one.read(), camera=cameras[one.name]) for one in show(known))
-        found = embedded(gaussian_map, frames, teacher, code, refine, threads)
+        found = embed_semantics(gaussian_map, frames, teacher, code, refine, threads)
         setting = SemanticsSetting(
             source=source,
             dataset=opened.name,
@@ -72,7 +72,7 @@ def teach(
             code=code,
             names=found.names,
             models={name: str(folder) for name, folder in models.items()},
-            autoencoder=keep_autoencoder(found.autoencoder, map_path),
+            autoencoder=write_autoencoder(found.autoencoder, map_path),
         )
         taught = replace(gaussian_map, features=found.features)
         return store.commit_features(taught, setting.model_dump(mode="json"))
