@@ -20,7 +20,7 @@ from gslts.rendering.losses import Exposure, exposed, fit_exposure, photometric_
 from gslts.rendering.lpips import LEAST_PX, Lpips
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.types import Bools, Floats32
-from gslts.update.region import Site
+from gslts.update.region import Region
 from gslts_sim.task import Change
 
 AROUND_PX = 50
@@ -85,8 +85,8 @@ def judged_view(
     crops = []
     for box in (change.box_before, change.box_after):
         if box is not None:
-            site = Site("after", np.array(box[0]), np.array(box[1]))
-            rectangle = site.rectangle(frame.camera, AROUND_PX)
+            region = Region("after", np.array(box[0]), np.array(box[1]))
+            rectangle = region.rectangle(frame.camera, AROUND_PX)
             crops += [] if rectangle is None else [rectangle]
     if not crops:
         return None

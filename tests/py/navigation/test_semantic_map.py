@@ -146,7 +146,9 @@ def test_the_most_relevant_category_wins() -> None:
         with pytest.raises(ValueError, match="names: one is empty or occurs twice"):
             classify_gaussians(own, rows, surfel_room.autoencoder(), Oracle(), names)
     plain = replace(own, features=np.zeros((4, 3), np.float32))
-    with pytest.raises(ValueError, match="features of the map have 3 dimensions, which is no multiple"):
+    with pytest.raises(
+        ValueError, match="features of the map have 3 dimensions, which is no multiple"
+    ):
         classify_gaussians(plain, rows, surfel_room.autoencoder(), Oracle(), ["Mug"])
 
 
