@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gslts.change.detector import NEAR_SIGMAS, Detection
-from gslts.core.camera import Camera, at_pose, lifted
+from gslts.core.camera import Camera, at_pose, unproject
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.localization.alignment import aligned
@@ -155,7 +155,7 @@ def near_site(depth: Floats32, camera: Camera, site: Site, margin_m: float) -> B
     part = depth[y0:y1, x0:x1]
     rows, columns = np.indices(part.shape)
     places = np.column_stack([columns.ravel() + x0 + 0.5, rows.ravel() + y0 + 0.5])
-    points = lifted(camera, places, part.ravel().astype(np.float64))
+    points = unproject(camera, places, part.ravel().astype(np.float64))
     near[y0:y1, x0:x1] = site.contains(points, margin_m).reshape(part.shape) & (part > 0)
     return near
 
