@@ -153,6 +153,19 @@ class Sensor:
         )
         return frame, truth
 
+    def believed_pose(self, camera: Camera, index: int) -> Floats:
+        """Return the pose that the robot believes before it takes a frame.
+
+        Args:
+            camera: Camera at its true pose.
+            index: Number of the next frame in the visit, from 0; it decides the noise.
+
+        Returns:
+            [4,4] world_from_camera, m.
+        """
+        rng = np.random.default_rng([self._seed, 3, index])
+        return self._believed(camera, rng).world_from_camera
+
     def _rgb(self, radiance: Floats, rng: np.random.Generator) -> NDArray[np.uint8]:
         noise = self.noise
         return core_sim.measure_color(

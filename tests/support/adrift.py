@@ -36,6 +36,9 @@ class Adrift:
     def observe(self) -> RgbdFrame:
         return in_world(self.robot.observe(), self.odometry_from_world)
 
+    def pose(self) -> np.ndarray:
+        return self.odometry_from_world @ self.robot.pose()
+
     def reachable_positions(self) -> np.ndarray:
         places = self.robot.reachable_positions()
         return places @ self.odometry_from_world[:2, :2].T + self.odometry_from_world[:2, 3]

@@ -51,7 +51,7 @@ class Step(BaseModel):
         kind, object_type: Of the change.
         detected: Whether it was among the changes detected in the first frame.
         changes: How many those were; all of them are updated.
-        refused: Why the map stays as it was.
+        rejected: Why the map stays as it was.
         gaussians: Of the map after it.
         seconds: Of edit and refinement.
         psnr_db: Of the map after it, of fresh views; None where it was not looked at.
@@ -64,7 +64,7 @@ class Step(BaseModel):
     object_type: str
     detected: bool
     changes: int
-    refused: str | None
+    rejected: str | None
     gaussians: int
     seconds: FiniteFloat
     psnr_db: FiniteFloat | None
@@ -138,7 +138,7 @@ class SeriesUnit:
             )
             seconds = result.record.seconds
             updated = result.gaussian_map
-            if result.record.refused is None:  # As `gslts update` does.
+            if result.record.rejected is None:  # As `gslts update` does.
                 seen_from = [view.camera for view in result.views]
                 cameras += compress(seen_from, new_viewpoints(cameras, seen_from))
             look = number % self.every == 0 or number == len(tasks)
@@ -149,7 +149,7 @@ class SeriesUnit:
                 object_type=task.change.object_type,
                 detected=any(fits(report_of(change), task.change) for change in found),
                 changes=len(found),
-                refused=result.record.refused if found else None,
+                rejected=result.record.rejected if found else None,
                 gaussians=updated.size,
                 seconds=seconds.get("editing", 0.0) + seconds.get("refining", 0.0),
                 psnr_db=psnr_of(updated, frames) if look else None,

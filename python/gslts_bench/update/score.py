@@ -19,7 +19,7 @@ from gslts.rendering.losses import Exposure, apply_exposure, fit_exposure
 from gslts.rendering.metrics import MIN_SIDE_PX, Lpips, psnr_db, ssim
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.types import Bools, Floats32
-from gslts.update.region import Site
+from gslts.update.region import Region
 from gslts_sim.task import Change
 
 AROUND_PX = 50
@@ -84,8 +84,8 @@ def judged_view(
     crops = []
     for box in (change.box_before, change.box_after):
         if box is not None:
-            site = Site("after", np.array(box[0]), np.array(box[1]))
-            rectangle = site.rectangle(frame.camera, AROUND_PX)
+            region = Region("after", np.array(box[0]), np.array(box[1]))
+            rectangle = region.rectangle(frame.camera, AROUND_PX)
             crops += [] if rectangle is None else [rectangle]
     if not crops:
         return None

@@ -264,6 +264,9 @@ def test_a_robot_goes_to_where_the_map_says(far: tuple[float, float, float]) -> 
     ahead = wanted.world_from_camera[:3, 2] @ true.camera.world_from_camera[:3, 2]
     assert ahead > np.cos(2 * WELL_RAD)
     assert_there(localized.observe(), true)
+    metres, turn_rad = apart(localized.pose(), true.camera.world_from_camera)
+    assert metres < WELL_M
+    assert turn_rad < WELL_RAD
 
 
 def test_a_recorded_frame_is_looked_for_once() -> None:
@@ -284,6 +287,7 @@ def test_a_recorded_frame_is_looked_for_once() -> None:
 def test_the_odometry_of_a_robot_that_was_never_found_is_believed() -> None:
     robot = Controller(sim_scenes.simple_home(), **SIZE)
     localized = LocalizedRobot(robot, adrift.localizer())
+    np.testing.assert_array_equal(localized.pose(), robot.pose())
     np.testing.assert_array_equal(localized.reachable_positions(), robot.reachable_positions())
     assert localized.move_towards(np.array([1.0, 1.0]), 0.5)
     frame = localized.observe()
@@ -329,7 +333,7 @@ def test_a_robot_in_another_home_changes_nothing(tmp_path: Path) -> None:
     with MapKeeper(folder, replace(LOOP, stops=3, locate=adrift.CONFIG)) as keeper:
         keeper.go_round(Controller(sim_scenes.simple_home(), **SIZE))
         assert keeper.version.number == 1
-        assert keeper.state.parked == ()
+        assert keeper.state.deferred == ()
 
 
 def test_where_a_map_has_no_landmarks_is_said_before_a_round(tmp_path: Path) -> None:
