@@ -264,7 +264,7 @@ def test_a_robot_goes_to_where_the_map_says(far: tuple[float, float, float]) -> 
     ahead = wanted.world_from_camera[:3, 2] @ true.camera.world_from_camera[:3, 2]
     assert ahead > np.cos(2 * WELL_RAD)
     assert_there(localized.observe(), true)
-    metres, turn_rad = apart(localized.pose(), true.camera.world_from_camera)
+    metres, turn_rad = pose_distance(localized.pose(), true.camera.world_from_camera)
     assert metres < WELL_M
     assert turn_rad < WELL_RAD
 
