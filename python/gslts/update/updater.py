@@ -18,6 +18,7 @@ from gslts.change.detector import ChangeDetector
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
+from gslts.rendering.metrics import psnr_from_mse_db
 from gslts.semantics.map_semantics import MapSemantics
 from gslts.types import Bools
 from gslts.update.config import UpdateConfig
@@ -343,7 +344,7 @@ class _Clock:
 
 
 def _psnr_db(error: float | None) -> float | None:
-    return None if error is None else float(-10 * np.log10(max(error, 1e-10)))
+    return None if error is None else psnr_from_mse_db(error)
 
 
 def _words(error: float | None) -> str:
