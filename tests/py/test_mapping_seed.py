@@ -8,7 +8,7 @@ import sim_scenes
 import surface_oracle
 
 import gslts
-from gslts._core.map import SurfaceVoxels
+from gslts._core.fusion import SurfaceVoxels
 from gslts.alignment import align
 from gslts.bench.rooms import make_room
 from gslts.camera import moved, twist_of

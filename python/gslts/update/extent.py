@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts._core.map import SurfaceVoxels
+from gslts._core.fusion import SurfaceVoxels
 from gslts.camera import lifted
 from gslts.update.region import Side, Site
 from gslts.update.views import View, near_site
