@@ -59,15 +59,15 @@ class Training {
   void forward() { images_ = rasterizer_.forward(map_.view(), camera_, options_, mask_); }
   void photometric_loss() {
     colour_ = optim::photometric_loss(images_.rgb.data(), target_.data(), camera_.width,
-                                       camera_.height, mask_, 0.2, {}, options_.threads);
+                                      camera_.height, mask_, 0.2, {}, options_.threads);
   }
   void depth_loss() {
     depth_ = optim::depth_loss(images_.depth.data(), target_depth_.data(), camera_.width,
-                                camera_.height, mask_, options_.threads);
+                               camera_.height, mask_, options_.threads);
   }
   void fit_exposure() {
     benchmark::DoNotOptimize(optim::fit_exposure(images_.rgb.data(), target_.data(), camera_.width,
-                                                  camera_.height, mask_, options_.threads));
+                                                 camera_.height, mask_, options_.threads));
   }
   void backward() {
     photometric_loss();

@@ -1,5 +1,3 @@
-#include "gslts/align/normal_equations.hpp"
-
 #include <pybind11/eigen.h>
 #include <pybind11/stl.h>
 #include <pybind11/typing.h>
@@ -9,6 +7,7 @@
 #include <string>
 
 #include "arrays.hpp"
+#include "gslts/align/normal_equations.hpp"
 
 namespace gslts::python {
 namespace {
@@ -43,9 +42,9 @@ py::typing::Tuple<Matrix10, Vector10, Matrix10, Vector10> alignment_of(
 
 template <typename T>
 void define_precision(py::module_& m, const std::string& suffix) {
-  m.def(("align" + suffix).c_str(), &alignment_of<T>, py::arg("camera"), py::arg("rgb"), py::arg("depth"),
-        py::arg("photo"), py::arg("measured"), py::kw_only(), py::arg("mask"), py::arg("exposure"),
-        py::arg("threads").noconvert(),
+  m.def(("align" + suffix).c_str(), &alignment_of<T>, py::arg("camera"), py::arg("rgb"),
+        py::arg("depth"), py::arg("photo"), py::arg("measured"), py::kw_only(), py::arg("mask"),
+        py::arg("exposure"), py::arg("threads").noconvert(),
         "See gslts.alignment.align; returns hessian and right side of colour and of depth.");
 }
 

@@ -1,5 +1,3 @@
-#include "gslts/io/ply.hpp"
-
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 #include <pybind11/typing.h>
@@ -9,6 +7,7 @@
 #include <system_error>
 #include <utility>
 
+#include "gslts/io/ply.hpp"
 #include "map_arrays.hpp"
 
 namespace gslts::python {
@@ -46,8 +45,7 @@ void write_ply(const GaussianView<float>& gaussians, const py::array& ids,
                const std::filesystem::path& path) {
   const py::ssize_t size = static_cast<py::ssize_t>(gaussians.size);
   const std::uint64_t* const first = require_array<std::uint64_t>(ids, "ids", {size});
-  with_python_errors(path,
-                     [&](const std::string& text) { io::write_ply(gaussians, first, text); });
+  with_python_errors(path, [&](const std::string& text) { io::write_ply(gaussians, first, text); });
 }
 
 }  // namespace

@@ -17,9 +17,9 @@ void define_sim(pybind11::module_ m);
 void define_simd(pybind11::module_ m);
 }  // namespace gslts::python
 
-// Each library has the submodule of its name. std::invalid_argument arrives in Python as ValueError,
-// std::bad_alloc as MemoryError, and every other standard exception as RuntimeError: pybind11's own
-// translation.
+// Each library has the submodule of its name. std::invalid_argument arrives in Python as
+// ValueError, std::bad_alloc as MemoryError, and every other standard exception as RuntimeError:
+// pybind11's own translation.
 PYBIND11_MODULE(_core, m) {
   namespace python = gslts::python;
   m.doc() = "C++ core of gslts: strict and thin; the package gslts is its public face.";

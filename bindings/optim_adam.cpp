@@ -1,5 +1,3 @@
-#include "gslts/optim/adam.hpp"
-
 #include <pybind11/stl.h>
 #include <pybind11/typing.h>
 
@@ -10,6 +8,7 @@
 #include <vector>
 
 #include "arrays.hpp"
+#include "gslts/optim/adam.hpp"
 
 namespace gslts::python {
 namespace {

@@ -1,5 +1,3 @@
-#include "gslts/optim/losses.hpp"
-
 #include <pybind11/stl.h>
 #include <pybind11/typing.h>
 
@@ -9,6 +7,7 @@
 #include <string>
 
 #include "arrays.hpp"
+#include "gslts/optim/losses.hpp"
 
 namespace gslts::python {
 namespace {
@@ -57,7 +56,7 @@ py::typing::Tuple<double, double, double, py::array_t<T>> photometric_loss(
   PhotometricLoss<T> loss = [&] {
     const py::gil_scoped_release release;
     return optim::photometric_loss(rendered, measured, size.width, size.height, pixels,
-                                    dssim_weight, exposure, threads);
+                                   dssim_weight, exposure, threads);
   }();
   return py::make_tuple(loss.value, loss.l1, loss.ssim,
                         to_numpy(std::move(loss.dL_drgb), {size.height, size.width, 3}));
@@ -75,7 +74,7 @@ py::typing::Tuple<double, std::size_t, py::array_t<T>> depth_loss(const py::arra
   DepthLoss<T> loss = [&] {
     const py::gil_scoped_release release;
     return optim::depth_loss(rendered, measured, size.width, size.height, pixels, relative,
-                              threads);
+                             threads);
   }();
   return py::make_tuple(loss.value, loss.count,
                         to_numpy(std::move(loss.dL_ddepth), {size.height, size.width}));

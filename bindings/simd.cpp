@@ -1,7 +1,7 @@
-#include "gslts/simd/target.hpp"
-
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
+
+#include "gslts/simd/target.hpp"
 
 namespace gslts::python {
 

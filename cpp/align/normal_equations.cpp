@@ -169,7 +169,8 @@ void align_row(const Camera& camera, const Binned<T>& binned, int y, Sums<T>& co
 
 template <typename T>
 Alignment align(const Camera& camera, const T* rgb, const T* depth, const T* photo,
-                const T* measured, const PixelMask& mask, const optim::Exposure& exposure, int threads) {
+                const T* measured, const PixelMask& mask, const optim::Exposure& exposure,
+                int threads) {
   const char* const function = "align";
   validate(camera, function);
   validate(mask, camera.width, camera.height, function);

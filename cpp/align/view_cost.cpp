@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "gslts/parallel/parallel_for.hpp"
 #include "gslts/optim/losses.hpp"
+#include "gslts/parallel/parallel_for.hpp"
 
 namespace gslts::align {
 namespace {
@@ -138,7 +138,7 @@ void ViewCost<T>::State::fit_exposure() {
   std::vector<std::uint8_t> alike = known;
   for (int round = 0; round < 2; ++round) {
     exposure = optim::fit_exposure(images.rgb.data(), view.photo, width, height,
-                                    {alike.data(), width, height}, rule.render.threads);
+                                   {alike.data(), width, height}, rule.render.threads);
     for (std::size_t pixel = 0; pixel < known.size(); ++pixel) {
       const std::array<T, 3> error = color_error(pixel);
       const T most = std::max({std::abs(error[0]), std::abs(error[1]), std::abs(error[2])});

@@ -96,7 +96,7 @@ void Adam<T>::extend_corrections(std::uint32_t steps) {
 }
 
 template <typename T>
-void Adam<T>::step(BasicGaussianMap<T>& map, const GradientsView<T>& gradients,
+void Adam<T>::step(BasicGaussianMap<T>& map, const raster::GradientsView<T>& gradients,
                    const AdamRates& rates, int threads) {
   const std::size_t size = state_.steps.size(), visible = gradients.size;
   const std::size_t bases = std::size_t(state_.sh_bases), dims = std::size_t(state_.feature_dims);

@@ -3,11 +3,12 @@
 #include "hwy/foreach_target.h"
 #include "hwy/highway.h"
 
+#include "photometric.hpp"
+
 #include <algorithm>
 #include <array>
 
 #include "gslts/simd/lanes-inl.hpp"
-#include "photometric.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace gslts::optim::HWY_NAMESPACE {
@@ -328,13 +329,13 @@ void photometric_rows(const PhotometricTask<T>& task, int first, int last, Photo
 void photometric_rows_float(const PhotometricTask<float>& task, int first, int last,
                             PhotometricSums* sums) {
   const auto rows = task.wanted.all() ? &HWY_NAMESPACE::photometric_rows<false, float>
-                                       : &HWY_NAMESPACE::photometric_rows<true, float>;
+                                      : &HWY_NAMESPACE::photometric_rows<true, float>;
   rows(task, first, last, sums);
 }
 void photometric_rows_double(const PhotometricTask<double>& task, int first, int last,
                              PhotometricSums* sums) {
   const auto rows = task.wanted.all() ? &HWY_NAMESPACE::photometric_rows<false, double>
-                                       : &HWY_NAMESPACE::photometric_rows<true, double>;
+                                      : &HWY_NAMESPACE::photometric_rows<true, double>;
   rows(task, first, last, sums);
 }
 

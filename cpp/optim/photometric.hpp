@@ -13,8 +13,8 @@ template <typename T>
 struct PhotometricTask {
   const T* rgb;
   const T* target;
-  int width;                   ///< Of the images.
-  PixelBox box;                ///< Of the wanted pixels.
+  int width;     ///< Of the images.
+  PixelBox box;  ///< Of the wanted pixels.
   PixelMask wanted;
   T gain[3], offset[3];
   T l1_weight;    ///< Of each wanted number: (1 - lambda) / count

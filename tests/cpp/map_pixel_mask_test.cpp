@@ -1,10 +1,10 @@
-#include "gslts/map/pixel_mask.hpp"
-
 #include <gtest/gtest.h>
 
 #include <stdexcept>
 #include <string>
 #include <vector>
+
+#include "gslts/map/pixel_mask.hpp"
 
 namespace gslts {
 namespace {

@@ -15,8 +15,8 @@
 namespace gslts::optim {
 namespace {
 
-using ::testing::HasSubstr;
 using raster::testing::Random;
+using ::testing::HasSubstr;
 
 constexpr int kBases = 4, kDims = 2;
 const AdamRates kRates = {0.01, 0.02, 0.03, 0.04, 0.05, 0.06, 0.07};
@@ -33,8 +33,8 @@ BasicGaussianMap<T> random_map(std::size_t size) {
 }
 
 template <typename T>
-Gradients<T> random_gradients(const std::vector<std::uint32_t>& rows, std::uint32_t seed) {
-  Gradients<T> gradients;
+raster::Gradients<T> random_gradients(const std::vector<std::uint32_t>& rows, std::uint32_t seed) {
+  raster::Gradients<T> gradients;
   gradients.sh_bases = kBases;
   gradients.feature_dims = kDims;
   gradients.rows.assign(rows.begin(), rows.end());

@@ -15,8 +15,8 @@
 namespace gslts::optim {
 namespace {
 
-using ::testing::HasSubstr;
 using raster::testing::Random;
+using ::testing::HasSubstr;
 
 template <typename T>
 struct ImagePair {

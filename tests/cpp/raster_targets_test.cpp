@@ -13,8 +13,8 @@
 #include <string>
 #include <vector>
 
-#include "gslts/optim/adam.hpp"
 #include "gslts/align/normal_equations.hpp"
+#include "gslts/optim/adam.hpp"
 #include "gslts/optim/losses.hpp"
 #include "gslts/raster/rasterizer.hpp"
 #include "gslts/simd/target.hpp"
@@ -192,8 +192,8 @@ Bits bits_of(const Case& task) {
   const auto measured = plain_numbers<T>(13, pixels, -1, 5);
   add_losses(bits, task, images, photo, measured, mask);
 
-  const align::Alignment alignment =
-      align::align(camera, images.rgb.data(), images.depth.data(), photo.data(), measured.data(), mask);
+  const align::Alignment alignment = align::align(camera, images.rgb.data(), images.depth.data(),
+                                                  photo.data(), measured.data(), mask);
   bits.add("alignment color", std::vector<double>(alignment.color.hessian.data(),
                                                   alignment.color.hessian.data() + 100));
   bits.add("alignment depth",

@@ -1,17 +1,16 @@
-#include "gslts/simd/target.hpp"
-
 #include <gtest/gtest.h>
 
 #include <stdexcept>
 #include <string>
+
+#include "gslts/simd/target.hpp"
 
 namespace gslts::simd {
 namespace {
 
 TEST(SimdTarget, UnknownNamesAreRefusedAndNothingChanges) {
   const std::string before = target();
-  for (const std::string name :
-       {"", "AVX2", "avx1024", targets()[0] == "neon" ? "avx2" : "neon"}) {
+  for (const std::string name : {"", "AVX2", "avx1024", targets()[0] == "neon" ? "avx2" : "neon"}) {
     try {
       use_target(name);
       FAIL() << name;

@@ -59,8 +59,8 @@ class Adam {
   /// Moves the Gaussians at gradients.rows.
   /// @throws std::invalid_argument  if map and gradients do not fit the state, the rows do not
   ///   ascend, a rate is negative or a gradient is not finite; then nothing has changed.
-  void step(BasicGaussianMap<T>& map, const GradientsView<T>& gradients, const AdamRates& rates,
-            int threads = 0);
+  void step(BasicGaussianMap<T>& map, const raster::GradientsView<T>& gradients,
+            const AdamRates& rates, int threads = 0);
 
   /// For a map whose Gaussian i was Gaussian rows[i], or is new if that is -1.
   /// @throws std::invalid_argument  if there is no such row.

@@ -38,7 +38,7 @@ struct RefinedPose {
 /// @throws std::invalid_argument  if there is no view, not one map a view, or a view, the pose or a
 ///                                setting is invalid.
 RefinedPose refine_pose(const std::vector<GaussianView<float>>& maps,
-                        const std::vector<align::RgbdView<float>>& views, const Eigen::Isometry3d& start,
-                        const RefineRule& rule = {});
+                        const std::vector<align::RgbdView<float>>& views,
+                        const Eigen::Isometry3d& start, const RefineRule& rule = {});
 
 }  // namespace gslts::reloc

@@ -8,10 +8,11 @@
 #define GSLTS_SIMD_LANES_INL_HPP
 #endif
 
+#include "hwy/highway.h"
+
 #include <cstddef>
 
 #include "gslts/simd/lanes.hpp"
-#include "hwy/highway.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace gslts::simd::HWY_NAMESPACE {
@@ -20,7 +21,8 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 // Results are the same bits on every instruction set with fused multiply-add (AVX2, AVX-512, NEON):
 // - The compiler fuses nothing by itself (-ffp-contract=off): what is written as MulAdd is fused.
-// - Sums over pixels or Gaussians are kept as kLanes partial sums, in as many vectors as that takes,
+// - Sums over pixels or Gaussians are kept as kLanes partial sums, in as many vectors as that
+// takes,
 //   and are added up in one order (`sum_of`).
 // - Instructions whose result depends on the machine, such as approximate reciprocals, decide only
 //   how much work is done.
