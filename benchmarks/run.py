@@ -25,7 +25,7 @@ from cpp_benchmark import Timing
 from machine import describe_commit, describe_machine
 from workloads import EXPECTED_COUNTS, FOLDER, REPOSITORY, workload_path, write_workload
 
-from gslts.bench.rooms import make_room
+from gslts_bench.synthetic_rooms import make_room
 
 BUILD = REPOSITORY / "build" / "bench"
 BINARY = BUILD / "benchmarks" / "gslts_raster_benchmark"

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from workloads import ExpectedCounts
 
-from gslts.bench.rooms import NEAR_M, Floats, Room
+from gslts.types import Floats
+from gslts_bench.synthetic_rooms import NEAR_M, Room
 
 Ints = NDArray[np.int64]
 

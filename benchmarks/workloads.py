@@ -1,4 +1,4 @@
-"""The fixed workloads of the benchmarks as files: the rooms of `gslts.bench.rooms`.
+"""The fixed workloads of the benchmarks as files: the rooms of `gslts_bench.synthetic_rooms`.
 
 File layout (little-endian, no padding), one file a workload, `<name>.gslts-workload`:
 
@@ -28,7 +28,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gslts.bench.rooms import NEAR_M, Room, make_room
+from gslts_bench.synthetic_rooms import NEAR_M, Room, make_room
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 FOLDER = REPOSITORY / "build" / "bench" / "workloads"

@@ -19,24 +19,24 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from gslts.bench.series import fresh_frames, psnr_of
 from gslts.change.config import DetectionConfig
+from gslts.core.gaussian_map import GaussianMap
 from gslts.datasets import open_dataset
-from gslts.files import empty_folder
-from gslts.gaussian_map import GaussianMap
-from gslts.loop.keeper import LoopConfig, MapKeeper
-from gslts.map_folder import read_map, write_map_folder
+from gslts.io.atomic_files import empty_folder
+from gslts.keeper.keeper import LoopConfig, MapKeeper
 from gslts.mapping.config import PRESETS
 from gslts.mapping.engine import make_map
-from gslts.sim.actions import SceneState
-from gslts.sim.capture import capture
-from gslts.sim.controller import Controller
-from gslts.sim.explore import explore
-from gslts.sim.home_source import HomeSource
-from gslts.sim.task import SensorSetup
-from gslts.sim.tasks import TaskMaker
-from gslts.sim.trial import Setting
+from gslts.store.map_folder import read_map, write_map_folder
 from gslts.update.config import RefineConfig, UpdateConfig
+from gslts_bench.series.benchmark import fresh_frames, psnr_of
+from gslts_sim.actions import SceneState
+from gslts_sim.capture import capture
+from gslts_sim.controller import Controller
+from gslts_sim.explore import explore
+from gslts_sim.home_source import HomeSource
+from gslts_sim.task import SensorSetup
+from gslts_sim.tasks import TaskMaker
+from gslts_sim.trial import Setting
 
 
 def robot_in(state: SceneState, sensor: SensorSetup, seed: int) -> Controller:

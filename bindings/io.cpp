@@ -52,10 +52,10 @@ void write_ply(const GaussianView<float>& gaussians, const py::array& ids,
 
 void define_io(py::module_ m) {
   m.def("read_ply", &read_ply, py::arg("path"),
-        "See gslts.ply.read_ply; returns the arrays of the map by name, and the names of the "
+        "See gslts.io.ply.read_ply; returns the arrays of the map by name, and the names of the "
         "properties that it ignored.");
   m.def("write_ply", &write_ply, py::arg("gaussians"), py::arg("ids"), py::arg("path"),
-        "See gslts.ply.write_ply.");
+        "See gslts.io.ply.write_ply.");
 }
 
 }  // namespace gslts::python

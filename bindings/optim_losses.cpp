@@ -84,15 +84,15 @@ template <typename T>
 void define_precision(py::module_& m, const std::string& suffix) {
   m.def(("fit_exposure" + suffix).c_str(), &fit_exposure<T>, py::arg("rgb"), py::arg("target"),
         py::kw_only(), py::arg("mask"), py::arg("threads").noconvert(),
-        "See gslts.losses.fit_exposure.");
+        "See gslts.rendering.losses.fit_exposure.");
   m.def(("photometric_loss" + suffix).c_str(), &photometric_loss<T>, py::arg("rgb"),
         py::arg("target"), py::kw_only(), py::arg("mask"), py::arg("dssim_weight"),
         py::arg("exposure"), py::arg("threads").noconvert(),
-        "See gslts.losses.photometric_loss; returns value, l1, ssim and gradient.");
+        "See gslts.rendering.losses.photometric_loss; returns value, l1, ssim and gradient.");
   m.def(("depth_loss" + suffix).c_str(), &depth_loss<T>, py::arg("depth"), py::arg("target"),
         py::kw_only(), py::arg("mask"), py::arg("relative").noconvert(),
         py::arg("threads").noconvert(),
-        "See gslts.losses.depth_loss; returns value, count and gradient.");
+        "See gslts.rendering.losses.depth_loss; returns value, count and gradient.");
 }
 
 py::tuple fields(const Exposure& exposure) {

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from gslts.bench.made import made
-from gslts.sim.explore import explore
-from gslts.sim.home import Home
-from gslts.sim.robot_body import Look
+from gslts_bench.made import made
+from gslts_sim.explore import explore
+from gslts_sim.home import Home
+from gslts_sim.robot_body import Look
 
 VARIABLE = "GSLTS_TEST_SHARED"
 """Names the folder of a run: all processes of it, and pytest runs one after the other, use one."""

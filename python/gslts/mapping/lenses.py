@@ -11,12 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gslts.alignment import PIXELS_PER_FACT, Alignment, NormalEquations, solve_positive
-from gslts.camera import Camera, at_pose, moved, product, relative, twist_of
-
-Floats = NDArray[np.float64]
+from gslts.core.camera import Camera, at_pose, moved, product, relative, twist_of
+from gslts.localization.alignment import PIXELS_PER_FACT, Alignment, NormalEquations, solve_positive
+from gslts.types import Floats
 
 
 @dataclass(frozen=True)

@@ -7,14 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.alignment import Alignment
-from gslts.camera import Camera, at_pose, product, relative, resized
-from gslts.frame import RgbdFrame, halved_depth, halved_mask, halved_rgb, register_depth
-from gslts.losses import Exposure
+from gslts.core.camera import Camera, at_pose, product, relative, resized
+from gslts.core.frame import RgbdFrame, halved_depth, halved_mask, halved_rgb, register_depth
+from gslts.localization.alignment import Alignment
 from gslts.mapping.lenses import Lenses
-
-Floats = NDArray[np.float64]
-Floats32 = NDArray[np.float32]
+from gslts.rendering.losses import Exposure
+from gslts.types import Floats, Floats32
 
 LEVELS = 3
 """Full, half and quarter resolution."""

@@ -6,24 +6,28 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gslts.adam import Adam, AdamRates
-from gslts.alignment import DEPTH_SHARE, PIXELS_PER_FACT, Alignment, NormalEquations, align
-from gslts.camera import moved, seen_from, twist_of
-from gslts.gaussian_map import SH_C0, GaussianMap
-from gslts.losses import Exposure, depth_loss, exposed, fit_exposure, photometric_loss
+from gslts.core.camera import moved, seen_from, twist_of
+from gslts.core.gaussian_map import SH_C0, GaussianMap
+from gslts.core.se3 import anchoring, moved_map
+from gslts.localization.alignment import (
+    DEPTH_SHARE,
+    PIXELS_PER_FACT,
+    Alignment,
+    NormalEquations,
+    align,
+)
 from gslts.mapping import clock
 from gslts.mapping.config import MappingConfig
-from gslts.mapping.density import joined, split
-from gslts.mapping.evaluate import psnr_db
-from gslts.mapping.holes import seeds_in_holes
+from gslts.mapping.density.control import joined, split
+from gslts.mapping.evaluation.evaluate import psnr_db
 from gslts.mapping.lenses import Lenses, after_step, corrected_lenses, pose_step
 from gslts.mapping.observation import Observation
-from gslts.mapping.pose import anchoring, moved_map
-from gslts.rasterizer import Images, Rasterizer, RenderOptions
-
-Floats32 = NDArray[np.float32]
+from gslts.mapping.seeding.hole_seeds import seeds_in_holes
+from gslts.rendering.adam import Adam, AdamRates
+from gslts.rendering.losses import Exposure, depth_loss, exposed, fit_exposure, photometric_loss
+from gslts.rendering.rasterizer import Images, Rasterizer, RenderOptions
+from gslts.types import Floats32
 
 HOLE_EPOCHS = (1, 4)
 """Epochs in which holes are filled: once the poses are roughly right, and once more."""

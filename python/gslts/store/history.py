@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Self
 
-from gslts.manifest import require_versions
 from gslts.store.index import Index
+from gslts.store.manifest import require_versions
 from gslts.store.records import Event, Refusal, Version
 
 INDEX = "versions.sqlite"

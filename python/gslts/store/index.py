@@ -10,7 +10,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
-from gslts.files import naming
+from gslts.io.atomic_files import naming
 from gslts.store.records import Blob, ChangeKind, Event, Kind, Refusal, Version
 
 SCHEMA = 1

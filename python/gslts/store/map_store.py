@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from gslts.files import sync_folder
-from gslts.gaussian_map import GaussianMap
+from gslts.core.gaussian_map import GaussianMap
+from gslts.io.atomic_files import sync_folder
 from gslts.store.blobs import Arrays, Blobs
 from gslts.store.delta import (
     after_all,

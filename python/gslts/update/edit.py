@@ -15,18 +15,17 @@ from numpy.typing import NDArray
 from gslts._core import edit as _core
 from gslts._core.fusion import SurfaceVoxels
 from gslts._core.map import GaussianViewFloat
-from gslts.camera import seen_from
-from gslts.frame import RgbdFrame
-from gslts.gaussian_map import GaussianMap
-from gslts.mapping.density import joined
-from gslts.mapping.seed import seed_from_depth
-from gslts.rasterizer import Rasterizer, RenderOptions
+from gslts.core.camera import seen_from
+from gslts.core.frame import RgbdFrame
+from gslts.core.gaussian_map import GaussianMap
+from gslts.mapping.density.control import joined
+from gslts.mapping.seeding.depth_seeds import seed_from_depth
+from gslts.rendering.rasterizer import Rasterizer, RenderOptions
+from gslts.types import Bools
 from gslts.update.config import EditConfig
 from gslts.update.evidence import shows
 from gslts.update.region import Site
 from gslts.update.views import View, near_site
-
-Bools = NDArray[np.bool_]
 
 PIXEL_STEP = 1
 """Every pixel is looked at: handles and legs are few pixels wide."""
@@ -71,7 +70,7 @@ def pre_edit(
 
     Objects that moved keep the semantic features that they had, drawn at random from what was
     removed, as in the paper; those of objects that were added are zeros until frames tell them
-    (`gslts.tasks.meaning`).
+    (`gslts.semantics.map_semantics`).
 
     Args:
         gaussian_map: float32, at least one Gaussian.

@@ -9,8 +9,8 @@ import numpy as np
 
 from gslts._core import detect as _core
 from gslts.change.changes import Change
-from gslts.change.detect import Detection
-from gslts.frame import RgbdFrame
+from gslts.change.detector import Detection
+from gslts.core.frame import RgbdFrame
 from gslts.update.region import Site
 from gslts.update.views import View, masks_of
 

@@ -14,13 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts._core.fusion import SurfaceVoxels
-from gslts.camera import lifted
+from gslts.core.camera import lifted
+from gslts.types import Bools, Floats, Floats32
 from gslts.update.region import Side, Site
 from gslts.update.views import View, near_site
-
-Floats = NDArray[np.float64]
-Floats32 = NDArray[np.float32]
-Bools = NDArray[np.bool_]
 
 STEP_M, STEP_PER_M = 0.025, 0.006
 """A surface is nearer than another by so much, m, and by so much times its squared depth more."""

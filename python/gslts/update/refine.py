@@ -7,19 +7,16 @@ from dataclasses import dataclass, fields, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from gslts.adam import Adam, AdamRates
-from gslts.camera import Camera
-from gslts.gaussian_map import GaussianMap
-from gslts.losses import Exposure, depth_loss, photometric_loss
-from gslts.rasterizer import Gradients, Rasterizer, RenderOptions
+from gslts.core.camera import Camera
+from gslts.core.gaussian_map import GaussianMap
+from gslts.rendering.adam import Adam, AdamRates
+from gslts.rendering.losses import Exposure, depth_loss, photometric_loss
+from gslts.rendering.rasterizer import Gradients, Rasterizer, RenderOptions
+from gslts.types import Bools, Floats32
 from gslts.update.config import RefineConfig
 from gslts.update.region import Site
 from gslts.update.views import View
-
-Bools = NDArray[np.bool_]
-Floats32 = NDArray[np.float32]
 
 Watch = Callable[[int, Callable[[], GaussianMap]], None]
 """Is told how many steps were done, and may ask for the map as it is then."""

@@ -7,14 +7,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gslts._core import detect as _core
-from gslts.camera import Camera, inverse_transform
 from gslts.change.changes import Change
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from gslts.core.camera import Camera, inverse_transform
+from gslts.types import Bools, Floats
 
 Side = Literal["before", "after"]
 

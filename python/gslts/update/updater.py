@@ -13,23 +13,23 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.camera import Camera
 from gslts.change.changes import Change
-from gslts.change.detect import ChangeDetector
-from gslts.gaussian_map import GaussianMap
-from gslts.robot import Robot
-from gslts.tasks.meaning import Meaning
-from gslts.update.collect import Collection, collect
+from gslts.change.detector import ChangeDetector
+from gslts.core.camera import Camera
+from gslts.core.gaussian_map import GaussianMap
+from gslts.core.robot import Robot
+from gslts.semantics.map_semantics import Meaning
+from gslts.types import Bools
 from gslts.update.config import UpdateConfig
 from gslts.update.edit import Edit, near_sites, pre_edit, sightings
 from gslts.update.refine import Refined, Watch, refine, remembered, targets_of
 from gslts.update.region import Site
 from gslts.update.verify import doubt_left, error_around, split_held_back
+from gslts.update.view_collection import Collection, collect
 from gslts.update.views import View
 
 Stage = Literal["collecting", "refining"]
 Tell = Callable[[Stage], None]
-Bools = NDArray[np.bool_]
 Ints = NDArray[np.int32]
 
 LEAST_AGAINST = 2

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from gslts._core.detect import certainty
-from gslts.change.detect import ChangeDetector
-from gslts.gaussian_map import GaussianMap
-from gslts.losses import exposed
-from gslts.rasterizer import Rasterizer, RenderOptions
+from gslts.change.detector import ChangeDetector
+from gslts.core.gaussian_map import GaussianMap
+from gslts.rendering.losses import exposed
+from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.update.refine import around
 from gslts.update.region import NEAR_M, Site
 from gslts.update.views import View

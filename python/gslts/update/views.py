@@ -6,19 +6,16 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gslts.alignment import aligned
-from gslts.camera import Camera, at_pose, lifted
-from gslts.change.detect import NEAR_SIGMAS, Detection
-from gslts.frame import RgbdFrame
-from gslts.gaussian_map import GaussianMap
-from gslts.losses import Exposure
-from gslts.rasterizer import Rasterizer, RenderOptions
+from gslts.change.detector import NEAR_SIGMAS, Detection
+from gslts.core.camera import Camera, at_pose, lifted
+from gslts.core.frame import RgbdFrame
+from gslts.core.gaussian_map import GaussianMap
+from gslts.localization.alignment import aligned
+from gslts.rendering.losses import Exposure
+from gslts.rendering.rasterizer import Rasterizer, RenderOptions
+from gslts.types import Bools, Floats32
 from gslts.update.region import Site
-
-Floats32 = NDArray[np.float32]
-Bools = NDArray[np.bool_]
 
 LEAST_ALPHA = 0.5
 """Where the map is less opaque, it shows no surface."""

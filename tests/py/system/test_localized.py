@@ -15,21 +15,21 @@ from change_room import LOOKS, SIZE, see
 from update_room import LOOP
 from watching import LONG_S
 
-from gslts.camera import apart, at_pose, look_at, rotation
-from gslts.change.detect import ChangeDetector, Detection
+from gslts.change.detector import ChangeDetector, Detection
 from gslts.change.monitor import ChangeMonitor, MonitorConfig
-from gslts.frame import RgbdFrame
-from gslts.gaussian_map import GaussianMap
-from gslts.loop import keeper as keeper_module
-from gslts.loop.keeper import MapKeeper
-from gslts.loop.rounds import go_to
-from gslts.map_folder import read_map
-from gslts.recorded_robot import RecordedRobot
-from gslts.relocalize.localized import NEAR_M, Localizer, in_world
-from gslts.relocalize.localized_robot import LocalizedRobot
-from gslts.relocalize.relocalizer import Localization, Relocalizer
-from gslts.robot import Robot
-from gslts.sim.controller import Controller
+from gslts.core.camera import apart, at_pose, look_at, rotation
+from gslts.core.frame import RgbdFrame
+from gslts.core.gaussian_map import GaussianMap
+from gslts.core.robot import Robot
+from gslts.keeper import keeper as keeper_module
+from gslts.keeper.coverage import go_to
+from gslts.keeper.keeper import MapKeeper
+from gslts.localization.localizer import NEAR_M, Localizer, in_world
+from gslts.localization.relocalizer import Localization, Relocalizer
+from gslts.robots.localized import LocalizedRobot
+from gslts.robots.recorded import RecordedRobot
+from gslts.store.map_folder import read_map
+from gslts_sim.controller import Controller
 
 WELL_M, WELL_RAD = 0.03, np.deg2rad(1)
 """How well such small pictures are found, at worst."""

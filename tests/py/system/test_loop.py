@@ -11,17 +11,17 @@ import update_room
 from update_room import LOOP as CONFIG
 from update_room import Changing
 
-from gslts.camera import Camera, at_pose, look_at
 from gslts.change.changes import Change
-from gslts.change.seen_space import SeenSpace
-from gslts.loop import rounds
-from gslts.loop.keeper import MapKeeper, StoppedError
-from gslts.loop.rounds import go_to, stops_of
-from gslts.loop.state import STATE, LoopState, read_state, write_state
-from gslts.loop.waiting import MOST_WAIT, Parked, next_changes, parked_again
-from gslts.map_folder import open_versions, read_map
-from gslts.robot import Robot
-from gslts.sim.controller import Controller
+from gslts.change.visibility import SeenSpace
+from gslts.core.camera import Camera, at_pose, look_at
+from gslts.core.robot import Robot
+from gslts.keeper import coverage as rounds
+from gslts.keeper.coverage import go_to, stops_of
+from gslts.keeper.keeper import MapKeeper, StoppedError
+from gslts.keeper.schedule import MOST_WAIT, Parked, next_changes, parked_again
+from gslts.keeper.state import STATE, LoopState, read_state, write_state
+from gslts.store.map_folder import open_map, read_map
+from gslts_sim.controller import Controller
 
 
 @pytest.fixture
@@ -100,7 +100,7 @@ def test_a_round_repairs_what_changed_and_the_next_one_has_nothing_to_do(tmp_pat
             settled += keeper.version.number == first
         assert any(words.startswith("removal at (2.") for words in said)
         assert any(words.startswith("version 2: ") for words in said)
-        with open_versions(folder) as store:
+        with open_map(folder) as store:
             assert store.version(2).cause["round"] == 0
     assert settled >= 3
 
@@ -151,7 +151,7 @@ def test_a_change_that_cannot_be_repaired_is_parked_and_tried_again(folder: Path
         keeper.go_round(robot_of("removal"), start)
         assert keeper.state.parked == ()
         assert keeper.version.number == 2
-    with open_versions(folder) as store:
+    with open_map(folder) as store:
         assert len(store.refusals()) == 2
 
 
@@ -196,7 +196,7 @@ def test_a_damaged_state_is_named(folder: Path, content: str, message: str) -> N
     (folder / STATE).write_text(content)
     with pytest.raises(ValueError, match=f"{STATE}: .*{message}.*; without this file, rounds"):
         keeper_of(folder)
-    with open_versions(folder, writable=True) as store:  # It was given free.
+    with open_map(folder, writable=True) as store:  # It was given free.
         assert store.version().number == 1
 
 

@@ -4,10 +4,10 @@ import numpy as np
 import surfel_room
 from numpy.testing import assert_allclose
 
-from gslts.camera import camera_from_fov, look_at
-from gslts.tasks.map_robot import MapRobot
-from gslts.tasks.robot_body import RobotBody
-from gslts.tasks.semantic_map import semantic_map
+from gslts.core.camera import camera_from_fov, look_at
+from gslts.navigation.robot_body import RobotBody
+from gslts.navigation.semantic_map import semantic_map
+from gslts.robots.in_map import MapRobot
 
 BODY = RobotBody()
 CAMERA = camera_from_fov(160, 120, 1.2, look_at((0.5, 1.5, 1.2), (2.0, 1.5, 0.8)))

@@ -12,14 +12,14 @@ from landmark_room import found
 from landmark_room import frames as mapped_frames
 from shared import looks_all_around
 
-from gslts.camera import at_pose, moved, twist_of
-from gslts.frame import RgbdFrame
-from gslts.gaussian_map import GaussianMap
-from gslts.relocalize.config import RelocalizationConfig
-from gslts.relocalize.landmarks import Landmarks, joined, landmarks_of
-from gslts.relocalize.relocalizer import Localization, Relocalizer
-from gslts.relocalize.trust import fault_of_corners
-from gslts.sim.controller import Controller
+from gslts.core.camera import at_pose, moved, twist_of
+from gslts.core.frame import RgbdFrame
+from gslts.core.gaussian_map import GaussianMap
+from gslts.localization.config import RelocalizationConfig
+from gslts.localization.landmarks import Landmarks, joined, landmarks_of
+from gslts.localization.pose_quality import fault_of_corners
+from gslts.localization.relocalizer import Localization, Relocalizer
+from gslts_sim.controller import Controller
 
 ONE_THREAD = RelocalizationConfig(threads=1)
 AWAY = np.array([[0, -1, 0, 7.0], [1, 0, 0, -3], [0, 0, 1, 0], [0, 0, 0, 1]])

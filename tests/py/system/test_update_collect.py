@@ -8,14 +8,14 @@ import pytest
 import update_room
 from update_room import COLLECT, REMOVED
 
-from gslts.frame import RgbdFrame
-from gslts.recorded_robot import RecordedRobot
-from gslts.robot import Robot
-from gslts.sim.controller import Controller
-from gslts.update.collect import collect
+from gslts.core.frame import RgbdFrame
+from gslts.core.robot import Robot
+from gslts.robots.recorded import RecordedRobot
 from gslts.update.config import CollectConfig
 from gslts.update.evidence import shows
 from gslts.update.region import Site
+from gslts.update.view_collection import collect
+from gslts_sim.controller import Controller
 
 SITE = Site("before", *REMOVED)
 

@@ -9,8 +9,8 @@ import update_room
 from update_room import ADDED, REMOVED, SMALL
 
 from gslts._core import edit as core
-from gslts.gaussian_map import GaussianMap
-from gslts.rasterizer import render
+from gslts.core.gaussian_map import GaussianMap
+from gslts.rendering.rasterizer import render
 from gslts.update.config import LITERAL, EditConfig
 from gslts.update.edit import Edit, pre_edit, removed_by
 from gslts.update.views import View

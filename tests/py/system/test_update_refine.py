@@ -8,9 +8,9 @@ import pytest
 import update_room
 from update_room import SMALL
 
-from gslts.camera import at_pose
-from gslts.gaussian_map import GaussianMap
-from gslts.rasterizer import render
+from gslts.core.camera import at_pose
+from gslts.core.gaussian_map import GaussianMap
+from gslts.rendering.rasterizer import render
 from gslts.update.config import RefineConfig
 from gslts.update.edit import Edit, pre_edit
 from gslts.update.refine import Refined, Target, _spread, refine, remembered, targets_of

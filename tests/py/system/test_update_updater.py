@@ -10,15 +10,15 @@ import pytest
 import update_room
 from update_room import REMOVED, UPDATE, Changing, run_update, run_updates
 
-from gslts.camera import at_pose
-from gslts.change.detect import ChangeDetector
-from gslts.frame import RgbdFrame
-from gslts.gaussian_map import GaussianMap
-from gslts.rasterizer import render
-from gslts.sim.controller import Controller
-from gslts.sim.home import Home
+from gslts.change.detector import ChangeDetector
+from gslts.core.camera import at_pose
+from gslts.core.frame import RgbdFrame
+from gslts.core.gaussian_map import GaussianMap
+from gslts.rendering.rasterizer import render
 from gslts.update.refine import Refined
 from gslts.update.updater import Update, _moved_once, _refine_until_settled, update, updated_with
+from gslts_sim.controller import Controller
+from gslts_sim.home import Home
 
 
 class Spoilt:
