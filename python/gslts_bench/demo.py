@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from gslts.core.camera import apart
 from gslts.core.frame import RgbdFrame
+from gslts.core.se3 import pose_distance
 from gslts.datasets import open_dataset
 from gslts.io.atomic_files import empty_folder, write_whole
 from gslts.io.html_page import number, plots, section, table
@@ -238,7 +238,7 @@ def _found_again(folder: Path, frame: RgbdFrame, threads: int, say: Callable[[st
     if pose is None:
         say(f"asked where a picture was taken: {found.status}: {found.reason}, {took}")
         return table((), [(found.status, found.reason)])
-    metres, turn_rad = apart(frame.camera.world_from_camera, pose)
+    metres, turn_rad = pose_distance(frame.camera.world_from_camera, pose)
     off = f"{1000 * metres:.0f} mm and {np.degrees(turn_rad):.2f} degrees off"
     say(f"asked where a picture was taken: {found.status}, {off}, {took}")
     picture = png_of(side_by_side(relocalizer.gaussian_map, frame, pose, threads))

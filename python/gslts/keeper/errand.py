@@ -35,6 +35,10 @@ class WatchedRobot:
         self._keeper.watch(frame)
         return frame
 
+    def pose(self) -> NDArray[np.float64]:
+        """Return [4,4] world_from_camera that the robot believes, m."""
+        return self._robot.pose()
+
     def reachable_positions(self) -> NDArray[np.float64]:
         """[P,2] as those of the robot."""
         return self._robot.reachable_positions()

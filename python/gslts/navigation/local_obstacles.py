@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.core.camera import transform
 from gslts.core.frame import RgbdFrame
+from gslts.core.se3 import transform
 from gslts.navigation.robot_body import RobotBody
 from gslts.navigation.semantic_map import SemanticMap
 

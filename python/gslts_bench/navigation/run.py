@@ -13,30 +13,18 @@ from pydantic import BaseModel, FiniteFloat
 from gslts.navigation.navigator import Navigator
 from gslts.navigation.semantic_map_files import map_picture, write_picture
 from gslts.semantics.source import Oracle
+from gslts_bench.cache import code_digest, digest, native_digest
 from gslts_bench.homes import MAP_S, RECORDING_S, BenchHome, default_state
-from gslts_bench.made import code_of, digest, native_code
 from gslts_bench.navigation.episodes import CATEGORIES, Episode, episodes_of
 from gslts_bench.navigation.truth import Truth, succeeds
 from gslts_bench.navigation.walker import Walker
-from gslts_bench.queries.semantic_homes import SEMANTICS_CODE, SEMANTICS_S, taught
+from gslts_bench.queries.semantic_homes import SEMANTICS_S, taught
 from gslts_bench.work import Add, Result, Tell, message_of, validated
 from gslts_sim.actions import SceneState
 from gslts_sim.controller import Controller
 from gslts_sim.home_source import STRICT, HomeSource
 from gslts_sim.robot_body import Look
 
-NAVIGATE_CODE = (
-    *(
-        "gslts.core",
-        "gslts.io",
-        "gslts.rendering",
-        "gslts.semantics",
-        "gslts.navigation",
-        "gslts_sim",
-    ),
-    "gslts_bench.navigation",
-)
-"""What decides how a robot gets to a thing, besides the compiled module."""
 SIZE_PX = (320, 240)
 """Of what the robot sees on its way."""
 EPISODE_S = 2.0
@@ -91,9 +79,8 @@ class NavigateUnit:
     episodes: int
     code: dict[str, Any] = field(
         default_factory=lambda: {
-            "python": code_of(*NAVIGATE_CODE),
-            "semantics": code_of(*SEMANTICS_CODE),
-            "native": native_code(),
+            "python": code_digest(__name__),
+            "native": native_digest(),
         }
     )
 

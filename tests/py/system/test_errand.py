@@ -93,5 +93,6 @@ def test_a_watched_robot_is_a_robot(folder: Path) -> None:
         np.testing.assert_array_equal(frame.rgb, robot.observe().rgb)
         np.testing.assert_array_equal(watched.reachable_positions(), robot.reachable_positions())
         assert watched.move_towards(np.array([1.0, 1.0]), 0.5, 0.2)
+        np.testing.assert_array_equal(watched.pose(), robot.pose())
         eye = robot.observe().camera.world_from_camera[:2, 3]
         assert np.linalg.norm(eye - (1.0, 1.0)) < 0.2

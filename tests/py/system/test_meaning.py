@@ -26,9 +26,9 @@ from gslts.semantics.queries import SemanticQueries
 from gslts.semantics.source import Oracle
 from gslts.semantics.train_autoencoder import trained
 from gslts.store.map_folder import open_map, read_map, write_map_folder
-from gslts.update.edit import near_sites
+from gslts.update.edit import near_regions
 from gslts.update.publish import published
-from gslts.update.region import Site
+from gslts.update.region import Region
 from gslts.update.updater import Update, update
 from gslts_sim.capture import capture
 from gslts_sim.controller import Controller
@@ -83,7 +83,7 @@ def test_what_moved_is_found_where_it_is_now_and_means_what_it_did() -> None:
 def test_what_nobody_names_has_no_meaning_and_others_keep_theirs() -> None:
     result = updated("addition", labels=False)
     unknown = ~result.gaussian_map.features.any(axis=1)
-    inside = near_sites(result.gaussian_map, [Site("after", *update_room.ADDED)], 0.01)
+    inside = near_regions(result.gaussian_map, [Region("after", *update_room.ADDED)], 0.01)
     of_object = np.intersect1d(new_rows(result), np.flatnonzero(inside))
     assert len(of_object) > 20
     assert unknown[of_object].all()

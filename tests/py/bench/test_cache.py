@@ -1,6 +1,5 @@
 """What was made before is found again by everything that made it, and is whole."""
 
-import ast
 import json
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -9,13 +8,19 @@ from pathlib import Path
 import pytest
 
 from gslts.mapping.config import PRESETS
-from gslts_bench import made as bench_made
+from gslts_bench import cache
+from gslts_bench.cache import (
+    MADE_OF,
+    cached_folder,
+    code_digest,
+    digest,
+    native_digest,
+    source_files,
+)
 from gslts_bench.detection.cases import Counts
-from gslts_bench.detection.run import DETECT_CODE, DetectUnit
-from gslts_bench.homes import MAP_CODE, SIM_CODE, BenchHome, HomeSetup
-from gslts_bench.made import MADE_OF, code_of, digest, made, native_code
-from gslts_bench.relocalization.fold import FOLD_CODE
-from gslts_bench.relocalization.run import RELOCALIZE_CODE, RelocalizeUnit
+from gslts_bench.detection.run import DetectUnit
+from gslts_bench.homes import BenchHome, HomeSetup
+from gslts_bench.relocalization.run import RelocalizeUnit
 
 HOME = BenchHome("kitchen", 3, HomeSetup(), Path("work"))
 UNIT = DetectUnit(HOME, Counts(8, 1, 1, 5))
@@ -97,73 +102,54 @@ def test_digests_do_not_depend_on_the_order_of_keys() -> None:
     assert digest({"a": 1, "b": [2]}) != digest({"a": 1, "b": ["2"]})
 
 
-def test_code_is_that_of_files_and_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bench_made, "PACKAGE", tmp_path)
-    fresh = code_of.__wrapped__  # Without what it remembers.
-    (tmp_path / "sim" / "deep").mkdir(parents=True)
-    for name in ("camera.py", "sim/a.py", "sim/deep/b.py", "other.py"):
-        (tmp_path / name).write_text("1")
-    first = fresh("sim", "camera")
-    (tmp_path / "other.py").write_text("2")
-    assert fresh("sim", "camera") == first
-    seen = {first}
-    for name in ("camera.py", "sim/a.py", "sim/deep/b.py"):
-        (tmp_path / name).write_text("2")
-        seen.add(fresh("sim", "camera"))
-    (tmp_path / "sim" / "deep" / "b.py").rename(tmp_path / "sim" / "c.py")
-    seen.add(fresh("sim", "camera"))
-    assert len(seen) == 5
-    with pytest.raises(ValueError, match="no module 'none'"):
-        fresh("none")
-    assert len(native_code()) == 16
+def test_code_is_that_of_a_module_and_of_all_that_it_imports(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cache, "ROOT", tmp_path)
+    sources = {
+        "gslts_bench/run.py": "import numpy\nfrom gslts.change.detector import Detector",
+        "gslts/__init__.py": "from gslts.keeper.keeper import Keeper",
+        "gslts/change/__init__.py": "",
+        "gslts/change/detector.py": "def f():\n    from gslts.core import camera",
+        "gslts/core/__init__.py": "",
+        "gslts/core/camera.py": "import gslts.io.files",
+        "gslts/io/files.py": "",
+        "gslts/keeper/keeper.py": "",
+        "gslts/change/overlay.py": "",
+    }
+    for name, source in sources.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(source)
+    not_imported = {"gslts/__init__.py", "gslts/keeper/keeper.py", "gslts/change/overlay.py"}
+    found = {path.relative_to(tmp_path).as_posix() for path in source_files("gslts_bench.run")}
+    assert found == {*sources} - not_imported
+
+    fresh = code_digest.__wrapped__  # Without its cache.
+    digests = {fresh("gslts_bench.run")}
+    for name, source in sources.items():
+        (tmp_path / name).write_text(f"{source}\nA = 1")
+        digests.add(fresh("gslts_bench.run"))
+    assert len(digests) == 1 + len(found)
+    without = source_files("gslts_bench.run", without=("gslts.core",))
+    assert {path.name for path in without} == {"run.py", "detector.py", "__init__.py"}
+    assert len(source_files("gslts.change")) == 6, "a package stands for its modules"
+    with pytest.raises(ValueError, match=r"no module 'gslts\.none'"):
+        fresh("gslts.core", "gslts.none")
+    assert len(native_digest()) == 16
 
 
 @pytest.mark.parametrize(
-    ("used", "known", "harmless"),
+    ("module", "parts"),
     [
-        # Of the report; of relocalization only landmarks count, which stand there; too little
-        # memory makes no other map but none.
-        (
-            ("mapping", "map_folder"),
-            MAP_CODE,
-            {"lpips", "pictures", "html_page", "relocalize", "memory"},
-        ),
-        # Of the overlay; of the robot that looks around; axes of OpenGL for files of cameras.
-        (("change", "camera_files", "map_folder"), DETECT_CODE, {"pictures", "robot", "datasets"}),
-        (("sim",), SIM_CODE, {"datasets"}),  # Axes of OpenGL for recordings.
-        (("relocalize", "map_folder"), RELOCALIZE_CODE, {"pictures", "robot"}),
-        (
-            ("relocalize", "mapping", "camera_files"),
-            FOLD_CODE,
-            {"lpips", "pictures", "html_page", "robot", "memory"},
-        ),
+        ("gslts_bench.homes", {"gslts_sim/capture.py", "gslts/mapping/engine.py"}),
+        ("gslts_bench.detection.run", {"gslts/change/detector.py", "gslts_sim/raycast.py"}),
+        ("gslts_bench.relocalization.run", {"gslts/localization/relocalizer.py"}),
     ],
 )
-def test_all_code_that_is_used_counts(
-    used: tuple[str, ...], known: tuple[str, ...], harmless: set[str]
-) -> None:
-    """Whoever lets one of them import more must let that decide the keys, too."""
-    found, left = set(), {*used}
-    while left:
-        name = left.pop()
-        found.add(name)
-        left |= imported_by(name) - found - harmless
-    assert found <= {*known}
-
-
-def imported_by(name: str) -> set[str]:
-    """Parts of gslts that a module or the modules of a package import, at whatever place."""
-    file = bench_made.PACKAGE / f"{name}.py"
-    files = [file] if file.is_file() else (bench_made.PACKAGE / name).rglob("*.py")
-    names = set()
-    for path in files:
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.ImportFrom) and node.module is not None:
-                names.add(node.module)
-            if isinstance(node, ast.Import):
-                names |= {alias.name for alias in node.names}
-    own = {tuple(name.split(".")) for name in names if name.startswith("gslts.")}
-    return {name[1] for name in own} - {"_core"}
+def test_the_code_of_a_benchmark_holds_what_it_measures(module: str, parts: set[str]) -> None:
+    found = {path.relative_to(cache.ROOT).as_posix() for path in source_files(module)}
+    assert parts <= found
+    assert "gslts_bench/work.py" not in found
 
 
 def test_a_folder_is_made_once(tmp_path: Path) -> None:
@@ -174,13 +160,13 @@ def test_a_folder_is_made_once(tmp_path: Path) -> None:
         folder.mkdir()
         (folder / "content").write_text("whole")
 
-    first = made(tmp_path / "maps" / "kitchen_3", {"seed": 3}, make)
-    assert made(tmp_path / "maps" / "kitchen_3", {"seed": 3}, make) == first
+    first = cached_folder(tmp_path / "maps" / "kitchen_3", {"seed": 3}, make)
+    assert cached_folder(tmp_path / "maps" / "kitchen_3", {"seed": 3}, make) == first
     assert len(calls) == 1
     assert calls[0] != first
     assert (first / "content").read_text() == "whole"
     assert json.loads((first / MADE_OF).read_text()) == {"seed": 3}
-    assert made(tmp_path / "maps" / "kitchen_3", {"seed": 4}, make) != first
+    assert cached_folder(tmp_path / "maps" / "kitchen_3", {"seed": 4}, make) != first
 
 
 def test_what_was_half_made_does_not_count(tmp_path: Path) -> None:
@@ -190,9 +176,9 @@ def test_what_was_half_made_does_not_count(tmp_path: Path) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        made(tmp_path / "a", 1, stopped)
+        cached_folder(tmp_path / "a", 1, stopped)
     assert not list(tmp_path.glob("a*"))
-    whole = made(tmp_path / "a", 1, Path.mkdir)
+    whole = cached_folder(tmp_path / "a", 1, Path.mkdir)
     assert [one.name for one in whole.iterdir()] == [MADE_OF]
 
 
@@ -205,5 +191,5 @@ def test_two_at_a_time_make_it_once(tmp_path: Path) -> None:
         barrier.submit(lambda: None).result()
 
     with ThreadPoolExecutor(4) as pool, ThreadPoolExecutor(1) as barrier:
-        folders = list(pool.map(lambda _: made(tmp_path / "a", 1, make), range(4)))
+        folders = list(pool.map(lambda _: cached_folder(tmp_path / "a", 1, make), range(4)))
     assert len(set(folders)) == len(calls) == 1
