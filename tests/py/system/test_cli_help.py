@@ -13,7 +13,7 @@ import pytest
 from typer.main import get_command
 
 import gslts
-from gslts._core.raster import simd_target
+from gslts._core import simd
 from gslts.cli import app
 from gslts.core.gaussian_map import GaussianMap
 from gslts.semantics.files import write_autoencoder
@@ -147,4 +147,4 @@ def test_the_version_is_told() -> None:
     done = subprocess.run(
         [sys.executable, "-c", program, "--version"], text=True, capture_output=True
     )
-    assert (done.returncode, done.stdout) == (0, f"gslts {gslts.__version__} ({simd_target()})\n")
+    assert (done.returncode, done.stdout) == (0, f"gslts {gslts.__version__} ({simd.target()})\n")
