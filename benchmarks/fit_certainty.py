@@ -27,7 +27,7 @@ from gslts.change.detector import ChangeDetector, Detection
 from gslts.datasets import open_dataset
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
-from gslts_bench.detection.cases import Case, counts_of
+from gslts_bench.detection.cases import Case, counts_of, make_cases, take_frame
 from gslts_bench.detection.truth import Truth
 from gslts_bench.homes import BenchHome, HomeSetup, default_state, homes_of
 

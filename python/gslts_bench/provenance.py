@@ -21,12 +21,12 @@ def describe_run() -> dict[str, Any]:
     Returns:
         JSON values: `command`, `commit`, `changed_since`, `date`, `machine` and `versions`.
     """
-    from gslts._core.raster import simd_target
+    from gslts._core import simd
 
     return {
         "command": " ".join([Path(sys.argv[0]).name, *sys.argv[1:]]),
         **describe_commit(Path(__file__).parent),
-        "machine": {**describe_machine(), "instruction_set": simd_target()},
+        "machine": {**describe_machine(), "instruction_set": simd.target()},
         "versions": library_versions(),
     }
 

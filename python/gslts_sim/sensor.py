@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts._core import sim as core_sim
-from gslts.core.camera import Camera, at_pose, rotation, rotation_vector
+from gslts.core.camera import Camera, at_pose
 from gslts.core.frame import RgbdFrame
+from gslts.core.se3 import rotation, rotation_vector
 from gslts.types import Floats, Floats32
 from gslts_sim.home import AreaLight, Home
 from gslts_sim.raycast import RayCaster, View

@@ -36,9 +36,9 @@ class HomeOptions:
         str,
         typer.Option(
             metavar="A:B",
-            help="Seeds of the homes, without B; each gives a kitchen, a living room and a bedroom. "
+            help="Seeds of homes, without B; each gives a kitchen, a living room and a bedroom. "
             "Below 5000 they are for development, below 10000 for validation, below 20000 for "
-            "tests; a run uses one of the three.",
+            "tests; a run uses one of these.",
         ),
     ] = "0:4"
     room: Annotated[
@@ -57,9 +57,7 @@ class HomeOptions:
     preset: Annotated[Preset, typer.Option(help="Preset of the mapping.")] = Preset.BALANCED
     settings: Annotated[
         list[str] | None,
-        typer.Option(
-            "--set", metavar="NAME=VALUE", help="Setting of the mapping, as for gslts map."
-        ),
+        typer.Option("--set", metavar="NAME=VALUE", help="Mapping setting, as for gslts map."),
     ] = None
     frames: Annotated[int, typer.Option(min=9, help="Maximum number of frames of a recording.")] = (
         200

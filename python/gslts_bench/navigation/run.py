@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import FiniteFloat
 
 from gslts.navigation.navigator import Navigator
-from gslts.navigation.semantic_map_files import map_picture, write_picture
+from gslts.navigation.semantic_map_files import draw_semantic_map, write_picture
 from gslts.semantics.source import Oracle
 from gslts_bench.homes import BenchHome
 from gslts_bench.navigation.episodes import CATEGORIES, Episode, episodes_of
@@ -41,7 +41,7 @@ class Record(BenchRecord):
         success: Whether such an object is within 1 m and in the last image, by the ground truth.
         shortest_m: See `Episode`.
         walked_m: Length of the robot's true path.
-        status, reason, replans: Result as the robot knows it; see `Journey`.
+        status, reason, replans: Result as the robot knows it; see `NavigationResult`.
     """
 
     room_type: str
@@ -155,18 +155,18 @@ def run_episode(
     controller = Controller(ground.state, width=width, height=height, noise=ground.noise, seed=seed)
     controller.go(Look(np.array(episode.position), episode.yaw_deg, 0.0))
     walker = Walker(controller, ground.truth)
-    journey = navigator.go(walker, episode.category)
+    walk = navigator.go(walker, episode.category)
     if image is not None:
         image.parent.mkdir(parents=True, exist_ok=True)
-        shown = map_picture(navigator.semantic_map, journey.way, [episode.category])
+        shown = draw_semantic_map(navigator.semantic_map, walk.path, [episode.category])
         write_picture(shown, image)
     instances = walker.event.instances
     return {
         "success": succeeds(ground.truth, episode.category, walker.positions[-1], instances),
         "walked_m": walker.length_m,
-        "status": journey.status,
-        "reason": journey.reason,
-        "replans": journey.replans,
+        "status": walk.status,
+        "reason": walk.reason,
+        "replans": walk.replans,
     }
 
 

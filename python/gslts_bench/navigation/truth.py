@@ -9,7 +9,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from gslts.navigation.navigator import NEAR_M
+from gslts.navigation.navigator import SUCCESS_DISTANCE_M
 from gslts.types import Floats, Ints, Ints32
 from gslts_sim.actions import GRID_M
 from gslts_sim.home import Home, HomeObject
@@ -98,7 +98,9 @@ class Truth:
         found = set()
         for row, known in enumerate(self.home.objects):
             if known.type == category:
-                near = np.flatnonzero(floor_distances_m(known, self.positions) <= NEAR_M)
+                near = np.flatnonzero(
+                    floor_distances_m(known, self.positions) <= SUCCESS_DISTANCE_M
+                )
                 found |= {int(k) for k in near if self._sees(self.positions[k], row)}
         return sorted(found)
 
@@ -145,6 +147,6 @@ def succeeds(truth: Truth, category: str, position: Floats, instances: Ints32) -
     return any(
         known.type == category
         and (instances == row).mean() >= MIN_SHARE
-        and floor_distances_m(known, position[None])[0] <= NEAR_M
+        and floor_distances_m(known, position[None])[0] <= SUCCESS_DISTANCE_M
         for row, known in enumerate(truth.home.objects)
     )

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from gslts.core.se3 import anchoring
+from gslts.core.se3 import fit_rigid_motion
 from gslts.datasets import Dataset, open_dataset
 from gslts.io.atomic_files import write_whole
 from gslts.mapping.config import MappingConfig
@@ -142,7 +142,7 @@ def transfer(poses: Mapping[str, Floats], known: Mapping[str, Floats]) -> dict[s
     if not both:
         raise ValueError("transfer: the maps have no frame in common")
     start, end = (np.array([some[name] for name in both]) for some in (poses, known))
-    motion = anchoring(start, end, ARM_M)
+    motion = fit_rigid_motion(start, end, ARM_M)
     return {name: motion @ pose for name, pose in poses.items()}
 
 

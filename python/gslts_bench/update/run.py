@@ -15,7 +15,7 @@ from pydantic import Field, FiniteFloat
 from gslts.change.detector import ChangeDetector
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
-from gslts.rendering.lpips import Lpips
+from gslts.rendering.metrics import Lpips
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
 from gslts.update.config import CollectConfig

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from gslts_bench.relocalization.room_tables import room_printed, room_summary
 
-from gslts.core.camera import rotation
+from gslts.core.se3 import rotation
 from gslts.localization.config import RelocalizationConfig
 from gslts.localization.relocalizer import Localization
 from gslts_bench.relocalization.fold import RoomRecord
-from gslts_bench.relocalization.room_tables import room_printed, room_summary
 from gslts_bench.relocalization.run import Record
 from gslts_bench.relocalization.score import (
     MOVED_DEG,
