@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,6 +44,11 @@ def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(row) + " |" for row in (header, marks, *rows))
 
 
+def tables_markdown(tables: Iterable[Table]) -> str:
+    """Format tables one below the other."""
+    return "\n\n".join(table.markdown() for table in tables)
+
+
 def result_markdown(result: dict[str, Any]) -> str:
     """Format a result of `describe_run` with tables, as its JSON holds it.
 
@@ -66,8 +71,8 @@ def result_markdown(result: dict[str, Any]) -> str:
         lines.append(f"Homes with seeds {first} to {end - 1}: {result['split']} split.")
     if result.get("cases"):
         lines.append(result["cases"])
-    parts = [Table(**table).markdown() for table in result["tables"]]
-    return "\n\n".join(["  \n".join(lines), *parts])
+    tables = tables_markdown(Table(**table) for table in result["tables"])
+    return "\n\n".join(["  \n".join(lines), tables])
 
 
 def share(count: int, of: int) -> str:
