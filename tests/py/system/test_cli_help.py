@@ -19,6 +19,7 @@ from gslts.core.gaussian_map import GaussianMap
 from gslts.semantics.files import keep_autoencoder
 from gslts.semantics.source import Oracle
 from gslts.semantics.train_autoencoder import trained
+from gslts.store.causes import SemanticsCause
 from gslts.store.map_folder import open_map, write_map_folder
 
 pytestmark = pytest.mark.smoke
@@ -116,14 +117,14 @@ def taught(tmp_path_factory: pytest.TempPathFactory) -> Path:
         sh=np.zeros((200, 1, 3), np.float32),
     )
     write_map_folder(folder, some, {"dataset": "made up"}, {})
-    setting = {
-        "source": "oracle",
-        "dataset": "made up",
-        "levels": 1,
-        "code": 8,
-        "names": names,
-        "autoencoder": keep_autoencoder(autoencoder, folder),
-    }
+    setting = SemanticsCause(
+        source="oracle",
+        dataset="made up",
+        levels=1,
+        code=8,
+        names=names,
+        autoencoder=keep_autoencoder(autoencoder, folder),
+    )
     features = autoencoder.encoded(np.repeat(Oracle().encode(["Mug"]), 200, axis=0))
     with open_map(folder, writable=True) as store:
         store.commit_features(replace(some, features=features), setting)

@@ -19,13 +19,14 @@ from gslts.datasets import open_dataset
 from gslts.semantics.build import embedded
 from gslts.semantics.clip import ClipEncoder
 from gslts.semantics.clip_source import ClipSource
-from gslts.semantics.files import SemanticsSetting, read_semantics
+from gslts.semantics.files import read_semantics
 from gslts.semantics.map_semantics import Meaning
 from gslts.semantics.masks import cut_out, distinct, painted
 from gslts.semantics.open_source import source_of, teacher_of
 from gslts.semantics.queries import SemanticQueries
 from gslts.semantics.relevance import CANONICAL
 from gslts.semantics.sam import MaskGenerator
+from gslts.store.causes import SemanticsCause
 from gslts.store.map_folder import write_map_folder
 from gslts_sim.capture import capture
 from gslts_sim.controller import Controller
@@ -313,7 +314,7 @@ def test_a_map_is_taught_and_asked_by_commands(
 
 
 def test_sources_are_named() -> None:
-    oracle = SemanticsSetting.model_construct(source="oracle")
+    oracle = SemanticsCause.model_construct(source="oracle")
     assert source_of(oracle).dims == 512
     with pytest.raises(ValueError, match="the source oracle takes no model, got --clip"):
         teacher_of("oracle", {"clip": Path("clip")})
