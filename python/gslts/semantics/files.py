@@ -10,7 +10,7 @@ import hashlib
 from pathlib import Path
 
 from gslts.io.atomic_files import sync_folder, write_whole
-from gslts.semantics.autoencoder import Autoencoder, bytes_of_autoencoder, read_autoencoder
+from gslts.semantics.autoencoder import Autoencoder, autoencoder_bytes, read_autoencoder
 from gslts.store.causes import SemanticsCause
 from gslts.store.manifest import split_version
 from gslts.store.map_folder import open_map
@@ -20,7 +20,7 @@ FOLDER = "semantics"
 """Of autoencoders, in the folder of a map."""
 
 
-def keep_autoencoder(model: Autoencoder, folder: Path) -> str:
+def write_autoencoder(model: Autoencoder, folder: Path) -> str:
     """Writes it into the folder of a map, so that it outlasts a power cut.
 
     Returns:
@@ -29,7 +29,7 @@ def keep_autoencoder(model: Autoencoder, folder: Path) -> str:
     Raises:
         OSError: It cannot be written.
     """
-    content = bytes_of_autoencoder(model)
+    content = autoencoder_bytes(model)
     digest = hashlib.sha256(content).hexdigest()
     path = _path_of(folder, digest)
     path.parent.mkdir(exist_ok=True)

@@ -16,7 +16,7 @@ from gslts.core.gaussian_map import GaussianMap
 from gslts.io.atomic_files import write_whole
 from gslts.localization.landmark_files import has_landmarks, keep_landmarks
 from gslts.localization.landmarks import landmarks_of
-from gslts.semantics.map_semantics import Meaning
+from gslts.semantics.map_semantics import MapSemantics
 from gslts.store.causes import (
     ChangeRecord,
     RejectedUpdateCause,
@@ -50,7 +50,7 @@ def published(
     result: Update,
     config: UpdateConfig,
     number_of_round: int | None = None,
-    meaning: Meaning | None = None,
+    semantics: MapSemantics | None = None,
 ) -> Version | None:
     """Adds a version of an updated map, and a picture of it; of what stays as it was, only why.
 
@@ -63,7 +63,7 @@ def published(
         result: Of the update.
         config: It was made with.
         number_of_round: Round of the robot, counted from 0; None outside of rounds.
-        meaning: Of the features of the map; gives names to what is gone.
+        semantics: Of the map; names the objects that are gone.
 
     Raises:
         OSError: It cannot be written; then the newest version is what it was, or only the picture
@@ -105,7 +105,7 @@ def published(
         return np.flatnonzero(vanished & near_regions(before, [region], 0.0))
 
     def named(region: Region) -> str | None:
-        return None if meaning is None else meaning.name_of(before, gone_from(region))
+        return None if semantics is None else semantics.name_of(before, gone_from(region))
 
     def boxes(change: Change) -> tuple[Any, Any]:
         """What is gone is where its Gaussians were: a look may take for it what is behind."""

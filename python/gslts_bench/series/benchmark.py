@@ -17,8 +17,8 @@ from gslts.change.detector import ChangeDetector
 from gslts.core.camera import new_viewpoints
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
-from gslts.mapping.evaluation.evaluate import psnr_db
-from gslts.rendering.losses import exposed
+from gslts.rendering.losses import apply_exposure
+from gslts.rendering.metrics import psnr_db
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
 from gslts.update.config import UpdateConfig
@@ -198,7 +198,7 @@ def psnr_of(gaussian_map: GaussianMap, frames: Sequence[RgbdFrame]) -> float:
     for frame in frames:
         _, exposure, rgb = as_mapped(frame, gaussian_map)
         photo = frame.rgb.astype(np.float32) / np.float32(255)
-        shown = exposed(rgb, exposure).clip(0, 1)
+        shown = apply_exposure(rgb, exposure).clip(0, 1)
         psnrs_db.append(psnr_db(np.asarray(shown, np.float32), photo))
     return float(np.mean(psnrs_db))
 

@@ -34,6 +34,9 @@ class Watched:
     def observe(self) -> RgbdFrame:
         return self.robot.observe()
 
+    def pose(self) -> np.ndarray:
+        return self.robot.pose()
+
     def reachable_positions(self) -> np.ndarray:
         places = self.robot.reachable_positions()
         return places[places[:, 0] < self.blocked]

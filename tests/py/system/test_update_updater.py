@@ -14,6 +14,7 @@ from gslts.change.detector import ChangeDetector
 from gslts.core.camera import at_pose
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
+from gslts.rendering.metrics import psnr_from_mse_db
 from gslts.rendering.rasterizer import render
 from gslts.update.refine import Refined
 from gslts.update.updater import Update, _moved_once, _refine_until_settled, update, updated_with
@@ -30,6 +31,9 @@ class Spoilt:
     def observe(self) -> RgbdFrame:
         self._number += 1
         return self._spoil(self._number, self._robot.observe())
+
+    def pose(self) -> np.ndarray:
+        return self._robot.pose()
 
     def reachable_positions(self) -> np.ndarray:
         return self._robot.reachable_positions()
@@ -54,7 +58,7 @@ def psnr_db(gaussian_map: GaussianMap, home: Home) -> float:
         frame = change_room.see(home, look)
         rgb = render(gaussian_map, frame.camera).rgb
         errors.append(np.mean((rgb.clip(0, 1) - frame.rgb / 255) ** 2))
-    return float(-10 * np.log10(np.mean(errors)))
+    return psnr_from_mse_db(float(np.mean(errors)))
 
 
 @pytest.mark.smoke
