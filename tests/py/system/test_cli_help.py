@@ -139,7 +139,7 @@ def test_a_query_imports_neither_models_nor_what_plots(taught: Path) -> None:
 
 def test_the_log_imports_neither_numpy_nor_the_extension(taught: Path) -> None:
     printed, modules = imported_by(COMMAND, "log", str(taught))
-    assert "with semantics of oracle" in printed
+    assert "semantic features from oracle" in printed
     assert not (HEAVY - {"pydantic"}) & modules  # Typer itself imports pydantic.
 
 
