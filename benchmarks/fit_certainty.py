@@ -22,14 +22,14 @@ from tqdm import tqdm
 from unchanged_benchmark import visits_of
 
 from gslts._core.detect import Side, Surface, differences_of, features_of
-from gslts.bench.detect_cases import Case, cases_of, counts_of, frame_of
-from gslts.bench.detect_truth import Truth
-from gslts.bench.homes import BenchHome, HomeSetup, default_state, homes_of
-from gslts.camera_files import cameras_of_map
 from gslts.change.config import DetectionConfig, ObjectRule
-from gslts.change.detect import ChangeDetector, Detection
+from gslts.change.detector import ChangeDetector, Detection
 from gslts.datasets import open_dataset
-from gslts.map_folder import read_map
+from gslts.store.camera_files import cameras_of_map
+from gslts.store.map_folder import read_map
+from gslts_bench.detection.cases import Case, cases_of, counts_of, frame_of
+from gslts_bench.detection.truth import Truth
+from gslts_bench.homes import BenchHome, HomeSetup, default_state, homes_of
 
 Floats = NDArray[np.float64]
 

@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from gslts.map_folder import open_versions
+from gslts.store.map_folder import open_map
 
 AVX2_ONLY = {
     "gslts": {"GSLTS_SIMD": "avx2"},
@@ -64,7 +64,7 @@ def pipeline(before: Path, after: Path, out: Path, variables: dict[str, str]) ->
     detected = gslts("detect", out / "map", after, "--json")
     updated = gslts("update", out / "map", "--frames", after)
     hashes = {"detect": hashlib.sha256(detected.encode()).hexdigest()[:12]}
-    with open_versions(out / "map") as store:
+    with open_map(out / "map") as store:
         for version in store.versions():
             gaussians = store.read(version.number)
             hashes[f"version {version.number}"] = digest(

@@ -25,22 +25,23 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from gslts.camera_files import cameras_of_map
 from gslts.change.config import DetectionConfig
-from gslts.change.detect import ChangeDetector
+from gslts.change.detector import ChangeDetector
 from gslts.datasets import open_dataset
-from gslts.loop.keeper import LoopConfig, MapKeeper
-from gslts.map_folder import open_versions, write_map_folder
+from gslts.keeper.keeper import LoopConfig, MapKeeper
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.engine import make_map
-from gslts.rasterizer import render
-from gslts.sim.capture import capture
-from gslts.sim.controller import Controller
-from gslts.sim.explore import explore
-from gslts.sim.home import AreaLight, Home, HomeObject, Room
-from gslts.sim.mesh import Surface
-from gslts.sim.robot_body import Look
+from gslts.rendering.metrics import psnr_from_mse_db
+from gslts.rendering.rasterizer import render
+from gslts.store.camera_files import cameras_of_map
+from gslts.store.map_folder import open_map, write_map_folder
 from gslts.update.config import CollectConfig, EditConfig, RefineConfig, UpdateConfig
+from gslts_sim.capture import capture
+from gslts_sim.controller import Controller
+from gslts_sim.explore import explore
+from gslts_sim.home import AreaLight, Home, HomeObject, Room
+from gslts_sim.mesh import Surface
+from gslts_sim.robot_body import Look
 
 KINDS = ("removal", "addition", "relocation")
 WIDTH, HEIGHT = 160, 120
@@ -278,7 +279,7 @@ def run_case(place: Place, kind: str, seed: int, made: Path) -> dict[str, Any]:
                 errors.append(float(np.mean((rgb - frame.rgb / 255) ** 2)))
             keeper.go_round(robot_in(home, 3_000_000 + seed))
             second = keeper.version.number
-        with open_versions(folder) as store:
+        with open_map(folder) as store:
             known, late = (
                 [
                     box
@@ -296,7 +297,7 @@ def run_case(place: Place, kind: str, seed: int, made: Path) -> dict[str, Any]:
         "versions": [first, second],
         "reports": told,
         "anew": [is_at(np.mean(box, axis=0), boxes) for box in late],
-        "psnr_db": float(-10 * np.log10(np.mean(errors))),
+        "psnr_db": psnr_from_mse_db(float(np.mean(errors))),
         "said": [said[:rest], said[rest:]],
         "cpu_s": round(time.process_time() - start_s, 1),
     }

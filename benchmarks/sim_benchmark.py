@@ -13,15 +13,15 @@ from statistics import median
 
 from machine import describe_machine
 
-from gslts.sim import ROOM_TYPES, Home, make_home
-from gslts.sim.capture import capture
-from gslts.sim.controller import Controller
-from gslts.sim.explore import explore
-from gslts.sim.home_source import HomeSource
-from gslts.sim.raycast import RayCaster
-from gslts.sim.show import corner_cameras
-from gslts.sim.task import write_task
-from gslts.sim.tasks import Setting, TaskMaker
+from gslts_sim import ROOM_TYPES, Home, make_home
+from gslts_sim.capture import capture
+from gslts_sim.controller import Controller
+from gslts_sim.explore import explore
+from gslts_sim.home_source import HomeSource
+from gslts_sim.raycast import RayCaster
+from gslts_sim.show import corner_cameras
+from gslts_sim.task import write_task
+from gslts_sim.tasks import Setting, TaskMaker
 
 SEEDS = range(5)
 FRAMES, TASKS, TASKS_PER_HOME = 200, 600, 12

@@ -14,10 +14,10 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from tqdm import tqdm
 
-from gslts.camera import Camera, camera_from_fov
-from gslts.camera_files import cameras_of_map
-from gslts.gaussian_map import GaussianMap
-from gslts.map_folder import open_versions, plain_camera, read_map, write_map_folder
+from gslts.core.camera import Camera, camera_from_fov
+from gslts.core.gaussian_map import GaussianMap
+from gslts.store.camera_files import cameras_of_map
+from gslts.store.map_folder import open_map, plain_camera, read_map, write_map_folder
 
 ARRAYS = ("means", "quats", "log_scales", "logit_opacities", "sh", "features")
 
@@ -91,7 +91,7 @@ def main() -> None:
         at_first = size_of(folder)
         bytes_each = gaussian_map.nbytes / gaussian_map.size
         committing = []
-        with open_versions(folder, writable=True) as store:
+        with open_map(folder, writable=True) as store:
             for _ in tqdm(range(given.versions - 1), desc="committing"):
                 newest = store.version()
                 gaussian_map = updated(rng, gaussian_map, given.touched, newest.next_id)
@@ -103,7 +103,7 @@ def main() -> None:
                 store.commit(gaussian_map, {"frames": frames})
                 committing.append(time.perf_counter() - start_s)
         grown = (size_of(folder) - at_first) / (given.versions - 1)
-        with open_versions(folder) as store:
+        with open_map(folder) as store:
             newest = store.version().number
             told = {
                 "gaussians": gaussian_map.size,

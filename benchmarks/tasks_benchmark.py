@@ -13,16 +13,16 @@ from pathlib import Path
 
 import numpy as np
 
-from gslts.camera_files import cameras_of_map
+from gslts.core.gaussian_map import GaussianMap
 from gslts.datasets import open_dataset
-from gslts.gaussian_map import GaussianMap
-from gslts.map_folder import read_map
-from gslts.tasks.categories import Categories
-from gslts.tasks.embed import embedded
-from gslts.tasks.localize import Queries
-from gslts.tasks.robot_body import RobotBody
-from gslts.tasks.semantic_map import semantic_map
-from gslts.tasks.semantics import Oracle
+from gslts.navigation.robot_body import RobotBody
+from gslts.navigation.semantic_map import semantic_map
+from gslts.semantics.build import embedded
+from gslts.semantics.categories import Categories
+from gslts.semantics.queries import SemanticQueries
+from gslts.semantics.source import Oracle
+from gslts.store.camera_files import cameras_of_map
+from gslts.store.map_folder import read_map
 
 TIMES = 3
 APART_M = 0.5
@@ -69,14 +69,14 @@ def main() -> None:
     teaching_s = time.perf_counter() - start_s
     own = replace(own, features=taught.features)
     large = side_by_side(own, given.gaussians)
-    queries = Queries(large, taught.autoencoder, oracle)
+    queries = SemanticQueries(large, taught.autoencoder, oracle)
     asked = {name: seconds(lambda name=name: queries.find(name)) for name in taught.names}
     layers = Categories(taught.names, taught.autoencoder, oracle)
     told = {
         "frames": len(known),
         "teaching, s": teaching_s,
         "gaussians": [own.size, large.size],
-        "ready to be asked, s": seconds(lambda: Queries(large, taught.autoencoder, oracle)),
+        "ready to be asked, s": seconds(lambda: SemanticQueries(large, taught.autoencoder, oracle)),
         "a query, s": float(np.median(list(asked.values()))),
         "queries, s": asked,
         "semantic map, s": [

@@ -17,18 +17,18 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from gslts.bench.detect_variants import STRATEGIES
-from gslts.camera import Camera
 from gslts.change.config import DetectionConfig
-from gslts.change.detect import ChangeDetector
+from gslts.change.detector import ChangeDetector
+from gslts.core.camera import Camera
+from gslts.core.frame import RgbdFrame
+from gslts.core.gaussian_map import GaussianMap
 from gslts.datasets import Dataset, open_dataset
-from gslts.frame import RgbdFrame
-from gslts.gaussian_map import GaussianMap
 from gslts.mapping.config import PRESETS
 from gslts.mapping.engine import make_map
+from gslts_bench.detection.variants import STRATEGIES
 
 KEPT_ASIDE = 8
-"""Each of so many frames; see `gslts.mapping.visit.every_eighth`."""
+"""Each of so many frames; see `gslts.mapping.frames.every_eighth`."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,24 +19,24 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from gslts.bench.series import fresh_frames, psnr_of
 from gslts.change.config import DetectionConfig
+from gslts.core.gaussian_map import GaussianMap
 from gslts.datasets import open_dataset
-from gslts.files import empty_folder
-from gslts.gaussian_map import GaussianMap
-from gslts.loop.keeper import LoopConfig, MapKeeper
-from gslts.map_folder import read_map, write_map_folder
+from gslts.io.atomic_files import empty_folder
+from gslts.keeper.keeper import LoopConfig, MapKeeper
 from gslts.mapping.config import PRESETS
 from gslts.mapping.engine import make_map
-from gslts.sim.actions import SceneState
-from gslts.sim.capture import capture
-from gslts.sim.controller import Controller
-from gslts.sim.explore import explore
-from gslts.sim.home_source import HomeSource
-from gslts.sim.task import SensorSetup
-from gslts.sim.tasks import TaskMaker
-from gslts.sim.trial import Setting
+from gslts.store.map_folder import read_map, write_map_folder
 from gslts.update.config import RefineConfig, UpdateConfig
+from gslts_bench.series.benchmark import fresh_frames, psnr_of
+from gslts_sim.actions import SceneState
+from gslts_sim.capture import capture
+from gslts_sim.controller import Controller
+from gslts_sim.explore import explore
+from gslts_sim.home_source import HomeSource
+from gslts_sim.task import SensorSetup
+from gslts_sim.tasks import TaskMaker
+from gslts_sim.trial import Setting
 
 
 def robot_in(state: SceneState, sensor: SensorSetup, seed: int) -> Controller:
@@ -97,7 +97,7 @@ def main() -> None:
         detection=DetectionConfig(halvings=0),
         update=UpdateConfig(refine=RefineConfig(iterations=given.iterations)),
     )
-    print("| changes | versions | parked | Gaussians | memory | store | s a cycle | of CPU |")
+    print("| changes | versions | deferred | Gaussians | memory | store | s a cycle | of CPU |")
     print("| --: | --: | --: | --: | --: | --: | --: | --: |", flush=True)
     with MapKeeper(folder, config) as keeper, (given.out / "cycles.jsonl").open("w") as log:
         cycles: list[tuple[float, float]] = []
@@ -113,7 +113,7 @@ def main() -> None:
             told = {
                 "changes": done,
                 "versions": version.number,
-                "parked": len(keeper.state.parked),
+                "deferred": len(keeper.state.deferred),
                 "gaussians": version.gaussians,
                 "memory": memory_bytes(),
                 "store": bytes_of_store(folder),
@@ -125,7 +125,7 @@ def main() -> None:
             if done % given.every == 0 or done == given.changes:
                 seconds, cpu_seconds = np.median(cycles[-given.every :], axis=0)
                 print(
-                    f"| {done} | {version.number} | {told['parked']} | {version.gaussians} | "
+                    f"| {done} | {version.number} | {told['deferred']} | {version.gaussians} | "
                     f"{told['memory'] / 2**20:.0f} MiB | {told['store'] / 2**20:.1f} MiB | "
                     f"{seconds:.2f} | {cpu_seconds:.2f} |",
                     flush=True,

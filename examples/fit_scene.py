@@ -19,6 +19,8 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 import gslts
+from gslts.rendering.adam import AdamOptions
+from gslts.rendering.rasterizer import Images
 
 WIDTH, HEIGHT = 320, 240
 TRAINING_VIEWS, HELD_OUT_VIEWS = 24, 4
@@ -40,7 +42,7 @@ class View:
     """A place to look from and what is seen there."""
 
     camera: gslts.Camera
-    target: gslts.Images
+    target: Images
 
 
 def rough_start(truth: gslts.GaussianMap, rng: np.random.Generator) -> gslts.GaussianMap:
@@ -72,7 +74,7 @@ def fit(
 ) -> gslts.GaussianMap:
     """Gradient descent on one random view at a time."""
     rasterizer = gslts.Rasterizer(np.float32)
-    adam = gslts.Adam(start, gslts.AdamOptions(beta2=0.99))
+    adam = gslts.Adam(start, AdamOptions(beta2=0.99))
     order = np.concatenate(
         [rng.permutation(len(views)) for _ in range(iterations // len(views) + 1)]
     )
@@ -88,18 +90,16 @@ def fit(
     return adam.map
 
 
-def psnr_db(images: gslts.Images, target: gslts.Images) -> float:
+def psnr_db(images: Images, target: Images) -> float:
     error = np.clip(images.rgb, 0, 1) - np.clip(target.rgb, 0, 1)
     return float(-10 * np.log10(np.mean(error**2)))
 
 
-def depth_error_m(images: gslts.Images, target: gslts.Images) -> float:
+def depth_error_m(images: Images, target: Images) -> float:
     return float(np.mean(abs(images.depth - target.depth)))
 
 
-def draw(
-    path: Path, views: list[View], before: list[gslts.Images], after: list[gslts.Images]
-) -> None:
+def draw(path: Path, views: list[View], before: list[Images], after: list[Images]) -> None:
     """Columns: target, before, after. Rows: two views kept aside, and the depth of the first."""
     far_m = max(float(view.target.depth.max()) for view in views)
     colour_map = matplotlib.colormaps["turbo_r"]
@@ -141,7 +141,7 @@ def main() -> None:
     training = views_of(room.cameras(TRAINING_VIEWS, **size))
     held_out = views_of(room.cameras(HELD_OUT_VIEWS, phase=0.37, **size))
 
-    def render_held_out(gaussians: gslts.GaussianMap) -> list[gslts.Images]:
+    def render_held_out(gaussians: gslts.GaussianMap) -> list[Images]:
         return [gslts.render(gaussians, view.camera, options) for view in held_out]
 
     start = rough_start(truth, rng)
@@ -151,7 +151,7 @@ def main() -> None:
     seconds = time.perf_counter() - started
     after = render_held_out(fitted)
 
-    def mean_over_held_out(measure: Any, images: list[gslts.Images]) -> float:
+    def mean_over_held_out(measure: Any, images: list[Images]) -> float:
         return float(np.mean([measure(i, v.target) for i, v in zip(images, held_out, strict=True)]))
 
     metrics = {

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gslts
-from gslts.gaussian_map import SH_C0
+from gslts.core.gaussian_map import SH_C0
 
 Array = NDArray[np.float64]
 

@@ -18,10 +18,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.files import write_whole
-from gslts.gaussian_map import GaussianMap
-from gslts.map_folder import open_versions, write_map_folder
-from gslts.mapping.density import joined
+from gslts.core.gaussian_map import GaussianMap
+from gslts.io.atomic_files import write_whole
+from gslts.mapping.density.control import joined
+from gslts.store.map_folder import open_map, write_map_folder
 from gslts.store.map_store import MapStore
 from gslts.store.records import Event
 
@@ -85,7 +85,7 @@ def commit_next(store: MapStore, number: int) -> None:
 def commit_more(folder: Path, more: int) -> None:
     """Commits so many versions; an error is raised at the end, a second one at once."""
     failed: OSError | None = None
-    with open_versions(folder, writable=True) as store:
+    with open_map(folder, writable=True) as store:
         store.collect_garbage()
         last = store.version().number + more
         while (number := store.version().number + 1) <= last:

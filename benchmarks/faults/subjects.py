@@ -21,16 +21,16 @@ import matplotlib.backends.backend_svg  # noqa: F401
 from disturbed import Outcome, disturbed
 
 import gslts.mapping.engine
-import gslts.mapping.report
-import gslts.mapping.summary
+import gslts.mapping.report.page
+import gslts.mapping.report.summary
 from gslts.cli import main
-from gslts.gaussian_map import GaussianMap
-from gslts.loop.state import read_state
-from gslts.map_folder import CAMERAS, MANIFEST, open_versions
-from gslts.ply import write_ply
-from gslts.relocalize.landmark_files import FOLDER as LANDMARKS
-from gslts.relocalize.landmark_files import landmark_problems
+from gslts.core.gaussian_map import GaussianMap
+from gslts.io.ply import write_ply
+from gslts.keeper.state import read_state
+from gslts.localization.landmark_files import FOLDER as LANDMARKS
+from gslts.localization.landmark_files import landmark_problems
 from gslts.store.delta import arrays_of
+from gslts.store.map_folder import CAMERAS, MANIFEST, open_map
 from gslts.store.map_store import BLOBS, INDEX
 from gslts.store.writer_lock import LOCK
 
@@ -93,7 +93,7 @@ class Commits:
         newest, state = newest_of(path), path / made_up.STATE
         if state.exists() and json.loads(state.read_text())["version"] > newest:
             found.append(f"{state.name} tells of a version that is not there")
-        with open_versions(path) as store:
+        with open_map(path) as store:
             known = [event.version for event in store.events()]
         updates = [one for one in range(2, newest + 1) if made_up.restored_by(one) is None]
         if known != updates:
@@ -236,7 +236,7 @@ def wrong_of_map(
     """
     wrong = []
     try:
-        with open_versions(path) as store:
+        with open_map(path) as store:
             wrong += store.problems() + landmark_problems(store)
             numbers = [version.number for version in store.versions()]
             if numbers != list(range(1, len(numbers) + 1)):
@@ -248,7 +248,7 @@ def wrong_of_map(
                 if gaussian_map.size != version.gaussians or should_be not in (None, is_):
                     wrong.append(f"version {version.number} is another one")
                 found_out(version.number, is_)
-        open_versions(path, writable=True).close()
+        open_map(path, writable=True).close()
     except Exception as error:
         wrong.append(f"{type(error).__name__}: {error}")
     return wrong
@@ -264,13 +264,13 @@ def digest(gaussian_map: GaussianMap) -> str:
 
 def digest_of(path: Path) -> str:
     """Of the newest version of a map."""
-    with open_versions(path) as store:
+    with open_map(path) as store:
         return digest(store.read())
 
 
 def newest_of(path: Path) -> int:
     """The number of the newest version of a map."""
-    with open_versions(path) as store:
+    with open_map(path) as store:
         return store.version().number
 
 

@@ -1,4 +1,4 @@
-"""Photorealistic, semantic 3D Gaussian maps that keep themselves up to date."""
+"""Photorealistic, semantic 3D Gaussian maps that robots keep up to date by themselves."""
 
 from __future__ import annotations
 
@@ -6,63 +6,90 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gslts import losses
-    from gslts.adam import Adam, AdamOptions, AdamRates, AdamState
-    from gslts.camera import Camera, camera_from_fov, look_at
-    from gslts.gaussian_map import GaussianMap
-    from gslts.ply import read_ply, write_ply
-    from gslts.rasterizer import (
-        Gradients,
-        Images,
-        LiftedFeatures,
-        Rasterizer,
-        RenderOptions,
-        render,
-    )
+    from gslts.change.detector import ChangeDetector
+    from gslts.change.monitor import ChangeMonitor
+    from gslts.core.camera import Camera, camera_from_fov, look_at
+    from gslts.core.frame import RgbdFrame
+    from gslts.core.gaussian_map import GaussianMap
+    from gslts.core.robot import Robot
+    from gslts.datasets.registry import open_dataset
+    from gslts.io.ply import read_ply, write_ply
+    from gslts.keeper.keeper import MapKeeper
+    from gslts.localization.relocalizer import Relocalizer
+    from gslts.mapping.config import MappingConfig
+    from gslts.mapping.engine import make_map
+    from gslts.navigation.navigator import Navigator
+    from gslts.rendering import losses
+    from gslts.rendering.adam import Adam, AdamRates
+    from gslts.rendering.rasterizer import Rasterizer, RenderOptions, render
+    from gslts.semantics.queries import SemanticQueries
+    from gslts.store.map_folder import open_map, read_map
+    from gslts.store.map_store import MapStore
 
     __version__: str
 
 __all__ = [
     "Adam",
-    "AdamOptions",
     "AdamRates",
-    "AdamState",
     "Camera",
+    "ChangeDetector",
+    "ChangeMonitor",
     "GaussianMap",
-    "Gradients",
-    "Images",
-    "LiftedFeatures",
+    "MapKeeper",
+    "MapStore",
+    "MappingConfig",
+    "Navigator",
     "Rasterizer",
+    "Relocalizer",
     "RenderOptions",
+    "RgbdFrame",
+    "Robot",
+    "SemanticQueries",
     "__version__",
     "camera_from_fov",
     "look_at",
     "losses",
+    "make_map",
+    "open_dataset",
+    "open_map",
+    "read_map",
     "read_ply",
     "render",
     "write_ply",
 ]
 
-# Imported when first used: NumPy and the extension take most of the time of a short command.
-_MODULES = {
-    "gslts.adam": ("Adam", "AdamOptions", "AdamRates", "AdamState"),
-    "gslts.camera": ("Camera", "camera_from_fov", "look_at"),
-    "gslts.gaussian_map": ("GaussianMap",),
-    "gslts.ply": ("read_ply", "write_ply"),
-    "gslts.rasterizer": (
-        "Gradients",
-        "Images",
-        "LiftedFeatures",
-        "Rasterizer",
-        "RenderOptions",
-        "render",
-    ),
+# Imported at first use: `gslts --help` needs neither NumPy nor the extension.
+_MODULE_OF = {
+    "Adam": "gslts.rendering.adam",
+    "AdamRates": "gslts.rendering.adam",
+    "Camera": "gslts.core.camera",
+    "ChangeDetector": "gslts.change.detector",
+    "ChangeMonitor": "gslts.change.monitor",
+    "GaussianMap": "gslts.core.gaussian_map",
+    "MapKeeper": "gslts.keeper.keeper",
+    "MapStore": "gslts.store.map_store",
+    "MappingConfig": "gslts.mapping.config",
+    "Navigator": "gslts.navigation.navigator",
+    "Rasterizer": "gslts.rendering.rasterizer",
+    "Relocalizer": "gslts.localization.relocalizer",
+    "RenderOptions": "gslts.rendering.rasterizer",
+    "RgbdFrame": "gslts.core.frame",
+    "Robot": "gslts.core.robot",
+    "SemanticQueries": "gslts.semantics.queries",
+    "camera_from_fov": "gslts.core.camera",
+    "look_at": "gslts.core.camera",
+    "make_map": "gslts.mapping.engine",
+    "open_dataset": "gslts.datasets.registry",
+    "open_map": "gslts.store.map_folder",
+    "read_map": "gslts.store.map_folder",
+    "read_ply": "gslts.io.ply",
+    "render": "gslts.rendering.rasterizer",
+    "write_ply": "gslts.io.ply",
 }
-_MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 
 
 def __getattr__(name: str) -> Any:
-    """Imports a public name (PEP 562) and keeps it.
+    """Import a public name and keep it (PEP 562).
 
     Raises:
         AttributeError: There is no such name.
@@ -73,7 +100,7 @@ def __getattr__(name: str) -> Any:
 
         value = version("gslts")
     elif name == "losses":
-        value = import_module("gslts.losses")
+        value = import_module("gslts.rendering.losses")
     elif name in _MODULE_OF:
         value = getattr(import_module(_MODULE_OF[name]), name)
     else:

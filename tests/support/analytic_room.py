@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gslts.camera import Camera
+from gslts.core.camera import Camera
 
 NORMALS = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
 OFFSETS = np.array([0.0, -3, -3])  # Floor z = 0, walls x = 3 and y = 3.

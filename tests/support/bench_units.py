@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from gslts.bench.work import Add, Tell
+from gslts_bench.work import Add, Tell
 
 
 @dataclass(frozen=True)

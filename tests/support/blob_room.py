@@ -3,8 +3,8 @@
 import analytic_room
 import numpy as np
 
-from gslts.camera import Camera, look_at
-from gslts.frame import RgbdFrame
+from gslts.core.camera import Camera, look_at
+from gslts.core.frame import RgbdFrame
 
 
 def spots(count: int = 400) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -4,8 +4,8 @@ import numpy as np
 
 from gslts._core import detect as core
 from gslts._core.detect import MaskRule, ObjectRule, PaperRule
-from gslts.camera import Camera, look_at
 from gslts.change.changes import Change, object_changes, paper_change
+from gslts.core.camera import Camera, look_at
 
 HEIGHT, WIDTH = 120, 160
 WALL_M = 2.0

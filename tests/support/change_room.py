@@ -11,19 +11,19 @@ import numpy as np
 import sim_scenes
 from shared import looks_all_around, made_once
 
-from gslts.camera import Camera
 from gslts.change.config import DetectionConfig
-from gslts.change.detect import ChangeDetector
+from gslts.change.detector import ChangeDetector
+from gslts.core.camera import Camera
+from gslts.core.frame import RgbdFrame
+from gslts.core.gaussian_map import GaussianMap
 from gslts.datasets import open_dataset
-from gslts.frame import RgbdFrame
-from gslts.gaussian_map import GaussianMap
-from gslts.map_folder import camera_of, plain_camera, read_map, write_map_folder
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.engine import make_map
-from gslts.sim.capture import capture
-from gslts.sim.controller import Controller
-from gslts.sim.home import Home, HomeObject
-from gslts.sim.robot_body import Look
+from gslts.store.map_folder import camera_of, plain_camera, read_map, write_map_folder
+from gslts_sim.capture import capture
+from gslts_sim.controller import Controller
+from gslts_sim.home import Home, HomeObject
+from gslts_sim.robot_body import Look
 
 TILES = 20
 SIZE = {"width": 160, "height": 120}

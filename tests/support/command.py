@@ -55,7 +55,7 @@ def stopped_at(function: str, call: int, number: signal.Signals = signal.SIGKILL
     """Return code after which a process sends itself a signal.
 
     Args:
-        function: The module and the name by which it is called, as `gslts.loop.keeper:write_state`.
+        function: Its module and its name, such as `gslts.keeper.keeper:write_state`.
         call: The signal comes when this function has returned so many times.
         number: Of the signal.
     """

@@ -4,7 +4,7 @@ import numpy as np
 import oracle
 from numpy.typing import DTypeLike
 
-import gslts
+from gslts.rendering.rasterizer import Images
 
 # Relative distance to a threshold (alpha_min, transmittance_min) below which rounding may decide,
 # and how close the images must be elsewhere.
@@ -12,9 +12,7 @@ BAND = {np.dtype(np.float64): 1e-9, np.dtype(np.float32): 2e-3}
 TOLERANCE = {np.dtype(np.float64): 1e-10, np.dtype(np.float32): 2e-4}
 
 
-def assert_close_outside_band(
-    images: gslts.Images, expected: oracle.Rendering, dtype: DTypeLike
-) -> None:
+def assert_close_outside_band(images: Images, expected: oracle.Rendering, dtype: DTypeLike) -> None:
     """Tight outside the band; inside, what one Gaussian that flips can change."""
     clear = expected.margin > BAND[np.dtype(dtype)]
     tolerance = TOLERANCE[np.dtype(dtype)]

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import sim_scenes
 
-from gslts.sim import make_home
-from gslts.sim.home import Home, Room
+from gslts_sim import make_home
+from gslts_sim.home import Home, Room
 
 
 def bare_flat(*corners: tuple[float, float, float, float], blocks: tuple[tuple, ...] = ()) -> Home:

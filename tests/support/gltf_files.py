@@ -10,8 +10,8 @@ import numpy as np
 from PIL import Image
 from sim_scenes import box_surface, plain
 
-from gslts.sim import load_home
-from gslts.sim.home import HomeObject
+from gslts_sim import load_home
+from gslts_sim.home import HomeObject
 
 TYPES = {
     "int8": 5120, "uint8": 5121, "int16": 5122, "uint16": 5123, "uint32": 5125, "float32": 5126,

@@ -4,10 +4,10 @@ import hashlib
 
 import numpy as np
 
-from gslts.sim import make_home
-from gslts.sim.home import Home
-from gslts.sim.physics import problems
-from gslts.sim.walkable import walkable_floor
+from gslts_sim import make_home
+from gslts_sim.home import Home
+from gslts_sim.physics import problems
+from gslts_sim.walkable import walkable_floor
 
 DETAIL = 0.06
 """Textures of few pixels: what these checks look at does not depend on them."""

@@ -6,10 +6,10 @@ from pathlib import Path
 import change_room
 from shared import looks_all_around
 
-from gslts.frame import RgbdFrame
-from gslts.map_folder import write_map_folder
-from gslts.relocalize.landmark_files import KEY, digest_of, keep_landmarks
-from gslts.relocalize.landmarks import Landmarks, landmarks_of
+from gslts.core.frame import RgbdFrame
+from gslts.localization.landmark_files import KEY, digest_of, keep_landmarks
+from gslts.localization.landmarks import Landmarks, landmarks_of
+from gslts.store.map_folder import write_map_folder
 
 
 @cache

@@ -9,7 +9,7 @@ import torch
 from PIL import Image
 
 import gslts
-from gslts.frame import RgbdFrame
+from gslts.core.frame import RgbdFrame
 
 SIZES = ((64, 3, 11), (192, 64, 5), (384, 192, 3), (256, 384, 3), (256, 256, 3))
 ROWS = (0, 3, 6, 8, 10)

@@ -10,13 +10,13 @@ import numpy as np
 from safetensors.numpy import load_file, save_file
 from shared import looks_all_around, made_once
 
-from gslts.frame import RgbdFrame
-from gslts.gaussian_map import GaussianMap
-from gslts.sim.robot_body import Look
-from gslts.tasks.autoencoder import Autoencoder
-from gslts.tasks.embed import Embedded, embedded
-from gslts.tasks.meaning import Meaning
-from gslts.tasks.semantics import Oracle
+from gslts.core.frame import RgbdFrame
+from gslts.core.gaussian_map import GaussianMap
+from gslts.semantics.autoencoder import Autoencoder
+from gslts.semantics.build import Embedded, embedded
+from gslts.semantics.map_semantics import Meaning
+from gslts.semantics.source import Oracle
+from gslts_sim.robot_body import Look
 
 
 @cache

@@ -3,8 +3,8 @@
 import numpy as np
 import sim_scenes
 
-from gslts.sim.controller import Controller
-from gslts.sim.viewpoints import Look
+from gslts_sim.controller import Controller
+from gslts_sim.viewpoints import Look
 
 LOOKS = [Look(np.array([1.0, y]), yaw, 30.0) for y, yaw in ((1.0, 0.0), (1.0, 45.0), (2.5, 330.0))]
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gslts.camera import Camera
+from gslts.core.camera import Camera
 
 MOUNT = np.eye(4)
 """base_link_from_camera_link: above the base, looking down by 20 degrees and a bit to the left."""

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 import gslts
+from gslts.rendering.rasterizer import Images
 
 
 def random_map(
@@ -62,12 +63,12 @@ def single_gaussian(dtype: DTypeLike = np.float64, **changes: Any) -> gslts.Gaus
     return gslts.GaussianMap(**{name: np.asarray(a, dtype) for name, a in arrays.items()})
 
 
-def image_bytes(images: gslts.Images) -> tuple[bytes, ...]:
+def image_bytes(images: Images) -> tuple[bytes, ...]:
     arrays = (images.rgb, images.depth, images.alpha, images.features)
     return tuple(array.tobytes() for array in arrays)
 
 
-def random_image_gradients(images: gslts.Images, seed: int = 0) -> dict[str, NDArray[Any]]:
+def random_image_gradients(images: Images, seed: int = 0) -> dict[str, NDArray[Any]]:
     """Arguments for `Rasterizer.backward`: a loss that depends on every image."""
     rng = np.random.default_rng(seed)
     return {

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from gslts.camera import Camera
-from gslts.sim.home import AreaLight
-from gslts.sim.raycast import RayCaster
-from gslts.sim.texture_atlas import LINEAR_OF_BYTE, texture_atlas
+from gslts.core.camera import Camera
+from gslts_sim.home import AreaLight
+from gslts_sim.raycast import RayCaster
+from gslts_sim.texture_atlas import LINEAR_OF_BYTE, texture_atlas
 
 
 def radiance_of(caster: RayCaster, camera: Camera) -> np.ndarray:

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from gslts.bench.made import made
-from gslts.sim.explore import explore
-from gslts.sim.home import Home
-from gslts.sim.robot_body import Look
+from gslts_bench.cache import cached_folder
+from gslts_sim.explore import explore
+from gslts_sim.home import Home
+from gslts_sim.robot_body import Look
 
 VARIABLE = "GSLTS_TEST_SHARED"
 """Names the folder of a run: all processes of it, and pytest runs one after the other, use one."""
@@ -33,7 +33,7 @@ def made_once(name: str, make: Callable[[Path], None]) -> Path:
         name: Unlike that of anything else.
         make: Is given the path of a folder that it makes; others wait until it has returned.
     """
-    return made(Path(os.environ[VARIABLE]) / name, {}, make)
+    return cached_folder(Path(os.environ[VARIABLE]) / name, {}, make)
 
 
 def looks_all_around(name: str, home: Home, most: int) -> list[Look]:

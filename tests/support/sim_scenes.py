@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from gslts.sim.home import AreaLight, Home, HomeObject, Room
-from gslts.sim.mesh import Surface
+from gslts_sim.home import AreaLight, Home, HomeObject, Room
+from gslts_sim.mesh import Surface
 
 
 def box_surface(

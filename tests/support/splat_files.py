@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 import gslts
-from gslts.gaussian_map import SH_C0
+from gslts.core.gaussian_map import SH_C0
 
 ORIGIN = (3.0, -2.0, 0.5)
 

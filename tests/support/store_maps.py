@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from gslts.gaussian_map import GaussianMap
-from gslts.mapping.density import joined
+from gslts.core.gaussian_map import GaussianMap
+from gslts.mapping.density.control import joined
 from gslts.store.delta import ARRAYS
 from gslts.store.map_store import BLOBS, MapStore
 

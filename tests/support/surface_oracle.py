@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.frame import RgbdFrame
+from gslts.core.frame import RgbdFrame
 
 Floats = NDArray[np.float64]
 EDGE_SHARE = 0.05

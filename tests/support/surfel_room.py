@@ -6,12 +6,12 @@ from functools import cache
 import numpy as np
 import sim_scenes
 
-from gslts.gaussian_map import GaussianMap
-from gslts.sim.home import Home, HomeObject
-from gslts.sim.physics import boxes_in_world
-from gslts.tasks.autoencoder import Autoencoder
-from gslts.tasks.semantics import Oracle
-from gslts.tasks.train_autoencoder import trained
+from gslts.core.gaussian_map import GaussianMap
+from gslts.semantics.autoencoder import Autoencoder
+from gslts.semantics.source import Oracle
+from gslts.semantics.train_autoencoder import trained
+from gslts_sim.home import Home, HomeObject
+from gslts_sim.physics import boxes_in_world
 
 APART_M, THIN_M = 0.05, 0.002
 CODE = 8

@@ -9,16 +9,16 @@ import numpy as np
 from change_room import BLUE, LOOKS, SIZE, YELLOW
 
 from gslts.change.changes import Change
-from gslts.frame import RgbdFrame
-from gslts.gaussian_map import GaussianMap
-from gslts.loop.keeper import LoopConfig
-from gslts.robot import Robot
-from gslts.sim.controller import Controller
-from gslts.sim.home import Home, HomeObject
-from gslts.sim.robot_body import Look
-from gslts.update.collect import Collection, collect
+from gslts.core.frame import RgbdFrame
+from gslts.core.gaussian_map import GaussianMap
+from gslts.core.robot import Robot
+from gslts.keeper.keeper import LoopConfig
 from gslts.update.config import CollectConfig, EditConfig, RefineConfig, UpdateConfig
 from gslts.update.updater import Update, update
+from gslts.update.view_collection import Collection, collect
+from gslts_sim.controller import Controller
+from gslts_sim.home import Home, HomeObject
+from gslts_sim.robot_body import Look
 
 Kind = Literal["removal", "addition", "relocation"]
 COLLECT = CollectConfig(distance_m=1.0)
@@ -100,6 +100,9 @@ class Changing:
     def observe(self) -> RgbdFrame:
         self._left -= 1
         return self._robots[0 if self._left >= 0 else 1].observe()
+
+    def pose(self) -> np.ndarray:
+        return self._robots[0].pose()
 
     def reachable_positions(self) -> np.ndarray:
         return self._robots[0].reachable_positions()

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gslts.video import Video
+from gslts.io.video import Video
 
 
 def write(path: Path, count: int) -> None:

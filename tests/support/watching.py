@@ -2,9 +2,9 @@
 
 import threading
 
-from gslts.change.detect import ChangeDetector, Detection
+from gslts.change.detector import ChangeDetector, Detection
 from gslts.change.monitor import ChangeMonitor
-from gslts.frame import RgbdFrame
+from gslts.core.frame import RgbdFrame
 
 LONG_S = 60.0
 """More than anything here takes: a test that waits so long has failed."""

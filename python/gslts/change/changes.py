@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts._core import detect as _core
+from gslts.types import Bools, Floats
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 Kind = Literal["addition", "removal", "relocation"]
 
 KINDS: dict[_core.ChangeType, Kind] = {

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.gaussian_map import FloatArray
-from gslts.losses import Exposure, fit_exposure
-
-Floats32 = NDArray[np.float32]
+from gslts.core.gaussian_map import FloatArray
+from gslts.rendering.losses import Exposure, fit_exposure
+from gslts.types import Floats32
 
 ROUNDS = 2
 OUTLYING = 2.5

@@ -7,9 +7,8 @@ from typing import Protocol
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-Floats32 = NDArray[np.float32]
+from gslts.types import Floats32
 
 ORIENTATIONS = 8
 POOLED_SHARES = (0.006, 0.02)

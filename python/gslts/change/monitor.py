@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gslts.change.changes import Change, joined
-from gslts.change.detect import ChangeDetector, Detection
-from gslts.frame import RgbdFrame
+from gslts.change.detector import ChangeDetector, Detection
+from gslts.core.frame import RgbdFrame
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class ChangeMonitor:
         detector: Of the map as it is.
         config: Settings.
         locate: Puts a frame where it was taken before it is looked at, such as
-            `gslts.relocalize.localized.Localizer.located`; None means that it says itself where.
+            `gslts.localization.localizer.Localizer.located`; None means that it says itself where.
         clock: Returns the time in s by which the rate is kept.
     """
 

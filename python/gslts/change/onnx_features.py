@@ -7,9 +7,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-Floats32 = NDArray[np.float32]
+from gslts.types import Floats32
 
 SIDE_PX = 1024
 """Of the images of EfficientSAM (Xiong et al. 2024), which takes the mean off itself; for encoders

@@ -5,10 +5,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from gslts.camera import Camera
 from gslts.change.changes import Change
-from gslts.change.detect import Detection
-from gslts.pictures import Picture, corners_of, draw_box, picture_of, write_on
+from gslts.change.detector import Detection
+from gslts.core.camera import Camera
+from gslts.io.images import Picture, corners_of, draw_box, picture_of, write_on
 
 COLORS = {"addition": (40, 200, 70), "removal": (230, 60, 50), "relocation": (60, 120, 250)}
 """RGB of each kind."""

@@ -6,10 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.gaussian_map import FloatArray
-
-Floats32 = NDArray[np.float32]
-Bools = NDArray[np.bool_]
+from gslts.core.gaussian_map import FloatArray
+from gslts.types import Bools, Floats32
 
 LEAST_DEPTH = 0.1
 """Share of the pixels in which depth must be measured."""

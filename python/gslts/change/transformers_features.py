@@ -7,9 +7,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-Floats32 = NDArray[np.float32]
+from gslts.types import Floats32
 
 MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 """Of ImageNet, with which SAM and DINOv2 were trained."""
@@ -34,7 +33,7 @@ class TransformersEncoder:
             import torch
             from transformers import AutoModel
 
-            from gslts.pretrained import pretrained
+            from gslts.semantics.pretrained import pretrained
         except ImportError:
             raise ImportError(
                 "transformers features need transformers and torch: pip install 'gslts[models]'"

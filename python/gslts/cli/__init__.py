@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import os
 import sys
+from importlib.metadata import entry_points
 from typing import Annotated
 
 import typer
 
 from gslts.cli import history, mapping, navigation, output, tasks
-from gslts.cli.bench import bench
-from gslts.cli.demo import demo
 from gslts.cli.detect import detect
 from gslts.cli.locate import locate
 from gslts.cli.run import run
-from gslts.cli.sim import sim
-from gslts.cli.tradeoff import tradeoff
 from gslts.cli.update import update
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
@@ -26,7 +23,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # Errors in one line and not in a box.
 )
-app.add_typer(sim, name="sim")
 app.command("map")(mapping.make)
 app.command("eval")(mapping.judge)
 app.command("render")(output.render)
@@ -35,7 +31,6 @@ app.command("locate")(locate)
 app.command("detect")(detect)
 app.command("update")(update)
 app.command("run")(run)
-app.command("demo")(demo)
 app.command("log")(history.log)
 app.command("show")(history.show)
 app.command("diff")(history.diff)
@@ -47,8 +42,12 @@ app.command("semantics")(tasks.semantics)
 app.command("query")(tasks.query)
 app.command("semantic-map")(navigation.flatten)
 app.command("go")(navigation.go)
-app.command("tradeoff")(tradeoff)
-app.add_typer(bench, name="bench")
+for entry in entry_points(group="gslts.commands"):  # Of installed packages: the simulator's, ...
+    command = entry.load()
+    if isinstance(command, typer.Typer):
+        app.add_typer(command, name=entry.name)
+    else:
+        app.command(entry.name)(command)
 
 
 def _tell_version(wanted: bool) -> None:

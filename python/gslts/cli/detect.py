@@ -57,14 +57,14 @@ def detect(
     from PIL import Image
     from tqdm import tqdm
 
-    from gslts.camera_files import cameras_of_map
     from gslts.change.config import DetectionConfig
-    from gslts.change.detect import ChangeDetector
+    from gslts.change.detector import ChangeDetector
     from gslts.change.features import extractor_of
     from gslts.change.overlay import overlay
     from gslts.datasets import open_dataset
-    from gslts.files import empty_folder
-    from gslts.map_folder import read_map
+    from gslts.io.atomic_files import empty_folder
+    from gslts.store.camera_files import cameras_of_map
+    from gslts.store.map_folder import read_map
 
     gaussian_map, opened = read_map(map_path), open_dataset(dataset, posed=not locate)
     known = {one.name: one for one in opened.frames}

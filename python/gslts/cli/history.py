@@ -39,15 +39,19 @@ def log(
     from dataclasses import asdict
 
     from gslts.store.history import open_history
-    from gslts.store.words import words_of_event, words_of_refusal, words_of_time
+    from gslts.store.words import words_of_event, words_of_rejection, words_of_time
 
     if html is not None and (as_json or object_type is not None):
         raise ValueError("--html tells everything: give it without --object and --json")
     with open_history(map_path) as store:
-        versions, events, refusals = store.versions(), store.events(object_type), store.refusals()
+        versions, events, rejections = (
+            store.versions(),
+            store.events(object_type),
+            store.rejections(),
+        )
         standing = store.numbers_of_way_to()
         if html is not None:
-            from gslts.loop.history_page import write_history
+            from gslts.keeper.history_page import write_history
 
             write_history(html, store)
             typer.echo(f"wrote {html}")
@@ -56,16 +60,16 @@ def log(
         told = {
             "versions": [asdict(one) for one in versions],
             "events": [asdict(one) for one in events],
-            "refusals": [asdict(one) for one in refusals],
+            "rejections": [asdict(one) for one in rejections],
         }
         typer.echo(json.dumps(told, indent=1))
         return
     for version in reversed(versions):
         if object_type is None:
-            for refusal in refusals:
-                if refusal.version == version.number:
-                    when = words_of_time(refusal.time_s)
-                    typer.echo(f"        {when}  {words_of_refusal(refusal)}")
+            for rejection in rejections:
+                if rejection.version == version.number:
+                    when = words_of_time(rejection.time_s)
+                    typer.echo(f"        {when}  {words_of_rejection(rejection)}")
         own = [event for event in events if event.version == version.number]
         if object_type is None or own:
             typer.echo(_line(version))
@@ -81,8 +85,8 @@ def show(map_path: Folder, number: Number) -> None:
 
     Example: gslts show out/map 2
     """
-    from gslts.manifest import picture_path
     from gslts.store.history import open_history
+    from gslts.store.manifest import picture_path
     from gslts.store.words import words_of_event
 
     with open_history(map_path) as store:
@@ -112,13 +116,13 @@ def diff(
     """
     from PIL import Image
 
-    from gslts.camera_files import cameras_of_map
-    from gslts.map_folder import open_versions
+    from gslts.store.camera_files import cameras_of_map
     from gslts.store.delta import delta_by_ids
+    from gslts.store.map_folder import open_map
     from gslts.store.words import words_of_event
-    from gslts.update.picture import difference_picture
+    from gslts.update.report_image import difference_picture
 
-    with open_versions(map_path) as store:
+    with open_map(map_path) as store:
         maps = store.read(before), store.read(after)
         done, undone = store.events_between(before, after)
     typer.echo(_counts(delta_by_ids(*maps)))
@@ -138,9 +142,9 @@ def restore(map_path: Folder, number: Number) -> None:
 
     Example: gslts restore out/map 2
     """
-    from gslts.map_folder import open_versions
+    from gslts.store.map_folder import open_map
 
-    with open_versions(map_path, writable=True) as store:
+    with open_map(map_path, writable=True) as store:
         version = store.restore(number)
     typer.echo(_line(version))
 
@@ -152,11 +156,11 @@ def verify(map_path: Folder) -> None:
     """
     from tqdm import tqdm
 
-    from gslts.map_folder import open_versions
-    from gslts.relocalize.landmark_files import landmark_problems
-    from gslts.tasks.semantics_files import semantics_problems
+    from gslts.localization.landmark_files import landmark_problems
+    from gslts.semantics.files import semantics_problems
+    from gslts.store.map_folder import open_map
 
-    with open_versions(map_path) as store:
+    with open_map(map_path) as store:
         versions = store.versions()
         with tqdm(total=len(versions), desc="checking", bar_format=BAR, disable=None) as bar:
             problems = store.problems(bar.update)
@@ -179,10 +183,10 @@ def gc(
 
     Example: gslts gc out/map --keep 100
     """
-    from gslts.map_folder import open_versions
-    from gslts.relocalize.landmark_files import remove_unneeded_landmarks
+    from gslts.localization.landmark_files import remove_unneeded_landmarks
+    from gslts.store.map_folder import open_map
 
-    with open_versions(map_path, writable=True) as store:
+    with open_map(map_path, writable=True) as store:
         freed = store.collect_garbage() if keep is None else store.compact(keep)
         freed += remove_unneeded_landmarks(store)
     typer.echo(f"{freed} bytes are free again")
@@ -196,8 +200,8 @@ def import_ply(
 
     Example: gslts import point_cloud.ply --out out/map
     """
-    from gslts.map_folder import write_map_folder
-    from gslts.ply import read_ply
+    from gslts.io.ply import read_ply
+    from gslts.store.map_folder import write_map_folder
 
     gaussian_map = read_ply(ply)
     write_map_folder(out, gaussian_map, {"dataset": ply.name}, {})

@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from gslts.camera import Camera
+    from gslts.core.camera import Camera
+    from gslts.core.frame import RgbdFrame
     from gslts.datasets import Dataset, Frame
-    from gslts.frame import RgbdFrame
-    from gslts.relocalize.localized import Localizer
-    from gslts.relocalize.relocalizer import Localization, Relocalizer
+    from gslts.localization.localizer import Localizer
+    from gslts.localization.relocalizer import Localization, Relocalizer
 
     Floats = NDArray[np.float64]
 
@@ -89,9 +89,9 @@ def locate(
     from tqdm import tqdm
 
     from gslts.datasets import Dataset
-    from gslts.relocalize.localized import Localizer
-    from gslts.relocalize.relocalizer import Localization
-    from gslts.relocalize.side_by_side import side_by_side
+    from gslts.localization.localizer import Localizer
+    from gslts.localization.relocalizer import Localization
+    from gslts.localization.side_by_side import side_by_side
 
     settings = {"threads": threads} | ({} if halvings is None else {"halvings": halvings})
     relocalizer = _relocalizer(map_path, settings)
@@ -137,7 +137,7 @@ def localizer_of(map_path: Path, threads: int) -> Localizer:
         OSError: A file cannot be read.
         ValueError: It is no map, or has no landmarks.
     """
-    from gslts.relocalize.localized import Localizer
+    from gslts.localization.localizer import Localizer
 
     return Localizer(_relocalizer(map_path, {"threads": threads}))
 
@@ -165,10 +165,10 @@ def read_frames(path: Path, localizer: Localizer | None) -> dict[str, RgbdFrame]
 
 
 def _relocalizer(map_path: Path, settings: dict[str, int]) -> Relocalizer:
-    from gslts.map_folder import read_map
-    from gslts.relocalize.config import RelocalizationConfig
-    from gslts.relocalize.landmark_files import require_landmarks
-    from gslts.relocalize.relocalizer import Relocalizer
+    from gslts.localization.config import RelocalizationConfig
+    from gslts.localization.landmark_files import require_landmarks
+    from gslts.localization.relocalizer import Relocalizer
+    from gslts.store.map_folder import read_map
 
     gaussian_map = read_map(map_path)
     config = RelocalizationConfig.model_validate(settings)
@@ -189,9 +189,9 @@ def _frame_of_image(
 ) -> Frame:
     from math import radians
 
-    from gslts.camera import camera_from_fov
-    from gslts.camera_files import read_lens
+    from gslts.core.camera import camera_from_fov
     from gslts.datasets.dataset import ImageFrame, image_size
+    from gslts.store.camera_files import read_lens
 
     if camera is not None and fov_deg is not None:
         raise ValueError("--camera and --fov-deg exclude each other")
@@ -207,7 +207,7 @@ def _frame_of_image(
 
 def _lens_of_map(map_path: Path, image: Path, size: tuple[int, int]) -> Camera:
     """The first of the map's cameras whose pictures have a size."""
-    from gslts.camera_files import cameras_of_map
+    from gslts.store.camera_files import cameras_of_map
 
     cameras = cameras_of_map(map_path).values()
     found = next((one for one in cameras if (one.width, one.height) == size), None)
@@ -223,7 +223,7 @@ def _without_pose(frame: RgbdFrame) -> RgbdFrame:
     """In the world of its camera: as if the robot had never moved."""
     import numpy as np
 
-    from gslts.relocalize.localized import in_world
+    from gslts.localization.localizer import in_world
 
     camera_from_world = np.asarray(np.linalg.inv(frame.camera.world_from_camera), np.float64)
     return in_world(frame, camera_from_world)
@@ -248,14 +248,14 @@ class _Told:
     @property
     def off(self) -> tuple[float, float] | None:
         """By how much the pose of the data set is another one, m and rad."""
-        from gslts.camera import apart
+        from gslts.core.se3 import pose_distance
 
         pose = self.found.world_from_camera
-        return None if pose is None or self.given is None else apart(self.given, pose)
+        return None if pose is None or self.given is None else pose_distance(self.given, pose)
 
     def line(self) -> str:
         """In words."""
-        from gslts.relocalize.trust import stds_of
+        from gslts.localization.pose_quality import stds_of
 
         found = self.found
         if found.status == "lost":

@@ -81,7 +81,7 @@ def make(
     from gslts.mapping.config import PRESETS
     from gslts.mapping.engine import make_map
     from gslts.mapping.optimize import Progress
-    from gslts.mapping.summary import summary_of, write_result
+    from gslts.mapping.report.summary import summary_of, write_result
 
     if out.exists():
         raise FileExistsError(f"{out} is there already")
@@ -155,11 +155,11 @@ def judge(
     from tqdm import tqdm
 
     from gslts.datasets import open_dataset
-    from gslts.lpips import Lpips
-    from gslts.map_folder import read_map
-    from gslts.mapping.assess import assess
-    from gslts.mapping.evaluate import evaluate_held_out
-    from gslts.mapping.judge import Known, held_out_of
+    from gslts.mapping.evaluation.assess import assess
+    from gslts.mapping.evaluation.evaluate import evaluate_held_out
+    from gslts.mapping.evaluation.held_out import Known, held_out_of
+    from gslts.rendering.metrics import Lpips
+    from gslts.store.map_folder import read_map
 
     weights = both_weights(lpips_backbone, lpips_heads)
     lpips = None if weights is None else Lpips(*weights)
@@ -203,7 +203,7 @@ def judge(
 
 
 def both_weights(backbone: Path | None, heads: Path | None) -> tuple[Path, Path] | None:
-    """The files of `gslts.lpips.Lpips`; None without them.
+    """The files of `gslts.rendering.metrics.Lpips`; None without them.
 
     Raises:
         ValueError: One is missing.

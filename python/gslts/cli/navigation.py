@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gslts.cli.mapping import BAR
-from gslts.cli.sim import Noise
 
 if TYPE_CHECKING:
-    from gslts.robot import Robot
-    from gslts.tasks.autoencoder import Autoencoder
-    from gslts.tasks.navigate import Journey, Navigator
-    from gslts.tasks.semantics import SemanticSource
+    from gslts.core.robot import Robot
+    from gslts.navigation.navigator import Journey, Navigator
+    from gslts.semantics.autoencoder import Autoencoder
+    from gslts.semantics.source import SemanticSource
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
 
@@ -50,11 +49,11 @@ def flatten(
 
     Example: gslts semantic-map out/map --category Mug --category Sofa --out out/plan
     """
-    from gslts.map_folder import read_map
-    from gslts.tasks.categories import Categories
-    from gslts.tasks.robot_body import RobotBody
-    from gslts.tasks.semantic_map import semantic_map
-    from gslts.tasks.semantic_map_files import map_picture, write_map_server, write_picture
+    from gslts.navigation.robot_body import RobotBody
+    from gslts.navigation.semantic_map import semantic_map
+    from gslts.navigation.semantic_map_files import map_picture, write_map_server, write_picture
+    from gslts.semantics.categories import Categories
+    from gslts.store.map_folder import read_map
 
     body = RobotBody(radius_m=radius, height_m=height, step_m=step)
     layers = Categories(tuple(category), *_words(map_path, clip)) if category else None
@@ -74,16 +73,14 @@ def go(
     robot: Annotated[
         str | None,
         typer.Option(
-            metavar="DAY|TASK|HOME",
-            help="Where the simulated robot is: day.json of gslts sim day, a scene change task, "
-            "kitchen, living_room or bedroom, or a .glb or .gltf file. Default: in the map itself.",
+            metavar="ROBOT",
+            help="A simulated robot: day.json of gslts sim day, a scene change task, a home such "
+            "as kitchen_3, or a .glb or .gltf file. Default: in the map itself.",
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of a kitchen, living_room or bedroom.")] = 0,
     after: Annotated[
         int, typer.Option(min=0, help="Rounds of the day, or changes of the task, that are over.")
     ] = 0,
-    noise: Noise = "kinect",
     watch: Annotated[
         bool,
         typer.Option("--watch", help="Look for changes on the way, and update the map with them."),
@@ -103,14 +100,15 @@ def go(
     """
     from tqdm import tqdm
 
-    from gslts.map_folder import read_map
-    from gslts.tasks.navigate import MOST_STEPS, Navigator
-    from gslts.tasks.semantic_map_files import map_picture, write_picture
+    from gslts.navigation.navigator import MOST_STEPS, Navigator
+    from gslts.navigation.semantic_map_files import map_picture, write_picture
+    from gslts.robots.sources import open_robot
+    from gslts.store.map_folder import read_map
 
     if not text.strip():
         raise ValueError("TEXT: it is empty")
     words = _words(map_path, clip)
-    scout = None if robot is None else _robot(robot, seed, after, noise)
+    scout = None if robot is None else open_robot(robot).robot(after)
     if watch and scout is None:
         raise ValueError("--watch needs a --robot: in the map, nothing changes")
     with tqdm(total=MOST_STEPS, desc="going", bar_format=BAR, disable=None) as bar:
@@ -135,8 +133,8 @@ def go(
 
 
 def _in_the_map(map_path: Path, navigator: Navigator) -> Robot:
-    from gslts.camera_files import cameras_of_map
-    from gslts.tasks.map_robot import MapRobot
+    from gslts.robots.in_map import MapRobot
+    from gslts.store.camera_files import cameras_of_map
 
     first = next(iter(cameras_of_map(map_path).values()), None)
     if first is None:
@@ -149,8 +147,8 @@ def _watching(
 ) -> tuple[Navigator, Journey]:
     from tqdm import tqdm
 
-    from gslts.loop.errand import run_errand
-    from gslts.loop.keeper import MapKeeper
+    from gslts.keeper.errand import run_errand
+    from gslts.keeper.keeper import MapKeeper
 
     with MapKeeper(map_path, say=tqdm.write) as keeper:
         if keeper.meaning is None:
@@ -159,34 +157,8 @@ def _watching(
 
 
 def _words(map_path: Path, clip: Path | None) -> tuple[Autoencoder, SemanticSource]:
-    from gslts.tasks.semantics_files import require_semantics
-    from gslts.tasks.sources import source_of
+    from gslts.semantics.files import require_semantics
+    from gslts.semantics.open_source import source_of
 
     setting, autoencoder = require_semantics(map_path)
     return autoencoder, source_of(setting, clip)
-
-
-def _robot(name: str, seed: int, after: int, noise: str) -> Robot:
-    """The simulated robot of a script or of a home.
-
-    Raises:
-        OSError: A file cannot be read.
-        ValueError: It is neither a script nor a home.
-    """
-    from gslts.sim.controller import Controller
-    from gslts.sim.day import read_day
-    from gslts.sim.home_source import open_home
-    from gslts.sim.task import read_task
-
-    path = Path(name)
-    if path.suffix.lower() != ".json":
-        return Controller(open_home(name, seed), noise=noise)
-    try:
-        day = read_day(path)
-    except ValueError as of_day:
-        try:
-            task = read_task(path)
-        except ValueError:
-            raise ValueError(f"{path}: it is neither a day nor a task: {of_day}") from None
-        return task.start(task.home.load(path.parent), changed=after > 0)
-    return day.robot(day.home.load(path.parent), after)

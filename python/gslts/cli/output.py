@@ -12,9 +12,9 @@ import typer
 from gslts.cli.mapping import Map, Threads
 
 if TYPE_CHECKING:
-    from gslts.camera import Camera
-    from gslts.gaussian_map import GaussianMap
-    from gslts.pictures import Picture
+    from gslts.core.camera import Camera
+    from gslts.core.gaussian_map import GaussianMap
+    from gslts.io.images import Picture
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
 
@@ -68,7 +68,7 @@ def render(
     """
     from tqdm import tqdm
 
-    from gslts.map_folder import read_map
+    from gslts.store.map_folder import read_map
 
     if pose is not None and trajectory is not None:
         raise ValueError("--pose and --trajectory exclude each other")
@@ -102,9 +102,9 @@ def export(
 
     Example: gslts export out/map out/map.splat
     """
-    from gslts.map_folder import read_map
-    from gslts.ply import write_ply
-    from gslts.splat import rounding_m, write_splat
+    from gslts.io.ply import write_ply
+    from gslts.io.splat import rounding_m, write_splat
+    from gslts.store.map_folder import read_map
 
     kind = out.suffix.lower()
     if kind not in (".ply", ".splat"):
@@ -145,9 +145,9 @@ def _views(
     map_path: Path, pose: str | None, trajectory: Path | None, frames: int, given: Camera | None
 ) -> list[Camera]:
     """The cameras to render from, with the given intrinsics instead of their own."""
-    from gslts.camera import at_pose
-    from gslts.camera_files import read_camera, read_path
-    from gslts.orbit import orbit
+    from gslts.core.camera import at_pose
+    from gslts.rendering.orbit import orbit
+    from gslts.store.camera_files import read_camera, read_path
 
     if pose is not None and Path(pose).suffix.lower() == ".json":
         cameras = [read_camera(Path(pose), given or _usual_lens(map_path))]
@@ -168,7 +168,7 @@ def _views(
 
 def _own(map_path: Path) -> dict[str, Camera]:
     """The cameras of a map folder, at least one."""
-    from gslts.camera_files import cameras_of_map
+    from gslts.store.camera_files import cameras_of_map
 
     cameras = cameras_of_map(map_path)
     if not cameras:
@@ -178,7 +178,7 @@ def _own(map_path: Path) -> dict[str, Camera]:
 
 def _usual_lens(map_path: Path) -> Camera:
     """For poses without intrinsics: those of the map's first camera, if it has cameras."""
-    from gslts.camera_files import cameras_of_map
+    from gslts.store.camera_files import cameras_of_map
 
     return next(iter(cameras_of_map(map_path).values()), _lens(None, None, None))
 
@@ -186,7 +186,7 @@ def _usual_lens(map_path: Path) -> Camera:
 def _lens(width: int | None, height: int | None, fov_deg: float | None) -> Camera:
     from math import radians
 
-    from gslts.camera import camera_from_fov
+    from gslts.core.camera import camera_from_fov
 
     return camera_from_fov(
         width or DEFAULT_SIZE[0], height or DEFAULT_SIZE[1], radians(fov_deg or DEFAULT_FOV_DEG)
@@ -197,13 +197,13 @@ def _depth_range(gaussian_map: GaussianMap, cameras: list[Camera], threads: int)
     """Of all views, so that the colours of a video keep their meaning; m."""
     import numpy as np
 
-    from gslts.camera import resized
-    from gslts.pictures import depth_range
-    from gslts.rasterizer import Rasterizer, RenderOptions
+    from gslts.core.camera import downscale
+    from gslts.io.images import depth_range
+    from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 
     rasterizer, options = Rasterizer(gaussian_map.dtype), RenderOptions(threads=threads)
     sample = cameras[:: max(1, len(cameras) // SAMPLES)]
-    coarse = (resized(camera, COARSE) for camera in sample)
+    coarse = (downscale(camera, COARSE) for camera in sample)
     depths = [rasterizer.forward(gaussian_map, camera, options).depth for camera in coarse]
     return depth_range(np.concatenate([depth.ravel() for depth in depths]))
 
@@ -212,8 +212,8 @@ def _pictures(
     gaussian_map: GaussianMap, cameras: Iterable[Camera], range_m: Range | None, threads: int
 ) -> Iterator[tuple[Picture, Picture | None]]:
     """Colour, and depth if it has a range."""
-    from gslts.pictures import depth_picture, picture_of
-    from gslts.rasterizer import Rasterizer, RenderOptions
+    from gslts.io.images import depth_picture, picture_of
+    from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 
     rasterizer, options = Rasterizer(gaussian_map.dtype), RenderOptions(threads=threads)
     for camera in cameras:
@@ -228,7 +228,7 @@ def _write_videos(
     out: Path,
     depth_out: Path | None,
 ) -> None:
-    from gslts.video import Video
+    from gslts.io.video import Video
 
     out.parent.mkdir(parents=True, exist_ok=True)
     with (
@@ -245,7 +245,7 @@ def _write_pngs(pictures: Iterable[tuple[Picture, Picture | None]], out: Path) -
     """00000.png, 00000_depth.png, ...: names from files are no names for files."""
     from PIL import Image
 
-    from gslts.files import empty_folder
+    from gslts.io.atomic_files import empty_folder
 
     empty_folder(out)
     for number, (picture, of_depth) in enumerate(pictures):

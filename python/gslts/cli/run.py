@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -16,9 +15,10 @@ from gslts.cli.locate import Locate, localizer_of, read_frames
 from gslts.cli.mapping import BAR, Threads
 
 if TYPE_CHECKING:
-    from gslts.camera import Camera
-    from gslts.relocalize.localized import Localizer
-    from gslts.robot import Robot
+    from gslts.core.camera import Camera
+    from gslts.core.robot import Robot
+    from gslts.localization.localizer import Localizer
+    from gslts.robots.sources import RobotSource
 
     Walk = Callable[[int], tuple[Robot, Mapping[str, Camera] | None]]
     """The robot of a round, and from where it is to look if that is known."""
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 def run(
     map_path: Annotated[Path, typer.Argument(metavar="MAP", help="Folder of a map.")],
     robot: Annotated[
-        Path | None,
-        typer.Option(metavar="DAY", help="A script of gslts sim day: the simulated robot goes."),
+        str | None,
+        typer.Option(metavar="ROBOT", help="A simulated robot: day.json of gslts sim day."),
     ] = None,
     frames: Annotated[
         Path | None,
@@ -46,21 +46,22 @@ def run(
     """Go rounds through a home, and keep its map up to date.
 
     Where something looks changed, the robot looks again; what is certain is looked at closely and
-    becomes a version of the map (gslts log), or is parked and tried again in a later round. Ctrl-C
-    or SIGTERM stops at the next safe point; the same command goes on there, also after a crash.
+    becomes a version of the map (gslts log), or is deferred to a later round. Ctrl-C or SIGTERM
+    stops at the next safe point; the same command goes on there, also after a crash.
 
     Example: gslts run out/map --robot out/day/day.json
     """
     from tqdm import tqdm
 
     from gslts.change.config import DetectionConfig
-    from gslts.loop.keeper import LoopConfig, MapKeeper, StoppedError
-    from gslts.relocalize.config import RelocalizationConfig
+    from gslts.keeper.keeper import LoopConfig, MapKeeper, StoppedError
+    from gslts.localization.config import RelocalizationConfig
+    from gslts.robots.sources import open_robot
     from gslts.update.config import UpdateConfig
 
     if robot is not None and frames is None:
-        walk, most = _of_a_day(robot)
-        source = hashlib.sha256(robot.read_bytes()).hexdigest()
+        opened = open_robot(robot)
+        walk, most, source = _of_a_robot(opened), opened.rounds, opened.digest
     elif frames is not None and robot is None:
         localizer = localizer_of(map_path, threads) if locate else None
         walk, most = _of_a_recording(frames, localizer), None
@@ -100,13 +101,13 @@ def run(
                     f"stopped in round {keeper.state.round}; the same command goes on there"
                 ) from None
             version = keeper.version
-    parked = keeper.state.parked
-    for one in parked:
+    deferred = keeper.state.deferred
+    for one in deferred:
         x, y, z = one.point
-        typer.echo(f"parked: {one.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m: {one.reason}")
+        typer.echo(f"deferred: {one.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m: {one.reason}")
     typer.echo(
-        f"{last - first} round(s); {map_path} is version {version.number} now, {len(parked)} "
-        f"parked; see gslts log {map_path}"
+        f"{last - first} round(s); {map_path} is version {version.number} now, {len(deferred)} "
+        f"deferred; see gslts log {map_path}"
     )
 
 
@@ -129,18 +130,14 @@ def stopped_by_signals() -> Iterator[list[int]]:
             signal.signal(number, handler)
 
 
-def _of_a_day(path: Path) -> tuple[Walk, int]:
-    """The simulated robot of each round, and how many rounds the day has."""
-    from gslts.sim.day import read_day
-
-    day = read_day(path)
-    home = day.home.load(path.parent)
-    return lambda number: (day.robot(home, number + 1), None), len(day.rounds)
+def _of_a_robot(source: RobotSource) -> Walk:
+    """The robot of each round, which meets the changes up to that round."""
+    return lambda number: (source.robot(number + 1), None)
 
 
 def _of_a_recording(path: Path, localizer: Localizer | None) -> Walk:
     """A robot that replays frames, from where they were taken."""
-    from gslts.recorded_robot import RecordedRobot
+    from gslts.robots.recorded import RecordedRobot
 
     read = read_frames(path, localizer)
     robot = RecordedRobot(list(read.values()))

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from gslts.gaussian_map import GaussianMap
-    from gslts.tasks.localize import Instance
+    from gslts.core.gaussian_map import GaussianMap
+    from gslts.semantics.queries import Instance
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
 
@@ -62,7 +62,7 @@ def semantics(
 
     from tqdm import tqdm
 
-    from gslts.tasks.teach import teach
+    from gslts.semantics.teach import teach
 
     models = {name: one for name, one in (("clip", clip), ("sam", sam)) if one}
     start_s = time.perf_counter()
@@ -99,14 +99,14 @@ def query(
 
     Example: gslts query out/map "alarm clock" --picture out/clock.png
     """
-    from gslts.map_folder import read_map
-    from gslts.tasks.localize import Queries
-    from gslts.tasks.semantics_files import require_semantics
-    from gslts.tasks.sources import source_of
+    from gslts.semantics.files import require_semantics
+    from gslts.semantics.open_source import source_of
+    from gslts.semantics.queries import SemanticQueries
+    from gslts.store.map_folder import read_map
 
     setting, autoencoder = require_semantics(map_path)
     gaussian_map = read_map(map_path)
-    queries = Queries(gaussian_map, autoencoder, source_of(setting, clip, threads))
+    queries = SemanticQueries(gaussian_map, autoencoder, source_of(setting, clip, threads))
     found = queries.find(text)
     if as_json:
         typer.echo(json.dumps([_plain(one) for one in found]))
@@ -129,8 +129,8 @@ def _draw(
 ) -> None:
     from PIL import Image
 
-    from gslts.camera_files import cameras_of_map
-    from gslts.tasks.query_picture import query_picture
+    from gslts.semantics.query_image import query_picture
+    from gslts.store.camera_files import cameras_of_map
 
     cameras = list(cameras_of_map(map_path).values())
     if not cameras:

@@ -12,9 +12,9 @@ from gslts.cli.mapping import BAR, Map, Threads
 
 if TYPE_CHECKING:
     from gslts.change.changes import Change
-    from gslts.change.detect import ChangeDetector
-    from gslts.relocalize.localized import Localizer
-    from gslts.robot import Robot
+    from gslts.change.detector import ChangeDetector
+    from gslts.core.robot import Robot
+    from gslts.localization.localizer import Localizer
     from gslts.update.updater import Record
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
@@ -23,9 +23,10 @@ if TYPE_CHECKING:
 def update(
     map_path: Map,
     robot: Annotated[
-        Path | None,
+        str | None,
         typer.Option(
-            metavar="TASK", help="A scene change task: the simulated robot looks after the change."
+            metavar="ROBOT",
+            help="A simulated robot after the change: a scene change task of gslts sim tasks.",
         ),
     ] = None,
     frames: Annotated[
@@ -43,21 +44,23 @@ def update(
 
     The map gets a new version; what was before stays in its past (gslts log). A picture of what was
     seen, and of the map before and after, lies in the folder of the map. An update that does not
-    fit views kept aside better is refused: there is no new version then, and gslts log tells why.
+    fit views kept aside better is rejected: there is no new version then, and gslts log tells why.
 
     Example: gslts update out/map --robot out/tasks/0000_removal_Mug-1.json
     """
+    from importlib import metadata
+
     from tqdm import tqdm
 
-    from gslts import __version__
-    from gslts.camera_files import cameras_of_map
     from gslts.change.config import DetectionConfig
-    from gslts.change.detect import ChangeDetector
-    from gslts.map_folder import open_versions, picture_path
-    from gslts.relocalize.localized_robot import LocalizedRobot
-    from gslts.tasks.meaning import Meaning
-    from gslts.update.config import LITERAL, UpdateConfig
-    from gslts.update.published import published
+    from gslts.change.detector import ChangeDetector
+    from gslts.robots.localized import LocalizedRobot
+    from gslts.robots.sources import open_robot
+    from gslts.semantics.map_semantics import Meaning
+    from gslts.store.camera_files import cameras_of_map
+    from gslts.store.map_folder import open_map, picture_path
+    from gslts.update.config import GS_LTS, UpdateConfig
+    from gslts.update.publish import published
     from gslts.update.updater import update as run
 
     if (robot is None) == (frames is None):
@@ -66,8 +69,8 @@ def update(
     refine = config.refine.model_copy(update={"iterations": iterations})
     config = config.model_copy(update={"refine": refine})
     if literal:
-        config = config.model_copy(update={"edit": LITERAL})
-    with open_versions(map_path, writable=True) as store:
+        config = config.model_copy(update={"edit": GS_LTS})
+    with open_map(map_path, writable=True) as store:
         before, gaussian_map = store.version(), store.read()
         cameras, meaning = cameras_of_map(map_path), Meaning.of_map(map_path, threads)
         detector = ChangeDetector(
@@ -75,7 +78,8 @@ def update(
         )
         localizer = localizer_of(map_path, threads) if locate else None
         if robot is not None:
-            scout = _simulated(robot)
+            source = open_robot(robot)
+            scout = source.robot(source.rounds or 0)
             if localizer is not None:
                 scout = LocalizedRobot(scout, localizer)
             detection = detector.detect(scout.observe())
@@ -85,7 +89,9 @@ def update(
             scout, changes, fault = _recorded(frames, detector, localizer)
         if not changes:
             why = fault or "nothing changed"
-            store.refuse({"gslts": __version__, "changes": [], "record": {"refused": why}})
+            store.add_rejection(
+                {"gslts": metadata.version("gslts"), "changes": [], "record": {"rejected": why}}
+            )
             raise RuntimeError(f"{map_path} stays as it is: {why}")
         for change in changes:
             x, y, z = change.point
@@ -110,7 +116,7 @@ def update(
             )
         version = published(store, gaussian_map, cameras.values(), result, config, meaning=meaning)
     if version is None:
-        raise RuntimeError(f"{map_path} stays as it is: {result.record.refused}")
+        raise RuntimeError(f"{map_path} stays as it is: {result.record.rejected}")
     for change, why in result.left:
         typer.echo(f"{change.kind} left as it was: {why}")
     typer.echo(_words(result.record, gaussian_map.size))
@@ -120,19 +126,12 @@ def update(
     )
 
 
-def _simulated(path: Path) -> Robot:
-    from gslts.sim.task import read_task
-
-    task = read_task(path)
-    return task.start(task.home.load(path.parent), changed=True)
-
-
 def _recorded(
     path: Path, detector: ChangeDetector, localizer: Localizer | None
 ) -> tuple[Robot, list[Change], str | None]:
     """A robot that replays frames, the changes that enough of them show, or why they show none."""
     from gslts.change.monitor import confirmed
-    from gslts.recorded_robot import RecordedRobot
+    from gslts.robots.recorded import RecordedRobot
 
     frames = list(read_frames(path, localizer).values())
     changes, counts = confirmed(detector, frames)

@@ -12,9 +12,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.camera import Camera, product
+from gslts.core.camera import Camera
+from gslts.core.frame import Labels, RgbdFrame
+from gslts.core.se3 import product
 from gslts.datasets.undistort import Lens, undistort_depth, undistort_rgb
-from gslts.frame import Labels, RgbdFrame
 
 RIGID_TOLERANCE = 0.02
 """Of the singular values of a rotation; those of 7-Scenes are off by up to some thousandths."""

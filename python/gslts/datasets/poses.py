@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from gslts.camera import rotation, rotation_of_quat, rotation_vector
-
-Floats = NDArray[np.float64]
+from gslts.core.se3 import rotation, rotation_of_quat, rotation_vector
+from gslts.types import Floats
 
 LENGTH_TOLERANCE = 0.01
 """Of the length of a quaternion, which is written with some digits only."""

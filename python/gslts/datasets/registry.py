@@ -10,7 +10,7 @@ from pathlib import Path
 from gslts.datasets.colmap import is_colmap, open_colmap
 from gslts.datasets.dataset import Dataset
 from gslts.datasets.nerfstudio import is_nerfstudio, open_nerfstudio
-from gslts.datasets.rosbag import is_rosbag, open_rosbag
+from gslts.datasets.ros.dataset import is_rosbag, open_rosbag
 from gslts.datasets.seven_scenes import is_seven_scenes, open_seven_scenes
 from gslts.datasets.tum import is_tum, open_tum
 

@@ -9,9 +9,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gslts.camera import Camera
+from gslts.core.camera import Camera
 from gslts.datasets.dataset import (
     Dataset,
     ImageFrame,
@@ -21,8 +20,7 @@ from gslts.datasets.dataset import (
     read_numbers,
     rigid,
 )
-
-Floats = NDArray[np.float64]
+from gslts.types import Floats
 
 NO_DEPTH = 65535
 DEPTH_FOCAL_PX = 585.0

@@ -8,12 +8,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gslts.datasets.dataset import Dataset, ImageFrame, image_size, name_of, pinhole, told_apart
 from gslts.datasets.poses import pose_of
-
-Floats = NDArray[np.float64]
+from gslts.types import Floats
 
 DEPTH_UNIT_M = 1 / 5000
 MOST_APART_S = 0.02

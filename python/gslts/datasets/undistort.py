@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.camera import Camera
+from gslts.core.camera import Camera
+from gslts.types import Floats, Floats32
 
-Floats = NDArray[np.float64]
-Floats32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 BESIDE_PX = 1e-3

@@ -12,18 +12,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.adam import Adam, AdamState
+from gslts.core.gaussian_map import GaussianMap
 from gslts.datasets.dataset import reason_of
-from gslts.files import write_whole
-from gslts.gaussian_map import GaussianMap
-from gslts.losses import Exposure
-from gslts.map_folder import camera_of, plain_camera
+from gslts.io.atomic_files import write_whole
 from gslts.mapping.config import MappingConfig
+from gslts.mapping.frames import every_eighth
 from gslts.mapping.lenses import Lenses
 from gslts.mapping.observation import Observation
 from gslts.mapping.optimize import Optimizer
-from gslts.mapping.report_data import CurvePoint
-from gslts.mapping.visit import every_eighth
+from gslts.mapping.report.data import CurvePoint
+from gslts.rendering.adam import Adam, AdamState
+from gslts.rendering.losses import Exposure
+from gslts.store.map_folder import camera_of, plain_camera
 
 FORMAT, VERSION = "gslts-checkpoint", 1
 MAP_ARRAYS = ("means", "quats", "log_scales", "logit_opacities", "sh", "ids", "origin")

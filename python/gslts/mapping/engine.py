@@ -5,20 +5,26 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
+from gslts.core.gaussian_map import GaussianMap
 from gslts.datasets import Dataset
-from gslts.gaussian_map import GaussianMap
 from gslts.mapping.checkpoint import Checkpoint
 from gslts.mapping.clock import Clock
 from gslts.mapping.config import MappingConfig
-from gslts.mapping.density import greatest_weights
-from gslts.mapping.evaluate import HeldOut, evaluate, evaluate_held_out, near_by, refine_pose
+from gslts.mapping.density.control import greatest_weights
+from gslts.mapping.evaluation.evaluate import (
+    HeldOut,
+    evaluate,
+    evaluate_held_out,
+    near_by,
+    refine_pose,
+)
+from gslts.mapping.evaluation.variants import Variant, chosen_of, variants_of
+from gslts.mapping.frames import ShowFrames, Visit, every_eighth
+from gslts.mapping.initialize import Start, start_of
 from gslts.mapping.lenses import Lenses
 from gslts.mapping.observation import Observation
 from gslts.mapping.optimize import Optimizer, Progress, Schedule
-from gslts.mapping.report_data import CurvePoint
-from gslts.mapping.start import Start, start_of
-from gslts.mapping.variants import Variant, chosen_of, variants_of
-from gslts.mapping.visit import ShowFrames, Visit, every_eighth
+from gslts.mapping.report.data import CurvePoint
 
 JUDGED_TIMES = 20
 """How often in the course of the optimisation the frames kept aside are looked at."""

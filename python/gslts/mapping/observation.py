@@ -7,14 +7,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.alignment import Alignment
-from gslts.camera import Camera, at_pose, product, relative, resized
-from gslts.frame import RgbdFrame, halved_depth, halved_mask, halved_rgb, register_depth
-from gslts.losses import Exposure
+from gslts.core.camera import Camera, at_pose, downscale
+from gslts.core.frame import RgbdFrame, halved_depth, halved_mask, halved_rgb, register_depth
+from gslts.core.se3 import product, relative
+from gslts.localization.alignment import Alignment
 from gslts.mapping.lenses import Lenses
-
-Floats = NDArray[np.float64]
-Floats32 = NDArray[np.float32]
+from gslts.rendering.losses import Exposure
+from gslts.types import Floats, Floats32
 
 LEVELS = 3
 """Full, half and quarter resolution."""
@@ -91,7 +90,7 @@ class Observation:
 
     def camera(self, level: int = 0) -> Camera:
         """Of the colours, at the corrected pose."""
-        return resized(at_pose(self.lenses.color, self.pose), 1 << level)
+        return downscale(at_pose(self.lenses.color, self.pose), 1 << level)
 
     def photo(self, level: int = 0) -> Floats32:
         """[H,W,3] sRGB, 0 to 1."""
@@ -106,7 +105,7 @@ class Observation:
         if self._registered is None or self._registered[0] != level:
             divisor = 1 << level
             depth_lens, color = (
-                resized(lens, divisor) for lens in (self.lenses.depth, self.lenses.color)
+                downscale(lens, divisor) for lens in (self.lenses.depth, self.lenses.color)
             )
             same = depth_lens == color
             depth = self.measured[level]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from safetensors.numpy import load, save
 
-from gslts.files import naming, remove_tree, sync_folder, write_whole
+from gslts.io.atomic_files import naming, remove_tree, sync_folder, write_whole
 
 SUFFIX = ".safetensors"
 REPAIR = "copy it from a backup, or go back to a version that is whole with gslts restore"

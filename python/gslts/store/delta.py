@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.gaussian_map import GaussianMap
+from gslts.core.gaussian_map import GaussianMap
+from gslts.types import Bools
 
 ARRAYS = ("means", "quats", "log_scales", "logit_opacities", "sh", "features")
 """Of a map, one row a Gaussian."""
 Ids = NDArray[np.uint64]
-Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import torch
 from torch import Tensor
 
-from gslts.rasterizer import RenderOptions
+from gslts.rendering.rasterizer import RenderOptions
 from gslts.torch.checks import check_tensors, require_supported, require_valid
 from gslts.torch.view import rasterize_view
 

@@ -13,9 +13,9 @@ from torch.autograd.function import once_differentiable
 # The core itself: a `GaussianMap` would look at all numbers, which the rasterizer does anyway.
 from gslts._core.map import GaussianViewDouble, GaussianViewFloat
 from gslts._core.raster import RasterizerDouble, RasterizerFloat, RenderOptions
-from gslts.camera import Camera
-from gslts.gaussian_map import SH_C0, FloatArray
-from gslts.rasterizer import scatter_rows
+from gslts.core.camera import Camera
+from gslts.core.gaussian_map import SH_C0, FloatArray
+from gslts.rendering.rasterizer import scatter_rows
 from gslts.torch.checks import require_finite
 
 MIN_SCALE_M = 1e-30  # Stands for a scale of 0, which has no logarithm.

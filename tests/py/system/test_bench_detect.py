@@ -12,18 +12,18 @@ import pytest
 from command import gslts, stopped_at
 from PIL import Image
 
-from gslts.bench.detect_cases import Case, HomeCases, counts_of, frame_of
-from gslts.bench.detect_visits import LIGHT_SHIFT_M, noise_of_visit, with_light_moved
-from gslts.bench.homes import BenchHome, HomeSetup, default_state, homes_of
-from gslts.camera import rotation_vector
-from gslts.sim.actions import SceneState
-from gslts.sim.controller import Controller
-from gslts.sim.home_source import HomeSource
-from gslts.sim.raycast import RayCaster
-from gslts.sim.robot_body import robot_camera
-from gslts.sim.sensor import NOISE_PRESETS, Sensor
-from gslts.sim.task import Task
-from gslts.sim.trial import FIRST_SHARE_PX
+from gslts.core.se3 import rotation_vector
+from gslts_bench.detection.cases import Case, HomeCases, counts_of, frame_of
+from gslts_bench.detection.visits import LIGHT_SHIFT_M, noise_of_visit, with_light_moved
+from gslts_bench.homes import BenchHome, HomeSetup, default_state, homes_of
+from gslts_sim.actions import SceneState
+from gslts_sim.controller import Controller
+from gslts_sim.home_source import HomeSource
+from gslts_sim.raycast import RayCaster
+from gslts_sim.robot_body import robot_camera
+from gslts_sim.sensor import NOISE_PRESETS, Sensor
+from gslts_sim.task import Task
+from gslts_sim.trial import FIRST_SHARE_PX
 
 SETTINGS = ("--set", "iterations=40", "--set", "rough_epochs=0", "--set", "voxel_m=0.1")
 SMALL = ("--room", "kitchen", "--seeds", "3:4", "--tasks", "6", "--size", "160x120")
@@ -113,7 +113,7 @@ def test_nothing_is_made_twice(done: Path) -> None:
 
 
 def test_a_killed_run_goes_on_where_it_stopped(done: Path, copied: Path) -> None:
-    at_the_third = stopped_at("gslts.bench.work:_keep", 3)
+    at_the_third = stopped_at("gslts_bench.work:_keep", 3)
     killed = gslts(*RUN, cwd=copied, before=at_the_third, session=True)
     assert killed.returncode == -signal.SIGKILL
     kept = list((copied / "work").glob("detect/*"))

@@ -8,7 +8,7 @@ from bench_settings import SETTINGS
 from command import gslts
 from PIL import Image
 
-from gslts.bench.localize_run import CATEGORIES, OURS, TRADE
+from gslts_bench.queries.run import CATEGORIES, OURS, TRADE
 
 SMALL = ("--room", "bedroom", "--seeds", "3:4", "--size", "240x180", "--frames", "32")
 RUN = ("bench", "localize", *SMALL, *SETTINGS, "--set", "voxel_m=0.05")

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from command import gslts
 
-from gslts.bench.navigate_moved import NOT_UPDATED
+from gslts_bench.navigation.moved import NOT_UPDATED
 
 SETTINGS = ("--preset", "fast", "--set", "iterations=300", "--set", "rough_epochs=0")
 SMALL = ("--room", "kitchen", "--seeds", "3:4", "--size", "240x180", "--frames", "40")

@@ -9,8 +9,8 @@ from bench_settings import SETTINGS
 from command import gslts
 from PIL import Image
 
-from gslts.bench.relocalize_room import FOLDS
-from gslts.bench.relocalize_variants import ABLATION, OURS, TRADE
+from gslts_bench.relocalization.room import FOLDS
+from gslts_bench.relocalization.variants import ABLATION, OURS, TRADE
 
 SMALL = ("--room", "bedroom", "--seeds", "3:4", "--size", "240x180", "--frames", "32")
 MAPPED = (*SETTINGS, "--set", "voxel_m=0.05", "--work", "work")

@@ -9,8 +9,8 @@ from bench_settings import SETTINGS
 from command import gslts
 from drawn import assert_drawn
 
-from gslts.bench.series import ANEW, BEFORE, MAPS, UPDATED
-from gslts.bench.series_report import GAIN
+from gslts_bench.series.benchmark import ANEW, BEFORE, MAPS, UPDATED
+from gslts_bench.series.report import GAIN
 
 SMALL = ("--room", "kitchen", "--seeds", "3:4", "--changes", "4", "--every", "2")
 RUN = ("bench", "series", *SMALL, "--size", "240x180", "--frames", "32", *SETTINGS)

@@ -9,8 +9,8 @@ from bench_settings import SETTINGS
 from command import gslts
 from PIL import Image
 
-from gslts.bench.update_methods import METHODS
-from gslts.bench.update_run import MARKS
+from gslts_bench.update.methods import METHODS
+from gslts_bench.update.run import MARKS
 
 SMALL = ("--room", "kitchen", "--seeds", "3:4", "--tasks", "3", "--size", "240x180")
 RUN = ("bench", "update", *SMALL, "--frames", "32", *SETTINGS, "--set", "voxel_m=0.05")

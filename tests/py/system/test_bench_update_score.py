@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import update_room
 
-from gslts.bench.update_score import AROUND_PX, Judge, JudgedView, judged_view
-from gslts.camera import Camera, at_pose
-from gslts.sim.task import Box, Change
+from gslts.core.camera import Camera, at_pose
+from gslts_bench.update.score import AROUND_PX, Judge, JudgedView, judged_view
+from gslts_sim.task import Box, Change
 
 RED: Box = ((2.08, 1.73, 0.75), (2.32, 1.97, 1.05))
 REMOVAL = Change(

@@ -11,10 +11,10 @@ from change_room import LOOKS, SIZE
 from command import gslts
 from PIL import Image
 
-from gslts.map_folder import read_map
-from gslts.ply import write_ply
-from gslts.sim.capture import capture
-from gslts.sim.controller import Controller
+from gslts.io.ply import write_ply
+from gslts.store.map_folder import read_map
+from gslts_sim.capture import capture
+from gslts_sim.controller import Controller
 
 MAP_AND_VISIT = ("detect", "map", "visit", "--halvings", "0")
 

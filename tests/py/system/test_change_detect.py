@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from change_room import BLUE, LOOKS, YELLOW, see, thing
 
-from gslts.camera import Camera, at_pose, camera_from_fov, look_at
 from gslts.change.changes import Change
 from gslts.change.config import DetectionConfig
-from gslts.change.detect import MOST_CAMERAS, ChangeDetector, Detection, evenly
+from gslts.change.detector import MOST_CAMERAS, ChangeDetector, Detection, evenly
 from gslts.change.overlay import COLORS, overlay
-from gslts.frame import RgbdFrame
-from gslts.sim.changes import place
-from gslts.sim.home import Home
+from gslts.core.camera import Camera, at_pose, camera_from_fov, look_at
+from gslts.core.frame import RgbdFrame
+from gslts_sim.changes import place
+from gslts_sim.home import Home
 
 pytestmark = pytest.mark.smoke
 

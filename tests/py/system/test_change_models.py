@@ -10,7 +10,7 @@ import pytest
 from change_images import texture
 from change_room import LOOKS, see
 
-from gslts.change.detect import ChangeDetector
+from gslts.change.detector import ChangeDetector
 from gslts.change.features import FeatureExtractor, extractor_of
 
 PATCH = 16

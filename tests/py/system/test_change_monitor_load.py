@@ -5,9 +5,9 @@ import numpy as np
 from change_room import LOOKS, see
 from watching import LONG_S, Gated
 
-from gslts.change.detect import ChangeDetector
+from gslts.change.detector import ChangeDetector
 from gslts.change.monitor import ChangeMonitor, MonitorConfig, Report
-from gslts.frame import RgbdFrame
+from gslts.core.frame import RgbdFrame
 
 
 def test_under_load_with_the_real_detector() -> None:

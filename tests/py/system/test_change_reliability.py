@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from change_room import LOOKS, see
 
-from gslts.camera import Camera, at_pose
-from gslts.frame import RgbdFrame
-from gslts.sim.robot_body import Look
+from gslts.core.camera import Camera, at_pose
+from gslts.core.frame import RgbdFrame
+from gslts_sim.robot_body import Look
 
 VIEWS = {
     "front": LOOKS[0],

@@ -15,11 +15,11 @@ from typer.main import get_command
 import gslts
 from gslts._core.raster import simd_target
 from gslts.cli import app
-from gslts.gaussian_map import GaussianMap
-from gslts.map_folder import open_versions, write_map_folder
-from gslts.tasks.semantics import Oracle
-from gslts.tasks.semantics_files import keep_autoencoder
-from gslts.tasks.train_autoencoder import trained
+from gslts.core.gaussian_map import GaussianMap
+from gslts.semantics.files import keep_autoencoder
+from gslts.semantics.source import Oracle
+from gslts.semantics.train_autoencoder import trained
+from gslts.store.map_folder import open_map, write_map_folder
 
 pytestmark = pytest.mark.smoke
 
@@ -88,7 +88,7 @@ def test_importing_gslts_imports_none_of_its_parts() -> None:
 def test_every_public_name_is_there_and_no_other() -> None:
     program = """
 import gslts
-import gslts.rasterizer, gslts.losses
+import gslts.rendering.rasterizer, gslts.rendering.losses
 assert all(hasattr(gslts, name) for name in gslts.__all__), gslts.__all__
 assert set(gslts.__all__) <= set(dir(gslts))
 assert callable(gslts.render)
@@ -125,7 +125,7 @@ def taught(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "autoencoder": keep_autoencoder(autoencoder, folder),
     }
     features = autoencoder.encoded(np.repeat(Oracle().encode(["Mug"]), 200, axis=0))
-    with open_versions(folder, writable=True) as store:
+    with open_map(folder, writable=True) as store:
         store.commit_features(replace(some, features=features), setting)
     return folder
 

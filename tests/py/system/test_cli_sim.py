@@ -9,8 +9,8 @@ from command import gslts
 from PIL import Image
 
 from gslts.datasets import open_dataset
-from gslts.sim import make_home, write_glb
-from gslts.sim.task import read_task
+from gslts_sim import make_home, write_glb
+from gslts_sim.task import read_task
 
 
 def test_home_lists_objects(tmp_path: Path) -> None:

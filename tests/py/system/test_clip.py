@@ -12,23 +12,23 @@ import tiny_models
 from PIL import Image
 from typer.testing import CliRunner
 
-from gslts.camera import camera_from_fov, look_at
 from gslts.cli import app
+from gslts.core.camera import camera_from_fov, look_at
+from gslts.core.frame import RgbdFrame
 from gslts.datasets import open_dataset
-from gslts.frame import RgbdFrame
-from gslts.map_folder import write_map_folder
-from gslts.sim.capture import capture
-from gslts.sim.controller import Controller
-from gslts.tasks.clip import ClipEncoder
-from gslts.tasks.clip_source import ClipSource
-from gslts.tasks.embed import embedded
-from gslts.tasks.localize import Queries
-from gslts.tasks.masks import cut_out, distinct, painted
-from gslts.tasks.meaning import Meaning
-from gslts.tasks.relevance import CANONICAL
-from gslts.tasks.sam import MaskGenerator
-from gslts.tasks.semantics_files import SemanticsSetting, read_semantics
-from gslts.tasks.sources import source_of, teacher_of
+from gslts.semantics.build import embedded
+from gslts.semantics.clip import ClipEncoder
+from gslts.semantics.clip_source import ClipSource
+from gslts.semantics.files import SemanticsSetting, read_semantics
+from gslts.semantics.map_semantics import Meaning
+from gslts.semantics.masks import cut_out, distinct, painted
+from gslts.semantics.open_source import source_of, teacher_of
+from gslts.semantics.queries import SemanticQueries
+from gslts.semantics.relevance import CANONICAL
+from gslts.semantics.sam import MaskGenerator
+from gslts.store.map_folder import write_map_folder
+from gslts_sim.capture import capture
+from gslts_sim.controller import Controller
 
 pytest.importorskip("transformers", reason="models need transformers")
 
@@ -266,7 +266,7 @@ def test_a_map_is_asked_for_red_and_blue(tmp_path: Path) -> None:
     found = embedded(gaussian_map, frames, source, code=8, threads=1)
     assert found.features.shape == (gaussian_map.size, 24)
     taught = replace(gaussian_map, features=found.features)
-    queries = Queries(taught, found.autoencoder, source)
+    queries = SemanticQueries(taught, found.autoencoder, source)
     for word, place in (("red", (2.2, 1.85)), ("blue", (3.0, 1.95))):
         best = queries.find(word)[0]
         np.testing.assert_allclose(best.middle[:2], place, atol=0.1)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import tiny_models
 
-from gslts.tasks.clip import ClipEncoder
-from gslts.tasks.sam import MaskGenerator
+from gslts.semantics.clip import ClipEncoder
+from gslts.semantics.sam import MaskGenerator
 
 pytest.importorskip("transformers", reason="models need transformers")
 

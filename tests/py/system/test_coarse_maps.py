@@ -7,11 +7,11 @@ from shared import looks_all_around
 
 from gslts._core.map import GaussianViewFloat
 from gslts._core.raster import RasterizerFloat, RenderOptions
-from gslts.camera import Camera
-from gslts.frame import RgbdFrame
-from gslts.gaussian_map import GaussianMap
-from gslts.relocalize.coarse_maps import CoarseMaps, thinned
-from gslts.relocalize.pictures import Pictures
+from gslts.core.camera import Camera
+from gslts.core.frame import RgbdFrame
+from gslts.core.gaussian_map import GaussianMap
+from gslts.localization.coarse_maps import CoarseMaps, thinned
+from gslts.localization.image_pyramid import Pictures
 
 
 def volume(gaussian_map: GaussianMap) -> float:

@@ -9,13 +9,13 @@ import update_room
 from meaning_room import meaning, taught
 from update_room import LOOP
 
-from gslts.frame import RgbdFrame
-from gslts.loop.errand import WatchedRobot, run_errand
-from gslts.loop.keeper import MapKeeper, StoppedError
-from gslts.map_folder import read_map, write_map_folder
-from gslts.sim.controller import Controller
-from gslts.sim.home import Home
-from gslts.sim.robot_body import Look
+from gslts.core.frame import RgbdFrame
+from gslts.keeper.errand import WatchedRobot, run_errand
+from gslts.keeper.keeper import MapKeeper, StoppedError
+from gslts.store.map_folder import read_map, write_map_folder
+from gslts_sim.controller import Controller
+from gslts_sim.home import Home
+from gslts_sim.robot_body import Look
 
 FAR = Look(np.array([0.75, 0.5]), 45.0, 30.0)
 
@@ -93,5 +93,6 @@ def test_a_watched_robot_is_a_robot(folder: Path) -> None:
         np.testing.assert_array_equal(frame.rgb, robot.observe().rgb)
         np.testing.assert_array_equal(watched.reachable_positions(), robot.reachable_positions())
         assert watched.move_towards(np.array([1.0, 1.0]), 0.5, 0.2)
+        np.testing.assert_array_equal(watched.pose(), robot.pose())
         eye = robot.observe().camera.world_from_camera[:2, 3]
         assert np.linalg.norm(eye - (1.0, 1.0)) < 0.2

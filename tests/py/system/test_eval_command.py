@@ -11,10 +11,10 @@ from command import gslts as run
 from lpips_files import dim_map, frames_of, write_nerfstudio, write_weights
 
 from gslts.datasets import open_dataset
-from gslts.map_folder import write_map_folder
-from gslts.sim.capture import capture
-from gslts.sim.controller import Controller
-from gslts.sim.viewpoints import Look
+from gslts.store.map_folder import write_map_folder
+from gslts_sim.capture import capture
+from gslts_sim.controller import Controller
+from gslts_sim.viewpoints import Look
 
 
 @pytest.fixture(scope="module")

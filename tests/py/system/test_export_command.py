@@ -9,7 +9,7 @@ from command import gslts as run
 from plyfile import PlyData
 from splat_files import ORIGIN, decoded
 
-from gslts.map_folder import read_map, write_map_folder
+from gslts.store.map_folder import read_map, write_map_folder
 
 
 @pytest.mark.smoke

@@ -12,7 +12,7 @@ import scenes
 from command import LONG_S
 from home_checks import digest
 
-from gslts.sim import make_home
+from gslts_sim import make_home
 
 
 @pytest.mark.parametrize("method", ["fork", "spawn", "forkserver"])
@@ -25,7 +25,7 @@ def test_child_renders_what_its_parent_renders(method):
 
 
 def test_the_package_is_imported_only_to_start_it() -> None:
-    code = "import sys, gslts.sim.thor.robot; sys.exit('ai2thor' in sys.modules)"
+    code = "import sys, gslts_sim.thor.robot; sys.exit('ai2thor' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
@@ -51,7 +51,7 @@ def test_the_run_is_quiet_beside_other_libraries() -> None:
 
 def test_same_seed_same_home():
     code = (
-        "from home_checks import digest\nfrom gslts.sim import make_home\n"
+        "from home_checks import digest\nfrom gslts_sim import make_home\n"
         "print(digest(make_home('living_room', 7)))"
     )
     environment = {

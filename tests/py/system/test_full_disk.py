@@ -9,10 +9,10 @@ import pytest
 import sim_scenes
 from videos import write
 
-from gslts.files import write_whole
-from gslts.sim.capture import capture
-from gslts.sim.controller import Controller
-from gslts.sim.viewpoints import Look
+from gslts.io.atomic_files import write_whole
+from gslts_sim.capture import capture
+from gslts_sim.controller import Controller
+from gslts_sim.viewpoints import Look
 
 LIMITED = """
 import resource, signal, sys

@@ -17,11 +17,10 @@ from typer.testing import CliRunner
 
 from gslts._core import reloc
 from gslts.cli import app
-from gslts.frame import RgbdFrame
-from gslts.map_folder import MANIFEST, open_versions, read_map
-from gslts.ply import write_ply
-from gslts.relocalize import landmark_files
-from gslts.relocalize.landmark_files import (
+from gslts.core.frame import RgbdFrame
+from gslts.io.ply import write_ply
+from gslts.localization import landmark_files
+from gslts.localization.landmark_files import (
     FOLDER,
     KEY,
     MOST_FILE_BYTES,
@@ -29,7 +28,7 @@ from gslts.relocalize.landmark_files import (
     keep_landmarks,
     read_landmarks,
 )
-from gslts.relocalize.landmarks import (
+from gslts.localization.landmarks import (
     BORDER_PX,
     ON_GAUSSIAN_M,
     SAME_BITS,
@@ -41,9 +40,10 @@ from gslts.relocalize.landmarks import (
     joined,
     landmarks_of,
 )
-from gslts.sim.physics import boxes_in_world
-from gslts.update.published import published
+from gslts.store.map_folder import MANIFEST, open_map, read_map
+from gslts.update.publish import published
 from gslts.update.updater import Update
+from gslts_sim.physics import boxes_in_world
 
 ARRAYS = ("positions", "descriptors", "keyframes", "world_from_keyframe", "gaussians")
 SPLIT_PX = change_room.SIZE["width"] // 2
@@ -254,7 +254,7 @@ def test_each_keeps_its_keyframe() -> None:
         ("gaussians", np.zeros((), np.uint64)),
     ],
 )
-def test_what_cannot_be_is_refused(name: str, array: np.ndarray) -> None:
+def test_what_cannot_be_is_rejected(name: str, array: np.ndarray) -> None:
     one = {
         "positions": np.zeros((1, 3), np.float32),
         "descriptors": np.zeros((1, 32), np.uint8),
@@ -294,7 +294,7 @@ def test_they_go_with_their_gaussians_and_come_back_with_them(folder: Path) -> N
     gaussian_map = read_map(folder)
     low, high = update_room.REMOVED
     gone = ((gaussian_map.means > low - 0.01) & (gaussian_map.means < high + 0.01)).all(axis=1)
-    with open_versions(folder, writable=True) as store:
+    with open_map(folder, writable=True) as store:
         store.commit(gaussian_map.select(~gone), {})
         store.commit_features(
             replace(store.read(), features=np.ones((store.version().gaussians, 3), np.float32)), {}
@@ -306,7 +306,7 @@ def test_they_go_with_their_gaussians_and_come_back_with_them(folder: Path) -> N
     assert_same(left, found().select(~lost))
     assert in_box(found(), update_room.REMOVED).sum() > 5 * in_box(left, update_room.REMOVED).sum()
     assert_same(read_landmarks(Path(f"{folder}@1")), found())
-    with open_versions(folder, writable=True) as store:
+    with open_map(folder, writable=True) as store:
         store.restore(1)
     assert_same(read_landmarks(folder), found())
     assert_same(read_landmarks(Path(f"{folder}@3")), left)
@@ -320,7 +320,7 @@ def addition() -> Update:
 
 def publish(folder: Path, result: Update) -> None:
     gaussian_map, cameras = change_room.mapped()
-    with open_versions(folder, writable=True) as store:
+    with open_map(folder, writable=True) as store:
         assert published(store, gaussian_map, cameras.values(), result, update_room.UPDATE)
 
 
@@ -339,10 +339,10 @@ def test_an_update_brings_landmarks_of_what_is_new(folder: Path) -> None:
     for pose in new.world_from_keyframe:
         assert any(np.array_equal(pose, one) for one in used)
     assert_same(read_landmarks(Path(f"{folder}@1")), found())
-    with open_versions(folder, writable=True) as store:
+    with open_map(folder, writable=True) as store:
         store.restore(1)
     assert_same(read_landmarks(folder), found())
-    with open_versions(folder, writable=True) as store:
+    with open_map(folder, writable=True) as store:
         store.restore(2)
     assert_same(read_landmarks(folder), both)
 
@@ -354,7 +354,7 @@ def test_an_update_that_shows_no_corner_brings_none(folder: Path) -> None:
     ]
     publish(folder, replace(addition(), views=tuple(views)))
     assert len(files_of(folder)) == 1
-    with open_versions(folder) as store:
+    with open_map(folder) as store:
         assert KEY not in store.version(2).cause
     assert_same(read_landmarks(folder), found())
 

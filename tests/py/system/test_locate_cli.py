@@ -18,10 +18,10 @@ from PIL import Image
 from update_room import looks_at_the_change
 
 from gslts.datasets import open_dataset
-from gslts.map_folder import plain_camera, read_map
-from gslts.ply import write_ply
-from gslts.sim.capture import capture
-from gslts.sim.controller import Controller
+from gslts.io.ply import write_ply
+from gslts.store.map_folder import plain_camera, read_map
+from gslts_sim.capture import capture
+from gslts_sim.controller import Controller
 
 PLACE = r"\((-?[\d.]+), (-?[\d.]+), (-?[\d.]+)\) m"
 SIZES = r"([\d.]+) mm(?:, \+-| and) ([\d.]+) degrees"

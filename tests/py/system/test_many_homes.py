@@ -5,9 +5,9 @@ from pathlib import Path
 
 import home_checks
 
-from gslts.sim import ROOM_TYPES
-from gslts.sim.tasks import TaskMaker, homes_of, tasks_of
-from gslts.sim.trial import Setting
+from gslts_sim import ROOM_TYPES
+from gslts_sim.tasks import TaskMaker, homes_of, tasks_of
+from gslts_sim.trial import Setting
 
 
 def test_hundred_homes_of_each_type_are_sound():

@@ -15,25 +15,26 @@ from command import stopped_at
 from sim_scenes import textured_home
 
 import gslts
-from gslts.camera import at_pose, seen_from, twist_of
-from gslts.camera_files import cameras_of_map
+from gslts.core.camera import at_pose, shift_origin
+from gslts.core.frame import RgbdFrame
+from gslts.core.se3 import twist_of
 from gslts.datasets import Dataset, Frame, open_dataset
-from gslts.frame import RgbdFrame
-from gslts.losses import fit_exposure
-from gslts.map_folder import read_map
+from gslts.localization.landmark_files import read_landmarks
 from gslts.mapping.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.engine import MappingResult, _settled, make_map
-from gslts.mapping.evaluate import Quality, evaluate
+from gslts.mapping.evaluation.evaluate import Quality, evaluate
+from gslts.mapping.evaluation.variants import LEAST_GAIN_DB, chosen_of
+from gslts.mapping.memory import free_memory_bytes
 from gslts.mapping.observation import Observation
-from gslts.mapping.report_data import CurvePoint
-from gslts.mapping.summary import summary_of
-from gslts.mapping.variants import LEAST_GAIN_DB, chosen_of
-from gslts.memory import free_memory_bytes
-from gslts.relocalize.landmark_files import read_landmarks
-from gslts.sim.capture import capture
-from gslts.sim.controller import Controller
-from gslts.sim.explore import explore
+from gslts.mapping.report.data import CurvePoint
+from gslts.mapping.report.summary import summary_of
+from gslts.rendering.losses import fit_exposure
+from gslts.store.camera_files import cameras_of_map
+from gslts.store.map_folder import read_map
+from gslts_sim.capture import capture
+from gslts_sim.controller import Controller
+from gslts_sim.explore import explore
 
 # Pictures are of 160 px: Gaussians of 5 cm are a few pixels wide there.
 CONFIG = MappingConfig(
@@ -261,7 +262,7 @@ def test_frames_that_no_memory_holds_are_refused(
     recorded: dict[str, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert 1 << 20 < free_memory_bytes() < 1 << 50
-    monkeypatch.setattr("gslts.mapping.visit.free_memory_bytes", lambda: 5 << 20)
+    monkeypatch.setattr("gslts.mapping.frames.free_memory_bytes", lambda: 5 << 20)
     # 60 frames of 160 x 120 px.
     with pytest.raises(ValueError, match=r"60 frames take 0\.0 GiB .* such as one in 4$"):
         make_map(open_dataset(recorded["none"]), CONFIG)
@@ -382,7 +383,7 @@ class Far:
 
     def __init__(self, frame: Frame, shift_m: np.ndarray) -> None:
         self.name, self._frame, self._shift_m = frame.name, frame, shift_m
-        self.camera = seen_from(frame.camera, -shift_m)
+        self.camera = shift_origin(frame.camera, -shift_m)
 
     def read(self) -> RgbdFrame:
         return replace(self._frame.read(), camera=self.camera)

@@ -14,24 +14,24 @@ from meaning_room import frames, looks, meaning, taught
 from typer.testing import CliRunner
 from update_room import UPDATE
 
-from gslts.change.detect import ChangeDetector
+from gslts.change.detector import ChangeDetector
 from gslts.cli import app
+from gslts.core.frame import RgbdFrame
 from gslts.datasets import open_dataset
-from gslts.frame import RgbdFrame
-from gslts.map_folder import open_versions, read_map, write_map_folder
-from gslts.rasterizer import render
-from gslts.sim.capture import capture
-from gslts.sim.controller import Controller
-from gslts.tasks.lift import lifted
-from gslts.tasks.localize import Queries
-from gslts.tasks.refine import refined
-from gslts.tasks.semantics import Oracle
-from gslts.tasks.semantics_files import read_semantics
-from gslts.tasks.train_autoencoder import trained
-from gslts.update.edit import near_sites
-from gslts.update.published import published
-from gslts.update.region import Site
+from gslts.rendering.rasterizer import render
+from gslts.semantics.files import read_semantics
+from gslts.semantics.gradient_lift import refined
+from gslts.semantics.lift import lifted
+from gslts.semantics.queries import SemanticQueries
+from gslts.semantics.source import Oracle
+from gslts.semantics.train_autoencoder import trained
+from gslts.store.map_folder import open_map, read_map, write_map_folder
+from gslts.update.edit import near_regions
+from gslts.update.publish import published
+from gslts.update.region import Region
 from gslts.update.updater import Update, update
+from gslts_sim.capture import capture
+from gslts_sim.controller import Controller
 
 
 def updated(kind: update_room.Kind, *, labels: bool = True) -> Update:
@@ -69,10 +69,10 @@ def test_what_is_added_means_what_was_seen() -> None:
 
 def test_what_moved_is_found_where_it_is_now_and_means_what_it_did() -> None:
     """The blue box went from (3.0, 1.95) to (2.6, 1.7), and stands beside the red one now."""
-    before = Queries(taught()[0], meaning().autoencoder, Oracle()).find("box")
+    before = SemanticQueries(taught()[0], meaning().autoencoder, Oracle()).find("box")
     assert max(one.high[0] for one in before) > 3.0
     result = updated("relocation")
-    found = Queries(result.gaussian_map, meaning().autoencoder, Oracle()).find("box")
+    found = SemanticQueries(result.gaussian_map, meaning().autoencoder, Oracle()).find("box")
     assert max(one.high[0] for one in found) == pytest.approx(2.72, abs=0.05)
     rows = np.intersect1d(np.concatenate([one.rows for one in found]), new_rows(result))
     assert len(rows) > 20
@@ -83,7 +83,7 @@ def test_what_moved_is_found_where_it_is_now_and_means_what_it_did() -> None:
 def test_what_nobody_names_has_no_meaning_and_others_keep_theirs() -> None:
     result = updated("addition", labels=False)
     unknown = ~result.gaussian_map.features.any(axis=1)
-    inside = near_sites(result.gaussian_map, [Site("after", *update_room.ADDED)], 0.01)
+    inside = near_regions(result.gaussian_map, [Region("after", *update_room.ADDED)], 0.01)
     of_object = np.intersect1d(new_rows(result), np.flatnonzero(inside))
     assert len(of_object) > 20
     assert unknown[of_object].all()
@@ -98,7 +98,7 @@ def test_what_is_gone_is_named_by_what_it_meant(tmp_path: Path) -> None:
     result = updated("removal", labels=False)
     gaussian_map, _ = taught()
     write_map_folder(tmp_path / "map", gaussian_map, {}, {})
-    with open_versions(tmp_path / "map", writable=True) as store:
+    with open_map(tmp_path / "map", writable=True) as store:
         published(store, gaussian_map, [], result, UPDATE, meaning=meaning())
         (event,) = store.events()
     assert (event.kind, event.type) == ("removal", "Box")
@@ -116,7 +116,7 @@ def test_what_is_gone_was_where_its_gaussians_were(tmp_path: Path) -> None:
     )
     gaussian_map, _ = taught()
     write_map_folder(tmp_path / "map", gaussian_map, {}, {})
-    with open_versions(tmp_path / "map", writable=True) as store:
+    with open_map(tmp_path / "map", writable=True) as store:
         published(store, gaussian_map, [], replace(result, changes=(longer,)), UPDATE)
         (event,) = store.events()
     np.testing.assert_allclose(event.boxes[0], (low, high), atol=0.06)
@@ -180,14 +180,14 @@ def test_a_map_that_has_changed_is_not_taught_what_was(tmp_path: Path) -> None:
     cameras = {one.name: one.read().camera for one in open_dataset(visit).frames}
     write_map_folder(map_path, change_room.mapped()[0], {}, cameras)
     fewer = read_map(map_path).select(np.arange(100, change_room.mapped()[0].size))
-    with open_versions(map_path, writable=True) as store:
+    with open_map(map_path, writable=True) as store:
         store.commit(fewer, {}, [])
     with pytest.raises(ValueError, match=r"has changed since .*gslts restore .* 1 goes back"):
         run("semantics", str(map_path), str(visit))
 
 
 def test_a_damaged_autoencoder_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gslts.tasks.embed.trained", partial(trained, steps=20))
+    monkeypatch.setattr("gslts.semantics.build.trained", partial(trained, steps=20))
     map_path, visit = tmp_path / "map", tmp_path / "visit"
     capture(Controller(change_room.home(), **change_room.SIZE), change_room.LOOKS[:2], visit)
     cameras = {one.name: one.read().camera for one in open_dataset(visit).frames}

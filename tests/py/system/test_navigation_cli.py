@@ -12,12 +12,12 @@ from PIL import Image
 
 from gslts.cli import app
 from gslts.datasets import open_dataset
-from gslts.loop.state import read_state
-from gslts.map_folder import open_versions, write_map_folder
-from gslts.sim import write_glb
-from gslts.sim.capture import capture
-from gslts.sim.controller import Controller
-from gslts.sim.explore import explore
+from gslts.keeper.state import read_state
+from gslts.store.map_folder import open_map, write_map_folder
+from gslts_sim import write_glb
+from gslts_sim.capture import capture
+from gslts_sim.controller import Controller
+from gslts_sim.explore import explore
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +95,7 @@ def test_the_robot_watches_on_its_way(folder: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert "reached the mug: " in done.stdout
     assert read_state(folder / "map").round == 0
-    with open_versions(folder / "map", writable=True):  # Nobody else may write meanwhile.
+    with open_map(folder / "map", writable=True):  # Nobody else may write meanwhile.
         done = gslts("go", "map", "mug", "--robot", "home.glb", "--watch", cwd=folder)
     assert done.stderr == "gslts: map: another process writes this map; wait until it ends\n"
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import update_room
 
-from gslts.frame import Labels, RgbdFrame
+from gslts.core.frame import Labels, RgbdFrame
 from gslts.store.records import Event
 from gslts.update.object_types import UNKNOWN, type_of
 

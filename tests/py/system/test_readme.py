@@ -7,8 +7,8 @@ from pathlib import Path
 import change_room
 import pytest
 
-from gslts.sim.capture import capture
-from gslts.sim.controller import Controller
+from gslts_sim.capture import capture
+from gslts_sim.controller import Controller
 
 pytestmark = pytest.mark.smoke
 

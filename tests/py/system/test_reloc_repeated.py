@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 import sim_scenes
 
-from gslts.camera import apart, at_pose
-from gslts.gaussian_map import GaussianMap
-from gslts.relocalize.config import RelocalizationConfig
-from gslts.relocalize.landmarks import landmarks_of
-from gslts.relocalize.relocalizer import Localization, Relocalizer
-from gslts.sim.explore import explore
-from gslts.sim.home import Home, HomeObject
-from gslts.sim.robot_body import Look
+from gslts.core.camera import at_pose
+from gslts.core.gaussian_map import GaussianMap
+from gslts.core.se3 import pose_distance
+from gslts.localization.config import RelocalizationConfig
+from gslts.localization.landmarks import landmarks_of
+from gslts.localization.relocalizer import Localization, Relocalizer
+from gslts_sim.explore import explore
+from gslts_sim.home import Home, HomeObject
+from gslts_sim.robot_body import Look
 
 ELSEWHERE_M = 0.1
 CORNERS = (0, 0, -0.2), (5, 4, 2.6)
@@ -61,7 +62,7 @@ def relocalizer_of(home: Home) -> Relocalizer:
 
 def off_m(found: Localization, true: np.ndarray) -> float:
     assert found.world_from_camera is not None
-    return apart(found.world_from_camera, true)[0]
+    return pose_distance(found.world_from_camera, true)[0]
 
 
 @pytest.mark.parametrize("make", [tiled_room, room_with_chairs])

@@ -15,9 +15,9 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 import gslts
-from gslts.map_folder import write_map_folder
-from gslts.orbit import orbit
-from gslts.ply import write_ply
+from gslts.io.ply import write_ply
+from gslts.rendering.orbit import orbit
+from gslts.store.map_folder import write_map_folder
 
 
 @pytest.fixture(scope="module")

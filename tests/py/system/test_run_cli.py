@@ -9,9 +9,9 @@ import update_room
 from command import gslts, stopped_at
 from update_room import looks_at_the_change
 
-from gslts.loop.state import LoopState, read_state, write_state
-from gslts.map_folder import open_versions, read_map
-from gslts.sim.capture import capture
+from gslts.keeper.state import LoopState, read_state, write_state
+from gslts.store.map_folder import open_map, read_map
+from gslts_sim.capture import capture
 
 QUICK = ("--iterations", "20", "--threads", "1")
 FSYNCS = (1, 3, 9, 7, 5, 6)
@@ -42,7 +42,7 @@ def test_a_recording_updates_a_map(workplace: Path, new_map: str) -> None:
     lines = done.stdout.splitlines()
     assert lines[0].startswith("removal at (2.")
     assert lines[-1] == (
-        f"1 round(s); {new_map} is version 2 now, 0 parked; see gslts log {new_map}"
+        f"1 round(s); {new_map} is version 2 now, 0 deferred; see gslts log {new_map}"
     )
     new = read_map(workplace / new_map)
     assert update_room.opaque_in(new, update_room.REMOVED, 0.04) == 0
@@ -68,7 +68,7 @@ def test_a_simulated_day(workplace: Path, new_map: str) -> None:
     done = gslts("run", new_map, "--robot", "day/day.json", *QUICK, cwd=workplace)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == [
-        f"2 round(s); {new_map} is version 1 now, 0 parked; see gslts log {new_map}"
+        f"2 round(s); {new_map} is version 1 now, 0 deferred; see gslts log {new_map}"
     ]
     assert read_state(workplace / new_map).round == 2
     done = gslts("run", new_map, "--robot", "day/day.json", *QUICK, cwd=workplace)
@@ -93,7 +93,7 @@ def test_what_is_left_of_another_recording_is_forgotten(workplace: Path, new_map
 def test_a_signal_stops_it_and_it_goes_on(
     workplace: Path, new_map: str, number: signal.Signals
 ) -> None:
-    at_the_first_state = stopped_at("gslts.loop.keeper:write_state", 1, number)
+    at_the_first_state = stopped_at("gslts.keeper.keeper:write_state", 1, number)
     arguments = ("run", new_map, "--frames", "visit", *QUICK)
     done = gslts(*arguments, cwd=workplace, before=at_the_first_state)
     assert done.returncode == 1
@@ -102,7 +102,7 @@ def test_a_signal_stops_it_and_it_goes_on(
     assert "Traceback" not in done.stderr
     done = gslts("run", new_map, "--frames", "visit", *QUICK, cwd=workplace)
     assert done.returncode == 0, done.stderr
-    with open_versions(workplace / new_map) as store:
+    with open_map(workplace / new_map) as store:
         assert store.version().number == 2
         assert store.problems() == []
 
@@ -115,12 +115,12 @@ def test_a_run_that_was_killed_goes_on(workplace: Path, new_map: str) -> None:
         killed = gslts(*arguments, cwd=workplace, before=stopped_at("os:fsync", files))
         assert killed.returncode == -signal.SIGKILL
         told = max(told, 2 if "version 2: " in killed.stdout else 1)
-        with open_versions(workplace / new_map) as store:
+        with open_map(workplace / new_map) as store:
             assert store.problems() == []
             assert store.version().number in (told, 2)
     done = gslts("run", new_map, "--frames", "visit", *QUICK, cwd=workplace)
     assert done.returncode == 0, done.stderr
-    with open_versions(workplace / new_map) as store:
+    with open_map(workplace / new_map) as store:
         assert store.version().number == 2
     new = read_map(workplace / new_map)
     assert update_room.opaque_in(new, update_room.REMOVED, 0.04) == 0
@@ -146,7 +146,7 @@ def test_bad_input_is_named_in_one_line(
 
 
 def test_a_second_writer_has_to_wait(workplace: Path, new_map: str) -> None:
-    with open_versions(workplace / new_map, writable=True):
+    with open_map(workplace / new_map, writable=True):
         done = gslts("run", new_map, "--frames", "visit", *QUICK, cwd=workplace)
     assert done.returncode == 1
     assert done.stderr.splitlines()[-1].endswith(

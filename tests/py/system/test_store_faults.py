@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from store_maps import assert_same, blobs_of, edited, grown, random_map
 
-from gslts.files import write_whole
-from gslts.map_folder import open_versions, read_map, write_map_folder
+from gslts.io.atomic_files import write_whole
+from gslts.store.map_folder import open_map, read_map, write_map_folder
 from gslts.store.map_store import INDEX, MapStore
 from gslts.store.records import Event
 from gslts.store.writer_lock import LOCK
@@ -132,24 +132,24 @@ def test_a_map_on_a_read_only_disk_is_read(folder: Path, failing: dict[str, str]
     else:
         assert done.stderr == ""
         assert done.stdout == f"{3 if log == 'none' else 4} versions are whole\n"
-    refused = gslts("restore", "map", "1", cwd=folder.parent, env=env)
-    assert refused.returncode == 1
-    assert refused.stderr == (
+    rejected = gslts("restore", "map", "1", cwd=folder.parent, env=env)
+    assert rejected.returncode == 1
+    assert rejected.stderr == (
         f"gslts: map/{LOCK}: Read-only file system; copy the map to a folder that can be written, "
         "or ask for permission\n"
     )
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
-    with open_versions(folder) as store:
+    with open_map(folder) as store:
         assert store.version().number == (3 if log == "none" else 4)
 
 
 def test_a_second_writer_is_told_to_wait(folder: Path) -> None:
-    with open_versions(folder, writable=True):
+    with open_map(folder, writable=True):
         done = gslts("restore", "map", "1", cwd=folder.parent)
         assert done.returncode == 1
         assert done.stderr == "gslts: map: another process writes this map; wait until it ends\n"
         assert len(gslts("log", "map", cwd=folder.parent).stdout.splitlines()) == 3
-    with open_versions(folder) as store:
+    with open_map(folder) as store:
         assert store.version().number == 3
 
 
@@ -181,7 +181,7 @@ def test_each_harmed_file_is_named_with_what_to_do(folder: Path, harm: str) -> N
         flip(path)
         if harm == "delete":
             path.unlink()
-        with open_versions(folder) as store:
+        with open_map(folder) as store:
             (problem,) = store.problems()
             readable = 0
             for version in store.versions():
@@ -194,7 +194,7 @@ def test_each_harmed_file_is_named_with_what_to_do(folder: Path, harm: str) -> N
         assert "copy it from a backup, or go back to a version that is whole" in problem
         assert readable < 3
         path.write_bytes(content)
-        with open_versions(folder) as store:
+        with open_map(folder) as store:
             assert store.problems() == []
 
 
@@ -202,7 +202,7 @@ def test_a_version_is_read_without_a_harmed_snapshot(
     folder: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     maps = [read_map(Path(f"{folder}@{number}")) for number in (1, 2, 3)] + grown(folder, 20)[1:]
-    with open_versions(folder) as store:
+    with open_map(folder) as store:
         later = [blob.key for number, blob in store._index.snapshots().items() if number > 1]
         assert len(later) > 1
         for path in blobs_of(folder):
@@ -216,10 +216,10 @@ def test_a_version_is_read_without_a_harmed_snapshot(
 
 
 def test_a_harmed_index_is_named(folder: Path) -> None:
-    with open_versions(folder, writable=True) as store:
+    with open_map(folder, writable=True) as store:
         event = Event(0, "addition", "Mug", (None, [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
         store.commit(store.read(), {"seed": 9}, [event])
-        store.refuse({"seed": 10})
+        store.add_rejection({"seed": 10})
     content = (folder / INDEX).read_bytes()
     used = np.flatnonzero(np.frombuffer(content, np.uint8))  # Most of it is empty.
     rng, named = random.Random(0), 0
@@ -228,9 +228,9 @@ def test_a_harmed_index_is_named(folder: Path) -> None:
         harmed[rng.choice(used)] ^= 1 << rng.randrange(8)
         (folder / INDEX).write_bytes(harmed)
         try:
-            with open_versions(folder) as store:
+            with open_map(folder) as store:
                 named += bool(store.problems())
-                store.events(), store.refusals()
+                store.events(), store.rejections()
                 for version in store.versions():
                     store.read(version.number)
         except (OSError, ValueError) as error:
@@ -238,7 +238,7 @@ def test_a_harmed_index_is_named(folder: Path) -> None:
             named += 1
     assert named > 30
     (folder / INDEX).write_bytes(content)
-    with open_versions(folder) as store:
+    with open_map(folder) as store:
         assert store.problems() == []
 
 
@@ -268,7 +268,7 @@ def test_a_commit_goes_on_after_one_that_failed(
     def fails(_: int) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    with open_versions(folder, writable=True) as store:
+    with open_map(folder, writable=True) as store:
         after = edited(store.read(), 9, store.version().next_id)
         monkeypatch.setattr("os.fsync", fails)
         with pytest.raises(OSError, match=r"No space left on device: .*safetensors"):

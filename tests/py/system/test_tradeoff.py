@@ -12,11 +12,11 @@ from PIL import Image
 from typer.testing import CliRunner
 
 import gslts
-from gslts.bench import tradeoff
-from gslts.bench.rooms import SIZES, make_room
 from gslts.cli import app
-from gslts.map_folder import write_map_folder
-from gslts.ply import write_ply
+from gslts.io.ply import write_ply
+from gslts.store.map_folder import write_map_folder
+from gslts_bench.synthetic_rooms import SIZES, make_room
+from gslts_bench.tradeoff import rendering as tradeoff
 
 
 @pytest.fixture(scope="module")

@@ -14,17 +14,17 @@ from PIL import Image
 from sim_scenes import textured_home
 from typer.testing import CliRunner, Result
 
-from gslts.bench import tradeoff_mapping
-from gslts.bench.tradeoff import SETTINGS
-from gslts.bench.tradeoff_mapping import COUNTS, seconds_of, visit_of
 from gslts.cli import app
 from gslts.datasets import Dataset, open_dataset
-from gslts.map_folder import read_manifest, read_map
-from gslts.mapping.judge import Known
-from gslts.ply import write_ply
-from gslts.sim.capture import capture
-from gslts.sim.controller import Controller
-from gslts.sim.explore import explore
+from gslts.io.ply import write_ply
+from gslts.mapping.evaluation.held_out import Known
+from gslts.store.map_folder import read_manifest, read_map
+from gslts_bench.tradeoff import mapping as tradeoff_mapping
+from gslts_bench.tradeoff.mapping import COUNTS, seconds_of, visit_of
+from gslts_bench.tradeoff.rendering import SETTINGS
+from gslts_sim.capture import capture
+from gslts_sim.controller import Controller
+from gslts_sim.explore import explore
 
 STEPS = 100
 """More than two for each frame."""

@@ -11,9 +11,9 @@ from command import gslts
 from PIL import Image
 from update_room import looks_at_the_change
 
-from gslts.camera_files import cameras_of_map
-from gslts.map_folder import open_versions, read_map
-from gslts.sim.capture import capture
+from gslts.store.camera_files import cameras_of_map
+from gslts.store.map_folder import open_map, read_map
+from gslts_sim.capture import capture
 
 
 @pytest.fixture(scope="module")
@@ -43,11 +43,11 @@ def test_recorded_frames_update_a_map(workplace: Path, updated: list[str]) -> No
     assert updated[0].startswith("removal at (2.")
     assert updated[-1].startswith("map is version 2 now: ")
     old, new = read_map(workplace / "map@1"), read_map(workplace / "map")
-    with open_versions(workplace / "map") as store:
+    with open_map(workplace / "map") as store:
         version = store.version()
         (event,) = store.events()
     record = version.cause["record"]
-    assert record["refused"] is None
+    assert record["rejected"] is None
     assert record["kinds"] == ["removal"]
     assert new.size == old.size - record["removed"] + record["added"]
     assert record["psnr_after_db"] > record["psnr_before_db"]
@@ -82,7 +82,7 @@ def test_an_old_version_comes_back(workplace: Path, updated: list[str]) -> None:
     assert updated
     done = gslts("restore", "map", "1", cwd=workplace)
     assert done.returncode == 0, done.stderr
-    with open_versions(workplace / "map") as store:
+    with open_map(workplace / "map") as store:
         number = store.version().number
     old, new = read_map(workplace / "map@1"), read_map(workplace / f"map@{number}")
     np.testing.assert_array_equal(old.means, new.means)
@@ -101,7 +101,7 @@ def test_a_picture_that_cannot_be_written_is_told(
     shutil.copytree(workplace / "map", tmp_path / "map")
     shutil.rmtree(tmp_path / "map" / "updates")
     (tmp_path / "map" / "updates").write_bytes(b"not a folder")
-    with open_versions(tmp_path / "map", writable=True) as store:
+    with open_map(tmp_path / "map", writable=True) as store:
         number = store.restore(1).number + 1
     given = ("--iterations", "40", "--threads", "1")
     done = gslts("update", "map", "--frames", workplace / "visit", *given, cwd=tmp_path)
@@ -110,19 +110,19 @@ def test_a_picture_that_cannot_be_written_is_told(
         f"gslts: map is version {number} now, but without a picture: "
     )
     assert "map/updates" in done.stderr
-    with open_versions(tmp_path / "map") as store:
+    with open_map(tmp_path / "map") as store:
         assert store.version().number == number
 
 
 def test_where_nothing_changed_there_is_no_new_version(workplace: Path) -> None:
-    with open_versions(workplace / "map") as store:
+    with open_map(workplace / "map") as store:
         before = store.version().number
     done = gslts("update", "map", "--frames", "same", cwd=workplace)
     assert done.returncode == 1
     assert done.stderr.splitlines()[-1] == ("gslts: map stays as it is: nothing changed")
-    with open_versions(workplace / "map") as store:
+    with open_map(workplace / "map") as store:
         assert store.version().number == before
-        assert len(store.refusals()) == 1
+        assert len(store.rejections()) == 1
     printed = gslts("log", "map", cwd=workplace).stdout
     assert "not updated: nothing changed" in printed
 

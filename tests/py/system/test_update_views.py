@@ -6,8 +6,8 @@ import change_room
 import numpy as np
 import update_room
 
-from gslts.gaussian_map import GaussianMap
-from gslts.mapping.density import joined
+from gslts.core.gaussian_map import GaussianMap
+from gslts.mapping.density.control import joined
 from gslts.update.views import View, aligned_view
 
 

@@ -1,0 +1,1 @@
+"""ROS 2 bags as data sets: topics, images, tf2 poses."""

@@ -1,0 +1,75 @@
+"""Maps in the PLY files of 3D Gaussian splatting, which viewers and other tools read.
+
+The element `vertex` has these properties:
+
+- x, y, z: `means`; nx, ny, nz: written as 0, because some viewers count on them, and not read.
+- f_dc_0..2, f_rest_0..3(K-1)-1: `sh`. f_rest holds the K-1 coefficients of red, then those of
+  green, then those of blue.
+- opacity: `logit_opacities`; scale_0..2: `log_scales`; rot_0..3: `quats`.
+- feature_0..D-1: `features`; id_low, id_high: the halves of `ids`, unless those are 0, 1, ...
+
+The map's `origin` is the comment `gslts origin X Y Z`, and zero without it: other tools show a map
+around its own origin. Axes and units stay as they are: a scene from structure from motion is seldom
+in metres with z up.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+
+from gslts._core import map as _core
+from gslts._core.map import GaussianViewFloat
+from gslts.core.gaussian_map import GaussianMap
+
+__all__ = ["read_ply", "write_ply"]
+
+_logger = logging.getLogger(__name__)
+
+
+def read_ply(path: str | os.PathLike[str]) -> GaussianMap:
+    """Reads a map from a PLY file, ascii or binary, of this or another program.
+
+    Properties may come in any order and of any number type, and the file may have other elements.
+    Properties of `vertex` that mean nothing to a map are ignored, and a warning of the logger
+    `gslts.io.ply` names them. No more memory is taken than the size of the file justifies.
+
+    Args:
+        path: A regular file.
+
+    Returns:
+        The map, float32. Its ids are 0, 1, ... unless the file has others.
+
+    Raises:
+        OSError: The file cannot be opened or read (FileNotFoundError, PermissionError, ...).
+        ValueError: The contents are wrong; one line names the file, the header's line or the row
+            and property, and what is wrong.
+    """
+    arrays, ignored = _core.read_ply(path)
+    if ignored:
+        _logger.warning("%s: ignored properties of vertex: %s", path, ", ".join(ignored))
+    return GaussianMap(**arrays)
+
+
+def write_ply(gaussian_map: GaussianMap, path: str | os.PathLike[str]) -> None:
+    """Writes a map as binary little-endian PLY, from which `read_ply` returns the same bits.
+
+    The file is written beside its place and moved there when it is complete: other programs see the
+    old file or the whole new one, and after an error the old one is still there.
+
+    Args:
+        gaussian_map: float32.
+        path: Where to write; a symbolic link is followed.
+
+    Raises:
+        OSError: The file cannot be written, or the path is there already but is no regular file.
+        ValueError: The map is float64 (write `gaussian_map.astype(np.float32)`), or its features
+            are so many, over 9,000, that their names do not fit into a header.
+    """
+    view = gaussian_map.view()
+    if not isinstance(view, GaussianViewFloat):
+        raise ValueError(
+            f"write_ply: gaussian_map is {gaussian_map.dtype}, and PLY files hold float32: "
+            "write gaussian_map.astype(np.float32)"
+        )
+    _core.write_ply(view, gaussian_map.ids, path)

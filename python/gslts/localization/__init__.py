@@ -1,0 +1,1 @@
+"""Camera pose of single images in a map, and direct image alignment."""

@@ -1,1 +1,0 @@
-"""A map that keeps itself up to date: rounds, the watch on them, and what is waiting."""

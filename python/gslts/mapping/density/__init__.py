@@ -1,0 +1,1 @@
+"""Number of Gaussians: split, merge, prune."""

@@ -1,0 +1,1 @@
+"""Accuracy of a map on frames it was not made from."""

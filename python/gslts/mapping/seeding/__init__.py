@@ -1,0 +1,1 @@
+"""First Gaussians of a map: from depth, from triangulated points, in holes of the depth."""

@@ -1,0 +1,1 @@
+"""Navigation to objects: grid, planner, semantic map and navigator (GS-LTS, sec. III-B)."""

@@ -1,1 +1,0 @@
-"""Where in a map a picture was taken, if nobody knows."""

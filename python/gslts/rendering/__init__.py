@@ -1,0 +1,1 @@
+"""Differentiable rendering of Gaussian maps, losses, the optimizer and image metrics."""

@@ -1,0 +1,243 @@
+"""Rendering of a map as a camera sees it, and the gradients of the rendering."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from math import prod
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from gslts._core.map import scatter_rows_double, scatter_rows_float, scatter_rows_uint32
+from gslts._core.raster import RasterizerDouble, RasterizerFloat, RenderOptions
+from gslts.core.camera import Camera
+from gslts.core.gaussian_map import FloatArray, GaussianMap
+
+__all__ = ["Gradients", "Images", "LiftedFeatures", "Rasterizer", "RenderOptions", "render"]
+
+_RASTERIZERS: dict[np.dtype[Any], type[RasterizerFloat] | type[RasterizerDouble]] = {
+    np.dtype(np.float32): RasterizerFloat,
+    np.dtype(np.float64): RasterizerDouble,
+}
+_SCATTER_ROWS: dict[np.dtype[Any], Callable[..., NDArray[Any]]] = {
+    np.dtype(np.float32): scatter_rows_float,
+    np.dtype(np.float64): scatter_rows_double,
+    np.dtype(np.uint32): scatter_rows_uint32,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Images:
+    """Rendered images, of the map's dtype. w_i = alpha_i prod_{j<i} (1 - alpha_j) at a pixel.
+
+    Attributes:
+        rgb: [H,W,3] sum w_i c_i + (1 - alpha) background; linear in the map's colours, not clipped.
+        depth: [H,W] expected depth, sum w_i z_i / sum w_i, z in the camera frame, m;
+            0 where nothing was blended.
+        alpha: [H,W] sum w_i.
+        features: [H,W,D] sum w_i f_i.
+    """
+
+    rgb: FloatArray
+    depth: FloatArray
+    alpha: FloatArray
+    features: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Gradients:
+    """Gradients of a loss L with respect to the stored parameters of the V Gaussians in view.
+
+    All other Gaussians of the map have gradient zero.
+
+    Attributes:
+        rows: [V] uint32, rows of the map, ascending.
+        dL_dmeans: [V,3].
+        dL_dquats: [V,4].
+        dL_dlog_scales: [V,3].
+        dL_dlogit_opacities: [V].
+        dL_dsh: [V,K,3].
+        dL_dfeatures: [V,D].
+        dL_dtwist: (6,) float64, gradient with respect to xi = (rho, phi), translation (m) before
+            rotation (rad), both in the camera frame, of world_from_camera @ exp(xi) at xi = 0.
+        abs_dL_dmeans2d: [V,2] sum of |dL/dmean2d| over the pixels at which the Gaussian was
+            blended, per px (AbsGS, Ye et al. 2024). This and the next only on request.
+        max_weights: [V] greatest blend weight w.
+        pixel_counts: [V] uint32, number of pixels at which the Gaussian was blended.
+    """
+
+    rows: NDArray[np.uint32]
+    dL_dmeans: FloatArray
+    dL_dquats: FloatArray
+    dL_dlog_scales: FloatArray
+    dL_dlogit_opacities: FloatArray
+    dL_dsh: FloatArray
+    dL_dfeatures: FloatArray
+    dL_dtwist: NDArray[np.float64]
+    abs_dL_dmeans2d: FloatArray | None = None
+    max_weights: FloatArray | None = None
+    pixel_counts: NDArray[np.uint32] | None = None
+
+    def dense(self, size: int) -> Gradients:
+        """The same gradients with a row for each of the map's `size` Gaussians, zero if unseen.
+
+        Raises:
+            ValueError: `size` is that of a smaller map.
+        """
+        arrays = {field.name: getattr(self, field.name) for field in fields(self)}
+        per_gaussian = {
+            name: scatter_rows(self.rows, array, size)
+            for name, array in arrays.items()
+            if name not in ("rows", "dL_dtwist") and array is not None
+        }
+        rows = np.arange(size, dtype=np.uint32)
+        return Gradients(rows=rows, dL_dtwist=self.dL_dtwist, **per_gaussian)
+
+
+@dataclass(frozen=True, eq=False)
+class LiftedFeatures:
+    """A feature image carried back to the V Gaussians in view; w_p is a blend weight at pixel p.
+
+    Over several views, add up both sums: their quotient is the mean feature of a Gaussian.
+
+    Attributes:
+        rows: [V] uint32, rows of the map, ascending.
+        weighted_features: [V,D] sum_p w_p S_p.
+        weights: [V] sum_p w_p.
+    """
+
+    rows: NDArray[np.uint32]
+    weighted_features: FloatArray
+    weights: FloatArray
+
+
+class Rasterizer:
+    """Renders maps and differentiates the rendering (3D Gaussian splatting, Kerbl et al. 2023).
+
+    One object holds the working memory of one rendering: `backward` differentiates the last
+    `forward`, and both reuse the memory of the call before. Each thread needs its own object; the
+    GIL is free while it works. Results are bit-identical for any thread count.
+
+    Args:
+        dtype: float32, the fast kernel, or float64, the same algorithm without approximations.
+    """
+
+    def __init__(self, dtype: DTypeLike = np.float32) -> None:
+        self.dtype = np.dtype(dtype)
+        if self.dtype not in _RASTERIZERS:
+            raise ValueError(f"dtype: expected float32 or float64, got {self.dtype}")
+        self._core = _RASTERIZERS[self.dtype]()
+        self._view: Any = None  # of the map of the last forward
+
+    def forward(
+        self,
+        gaussian_map: GaussianMap,
+        camera: Camera,
+        options: RenderOptions | None = None,
+        *,
+        mask: NDArray[np.bool_] | None = None,
+    ) -> Images:
+        """Renders one view.
+
+        Args:
+            gaussian_map: Map of this rasterizer's dtype. It is kept for `backward`.
+            camera: Where to render from.
+            options: How to render; None means `RenderOptions()`.
+            mask: [H,W] bool, pixels wanted; None means all. Pixels not wanted come back as zero in
+                every image and take no part in the gradients, and the work is proportional to the
+                4x4 blocks that the mask touches.
+
+        Raises:
+            ValueError: The map has another dtype, the mask another shape or dtype, or an option is
+                out of range.
+        """
+        if gaussian_map.dtype != self.dtype:
+            raise ValueError(
+                f"Rasterizer.forward: gaussian_map is {gaussian_map.dtype}, "
+                f"this rasterizer {self.dtype}"
+            )
+        view: Any = gaussian_map.view()
+        images = self._core.forward(
+            view,
+            camera=camera,
+            options=RenderOptions() if options is None else options,
+            mask=_contiguous(mask),
+        )
+        self._view = view
+        return Images(**images)
+
+    def backward(
+        self,
+        *,
+        dL_drgb: FloatArray | None = None,
+        dL_ddepth: FloatArray | None = None,
+        dL_dalpha: FloatArray | None = None,
+        dL_dfeatures: FloatArray | None = None,
+        statistics: bool = False,
+    ) -> Gradients:
+        """Gradients of the last `forward`; the arrays of its map must be unchanged since.
+
+        Args:
+            dL_drgb: [H,W,3] gradient of the loss with respect to `Images.rgb`, of this
+                rasterizer's dtype; None, here and below, means that the loss ignores that image.
+            dL_ddepth: [H,W].
+            dL_dalpha: [H,W].
+            dL_dfeatures: [H,W,D].
+            statistics: Also fill abs_dL_dmeans2d, max_weights and pixel_counts.
+
+        Raises:
+            RuntimeError: There was no forward.
+            ValueError: An array has a wrong shape or dtype or holds a number that is not finite.
+        """
+        if self._view is None:
+            raise RuntimeError("Rasterizer.backward: there was no forward")
+        gradients = self._core.backward(
+            self._view,
+            dL_drgb=_contiguous(dL_drgb),
+            dL_ddepth=_contiguous(dL_ddepth),
+            dL_dalpha=_contiguous(dL_dalpha),
+            dL_dfeatures=_contiguous(dL_dfeatures),
+            statistics=statistics,
+        )
+        return Gradients(**gradients)
+
+    def lift(self, features: FloatArray) -> LiftedFeatures:
+        """Lifts a feature image of the view of the last `forward` onto the Gaussians.
+
+        This is the transpose of rendering features, and needs none in the map.
+
+        Args:
+            features: S [H,W,D] of this rasterizer's dtype; pixels that the mask of the forward does
+                not want do not count and may hold anything.
+
+        Raises:
+            RuntimeError: There was no forward.
+            ValueError: The array has a wrong shape or dtype or a wanted number is not finite.
+        """
+        if self._view is None:
+            raise RuntimeError("Rasterizer.lift: there was no forward")
+        return LiftedFeatures(*self._core.lift(self._view, _contiguous(features)))
+
+
+def render(
+    gaussian_map: GaussianMap,
+    camera: Camera,
+    options: RenderOptions | None = None,
+    *,
+    mask: NDArray[np.bool_] | None = None,
+) -> Images:
+    """Renders one view of a map; the arguments and errors are those of `Rasterizer.forward`."""
+    return Rasterizer(gaussian_map.dtype).forward(gaussian_map, camera, options, mask=mask)
+
+
+def scatter_rows(rows: NDArray[np.uint32], values: NDArray[Any], size: int) -> NDArray[Any]:
+    """[size,...] zeros but for `values` [V,...] at `rows` [V], which ascend."""
+    table = _contiguous(values.reshape(len(rows), prod(values.shape[1:])))
+    return _SCATTER_ROWS[values.dtype](rows, table, size).reshape(size, *values.shape[1:])
+
+
+def _contiguous(array: Any) -> Any:
+    """The array, copied if it is not C-contiguous and aligned; the core checks all else."""
+    return None if array is None else np.require(array, requirements=["C", "ALIGNED"])

@@ -1,0 +1,1 @@
+"""Robots behind the protocol of `gslts.core.robot`: recorded, inside a map, localized."""

@@ -1,1 +1,0 @@
-"""What a map is for: questions about what is where, and ways to it."""

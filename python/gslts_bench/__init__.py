@@ -1,0 +1,1 @@
+"""Benchmarks of the stages of gslts, on simulated homes and recorded rooms."""

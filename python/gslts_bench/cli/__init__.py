@@ -1,0 +1,1 @@
+"""Commands of the benchmarks: `gslts bench`, `gslts tradeoff` and `gslts demo`."""

@@ -1,0 +1,37 @@
+"""The command `gslts demo`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from gslts.cli.mapping import Threads
+
+# What a command needs is imported inside it, so that `gslts --help` answers at once.
+
+
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for it all; new or empty.")] = Path("demo"),
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Smaller pictures and shorter refinements.")
+    ] = False,
+    threads: Threads = 0,
+) -> None:
+    """Let a simulated robot map a home and keep the map up to date for a day of changes.
+
+    Example: gslts demo --quick --out out/demo
+    """
+    from tqdm import tqdm
+
+    from gslts_bench.demo import QUICK, Scale, live_a_day
+
+    def bar(items: Iterable[Any], stage: str) -> Iterable[Any]:
+        shown: Iterable[Any] = tqdm(items, desc=stage, leave=False, disable=None)
+        return shown
+
+    scale = QUICK if quick else Scale()
+    report = live_a_day(out, scale, threads=threads, bar=bar, say=tqdm.write)
+    typer.echo(f"look at {report.resolve()}")

@@ -1,0 +1,228 @@
+"""The command `gslts tradeoff`."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gslts.cli import output
+from gslts.cli.mapping import Preset
+
+if TYPE_CHECKING:
+    from gslts.core.camera import Camera
+    from gslts.core.gaussian_map import GaussianMap
+    from gslts_bench.tradeoff.mapping import MappingPoint
+
+# What a command needs is imported inside it, so that `gslts --help` answers at once.
+
+
+class RoomName(StrEnum):
+    """The rooms of `gslts_bench.synthetic_rooms`."""
+
+    S = "S"
+    M = "M"
+    L = "L"
+
+
+def tradeoff(
+    out: Annotated[Path, typer.Option(help="Folder for tables and pictures.")],
+    mapped: Annotated[
+        Path | None, typer.Argument(metavar="MAP", help="Folder of a map, or a .ply file of 3DGS.")
+    ] = None,
+    dataset: Annotated[
+        Path | None,
+        typer.Argument(metavar="DATASET", help="That it was made from, as for gslts map."),
+    ] = None,
+    seconds: Annotated[
+        str, typer.Option(help="Times in which maps of DATASET are made, with commas between.")
+    ] = "10,20,45,90",
+    preset: Annotated[Preset, typer.Option(help="Of the maps of DATASET.")] = Preset.BALANCED,
+    scene: Annotated[RoomName, typer.Option(help="Synthetic room to render.")] = RoomName.M,
+    threads: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            help="0 means one a hardware thread. Without it, maps are made with all of them and "
+            "rendering is measured on one.",
+        ),
+    ] = None,
+    rounds: Annotated[int, typer.Option(min=1, help="Times each setting is measured.")] = 15,
+    map_path: Annotated[
+        Path | None, typer.Option("--map", help="A map to render instead: its folder or .ply file.")
+    ] = None,
+    pose: output.Pose = None,
+) -> None:
+    """Measure what time, Gaussians and each knob of the renderer cost and bring.
+
+    Given MAP and DATASET, maps are made afresh in several times, and the map is refined with an
+    eighth to double as many Gaussians; frames kept aside judge them all. Knobs of the renderer are
+    measured on a map from the view of --pose, or from that of its first camera; without any map, in
+    a synthetic room.
+
+    Example: gslts tradeoff --scene M --out out/tradeoff
+
+    Example: gslts tradeoff out/map out/kitchen_3 --out out/tradeoff
+    """
+    from gslts.store.map_folder import read_map
+    from gslts_bench.synthetic_rooms import NEAR_M, make_room
+
+    if mapped is not None:
+        if dataset is None or map_path is not None:
+            raise ValueError("give MAP and DATASET, or --map alone")
+        _against_mapping(mapped, dataset, out, _budgets(seconds), preset, threads, rounds, pose)
+        return
+    one = 1 if threads is None else threads
+    if map_path is not None:
+        gaussian_map, camera = read_map(map_path), output.find_camera(map_path, pose)
+        title, stem = f"Map {map_path}", f"tradeoff_{map_path.resolve().stem}"
+        _against_knobs(gaussian_map, camera, title, out, stem, one, rounds)
+    elif pose is not None:
+        raise ValueError("--pose is for maps: give --map")
+    else:
+        room, title = make_room(scene), f"Room {scene}"
+        stem = f"tradeoff_{scene}"
+        _against_knobs(room.gaussian_map, room.camera, title, out, stem, one, rounds, NEAR_M)
+
+
+def _against_knobs(
+    gaussian_map: GaussianMap,
+    camera: Camera,
+    title: str,
+    out: Path,
+    stem: str,
+    threads: int,
+    rounds: int,
+    near_m: float | None = None,
+) -> None:
+    """Measures the renderer, and writes a table and a picture."""
+    from tqdm import tqdm
+
+    from gslts.rendering.rasterizer import RenderOptions
+    from gslts_bench.tradeoff import rendering as tradeoff
+    from gslts_bench.tradeoff.rendering_plot import write_plot
+
+    out.mkdir(parents=True, exist_ok=True)
+    points = tradeoff.measure(
+        gaussian_map,
+        camera,
+        near_m=RenderOptions().near_m if near_m is None else near_m,
+        threads=threads,
+        rounds=rounds,
+        progress=lambda steps: tqdm(steps, desc=title, unit="round", disable=None),
+    )
+    size = f"{gaussian_map.size:,} Gaussians, {camera.width} x {camera.height} px"
+    csv_path, plot_path = out / f"{stem}.csv", out / f"{stem}.png"
+    tradeoff.write_csv(points, csv_path)
+    write_plot(points, f"{title}: {size}, {threads} thread(s)", plot_path)
+    default = points[0]
+    typer.echo(
+        f"default: {default.forward_ms:.2f} ms, {default.psnr_db:.1f} dB, "
+        f"{'on' if default.on_front else 'NOT on'} the Pareto front"
+    )
+    typer.echo(f"wrote {csv_path} and {plot_path}")
+
+
+def _against_mapping(
+    map_path: Path,
+    dataset: Path,
+    out: Path,
+    budgets_s: list[float],
+    preset: Preset,
+    threads: int | None,
+    rounds: int,
+    pose: str | None,
+) -> None:
+    """Measures renderer and mapping; the table grows with each result."""
+    import json
+    from dataclasses import asdict
+
+    from tqdm import tqdm
+
+    from gslts import __version__
+    from gslts.datasets import open_dataset
+    from gslts.io.atomic_files import empty_folder
+    from gslts.mapping.config import PRESETS
+    from gslts.mapping.evaluation.held_out import Known
+    from gslts.store.map_folder import folder_of, read_manifest, read_map
+    from gslts_bench.tradeoff import mapping as bench
+    from gslts_bench.tradeoff.mapping_plot import write_plot
+    from gslts_bench.tradeoff.rendering import write_csv
+
+    gaussian_map, known, opened = read_map(map_path), Known.of(map_path), open_dataset(dataset)
+    folder, _ = folder_of(map_path)
+    made_in_s = bench.seconds_of(read_manifest(folder)) if folder.is_dir() else None
+    visit = bench.visit_of(
+        opened, known, lambda frames: tqdm(frames, desc="reading", unit="frame", disable=None)
+    )
+    covered = bench.covered(gaussian_map, visit, threads or 0)
+    if covered < bench.LEAST_COVERED:
+        raise ValueError(
+            f"{map_path}: it fills {100 * covered:.0f} % of the frames of {opened.name}, they do "
+            "not belong together"
+        )
+    first = next(iter(visit.training.values()))
+    camera = output.find_camera(map_path, pose) if pose else first.camera()
+    empty_folder(out)
+    stem, one = "tradeoff_renderer", 1 if threads is None else threads
+    _against_knobs(gaussian_map, camera, f"Map {map_path}", out, stem, one, rounds)
+
+    config = PRESETS[preset].model_copy(update={"threads": threads or 0})
+    csv_path, json_path, plot_path = (
+        out / f"tradeoff_mapping.{kind}" for kind in ("csv", "json", "png")
+    )
+    points: list[MappingPoint] = []
+    total = len(bench.COUNTS) + 1 + len(budgets_s)
+    with tqdm(total=total, desc="maps", unit="map", disable=None) as bar:
+
+        def add(point: MappingPoint) -> None:
+            points.append(point)
+            write_csv(points, csv_path)
+            bar.write(_line(point))
+            bar.update()
+
+        add(bench.itself(gaussian_map, visit, made_in_s, config.threads))
+        for point in bench.against_count(gaussian_map, visit, config):
+            add(point)
+        del visit  # Maps made afresh read the frames for themselves.
+        for point in bench.against_time(opened, config, budgets_s):
+            add(point)
+    told = {
+        "gslts": __version__,
+        "map": str(map_path),
+        "dataset": opened.name,
+        "preset": preset.value,
+        "config": config.model_dump(),
+        "points": [asdict(point) for point in points],
+    }
+    json_path.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+    write_plot(points, f"Maps of {opened.name}, preset {preset}; the map is {map_path}", plot_path)
+    typer.echo(f"wrote {csv_path}, {json_path} and {plot_path}")
+
+
+def _line(point: MappingPoint) -> str:
+    """A result, for people."""
+    spent = [] if point.seconds is None else [f"{point.seconds:.1f} s"]
+    spent += [] if point.steps is None else [f"{point.steps} steps"]
+    ways = {
+        "as given": point.given_psnr_db,
+        "by neighbours": point.by_neighbours_psnr_db,
+        "refined": point.refined_psnr_db,
+    }
+    found = ", ".join(f"{way} {db:.2f} dB" for way, db in ways.items() if db is not None)
+    return ", ".join([f"{point.name}: {point.gaussians} Gaussians", *spent]) + f"; {found}"
+
+
+def _budgets(seconds: str) -> list[float]:
+    """Of the option --seconds, the shortest first."""
+    try:
+        budgets_s = sorted(float(part) for part in seconds.split(","))
+    except ValueError:
+        budgets_s = []
+    if not budgets_s or not all(1 <= budget_s < float("inf") for budget_s in budgets_s):
+        raise ValueError(
+            f"--seconds: expected numbers of at least 1 with commas between, got {seconds!r}"
+        )
+    return budgets_s

@@ -1,0 +1,257 @@
+"""A day in the life of a map: a home is furnished and mapped, changes, and the map keeps up."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gslts.core.frame import RgbdFrame
+from gslts.core.se3 import pose_distance
+from gslts.datasets import open_dataset
+from gslts.io.atomic_files import empty_folder, write_whole
+from gslts.io.html_page import number, plots, section, table
+from gslts.keeper.history_page import write_history
+from gslts.keeper.keeper import LoopConfig, MapKeeper
+from gslts.localization.config import RelocalizationConfig
+from gslts.localization.relocalizer import Relocalizer
+from gslts.localization.side_by_side import side_by_side
+from gslts.mapping.config import PRESETS, MappingConfig
+from gslts.mapping.engine import make_map
+from gslts.mapping.report.images import png_of
+from gslts.mapping.report.summary import summary_of, write_result
+from gslts.navigation.navigator import Navigator
+from gslts.navigation.semantic_map_files import map_picture
+from gslts.semantics.map_semantics import Meaning
+from gslts.semantics.query_image import query_picture
+from gslts.semantics.teach import teach
+from gslts.store.camera_files import cameras_of_map
+from gslts.store.map_folder import open_map, read_map
+from gslts.store.records import Event
+from gslts.types import Floats
+from gslts.update.config import RefineConfig, UpdateConfig
+from gslts_bench.series.benchmark import fresh_frames, psnr_of
+from gslts_sim.capture import capture
+from gslts_sim.controller import Controller
+from gslts_sim.day import Day, make_day
+from gslts_sim.explore import explore
+from gslts_sim.home import Home
+from gslts_sim.home_source import HomeSource
+from gslts_sim.task import Box, Change
+from gslts_sim.trial import Setting
+
+ROOM, SEED, CHANGES = "living_room", 7, 6
+FOUND_M = 0.15
+"""An object was found if the middle of a box that is known is in the true one, or that near."""
+
+Bar = Callable[[Iterable[Any], str], Iterable[Any]]
+"""Shows how far a stage is, which is named."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How much is done.
+
+    Attributes:
+        width, height: Of the images, px.
+        frames: Of the recording, at most.
+        mapping: Of the home.
+        iterations: Of a refinement, at most.
+        fresh_views: That judge the map at the end.
+    """
+
+    width: int = 640
+    height: int = 480
+    frames: int = 150
+    mapping: MappingConfig = PRESETS["fast"]
+    iterations: int = 250
+    fresh_views: int = 20
+
+
+QUICK = Scale(
+    width=320,
+    height=240,
+    frames=90,
+    mapping=PRESETS["fast"].model_copy(update={"budget_s": 20.0}),
+    iterations=100,
+    fresh_views=10,
+)
+
+
+def live_a_day(
+    out: Path, scale: Scale, *, threads: int, bar: Bar, say: Callable[[str], None]
+) -> Path:
+    """Furnishes a home, maps it, and keeps the map up to date for a day.
+
+    Args:
+        out: New or empty folder: gets day.json, before/, map/ and report.html.
+        scale: How much is done.
+        threads: 0 means one a hardware thread.
+        bar: Shows progress.
+        say: Is told what was done, in words.
+
+    Returns:
+        The report.
+
+    Raises:
+        OSError: Something cannot be written.
+        ValueError: The folder is not empty.
+    """
+    empty_folder(out)
+    seconds: dict[str, float] = {}
+    start_s = time.perf_counter()
+
+    def note(stage: str) -> None:
+        seconds[stage] = time.perf_counter() - start_s - sum(seconds.values())
+
+    source, coarse = HomeSource.of_seed(ROOM, SEED)
+    day = make_day(source, coarse, Setting(width=scale.width, height=scale.height), SEED, CHANGES)
+    write_whole(out / "day.json", (day.model_dump_json(indent=1) + "\n").encode())
+    home = source.load(out)
+    robot = day.robot(home, 0)
+    looks, _ = explore(robot.home, scale.frames, lambda places: bar(places, "exploring"))
+    count = capture(robot, bar(looks, "recording"), out / "before")
+    note("recording")
+    say(f"recorded {count} frames of a {ROOM.replace('_', ' ')}")
+    say(f"mapped it: {_mapped(out, scale, threads, bar)}")
+    note("mapping")
+    teach(out / "map", out / "before", threads=threads, show=lambda one: bar(one, "teaching"))
+    say("taught it the words of the simulator")
+    note("teaching it words")
+    update = UpdateConfig(threads=threads, refine=RefineConfig(iterations=scale.iterations))
+    config = LoopConfig(update=update)
+    with MapKeeper(out / "map", config, say=lambda words: say(f"  {words}")) as keeper:
+        for gone, happened in enumerate(bar(day.rounds, "rounds"), start=1):
+            for one in happened:
+                say(f"{one.change.kind} of {one.change.object_id}")
+            keeper.go_round(day.robot(home, gone))
+    note("keeping it up to date")
+    report = out / "report.html"
+    with open_map(out / "map") as store:
+        events = store.events()
+        walk = _walk(out / "map", day.robot(home, len(day.rounds)), _moved(day, home, events), say)
+        note("a query and a walk")
+        state = day.state(home, len(day.rounds))
+        frames = fresh_frames(state, day.sensor, SEED, scale.fresh_views)
+        sections = [
+            section("What really changed", _truth(day, events)),
+            section("To an object that was moved", walk),
+            section(
+                "Where a picture was taken", _found_again(out / "map", frames[0], threads, say)
+            ),
+            section("How well the map shows the home at the end", _quality(out, frames)),
+            section("Seconds", table(("", "s"), [(k, f"{v:.0f}") for k, v in seconds.items()])),
+        ]
+        write_history(report, store, f"A day in a {ROOM.replace('_', ' ')}", sections)
+    return report
+
+
+def was_found(change: Change, events: Sequence[Event]) -> bool:
+    """Whether what is known of objects tells of a change, each of its ends in the right place."""
+    for side, box in enumerate((change.box_before, change.box_after)):
+        known = [np.mean(one.boxes[side], axis=0) for one in events if one.boxes[side] is not None]
+        if box is not None and not any(_is_in(middle, box) for middle in known):
+            return False
+    return True
+
+
+def _is_in(point: Floats, box: Box) -> bool:
+    low, high = np.array(box)
+    return bool(np.all((point >= low - FOUND_M) & (point <= high + FOUND_M)))
+
+
+def _mapped(out: Path, scale: Scale, threads: int, bar: Bar) -> str:
+    dataset = open_dataset(out / "before")
+    config = scale.mapping.model_copy(update={"threads": threads})
+    shares = iter(bar(range(100), "mapping"))
+    shown = [0]
+
+    def report(progress: Any) -> None:
+        while shown[0] < 100 * progress.share and next(shares, None) is not None:
+            shown[0] += 1
+
+    result = make_map(
+        dataset, config, show_frames=lambda frames: bar(frames, "reading"), report=report
+    )
+    write_result(out / "map", result, dataset.name)
+    return summary_of(result)
+
+
+def _moved(day: Day, home: Home, events: Sequence[Event]) -> str:
+    """The type of an object that was relocated: of one that was found, and is the only such one."""
+    changes = [one.change for happened in day.rounds for one in happened]
+    types = [thing.type for thing in day.state(home, len(day.rounds)).home.objects]
+    moved = [one for one in changes if one.kind == "relocation"]
+    best = max(moved, key=lambda one: (was_found(one, events), -types.count(one.object_type)))
+    return best.object_type
+
+
+def _walk(folder: Path, robot: Controller, name: str, say: Callable[[str], None]) -> str:
+    """Asks the map for an object and sends the robot there; both as pictures."""
+    meaning, gaussian_map = Meaning.of_map(folder), read_map(folder)
+    assert meaning is not None  # It was taught.
+    navigator = Navigator(gaussian_map, meaning.autoencoder, meaning.source, categories=[name])
+    found = navigator.queries.find(name)
+    pictures = []
+    if found:
+        x, y, z = found[0].middle
+        say(f"asked for the {name}: at ({x:.2f}, {y:.2f}, {z:.2f}) m")
+        cameras = list(cameras_of_map(folder).values())
+        fits = navigator.queries.fits(name)
+        pictures.append((f"{name}: found", query_picture(gaussian_map, fits, found, cameras)))
+    journey = navigator.go(robot, name)
+    told = f"{journey.status}: {journey.reason}"
+    if journey.distance_m is not None:
+        told = f"{journey.length_m:.1f} m walked, stands {journey.distance_m:.1f} m from it"
+    say(f"went to the {name}: {told}")
+    pictures.append((f"The way to it: {told}", map_picture(navigator.semantic_map, journey.way)))
+    return plots(*((words, png_of(one)) for words, one in pictures)) + table(
+        (), [(f"{name}, {journey.status}", told)]
+    )
+
+
+def _truth(day: Day, events: Sequence[Event]) -> str:
+    rows = [
+        (
+            str(number_of_round),
+            one.change.kind,
+            one.change.object_type,
+            "yes" if was_found(one.change, events) else "no",
+        )
+        for number_of_round, happened in enumerate(day.rounds)
+        for one in happened
+    ]
+    return table(("before round", "change", "object", "found and repaired"), rows)
+
+
+def _found_again(folder: Path, frame: RgbdFrame, threads: int, say: Callable[[str], None]) -> str:
+    """Asks the map where a picture was taken, of which it is told nothing."""
+    start_s = time.perf_counter()
+    relocalizer = Relocalizer.of_map(folder, RelocalizationConfig(threads=threads))
+    found = relocalizer.locate(frame)
+    took = f"after {time.perf_counter() - start_s:.1f} s"
+    pose = found.world_from_camera
+    if pose is None:
+        say(f"asked where a picture was taken: {found.status}: {found.reason}, {took}")
+        return table((), [(found.status, found.reason)])
+    metres, turn_rad = pose_distance(frame.camera.world_from_camera, pose)
+    off = f"{1000 * metres:.0f} mm and {np.degrees(turn_rad):.2f} degrees off"
+    say(f"asked where a picture was taken: {found.status}, {off}, {took}")
+    picture = png_of(side_by_side(relocalizer.gaussian_map, frame, pose, threads))
+    return plots(("The picture, and the map from where it was found", picture)) + table(
+        (), [(found.status, f"{off}, {took}")]
+    )
+
+
+def _quality(out: Path, frames: Sequence[RgbdFrame]) -> str:
+    maps = {"as mapped in the morning": "map@1", "as it is in the evening": "map"}
+    rows = [
+        (words, f"{one.size:,}", number(psnr_of(one, frames)))
+        for words, one in ((words, read_map(out / path)) for words, path in maps.items())
+    ]
+    head = ("map", "Gaussians", f"PSNR of {len(frames)} fresh views, dB")
+    return table(head, rows)

@@ -1,0 +1,1 @@
+"""Many updates in a row against a map built anew."""

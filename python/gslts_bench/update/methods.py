@@ -1,0 +1,134 @@
+"""The ways in which a map is updated that are compared."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gslts.change.config import DetectionConfig
+from gslts.change.detector import ChangeDetector
+from gslts.core.camera import Camera
+from gslts.core.gaussian_map import GaussianMap
+from gslts.update.config import GS_LTS, EditConfig, RefineConfig, UpdateConfig
+from gslts.update.edit import Edit, pre_edit
+from gslts.update.refine import Refined, Watch, refine, targets_of
+from gslts.update.updater import Record, updated_with
+from gslts.update.verify import split_held_back
+from gslts.update.view_collection import Collection
+
+PLAIN = RefineConfig(
+    scope="map",
+    new_visits=1,
+    patience=1_000_000,
+    depth_weight=0.0,
+    means_rate=5e-4,
+    quats_rate=1e-3,
+    log_scales_rate=5e-3,
+    logit_opacities_rate=5e-2,
+    sh_rate=2.5e-3,
+    rates_left=1.0,
+)
+"""Fine-tuning of the whole map with the loss and the rates of 3DGS (Kerbl et al. 2023), whose rate
+of the means, 1.6e-4 times the extent of the cameras, is taken for an extent of 3 m."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """One way.
+
+    Attributes:
+        edit: None leaves the Gaussians as they are.
+        refine: None leaves the map as it is.
+        whole: Whether it is all of `gslts.update.updater`, with views remembered and verification.
+    """
+
+    edit: EditConfig | None
+    refine: RefineConfig | None
+    whole: bool = False
+
+
+OURS = UpdateConfig()
+
+
+def _without(**settings: object) -> Method:
+    return Method(OURS.edit.model_copy(update=settings), OURS.refine, whole=True)
+
+
+METHODS: dict[str, Method] = {
+    "no update": Method(None, None),
+    "plain fine-tuning": Method(None, PLAIN),
+    "gs_lts editing": Method(GS_LTS, PLAIN),
+    "ours": Method(OURS.edit, OURS.refine, whole=True),
+}
+"""Of the table: the second is the baseline of GS-LTS, and the third its editing as printed."""
+ABLATION: dict[str, Method] = {
+    "plain, our rates": Method(
+        None, OURS.refine.model_copy(update={"scope": "map", "patience": 1_000_000})
+    ),
+    "all hidden vote": _without(visible_votes=False),
+    "nothing carved": _without(carve=False),
+    "nothing swept": _without(sweep=False),
+    "all measured is added": _without(only_missing=False),
+    "shapes inherited": _without(flat=False),
+    "colours inherited": _without(observed_colors=False),
+    "no old views": Method(OURS.edit, OURS.refine.model_copy(update={"remembered": 0}), whole=True),
+    "no refinement": Method(
+        OURS.edit, OURS.refine.model_copy(update={"iterations": 0}), whole=True
+    ),
+    "gs_lts editing, then ours": Method(GS_LTS, OURS.refine, whole=True),
+}
+"""Each differs from `ours` in one thing."""
+
+
+def updated(
+    method: Method,
+    gaussian_map: GaussianMap,
+    cameras: Sequence[Camera],
+    found: Collection,
+    *,
+    iterations: int | None = None,
+    threads: int = 1,
+    watch: Watch = lambda *_: None,
+) -> tuple[GaussianMap, Record | None]:
+    """What a method makes of a map; the record of those that write one.
+
+    Args:
+        method: One of them.
+        gaussian_map: Before the change.
+        cameras: Of the frames that it was made of.
+        found: Views of the change; the same are used by all methods.
+        iterations: Instead of those of the method.
+        threads: 0 means one a hardware thread.
+        watch: Is told of the steps of the refinement.
+    """
+    steps = {} if iterations is None else {"iterations": iterations}
+    if method.whole:
+        assert method.edit is not None
+        assert method.refine is not None
+        config = UpdateConfig(
+            edit=method.edit, refine=method.refine.model_copy(update=steps), threads=threads
+        )
+        detector = None
+        if iterations is None:  # Else so many steps are what is compared.
+            detector = ChangeDetector(
+                gaussian_map, DetectionConfig(threads=threads), cameras=cameras
+            )
+        return updated_with(gaussian_map, cameras, found, config, detector=detector, watch=watch)
+    used, _ = split_held_back(found.views, OURS.collect.held_back)
+    edit = Edit(gaussian_map, np.zeros(gaussian_map.size, np.bool_), 0)
+    if method.edit is not None:
+        edit = pre_edit(gaussian_map, used, found.regions_of_each, method.edit, threads=threads)
+    refined = Refined(edit.gaussian_map, 0, ())
+    if method.refine is not None:
+        config_of = method.refine.model_copy(update=steps)
+        refined = refine(
+            edit.gaussian_map,
+            targets_of(used, found.regions, config_of),
+            np.ones(edit.gaussian_map.size, np.bool_),
+            config_of,
+            threads=threads,
+            watch=watch,
+        )
+    return refined.gaussian_map, None

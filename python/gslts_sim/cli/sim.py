@@ -1,0 +1,243 @@
+"""The commands `gslts sim`: simulated homes, data sets of them, and scene change tasks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+# What a command needs is imported inside it, so that `gslts --help` answers at once.
+
+sim = typer.Typer(no_args_is_help=True, help="Simulated homes.")
+
+Source = Annotated[
+    str,
+    typer.Argument(help="kitchen, living_room or bedroom, or a .glb or .gltf file of a home."),
+]
+Seed = Annotated[int, typer.Argument(min=0, help="Same seed, same home.")]
+Noise = Annotated[str, typer.Option(help="Of the sensors: none or kinect.")]
+
+
+@sim.command()
+def home(source: Source, seed: Seed = 0) -> None:
+    """List the objects of a home: id, place and size, what it stands on, whether it is movable.
+
+    Example: gslts sim home kitchen 3
+    """
+    from gslts_sim.home_source import open_home
+
+    for thing in open_home(source, seed).objects:
+        low, high = thing.box_in_world
+        place = " ".join(f"{value:6.2f}" for value in (*((low + high) / 2)[:2], low[2]))
+        size = " x ".join(f"{value:.2f}" for value in high - low)
+        typer.echo(
+            f"{_printable(thing.id):20} at {place} m  size {size} m  "
+            f"on {_printable(thing.parent or '-'):16} "
+            f"{'movable' if thing.movable else ''}".rstrip()
+        )
+
+
+@sim.command()
+def show(
+    source: Annotated[
+        str,
+        typer.Argument(
+            help="kitchen, living_room or bedroom, a .glb or .gltf file, or the .json of a task."
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="Folder for the pictures.")],
+    seeds: Annotated[
+        list[int] | None, typer.Argument(min=0, help="Of homes; one picture for each.")
+    ] = None,
+) -> None:
+    """Draw homes (views from the corners and a labelled plan) or a task (before and after).
+
+    Example: gslts sim show living_room 0 1 2 --out out/homes
+    """
+    from tqdm import tqdm
+
+    from gslts_sim.home_source import FILE_TYPES, open_home
+    from gslts_sim.show import write_contact_sheet
+    from gslts_sim.show_task import write_task_sheet
+    from gslts_sim.task import read_task
+
+    path = Path(source)
+    if path.suffix.lower() in (".json", *FILE_TYPES) and seeds:
+        raise ValueError(f"{source} holds one home: seeds mean nothing")
+    if path.suffix.lower() == ".json":
+        task = read_task(path)
+        home = task.home.load(path.parent)
+        task.states(home)
+        out.mkdir(parents=True, exist_ok=True)
+        write_task_sheet(task, home, out / f"{path.stem}.png")
+        typer.echo(f"wrote {out / path.stem}.png")
+        return
+    for seed in tqdm(seeds or [0], desc=path.name, unit="home", disable=None):
+        home = open_home(source, seed)
+        out.mkdir(parents=True, exist_ok=True)
+        is_file = path.suffix.lower() in FILE_TYPES
+        write_contact_sheet(home, out / f"{path.stem if is_file else f'{source}_{seed}'}.png")
+    typer.echo(f"wrote {len(seeds or [0])} picture(s) to {out}")
+
+
+@sim.command()
+def capture(
+    source: Source,
+    out: Annotated[Path, typer.Option(help="Folder of the data set; new or empty.")],
+    seed: Seed = 0,
+    frames: Annotated[int, typer.Option(min=1, help="At most.")] = 200,
+    noise: Noise = "kinect",
+    visit: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
+    width: Annotated[int, typer.Option(min=16, max=4096, help="px")] = 640,
+    height: Annotated[int, typer.Option(min=16, max=4096, help="px")] = 480,
+) -> None:
+    """Let the robot look at all of a home; write RGB-D frames in nerfstudio's layout.
+
+    Example: gslts sim capture kitchen 3 --out out/kitchen_3
+    """
+    from tqdm import tqdm
+
+    from gslts.io.atomic_files import empty_folder
+    from gslts_sim.capture import capture as write
+    from gslts_sim.controller import Controller
+    from gslts_sim.explore import explore
+    from gslts_sim.home_source import open_home
+
+    home = open_home(source, seed)
+    robot = Controller(home, width=width, height=height, noise=noise, seed=visit)
+    empty_folder(out)
+    looks, share = explore(home, frames, lambda at: tqdm(at, desc="exploring", unit="place"))
+    count = write(robot, tqdm(looks, desc=home.name, unit="frame", disable=None), out)
+    typer.echo(
+        f"wrote {count} frames to {out}: {100 * share:.0f} % of the views that the surfaces need"
+    )
+
+
+@sim.command()
+def tasks(
+    out: Annotated[Path, typer.Option(help="Folder for the scripts; new or empty.")],
+    sources: Annotated[
+        list[str] | None,
+        typer.Argument(help="Room types or .glb files; all room types if none is given."),
+    ] = None,
+    count: Annotated[int, typer.Option(min=1, help="How many tasks.")] = 600,
+    per_home: Annotated[int, typer.Option(min=1, help="Tasks of each home, at most.")] = 12,
+    first_seed: Annotated[
+        int, typer.Option(min=0, help="Of the first home; from 10000 on kept for evaluation.")
+    ] = 0,
+    noise: Noise = "kinect",
+    object_id: Annotated[
+        str | None, typer.Option("--object", help="The only object to remove or relocate.")
+    ] = None,
+    receptacle_id: Annotated[
+        str | None, typer.Option("--on", help="The only receptacle to put it on.")
+    ] = None,
+) -> None:
+    """Write scene change tasks, a small JSON script each: additions, removals and relocations.
+
+    Example: gslts sim tasks --count 600 --out out/tasks
+    """
+    from itertools import chain
+
+    from tqdm import tqdm
+
+    from gslts.io.atomic_files import empty_folder
+    from gslts_sim import ROOM_TYPES
+    from gslts_sim.task import write_task
+    from gslts_sim.tasks import TaskMaker, script_name, tasks_of
+    from gslts_sim.trial import Setting
+
+    setting = Setting(noise=noise, object_id=object_id, receptacle_id=receptacle_id)
+    maker = TaskMaker(setting, first_seed)
+    names = sources or list(ROOM_TYPES)
+    made = tasks_of(names, out, first_seed, count, per_home, maker)
+    # Bad wishes show before the first task, and so before anything is written.
+    first = next(made, None)
+    empty_folder(out)
+    written = 0
+    with tqdm(total=count, desc="tasks", unit="task") as bar:
+        for task in chain([] if first is None else [first], made):
+            write_task(task, out / script_name(written, task))
+            written += 1
+            bar.update()
+    reasons = ", ".join(f"{reason} ({times})" for reason, times in maker.refused.most_common(8))
+    typer.echo(f"wrote {written} tasks to {out}; refused: {reasons or 'nothing'}")
+    if written < count:
+        why = reasons or "nothing else can be added, removed or relocated"
+        raise ValueError(f"only {written} of {count} tasks could be made: {why}")
+
+
+@sim.command()
+def day(
+    source: Source,
+    out: Annotated[Path, typer.Option(help="Folder for it; new or empty.")],
+    seed: Seed = 0,
+    changes: Annotated[int, typer.Option(min=1, help="Objects that come, go and move.")] = 6,
+    frames: Annotated[int, typer.Option(min=1, help="Of the recording, at most.")] = 150,
+    noise: Noise = "kinect",
+    width: Annotated[int, typer.Option(min=16, max=4096, help="px")] = 640,
+    height: Annotated[int, typer.Option(min=16, max=4096, help="px")] = 480,
+) -> None:
+    """Write what happens in a home in a day (day.json), and record it as it was before (before/).
+
+    Example: gslts sim day living_room 4 --out out/day
+    """
+    from tqdm import tqdm
+
+    from gslts.io.atomic_files import empty_folder, write_whole
+    from gslts_sim.capture import capture as write
+    from gslts_sim.day import make_day
+    from gslts_sim.explore import explore
+    from gslts_sim.tasks import homes_of
+    from gslts_sim.trial import Setting
+
+    setting = Setting(noise=noise, width=width, height=height)
+    origin, found = next(homes_of([source], out, seed))
+    made = make_day(origin, found, setting, seed, changes)
+    empty_folder(out)
+    robot = made.robot(made.home.load(out), 0)
+    looks, _ = explore(robot.home, frames, lambda at: tqdm(at, desc="exploring", unit="place"))
+    count = write(robot, tqdm(looks, desc="before", unit="frame", disable=None), out / "before")
+    write_whole(out / "day.json", (made.model_dump_json(indent=1) + "\n").encode())
+    for number, happened in enumerate(made.rounds):
+        for one in happened:
+            typer.echo(f"before round {number}: {one.change.kind} of {one.change.object_id}")
+    typer.echo(f"wrote {out / 'day.json'} and {count} frames to {out / 'before'}")
+
+
+def _printable(text: str) -> str:
+    """A name from a file, without what a terminal would obey."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+@sim.command()
+def replay(
+    script: Annotated[Path, typer.Argument(metavar="TASK", help="Script of a scene change task.")],
+    out: Annotated[Path, typer.Option(help="Folder of the data set; new or empty.")],
+    changed: Annotated[bool, typer.Option("--changed", help="After the change.")] = False,
+    frames: Annotated[int, typer.Option(min=1, help="At most.")] = 200,
+) -> None:
+    """Record the home of a task: all of it before the change, or the views of the change after it.
+
+    The first of these is the one in which the robot sees the change.
+
+    Example: gslts sim replay out/tasks/0000_removal_Mug-1.json --changed --out out/after
+    """
+    from tqdm import tqdm
+
+    from gslts.io.atomic_files import empty_folder
+    from gslts_sim.capture import capture as write
+    from gslts_sim.explore import explore
+    from gslts_sim.task import read_task
+
+    task = read_task(script)
+    robot = task.start(task.home.load(script.parent), changed=changed)
+    empty_folder(out)
+    if changed:
+        sets = task.test_viewpoints
+        looks = [one.look for one in (task.viewpoint, *sets.near, *sets.far)][:frames]
+    else:
+        looks, _ = explore(robot.home, frames, lambda at: tqdm(at, desc="exploring", unit="place"))
+    count = write(robot, tqdm(looks, desc=script.stem, unit="frame", disable=None), out)
+    typer.echo(f"wrote {count} frames to {out}")

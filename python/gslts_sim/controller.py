@@ -1,0 +1,283 @@
+"""A robot in a simulated home, driven by the verbs of AI2-THOR (Kolve et al. 2017).
+
+Actions, their arguments and the metadata bear AI2-THOR's names, but all coordinates are those of
+the project: world with z up, right-handed, metres. The agent's rotation is its yaw about z in
+degrees, from x to y; RotateRight makes it smaller.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gslts.core.camera import Camera
+from gslts.core.frame import RgbdFrame
+from gslts.types import Floats
+from gslts_sim.actions import (
+    GRID_M,
+    AnyAction,
+    Move,
+    Pass,
+    Rotate,
+    SceneState,
+    Teleport,
+    Tilt,
+    checked_action,
+)
+from gslts_sim.changes import ChangeError
+from gslts_sim.event import Event, Palette, make_event, xyz
+from gslts_sim.home import Home, pose
+from gslts_sim.physics import OrientedBoxes
+from gslts_sim.raycast import RayCaster
+from gslts_sim.robot_body import (
+    BODY_HEIGHT_M,
+    BODY_RADIUS_M,
+    FOV_RAD,
+    HORIZON_DEG,
+    Look,
+    floor_of,
+    robot_camera,
+)
+from gslts_sim.sensor import Sensor, SensorNoise
+from gslts_sim.walkable import STEP_M
+
+_MOVES_DEG = {"MoveAhead": 0.0, "MoveLeft": 90.0, "MoveBack": 180.0, "MoveRight": -90.0}
+
+
+class ActionError(Exception):
+    """An action that cannot be done, and why."""
+
+
+class Controller:
+    """A home and a robot in it, which together change by actions.
+
+    Args:
+        home: Where the robot is, with what was taken away from it if that may come back; the robot
+            starts at the reachable place nearest to the middle.
+        width: Of the images, px.
+        height: Of the images, px.
+        fov_rad: Horizontal field of view of the camera, rad.
+        noise: Of the camera: a model, or the name of a preset.
+        seed: Of the noise of this visit.
+
+    Raises:
+        ValueError: There is no floor on which the robot can stand, or no such preset.
+    """
+
+    def __init__(
+        self,
+        home: Home | SceneState,
+        *,
+        width: int = 640,
+        height: int = 480,
+        fov_rad: float = FOV_RAD,
+        noise: SensorNoise | str = "none",
+        seed: int = 0,
+    ) -> None:
+        self._size, self._fov_rad = (width, height), fov_rad
+        self._sensor = Sensor(noise, seed)
+        self._frames = 0
+        state = SceneState(home) if isinstance(home, Home) else home
+        self._palette = Palette([*state.home.objects, *state.aside.values()])
+        self._set_state(state)
+        places = self._floor.places(GRID_M)
+        if len(places) == 0:
+            raise ValueError(f"Controller: {state.home.name}: the robot can stand nowhere")
+        middle = state.home.space.box.mean(axis=0)[:2]
+        self._position = places[np.argmin(np.linalg.norm(places - middle, axis=1))]
+        self._yaw_deg, self._horizon_deg = 0.0, 0.0
+        self._last_pose: Floats | None = None
+        self._last_event: Event | None = None
+
+    @property
+    def home(self) -> Home:
+        """The home as it is now."""
+        return self._state.home
+
+    @property
+    def last_event(self) -> Event:
+        """That of the last step, or of the first one to come."""
+        if self._last_event is None:
+            self._last_event = self._look("Pass", "", None, 0)
+        return self._last_event
+
+    def step(self, action: str, **arguments: Any) -> Event:
+        """Does one action, or says in the metadata why not; then looks.
+
+        Args:
+            action: One of MoveAhead, MoveBack, MoveLeft, MoveRight (`moveMagnitude`, m),
+                RotateLeft, RotateRight, LookUp, LookDown (`degrees`), Teleport (`position` with x
+                and y, `rotation` in degrees, `horizon`), GetReachablePositions, Pass,
+                InitialRandomSpawn (`randomSeed`, `numPlacementAttempts`), DisableObject and
+                EnableObject (`objectId`), PlaceObjectAtPoint (`objectId`, `position` with x, y and
+                z, where the middle of its underside comes, `rotation` in degrees).
+            arguments: Of the action.
+
+        Raises:
+            ValueError: There is no such action, or it has no such argument.
+        """
+        error, result = "", None
+        try:
+            result = self.act(action, **arguments)
+        except ActionError as reason:
+            error = str(reason)
+        self._last_event = self._look(action, error, result, self._frames)
+        self._frames += 1
+        return self._last_event
+
+    def act(self, name: str, /, **arguments: Any) -> Any:
+        """Does one action without a look.
+
+        Args:
+            name: Of the action, as in `step`.
+            arguments: Of the action.
+
+        Returns:
+            What the action returns, such as places.
+
+        Raises:
+            ActionError: It cannot be done.
+            ValueError: There is no such action, or it has no such argument.
+        """
+        try:
+            action = checked_action(name, arguments)
+        except ValueError as reason:
+            raise ValueError(f"Controller: {reason}") from None
+        try:
+            return self._do(action)
+        except (ActionError, ChangeError) as reason:
+            raise ActionError(f"{name}: {reason}") from None
+
+    def go(self, look: Look) -> None:
+        """Teleports to a place and a direction.
+
+        Raises:
+            ActionError: The robot cannot stand there or look that far up or down.
+        """
+        x, y = look.place.tolist()
+        self.act(
+            "Teleport",
+            position={"x": x, "y": y},
+            rotation=look.yaw_deg,
+            horizon=look.horizon_deg,
+        )
+
+    def look(self, number: int) -> Event:
+        """A look that does not count; its noise is that of the frame of this number."""
+        return self._look("Pass", "", None, number)
+
+    def observe(self) -> RgbdFrame:
+        """What the camera sees now."""
+        return self.step("Pass").observation
+
+    def pose(self) -> Floats:
+        """Return [4,4] world_from_camera that the robot believes, m.
+
+        Its error is drawn from the noise model of the frames, once between two frames.
+        """
+        return self._sensor.believed_pose(self._camera(), self._frames)
+
+    def reachable_positions(self) -> Floats:
+        """[P,2] places on the robot's grid that it can reach from where it is, x and y, m."""
+        return self._floor.places(GRID_M, self._position)
+
+    def move_towards(
+        self, position: Floats, yaw_rad: float, pitch_rad: float | None = None
+    ) -> bool:
+        """Goes to the reachable place nearest to `position` and looks along both angles."""
+        places = self.reachable_positions()
+        place = places[np.argmin(np.linalg.norm(places - position, axis=1))]
+        down_deg = self._horizon_deg if pitch_rad is None else float(np.rad2deg(pitch_rad))
+        down_deg = float(np.clip(down_deg, *HORIZON_DEG))
+        try:
+            self.go(Look(place, float(np.rad2deg(yaw_rad)) % 360, down_deg))
+        except ActionError:
+            return False
+        return True
+
+    def _set_state(self, state: SceneState) -> None:
+        self._state, self._floor = state, floor_of(state.home)
+        self._caster: RayCaster | None = None  # Made when it is needed: many changes may follow.
+
+    def _do(self, action: AnyAction) -> Any:
+        match action:
+            case Move():
+                self._move(_MOVES_DEG[action.action], action.moveMagnitude)
+            case Rotate():
+                turn = action.degrees if action.action == "RotateLeft" else -action.degrees
+                self._yaw_deg = (self._yaw_deg + turn) % 360
+            case Tilt():
+                turn = action.degrees if action.action == "LookDown" else -action.degrees
+                self._horizon_deg = _within_horizon(self._horizon_deg + turn)
+            case Teleport():
+                self._teleport(action)
+            case Pass():
+                if action.action == "GetReachablePositions":
+                    height = float(self.home.space.box[0, 2])
+                    return [xyz((x, y, height)) for x, y in self.reachable_positions()]
+            case _:
+                self._set_state(self._state.after(action, self._body()))
+        return None
+
+    def _move(self, towards_deg: float, metres: float) -> None:
+        angle = np.deg2rad(self._yaw_deg + towards_deg)
+        step = metres * np.array([np.cos(angle), np.sin(angle)])
+        pieces = max(2, int(np.ceil(metres / self._floor.cell_m)) + 1)
+        for share in np.linspace(0, 1, pieces)[1:]:
+            if not self._floor.is_free(self._position + share * step):
+                raise ActionError(f"the way of {metres:g} m is blocked")
+        self._position = self._position + step
+
+    def _teleport(self, action: Teleport) -> None:
+        place = self._position
+        if action.position is not None:
+            place = np.array([action.position.x, action.position.y])
+            if not self._floor.is_free(place):
+                raise ActionError(f"the robot cannot stand at ({place[0]:g}, {place[1]:g})")
+        if action.horizon is not None:
+            self._horizon_deg = _within_horizon(action.horizon)
+        if action.rotation is not None:
+            self._yaw_deg = action.rotation % 360
+        self._position, self._last_pose = place, None  # Nobody sees the way of a teleport.
+
+    def _body(self) -> OrientedBoxes:
+        """Where the robot is."""
+        low = float(self.home.space.box[0, 2]) + STEP_M
+        radius = BODY_RADIUS_M
+        box = np.array([(-radius, -radius, 0.0), (radius, radius, BODY_HEIGHT_M)])
+        x, y = self._position.tolist()
+        return OrientedBoxes.of(box[None], pose(x, y, low, 0.0))
+
+    def _camera(self) -> Camera:
+        """Return the camera at its true pose."""
+        look = Look(self._position, self._yaw_deg, self._horizon_deg)
+        return robot_camera(self.home, look, self._size, self._fov_rad)
+
+    def _look(self, action: str, error: str, result: Any, number: int) -> Event:
+        camera = self._camera()
+        if self._caster is None:
+            self._caster = RayCaster(self.home, self._sensor.lights(self.home))
+        frame, truth = self._sensor.take(self._caster, camera, number, self._last_pose)
+        self._last_pose = camera.world_from_camera
+        metadata = {
+            "agent": {
+                "position": xyz((*self._position, self.home.space.box[0, 2])),
+                "rotation": xyz((0, 0, self._yaw_deg)),
+                "cameraHorizon": self._horizon_deg,
+            },
+            "lastAction": action,
+            "lastActionSuccess": not error,
+            "errorMessage": error,
+            "actionReturn": result,
+        }
+        return make_event(frame, truth, camera, self.home, self._palette, metadata)
+
+
+def _within_horizon(angle_deg: float) -> float:
+    if not HORIZON_DEG[0] <= angle_deg <= HORIZON_DEG[1]:
+        raise ActionError(
+            f"the horizon must stay within {HORIZON_DEG[0]:g} and {HORIZON_DEG[1]:g} degrees, "
+            f"not {angle_deg:g}"
+        )
+    return angle_deg

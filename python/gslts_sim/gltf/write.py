@@ -1,0 +1,80 @@
+"""`write_glb`: a home as a file that viewers of glTF show and `load_home` reads."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gslts.io.atomic_files import write_whole
+from gslts_sim.gltf.parts import Z_UP
+from gslts_sim.home import Home, HomeObject
+from gslts_sim.mesh import Surface
+
+
+def write_glb(home: Home, path: str | os.PathLike[str]) -> None:
+    """Writes a home as a GLB with one named node per object.
+
+    `extras` tell the type, whether it is movable or a receptacle and, on a floor, the type of the
+    room. Boxes, parents and lights are not written. The file appears whole or not at all.
+
+    Raises:
+        OSError: The file cannot be written.
+    """
+    import trimesh
+
+    scene: Any = trimesh.Scene()
+    materials: dict[int, Any] = {}
+    for thing in home.objects:
+        pose = Z_UP.T @ thing.world_from_object @ Z_UP
+        scene.graph.update(thing.id, matrix=pose, metadata=_extras(home, thing))
+        for k, surface in enumerate(thing.surfaces):
+            scene.add_geometry(
+                _mesh(surface, materials),
+                node_name=f"{thing.id} {k}",
+                geom_name=f"{thing.id} {k}",
+                parent_node_name=thing.id,
+            )
+    write_whole(Path(path), scene.export(file_type="glb"))
+
+
+def _extras(home: Home, thing: HomeObject) -> dict[str, Any]:
+    extras: dict[str, Any] = {
+        "type": thing.type,
+        "movable": thing.movable,
+        "receptacle": thing.receptacle,
+    }
+    middle = thing.box_in_world.mean(axis=0)[:2]
+    if thing.type == "Floor":
+        for room in home.rooms:
+            if (room.box[0, :2] <= middle).all() and (middle <= room.box[1, :2]).all():
+                extras["room"] = room.type
+    return extras
+
+
+def _mesh(surface: Surface, materials: dict[int, Any]) -> Any:
+    """The surface for trimesh; a vertex has one place in the texture there, v pointing up."""
+    import trimesh
+    from PIL import Image
+
+    visual: Any = trimesh.visual
+    key = id(surface.texture)
+    if key not in materials:
+        materials[key] = visual.material.PBRMaterial(
+            baseColorTexture=Image.fromarray(surface.texture),
+            metallicFactor=0.0,
+            roughnessFactor=1.0,
+        )
+    rows = np.concatenate(
+        [surface.vertices[surface.faces], surface.uvs.astype(np.float64)], axis=2
+    ).reshape(-1, 5)
+    distinct, index = np.unique(rows, axis=0, return_inverse=True)
+    uv = distinct[:, 3:] * (1, -1) + (0, 1)
+    return trimesh.Trimesh(
+        vertices=distinct[:, :3] @ Z_UP[:3, :3],
+        faces=index.reshape(-1, 3),
+        visual=visual.TextureVisuals(uv=uv, material=materials[key]),
+        process=False,
+    )

@@ -1,0 +1,55 @@
+"""`make_home`: a furnished room from its type and a seed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gslts_sim.home import Home
+from gslts_sim.physics import problems
+from gslts_sim.procedural.model import Kit
+from gslts_sim.procedural.rooms import bedroom, kitchen, living_room
+from gslts_sim.procedural.scene import Scene
+from gslts_sim.walkable import walkable_floor
+
+ROOM_TYPES = {"kitchen": kitchen, "living_room": living_room, "bedroom": bedroom}
+
+LEAST_MOVABLE = 10
+LEAST_REACHED_SHARE = 0.62
+"""Of the free floor, for a robot of 0.2 m radius and 1.2 m height."""
+
+ATTEMPTS = 20
+AMBIENT = (0.38, 0.38, 0.39)
+
+
+def make_home(room_type: str, seed: int, *, detail: float = 1.0) -> Home:
+    """A furnished room; the same for the same arguments, bit for bit.
+
+    Args:
+        room_type: `kitchen`, `living_room` or `bedroom`.
+        seed: 0 to 2^63 - 1.
+        detail: Scale of the resolution of textures; shapes and places do not depend on it.
+
+    Raises:
+        ValueError: There is no such room type, or the seed is not such a number.
+    """
+    if not isinstance(room_type, str) or room_type not in ROOM_TYPES:
+        known = ", ".join(ROOM_TYPES)
+        raise ValueError(f"make_home: room_type: expected one of {known}, got {room_type!r}")
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
+        raise ValueError(f"make_home: seed: expected an int from 0 to 2^63 - 1, got {seed!r}")
+    plan = ROOM_TYPES[room_type]
+    for attempt in range(ATTEMPTS):
+        kit = Kit((int(seed), list(ROOM_TYPES).index(room_type), attempt), detail)
+        scene = Scene(kit, room_type, plan.draw_size(kit.rng))
+        plan.furnish(scene)
+        home = scene.home(f"{room_type} {seed}", np.array(AMBIENT))
+        if _is_good(home):
+            return home
+    raise AssertionError(f"make_home: {room_type} {seed}: no good room in {ATTEMPTS} attempts")
+
+
+def _is_good(home: Home) -> bool:
+    movable = sum(thing.movable for thing in home.objects)
+    if movable < LEAST_MOVABLE or problems(home):
+        return False
+    return walkable_floor(home, home.rooms[0]).reached_share >= LEAST_REACHED_SHARE

@@ -1,0 +1,386 @@
+"""A room in the making: what stands where, what still fits, and how things are placed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gslts.types import Floats
+from gslts_sim.home import AreaLight, Home, HomeObject, Room, pose
+from gslts_sim.physics import (
+    OrientedBoxes,
+    boxes_in_world,
+    carried_share,
+    collides,
+    footprint,
+    free_places,
+)
+from gslts_sim.procedural.catalog import building
+from gslts_sim.procedural.catalog.building import Opening
+from gslts_sim.procedural.model import Kit, Model
+
+Builder = Callable[..., Model]
+Span = tuple[float, float]
+
+TRIES, BATCH = 24, 6
+"""Places that are tried for a small thing before it is left out, and how many at once."""
+
+CARRIED_SHARE = 0.8
+"""Share of their footprint that lies on what they stand on; more than just holds."""
+
+LEAST_TOP_M2 = 0.004
+"""Smaller faces carry nothing."""
+
+GAP_M = 0.1
+"""Distance between things that hang on a wall side by side."""
+
+EDGE_M = 0.015
+"""Small things keep this distance from the edge of what they stand on."""
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """A wall as furniture sees it.
+
+    Args:
+        start: (2,) m: its left corner, for who looks at it from inside.
+        along: (2,) unit vector to the right.
+        inward: (2,) unit vector into the room.
+        length: m.
+        yaw_rad: Turns a thing's back to the wall.
+    """
+
+    start: Floats
+    along: Floats
+    inward: Floats
+    length: float
+    yaw_rad: float
+
+    def point(self, along_m: float, out_m: float) -> Floats:
+        """(2,) m: `along_m` from the left corner and `out_m` off the wall."""
+        at: Floats = self.start + self.along * along_m + self.inward * out_m
+        return at
+
+
+def sides(width: float, depth: float) -> tuple[Side, ...]:
+    """The walls of a room: north (y = depth), east, south and west, as many as 0 to 3."""
+    quarter = np.pi / 2
+    return (
+        Side(np.array([0, depth]), np.array([1.0, 0]), np.array([0, -1.0]), width, 0.0),
+        Side(np.array([width, depth]), np.array([0, -1.0]), np.array([-1.0, 0]), depth, -quarter),
+        Side(np.array([width, 0.0]), np.array([-1.0, 0]), np.array([0, 1.0]), width, 2 * quarter),
+        Side(np.array([0.0, 0.0]), np.array([0, 1.0]), np.array([1.0, 0]), depth, quarter),
+    )
+
+
+def tops_m(thing: HomeObject) -> Floats:
+    """Heights in its own frame at which other things can stand on a thing, rising, m."""
+    areas = np.prod(thing.boxes[:, 1, :2] - thing.boxes[:, 0, :2], axis=1)
+    heights: Floats = np.unique(thing.boxes[areas > LEAST_TOP_M2][:, 1, 2])
+    return heights
+
+
+def _top_near(thing: HomeObject, z: float) -> Floats:
+    """The box [2,3] around those whose top is nearest to a height."""
+    heights = tops_m(thing)
+    height = heights[np.abs(np.minimum(z, heights[-1]) - heights).argmin()]
+    areas = np.prod(thing.boxes[:, 1, :2] - thing.boxes[:, 0, :2], axis=1)
+    boxes = thing.boxes[(thing.boxes[:, 1, 2] == height) & (areas > LEAST_TOP_M2)]
+    return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+
+
+class Scene:
+    """A room that is being furnished.
+
+    Args:
+        kit: Materials, style and random stream.
+        room_type: Such as `kitchen`.
+        size: Width (x), depth (y) and height of the room, m.
+    """
+
+    def __init__(self, kit: Kit, room_type: str, size: tuple[float, float, float]) -> None:
+        self.kit, self.rng = kit, kit.rng
+        self.room_type, self.size = room_type, size
+        self.sides = sides(size[0], size[1])
+        self.objects: list[HomeObject] = []
+        self.lights: list[AreaLight] = []
+        self._obstacles = OrientedBoxes.joined([])
+        self._kept_free: list[OrientedBoxes] = []
+        self._openings: list[OrientedBoxes] = []
+
+    # What is there.
+
+    def build(self, builder: Builder, *args: float | str) -> HomeObject:
+        """A thing in its own frame, not yet placed; its id is its type."""
+        model = builder(self.kit, *args)
+        return model.object(model.type, np.eye(4), None)
+
+    def add(self, thing: HomeObject, at: Floats, parent: str | None) -> HomeObject:
+        """Puts a thing somewhere, unchecked, and numbers it."""
+        number = 1 + sum(other.type == thing.type for other in self.objects)
+        placed = replace(thing, id=f"{thing.type}|{number}", world_from_object=at, parent=parent)
+        self.objects.append(placed)
+        self._obstacles = OrientedBoxes.joined([self._obstacles, boxes_in_world(placed)])
+        return placed
+
+    def undo(self, count: int) -> None:
+        """Takes back what was added last."""
+        boxes = sum(len(thing.boxes) for thing in self.objects[-count:])
+        del self.objects[-count:]
+        self._obstacles = self._obstacles[: len(self._obstacles) - boxes]
+
+    def fits(
+        self, boxes: Floats, at: Floats, *, on_floor: bool = False, in_the_way: bool = False
+    ) -> bool:
+        """Whether a place is free.
+
+        Args:
+            boxes: [B,2,3] of what is to stand or hang there, in its own frame, m.
+            at: Its `world_from_object`.
+            on_floor: It must be inside the room and off what is kept free.
+            in_the_way: It may stand where the floor is kept free, as chairs do.
+        """
+        oriented = OrientedBoxes.of(boxes, at)
+        if collides(oriented, self._obstacles):
+            return False
+        if not on_floor:
+            return True
+        low, high = oriented.bounds
+        inside = (low[:, :2] > 0).all() and (high[:, :2] < self.size[:2]).all()
+        if in_the_way or not inside:
+            return bool(inside)
+        return not any(collides(oriented, kept) for kept in self._kept_free)
+
+    def keep_free(self, x: Span, y: Span) -> None:
+        """Keeps furniture off a part of the floor (m)."""
+        box = np.array([[[x[0], y[0], 0.03], [x[1], y[1], 2.0]]])
+        self._kept_free.append(OrientedBoxes.of(box, np.eye(4)))
+
+    def keep_free_at(self, side: Side, along: Span, out: Span) -> None:
+        """Keeps furniture off a part of the floor, told from a wall (m)."""
+        corners = np.stack([side.point(along[0], out[0]), side.point(along[1], out[1])])
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        self.keep_free((low[0], high[0]), (low[1], high[1]))
+
+    # The shell.
+
+    def shell(self, openings: dict[int, list[Opening]], accent: int) -> None:
+        """Floor, walls with these openings (by number of the side), and ceiling."""
+        width, depth, height = self.size
+        floor = self.build(building.floor, width, depth, self.room_type)
+        self.add(floor, pose(width / 2, depth / 2, -building.THICKNESS_M, 0), None)
+        for number, side in enumerate(self.sides):
+            model = building.wall(
+                self.kit, side.length, height, openings.get(number, []), accent=number == accent
+            )
+            wall = model.object("Wall", np.eye(4), None)
+            out = wall.box_in_world[1, 1] - building.THICKNESS_M
+            self.add(wall, self._at(side, side.length / 2, out, 0.0), None)
+            for hole in openings.get(number, []):
+                box = np.array([[[hole.left, -0.1, hole.bottom], [hole.right, 0.1, hole.top]]])
+                self._openings.append(OrientedBoxes.of(box, self._at(side, 0.0, 0.0, 0.0)))
+        ceiling = self.build(building.ceiling, width, depth)
+        self.add(ceiling, pose(width / 2, depth / 2, height, 0), None)
+
+    def _at(self, side: Side, along: float, out: float, z: float) -> Floats:
+        x, y = side.point(along, out)
+        return pose(float(x), float(y), z, side.yaw_rad)
+
+    def hang(
+        self,
+        thing: HomeObject,
+        number: int,
+        along: float,
+        z: float,
+        into_m: float = 0.0,
+        margin: float = 0.0,
+        *,
+        before_opening: bool = False,
+    ) -> HomeObject | None:
+        """Fixes a thing to a wall, if there is room.
+
+        Args:
+            thing: With its back towards +y.
+            number: Of the wall.
+            along: Where its middle is to be, from the left corner, m.
+            z: Height of its underside, m.
+            into_m: How deep it reaches into the wall.
+            margin: Distance that is kept to what is beside, above and below it, m.
+            before_opening: It may hang before a window or a door.
+        """
+        side = self.sides[number]
+        at = self._at(side, along, thing.box_in_world[1, 1] - into_m, z)
+        around = np.array([[-margin, 0, -margin], [margin, 0, margin]])
+        if not self.fits(thing.boxes + around, at):
+            return None
+        if into_m == 0 and not before_opening:
+            boxes = OrientedBoxes.of(thing.boxes, at)
+            if any(collides(boxes, opening) for opening in self._openings):
+                return None
+        return self.add(thing, at, f"Wall|{number + 1}")
+
+    # Furniture.
+
+    def stand(
+        self,
+        thing: HomeObject,
+        number: int,
+        along: float,
+        gap: float = 0.0,
+        front: float = 0.0,
+    ) -> HomeObject | None:
+        """Stands a thing against a wall, if there is room.
+
+        Args:
+            thing: With its back towards +y.
+            number: Of the wall.
+            along: Where its middle is to be, from the left corner, m.
+            gap: Between its back and the wall, m, beside the skirting board.
+            front: Depth of the floor before it that is kept free, m.
+        """
+        side = self.sides[number]
+        half_width, half_depth = thing.box_in_world[1, :2]
+        if along < half_width or along > side.length - half_width:
+            return None
+        out = half_depth + gap + 0.013
+        at = self._at(side, along, out, 0.0)
+        if not self.fits(thing.boxes, at, on_floor=True):
+            return None
+        if front > 0:
+            span = (along - half_width, along + half_width)
+            self.keep_free_at(side, span, (out + half_depth, out + half_depth + front))
+        return self.add(thing, at, "Floor|1")
+
+    def stand_somewhere(
+        self,
+        thing: HomeObject,
+        numbers: list[int],
+        gap: float = 0.0,
+        front: float = 0.5,
+        step: float = 0.1,
+    ) -> HomeObject | None:
+        """Stands a thing against the first of some walls that has room, anywhere along it."""
+        half_width = float(thing.box_in_world[1, 0])
+        for number in numbers:
+            free = self.sides[number].length - 2 * half_width
+            if free < 0.04:
+                continue
+            places = half_width + 0.02 + np.arange(0, free - 0.03, step)
+            for along in self.rng.permutation(places):
+                placed = self.stand(thing, number, float(along), gap, front)
+                if placed is not None:
+                    return placed
+        return None
+
+    def stand_at(
+        self,
+        thing: HomeObject,
+        x: float,
+        y: float,
+        yaw_rad: float,
+        parent: str = "Floor|1",
+        *,
+        in_the_way: bool = False,
+    ) -> HomeObject | None:
+        """Stands a thing anywhere on the floor, or on a rug, if there is room.
+
+        Args:
+            thing: What stands there.
+            x: m.
+            y: m.
+            yaw_rad: About the vertical.
+            parent: Id of the floor or of the rug.
+            in_the_way: It may stand where the floor is kept free, as chairs do.
+        """
+        at = pose(x, y, self._top(parent), yaw_rad)
+        in_the_way = in_the_way or parent != "Floor|1"
+        fits = self.fits(thing.boxes, at, on_floor=True, in_the_way=in_the_way)
+        return self.add(thing, at, parent) if fits else None
+
+    def _top(self, object_id: str) -> float:
+        if object_id == "Floor|1":
+            return 0.0
+        parent = self[object_id]
+        return float(parent.world_from_object[2, 3] + parent.boxes[:, 1, 2].max())
+
+    def __getitem__(self, object_id: str) -> HomeObject:
+        return next(thing for thing in self.objects if thing.id == object_id)
+
+    # Small things.
+
+    def put(
+        self,
+        thing: HomeObject,
+        parent: HomeObject,
+        x: Span = (-1, 1),
+        y: Span = (-1, 1),
+        turn: Span = (-0.3, 0.3),
+        near_z: float | None = None,
+    ) -> HomeObject | None:
+        """Puts a thing on another, if there is room.
+
+        Args:
+            thing: What is put.
+            parent: What it stands on.
+            x: Where, as shares -1 to 1 of the width over which it could move.
+            y: The same for the depth; -1 is the front.
+            turn: Its turn against the parent, rad.
+            near_z: Height of the top that is meant, in the frame of the parent, roughly; the
+                highest if None, m.
+        """
+        top = _top_near(parent, np.inf if near_z is None else near_z)
+        yaw = float(np.arctan2(parent.world_from_object[1, 0], parent.world_from_object[0, 0]))
+        half = thing.box_in_world[1, :2]
+        carriers, foot = boxes_in_world(parent), footprint(thing.boxes)[0, :2]
+        for _ in range(TRIES // BATCH):
+            angles = self.rng.uniform(*turn, BATCH)
+            shares = np.stack([self.rng.uniform(*x, BATCH), self.rng.uniform(*y, BATCH)], axis=1)
+            cosine, sine = np.abs(np.cos(angles))[:, None], np.abs(np.sin(angles))[:, None]
+            reach = cosine * half + sine * half[::-1]
+            room = np.maximum((top[1, :2] - top[0, :2]) / 2 - reach - EDGE_M, 0)
+            local = np.ones((BATCH, 4))
+            local[:, :2] = top[:, :2].mean(axis=0) + room * shares
+            local[:, 2] = top[1, 2]
+            # The middle of what it stands with, not that of handles and spouts, comes there.
+            turned = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+            local[:, 0] -= turned @ (foot * (1, -1))
+            local[:, 1] -= turned @ foot[::-1]
+            points = local @ parent.world_from_object[:3].T
+            facings = (angles + yaw).tolist()
+            places = np.stack(
+                [
+                    pose(px, py, pz, facing)
+                    for (px, py, pz), facing in zip(points.tolist(), facings, strict=True)
+                ]
+            )
+            good = carried_share(thing.boxes, places, carriers) >= CARRIED_SHARE
+            if good.any():
+                places = places[good]
+                free = free_places(thing.boxes, places, self._obstacles)
+                if free.any():
+                    return self.add(thing, places[free.argmax()], parent.id)
+        return None
+
+    # Light.
+
+    def ceiling_light(self, x: float, y: float, side: float, radiance: Floats) -> None:
+        """A flat lamp under the ceiling and its light."""
+        lamp = self.build(building.ceiling_lamp, side)
+        height = self.size[2]
+        z = height - float(lamp.box_in_world[1, 2])
+        edge = side - 0.06
+        light = AreaLight(
+            center=np.array([0.0, 0.0, -0.005]),
+            edge_u=np.array([0.0, edge, 0.0]),
+            edge_v=np.array([edge, 0.0, 0.0]),
+            radiance=radiance,
+        )
+        self.add(replace(lamp, lights=(light,)), pose(x, y, z, 0), "Ceiling|1")
+
+    def home(self, name: str, ambient: Floats) -> Home:
+        """What has been made."""
+        width, depth, height = self.size
+        room = Room(self.room_type, np.array([[0.0, 0.0, 0.0], [width, depth, height]]))
+        return Home(name, (room,), tuple(self.objects), tuple(self.lights), ambient)

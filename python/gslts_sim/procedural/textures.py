@@ -1,0 +1,343 @@
+"""Natural and woven surfaces: images that repeat without seams.
+
+Each function draws an image [h,w,3] from a random stream, a shape (h, w) in px and colours; u runs
+along the grain.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslts_sim.procedural.noise import (
+    Colour,
+    Image,
+    Rng,
+    blend,
+    contrast,
+    coordinates,
+    grain,
+    lattice,
+    octaves,
+    plain,
+    shaded,
+    tinted,
+    wave,
+)
+
+Shape = tuple[int, int]
+
+
+def wood(rng: Rng, shape: Shape, dark: Colour, light: Colour) -> Image:
+    """Sawn wood: bent year rings and fine pores, both along u."""
+    down, _ = coordinates(shape)
+    warp = lattice(rng, shape, (3, 1)) + 0.35 * lattice(rng, shape, (7, 3))
+    rings = wave(down * 10 + warp * 3)
+    fibres = lattice(rng, shape, (max(2, shape[0] // 3), 5))
+    pores = contrast(lattice(rng, shape, (shape[0], 24)), 3)
+    tone = contrast(0.36 * rings + 0.4 * fibres + 0.24 * octaves(rng, shape, (5, 1), 3), 1.3)
+    return shaded(blend(dark, light, tone), pores, 0.06)
+
+
+def painted_wood(rng: Rng, shape: Shape, colour: Colour) -> Image:
+    """Painted wood: brush marks along u and slight blotches."""
+    marks = lattice(rng, shape, (max(2, shape[0] // 2), 9))
+    blotches = octaves(rng, shape, (6, 6), 4)
+    return shaded(shaded(plain(shape, colour), marks, 0.045), contrast(blotches, 1.5), 0.04)
+
+
+def planks(rng: Rng, shape: Shape, dark: Colour, light: Colour, rows: int = 8) -> Image:
+    """A floor of boards, two a row, each cut from another place of the wood."""
+    h, w = shape
+    image = wood(rng, shape, dark, light)
+    edges = np.round(np.arange(rows + 1) * h / rows).astype(int)
+    for top, bottom in pairwise(edges):
+        source = int(rng.integers(0, h - (bottom - top) + 1))
+        row = np.roll(image[source : source + bottom - top], int(rng.integers(w)), axis=1)
+        first, length = int(rng.integers(w)), w // 2 + int(rng.integers(-w // 8, w // 8 + 1))
+        tone = np.full(w, rng.uniform(0.82, 1.12), np.float32)
+        tone[:length] = rng.uniform(0.82, 1.12)
+        row = row * tone[None, :, None]
+        joint = max(1, w // 400)
+        row[:, :joint] *= 0.45
+        row[:, length : length + joint] *= 0.45
+        row[: max(1, h // 400)] *= 0.45
+        image[top:bottom] = np.roll(row, first, axis=1)
+    return image
+
+
+def herringbone(rng: Rng, shape: Shape, dark: Colour, light: Colour) -> Image:
+    """Parquet in zigzag: blocks five times as long as wide, laid at right angles."""
+    h, w = shape
+    along_u = wood(rng, shape, dark, light)
+    along_v = np.ascontiguousarray(wood(rng, (w, h), dark, light).transpose(1, 0, 2))
+    unit = w // 20  # A block is 1 x 5 units; the pattern repeats every 10.
+    row, column = np.arange(h)[:, None] // unit, np.arange(w)[None, :] // unit
+    phase = (column - row) % 10
+    level = phase < 5
+    start = np.where(level, column - phase, row - (9 - phase))
+    block = np.where(level, row * 31 + start * 7, column * 17 + start * 13 + 5) % 97
+    tones = rng.uniform(0.8, 1.12, 97).astype(np.float32)
+    image: Image = np.where(level[:, :, None], along_u, along_v) * tones[block][:, :, None]
+    inner_row, inner_column = np.arange(h)[:, None] % unit, np.arange(w)[None, :] % unit
+    line = max(1, unit // 24)
+    joint = np.where(
+        level,
+        (inner_row < line) | ((phase == 0) & (inner_column < line)),
+        (inner_column < line) | ((phase == 9) & (inner_row < line)),
+    )
+    image[joint] *= 0.5
+    return image
+
+
+def tiles(
+    rng: Rng,
+    shape: Shape,
+    colour: Colour,
+    second: Colour,
+    count: tuple[int, int],
+    *,
+    bond: bool = False,
+    checkered: bool = False,
+    joint: Colour = (0.72, 0.7, 0.67),
+) -> Image:
+    """Glazed tiles with joints.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+        colour: Of the tiles.
+        second: Of their clouds, or of every second tile.
+        count: Tiles down and across.
+        bond: Every second row is shifted by half a tile.
+        checkered: Two colours by turns.
+        joint: Colour between the tiles.
+    """
+    down, across = coordinates(shape)
+    v, u = np.broadcast_arrays(down * count[0], across * count[1])
+    row = np.floor(v).astype(int)
+    if bond:
+        u = u + np.where(row % 2 == 1, 0.5, 0).astype(np.float32)
+    column = np.floor(u).astype(int) % count[1]
+    clouds = octaves(rng, shape, (count[0] * 2, count[1] * 2), 4)
+    if checkered:
+        even = ((row + column) % 2 == 0).astype(np.float32)
+        image = shaded(blend(second, colour, even), clouds, 0.12)
+    else:
+        image = blend(colour, second, contrast(clouds, 1.6))
+    tones = rng.uniform(-1, 1, (count[0], count[1])).astype(np.float32)
+    image = image * (1 + 0.06 * tones[row, column])[:, :, None]
+    # Distance to the nearest joint, px.
+    to_joint = np.minimum(
+        np.minimum(v - row, 1 - (v - row)) * (shape[0] / count[0]),
+        np.minimum(u - np.floor(u), 1 - (u - np.floor(u))) * (shape[1] / count[1]),
+    )
+    width = max(1.0, min(shape[0] / count[0], shape[1] / count[1]) * 0.022)
+    rough = shaded(plain(shape, joint), grain(rng, shape), 0.12)
+    return blend(rough, image, np.clip(to_joint / width - 0.5, 0, 1).astype(np.float32))
+
+
+def plaster(rng: Rng, shape: Shape, colour: Colour) -> Image:
+    """Painted plaster: roller marks and faint clouds."""
+    relief = octaves(rng, shape, (shape[0] // 8, shape[1] // 8), 3, 0.7)
+    clouds = octaves(rng, shape, (3, 3), 4)
+    image = shaded(plain(shape, colour), contrast(relief, 1.5), 0.09)
+    return shaded(image, clouds, 0.05)
+
+
+def wallpaper(rng: Rng, shape: Shape, colour: Colour, ink: Colour, motif: int) -> Image:
+    """Printed paper; motif 0 is stripes, 1 sprigs, 2 lattice and 3 medallions."""
+    down, across = coordinates(shape)
+    v, u = np.broadcast_arrays(down, across)
+    mask: NDArray[np.floating]
+    if motif == 0:
+        mask = (wave(u * 8) > 0.5) * 0.75 + (wave(u * 8 + 0.5) > 0.93) * 0.9
+    elif motif == 1:
+        row = np.floor(v * 6)
+        y, x = v * 6 - row - 0.5, (u * 6 + 0.5 * (row % 2)) % 1 - 0.5
+        stem = (np.abs(x - 0.3 * y * y) < 0.02) & (np.abs(y) < 0.33)
+        petals = np.zeros(shape, bool)
+        for px, py in ((0.12, -0.1), (-0.12, -0.02), (0.13, 0.14), (-0.1, 0.2), (0, -0.3)):
+            petals |= ((x - px) / 0.1) ** 2 + ((y - py) / 0.055) ** 2 < 1
+        mask = (stem | petals) * 0.9
+    elif motif == 2:
+        mask = np.maximum(wave((u + v) * 5) > 0.92, wave((u - v) * 5) > 0.92) * 0.8
+        mask = np.maximum(mask, (wave((u + v) * 5 + 0.5) * wave((u - v) * 5 + 0.5) > 0.9) * 0.9)
+    else:
+        row = np.floor(v * 4)
+        y, x = v * 4 - row - 0.5, (u * 4 + 0.5 * (row % 2)) % 1 - 0.5
+        radius = (x * x * 1.7 + y * y) * 4
+        mask = ((radius < 0.75) & (wave(radius * 3.2) > 0.5)) * 0.8
+    paper = shaded(plain(shape, colour), octaves(rng, shape, (32, 32), 3, 0.7), 0.07)
+    worn = 0.8 + 0.2 * lattice(rng, shape, (64, 64))
+    return blend(paper, ink, mask.astype(np.float32) * worn)
+
+
+def woven(rng: Rng, shape: Shape, colour: Colour, second: Colour, threads: int = 64) -> Image:
+    """Cloth whose warp and weft differ in colour from thread to thread."""
+    down, across = coordinates(shape)
+    count = min(threads, shape[0] // 2)
+    v, u = np.broadcast_arrays(down * count, across * count)
+    row, column = np.floor(v).astype(int), np.floor(u).astype(int)
+    over = (row + column) % 2 == 0
+    tone = np.where(over, rng.random(count)[row], rng.random(count)[column]).astype(np.float32)
+    slub = octaves(rng, shape, (8, 8), 4)
+    profile = np.where(over, wave(v + 0.5), wave(u + 0.5)).astype(np.float32)
+    image = blend(colour, second, contrast(0.55 * tone + 0.45 * slub, 1.6))
+    return shaded(image, profile, 0.13)
+
+
+def patterned(
+    rng: Rng, shape: Shape, colour: Colour, second: Colour, third: Colour, motif: int
+) -> Image:
+    """Cloth; motif 0 is stripes, 1 plaid, 2 dots, 3 zigzag, 4 flowers and 5 leaves in rows."""
+    down, across = coordinates(shape)
+    v, u = np.broadcast_arrays(down, across)
+    ground = woven(rng, shape, colour, tinted(colour, 0.9), 96)
+    if motif == 0:
+        first, other = wave(u * 6) > 0.6, wave(u * 6 + 0.5) > 0.92
+    elif motif == 1:
+        first = (wave(u * 4) > 0.6) ^ (wave(v * 4) > 0.6)
+        other = (wave(u * 4 + 0.5) > 0.96) | (wave(v * 4 + 0.5) > 0.96)
+    elif motif == 2:
+        row = np.floor(v * 8)
+        y, x = v * 8 - row - 0.5, (u * 8 + 0.5 * (row % 2)) % 1 - 0.5
+        first, other = x * x + y * y < 0.07, x * x + y * y < 0.012
+    elif motif == 3:
+        ridge = v * 8 + 0.7 * np.abs((u * 6) % 1 - 0.5) * 2
+        first, other = ridge % 2 < 0.8, (ridge + 0.6) % 2 < 0.25
+    elif motif == 4:
+        row = np.floor(v * 4)
+        y, x = v * 4 - row - 0.5, (u * 4 + 0.5 * (row % 2)) % 1 - 0.5
+        first = np.zeros(shape, bool)
+        for px, py in ((0.15, 0.0), (-0.15, 0.0), (0.0, 0.15), (0.0, -0.15)):
+            first |= (x - px) ** 2 + (y - py) ** 2 < 0.019
+        other = (x * x + y * y < 0.008) | ((np.abs(x - y - 0.4) < 0.03) & (np.abs(x + y) < 0.25))
+    else:
+        y, x = (v * 6) % 1 - 0.5, (u * 9) % 1 - 0.5
+        first = np.abs(x) < 0.42 * (0.25 - y * y) * 4 * (0.4 + 0.6 * (y < 0.1))
+        other = np.abs(x) < 0.04
+    worn = (0.85 + 0.15 * grain(rng, shape)).astype(np.float32)
+    image = blend(ground, shaded(plain(shape, second), grain(rng, shape), 0.12), first * worn)
+    return blend(image, third, other * worn)
+
+
+def rug(rng: Rng, shape: Shape, colour: Colour, second: Colour, third: Colour) -> Image:
+    """A knotted rug that is symmetric about its middle, with borders and a medallion."""
+    h, w = shape
+    half = (h // 2, w // 2)
+    down, across = coordinates(half)
+    v, u = np.broadcast_arrays(down, across)  # The corner is (0, 0), the middle (1, 1).
+    aspect = w / h
+    to_edge = np.minimum(v, u * aspect)
+    x, y = (1 - u) * aspect, 1 - v
+    kind = int(rng.integers(3))
+    if kind == 0:  # Nested diamonds.
+        rings = x + y
+        motif = wave(rings * 4)
+        fine = wave(x * 14) * wave(y * 14)
+    elif kind == 1:  # A field of small lozenges.
+        motif = wave((x + y) * 5) * wave((x - y) * 5)
+        fine = wave((x + y) * 5 + 0.5) * wave((x - y) * 5 + 0.5)
+    else:  # A medallion of eight leaves on a sown field.
+        radius = np.sqrt(x * x + y * y)
+        petal = (x * x - y * y) ** 2 / np.maximum(radius, 0.02) ** 4
+        motif = np.where(radius < 0.35 + 0.4 * petal, wave(radius * 5), 0.0).astype(np.float32)
+        fine = wave(x * 8) * wave(y * 8)
+    image = blend(colour, second, (motif > 0.6).astype(np.float32))
+    image[(motif > 0.42) & (motif < 0.6)] = third
+    image[(fine > 0.72) & (motif < 0.3)] = second
+    image[fine > 0.93] = third
+    beads = (wave(u * 16 * aspect) * wave(v * 16)) > 0.35
+    for low, high, ground, ink in ((0.0, 0.07, third, colour), (0.07, 0.2, second, third)):
+        band = (to_edge >= low) & (to_edge < high)
+        image[band] = ground
+        image[band & beads] = ink
+    image[(to_edge > 0.2) & (to_edge < 0.225)] = third
+    full = np.concatenate([image, image[::-1]])
+    full = np.concatenate([full, full[:, ::-1]], axis=1)
+    full = np.pad(full, ((0, h - len(full)), (0, w - full.shape[1]), (0, 0)), mode="edge")
+    knots = contrast(lattice(rng, shape, (h // 2, w // 2)), 1.5)
+    return shaded(shaded(full, knots, 0.16), octaves(rng, shape, (6, 6), 3), 0.1)
+
+
+def stone(rng: Rng, shape: Shape, colour: Colour, second: Colour, *, veined: bool) -> Image:
+    """Marble with veins, or granite with speckles."""
+    clouds = octaves(rng, shape, (3, 3), 5)
+    if veined:
+        vein = np.abs(octaves(rng, shape, (2, 2), 5, 0.6) - 0.5)
+        t = np.clip(1 - vein * 16, 0, 1) * 0.8 + contrast(clouds, 1.5) * 0.25
+        return shaded(blend(colour, second, np.clip(t, 0, 1)), grain(rng, shape), 0.03)
+    specks = lattice(rng, shape, (shape[0] // 3, shape[1] // 3))
+    t = contrast(0.6 * specks + 0.4 * grain(rng, shape), 3.5)
+    return shaded(blend(colour, second, t), clouds, 0.12)
+
+
+def metal(rng: Rng, shape: Shape, colour: Colour) -> Image:
+    """Brushed metal: long scratches along u."""
+    scratches = lattice(rng, shape, (shape[0], 6))
+    smudges = octaves(rng, shape, (5, 5), 4)
+    return shaded(shaded(plain(shape, colour), scratches, 0.1), smudges, 0.06)
+
+
+def speckled(rng: Rng, shape: Shape, colour: Colour, second: Colour, share: float) -> Image:
+    """A glaze, enamel or skin with dots of a second colour on clouds."""
+    image = shaded(plain(shape, colour), octaves(rng, shape, (4, 4), 4), 0.12)
+    dots = lattice(rng, shape, (shape[0] // 5, shape[1] // 5))
+    edge = np.clip((dots - (1 - share)) * 8, 0, 1)
+    return blend(image, second, edge)
+
+
+def leather(rng: Rng, shape: Shape, colour: Colour) -> Image:
+    """Leather: wrinkled cells and worn places."""
+    wrinkles = 2 * np.abs(octaves(rng, shape, (24, 24), 2) - 0.5)
+    image = shaded(plain(shape, colour), contrast(1 - wrinkles, 1.2), 0.16)
+    return shaded(image, octaves(rng, shape, (3, 3), 3), 0.2)
+
+
+def fur(rng: Rng, shape: Shape, colour: Colour, second: Colour) -> Image:
+    """Plush or grass: short strands."""
+    strands = lattice(rng, shape, (shape[0] // 6, shape[1] // 2))
+    tufts = octaves(rng, shape, (8, 8), 3)
+    return blend(colour, second, contrast(0.6 * strands + 0.4 * tufts, 1.8))
+
+
+def crust(rng: Rng, shape: Shape, colour: Colour, second: Colour) -> Image:
+    """Baked or grown: blotches with bright flecks."""
+    blotches = contrast(octaves(rng, shape, (5, 5), 4, 0.6), 2)
+    image = blend(colour, second, blotches)
+    flecks = np.clip((lattice(rng, shape, (shape[0] // 4, shape[1] // 4)) - 0.85) * 8, 0, 1)
+    return blend(image, (0.96, 0.88, 0.72), 0.7 * flecks)
+
+
+def ripened(rng: Rng, shape: Shape, colour: Colour, second: Colour) -> Image:
+    """Fruit skin: one side redder, fine streaks along v, and dots."""
+    flush = octaves(rng, shape, (2, 3), 3)
+    streaks = lattice(rng, shape, (3, shape[1] // 3))
+    image = blend(colour, second, contrast(0.75 * flush + 0.25 * streaks, 1.8))
+    dots = lattice(rng, shape, (shape[0] // 4, shape[1] // 4))
+    return blend(image, (0.97, 0.9, 0.7), np.clip((dots - 0.9) * 6, 0, 0.7))
+
+
+def streaked(rng: Rng, shape: Shape, colour: Colour, second: Colour) -> Image:
+    """A leaf: streaks along v."""
+    streaks = octaves(rng, shape, (2, shape[1] // 8), 3, 0.7)
+    return blend(colour, second, contrast(streaks, 2))
+
+
+def wicker(rng: Rng, shape: Shape, colour: Colour) -> Image:
+    """Plaited willow."""
+    down, across = coordinates(shape)
+    v, u = np.broadcast_arrays(down * 16, across * 8)
+    over = (np.floor(v) + np.floor(u)) % 2 == 0
+    profile = np.where(over, wave(u + 0.5) * 0.6 + 0.4, 0.35) * np.sqrt(wave(v + 0.5))
+    image = shaded(plain(shape, colour), lattice(rng, shape, (16, 32)), 0.2)
+    return image * (0.45 + 0.6 * profile).astype(np.float32)[:, :, None]
+
+
+def bricks(rng: Rng, shape: Shape, colour: Colour, second: Colour) -> Image:
+    """A brick wall."""
+    image = tiles(rng, shape, colour, second, (12, 4), bond=True, joint=(0.78, 0.75, 0.7))
+    return shaded(image, grain(rng, shape), 0.12)

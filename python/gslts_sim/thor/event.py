@@ -1,0 +1,150 @@
+"""What an event of AI2-THOR says, in the frame of the project.
+
+The functions take an `ai2thor.server.Event`, whose own methods have already turned Unity's images,
+bottom row first, upside down: row 0 is the top. See `gslts_sim.thor.frame` for the coordinates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslts.core.camera import Camera, look_at
+from gslts.core.frame import RgbdFrame
+from gslts.types import Floats
+from gslts_sim.thor.frame import in_world, yaw_in_world
+
+NEAR_M, FAR_M = 0.1, 20.0
+"""Clipping planes of the agent's camera, the defaults of `ai2thor.server.Server`."""
+
+
+@dataclass(frozen=True, eq=False)
+class ThorObject:
+    """An object of a scene.
+
+    Attributes:
+        id: Such as `Mug|+01.20|+00.90|-00.35`.
+        type: Such as `Mug`.
+        box: [2,3] lower and upper corner of the axis-aligned box around it, in the world, m.
+        visible: Whether the agent sees it, no farther away than the visibility distance.
+        movable: Whether the agent can carry, push or pull it.
+        parents: Ids of the receptacles that it is in or on.
+    """
+
+    id: str
+    type: str
+    box: Floats
+    visible: bool
+    movable: bool
+    parents: tuple[str, ...]
+
+
+def camera_of(event: Any) -> Camera:
+    """The agent's camera at the event.
+
+    Raises:
+        ValueError: The metadata lacks what tells the pose or the field of view.
+    """
+    agent = _required(event.metadata, "agent")
+    eye = in_world(_required(event.metadata, "cameraPosition"))
+    yaw = yaw_in_world(_required(_required(agent, "rotation"), "y"))
+    down = np.deg2rad(_required(agent, "cameraHorizon"))
+    ahead = (np.cos(yaw) * np.cos(down), np.sin(yaw) * np.cos(down), -np.sin(down))
+    width, height = event.screen_width, event.screen_height
+    # Unity's fieldOfView is the vertical one, whatever the shape of the image.
+    focal_px = 0.5 * height / np.tan(0.5 * np.deg2rad(_required(event.metadata, "fov")))
+    return Camera(
+        fx=focal_px,
+        fy=focal_px,
+        cx=0.5 * width,
+        cy=0.5 * height,
+        width=width,
+        height=height,
+        world_from_camera=look_at(eye, eye + ahead),
+    )
+
+
+def frame_of(event: Any, near_m: float = NEAR_M, far_m: float = FAR_M) -> RgbdFrame:
+    """The agent's RGB-D frame at the event.
+
+    Args:
+        event: With a depth image in metres.
+        near_m: Near clipping plane of the agent's camera.
+        far_m: Far clipping plane; there is no measurement at or beyond it.
+
+    Raises:
+        ValueError: An image is missing, or what tells the pose or the field of view.
+    """
+    rgb = _image(event.frame, "colour", "renderImage=True, headless=False")
+    depth = _image(event.depth_frame, "depth", "renderDepthImage=True")
+    # AI2-THOR's metres are z / far, Unity's Linear01Depth, times far - near: 0.5 % too short.
+    depth = depth * np.float32(far_m / (far_m - near_m))
+    depth[depth >= far_m * (1 - 1e-5)] = 0
+    time_s = float(event.metadata.get("currentTime") or 0.0)
+    return RgbdFrame(np.ascontiguousarray(rgb), depth, camera_of(event), time_s)
+
+
+def objects_of(event: Any) -> list[ThorObject]:
+    """The objects of the scene, in AI2-THOR's order.
+
+    Raises:
+        ValueError: The metadata lacks the objects, or a property of one.
+    """
+    return [_object_of(thing) for thing in _required(event.metadata, "objects")]
+
+
+def instances_of(event: Any, objects: Sequence[ThorObject]) -> NDArray[np.int32]:
+    """[H,W] index into `objects` of what each pixel shows; -1 for anything else.
+
+    Raises:
+        ValueError: There is no instance image.
+    """
+    image = event.instance_segmentation_frame
+    colors = _image(image, "instance", "renderInstanceSegmentation=True").astype(np.int32)
+    index_of = {thing.id: index for index, thing in enumerate(objects)}
+    # Colours are given to the names of classes and of parts of the building too.
+    index_of_code = {
+        (red << 16) + (green << 8) + blue: index_of[name]
+        for (red, green, blue), name in event.color_to_object_id.items()
+        if name in index_of
+    }
+    codes, places = np.unique(
+        (colors[..., 0] << 16) + (colors[..., 1] << 8) + colors[..., 2], return_inverse=True
+    )
+    found = np.array([index_of_code.get(int(code), -1) for code in codes], np.int32)
+    return found[places].reshape(colors.shape[:2])
+
+
+def _object_of(thing: Any) -> ThorObject:
+    around = _required(thing, "axisAlignedBoundingBox")
+    center = in_world(_required(around, "center"))
+    half = 0.5 * in_world(_required(around, "size"))
+    return ThorObject(
+        id=_required(thing, "objectId"),
+        type=_required(thing, "objectType"),
+        box=np.stack([center - half, center + half]),
+        visible=bool(_required(thing, "visible")),
+        movable=bool(_required(thing, "pickupable") or _required(thing, "moveable")),
+        parents=tuple(_required(thing, "parentReceptacles", may_be_none=True) or ()),
+    )
+
+
+def _required(metadata: Any, key: str, *, may_be_none: bool = False) -> Any:
+    value = metadata.get(key)
+    if key not in metadata or (value is None and not may_be_none):
+        raise ValueError(
+            f"AI2-THOR's event lacks the metadata {key!r}: is the scene initialized, and the build "
+            "one of release 5?"
+        )
+    return value
+
+
+def _image(image: Any, name: str, switch: str) -> NDArray[Any]:
+    if image is None:
+        raise ValueError(f"AI2-THOR's event lacks the {name} image: start the controller with "
+                         f"{switch}")  # fmt: skip
+    return np.asarray(image)

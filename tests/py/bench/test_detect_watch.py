@@ -1,0 +1,76 @@
+"""What a robot reports that looks around in the benchmark."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gslts.change.changes import Change
+from gslts.change.config import DetectionConfig
+from gslts.change.detector import Detection
+from gslts.core.camera import Camera
+from gslts.core.frame import RgbdFrame
+from gslts_bench.detection.watch import TURNS_DEG, looks_around, watched
+from gslts_sim.robot_body import Look
+
+CAMERA = Camera(fx=8, fy=8, cx=4, cy=3, width=8, height=6, world_from_camera=np.eye(4))
+FRAME = RgbdFrame(np.zeros((6, 8, 3), np.uint8), np.ones((6, 8), np.float32), CAMERA)
+
+
+def removal(x: float, confidence: float) -> Change:
+    point = np.array([x, 0.0, 1.0])
+    return Change("removal", confidence, point, None, None, (None, None))
+
+
+class Script:
+    """A detector that says what it was told to, frame by frame."""
+
+    def __init__(self, said: list[Any]) -> None:
+        self.config = DetectionConfig()
+        self._said = iter(said)
+
+    def detect(self, _frame: RgbdFrame) -> Detection:
+        said = next(self._said)
+        photo = np.zeros((6, 8, 3), np.float32)
+        if isinstance(said, Exception):
+            raise said
+        if isinstance(said, str):
+            return Detection((), said, CAMERA, photo)
+        return Detection(tuple(said), None, CAMERA, photo)
+
+
+def told(said: list[Any]) -> tuple[str | None, list[Change]]:
+    return watched(Script(said), [FRAME] * len(said))  # type: ignore[arg-type]
+
+
+def test_the_robot_turns_past_the_look() -> None:
+    look = Look(np.array([1.0, 2.0]), 5.0, 20.0)
+    looks = looks_around(look)
+    assert len(looks) == len(TURNS_DEG)
+    assert np.mean(TURNS_DEG) == 0
+    for one, turn_deg in zip(looks, TURNS_DEG, strict=True):
+        assert one.yaw_deg == (5.0 + turn_deg) % 360
+        assert one.horizon_deg == 20.0
+        np.testing.assert_array_equal(one.place, look.place)
+
+
+def test_what_is_seen_often_enough_is_told() -> None:
+    often, once = removal(0.0, 0.8), removal(3.0, 1.0)
+    assert told([[often], [], [often, once], [often], [], []]) == (None, [often])
+    assert told([[often], [], [once], [often], [], []]) == (None, [])
+
+
+def test_the_most_certain_comes_first() -> None:
+    one, other = removal(0.0, 0.6), removal(3.0, 0.9)
+    assert told([[one, other]] * 3) == (None, [other, one])
+
+
+def test_a_watch_without_a_reliable_frame_is_unreliable() -> None:
+    change = removal(0.0, 0.8)
+    assert told(["dark"] * 3) == ("each frame is unreliable", [])
+    assert told(["dark", [change], [change], [change]]) == (None, [change])
+
+
+def test_a_frame_that_cannot_be_looked_at_is_told() -> None:
+    with pytest.raises(RuntimeError, match="it has stopped: out of memory"):
+        told([[], MemoryError("out of memory"), []])

@@ -1,0 +1,345 @@
+"""Standing watch: what is believed, what is counted, and how it ends."""
+
+import threading
+import tracemalloc
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from change_images import BLUE, RED, blank, of_the_paper, put, told
+from watching import LONG_S, Clock, Gated, close
+
+from gslts.change.changes import Change
+from gslts.change.config import DetectionConfig
+from gslts.change.detector import Detection
+from gslts.change.monitor import ChangeMonitor, MonitorConfig
+from gslts.core.camera import Camera
+from gslts.core.frame import RgbdFrame
+
+CAMERA = Camera(fx=100, fy=100, cx=80, cy=60, width=160, height=120, world_from_camera=np.eye(4))
+FAST = MonitorConfig(rate_hz=1e6)
+Found = Callable[[float], list[Change]]
+
+
+def change(x: float, kind: str = "addition", confidence: float = 0.9) -> Change:
+    return Change(kind, confidence, np.array([x, 0.0, 1.0]), None, None, (None, None))
+
+
+def frame(time_s: float) -> RgbdFrame:
+    rgb = np.zeros((CAMERA.height, CAMERA.width, 3), np.uint8)
+    return RgbdFrame(rgb, np.ones(rgb.shape[:2], np.float32), CAMERA, time_s)
+
+
+class Stub:
+    """A detector that finds what it is told at the time of the frame."""
+
+    def __init__(self, found: Found) -> None:
+        self.found = found
+        self.config = DetectionConfig()
+        self.times: list[float] = []
+
+    def detect(self, frame: RgbdFrame) -> Detection:
+        self.times.append(frame.time_s)
+        photo = np.zeros((1, 1, 3), np.float32)
+        return Detection(tuple(self.found(frame.time_s)), None, frame.camera, photo)
+
+
+def watched(found: Found, frames: int, config: MonitorConfig = FAST) -> tuple[list, ChangeMonitor]:
+    """All reports of so many frames, each looked at."""
+    reports = []
+    with ChangeMonitor(Stub(found), config) as monitor:
+        for k in range(frames):
+            monitor.offer(frame(float(k)))
+            assert monitor.wait(LONG_S)
+            reports += monitor.poll()
+    return reports, monitor
+
+
+def test_a_change_is_reported_once_it_was_seen_often_enough() -> None:
+    reports, monitor = watched(lambda _: [change(1.0)], 20)
+    (report,) = reports
+    assert report.number == 1
+    assert report.change.kind == "addition"
+    assert report.frames == (0.0, 1.0, 2.0)
+    assert monitor.counts.offered == monitor.counts.looked_at == 20
+    assert monitor.counts.dropped == monitor.counts.unreliable == 0
+
+
+def test_it_is_reported_as_last_seen() -> None:
+    reports, _ = watched(lambda t: [change(1.0 + 0.1 * t, confidence=0.1 * t)], 3)
+    assert reports[0].change.point[0] == pytest.approx(1.2)
+    assert reports[0].change.confidence == pytest.approx(0.2)
+
+
+def test_a_glitch_is_never_reported() -> None:
+    """In one frame, in two of six, or each time somewhere else."""
+    assert watched(lambda t: [change(1.0)] if t == 7 else [], 30)[0] == []
+    assert watched(lambda t: [change(1.0)] if t % 3 == 0 else [], 30)[0] == []
+    assert watched(lambda t: [change(t)], 30)[0] == []
+    kinds = ("addition", "removal", "relocation")
+    assert watched(lambda t: [change(1.0, kinds[int(t) % 3])], 6)[0] == []
+
+
+def test_one_frame_counts_once() -> None:
+    """Three sightings beside each other in one frame are not three frames."""
+    both = [change(1.0), change(1.1), change(1.2)]
+    assert watched(lambda t: both if t == 3 else [], 10)[0] == []
+    assert len(watched(lambda t: both if t in (3, 4, 5) else [], 10)[0]) == 1
+
+
+def test_changes_apart_are_several() -> None:
+    both = [change(1.0), change(2.0), change(1.0, "removal")]
+    reports, _ = watched(lambda _: both, 10)
+    assert [one.number for one in reports] == [1, 2, 3]
+    assert [(one.change.kind, one.change.point[0]) for one in reports] == [
+        ("addition", 1.0),
+        ("addition", 2.0),
+        ("removal", 1.0),
+    ]
+
+
+def boxes(
+    before: tuple[int, int] | None = None,
+    after: tuple[int, int] | None = None,
+    color: tuple[float, float, float] = RED,
+) -> list[Change]:
+    """What an image tells in which a red box vanished here, and one of a colour appeared there."""
+    images = blank()
+    if before is not None:
+        put(images, "before", before, color=RED)
+    if after is not None:
+        put(images, "after", after, color=color)
+    return list(told(images))
+
+
+HERE, THERE, BEYOND = (40, 20), (40, 100), (80, 60)
+"""First rows and columns of boxes that are farther apart than sightings of one change."""
+
+
+@pytest.mark.parametrize("removal_first", [True, False])
+def test_ends_of_different_frames_are_one_relocation(removal_first: bool) -> None:
+    (removal,), (addition,) = boxes(before=HERE), boxes(after=THERE)
+    assert (removal.kind, addition.kind) == ("removal", "addition")
+    ends = (removal, addition) if removal_first else (addition, removal)
+    reports, _ = watched(lambda t: [ends[t >= 5]], 20)
+    first, second = reports
+    assert first.change is ends[0]
+    assert (first.number, first.replaces, first.frames) == (1, None, (0.0, 1.0, 2.0))
+    assert (second.number, second.replaces, second.frames) == (2, 1, (5.0, 6.0, 7.0))
+    assert second.change.kind == "relocation"
+    np.testing.assert_array_equal(second.change.boxes[0], removal.boxes[0])
+    np.testing.assert_array_equal(second.change.boxes[1], addition.boxes[1])
+    np.testing.assert_array_equal(second.change.point, addition.point)
+
+
+def test_unlike_ends_of_different_frames_are_two_changes() -> None:
+    (removal,) = boxes(before=HERE)
+    for addition in (*boxes(after=THERE, color=BLUE), change(5.0), of_the_paper("after")):
+        reports, _ = watched(lambda t, end=addition: [end if t >= 5 else removal], 20)
+        assert [one.change for one in reports] == [removal, addition]
+        assert [one.replaces for one in reports] == [None, None]
+
+
+def test_an_end_that_is_not_confirmed_is_none() -> None:
+    (removal,), (addition,) = boxes(before=HERE), boxes(after=THERE)
+    reports, _ = watched(lambda t: [removal if t in (0, 1) else addition], 20)
+    assert [(one.change.kind, one.replaces) for one in reports] == [("addition", None)]
+
+
+def test_an_end_that_was_resolved_is_none() -> None:
+    (removal,), (addition,) = boxes(before=HERE), boxes(after=THERE)
+    with ChangeMonitor(Stub(lambda t: [removal if t < 5 else addition]), FAST) as monitor:
+        reports = []
+        for k in range(10):
+            if k == 5:
+                monitor.resolve(reports[0])
+            monitor.offer(frame(float(k)))
+            assert monitor.wait(LONG_S)
+            reports += monitor.poll()
+    assert [(one.change.kind, one.replaces) for one in reports] == [
+        ("removal", None),
+        ("addition", None),
+    ]
+
+
+def test_one_end_belongs_to_one_relocation() -> None:
+    """Of two boxes like the one that is gone, the second is new."""
+    (removal,), (one,), (other,) = boxes(before=HERE), boxes(after=THERE), boxes(after=BEYOND)
+    assert np.linalg.norm(one.point - other.point) > FAST.near_m
+    seen = (removal, one, other)
+    reports, _ = watched(lambda t: [seen[int(t) // 5]], 15)
+    assert [(one.change.kind, one.replaces) for one in reports] == [
+        ("removal", None),
+        ("relocation", 1),
+        ("addition", None),
+    ]
+
+
+def test_a_relocation_whose_ends_were_joined_is_not_reported_again() -> None:
+    """Later both ends are in one frame."""
+    seen = (*boxes(before=HERE), *boxes(after=THERE), *boxes(before=HERE, after=THERE))
+    assert [one.kind for one in seen] == ["removal", "addition", "relocation"]
+    reports, _ = watched(lambda t: [seen[int(t) // 5]], 15)
+    assert [(one.change.kind, one.replaces) for one in reports] == [
+        ("removal", None),
+        ("relocation", 1),
+    ]
+
+
+def test_frames_in_which_it_is_hidden_do_not_matter() -> None:
+    reports, _ = watched(lambda t: [change(1.0)] if t % 2 == 0 else [], 10)
+    (report,) = reports
+    assert report.frames == (0.0, 2.0, 4.0)
+
+
+def test_resolved_it_may_be_reported_again() -> None:
+    with ChangeMonitor(Stub(lambda _: [change(1.0), change(5.0)]), FAST) as monitor:
+
+        def seen(times: range) -> list:
+            for k in times:
+                monitor.offer(frame(float(k)))
+                assert monitor.wait(LONG_S)
+            return monitor.poll()
+
+        first, second = seen(range(5))
+        assert seen(range(5, 10)) == []
+        monitor.resolve(first)
+        (again,) = seen(range(10, 15))
+        assert again.number == 3
+        assert again.change.point[0] == first.change.point[0]
+        assert again.frames == (10.0, 11.0, 12.0)
+        assert second.number == 2
+
+
+def test_a_new_map_starts_anew() -> None:
+    old, new = Stub(lambda _: [change(1.0)]), Stub(lambda _: [change(2.0)])
+    with ChangeMonitor(old, FAST) as monitor:
+        for k in range(2):
+            monitor.offer(frame(float(k)))
+            assert monitor.wait(LONG_S)
+        monitor.publish(new)
+        for k in range(2, 5):
+            monitor.offer(frame(float(k)))
+            assert monitor.wait(LONG_S)
+        (report,) = monitor.poll()
+    assert report.change.point[0] == 2.0
+    assert report.frames == (2.0, 3.0, 4.0)
+    assert old.times == [0.0, 1.0]
+
+
+def test_what_is_being_looked_at_when_the_map_changes_is_not_counted() -> None:
+    started, go_on = threading.Event(), threading.Event()
+
+    class Slow(Stub):
+        def detect(self, frame: RgbdFrame) -> Detection:
+            started.set()
+            assert go_on.wait(LONG_S)
+            return super().detect(frame)
+
+    once = MonitorConfig(rate_hz=1e6, needed=1)
+    with ChangeMonitor(Slow(lambda _: [change(1.0)]), once) as monitor:
+        monitor.offer(frame(0.0))
+        assert started.wait(LONG_S)
+        monitor.publish(Stub(lambda _: []))
+        go_on.set()
+        assert monitor.wait(LONG_S)
+        assert monitor.poll() == []
+        assert monitor.counts.looked_at == 1
+
+
+def test_a_detector_that_fails_is_an_error_and_no_silence() -> None:
+    def fail(_: float) -> list[Change]:
+        raise ValueError("the camera melted")
+
+    monitor = ChangeMonitor(Stub(fail), FAST)
+    monitor.offer(frame(0.0))
+    with pytest.raises(RuntimeError, match="it has stopped: the camera melted") as raised:
+        monitor.wait(LONG_S)
+    assert isinstance(raised.value.__cause__, ValueError)
+    for method in (monitor.poll, lambda: monitor.offer(frame(1.0))):
+        with pytest.raises(RuntimeError, match="the camera melted"):
+            method()
+    close(monitor)
+    with pytest.raises(RuntimeError, match="the camera melted"):
+        monitor.poll()  # It is not forgotten.
+
+
+def test_it_stops_in_the_middle_of_a_pause() -> None:
+    """That would never end, as the clock stands still."""
+    before = threading.active_count()
+    detector = Gated(Stub(lambda _: []))
+    monitor = ChangeMonitor(detector, MonitorConfig(rate_hz=0.01, queue=3), clock=Clock())
+    monitor.offer(frame(0.0))
+    detector.let_through()
+    for k in range(1, 6):
+        monitor.offer(frame(float(k)))
+    close(monitor)
+    assert threading.active_count() == before
+    counts = monitor.counts
+    assert (counts.offered, counts.looked_at, counts.dropped) == (6, 1, 5)
+    assert monitor.wait(LONG_S)
+    with pytest.raises(RuntimeError, match="it is closed"):
+        monitor.offer(frame(9.0))
+    monitor.close()  # Again.
+
+
+def test_it_keeps_to_its_rate_and_to_the_newest_frames() -> None:
+    """Of four frames that come one is looked at, the older one of the two that wait."""
+    stub, clock = Stub(lambda _: []), Clock()
+    detector = Gated(stub)
+    config = MonitorConfig(rate_hz=1024, queue=2)
+    with ChangeMonitor(detector, config, clock=clock) as monitor:
+        for k in range(65):
+            monitor.offer(frame(float(k)))
+            clock.time_s = k / 4096
+            if k % 4 == 0:
+                detector.let_through()
+    assert monitor.counts.looked_at == 17
+    assert stub.times == [0.0, *range(3, 64, 4)]
+
+
+def test_under_load_memory_stays_and_nothing_confirmed_is_lost() -> None:
+    """1,000 frames come twice as fast as they can be looked at; something changes every 100."""
+    count, lasting = 1000, 100
+    stub = Stub(lambda t: [change(float(int(t) // lasting))])
+    detector = Gated(stub)
+    kept: list[int] = []
+    reports = []
+    tracemalloc.start()
+    try:
+        with ChangeMonitor(detector, FAST) as monitor:
+            for k in range(count):
+                monitor.offer(frame(float(k)))
+                if k % 2:
+                    detector.let_through()
+                reports += monitor.poll()
+                if k % 100 == 99:
+                    kept.append(tracemalloc.get_traced_memory()[0])
+            detector.open(FAST.queue + 1)
+            assert monitor.wait(LONG_S)
+            reports += monitor.poll()
+    finally:
+        tracemalloc.stop()
+    counts = monitor.counts
+    assert counts.offered == count == counts.dropped + counts.looked_at
+    assert 0.4 * count < counts.dropped < 0.5 * count
+    assert len(stub.times) == counts.looked_at
+    assert [one.change.point[0] for one in reports] == [float(k) for k in range(10)]
+    frame_bytes = CAMERA.width * CAMERA.height * (3 + 4)
+    assert max(kept) - min(kept) < (FAST.queue + 4) * frame_bytes
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"rate_hz": 0}, "must be positive"),
+        ({"rate_hz": float("nan")}, "must be positive"),
+        ({"queue": 0}, "must be positive"),
+        ({"near_m": -1.0}, "must be positive"),
+        ({"needed": 0}, r"needed must be in 1\.\.6, got 0"),
+        ({"needed": 7}, r"needed must be in 1\.\.6, got 7"),
+    ],
+)
+def test_settings_out_of_range_are_named(settings: dict, message: str) -> None:
+    with pytest.raises(ValueError, match=f"^MonitorConfig: .*{message}"):
+        MonitorConfig(**settings)

@@ -1,0 +1,166 @@
+"""What is told of surfaces: how certain a change must be, and which ends are one relocation."""
+
+import numpy as np
+import pytest
+from change_images import BLUE, CAMERA, RED, RULE, blank, of_the_paper, put, told
+
+from gslts._core.detect import ObjectRule
+from gslts.change.changes import Change, joined
+from gslts.core.camera import Camera, at_pose, look_at
+
+ELSEWHERE = at_pose(CAMERA, look_at(np.array([3.0, -1.0, 0.9]), np.array([1.0, 1.0, 0.3])))
+Images = dict[str, np.ndarray]
+
+
+def one_box(
+    side: str,
+    color: tuple[float, float, float] = RED,
+    size: tuple[int, int] = (24, 20),
+    depth_m: float = 1.6,
+    camera: Camera = CAMERA,
+) -> Change:
+    """What an image in which only a box has changed tells."""
+    images = blank()
+    put(images, side, (40, 20 if side == "before" else 100), size, depth_m, color)
+    (change,) = told(images, camera=camera)
+    assert change.kind == ("removal" if side == "before" else "addition")
+    return change
+
+
+def doubtful() -> Images:
+    """A map that is 3 cm off, and a little brighter."""
+    images = blank()
+    images["rendered"] += np.float32(0.03)
+    images["rgb"] += np.float32(0.03)
+    return images
+
+
+def several() -> Images:
+    """Boxes of all colours, from one that stands out to some that are hardly nearer."""
+    images = doubtful()
+    put(images, "after", (60, 60), (24, 20), 1.6, (0.9, 0.9, 0.0))
+    put(images, "before", (10, 60), (24, 20), 1.94, (0.1, 0.9, 0.1))
+    put(images, "before", (10, 10), (10, 10), 1.93, RED)
+    put(images, "after", (60, 10), (8, 8), 1.94, BLUE)
+    put(images, "after", (60, 110), (10, 10), 1.945, (0.9, 0.0, 0.9))
+    return images
+
+
+def test_nothing_less_certain_than_asked_is_told() -> None:
+    images = several()
+    everything = told(images, ObjectRule(certain=0))
+    certainties = [one.confidence for one in everything]
+    assert len(certainties) == 5
+    assert certainties == sorted(certainties, reverse=True)
+    assert certainties[-1] < 0.7 < 0.95 < certainties[0] < 1
+    for certain in (0.2, 0.5, 0.7, 0.9, 0.99, *certainties, 1.0):
+        some = told(images, ObjectRule(certain=certain))
+        assert [one.confidence for one in some] == [one for one in certainties if one >= certain]
+        for one, other in zip(some, everything, strict=False):
+            assert one.kind == other.kind
+            np.testing.assert_array_equal(one.point, other.point)
+
+
+def test_one_end_makes_the_other_more_likely() -> None:
+    """What is hardly nearer is told if something like it is surely somewhere else."""
+    strict, muted = ObjectRule(certain=0.97), (0.7, 0.4, 0.3)
+    alone, unlike, alike = doubtful(), doubtful(), doubtful()
+    for images in (alone, unlike, alike):
+        put(images, "before", (60, 10), (10, 10), 1.95, muted)
+    put(unlike, "after", (60, 100), (20, 18), 1.5, BLUE)
+    put(alike, "after", (60, 100), (20, 18), 1.5, muted)
+    assert told(alone, strict) == ()
+    (weak,) = told(alone, ObjectRule(certain=0))
+    assert weak.confidence < 0.97
+    (addition,) = told(unlike, strict)
+    assert addition.kind == "addition"
+    (relocation,) = told(alike, strict)
+    assert relocation.kind == "relocation"
+    assert relocation.confidence >= 0.97
+
+
+def test_a_change_has_the_surfaces_and_the_masks_of_its_times() -> None:
+    images = blank()
+    put(images, "before", (40, 20))
+    put(images, "after", (50, 100))
+    (change,) = told(images)
+    assert change.kind == "relocation"
+    assert change.before is not None
+    assert change.after is not None
+    np.testing.assert_array_equal(change.point, change.after.point)
+    for surface, box, mask, corner in zip(
+        (change.before, change.after),
+        change.boxes,
+        change.masks,
+        ((40, 20), (50, 100)),
+        strict=True,
+    ):
+        assert box is not None
+        assert mask is not None
+        np.testing.assert_array_equal(box, (surface.low, surface.high))
+        assert (surface.low <= surface.point).all()
+        assert (surface.point <= surface.high).all()
+        rows, columns = np.nonzero(mask)
+        assert (rows.min(), columns.min()) == corner
+        assert (rows.max() + 1, columns.max() + 1) == (corner[0] + 24, corner[1] + 20)
+        assert mask.sum() > 0.98 * 24 * 20
+    removal = one_box("before")
+    assert removal.before is not None
+    assert removal.after is removal.boxes[1] is removal.masks[1] is None
+    np.testing.assert_array_equal(removal.point, removal.before.point)
+
+
+def test_alike_ends_of_two_frames_are_a_relocation() -> None:
+    """They may be of two cameras: the same box is fewer pixels from farther away."""
+    removal = one_box("before", depth_m=1.2, size=(32, 24))
+    addition = one_box("after", depth_m=1.6, size=(24, 18), camera=ELSEWHERE)
+    whole = joined(removal, addition, RULE)
+    assert whole is not None
+    assert whole.kind == "relocation"
+    assert whole.confidence == max(removal.confidence, addition.confidence)
+    assert whole.before is not None
+    assert whole.after is not None
+    np.testing.assert_array_equal(whole.before.point, removal.point)
+    np.testing.assert_array_equal(whole.after.point, addition.point)
+    np.testing.assert_array_equal(whole.point, addition.point)
+    np.testing.assert_array_equal(whole.boxes[0], removal.boxes[0])
+    np.testing.assert_array_equal(whole.boxes[1], addition.boxes[1])
+    assert whole.masks[0] is removal.masks[0]
+    assert whole.masks[1] is addition.masks[1]
+
+
+def test_unlike_ends_are_no_relocation() -> None:
+    removal, addition = one_box("before"), one_box("after")
+    assert joined(removal, addition, RULE) is not None
+    assert joined(removal, one_box("after", BLUE), RULE) is None
+    small, large = one_box("before", size=(6, 5)), one_box("after", size=(60, 50))
+    assert joined(small, large, RULE) is None
+    assert joined(removal, one_box("after", (0.8, 0.5, 0.1)), ObjectRule(alike=0.9)) is None
+
+
+def test_ends_are_one_of_each_time() -> None:
+    removal, addition = one_box("before"), one_box("after")
+    assert joined(addition, removal, RULE) is None
+    assert joined(removal, removal, RULE) is None
+    assert joined(addition, addition, RULE) is None
+
+
+def test_changes_of_the_paper_have_no_ends_to_be_joined() -> None:
+    removal, addition = of_the_paper("before"), of_the_paper("after")
+    assert (removal.kind, addition.kind) == ("removal", "addition")
+    assert removal.boxes == addition.boxes == (None, None)
+    assert removal.masks[1] is addition.masks[0] is None
+    assert joined(removal, addition, RULE) is None
+    assert joined(removal, one_box("after"), RULE) is None
+    assert joined(one_box("before"), addition, RULE) is None
+    assert joined(one_box("before"), one_box("after"), RULE) is not None
+
+
+@pytest.mark.parametrize("name", ["certain", "alike", "flat_color"])
+def test_thresholds_out_of_range_are_named(name: str) -> None:
+    removal, addition = one_box("before"), one_box("after")
+    for wrong in (-0.1, 3.1, float("nan")):
+        with pytest.raises(ValueError, match=rf"^changes_of: {name} must be in \["):
+            joined(removal, addition, ObjectRule(**{name: wrong}))
+        with pytest.raises(ValueError, match=rf"^changed_surfaces: {name} must be in \["):
+            told(blank(), ObjectRule(**{name: wrong}))

@@ -1,0 +1,187 @@
+"""What cameras looked through and what they saw: a wall 2 m ahead of one made by hand."""
+
+import numpy as np
+import pytest
+
+from gslts.change import visibility as seen_space
+from gslts.change.visibility import MARGIN_M, MARGIN_SHARE, SeenSpace
+from gslts.core.camera import Camera, at_pose, look_at
+from gslts.core.gaussian_map import GaussianMap
+
+WALL_Y_M = 2.0
+FIRST_Y_M = (WALL_Y_M - MARGIN_M) / (1 + MARGIN_SHARE)
+LAST_Y_M = (WALL_Y_M + MARGIN_M) / (1 - MARGIN_SHARE)
+"""Between these a point is on the wall."""
+CAMERA = Camera(
+    fx=100,
+    fy=120,
+    cx=70,
+    cy=60,
+    width=160,
+    height=120,
+    world_from_camera=look_at(np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 1.0])),
+)
+
+
+def wall(low_x: float = -2.0, high_x: float = 2.0) -> GaussianMap:
+    """Opaque flat Gaussians in the plane y = 2 m, from z = 0 to 2 m."""
+    x, z = np.meshgrid(np.arange(low_x, high_x, 0.05), np.arange(0, 2, 0.05))
+    means = np.stack([x.ravel(), np.full(x.size, WALL_Y_M), z.ravel()], axis=1)
+    quats = np.zeros((x.size, 4))
+    quats[:, 0] = 1
+    return GaussianMap(
+        means=means.astype(np.float32),
+        quats=quats.astype(np.float32),
+        log_scales=np.tile(np.log(np.float32([0.05, 0.002, 0.05])), (x.size, 1)),
+        logit_opacities=np.full(x.size, 6, np.float32),
+        sh=np.zeros((x.size, 1, 3), np.float32),
+    )
+
+
+def told(space: SeenSpace, *points: tuple[float, float, float]) -> list[tuple[int, int]]:
+    """How many cameras looked through each point, and how many saw a surface there."""
+    sights = space.sights(np.array(points, np.float64).reshape(-1, 3))
+    assert sights.through.shape == sights.on.shape == (len(points),)
+    return list(zip(sights.through.tolist(), sights.on.tolist(), strict=True))
+
+
+BEFORE, ON, UNSEEN = (1, 0), (0, 1), (0, 0)
+
+
+@pytest.mark.parametrize(
+    ("point", "expected"),
+    [
+        ((0.0, 1.0, 1.0), BEFORE),
+        ((0.0, FIRST_Y_M - 0.01, 1.0), BEFORE),
+        ((0.0, FIRST_Y_M + 0.01, 1.0), ON),  # It may be the wall itself.
+        ((0.0, WALL_Y_M, 1.0), ON),
+        ((0.3, WALL_Y_M, 0.7), ON),
+        ((0.0, LAST_Y_M - 0.01, 1.0), ON),
+        ((0.0, LAST_Y_M + 0.01, 1.0), UNSEEN),
+        ((0.0, WALL_Y_M + 0.5, 1.0), UNSEEN),
+        ((0.0, -1.0, 1.0), UNSEEN),  # Behind the camera,
+        ((0.0, -WALL_Y_M, 1.0), UNSEEN),  # as far as the wall is before it,
+        ((0.0, -0.01, 1.0), UNSEEN),  # just behind it,
+        ((0.0, 0.0, 1.0), UNSEEN),  # and in it.
+        # The image reaches from x / y = -0.7 to 0.9, and down to z = 1 - 0.5 y.
+        ((-0.695, 1.0, 1.0), BEFORE),
+        ((-0.705, 1.0, 1.0), UNSEEN),
+        ((0.895, 1.0, 1.0), BEFORE),
+        ((0.905, 1.0, 1.0), UNSEEN),
+        ((0.0, 1.0, 0.505), BEFORE),
+        ((0.0, 1.0, 0.495), UNSEEN),
+        ((-1.39, WALL_Y_M, 1.0), ON),
+        ((-1.41, WALL_Y_M, 1.0), UNSEEN),
+        ((0.0, WALL_Y_M, 0.05), ON),
+        ((0.0, WALL_Y_M, -0.05), UNSEEN),
+    ],
+)
+def test_what_stands_before_a_surface_is_looked_through_and_the_surface_is_seen(
+    point: tuple[float, float, float], expected: tuple[int, int]
+) -> None:
+    assert told(SeenSpace(wall(), [CAMERA]), point) == [expected]
+
+
+@pytest.mark.parametrize("distance_m", [0.6, 1.0, 1.7])
+def test_the_margin_grows_with_the_distance(distance_m: float) -> None:
+    """From nearer to the wall, less before and behind it may be the wall."""
+    eye = np.array([0.0, WALL_Y_M - distance_m, 1.0])
+    nearer = SeenSpace(wall(), [at_pose(CAMERA, look_at(eye, np.array([0.0, WALL_Y_M, 1.0])))])
+    first = WALL_Y_M - distance_m + (distance_m - MARGIN_M) / (1 + MARGIN_SHARE)
+    last = WALL_Y_M - distance_m + (distance_m + MARGIN_M) / (1 - MARGIN_SHARE)
+    places = (first - 0.008, first + 0.008, last - 0.008, last + 0.008)
+    points = [(0.0, y, 1.0) for y in places]
+    assert told(nearer, *points) == [BEFORE, ON, ON, UNSEEN]
+
+
+def test_where_the_map_shows_nothing_nothing_is_known() -> None:
+    """Through a hole in the wall nobody knows how far the camera saw."""
+    half = SeenSpace(wall(high_x=0.0), [CAMERA])
+    places = ((-0.3, 1.0, 1.0), (0.3, 1.0, 1.0), (-0.3, WALL_Y_M, 1.0), (0.3, WALL_Y_M, 1.0))
+    assert told(half, *places) == [BEFORE, UNSEEN, ON, UNSEEN]
+
+
+def test_each_camera_counts_each_point() -> None:
+    """One at the wall's left, one at its right, one beside both, and one that turned away."""
+    left, right = (
+        at_pose(CAMERA, look_at(np.array([x, 0.0, 1.0]), np.array([x, 1.0, 1.0])))
+        for x in (-0.5, 0.5)
+    )
+    away = at_pose(CAMERA, look_at(np.array([0.0, 0.0, 1.0]), np.array([0.0, -1.0, 1.0])))
+    cameras = [left, right, CAMERA, away]
+    points = [
+        (0.0, 1.0, 1.0),  # Before the wall, for all but the last;
+        (0.0, WALL_Y_M, 1.0),  # on it,
+        (0.0, WALL_Y_M + 0.5, 1.0),  # and behind it.
+        (-1.0, 1.0, 1.0),  # At x / y = -0.5 for the left one, and out of the image for the others.
+        (-1.8, WALL_Y_M, 1.0),
+        (1.0, 1.0, 1.0),  # For the right one, and out of the image for the others.
+        (0.0, 0.0, 3.0),  # Above all.
+    ]
+    expected = [(3, 0), (0, 3), (0, 0), (1, 0), (0, 1), (1, 0), (0, 0)]
+    assert told(SeenSpace(wall(), cameras), *points) == expected
+    assert told(SeenSpace(wall(), reversed(cameras)), *points) == expected
+    assert told(SeenSpace(wall(), [away]), *points) == [UNSEEN] * len(points)
+
+
+def test_a_point_may_be_looked_through_by_one_camera_and_seen_by_another() -> None:
+    """From 2.5 m away a point 9 cm off the wall is clear of it, and from 9 m it is not."""
+    far, behind = (
+        at_pose(CAMERA, look_at(np.array([0.0, y, 1.0]), np.array([0.0, WALL_Y_M, 1.0])))
+        for y in (WALL_Y_M - 9, WALL_Y_M + 2.5)
+    )
+    space = SeenSpace(wall(), [CAMERA, far, behind])
+    points = [(0.0, y, 1.0) for y in (1.0, WALL_Y_M - 0.09, WALL_Y_M, WALL_Y_M + 1)]
+    assert told(space, *points) == [(2, 0), (1, 1), (0, 3), (1, 0)]
+
+
+def test_cameras_of_any_size_tell_the_same() -> None:
+    """Depth images that are kept are 160 px wide, and all that is counted in pixels goes along."""
+    large = Camera(
+        fx=300,
+        fy=360,
+        cx=210,
+        cy=180,
+        width=480,
+        height=360,
+        world_from_camera=CAMERA.world_from_camera,
+    )
+    rng = np.random.default_rng(0)
+    points = rng.uniform((-2, -1, -0.5), (2, 3, 2.5), (2000, 3))
+    one, other = (SeenSpace(wall(), [camera]).sights(points) for camera in (CAMERA, large))
+    np.testing.assert_array_equal(one.through, other.through)
+    np.testing.assert_array_equal(one.on, other.on)
+    assert one.through.sum() > 50
+    assert one.on.sum() > 10
+
+
+def test_cameras_are_read_once() -> None:
+    space = SeenSpace(wall(), iter([CAMERA]))
+    assert space.is_known
+    assert told(space, (0, 1, 1), (0, 2.5, 1), (0.1, 2, 1), (0, -1, 1)) == [
+        BEFORE,
+        UNSEEN,
+        ON,
+        UNSEEN,
+    ]
+    assert told(space) == []
+
+
+def test_without_cameras_nothing_is_known() -> None:
+    nobody = SeenSpace(wall(), [])
+    assert not nobody.is_known
+    assert told(nobody, (0.0, 1.0, 1.0), (0.0, WALL_Y_M, 1.0)) == [UNSEEN, UNSEEN]
+
+
+def test_many_points_are_looked_at_a_few_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = np.random.default_rng(0).uniform((-1, 0.5, 0), (1, 2.5, 2), (500, 3))
+    space = SeenSpace(wall(), [CAMERA, at_pose(CAMERA, look_at((0.5, 0.2, 1), (0, 2, 1)))])
+    once, shown = space.sights(points), space.shown(points, 1.9)
+    assert once.through.any()
+    assert shown.any()
+    monkeypatch.setattr(seen_space, "MOST_LOOKS", 64)
+    assert len(space._parts(points)) > 10
+    again = space.sights(points)
+    np.testing.assert_array_equal(again.through, once.through)
+    np.testing.assert_array_equal(again.on, once.on)
+    np.testing.assert_array_equal(space.shown(points, 1.9), shown)

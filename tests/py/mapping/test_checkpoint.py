@@ -1,0 +1,98 @@
+"""Checkpoints come back, and those that are damaged are named in one line."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scenes
+
+import gslts
+from gslts.mapping.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from gslts.mapping.config import MappingConfig
+from gslts.mapping.lenses import Lenses
+from gslts.mapping.report.data import CurvePoint
+from gslts.rendering.adam import Adam
+
+FRAMES, TRAINING = 10, 8
+Arrays = dict[str, Any]
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    random_map = scenes.random_map(5, dtype=np.float32)
+    camera = gslts.camera_from_fov(8, 6, 1.0, np.eye(4))
+    checkpoint = Checkpoint(
+        config=MappingConfig(),
+        frames=tuple(f"{k:02}" for k in range(FRAMES)),
+        gaussian_map=random_map,
+        adam=Adam(random_map).state,
+        iteration=3,
+        epoch=1,
+        random=dict(np.random.default_rng(4).bit_generator.state),
+        poses=np.tile(np.eye(4), (TRAINING, 1, 1)),
+        exposures=np.ones((TRAINING, 2, 3)),
+        lenses=Lenses(camera, camera),
+        pose_stds=(0.1, 0.2),
+        curve=(CurvePoint(1.0, 3, 0, 20.0, None, 5),),
+        seeds=5,
+        seconds={"reading": 1.5},
+    )
+    write_checkpoint(tmp_path / "map.npz", checkpoint)
+    return tmp_path / "map.npz"
+
+
+def change(path: Path, **arrays: Any) -> None:
+    with np.load(path) as old:
+        whole = dict(old)
+    np.savez(path, **whole | arrays)
+
+
+def change_known(path: Path, **values: Any) -> None:
+    with np.load(path) as old:
+        known = json.loads(old["known"].tobytes())
+    change(path, known=as_bytes(json.dumps(known | values)))
+
+
+def as_bytes(text: str) -> np.ndarray:
+    return np.frombuffer(text.encode(), np.uint8)
+
+
+def test_all_of_it_comes_back(path: Path) -> None:
+    content = path.read_bytes()
+    checkpoint = read_checkpoint(path)
+    assert checkpoint.seconds == {"reading": 1.5}
+    assert len(checkpoint.poses) == TRAINING
+    write_checkpoint(path, checkpoint)
+    assert path.read_bytes() == content
+
+
+@pytest.mark.parametrize(
+    ("damage", "reason"),
+    [
+        (lambda p: change(p, known=as_bytes("[]")), "known is no object of JSON"),
+        (lambda p: change(p, known=as_bytes("[" * 100_000)), "recursion"),
+        (lambda p: change(p, known=as_bytes("{")), "Expecting"),
+        (lambda p: change(p, known=np.zeros(3)), ""),
+        (lambda p: change(p, poses=np.zeros((7, 4, 4))), r"expected float64 \(8, 4, 4\), got"),
+        (lambda p: change(p, poses=np.zeros((8, 4))), r"poses: .* got float64 \(8, 4\)"),
+        (lambda p: change(p, poses=np.zeros((8, 4, 4), "U1")), r"poses: .* got <U1"),
+        (lambda p: change(p, exposures=np.zeros((8, 3, 2))), r"exposures: .* \(8, 2, 3\), got"),
+        (lambda p: change(p, means=np.zeros((5, 2), np.float32)), "means"),
+        (lambda p: change_known(p, frames=["00"]), "poses: expected"),
+        (lambda p: change_known(p, iteration=float("inf")), "infinity"),
+        (lambda p: change_known(p, random=[]), "state"),
+        (lambda p: change_known(p, seconds=[]), "items"),
+        (lambda p: change_known(p, config={"iterations": -1, "voxel": 2}), "2 validation errors"),
+        (lambda p: change_known(p, lenses=[[], []]), ""),
+        (lambda p: p.write_bytes(p.read_bytes().replace(b"means.npy", b"means.npz")), ""),
+    ],
+)
+def test_damage_is_one_line(path: Path, damage: Callable[[Path], None], reason: str) -> None:
+    damage(path)
+    wanted = rf"map\.npz: it is no checkpoint of a map: .*{reason}"
+    with pytest.raises(ValueError, match=wanted) as error:
+        read_checkpoint(path)
+    assert len(str(error.value).splitlines()) == 1

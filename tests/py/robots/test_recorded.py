@@ -1,0 +1,54 @@
+"""A recorded data set behind the protocol of robots."""
+
+import numpy as np
+import pytest
+import sim_scenes
+
+from gslts.core.robot import Robot
+from gslts.robots.recorded import RecordedRobot
+from gslts_sim.controller import Controller
+
+
+@pytest.fixture(scope="module")
+def visit() -> list:
+    """Frames from two places, in four directions each."""
+    robot = Controller(sim_scenes.simple_home(), width=32, height=24)
+    frames = []
+    for x in (1.0, 4.0):
+        for yaw in (0.0, 90.0, 180.0, 270.0):
+            robot.act("Teleport", position={"x": x, "y": 1.0}, rotation=yaw)
+            frames.append(robot.observe())
+    return frames
+
+
+def test_it_goes_to_the_frame_of_that_place_and_direction(visit: list) -> None:
+    robot: Robot = RecordedRobot(visit)
+    assert robot.observe() is visit[0]
+    np.testing.assert_allclose(robot.reachable_positions(), [[1.0, 1.0], [4.0, 1.0]])
+    for number, (place, yaw_rad) in {
+        6: ((4.2, 1.1), np.pi),
+        2: ((0.8, 1.3), -np.pi + 0.2),
+        5: ((3.7, 0.8), np.pi / 2 + 2 * np.pi),
+    }.items():
+        assert robot.move_towards(np.array(place), yaw_rad)
+        assert robot.observe() is visit[number]
+        np.testing.assert_array_equal(robot.pose(), visit[number].camera.world_from_camera)
+
+
+def test_of_frames_at_a_place_the_pitch_decides() -> None:
+    robot = Controller(sim_scenes.simple_home(), width=32, height=24)
+    frames = []
+    for horizon in (-30.0, 0.0, 30.0):
+        robot.act("Teleport", position={"x": 1.0, "y": 1.0}, rotation=90.0, horizon=horizon)
+        frames.append(robot.observe())
+    recorded = RecordedRobot(frames)
+    for number, pitch_rad in ((0, -0.4), (1, 0.1), (2, 0.5)):
+        assert recorded.move_towards(np.array([1.0, 1.0]), np.pi / 2, pitch_rad)
+        assert recorded.observe() is frames[number]
+
+
+def test_without_frames_there_is_no_robot() -> None:
+    with pytest.raises(
+        ValueError, match="RecordedRobot: frames: expected at least one frame, got none"
+    ):
+        RecordedRobot([])

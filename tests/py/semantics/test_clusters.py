@@ -1,0 +1,55 @@
+"""Clusters of points, against scikit-learn's."""
+
+import numpy as np
+import pytest
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from sklearn.cluster import DBSCAN
+
+from gslts.semantics.clusters import STRAY, clusters, linked
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_clusters_are_those_of_scikit_learn(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    middles = rng.uniform(-0.5, 0.5, (rng.integers(1, 12), 3))
+    points = np.concatenate(
+        [
+            middles[rng.integers(len(middles), size=300)] + rng.normal(0, 0.04, (300, 3)),
+            rng.uniform(-0.6, 0.6, (100, 3)),
+        ]
+    )
+    weights = rng.integers(1, 4, len(points))
+    expected = DBSCAN(eps=0.07, min_samples=6).fit_predict(points, sample_weight=weights)
+    assert len(set(expected)) > 1
+    np.testing.assert_array_equal(clusters(points, 0.07, 6, weights), expected)
+
+
+def test_a_point_alone_is_stray_unless_it_weighs_enough() -> None:
+    points = np.array([[0.0, 0, 0], [5, 0, 0]])
+    assert clusters(points, 0.1, 4, np.array([3, 4])).tolist() == [STRAY, 0]
+
+
+def test_points_a_radius_apart_are_neighbours() -> None:
+    points = np.array([[0.0, 0, 0], [0.25, 0, 0], [0.5, 0, 0], [0.75 + 1e-9, 0, 0]])
+    assert clusters(points, 0.25, 2, np.ones(4, np.intp)).tolist() == [0, 0, 0, STRAY]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_groups_are_the_connected_components(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    pairs = rng.integers(0, 200, (120, 2))
+    graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(200, 200))
+    labels = connected_components(graph, directed=False)[1]
+    first = np.array([np.flatnonzero(labels == label)[0] for label in labels])
+    np.testing.assert_array_equal(linked(200, pairs), first)
+
+
+def test_a_long_chain_is_one_group() -> None:
+    order = np.random.default_rng(0).permutation(5000)
+    pairs = np.stack([order[:-1], order[1:]], axis=1)
+    assert not linked(5000, pairs).any()
+
+
+def test_nothing_linked_is_as_many_groups() -> None:
+    assert linked(3, np.empty((0, 2), np.intp)).tolist() == [0, 1, 2]

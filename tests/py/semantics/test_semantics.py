@@ -1,0 +1,165 @@
+"""Semantics of Gaussians: what pictures show, in few numbers, lifted to a map, and asked for."""
+
+import hashlib
+from dataclasses import replace
+from pathlib import Path
+
+import change_room
+import numpy as np
+import pytest
+
+from gslts.core.camera import camera_from_fov, look_at
+from gslts.core.gaussian_map import GaussianMap
+from gslts.rendering.rasterizer import render
+from gslts.semantics.autoencoder import Autoencoder, bytes_of_autoencoder, read_autoencoder
+from gslts.semantics.lift import lifted
+from gslts.semantics.relevance import CANONICAL, relevance
+from gslts.semantics.source import Oracle, Segments
+from gslts.semantics.train_autoencoder import trained
+
+
+def test_relevance_by_hand() -> None:
+    embeddings = np.array([[1, 0], [0, 1], [0.6, 0.8]], np.float32)
+    query, canonical = np.array([1, 0], np.float32), np.array([[0, 1], [0, -1]], np.float32)
+    expected = [1 / (1 + np.exp(-1)), 1 / (1 + np.exp(1)), 1 / (1 + np.exp(0.2))]
+    found = relevance(embeddings @ query, embeddings @ canonical.T)
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
+def test_the_oracle_tells_types_apart() -> None:
+    oracle = Oracle()
+    names = ["Mug", "AlarmClock", "Sofa", *CANONICAL]
+    embeddings = oracle.encode(names)
+    alike = embeddings @ embeddings.T
+    np.testing.assert_allclose(np.diag(alike), 1, rtol=1e-6)
+    assert np.abs(alike - np.diag(np.diag(alike))).max() < 0.2
+    np.testing.assert_array_equal(oracle.encode(["alarm clock"]), embeddings[1:2])
+
+
+def test_the_oracle_needs_labels() -> None:
+    frame = change_room.see(change_room.home(), change_room.LOOKS[0])
+    segments = Oracle().segments(frame)
+    assert frame.labels is not None
+    assert segments.labels.shape == (1, 120, 160)
+    types = np.array([*frame.labels.types, ""])[frame.labels.instances]
+    mug = segments.embeddings[segments.labels[0][types == "Box"]]
+    np.testing.assert_array_equal(mug, np.broadcast_to(Oracle().encode(["Box"]), mug.shape))
+    assert (segments.labels[0][types == ""] == -1).all()
+    with pytest.raises(ValueError, match="Oracle: the frame has no labels"):
+        Oracle().segments(replace(frame, labels=None))
+
+
+@pytest.mark.parametrize(
+    ("labels", "message"),
+    [
+        (np.zeros((4, 2, 2), np.int32), r"labels: expected int32 \[1\.\.3,H,W\]"),
+        (np.zeros((1, 2, 2), np.int64), r"labels: expected int32 .* got int64"),
+        (np.full((1, 2, 2), 2, np.int32), r"labels: must be in -1\.\.1"),
+    ],
+)
+def test_bad_segments_are_refused(labels: np.ndarray, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Segments(labels, np.eye(2, dtype=np.float32))
+
+
+@pytest.mark.parametrize("code", [8, 32])
+def test_embeddings_come_back_from_their_codes(code: int, tmp_path: Path) -> None:
+    names = [f"Thing{k}" for k in range(40)]
+    embeddings = Oracle().encode(names)
+    model = trained(embeddings, code)
+    codes = model.encoded(embeddings)
+    assert codes.shape == (40, code)
+    found = model.decoded(codes)
+    assert (found * embeddings).sum(axis=1).min() > 0.95
+    assert (np.argmax(found @ embeddings.T, axis=1) == np.arange(40)).all()
+    mixed = (codes + codes[::-1]) / 2
+    np.testing.assert_allclose(
+        model.cosines(mixed, embeddings), model.decoded(mixed) @ embeddings.T, atol=2e-5
+    )
+    content = bytes_of_autoencoder(model)
+    path = tmp_path / "autoencoder.safetensors"
+    path.write_bytes(content)
+    again = read_autoencoder(path, hashlib.sha256(content).hexdigest())
+    np.testing.assert_array_equal(again.decoded(codes), found)
+    with pytest.raises(ValueError, match=r"autoencoder\.safetensors: it is damaged"):
+        read_autoencoder(path, hashlib.sha256(b"").hexdigest())
+
+
+def test_training_is_repeatable_and_leaves_others_alone() -> None:
+    import torch
+
+    embeddings = Oracle().encode(["Mug", "Cup"])
+    torch.manual_seed(5)
+    expected = torch.rand(1)
+    torch.manual_seed(5)
+    one = trained(embeddings, steps=20)
+    assert torch.rand(1) == expected
+    np.testing.assert_array_equal(
+        one.encoded(embeddings), trained(embeddings, steps=20).encoded(embeddings)
+    )
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [(b"", "no autoencoder"), (b"\x80\x04K\x01.", "no autoencoder"), (b"{}" * 99, "no auto")],
+)
+def test_bad_files_are_named(tmp_path: Path, content: bytes, message: str) -> None:
+    path = tmp_path / "autoencoder.safetensors"
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match=rf"autoencoder\.safetensors: it is {message}"):
+        read_autoencoder(path, hashlib.sha256(content).hexdigest())
+
+
+def test_bad_lengths_are_refused() -> None:
+    embeddings = Oracle().encode(["Mug"])
+    with pytest.raises(ValueError, match=r"code must be in 8\.\.64, got 65"):
+        trained(embeddings, 65)
+    with pytest.raises(ValueError, match="there is none"):
+        trained(embeddings[:0])
+    with pytest.raises(ValueError, match="must have at least 32 numbers, got 8"):
+        trained(embeddings[:, :8], 32)
+
+
+def test_weights_that_do_not_fit_are_refused() -> None:
+    weights = dict(trained(Oracle().encode(["Mug"]), 8, steps=1).weights)
+    fewer = {name: one for name, one in weights.items() if name != "decoder.2.bias"}
+    turned, wide = weights["decoder.0.weight"].T.copy(), weights["encoder.0.weight"].astype(float)
+    nothing = np.full(8, np.nan, np.float32)
+    bad = {
+        "missing or unknown: decoder.2.bias": fewer,
+        "decoder.0: expected": {**weights, "decoder.0.weight": turned},
+        "encoder.0.weight: got float64": {**weights, "encoder.0.weight": wide},
+        "encoder.2.bias: a number is not finite": {**weights, "encoder.2.bias": nothing},
+    }
+    for message, one in bad.items():
+        with pytest.raises(ValueError, match=message):
+            Autoencoder(one)
+
+
+def test_lifted_features_are_those_of_a_dense_solve() -> None:
+    rng = np.random.default_rng(0)
+    gaussian_map = GaussianMap(
+        means=rng.normal(0, 0.3, (12, 3)),
+        quats=rng.normal(size=(12, 4)),
+        log_scales=rng.normal(-2, 0.3, (12, 3)),
+        logit_opacities=rng.normal(0.5, 1, 12),
+        sh=rng.normal(size=(12, 1, 3)),
+    ).astype(np.float32)
+    views = []
+    for angle in (0.0, 1.0, 2.5):
+        eye = (2 * np.cos(angle), 2 * np.sin(angle), 0.5)
+        camera = camera_from_fov(40, 30, 0.6, look_at(eye, (0, 0, 0)))
+        known = rng.random((30, 40)) < 0.7
+        views.append((camera, rng.random((30, 40, 8), np.float32), known))
+    found = lifted(gaussian_map, views, 8, threads=1)
+    # Blend weights by rendering each Gaussian's own colour.
+    sums, weights = np.zeros((12, 8)), np.zeros(12)
+    for camera, features, known in views:
+        blended = render(
+            replace(gaussian_map, features=np.eye(12, dtype=np.float32)), camera
+        ).features
+        for row in range(12):
+            share = np.where(known, blended[..., row], 0)
+            sums[row] += (share[..., None] * features).sum(axis=(0, 1))
+            weights[row] += share.sum()
+    np.testing.assert_allclose(found, sums / weights[:, None], rtol=2e-3, atol=2e-4)

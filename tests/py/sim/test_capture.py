@@ -1,0 +1,251 @@
+"""Recorded data sets: what is in them, that the geometry fits, and what remains of a failure."""
+
+import errno
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sim_scenes
+from PIL import Image
+
+import gslts
+from gslts.datasets.nerfstudio import OPENGL_FROM_OPENCV
+from gslts_sim import make_home
+from gslts_sim.capture import capture, true_poses
+from gslts_sim.controller import Controller
+from gslts_sim.explore import COMPLETE_SHARE, explore
+from gslts_sim.home import Home
+from gslts_sim.viewpoints import Look
+
+LOOKS = [Look(np.array([1.0, y]), yaw, 30.0) for y, yaw in ((1.0, 0.0), (1.0, 45.0), (2.5, 330.0))]
+
+
+def robot(noise: str = "none") -> Controller:
+    return Controller(sim_scenes.furnished_home(), width=96, height=72, noise=noise)
+
+
+def read(folder: Path) -> tuple[dict, list[dict[str, np.ndarray]]]:
+    """A data set, as a stranger's loader would read it: checks that all is there."""
+    header = json.loads((folder / "transforms.json").read_text())
+    frames = []
+    for frame in header["frames"]:
+        pictures = {
+            key: np.asarray(Image.open(folder / frame[key]))
+            for key in ("file_path", "depth_file_path", "instance_file_path")
+        }
+        assert all(p.shape[:2] == (header["h"], header["w"]) for p in pictures.values())
+        pose = np.array(frame["transform_matrix"]) @ OPENGL_FROM_OPENCV
+        frames.append({**pictures, "world_from_camera": pose})
+    return header, frames
+
+
+def points_in_world(header: dict, frame: dict[str, np.ndarray]) -> np.ndarray:
+    depth = frame["depth_file_path"] * header["depth_unit_scale_factor"]
+    rows, columns = np.indices(depth.shape) + 0.5
+    x = (columns - header["cx"]) / header["fl_x"] * depth
+    y = (rows - header["cy"]) / header["fl_y"] * depth
+    pose = frame["world_from_camera"]
+    return np.stack([x, y, depth], axis=-1) @ pose[:3, :3].T + pose[:3, 3]
+
+
+def test_points_of_all_frames_lie_on_the_objects(tmp_path: Path) -> None:
+    assert capture(robot(), LOOKS, tmp_path / "set") == len(LOOKS)
+    header, frames = read(tmp_path / "set")
+    objects = json.loads((tmp_path / "set" / "objects.json").read_text())
+    assert header["camera_model"] == "OPENCV"
+    assert len(frames) == len(LOOKS)
+    seen = set()
+    for frame in frames:
+        assert frame["file_path"].dtype == np.uint8
+        assert frame["depth_file_path"].dtype == np.uint16
+        points = points_in_world(header, frame)
+        for number in np.unique(frame["instance_file_path"]):
+            thing = objects[number - 1]
+            seen.add(thing["objectId"])
+            box = thing["axisAlignedBoundingBox"]
+            middle, size = (np.array([box[k][a] for a in "xyz"]) for k in ("center", "size"))
+            of_thing = points[frame["instance_file_path"] == number]
+            # Half a millimetre of rounding, and no more.
+            assert (np.abs(of_thing - middle) <= size / 2 + 0.0015).all(), thing["objectId"]
+    assert seen >= {"Wall|1", "Block|1", "Mug|1", "Mug|2"}
+
+
+def test_points_of_one_frame_are_rendered_where_the_next_one_sees_them(tmp_path: Path) -> None:
+    """The rasterizer, poses and depths read back mean the same, within half a pixel."""
+    capture(robot(), LOOKS, tmp_path / "set")
+    header, frames = read(tmp_path / "set")
+    camera = gslts.Camera(
+        fx=header["fl_x"],
+        fy=header["fl_y"],
+        cx=header["cx"],
+        cy=header["cy"],
+        width=header["w"],
+        height=header["h"],
+        world_from_camera=frames[1]["world_from_camera"],
+    )
+    there = points_in_world(header, frames[1])
+    rows, columns = np.indices(there.shape[:2]) + 0.5
+    checked = 0
+    for point in points_in_world(header, frames[0])[5::9, 40::7].reshape(-1, 3):
+        dot = gslts.GaussianMap(
+            means=point[None],
+            quats=np.array([[1.0, 0, 0, 0]]),
+            log_scales=np.full((1, 3), np.log(0.01)),
+            logit_opacities=np.full(1, 3.0),
+            sh=np.zeros((1, 1, 3)),
+        ).astype(np.float32)
+        images = gslts.render(dot, camera, gslts.RenderOptions(surface_depth=False))
+        if images.alpha.sum() < 0.5:
+            continue  # Not in that view.
+        u, v = ((images.alpha * at).sum() / images.alpha.sum() for at in (columns, rows))
+        seen = there[int(v), int(u)]
+        depth = images.depth[int(v), int(u)]
+        if not 1 < u < 95 or not 1 < v < 71 or np.linalg.norm(seen - point) > 0.3:
+            continue  # At the border, or hidden by something.
+        checked += 1
+        # The middle of the pixel is up to 0.71 px from the dot; more is an error.
+        assert np.linalg.norm(seen - point) < (0.71 + 0.5) * depth / camera.fx * 3
+        camera_from_world = np.linalg.inv(camera.world_from_camera)
+        x, y, z = camera_from_world[:3, :3] @ point + camera_from_world[:3, 3]
+        assert abs(camera.fx * x / z + camera.cx - u) < 0.5
+        assert abs(camera.fy * y / z + camera.cy - v) < 0.5
+        assert abs(z - depth) < 1e-3
+    assert checked >= 10
+
+
+def test_the_pose_is_the_one_that_the_robot_believes(tmp_path: Path) -> None:
+    capture(robot("kinect"), LOOKS[:2], tmp_path / "noisy")
+    capture(robot("none"), LOOKS[:2], tmp_path / "true")
+    (_, noisy), (_, true) = read(tmp_path / "noisy"), read(tmp_path / "true")
+    way = noisy[0]["world_from_camera"][:3, 3] - true[0]["world_from_camera"][:3, 3]
+    assert 0 < np.linalg.norm(way) < 0.05
+    lost = [(frame["depth_file_path"] == 0).mean() for frame in (noisy[0], true[0])]
+    assert lost[0] > lost[1] == 0
+
+
+def test_true_poses_are_those_of_the_robot(tmp_path: Path) -> None:
+    capture(robot("kinect"), LOOKS[:2], tmp_path / "visit")
+    capture(robot("none"), LOOKS[:2], tmp_path / "true")
+    poses = true_poses(tmp_path / "visit")
+    assert list(poses) == ["00000", "00001"]
+    _, frames = read(tmp_path / "true")
+    for frame, pose in zip(frames, poses.values(), strict=True):
+        np.testing.assert_allclose(pose, frame["world_from_camera"], atol=1e-12)
+    path = tmp_path / "visit" / "transforms.json"
+    path.write_text('{"frames": [{"file_path": "images/00000.png"}]}')
+    with pytest.raises(ValueError, match=r"transforms\.json: it does not tell true poses"):
+        true_poses(tmp_path / "visit")
+
+
+def full_after(monkeypatch: pytest.MonkeyPatch, pictures: int) -> None:
+    """The disk has room for so many pictures and fills while it takes the next."""
+    save = Image.Image.save
+    left = [pictures]
+
+    def limited(self: Image.Image, path: Path, **options: object) -> None:
+        if left[0] == 0:
+            Path(path).write_bytes(b"half a pict")
+            raise OSError(errno.ENOSPC, "No space left on device")
+        left[0] -= 1
+        save(self, path, **options)
+
+    monkeypatch.setattr(Image.Image, "save", limited)
+
+
+@pytest.mark.parametrize("pictures", [0, 1, 4, 5, 6])
+def test_a_full_disk_leaves_whole_frames(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pictures: int
+) -> None:
+    full_after(monkeypatch, pictures)
+    whole = pictures // 3
+    folder = tmp_path / "set"
+    with pytest.raises(OSError, match=rf"set: No space left on device; {whole} whole frames") as e:
+        capture(robot(), LOOKS, folder)
+    assert "\n" not in str(e.value)
+    left = sorted(path.name for path in folder.glob("*/*.png"))
+    assert len(left) == 3 * whole
+    if whole:
+        assert len(read(folder)[1]) == whole
+    else:
+        assert not (folder / "transforms.json").exists()
+
+
+def test_frames_are_given_up_until_their_list_fits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The disk is so full that the list fits only when a frame is gone."""
+    from gslts_sim import capture as module
+
+    full_after(monkeypatch, 6)
+    write, refusals = module.write_whole, [1]
+
+    def refusing(path: Path, content: bytes) -> None:
+        if path.name == "transforms.json" and refusals[0]:
+            refusals[0] -= 1
+            raise OSError(errno.ENOSPC, "No space left on device")
+        write(path, content)
+
+    monkeypatch.setattr(module, "write_whole", refusing)
+    with pytest.raises(OSError, match="1 whole frames are kept"):
+        capture(robot(), LOOKS, tmp_path / "set")
+    assert len(read(tmp_path / "set")[1]) == 1
+    assert len(list((tmp_path / "set").glob("*/*.png"))) == 3
+
+
+def test_an_interruption_leaves_whole_frames(tmp_path: Path) -> None:
+    def interrupted():
+        yield from LOOKS[:2]
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        capture(robot(), interrupted(), tmp_path / "set")
+    assert len(read(tmp_path / "set")[1]) == 2
+
+
+def test_nothing_is_overwritten(tmp_path: Path) -> None:
+    (tmp_path / "precious").write_text("data")
+    with pytest.raises(ValueError, match="is not empty"):
+        capture(robot(), LOOKS, tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["precious"]
+
+
+def test_a_place_in_the_way_is_named(tmp_path: Path) -> None:
+    blocked = Look(np.array([2.5, 1.9]), 0.0, 0.0)
+    with pytest.raises(ValueError, match=r"capture: Teleport: the robot cannot stand at \(2\.5"):
+        capture(robot(), [*LOOKS[:1], blocked], tmp_path / "set")
+    assert len(read(tmp_path / "set")[1]) == 1
+
+
+@pytest.fixture(scope="module")
+def bedroom() -> Home:
+    return make_home("bedroom", 5, detail=0.05)
+
+
+def test_exploring_ends_when_all_is_seen(bedroom: Home) -> None:
+    looks, share = explore(bedroom, 1000)
+    assert COMPLETE_SHARE <= share <= 1
+    assert 30 < len(looks) < 500
+    few, less = explore(bedroom, 20)
+    assert len(few) == 20
+    assert 0.2 < less < share
+    poses = {(*look.place.tolist(), look.yaw_deg, look.horizon_deg) for look in looks}
+    assert len(poses) == len(looks)
+
+
+def test_few_views_see_most_objects(bedroom: Home) -> None:
+    """The first views are worth more than views at random."""
+    robot = Controller(bedroom, width=64, height=48)
+    seen: set[str] = set()
+    for look in explore(bedroom, 40)[0]:
+        x, y = look.place
+        event = robot.step(
+            "Teleport",
+            position={"x": x, "y": y},
+            rotation=look.yaw_deg,
+            horizon=look.horizon_deg,
+        )
+        assert event.metadata["lastActionSuccess"]
+        seen |= set(event.instance_masks)
+    movable = {thing.id for thing in bedroom.objects if thing.movable}
+    assert len(seen & movable) >= 0.8 * len(movable)

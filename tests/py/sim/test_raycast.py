@@ -1,0 +1,216 @@
+"""The ray caster against planes, boxes, light and textures worked out by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shading_oracle
+import sim_scenes
+
+import gslts
+from gslts._core import sim as core_sim
+from gslts_sim.home import Home
+from gslts_sim.raycast import RayCaster
+from gslts_sim.texture_atlas import linear_from_srgb, srgb_from_linear
+
+EYE, TARGET = np.array([0.4, 0.5, 1.6]), np.array([3.0, 2.2, 0.7])
+
+
+def tilted_camera(width: int = 80, height: int = 60) -> gslts.Camera:
+    return gslts.camera_from_fov(width, height, 1.2, gslts.look_at(EYE, TARGET))
+
+
+def unproject(camera: gslts.Camera, depth: np.ndarray) -> np.ndarray:
+    """[H,W,3] points in the world, by the conventions in the README."""
+    rows, columns = np.indices(depth.shape) + 0.5
+    x = (columns - camera.cx) / camera.fx * depth
+    y = (rows - camera.cy) / camera.fy * depth
+    pose = camera.world_from_camera
+    return np.stack([x, y, depth], axis=-1) @ pose[:3, :3].T + pose[:3, 3]
+
+
+def slab_depth(camera: gslts.Camera, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Depths [H,W] at which the pixels' rays enter and leave a box; enter > leave if they miss."""
+    directions = unproject(camera, np.ones((camera.height, camera.width))) - EYE
+    with np.errstate(divide="ignore"):
+        a, b = (low - EYE) / directions, (high - EYE) / directions
+    return np.minimum(a, b).max(axis=-1), np.maximum(a, b).min(axis=-1)
+
+
+def test_depth_and_instances_are_those_of_the_boxes() -> None:
+    camera = tilted_camera()
+    view = RayCaster(sim_scenes.simple_home()).look(camera)
+    _, wall = slab_depth(camera, np.zeros(3), np.array([5, 4, 2.6]))
+    enter, leave = slab_depth(camera, np.array([2.0, 1.5, 0]), np.array([3.2, 2.3, 0.75]))
+    on_block = enter < leave
+    clear = np.abs(enter - leave) > 0.02  # A ray along an edge may go either way.
+    expected = np.where(on_block, enter, wall)
+    np.testing.assert_allclose(view.depth[clear], expected[clear], rtol=1e-4)
+    np.testing.assert_array_equal(view.instances[clear], on_block[clear].astype(int))
+    assert 200 < on_block.sum() < 2400
+    assert view.depth.dtype == np.float32
+    assert view.instances.dtype == np.int32
+
+
+def test_points_of_one_view_are_seen_in_another() -> None:
+    """Unprojected depth meets depth and projection of a second camera, as in the rasterizer."""
+    caster = RayCaster(sim_scenes.simple_home())
+    first = tilted_camera(160, 120)
+    second = gslts.camera_from_fov(160, 120, 1.3, gslts.look_at((0.7, 0.4, 1.5), TARGET))
+    points = unproject(first, caster.look(first).depth.astype(np.float64))
+    camera_from_world = np.linalg.inv(second.world_from_camera)
+    x, y, z = np.moveaxis(points @ camera_from_world[:3, :3].T + camera_from_world[:3, 3], -1, 0)
+    column = np.floor(second.fx * x / z + second.cx).astype(int)
+    row = np.floor(second.fy * y / z + second.cy).astype(int)
+    inside = (z > 0) & (column >= 0) & (column < 160) & (row >= 0) & (row < 120)
+    depth = caster.look(second).depth
+    agree = np.abs(depth[row[inside], column[inside]] - z[inside]) < 0.03 * z[inside]
+    assert inside.mean() > 0.6
+    assert agree.mean() > 0.97
+
+
+def test_nothing_is_hit_outside() -> None:
+    away = gslts.camera_from_fov(20, 10, 1.0, gslts.look_at((9, 9, 1), (20, 20, 1)))
+    view = RayCaster(sim_scenes.simple_home()).look(away)
+    assert not view.depth.any()
+    assert not view.radiance.any()
+    assert (view.instances == -1).all()
+
+
+def test_ambient_light_shows_the_texture_as_it_is() -> None:
+    """In ambient light of 1 the radiance is the texture's linear colour, whatever the filter."""
+    rng = np.random.default_rng(0)
+    texture = rng.integers(0, 256, (32, 64, 3), dtype=np.uint8)
+    home = sim_scenes.simple_home(lights=False, wall=texture)
+    # 0.2 mm of wall a pixel, and 16 mm a texel: no smaller level is needed.
+    pose = gslts.look_at((2.5, 2.0, 1.2), (2.5, 0.0, 1.2))
+    camera = gslts.Camera(
+        fx=10_000, fy=10_000, cx=40, cy=30, width=80, height=60, world_from_camera=pose
+    )
+    radiance = RayCaster(home).look(camera).radiance
+    points = unproject(camera, np.full((60, 80), 2.0))
+    # The wall y = 0: u runs along z and v along x.
+    u, v = points[..., 2] * 64 - 0.5, points[..., 0] * 32 - 0.5
+    column, row = np.floor(u).astype(int), np.floor(v).astype(int)
+    right, down = (u - column)[..., None], (v - row)[..., None]
+    linear = linear_from_srgb(texture / 255)
+
+    def texel(r: np.ndarray, c: np.ndarray) -> np.ndarray:
+        return linear[r % 32, c % 64]
+
+    above = (1 - right) * texel(row, column) + right * texel(row, column + 1)
+    below = (1 - right) * texel(row + 1, column) + right * texel(row + 1, column + 1)
+    np.testing.assert_allclose(radiance, (1 - down) * above + down * below, atol=2e-3)
+
+
+def test_far_textures_are_averaged_and_not_picked() -> None:
+    """A fine checkerboard far away is grey, by the mean of its light."""
+    checkers = np.indices((64, 64)).sum(axis=0) % 2
+    texture = np.repeat(np.where(checkers, 255, 0)[..., None], 3, axis=2).astype(np.uint8)
+    home = sim_scenes.simple_home(lights=False, wall=texture)
+    pose = gslts.look_at((2.5, 3.9, 1.2), (2.5, 0.0, 1.2))
+    camera = gslts.Camera(fx=30, fy=30, cx=16, cy=12, width=32, height=24, world_from_camera=pose)
+    view = RayCaster(home).look(camera)
+    on_wall = (view.instances == 0) & (view.cosines > 0.8)
+    np.testing.assert_allclose(view.radiance[on_wall], 0.5, atol=0.02)
+
+
+def test_light_on_the_floor_is_that_of_the_form_factor() -> None:
+    """Radiance x area x cosine^2 / (pi distance^2), for a light that is small or far."""
+    home = sim_scenes.simple_home()
+    caster = RayCaster(home)
+    down = np.diag([1.0, -1.0, -1.0, 1.0])
+    down[:3, 3] = (0.6, 0.6, 1.0)
+    camera = gslts.Camera(fx=60, fy=60, cx=8, cy=6, width=16, height=12, world_from_camera=down)
+    radiance = caster.look(camera).radiance[6, 8, 0]
+    towards = np.array([2.5, 2.0, 2.59]) - (0.6, 0.6, 0.0)
+    distance = np.linalg.norm(towards)
+    cosine = towards[2] / distance
+    expected = 20 * 0.36 * cosine**2 / (np.pi * distance**2) + 0.3
+    assert radiance == pytest.approx(
+        float(linear_from_srgb(np.float64(200 / 255))) * expected, rel=0.02
+    )
+
+
+def test_light_does_not_pass_through_things() -> None:
+    home = sim_scenes.simple_home()
+    under = sim_scenes.box_object("Lid|1", (2.0, 1.5, 2.3), (3.0, 2.5, 2.35), sim_scenes.plain(90))
+    pose = np.diag([1.0, -1.0, -1.0, 1.0])
+    pose[:3, 3] = (2.6, 1.9, 1.5)
+    camera = gslts.Camera(fx=60, fy=60, cx=8, cy=6, width=16, height=12, world_from_camera=pose)
+    lit = RayCaster(home).look(camera).radiance
+    shaded = RayCaster(home.with_object(under)).look(camera).radiance
+    ambient = 0.3 * float(linear_from_srgb(np.float64(128 / 255)))
+    assert lit.min() > 2 * ambient
+    np.testing.assert_allclose(shaded, ambient, rtol=1e-5)
+
+
+def test_srgb_there_and_back() -> None:
+    values = np.linspace(0, 1, 1000)
+    np.testing.assert_allclose(srgb_from_linear(linear_from_srgb(values)), values, atol=1e-6)
+    assert float(linear_from_srgb(np.float64(0.5))) == pytest.approx(0.21404, abs=1e-5)
+
+
+def test_surfaces_glow_while_a_light_of_their_object_is_on() -> None:
+    home = sim_scenes.simple_home()
+    block = home["Block|1"]
+    glowing = replace(block, surfaces=(replace(block.surfaces[0], emission=2.0),))
+    home = home.with_object(glowing)
+    camera = tilted_camera()
+    off = RayCaster(home).look(camera)
+    on = RayCaster(home, (replace(home.lights[0], owner="Block|1"),)).look(camera)
+    on_block = off.instances == 1
+    grey = linear_from_srgb(np.array(128 / 255))
+    np.testing.assert_allclose((on.radiance - off.radiance)[on_block], 2 * grey, rtol=1e-4)
+    np.testing.assert_array_equal(on.radiance[~on_block], off.radiance[~on_block])
+
+
+def tiled_home(*, lights: bool = True) -> Home:
+    """A furnished home with a lamp, a glowing block, and tiles of all levels."""
+    tiles = np.random.default_rng(1).integers(0, 256, (48, 80, 3), dtype=np.uint8)
+    home = replace(sim_scenes.furnished_home(lamp="Mug|1"))
+    walls = sim_scenes.simple_home(wall=tiles).objects[0]
+    block = sim_scenes.box_object("Block|7", (2.0, 1.0, 0.0), (2.6, 1.4, 0.5), tiles)
+    glowing = replace(block, surfaces=(replace(block.surfaces[0], emission=2.0),))
+    home = replace(home, objects=(walls, *home.objects[1:], glowing))
+    return home if lights else replace(home, lights=())
+
+
+@pytest.mark.parametrize("size", [(1, 1), (2, 3), (97, 61)])
+@pytest.mark.parametrize("lights", [True, False])
+def test_shading_is_that_of_numpy_bit_for_bit(size: tuple[int, int], lights: bool) -> None:
+    home = tiled_home(lights=lights)
+    shining = home.all_lights if lights else ()
+    camera = tilted_camera(*size)
+    views = [RayCaster(home, shining, threads).look(camera) for threads in (1, 2, 3)]
+    expected = shading_oracle.radiance_of(RayCaster(home, shining), camera)
+    for view in views:
+        np.testing.assert_array_equal(view.radiance, expected)
+    assert expected.max() > 0
+
+
+def test_shading_sees_the_edge_of_the_world() -> None:
+    """A camera outside: some rays miss."""
+    caster = RayCaster(tiled_home())
+    camera = gslts.camera_from_fov(50, 40, 1.5, gslts.look_at((8, 2, 1.5), (2.5, 2.5, 1)))
+    view = caster.look(camera)
+    assert 0 < (view.instances >= 0).mean() < 1
+    np.testing.assert_array_equal(view.radiance, shading_oracle.radiance_of(caster, camera))
+
+
+def test_bad_hits_are_named() -> None:
+    caster = RayCaster(sim_scenes.simple_home())
+    rays, none = np.zeros((1, 2, 6), np.float32), np.zeros((0, 4, 3))
+
+    def shade(depth: np.ndarray, triangle: int) -> core_sim.Shading:
+        triangles, weights = np.full((1, 2), triangle, np.uint32), np.zeros((1, 2, 2), np.float32)
+        return core_sim.Shading(
+            caster._surfaces, rays, depth, triangles, weights, pixel_rad=0.1, lights=none, threads=1
+        )
+
+    with pytest.raises(ValueError, match="there is no triangle 4000000000"):
+        shade(np.ones((1, 2), np.float32), 4_000_000_000)
+    missed = shade(np.full((1, 2), np.inf, np.float32), 4_000_000_000)
+    assert not missed.radiance(np.zeros(0, bool), np.ones(3)).any()
+    with pytest.raises(ValueError, match=r"depth: expected .* \(1, 2\), got float32 \(2, 1\)"):
+        shade(np.ones((2, 1), np.float32), 0)

@@ -1,0 +1,360 @@
+"""Versions of a map: they come back bit by bit, and nothing of them is lost."""
+
+import sqlite3
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from store_maps import assert_same, blobs_of, edited, grown, random_map
+
+from gslts.mapping.density.control import joined
+from gslts.store.blobs import Blobs
+from gslts.store.delta import Delta, after_all, delta_by_ids, delta_of
+from gslts.store.map_store import INDEX, MapStore
+from gslts.store.records import Event
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Of a map of one version."""
+    MapStore.create(tmp_path, random_map(100), {"data set": "room"})
+    return tmp_path
+
+
+def test_every_version_comes_back_bit_by_bit(folder: Path) -> None:
+    maps = grown(folder, 12)
+    with MapStore(folder) as store:
+        assert [one.number for one in store.versions()] == list(range(1, 14))
+        for number, expected in enumerate(maps, start=1):
+            assert_same(store.read(number), expected)
+            assert store.version(number).gaussians == expected.size
+        assert_same(store.read(), maps[-1])
+        assert store.version().cause == {"seed": 12}
+
+
+def test_a_delta_leads_from_map_to_map() -> None:
+    before = random_map(50)
+    after = edited(before, 1, 50)
+    delta = delta_of(before, after)
+    assert delta.touched == len(delta.removed) + delta.added.size + delta.changed.size
+    assert 0 < delta.changed.size < 20
+    assert_same(after_all(before, [delta]), after)
+    nothing = delta_of(before, before)
+    assert nothing.touched == 0
+    assert_same(after_all(before, [nothing]), before)
+
+
+def test_negative_zero_is_not_zero() -> None:
+    before = replace(random_map(3), logit_opacities=np.zeros(3, np.float32))
+    after = replace(before, logit_opacities=-before.logit_opacities)
+    assert delta_of(before, after).changed.size == 3
+
+
+def test_a_map_may_become_empty_and_full_again(folder: Path) -> None:
+    with MapStore(folder, writable=True) as store:
+        first = store.read()
+        empty = first.select(np.zeros(0, np.int64))
+        store.commit(empty, {})
+        again = joined(empty, random_map(5), store.version().next_id)
+        store.commit(again, {})
+        assert_same(store.read(2), empty)
+        assert_same(store.read(3), again)
+        assert int(again.ids[0]) == 100, "ids of what is gone are not used again"
+
+
+def test_an_old_version_is_restored_as_a_new_one(folder: Path) -> None:
+    maps = grown(folder, 3)
+    with MapStore(folder, writable=True) as store:
+        version = store.restore(2)
+        assert (version.number, version.kind) == (5, "restore")
+        assert_same(store.read(), maps[1])
+        after = edited(maps[1], 9, store.version().next_id)
+        store.commit(after, {})
+        assert_same(store.read(6), after)
+        assert_same(store.read(4), maps[3])
+        found = delta_by_ids(store.read(6), store.read(4))
+    assert_same(maps[3].select(np.isin(maps[3].ids, found.added.ids)), found.added)
+
+
+def test_features_of_another_length_make_a_version(folder: Path) -> None:
+    maps = grown(folder, 2)
+    embedded = replace(maps[-1], features=np.ones((maps[-1].size, 5), np.float32))
+    with MapStore(folder, writable=True) as store:
+        version = store.commit_features(embedded, {"source": "oracle"})
+        assert (version.kind, version.parent, version.touched) == ("semantics", 3, embedded.size)
+        assert_same(store.read(), embedded)
+        assert_same(store.read(3), maps[-1])
+        later = embedded.select(np.arange(20))
+        store.commit(later, {})
+        assert_same(store.read(), later)
+        assert delta_by_ids(store.read(3), store.read(4)).changed.size == embedded.size
+        assert [one.number for one in store.way_to()] == [1, 2, 3, 4, 5]
+        with pytest.raises(ValueError, match="means are not those of version 5"):
+            store.commit_features(replace(later, means=later.means + 1), {})
+        store.compact(1)
+        assert_same(store.read(), later)
+        assert store.problems() == []
+
+
+def test_used_ids_are_rejected(folder: Path) -> None:
+    maps = grown(folder, 1)
+    with MapStore(folder, writable=True) as store:
+        store.restore(1)
+        with pytest.raises(ValueError, match="must be 107 or higher, got 100"):
+            store.commit(edited(maps[0], 2, 100), {})
+        assert store.version().number == 3
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        (lambda one: one.select(np.arange(one.size)[::-1]), "ids must rise"),
+        (lambda one: replace(one, origin=np.zeros(3)), "different origins"),
+        (lambda one: replace(one, sh=one.sh[:, :1]), "sh_degree was 1 and is 0"),
+        (lambda one: one.astype(np.float64), "dtype was float32 and is float64"),
+    ],
+)
+def test_another_map_is_rejected(folder: Path, edit: object, message: str) -> None:
+    with MapStore(folder, writable=True) as store:
+        with pytest.raises(ValueError, match=message):
+            store.commit(edit(store.read()), {})  # type: ignore[operator]
+        assert len(store.versions()) == 1
+
+
+def test_objects_are_told(folder: Path) -> None:
+    box = [[0.0, 0.0, 0.0], [0.1, 0.1, 0.2]]
+    events = [Event(0, "addition", "Mug", (None, box)), Event(0, "removal", "Book", (box, None))]
+    with MapStore(folder, writable=True) as store:
+        store.commit(store.read(), {}, events)
+        assert [one.type for one in store.events()] == ["Mug", "Book"]
+        for name in ("Mug", "mug"):
+            (mug,) = store.events(name)
+            assert mug == Event(2, "addition", "Mug", (None, box))
+
+
+def test_what_a_restored_version_undid_is_told(folder: Path) -> None:
+    box = [[0.0, 0.0, 0.0], [0.1, 0.1, 0.2]]
+    with MapStore(folder, writable=True) as store:
+        store.commit(store.read(), {}, [Event(0, "addition", "Mug", (None, box))])
+        store.restore(1)
+        store.commit(store.read(), {}, [Event(0, "addition", "Book", (None, box))])
+
+        def told(before: int, after: int) -> list[list[str]]:
+            return [[one.type for one in own] for own in store.events_between(before, after)]
+
+        assert told(1, 2) == [["Mug"], []]
+        assert told(2, 1) == [[], ["Mug"]]
+        assert told(1, 3) == [[], []]
+        assert told(2, 4) == [["Book"], ["Mug"]]
+        assert [one.number for one in store.way_to(4)] == [1, 3, 4]
+
+
+def test_readers_see_what_was_there_while_one_writes(folder: Path) -> None:
+    with MapStore(folder) as reader, MapStore(folder, writable=True) as writer:
+        before = reader.read()
+        writer.commit(edited(before, 1, 100), {})
+        assert_same(reader.read(1), before)
+        assert reader.version().number == 2
+
+
+def test_a_version_that_is_compacted_meanwhile_is_read(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    maps = grown(folder, 4)
+    read = Blobs.read
+    with MapStore(folder) as reader:
+
+        def compacted_first(self: Blobs, key: str, size: int) -> dict[str, np.ndarray]:
+            monkeypatch.setattr(Blobs, "read", read)
+            with MapStore(folder, writable=True) as writer:
+                writer.compact(1)
+            return read(self, key, size)
+
+        monkeypatch.setattr(Blobs, "read", compacted_first)
+        assert_same(reader.read(5), maps[-1])
+
+        def compacted_then(self: Blobs, key: str, size: int) -> None:
+            monkeypatch.setattr(Blobs, "verify", verify)
+            with MapStore(folder, writable=True) as writer:
+                writer.commit(edited(maps[-1], 9, writer.version().next_id), {})
+                writer.compact(1)
+            verify(self, key, size)
+
+        verify = Blobs.verify
+        monkeypatch.setattr(Blobs, "verify", compacted_then)
+        assert reader.problems() == []
+
+
+@pytest.mark.parametrize("loss", ["file", "name"])
+def test_nothing_is_removed_where_a_file_is_missing(folder: Path, loss: str) -> None:
+    """It may be the one that a damaged index means."""
+    grown(folder, 1)
+    with MapStore(folder) as store:
+        delta = store.version(2).delta
+        assert delta is not None
+    if loss == "file":
+        next(path for path in blobs_of(folder) if path.stem == delta.key).unlink()
+    else:
+        other = ("0" if delta.key[0] != "0" else "1") + delta.key[1:]
+        with sqlite3.connect(folder / INDEX) as index:
+            index.execute("UPDATE versions SET delta = ? WHERE number = 2", (other,))
+    before = blobs_of(folder)
+    with (
+        MapStore(folder, writable=True) as store,
+        pytest.raises(ValueError, match=r"1 file\(s\) of its versions are missing; nothing was"),
+    ):
+        store.collect_garbage()
+    assert blobs_of(folder) == before
+
+
+@pytest.mark.parametrize(
+    "harm",
+    [
+        "UPDATE versions SET kind = 'apdate'",
+        "UPDATE versions SET time_s = 1e300",
+        "UPDATE versions SET cause = '[]'",
+        f"UPDATE versions SET cause = '{'[' * 100_000}'",
+        "UPDATE events SET kind = 'edition'",
+        "UPDATE events SET boxes = '[null, [[0, 0, 0]]]'",
+        "UPDATE events SET boxes = '7'",
+        "UPDATE rejections SET time_s = -1",
+    ],
+)
+def test_what_makes_no_sense_in_the_index_is_damage(folder: Path, harm: str) -> None:
+    box = [[0.0, 0.0, 0.0], [0.1, 0.1, 0.2]]
+    with MapStore(folder, writable=True) as store:
+        store.commit(store.read(), {}, [Event(0, "addition", "Mug", (None, box))])
+        store.add_rejection({})
+    with sqlite3.connect(folder / INDEX) as index:
+        index.execute(harm)
+    with (
+        MapStore(folder) as store,
+        pytest.raises(ValueError, match=r"versions\.sqlite: it is damaged: .*from a backup"),
+    ):
+        store.versions(), store.events(), store.rejections()
+
+
+@pytest.mark.parametrize("harm", ["flip", "cut", "grow", "delete"])
+def test_damage_is_named_and_nothing_else_is_lost(folder: Path, harm: str) -> None:
+    maps = grown(folder, 1)
+    with MapStore(folder) as store:
+        delta = store.version(2).delta
+        assert delta is not None
+    path = next(one for one in blobs_of(folder) if one.stem == delta.key)
+    content = bytearray(path.read_bytes())
+    if harm == "flip":
+        content[len(content) // 2] ^= 1
+    elif harm == "cut":
+        del content[-1:]
+    elif harm == "grow":
+        content += b"x"
+    path.write_bytes(bytes(content))
+    if harm == "delete":
+        path.unlink()
+    with MapStore(folder) as store:
+        (problem,) = store.problems()
+        assert problem.startswith("version 2: ")
+        assert path.name in problem
+        with pytest.raises((OSError, ValueError), match=path.name):
+            store.read(2)
+        assert_same(store.read(1), maps[0])
+    with MapStore(folder, writable=True) as store:
+        store.restore(1)
+        assert_same(store.read(), maps[0])
+
+
+def test_a_whole_store_has_no_problem(folder: Path) -> None:
+    grown(folder, 3)
+    seen: list[int] = []
+    with MapStore(folder) as store:
+        assert store.problems(lambda: seen.append(1)) == []
+    assert len(seen) == 4
+
+
+def test_a_newer_schema_is_named(folder: Path) -> None:
+    connection = sqlite3.connect(folder / INDEX)
+    connection.execute("PRAGMA user_version = 99")
+    connection.close()
+    with pytest.raises(ValueError, match=f"{INDEX}: its schema is version 99, this gslts reads 1"):
+        MapStore(folder)
+
+
+@pytest.mark.parametrize("content", [b"", b"no database" * 100])
+def test_another_file_is_no_index(folder: Path, content: bytes) -> None:
+    (folder / INDEX).write_bytes(content)
+    with pytest.raises(ValueError, match=INDEX):
+        MapStore(folder)
+
+
+def test_what_a_stopped_commit_left_is_removed(folder: Path) -> None:
+    maps = grown(folder, 1)
+    part = blobs_of(folder)[0].parent / ".abc.safetensors.1.part"
+    part.write_bytes(b"half")
+    with MapStore(folder, writable=True) as store:
+        assert not part.exists()
+        unknown, size = store._blobs.write({"x": np.zeros(9)})
+        assert store.collect_garbage() == size
+        assert unknown not in list(store._blobs)
+        assert store.problems() == []
+        assert_same(store.read(), maps[-1])
+
+
+def test_old_versions_are_forgotten_but_for_what_is_known_of_them(folder: Path) -> None:
+    maps = grown(folder, 8)
+    with MapStore(folder, writable=True) as store:
+        store.restore(3)  # Version 10, which stands on one that is forgotten.
+        before = store.versions()
+        assert store.compact(3) > 0
+        assert [replace(one, delta=None) for one in store.versions()] == [
+            replace(one, delta=None) for one in before
+        ]
+        for number, expected in ((8, maps[7]), (9, maps[8]), (10, maps[2])):
+            assert_same(store.read(number), expected)
+        for number in range(1, 8):
+            with pytest.raises(ValueError, match=rf"version {number} was compacted .* gslts log"):
+                store.read(number)
+        with pytest.raises(ValueError, match="version 2 was compacted"):
+            store.restore(2)
+        assert store.problems() == []
+        assert store.compact(3) == 0
+        store.commit(edited(store.read(), 99, store.version().next_id), {})
+        with pytest.raises(ValueError, match="keep must be positive"):
+            store.compact(0)
+
+
+def test_snapshots_keep_the_way_to_a_version_short(tmp_path: Path) -> None:
+    MapStore.create(tmp_path, random_map(30), {})
+    maps = grown(tmp_path, 30)
+    with MapStore(tmp_path) as store:
+        snapshots = store._index.snapshots()
+        ways = [len(store._way_to(one.number, snapshots)[1]) for one in store.versions()]
+        assert max(ways) < 12
+        for number, expected in enumerate(maps, start=1):
+            assert_same(store.read(number), expected)
+    deltas = sum(one.delta.size for one in store_versions(tmp_path) if one.delta is not None)
+    assert sum(one.size for one in snapshots.values()) < 2 * deltas
+
+
+def store_versions(folder: Path) -> list:
+    with MapStore(folder) as store:
+        return store.versions()
+
+
+def test_a_clock_that_goes_back_is_told(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    grown(folder, 1)
+    monkeypatch.setattr("time.time", lambda: 5.0)
+    with MapStore(folder, writable=True) as store:
+        version = store.restore(1)
+    assert version.number == 3
+    assert "behind that of version 2" in caplog.text
+
+
+def test_a_delta_of_another_map_is_rejected() -> None:
+    base = random_map(5)
+    nothing = base.select(np.zeros(0, np.int64))
+    gone = Delta(np.array([9], np.uint64), nothing, nothing)
+    with pytest.raises(ValueError, match="a Gaussian that is not there"):
+        after_all(base, [gone])
