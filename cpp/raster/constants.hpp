@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <limits>
 
+#include "gslts/simd/lanes.hpp"
+
 // Fixed numbers of the rasterizer, with their sources. What a user may want to change is in
 // `RenderOptions`. Those of the first part only divide the work: halved or doubled, they change
 // speed and memory, not the images.
@@ -14,6 +16,7 @@ namespace gslts::raster {
 /// of one word, 16 pixels a block the lanes of one AVX-512 vector.
 constexpr int kBlockSize = 4;
 constexpr int kBlockPixels = kBlockSize * kBlockSize;
+static_assert(kBlockPixels == simd::kLanes);
 constexpr int kBlocksPerRow = 8;
 constexpr int kBlocksPerTile = kBlocksPerRow * kBlocksPerRow;
 constexpr int kLog2TileSize = 5;

@@ -3,13 +3,14 @@
 #include <stdexcept>
 #include <string>
 
+#include "gslts/simd/target.hpp"
 #include "render_state.hpp"
 
 namespace gslts::raster {
 
 template <typename T>
 Rasterizer<T>::Rasterizer() : state_(std::make_unique<RenderState<T>>()) {
-  apply_environment();
+  simd::apply_environment();
 }
 template <typename T>
 Rasterizer<T>::~Rasterizer() = default;

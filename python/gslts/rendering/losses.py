@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts._core import raster as _core
-from gslts._core.raster import Exposure
+from gslts._core import optim as _core
+from gslts._core.optim import Exposure
 from gslts.core.gaussian_map import FloatArray
 
 __all__ = [

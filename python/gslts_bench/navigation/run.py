@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import BaseModel, FiniteFloat
 
 from gslts.navigation.navigator import Navigator
-from gslts.navigation.semantic_map_files import map_picture, write_picture
+from gslts.navigation.semantic_map_files import draw_semantic_map, write_picture
 from gslts.semantics.source import Oracle
 from gslts_bench.cache import code_digest, digest, native_digest
 from gslts_bench.homes import MAP_S, RECORDING_S, BenchHome, default_state
@@ -42,7 +42,7 @@ class Record(BaseModel):
         success: Whether such an object is within 1 m in truth, and in the last picture.
         shortest_m: See `Episode`.
         walked_m: Length of the robot's way in truth.
-        status, reason, replans: As the robot sees it; see `Journey`.
+        status, reason, replans: As the robot sees it; see `NavigationResult`.
         error: Why there is no result.
     """
 
@@ -180,7 +180,7 @@ def gone(
     walker = Walker(controller, ground.truth)
     journey = navigator.go(walker, episode.category)
     if picture is not None:
-        shown = map_picture(navigator.semantic_map, journey.way, [episode.category])
+        shown = draw_semantic_map(navigator.semantic_map, journey.path, [episode.category])
         write_picture(shown, picture)
     return record_of(episode).model_copy(
         update={

@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import BaseModel, FiniteFloat
 from scipy.optimize import linear_sum_assignment
 
-from gslts.semantics.build import embedded
+from gslts.semantics.embed import embed_semantics
 from gslts.semantics.queries import Instance, SemanticQueries
 from gslts.semantics.source import Oracle
 from gslts.store.map_folder import read_map
@@ -174,7 +174,9 @@ class LocalizeUnit:
         gaussian_map = read_map(bench.map(tell))
         start_s = time.perf_counter()
         frames = frames_of(bench, tell)
-        taught = embedded(gaussian_map, frames, oracle, variant.code, variant.refine, threads=1)
+        taught = embed_semantics(
+            gaussian_map, frames, oracle, variant.code, variant.refine, threads=1
+        )
         teach_s = time.perf_counter() - start_s
         queries = SemanticQueries(
             replace(gaussian_map, features=taught.features), taught.autoencoder, oracle
