@@ -38,7 +38,7 @@ from gslts_bench.homes import MAP_S, RECORDING_S, BenchHome, default_state
 from gslts_bench.made import code_of, digest, made, native_code
 from gslts_bench.work import Add, Result, Tell, message_of, validated
 from gslts_sim.actions import SceneState
-from gslts_sim.home_source import STRICT
+from gslts_sim.strict_model import STRICT
 
 DETECT_CODE = (
     *("gslts.core", "gslts.io", "gslts.rendering", "gslts.store"),
@@ -220,7 +220,7 @@ class DetectUnit:
         return Seen(detection.unreliable, detection.changes, *clock.ms())
 
     def _watched(self, case: Case, before: SceneState, detectors: Detectors) -> Seen:
-        frames = frames_of(case, before, self.bench, looks_around(case.viewpoint.look))
+        frames = frames_of(case, before, self.bench, looks_around(case.viewpoint))
         clock = _Clock()
         unreliable, changes = watched(detectors.of(WATCHED), frames)
         return Seen(unreliable, tuple(changes), *clock.ms(len(frames)))
