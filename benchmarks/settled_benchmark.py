@@ -31,6 +31,7 @@ from gslts.datasets import open_dataset
 from gslts.keeper.keeper import LoopConfig, MapKeeper
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.engine import make_map
+from gslts.rendering.metrics import psnr_from_mse_db
 from gslts.rendering.rasterizer import render
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import open_map, write_map_folder
@@ -296,7 +297,7 @@ def run_case(place: Place, kind: str, seed: int, made: Path) -> dict[str, Any]:
         "versions": [first, second],
         "reports": told,
         "anew": [is_at(np.mean(box, axis=0), boxes) for box in late],
-        "psnr_db": float(-10 * np.log10(np.mean(errors))),
+        "psnr_db": psnr_from_mse_db(float(np.mean(errors))),
         "said": [said[:rest], said[rest:]],
         "cpu_s": round(time.process_time() - start_s, 1),
     }

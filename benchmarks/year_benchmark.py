@@ -97,7 +97,7 @@ def main() -> None:
         detection=DetectionConfig(halvings=0),
         update=UpdateConfig(refine=RefineConfig(iterations=given.iterations)),
     )
-    print("| changes | versions | parked | Gaussians | memory | store | s a cycle | of CPU |")
+    print("| changes | versions | deferred | Gaussians | memory | store | s a cycle | of CPU |")
     print("| --: | --: | --: | --: | --: | --: | --: | --: |", flush=True)
     with MapKeeper(folder, config) as keeper, (given.out / "cycles.jsonl").open("w") as log:
         cycles: list[tuple[float, float]] = []
@@ -113,7 +113,7 @@ def main() -> None:
             told = {
                 "changes": done,
                 "versions": version.number,
-                "parked": len(keeper.state.parked),
+                "deferred": len(keeper.state.deferred),
                 "gaussians": version.gaussians,
                 "memory": memory_bytes(),
                 "store": bytes_of_store(folder),
@@ -125,7 +125,7 @@ def main() -> None:
             if done % given.every == 0 or done == given.changes:
                 seconds, cpu_seconds = np.median(cycles[-given.every :], axis=0)
                 print(
-                    f"| {done} | {version.number} | {told['parked']} | {version.gaussians} | "
+                    f"| {done} | {version.number} | {told['deferred']} | {version.gaussians} | "
                     f"{told['memory'] / 2**20:.0f} MiB | {told['store'] / 2**20:.1f} MiB | "
                     f"{seconds:.2f} | {cpu_seconds:.2f} |",
                     flush=True,

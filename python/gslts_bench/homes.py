@@ -13,7 +13,7 @@ from gslts.mapping.config import PRESETS, MappingConfig
 from gslts.mapping.engine import make_map
 from gslts.mapping.optimize import Progress
 from gslts.mapping.report.summary import write_result
-from gslts_bench.made import code_of, made, native_code
+from gslts_bench.cache import cached_folder, code_digest, native_digest
 from gslts_sim import ROOM_TYPES
 from gslts_sim.actions import ChangeAction, SceneState
 from gslts_sim.capture import capture
@@ -24,14 +24,8 @@ from gslts_sim.home_source import HomeSource
 from gslts_sim.task import Task
 from gslts_sim.tasks import TaskMaker
 
-SIM_CODE = ("gslts_sim", "gslts.core", "gslts.io.atomic_files", "gslts_bench.homes")
-"""What decides what a robot in a home sees, besides the libraries below."""
 SIM_LIBRARIES = ("numpy", "open3d-cpu", "open3d")
-MAP_CODE = (
-    *("gslts.core", "gslts.io", "gslts.rendering", "gslts.store"),
-    *("gslts.datasets", "gslts.mapping", "gslts.localization", "gslts_bench.homes"),
-)
-"""What decides what the map of a recording is, besides the compiled module."""
+"""Distributions whose version decides what a robot in a home sees."""
 RECORDING_S, MAP_S = 0.35, 110.0
 """About how long a frame of a recording takes, and a map of 200 of them, for the progress."""
 
@@ -136,7 +130,7 @@ class BenchHome:
             looks, _ = explore(robot.home, self.setup.frames)
             capture(robot, _told(looks, lambda: tell(RECORDING_S)), folder)
 
-        return made(self.work / "recordings" / self.name, self.recorded_of, make)
+        return cached_folder(self.work / "recordings" / self.name, self.recorded_of, make)
 
     def map(self, tell: Tell = lambda _: None) -> Path:
         """The folder of its map, made of its recording unless it is there, on one thread."""
@@ -155,7 +149,7 @@ class BenchHome:
             result = make_map(dataset, config, report=report)
             write_result(folder, result, dataset.name)
 
-        return made(self.work / "maps" / self.name, self.mapped_of, make)
+        return cached_folder(self.work / "maps" / self.name, self.mapped_of, make)
 
 
 def homes_of(
@@ -202,6 +196,9 @@ def _code() -> dict[str, Any]:
         except PackageNotFoundError:  # Open3D has two names.
             continue
     return {
-        "sim": {"python": code_of(*SIM_CODE), "libraries": libraries},
-        "map": {"python": code_of(*MAP_CODE), "native": native_code()},
+        "sim": {
+            "python": code_digest("gslts_bench.homes", without=("gslts.mapping",)),
+            "libraries": libraries,
+        },
+        "map": {"python": code_digest("gslts_bench.homes"), "native": native_digest()},
     }

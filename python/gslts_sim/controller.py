@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
 from gslts.types import Floats
 from gslts_sim.actions import (
@@ -170,6 +171,13 @@ class Controller:
         """What the camera sees now."""
         return self.step("Pass").observation
 
+    def pose(self) -> Floats:
+        """Return [4,4] world_from_camera that the robot believes, m.
+
+        Its error is drawn from the noise model of the frames, once between two frames.
+        """
+        return self._sensor.believed_pose(self._camera(), self._frames)
+
     def reachable_positions(self) -> Floats:
         """[P,2] places on the robot's grid that it can reach from where it is, x and y, m."""
         return self._floor.grid_positions(GRID_M, self._position)
@@ -241,9 +249,13 @@ class Controller:
         x, y = self._position.tolist()
         return OrientedBoxes.of(box[None], pose(x, y, low, 0.0))
 
-    def _look(self, action: str, error: str, result: Any, number: int) -> Event:
+    def _camera(self) -> Camera:
+        """Return the camera at its true pose."""
         look = Viewpoint.at(self._position, self._yaw_deg, self._horizon_deg)
-        camera = robot_camera(self.home, look, self._size, self._fov_rad)
+        return robot_camera(self.home, look, self._size, self._fov_rad)
+
+    def _look(self, action: str, error: str, result: Any, number: int) -> Event:
+        camera = self._camera()
         if self._caster is None:
             self._caster = RayCaster(self.home, self._sensor.lights(self.home))
         frame, truth = self._sensor.take(self._caster, camera, number, self._last_pose)

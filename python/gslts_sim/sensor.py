@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts._core import sim as core_sim
-from gslts.core.camera import Camera, at_pose, rotation, rotation_vector
+from gslts.core.camera import Camera, at_pose
 from gslts.core.frame import RgbdFrame
+from gslts.core.se3 import rotation, rotation_vector
 from gslts.types import Floats, Floats32
 from gslts_sim.home import AreaLight, Home
 from gslts_sim.raycast import RayCaster, View
@@ -153,6 +154,19 @@ class Sensor:
             time_s=float(index),
         )
         return frame, truth
+
+    def believed_pose(self, camera: Camera, index: int) -> Floats:
+        """Return the pose that the robot believes before it takes a frame.
+
+        Args:
+            camera: Camera at its true pose.
+            index: Number of the next frame in the visit, from 0; it decides the noise.
+
+        Returns:
+            [4,4] world_from_camera, m.
+        """
+        rng = np.random.default_rng([self._seed, 3, index])
+        return self._believed(camera, rng).world_from_camera
 
     def _rgb(self, radiance: Floats, rng: np.random.Generator) -> NDArray[np.uint8]:
         noise = self.noise

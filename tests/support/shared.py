@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from gslts_bench.made import made
+from gslts_bench.cache import cached_folder
 from gslts_sim.explore import explore
 from gslts_sim.home import Home
 from gslts_sim.robot_body import Viewpoint
@@ -31,7 +31,7 @@ def made_once(name: str, make: Callable[[Path], None]) -> Path:
         name: Unlike that of anything else.
         make: Is given the path of a folder that it makes; others wait until it has returned.
     """
-    return made(Path(os.environ[VARIABLE]) / name, {}, make)
+    return cached_folder(Path(os.environ[VARIABLE]) / name, {}, make)
 
 
 def looks_all_around(name: str, home: Home, most: int) -> list[Viewpoint]:

@@ -101,6 +101,9 @@ class Changing:
         self._left -= 1
         return self._robots[0 if self._left >= 0 else 1].observe()
 
+    def pose(self) -> np.ndarray:
+        return self._robots[0].pose()
+
     def reachable_positions(self) -> np.ndarray:
         return self._robots[0].reachable_positions()
 

@@ -22,10 +22,6 @@ from gslts_sim.sensor import NOISE_PRESETS
 from gslts_sim.strict_model import STRICT
 from gslts_sim.task import Task
 
-CASES_CODE = tuple(
-    f"gslts_bench.detection.{name}" for name in ("cases", "several", "truth", "visits")
-)
-
 Part = Literal["single", "pair", "triple", "unchanged"]
 PARTS: tuple[Part, ...] = ("single", "pair", "triple", "unchanged")
 

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.navigation.navigator import NEAR_M
+from gslts.navigation.navigator import SUCCESS_DISTANCE_M
 from gslts.types import Floats
 from gslts_sim.actions import GRID_M
 from gslts_sim.home import Home, HomeObject
@@ -95,7 +95,7 @@ class Truth:
         found = set()
         for row, thing in enumerate(self.home.objects):
             if thing.type == category:
-                near = np.flatnonzero(floor_distances_m(thing, self.places) <= NEAR_M)
+                near = np.flatnonzero(floor_distances_m(thing, self.places) <= SUCCESS_DISTANCE_M)
                 found |= {int(k) for k in near if self._sees(self.places[k], row)}
         return sorted(found)
 
@@ -135,6 +135,6 @@ def succeeds(truth: Truth, category: str, place: Floats, instances: NDArray[np.i
     return any(
         thing.type == category
         and (instances == row).mean() >= LEAST_SHARE
-        and floor_distances_m(thing, place[None])[0] <= NEAR_M
+        and floor_distances_m(thing, place[None])[0] <= SUCCESS_DISTANCE_M
         for row, thing in enumerate(truth.home.objects)
     )

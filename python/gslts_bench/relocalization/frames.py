@@ -12,19 +12,17 @@ import numpy as np
 from gslts.core.frame import RgbdFrame
 from gslts.io.atomic_files import write_whole
 from gslts.types import Floats
-from gslts_bench.detection.cases import CASES_CODE, LEAST_TASKS, Case, HomeCases, frame_of
+from gslts_bench.cache import cached_folder
+from gslts_bench.detection.cases import LEAST_TASKS, Case, HomeCases, frame_of
 from gslts_bench.detection.several import SeveralMaker
 from gslts_bench.detection.visits import draw_visit
 from gslts_bench.homes import BenchHome, Tell, default_state
-from gslts_bench.made import made
 from gslts_sim import ROOM_TYPES
 from gslts_sim.actions import SceneState
 from gslts_sim.home import Home
 from gslts_sim.home_source import HomeSource
 from gslts_sim.robot_body import Viewpoint, floor_of, robot_camera
 from gslts_sim.task import Task
-
-FRAMES_CODE = (*CASES_CODE, "gslts_bench.relocalization.frames")
 
 Part = Literal["kept aside", "as mapped", "three changes", "another home"]
 PARTS: tuple[Part, ...] = ("kept aside", "as mapped", "three changes", "another home")
@@ -83,7 +81,7 @@ def batches_of(
     Args:
         bench: The home.
         views: Frames of each part, at most.
-        code: Digest of `FRAMES_CODE`.
+        code: Digest of the code that makes frames.
         tell: Is told of work done, in the seconds that it usually takes.
 
     Raises:
@@ -151,7 +149,7 @@ def _kept(bench: BenchHome, visits: int, changed: int, code: str, tell: Tell) ->
 
     home: dict[str, Any] = bench.recorded_of
     made_of = {"home": home, "visits": visits, "changed": changed, "code": code}
-    folder = made(bench.work / "relocalize_frames" / bench.name, made_of, make)
+    folder = cached_folder(bench.work / "relocalize_frames" / bench.name, made_of, make)
     return HomeCases.model_validate_json((folder / "cases.json").read_bytes())
 
 

@@ -17,8 +17,8 @@ from gslts.change.detector import ChangeDetector
 from gslts.core.camera import new_viewpoints
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
-from gslts.mapping.evaluation.evaluate import psnr_db
-from gslts.rendering.losses import exposed
+from gslts.rendering.losses import apply_exposure
+from gslts.rendering.metrics import psnr_db
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
 from gslts.update.config import UpdateConfig
@@ -51,7 +51,7 @@ class Step(BaseModel):
         kind, object_type: Of the change.
         detected: Whether it was among the changes detected in the first frame.
         changes: How many those were; all of them are updated.
-        refused: Why the map stays as it was.
+        rejected: Why the map stays as it was.
         gaussians: Of the map after it.
         seconds: Of edit and refinement.
         psnr_db: Of the map after it, of fresh views; None where it was not looked at.
@@ -64,7 +64,7 @@ class Step(BaseModel):
     object_type: str
     detected: bool
     changes: int
-    refused: str | None
+    rejected: str | None
     gaussians: int
     seconds: FiniteFloat
     psnr_db: FiniteFloat | None
@@ -138,7 +138,7 @@ class SeriesUnit:
             )
             seconds = result.record.seconds
             updated = result.gaussian_map
-            if result.record.refused is None:  # As `gslts update` does.
+            if result.record.rejected is None:  # As `gslts update` does.
                 seen_from = [view.camera for view in result.views]
                 cameras += compress(seen_from, new_viewpoints(cameras, seen_from))
             look = number % self.every == 0 or number == len(tasks)
@@ -149,7 +149,7 @@ class SeriesUnit:
                 object_type=task.change.object_type,
                 detected=any(fits(report_of(change), task.change) for change in found),
                 changes=len(found),
-                refused=result.record.refused if found else None,
+                rejected=result.record.rejected if found else None,
                 gaussians=updated.size,
                 seconds=seconds.get("editing", 0.0) + seconds.get("refining", 0.0),
                 psnr_db=psnr_of(updated, frames) if look else None,
@@ -198,7 +198,7 @@ def psnr_of(gaussian_map: GaussianMap, frames: Sequence[RgbdFrame]) -> float:
     for frame in frames:
         _, exposure, rgb = as_mapped(frame, gaussian_map)
         photo = frame.rgb.astype(np.float32) / np.float32(255)
-        shown = exposed(rgb, exposure).clip(0, 1)
+        shown = apply_exposure(rgb, exposure).clip(0, 1)
         psnrs_db.append(psnr_db(np.asarray(shown, np.float32), photo))
     return float(np.mean(psnrs_db))
 

@@ -152,7 +152,8 @@ def test_the_walker_does_not_jump_over_the_block() -> None:
     controller.go(Viewpoint(1.25, 1.5, 0.0, 0.0))
     walker = Walker(controller, truth())
     assert not walker.move_towards(np.array([2.75, 1.5]), 0.0)
-    np.testing.assert_allclose(walker.observe().camera.world_from_camera[:2, 3], [1.25, 1.5])
+    np.testing.assert_allclose(walker.pose()[:2, 3], [1.25, 1.5])
+    np.testing.assert_array_equal(walker.pose(), walker.observe().camera.world_from_camera)
     assert walker.move_towards(np.array([1.25, 0.5]), 0.0)
     assert walker.move_towards(np.array([1.27, 0.52]), 1.0)  # The same place of the grid.
     assert walker.length_m == pytest.approx(1.0)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gslts.core.camera import rotation
+from gslts.core.se3 import rotation
 from gslts.mapping.config import MappingConfig
 from gslts_bench.homes import BenchHome, HomeSetup
 from gslts_bench.relocalization.benchmark import folds_of

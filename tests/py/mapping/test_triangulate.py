@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import sim_scenes
 
-from gslts.core.camera import Camera, at_pose, look_at, rotation
+from gslts.core.camera import Camera, at_pose, look_at
 from gslts.core.frame import RgbdFrame
+from gslts.core.se3 import rotation
 from gslts.datasets import open_dataset
 from gslts.mapping.seeding import sift
 from gslts.mapping.seeding.matching import WIDEST_VIEW_RAD, Matches, pairs, tracks

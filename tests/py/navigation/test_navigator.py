@@ -10,7 +10,7 @@ import surfel_room
 from gslts.core.camera import at_pose
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
-from gslts.navigation.navigator import MOST_STEPS, NEAR_M, Journey, Navigator
+from gslts.navigation.navigator import MAX_MOVES, SUCCESS_DISTANCE_M, NavigationResult, Navigator
 from gslts.robots.recorded import RecordedRobot
 from gslts.semantics.source import Oracle
 from gslts_bench.navigation.truth import Truth, floor_distances_m, succeeds
@@ -41,12 +41,12 @@ def with_box(home: Home, low: surfel_room.Point, high: surfel_room.Point) -> Hom
     return home.with_object(surfel_room.thing("Box|2", low, high))
 
 
-def assert_there(found: Journey, robot: Walker, home: Home, category: str) -> None:
+def assert_there(found: NavigationResult, robot: Walker, home: Home, category: str) -> None:
     assert (found.status, found.reason) == ("reached", "")
     assert succeeds(Truth(home), category, robot.places[-1], robot.event.instances)
     assert found.distance_m is not None
-    assert found.distance_m <= NEAR_M
-    np.testing.assert_allclose(found.way[-1], robot.places[-1], atol=0.03)
+    assert found.distance_m <= SUCCESS_DISTANCE_M
+    np.testing.assert_allclose(found.path[-1], robot.places[-1], atol=0.03)
     assert found.frame is robot.event.observation
 
 
@@ -62,7 +62,7 @@ def test_the_robot_goes_to_a_thing_and_looks_at_it(noise: str) -> None:
     shortest_m = truth.metres_to(truth.goals("Mug"))[start]
     assert 0 < shortest_m <= robot.length_m <= 1.3 * shortest_m
     assert found.length_m == pytest.approx(robot.length_m, abs=0.3)
-    assert len(moves) == len(found.way) - 1
+    assert len(moves) == len(found.path) - 1
 
 
 def test_the_nearest_of_several_is_gone_to() -> None:
@@ -74,7 +74,7 @@ def test_the_nearest_of_several_is_gone_to() -> None:
     ):
         robot = robot_in(home, start)
         assert_there(both.go(robot, "Box"), robot, home, "Box")
-        assert floor_distances_m(home[expected], robot.places[-1][None])[0] <= NEAR_M
+        assert floor_distances_m(home[expected], robot.places[-1][None])[0] <= SUCCESS_DISTANCE_M
 
 
 def test_what_the_map_does_not_know_is_not_found() -> None:
@@ -91,7 +91,7 @@ def test_what_was_taken_away_is_not_found() -> None:
     found = navigator().go(robot, "Mug")
     assert (found.status, found.reason) == ("not found", "no Mug is where the map has one")
     assert robot.length_m > 0
-    assert len(found.way) < 80
+    assert len(found.path) < 80
 
 
 def test_what_is_flat_and_gone_is_told_by_its_picture() -> None:
@@ -138,7 +138,7 @@ def test_the_robot_goes_around_what_the_map_does_not_have() -> None:
     found = navigator().go(robot, "Box")
     assert found.status == "reached"
     assert found.replans >= 1
-    assert floor_distances_m(home["Box|1"], robot.places[-1][None])[0] <= NEAR_M
+    assert floor_distances_m(home["Box|1"], robot.places[-1][None])[0] <= SUCCESS_DISTANCE_M
     assert robot.length_m > plain.length_m
 
 
@@ -167,7 +167,7 @@ def test_a_way_that_is_shut_in_truth_alone_ends_the_journey() -> None:
     assert found.status in ("unreachable", "lost track")
     assert found.reason
     assert found.length_m == 0
-    assert 0 < found.replans <= MOST_STEPS
+    assert 0 < found.replans <= MAX_MOVES
 
 
 def test_a_start_in_an_obstacle_of_the_map_is_left() -> None:

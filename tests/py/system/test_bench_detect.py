@@ -12,7 +12,7 @@ import pytest
 from command import gslts, stopped_at
 from PIL import Image
 
-from gslts.core.camera import rotation_vector
+from gslts.core.se3 import rotation_vector
 from gslts_bench.detection.cases import Case, HomeCases, counts_of, frame_of
 from gslts_bench.detection.visits import LIGHT_SHIFT_M, noise_of_visit, with_light_moved
 from gslts_bench.homes import BenchHome, HomeSetup, default_state, homes_of

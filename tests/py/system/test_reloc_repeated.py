@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 import sim_scenes
 
-from gslts.core.camera import apart, at_pose
+from gslts.core.camera import at_pose
 from gslts.core.gaussian_map import GaussianMap
+from gslts.core.se3 import pose_distance
 from gslts.localization.config import RelocalizationConfig
 from gslts.localization.landmarks import landmarks_of
 from gslts.localization.relocalizer import Localization, Relocalizer
@@ -61,7 +62,7 @@ def relocalizer_of(home: Home) -> Relocalizer:
 
 def off_m(found: Localization, true: np.ndarray) -> float:
     assert found.world_from_camera is not None
-    return apart(found.world_from_camera, true)[0]
+    return pose_distance(found.world_from_camera, true)[0]
 
 
 @pytest.mark.parametrize("make", [tiled_room, room_with_chairs])
