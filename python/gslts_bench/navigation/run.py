@@ -7,7 +7,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from pydantic import BaseModel, FiniteFloat
 
 from gslts.navigation.navigator import Navigator
@@ -22,8 +21,9 @@ from gslts_bench.queries.semantic_homes import SEMANTICS_S, taught
 from gslts_bench.work import Add, Result, Tell, message_of, validated
 from gslts_sim.actions import SceneState
 from gslts_sim.controller import Controller
-from gslts_sim.home_source import STRICT, HomeSource
-from gslts_sim.robot_body import Look
+from gslts_sim.home_source import HomeSource
+from gslts_sim.robot_body import Viewpoint
+from gslts_sim.strict_model import STRICT
 
 SIZE_PX = (320, 240)
 """Of what the robot sees on its way."""
@@ -176,7 +176,7 @@ def gone(
     """
     width, height = SIZE_PX
     controller = Controller(ground.state, width=width, height=height, noise=ground.noise, seed=seed)
-    controller.go(Look(np.array(episode.place), episode.yaw_deg, 0.0))
+    controller.go(Viewpoint(*episode.place, episode.yaw_deg, 0.0))
     walker = Walker(controller, ground.truth)
     journey = navigator.go(walker, episode.category)
     if picture is not None:

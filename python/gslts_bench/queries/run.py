@@ -24,7 +24,8 @@ from gslts_bench.cache import code_digest, digest, native_digest
 from gslts_bench.homes import MAP_S, RECORDING_S, BenchHome, default_state
 from gslts_bench.queries.semantic_homes import SEMANTICS_S, frames_of
 from gslts_bench.work import Add, Result, Tell, message_of, validated
-from gslts_sim.home_source import STRICT, HomeSource
+from gslts_sim.home_source import HomeSource
+from gslts_sim.strict_model import STRICT
 
 CATEGORIES = (
     *("AlarmClock", "ArmChair", "Bed", "Bread", "Chair", "CoffeeMachine", "DeskLamp"),
