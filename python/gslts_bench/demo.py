@@ -36,13 +36,13 @@ from gslts.types import Floats
 from gslts.update.config import RefineConfig, UpdateConfig
 from gslts_bench.series.run import mean_psnr_db, new_frames
 from gslts_sim.capture import capture
+from gslts_sim.change_sampler import TaskSettings
 from gslts_sim.controller import Controller
 from gslts_sim.day import Day, make_day
 from gslts_sim.explore import explore
 from gslts_sim.home import Home
 from gslts_sim.home_source import HomeSource
 from gslts_sim.task import Box, Change
-from gslts_sim.trial import Setting
 
 ROOM, SEED, CHANGES = "living_room", 7, 6
 FOUND_M = 0.15
@@ -109,7 +109,9 @@ def live_a_day(
         seconds[stage] = time.perf_counter() - start_s - sum(seconds.values())
 
     source, coarse = HomeSource.of_seed(ROOM, SEED)
-    day = make_day(source, coarse, Setting(width=scale.width, height=scale.height), SEED, CHANGES)
+    day = make_day(
+        source, coarse, TaskSettings(width=scale.width, height=scale.height), SEED, CHANGES
+    )
     write_whole(out / "day.json", (day.model_dump_json(indent=1) + "\n").encode())
     home = source.load(out)
     robot = day.robot(home, 0)
@@ -155,7 +157,8 @@ def live_a_day(
 def was_found(change: Change, events: Sequence[Event]) -> bool:
     """Whether what is known of objects tells of a change, each of its ends in the right place."""
     for side, box in enumerate((change.box_before, change.box_after)):
-        known = [np.mean(one.boxes[side], axis=0) for one in events if one.boxes[side] is not None]
+        boxes = [event.boxes[side] for event in events]
+        known = [np.mean(known, axis=0) for known in boxes if known is not None]
         if box is not None and not any(_is_in(middle, box) for middle in known):
             return False
     return True

@@ -16,12 +16,12 @@ from gslts_bench.cache import cached_folder, code_digest, native_digest
 from gslts_sim import ROOM_TYPES
 from gslts_sim.actions import ChangeAction, SceneState
 from gslts_sim.capture import capture
+from gslts_sim.change_sampler import TaskSettings
 from gslts_sim.controller import Controller
 from gslts_sim.explore import explore
 from gslts_sim.home_source import HomeSource
 from gslts_sim.task import Task
 from gslts_sim.tasks import TaskMaker
-from gslts_sim.trial import Setting
 
 SIM_LIBRARIES = ("numpy", "open3d-cpu", "open3d")
 """Distributions whose version decides what a robot in a home sees."""
@@ -54,9 +54,9 @@ class HomeSetup:
     code: dict[str, Any] = field(default_factory=lambda: _code())
 
     @property
-    def setting(self) -> Setting:
+    def setting(self) -> TaskSettings:
         """Noise and image size, as makers of tasks need them."""
-        return Setting(noise=self.noise, width=self.width, height=self.height)
+        return TaskSettings(noise=self.noise, width=self.width, height=self.height)
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ class BenchHome:
         maker = TaskMaker(self.setup.setting, self.seed)
         tasks = maker.make(source, home, count)
         if not tasks:
-            reason = next(iter(maker.refused), "nothing can be changed")
+            reason = next(iter(maker.rejected), "nothing can be changed")
             raise ValueError(f"{self.name}: there is no task: {reason}")
         return tasks
 
@@ -218,7 +218,7 @@ def default_state(source: HomeSource, initial_actions: Iterable[ChangeAction]) -
         ValueError: Another version of the simulator made the source.
         ChangeError: An action cannot be done.
     """
-    return SceneState(source.load(Path())).after_all(initial_actions)
+    return SceneState(source.load(Path())).apply_all(initial_actions)
 
 
 def even_shares(count: int, homes: int) -> list[int]:

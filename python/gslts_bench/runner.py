@@ -15,7 +15,7 @@ from gslts_bench.cache import code_digest, digest, native_digest
 from gslts_bench.processes import Add, Result, message_of, run_units
 from gslts_bench.provenance import describe_run
 from gslts_bench.tables import Table, result_markdown
-from gslts_sim.home_source import STRICT
+from gslts_sim.strict_model import STRICT
 
 
 class BenchRecord(BaseModel):

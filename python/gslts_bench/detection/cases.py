@@ -16,10 +16,11 @@ from gslts_bench.detection.visits import draw_visit, move_light, visit_noise
 from gslts_bench.homes import BenchHome, default_state, even_shares, source_of
 from gslts_sim.actions import ChangeAction, SceneState
 from gslts_sim.controller import Controller
-from gslts_sim.home_source import STRICT, HomeSource
-from gslts_sim.robot_body import Look
+from gslts_sim.home_source import HomeSource
+from gslts_sim.robot_body import Viewpoint
 from gslts_sim.sensor import NOISE_PRESETS
-from gslts_sim.task import Task, Viewpoint
+from gslts_sim.strict_model import STRICT
+from gslts_sim.task import Task
 
 Part = Literal["single", "pair", "triple", "unchanged"]
 PARTS: tuple[Part, ...] = ("single", "pair", "triple", "unchanged")
@@ -108,7 +109,7 @@ def make_cases(bench: BenchHome, counts: Counts) -> HomeCases:
                     name=f"{part}_{number:02}",
                     part=part,
                     actions=found.actions,
-                    viewpoint=Viewpoint.of(found.look),
+                    viewpoint=found.viewpoint,
                     sensor_seed=int(rng.integers(1 << 31)),
                     truths=found.truths,
                 )
@@ -119,7 +120,7 @@ def make_cases(bench: BenchHome, counts: Counts) -> HomeCases:
             Case(
                 name=f"unchanged_{number:02}",
                 part="unchanged",
-                viewpoint=Viewpoint.of(visit.look),
+                viewpoint=visit.viewpoint,
                 sensor_seed=int(rng.integers(1 << 31)),
                 light_shift_m=visit.light_shift_m,
             )
@@ -142,22 +143,22 @@ def take_frame(case: Case, before: SceneState, bench: BenchHome) -> RgbdFrame:
         ChangeError: An action of the case cannot be done.
         ActionError: The robot cannot stand at the viewpoint.
     """
-    (frame,) = take_frames(case, before, bench, [case.viewpoint.look])
+    (frame,) = take_frames(case, before, bench, [case.viewpoint])
     return frame
 
 
 def take_frames(
-    case: Case, before: SceneState, bench: BenchHome, looks: Iterable[Look]
+    case: Case, before: SceneState, bench: BenchHome, viewpoints: Iterable[Viewpoint]
 ) -> list[RgbdFrame]:
     """Take frames of a case from other viewpoints, in this order; see `take_frame`."""
     state = before
     for action in case.actions:
-        state = state.after(action)
+        state = state.apply(action)
     noise = NOISE_PRESETS[bench.setup.noise]
     if case.part == "unchanged":
         noise = visit_noise(noise)
     if case.light_shift_m is not None:
-        state = SceneState(move_light(state.home, case.light_shift_m), state.aside)
+        state = SceneState(move_light(state.home, case.light_shift_m), state.removed)
     robot = Controller(
         state,
         width=bench.setup.width,
@@ -166,8 +167,8 @@ def take_frames(
         seed=case.sensor_seed,
     )
     frames = []
-    for look in looks:
-        robot.go(look)
+    for viewpoint in viewpoints:
+        robot.go(viewpoint)
         frames.append(robot.observe())
     return frames
 
@@ -175,15 +176,17 @@ def take_frames(
 def _single(number: int, task: Task, before: SceneState) -> Case:
     after = before
     for action in task.change_actions:
-        after = after.after(action)
-    look = task.viewpoint.look
+        after = after.apply(action)
+    viewpoint = task.viewpoint
     return Case(
         name=f"single_{number:02}",
         part="single",
         actions=task.change_actions,
         viewpoint=task.viewpoint,
         sensor_seed=task.sensor.seed_after,
-        truths=(Truth(change=task.change, size_px=in_view_px(task.change, before, after, look)),),
+        truths=(
+            Truth(change=task.change, size_px=in_view_px(task.change, before, after, viewpoint)),
+        ),
     )
 
 

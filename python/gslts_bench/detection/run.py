@@ -39,7 +39,7 @@ from gslts_bench.homes import BenchHome, default_state
 from gslts_bench.processes import Add
 from gslts_bench.runner import BenchRecord, BenchUnit, attempt
 from gslts_sim.actions import SceneState
-from gslts_sim.home_source import STRICT
+from gslts_sim.strict_model import STRICT
 
 
 class Report(BaseModel):
@@ -181,7 +181,7 @@ class DetectUnit(BenchUnit[Record, BenchHome]):
         return _answer(detection.unreliable, detection.changes, clock)
 
     def _watch(self, case: Case, before: SceneState, detectors: Detectors) -> dict[str, Any]:
-        frames = take_frames(case, before, self.bench, turn_views(case.viewpoint.look))
+        frames = take_frames(case, before, self.bench, turn_views(case.viewpoint))
         clock = _Clock(len(frames))
         unreliable, changes = watch(detectors.of(WATCHED), frames)
         return _answer(unreliable, changes, clock)

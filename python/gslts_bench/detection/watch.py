@@ -9,7 +9,7 @@ from gslts.change.changes import Change
 from gslts.change.detector import ChangeDetector
 from gslts.change.monitor import confirmed
 from gslts.core.frame import RgbdFrame
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
 
 WATCH = "watching"
 """Name of this detector, beside those of `VARIANTS`."""
@@ -19,9 +19,11 @@ TURNS_DEG = (-10.0, -6.0, -2.0, 2.0, 6.0, 10.0)
 """Directions of the frames, from that of a single frame: steps of 4° keep the change in view."""
 
 
-def turn_views(look: Look) -> list[Look]:
+def turn_views(viewpoint: Viewpoint) -> list[Viewpoint]:
     """Return the viewpoints of a robot that turns on the spot past a viewpoint."""
-    return [replace(look, yaw_deg=(look.yaw_deg + turn_deg) % 360) for turn_deg in TURNS_DEG]
+    return [
+        replace(viewpoint, yaw_deg=(viewpoint.yaw_deg + turn_deg) % 360) for turn_deg in TURNS_DEG
+    ]
 
 
 def watch(detector: ChangeDetector, frames: Sequence[RgbdFrame]) -> tuple[str | None, list[Change]]:

@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from pydantic import FiniteFloat
 
 from gslts.navigation.navigator import Navigator
@@ -23,7 +22,7 @@ from gslts_bench.queries.semantic_map import read_semantic_map
 from gslts_bench.runner import BenchRecord, BenchUnit, attempt
 from gslts_sim.actions import SceneState
 from gslts_sim.controller import Controller
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
 
 SIZE_PX = (320, 240)
 """Size of the robot's images on its path."""
@@ -153,7 +152,7 @@ def run_episode(
     """
     width, height = SIZE_PX
     controller = Controller(ground.state, width=width, height=height, noise=ground.noise, seed=seed)
-    controller.go(Look(np.array(episode.position), episode.yaw_deg, 0.0))
+    controller.go(Viewpoint(*episode.position, episode.yaw_deg, 0.0))
     walker = Walker(controller, ground.truth)
     walk = navigator.go(walker, episode.category)
     if image is not None:

@@ -14,7 +14,7 @@ from gslts.types import Floats, Ints, Ints32
 from gslts_sim.actions import GRID_M
 from gslts_sim.home import Home, HomeObject
 from gslts_sim.ray_scene import RayScene
-from gslts_sim.robot_body import CAMERA_HEIGHT_M, HORIZON_DEG, Look, floor_of, robot_camera
+from gslts_sim.robot_body import CAMERA_HEIGHT_M, HORIZON_DEG, Viewpoint, floor_of, robot_camera
 
 MIN_SHARE = 3e-4
 """Minimum share of the pixels that show a visible object: 23 of 320 x 240."""
@@ -43,7 +43,7 @@ class Truth:
     def __init__(self, home: Home) -> None:
         self.home = home
         self.floor = floor_of(home)
-        self.positions: Floats = self.floor.places(GRID_M)
+        self.positions: Floats = self.floor.grid_positions(GRID_M)
         self._scene = RayScene(home)
 
     def is_straight(self, start: Floats, end: Floats) -> bool:
@@ -112,8 +112,8 @@ class Truth:
         down_deg = float(
             np.rad2deg(np.arctan2(eye_m - z, np.hypot(x - position[0], y - position[1])))
         )
-        look = Look(position, yaw_deg, float(np.clip(down_deg, *HORIZON_DEG)))
-        rows, _ = self._scene.instances(robot_camera(self.home, look, SIZE_PX))
+        viewpoint = Viewpoint.at(position, yaw_deg, float(np.clip(down_deg, *HORIZON_DEG)))
+        rows, _ = self._scene.instances(robot_camera(self.home, viewpoint, SIZE_PX))
         return bool((rows == row).mean() >= MIN_SHARE)
 
 

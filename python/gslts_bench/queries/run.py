@@ -24,7 +24,7 @@ from gslts_bench.homes import BenchHome
 from gslts_bench.processes import Add
 from gslts_bench.queries.semantic_map import mapped_frames
 from gslts_bench.runner import BenchRecord, BenchUnit, attempt
-from gslts_sim.home_source import STRICT
+from gslts_sim.strict_model import STRICT
 
 CATEGORIES = (
     *("AlarmClock", "ArmChair", "Bed", "Bread", "Chair", "CoffeeMachine", "DeskLamp"),

@@ -20,8 +20,8 @@ from gslts_bench.homes import BenchHome, default_state, source_of
 from gslts_sim import ROOM_TYPES
 from gslts_sim.actions import SceneState
 from gslts_sim.home import Home
-from gslts_sim.robot_body import Look, floor_of, robot_camera
-from gslts_sim.task import Task, Viewpoint
+from gslts_sim.robot_body import Viewpoint, floor_of, robot_camera
+from gslts_sim.task import Task
 
 Part = Literal["held-out", "as mapped", "three changes", "another home"]
 PARTS: tuple[Part, ...] = ("held-out", "as mapped", "three changes", "another home")
@@ -71,7 +71,7 @@ class Batch:
             The frame, and the true world_from_camera [4,4].
         """
         size = (self.bench.setup.width, self.bench.setup.height)
-        camera = robot_camera(before.home, case.viewpoint.look, size)
+        camera = robot_camera(before.home, case.viewpoint, size)
         return take_frame(case, before, self.bench), camera.world_from_camera
 
 
@@ -126,23 +126,25 @@ def make_cases(bench: BenchHome, visits: int, changed: int) -> HomeCases:
     return HomeCases(home=source, initial_actions=initial_actions, cases=tuple(cases))
 
 
-def look_near(look: Look, home: Home, rng: np.random.Generator) -> Look:
+def draw_viewpoint_near(viewpoint: Viewpoint, home: Home, rng: np.random.Generator) -> Viewpoint:
     """Draw a viewpoint near another one.
 
     Args:
-        look: Viewpoint that sees the changes.
+        viewpoint: Viewpoint that sees the changes.
         home: State of the home.
         rng: Source of all randomness.
     """
     floor = floor_of(home)
     for _ in range(TRIES):
-        place: Floats = np.round(look.place + rng.uniform(-NEAR_M, NEAR_M, 2), 3)
+        place: Floats = np.round(viewpoint.position + rng.uniform(-NEAR_M, NEAR_M, 2), 3)
         if floor.can_stand(place):
             break
     else:
-        place = look.place
+        place = viewpoint.position
     turn_deg = float(rng.uniform(-NEAR_DEG, NEAR_DEG))
-    return Look(place, round((look.yaw_deg + turn_deg) % 360, 1), look.horizon_deg)
+    return Viewpoint.at(
+        place, round((viewpoint.yaw_deg + turn_deg) % 360, 1), viewpoint.horizon_deg
+    )
 
 
 def _cached_cases(bench: BenchHome, visits: int, changed: int) -> HomeCases:
@@ -162,7 +164,7 @@ def _visit(number: int, home: Home, rng: np.random.Generator) -> Case:
     return Case(
         name=f"visit_{number:02}",
         part="unchanged",
-        viewpoint=Viewpoint.of(visit.look),
+        viewpoint=visit.viewpoint,
         sensor_seed=int(rng.integers(1 << 31)),
         light_shift_m=visit.light_shift_m,
     )
@@ -177,15 +179,19 @@ def _changed(
     for first, several in zip(range(0, count, VIEWS_PER_SET), sets, strict=False):
         after = before
         for action in several.actions:
-            after = after.after(action)
+            after = after.apply(action)
         for number in range(first, min(first + VIEWS_PER_SET, count)):
             exact = number == first
-            look = several.look if exact else look_near(several.look, after.home, rng)
+            viewpoint = (
+                several.viewpoint
+                if exact
+                else draw_viewpoint_near(several.viewpoint, after.home, rng)
+            )
             yield Case(
                 name=f"changed_{number:02}",
                 part="triple",
                 actions=several.actions,
-                viewpoint=Viewpoint.of(look),
+                viewpoint=viewpoint,
                 sensor_seed=int(rng.integers(1 << 31)),
                 truths=several.truths,
             )

@@ -30,7 +30,7 @@ from gslts_bench.runner import BenchRecord, BenchUnit
 from gslts_bench.update.score import align_with_map
 from gslts_sim.actions import SceneState
 from gslts_sim.controller import Controller
-from gslts_sim.home_source import STRICT
+from gslts_sim.strict_model import STRICT
 from gslts_sim.task import Kind, SensorSetup, Task
 from gslts_sim.tasks import TaskMaker
 
@@ -159,7 +159,7 @@ class SeriesUnit(BenchUnit[Record, BenchHome]):
         start = self.bench.tasks(1)[0]
         source, home = start.home, start.home.load(Path())
         maker = TaskMaker(self.bench.setup.setting, self.bench.seed)
-        tasks = list(maker.make_in_a_row(source, home, self.changes))
+        tasks = list(maker.make_sequence(source, home, self.changes))
         if len(tasks) < self.changes:
             raise ValueError(f"{self.name}: {len(tasks)} of {self.changes} changes are possible")
         return tasks
@@ -180,8 +180,8 @@ def new_frames(
     rng = np.random.default_rng([seed, 2])
     frames = []
     for number in range(count):
-        robot.go(draw_visit(robot.home, rng).look)
-        frames.append(robot.look(number).observation)
+        robot.go(draw_visit(robot.home, rng).viewpoint)
+        frames.append(robot.snapshot(number).observation)
     return frames
 
 

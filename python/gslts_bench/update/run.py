@@ -55,7 +55,7 @@ class Record(BenchRecord):
         scores: Scores of near and far test viewpoints; see `update.score.Score`.
         rejected: Reason if the map stays as it was.
         gaussians: Number before and after.
-        removed, added, iterations: See `gslts.update.updater.Record`.
+        removed, added, iterations: see `gslts.store.causes.UpdateRecord`.
         seconds: Time by stage; the whole under `update`.
         curve: PSNR of near and far viewpoints, dB, by number of iterations; after 50 iterations of
             a run of 250 under `50 of 250`.
@@ -256,8 +256,8 @@ class _Ground:
         views = []
         sets = task.test_viewpoints
         for number, viewpoint in enumerate((*sets.near, *sets.far)):
-            robot.go(viewpoint.look)
-            frame = robot.look(number).observation
+            robot.go(viewpoint)
+            frame = robot.snapshot(number).observation
             near = number < len(sets.near)
             view = evaluation_view(frame, task.change, self.gaussian_map, near=near)
             views += [] if view is None else [view]
