@@ -9,9 +9,9 @@ import change_room
 import numpy as np
 from landmark_room import folder_with, found
 
-from gslts.core.camera import rotation
 from gslts.core.frame import RgbdFrame
 from gslts.core.robot import Robot
+from gslts.core.se3 import rotation
 from gslts.localization.config import RelocalizationConfig
 from gslts.localization.localizer import Localizer, in_world
 from gslts.localization.relocalizer import Relocalizer

@@ -33,7 +33,7 @@ from gslts.core.camera import Camera, at_pose
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.localization.alignment import align_pose
-from gslts.rendering.losses import Exposure, exposed
+from gslts.rendering.losses import Exposure, apply_exposure
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
@@ -189,7 +189,7 @@ class ChangeDetector:
         alpha = images.alpha if mask is None else np.where(mask, images.alpha, np.float32(0))
         known = alpha >= config.masks.alpha_min
         exposure = robust_exposure(images.rgb, observed_rgb, known, config.threads)
-        rendered_rgb = exposed(images.rgb, exposure).clip(0, 1).astype(np.float32)
+        rendered_rgb = apply_exposure(images.rgb, exposure).clip(0, 1).astype(np.float32)
         fault = view_fault(observed_rgb, rendered_rgb, observed_depth, images.depth, known)
         if fault is not None:
             return Detection((), fault, camera, observed_rgb)

@@ -19,8 +19,8 @@ from gslts.change.constants import (
     SIMILAR,
     WHITE,
 )
-from gslts.core.camera import apart
 from gslts.core.gaussian_map import FloatArray
+from gslts.core.se3 import pose_distance
 from gslts.types import Bools, Floats, Floats32
 
 
@@ -53,7 +53,7 @@ def correction_fault(given: Floats, aligned: Floats) -> str | None:
     Returns:
         The reason why the correction is not plausible; None if it is.
     """
-    shift_m, turn_rad = apart(given, aligned)
+    shift_m, turn_rad = pose_distance(given, aligned)
     if shift_m <= MAX_CORRECTION_M and turn_rad <= MAX_CORRECTION_RAD:
         return None
     return f"the pose seems off by {shift_m:.2f} m and {np.degrees(turn_rad):.0f} degrees"

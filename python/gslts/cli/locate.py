@@ -201,13 +201,13 @@ def _frame_of_image(
 
     from gslts.core.camera import camera_from_fov
     from gslts.datasets.dataset import ImageFrame, image_size
-    from gslts.store.camera_files import read_lens
+    from gslts.store.camera_files import read_intrinsics
 
     if camera is not None and fov_deg is not None:
         raise ValueError("--camera and --fov-deg exclude each other")
     size = image_size(image)
     if camera is not None:
-        lens = read_lens(camera)
+        lens = read_intrinsics(camera)
     elif fov_deg is not None:
         lens = camera_from_fov(*size, radians(fov_deg))
     else:
@@ -258,10 +258,10 @@ class _Result:
     @property
     def error(self) -> tuple[float, float] | None:
         """Distance of the pose from that of the data set, m and rad."""
-        from gslts.core.camera import apart
+        from gslts.core.se3 import pose_distance
 
         pose = self.found.world_from_camera
-        return None if pose is None or self.given is None else apart(self.given, pose)
+        return None if pose is None or self.given is None else pose_distance(self.given, pose)
 
     def line(self) -> str:
         """Return the result as a line of text."""

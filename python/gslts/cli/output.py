@@ -147,7 +147,7 @@ def _views(
     """The cameras to render from, with the given intrinsics instead of their own."""
     from gslts.core.camera import at_pose
     from gslts.rendering.orbit import orbit
-    from gslts.store.camera_files import read_camera, read_path
+    from gslts.store.camera_files import read_camera, read_camera_path
 
     if pose is not None and Path(pose).suffix.lower() == ".json":
         cameras = [read_camera(Path(pose), given or _usual_lens(map_path))]
@@ -158,7 +158,7 @@ def _views(
             raise ValueError(f"{map_path}: there is no camera {pose!r}; there are {some}, ...")
         cameras = [own[pose]]
     elif trajectory is not None:
-        cameras = read_path(trajectory, given or _usual_lens(map_path))
+        cameras = read_camera_path(trajectory, given or _usual_lens(map_path))
     else:
         cameras = orbit(list(_own(map_path).values()), frames)
     if given is None:
@@ -197,13 +197,13 @@ def _depth_range(gaussian_map: GaussianMap, cameras: list[Camera], threads: int)
     """Of all views, so that the colours of a video keep their meaning; m."""
     import numpy as np
 
-    from gslts.core.camera import resized
+    from gslts.core.camera import downscale
     from gslts.io.images import depth_range
     from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 
     rasterizer, options = Rasterizer(gaussian_map.dtype), RenderOptions(threads=threads)
     sample = cameras[:: max(1, len(cameras) // SAMPLES)]
-    coarse = (resized(camera, COARSE) for camera in sample)
+    coarse = (downscale(camera, COARSE) for camera in sample)
     depths = [rasterizer.forward(gaussian_map, camera, options).depth for camera in coarse]
     return depth_range(np.concatenate([depth.ravel() for depth in depths]))
 

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gslts._core import raster as _core
-from gslts.core.camera import Camera, at_pose, moved, relative, twist_of
+from gslts._core import align as _core
+from gslts.core.camera import Camera, at_pose
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import FloatArray, GaussianMap
+from gslts.core.se3 import relative, se3_retract, twist_of
 from gslts.localization.constants import CORRELATED_PIXELS, DEPTH_WEIGHT, MIN_PIVOT
 from gslts.rendering.losses import Exposure, fit_exposure
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
@@ -213,4 +214,5 @@ def _step(alignment: Alignment, camera: Camera, given: Floats, prior: Floats) ->
     hessian = color.hessian[:6, :6] + DEPTH_WEIGHT * depth.hessian[:6, :6] + np.diag(prior)
     error = twist_of(relative(given, camera.world_from_camera))
     right = color.right[:6] + DEPTH_WEIGHT * depth.right[:6] - prior * error
-    return moved(camera, solve_positive(hessian, right))
+    twist = solve_positive(hessian, right)
+    return at_pose(camera, se3_retract(camera.world_from_camera, twist))

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from gslts._core import reloc as _core
-from gslts.core.camera import inverse_transform, lifted, transform
+from gslts.core.camera import unproject
 from gslts.core.gaussian_map import GaussianMap
+from gslts.core.se3 import inverse_transform, transform
 from gslts.localization.constants import CLOUD_LEVEL, CLOUD_MARGIN_M, SOLID_OPACITY
 from gslts.localization.image_pyramid import ImagePyramid
 from gslts.types import Floats
@@ -38,7 +39,7 @@ class SurfaceCloud:
         depth, camera = pyramid.depths[level], pyramid.frames[level].camera
         rows, columns = np.nonzero(depth)
         pixels = np.column_stack([columns, rows]).astype(np.float64) + 0.5
-        in_world = lifted(camera, pixels, depth[rows, columns].astype(np.float64))
+        in_world = unproject(camera, pixels, depth[rows, columns].astype(np.float64))
         in_camera = inverse_transform(camera.world_from_camera, in_world)
         guess = world_from_camera.copy()
         guess[:3, 3] -= self._origin

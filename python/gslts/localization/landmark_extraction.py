@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gslts._core import edit as _edit
 from gslts._core import reloc as _core
 from gslts._core.map import GaussianViewFloat
-from gslts.core.camera import Camera, lifted, new_viewpoints
+from gslts.core.camera import Camera, new_viewpoints, unproject
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.localization.constants import (
@@ -66,7 +66,7 @@ def extract_landmarks(
         pixels, found = _core.features_of(gray_image(frame.rgb), valid, rule)
         columns, rows = np.floor(pixels).astype(np.intp).T
         depths_m = depth[rows, columns].astype(np.float64)
-        positions.append(lifted(frame.camera, pixels.astype(np.float64), depths_m))
+        positions.append(unproject(frame.camera, pixels.astype(np.float64), depths_m))
         descriptors.append(found)
         cameras.append(frame.camera)
     counts = [len(found) for found in descriptors[1:]]

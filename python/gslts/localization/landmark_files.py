@@ -10,10 +10,9 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from safetensors import SafetensorError
@@ -24,14 +23,16 @@ from gslts.io.atomic_files import naming, remove_tree, sync_folder, write_whole
 from gslts.localization.constants import MAX_FILE_BYTES, VERSION_BYTES
 from gslts.localization.landmarks import Landmarks, concatenate, limit_size
 from gslts.store.blobs import SUFFIX
-from gslts.store.map_folder import MANIFEST, folder_of, open_map, read_manifest
+from gslts.store.causes import UpdateCause
+from gslts.store.manifest import MANIFEST, read_manifest, split_version
+from gslts.store.map_folder import open_map
 from gslts.store.map_store import MapStore
 from gslts.store.records import Version
 
 FOLDER = "landmarks"
 """Folder of the files, in a map folder."""
 KEY = "landmarks"
-"""Key of the SHA-256 of a file, in the manifest and in causes of versions."""
+"""Key of the SHA-256 of the file, in the manifest."""
 REPAIR = "copy it from a backup, or make the map again with gslts map"
 """Next step for error messages about a missing or damaged file."""
 
@@ -80,7 +81,7 @@ def has_landmarks(folder: Path) -> bool:
         OSError: The manifest cannot be read.
         ValueError: The manifest is damaged.
     """
-    return _digest_in(read_manifest(folder), str(folder / MANIFEST)) is not None
+    return _digest_of_manifest(folder) is not None
 
 
 def read_landmarks(path: Path, gaussian_map: GaussianMap | None = None) -> Landmarks | None:
@@ -98,17 +99,15 @@ def read_landmarks(path: Path, gaussian_map: GaussianMap | None = None) -> Landm
         OSError: A file cannot be read.
         ValueError: There is no such version, or a file is damaged.
     """
-    folder, number = folder_of(path)
+    folder, number = split_version(path)
     if not (folder.is_dir() and has_landmarks(folder)):
         return None
     with open_map(folder) as store:
-        versions = store.way_to(number)
+        versions = store.lineage(number)
         ids = (store.read(versions[-1].number) if gaussian_map is None else gaussian_map).ids
     # Two updates that added the same landmarks share one file.
-    digests = dict.fromkeys(
-        _digest_in(record, source) for _, record, source in _records(folder, versions)
-    )
-    parts = [_read(folder, digest).of_gaussians(ids) for digest in digests if digest is not None]
+    digests = dict.fromkeys(digest for _, digest in _digests(folder, versions))
+    parts = [_read(folder, digest).of_gaussians(ids) for digest in digests]
     return limit_size(concatenate(parts), VERSION_BYTES)
 
 
@@ -139,11 +138,13 @@ def landmark_problems(store: MapStore) -> list[str]:
         One line per file; none if all files are valid.
     """
     problems = []
-    for number, record, source in _records(store.folder, store.versions()):
+    try:
+        digests = list(_digests(store.folder, store.versions()))
+    except (OSError, ValueError) as error:
+        return [f"version 1: {error}"]
+    for number, digest in digests:
         try:
-            digest = _digest_in(record, source)
-            if digest is not None:
-                _read(store.folder, digest)
+            _read(store.folder, digest)
         except (OSError, ValueError) as error:
             problems.append(f"version {number}: {error}")
     return problems
@@ -160,12 +161,10 @@ def remove_unneeded_landmarks(store: MapStore) -> int:
 
     Raises:
         OSError: A file cannot be removed.
-        ValueError: The manifest or a cause is damaged, or a file that it names is missing.
+        ValueError: The manifest is damaged, or a file that a version names is missing.
     """
     folder = store.folder
-    records = _records(folder, store.versions())
-    digests = {_digest_in(record, source) for _, record, source in records}
-    needed = {_path_of(folder, digest) for digest in digests if digest is not None}
+    needed = {_path_of(folder, digest) for _, digest in _digests(folder, store.versions())}
     missing = [path for path in needed if not path.exists()]
     if missing:
         raise ValueError(f"{missing[0]}: it is missing; {REPAIR}; nothing was removed")
@@ -179,20 +178,26 @@ def remove_unneeded_landmarks(store: MapStore) -> int:
     return freed
 
 
-def _records(
-    folder: Path, versions: Iterable[Version]
-) -> Iterator[tuple[int, Mapping[str, Any], str]]:
-    """Yield the records that may name a file: version number, record, and source for messages."""
-    yield 1, read_manifest(folder), f"{folder / MANIFEST}"
+def _digests(folder: Path, versions: Iterable[Version]) -> Iterator[tuple[int, str]]:
+    """Yield the versions that added landmarks, and the SHA-256 of their files.
+
+    Raises:
+        ValueError: The manifest is damaged.
+    """
+    digest = _digest_of_manifest(folder)
+    if digest is not None:
+        yield 1, digest
     for version in versions:
-        yield version.number, version.cause, f"{folder}: cause of version {version.number}"
+        if isinstance(version.cause, UpdateCause) and version.cause.landmarks is not None:
+            yield version.number, version.cause.landmarks
 
 
-def _digest_in(record: Mapping[str, Any], source: str) -> str | None:
-    digest = record.get(KEY)
+def _digest_of_manifest(folder: Path) -> str | None:
+    """Return the SHA-256 of the landmarks of mapping; None if the map was made without any."""
+    digest = read_manifest(folder).get(KEY)
     if digest is None or (isinstance(digest, str) and _DIGEST.fullmatch(digest)):
         return digest
-    raise ValueError(f"{source}: {KEY}: expected a SHA-256, got {str(digest)[:80]!r}")
+    raise ValueError(f"{folder / MANIFEST}: {KEY}: expected a SHA-256, got {str(digest)[:80]!r}")
 
 
 def _path_of(folder: Path, digest: str) -> Path:

@@ -15,9 +15,10 @@ from typing import Literal
 import numpy as np
 
 from gslts._core import reloc as _core
-from gslts.core.camera import apart, at_pose
+from gslts.core.camera import at_pose
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
+from gslts.core.se3 import pose_distance
 from gslts.localization.clouds import SurfaceCloud
 from gslts.localization.coarse_maps import CoarseMaps
 from gslts.localization.config import RelocalizationConfig
@@ -259,5 +260,5 @@ def _lost(reason: str) -> Localization:
 
 def _differ(first: Floats, second: Floats) -> bool:
     """Test if two poses [4,4] are different hypotheses."""
-    metres, turn_rad = apart(first, second)
+    metres, turn_rad = pose_distance(first, second)
     return metres > SAME_POSE_M or turn_rad > SAME_POSE_RAD

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts._core import edit as _core
-from gslts._core.map import GaussianViewFloat, SurfaceVoxels
-from gslts.core.camera import seen_from
+from gslts._core.fusion import SurfaceVoxels
+from gslts._core.map import GaussianViewFloat
+from gslts.core.camera import shift_origin
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.mapping.density.control import joined
@@ -197,7 +198,7 @@ def _frames(kept: GaussianMap, views: Sequence[View], wanted: Sequence[Bools]) -
     frames = []
     for view, mask in zip(views, wanted, strict=True):
         colors = np.rint(255 * view.colors.clip(0, 1)).astype(np.uint8)
-        camera = seen_from(view.camera, kept.origin)
+        camera = shift_origin(view.camera, kept.origin)
         allowed = mask if view.frame.mask is None else mask & view.frame.mask
         frames.append(RgbdFrame(colors, view.depth, camera, mask=allowed))
     return frames

@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts._core.map import SurfaceVoxels
-from gslts.core.camera import lifted
+from gslts._core.fusion import SurfaceVoxels
+from gslts.core.camera import unproject
 from gslts.types import Bools, Floats, Floats32
 from gslts.update.region import Region, Side
 from gslts.update.views import View, near_region
@@ -166,7 +166,7 @@ def _lying(
     for view, other in zip(views, recolored, strict=True):
         rows, columns = np.nonzero(near_region(view.depth, view.camera, region, MOST_M))
         pixels = np.column_stack([columns + 0.5, rows + 0.5])
-        points = lifted(view.camera, pixels, view.depth[rows, columns].astype(np.float64))
+        points = unproject(view.camera, pixels, view.depth[rows, columns].astype(np.float64))
         cells = ((points - low) / VOXEL_M).astype(np.int64).clip(0, shape - 1)
         voxels = np.ravel_multi_index(tuple(cells.T), tuple(shape))
         counts = np.bincount(voxels, other[rows, columns], shape.prod())

@@ -10,7 +10,8 @@ import numpy as np
 
 from gslts._core import detect as _core
 from gslts.change.changes import Change
-from gslts.core.camera import Camera, inverse_transform
+from gslts.core.camera import Camera
+from gslts.core.se3 import inverse_transform
 from gslts.types import Bools, Floats
 
 Side = Literal["before", "after"]

@@ -9,7 +9,7 @@ import numpy as np
 from gslts._core.detect import certainty
 from gslts.change.detector import ChangeDetector
 from gslts.core.gaussian_map import GaussianMap
-from gslts.rendering.losses import exposed
+from gslts.rendering.losses import apply_exposure
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.update.refine import around
 from gslts.update.region import NEAR_M, Region
@@ -50,7 +50,7 @@ def error_around(
         mask = around(view, regions, AROUND_PX)
         images = rasterizer.forward(gaussian_map, view.camera, options, mask=mask)
         photo = view.frame.rgb[mask].astype(np.float32) / np.float32(255)
-        shown = exposed(images.rgb[mask], view.exposure).clip(0, 1)
+        shown = apply_exposure(images.rgb[mask], view.exposure).clip(0, 1)
         total += float(np.sum((shown - photo) ** 2, dtype=np.float64))
         count += photo.size
     return total / count if count else None

@@ -9,7 +9,7 @@ import numpy as np
 
 from gslts.change.constants import NEAR_SIGMAS
 from gslts.change.detector import Detection
-from gslts.core.camera import Camera, at_pose, lifted
+from gslts.core.camera import Camera, at_pose, unproject
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.localization.alignment import align_pose
@@ -158,7 +158,7 @@ def near_region(depth: Floats32, camera: Camera, region: Region, margin_m: float
     part = depth[y0:y1, x0:x1]
     rows, columns = np.indices(part.shape)
     places = np.column_stack([columns.ravel() + x0 + 0.5, rows.ravel() + y0 + 0.5])
-    points = lifted(camera, places, part.ravel().astype(np.float64))
+    points = unproject(camera, places, part.ravel().astype(np.float64))
     near[y0:y1, x0:x1] = region.contains(points, margin_m).reshape(part.shape) & (part > 0)
     return near
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import sim_scenes
 
-from gslts.core.camera import apart
 from gslts.core.robot import Robot
+from gslts.core.se3 import pose_distance
 from gslts_sim import make_home
 from gslts_sim.controller import Controller
 from gslts_sim.robot_body import BODY_RADIUS_M, CAMERA_HEIGHT_M
@@ -137,7 +137,7 @@ def test_the_believed_pose_has_noise_and_takes_no_frame() -> None:
     )
     pose = asked.pose()
     np.testing.assert_array_equal(pose, asked.pose())
-    error_m, error_rad = apart(exact.pose(), pose)
+    error_m, error_rad = pose_distance(exact.pose(), pose)
     assert 0 < error_m < 0.1
     assert 0 < error_rad < 0.1
     np.testing.assert_array_equal(asked.observe().rgb, silent.observe().rgb)
