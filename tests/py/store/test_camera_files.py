@@ -103,7 +103,7 @@ def test_files_without_cameras_are_named(tmp_path: Path, content: str, message: 
     [
         ("0 1 2 3 0 0 0", "line 1: '0 1 2 3 0 0 0' is not 8 values"),
         ("0 1 2 nan 0 0 0 1", "is not 8 values"),
-        ("0 1 2 3 0 0 0 9", "pose 0: its quaternion has the length 9.000"),
+        ("0 1 2 3 0 0 0 9", "pose 0: the quaternion has length 9.000"),
         ("# nothing", "there is no camera in it"),
     ],
 )

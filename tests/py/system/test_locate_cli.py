@@ -236,7 +236,7 @@ def test_a_recording_of_any_odometry_updates_a_map(visited: Path, command: tuple
         (("gone", "visit"), "gone"),
         (("map", "gone.png"), "gone.png"),
         (("map", "gone"), "gone: there is no such file or folder"),
-        (("map", "text.png"), "text.png: it is no picture"),
+        (("map", "text.png"), "text.png: not an image"),
         (("map", "vast.png", "--fov-deg", "90"), "vast.png: Image size (400000000 pixels) exceeds"),
         (("map", "small.jpg"), "no camera of map has 120 x 90 px: give --camera or --fov-deg"),
         (("map", "small.jpg", "--camera", "lens.json"), "120 x 90 px, expected 160 x 120"),
