@@ -11,7 +11,8 @@ import numpy as np
 from cpp_benchmark import Timing
 from numpy.typing import NDArray
 
-from gslts_bench.synthetic_rooms import NEAR_M, SH_C0, Room, make_room
+from gslts.core.gaussian_map import SH_C0
+from gslts_bench.synthetic_rooms import NEAR_M, Room, make_room
 
 Calls = dict[str, Callable[[], object]]
 """What to time, by case: forward, and forward with backward, on one thread with SH degree 0."""

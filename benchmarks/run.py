@@ -23,9 +23,9 @@ import report
 import targets
 from cpp_benchmark import Timing
 from machine import describe_commit, describe_machine
-from workloads import EXPECTED_COUNTS, FOLDER, REPOSITORY, workload_path, write_workload
+from workloads import FOLDER, REPOSITORY, workload_path, write_workload
 
-from gslts_bench.synthetic_rooms import make_room
+from gslts_bench.synthetic_rooms import SIZES, make_room
 
 BUILD = REPOSITORY / "build" / "bench"
 BINARY = BUILD / "benchmarks" / "gslts_raster_benchmark"
@@ -52,7 +52,7 @@ def write_missing_workloads(names: list[str]) -> None:
 
 def measure(args: argparse.Namespace) -> tuple[dict[str, Any], str]:
     """Runs everything; returns the results as JSON values and as markdown."""
-    names = ["S", "M"] if args.quick else list(EXPECTED_COUNTS)
+    names = ["S", "M"] if args.quick else list(SIZES)
     repetitions, seconds = (2, 0.05) if args.quick else (args.repetitions, 0.3)
     machine, source = describe_machine(), describe_commit(REPOSITORY)
     if machine["load_average_1min"] > BUSY_LOAD:

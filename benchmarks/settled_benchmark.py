@@ -31,6 +31,7 @@ from gslts.datasets import open_dataset
 from gslts.keeper.keeper import LoopConfig, MapKeeper
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.engine import make_map
+from gslts.rendering.metrics import psnr_from_mse_db
 from gslts.rendering.rasterizer import render
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import open_map, write_map_folder
@@ -40,7 +41,7 @@ from gslts_sim.controller import Controller
 from gslts_sim.explore import explore
 from gslts_sim.home import AreaLight, Home, HomeObject, Room
 from gslts_sim.mesh import Surface
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
 
 KINDS = ("removal", "addition", "relocation")
 WIDTH, HEIGHT = 160, 120
@@ -214,7 +215,7 @@ def robot_in(home: Home, seed: int) -> Controller:
     return Controller(home, width=WIDTH, height=HEIGHT, noise="kinect", seed=seed)
 
 
-def looks_at(box: Box, robot: Controller) -> list[Look]:
+def looks_at(box: Box, robot: Controller) -> list[Viewpoint]:
     """Looks at the middle of a box from all around, as far as the robot can stand there."""
     middle = np.mean(box, axis=0)
     eye_m = float(robot.observe().camera.world_from_camera[2, 3])
@@ -230,7 +231,7 @@ def looks_at(box: Box, robot: Controller) -> list[Look]:
         way = middle[:2] - (x, y)
         down_deg = np.degrees(np.arctan2(eye_m - middle[2], np.linalg.norm(way)))
         yaw_deg = np.degrees(np.arctan2(way[1], way[0]))
-        looks.append(Look(np.array([x, y]), float(yaw_deg), float(down_deg)))
+        looks.append(Viewpoint(x, y, float(yaw_deg), float(down_deg)))
     return looks
 
 
@@ -296,7 +297,7 @@ def run_case(place: Place, kind: str, seed: int, made: Path) -> dict[str, Any]:
         "versions": [first, second],
         "reports": told,
         "anew": [is_at(np.mean(box, axis=0), boxes) for box in late],
-        "psnr_db": float(-10 * np.log10(np.mean(errors))),
+        "psnr_db": psnr_from_mse_db(float(np.mean(errors))),
         "said": [said[:rest], said[rest:]],
         "cpu_s": round(time.process_time() - start_s, 1),
     }

@@ -1,17 +1,17 @@
-"""Counts what a workload asks of a rasterizer, in numpy and float64, without gslts' kernels."""
+"""Counts what a workload asks of a rasterizer, in NumPy and float64, without the kernels of gslts.
+
+python benchmarks/workload_counts.py S M    # all without names; L takes minutes
+"""
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from workloads import ExpectedCounts
 
-from gslts.types import Floats
-from gslts_bench.synthetic_rooms import NEAR_M, Room
-
-Ints = NDArray[np.int64]
+from gslts.types import Floats, Ints
+from gslts_bench.synthetic_rooms import NEAR_M, Room, make_room
 
 # The constants of 3DGS (Kerbl et al. 2023), as in gslts::raster::RenderOptions.
 ALPHA_MIN = 1 / 255
@@ -20,11 +20,28 @@ TRANSMITTANCE_MIN = 1e-4
 EPS2D_PX2 = 0.3
 JACOBIAN_MARGIN = 0.3
 BAND_ROWS = 16
+"""Rows of pixels counted at a time: twice as many need twice the memory, with the same counts."""
+
+
+@dataclass(frozen=True)
+class ExpectedCounts:
+    """Numbers of visible Gaussians and blends in the experiment that set the targets."""
+
+    visible: float
+    blends: float
+
+
+EXPECTED_COUNTS = {
+    "S": ExpectedCounts(29.6e3, 2.03e6),
+    "M": ExpectedCounts(109e3, 7.03e6),
+    "L": ExpectedCounts(570e3, 23.2e6),
+}
+"""Counts by workload, of the experiment that set the targets of `targets.py`."""
 
 
 @dataclass(frozen=True)
 class Counts:
-    """Visible: some pixel has alpha >= 1/255. Blends: those before the transmittance ends."""
+    """Visible Gaussians (alpha >= 1/255 in a pixel) and blends before the transmittance ends."""
 
     visible: int
     blends_per_pixel: Ints
@@ -45,7 +62,7 @@ class Footprints:
 
 
 def rotation_matrices(quats: Floats) -> Floats:
-    """[N,3,3] of unit quaternions [N,4] wxyz."""
+    """Convert unit quaternions [N,4] wxyz to rotation matrices [N,3,3]."""
     w, x, y, z = (quats / np.linalg.norm(quats, axis=1, keepdims=True)).T
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -56,7 +73,7 @@ def rotation_matrices(quats: Floats) -> Floats:
 
 
 def project(room: Room) -> Footprints:
-    """Projects all Gaussians (3DGS, Kerbl et al. 2023, eq. 5)."""
+    """Project all Gaussians of a room (3DGS, Kerbl et al. 2023, eq. 5)."""
     gaussian_map, camera = room.gaussian_map, room.camera
     camera_from_world = np.linalg.inv(camera.world_from_camera)
     rotation = camera_from_world[:3, :3]
@@ -86,7 +103,7 @@ def project(room: Room) -> Footprints:
 
 
 def expand(starts: Ints, ends: Ints) -> tuple[Ints, Ints]:
-    """All integers of the ranges [starts, ends), with the index of the range of each."""
+    """List all integers of the ranges [starts, ends), with the index of the range of each."""
     lengths = np.maximum(ends - starts, 0)
     owners = np.repeat(np.arange(len(starts)), lengths)
     firsts = np.repeat(np.cumsum(lengths) - lengths, lengths)
@@ -96,7 +113,7 @@ def expand(starts: Ints, ends: Ints) -> tuple[Ints, Ints]:
 def blended_pairs(
     splats: Footprints, first_row: int, end_row: int, width: int
 ) -> tuple[Ints, Ints, Floats]:
-    """Splat, pixel and alpha of every pair with alpha >= 1/255 in a band of rows, nearest first."""
+    """List splat, pixel and alpha of the pairs with alpha >= 1/255 in rows, nearest first."""
     low = np.ceil(splats.means2d - splats.extents - 0.5).astype(int)
     high = np.floor(splats.means2d + splats.extents - 0.5).astype(int) + 1
     row_starts, row_ends = np.maximum(low[:, 1], first_row), np.minimum(high[:, 1], end_row)
@@ -116,7 +133,7 @@ def blended_pairs(
 
 
 def count_blends(pixel: Ints, alpha: Floats, pixels: int) -> Ints:
-    """Blends at each pixel before its transmittance would fall below the minimum."""
+    """Count the blends of each pixel before its transmittance falls below the minimum."""
     order = np.argsort(pixel, kind="stable")
     pixel, log_left = pixel[order], np.cumsum(np.log1p(-alpha[order]))
     totals = np.bincount(pixel, minlength=pixels)
@@ -126,7 +143,7 @@ def count_blends(pixel: Ints, alpha: Floats, pixels: int) -> Ints:
 
 
 def count(room: Room) -> Counts:
-    """Counts visible Gaussians and blends, band by band to bound the memory."""
+    """Count visible Gaussians and blends of a room, band by band to bound the memory."""
     splats = project(room)
     visible = np.zeros(len(splats.opacities), bool)
     blends = []
@@ -139,7 +156,7 @@ def count(room: Room) -> Counts:
 
 
 def report(name: str, counts: Counts, expected: ExpectedCounts) -> str:
-    """One line that sets the counts beside those of the experiment."""
+    """Format counts beside those of the experiment, in one line."""
     blends = counts.blends_per_pixel
     total = int(blends.sum())
     return (
@@ -149,3 +166,8 @@ def report(name: str, counts: Counts, expected: ExpectedCounts) -> str:
         f"({total / expected.blends - 1:+.1%}); "
         f"per pixel mean {blends.mean():.1f}, max {blends.max()}"
     )
+
+
+if __name__ == "__main__":
+    for name in sys.argv[1:] or EXPECTED_COUNTS:
+        print(report(name, count(make_room(name)), EXPECTED_COUNTS[name]), flush=True)

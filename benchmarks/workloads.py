@@ -1,6 +1,6 @@
-"""The fixed workloads of the benchmarks as files: the rooms of `gslts_bench.synthetic_rooms`.
+"""Workloads of the C++ benchmarks as files: the rooms of `gslts_bench.synthetic_rooms`.
 
-File layout (little-endian, no padding), one file a workload, `<name>.gslts-workload`:
+File layout (little-endian, no padding), one file per workload, `<name>.gslts-workload`:
 
     magic              8 bytes      b"GSLTSWL1"
     size, width, height  3 x uint64   N Gaussians, image in pixels
@@ -17,42 +17,31 @@ File layout (little-endian, no padding), one file a workload, `<name>.gslts-work
 SH degree 0 is the same scene without `sh_rest`.
 
     python benchmarks/workloads.py            # writes build/bench/workloads/
-    python benchmarks/workloads.py --check    # also counts visible Gaussians and blends
 """
 
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from gslts_bench.synthetic_rooms import NEAR_M, Room, make_room
+from gslts_bench.synthetic_rooms import NEAR_M, SIZES, Room, make_room
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 FOLDER = REPOSITORY / "build" / "bench" / "workloads"
 
 MAGIC = b"GSLTSWL1"
-
-
-@dataclass(frozen=True)
-class ExpectedCounts:
-    """Counts of the experiment that set the targets."""
-
-    visible: float
-    blends: float
-
-
-EXPECTED_COUNTS = {
-    "S": ExpectedCounts(29.6e3, 2.03e6),
-    "M": ExpectedCounts(109e3, 7.03e6),
-    "L": ExpectedCounts(570e3, 23.2e6),
-}
+"""First bytes of a file: its format and version, as read by `workload.cpp`."""
 
 
 def write_workload(room: Room, path: Path) -> None:
-    """Writes the layout described above, replacing the file at once or not at all."""
+    """Write a room in the layout described above, at once or not at all.
+
+    Args:
+        room: Map and camera.
+        path: File to write or replace.
+    """
     gaussian_map, camera = room.gaussian_map, room.camera
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_suffix(".partial")
@@ -75,24 +64,26 @@ def write_workload(room: Room, path: Path) -> None:
 
 
 def workload_path(name: str, folder: Path = FOLDER) -> Path:
-    """File of workload `name`."""
+    """Return the file of a workload.
+
+    Args:
+        name: S, M or L.
+        folder: Folder of the workloads.
+
+    Returns:
+        Path of the file, which need not exist.
+    """
     return folder / f"{name}.gslts-workload"
 
 
 def main() -> None:
-    """Command line."""
+    """Write the workloads that are named on the command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("names", nargs="*", default=[], help="S, M, L (default: all)")
-    parser.add_argument("--check", action="store_true", help="count and compare; slow for L")
     parser.add_argument("--folder", type=Path, default=FOLDER)
     args = parser.parse_args()
-    for name in args.names or EXPECTED_COUNTS:
-        room = make_room(name)
-        write_workload(room, workload_path(name, args.folder))
-        if args.check:
-            from workload_counts import count, report
-
-            print(report(name, count(room), EXPECTED_COUNTS[name]), flush=True)
+    for name in args.names or SIZES:
+        write_workload(make_room(name), workload_path(name, args.folder))
 
 
 if __name__ == "__main__":

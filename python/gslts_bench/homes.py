@@ -13,25 +13,19 @@ from gslts.mapping.config import PRESETS, MappingConfig
 from gslts.mapping.engine import make_map
 from gslts.mapping.optimize import Progress
 from gslts.mapping.report.summary import write_result
-from gslts_bench.made import code_of, made, native_code
+from gslts_bench.cache import cached_folder, code_digest, native_digest
 from gslts_sim import ROOM_TYPES
 from gslts_sim.actions import ChangeAction, SceneState
 from gslts_sim.capture import capture
+from gslts_sim.change_sampler import TaskSettings
 from gslts_sim.controller import Controller
 from gslts_sim.explore import explore
 from gslts_sim.home_source import HomeSource
 from gslts_sim.task import Task
 from gslts_sim.tasks import TaskMaker
-from gslts_sim.trial import Setting
 
-SIM_CODE = ("gslts_sim", "gslts.core", "gslts.io.atomic_files", "gslts_bench.homes")
-"""What decides what a robot in a home sees, besides the libraries below."""
 SIM_LIBRARIES = ("numpy", "open3d-cpu", "open3d")
-MAP_CODE = (
-    *("gslts.core", "gslts.io", "gslts.rendering", "gslts.store"),
-    *("gslts.datasets", "gslts.mapping", "gslts.localization", "gslts_bench.homes"),
-)
-"""What decides what the map of a recording is, besides the compiled module."""
+"""Distributions whose version decides what a robot in a home sees."""
 RECORDING_S, MAP_S = 0.35, 110.0
 """About how long a frame of a recording takes, and a map of 200 of them, for the progress."""
 
@@ -109,12 +103,14 @@ class BenchHome:
         Raises:
             ValueError: There is not one.
         """
-        setting = Setting(noise=self.setup.noise, width=self.setup.width, height=self.setup.height)
+        setting = TaskSettings(
+            noise=self.setup.noise, width=self.setup.width, height=self.setup.height
+        )
         source, home = HomeSource.of_seed(self.room_type, self.seed)
         maker = TaskMaker(setting, self.seed)
         tasks = maker.make(source, home, count)
         if not tasks:
-            reason = next(iter(maker.refused), "nothing can be changed")
+            reason = next(iter(maker.rejected), "nothing can be changed")
             raise ValueError(f"{self.name}: there is no task: {reason}")
         return tasks
 
@@ -134,7 +130,7 @@ class BenchHome:
             looks, _ = explore(robot.home, self.setup.frames)
             capture(robot, _told(looks, lambda: tell(RECORDING_S)), folder)
 
-        return made(self.work / "recordings" / self.name, self.recorded_of, make)
+        return cached_folder(self.work / "recordings" / self.name, self.recorded_of, make)
 
     def map(self, tell: Tell = lambda _: None) -> Path:
         """The folder of its map, made of its recording unless it is there, on one thread."""
@@ -153,7 +149,7 @@ class BenchHome:
             result = make_map(dataset, config, report=report)
             write_result(folder, result, dataset.name)
 
-        return made(self.work / "maps" / self.name, self.mapped_of, make)
+        return cached_folder(self.work / "maps" / self.name, self.mapped_of, make)
 
 
 def homes_of(
@@ -178,7 +174,7 @@ def default_state(source: HomeSource, initial_actions: Iterable[ChangeAction]) -
         ValueError: It is another home.
         ChangeError: An action cannot be done.
     """
-    return SceneState(source.load(Path())).after_all(initial_actions)
+    return SceneState(source.load(Path())).apply_all(initial_actions)
 
 
 def shares_of(count: int, homes: int) -> list[int]:
@@ -200,6 +196,9 @@ def _code() -> dict[str, Any]:
         except PackageNotFoundError:  # Open3D has two names.
             continue
     return {
-        "sim": {"python": code_of(*SIM_CODE), "libraries": libraries},
-        "map": {"python": code_of(*MAP_CODE), "native": native_code()},
+        "sim": {
+            "python": code_digest("gslts_bench.homes", without=("gslts.mapping",)),
+            "libraries": libraries,
+        },
+        "map": {"python": code_digest("gslts_bench.homes"), "native": native_digest()},
     }

@@ -29,7 +29,7 @@ HORIZONTAL_FOV_RAD = np.pi / 2
 NEAR_M = 0.2
 """Near plane with which the rooms are rendered."""
 
-# Chosen so that what is visible comes near the counts in benchmarks/workloads.py.
+# Chosen so that what is visible comes near the counts in benchmarks/workload_counts.py.
 OBJECT_HALF_SIZE_M = (0.15, 0.5)
 OBJECT_CLEARANCE_M = 1.5
 """Least distance of an object's centre from the camera."""

@@ -9,9 +9,9 @@ import change_room
 import numpy as np
 from landmark_room import folder_with, found
 
-from gslts.core.camera import rotation
 from gslts.core.frame import RgbdFrame
 from gslts.core.robot import Robot
+from gslts.core.se3 import rotation
 from gslts.localization.config import RelocalizationConfig
 from gslts.localization.localizer import Localizer, in_world
 from gslts.localization.relocalizer import Relocalizer
@@ -35,6 +35,9 @@ class Adrift:
 
     def observe(self) -> RgbdFrame:
         return in_world(self.robot.observe(), self.odometry_from_world)
+
+    def pose(self) -> np.ndarray:
+        return self.odometry_from_world @ self.robot.pose()
 
     def reachable_positions(self) -> np.ndarray:
         places = self.robot.reachable_positions()

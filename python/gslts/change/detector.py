@@ -22,11 +22,12 @@ from gslts.change.reliability import (
     fault_of_view,
 )
 from gslts.change.visibility import SeenSpace
-from gslts.core.camera import Camera, apart, at_pose
+from gslts.core.camera import Camera, at_pose
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
+from gslts.core.se3 import pose_distance
 from gslts.localization.alignment import aligned
-from gslts.rendering.losses import Exposure, exposed
+from gslts.rendering.losses import Exposure, apply_exposure
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.types import Bools, Floats
 
@@ -164,7 +165,7 @@ class ChangeDetector:
         alpha = images.alpha if mask is None else np.where(mask, images.alpha, np.float32(0))
         known = alpha >= config.masks.alpha_min
         exposure = robust_exposure(images.rgb, photo, known, config.threads)
-        rgb = exposed(images.rgb, exposure)
+        rgb = apply_exposure(images.rgb, exposure)
         rgb = rgb.clip(0, 1).astype(np.float32)
         fault = fault_of_view(photo, rgb, measured, images.depth, known)
         if fault is not None:
@@ -232,7 +233,7 @@ def evenly(cameras: Sequence[Camera]) -> list[Camera]:
 
 
 def _fault_of_correction(given: Floats, pose: Floats) -> str | None:
-    shift_m, turn_rad = apart(given, pose)
+    shift_m, turn_rad = pose_distance(given, pose)
     if shift_m <= MOST_SHIFT_M and turn_rad <= MOST_TURN_RAD:
         return None
     return f"the pose seems off by {shift_m:.2f} m and {np.degrees(turn_rad):.0f} degrees"

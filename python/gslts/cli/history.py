@@ -39,12 +39,16 @@ def log(
     from dataclasses import asdict
 
     from gslts.store.history import open_history
-    from gslts.store.words import words_of_event, words_of_refusal, words_of_time
+    from gslts.store.words import words_of_event, words_of_rejection, words_of_time
 
     if html is not None and (as_json or object_type is not None):
         raise ValueError("--html tells everything: give it without --object and --json")
     with open_history(map_path) as store:
-        versions, events, refusals = store.versions(), store.events(object_type), store.refusals()
+        versions, events, rejections = (
+            store.versions(),
+            store.events(object_type),
+            store.rejections(),
+        )
         standing = store.numbers_of_way_to()
         if html is not None:
             from gslts.keeper.history_page import write_history
@@ -56,16 +60,16 @@ def log(
         told = {
             "versions": [asdict(one) for one in versions],
             "events": [asdict(one) for one in events],
-            "refusals": [asdict(one) for one in refusals],
+            "rejections": [asdict(one) for one in rejections],
         }
         typer.echo(json.dumps(told, indent=1))
         return
     for version in reversed(versions):
         if object_type is None:
-            for refusal in refusals:
-                if refusal.version == version.number:
-                    when = words_of_time(refusal.time_s)
-                    typer.echo(f"        {when}  {words_of_refusal(refusal)}")
+            for rejection in rejections:
+                if rejection.version == version.number:
+                    when = words_of_time(rejection.time_s)
+                    typer.echo(f"        {when}  {words_of_rejection(rejection)}")
         own = [event for event in events if event.version == version.number]
         if object_type is None or own:
             typer.echo(_line(version))

@@ -248,10 +248,10 @@ class _Told:
     @property
     def off(self) -> tuple[float, float] | None:
         """By how much the pose of the data set is another one, m and rad."""
-        from gslts.core.camera import apart
+        from gslts.core.se3 import pose_distance
 
         pose = self.found.world_from_camera
-        return None if pose is None or self.given is None else apart(self.given, pose)
+        return None if pose is None or self.given is None else pose_distance(self.given, pose)
 
     def line(self) -> str:
         """In words."""

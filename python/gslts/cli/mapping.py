@@ -158,7 +158,7 @@ def judge(
     from gslts.mapping.evaluation.assess import assess
     from gslts.mapping.evaluation.evaluate import evaluate_held_out
     from gslts.mapping.evaluation.held_out import Known, held_out_of
-    from gslts.rendering.lpips import Lpips
+    from gslts.rendering.metrics import Lpips
     from gslts.store.map_folder import read_map
 
     weights = both_weights(lpips_backbone, lpips_heads)
@@ -203,7 +203,7 @@ def judge(
 
 
 def both_weights(backbone: Path | None, heads: Path | None) -> tuple[Path, Path] | None:
-    """The files of `gslts.rendering.lpips.Lpips`; None without them.
+    """The files of `gslts.rendering.metrics.Lpips`; None without them.
 
     Raises:
         ValueError: One is missing.

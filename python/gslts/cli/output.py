@@ -197,13 +197,13 @@ def _depth_range(gaussian_map: GaussianMap, cameras: list[Camera], threads: int)
     """Of all views, so that the colours of a video keep their meaning; m."""
     import numpy as np
 
-    from gslts.core.camera import resized
+    from gslts.core.camera import downscale
     from gslts.io.images import depth_range
     from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 
     rasterizer, options = Rasterizer(gaussian_map.dtype), RenderOptions(threads=threads)
     sample = cameras[:: max(1, len(cameras) // SAMPLES)]
-    coarse = (resized(camera, COARSE) for camera in sample)
+    coarse = (downscale(camera, COARSE) for camera in sample)
     depths = [rasterizer.forward(gaussian_map, camera, options).depth for camera in coarse]
     return depth_range(np.concatenate([depth.ravel() for depth in depths]))
 

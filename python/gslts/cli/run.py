@@ -46,8 +46,8 @@ def run(
     """Go rounds through a home, and keep its map up to date.
 
     Where something looks changed, the robot looks again; what is certain is looked at closely and
-    becomes a version of the map (gslts log), or is parked and tried again in a later round. Ctrl-C
-    or SIGTERM stops at the next safe point; the same command goes on there, also after a crash.
+    becomes a version of the map (gslts log), or is deferred to a later round. Ctrl-C or SIGTERM
+    stops at the next safe point; the same command goes on there, also after a crash.
 
     Example: gslts run out/map --robot out/day/day.json
     """
@@ -101,13 +101,13 @@ def run(
                     f"stopped in round {keeper.state.round}; the same command goes on there"
                 ) from None
             version = keeper.version
-    parked = keeper.state.parked
-    for one in parked:
+    deferred = keeper.state.deferred
+    for one in deferred:
         x, y, z = one.point
-        typer.echo(f"parked: {one.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m: {one.reason}")
+        typer.echo(f"deferred: {one.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m: {one.reason}")
     typer.echo(
-        f"{last - first} round(s); {map_path} is version {version.number} now, {len(parked)} "
-        f"parked; see gslts log {map_path}"
+        f"{last - first} round(s); {map_path} is version {version.number} now, {len(deferred)} "
+        f"deferred; see gslts log {map_path}"
     )
 
 

@@ -44,7 +44,7 @@ def update(
 
     The map gets a new version; what was before stays in its past (gslts log). A picture of what was
     seen, and of the map before and after, lies in the folder of the map. An update that does not
-    fit views kept aside better is refused: there is no new version then, and gslts log tells why.
+    fit views kept aside better is rejected: there is no new version then, and gslts log tells why.
 
     Example: gslts update out/map --robot out/tasks/0000_removal_Mug-1.json
     """
@@ -56,10 +56,10 @@ def update(
     from gslts.change.detector import ChangeDetector
     from gslts.robots.localized import LocalizedRobot
     from gslts.robots.sources import open_robot
-    from gslts.semantics.map_semantics import Meaning
+    from gslts.semantics.map_semantics import MapSemantics
     from gslts.store.camera_files import cameras_of_map
     from gslts.store.map_folder import open_map, picture_path
-    from gslts.update.config import LITERAL, UpdateConfig
+    from gslts.update.config import GS_LTS, UpdateConfig
     from gslts.update.publish import published
     from gslts.update.updater import update as run
 
@@ -69,10 +69,10 @@ def update(
     refine = config.refine.model_copy(update={"iterations": iterations})
     config = config.model_copy(update={"refine": refine})
     if literal:
-        config = config.model_copy(update={"edit": LITERAL})
+        config = config.model_copy(update={"edit": GS_LTS})
     with open_map(map_path, writable=True) as store:
         before, gaussian_map = store.version(), store.read()
-        cameras, meaning = cameras_of_map(map_path), Meaning.of_map(map_path, threads)
+        cameras, semantics = cameras_of_map(map_path), MapSemantics.of_map(map_path, threads)
         detector = ChangeDetector(
             gaussian_map, DetectionConfig(threads=threads), cameras=cameras.values()
         )
@@ -89,8 +89,8 @@ def update(
             scout, changes, fault = _recorded(frames, detector, localizer)
         if not changes:
             why = fault or "nothing changed"
-            store.refuse(
-                {"gslts": metadata.version("gslts"), "changes": [], "record": {"refused": why}}
+            store.add_rejection(
+                {"gslts": metadata.version("gslts"), "changes": [], "record": {"rejected": why}}
             )
             raise RuntimeError(f"{map_path} stays as it is: {why}")
         for change in changes:
@@ -111,12 +111,14 @@ def update(
                 config,
                 detector=detector,
                 first_id=before.next_id,
-                meaning=meaning,
+                semantics=semantics,
                 tell=tell,
             )
-        version = published(store, gaussian_map, cameras.values(), result, config, meaning=meaning)
+        version = published(
+            store, gaussian_map, cameras.values(), result, config, semantics=semantics
+        )
     if version is None:
-        raise RuntimeError(f"{map_path} stays as it is: {result.record.refused}")
+        raise RuntimeError(f"{map_path} stays as it is: {result.record.rejected}")
     for change, why in result.left:
         typer.echo(f"{change.kind} left as it was: {why}")
     typer.echo(_words(result.record, gaussian_map.size))

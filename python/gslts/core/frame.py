@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts._core.map import register_depth
-from gslts.core.camera import Camera, resized
+from gslts._core.fusion import register_depth
+from gslts.core.camera import Camera, downscale
 
 __all__ = ["Labels", "RgbdFrame", "halved_depth", "halved_mask", "halved_rgb", "register_depth"]
 
@@ -112,7 +112,7 @@ class RgbdFrame:
         return RgbdFrame(
             halved_rgb(whole.rgb),
             halved_depth(whole.depth),
-            resized(whole.camera, 2),
+            downscale(whole.camera, 2),
             whole.time_s,
             mask=None if whole.mask is None else halved_mask(whole.mask),
             fault=whole.fault,

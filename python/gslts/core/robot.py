@@ -1,38 +1,44 @@
-"""What the project asks of a robot, simulated or real."""
+"""Protocol of a robot, simulated or real."""
 
 from __future__ import annotations
 
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gslts.core.frame import RgbdFrame
+from gslts.types import Floats
 
 
 class Robot(Protocol):
-    """A robot with an RGB-D camera on wheels."""
+    """A wheeled robot with an RGB-D camera, as seen by the map keeper and the navigator."""
 
     def observe(self) -> RgbdFrame:
-        """What the camera sees now, with the pose that the robot believes."""
+        """Take a frame, with the camera pose that the robot believes."""
         ...
 
-    def reachable_positions(self) -> NDArray[np.float64]:
-        """[P,2] places of the robot's middle on the floor, x and y in the world, m."""
+    def pose(self) -> Floats:
+        """Return the pose that the robot believes, without taking a frame.
+
+        Returns:
+            [4,4] world_from_camera, rigid, m.
+        """
+        ...
+
+    def reachable_positions(self) -> Floats:
+        """Return [P,2] positions that the robot can reach, x and y in the world, m."""
         ...
 
     def move_towards(
-        self, position: NDArray[np.float64], yaw_rad: float, pitch_rad: float | None = None
+        self, position: Floats, yaw_rad: float, pitch_rad: float | None = None
     ) -> bool:
-        """Goes to the reachable position nearest to `position`, and turns.
+        """Move to the reachable position nearest to `position`, then turn.
 
         Args:
             position: (2,) x and y in the world, m.
-            yaw_rad: Direction to look in then, from x to y, rad.
-            pitch_rad: Angle of the camera below the horizon then, rad, as far as it can tilt; None
-                leaves it as it is.
+            yaw_rad: Final direction of the camera about the z axis, from x to y, rad.
+            pitch_rad: Final angle of the camera below the horizon, rad, clipped to what the camera
+                can tilt; None keeps the current one.
 
         Returns:
-            Whether the robot arrived.
+            True if the robot arrived.
         """
         ...

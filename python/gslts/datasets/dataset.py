@@ -12,8 +12,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.core.camera import Camera, product
+from gslts.core.camera import Camera
 from gslts.core.frame import Labels, RgbdFrame
+from gslts.core.se3 import product
 from gslts.datasets.undistort import Lens, undistort_depth, undistort_rgb
 
 RIGID_TOLERANCE = 0.02

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gslts.core.camera import rotation, rotation_of_quat, rotation_vector
+from gslts.core.se3 import rotation, rotation_of_quat, rotation_vector
 from gslts.types import Floats
 
 LENGTH_TOLERANCE = 0.01

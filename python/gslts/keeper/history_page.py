@@ -10,10 +10,10 @@ from pathlib import Path
 from gslts.io.html_page import bullets, number, section, table, write_page
 from gslts.store.history import History
 from gslts.store.manifest import picture_path
-from gslts.store.records import Event, Refusal, Version
+from gslts.store.records import Event, Rejection, Version
 from gslts.store.words import (
     words_of_event,
-    words_of_refusal,
+    words_of_rejection,
     words_of_time,
     words_of_version,
 )
@@ -34,16 +34,16 @@ def write_history(
         OSError: It cannot be written.
         ValueError: The index is damaged.
     """
-    versions, events, refusals = store.versions(), store.events(), store.refusals()
+    versions, events, rejections = store.versions(), store.events(), store.rejections()
     updates = [one for one in versions if one.kind == "update"]
     summary = (
-        f"{len(versions)} versions: {len(updates)} updates, {len(refusals)} refused; "
+        f"{len(versions)} versions: {len(updates)} updates, {len(rejections)} rejected; "
         f"{versions[-1].gaussians:,} Gaussians now, {versions[0].gaussians:,} at first"
     )
     sections = [
         *more,
         section("What happened", _timeline(versions, events)),
-        section("What was left as it was", bullets([_refusal(one) for one in refusals])),
+        section("What was left as it was", bullets([_rejection(one) for one in rejections])),
         section("Before and after", _pictures(store.folder, updates, events)),
     ]
     write_page(path, title or store.folder.resolve().name, summary, sections)
@@ -74,11 +74,11 @@ def _what(version: Version, events: Sequence[Event]) -> str:
     return "; ".join(told) or words_of_version(version)
 
 
-def _refusal(refusal: Refusal) -> str:
-    cause = refusal.cause
+def _rejection(rejection: Rejection) -> str:
+    cause = rejection.cause
     kinds = ", ".join(one["kind"] for one in cause.get("changes", ()))
-    when = words_of_time(refusal.time_s)
-    return f"{when}, version {refusal.version}: {kinds} {words_of_refusal(refusal)}"
+    when = words_of_time(rejection.time_s)
+    return f"{when}, version {rejection.version}: {kinds} {words_of_rejection(rejection)}"
 
 
 def _pictures(folder: Path, updates: Sequence[Version], events: Sequence[Event]) -> str:

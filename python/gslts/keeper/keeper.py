@@ -15,14 +15,14 @@ from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
 from gslts.keeper.coverage import go_to, stops_of
-from gslts.keeper.schedule import next_changes, parked_again
+from gslts.keeper.schedule import defer, next_changes
 from gslts.keeper.state import LoopState, read_state, write_state
 from gslts.localization.config import RelocalizationConfig
 from gslts.localization.landmark_files import require_landmarks
 from gslts.localization.localizer import Localizer
 from gslts.localization.relocalizer import Relocalizer
 from gslts.robots.localized import LocalizedRobot
-from gslts.semantics.map_semantics import Meaning
+from gslts.semantics.map_semantics import MapSemantics
 from gslts.store.camera_files import cameras_of_map, cameras_of_update
 from gslts.store.map_folder import open_map
 from gslts.store.records import Version
@@ -93,7 +93,7 @@ class MapKeeper:
             self.state = read_state(folder)
             self._map = self._store.read()
             self._cameras = cameras_of_map(folder)
-            self._meaning = Meaning.of_map(folder, self._config.update.threads)
+            self._semantics = MapSemantics.of_map(folder, self._config.update.threads)
             self._detector = self._detector_of_map()
             self._localizer = None
             if self._config.locate is not None:
@@ -122,9 +122,9 @@ class MapKeeper:
         return self._map
 
     @property
-    def meaning(self) -> Meaning | None:
-        """Of its features; None if nobody taught the map, or with models that are not at hand."""
-        return self._meaning
+    def semantics(self) -> MapSemantics | None:
+        """Semantics of the map; None if it has none, or its models are not available."""
+        return self._semantics
 
     def watch(self, frame: RgbdFrame) -> None:
         """Looks for changes in what a robot sees on an errand."""
@@ -169,7 +169,7 @@ class MapKeeper:
         known = self._cameras if viewpoints is None else viewpoints
         if self._localizer is not None:
             robot = LocalizedRobot(robot, self._localizer)
-        self._watch.publish(self._detector)  # What is parked may be reported again.
+        self._watch.publish(self._detector)  # What is deferred may be reported again.
         if self.state.left is None:
             threads = self._config.update.threads
             self._become(
@@ -184,13 +184,13 @@ class MapKeeper:
                 self._tell(name)
                 self._repair(robot, self._seen(robot))
             self._become(left=self.state.left[1:])
-        # What was parked and due, and was not seen again, is no more.
-        parked = tuple(one for one in self.state.parked if one.until > self.state.round)
+        # What was deferred and due, and was not seen again, is no more.
+        deferred = tuple(one for one in self.state.deferred if one.until > self.state.round)
         self._become(
             left=None,
             round=self.state.round + 1,
             of_source=self.state.of_source + 1,
-            parked=parked,
+            deferred=deferred,
         )
 
     def _seen(self, robot: Robot) -> list[Change]:
@@ -210,13 +210,13 @@ class MapKeeper:
         reports = self._watch.poll()
         replaced = {report.replaces for report in reports}
         changes = [report.change for report in reports if report.number not in replaced]
-        return [change for change in changes if not self._is_parked(change)]
+        return [change for change in changes if not self._is_deferred(change)]
 
     def _repair(self, robot: Robot, waiting: list[Change]) -> None:
         """Works off what waits, the most certain and nearest first."""
         while waiting:
             self._pause()
-            place = robot.observe().camera.world_from_camera[:2, 3]
+            place = robot.pose()[:2, 3]
             changes = next_changes(waiting, place)
             waiting = [one for one in waiting if all(one is not other for other in changes)]
             for change in changes:
@@ -225,7 +225,7 @@ class MapKeeper:
             self._update(robot, changes)
 
     def _update(self, robot: Robot, changes: list[Change]) -> None:
-        """Publishes a version that shows the changes, or parks them."""
+        """Publishes a version that shows the changes, or defers them."""
 
         def tell(stage: str) -> None:
             self._pause()
@@ -240,14 +240,14 @@ class MapKeeper:
             config,
             detector=self._detector,
             first_id=self._store.version().next_id,
-            meaning=self._meaning,
+            semantics=self._semantics,
             tell=tell,
         )
         cameras, of_round = self._cameras.values(), {"round": self.state.round}
         version = published(
-            self._store, self._map, cameras, result, config, of_round, self._meaning
+            self._store, self._map, cameras, result, config, of_round, self._semantics
         )
-        self._park(result)
+        self._defer(result)
         if version is None:
             return
         self._say(f"version {version.number}: {version.gaussians} Gaussians")
@@ -257,24 +257,26 @@ class MapKeeper:
         self._watch.publish(self._detector)
         if self._localizer is not None:
             self._localizer.publish(self._relocalizer_of_map())
-        parked = tuple(
+        deferred = tuple(
             one
-            for one in self.state.parked
+            for one in self.state.deferred
             if not any(one.is_of(change) for change in result.changes)
         )
-        self._become(parked=parked)
+        self._become(deferred=deferred)
 
-    def _park(self, result: Update) -> None:
+    def _defer(self, result: Update) -> None:
         """What the map does not show is tried again later."""
-        parked = self.state.parked
+        deferred = self.state.deferred
         for change, why in result.left:
-            parked = parked_again(parked, change, why, self.state.round)
+            deferred = defer(deferred, change, why, self.state.round)
             self._say(f"{change.kind} left as it is for now: {why}")
         if result.left:
-            self._become(parked=parked)
+            self._become(deferred=deferred)
 
-    def _is_parked(self, change: Change) -> bool:
-        return any(one.is_of(change) and one.until > self.state.round for one in self.state.parked)
+    def _is_deferred(self, change: Change) -> bool:
+        return any(
+            one.is_of(change) and one.until > self.state.round for one in self.state.deferred
+        )
 
     def _detector_of_map(self) -> ChangeDetector:
         return ChangeDetector(self._map, self._config.detection, cameras=self._cameras.values())

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
 from gslts.change.changes import Change, Kind
 from gslts.types import Floats
-from gslts.update.region import Site, sites_of
+from gslts.update.region import Region, regions_of
 
 TOGETHER_M = 1.0
 """Changes nearer to each other are repaired by one update: each would see the other one."""
@@ -22,7 +22,7 @@ MOST_WAIT = 16
 """Rounds until a change is tried again, at most."""
 
 
-class Parked(BaseModel):
+class DeferredChange(BaseModel):
     """A change that could not be repaired.
 
     Attributes:
@@ -62,24 +62,25 @@ def next_changes(waiting: Sequence[Change], place: Floats) -> list[Change]:
     return [one for one in waiting if one is first or _apart_m(one, first) <= TOGETHER_M]
 
 
-def parked_again(
-    parked: Sequence[Parked], change: Change, reason: str, number: int
-) -> tuple[Parked, ...]:
-    """What is parked after a change could not be repaired in a round; longer with each try."""
-    tries = 1 + max((one.tries for one in parked if one.is_of(change)), default=0)
+def defer(
+    deferred: Sequence[DeferredChange], change: Change, reason: str, number: int
+) -> tuple[DeferredChange, ...]:
+    """What is deferred after a change could not be repaired in a round; longer with each try."""
+    tries = 1 + max((one.tries for one in deferred if one.is_of(change)), default=0)
     x, y, z = change.point.tolist()
     until = number + min(2 ** (tries - 1), MOST_WAIT)
-    new = Parked(kind=change.kind, point=(x, y, z), reason=reason, tries=tries, until=until)
-    return (*(one for one in parked if not one.is_of(change)), new)
+    new = DeferredChange(kind=change.kind, point=(x, y, z), reason=reason, tries=tries, until=until)
+    return (*(one for one in deferred if not one.is_of(change)), new)
 
 
 def _apart_m(one: Change, other: Change) -> float:
     """Between the nearest points of what belongs to both, m."""
     return min(
-        (_gap_m(site, near) for site in sites_of(one) for near in sites_of(other)), default=np.inf
+        (_gap_m(region, near) for region in regions_of(one) for near in regions_of(other)),
+        default=np.inf,
     )
 
 
-def _gap_m(one: Site, other: Site) -> float:
+def _gap_m(one: Region, other: Region) -> float:
     gap = np.maximum(0, np.maximum(one.low - other.high, other.low - one.high))
     return float(np.linalg.norm(gap))

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gslts.io.atomic_files import write_whole
-from gslts.keeper.schedule import Parked
+from gslts.keeper.schedule import DeferredChange
 
 STATE = "loop.json"
 MAX_BYTES = 1 << 26
@@ -26,7 +26,7 @@ class LoopState(BaseModel):
         of_source: How many rounds of it are done.
         left: Names of the viewpoints that it has still to go to in this round; None before its
             start.
-        parked: Changes that could not be repaired.
+        deferred: Changes that could not be repaired.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -36,7 +36,7 @@ class LoopState(BaseModel):
     source: str = ""
     of_source: Annotated[int, Field(ge=0)] = 0
     left: tuple[str, ...] | None = None
-    parked: tuple[Parked, ...] = ()
+    deferred: tuple[DeferredChange, ...] = ()
 
 
 def read_state(folder: Path) -> LoopState:

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts._core import raster as _core
-from gslts.core.camera import Camera, at_pose, moved, relative, twist_of
+from gslts._core import align as _core
+from gslts.core.camera import Camera, at_pose
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import FloatArray, GaussianMap
+from gslts.core.se3 import relative, se3_retract, twist_of
 from gslts.rendering.losses import Exposure, fit_exposure
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.types import Floats
@@ -197,7 +198,8 @@ def aligned(
             hessian = color.hessian[:6, :6] + DEPTH_SHARE * depth.hessian[:6, :6] + np.diag(prior)
             off = twist_of(relative(given, camera.world_from_camera))
             right = color.right[:6] + DEPTH_SHARE * depth.right[:6] - prior * off
-            camera = moved(camera, solve_positive(hessian, right))
+            twist = solve_positive(hessian, right)
+            camera = at_pose(camera, se3_retract(camera.world_from_camera, twist))
         pose = camera.world_from_camera
     if pose is None:
         raise ValueError("aligned: there is no frame")

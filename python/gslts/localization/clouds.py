@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from gslts._core import reloc as _core
-from gslts.core.camera import inverse_transform, lifted, transform
+from gslts.core.camera import unproject
 from gslts.core.gaussian_map import GaussianMap
+from gslts.core.se3 import inverse_transform, transform
 from gslts.localization.image_pyramid import Pictures
 from gslts.types import Floats
 
@@ -41,7 +42,7 @@ class SurfaceCloud:
         depth, camera = pictures.depths[level], pictures.frames[level].camera
         rows, columns = np.nonzero(depth)
         places = np.column_stack([columns, rows]).astype(np.float64) + 0.5
-        in_world = lifted(camera, places, depth[rows, columns].astype(np.float64))
+        in_world = unproject(camera, places, depth[rows, columns].astype(np.float64))
         in_camera = inverse_transform(camera.world_from_camera, in_world)
         guess = world_from_camera.copy()
         guess[:3, 3] -= self._origin

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gslts._core import edit as _edit
 from gslts._core import reloc as _core
 from gslts._core.map import GaussianViewFloat
-from gslts.core.camera import Camera, lifted, new_viewpoints
+from gslts.core.camera import Camera, new_viewpoints, unproject
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
@@ -183,7 +183,7 @@ def landmarks_of(
         pixels, looks = _core.features_of(grey_of(frame.rgb), sure, rule)
         columns, rows = np.floor(pixels).astype(np.intp).T
         places, depths_m = pixels.astype(np.float64), depth[rows, columns].astype(np.float64)
-        positions.append(lifted(frame.camera, places, depths_m))
+        positions.append(unproject(frame.camera, places, depths_m))
         descriptors.append(looks)
         cameras.append(frame.camera)
     counts = [len(one) for one in descriptors[1:]]

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from gslts.core.camera import apart, at_pose
+from gslts.core.camera import at_pose
 from gslts.core.frame import RgbdFrame
+from gslts.core.se3 import pose_distance
 from gslts.datasets.dataset import rigid
 from gslts.localization.relocalizer import Localization, Relocalizer
 from gslts.types import Floats
@@ -86,7 +87,7 @@ class Localizer:
         found = self._relocalizer.track(frame, expected)
         if found.status != "ok" or found.world_from_camera is None:
             return None
-        metres, turn_rad = apart(expected, found.world_from_camera)
+        metres, turn_rad = pose_distance(expected, found.world_from_camera)
         return found if metres < NEAR_M and turn_rad < NEAR_RAD else None
 
 

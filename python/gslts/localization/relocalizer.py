@@ -15,9 +15,10 @@ from typing import Literal
 import numpy as np
 
 from gslts._core import reloc as _core
-from gslts.core.camera import apart, at_pose
+from gslts.core.camera import at_pose
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
+from gslts.core.se3 import pose_distance
 from gslts.localization.clouds import SurfaceCloud
 from gslts.localization.coarse_maps import CoarseMaps
 from gslts.localization.config import RelocalizationConfig
@@ -252,5 +253,5 @@ def _lost(reason: str) -> Localization:
 
 
 def _are_apart(first: Floats, second: Floats) -> bool:
-    metres, turn_rad = apart(first, second)
+    metres, turn_rad = pose_distance(first, second)
     return metres > APART_M or turn_rad > APART_RAD

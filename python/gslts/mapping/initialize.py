@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gslts.core.camera import seen_from, twist_of
+from gslts.core.camera import shift_origin
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
+from gslts.core.se3 import twist_of
 from gslts.datasets import Dataset, PointCloud
 from gslts.mapping.clock import Clock
 from gslts.mapping.config import MappingConfig
@@ -105,7 +106,7 @@ def _origin(observations: Sequence[Observation]) -> Floats:
 def _frames(observations: Sequence[Observation], origin: Floats) -> list[RgbdFrame]:
     """In a frame that starts there."""
     frames = (one.rgbd() for one in observations)
-    return [replace(frame, camera=seen_from(frame.camera, origin)) for frame in frames]
+    return [replace(frame, camera=shift_origin(frame.camera, origin)) for frame in frames]
 
 
 def _find_rough_poses(

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gslts.core.camera import Camera, at_pose, moved, product, relative, twist_of
+from gslts.core.camera import Camera, at_pose
+from gslts.core.se3 import product, relative, se3_retract, twist_of
 from gslts.localization.alignment import PIXELS_PER_FACT, Alignment, NormalEquations, solve_positive
 from gslts.types import Floats
 
@@ -120,7 +121,7 @@ def corrected_lenses(lenses: Lenses, given: Lenses, looks: Sequence[Alignment]) 
     )
     step = solve_positive(system + np.diag(prior), right + prior * off)
     # exp(twist) moves the depth lens in the colour camera's frame, from the left.
-    twisted = moved(lenses.color, step[_TWIST]).world_from_camera
+    twisted = se3_retract(lenses.color.world_from_camera, step[_TWIST])
     turned = product(twisted, lenses.depth.world_from_camera)
     return Lenses(_changed(lenses.color, step[_COLOR]), at_pose(lenses.depth, turned))
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.core.camera import Camera, at_pose, product, relative, resized
+from gslts.core.camera import Camera, at_pose, downscale
 from gslts.core.frame import RgbdFrame, halved_depth, halved_mask, halved_rgb, register_depth
+from gslts.core.se3 import product, relative
 from gslts.localization.alignment import Alignment
 from gslts.mapping.lenses import Lenses
 from gslts.rendering.losses import Exposure
@@ -89,7 +90,7 @@ class Observation:
 
     def camera(self, level: int = 0) -> Camera:
         """Of the colours, at the corrected pose."""
-        return resized(at_pose(self.lenses.color, self.pose), 1 << level)
+        return downscale(at_pose(self.lenses.color, self.pose), 1 << level)
 
     def photo(self, level: int = 0) -> Floats32:
         """[H,W,3] sRGB, 0 to 1."""
@@ -104,7 +105,7 @@ class Observation:
         if self._registered is None or self._registered[0] != level:
             divisor = 1 << level
             depth_lens, color = (
-                resized(lens, divisor) for lens in (self.lenses.depth, self.lenses.color)
+                downscale(lens, divisor) for lens in (self.lenses.depth, self.lenses.color)
             )
             same = depth_lens == color
             depth = self.measured[level]

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gslts.core.camera import moved, seen_from, twist_of
+from gslts.core.camera import shift_origin
 from gslts.core.gaussian_map import SH_C0, GaussianMap
-from gslts.core.se3 import anchoring, moved_map
+from gslts.core.se3 import fit_rigid_motion, se3_retract, twist_of
 from gslts.localization.alignment import (
     DEPTH_SHARE,
     PIXELS_PER_FACT,
@@ -20,12 +20,19 @@ from gslts.localization.alignment import (
 from gslts.mapping import clock
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.density.control import joined, split
-from gslts.mapping.evaluation.evaluate import psnr_db
+from gslts.mapping.gauge import move_map
 from gslts.mapping.lenses import Lenses, after_step, corrected_lenses, pose_step
 from gslts.mapping.observation import Observation
 from gslts.mapping.seeding.hole_seeds import seeds_in_holes
 from gslts.rendering.adam import Adam, AdamRates
-from gslts.rendering.losses import Exposure, depth_loss, exposed, fit_exposure, photometric_loss
+from gslts.rendering.losses import (
+    Exposure,
+    apply_exposure,
+    depth_loss,
+    fit_exposure,
+    photometric_loss,
+)
+from gslts.rendering.metrics import psnr_db
 from gslts.rendering.rasterizer import Images, Rasterizer, RenderOptions
 from gslts.types import Floats32
 
@@ -177,7 +184,7 @@ class Optimizer:
         if config.fill_holes and self.epoch in HOLE_EPOCHS:
             self._fill_holes(observation, images, level)
         self.iteration += 1
-        shown = exposed(images.rgb[SHOWN_PIXELS], exposure)
+        shown = apply_exposure(images.rgb[SHOWN_PIXELS], exposure)
         return Progress(
             iteration=self.iteration,
             share=self.share,
@@ -195,7 +202,7 @@ class Optimizer:
         depth = alignment.depth
         weak = NormalEquations(DEPTH_SHARE * depth.hessian, DEPTH_SHARE * depth.right)
         twist = pose_step(Alignment(alignment.color, weak + prior_equations))
-        observation.pose = moved(observation.camera(), twist).world_from_camera
+        observation.pose = se3_retract(observation.pose, twist)
         whole = Alignment(alignment.color, depth + prior_equations)
         observation.look = after_step(whole, twist)
 
@@ -203,7 +210,7 @@ class Optimizer:
         exposure, old = observation.exposure, self.adam.map
         gain, offset = (np.array(one, np.float32) for one in (exposure.gain, exposure.offset))
         colors = ((observation.photo(level) - offset) / gain).clip(0, 1)
-        camera = seen_from(observation.camera(level), old.origin)
+        camera = shift_origin(observation.camera(level), old.origin)
         new = seeds_in_holes(camera, images, colors, observation.depth(level), old.sh_degree)
         most = self.config.max_gaussians
         if new is not None and (most is None or old.size + new.size <= most):
@@ -272,10 +279,10 @@ class Optimizer:
         given = np.array([one.given_pose for one in self.observations])
         from_cameras = old.means + (old.origin - poses[:, :3, 3].mean(axis=0))
         arm_m = float(np.median(np.linalg.norm(from_cameras, axis=1)))
-        motion = anchoring(poses, given, arm_m)
+        motion = fit_rigid_motion(poses, given, arm_m)
         for one in self.observations:
             one.pose = motion @ one.pose
-        return moved_map(old, motion)
+        return move_map(old, motion)
 
     def _correct_lenses(self) -> None:
         looks = [one.look for one in self.observations if one.look is not None]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.core.camera import Camera, at_pose, look_at, resized
+from gslts.core.camera import Camera, at_pose, downscale, look_at
 from gslts.core.gaussian_map import GaussianMap
 from gslts.navigation.visibility import aim, seen
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
@@ -83,7 +83,7 @@ class Lookout:
             sh=gaussian_map.sh[:, :1],
         )
         self._rasterizer, self._options = Rasterizer(gaussian_map.dtype), RenderOptions(threads=1)
-        self._lens = resized(camera, max(1, camera.width // WIDTH_PX))
+        self._lens = downscale(camera, max(1, camera.width // WIDTH_PX))
         self._eye_m = float(camera.world_from_camera[2, 3])
 
     def outlook(self, place: Floats, thing: Thing) -> Outlook:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.core.camera import Camera, inverse_transform
+from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
+from gslts.core.se3 import inverse_transform
 from gslts.semantics.relevance import CANONICAL, relevance
 from gslts.semantics.source import SemanticSource
 from gslts.types import Floats

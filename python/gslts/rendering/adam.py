@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts._core.raster import AdamDouble, AdamFloat, AdamOptions, AdamRates
+from gslts._core.optim import AdamDouble, AdamFloat, AdamOptions, AdamRates
 from gslts.core.gaussian_map import FloatArray, GaussianMap
 from gslts.rendering.rasterizer import Gradients
 

@@ -13,16 +13,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts._core import raster as _core
-from gslts._core.raster import Exposure
+from gslts._core import optim as _core
+from gslts._core.optim import Exposure
 from gslts.core.gaussian_map import FloatArray
 
 __all__ = [
     "DepthLoss",
     "Exposure",
     "PhotometricLoss",
+    "apply_exposure",
     "depth_loss",
-    "exposed",
     "fit_exposure",
     "photometric_loss",
 ]
@@ -67,7 +67,7 @@ def _of_dtype(name: str, function: str, array: NDArray[Any]) -> Any:
     return getattr(_core, function + suffix)
 
 
-def exposed(rgb: FloatArray, exposure: Exposure) -> FloatArray:
+def apply_exposure(rgb: FloatArray, exposure: Exposure) -> FloatArray:
     """[H,W,3] rendered colours as a photograph of that exposure shows them, of the same dtype."""
     gain, offset = (np.array(one, np.float32) for one in (exposure.gain, exposure.offset))
     result: FloatArray = gain * rgb + offset

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import torch
 
 MAX_BYTES = 1 << 30
-LEAST_PX = 31
+MIN_SIDE_PX = 31
 """Smaller pictures vanish between the layers."""
 CONVOLUTIONS = (
     # name in torchvision, channels in, channels out, kernel, stride, padding, pooled before
@@ -75,9 +75,9 @@ class Lpips:
                 f"Lpips: expected two [H,W,3] pictures of one size, got {first.shape} and "
                 f"{second.shape}"
             )
-        if min(first.shape[:2]) < LEAST_PX:
+        if min(first.shape[:2]) < MIN_SIDE_PX:
             raise ValueError(
-                f"Lpips: pictures need at least {LEAST_PX} px a side, got "
+                f"Lpips: pictures need at least {MIN_SIDE_PX} px a side, got "
                 f"{first.shape[1]} x {first.shape[0]}"
             )
         total = 0.0

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gslts.core.camera import Camera, at_pose, rotation_of_quat
+from gslts.core.camera import Camera, at_pose
+from gslts.core.se3 import rotation_of_quat
 from gslts.types import Floats
 
 SECTORS = 12

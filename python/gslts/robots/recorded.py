@@ -1,23 +1,24 @@
-"""A recorded data set as a robot, which can be wherever a frame was taken."""
+"""A robot that replays the frames of a recorded data set."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gslts.core.frame import RgbdFrame
+from gslts.types import Floats
 
 METRES_PER_RAD = 0.5
-"""What a wrong direction counts against a wrong place when the nearest frame is looked for."""
+"""Weight of a direction error against a position error in the search for the nearest frame, m/rad:
+at 2 m from an object, a smaller weight would prefer frames that do not show it."""
 
 
 class RecordedRobot:
-    """Replays frames; satisfies `gslts.core.robot.Robot`.
+    """A `Robot` that can be wherever a frame was taken; replays a recording through the protocol.
 
     Args:
-        frames: At least one; their cameras' world has z up.
+        frames: At least one; z points up in the world of their cameras.
 
     Raises:
         ValueError: There is no frame.
@@ -25,29 +26,42 @@ class RecordedRobot:
 
     def __init__(self, frames: Sequence[RgbdFrame]) -> None:
         if not frames:
-            raise ValueError("RecordedRobot: frames: there is none")
+            raise ValueError("RecordedRobot: frames: expected at least one frame, got none")
         self._frames = frames
         self._positions = np.array([f.camera.world_from_camera[:2, 3] for f in frames])
         self._ahead = np.array([frame.camera.world_from_camera[:3, 2] for frame in frames])
-        self._at = 0
+        self._current = 0
 
     def observe(self) -> RgbdFrame:
-        """The frame that it is at."""
-        return self._frames[self._at]
+        """Return the current frame, always the same object."""
+        return self._frames[self._current]
 
-    def reachable_positions(self) -> NDArray[np.float64]:
-        """[P,2] places from which there are frames, x and y in the world, m."""
+    def pose(self) -> Floats:
+        """Return [4,4] world_from_camera of the current frame, m."""
+        return self._frames[self._current].camera.world_from_camera
+
+    def reachable_positions(self) -> Floats:
+        """Return [P,2] distinct positions of the frames, x and y in the world, m."""
         return np.unique(self._positions, axis=0)
 
     def move_towards(
-        self, position: NDArray[np.float64], yaw_rad: float, pitch_rad: float | None = None
+        self, position: Floats, yaw_rad: float, pitch_rad: float | None = None
     ) -> bool:
-        """Goes to the frame whose place and direction are nearest; one is always found."""
+        """Make the frame with the nearest position and direction the current one.
+
+        Args:
+            position: (2,) x and y in the world, m.
+            yaw_rad: Direction, rad.
+            pitch_rad: Angle below the horizon, rad; None means that it does not count.
+
+        Returns:
+            True always: some frame is the nearest.
+        """
         metres = np.linalg.norm(self._positions - position, axis=1)
         x, y, z = self._ahead.T
         turns_rad = np.abs((np.arctan2(y, x) - yaw_rad + np.pi) % (2 * np.pi) - np.pi)
         if pitch_rad is not None:
             tilts_rad = np.arctan2(-z, np.hypot(x, y)) - pitch_rad
             turns_rad = np.hypot(turns_rad, tilts_rad)
-        self._at = int(np.argmin(metres + METRES_PER_RAD * turns_rad))
+        self._current = int(np.argmin(metres + METRES_PER_RAD * turns_rad))
         return True

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.core.camera import Camera, inverse_transform, resized
+from gslts.core.camera import Camera, downscale
 from gslts.core.gaussian_map import GaussianMap
+from gslts.core.se3 import inverse_transform
 from gslts.io.images import Picture, draw_box, heat_picture, picture_of, write_on
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.semantics.queries import Instance
@@ -23,7 +24,7 @@ COLDEST, HOTTEST = 0.5, 0.75
 """Relevance of what fits no better than anything, and about that of what fits."""
 
 
-def query_picture(
+def draw_query(
     gaussian_map: GaussianMap,
     relevance: NDArray[np.float32],
     instances: Sequence[Instance],
@@ -46,7 +47,7 @@ def query_picture(
 
     def shown(camera: Camera) -> float:
         """Pixels of the instance; those at the edge, where it may be cut off, count against it."""
-        small = resized(camera, max(1, camera.width // SMALL_PX))
+        small = downscale(camera, max(1, camera.width // SMALL_PX))
         seen = rasterizer.forward(marked, small, options).features[..., 0]
         edge = seen[[0, -1]].sum() + seen[:, [0, -1]].sum()
         return float(seen.sum() / seen.size - edge / sum(seen.shape))

@@ -7,7 +7,7 @@ from typing import Self
 
 from gslts.store.index import Index
 from gslts.store.manifest import require_versions
-from gslts.store.records import Event, Refusal, Version
+from gslts.store.records import Event, Rejection, Version
 
 INDEX = "versions.sqlite"
 
@@ -94,9 +94,9 @@ class History:
         undone = [event for event in events if event.version in old - new]
         return done, undone
 
-    def refusals(self) -> list[Refusal]:
+    def rejections(self) -> list[Rejection]:
         """The updates that were tried and changed nothing, the first one first."""
-        return self._index.refusals()
+        return self._index.rejections()
 
 
 def open_history(path: Path) -> History:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, TypeVar, get_args
 
 from gslts.io.atomic_files import naming
-from gslts.store.records import Blob, ChangeKind, Event, Kind, Refusal, Version
+from gslts.store.records import Blob, ChangeKind, Event, Kind, Rejection, Version
 
 SCHEMA = 1
 APPLICATION_ID = 0x67736C74
@@ -49,7 +49,7 @@ CREATE TABLE snapshots (
     key TEXT NOT NULL,
     bytes INTEGER NOT NULL
 ) STRICT;
-CREATE TABLE refusals (
+CREATE TABLE rejections (
     version INTEGER NOT NULL REFERENCES versions (number),
     time_s REAL NOT NULL,
     cause TEXT NOT NULL
@@ -146,14 +146,14 @@ class Index:
             )
         )
 
-    def refusals(self) -> list[Refusal]:
+    def rejections(self) -> list[Rejection]:
         """Updates that were tried and changed nothing, the first one first."""
         return self._rows(
-            "SELECT * FROM refusals ORDER BY rowid",
-            lambda row: Refusal(row["version"], _time_s(row), _cause(row)),
+            "SELECT * FROM rejections ORDER BY rowid",
+            lambda row: Rejection(row["version"], _time_s(row), _cause(row)),
         )
 
-    def refuse(self, refusal: Refusal) -> None:
+    def add_rejection(self, rejection: Rejection) -> None:
         """Notes that an update changed nothing.
 
         Raises:
@@ -161,8 +161,8 @@ class Index:
         """
         with self._transaction() as connection:
             connection.execute(
-                "INSERT INTO refusals VALUES (?, ?, ?)",
-                (refusal.version, refusal.time_s, json.dumps(refusal.cause)),
+                "INSERT INTO rejections VALUES (?, ?, ?)",
+                (rejection.version, rejection.time_s, json.dumps(rejection.cause)),
             )
 
     def events(self, object_type: str | None = None) -> list[Event]:

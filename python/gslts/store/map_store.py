@@ -26,7 +26,7 @@ from gslts.store.delta import (
 )
 from gslts.store.history import INDEX, History
 from gslts.store.index import Index
-from gslts.store.records import Blob, Event, Refusal, Version
+from gslts.store.records import Blob, Event, Rejection, Version
 from gslts.store.writer_lock import writer_lock
 
 BLOBS = "blobs"
@@ -214,7 +214,7 @@ class MapStore(History):
         self._index.add(version, self._written(arrays_of(gaussian_map)))
         return version
 
-    def refuse(self, cause: dict[str, Any]) -> None:
+    def add_rejection(self, cause: dict[str, Any]) -> None:
         """Notes an update that was tried and changed nothing.
 
         Args:
@@ -224,7 +224,7 @@ class MapStore(History):
             OSError: It cannot be written.
         """
         newest = self._index.newest()
-        self._index.refuse(Refusal(newest.number, self._now_s(newest), cause))
+        self._index.add_rejection(Rejection(newest.number, self._now_s(newest), cause))
 
     def restore(self, number: int) -> Version:
         """Makes an old version the newest one again; those between stay in the past.

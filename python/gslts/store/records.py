@@ -50,7 +50,7 @@ class Version:
 
 
 @dataclass(frozen=True)
-class Refusal:
+class Rejection:
     """Why a map stayed as it was.
 
     Attributes:

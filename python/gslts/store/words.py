@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Any
 
-from gslts.store.records import Event, Refusal, Version
+from gslts.store.records import Event, Rejection, Version
 
 
 def words_of_version(version: Version) -> str:
@@ -30,10 +30,10 @@ def words_of_event(event: Event) -> str:
     return f"{event.type} {way}"
 
 
-def words_of_refusal(refusal: Refusal) -> str:
+def words_of_rejection(rejection: Rejection) -> str:
     """Why the map stayed as it was."""
-    record = refusal.cause.get("record")
-    return f"not updated: {record.get('refused') if isinstance(record, dict) else None}"
+    record = rejection.cause.get("record")
+    return f"not updated: {record.get('rejected') if isinstance(record, dict) else None}"
 
 
 def words_of_time(time_s: float) -> str:

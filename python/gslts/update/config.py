@@ -62,7 +62,7 @@ class EditConfig(BaseModel):
     margin_m: Rate = 0.1
 
 
-LITERAL = EditConfig(
+GS_LTS = EditConfig(
     visible_votes=False,
     carve=False,
     sweep=False,

@@ -1,6 +1,6 @@
 """Pre-editing: which Gaussians go and which come, before any is refined.
 
-Source: GS-LTS, sec. III-D, Gaussian Editing based Scene Update. `LITERAL` is that as printed; each
+Source: GS-LTS, sec. III-D, Gaussian Editing based Scene Update. `GS_LTS` is that as printed; each
 setting of `EditConfig` mends one of its weaknesses.
 """
 
@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts._core import edit as _core
-from gslts._core.map import GaussianViewFloat, SurfaceVoxels
-from gslts.core.camera import seen_from
+from gslts._core.fusion import SurfaceVoxels
+from gslts._core.map import GaussianViewFloat
+from gslts.core.camera import shift_origin
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.mapping.density.control import joined
@@ -23,8 +24,8 @@ from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.types import Bools
 from gslts.update.config import EditConfig
 from gslts.update.evidence import shows
-from gslts.update.region import Site
-from gslts.update.views import View, near_site
+from gslts.update.region import Region
+from gslts.update.views import View, near_region
 
 PIXEL_STEP = 1
 """Every pixel is looked at: handles and legs are few pixels wide."""
@@ -59,7 +60,7 @@ class Edit:
 def pre_edit(
     gaussian_map: GaussianMap,
     views: Sequence[View],
-    sites: Sequence[Sequence[Site]],
+    regions: Sequence[Sequence[Region]],
     config: EditConfig,
     *,
     first_id: int | None = None,
@@ -74,7 +75,7 @@ def pre_edit(
     Args:
         gaussian_map: float32, at least one Gaussian.
         views: Of the changes, at least one.
-        sites: Of each change, where something is gone ("before") and is new ("after").
+        regions: Of each change, where something is gone ("before") and is new ("after").
         config: Settings.
         first_id: Of what is new; None means the next one after those of the map.
         threads: 0 means one a hardware thread.
@@ -84,7 +85,7 @@ def pre_edit(
     """
     if not views:
         raise ValueError("pre_edit: views: there is none")
-    every = [site for own in sites for site in own]
+    every = [region for own in regions for region in own]
     removed = removed_by(gaussian_map, views, every, config)
     if removed.all():
         raise ValueError("pre_edit: gaussian_map: all of it would be removed")
@@ -95,7 +96,7 @@ def pre_edit(
     new = _flat_ones(kept, frames, config) if config.flat else _like_nearest(kept, frames)
     if new.size == 0:
         return Edit(kept, removed, 0)
-    new = _painted(new, kept, gone, sites, config)
+    new = _painted(new, kept, gone, regions, config)
     if first_id is None:
         first_id = int(gaussian_map.ids.max()) + 1  # Not one of those that were removed.
     return Edit(joined(kept, new, first_id), removed, new.size)
@@ -104,7 +105,7 @@ def pre_edit(
 def removed_by(
     gaussian_map: GaussianMap,
     views: Sequence[View],
-    sites: Sequence[Site],
+    regions: Sequence[Region],
     config: EditConfig,
 ) -> Bools:
     """[N] the Gaussians of what is gone: G_target of the paper, and what is left of it.
@@ -112,12 +113,12 @@ def removed_by(
     Args:
         gaussian_map: float32.
         views: Of the changes.
-        sites: Where something changed.
+        regions: Where something changed.
         config: Settings.
     """
     cameras = [view.camera for view in views]
     removed = np.zeros(gaussian_map.size, np.bool_)
-    emptied = [site for site in sites if site.side == "before"]
+    emptied = [region for region in regions if region.side == "before"]
     if emptied:
         rendered = [view.rendered for view in views] if config.visible_votes else None
         masks = [np.ascontiguousarray(view.before) for view in views]
@@ -125,10 +126,10 @@ def removed_by(
             _view(gaussian_map), cameras, masks, rendered, _core.VoteRule()
         )
         # K of the paper is that of one region; a relocation has views of another one, too.
-        of_region = sum(any(shows(view.frame, site) for site in emptied) for view in views)
+        of_region = sum(any(shows(view.frame, region) for region in emptied) for view in views)
         of = seen if config.visible_votes else of_region
         removed |= votes > config.vote_share * of
-    near = near_sites(gaussian_map, sites, config.margin_m)
+    near = near_regions(gaussian_map, regions, config.margin_m)
     if config.carve:
         on, through = sightings(gaussian_map, views)
         removed |= near & (through >= min(LEAST_THROUGH, len(views))) & (through > on)
@@ -155,23 +156,23 @@ def sightings(
     return _core.sightings_of(_view(gaussian_map), cameras, depths, _core.DepthRule())
 
 
-def near_sites(gaussian_map: GaussianMap, sites: Sequence[Site], margin_m: float) -> Bools:
-    """[N] which centres are in the boxes of sites, or near them.
+def near_regions(gaussian_map: GaussianMap, regions: Sequence[Region], margin_m: float) -> Bools:
+    """[N] which centres are in the boxes of regions, or near them.
 
     Args:
         gaussian_map: Of any dtype.
-        sites: In the world.
+        regions: In the world.
         margin_m: How near to a box.
     """
     centres = gaussian_map.means + gaussian_map.origin
-    near = [site.contains(centres, margin_m) for site in sites]
+    near = [region.contains(centres, margin_m) for region in regions]
     return np.any(near, axis=0) if near else np.zeros(gaussian_map.size, np.bool_)
 
 
 def _wanted(
     kept: GaussianMap,
     views: Sequence[View],
-    sites: Sequence[Site],
+    regions: Sequence[Region],
     config: EditConfig,
     threads: int,
 ) -> list[Bools]:
@@ -182,8 +183,8 @@ def _wanted(
     wanted = []
     for view in views:
         near = np.zeros(view.changed.shape, np.bool_)
-        for site in sites:
-            near |= near_site(view.depth, view.camera, site, config.margin_m)
+        for region in regions:
+            near |= near_region(view.depth, view.camera, region, config.margin_m)
         images = rasterizer.forward(kept, view.camera, options, mask=near | view.changed)
         farther_m = images.depth - view.depth
         shown = (images.alpha >= SHOWN_ALPHA) & (farther_m < SHOWN_M + SHOWN_SHARE * view.depth)
@@ -197,7 +198,7 @@ def _frames(kept: GaussianMap, views: Sequence[View], wanted: Sequence[Bools]) -
     frames = []
     for view, mask in zip(views, wanted, strict=True):
         colors = np.rint(255 * view.colors.clip(0, 1)).astype(np.uint8)
-        camera = seen_from(view.camera, kept.origin)
+        camera = shift_origin(view.camera, kept.origin)
         allowed = mask if view.frame.mask is None else mask & view.frame.mask
         frames.append(RgbdFrame(colors, view.depth, camera, mask=allowed))
     return frames
@@ -238,7 +239,7 @@ def _painted(
     new: GaussianMap,
     kept: GaussianMap,
     gone: GaussianMap,
-    sites: Sequence[Sequence[Site]],
+    regions: Sequence[Sequence[Region]],
     config: EditConfig,
 ) -> GaussianMap:
     """New Gaussians with features, and with colours if these are not those that were observed.
@@ -250,13 +251,13 @@ def _painted(
     nearest, _ = _core.nearest_gaussians(_view(kept), new.means, 1)
     sh, features = kept.sh[nearest[:, 0]], kept.features[nearest[:, 0]]
     rng = np.random.default_rng(0)
-    for own in sites:
+    for own in regions:
         before, after = (
-            [site for site in own if site.side == side] for side in ("before", "after")
+            [region for region in own if region.side == side] for side in ("before", "after")
         )
-        rows = np.flatnonzero(near_sites(new, after, config.margin_m))
+        rows = np.flatnonzero(near_regions(new, after, config.margin_m))
         features[rows] = 0
-        was = np.flatnonzero(near_sites(gone, before, config.margin_m))
+        was = np.flatnonzero(near_regions(gone, before, config.margin_m))
         if len(was):  # The object moved.
             drawn = rng.choice(was, len(rows))
             sh[rows], features[rows] = gone.sh[drawn], gone.features[drawn]

@@ -11,15 +11,15 @@ from gslts._core import detect as _core
 from gslts.change.changes import Change
 from gslts.change.detector import Detection
 from gslts.core.frame import RgbdFrame
-from gslts.update.region import Site
+from gslts.update.region import Region
 from gslts.update.views import View, masks_of
 
 Answer = Literal["shown", "not shown", "not known"]
 
 INSIDE = 0.06
-"""Share of the image's width by which the middle of a site must lie within it."""
+"""Share of the image's width by which the middle of a region must lie within it."""
 HIDDEN_M = 0.15
-"""What is measured so much before a site hides it."""
+"""What is measured so much before a region hides it."""
 LEAST_VIEWS = 2
 MOST_LOG_ODDS = 3.0
 """Of a change, by one view: 20 to 1 for it at most, and as much against it where nothing is seen.
@@ -28,10 +28,10 @@ LEAST_MEASURED = 0.1
 """Share of what changed in which depth must be measured."""
 
 
-def shows(frame: RgbdFrame, site: Site) -> bool:
-    """Whether the middle of a site is in a frame and nothing is before it."""
+def shows(frame: RgbdFrame, region: Region) -> bool:
+    """Whether the middle of a region is in a frame and nothing is before it."""
     camera = frame.camera
-    middle = site.middle_in(camera)
+    middle = region.middle_in(camera)
     if middle is None:
         return False
     u, v, z = middle
@@ -39,13 +39,13 @@ def shows(frame: RgbdFrame, site: Site) -> bool:
     if not (margin <= u < camera.width - margin and margin <= v < camera.height - margin):
         return False
     depth = frame.registered().depth[int(v), int(u)]
-    reach_m = HIDDEN_M + 0.5 * float(np.linalg.norm(site.high - site.low))
+    reach_m = HIDDEN_M + 0.5 * float(np.linalg.norm(region.high - region.low))
     return not bool(0 < depth < z - reach_m)
 
 
 def shown_of(
     change: Change,
-    sites: Sequence[Site],
+    regions: Sequence[Region],
     seen: Sequence[tuple[View, Detection]],
     skipped: Sequence[str],
 ) -> Change | str:
@@ -55,15 +55,15 @@ def shown_of(
 
     Args:
         change: As detected.
-        sites: Where it is to be seen.
+        regions: Where it is to be seen.
         seen: Views of these and of other places, and what was detected in them.
         skipped: Why other frames do not count.
     """
-    if not sites:
+    if not regions:
         return "its place is not known"
-    answers = [_judged(site, seen, skipped) for site in sites]
-    shown = [site for site, (what, _) in zip(sites, answers, strict=True) if what == "shown"]
-    if len(shown) == len(sites):
+    answers = [_judged(region, seen, skipped) for region in regions]
+    shown = [region for region, (what, _) in zip(regions, answers, strict=True) if what == "shown"]
+    if len(shown) == len(regions):
         return change
     if shown and not any(what == "not known" for what, _ in answers):
         return change.end(shown[0].side)
@@ -71,22 +71,22 @@ def shown_of(
 
 
 def _judged(
-    site: Site, seen: Sequence[tuple[View, Detection]], skipped: Sequence[str]
+    region: Region, seen: Sequence[tuple[View, Detection]], skipped: Sequence[str]
 ) -> tuple[Answer, str]:
     """Whether views show a change at a place, and why if they do not."""
-    own = [(view, detection) for view, detection in seen if shows(view.frame, site)]
+    own = [(view, detection) for view, detection in seen if shows(view.frame, region)]
     if len(own) < LEAST_VIEWS:
         why = skipped[0] if skipped else "the robot offers no other frame"
         return "not known", f"{len(own)} view(s) show the change, {LEAST_VIEWS} are needed: {why}"
-    log_odds = [_log_odds(site, detection) for _, detection in own]
+    log_odds = [_log_odds(region, detection) for _, detection in own]
     if sum(log_odds) <= 0:
         showing = sum(one > 0 for one in log_odds)
-        what = "something gone" if site.side == "before" else "something new"
+        what = "something gone" if region.side == "before" else "something new"
         return "not shown", f"only {showing} of {len(own)} views show {what} there"
     masks = []
     for view, detection in own:
-        before, after = masks_of(detection, view.changed.shape, [site])
-        masks.append(before if site.side == "before" else after)
+        before, after = masks_of(detection, view.changed.shape, [region])
+        masks.append(before if region.side == "before" else after)
     changed = sum(int(mask.sum()) for mask in masks)
     measured = sum(
         int(np.count_nonzero(view.depth[mask])) for (view, _), mask in zip(own, masks, strict=True)
@@ -97,8 +97,8 @@ def _judged(
     return "shown", ""
 
 
-def _log_odds(site: Site, detection: Detection) -> float:
-    """How likely one view makes a change at a site, as the logarithm of the odds, bounded."""
-    certainties = [_core.certainty(one) for one in detection.surfaces if site.is_of(one)]
+def _log_odds(region: Region, detection: Detection) -> float:
+    """How likely one view makes a change at a region, as the logarithm of the odds, bounded."""
+    certainties = [_core.certainty(one) for one in detection.surfaces if region.is_of(one)]
     certainty = np.clip(max(certainties, default=0.0), 1e-9, 1 - 1e-9)
     return float(np.clip(np.log(certainty / (1 - certainty)), -MOST_LOG_ODDS, MOST_LOG_ODDS))

@@ -13,11 +13,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts._core.map import SurfaceVoxels
-from gslts.core.camera import lifted
+from gslts._core.fusion import SurfaceVoxels
+from gslts.core.camera import unproject
 from gslts.types import Bools, Floats, Floats32
-from gslts.update.region import Side, Site
-from gslts.update.views import View, near_site
+from gslts.update.region import Region, Side
+from gslts.update.views import View, near_region
 
 STEP_M, STEP_PER_M = 0.025, 0.006
 """A surface is nearer than another by so much, m, and by so much times its squared depth more."""
@@ -45,16 +45,16 @@ MOST_PAIRS = 1 << 20
 
 
 def extended(
-    sites: Sequence[Site], views: Sequence[View]
-) -> tuple[tuple[Site, ...], tuple[View, ...]]:
+    regions: Sequence[Region], views: Sequence[View]
+) -> tuple[tuple[Region, ...], tuple[View, ...]]:
     """Sites, and masks of views, with all that hangs together with what was detected.
 
     Args:
-        sites: As detected.
+        regions: As detected.
         views: Of them.
 
     Returns:
-        The sites with larger boxes, and the views with larger masks.
+        The regions with larger boxes, and the views with larger masks.
     """
     differing: dict[Side, list[Bools]] = {
         side: [_differing(view, side) for view in views] for side in ("before", "after")
@@ -65,12 +65,14 @@ def extended(
         "after": [view.after.copy() for view in views],
     }
     grown = []
-    for site in sites:
-        points = _points(site, views, differing[site.side])
-        larger = _around(site, points[_connected(points, site, GAP)])
-        for view, mask, here in zip(views, masks[site.side], differing[site.side], strict=True):
-            mask |= here & near_site(_surface(view, site.side), view.camera, larger, VOXEL_M / 2)
-        if site.side == "after":
+    for region in regions:
+        points = _points(region, views, differing[region.side])
+        larger = _around(region, points[_connected(points, region, GAP)])
+        for view, mask, here in zip(views, masks[region.side], differing[region.side], strict=True):
+            mask |= here & near_region(
+                _surface(view, region.side), view.camera, larger, VOXEL_M / 2
+            )
+        if region.side == "after":
             points, lying = _lying(larger, views, recolored)
             larger = _around(larger, points)
             for mask, here in zip(masks["after"], lying, strict=True):
@@ -138,11 +140,11 @@ def _means(values: Floats32, labels: NDArray[np.int64], last: int) -> Floats:
     return means
 
 
-def _points(site: Site, views: Sequence[View], masks: Sequence[Bools]) -> Floats:
-    """[P,3] of the surfaces of a site's time in some masks: one a voxel that enough views show."""
+def _points(region: Region, views: Sequence[View], masks: Sequence[Bools]) -> Floats:
+    """[P,3] of the surfaces of a region's time in some masks: one per voxel."""
     voxels = SurfaceVoxels(VOXEL_M, 1)
     for view, mask in zip(views, masks, strict=True):
-        surface = np.ascontiguousarray(_surface(view, site.side))
+        surface = np.ascontiguousarray(_surface(view, region.side))
         voxels.add(surface, view.frame.rgb, view.camera, np.ascontiguousarray(mask))
     _, sums, hits = voxels.voxels()
     points: Floats = (sums[:, 1:4] / sums[:, :1])[hits >= min(LEAST_VIEWS, len(views))]
@@ -150,21 +152,21 @@ def _points(site: Site, views: Sequence[View], masks: Sequence[Bools]) -> Floats
 
 
 def _lying(
-    site: Site, views: Sequence[View], recolored: Sequence[Bools]
+    region: Region, views: Sequence[View], recolored: Sequence[Bools]
 ) -> tuple[Floats, list[Bools]]:
-    """What lies flat in or beside a site.
+    """What lies flat in or beside a region.
 
     Returns:
         [P,3] the middles of its voxels, and [H,W] of each view, what it shows of them.
     """
-    low = site.low - MOST_M
-    shape = np.floor((site.high + MOST_M - low) / VOXEL_M).astype(np.int64) + 1
+    low = region.low - MOST_M
+    shape = np.floor((region.high + MOST_M - low) / VOXEL_M).astype(np.int64) + 1
     measured, changed, showing = np.zeros((3, shape.prod()))
     places = []
     for view, other in zip(views, recolored, strict=True):
-        rows, columns = np.nonzero(near_site(view.depth, view.camera, site, MOST_M))
+        rows, columns = np.nonzero(near_region(view.depth, view.camera, region, MOST_M))
         pixels = np.column_stack([columns + 0.5, rows + 0.5])
-        points = lifted(view.camera, pixels, view.depth[rows, columns].astype(np.float64))
+        points = unproject(view.camera, pixels, view.depth[rows, columns].astype(np.float64))
         cells = ((points - low) / VOXEL_M).astype(np.int64).clip(0, shape - 1)
         voxels = np.ravel_multi_index(tuple(cells.T), tuple(shape))
         counts = np.bincount(voxels, other[rows, columns], shape.prod())
@@ -174,7 +176,7 @@ def _lying(
         places.append((rows, columns, voxels))
     found = np.flatnonzero((changed > measured / 2) & (showing >= min(LEAST_VIEWS, len(views))))
     middles = low + VOXEL_M * (np.column_stack(np.unravel_index(found, tuple(shape))) + 0.5)
-    together = _connected(middles, site, FLAT_GAP)
+    together = _connected(middles, region, FLAT_GAP)
     lies = np.zeros(shape.prod(), np.bool_)
     lies[found[together]] = True
     masks = [np.zeros(view.depth.shape, np.bool_) for view in views]
@@ -183,18 +185,18 @@ def _lying(
     return middles[together], masks
 
 
-def _around(site: Site, points: Floats) -> Site:
-    """The site with a box that points are in as well."""
-    low = np.min([site.low, *(points - VOXEL_M / 2)], axis=0)
-    high = np.max([site.high, *(points + VOXEL_M / 2)], axis=0)
-    return Site(site.side, low, high)
+def _around(region: Region, points: Floats) -> Region:
+    """The region with a box that points are in as well."""
+    low = np.min([region.low, *(points - VOXEL_M / 2)], axis=0)
+    high = np.max([region.high, *(points + VOXEL_M / 2)], axis=0)
+    return Region(region.side, low, high)
 
 
-def _connected(points: Floats, site: Site, gap: int) -> Bools:
-    """[P] which points are reached from a site over others, at most so many voxels apart."""
+def _connected(points: Floats, region: Region, gap: int) -> Bools:
+    """[P] which points are reached from a region over others, at most so many voxels apart."""
     cells = np.floor(points / VOXEL_M).astype(np.int64)
-    near = site.contains(points, MOST_M)
-    reached = site.contains(points, VOXEL_M)
+    near = region.contains(points, MOST_M)
+    reached = region.contains(points, VOXEL_M)
     frontier = cells[reached]
     while len(frontier):
         left = np.flatnonzero(near & ~reached)

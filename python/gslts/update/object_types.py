@@ -9,8 +9,8 @@ import numpy as np
 
 from gslts.change.changes import Change
 from gslts.store.records import Event
-from gslts.update.region import Site
-from gslts.update.views import View, near_site
+from gslts.update.region import Region
+from gslts.update.views import View, near_region
 
 UNKNOWN = "object"
 MARGIN_M = 0.02
@@ -25,7 +25,7 @@ def type_of(
     change: Change,
     views: Iterable[View],
     events: Sequence[Event],
-    named: Callable[[Site], str | None] = lambda _: None,
+    named: Callable[[Region], str | None] = lambda _: None,
 ) -> str:
     """The type of an object, such as "Mug"; "object" where nobody knows it.
 
@@ -33,23 +33,23 @@ def type_of(
         change: Of the object.
         views: Around it, after the change; their frames may have labels.
         events: What became of objects before, the first one first.
-        named: What the Gaussians of the map mean that vanished from a site.
+        named: What the Gaussians of the map mean that vanished from a region.
     """
     before, after = change.boxes
-    seen = None if after is None else _seen(Site("after", *after), views)
+    seen = None if after is None else _seen(Region("after", *after), views)
     if seen is None and before is not None:
-        site = Site("before", *before)
-        seen = _known(site, events) or named(site)
+        region = Region("before", *before)
+        seen = _known(region, events) or named(region)
     return seen or UNKNOWN
 
 
-def _seen(site: Site, views: Iterable[View]) -> str | None:
+def _seen(region: Region, views: Iterable[View]) -> str | None:
     """What most pixels of what is new show."""
     votes: Counter[str] = Counter()
     for view in views:
         labels = view.frame.labels
         if labels is not None:
-            new = view.after & near_site(view.depth, view.camera, site, MARGIN_M)
+            new = view.after & near_region(view.depth, view.camera, region, MARGIN_M)
             rows, counts = np.unique(labels.instances[new], return_counts=True)
             for row, count in zip(rows.tolist(), counts.tolist(), strict=True):
                 if row >= 0:
@@ -60,11 +60,11 @@ def _seen(site: Site, views: Iterable[View]) -> str | None:
     return name if count >= LEAST_SHARE * votes.total() else None
 
 
-def _known(site: Site, events: Sequence[Event]) -> str | None:
+def _known(region: Region, events: Sequence[Event]) -> str | None:
     """What came to a place last."""
     for event in reversed(events):
         if event.type != UNKNOWN and event.boxes[1] is not None:
             middle = np.mean(event.boxes[1], axis=0)
-            if site.contains(middle, NEAR_M):
+            if region.contains(middle, NEAR_M):
                 return event.type
     return None

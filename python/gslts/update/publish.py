@@ -17,14 +17,14 @@ from gslts.core.gaussian_map import GaussianMap
 from gslts.io.atomic_files import write_whole
 from gslts.localization.landmark_files import KEY, has_landmarks, keep_landmarks
 from gslts.localization.landmarks import landmarks_of
-from gslts.semantics.map_semantics import Meaning
+from gslts.semantics.map_semantics import MapSemantics
 from gslts.store.map_folder import picture_path, plain_camera
 from gslts.store.map_store import MapStore
 from gslts.store.records import Event, Version
 from gslts.update.config import UpdateConfig
-from gslts.update.edit import near_sites
+from gslts.update.edit import near_regions
 from gslts.update.object_types import type_of
-from gslts.update.region import Site
+from gslts.update.region import Region
 from gslts.update.report_image import update_picture
 from gslts.update.updater import Update
 
@@ -43,7 +43,7 @@ def published(
     result: Update,
     config: UpdateConfig,
     more: Mapping[str, Any] | None = None,
-    meaning: Meaning | None = None,
+    semantics: MapSemantics | None = None,
 ) -> Version | None:
     """Adds a version of an updated map, and a picture of it; of what stays as it was, only why.
 
@@ -56,7 +56,7 @@ def published(
         result: Of the update.
         config: It was made with.
         more: Of its cause, in values of JSON.
-        meaning: Of the features of the map; gives names to what is gone.
+        semantics: Of the map; names the objects that are gone.
 
     Raises:
         OSError: It cannot be written; then the newest version is what it was, or only the picture
@@ -70,8 +70,8 @@ def published(
         "config": config.model_dump(mode="json"),
         **(more or {}),
     }
-    if result.record.refused is not None:
-        store.refuse({**cause, "changes": [_plain(one) for one, _ in result.left]})
+    if result.record.rejected is not None:
+        store.add_rejection({**cause, "changes": [_plain(one) for one, _ in result.left]})
         return None
     seen_from = [view.camera for view in result.views]
     cause["frames"] = [
@@ -97,18 +97,18 @@ def published(
 
     vanished = ~np.isin(before.ids, result.gaussian_map.ids)
 
-    def gone_from(site: Site) -> NDArray[np.intp]:
-        return np.flatnonzero(vanished & near_sites(before, [site], 0.0))
+    def gone_from(region: Region) -> NDArray[np.intp]:
+        return np.flatnonzero(vanished & near_regions(before, [region], 0.0))
 
-    def named(site: Site) -> str | None:
-        return None if meaning is None else meaning.name_of(before, gone_from(site))
+    def named(region: Region) -> str | None:
+        return None if semantics is None else semantics.name_of(before, gone_from(region))
 
     def boxes(change: Change) -> tuple[Any, Any]:
         """What is gone is where its Gaussians were: a look may take for it what is behind."""
         first, after = _boxes(change)
         if change.boxes[0] is None:
             return first, after
-        rows = gone_from(Site("before", *change.boxes[0]))
+        rows = gone_from(Region("before", *change.boxes[0]))
         if len(rows) >= LEAST_GONE:
             centres = before.means[rows] + before.origin
             first = np.quantile(centres, (STRAYS, 1 - STRAYS), axis=0).tolist()
@@ -120,7 +120,9 @@ def published(
     ]
     version = store.commit(result.gaussian_map, cause, events)
     for change, why in result.left:
-        store.refuse({"changes": [_plain(change)], "record": {"refused": why}, **(more or {})})
+        store.add_rejection(
+            {"changes": [_plain(change)], "record": {"rejected": why}, **(more or {})}
+        )
     picture = Image.fromarray(
         update_picture(before, result.gaussian_map, result.views, config.threads)
     )

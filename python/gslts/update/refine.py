@@ -15,7 +15,7 @@ from gslts.rendering.losses import Exposure, depth_loss, photometric_loss
 from gslts.rendering.rasterizer import Gradients, Rasterizer, RenderOptions
 from gslts.types import Bools, Floats32
 from gslts.update.config import RefineConfig
-from gslts.update.region import Site
+from gslts.update.region import Region
 from gslts.update.views import View
 
 Watch = Callable[[int, Callable[[], GaussianMap]], None]
@@ -152,19 +152,21 @@ class _Fit:
         return replace(self._whole, **arrays)
 
 
-def targets_of(views: Iterable[View], sites: Sequence[Site], config: RefineConfig) -> list[Target]:
+def targets_of(
+    views: Iterable[View], regions: Sequence[Region], config: RefineConfig
+) -> list[Target]:
     """What views show, and where they are compared with the map.
 
     Args:
         views: Of the changes.
-        sites: Where something changed.
+        regions: Where something changed.
         config: Settings; its scope decides where.
     """
     targets = []
     for view in views:
         mask = view.frame.mask
         if config.scope == "region":
-            mask = around(view, sites, config.around_px)
+            mask = around(view, regions, config.around_px)
             if not mask.any():
                 continue
         photo = view.frame.rgb.astype(np.float32) / np.float32(255)
@@ -179,7 +181,7 @@ def remembered(
     before: GaussianMap,
     edited: GaussianMap,
     cameras: Sequence[Camera],
-    sites: Sequence[Site],
+    regions: Sequence[Region],
     config: RefineConfig,
     *,
     threads: int = 0,
@@ -190,16 +192,16 @@ def remembered(
         before: The map before the edit.
         edited: And after it.
         cameras: Of the frames that it was made of.
-        sites: Where something changed.
+        regions: Where something changed.
         config: Settings.
         threads: 0 means one a hardware thread.
     """
     rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
     targets = []
-    for camera in _spread(cameras, sites, config.remembered):
+    for camera in _spread(cameras, regions, config.remembered):
         mask = np.zeros((camera.height, camera.width), np.bool_)
-        for site in sites:
-            _add_rectangle(mask, site.rectangle(camera, config.around_px))
+        for region in regions:
+            _add_rectangle(mask, region.rectangle(camera, config.around_px))
         new = rasterizer.forward(edited, camera, options, mask=mask)
         old = rasterizer.forward(before, camera, options, mask=mask)
         apart = np.abs(new.rgb - old.rgb).max(axis=2) > EDITED
@@ -211,9 +213,9 @@ def remembered(
     return targets
 
 
-def _spread(cameras: Sequence[Camera], sites: Sequence[Site], count: int) -> list[Camera]:
-    """Cameras that look at sites, from places as different as can be."""
-    looking = [one for one in cameras if any(site.middle_in(one) for site in sites)]
+def _spread(cameras: Sequence[Camera], regions: Sequence[Region], count: int) -> list[Camera]:
+    """Cameras that look at regions, from places as different as can be."""
+    looking = [one for one in cameras if any(region.middle_in(one) for region in regions)]
     places = np.array([one.world_from_camera[:3, 3] for one in looking]).reshape(-1, 3)
     nearest_m = np.full(len(looking), np.inf)
     chosen: list[Camera] = []
@@ -231,17 +233,17 @@ def _add_rectangle(mask: Bools, rectangle: tuple[int, int, int, int] | None) -> 
         mask[y0:y1, x0:x1] = True
 
 
-def around(view: View, sites: Sequence[Site], margin_px: int) -> Bools:
-    """[H,W] the pixels of a view that may show sites, and those around.
+def around(view: View, regions: Sequence[Region], margin_px: int) -> Bools:
+    """[H,W] the pixels of a view that may show regions, and those around.
 
     Args:
         view: Of the changes.
-        sites: Where something changed.
-        margin_px: How far around the boxes of the sites.
+        regions: Where something changed.
+        margin_px: How far around the boxes of the regions.
     """
     mask = np.zeros(view.changed.shape, np.bool_)
-    for site in sites:
-        _add_rectangle(mask, site.rectangle(view.camera, margin_px))
+    for region in regions:
+        _add_rectangle(mask, region.rectangle(view.camera, margin_px))
     return mask if view.frame.mask is None else mask & view.frame.mask
 
 

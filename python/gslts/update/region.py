@@ -10,18 +10,19 @@ import numpy as np
 
 from gslts._core import detect as _core
 from gslts.change.changes import Change
-from gslts.core.camera import Camera, inverse_transform
+from gslts.core.camera import Camera
+from gslts.core.se3 import inverse_transform
 from gslts.types import Bools, Floats
 
 Side = Literal["before", "after"]
 
 NEAR_M = 0.15
-"""A surface so near to a site may be a part of it."""
+"""A surface so near to a region may be a part of it."""
 CORNERS = np.array([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)])
 
 
 @dataclass(frozen=True, eq=False)
-class Site:
+class Region:
     """A place where something is gone, or is new.
 
     Attributes:
@@ -58,16 +59,16 @@ class Site:
         inside = 0 <= u < camera.width and 0 <= v < camera.height
         return (float(u), float(v), float(z)) if inside else None
 
-    def grown(self, margin_m: float) -> Site:
-        """The site with a larger box."""
-        return Site(self.side, self.low - margin_m, self.high + margin_m)
+    def grown(self, margin_m: float) -> Region:
+        """The region with a larger box."""
+        return Region(self.side, self.low - margin_m, self.high + margin_m)
 
-    def with_surfaces(self, surfaces: Iterable[_core.Surface]) -> Site:
-        """The site with the boxes of surfaces that are parts of it."""
+    def with_surfaces(self, surfaces: Iterable[_core.Surface]) -> Region:
+        """The region with the boxes of surfaces that are parts of it."""
         boxes = [(one.low, one.high) for one in surfaces]
         low = np.min([self.low, *(low for low, _ in boxes)], axis=0)
         high = np.max([self.high, *(high for _, high in boxes)], axis=0)
-        return Site(self.side, low, high)
+        return Region(self.side, low, high)
 
     def rectangle(self, camera: Camera, margin_px: int) -> tuple[int, int, int, int] | None:
         """Columns [x0, x1) and rows [y0, y1) around the box in an image; None beside it."""
@@ -82,12 +83,12 @@ class Site:
         return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else None
 
 
-def sites_of(change: Change) -> tuple[Site, ...]:
+def regions_of(change: Change) -> tuple[Region, ...]:
     """Where a change is to be looked at; none if only its pixels are known."""
     before, after = change.boxes
-    sites = []
+    regions = []
     if before is not None:
-        sites.append(Site("before", *before))
+        regions.append(Region("before", *before))
     if after is not None:
-        sites.append(Site("after", *after))
-    return tuple(sites)
+        regions.append(Region("after", *after))
+    return tuple(regions)

@@ -9,7 +9,7 @@ import numpy as np
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
 from gslts.io.images import Picture, picture_of, write_on
-from gslts.rendering.losses import exposed
+from gslts.rendering.losses import apply_exposure
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.update.views import View
 
@@ -39,7 +39,7 @@ def update_picture(
         tiles = [view.frame.rgb.copy()]
         for gaussian_map in (before, after):
             rgb = rasterizer.forward(gaussian_map, view.camera, options).rgb
-            tiles.append(picture_of(exposed(rgb, view.exposure)))
+            tiles.append(picture_of(apply_exposure(rgb, view.exposure)))
         for tile, words in zip(tiles, ("seen", "map before", "map after"), strict=True):
             write_on(tile, words, (8, 20), WHITE)
         rows.append(np.concatenate(tiles, axis=1))

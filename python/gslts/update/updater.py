@@ -18,12 +18,13 @@ from gslts.change.detector import ChangeDetector
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
-from gslts.semantics.map_semantics import Meaning
+from gslts.rendering.metrics import psnr_from_mse_db
+from gslts.semantics.map_semantics import MapSemantics
 from gslts.types import Bools
 from gslts.update.config import UpdateConfig
-from gslts.update.edit import Edit, near_sites, pre_edit, sightings
+from gslts.update.edit import Edit, near_regions, pre_edit, sightings
 from gslts.update.refine import Refined, Watch, refine, remembered, targets_of
-from gslts.update.region import Site
+from gslts.update.region import Region
 from gslts.update.verify import doubt_left, error_around, split_held_back
 from gslts.update.view_collection import Collection, collect
 from gslts.update.views import View
@@ -37,7 +38,7 @@ LEAST_AGAINST = 2
 MOST_UNSTEADY = 0.3
 """Share of what comes and goes that may have moved while it was looked at."""
 MEANING_M = 0.02
-"""Beyond a site, what stays there may mean something else: the table under what is gone."""
+"""Beyond a region, what stays there may mean something else: the table under what is gone."""
 WHOLE_SIGMAS = 2
 """A Gaussian is within so many of its standard deviations, nearly."""
 SETTLED = 0.5
@@ -54,7 +55,7 @@ class Record:
     """What was done.
 
     Attributes:
-        refused: Why the map stays as it was; None if it was updated.
+        rejected: Why the map stays as it was; None if it was updated.
         kinds: Of the changes that were to be made.
         views: Used for it, and held back.
         skipped: Why other frames do not count.
@@ -64,7 +65,7 @@ class Record:
         seconds: By stage.
     """
 
-    refused: str | None
+    rejected: str | None
     kinds: tuple[str, ...] = ()
     views: tuple[int, int] = (0, 0)
     skipped: tuple[str, ...] = ()
@@ -86,12 +87,12 @@ class Update:
     """What became of a map.
 
     Attributes:
-        gaussian_map: The updated map, or the one given where the update was refused.
-        changes: That it shows now; none where the update was refused.
+        gaussian_map: The updated map, or the one given where the update was rejected.
+        changes: That it shows now; none where the update was rejected.
         left: Changes that it does not show, and why.
         record: What was done.
         views: That were collected, those used first.
-        sites: Where something changed.
+        regions: Where something changed.
     """
 
     gaussian_map: GaussianMap
@@ -99,7 +100,7 @@ class Update:
     left: tuple[tuple[Change, str], ...]
     record: Record
     views: tuple[View, ...]
-    sites: tuple[Site, ...]
+    regions: tuple[Region, ...]
 
 
 def update(
@@ -111,7 +112,7 @@ def update(
     *,
     detector: ChangeDetector | None = None,
     first_id: int | None = None,
-    meaning: Meaning | None = None,
+    semantics: MapSemantics | None = None,
     tell: Tell = lambda _: None,
 ) -> Update:
     """Lets a robot look at changes closely, and brings the map up to date with them.
@@ -128,7 +129,7 @@ def update(
         config: Settings; None means the defaults.
         detector: Of the map; None means one with default settings.
         first_id: Of Gaussians that are new; None means the next one after those of the map.
-        meaning: Of the features of the map; what is new means what frames show.
+        semantics: Of the map; new Gaussians get semantic features from the frames.
         tell: Is told of each step of the stages that take long.
 
     Raises:
@@ -157,23 +158,23 @@ def update(
     )
     record = replace(record, seconds={**clock.stages, **record.seconds})
     used, held_back = split_held_back(found.views, config.collect.held_back)
-    if record.refused is not None:
-        left = found.left + tuple((change, record.refused) for change in found.changes)
-        return Update(gaussian_map, (), left, record, (*used, *held_back), found.sites)
-    if meaning is not None:
+    if record.rejected is not None:
+        left = found.left + tuple((change, record.rejected) for change in found.changes)
+        return Update(gaussian_map, (), left, record, (*used, *held_back), found.regions)
+    if semantics is not None:
         fresh = ~np.isin(updated.ids, gaussian_map.ids)
-        fresh |= near_sites(updated, found.sites, MEANING_M)
+        fresh |= near_regions(updated, found.regions, MEANING_M)
         now_at = [  # What moved means what it did.
-            site
-            for change, own in zip(found.changes, found.sites_of_each, strict=True)
-            for site in own
-            if change.kind == "relocation" and site.side == "after"
+            region
+            for change, own in zip(found.changes, found.regions_of_each, strict=True)
+            for region in own
+            if change.kind == "relocation" and region.side == "after"
         ]
-        moved = near_sites(updated, now_at, config.edit.margin_m)
+        moved = near_regions(updated, now_at, config.edit.margin_m)
         fresh &= ~(moved & updated.features.any(axis=1))
         shown = [(view.frame, view.changed) for view in used]
-        updated = meaning.taught(updated, fresh, shown, config.threads)
-    return Update(updated, found.changes, found.left, record, (*used, *held_back), found.sites)
+        updated = semantics.update_features(updated, fresh, shown, config.threads)
+    return Update(updated, found.changes, found.left, record, (*used, *held_back), found.regions)
 
 
 def updated_with(
@@ -199,30 +200,30 @@ def updated_with(
         watch: Is told of each step of the refinement.
     """
     clock = _Clock()
-    sites, threads = found.sites, config.threads
+    regions, threads = found.regions, config.threads
     used, held_back = split_held_back(found.views, config.collect.held_back)
     record = Record(
-        refused=None,
+        rejected=None,
         kinds=tuple(change.kind for change in found.changes),
         views=(len(used), len(held_back)),
         skipped=found.skipped,
     )
     if not found.changes:
         why = "; ".join(dict.fromkeys(why for _, why in found.left)) or "nothing changed"
-        return gaussian_map, replace(record, refused=why, seconds=clock.stages)
+        return gaussian_map, replace(record, rejected=why, seconds=clock.stages)
     edit = pre_edit(
-        gaussian_map, used, found.sites_of_each, config.edit, first_id=first_id, threads=threads
+        gaussian_map, used, found.regions_of_each, config.edit, first_id=first_id, threads=threads
     )
     unsteady = unsteady_share(gaussian_map, edit, used)
     clock.note("editing")
     record = replace(record, removed=int(edit.removed.sum()), added=edit.added)
     if unsteady > MOST_UNSTEADY:
         why = f"{100 * unsteady:.0f} % of what changed moved again while it was looked at"
-        return gaussian_map, replace(record, refused=why, seconds=clock.stages)
-    moving = moving_of(edit, sites, config.refine.reach_m)
-    targets = targets_of(used, sites, config.refine)
+        return gaussian_map, replace(record, rejected=why, seconds=clock.stages)
+    moving = moving_of(edit, regions, config.refine.reach_m)
+    targets = targets_of(used, regions, config.refine)
     targets += remembered(
-        gaussian_map, edit.gaussian_map, cameras, sites, config.refine, threads=threads
+        gaussian_map, edit.gaussian_map, cameras, regions, config.refine, threads=threads
     )
 
     def refine_once(of: GaussianMap) -> Refined:
@@ -235,12 +236,12 @@ def updated_with(
         refined = _refine_until_settled(
             edit.gaussian_map,
             refine_once,
-            lambda of: doubt_left(detector.with_map(of, cameras_now), used, sites),
+            lambda of: doubt_left(detector.with_map(of, cameras_now), used, regions),
             SETTLED * detector.config.objects.certain,
         )
     clock.note("refining")
     before, after = (
-        [error_around(one, held_back, own, threads) for own in (sites, *found.sites_of_each)]
+        [error_around(one, held_back, own, threads) for own in (regions, *found.regions_of_each)]
         for one in (gaussian_map, refined.gaussian_map)
     )
     clock.note("verifying")
@@ -255,7 +256,7 @@ def updated_with(
     for was, now in zip(before, after, strict=True):  # All in all, and each change.
         if was is None or now is None or not now < was:
             why = f"views held back fit no better: {_words(was)} before, {_words(now)} after"
-            return gaussian_map, replace(record, refused=why)
+            return gaussian_map, replace(record, rejected=why)
     return refined.gaussian_map, record
 
 
@@ -279,22 +280,22 @@ def _refine_until_settled(
     return refined
 
 
-def moving_of(edit: Edit, sites: Sequence[Site], reach_m: float) -> Bools:
-    """[N] the Gaussians of an edited map that may move: new ones, and those near sites.
+def moving_of(edit: Edit, regions: Sequence[Region], reach_m: float) -> Bools:
+    """[N] the Gaussians of an edited map that may move: new ones, and those near regions.
 
-    What reaches farther than views of the sites show would change there unseen.
+    What reaches farther than views of the regions show would change there unseen.
 
     Args:
         edit: Whose map it is.
-        sites: Where something changed.
-        reach_m: How near to a site all of a Gaussian is, to `WHOLE_SIGMAS`.
+        regions: Where something changed.
+        reach_m: How near to a region all of a Gaussian is, to `WHOLE_SIGMAS`.
     """
     gaussian_map = edit.gaussian_map
     centres = gaussian_map.means + gaussian_map.origin
     radii_m = WHOLE_SIGMAS * np.exp(gaussian_map.log_scales.max(axis=1))
     moving = np.zeros(gaussian_map.size, np.bool_)
-    for site in sites:
-        moving |= site.contains(centres, reach_m - radii_m[:, None])
+    for region in regions:
+        moving |= region.contains(centres, reach_m - radii_m[:, None])
     moving[moving.size - edit.added :] = True
     return moving
 
@@ -343,7 +344,7 @@ class _Clock:
 
 
 def _psnr_db(error: float | None) -> float | None:
-    return None if error is None else float(-10 * np.log10(max(error, 1e-10)))
+    return None if error is None else psnr_from_mse_db(error)
 
 
 def _words(error: float | None) -> str:

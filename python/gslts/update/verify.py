@@ -9,10 +9,10 @@ import numpy as np
 from gslts._core.detect import certainty
 from gslts.change.detector import ChangeDetector
 from gslts.core.gaussian_map import GaussianMap
-from gslts.rendering.losses import exposed
+from gslts.rendering.losses import apply_exposure
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.update.refine import around
-from gslts.update.region import NEAR_M, Site
+from gslts.update.region import NEAR_M, Region
 from gslts.update.views import View
 
 AROUND_PX = 20
@@ -34,35 +34,35 @@ def split_held_back(views: Sequence[View], every: int) -> tuple[list[View], list
 
 
 def error_around(
-    gaussian_map: GaussianMap, views: Sequence[View], sites: Sequence[Site], threads: int = 0
+    gaussian_map: GaussianMap, views: Sequence[View], regions: Sequence[Region], threads: int = 0
 ) -> float | None:
     """Mean squared error of the colours around a change, 0 to 1; None where no view shows it.
 
     Args:
         gaussian_map: float32.
         views: Of the change.
-        sites: Where it is.
+        regions: Where it is.
         threads: 0 means one a hardware thread.
     """
     rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
     total, count = 0.0, 0
     for view in views:
-        mask = around(view, sites, AROUND_PX)
+        mask = around(view, regions, AROUND_PX)
         images = rasterizer.forward(gaussian_map, view.camera, options, mask=mask)
         photo = view.frame.rgb[mask].astype(np.float32) / np.float32(255)
-        shown = exposed(images.rgb[mask], view.exposure).clip(0, 1)
+        shown = apply_exposure(images.rgb[mask], view.exposure).clip(0, 1)
         total += float(np.sum((shown - photo) ** 2, dtype=np.float64))
         count += photo.size
     return total / count if count else None
 
 
-def doubt_left(detector: ChangeDetector, views: Sequence[View], sites: Sequence[Site]) -> float:
-    """The greatest certainty with which a detector sees a change at some sites in any view.
+def doubt_left(detector: ChangeDetector, views: Sequence[View], regions: Sequence[Region]) -> float:
+    """The greatest certainty with which a detector sees a change at some regions in any view.
 
     Args:
         detector: Of the updated map.
         views: Of the changes.
-        sites: Where they were.
+        regions: Where they were.
 
     Returns:
         0 to 1; likely changes count as well as unlikely ones, which the detector does not report.
@@ -71,6 +71,6 @@ def doubt_left(detector: ChangeDetector, views: Sequence[View], sites: Sequence[
         certainty(surface)
         for view in views
         for surface in detector.detect(view.frame).surfaces
-        if any(site.contains(surface.point, NEAR_M) for site in sites)
+        if any(region.contains(surface.point, NEAR_M) for region in regions)
     ]
     return max(found, default=0.0)

@@ -19,7 +19,7 @@ from gslts.types import Bools, Floats
 from gslts.update.config import CollectConfig
 from gslts.update.evidence import shown_of, shows
 from gslts.update.extent import extended
-from gslts.update.region import Site, sites_of
+from gslts.update.region import Region, regions_of
 from gslts.update.views import View, aligned_view, masks_of, view_of
 
 LEAST_DISTANCE_M, MOST_DISTANCE_M = 0.7, 2.5
@@ -33,21 +33,21 @@ class Collection:
     Attributes:
         views: In the order in which they were taken.
         changes: What the views show of those that were detected.
-        sites_of_each: Of each of these changes, as the views show them.
+        regions_of_each: Of each of these changes, as the views show them.
         left: Changes that the views do not show, and why.
         skipped: Why other frames do not count.
     """
 
     views: tuple[View, ...]
     changes: tuple[Change, ...]
-    sites_of_each: tuple[tuple[Site, ...], ...]
+    regions_of_each: tuple[tuple[Region, ...], ...]
     left: tuple[tuple[Change, str], ...]
     skipped: tuple[str, ...]
 
     @property
-    def sites(self) -> tuple[Site, ...]:
+    def regions(self) -> tuple[Region, ...]:
         """Of all changes that the views show."""
-        return tuple(site for own in self.sites_of_each for site in own)
+        return tuple(region for own in self.regions_of_each for region in own)
 
 
 def collect(
@@ -59,7 +59,7 @@ def collect(
     threads: int = 0,
     tell: Callable[[], None] = lambda: None,
 ) -> Collection:
-    """Lets a robot look at each site of some changes from all sides that it can reach.
+    """Lets a robot look at each region of some changes from all sides that it can reach.
 
     Args:
         robot: Somewhere near.
@@ -70,15 +70,15 @@ def collect(
         tell: Is told of each step.
 
     Returns:
-        What it saw; no view where no place is reachable that shows a site.
+        What it saw; no view where no place is reachable that shows a region.
     """
-    first = [site for change in changes for site in sites_of(change)]
+    first = [region for change in changes for region in regions_of(change)]
     tour = _Tour(robot, detector, first, config, tell)
     for number in range(len(first)):
         tour.go_around(number)
     seen = []
     for frame, detection in tour.seen:
-        view = view_of(detection, frame, tour.sites)
+        view = view_of(detection, frame, tour.regions)
         if view is not None:
             # What is left as it was changes all the same: no pose must be fitted to it.
             view = aligned_view(view, detector.gaussian_map, threads)
@@ -86,45 +86,45 @@ def collect(
             tour.skipped.append("a frame fits the map at another place")
         else:
             seen.append((view, detection))
-    waiting = list(tour.sites)
-    shown: list[tuple[Change, tuple[Site, ...]]] = []
+    waiting = list(tour.regions)
+    shown: list[tuple[Change, tuple[Region, ...]]] = []
     left: list[tuple[Change, str]] = []
     for change in changes:
-        own = [waiting.pop(0) for _ in sites_of(change)]
+        own = [waiting.pop(0) for _ in regions_of(change)]
         found = shown_of(change, own, seen, tour.skipped)
         if isinstance(found, str):
             left.append((change, found))
         else:
-            sides = [site.side for site in sites_of(found)]
-            shown.append((found, tuple(site for site in own if site.side in sides)))
-    sites = [site for _, own in shown for site in own]
+            sides = [region.side for region in regions_of(found)]
+            shown.append((found, tuple(region for region in own if region.side in sides)))
+    regions = [region for _, own in shown for region in own]
     views = []
     for view, detection in seen:
-        before, after = masks_of(detection, view.changed.shape, sites)
+        before, after = masks_of(detection, view.changed.shape, regions)
         views.append(replace(view, before=before, after=after))
-    grown, larger = extended(sites, views)
+    grown, larger = extended(regions, views)
     waiting = list(grown)
     return Collection(
         views=larger,
         changes=tuple(change for change, _ in shown),
-        sites_of_each=tuple(tuple(waiting.pop(0) for _ in own) for _, own in shown),
+        regions_of_each=tuple(tuple(waiting.pop(0) for _ in own) for _, own in shown),
         left=tuple(left),
         skipped=tuple(tour.skipped),
     )
 
 
 class _Tour:
-    """A robot on its way around some sites."""
+    """A robot on its way around some regions."""
 
     def __init__(
         self,
         robot: Robot,
         detector: ChangeDetector,
-        sites: list[Site],
+        regions: list[Region],
         config: CollectConfig,
         tell: Callable[[], None],
     ) -> None:
-        self.sites = sites
+        self.regions = regions
         self.seen: list[tuple[RgbdFrame, Detection]] = []
         self.skipped: list[str] = []
         self._robot, self._detector, self._config, self._tell = robot, detector, config, tell
@@ -138,10 +138,10 @@ class _Tour:
         """
         places = self._robot.reachable_positions()
         config = self._config
-        site = self.sites[number]
-        first = _bearing(self._frames[-1].camera.world_from_camera[:2, 3] - site.middle[:2])
+        region = self.regions[number]
+        first = _bearing(self._frames[-1].camera.world_from_camera[:2, 3] - region.middle[:2])
         step_rad = config.step_m / config.distance_m
-        step_rad = max(step_rad, _reachable_rad(places, site, step_rad) / (config.steps + 1))
+        step_rad = max(step_rad, _reachable_rad(places, region, step_rad) / (config.steps + 1))
         most_steps = int(np.pi / step_rad)
         left = range(config.steps // 2 + 1)
         right = range(-1, -most_steps - 1, -1)
@@ -160,24 +160,24 @@ class _Tour:
             self.skipped.append("no place around it is reachable")
 
     def _place(self, number: int, places: Floats, taken: list[int], bearing: float) -> int | None:
-        """A place in a direction from the site that was not visited yet, at a fitting distance."""
-        site, config = self.sites[number], self._config
-        metres, bearings = _seen_from_site(places, site)
+        """A place in a direction from the region that was not visited yet, at a good distance."""
+        region, config = self.regions[number], self._config
+        metres, bearings = _seen_from_region(places, region)
         off_rad = np.abs((bearings - bearing + np.pi) % (2 * np.pi) - np.pi)
         fits = _fits(metres) & (off_rad <= config.step_m / config.distance_m)
         fits[taken] = False
         if not fits.any():
             return None
-        wanted_m = max(config.distance_m, float(np.linalg.norm(site.high - site.low)))
+        wanted_m = max(config.distance_m, float(np.linalg.norm(region.high - region.low)))
         off_m = np.hypot(metres - wanted_m, metres * off_rad)
         return int(np.argmin(np.where(fits, off_m, np.inf)))
 
     def _look_from(self, place: Floats, number: int) -> bool:
-        """Whether a place is reached from which a frame shows the site."""
-        site = self.sites[number]
-        way = site.middle[:2] - place
+        """Whether a place is reached from which a frame shows the region."""
+        region = self.regions[number]
+        way = region.middle[:2] - place
         eye_m = float(self._frames[-1].camera.world_from_camera[2, 3])
-        pitch_rad = float(np.arctan2(eye_m - site.middle[2], np.linalg.norm(way)))
+        pitch_rad = float(np.arctan2(eye_m - region.middle[2], np.linalg.norm(way)))
         if not self._robot.move_towards(place, _bearing(way), pitch_rad):
             self.skipped.append(f"the robot did not reach ({place[0]:.2f}, {place[1]:.2f})")
             return False
@@ -186,16 +186,16 @@ class _Tour:
             return False
         self._frames.append(frame)
         name = f"frame {len(self._frames)}"
-        if not shows(frame, site):
-            self.skipped.append(f"{name}: it does not show the {site.side} site")
+        if not shows(frame, region):
+            self.skipped.append(f"{name}: it does not show the {region.side} region")
             return False
         detection = self._detector.detect(frame)
         if detection.unreliable is not None:
             self.skipped.append(f"{name}: {detection.unreliable}")
             return False
         self.seen.append((frame, detection))
-        for k, one in enumerate(self.sites):
-            self.sites[k] = one.with_surfaces(filter(one.is_of, detection.surfaces))
+        for k, one in enumerate(self.regions):
+            self.regions[k] = one.with_surfaces(filter(one.is_of, detection.surfaces))
         return True
 
 
@@ -203,20 +203,20 @@ def _bearing(way: Floats) -> float:
     return float(np.arctan2(way[1], way[0]))
 
 
-def _seen_from_site(places: Floats, site: Site) -> tuple[Floats, Floats]:
-    """[P] distances, m, and bearings, rad, of places [P,2] from the middle of a site."""
-    ways = places - site.middle[:2]
+def _seen_from_region(places: Floats, region: Region) -> tuple[Floats, Floats]:
+    """[P] distances, m, and bearings, rad, of places [P,2] from the middle of a region."""
+    ways = places - region.middle[:2]
     return np.linalg.norm(ways, axis=1), np.arctan2(ways[:, 1], ways[:, 0])
 
 
 def _fits(metres: Floats) -> Bools:
-    """[P] whether a camera at such distances sees a site well."""
+    """[P] whether a camera at such distances sees a region well."""
     return np.asarray((metres >= LEAST_DISTANCE_M) & (metres <= MOST_DISTANCE_M), np.bool_)
 
 
-def _reachable_rad(places: Floats, site: Site, sector_rad: float) -> float:
-    """Sum of the sectors around a site in which there is a place [P,2] to look at it from, rad."""
-    metres, bearings = _seen_from_site(places, site)
+def _reachable_rad(places: Floats, region: Region, sector_rad: float) -> float:
+    """Sum of the sectors around a region in which there is a position [P,2], rad."""
+    metres, bearings = _seen_from_region(places, region)
     sectors = int(np.ceil(2 * np.pi / sector_rad))
     taken = np.unique(((bearings[_fits(metres)] + np.pi) / (2 * np.pi) * sectors).astype(int))
     return 2 * np.pi * len(taken) / sectors

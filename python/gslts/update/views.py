@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gslts.change.detector import NEAR_SIGMAS, Detection
-from gslts.core.camera import Camera, at_pose, lifted
+from gslts.core.camera import Camera, at_pose, unproject
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.localization.alignment import aligned
 from gslts.rendering.losses import Exposure
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.types import Bools, Floats32
-from gslts.update.region import Site
+from gslts.update.region import Region
 
 LEAST_ALPHA = 0.5
 """Where the map is less opaque, it shows no surface."""
@@ -72,39 +72,41 @@ class View:
         return colors
 
 
-def view_of(detection: Detection, frame: RgbdFrame, sites: Iterable[Site]) -> View | None:
-    """What a frame shows of some sites, but for what the map does; None where it is unreliable.
+def view_of(detection: Detection, frame: RgbdFrame, regions: Iterable[Region]) -> View | None:
+    """What a frame shows of some regions, but for what the map does; None where it is unreliable.
 
     Args:
         detection: Of the frame.
         frame: What a robot saw.
-        sites: Where something changed.
+        regions: Where something changed.
     """
     if detection.labels is None:
         return None
     whole = frame.registered()
     camera = at_pose(whole.camera, detection.camera.world_from_camera)
-    before, after = masks_of(detection, whole.rgb.shape[:2], list(sites))
+    before, after = masks_of(detection, whole.rgb.shape[:2], list(regions))
     moved = replace(whole, camera=camera)
     unknown, black = (np.zeros(one.shape, np.float32) for one in (whole.depth, whole.rgb))
     return View(moved, detection.exposure, unknown, black, before, after)
 
 
 def masks_of(
-    detection: Detection, shape: tuple[int, ...], sites: Sequence[Site]
+    detection: Detection, shape: tuple[int, ...], regions: Sequence[Region]
 ) -> tuple[Bools, Bools]:
-    """[H,W] where the map shows what is gone from some sites, and where a frame shows what is new.
+    """[H,W] where the map shows what is gone, and where a frame shows what is new.
 
     Args:
         detection: Of the frame, with labels.
         shape: Of the frame, (H, W).
-        sites: Where something changed.
+        regions: Where something changed.
     """
     assert detection.labels is not None
     masks = []
     for side in ("before", "after"):
-        own = [site for site in sites if site.side == side]
-        labels = [one.label for one in detection.surfaces if any(site.is_of(one) for site in own)]
+        own = [region for region in regions if region.side == side]
+        labels = [
+            one.label for one in detection.surfaces if any(region.is_of(one) for region in own)
+        ]
         masks.append(_enlarged(np.isin(detection.labels, labels), shape))
     before, after = masks
     return before, after
@@ -138,25 +140,25 @@ def aligned_view(view: View, gaussian_map: GaussianMap, threads: int = 0) -> Vie
     return replace(view, frame=moved, rendered=rendered, shown=shown)
 
 
-def near_site(depth: Floats32, camera: Camera, site: Site, margin_m: float) -> Bools:
-    """[H,W] where a surface is in the box of a site, or that near to it.
+def near_region(depth: Floats32, camera: Camera, region: Region, margin_m: float) -> Bools:
+    """[H,W] where a surface is in the box of a region, or that near to it.
 
     Args:
         depth: [H,W] m; 0 where there is none.
         camera: Of it.
-        site: Whose box it is.
+        region: Whose box it is.
         margin_m: How near.
     """
     near: Bools = np.zeros(depth.shape, np.bool_)
-    rectangle = site.grown(margin_m).rectangle(camera, 0)
+    rectangle = region.grown(margin_m).rectangle(camera, 0)
     if rectangle is None:
         return near
     x0, y0, x1, y1 = rectangle
     part = depth[y0:y1, x0:x1]
     rows, columns = np.indices(part.shape)
     places = np.column_stack([columns.ravel() + x0 + 0.5, rows.ravel() + y0 + 0.5])
-    points = lifted(camera, places, part.ravel().astype(np.float64))
-    near[y0:y1, x0:x1] = site.contains(points, margin_m).reshape(part.shape) & (part > 0)
+    points = unproject(camera, places, part.ravel().astype(np.float64))
+    near[y0:y1, x0:x1] = region.contains(points, margin_m).reshape(part.shape) & (part > 0)
     return near
 
 

@@ -21,8 +21,8 @@ from gslts.localization.localizer import Localizer
 from gslts.localization.relocalizer import Relocalizer
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
+from gslts_bench.cache import cached_folder, code_digest, digest, native_digest
 from gslts_bench.detection.cases import (
-    CASES_CODE,
     Case,
     Counts,
     HomeCases,
@@ -35,17 +35,10 @@ from gslts_bench.detection.truth import Truth
 from gslts_bench.detection.variants import STRATEGIES, VARIANTS
 from gslts_bench.detection.watch import TURNS_DEG, WATCH, WATCHED, looks_around, watched
 from gslts_bench.homes import MAP_S, RECORDING_S, BenchHome, default_state
-from gslts_bench.made import code_of, digest, made, native_code
 from gslts_bench.work import Add, Result, Tell, message_of, validated
 from gslts_sim.actions import SceneState
-from gslts_sim.home_source import STRICT
+from gslts_sim.strict_model import STRICT
 
-DETECT_CODE = (
-    *("gslts.core", "gslts.io", "gslts.rendering", "gslts.store"),
-    *("gslts.change", "gslts.localization", "gslts.semantics.pretrained"),
-    *("gslts_bench.detection.run", "gslts_bench.detection.variants", "gslts_bench.detection.watch"),
-)
-"""What decides what is detected in a frame, besides the compiled module."""
 CASE_S: dict[Part, float] = {"single": 0.5, "pair": 0.5, "triple": 0.8, "unchanged": 0.1}
 FRAME_S, DETECTION_S = 0.6, 0.1
 """About how long it takes to make a case, to see it and to look for changes, for the progress."""
@@ -180,7 +173,7 @@ class DetectUnit:
             cases = cases_of(self.bench, self.counts, lambda part: tell(CASE_S[part]))
             write_whole(folder / "cases.json", cases.model_dump_json(indent=1).encode())
 
-        folder = made(self.bench.work / "cases" / self.name, self._cases_of, make)
+        folder = cached_folder(self.bench.work / "cases" / self.name, self._cases_of, make)
         return HomeCases.model_validate_json((folder / "cases.json").read_bytes())
 
     @property
@@ -220,7 +213,7 @@ class DetectUnit:
         return Seen(detection.unreliable, detection.changes, *clock.ms())
 
     def _watched(self, case: Case, before: SceneState, detectors: Detectors) -> Seen:
-        frames = frames_of(case, before, self.bench, looks_around(case.viewpoint.look))
+        frames = frames_of(case, before, self.bench, looks_around(case.viewpoint))
         clock = _Clock()
         unreliable, changes = watched(detectors.of(WATCHED), frames)
         return Seen(unreliable, tuple(changes), *clock.ms(len(frames)))
@@ -287,6 +280,6 @@ def report_of(change: Change) -> Report:
 
 def _code() -> dict[str, Any]:
     return {
-        "cases": code_of(*CASES_CODE),
-        "detect": {"python": code_of(*DETECT_CODE), "native": native_code()},
+        "cases": code_digest("gslts_bench.detection.cases", without=("gslts.mapping",)),
+        "detect": {"python": code_digest(__name__), "native": native_digest()},
     }

@@ -14,20 +14,19 @@ from gslts.change.detector import ChangeDetector
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
 from gslts.navigation.navigator import Navigator
-from gslts.semantics.map_semantics import Meaning
+from gslts.semantics.map_semantics import MapSemantics
 from gslts.semantics.source import Oracle
 from gslts.store.camera_files import cameras_of_map
 from gslts.update.config import UpdateConfig
 from gslts.update.updater import update
+from gslts_bench.cache import code_digest, digest, native_digest
 from gslts_bench.detection.run import report_of
 from gslts_bench.detection.score import fits
 from gslts_bench.homes import MAP_S, RECORDING_S, BenchHome
-from gslts_bench.made import code_of, digest, native_code
 from gslts_bench.navigation.episodes import Episode, starts_to
-from gslts_bench.navigation.run import NAVIGATE_CODE, Ground, Record, gone, record_of
+from gslts_bench.navigation.run import Ground, Record, gone, record_of
 from gslts_bench.navigation.truth import Truth
-from gslts_bench.queries.semantic_homes import SEMANTICS_CODE, SEMANTICS_S, TaughtMap, taught
-from gslts_bench.update.run import UPDATE_CODE
+from gslts_bench.queries.semantic_homes import SEMANTICS_S, TaughtMap, taught
 from gslts_bench.work import Add, Result, Tell, message_of, validated
 from gslts_sim.home import Home
 from gslts_sim.task import Task
@@ -37,7 +36,7 @@ WALKS = 3
 TASKS_FOR_ONE = 6
 """So many tasks of a home are made for each wanted: a third are relocations."""
 NOT_UPDATED = "not updated"
-"""Status where the change was not detected in the first frame, or its update was refused."""
+"""Status where the change was not detected in the first frame, or its update was rejected."""
 TASK_S = 20.0
 """About how long one takes, for the progress."""
 
@@ -56,9 +55,8 @@ class MovedUnit:
     tasks: int
     code: dict[str, Any] = field(
         default_factory=lambda: {
-            "python": [code_of(*one) for one in (NAVIGATE_CODE, SEMANTICS_CODE, UPDATE_CODE)],
-            "moved": code_of("gslts_bench.navigation.moved"),
-            "native": native_code(),
+            "python": code_digest(__name__),
+            "native": native_digest(),
         }
     )
 
@@ -166,7 +164,7 @@ def _is_only_one(task: Task, home: Home) -> bool:
 def _updated(
     task: Task, home: Home, known: TaughtMap, detector: ChangeDetector, cameras: list[Camera]
 ) -> GaussianMap | None:
-    """The map after the relocation; None if it was not seen in the first frame, or refused."""
+    """The map after the relocation; None if it was not seen in the first frame, or rejected."""
     robot = task.start(home, changed=True)
     changes = detector.detect(robot.observe()).changes
     if not changes or not fits(report_of(changes[0]), task.change):
@@ -178,6 +176,6 @@ def _updated(
         robot,
         UpdateConfig(threads=1),
         detector=detector,
-        meaning=Meaning(Oracle(), known.autoencoder, ()),
+        semantics=MapSemantics(Oracle(), known.autoencoder, ()),
     )
-    return None if result.record.refused is not None else result.gaussian_map
+    return None if result.record.rejected is not None else result.gaussian_map

@@ -7,36 +7,24 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from pydantic import BaseModel, FiniteFloat
 
 from gslts.navigation.navigator import Navigator
-from gslts.navigation.semantic_map_files import map_picture, write_picture
+from gslts.navigation.semantic_map_files import draw_semantic_map, write_picture
 from gslts.semantics.source import Oracle
+from gslts_bench.cache import code_digest, digest, native_digest
 from gslts_bench.homes import MAP_S, RECORDING_S, BenchHome, default_state
-from gslts_bench.made import code_of, digest, native_code
 from gslts_bench.navigation.episodes import CATEGORIES, Episode, episodes_of
 from gslts_bench.navigation.truth import Truth, succeeds
 from gslts_bench.navigation.walker import Walker
-from gslts_bench.queries.semantic_homes import SEMANTICS_CODE, SEMANTICS_S, taught
+from gslts_bench.queries.semantic_homes import SEMANTICS_S, taught
 from gslts_bench.work import Add, Result, Tell, message_of, validated
 from gslts_sim.actions import SceneState
 from gslts_sim.controller import Controller
-from gslts_sim.home_source import STRICT, HomeSource
-from gslts_sim.robot_body import Look
+from gslts_sim.home_source import HomeSource
+from gslts_sim.robot_body import Viewpoint
+from gslts_sim.strict_model import STRICT
 
-NAVIGATE_CODE = (
-    *(
-        "gslts.core",
-        "gslts.io",
-        "gslts.rendering",
-        "gslts.semantics",
-        "gslts.navigation",
-        "gslts_sim",
-    ),
-    "gslts_bench.navigation",
-)
-"""What decides how a robot gets to a thing, besides the compiled module."""
 SIZE_PX = (320, 240)
 """Of what the robot sees on its way."""
 EPISODE_S = 2.0
@@ -54,7 +42,7 @@ class Record(BaseModel):
         success: Whether such an object is within 1 m in truth, and in the last picture.
         shortest_m: See `Episode`.
         walked_m: Length of the robot's way in truth.
-        status, reason, replans: As the robot sees it; see `Journey`.
+        status, reason, replans: As the robot sees it; see `NavigationResult`.
         error: Why there is no result.
     """
 
@@ -91,9 +79,8 @@ class NavigateUnit:
     episodes: int
     code: dict[str, Any] = field(
         default_factory=lambda: {
-            "python": code_of(*NAVIGATE_CODE),
-            "semantics": code_of(*SEMANTICS_CODE),
-            "native": native_code(),
+            "python": code_digest(__name__),
+            "native": native_digest(),
         }
     )
 
@@ -189,11 +176,11 @@ def gone(
     """
     width, height = SIZE_PX
     controller = Controller(ground.state, width=width, height=height, noise=ground.noise, seed=seed)
-    controller.go(Look(np.array(episode.place), episode.yaw_deg, 0.0))
+    controller.go(Viewpoint(*episode.place, episode.yaw_deg, 0.0))
     walker = Walker(controller, ground.truth)
     journey = navigator.go(walker, episode.category)
     if picture is not None:
-        shown = map_picture(navigator.semantic_map, journey.way, [episode.category])
+        shown = draw_semantic_map(navigator.semantic_map, journey.path, [episode.category])
         write_picture(shown, picture)
     return record_of(episode).model_copy(
         update={

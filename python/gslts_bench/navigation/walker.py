@@ -44,6 +44,10 @@ class Walker:
         self._event = self._controller.step("Pass")
         return self._event.observation
 
+    def pose(self) -> Floats:
+        """Return [4,4] world_from_camera that the robot believes, m."""
+        return self._controller.pose()
+
     def reachable_positions(self) -> Floats:
         """[P,2] places on its grid, x and y, m."""
         return self._reachable

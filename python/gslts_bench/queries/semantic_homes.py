@@ -13,19 +13,14 @@ from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.datasets import open_dataset
 from gslts.io.atomic_files import write_whole
-from gslts.semantics.autoencoder import Autoencoder, bytes_of_autoencoder, read_autoencoder
-from gslts.semantics.build import embedded
+from gslts.semantics.autoencoder import Autoencoder, autoencoder_bytes, read_autoencoder
+from gslts.semantics.embed import embed_semantics
 from gslts.semantics.source import Oracle
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
+from gslts_bench.cache import cached_folder, code_digest, native_digest
 from gslts_bench.homes import BenchHome, Tell
-from gslts_bench.made import code_of, made, native_code
 
-SEMANTICS_CODE = (
-    *("gslts.core", "gslts.io", "gslts.rendering", "gslts.store"),
-    *("gslts.datasets", "gslts.semantics", "gslts_bench.queries.semantic_homes"),
-)
-"""What decides what Gaussians mean, besides the compiled module."""
 SEMANTICS_S = 35.0
 """About how long that takes for 200 frames, for the progress."""
 FEATURES, AUTOENCODER = "features.npy", ".safetensors"
@@ -71,17 +66,17 @@ def taught(bench: BenchHome, tell: Tell = lambda _: None) -> TaughtMap:
     gaussian_map = read_map(folder)
 
     def make(part: Path) -> None:
-        found = embedded(gaussian_map, frames_of(bench, tell), Oracle(), CODE, threads=1)
+        found = embed_semantics(gaussian_map, frames_of(bench, tell), Oracle(), CODE, threads=1)
         part.mkdir()
         np.save(part / FEATURES, found.features)
-        content = bytes_of_autoencoder(found.autoencoder)
+        content = autoencoder_bytes(found.autoencoder)
         write_whole(part / f"{hashlib.sha256(content).hexdigest()}{AUTOENCODER}", content)
 
     made_of = {
         "map": bench.mapped_of,
-        "code": {"python": code_of(*SEMANTICS_CODE), "native": native_code()},
+        "code": {"python": code_digest(__name__), "native": native_digest()},
     }
-    own = made(bench.work / "semantics" / bench.name, made_of, make)
+    own = cached_folder(bench.work / "semantics" / bench.name, made_of, make)
     features = np.load(own / FEATURES, allow_pickle=False)
     (path,) = own.glob(f"*{AUTOENCODER}")
     return TaughtMap(replace(gaussian_map, features=features), read_autoencoder(path, path.stem))

@@ -18,21 +18,14 @@ from gslts.datasets import Frame
 from gslts.localization.relocalizer import Relocalizer
 from gslts.mapping.evaluation.held_out import Known
 from gslts.types import Floats
+from gslts_bench.cache import code_digest, digest, native_digest
 from gslts_bench.homes import Tell
-from gslts_bench.made import code_of, digest, native_code
 from gslts_bench.relocalization.room import FOLDS, ROOM_S, RecordedRoom, brought_to
-from gslts_bench.relocalization.run import FINDING_CODE, FINDING_S, Finders
+from gslts_bench.relocalization.run import FINDING_S, Finders
 from gslts_bench.relocalization.score import Answer, Told
 from gslts_bench.relocalization.variants import OURS
 from gslts_bench.work import Add, Result, message_of, validated
-from gslts_sim.home_source import STRICT
-
-FOLD_CODE = (
-    *FINDING_CODE,
-    *("gslts.mapping", "gslts_bench.relocalization.fold", "gslts_bench.relocalization.room"),
-    "gslts_bench.relocalization.run",
-)
-"""What decides what becomes of a frame, besides the compiled module."""
+from gslts_sim.strict_model import STRICT
 
 
 class RoomRecord(BaseModel):
@@ -68,7 +61,7 @@ class FoldUnit:
     room: RecordedRoom
     fold: int
     code: dict[str, Any] = field(
-        default_factory=lambda: {"python": code_of(*FOLD_CODE), "native": native_code()}
+        default_factory=lambda: {"python": code_digest(__name__), "native": native_digest()}
     )
 
     @property

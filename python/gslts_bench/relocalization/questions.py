@@ -47,7 +47,7 @@ def questions_of(
     Args:
         bench: The home.
         views: Frames of each part, at most.
-        code: Digest of `FRAMES_CODE`.
+        code: Digest of the code that makes frames.
         tell: Is told of work done, in the seconds that it usually takes.
 
     Raises:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from gslts.core.se3 import anchoring
+from gslts.core.se3 import fit_rigid_motion
 from gslts.datasets import Dataset, open_dataset
 from gslts.io.atomic_files import write_whole
 from gslts.mapping.config import MappingConfig
@@ -19,8 +19,8 @@ from gslts.mapping.engine import make_map
 from gslts.mapping.optimize import Progress
 from gslts.mapping.report.summary import write_result
 from gslts.types import Floats
-from gslts_bench.homes import MAP_CODE, Tell
-from gslts_bench.made import code_of, made, native_code
+from gslts_bench.cache import cached_folder, code_digest, native_digest
+from gslts_bench.homes import Tell
 
 FOLDS = 8
 """Each frame is left out of one map, and is in all others."""
@@ -48,7 +48,7 @@ class RecordedRoom:
     mapping: MappingConfig
     work: Path
     code: dict[str, Any] = field(
-        default_factory=lambda: {"python": code_of(*MAP_CODE), "native": native_code()}
+        default_factory=lambda: {"python": code_digest(__name__), "native": native_digest()}
     )
 
     @classmethod
@@ -100,7 +100,7 @@ class RecordedRoom:
             write_result(folder, result, dataset.name)
 
         folder = self.work / "maps" / f"{self.name}_without_{fold}"
-        return made(folder, self.mapped_of(fold), make)
+        return cached_folder(folder, self.mapped_of(fold), make)
 
     def corrected(self, tell: Tell = lambda _: None) -> dict[str, Floats]:
         """[4,4] world_from_camera of each frame as corrected by a map of all of them, by name.
@@ -115,7 +115,7 @@ class RecordedRoom:
             poses = {name: one.pose.tolist() for name, one in every.items()}
             write_whole(folder / POSES, (json.dumps(poses) + "\n").encode())
 
-        folder = made(self.work / "poses" / self.name, self.corrected_of, make)
+        folder = cached_folder(self.work / "poses" / self.name, self.corrected_of, make)
         poses = json.loads((folder / POSES).read_bytes())
         return {name: np.array(pose) for name, pose in poses.items()}
 
@@ -138,7 +138,7 @@ def brought_to(poses: Mapping[str, Floats], known: Mapping[str, Floats]) -> dict
     if not both:
         raise ValueError("brought_to: the maps have no frame in common")
     start, end = (np.array([some[name] for name in both]) for some in (poses, known))
-    motion = anchoring(start, end, ARM_M)
+    motion = fit_rigid_motion(start, end, ARM_M)
     return {name: motion @ pose for name, pose in poses.items()}
 
 

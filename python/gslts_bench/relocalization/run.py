@@ -16,25 +16,15 @@ from gslts.localization.landmark_files import read_landmarks
 from gslts.localization.relocalizer import Relocalizer
 from gslts.store.map_folder import read_map
 from gslts.types import Floats
+from gslts_bench.cache import code_digest, digest, native_digest
 from gslts_bench.homes import MAP_S, RECORDING_S, BenchHome, Tell
-from gslts_bench.made import code_of, digest, native_code
-from gslts_bench.relocalization.frames import FRAMES_CODE, LOOKS, PARTS, SET_S, TASKS_S, Part
+from gslts_bench.relocalization.frames import LOOKS, PARTS, SET_S, TASKS_S, Part
 from gslts_bench.relocalization.questions import Question, questions_of
 from gslts_bench.relocalization.score import Answer, Told, start_near
 from gslts_bench.relocalization.variants import ABLATION, OURS, TRADE, VARIANTS
 from gslts_bench.work import Add, Result, message_of, validated
-from gslts_sim.home_source import STRICT
+from gslts_sim.strict_model import STRICT
 
-FINDING_CODE = (
-    *("gslts.core", "gslts.io", "gslts.rendering", "gslts.store"),
-    *("gslts.datasets", "gslts.localization"),
-    *("gslts_bench.relocalization.score", "gslts_bench.relocalization.variants"),
-)
-"""What decides where a picture is said to be from, besides the compiled module."""
-RELOCALIZE_CODE = (
-    *FINDING_CODE,
-    *("gslts_bench.relocalization.run", "gslts_bench.relocalization.questions"),
-)
 FRAME_S, FINDING_S = 0.6, 0.7
 """About how long it takes to see a frame, and to find it, for the progress."""
 
@@ -209,6 +199,6 @@ def _id(question: Question, variant: str) -> str:
 
 def _code() -> dict[str, Any]:
     return {
-        "frames": code_of(*FRAMES_CODE),
-        "finding": {"python": code_of(*RELOCALIZE_CODE), "native": native_code()},
+        "frames": code_digest("gslts_bench.relocalization.frames", without=("gslts.mapping",)),
+        "finding": {"python": code_digest(__name__), "native": native_digest()},
     }

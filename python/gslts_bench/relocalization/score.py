@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, FiniteFloat
 
-from gslts.core.camera import apart, rotation, twist_of
+from gslts.core.se3 import pose_distance, rotation, twist_of
 from gslts.localization.relocalizer import Localization, Status
 from gslts.types import Floats
-from gslts_sim.home_source import STRICT
+from gslts_sim.strict_model import STRICT
 
 MOVED_M, MOVED_DEG = 0.05, 2.0
 """How far from the truth tracking starts."""
@@ -32,7 +32,7 @@ class Off(BaseModel):
     @classmethod
     def of(cls, pose: Floats, true: Floats) -> Off:
         """Both [4,4] world_from_camera."""
-        metres, turn_rad = apart(pose, true)
+        metres, turn_rad = pose_distance(pose, true)
         return cls(m=metres, deg=float(np.rad2deg(turn_rad)))
 
     def within(self, m: float, deg: float) -> bool:

@@ -17,8 +17,8 @@ from gslts.change.detector import ChangeDetector
 from gslts.core.camera import new_viewpoints
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
-from gslts.mapping.evaluation.evaluate import psnr_db
-from gslts.rendering.losses import exposed
+from gslts.rendering.losses import apply_exposure
+from gslts.rendering.metrics import psnr_db
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
 from gslts.update.config import UpdateConfig
@@ -30,11 +30,11 @@ from gslts_bench.homes import MAP_S, RECORDING_S, BenchHome
 from gslts_bench.update.score import as_mapped
 from gslts_bench.work import Add, Tell, run_units
 from gslts_sim.actions import SceneState
+from gslts_sim.change_sampler import TaskSettings
 from gslts_sim.controller import Controller
-from gslts_sim.home_source import STRICT
+from gslts_sim.strict_model import STRICT
 from gslts_sim.task import Kind, SensorSetup, Task
 from gslts_sim.tasks import TaskMaker
-from gslts_sim.trial import Setting
 
 FRESH_VIEWS = 40
 """That nothing was mapped from, drawn anew for each state that is looked at."""
@@ -51,7 +51,7 @@ class Step(BaseModel):
         kind, object_type: Of the change.
         detected: Whether it was among the changes detected in the first frame.
         changes: How many those were; all of them are updated.
-        refused: Why the map stays as it was.
+        rejected: Why the map stays as it was.
         gaussians: Of the map after it.
         seconds: Of edit and refinement.
         psnr_db: Of the map after it, of fresh views; None where it was not looked at.
@@ -64,7 +64,7 @@ class Step(BaseModel):
     object_type: str
     detected: bool
     changes: int
-    refused: str | None
+    rejected: str | None
     gaussians: int
     seconds: FiniteFloat
     psnr_db: FiniteFloat | None
@@ -138,7 +138,7 @@ class SeriesUnit:
             )
             seconds = result.record.seconds
             updated = result.gaussian_map
-            if result.record.refused is None:  # As `gslts update` does.
+            if result.record.rejected is None:  # As `gslts update` does.
                 seen_from = [view.camera for view in result.views]
                 cameras += compress(seen_from, new_viewpoints(cameras, seen_from))
             look = number % self.every == 0 or number == len(tasks)
@@ -149,7 +149,7 @@ class SeriesUnit:
                 object_type=task.change.object_type,
                 detected=any(fits(report_of(change), task.change) for change in found),
                 changes=len(found),
-                refused=result.record.refused if found else None,
+                rejected=result.record.rejected if found else None,
                 gaussians=updated.size,
                 seconds=seconds.get("editing", 0.0) + seconds.get("refining", 0.0),
                 psnr_db=psnr_of(updated, frames) if look else None,
@@ -169,11 +169,11 @@ class SeriesUnit:
     def _tasks(self) -> list[Task]:
         """The changes, the first of which starts from what the map shows."""
         setup = self.bench.setup
-        setting = Setting(noise=setup.noise, width=setup.width, height=setup.height)
+        setting = TaskSettings(noise=setup.noise, width=setup.width, height=setup.height)
         start = self.bench.tasks(1)[0]
         source, home = start.home, start.home.load(Path())
         maker = TaskMaker(setting, self.bench.seed)
-        tasks = list(maker.make_in_a_row(source, home, self.changes))
+        tasks = list(maker.make_sequence(source, home, self.changes))
         if len(tasks) < self.changes:
             raise ValueError(f"{self.name}: {len(tasks)} of {self.changes} changes are possible")
         return tasks
@@ -188,7 +188,7 @@ def fresh_frames(
     frames = []
     for number in range(count):
         robot.go(draw_visit(robot.home, rng).look)
-        frames.append(robot.look(number).observation)
+        frames.append(robot.snapshot(number).observation)
     return frames
 
 
@@ -198,7 +198,7 @@ def psnr_of(gaussian_map: GaussianMap, frames: Sequence[RgbdFrame]) -> float:
     for frame in frames:
         _, exposure, rgb = as_mapped(frame, gaussian_map)
         photo = frame.rgb.astype(np.float32) / np.float32(255)
-        shown = exposed(rgb, exposure).clip(0, 1)
+        shown = apply_exposure(rgb, exposure).clip(0, 1)
         psnrs_db.append(psnr_db(np.asarray(shown, np.float32), photo))
     return float(np.mean(psnrs_db))
 

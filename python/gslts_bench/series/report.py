@@ -21,7 +21,7 @@ def printed(steps: Mapping[str, Sequence[Step]], ends: Mapping[str, End]) -> str
     columns = []
     for name, end in ends.items():
         own = steps[name]
-        idle = sum(one.changes == 0 or one.refused is not None for one in own)
+        idle = sum(one.changes == 0 or one.rejected is not None for one in own)
         gain_db = end.psnr_db[UPDATED] - end.psnr_db[ANEW]
         growth = end.gaussians[UPDATED] / end.gaussians[BEFORE] - 1
         columns.append(

@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.core.camera import Camera, resized
+from gslts.core.camera import Camera, downscale
 from gslts.core.gaussian_map import FloatArray, GaussianMap
+from gslts.rendering.metrics import psnr_from_mse_db
 from gslts.rendering.rasterizer import Gradients, Rasterizer, RenderOptions
 from gslts.types import Floats
 
@@ -117,7 +118,7 @@ class _Job:
     def __init__(self, view: _View, setting: Setting) -> None:
         self.map, self.rasterizer = view.maps[setting.dtype], view.rasterizers[setting.dtype]
         self.options = RenderOptions(near_m=view.near_m, threads=view.threads, **setting.options)
-        self.camera = resized(view.camera, setting.shrink)
+        self.camera = downscale(view.camera, setting.shrink)
         self.rows = _interpolation(view.camera.height, self.camera.height)
         self.columns = _interpolation(view.camera.width, self.camera.width)
 
@@ -220,12 +221,6 @@ def measure(
     ]
 
 
-def psnr_db(rgb: FloatArray, expected: FloatArray) -> float:
-    """Peak signal-to-noise ratio for a peak of 1, dB; infinite if the images are equal."""
-    mean_square = float(np.mean((rgb.astype(np.float64) - expected) ** 2))
-    return math.inf if mean_square == 0 else -10 * math.log10(mean_square)
-
-
 def pareto_front(ms: Floats, psnr: Floats) -> NDArray[np.bool_]:
     """Whether no other point is better in one of both and no worse in the other.
 
@@ -275,4 +270,9 @@ def _errors(
         difference = float(np.linalg.norm(getattr(found, name) - getattr(wanted, name)))
         if norm > 0:
             of_gradients.append(difference / norm)
-    return psnr_db(rgb, exact), float(np.abs(rgb - exact).max()), max(of_gradients, default=0.0)
+    mse = float(np.mean((rgb.astype(np.float64) - exact) ** 2))
+    return (
+        psnr_from_mse_db(mse, math.inf),
+        float(np.abs(rgb - exact).max()),
+        max(of_gradients, default=0.0),
+    )

@@ -11,7 +11,7 @@ from gslts.change.config import DetectionConfig
 from gslts.change.detector import ChangeDetector
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
-from gslts.update.config import LITERAL, EditConfig, RefineConfig, UpdateConfig
+from gslts.update.config import GS_LTS, EditConfig, RefineConfig, UpdateConfig
 from gslts.update.edit import Edit, pre_edit
 from gslts.update.refine import Refined, Watch, refine, targets_of
 from gslts.update.updater import Record, updated_with
@@ -59,7 +59,7 @@ def _without(**settings: object) -> Method:
 METHODS: dict[str, Method] = {
     "no update": Method(None, None),
     "plain fine-tuning": Method(None, PLAIN),
-    "literal editing": Method(LITERAL, PLAIN),
+    "gs_lts editing": Method(GS_LTS, PLAIN),
     "ours": Method(OURS.edit, OURS.refine, whole=True),
 }
 """Of the table: the second is the baseline of GS-LTS, and the third its editing as printed."""
@@ -77,7 +77,7 @@ ABLATION: dict[str, Method] = {
     "no refinement": Method(
         OURS.edit, OURS.refine.model_copy(update={"iterations": 0}), whole=True
     ),
-    "literal editing, then ours": Method(LITERAL, OURS.refine, whole=True),
+    "gs_lts editing, then ours": Method(GS_LTS, OURS.refine, whole=True),
 }
 """Each differs from `ours` in one thing."""
 
@@ -119,13 +119,13 @@ def updated(
     used, _ = split_held_back(found.views, OURS.collect.held_back)
     edit = Edit(gaussian_map, np.zeros(gaussian_map.size, np.bool_), 0)
     if method.edit is not None:
-        edit = pre_edit(gaussian_map, used, found.sites_of_each, method.edit, threads=threads)
+        edit = pre_edit(gaussian_map, used, found.regions_of_each, method.edit, threads=threads)
     refined = Refined(edit.gaussian_map, 0, ())
     if method.refine is not None:
         config_of = method.refine.model_copy(update=steps)
         refined = refine(
             edit.gaussian_map,
-            targets_of(used, found.sites, config_of),
+            targets_of(used, found.regions, config_of),
             np.ones(edit.gaussian_map.size, np.bool_),
             config_of,
             threads=threads,

@@ -15,29 +15,24 @@ from pydantic import BaseModel, FiniteFloat
 from gslts.change.detector import ChangeDetector
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
-from gslts.rendering.lpips import Lpips
+from gslts.rendering.metrics import Lpips
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
 from gslts.update.config import CollectConfig
 from gslts.update.view_collection import Collection, collect
+from gslts_bench.cache import code_digest, digest, native_digest
 from gslts_bench.detection.run import report_of
 from gslts_bench.detection.score import fits
 from gslts_bench.homes import MAP_S, RECORDING_S, BenchHome
-from gslts_bench.made import code_of, digest, native_code
 from gslts_bench.update.methods import ABLATION, METHODS, Method, updated
 from gslts_bench.update.pictures import compared
 from gslts_bench.update.score import Judge, JudgedView, judged_view
 from gslts_bench.work import Add, Result, Tell, message_of, validated
 from gslts_sim.controller import Controller
 from gslts_sim.home import Home
-from gslts_sim.home_source import STRICT
+from gslts_sim.strict_model import STRICT
 from gslts_sim.task import Task
 
-UPDATE_CODE = (
-    *("gslts.core", "gslts.io", "gslts.rendering", "gslts.store"),
-    *("gslts.change", "gslts.localization", "gslts.mapping", "gslts.update", "gslts_bench.update"),
-)
-"""What decides what becomes of a map, besides the compiled module."""
 MARKS = (0, 50, 100, 250, 500, 1000)
 """Iterations after which maps are compared in the curve."""
 CURVE_OF = ("plain fine-tuning", "ours")
@@ -59,7 +54,7 @@ class Record(BaseModel):
             if not, there is no update.
         views: That were collected.
         scores: Of the near and of the far test views; see `update_score.Score`.
-        refused: Why the map stays as it was.
+        rejected: Why the map stays as it was.
         gaussians: Before and after.
         removed, added, iterations: See `gslts.update.updater.Record`.
         seconds: By stage; all of it under `update`.
@@ -78,7 +73,7 @@ class Record(BaseModel):
     detected: bool = False
     views: int = 0
     scores: dict[str, dict[str, FiniteFloat | None]] = {}
-    refused: str | None = None
+    rejected: str | None = None
     gaussians: tuple[int, int] = (0, 0)
     removed: int = 0
     added: int = 0
@@ -109,7 +104,7 @@ class UpdateUnit:
     lpips: tuple[Path, Path] | None = None
     threads: int = 1
     code: dict[str, Any] = field(
-        default_factory=lambda: {"python": code_of(*UPDATE_CODE), "native": native_code()}
+        default_factory=lambda: {"python": code_digest(__name__), "native": native_digest()}
     )
 
     @property
@@ -214,7 +209,7 @@ class UpdateUnit:
             if told is not None:
                 seconds |= told.seconds
                 known = {
-                    "refused": told.refused,
+                    "rejected": told.rejected,
                     "removed": told.removed,
                     "added": told.added,
                     "iterations": told.iterations,
@@ -270,8 +265,8 @@ class _Ground:
         views = []
         sets = task.test_viewpoints
         for number, viewpoint in enumerate((*sets.near, *sets.far)):
-            robot.go(viewpoint.look)
-            frame = robot.look(number).observation
+            robot.go(viewpoint)
+            frame = robot.snapshot(number).observation
             near = number < len(sets.near)
             view = judged_view(frame, task.change, self.gaussian_map, near=near)
             views += [] if view is None else [view]

@@ -15,12 +15,11 @@ from gslts.core.camera import Camera, at_pose
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.localization.alignment import aligned
-from gslts.mapping.evaluation.evaluate import psnr_db
-from gslts.rendering.losses import Exposure, exposed, fit_exposure, photometric_loss
-from gslts.rendering.lpips import LEAST_PX, Lpips
+from gslts.rendering.losses import Exposure, apply_exposure, fit_exposure
+from gslts.rendering.metrics import MIN_SIDE_PX, Lpips, psnr_db, ssim
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.types import Bools, Floats32
-from gslts.update.region import Site
+from gslts.update.region import Region
 from gslts_sim.task import Change
 
 AROUND_PX = 50
@@ -85,8 +84,8 @@ def judged_view(
     crops = []
     for box in (change.box_before, change.box_after):
         if box is not None:
-            site = Site("after", np.array(box[0]), np.array(box[1]))
-            rectangle = site.rectangle(frame.camera, AROUND_PX)
+            region = Region("after", np.array(box[0]), np.array(box[1]))
+            rectangle = region.rectangle(frame.camera, AROUND_PX)
             crops += [] if rectangle is None else [rectangle]
     if not crops:
         return None
@@ -154,7 +153,7 @@ class Judge:
     def shown(self, gaussian_map: GaussianMap, view: JudgedView, camera: Camera) -> Floats32:
         """[H,W,3] what a map shows from a camera, as the picture of a view is exposed."""
         rgb = self._rasterizer.forward(gaussian_map, camera, self._options).rgb
-        return np.asarray(exposed(rgb, view.exposure).clip(0, 1), np.float32)
+        return np.asarray(apply_exposure(rgb, view.exposure).clip(0, 1), np.float32)
 
     def _score(self, gaussian_map: GaussianMap, view: JudgedView) -> Score:
         rgb = self.shown(gaussian_map, view, view.camera)
@@ -162,7 +161,7 @@ class Judge:
         inside = view.inside
         return Score(
             psnr_db=psnr_db(rgb, view.photo, inside),
-            ssim=photometric_loss(rgb, view.photo, mask=inside, threads=1).ssim,
+            ssim=ssim(rgb, view.photo, inside, threads=1),
             flip=_mean_over(view.crops, lambda crop: _flip(rgb, view.photo, crop)),
             lpips=None
             if self._lpips is None
@@ -176,8 +175,8 @@ class Judge:
         assert self._lpips is not None  # Or it is not asked for.
         x0, y0, x1, y1 = crop
         height, width = photo.shape[:2]
-        x0, y0 = min(x0, width - LEAST_PX), min(y0, height - LEAST_PX)
-        x1, y1 = max(x1, x0 + LEAST_PX), max(y1, y0 + LEAST_PX)
+        x0, y0 = min(x0, width - MIN_SIDE_PX), min(y0, height - MIN_SIDE_PX)
+        x1, y1 = max(x1, x0 + MIN_SIDE_PX), max(y1, y0 + MIN_SIDE_PX)
         return self._lpips.distance(rgb[y0:y1, x0:x1], photo[y0:y1, x0:x1])
 
 

@@ -83,13 +83,13 @@ def _curve(records: Iterable[Record], method: str) -> dict[str, list[float]]:
 
 def _told_of_ours(records: Iterable[Record]) -> dict[str, Any]:
     own = [one for one in records if one.method == OURS]
-    done = [one for one in own if one.refused is None]
+    done = [one for one in own if one.rejected is None]
     if not done:
         return {}
     stages = ("collecting", "editing", "refining", "verifying")
     return {
-        "refused": [len(own) - len(done), len(own)],
-        "reasons": sorted({one.refused.partition(":")[0] for one in own if one.refused}),
+        "rejected": [len(own) - len(done), len(own)],
+        "reasons": sorted({one.rejected.partition(":")[0] for one in own if one.rejected}),
         "seconds": {name: _median([one.seconds[name] for one in done]) for name in stages},
         "slowest_s": max(one.seconds["editing"] + one.seconds["refining"] for one in done),
         "growth": float(np.mean([one.gaussians[1] / one.gaussians[0] - 1 for one in done])),
@@ -120,7 +120,7 @@ def _overview(found: Mapping[str, Any]) -> str:
             ["outside the crops, against no update", f"{outside:+.2f} dB", "-0.05"],
             ["edit and refinement, median", f"{edit_s:.2f} s", ""],
             ["- collection, in simulation", f"{seconds['collecting']:.1f} s", ""],
-            ["refused", share(*ours["refused"]), ""],
+            ["rejected", share(*ours["rejected"]), ""],
             ["Gaussians", f"{100 * ours['growth']:+.2f} %", ""],
         ]
     return table(["", "", "wanted"], rows)

@@ -16,7 +16,7 @@ import numpy as np
 
 from gslts.core.frame import RgbdFrame
 from gslts.types import Floats
-from gslts_sim.thor.event import FAR_M, NEAR_M, ThorObject, frame_of, objects_of
+from gslts_sim.thor.event import FAR_M, NEAR_M, ThorObject, camera_of, frame_of, objects_of
 from gslts_sim.thor.frame import in_world, unity_from_world, unity_yaw_from_world
 
 GRID_M = 0.25
@@ -64,6 +64,14 @@ class ThorRobot:
             ValueError: The controller renders no depth, or the scene is not initialized.
         """
         return frame_of(self._controller.step(action="Pass"), *self._planes_m)
+
+    def pose(self) -> Floats:
+        """Return [4,4] world_from_camera as of the last action, m.
+
+        Raises:
+            ValueError: The scene is not initialized.
+        """
+        return camera_of(self._controller.last_event).world_from_camera
 
     def objects(self) -> list[ThorObject]:
         """The objects of the scene as they are now."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gslts.core.camera import rotation
+from gslts.core.se3 import rotation
 from gslts.localization.config import RelocalizationConfig
 from gslts.localization.relocalizer import Localization
 from gslts_bench.relocalization.fold import RoomRecord

@@ -9,14 +9,14 @@ from gslts_bench.series.report import GAIN, GROWTH, printed, write_plot
 
 
 def test_the_table_holds_the_figures() -> None:
-    def step(number: int, changes: int, refused: str | None) -> Step:
+    def step(number: int, changes: int, rejected: str | None) -> Step:
         return Step(
             id=f"home/{number}",
             kind="removal",
             object_type="Mug",
             detected=changes > 0,
             changes=changes,
-            refused=refused,
+            rejected=rejected,
             gaussians=1000,
             seconds=float(number),
             psnr_db=None,
@@ -43,7 +43,7 @@ def test_a_home_that_stopped_early_is_drawn_without_its_end(tmp_path: Path) -> N
         object_type="Mug",
         detected=True,
         changes=1,
-        refused=None,
+        rejected=None,
         gaussians=10,
         seconds=1.0,
         psnr_db=None,

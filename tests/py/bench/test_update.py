@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from gslts.update.config import LITERAL
+from gslts.update.config import GS_LTS
 from gslts_bench.update.methods import ABLATION, OURS
 from gslts_bench.update.run import Record
 from gslts_bench.update.tables import printed, summary
@@ -16,7 +16,7 @@ def test_each_of_the_ablation_changes_one_thing() -> None:
             continue
         assert method.edit is not None
         assert method.refine is not None
-        if method.edit == LITERAL:
+        if method.edit == GS_LTS:
             assert method.refine == OURS.refine
             continue
         edits = {k: v for k, v in method.edit if v != getattr(OURS.edit, k)}
@@ -52,7 +52,7 @@ def test_gains_and_growth_are_those_of_the_records() -> None:
         [
             record("a/0", "no update", 20),
             record("a/0", "plain fine-tuning", 25),
-            record("a/0", "literal editing", 26),
+            record("a/0", "gs_lts editing", 26),
             record("a/0", "ours", 29),
             Record(id="a/1", task="a/1", kind="addition", object_type="Mug", method="not detected"),
         ]
@@ -61,7 +61,7 @@ def test_gains_and_growth_are_those_of_the_records() -> None:
     assert found["detected"] == [1, 2]
     assert found["methods"]["ours"]["removal"]["far"]["psnr_db"] == 28
     assert found["ours"]["growth"] == pytest.approx(0.1)
-    assert found["ours"]["refused"] == [0, 1]
+    assert found["ours"]["rejected"] == [0, 1]
     text = printed(found)
     assert "| `ours` over plain fine-tuning, near | +4.00 dB | +3 |" in text
     assert "| edit and refinement, median | 1.50 s |  |" in text

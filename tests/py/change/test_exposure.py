@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gslts.change.exposure import robust_exposure
-from gslts.rendering.losses import Exposure, exposed, fit_exposure
+from gslts.rendering.losses import Exposure, apply_exposure, fit_exposure
 
 GAIN, OFFSET = (0.8, 1.1, 0.95), (0.05, -0.03, 0.02)
 HEIGHT, WIDTH = 90, 120
@@ -20,7 +20,7 @@ def room(seed: int = 0) -> np.ndarray:
 
 def photo_of(rgb: np.ndarray) -> np.ndarray:
     noise = np.random.default_rng(1).normal(0, 0.01, rgb.shape)
-    photo = exposed(rgb, Exposure(gain=GAIN, offset=OFFSET)) + noise
+    photo = apply_exposure(rgb, Exposure(gain=GAIN, offset=OFFSET)) + noise
     return photo.astype(np.float32)
 
 

@@ -7,7 +7,8 @@ import scenes
 from scipy.spatial.transform import Rotation
 
 import gslts
-from gslts.core.camera import at_pose, lifted, new_viewpoints, resized, rotation, rotation_vector
+from gslts.core.camera import at_pose, downscale, new_viewpoints, unproject
+from gslts.core.se3 import rotation, rotation_vector
 
 IDENTITY = np.eye(4)
 
@@ -163,7 +164,7 @@ def test_cameras_elsewhere_and_of_smaller_images() -> None:
     moved = at_pose(camera, pose)
     np.testing.assert_array_equal(moved.world_from_camera, pose)
     assert at_pose(moved, camera.world_from_camera) == camera
-    half = resized(camera, 2)
+    half = downscale(camera, 2)
     assert (half.width, half.height) == (320, 240)
     # The same ray meets the same place in the image, counted in halves of a pixel.
     assert (2 * half.fx, 2 * half.cx, 2 * half.cy) == (camera.fx, camera.cx, camera.cy)
@@ -177,7 +178,7 @@ def test_places_of_a_picture_are_lifted_to_where_they_are_seen() -> None:
     places = np.column_stack(
         [camera.fx * x / depths_m + camera.cx, camera.fy * y / depths_m + camera.cy]
     )
-    np.testing.assert_allclose(lifted(camera, places, depths_m), points, atol=1e-12)
+    np.testing.assert_allclose(unproject(camera, places, depths_m), points, atol=1e-12)
 
 
 def test_a_new_viewpoint_is_away_from_all_before_or_turned() -> None:

@@ -5,8 +5,9 @@ import time
 import numpy as np
 import pytest
 
-from gslts.core.camera import Camera, rotation
+from gslts.core.camera import Camera
 from gslts.core.frame import register_depth
+from gslts.core.se3 import rotation
 
 
 def camera(

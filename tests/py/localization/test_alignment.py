@@ -6,9 +6,10 @@ from analytic_room import look
 
 import gslts.mapping.lenses as mapping_lenses
 from gslts import Camera, look_at, render
-from gslts.core.camera import at_pose, moved, twist_of
-from gslts.core.se3 import anchoring, moved_map
+from gslts.core.camera import at_pose
+from gslts.core.se3 import fit_rigid_motion, se3_retract, twist_of
 from gslts.localization.alignment import NormalEquations, align
+from gslts.mapping.gauge import move_map
 from gslts.mapping.lenses import Lenses, after_step, corrected_lenses, pose_step
 from gslts.rendering.losses import Exposure
 from gslts_bench.synthetic_rooms import make_room
@@ -22,6 +23,10 @@ def camera_at(pose: np.ndarray, **changes: float) -> Camera:
     return Camera(**numbers, width=160, height=120, world_from_camera=pose)
 
 
+def move(camera: Camera, twist: np.ndarray) -> Camera:
+    return at_pose(camera, se3_retract(camera.world_from_camera, twist))
+
+
 def start() -> Camera:
     return camera_at(look_at(EYES[0], TARGETS[0]))
 
@@ -29,7 +34,7 @@ def start() -> Camera:
 def changed(camera: Camera, change: np.ndarray) -> Camera:
     """By (rho, phi, log fx, log fy, cx, cy)."""
     return camera_at(
-        moved(camera, change[:6]).world_from_camera,
+        move(camera, change[:6]).world_from_camera,
         fx=camera.fx * np.exp(change[6]),
         fy=camera.fy * np.exp(change[7]),
         cx=camera.cx + change[8],
@@ -59,11 +64,11 @@ def test_the_equations_hold_for_a_small_change(parameter: int) -> None:
 @pytest.mark.parametrize("kind", ["color", "depth"])
 def test_steps_lead_to_the_true_pose(kind: str) -> None:
     twist = np.array([0.01, -0.015, 0.012, 0.008, -0.01, 0.012])
-    true = moved(start(), twist)
+    true = move(start(), twist)
     seen, camera = look(true), start()
     for _ in range(8):
         alignment = align(camera, *look(camera), *seen)
-        camera = moved(camera, solved(getattr(alignment, kind)))
+        camera = move(camera, solved(getattr(alignment, kind)))
     left = np.linalg.inv(camera.world_from_camera) @ true.world_from_camera
     assert np.abs(twist_of(left)).max() < 2e-4
 
@@ -105,9 +110,9 @@ def test_gross_differences_edges_holes_and_masked_pixels_do_not_count() -> None:
 
 def test_the_same_for_any_number_of_threads() -> None:
     rendered = [image.astype(np.float32) for image in look(start())]
-    seen = [image.astype(np.float32) for image in look(moved(start(), np.full(6, 0.01)))]
+    seen = [image.astype(np.float32) for image in look(move(start(), np.full(6, 0.01)))]
     one, three = (align(start(), *rendered, *seen, threads=threads) for threads in (1, 3))
-    exact = align(start(), *look(start()), *look(moved(start(), np.full(6, 0.01))))
+    exact = align(start(), *look(start()), *look(move(start(), np.full(6, 0.01))))
     for kind in ("color", "depth"):
         first, second = getattr(one, kind), getattr(three, kind)
         assert first.hessian.tobytes() == second.hessian.tobytes()
@@ -130,13 +135,13 @@ def test_lenses_come_out_although_all_poses_are_wrong(monkeypatch: pytest.Monkey
     monkeypatch.setattr(mapping_lenses, "PIXELS_PER_FACT", 0.01)  # Nothing is known before.
     rng = np.random.default_rng(0)
     true_color = camera_at(np.eye(4))
-    true_depth = moved(camera_at(np.eye(4)), np.array([0.03, 0.005, -0.01, 0.01, -0.015, 0.008]))
-    beside = moved(camera_at(np.eye(4)), np.array([0.01, 0, 0, 0, 0, 0]))
+    true_depth = move(camera_at(np.eye(4)), np.array([0.03, 0.005, -0.01, 0.01, -0.015, 0.008]))
+    beside = move(camera_at(np.eye(4)), np.array([0.01, 0, 0, 0, 0, 0]))
     given = Lenses(camera_at(np.eye(4), fx=154.0, fy=149.0, cx=84.0), beside)
     poses = [look_at(eye, target) for eye, target in zip(EYES, TARGETS, strict=True)]
     photos = [look(at_pose(true_color, pose))[0] for pose in poses]
     guesses = [
-        moved(at_pose(true_color, pose), rng.normal(0, 0.01, 6)).world_from_camera for pose in poses
+        move(at_pose(true_color, pose), rng.normal(0, 0.01, 6)).world_from_camera for pose in poses
     ]
     lenses = given
     for _ in range(15):
@@ -152,7 +157,7 @@ def test_lenses_come_out_although_all_poses_are_wrong(monkeypatch: pytest.Monkey
             measured = look(at_pose(camera, error @ camera.world_from_camera))[1]
             alignment = align(camera, *look(camera), photos[k], measured)
             twist = pose_step(alignment)
-            guesses[k] = moved(camera, twist).world_from_camera
+            guesses[k] = move(camera, twist).world_from_camera
             looks.append(after_step(alignment, twist))
         lenses = corrected_lenses(lenses, given, looks)
     assert lenses.color.fx == pytest.approx(150.0, abs=0.05)
@@ -167,11 +172,11 @@ def test_lenses_come_out_although_all_poses_are_wrong(monkeypatch: pytest.Monkey
 def test_the_world_comes_back_from_a_motion() -> None:
     rng = np.random.default_rng(1)
     given = np.array([look_at(eye, target) for eye, target in zip(EYES, TARGETS, strict=True)])
-    motion = moved(camera_at(np.eye(4)), np.array([0.1, -0.2, 0.05, 0.02, -0.01, 0.03]))
-    found = anchoring(motion.world_from_camera @ given, given, 2.0)
+    motion = move(camera_at(np.eye(4)), np.array([0.1, -0.2, 0.05, 0.02, -0.01, 0.03]))
+    found = fit_rigid_motion(motion.world_from_camera @ given, given, 2.0)
     np.testing.assert_allclose(found @ motion.world_from_camera, np.eye(4), atol=1e-12)
-    jittered = [moved(camera_at(pose), rng.normal(0, 0.001, 6)).world_from_camera for pose in given]
-    near = anchoring(np.array(jittered), given, 2.0)
+    jittered = [move(camera_at(pose), rng.normal(0, 0.001, 6)).world_from_camera for pose in given]
+    near = fit_rigid_motion(np.array(jittered), given, 2.0)
     assert np.abs(near - np.eye(4)).max() < 0.003
     assert np.linalg.det(near[:3, :3]) == pytest.approx(1)
 
@@ -180,24 +185,24 @@ def test_turned_cameras_turn_the_world_by_how_far_away_they_see() -> None:
     given = np.array([look_at(eye, target) for eye, target in zip(EYES, TARGETS, strict=True)])
     turned, by_rad = given.copy(), 0.02
     turned[:, :3, :3] = (
-        moved(camera_at(np.eye(4)), np.array([0, 0, 0, 0, 0, by_rad])).world_from_camera[:3, :3]
+        move(camera_at(np.eye(4)), np.array([0, 0, 0, 0, 0, by_rad])).world_from_camera[:3, :3]
         @ given[:, :3, :3]
     )
     left = []
     for arm_m in (0.1, 1.0, 10.0):
-        back = anchoring(turned, given, arm_m)
+        back = fit_rigid_motion(turned, given, arm_m)
         left.append(by_rad + twist_of(back)[5])
     assert left[0] > 0.9 * by_rad  # Where the cameras stand decides.
     assert left[2] < 0.1 * by_rad  # What they see does.
     assert left[0] > left[1] > left[2]
 
 
-def test_a_moved_map_looks_the_same_from_a_moved_camera() -> None:
+def test_a_move_map_looks_the_same_from_a_moved_camera() -> None:
     room = make_room("S")
     twist = np.array([0.05, -0.02, 0.03, 0.004, -0.003, 0.005])
-    motion = moved(at_pose(room.camera, np.eye(4)), twist).world_from_camera
+    motion = move(at_pose(room.camera, np.eye(4)), twist).world_from_camera
     before = render(room.gaussian_map, room.camera).rgb
     camera = at_pose(room.camera, motion @ room.camera.world_from_camera)
-    after = render(moved_map(room.gaussian_map, motion), camera).rgb
+    after = render(move_map(room.gaussian_map, motion), camera).rgb
     assert np.abs(after - before).mean() < 5e-4
     assert np.abs(render(room.gaussian_map, camera).rgb - before).mean() > 1e-2

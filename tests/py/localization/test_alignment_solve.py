@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from gslts.core.camera import inverse_transform, look_at, product, relative, transform
+from gslts.core.camera import look_at
+from gslts.core.se3 import inverse_transform, product, relative, transform
 from gslts.localization.alignment import solve_positive
 
 RNG = np.random.default_rng(3)

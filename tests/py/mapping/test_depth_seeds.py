@@ -8,9 +8,10 @@ import sim_scenes
 import surface_oracle
 
 import gslts
-from gslts._core.map import SurfaceVoxels
-from gslts.core.camera import moved, twist_of
+from gslts._core.fusion import SurfaceVoxels
+from gslts.core.camera import at_pose
 from gslts.core.frame import RgbdFrame
+from gslts.core.se3 import se3_retract, twist_of
 from gslts.localization.alignment import align
 from gslts.mapping.seeding.depth_seeds import LEAST_HITS, flat_gaussians, seed_from_depth
 from gslts.mapping.seeding.hole_seeds import interpolated, seeds_in_holes
@@ -251,13 +252,14 @@ def test_poses_return_from_a_wrong_start(axis: int) -> None:
     photo = gslts.render(room.gaussian_map, truth)
     twist = np.zeros(6)
     twist[axis] = 0.01 if axis < 3 else np.deg2rad(0.5)
-    camera = moved(truth, twist)
+    camera = at_pose(truth, se3_retract(truth.world_from_camera, twist))
     np.testing.assert_allclose(twist_of(motion(truth, camera)), twist, atol=1e-6)
     for _ in range(8):
         images = gslts.render(room.gaussian_map, camera)
         alignment = align(camera, images.rgb, images.depth, photo.rgb, photo.depth)
         both = alignment.color + alignment.depth
-        camera = moved(camera, np.linalg.solve(both.hessian[:6, :6], both.right[:6]))
+        step = np.linalg.solve(both.hessian[:6, :6], both.right[:6])
+        camera = at_pose(camera, se3_retract(camera.world_from_camera, step))
     off = twist_of(motion(camera, truth))
     assert np.linalg.norm(off[:3]) < 0.0005
     assert np.linalg.norm(off[3:]) < np.deg2rad(0.02)

@@ -9,6 +9,7 @@ from gslts.core.gaussian_map import SH_C0, GaussianMap
 from gslts.mapping.density.control import axes_of
 from gslts.mapping.density.merge import merged
 from gslts.mapping.seeding.depth_seeds import flat_gaussians
+from gslts.rendering.metrics import psnr_from_mse_db
 from gslts.rendering.rasterizer import render
 
 
@@ -138,7 +139,7 @@ def test_a_plain_wall_looks_the_same_with_half(plain: GaussianMap) -> None:
 
     def error_db(half: GaussianMap) -> float:
         squares = (render(half, camera).rgb - render(plain, camera).rgb) ** 2
-        return float(-10 * np.log10(squares.mean()))
+        return psnr_from_mse_db(float(squares.mean()))
 
     half = merged(plain, plain.size // 2)
     assert half.size == plain.size // 2

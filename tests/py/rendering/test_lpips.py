@@ -12,7 +12,7 @@ from torch import nn
 from torch.nn import functional
 
 from gslts.mapping.evaluation.assess import assess
-from gslts.rendering.lpips import LEAST_PX, Lpips
+from gslts.rendering.metrics import MIN_SIDE_PX, Lpips
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +74,7 @@ def test_distances_are_those_of_the_layers(weights: tuple[Path, Path]) -> None:
 
 def test_pictures_must_fit(weights: tuple[Path, Path]) -> None:
     lpips = Lpips(*weights)
-    least = np.zeros((LEAST_PX, LEAST_PX, 3))
+    least = np.zeros((MIN_SIDE_PX, MIN_SIDE_PX, 3))
     assert lpips.distance(least, least) == 0
     with pytest.raises(ValueError, match="at least 31 px a side, got 31 x 30"):
         lpips.distance(least[1:], least[1:])

@@ -32,6 +32,7 @@ def test_it_goes_to_the_frame_of_that_place_and_direction(visit: list) -> None:
     }.items():
         assert robot.move_towards(np.array(place), yaw_rad)
         assert robot.observe() is visit[number]
+        np.testing.assert_array_equal(robot.pose(), visit[number].camera.world_from_camera)
 
 
 def test_of_frames_at_a_place_the_pitch_decides() -> None:
@@ -47,5 +48,7 @@ def test_of_frames_at_a_place_the_pitch_decides() -> None:
 
 
 def test_without_frames_there_is_no_robot() -> None:
-    with pytest.raises(ValueError, match="RecordedRobot: frames: there is none"):
+    with pytest.raises(
+        ValueError, match="RecordedRobot: frames: expected at least one frame, got none"
+    ):
         RecordedRobot([])

@@ -7,6 +7,7 @@ import pytest
 import sim_scenes
 
 from gslts.core.robot import Robot
+from gslts.core.se3 import pose_distance
 from gslts_sim import make_home
 from gslts_sim.controller import Controller
 from gslts_sim.robot_body import BODY_RADIUS_M, CAMERA_HEIGHT_M
@@ -126,6 +127,20 @@ def test_it_is_a_robot(controller: Controller) -> None:
     robot.observe()
     assert place(controller)[:2] in {tuple(p) for p in places.tolist()}
     assert place(controller) == pytest.approx((4.0, 3.25, 90.0), abs=0.26)
+    np.testing.assert_array_equal(robot.pose(), robot.observe().camera.world_from_camera)
+
+
+def test_the_believed_pose_has_noise_and_takes_no_frame() -> None:
+    home = sim_scenes.simple_home()
+    exact, asked, silent = (
+        Controller(home, width=32, height=24, noise=noise) for noise in ("none", "kinect", "kinect")
+    )
+    pose = asked.pose()
+    np.testing.assert_array_equal(pose, asked.pose())
+    error_m, error_rad = pose_distance(exact.pose(), pose)
+    assert 0 < error_m < 0.1
+    assert 0 < error_rad < 0.1
+    np.testing.assert_array_equal(asked.observe().rgb, silent.observe().rgb)
 
 
 def test_it_looks_down_as_far_as_it_can(controller: Controller) -> None:

@@ -139,7 +139,10 @@ def test_it_is_a_robot(controller: StandInController, unity: UnityStandIn) -> No
         "rotation": {"x": 0.0, "y": 90.0, "z": 0.0},
         "sequenceId": unity.sequence_id,
     }
+    before = robot.pose()
+    assert unity.actions[-1]["action"] == "Teleport", "no frame was taken"
     pose = robot.observe().camera.world_from_camera
+    np.testing.assert_array_equal(before, pose)
     np.testing.assert_allclose(pose[:3, 3], (1.25, -2.0, 1.575))
     np.testing.assert_allclose(pose[:3, 2], (1, 0, 0), atol=1e-12)
     for pitch_rad, horizon in ((0.5, np.rad2deg(0.5)), (2.0, 60.0)):

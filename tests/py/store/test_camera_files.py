@@ -9,7 +9,7 @@ import scenes
 from orbit_cameras import around, entry
 from scipy.spatial.transform import Rotation
 
-from gslts.core.camera import rotation_of_quat
+from gslts.core.se3 import rotation_of_quat
 from gslts.io.images import depth_picture
 from gslts.rendering.orbit import orbit
 from gslts.store.camera_files import read_cameras, read_path

@@ -97,7 +97,7 @@ def test_features_of_another_length_make_a_version(folder: Path) -> None:
         assert store.problems() == []
 
 
-def test_used_ids_are_refused(folder: Path) -> None:
+def test_used_ids_are_rejected(folder: Path) -> None:
     maps = grown(folder, 1)
     with MapStore(folder, writable=True) as store:
         store.restore(1)
@@ -115,7 +115,7 @@ def test_used_ids_are_refused(folder: Path) -> None:
         (lambda one: one.astype(np.float64), "dtype was float32 and is float64"),
     ],
 )
-def test_another_map_is_refused(folder: Path, edit: object, message: str) -> None:
+def test_another_map_is_rejected(folder: Path, edit: object, message: str) -> None:
     with MapStore(folder, writable=True) as store:
         with pytest.raises(ValueError, match=message):
             store.commit(edit(store.read()), {})  # type: ignore[operator]
@@ -218,21 +218,21 @@ def test_nothing_is_removed_where_a_file_is_missing(folder: Path, loss: str) -> 
         "UPDATE events SET kind = 'edition'",
         "UPDATE events SET boxes = '[null, [[0, 0, 0]]]'",
         "UPDATE events SET boxes = '7'",
-        "UPDATE refusals SET time_s = -1",
+        "UPDATE rejections SET time_s = -1",
     ],
 )
 def test_what_makes_no_sense_in_the_index_is_damage(folder: Path, harm: str) -> None:
     box = [[0.0, 0.0, 0.0], [0.1, 0.1, 0.2]]
     with MapStore(folder, writable=True) as store:
         store.commit(store.read(), {}, [Event(0, "addition", "Mug", (None, box))])
-        store.refuse({})
+        store.add_rejection({})
     with sqlite3.connect(folder / INDEX) as index:
         index.execute(harm)
     with (
         MapStore(folder) as store,
         pytest.raises(ValueError, match=r"versions\.sqlite: it is damaged: .*from a backup"),
     ):
-        store.versions(), store.events(), store.refusals()
+        store.versions(), store.events(), store.rejections()
 
 
 @pytest.mark.parametrize("harm", ["flip", "cut", "grow", "delete"])
@@ -352,7 +352,7 @@ def test_a_clock_that_goes_back_is_told(
     assert "behind that of version 2" in caplog.text
 
 
-def test_a_delta_of_another_map_is_refused() -> None:
+def test_a_delta_of_another_map_is_rejected() -> None:
     base = random_map(5)
     nothing = base.select(np.zeros(0, np.int64))
     gone = Delta(np.array([9], np.uint64), nothing, nothing)

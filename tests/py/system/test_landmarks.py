@@ -254,7 +254,7 @@ def test_each_keeps_its_keyframe() -> None:
         ("gaussians", np.zeros((), np.uint64)),
     ],
 )
-def test_what_cannot_be_is_refused(name: str, array: np.ndarray) -> None:
+def test_what_cannot_be_is_rejected(name: str, array: np.ndarray) -> None:
     one = {
         "positions": np.zeros((1, 3), np.float32),
         "descriptors": np.zeros((1, 32), np.uint8),

@@ -17,10 +17,11 @@ from watching import LONG_S
 
 from gslts.change.detector import ChangeDetector, Detection
 from gslts.change.monitor import ChangeMonitor, MonitorConfig
-from gslts.core.camera import apart, at_pose, look_at, rotation
+from gslts.core.camera import at_pose, look_at
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
+from gslts.core.se3 import pose_distance, rotation
 from gslts.keeper import keeper as keeper_module
 from gslts.keeper.coverage import go_to
 from gslts.keeper.keeper import MapKeeper
@@ -50,7 +51,7 @@ def elsewhere() -> RgbdFrame:
 
 
 def assert_there(found: RgbdFrame, true: RgbdFrame) -> None:
-    metres, turn_rad = apart(true.camera.world_from_camera, found.camera.world_from_camera)
+    metres, turn_rad = pose_distance(true.camera.world_from_camera, found.camera.world_from_camera)
     assert metres < WELL_M
     assert turn_rad < WELL_RAD
 
@@ -134,7 +135,7 @@ def test_a_robot_that_was_found_is_tracked_by_its_odometry() -> None:
     true = see(change_room.home(), LOOKS[1])
     tracked = localizer.locate(afar(true))
     assert (tracked.status, tracked.inliers) == ("ok", 0)
-    metres, _ = apart(tracked.world_from_camera, true.camera.world_from_camera)
+    metres, _ = pose_distance(tracked.world_from_camera, true.camera.world_from_camera)
     assert metres < WELL_M
 
 
@@ -146,7 +147,7 @@ def test_a_robot_that_was_carried_away_is_found_again() -> None:
     carried = replace(there, camera=afar(here).camera)
     found = localizer.locate(carried)
     assert (found.status, found.inliers > 0) == ("ok", True)
-    metres, turn_rad = apart(found.world_from_camera, there.camera.world_from_camera)
+    metres, turn_rad = pose_distance(found.world_from_camera, there.camera.world_from_camera)
     assert metres < WELL_M
     assert turn_rad < WELL_RAD
 
@@ -263,6 +264,9 @@ def test_a_robot_goes_to_where_the_map_says(far: tuple[float, float, float]) -> 
     ahead = wanted.world_from_camera[:3, 2] @ true.camera.world_from_camera[:3, 2]
     assert ahead > np.cos(2 * WELL_RAD)
     assert_there(localized.observe(), true)
+    metres, turn_rad = pose_distance(localized.pose(), true.camera.world_from_camera)
+    assert metres < WELL_M
+    assert turn_rad < WELL_RAD
 
 
 def test_a_recorded_frame_is_looked_for_once() -> None:
@@ -283,6 +287,7 @@ def test_a_recorded_frame_is_looked_for_once() -> None:
 def test_the_odometry_of_a_robot_that_was_never_found_is_believed() -> None:
     robot = Controller(sim_scenes.simple_home(), **SIZE)
     localized = LocalizedRobot(robot, adrift.localizer())
+    np.testing.assert_array_equal(localized.pose(), robot.pose())
     np.testing.assert_array_equal(localized.reachable_positions(), robot.reachable_positions())
     assert localized.move_towards(np.array([1.0, 1.0]), 0.5)
     frame = localized.observe()
@@ -328,7 +333,7 @@ def test_a_robot_in_another_home_changes_nothing(tmp_path: Path) -> None:
     with MapKeeper(folder, replace(LOOP, stops=3, locate=adrift.CONFIG)) as keeper:
         keeper.go_round(Controller(sim_scenes.simple_home(), **SIZE))
         assert keeper.version.number == 1
-        assert keeper.state.parked == ()
+        assert keeper.state.deferred == ()
 
 
 def test_where_a_map_has_no_landmarks_is_said_before_a_round(tmp_path: Path) -> None:
@@ -340,5 +345,5 @@ def test_where_a_map_has_no_landmarks_is_said_before_a_round(tmp_path: Path) -> 
 def test_poses_are_apart_by_metres_and_radians() -> None:
     turned = shifted(0.2)
     turned[:3, :3] = rotation(np.array([0, 0.3, 0]))
-    assert apart(np.eye(4), turned) == pytest.approx((0.2, 0.3))
-    assert apart(turned, turned) == pytest.approx((0, 0), abs=1e-6)
+    assert pose_distance(np.eye(4), turned) == pytest.approx((0.2, 0.3))
+    assert pose_distance(turned, turned) == pytest.approx((0, 0), abs=1e-6)

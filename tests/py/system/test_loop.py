@@ -18,7 +18,7 @@ from gslts.core.robot import Robot
 from gslts.keeper import coverage as rounds
 from gslts.keeper.coverage import go_to, stops_of
 from gslts.keeper.keeper import MapKeeper, StoppedError
-from gslts.keeper.schedule import MOST_WAIT, Parked, next_changes, parked_again
+from gslts.keeper.schedule import MOST_WAIT, DeferredChange, defer, next_changes
 from gslts.keeper.state import STATE, LoopState, read_state, write_state
 from gslts.store.map_folder import open_map, read_map
 from gslts_sim.controller import Controller
@@ -127,7 +127,7 @@ def test_who_stops_it_and_goes_on_gets_the_same_map(folder: Path, tmp_path: Path
         assert np.array_equal(getattr(one, name), getattr(other, name)), name
 
 
-def test_a_change_that_cannot_be_repaired_is_parked_and_tried_again(folder: Path) -> None:
+def test_a_change_that_cannot_be_repaired_is_deferred_and_tried_again(folder: Path) -> None:
     looks = CONFIG.looks
 
     def restless() -> Robot:  # The box is back as soon as the robot comes near.
@@ -138,29 +138,31 @@ def test_a_change_that_cannot_be_repaired_is_parked_and_tried_again(folder: Path
     with keeper_of(folder, say=said.append) as keeper:
         keeper.go_round(restless(), start)
         assert keeper.version.number == 1
-        (parked,) = keeper.state.parked
-        assert (parked.kind, parked.tries, parked.until) == ("removal", 1, 1)
-        assert parked.reason in said[-1]
+        (deferred,) = keeper.state.deferred
+        assert (deferred.kind, deferred.tries, deferred.until) == ("removal", 1, 1)
+        assert deferred.reason in said[-1]
         keeper.go_round(restless(), start)
-        (parked,) = keeper.state.parked
-        assert (parked.tries, parked.until) == (2, 3)
+        (deferred,) = keeper.state.deferred
+        assert (deferred.tries, deferred.until) == (2, 3)
         tried = len(said)
         keeper.go_round(restless(), start)
         assert len(said) == tried, "its time has not come"
-        assert keeper.state.parked == (parked,)
+        assert keeper.state.deferred == (deferred,)
         keeper.go_round(robot_of("removal"), start)
-        assert keeper.state.parked == ()
+        assert keeper.state.deferred == ()
         assert keeper.version.number == 2
     with open_map(folder) as store:
-        assert len(store.refusals()) == 2
+        assert len(store.rejections()) == 2
 
 
-def test_what_was_parked_and_is_not_seen_again_is_forgotten(folder: Path) -> None:
-    parked = Parked(kind="removal", point=(2.2, 1.8, 0.9), reason="no view", tries=1, until=0)
-    write_state(LoopState(parked=(parked,)), folder)
+def test_what_was_deferred_and_is_not_seen_again_is_forgotten(folder: Path) -> None:
+    deferred = DeferredChange(
+        kind="removal", point=(2.2, 1.8, 0.9), reason="no view", tries=1, until=0
+    )
+    write_state(LoopState(deferred=(deferred,)), folder)
     with keeper_of(folder) as keeper:
         keeper.go_round(update_room.robot_in(change_room.home()), {"start": at_the_block()})
-        assert keeper.state.parked == ()
+        assert keeper.state.deferred == ()
 
 
 def test_the_most_certain_and_nearest_change_comes_first_with_what_is_beside_it() -> None:
@@ -173,14 +175,14 @@ def test_the_most_certain_and_nearest_change_comes_first_with_what_is_beside_it(
 
 
 def test_the_wait_grows_with_each_try() -> None:
-    parked: tuple[Parked, ...] = ()
+    deferred: tuple[DeferredChange, ...] = ()
     number = 0
     for wait in (1, 2, 4, 8, 16, 16):
-        parked = parked_again(parked, change_at(1, 1, 0.5), "why", number)
-        assert [one.until for one in parked] == [number + wait]
+        deferred = defer(deferred, change_at(1, 1, 0.5), "why", number)
+        assert [one.until for one in deferred] == [number + wait]
         number += wait
     assert wait == MOST_WAIT
-    assert len(parked_again(parked, change_at(3, 3, 0.5), "why", 0)) == 2
+    assert len(defer(deferred, change_at(3, 3, 0.5), "why", 0)) == 2
 
 
 @pytest.mark.parametrize(

@@ -15,8 +15,9 @@ from command import stopped_at
 from sim_scenes import textured_home
 
 import gslts
-from gslts.core.camera import at_pose, seen_from, twist_of
+from gslts.core.camera import at_pose, shift_origin
 from gslts.core.frame import RgbdFrame
+from gslts.core.se3 import twist_of
 from gslts.datasets import Dataset, Frame, open_dataset
 from gslts.localization.landmark_files import read_landmarks
 from gslts.mapping.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
@@ -382,7 +383,7 @@ class Far:
 
     def __init__(self, frame: Frame, shift_m: np.ndarray) -> None:
         self.name, self._frame, self._shift_m = frame.name, frame, shift_m
-        self.camera = seen_from(frame.camera, -shift_m)
+        self.camera = shift_origin(frame.camera, -shift_m)
 
     def read(self) -> RgbdFrame:
         return replace(self._frame.read(), camera=self.camera)

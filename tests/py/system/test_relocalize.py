@@ -12,9 +12,10 @@ from landmark_room import found
 from landmark_room import frames as mapped_frames
 from shared import looks_all_around
 
-from gslts.core.camera import at_pose, moved, twist_of
+from gslts.core.camera import at_pose
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
+from gslts.core.se3 import se3_retract, twist_of
 from gslts.localization.config import RelocalizationConfig
 from gslts.localization.landmarks import Landmarks, joined, landmarks_of
 from gslts.localization.pose_quality import fault_of_corners
@@ -86,7 +87,8 @@ def test_covariance_is_that_of_the_errors() -> None:
 def test_the_pose_of_the_frame_does_not_count() -> None:
     frame = views()[0]
     one = relocalizer().locate(without_pose(frame))
-    other = relocalizer().locate(replace(frame, camera=moved(frame.camera, np.full(6, 0.5))))
+    elsewhere = se3_retract(frame.camera.world_from_camera, np.full(6, 0.5))
+    other = relocalizer().locate(replace(frame, camera=at_pose(frame.camera, elsewhere)))
     np.testing.assert_array_equal(one.world_from_camera, other.world_from_camera)
 
 
@@ -133,7 +135,7 @@ def test_tracking_comes_back_from_centimetres() -> None:
         twist = rng.normal(size=6)
         twist[:3] *= 0.05 / np.linalg.norm(twist[:3])
         twist[3:] *= 0.035 / np.linalg.norm(twist[3:])
-        start = moved(frame.camera, twist).world_from_camera
+        start = se3_retract(frame.camera.world_from_camera, twist)
         result = relocalizer().track(without_pose(frame), start)
         # 2 degrees are 6 of these small pixels, from which not every view is found again.
         lost += result.status == "lost"
@@ -208,8 +210,9 @@ def test_a_large_picture_is_found_by_blocks_of_it() -> None:
         result = relocalizer().locate(without_pose(frame))
         assert result.status == "ok", result.reason
         assert off(result, frame)[0] < 0.02
-        beside = moved(frame.camera, np.array([0.03, -0.03, 0.02, 0.02, -0.02, 0.01]))
-        tracked = relocalizer().track(frame, beside.world_from_camera)
+        twist = np.array([0.03, -0.03, 0.02, 0.02, -0.02, 0.01])
+        beside = se3_retract(frame.camera.world_from_camera, twist)
+        tracked = relocalizer().track(frame, beside)
         assert tracked.status == "ok", tracked.reason
         assert off(tracked, frame)[0] < 0.02
 

@@ -42,7 +42,7 @@ def test_a_recording_updates_a_map(workplace: Path, new_map: str) -> None:
     lines = done.stdout.splitlines()
     assert lines[0].startswith("removal at (2.")
     assert lines[-1] == (
-        f"1 round(s); {new_map} is version 2 now, 0 parked; see gslts log {new_map}"
+        f"1 round(s); {new_map} is version 2 now, 0 deferred; see gslts log {new_map}"
     )
     new = read_map(workplace / new_map)
     assert update_room.opaque_in(new, update_room.REMOVED, 0.04) == 0
@@ -68,7 +68,7 @@ def test_a_simulated_day(workplace: Path, new_map: str) -> None:
     done = gslts("run", new_map, "--robot", "day/day.json", *QUICK, cwd=workplace)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == [
-        f"2 round(s); {new_map} is version 1 now, 0 parked; see gslts log {new_map}"
+        f"2 round(s); {new_map} is version 1 now, 0 deferred; see gslts log {new_map}"
     ]
     assert read_state(workplace / new_map).round == 2
     done = gslts("run", new_map, "--robot", "day/day.json", *QUICK, cwd=workplace)

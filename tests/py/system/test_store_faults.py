@@ -132,9 +132,9 @@ def test_a_map_on_a_read_only_disk_is_read(folder: Path, failing: dict[str, str]
     else:
         assert done.stderr == ""
         assert done.stdout == f"{3 if log == 'none' else 4} versions are whole\n"
-    refused = gslts("restore", "map", "1", cwd=folder.parent, env=env)
-    assert refused.returncode == 1
-    assert refused.stderr == (
+    rejected = gslts("restore", "map", "1", cwd=folder.parent, env=env)
+    assert rejected.returncode == 1
+    assert rejected.stderr == (
         f"gslts: map/{LOCK}: Read-only file system; copy the map to a folder that can be written, "
         "or ask for permission\n"
     )
@@ -219,7 +219,7 @@ def test_a_harmed_index_is_named(folder: Path) -> None:
     with open_map(folder, writable=True) as store:
         event = Event(0, "addition", "Mug", (None, [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
         store.commit(store.read(), {"seed": 9}, [event])
-        store.refuse({"seed": 10})
+        store.add_rejection({"seed": 10})
     content = (folder / INDEX).read_bytes()
     used = np.flatnonzero(np.frombuffer(content, np.uint8))  # Most of it is empty.
     rng, named = random.Random(0), 0
@@ -230,7 +230,7 @@ def test_a_harmed_index_is_named(folder: Path) -> None:
         try:
             with open_map(folder) as store:
                 named += bool(store.problems())
-                store.events(), store.refusals()
+                store.events(), store.rejections()
                 for version in store.versions():
                     store.read(version.number)
         except (OSError, ValueError) as error:

@@ -67,12 +67,12 @@ def test_a_map_of_somebody_else_is_read(folder: Path) -> None:
         answer = context.Queue()
         stranger = context.Process(target=_reads_as_a_stranger, args=(place, answer))
         stranger.start()
-        read, refused = answer.get(timeout=LONG_S)
+        read, rejected = answer.get(timeout=LONG_S)
         stranger.join()
         Path(name).chmod(0o755)
         for path in (place, *place.rglob("*")):
             path.chmod(0o755)
     assert read == "1 versions, 100 Gaussians"
-    assert refused.endswith(
+    assert rejected.endswith(
         "Permission denied; copy the map to a folder that can be written, or ask for permission"
     )

@@ -47,7 +47,7 @@ def test_recorded_frames_update_a_map(workplace: Path, updated: list[str]) -> No
         version = store.version()
         (event,) = store.events()
     record = version.cause["record"]
-    assert record["refused"] is None
+    assert record["rejected"] is None
     assert record["kinds"] == ["removal"]
     assert new.size == old.size - record["removed"] + record["added"]
     assert record["psnr_after_db"] > record["psnr_before_db"]
@@ -122,7 +122,7 @@ def test_where_nothing_changed_there_is_no_new_version(workplace: Path) -> None:
     assert done.stderr.splitlines()[-1] == ("gslts: map stays as it is: nothing changed")
     with open_map(workplace / "map") as store:
         assert store.version().number == before
-        assert len(store.refusals()) == 1
+        assert len(store.rejections()) == 1
     printed = gslts("log", "map", cwd=workplace).stdout
     assert "not updated: nothing changed" in printed
 

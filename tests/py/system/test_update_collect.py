@@ -13,15 +13,15 @@ from gslts.core.robot import Robot
 from gslts.robots.recorded import RecordedRobot
 from gslts.update.config import CollectConfig
 from gslts.update.evidence import shows
-from gslts.update.region import Site
+from gslts.update.region import Region
 from gslts.update.view_collection import collect
 from gslts_sim.controller import Controller
 
-SITE = Site("before", *REMOVED)
+REGION = Region("before", *REMOVED)
 
 
-def moved_site(by: np.ndarray) -> Site:
-    return Site("before", SITE.low + by, SITE.high + by)
+def moved_region(by: np.ndarray) -> Region:
+    return Region("before", REGION.low + by, REGION.high + by)
 
 
 class Watched:
@@ -33,6 +33,9 @@ class Watched:
 
     def observe(self) -> RgbdFrame:
         return self.robot.observe()
+
+    def pose(self) -> np.ndarray:
+        return self.robot.pose()
 
     def reachable_positions(self) -> np.ndarray:
         places = self.robot.reachable_positions()
@@ -55,7 +58,7 @@ def around(robot: Robot, config: CollectConfig = COLLECT) -> tuple[int, np.ndarr
     """How many views there are, and their bearings from the change in the order of the way."""
     found = collect(robot, change_room.detector(), [update_room.detected("removal")], config)
     eyes = np.array([view.camera.world_from_camera[:2, 3] for view in found.views])
-    ways = eyes.reshape(-1, 2) - SITE.middle[:2]
+    ways = eyes.reshape(-1, 2) - REGION.middle[:2]
     return len(found.views), np.arctan2(ways[:, 1], ways[:, 0])
 
 
@@ -69,7 +72,7 @@ def test_it_goes_left_then_right_and_looks_at_the_change() -> None:
     assert (turns[left + 1 :] < 0).all()
     gaps = np.diff(np.sort([*bearings, bearings.min() + 2 * np.pi]))
     assert gaps.max() < np.pi / 3, "no side is left out"
-    middle = update_room.collected("removal").sites[0].middle
+    middle = update_room.collected("removal").regions[0].middle
     for x, y, yaw_rad, pitch_rad in robot.asked:
         way = middle[:2] - (x, y)
         assert np.cos(yaw_rad - np.arctan2(way[1], way[0])) > np.cos(0.2)
@@ -79,15 +82,15 @@ def test_it_goes_left_then_right_and_looks_at_the_change() -> None:
 
 def test_views_see_the_change_and_know_where_it_is() -> None:
     found = update_room.collected("removal")
-    (site,) = found.sites
-    assert site.side == "before"
-    np.testing.assert_allclose(site.low, REMOVED[0], atol=0.06)
-    np.testing.assert_allclose(site.high, REMOVED[1], atol=0.06)
+    (region,) = found.regions
+    assert region.side == "before"
+    np.testing.assert_allclose(region.low, REMOVED[0], atol=0.06)
+    np.testing.assert_allclose(region.high, REMOVED[1], atol=0.06)
     for view in found.views:
         assert view.before.sum() > 50
         assert not view.after.any()
         assert view.before.shape == view.frame.depth.shape
-        x0, y0, x1, y1 = site.rectangle(view.camera, 4)
+        x0, y0, x1, y1 = region.rectangle(view.camera, 4)
         assert view.before[y0:y1, x0:x1].sum() == view.before.sum()
 
 
@@ -110,12 +113,12 @@ def test_without_a_place_to_go_there_is_no_view() -> None:
 
 def test_what_hides_a_site_or_leaves_it_out_is_no_view_of_it() -> None:
     frame = update_room.robot_in(update_room.changed_home("removal")).observe()
-    assert shows(frame, SITE)
+    assert shows(frame, REGION)
     near = np.full_like(frame.depth, 0.3)
-    assert not shows(replace(frame, depth=near), SITE)
-    assert shows(replace(frame, depth=np.zeros_like(near)), SITE)  # It is not known what is there.
-    behind = moved_site(-np.array([0, 5, 0]))
-    beside = moved_site(np.array([3, 0, 0]))
+    assert not shows(replace(frame, depth=near), REGION)
+    assert shows(replace(frame, depth=np.zeros_like(near)), REGION)  # Unknown depth.
+    behind = moved_region(-np.array([0, 5, 0]))
+    beside = moved_region(np.array([3, 0, 0]))
     assert not shows(frame, behind)
     assert not shows(frame, beside)
 
@@ -137,10 +140,10 @@ def test_a_recording_offers_what_it_has() -> None:
 @pytest.mark.parametrize("pixels", [0, 7])
 def test_a_site_beside_the_image_has_no_rectangle(pixels: int) -> None:
     camera = update_room.robot_in(change_room.home()).observe().camera
-    beside = moved_site(np.array([9, 0, 0]))
-    behind = moved_site(-np.array([0, 5, 0]))
+    beside = moved_region(np.array([9, 0, 0]))
+    behind = moved_region(-np.array([0, 5, 0]))
     assert beside.rectangle(camera, pixels) is None
     assert behind.rectangle(camera, pixels) is None
-    x0, y0, x1, y1 = SITE.rectangle(camera, pixels)
+    x0, y0, x1, y1 = REGION.rectangle(camera, pixels)
     assert 0 <= x0 < x1 <= camera.width
     assert 0 <= y0 < y1 <= camera.height

@@ -11,7 +11,7 @@ from update_room import ADDED, REMOVED, SMALL
 from gslts._core import edit as core
 from gslts.core.gaussian_map import GaussianMap
 from gslts.rendering.rasterizer import render
-from gslts.update.config import LITERAL, EditConfig
+from gslts.update.config import GS_LTS, EditConfig
 from gslts.update.edit import Edit, pre_edit, removed_by
 from gslts.update.views import View
 
@@ -22,7 +22,7 @@ def edited(kind: str, config: EditConfig = SMALL, **settings: object) -> Edit:
     return pre_edit(
         gaussian_map,
         found.views,
-        found.sites_of_each,
+        found.regions_of_each,
         config.model_copy(update=settings),
         threads=1,
     )
@@ -32,7 +32,7 @@ def removed(**settings: object) -> np.ndarray:
     found = update_room.collected("removal")
     gaussian_map, _ = change_room.mapped()
     config = SMALL.model_copy(update=settings)
-    return removed_by(gaussian_map, found.views, found.sites, config)
+    return removed_by(gaussian_map, found.views, found.regions, config)
 
 
 def in_box(gaussian_map: GaussianMap, box: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
@@ -103,16 +103,16 @@ def test_a_relocation_is_gone_here_and_there() -> None:
     assert update_room.opaque_in(edit.gaussian_map, ADDED, -0.03) > 20
 
 
-def test_literally_hidden_gaussians_are_voted_away_as_well() -> None:
+def test_gs_lts_hidden_gaussians_are_voted_away_as_well() -> None:
     """In views from one side, that is what is behind."""
     found, (before, _) = update_room.collected("removal"), change_room.mapped()
-    visible, literal = (
-        removed_by(before, found.views[:4], found.sites, config)
-        for config in (SMALL.model_copy(update={"carve": False, "sweep": False}), LITERAL)
+    visible, gs_lts = (
+        removed_by(before, found.views[:4], found.regions, config)
+        for config in (SMALL.model_copy(update={"carve": False, "sweep": False}), GS_LTS)
     )
     assert visible.any()
-    assert (literal | ~visible).all()  # All that is seen votes either way.
-    behind = literal & ~in_box(before, REMOVED)
+    assert (gs_lts | ~visible).all()  # All that is seen votes either way.
+    behind = gs_lts & ~in_box(before, REMOVED)
     assert behind.sum() > 2 * (visible & ~in_box(before, REMOVED)).sum()
 
 
@@ -135,7 +135,7 @@ def test_carving_removes_what_views_see_through() -> None:
     blind = [replace(view, before=np.zeros_like(view.before)) for view in found.views]
     for carve in (True, False):
         config = SMALL.model_copy(update={"carve": carve, "sweep": False})
-        gone = removed_by(dusty, blind, found.sites, config)
+        gone = removed_by(dusty, blind, found.regions, config)
         assert gone[-3:].all() == carve
         assert gone.any() == carve
 
@@ -152,16 +152,16 @@ def test_sweeping_removes_what_is_left_amid_the_removed() -> None:
     spread = replace(gaussian_map, means=means)
     config = SMALL.model_copy(update={"carve": False})
     without = removed_by(
-        spread, found.views, found.sites, config.model_copy(update={"sweep": False})
+        spread, found.views, found.regions, config.model_copy(update={"sweep": False})
     )
-    swept = removed_by(spread, found.views, found.sites, config)
+    swept = removed_by(spread, found.views, found.regions, config)
     assert swept[left]
     assert not without[left]
     assert not swept[beside]
 
 
-def test_literally_new_gaussians_are_like_the_nearest() -> None:
-    edit = edited("addition", LITERAL)
+def test_gs_lts_new_gaussians_are_like_the_nearest() -> None:
+    edit = edited("addition", GS_LTS)
     assert edit.added > 5
     kept, _ = change_room.mapped()
     kept = kept.select(~edit.removed)
@@ -177,8 +177,8 @@ def test_literally_new_gaussians_are_like_the_nearest() -> None:
         assert among[k, :k].min() >= max(0.01, spacing[k]) - 1e-5
 
 
-def test_literally_a_moved_object_has_the_colours_that_it_had() -> None:
-    edit = edited("relocation", LITERAL)
+def test_gs_lts_a_moved_object_has_the_colours_that_it_had() -> None:
+    edit = edited("relocation", GS_LTS)
     before, _ = change_room.mapped()
     new = new_of(edit)
     there = in_box(new, ADDED)
@@ -203,7 +203,7 @@ def known_boxes() -> GaussianMap:
 @pytest.mark.parametrize("kind", ["addition", "relocation", "removal"])
 def test_features_are_those_of_the_object(kind: str) -> None:
     found = update_room.collected(kind)
-    edit = pre_edit(known_boxes(), found.views, found.sites_of_each, SMALL, threads=1)
+    edit = pre_edit(known_boxes(), found.views, found.regions_of_each, SMALL, threads=1)
     new = new_of(edit)
     there = in_box(new, ADDED)
     expected = {"addition": (0, 0), "relocation": (0, 5), "removal": (1, 0)}[kind]
@@ -215,8 +215,8 @@ def test_what_is_added_does_not_mean_what_is_removed() -> None:
     """One box goes while another one comes, which are two changes."""
     gone, come = (update_room.collected(kind) for kind in ("removal", "addition"))
     views = (*gone.views, *come.views)
-    sites = (*gone.sites_of_each, *come.sites_of_each)
-    edit = pre_edit(known_boxes(), views, sites, SMALL, threads=1)
+    regions = (*gone.regions_of_each, *come.regions_of_each)
+    edit = pre_edit(known_boxes(), views, regions, SMALL, threads=1)
     assert edit.removed.sum() > 20
     there = in_box(new_of(edit), ADDED)
     assert there.sum() > 20
@@ -239,7 +239,7 @@ def test_nothing_is_added_behind_what_the_map_shows() -> None:
     # The box stays in the map, before the table that is measured.
     blind = [replace(view, before=np.zeros_like(view.before)) for view in found.views]
     config = SMALL.model_copy(update={"carve": False, "sweep": False})
-    edit = pre_edit(gaussian_map, blind, found.sites_of_each, config, threads=1)
+    edit = pre_edit(gaussian_map, blind, found.regions_of_each, config, threads=1)
     assert not edit.removed.any()
     assert under_the_box(edit) == 0
 
@@ -264,7 +264,7 @@ def test_edits_are_the_same_for_any_number_of_threads() -> None:
     gaussian_map, _ = change_room.mapped()
     one, two = (
         pre_edit(
-            gaussian_map, found.views, found.sites_of_each, SMALL, threads=threads
+            gaussian_map, found.views, found.regions_of_each, SMALL, threads=threads
         ).gaussian_map
         for threads in (1, 2)
     )
@@ -280,7 +280,7 @@ def test_a_map_may_have_its_origin_anywhere() -> None:
         gaussian_map, means=(gaussian_map.means - origin).astype(np.float32), origin=origin
     )
     here, there = (
-        pre_edit(one, found.views, found.sites_of_each, SMALL, threads=1)
+        pre_edit(one, found.views, found.regions_of_each, SMALL, threads=1)
         for one in (gaussian_map, moved)
     )
     assert here.added == pytest.approx(there.added, rel=0.06)
@@ -301,24 +301,24 @@ def test_ids_of_removed_gaussians_are_not_used_again() -> None:
     last = replace(last, ids=np.arange(last.size, dtype=np.uint64))
     found = update_room.collected("removal")
     config = SMALL.model_copy(update={"only_missing": False})
-    edit = pre_edit(last, found.views, found.sites_of_each, config, threads=1)
+    edit = pre_edit(last, found.views, found.regions_of_each, config, threads=1)
     assert edit.removed[-1]
     assert edit.added > 0
     assert new_of(edit).ids.min() == last.size
 
 
-def test_a_map_of_which_nothing_would_be_left_is_refused() -> None:
+def test_a_map_of_which_nothing_would_be_left_is_rejected() -> None:
     gaussian_map, _ = change_room.mapped()
     found = update_room.collected("removal")
     only = gaussian_map.select(removed())
     with pytest.raises(ValueError, match="all of it would be removed"):
-        pre_edit(only, found.views, found.sites_of_each, SMALL)
+        pre_edit(only, found.views, found.regions_of_each, SMALL)
 
 
 def test_without_a_view_there_is_no_edit() -> None:
     gaussian_map, _ = change_room.mapped()
     with pytest.raises(ValueError, match="pre_edit: views: there is none"):
-        pre_edit(gaussian_map, [], update_room.collected("removal").sites_of_each, SMALL)
+        pre_edit(gaussian_map, [], update_room.collected("removal").regions_of_each, SMALL)
 
 
 def test_without_depth_nothing_is_added() -> None:
@@ -328,16 +328,16 @@ def test_without_depth_nothing_is_added() -> None:
         for view in found.views
     ]
     gaussian_map, _ = change_room.mapped()
-    for config in (SMALL, LITERAL):
-        edit = pre_edit(gaussian_map, views, found.sites_of_each, config)
+    for config in (SMALL, GS_LTS):
+        edit = pre_edit(gaussian_map, views, found.regions_of_each, config)
         assert edit.added == 0
 
 
-def test_a_map_in_double_is_refused() -> None:
+def test_a_map_in_double_is_rejected() -> None:
     found = update_room.collected("removal")
     gaussian_map, _ = change_room.mapped()
     with pytest.raises(ValueError, match="expected float32, got float64"):
-        pre_edit(gaussian_map.astype(np.float64), found.views, found.sites_of_each, LITERAL)
+        pre_edit(gaussian_map.astype(np.float64), found.views, found.regions_of_each, GS_LTS)
 
 
 def test_arrays_of_the_core_are_checked() -> None:

@@ -24,19 +24,19 @@ CONFIG = RefineConfig(iterations=60, around_px=15, patience=100)
 def edit_of(kind: str) -> Edit:
     found = update_room.collected(kind)
     gaussian_map, _ = change_room.mapped()
-    return pre_edit(gaussian_map, found.views, found.sites_of_each, SMALL, threads=1)
+    return pre_edit(gaussian_map, found.views, found.regions_of_each, SMALL, threads=1)
 
 
 def refined(kind: str, config: RefineConfig = CONFIG, threads: int = 1) -> tuple[Edit, Refined]:
     found, edit = update_room.collected(kind), edit_of(kind)
-    moving = moving_of(edit, found.sites, config.reach_m)
-    targets = targets_of(found.views, found.sites, config)
+    moving = moving_of(edit, found.regions, config.reach_m)
+    targets = targets_of(found.views, found.regions, config)
     return edit, refine(edit.gaussian_map, targets, moving, config, threads=threads)
 
 
 def error(gaussian_map: GaussianMap, kind: str) -> float:
     found = update_room.collected(kind)
-    value = error_around(gaussian_map, found.views, found.sites, threads=1)
+    value = error_around(gaussian_map, found.views, found.regions, threads=1)
     assert value is not None
     return value
 
@@ -53,7 +53,7 @@ def test_each_stage_lowers_the_error_around_the_change(kind: str) -> None:
 
 def test_the_rest_is_bit_identical() -> None:
     edit, result = refined("removal")
-    moving = moving_of(edit, update_room.collected("removal").sites, CONFIG.reach_m)
+    moving = moving_of(edit, update_room.collected("removal").regions, CONFIG.reach_m)
     assert 0 < moving.sum() < 0.5 * moving.size
     for name in ARRAYS:
         old, new = getattr(edit.gaussian_map, name), getattr(result.gaussian_map, name)
@@ -63,15 +63,15 @@ def test_the_rest_is_bit_identical() -> None:
 
 def test_what_reaches_beyond_the_views_of_a_site_stays() -> None:
     gaussian_map, _ = change_room.mapped()
-    site = update_room.collected("removal").sites[0]
+    region = update_room.collected("removal").regions[0]
     two = gaussian_map.select(np.arange(2))
     scales_m = np.array([[0.02, 0.02, 0.02], [0.02, 0.02, 0.3]], np.float32)
-    means = np.repeat(site.high[None] + 0.1, 2, axis=0).astype(np.float32)
+    means = np.repeat(region.high[None] + 0.1, 2, axis=0).astype(np.float32)
     two = replace(two, means=means, log_scales=np.log(scales_m))
     unchanged = np.zeros(2, np.bool_)
-    assert moving_of(Edit(two, unchanged, 0), [site], 0.45).tolist() == [True, False]
-    assert moving_of(Edit(two, unchanged, 1), [site], 0.45).tolist() == [True, True]
-    assert moving_of(Edit(two, unchanged, 0), [site], 0.12).tolist() == [False, False]
+    assert moving_of(Edit(two, unchanged, 0), [region], 0.45).tolist() == [True, False]
+    assert moving_of(Edit(two, unchanged, 1), [region], 0.45).tolist() == [True, True]
+    assert moving_of(Edit(two, unchanged, 0), [region], 0.12).tolist() == [False, False]
 
 
 def test_it_is_the_same_for_any_number_of_threads() -> None:
@@ -84,7 +84,7 @@ def test_plain_fine_tuning_moves_the_whole_map() -> None:
     before, _ = change_room.mapped()
     config = CONFIG.model_copy(update={"scope": "map", "iterations": 20})
     found = update_room.collected("removal")
-    targets = targets_of(found.views, found.sites, config)
+    targets = targets_of(found.views, found.regions, config)
     assert all(target.mask is None for target in targets)
     everything = np.ones(before.size, np.bool_)
     after = refine(before, targets, everything, config, threads=1).gaussian_map
@@ -100,9 +100,9 @@ def test_it_ends_when_the_error_falls_no_longer() -> None:
 
 def test_new_views_are_fitted_as_often_as_they_are_wanted() -> None:
     found, edit = update_room.collected("removal"), edit_of("removal")
-    moving = moving_of(edit, found.sites, CONFIG.reach_m)
-    once = targets_of(found.views, found.sites, CONFIG.model_copy(update={"new_visits": 1}))
-    thrice = targets_of(found.views, found.sites, CONFIG.model_copy(update={"new_visits": 3}))
+    moving = moving_of(edit, found.regions, CONFIG.reach_m)
+    once = targets_of(found.views, found.regions, CONFIG.model_copy(update={"new_visits": 1}))
+    thrice = targets_of(found.views, found.regions, CONFIG.model_copy(update={"new_visits": 3}))
     repeated = [target for target in once for _ in range(3)]
     given = (edit.gaussian_map, moving, CONFIG)
     maps = [
@@ -115,8 +115,8 @@ def test_new_views_are_fitted_as_often_as_they_are_wanted() -> None:
 
 def test_steps_are_watched() -> None:
     found, edit = update_room.collected("removal"), edit_of("removal")
-    moving = moving_of(edit, found.sites, CONFIG.reach_m)
-    targets = targets_of(found.views, found.sites, CONFIG)
+    moving = moving_of(edit, found.regions, CONFIG.reach_m)
+    targets = targets_of(found.views, found.regions, CONFIG)
     seen: dict[int, GaussianMap] = {}
     result = refine(
         edit.gaussian_map,
@@ -137,7 +137,7 @@ def test_with_nothing_to_do_the_map_is_the_same(iterations: int) -> None:
     config = CONFIG.model_copy(update={"iterations": iterations})
     nothing = np.zeros(before.size, np.bool_)
     found = update_room.collected("removal")
-    targets = targets_of(found.views, found.sites, config)
+    targets = targets_of(found.views, found.regions, config)
     assert refine(before, targets, nothing, config).gaussian_map is before
     assert refine(before, [], ~nothing, config).gaussian_map is before
 
@@ -145,10 +145,10 @@ def test_with_nothing_to_do_the_map_is_the_same(iterations: int) -> None:
 def memories(count: int) -> tuple[Edit, list[Target]]:
     before, cameras = change_room.mapped()
     edit = edit_of("removal")
-    sites = update_room.collected("removal").sites
+    regions = update_room.collected("removal").regions
     config = CONFIG.model_copy(update={"remembered": count})
     known = list(cameras.values())
-    return edit, remembered(before, edit.gaussian_map, known, sites, config, threads=1)
+    return edit, remembered(before, edit.gaussian_map, known, regions, config, threads=1)
 
 
 def test_what_the_edit_changed_is_not_remembered() -> None:
@@ -167,10 +167,10 @@ def test_what_the_edit_changed_is_not_remembered() -> None:
 
 def test_cameras_at_one_place_are_remembered_once_each() -> None:
     _, cameras = change_room.mapped()
-    (site,) = update_room.collected("removal").sites
-    here, there = [one for one in cameras.values() if site.middle_in(one) is not None][:2]
+    (region,) = update_room.collected("removal").regions
+    here, there = [one for one in cameras.values() if region.middle_in(one) is not None][:2]
     known = [here, there, *(at_pose(one, one.world_from_camera) for one in (here, there, here))]
-    chosen = _spread(known, [site], 4)
+    chosen = _spread(known, [region], 4)
     assert len({id(one) for one in chosen}) == 4
 
 
@@ -189,4 +189,4 @@ def test_views_are_held_back_evenly() -> None:
 
 def test_no_view_tells_no_error() -> None:
     before, _ = change_room.mapped()
-    assert error_around(before, [], update_room.collected("removal").sites) is None
+    assert error_around(before, [], update_room.collected("removal").regions) is None

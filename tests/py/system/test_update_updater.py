@@ -14,6 +14,7 @@ from gslts.change.detector import ChangeDetector
 from gslts.core.camera import at_pose
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
+from gslts.rendering.metrics import psnr_from_mse_db
 from gslts.rendering.rasterizer import render
 from gslts.update.refine import Refined
 from gslts.update.updater import Update, _moved_once, _refine_until_settled, update, updated_with
@@ -31,6 +32,9 @@ class Spoilt:
         self._number += 1
         return self._spoil(self._number, self._robot.observe())
 
+    def pose(self) -> np.ndarray:
+        return self._robot.pose()
+
     def reachable_positions(self) -> np.ndarray:
         return self._robot.reachable_positions()
 
@@ -40,12 +44,12 @@ class Spoilt:
         return self._robot.move_towards(position, yaw_rad, pitch_rad)
 
 
-def refused(result: Update) -> str:
+def rejected(result: Update) -> str:
     """The reason, after a check that the map is as it was."""
     before, _ = change_room.mapped()
     assert result.gaussian_map is before
-    assert result.record.refused is not None
-    return result.record.refused
+    assert result.record.rejected is not None
+    return result.record.rejected
 
 
 def psnr_db(gaussian_map: GaussianMap, home: Home) -> float:
@@ -54,7 +58,7 @@ def psnr_db(gaussian_map: GaussianMap, home: Home) -> float:
         frame = change_room.see(home, look)
         rgb = render(gaussian_map, frame.camera).rgb
         errors.append(np.mean((rgb.clip(0, 1) - frame.rgb / 255) ** 2))
-    return float(-10 * np.log10(np.mean(errors)))
+    return psnr_from_mse_db(float(np.mean(errors)))
 
 
 @pytest.mark.smoke
@@ -64,7 +68,7 @@ def test_the_updated_map_shows_the_change(kind: str) -> None:
     home = update_room.changed_home(kind)
     result = run_update(update_room.robot_in(home, "kinect"), kind)
     record = result.record
-    assert record.refused is None
+    assert record.rejected is None
     assert record.kinds == (kind,)
     assert record.psnr_after_db > record.psnr_before_db + 3
     assert psnr_db(result.gaussian_map, home) > psnr_db(before, home) + 1
@@ -92,7 +96,7 @@ def test_added_and_removed_again_it_is_as_it_was() -> None:
     (change, *_) = detector.detect(robot.observe()).changes
     assert change.kind == "removal"
     back = update(added.gaussian_map, known, [change], robot, UPDATE, detector=detector)
-    assert back.record.refused is None
+    assert back.record.rejected is None
     assert psnr_db(back.gaussian_map, home) > psnr_db(before, home) - 0.3
 
 
@@ -100,7 +104,7 @@ def test_a_change_that_cannot_be_reached_is_left() -> None:
     nowhere = Spoilt(update_room.robot_in(update_room.changed_home("removal")), lambda _, f: f)
     nowhere.reachable_positions = lambda: np.zeros((0, 2))  # type: ignore[method-assign]
     assert (
-        refused(run_update(nowhere))
+        rejected(run_update(nowhere))
         == "0 view(s) show the change, 2 are needed: no place around it is reachable"
     )
 
@@ -111,13 +115,13 @@ def test_dark_frames_are_no_views() -> None:
 
     robot = Spoilt(update_room.robot_in(update_room.changed_home("removal")), darken)
     result = run_update(robot)
-    assert refused(result).startswith("0 view(s) show the change, 2 are needed: frame 2: ")
-    assert "black" in refused(result)
+    assert rejected(result).startswith("0 view(s) show the change, 2 are needed: frame 2: ")
+    assert "black" in rejected(result)
     assert len(result.record.skipped) >= 8
 
 
 def test_a_false_alarm_changes_nothing() -> None:
-    reason = refused(run_update(update_room.robot_in(change_room.home())))
+    reason = rejected(run_update(update_room.robot_in(change_room.home())))
     assert re.fullmatch(r"only 0 of \d+ views show something gone there", reason)
 
 
@@ -125,7 +129,7 @@ def test_a_false_alarm_beside_a_change_is_left() -> None:
     alarm, change = update_room.detected("removal"), update_room.detected("addition")
     home = update_room.changed_home("addition")
     result = run_updates(update_room.robot_in(home), [alarm, change])
-    assert result.record.refused is None
+    assert result.record.rejected is None
     assert result.changes == (change,)
     ((left, why),) = result.left
     assert left is alarm
@@ -166,14 +170,14 @@ def test_what_moved_to_where_no_view_can_be_had_is_left() -> None:
         low, high = after.low + np.array([9, 0, 0]), after.high + np.array([9, 0, 0])
 
     robot = update_room.robot_in(update_room.changed_home("relocation"))
-    reason = refused(run_update(robot, change=replace(change, after=Outside())))  # type: ignore[arg-type]
+    reason = rejected(run_update(robot, change=replace(change, after=Outside())))  # type: ignore[arg-type]
     assert reason == "0 view(s) show the change, 2 are needed: no place around it is reachable"
 
 
 def test_a_change_without_a_place_changes_nothing() -> None:
     change = replace(update_room.detected("removal"), before=None)
     robot = update_room.robot_in(update_room.changed_home("removal"))
-    assert refused(run_update(robot, change=change)) == "its place is not known"
+    assert rejected(run_update(robot, change=change)) == "its place is not known"
 
 
 def test_without_depth_in_what_changed_nothing_is_done() -> None:
@@ -191,14 +195,14 @@ def test_without_depth_in_what_changed_nothing_is_done() -> None:
         return replace(frame, depth=np.where(inside, 0, frame.depth).astype(np.float32))
 
     robot = Spoilt(update_room.robot_in(update_room.changed_home("addition")), hide)
-    reason = refused(run_update(robot, "addition"))
+    reason = rejected(run_update(robot, "addition"))
     assert re.fullmatch("depth is measured in [0-9] % of what changed", reason)
 
 
 @pytest.mark.parametrize("frames", [6, 7])
 def test_an_object_that_moves_again_meanwhile_is_left(frames: int) -> None:
     robot = Changing(update_room.changed_home("addition"), change_room.home(), frames)
-    reason = refused(run_update(robot, "addition"))
+    reason = rejected(run_update(robot, "addition"))
     assert re.fullmatch(r"\d\d % of what changed moved again while it was looked at", reason)
 
 
@@ -245,11 +249,11 @@ def test_one_wrong_pose_does_no_harm() -> None:
     home = update_room.changed_home("removal")
     good = run_update(update_room.robot_in(home))
     bad = run_update(Spoilt(update_room.robot_in(home), shift))
-    assert bad.record.refused is None
+    assert bad.record.rejected is None
     assert psnr_db(bad.gaussian_map, home) > psnr_db(good.gaussian_map, home) - 0.3
 
 
-def test_an_update_that_fits_no_better_is_refused() -> None:
+def test_an_update_that_fits_no_better_is_rejected() -> None:
     """All that is new in the frames that are used is an error of theirs."""
     found = update_room.collected("addition")
     before, cameras = change_room.mapped()
@@ -264,5 +268,5 @@ def test_an_update_that_fits_no_better_is_refused() -> None:
         before, list(cameras.values()), replace(found, views=tuple(seen)), UPDATE
     )
     assert result is before
-    assert record.refused is not None
-    assert record.refused.startswith("views held back fit no better: ")
+    assert record.rejected is not None
+    assert record.rejected.startswith("views held back fit no better: ")

@@ -11,14 +11,14 @@ from change_room import BLOCK_TOP_M, LOOKS, YELLOW
 
 from gslts.rendering.losses import Exposure
 from gslts.update.extent import extended
-from gslts.update.region import Site
-from gslts.update.views import View, near_site
+from gslts.update.region import Region
+from gslts.update.views import View, near_region
 from gslts_sim.home import Home
 
 LOW, HIGH = np.array([2.35, 1.55, BLOCK_TOP_M]), np.array([2.8, 2.0, BLOCK_TOP_M + 0.008])
 """Corners of a sheet of paper on the block."""
-SHEET = Site("after", LOW, HIGH)
-CORNER = Site("after", LOW, np.array([2.45, 1.65, HIGH[2]]))
+SHEET = Region("after", LOW, HIGH)
+CORNER = Region("after", LOW, np.array([2.45, 1.65, HIGH[2]]))
 """As much as a detector may have told of it."""
 
 NEAR_M = 0.12
@@ -45,14 +45,14 @@ def views(*, changed: bool) -> tuple[View, ...]:
 
 
 def test_what_lies_flat_is_told_by_its_colour() -> None:
-    (site,), larger = extended([CORNER], views(changed=True))
-    np.testing.assert_allclose(site.low, LOW, atol=NEAR_M)
-    np.testing.assert_allclose(site.high, HIGH, atol=NEAR_M)
+    (region,), larger = extended([CORNER], views(changed=True))
+    np.testing.assert_allclose(region.low, LOW, atol=NEAR_M)
+    np.testing.assert_allclose(region.high, HIGH, atol=NEAR_M)
     for view in larger:
-        sheet = near_site(view.depth, view.camera, SHEET, 0.005)
+        sheet = near_region(view.depth, view.camera, SHEET, 0.005)
         assert sheet.sum() > 100
         assert view.after[sheet].mean() > 0.9
-        around = near_site(view.depth, view.camera, SHEET, NEAR_M)
+        around = near_region(view.depth, view.camera, SHEET, NEAR_M)
         assert not view.after[~around].any()
         assert not view.before.any()
 
@@ -60,8 +60,8 @@ def test_what_lies_flat_is_told_by_its_colour() -> None:
 @pytest.mark.parametrize("side", ["before", "after"])
 def test_where_nothing_changed_a_site_stays_as_it_is(side: str) -> None:
     alone = replace(CORNER, side=side)
-    (site,), larger = extended([alone], views(changed=False))
-    np.testing.assert_array_equal((site.low, site.high), (alone.low, alone.high))
+    (region,), larger = extended([alone], views(changed=False))
+    np.testing.assert_array_equal((region.low, region.high), (alone.low, alone.high))
     assert not any(view.changed.any() for view in larger)
 
 
@@ -73,16 +73,16 @@ def test_light_that_changed_is_nothing_that_came() -> None:
         shown = view.shown / (1 + columns / columns.max())
         lit.append(replace(view, shown=shown))
     assert np.mean([np.abs(one.colors - one.shown).max(axis=2) > 0.1 for one in lit]) > 0.5
-    (site,), larger = extended([CORNER], lit)
-    np.testing.assert_array_equal((site.low, site.high), (CORNER.low, CORNER.high))
+    (region,), larger = extended([CORNER], lit)
+    np.testing.assert_array_equal((region.low, region.high), (CORNER.low, CORNER.high))
     assert not any(view.changed.any() for view in larger)
 
 
 def test_colours_tell_nothing_of_what_is_gone() -> None:
     """Light that moved would take the floor away."""
     gone = replace(CORNER, side="before")
-    (site,), larger = extended([gone], views(changed=True))
-    np.testing.assert_array_equal((site.low, site.high), (gone.low, gone.high))
+    (region,), larger = extended([gone], views(changed=True))
+    np.testing.assert_array_equal((region.low, region.high), (gone.low, gone.high))
     assert not any(view.changed.any() for view in larger)
 
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
-from gslts.rendering.losses import exposed, fit_exposure
-from gslts.rendering.lpips import Lpips
+from gslts.rendering.losses import apply_exposure, fit_exposure
+from gslts.rendering.metrics import Lpips
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 
 
@@ -58,7 +58,7 @@ def assess(
         if lpips is not None:
             photo = frame.rgb.astype(np.float32) / 255
             exposure = fit_exposure(images.rgb, photo, mask=frame.mask, threads=threads)
-            shown = exposed(images.rgb, exposure)
+            shown = apply_exposure(images.rgb, exposure)
             if frame.mask is not None:
                 shown[~frame.mask] = photo[~frame.mask]
             distances.append(lpips.distance(shown, photo))

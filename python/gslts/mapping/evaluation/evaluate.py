@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gslts.core.camera import moved, twist_of
 from gslts.core.gaussian_map import FloatArray, GaussianMap
+from gslts.core.se3 import se3_retract, twist_of
 from gslts.localization.alignment import aligned
 from gslts.mapping.observation import Observation
-from gslts.rendering.losses import exposed, fit_exposure, photometric_loss
+from gslts.rendering.losses import apply_exposure, fit_exposure
+from gslts.rendering.metrics import psnr_db, ssim
 from gslts.rendering.rasterizer import Images, Rasterizer, RenderOptions
 
 POSE_LEVELS, POSE_STEPS = (1, 0), 4
@@ -72,21 +72,20 @@ def evaluate(
     if not observations:
         raise ValueError("evaluate: there is no frame")
     rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
-    psnrs_db, ssim, depth_l1_m = [], [], []
+    psnrs_db, ssims, depth_l1_m = [], [], []
     for one in observations:
         images = rasterizer.forward(gaussian_map, one.camera(level), options)
         photo, mask, measured = one.photo(level), one.mask(level), one.depth(level)
         exposure = fit_exposure(images.rgb, photo, mask=mask, threads=threads)
-        loss = photometric_loss(images.rgb, photo, mask=mask, exposure=exposure, threads=threads)
-        psnrs_db.append(psnr_db(exposed(images.rgb, exposure), photo, mask))
-        ssim.append(loss.ssim)
+        psnrs_db.append(psnr_db(apply_exposure(images.rgb, exposure), photo, mask))
+        ssims.append(ssim(images.rgb, photo, mask, exposure=exposure, threads=threads))
         both = (measured > 0) & (images.depth > 0)
         if both.any():
             depth_l1_m.append(np.abs(images.depth - measured)[both].mean())
     return Quality(
         frames=len(psnrs_db),
         psnr_db=float(np.mean(psnrs_db)),
-        ssim=float(np.mean(ssim)),
+        ssim=float(np.mean(ssims)),
         depth_l1_m=float(np.mean(depth_l1_m)) if depth_l1_m else None,
     )
 
@@ -127,8 +126,7 @@ def evaluate_held_out(
 def near_by(observation: Observation, neighbours: Sequence[Observation]) -> Observation:
     """The observation, its given pose corrected as those of its neighbours were on average."""
     twist = np.mean([twist_of(near.correction) for near in neighbours], axis=0)
-    start = replace(observation, pose=observation.given_pose)
-    return replace(observation, pose=moved(start.camera(), twist).world_from_camera)
+    return replace(observation, pose=se3_retract(observation.given_pose, twist))
 
 
 def refine_pose(
@@ -142,11 +140,4 @@ def refine_pose(
 def shown(images: Images, observation: Observation, threads: int = 0) -> FloatArray:
     """[H,W,3] what the map shows, as the photograph was exposed."""
     photo, mask = observation.photo(), observation.mask()
-    return exposed(images.rgb, fit_exposure(images.rgb, photo, mask=mask, threads=threads))
-
-
-def psnr_db(rgb: FloatArray, photo: FloatArray, mask: NDArray[np.bool_] | None = None) -> float:
-    """Peak signal-to-noise ratio of [H,W,3] colours, clipped to 0 to 1; at most 100 dB."""
-    squares = (rgb.clip(0, 1) - photo) ** 2
-    error = float(np.mean(squares if mask is None else squares[mask], dtype=np.float64))
-    return float(-10 * np.log10(max(error, 1e-10)))
+    return apply_exposure(images.rgb, fit_exposure(images.rgb, photo, mask=mask, threads=threads))

@@ -10,15 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.core.camera import twist_of
 from gslts.core.gaussian_map import FloatArray
+from gslts.core.se3 import twist_of
 from gslts.localization.landmark_files import KEY, digest_of, keep_landmarks
 from gslts.localization.landmarks import landmarks_of
 from gslts.mapping.engine import MappingResult
-from gslts.mapping.evaluation.evaluate import Quality, psnr_db, shown
+from gslts.mapping.evaluation.evaluate import Quality, shown
 from gslts.mapping.lenses import Lenses
 from gslts.mapping.report.data import ReportData, View
 from gslts.mapping.report.page import write_report
+from gslts.rendering.metrics import psnr_db
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.store.map_folder import plain_camera, write_map_folder
 

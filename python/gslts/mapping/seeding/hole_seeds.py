@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gslts.core.camera import Camera, transform
+from gslts.core.camera import Camera
 from gslts.core.gaussian_map import FloatArray, GaussianMap
+from gslts.core.se3 import transform
 from gslts.mapping.seeding.depth_seeds import flat_gaussians
 from gslts.rendering.rasterizer import Images
 from gslts.types import Floats

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.core.camera import Camera, inverse_transform, lifted
+from gslts.core.camera import Camera, unproject
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import SH_C0, GaussianMap
+from gslts.core.se3 import inverse_transform
 from gslts.datasets.dataset import PointCloud
 from gslts.mapping.seeding.hole_seeds import interpolated
 from gslts.types import Floats
@@ -79,7 +80,7 @@ def random_points_in_view(frames: Sequence[RgbdFrame], count: int, seed: int = 0
         places = rng.random((each, 2)) * (frame.camera.width, frame.camera.height)
         low, high = np.log(DEPTH_RANGE).tolist()
         depths_m = extent_m * np.exp(rng.uniform(low, high, each))
-        points.append(lifted(frame.camera, places, depths_m))
+        points.append(unproject(frame.camera, places, depths_m))
         colors.append(_colors(frame, places))
         allowed = _allowed(frame, places)
         points[-1], colors[-1] = points[-1][allowed], colors[-1][allowed]
@@ -136,7 +137,7 @@ def _filled(
         middles = (np.column_stack([columns, rows]) + 0.5) * cell_px
         middles = np.minimum(middles, (camera.width - 0.5, camera.height - 0.5))
         allowed = _allowed(frame, middles)
-        new = lifted(camera, middles, interpolated(known)[empty])
+        new = unproject(camera, middles, interpolated(known)[empty])
         points = np.concatenate([points, new[allowed]])
         colors = np.concatenate([colors, _colors(frame, middles)[allowed]])
     nearest = np.full(len(points), np.inf)

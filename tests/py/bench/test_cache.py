@@ -1,0 +1,195 @@
+"""What was made before is found again by everything that made it, and is whole."""
+
+import json
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from gslts.mapping.config import PRESETS
+from gslts_bench import cache
+from gslts_bench.cache import (
+    MADE_OF,
+    cached_folder,
+    code_digest,
+    digest,
+    native_digest,
+    source_files,
+)
+from gslts_bench.detection.cases import Counts
+from gslts_bench.detection.run import DetectUnit
+from gslts_bench.homes import BenchHome, HomeSetup
+from gslts_bench.relocalization.run import RelocalizeUnit
+
+HOME = BenchHome("kitchen", 3, HomeSetup(), Path("work"))
+UNIT = DetectUnit(HOME, Counts(8, 1, 1, 5))
+
+
+def with_setup(**changes: object) -> BenchHome:
+    return replace(HOME, setup=replace(HOME.setup, **changes))
+
+
+def with_code(name: str) -> BenchHome:
+    code = {**HOME.setup.code, name: {**HOME.setup.code[name], "python": "another"}}
+    return with_setup(code=code)
+
+
+OTHER_RECORDINGS = {
+    "seed": replace(HOME, seed=4),
+    "room type": replace(HOME, room_type="bedroom"),
+    "frames": with_setup(frames=100),
+    "size": with_setup(width=320),
+    "noise": with_setup(noise="none"),
+    "simulator": with_code("sim"),
+}
+OTHER_MAPS = {
+    **OTHER_RECORDINGS,
+    "preset": with_setup(mapping=PRESETS["best"]),
+    "setting": with_setup(mapping=PRESETS["fast"].model_copy(update={"seed": 1})),
+    "mapping": with_code("map"),
+    "native": with_setup(code={**HOME.setup.code, "map": {"native": "another"}}),
+}
+RELOCALIZE_UNIT = RelocalizeUnit(HOME, 60)
+OTHER_RELOCALIZATIONS = {
+    **{name: replace(RELOCALIZE_UNIT, bench=home) for name, home in OTHER_MAPS.items()},
+    "views": replace(RELOCALIZE_UNIT, views=30),
+    "makers of frames": replace(
+        RELOCALIZE_UNIT, code={**RELOCALIZE_UNIT.code, "frames": "another"}
+    ),
+    "relocalizer": replace(RELOCALIZE_UNIT, code={**RELOCALIZE_UNIT.code, "finding": "another"}),
+}
+OTHER_RESULTS = {
+    **{name: replace(UNIT, bench=home) for name, home in OTHER_MAPS.items()},
+    "counts": replace(UNIT, counts=Counts(8, 1, 1, 6)),
+    "makers of cases": replace(UNIT, code={**UNIT.code, "cases": "another"}),
+    "detector": replace(UNIT, code={**UNIT.code, "detect": "another"}),
+}
+
+
+@pytest.mark.parametrize("what", OTHER_RECORDINGS)
+def test_what_made_a_recording_decides_its_key(what: str) -> None:
+    assert digest(OTHER_RECORDINGS[what].recorded_of) != digest(HOME.recorded_of)
+
+
+@pytest.mark.parametrize("what", OTHER_MAPS)
+def test_what_made_a_map_decides_its_key(what: str) -> None:
+    assert digest(OTHER_MAPS[what].mapped_of) != digest(HOME.mapped_of)
+
+
+@pytest.mark.parametrize("what", OTHER_RESULTS)
+def test_what_decides_results_decides_their_file(what: str) -> None:
+    assert OTHER_RESULTS[what].results != UNIT.results
+
+
+@pytest.mark.parametrize("what", OTHER_RELOCALIZATIONS)
+def test_what_decides_where_frames_are_found_decides_their_file(what: str) -> None:
+    assert OTHER_RELOCALIZATIONS[what].results != RELOCALIZE_UNIT.results
+
+
+def test_what_decides_nothing_does_not_count() -> None:
+    threads = PRESETS["fast"].model_copy(update={"threads": 7})
+    assert with_setup(mapping=threads).mapped_of == HOME.mapped_of
+    assert with_setup(mapping=PRESETS["best"]).recorded_of == HOME.recorded_of
+    assert with_code("map").recorded_of == HOME.recorded_of
+    assert replace(UNIT, trade=True).results == UNIT.results, "other detectors, other lines"
+    more = replace(RELOCALIZE_UNIT, ablation=True, trade=True)
+    assert more.results == RELOCALIZE_UNIT.results
+
+
+def test_digests_do_not_depend_on_the_order_of_keys() -> None:
+    assert digest({"a": 1, "b": [2]}) == digest({"b": [2], "a": 1})
+    assert digest({"a": 1, "b": [2]}) != digest({"a": 1, "b": ["2"]})
+
+
+def test_code_is_that_of_a_module_and_of_all_that_it_imports(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cache, "ROOT", tmp_path)
+    sources = {
+        "gslts_bench/run.py": "import numpy\nfrom gslts.change.detector import Detector",
+        "gslts/__init__.py": "from gslts.keeper.keeper import Keeper",
+        "gslts/change/__init__.py": "",
+        "gslts/change/detector.py": "def f():\n    from gslts.core import camera",
+        "gslts/core/__init__.py": "",
+        "gslts/core/camera.py": "import gslts.io.files",
+        "gslts/io/files.py": "",
+        "gslts/keeper/keeper.py": "",
+        "gslts/change/overlay.py": "",
+    }
+    for name, source in sources.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(source)
+    not_imported = {"gslts/__init__.py", "gslts/keeper/keeper.py", "gslts/change/overlay.py"}
+    found = {path.relative_to(tmp_path).as_posix() for path in source_files("gslts_bench.run")}
+    assert found == {*sources} - not_imported
+
+    fresh = code_digest.__wrapped__  # Without its cache.
+    digests = {fresh("gslts_bench.run")}
+    for name, source in sources.items():
+        (tmp_path / name).write_text(f"{source}\nA = 1")
+        digests.add(fresh("gslts_bench.run"))
+    assert len(digests) == 1 + len(found)
+    without = source_files("gslts_bench.run", without=("gslts.core",))
+    assert {path.name for path in without} == {"run.py", "detector.py", "__init__.py"}
+    assert len(source_files("gslts.change")) == 6, "a package stands for its modules"
+    with pytest.raises(ValueError, match=r"no module 'gslts\.none'"):
+        fresh("gslts.core", "gslts.none")
+    assert len(native_digest()) == 16
+
+
+@pytest.mark.parametrize(
+    ("module", "parts"),
+    [
+        ("gslts_bench.homes", {"gslts_sim/capture.py", "gslts/mapping/engine.py"}),
+        ("gslts_bench.detection.run", {"gslts/change/detector.py", "gslts_sim/raycast.py"}),
+        ("gslts_bench.relocalization.run", {"gslts/localization/relocalizer.py"}),
+    ],
+)
+def test_the_code_of_a_benchmark_holds_what_it_measures(module: str, parts: set[str]) -> None:
+    found = {path.relative_to(cache.ROOT).as_posix() for path in source_files(module)}
+    assert parts <= found
+    assert "gslts_bench/work.py" not in found
+
+
+def test_a_folder_is_made_once(tmp_path: Path) -> None:
+    calls = []
+
+    def make(folder: Path) -> None:
+        calls.append(folder)
+        folder.mkdir()
+        (folder / "content").write_text("whole")
+
+    first = cached_folder(tmp_path / "maps" / "kitchen_3", {"seed": 3}, make)
+    assert cached_folder(tmp_path / "maps" / "kitchen_3", {"seed": 3}, make) == first
+    assert len(calls) == 1
+    assert calls[0] != first
+    assert (first / "content").read_text() == "whole"
+    assert json.loads((first / MADE_OF).read_text()) == {"seed": 3}
+    assert cached_folder(tmp_path / "maps" / "kitchen_3", {"seed": 4}, make) != first
+
+
+def test_what_was_half_made_does_not_count(tmp_path: Path) -> None:
+    def stopped(folder: Path) -> None:
+        folder.mkdir()
+        (folder / "half").touch()
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        cached_folder(tmp_path / "a", 1, stopped)
+    assert not list(tmp_path.glob("a*"))
+    whole = cached_folder(tmp_path / "a", 1, Path.mkdir)
+    assert [one.name for one in whole.iterdir()] == [MADE_OF]
+
+
+def test_two_at_a_time_make_it_once(tmp_path: Path) -> None:
+    calls = []
+
+    def make(folder: Path) -> None:
+        calls.append(folder)
+        folder.mkdir()
+        barrier.submit(lambda: None).result()
+
+    with ThreadPoolExecutor(4) as pool, ThreadPoolExecutor(1) as barrier:
+        folders = list(pool.map(lambda _: cached_folder(tmp_path / "a", 1, make), range(4)))
+    assert len(set(folders)) == len(calls) == 1
