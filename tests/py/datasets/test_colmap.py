@@ -167,7 +167,7 @@ def test_frames_that_cannot_be_used_are_named(tmp_path: Path) -> None:
         with pytest.raises(ValueError, match=message):
             open_dataset(tmp_path)
     cameras.write_text("7 PINHOLE 128 96 100 104 62 50\n")
-    with pytest.raises(ValueError, match=r"a b_0\.png: it has 64 x 48 px, expected 128 x 96"):
+    with pytest.raises(ValueError, match=r"a b_0\.png: 64 x 48 px, expected 128 x 96"):
         open_dataset(tmp_path).frames[0].read()
 
 

@@ -282,7 +282,9 @@ def test_seven_scenes_of_another_size_has_the_focal_lengths_of_that_size(tmp_pat
 def test_numbers_beyond_the_limit_are_not_read(tmp_path: Path) -> None:
     path = tmp_path / "camera-intrinsics.txt"
     path.write_text("5 0 3\n0 5 2\n0 0 1\n" + " " * 10_000 + "7")
-    with pytest.raises(ValueError, match=r"camera-intrinsics\.txt: over 10000 bytes, too long for a matrix"):
+    with pytest.raises(
+        ValueError, match=r"camera-intrinsics\.txt: over 10000 bytes, too long for a matrix"
+    ):
         read_numbers(path, (3, 3))
     with path.open("wb") as file:
         file.truncate(1 << 26)
@@ -511,7 +513,9 @@ def test_pictures_of_one_name_are_with_unique_names(recorded: Path) -> None:
 def test_names_differ_in_their_ending_only_where_nothing_else_does() -> None:
     camera = Camera(fx=50, fy=50, cx=32, cy=24, width=64, height=48, world_from_camera=np.eye(4))
     paths = ["a/1.png", "a/1.jpg", "b/1.png", "2.png", "../c/3.png", "3.png", "b/4.png", "b/4.png"]
-    frames = with_unique_names((ImageFrame(Path("set") / path, camera) for path in paths), Path("set"))
+    frames = with_unique_names(
+        (ImageFrame(Path("set") / path, camera) for path in paths), Path("set")
+    )
     names = ["a/1.png", "a/1.jpg", "b/1", "2", "../c/3", "3", "b/4.png", "b/4.png"]
     assert [frame.name for frame in frames] == names
     assert [frame.rgb for frame in frames] == [Path("set") / path for path in paths]

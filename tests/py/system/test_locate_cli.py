@@ -247,7 +247,7 @@ def test_a_recording_of_any_odometry_updates_a_map(visited: Path, command: tuple
             ("map", "visit/images/00000.png", "--camera", "lens.json", "--fov-deg", "90"),
             "--camera and --fov-deg exclude each other",
         ),
-        (("map", "visit/images/00000.png", "--depth", "small.jpg"), "small.jpg: it has 120 x 90"),
+        (("map", "visit/images/00000.png", "--depth", "small.jpg"), "small.jpg: 120 x 90"),
         (("map", "visit", "--fov-deg", "90"), "visit: --depth, --camera and --fov-deg are for a"),
         (("bare", "visit"), "bare: it has no landmarks; gslts map makes maps that do"),
         (("map.ply", "visit"), "map.ply: it has no landmarks; gslts map makes maps that do"),
