@@ -157,7 +157,8 @@ def live_a_day(
 def was_found(change: Change, events: Sequence[Event]) -> bool:
     """Whether what is known of objects tells of a change, each of its ends in the right place."""
     for side, box in enumerate((change.box_before, change.box_after)):
-        known = [np.mean(one.boxes[side], axis=0) for one in events if one.boxes[side] is not None]
+        boxes = [event.boxes[side] for event in events]
+        known = [np.mean(known, axis=0) for known in boxes if known is not None]
         if box is not None and not any(_is_in(middle, box) for middle in known):
             return False
     return True

@@ -147,7 +147,7 @@ def _views(
     """The cameras to render from, with the given intrinsics instead of their own."""
     from gslts.core.camera import at_pose
     from gslts.rendering.orbit import orbit
-    from gslts.store.camera_files import read_camera, read_path
+    from gslts.store.camera_files import read_camera, read_camera_path
 
     if pose is not None and Path(pose).suffix.lower() == ".json":
         cameras = [read_camera(Path(pose), given or _usual_lens(map_path))]
@@ -158,7 +158,7 @@ def _views(
             raise ValueError(f"{map_path}: there is no camera {pose!r}; there are {some}, ...")
         cameras = [own[pose]]
     elif trajectory is not None:
-        cameras = read_path(trajectory, given or _usual_lens(map_path))
+        cameras = read_camera_path(trajectory, given or _usual_lens(map_path))
     else:
         cameras = orbit(list(_own(map_path).values()), frames)
     if given is None:

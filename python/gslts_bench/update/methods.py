@@ -11,10 +11,11 @@ from gslts.change.config import DetectionConfig
 from gslts.change.detector import ChangeDetector
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
+from gslts.store.causes import UpdateRecord
 from gslts.update.config import GS_LTS, EditConfig, RefineConfig, UpdateConfig
 from gslts.update.edit import Edit, pre_edit
 from gslts.update.refine import Refined, Watch, refine, targets_of
-from gslts.update.updater import Record, updated_with
+from gslts.update.updater import updated_with
 from gslts.update.verify import split_held_back
 from gslts.update.view_collection import Collection
 
@@ -91,7 +92,7 @@ def updated(
     iterations: int | None = None,
     threads: int = 1,
     watch: Watch = lambda *_: None,
-) -> tuple[GaussianMap, Record | None]:
+) -> tuple[GaussianMap, UpdateRecord | None]:
     """What a method makes of a map; the record of those that write one.
 
     Args:

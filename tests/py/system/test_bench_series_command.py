@@ -40,7 +40,7 @@ def test_each_change_goes_on_from_the_map_after_the_one_before(done: Path) -> No
     size = end["gaussians"][BEFORE]
     updated = 0
     for one in steps:
-        if one["changes"] == 0 or one["refused"] is not None:
+        if one["changes"] == 0 or one["rejected"] is not None:
             assert one["gaussians"] == size
         else:
             updated += 1

@@ -50,7 +50,7 @@ def test_records_tell_what_was_done(done: Path) -> None:
         by_method.setdefault(one["method"], []).append(one)
     for one in by_method["ours"]:
         before, after = one["gaussians"]
-        if one["refused"] is None:
+        if one["rejected"] is None:
             assert after == before - one["removed"] + one["added"]
         assert set(one["seconds"]) >= {"update", "collecting"}
     for one in by_method["no update"]:

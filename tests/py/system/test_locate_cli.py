@@ -19,7 +19,7 @@ from update_room import looks_at_the_change
 
 from gslts.datasets import open_dataset
 from gslts.io.ply import write_ply
-from gslts.store.map_folder import plain_camera, read_map
+from gslts.store.map_folder import camera_to_json, read_map
 from gslts_sim.capture import capture
 from gslts_sim.controller import Controller
 
@@ -45,7 +45,7 @@ def visited(tmp_path_factory: pytest.TempPathFactory) -> Path:
     capture(Controller(home, **SIZE), [*LOOKS, LOOKS[0]], folder / "visit")
     darken(folder / "visit", "00003")
     adrift.set_adrift(folder / "visit", folder / "adrift")
-    lens = plain_camera(true_cameras(folder)[0])
+    lens = camera_to_json(true_cameras(folder)[0])
     for name, content in (
         ("camera.json", lens),
         ("lens.json", {k: v for k, v in lens.items() if k != "world_from_camera"}),
