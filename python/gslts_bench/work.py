@@ -16,7 +16,7 @@ from typing import Any, Protocol, TypeVar, cast
 
 from pydantic import BaseModel
 
-from gslts.io.atomic_files import naming
+from gslts.io.atomic_files import name_in_errors
 
 Result = dict[str, Any]
 """In values of JSON; `id` tells it from others of the unit, `error` why there is none."""
@@ -200,7 +200,7 @@ def validated(result: Result, record: type[Record], path: Path) -> Record:
 
 def _keep(path: Path, result: Result) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    with naming(path), path.open("ab") as file:
+    with name_in_errors(path), path.open("ab") as file:
         file.write(json.dumps(result).encode() + b"\n")
 
 

@@ -444,10 +444,10 @@ def write_json(path: Path | None, content: dict[str, Any]) -> None:
     Raises:
         OSError: It cannot be written.
     """
-    from gslts.io.atomic_files import write_whole
+    from gslts.io.atomic_files import write_atomic
 
     if path is not None:
-        write_whole(path, (json.dumps(content, indent=1) + "\n").encode())
+        write_atomic(path, (json.dumps(content, indent=1) + "\n").encode())
 
 
 def end(errors: dict[str, Any], missing: int, tasks: int) -> None:

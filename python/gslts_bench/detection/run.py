@@ -14,7 +14,7 @@ from pydantic import BaseModel, Field, FiniteFloat
 from gslts.change.changes import Change
 from gslts.change.detector import ChangeDetector
 from gslts.core.frame import RgbdFrame
-from gslts.io.atomic_files import write_whole
+from gslts.io.atomic_files import write_atomic
 from gslts.localization.config import RelocalizationConfig
 from gslts.localization.landmark_files import read_landmarks
 from gslts.localization.localizer import Localizer
@@ -171,7 +171,7 @@ class DetectUnit:
         def make(folder: Path) -> None:
             folder.mkdir()
             cases = cases_of(self.bench, self.counts, lambda part: tell(CASE_S[part]))
-            write_whole(folder / "cases.json", cases.model_dump_json(indent=1).encode())
+            write_atomic(folder / "cases.json", cases.model_dump_json(indent=1).encode())
 
         folder = cached_folder(self.bench.work / "cases" / self.name, self._cases_of, make)
         return HomeCases.model_validate_json((folder / "cases.json").read_bytes())

@@ -12,7 +12,7 @@ import numpy as np
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.datasets import open_dataset
-from gslts.io.atomic_files import write_whole
+from gslts.io.atomic_files import write_atomic
 from gslts.semantics.autoencoder import Autoencoder, autoencoder_bytes, read_autoencoder
 from gslts.semantics.embed import embed_semantics
 from gslts.semantics.source import Oracle
@@ -70,7 +70,7 @@ def taught(bench: BenchHome, tell: Tell = lambda _: None) -> TaughtMap:
         part.mkdir()
         np.save(part / FEATURES, found.features)
         content = autoencoder_bytes(found.autoencoder)
-        write_whole(part / f"{hashlib.sha256(content).hexdigest()}{AUTOENCODER}", content)
+        write_atomic(part / f"{hashlib.sha256(content).hexdigest()}{AUTOENCODER}", content)
 
     made_of = {
         "map": bench.mapped_of,

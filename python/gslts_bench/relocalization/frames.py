@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from gslts.core.frame import RgbdFrame
-from gslts.io.atomic_files import write_whole
+from gslts.io.atomic_files import write_atomic
 from gslts.types import Floats
 from gslts_bench.cache import cached_folder
 from gslts_bench.detection.cases import LEAST_TASKS, Case, HomeCases, frame_of
@@ -145,7 +145,7 @@ def _kept(bench: BenchHome, visits: int, changed: int, code: str, tell: Tell) ->
     def make(folder: Path) -> None:
         folder.mkdir()
         cases = cases_of(bench, visits, changed, tell)
-        write_whole(folder / "cases.json", cases.model_dump_json(indent=1).encode())
+        write_atomic(folder / "cases.json", cases.model_dump_json(indent=1).encode())
 
     home: dict[str, Any] = bench.recorded_of
     made_of = {"home": home, "visits": visits, "changed": changed, "code": code}

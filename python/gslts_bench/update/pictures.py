@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from gslts.core.gaussian_map import GaussianMap
-from gslts.io.images import Picture, picture_of, write_on
+from gslts.io.images import RgbImage, draw_text, to_rgb8
 from gslts_bench.update.score import Judge
 
 ROWS = 2
@@ -15,7 +15,7 @@ ROWS = 2
 WHITE = (255, 255, 255)
 
 
-def compared(judge: Judge, maps: Mapping[str, GaussianMap]) -> Picture:
+def compared(judge: Judge, maps: Mapping[str, GaussianMap]) -> RgbImage:
     """Test views beside what some maps show there, each in half its size.
 
     Args:
@@ -29,8 +29,8 @@ def compared(judge: Judge, maps: Mapping[str, GaussianMap]) -> Picture:
             tiles |= {name: judge.shown(one, view, view.camera) for name, one in maps.items()}
             row = []
             for name, rgb in tiles.items():
-                tile = np.ascontiguousarray(picture_of(rgb)[::2, ::2])
-                write_on(tile, name, (6, 16), WHITE)
+                tile = np.ascontiguousarray(to_rgb8(rgb)[::2, ::2])
+                draw_text(tile, name, (6, 16), WHITE)
                 row.append(tile)
             rows.append(np.concatenate(row, axis=1))
     return np.concatenate(rows)
