@@ -7,14 +7,14 @@ import numpy as np
 from gslts.core.camera import at_pose
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
-from gslts.io.images import Picture, picture_of
+from gslts.io.images import RgbImage, to_rgb8
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.types import Floats
 
 
 def side_by_side(
     gaussian_map: GaussianMap, frame: RgbdFrame, world_from_camera: Floats, threads: int = 0
-) -> Picture:
+) -> RgbImage:
     """Render the map at the pose of a frame, and put it to the right of the frame.
 
     Args:
@@ -28,4 +28,4 @@ def side_by_side(
     """
     rasterizer, camera = Rasterizer(gaussian_map.dtype), at_pose(frame.camera, world_from_camera)
     images = rasterizer.forward(gaussian_map, camera, RenderOptions(threads=threads))
-    return np.hstack([frame.rgb, picture_of(images.rgb)])
+    return np.hstack([frame.rgb, to_rgb8(images.rgb)])
