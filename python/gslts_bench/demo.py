@@ -13,7 +13,7 @@ import numpy as np
 from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import pose_distance
 from gslts.datasets import open_dataset
-from gslts.io.atomic_files import empty_folder, write_whole
+from gslts.io.atomic_files import empty_folder, write_atomic
 from gslts.io.html_page import number, plots, section, table
 from gslts.keeper.history_page import write_history
 from gslts.keeper.keeper import LoopConfig, MapKeeper
@@ -112,7 +112,7 @@ def live_a_day(
     day = make_day(
         source, coarse, TaskSettings(width=scale.width, height=scale.height), SEED, CHANGES
     )
-    write_whole(out / "day.json", (day.model_dump_json(indent=1) + "\n").encode())
+    write_atomic(out / "day.json", (day.model_dump_json(indent=1) + "\n").encode())
     home = source.load(out)
     robot = day.robot(home, 0)
     looks, _ = explore(robot.home, scale.frames, lambda places: bar(places, "exploring"))

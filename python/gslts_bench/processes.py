@@ -14,7 +14,7 @@ from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from typing import Any, Protocol, cast
 
-from gslts.io.atomic_files import naming
+from gslts.io.atomic_files import name_in_errors
 
 Result = dict[str, Any]
 """JSON values; `id` identifies a result within its unit, `error` is the reason if there is none."""
@@ -154,7 +154,7 @@ def _keep(path: Path | None, result: Result) -> None:
     if path is None:
         return
     path.parent.mkdir(parents=True, exist_ok=True)
-    with naming(path), path.open("ab") as file:
+    with name_in_errors(path), path.open("ab") as file:
         file.write(json.dumps(result).encode() + b"\n")
 
 

@@ -13,7 +13,7 @@ from PIL import Image
 from gslts.change.changes import Change
 from gslts.core.camera import Camera, new_viewpoints
 from gslts.core.gaussian_map import GaussianMap
-from gslts.io.atomic_files import write_whole
+from gslts.io.atomic_files import write_atomic
 from gslts.localization.landmark_files import has_landmarks, keep_landmarks
 from gslts.localization.landmarks import landmarks_of
 from gslts.semantics.map_semantics import MapSemantics
@@ -148,7 +148,7 @@ def published(
     picture.save(content, "JPEG", quality=QUALITY)
     try:
         path.parent.mkdir(exist_ok=True)
-        write_whole(path, content.getvalue())
+        write_atomic(path, content.getvalue())
     except OSError as error:
         now = f"{store.folder} is version {version.number} now, but without a picture"
         raise OSError(f"{now}: {error}") from error

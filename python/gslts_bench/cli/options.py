@@ -140,7 +140,7 @@ class HomeOptions:
             OSError: A result cannot be read or written.
             ValueError: A file of results is damaged.
         """
-        from gslts.io.atomic_files import write_whole
+        from gslts.io.atomic_files import write_atomic
         from gslts_bench.homes import split_of
 
         with progress_bar(benchmark.doing) as bar:
@@ -152,7 +152,7 @@ class HomeOptions:
         result = benchmark.result(units, outcome, homes)
         typer.echo(benchmark.markdown(result))
         if self.json_path is not None:
-            write_whole(self.json_path, (json.dumps(result, indent=1) + "\n").encode())
+            write_atomic(self.json_path, (json.dumps(result, indent=1) + "\n").encode())
         return outcome
 
 

@@ -14,7 +14,7 @@ from pydantic import BaseModel, Field, FiniteFloat
 from gslts.change.changes import Change
 from gslts.change.detector import ChangeDetector
 from gslts.core.frame import RgbdFrame
-from gslts.io.atomic_files import write_whole
+from gslts.io.atomic_files import write_atomic
 from gslts.localization.config import RelocalizationConfig
 from gslts.localization.landmark_files import read_landmarks
 from gslts.localization.localizer import Localizer
@@ -162,7 +162,7 @@ class DetectUnit(BenchUnit[Record, BenchHome]):
         def make(folder: Path) -> None:
             folder.mkdir()
             cases = make_cases(self.bench, self.counts)
-            write_whole(folder / "cases.json", cases.model_dump_json(indent=1).encode())
+            write_atomic(folder / "cases.json", cases.model_dump_json(indent=1).encode())
 
         folder = cached_folder(self.bench.work / "cases" / self.name, self.cases_of, make)
         return HomeCases.model_validate_json((folder / "cases.json").read_bytes())

@@ -12,7 +12,7 @@ import numpy as np
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.datasets import open_dataset
-from gslts.io.atomic_files import write_whole
+from gslts.io.atomic_files import write_atomic
 from gslts.semantics.autoencoder import Autoencoder, autoencoder_bytes, read_autoencoder
 from gslts.semantics.embed import embed_semantics
 from gslts.semantics.source import Oracle
@@ -66,7 +66,7 @@ def read_semantic_map(bench: BenchHome) -> SemanticMap:
         part.mkdir()
         np.save(part / "features.npy", found.features)
         content = autoencoder_bytes(found.autoencoder)
-        write_whole(part / f"{hashlib.sha256(content).hexdigest()}.safetensors", content)
+        write_atomic(part / f"{hashlib.sha256(content).hexdigest()}.safetensors", content)
 
     made_of = {
         "map": bench.mapped_of,

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from gslts.core.frame import RgbdFrame
-from gslts.io.atomic_files import write_whole
+from gslts.io.atomic_files import write_atomic
 from gslts.types import Floats
 from gslts_bench.cache import cached_folder, code_digest
 from gslts_bench.detection.cases import MIN_TASKS, Case, HomeCases, take_frame
@@ -151,7 +151,7 @@ def _cached_cases(bench: BenchHome, visits: int, changed: int) -> HomeCases:
     def make(folder: Path) -> None:
         folder.mkdir()
         cases = make_cases(bench, visits, changed)
-        write_whole(folder / "cases.json", cases.model_dump_json(indent=1).encode())
+        write_atomic(folder / "cases.json", cases.model_dump_json(indent=1).encode())
 
     code = code_digest(__name__, without=("gslts.mapping",))
     made_of = {"home": bench.recorded_of, "visits": visits, "changed": changed, "code": code}

@@ -13,7 +13,7 @@ import numpy as np
 
 from gslts.core.se3 import fit_rigid_motion
 from gslts.datasets import Dataset, open_dataset
-from gslts.io.atomic_files import write_whole
+from gslts.io.atomic_files import write_atomic
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.engine import make_map
 from gslts.mapping.report.summary import write_result
@@ -114,7 +114,7 @@ class RecordedRoom:
             every = {**result.training, **result.held_out}
             folder.mkdir()
             poses = {name: found.pose.tolist() for name, found in every.items()}
-            write_whole(folder / POSES, (json.dumps(poses) + "\n").encode())
+            write_atomic(folder / POSES, (json.dumps(poses) + "\n").encode())
 
         folder = cached_folder(self.work / "poses" / self.name, self.corrected_of, make)
         poses = json.loads((folder / POSES).read_bytes())
