@@ -4,7 +4,8 @@ from __future__ import annotations
 
 MAX_HALVINGS = 2
 """Maximum halvings of the sides of a frame; its pose is aligned from that resolution on. At a
-quarter of 640 x 480, 60 % of single changes are right; at half, 95 % (benchmarks/README.md)."""
+quarter of 640 x 480, 60 % of single changes are right; at half, 95 %
+(benchmarks/results/detection.md)."""
 
 ALIGN_STEPS = 3
 """Gauss-Newton steps of the pose alignment at each resolution."""

@@ -105,7 +105,7 @@ def pose_covariance(pose: _core.RefinedPose) -> Floats:
     """Estimate the covariance of a refined pose.
 
     The inverse of the curvature of the cost, corrected for correlated pixels, plus the error of the
-    map, both scaled by the cost; benchmarks/README.md compares it with true errors.
+    map, both scaled by the cost; benchmarks/results/relocalization.md compares it with true errors.
 
     Args:
         pose: Result of the refinement.
