@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import BaseModel, FiniteFloat
 
 from gslts.navigation.navigator import Navigator
-from gslts.navigation.semantic_map_files import draw_semantic_map, write_picture
+from gslts.navigation.semantic_map_files import draw_semantic_map, write_png
 from gslts.semantics.source import Oracle
 from gslts_bench.cache import code_digest, digest, native_digest
 from gslts_bench.homes import MAP_S, RECORDING_S, BenchHome, default_state
@@ -181,7 +181,7 @@ def gone(
     journey = navigator.go(walker, episode.category)
     if picture is not None:
         shown = draw_semantic_map(navigator.semantic_map, journey.path, [episode.category])
-        write_picture(shown, picture)
+        write_png(shown, picture)
     return record_of(episode).model_copy(
         update={
             "success": succeeds(
