@@ -19,10 +19,10 @@ from PIL import Image
 
 from gslts.core.camera import Camera
 from gslts.datasets.nerfstudio import OBJECTS, OPENGL_FROM_OPENCV
-from gslts.io.atomic_files import empty_folder, write_whole
+from gslts.io.atomic_files import empty_folder, write_atomic
 from gslts_sim.controller import ActionError, Controller
 from gslts_sim.event import Event
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
 
 SAVE_EVERY = 10
 """Frames after which the list of frames is written anew."""
@@ -33,7 +33,7 @@ PNG_LEVEL = 1
 """Of zlib: pictures are a fifth larger than at the best level and saved ten times as fast."""
 
 
-def capture(robot: Controller, looks: Iterable[Look], folder: Path) -> int:
+def capture(robot: Controller, looks: Iterable[Viewpoint], folder: Path) -> int:
     """Takes a picture at each look and writes the data set.
 
     When it fails or is interrupted half-way, the frames that were whole by then stay a valid data
@@ -162,4 +162,4 @@ def _header(camera: Camera) -> dict[str, Any]:
 
 
 def _write_json(path: Path, content: Any) -> None:
-    write_whole(path, (json.dumps(content, indent=1) + "\n").encode())
+    write_atomic(path, (json.dumps(content, indent=1) + "\n").encode())

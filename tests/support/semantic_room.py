@@ -16,11 +16,11 @@ from gslts.semantics.autoencoder import Autoencoder
 from gslts.semantics.embed import SemanticFeatures, embed_semantics
 from gslts.semantics.map_semantics import MapSemantics
 from gslts.semantics.source import Oracle
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
 
 
 @cache
-def looks() -> list[Look]:
+def looks() -> list[Viewpoint]:
     """Return views of the whole room, and those of the block."""
     return [*looks_all_around("change_room", change_room.home(), 16), *change_room.LOOKS]
 

@@ -18,7 +18,7 @@ from gslts.core.robot import Robot
 from gslts.core.robot_body import RobotBody
 from gslts.navigation.semantic_map import SemanticMap, make_semantic_map
 from gslts.navigation.terrain import Terrain
-from gslts.navigation.viewpoints import Target, Viewpoint, ViewpointRenderer
+from gslts.navigation.viewpoints import Target, TargetView, ViewpointRenderer
 from gslts.navigation.visibility import matching_points, visible_points
 from gslts.semantics.autoencoder import Autoencoder
 from gslts.semantics.categories import Categories
@@ -172,12 +172,12 @@ class _Goal:
     Attributes:
         position: (2,) x and y in the world, m.
         key: Numbers of the target and of the position.
-        viewpoint: View of the target from the position.
+        view: View of the target from the position.
     """
 
     position: Floats
     key: tuple[int, int]
-    viewpoint: Viewpoint
+    view: TargetView
 
 
 class _Trip:
@@ -192,7 +192,7 @@ class _Trip:
         self._frame = robot.observe()
         self._positions = robot.reachable_positions()
         self._renderer = ViewpointRenderer(navigator.gaussian_map, self._frame.camera)
-        self._viewpoints: dict[tuple[int, int], Viewpoint] = {}
+        self._views: dict[tuple[int, int], TargetView] = {}
         self._excluded: set[tuple[int, int]] = set()
         self._path = [self._position]
         self._replans = self._moves = 0
@@ -254,10 +254,10 @@ class _Trip:
             key, position = (number, row), self._positions[row]
             if key in self._excluded:
                 continue
-            if key not in self._viewpoints:
-                self._viewpoints[key] = self._renderer.viewpoint(position, targets[number])
-            if self._viewpoints[key].is_sufficient:
-                return _Goal(position, key, self._viewpoints[key])
+            if key not in self._views:
+                self._views[key] = self._renderer.view(position, targets[number])
+            if self._views[key].is_sufficient:
+                return _Goal(position, key, self._views[key])
         return None
 
     def _follow_path(self, goal: _Goal) -> bool:
@@ -305,10 +305,10 @@ class _Trip:
 
     def _search(self, target: Target, goal: _Goal) -> bool:
         """Look for a target from a goal; return True if it is visible and near."""
-        viewpoint = goal.viewpoint
-        expected = target.points[viewpoint.visible]
+        view = goal.view
+        expected = target.points[view.visible]
         for offset_rad in YAW_OFFSETS_RAD:
-            self._move(goal.position, viewpoint.yaw_rad + offset_rad, viewpoint.pitch_rad)
+            self._move(goal.position, view.yaw_rad + offset_rad, view.pitch_rad)
             frame = self._frame.registered()
             near = target.distances_m(self._position[None])[0] <= SUCCESS_DISTANCE_M
             if near and self._is_visible(frame, expected):

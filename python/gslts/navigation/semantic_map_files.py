@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from gslts.io.atomic_files import write_whole
-from gslts.io.images import Picture, write_on
+from gslts.io.atomic_files import write_atomic
+from gslts.io.images import RgbImage, draw_text
 from gslts.navigation.semantic_map import SemanticMap
 from gslts.types import Floats
 
@@ -47,13 +47,13 @@ def write_map_server(semantic_map: SemanticMap, folder: Path) -> None:
         f"image: map.pgm\nresolution: {grid.cell_m!r}\norigin: [{x!r}, {y!r}, 0.0]\nnegate: 0\n"
         f"occupied_thresh: {OCCUPIED_THRESH}\nfree_thresh: {FREE_THRESH}\n"
     )
-    write_whole(folder / "map.pgm", f"P5\n{size} {size}\n255\n".encode() + rows.tobytes())
-    write_whole(folder / "map.yaml", description.encode())
+    write_atomic(folder / "map.pgm", f"P5\n{size} {size}\n255\n".encode() + rows.tobytes())
+    write_atomic(folder / "map.yaml", description.encode())
 
 
 def draw_semantic_map(
     semantic_map: SemanticMap, path: Floats | None = None, categories: Sequence[str] | None = None
-) -> Picture:
+) -> RgbImage:
     """Draw a semantic map, y upwards, with a legend at its right.
 
     Args:
@@ -81,7 +81,7 @@ def draw_semantic_map(
     return _add_legend(image, entries)
 
 
-def write_png(image: Picture, path: Path) -> None:
+def write_png(image: RgbImage, path: Path) -> None:
     """Write a PNG atomically.
 
     Args:
@@ -93,10 +93,10 @@ def write_png(image: Picture, path: Path) -> None:
     """
     content = io.BytesIO()
     Image.fromarray(image).save(content, "PNG")
-    write_whole(path, content.getvalue())
+    write_atomic(path, content.getvalue())
 
 
-def _draw_path(image: Picture, semantic_map: SemanticMap, path: Floats) -> None:
+def _draw_path(image: RgbImage, semantic_map: SemanticMap, path: Floats) -> None:
     grid = semantic_map.grid
     columns_rows = (path - grid.origin) / grid.cell_m * (1, -1) + (0, grid.size)
     pixels = np.rint(columns_rows * CELL_PX).astype(np.int32)
@@ -105,7 +105,7 @@ def _draw_path(image: Picture, semantic_map: SemanticMap, path: Floats) -> None:
         cv2.circle(image, pixel.tolist(), 6, color, -1, cv2.LINE_AA)
 
 
-def _add_legend(image: Picture, entries: Sequence[tuple[str, tuple[int, int, int]]]) -> Picture:
+def _add_legend(image: RgbImage, entries: Sequence[tuple[str, tuple[int, int, int]]]) -> RgbImage:
     height = max(len(image), LINE_PX * (len(entries) + 1))
     canvas = np.full((height, image.shape[1] + LEGEND_PX, 3), GREYS["unknown"], np.uint8)
     canvas[: len(image), : image.shape[1]] = image
@@ -115,7 +115,7 @@ def _add_legend(image: Picture, entries: Sequence[tuple[str, tuple[int, int, int
         canvas[top : top + 12, left : left + 12] = color
         cv2.rectangle(canvas, (left, top), (left + 11, top + 11), (0, 0, 0))
         text = name.encode("ascii", "replace").decode()
-        write_on(canvas, text, (left + 18, top + 11), (255, 255, 255))
+        draw_text(canvas, text, (left + 18, top + 11), (255, 255, 255))
     return canvas
 
 

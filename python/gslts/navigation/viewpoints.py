@@ -62,7 +62,7 @@ class Target:
 
 
 @dataclass(frozen=True, eq=False)
-class Viewpoint:
+class TargetView:
     """View of an object from a position.
 
     Attributes:
@@ -102,7 +102,7 @@ class ViewpointRenderer:
         self._camera = downscale(camera, max(1, camera.width // WIDTH_PX))
         self._eye_height_m = float(camera.world_from_camera[2, 3])
 
-    def viewpoint(self, position: Floats, target: Target) -> Viewpoint:
+    def view(self, position: Floats, target: Target) -> TargetView:
         """Compute the view of a target from a position.
 
         Args:
@@ -119,7 +119,7 @@ class ViewpointRenderer:
             point = target.points[visible].mean(axis=0)
             visible = self._visible(eye, point, target)
         yaw_rad, pitch_rad = view_angles(eye, point)
-        return Viewpoint(yaw_rad, pitch_rad, visible)
+        return TargetView(yaw_rad, pitch_rad, visible)
 
     def _visible(self, eye: Floats, point: Floats, target: Target) -> Bools:
         if np.linalg.norm(point[:2] - eye[:2]) < 1e-3:  # A vertical view has no yaw.

@@ -9,9 +9,10 @@ from typing import Any, Literal
 
 from gslts.datasets import open_dataset
 from gslts.semantics.embed import embed_semantics
-from gslts.semantics.files import SemanticsSetting, write_autoencoder
+from gslts.semantics.files import write_autoencoder
 from gslts.semantics.registry import open_source
 from gslts.store.camera_files import cameras_of_map
+from gslts.store.causes import SemanticsCause
 from gslts.store.map_folder import open_map
 from gslts.store.records import Version
 
@@ -59,7 +60,7 @@ def add_semantics(
             f"{map_path} was made from no frame of {dataset}; give the dataset of gslts map"
         )
     with open_map(map_path, writable=True) as store:
-        if any(version.kind == "update" for version in store.way_to()):
+        if any(version.kind == "update" for version in store.lineage()):
             raise ValueError(
                 f"{map_path} was updated since {dataset} was recorded; gslts restore {map_path} 1 "
                 "returns to the map of these frames"
@@ -67,7 +68,7 @@ def add_semantics(
         gaussian_map = store.read()
         frames = (replace(frame.read(), camera=cameras[frame.name]) for frame in progress(used))
         semantics = embed_semantics(gaussian_map, frames, segmenter, code_dims, refine, threads)
-        setting = SemanticsSetting(
+        cause = SemanticsCause(
             source=source,
             dataset=opened.name,
             levels=semantics.features.shape[1] // code_dims,
@@ -77,4 +78,4 @@ def add_semantics(
             autoencoder=write_autoencoder(semantics.autoencoder, map_path),
         )
         with_features = replace(gaussian_map, features=semantics.features)
-        return store.commit_features(with_features, setting.model_dump(mode="json"))
+        return store.commit_features(with_features, cause)

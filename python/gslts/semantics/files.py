@@ -1,57 +1,23 @@
-"""Autoencoder files of a map folder, and the record of where the features of a version come from.
+"""Autoencoder files of a map folder.
 
-The record is in the cause of the version that added the features. It names the autoencoder file by
-its checksum, so that a version never uses the autoencoder of another.
+The cause of the version that added semantic features names the autoencoder file by its checksum, so
+that a version never uses the autoencoder of another.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
-
-from gslts.io.atomic_files import sync_folder, write_whole
-from gslts.semantics.autoencoder import (
-    MAX_CODE_DIMS,
-    MIN_CODE_DIMS,
-    Autoencoder,
-    autoencoder_bytes,
-    read_autoencoder,
-)
-from gslts.semantics.source import MAX_LEVELS
-from gslts.store.map_folder import folder_of, open_map
+from gslts.io.atomic_files import sync_folder, write_atomic
+from gslts.semantics.autoencoder import Autoencoder, autoencoder_bytes, read_autoencoder
+from gslts.store.causes import SemanticsCause
+from gslts.store.manifest import split_version
+from gslts.store.map_folder import open_map
 from gslts.store.map_store import MapStore
-from gslts.store.records import Version
 
 FOLDER = "semantics"
 """Sub-folder of a map folder for autoencoder files."""
-
-
-class SemanticsSetting(BaseModel):
-    """Record of how the semantic features of a version were computed.
-
-    Attributes:
-        source: Name of the semantic source.
-        dataset: Name of the dataset whose frames were segmented.
-        levels: Number of levels of masks, L; a Gaussian has a code for each.
-        code_dims: Length of a code, d.
-        names: Names of the object types in the frames.
-        models: Folders of the weights, by their use: "clip", "sam".
-        autoencoder: SHA-256 of the autoencoder file, hexadecimal.
-    """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    source: Literal["oracle", "clip"]
-    dataset: str
-    levels: Annotated[int, Field(ge=1, le=MAX_LEVELS)]
-    code_dims: Annotated[int, Field(ge=MIN_CODE_DIMS, le=MAX_CODE_DIMS)]
-    names: tuple[str, ...]
-    models: Mapping[str, str] = {}
-    autoencoder: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 
 
 def write_autoencoder(model: Autoencoder, folder: Path) -> str:
@@ -62,7 +28,7 @@ def write_autoencoder(model: Autoencoder, folder: Path) -> str:
         folder: The map folder.
 
     Returns:
-        SHA-256 of the file, for `SemanticsSetting`.
+        SHA-256 of the file, for `SemanticsCause`.
 
     Raises:
         OSError: The file cannot be written.
@@ -71,13 +37,13 @@ def write_autoencoder(model: Autoencoder, folder: Path) -> str:
     digest = hashlib.sha256(content).hexdigest()
     path = _path_of(folder, digest)
     path.parent.mkdir(exist_ok=True)
-    write_whole(path, content)
+    write_atomic(path, content)
     sync_folder(folder)
     return digest
 
 
-def read_semantics(path: Path) -> tuple[SemanticsSetting, Autoencoder] | None:
-    """Read the record and the autoencoder of the features of a version.
+def read_semantics(path: Path) -> tuple[SemanticsCause, Autoencoder] | None:
+    """Read the cause and the autoencoder of the features of a version.
 
     Args:
         path: A map folder, or a version of it such as MAP@3.
@@ -89,14 +55,15 @@ def read_semantics(path: Path) -> tuple[SemanticsSetting, Autoencoder] | None:
         OSError: A file cannot be read.
         ValueError: There is no such version, or a file is damaged.
     """
-    folder, number = folder_of(path)
+    folder, number = split_version(path)
     with open_map(folder) as store:
-        versions = [version for version in store.way_to(number) if version.kind == "semantics"]
-    return _semantics_of(versions[-1], folder) if versions else None
+        causes = [version.cause for version in store.lineage(number)]
+    semantics = [cause for cause in causes if isinstance(cause, SemanticsCause)]
+    return (semantics[-1], _read_autoencoder(semantics[-1], folder)) if semantics else None
 
 
-def require_semantics(path: Path) -> tuple[SemanticsSetting, Autoencoder]:
-    """Read the record and the autoencoder of a version that must have semantic features.
+def require_semantics(path: Path) -> tuple[SemanticsCause, Autoencoder]:
+    """Read the cause and the autoencoder of a version that must have semantic features.
 
     Args:
         path: A map folder, or a version of it such as MAP@3.
@@ -126,24 +93,15 @@ def semantics_problems(store: MapStore) -> list[str]:
     problems = []
     for version in store.versions():
         try:
-            if version.kind == "semantics":
-                _semantics_of(version, store.folder)
+            if isinstance(version.cause, SemanticsCause):
+                _read_autoencoder(version.cause, store.folder)
         except (OSError, ValueError) as error:
             problems.append(f"version {version.number}: {error}")
     return problems
 
 
-def _semantics_of(version: Version, folder: Path) -> tuple[SemanticsSetting, Autoencoder]:
-    try:
-        setting = SemanticsSetting.model_validate(dict[str, Any](version.cause))
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        field = ".".join(str(part) for part in first["loc"])
-        raise ValueError(
-            f"{folder}: the semantics of version {version.number} are damaged: {field}: "
-            f"{first['msg']}"
-        ) from None
-    return setting, read_autoencoder(_path_of(folder, setting.autoencoder), setting.autoencoder)
+def _read_autoencoder(cause: SemanticsCause, folder: Path) -> Autoencoder:
+    return read_autoencoder(_path_of(folder, cause.autoencoder), cause.autoencoder)
 
 
 def _path_of(folder: Path, digest: str) -> Path:

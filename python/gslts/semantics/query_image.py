@@ -10,7 +10,7 @@ import numpy as np
 from gslts.core.camera import Camera, downscale
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.se3 import inverse_transform
-from gslts.io.images import Picture, draw_box, heat_picture, picture_of, write_on
+from gslts.io.images import RgbImage, draw_box, draw_text, heat_image, to_rgb8
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.semantics.queries import Instance
 from gslts.types import Floats, Floats32
@@ -31,7 +31,7 @@ def draw_query(
     instances: Sequence[Instance],
     cameras: Iterable[Camera],
     threads: int = 0,
-) -> Picture:
+) -> RgbImage:
     """Draw the result of a query, from the camera that shows most of the best object.
 
     Args:
@@ -60,7 +60,7 @@ def draw_query(
     heat = (relevance[:, None] - MIN_RELEVANCE) / (MAX_RELEVANCE - MIN_RELEVANCE)
     heat_map = replace(gaussian_map, features=heat.clip(0, 1).astype(np.float32))
     images = rasterizer.forward(heat_map, camera, options)
-    image = heat_picture(picture_of(images.rgb), images.features[..., 0])
+    image = heat_image(to_rgb8(images.rgb), images.features[..., 0])
     for instance in instances:
         _draw_instance(image, instance, camera)
     return image
@@ -77,13 +77,13 @@ def _candidates(cameras: list[Camera], point: Floats) -> list[Camera]:
     return [cameras[number] for number in nearest[:MAX_CANDIDATE_CAMERAS]] or cameras
 
 
-def _draw_instance(image: Picture, instance: Instance, camera: Camera) -> None:
+def _draw_instance(image: RgbImage, instance: Instance, camera: Camera) -> None:
     footprint = instance.corners[[0, 1, 3, 2]]  # Ends of an edge differ in one bit of the row.
     heights = np.repeat([instance.low[2], instance.high[2]], 4)[:, None]
     draw_box(image, np.hstack([np.tile(footprint, (2, 1)), heights]), camera, BOX_COLOR)
     pixel = _project(np.array([*instance.center[:2], instance.high[2]]), camera)
     if pixel is not None:
-        write_on(image, f"{instance.score:.2f}", (pixel[0], pixel[1] - 4), BOX_COLOR)
+        draw_text(image, f"{instance.score:.2f}", (pixel[0], pixel[1] - 4), BOX_COLOR)
 
 
 def _project(point: Floats, camera: Camera) -> tuple[int, int] | None:

@@ -17,9 +17,9 @@ from gslts_bench.navigation.truth import Truth, floor_distances_m, succeeds
 from gslts_bench.navigation.walker import Walker
 from gslts_sim.controller import Controller
 from gslts_sim.home import Home
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
 
-START = Look(np.array([0.5, 1.5]), 180.0, 0.0)
+START = Viewpoint(0.5, 1.5, 180.0, 0.0)
 
 
 @cache
@@ -31,7 +31,7 @@ def navigator_of(gaussian_map: GaussianMap) -> Navigator:
     return Navigator(gaussian_map, surfel_room.autoencoder(), Oracle())
 
 
-def robot_in(home: Home, start: Look = START, noise: str = "none") -> Walker:
+def robot_in(home: Home, start: Viewpoint = START, noise: str = "none") -> Walker:
     controller = Controller(home, width=160, height=120, noise=noise)
     controller.go(start)
     return Walker(controller, Truth(home))
@@ -43,10 +43,10 @@ def with_box(home: Home, low: surfel_room.Point, high: surfel_room.Point) -> Hom
 
 def assert_reached(found: NavigationResult, robot: Walker, home: Home, category: str) -> None:
     assert (found.status, found.reason) == ("reached", "")
-    assert succeeds(Truth(home), category, robot.places[-1], robot.event.instances)
+    assert succeeds(Truth(home), category, robot.positions[-1], robot.event.instances)
     assert found.distance_m is not None
     assert found.distance_m <= SUCCESS_DISTANCE_M
-    np.testing.assert_allclose(found.path[-1], robot.places[-1], atol=0.03)
+    np.testing.assert_allclose(found.path[-1], robot.positions[-1], atol=0.03)
     assert found.frame is robot.event.observation
 
 
@@ -58,7 +58,7 @@ def test_the_robot_goes_to_an_object_and_looks_at_it(noise: str) -> None:
     found = navigator().go(robot, "mug", lambda: moves.append(1))
     assert_reached(found, robot, home, "Mug")
     truth = Truth(home)
-    start = int(np.argmin(np.linalg.norm(truth.places - START.place, axis=1)))
+    start = int(np.argmin(np.linalg.norm(truth.positions - START.place, axis=1)))
     shortest_m = truth.metres_to(truth.goals("Mug"))[start]
     assert 0 < shortest_m <= robot.length_m <= 1.3 * shortest_m
     assert found.length_m == pytest.approx(robot.length_m, abs=0.3)
@@ -69,12 +69,12 @@ def test_the_nearest_of_several_objects_is_the_target() -> None:
     home = with_box(surfel_room.home(), (3.5, 0.1, 0), (3.9, 0.5, 0.4))
     both = navigator_of(surfel_room.surfels(home))
     for start, expected in (
-        (Look(np.array([0.5, 1.0]), 0, 0), "Box|1"),
-        (Look(np.array([3.5, 1.5]), 0, 0), "Box|2"),
+        (Viewpoint(0.5, 1.0, 0, 0), "Box|1"),
+        (Viewpoint(3.5, 1.5, 0, 0), "Box|2"),
     ):
         robot = robot_in(home, start)
         assert_reached(both.go(robot, "Box"), robot, home, "Box")
-        assert floor_distances_m(home[expected], robot.places[-1][None])[0] <= SUCCESS_DISTANCE_M
+        assert floor_distances_m(home[expected], robot.positions[-1][None])[0] <= SUCCESS_DISTANCE_M
 
 
 def test_an_object_that_is_not_in_the_map_is_not_found() -> None:
@@ -127,18 +127,18 @@ def test_after_a_removed_object_the_next_one_is_the_target() -> None:
 
 
 def test_the_robot_avoids_obstacles_that_are_not_in_the_map() -> None:
-    goal = Look(np.array([3.25, 0.5]), 0, 0)
+    goal = Viewpoint(3.25, 0.5, 0, 0)
     plain = robot_in(surfel_room.home(), goal)
     assert_reached(navigator().go(plain, "Box"), plain, surfel_room.home(), "Box")
     # The shorter path around the block is blocked.
     home = with_box(surfel_room.home(), (1.2, 0.0, 0), (1.5, 0.9, 1.0))
-    blocked = [place for place in plain.places if place[1] < 0.9]
+    blocked = [place for place in plain.positions if place[1] < 0.9]
     assert len(blocked) > 2
     robot = robot_in(home, goal)
     found = navigator().go(robot, "Box")
     assert found.status == "reached"
     assert found.replans >= 1
-    assert floor_distances_m(home["Box|1"], robot.places[-1][None])[0] <= SUCCESS_DISTANCE_M
+    assert floor_distances_m(home["Box|1"], robot.positions[-1][None])[0] <= SUCCESS_DISTANCE_M
     assert robot.length_m > plain.length_m
 
 
@@ -148,7 +148,7 @@ def test_an_enclosed_object_is_unreachable() -> None:
         [((0.0, 1.2, 0.0), (1.3, 1.3, 1.0)), ((1.3, 1.2, 0.0), (1.4, 3.0, 1.0))]
     ):
         home = home.with_object(surfel_room.box(f"Block|{number + 2}", low, high))
-    robot = robot_in(home, Look(np.array([3.25, 0.5]), 0, 0))
+    robot = robot_in(home, Viewpoint(3.25, 0.5, 0, 0))
     found = navigator_of(surfel_room.surfels(home)).go(robot, "Box")
     assert found.status == "unreachable"
     assert found.reason == "the robot has no reachable position within 1 m of any Box"
@@ -196,7 +196,7 @@ def test_a_robot_outside_the_map_has_lost_track() -> None:
 def test_a_recording_is_a_robot_too() -> None:
     controller = Controller(surfel_room.home(), width=160, height=120)
     frames = []
-    for look in (START, Look(np.array([1.25, 1.5]), 0.0, 30.0)):
+    for look in (START, Viewpoint(1.25, 1.5, 0.0, 30.0)):
         controller.go(look)
         frames.append(controller.observe())
     found = navigator().go(RecordedRobot(frames), "Mug")

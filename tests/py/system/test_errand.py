@@ -15,9 +15,9 @@ from gslts.keeper.keeper import MapKeeper, StoppedError
 from gslts.store.map_folder import read_map, write_map_folder
 from gslts_sim.controller import Controller
 from gslts_sim.home import Home
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
 
-FAR = Look(np.array([0.75, 0.5]), 45.0, 30.0)
+FAR = Viewpoint(0.75, 0.5, 45.0, 30.0)
 
 
 @pytest.fixture

@@ -10,11 +10,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from gslts_sim.contact_sheet import plan_of
 from gslts_sim.controller import Controller
 from gslts_sim.event import Event
 from gslts_sim.home import Home
-from gslts_sim.show import plan_of
-from gslts_sim.task import Task, Viewpoint
+from gslts_sim.robot_body import Viewpoint
+from gslts_sim.task import Task
 
 BEFORE, AFTER = "#ffb000", "#00d0ff"
 SHOWN = 4
@@ -34,9 +35,9 @@ def write_task_sheet(task: Task, home: Home, path: Path) -> None:
     title = f"{home.name}: {change.kind} of {change.object_id}"
     figure.suptitle(title, parse_math=False)
     grid = figure.add_gridspec(3, 6, height_ratios=(2.1, 1, 1))
-    before = task.look(task.start(home, changed=False), 0)
+    before = task.observe(task.start(home, changed=False), 0)
     robot = task.start(home, changed=True)
-    after = task.look(robot, 0)
+    after = task.observe(robot, 0)
     for column, (name, event, color) in enumerate(
         (("before", before, BEFORE), ("after", after, AFTER))
     ):
@@ -47,7 +48,7 @@ def write_task_sheet(task: Task, home: Home, path: Path) -> None:
     for row, (name, first) in enumerate((("near", 1), ("far", 1 + len(sets.near))), start=1):
         for column in range(SHOWN):
             axes = figure.add_subplot(grid[row, column])
-            _show(axes, task.look(robot, first + column), change.object_id, AFTER)
+            _show(axes, task.observe(robot, first + column), change.object_id, AFTER)
             axes.set_title(f"{name} {column + 1}, after", fontsize=8)
     _plan(figure.add_subplot(grid[:, 4:]), task, robot)
     figure.savefig(path, dpi=100)

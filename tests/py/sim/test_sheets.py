@@ -12,12 +12,12 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from gslts_sim import load_home, make_home
+from gslts_sim.change_sampler import TaskSettings
+from gslts_sim.contact_sheet import corner_cameras, plan_of, write_contact_sheet
 from gslts_sim.home import Home, Room
 from gslts_sim.home_source import HomeSource
-from gslts_sim.show import corner_cameras, plan_of, write_contact_sheet
-from gslts_sim.show_task import write_task_sheet
+from gslts_sim.task_sheet import write_task_sheet
 from gslts_sim.tasks import TaskMaker
-from gslts_sim.trial import Setting
 
 MATH = r"Sign $\bad{ and $5"
 
@@ -128,7 +128,7 @@ def test_names_are_no_formulas_on_sheets_of_tasks(tmp_path):
     bear = home["TeddyBear|1"]
     home = home.without([bear.id]).with_object(replace(bear, id=MATH))
     source = HomeSource(room_type="bedroom", seed=3, sha256="")
-    maker = TaskMaker(Setting(width=32, height=24, object_id=MATH), 0)
+    maker = TaskMaker(TaskSettings(width=32, height=24, object_id=MATH), 0)
     (task,) = maker.make(source, home, 1)
     write_task_sheet(task, home, tmp_path / "task.png")
     with Image.open(tmp_path / "task.png") as picture:

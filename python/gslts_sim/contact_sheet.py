@@ -175,7 +175,7 @@ def _draw_plan(axes: Axes, home: Home) -> None:
 
 
 def _rgb(caster: RayCaster, camera: Camera) -> NDArray[np.uint8]:
-    radiance = caster.look(camera).radiance
+    radiance = caster.render(camera).radiance
     rgb: NDArray[np.uint8] = np.rint(255 * srgb_from_linear(radiance.clip(0, 1))).astype(np.uint8)
     return rgb
 

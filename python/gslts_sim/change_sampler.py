@@ -20,7 +20,7 @@ from gslts_sim.actions import (
 from gslts_sim.home import Home, HomeObject
 from gslts_sim.home_source import FileSource, HomeSource
 from gslts_sim.ray_scene import RayScene
-from gslts_sim.robot_body import Look, floor_of
+from gslts_sim.robot_body import Viewpoint, floor_of
 from gslts_sim.sensor import NOISE_PRESETS
 from gslts_sim.task import (
     VIEWPOINTS,
@@ -29,10 +29,9 @@ from gslts_sim.task import (
     Kind,
     SensorSetup,
     Task,
-    Viewpoint,
-    ViewpointSets,
+    TestViewpoints,
 )
-from gslts_sim.viewpoints import SIZE_PX, Sight, eyes_above, look_from
+from gslts_sim.viewpoints import SIZE_PX, ObjectVisibility, camera_positions, viewpoint_towards
 
 NEAR_M = 1.75
 """Test viewpoints nearer to the change than this are near ones."""
@@ -42,11 +41,11 @@ KEPT_ASIDE = 6
 """Objects of a home that its default state lacks, at most."""
 MOVED_M = 0.4
 """Relocated objects go at least as far."""
-FIRST_SHARE_PX = np.array([0.001, 0.25])
+FIRST_VIEW_FRACTION = np.array([0.001, 0.25])
 """Share of the image that the object may take at the initial viewpoint, in each state with it."""
 TEST_SHARE_PX = 0.0002
 """The same at a test viewpoint, in one state."""
-SEEN_SHARE = 0.3
+MIN_VISIBLE_FRACTION = 0.3
 """Share of the object's points that must be seen from a place before its views are looked at."""
 LOOKS_PER_PLACE = 2
 """Test viewpoints at one place, in different directions, at most."""
@@ -58,7 +57,7 @@ class NoTaskError(Exception):
 
 
 @dataclass(frozen=True, eq=False)
-class Setting:
+class TaskSettings:
     """What all tasks have in common.
 
     Args:
@@ -88,11 +87,11 @@ class Trial:
     kind: Kind
     object_id: str
     actions: tuple[ChangeAction, ...]
-    before: Sight | None
-    after: Sight | None
+    before: ObjectVisibility | None
+    after: ObjectVisibility | None
 
     @property
-    def states(self) -> list[Sight]:
+    def states(self) -> list[ObjectVisibility]:
         """Those of the two that have the object."""
         return [sight for sight in (self.before, self.after) if sight is not None]
 
@@ -114,7 +113,7 @@ class Traversal:
     def __init__(
         self,
         home: Home,
-        setting: Setting,
+        setting: TaskSettings,
         rng: np.random.Generator,
         done: tuple[tuple[ChangeAction, ...], SceneState] | None = None,
     ) -> None:
@@ -123,17 +122,17 @@ class Traversal:
         if done is None:
             aside = self._draw_aside(home) if setting.object_id is None else []
             actions = tuple(DisableObject(objectId=thing.id) for thing in aside)
-            done = (actions, SceneState(home).after_all(actions))
+            done = (actions, SceneState(home).apply_all(actions))
         self._whole = home
         self._initial, self._state = done
-        self._home, self._aside = self._state.home, self._state.aside
+        self._home, self._aside = self._state.home, self._state.removed
         self._scene = RayScene(self._home)
         self._sensor_seeds = rng.integers(1 << 31, size=2)
 
-    def after(self, task: Task) -> Traversal:
+    def advance(self, task: Task) -> Traversal:
         """Of the home in which a task was done."""
         actions = (*task.initial_actions, *task.change_actions)
-        done = (actions, task.changed(self._state))
+        done = (actions, task.apply_change(self._state))
         return Traversal(self._whole, self._setting, self._rng, done)
 
     def _draw_aside(self, home: Home) -> list[HomeObject]:
@@ -156,7 +155,7 @@ class Traversal:
         Raises:
             NoTaskError: It is not possible.
         """
-        before = None if kind == "addition" else Sight(self._home, self._scene, thing.id)
+        before = None if kind == "addition" else ObjectVisibility(self._home, self._scene, thing.id)
         if kind == "removal":
             return Trial(kind, thing.id, (DisableObject(objectId=thing.id),), before, None)
         actions: list[ChangeAction] = []
@@ -187,7 +186,7 @@ class Traversal:
                 objectId=thing.id, position=Point(x=x, y=y, z=z), rotation=drawn.yaw_deg
             )
         )
-        after = Sight(drawn.home, RayScene(drawn.home), thing.id)
+        after = ObjectVisibility(drawn.home, RayScene(drawn.home), thing.id)
         return Trial(kind, thing.id, tuple(actions), before, after)
 
     def task(self, source: HomeSource | FileSource, trial: Trial) -> Task:
@@ -198,9 +197,9 @@ class Traversal:
         """
         changed = self._home.without([trial.object_id]) if trial.after is None else trial.after.home
         floors = [floor_of(self._home), floor_of(changed)]
-        places = floors[0].places(GRID_M)
+        places = floors[0].grid_positions(GRID_M)
         places = places[[floors[1].can_stand(place) for place in places]]
-        eyes = eyes_above(self._home, places)
+        eyes = camera_positions(self._home, places)
         for sight in trial.states:
             metres = np.linalg.norm(eyes - sight.middle, axis=1)
             kept = (metres >= DISTANCE_M[0]) & (metres <= DISTANCE_M[1])
@@ -222,7 +221,7 @@ class Traversal:
                 seed_before=seed_before,
                 seed_after=seed_after,
             ),
-            viewpoint=Viewpoint.of(first),
+            viewpoint=first,
             initial_actions=self._initial,
             change_actions=trial.actions,
             change=Change(
@@ -232,43 +231,43 @@ class Traversal:
                 box_before=_box(trial.before),
                 box_after=_box(trial.after),
             ),
-            test_viewpoints=ViewpointSets(
-                near=tuple(map(Viewpoint.of, near)), far=tuple(map(Viewpoint.of, far))
-            ),
+            test_viewpoints=TestViewpoints(near=tuple(near), far=tuple(far)),
         )
         try:
-            task.changed(self._state)
+            task.apply_change(self._state)
         except ValueError as reason:
             raise NoTaskError(f"does not replay: {reason}") from None
         return task
 
-    def _first_look(self, trial: Trial, places: Floats) -> Look:
+    def _first_look(self, trial: Trial, places: Floats) -> Viewpoint:
         """A look that sees the object in every state that has it."""
-        shares = np.min([sight.seen_share(places) for sight in trial.states], axis=0)
+        shares = np.min([sight.visible_fraction(places) for sight in trial.states], axis=0)
         target = np.mean([sight.middle for sight in trial.states], axis=0)
-        least, most = FIRST_SHARE_PX * np.prod(SIZE_PX)
-        for place in places[shares >= SEEN_SHARE]:
-            look = look_from(self._home, place, target, self._jitter())
-            if all(least <= sight.seen_px(look) <= most for sight in trial.states):
+        least, most = FIRST_VIEW_FRACTION * np.prod(SIZE_PX)
+        for place in places[shares >= MIN_VISIBLE_FRACTION]:
+            look = viewpoint_towards(self._home, place, target, self._jitter())
+            if all(least <= sight.visible_px(look) <= most for sight in trial.states):
                 return look
         raise NoTaskError("not seen from one place in all states")
 
-    def _test_looks(self, trial: Trial, places: Floats) -> tuple[list[Look], list[Look]]:
+    def _test_looks(self, trial: Trial, places: Floats) -> tuple[list[Viewpoint], list[Viewpoint]]:
         """Looks that see the object in one of its states, near and far ones."""
-        near: list[Look] = []
-        far: list[Look] = []
-        shares = [sight.seen_share(places) for sight in trial.states]
+        near: list[Viewpoint] = []
+        far: list[Viewpoint] = []
+        shares = [sight.visible_fraction(places) for sight in trial.states]
         order = [(turn, row) for turn in range(LOOKS_PER_PLACE) for row in range(len(places))]
         for turn, number in order:
             place, state = places[number], (turn + number) % len(trial.states)
             sight = trial.states[state]
-            distance = float(np.linalg.norm(eyes_above(self._home, place[None]) - sight.middle))
+            distance = float(
+                np.linalg.norm(camera_positions(self._home, place[None]) - sight.middle)
+            )
             found = near if distance < NEAR_M else far
-            if len(found) == VIEWPOINTS or shares[state][number] < SEEN_SHARE:
+            if len(found) == VIEWPOINTS or shares[state][number] < MIN_VISIBLE_FRACTION:
                 continue
-            look = look_from(self._home, place, sight.middle, self._jitter())
-            known = any(Viewpoint.of(look) == Viewpoint.of(other) for other in found)
-            if not known and sight.seen_px(look) >= TEST_SHARE_PX * np.prod(SIZE_PX):
+            look = viewpoint_towards(self._home, place, sight.middle, self._jitter())
+            known = any(look == other for other in found)
+            if not known and sight.visible_px(look) >= TEST_SHARE_PX * np.prod(SIZE_PX):
                 found.append(look)
         for name, found in (("near", near), ("far", far)):
             if len(found) < VIEWPOINTS:
@@ -279,7 +278,7 @@ class Traversal:
         return self._rng.uniform(-JITTER_DEG, JITTER_DEG, 2)
 
 
-def _refuse_impossible(home: Home, setting: Setting) -> None:
+def _refuse_impossible(home: Home, setting: TaskSettings) -> None:
     """Raises ValueError where a setting asks for what the home does not have."""
     if setting.object_id is not None:
         try:
@@ -301,7 +300,7 @@ def _free_objects(home: Home) -> list[HomeObject]:
     ]
 
 
-def _box(sight: Sight | None) -> Box | None:
+def _box(sight: ObjectVisibility | None) -> Box | None:
     if sight is None:
         return None
     low, high = np.round(sight.thing.box_in_world, 6).tolist()
