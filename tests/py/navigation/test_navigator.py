@@ -58,7 +58,7 @@ def test_the_robot_goes_to_an_object_and_looks_at_it(noise: str) -> None:
     found = navigator().go(robot, "mug", lambda: moves.append(1))
     assert_reached(found, robot, home, "Mug")
     truth = Truth(home)
-    start = int(np.argmin(np.linalg.norm(truth.positions - START.place, axis=1)))
+    start = int(np.argmin(np.linalg.norm(truth.positions - START.position, axis=1)))
     shortest_m = truth.metres_to(truth.goals("Mug"))[start]
     assert 0 < shortest_m <= robot.length_m <= 1.3 * shortest_m
     assert found.length_m == pytest.approx(robot.length_m, abs=0.3)
