@@ -242,7 +242,7 @@ def _found_again(folder: Path, frame: RgbdFrame, threads: int, say: Callable[[st
     """Asks the map where a picture was taken, of which it is told nothing."""
     start_s = time.perf_counter()
     relocalizer = Relocalizer.of_map(folder, RelocalizationConfig(threads=threads))
-    found = relocalizer.locate(frame)
+    found = relocalizer.localize(frame)
     took = f"after {time.perf_counter() - start_s:.1f} s"
     pose = found.world_from_camera
     if pose is None:

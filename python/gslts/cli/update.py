@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gslts.cli.locate import Locate, localizer_of, read_frames
+from gslts.cli.localize import Localize, localizer_of, read_frames
 from gslts.cli.mapping import BAR, Map, Threads
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def update(
         typer.Option(metavar="DATASET", help="Recorded frames, taken after the change."),
     ] = None,
     iterations: Annotated[int, typer.Option(min=0, help="Of the refinement, at most.")] = 250,
-    locate: Locate = False,
+    localize: Localize = False,
     literal: Annotated[
         bool, typer.Option("--literal", help="Edit as printed in GS-LTS, without improvements.")
     ] = False,
@@ -76,7 +76,7 @@ def update(
         detector = ChangeDetector(
             gaussian_map, DetectionConfig(threads=threads), cameras=cameras.values()
         )
-        localizer = localizer_of(map_path, threads) if locate else None
+        localizer = localizer_of(map_path, threads) if localize else None
         if robot is not None:
             source = open_robot(robot)
             scout = source.robot(source.rounds or 0)
