@@ -94,7 +94,7 @@ def objects_of(event: Any) -> list[ThorObject]:
     Raises:
         ValueError: The metadata lacks the objects, or a property of one.
     """
-    return [_object_of(thing) for thing in _required(event.metadata, "objects")]
+    return [_object_of(obj) for obj in _required(event.metadata, "objects")]
 
 
 def instances_of(event: Any, objects: Sequence[ThorObject]) -> NDArray[np.int32]:
@@ -105,7 +105,7 @@ def instances_of(event: Any, objects: Sequence[ThorObject]) -> NDArray[np.int32]
     """
     image = event.instance_segmentation_frame
     colors = _image(image, "instance", "renderInstanceSegmentation=True").astype(np.int32)
-    index_of = {thing.id: index for index, thing in enumerate(objects)}
+    index_of = {obj.id: index for index, obj in enumerate(objects)}
     # Colours are given to the names of classes and of parts of the building too.
     index_of_code = {
         (red << 16) + (green << 8) + blue: index_of[name]
@@ -119,17 +119,17 @@ def instances_of(event: Any, objects: Sequence[ThorObject]) -> NDArray[np.int32]
     return found[places].reshape(colors.shape[:2])
 
 
-def _object_of(thing: Any) -> ThorObject:
-    around = _required(thing, "axisAlignedBoundingBox")
+def _object_of(obj: Any) -> ThorObject:
+    around = _required(obj, "axisAlignedBoundingBox")
     center = in_world(_required(around, "center"))
     half = 0.5 * in_world(_required(around, "size"))
     return ThorObject(
-        id=_required(thing, "objectId"),
-        type=_required(thing, "objectType"),
+        id=_required(obj, "objectId"),
+        type=_required(obj, "objectType"),
         box=np.stack([center - half, center + half]),
-        visible=bool(_required(thing, "visible")),
-        movable=bool(_required(thing, "pickupable") or _required(thing, "moveable")),
-        parents=tuple(_required(thing, "parentReceptacles", may_be_none=True) or ()),
+        visible=bool(_required(obj, "visible")),
+        movable=bool(_required(obj, "pickupable") or _required(obj, "moveable")),
+        parents=tuple(_required(obj, "parentReceptacles", may_be_none=True) or ()),
     )
 
 
