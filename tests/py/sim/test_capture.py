@@ -160,7 +160,9 @@ def test_a_full_disk_leaves_whole_frames(
     full_after(monkeypatch, pictures)
     whole = pictures // 3
     folder = tmp_path / "set"
-    with pytest.raises(OSError, match=rf"set: No space left on device; {whole} whole frames") as e:
+    with pytest.raises(
+        OSError, match=rf"set: No space left on device; {whole} complete frames"
+    ) as e:
         capture(robot(), LOOKS, folder)
     assert "\n" not in str(e.value)
     left = sorted(path.name for path in folder.glob("*/*.png"))
