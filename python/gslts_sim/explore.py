@@ -85,7 +85,7 @@ def _candidates(home: Home, progress: Progress) -> tuple[list[Viewpoint], list[I
 def _cells_seen(home: Home, scene: RayScene, viewpoint: Viewpoint) -> Ints:
     """Return the cells [K,3] that the rays of a view hit."""
     rays = pixel_rays(robot_camera(home, viewpoint, SIZE_PX), threads=0)
-    depth = scene.cast(rays)["t_hit"]
+    depth = scene.cast(rays).distances
     hit = depth < RANGE_M
     points = rays[hit, :3] + rays[hit, 3:] * depth[hit, None]
     cells: Ints = np.floor(points / CELL_M).astype(np.int64)

@@ -189,7 +189,7 @@ def day(
     """
     from tqdm import tqdm
 
-    from gslts.io.atomic_files import empty_folder, write_whole
+    from gslts.io.atomic_files import empty_folder, write_atomic
     from gslts_sim.capture import capture as write
     from gslts_sim.change_sampler import TaskSettings
     from gslts_sim.day import make_day
@@ -205,7 +205,7 @@ def day(
     count = write(
         robot, tqdm(viewpoints, desc="before", unit="frame", disable=None), out / "before"
     )
-    write_whole(out / "day.json", (made.model_dump_json(indent=1) + "\n").encode())
+    write_atomic(out / "day.json", (made.model_dump_json(indent=1) + "\n").encode())
     for number, events in enumerate(made.rounds):
         for event in events:
             typer.echo(f"before round {number}: {event.change.kind} of {event.change.object_id}")
