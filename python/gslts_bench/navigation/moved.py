@@ -18,7 +18,7 @@ from gslts.semantics.map_semantics import MapSemantics
 from gslts.semantics.source import Oracle
 from gslts.store.camera_files import cameras_of_map
 from gslts.update.config import UpdateConfig
-from gslts.update.updater import update
+from gslts.update.integrate import integrate_changes
 from gslts_bench.cache import code_digest, digest, native_digest
 from gslts_bench.detection.run import report_of
 from gslts_bench.detection.score import fits
@@ -169,7 +169,7 @@ def _updated(
     changes = detector.detect(robot.observe()).changes
     if not changes or not fits(report_of(changes[0]), task.change):
         return None
-    result = update(
+    result = integrate_changes(
         known.gaussian_map,
         cameras,
         changes[:1],
@@ -178,4 +178,4 @@ def _updated(
         detector=detector,
         semantics=MapSemantics(Oracle(), known.autoencoder, ()),
     )
-    return None if result.record.rejected is not None else result.gaussian_map
+    return None if result.rejected is not None else result.gaussian_map

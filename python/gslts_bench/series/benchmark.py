@@ -22,7 +22,7 @@ from gslts.rendering.metrics import psnr_db
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
 from gslts.update.config import UpdateConfig
-from gslts.update.updater import update
+from gslts.update.integrate import integrate_changes
 from gslts_bench.detection.run import report_of
 from gslts_bench.detection.score import fits
 from gslts_bench.detection.visits import draw_visit
@@ -133,12 +133,12 @@ class SeriesUnit:
             detector = ChangeDetector(updated, cameras=cameras)
             found = detector.detect(robot.observe()).changes
             start_s = time.perf_counter()
-            result = update(
+            result = integrate_changes(
                 updated, cameras, found, robot, UpdateConfig(threads=1), detector=detector
             )
             seconds = result.record.seconds
             updated = result.gaussian_map
-            if result.record.rejected is None:  # As `gslts update` does.
+            if result.rejected is None:  # As `gslts update` does.
                 seen_from = [view.camera for view in result.views]
                 cameras += compress(seen_from, new_viewpoints(cameras, seen_from))
             look = number % self.every == 0 or number == len(tasks)
@@ -149,7 +149,7 @@ class SeriesUnit:
                 object_type=task.change.object_type,
                 detected=any(fits(report_of(change), task.change) for change in found),
                 changes=len(found),
-                rejected=result.record.rejected if found else None,
+                rejected=result.rejected if found else None,
                 gaussians=updated.size,
                 seconds=seconds.get("editing", 0.0) + seconds.get("refining", 0.0),
                 psnr_db=psnr_of(updated, frames) if look else None,

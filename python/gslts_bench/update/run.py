@@ -19,7 +19,7 @@ from gslts.rendering.metrics import Lpips
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
 from gslts.update.config import CollectConfig
-from gslts.update.view_collection import Collection, collect
+from gslts.update.view_collection import Collection, collect_views
 from gslts_bench.cache import code_digest, digest, native_digest
 from gslts_bench.detection.run import report_of
 from gslts_bench.detection.score import fits
@@ -56,7 +56,7 @@ class Record(BaseModel):
         scores: Of the near and of the far test views; see `update_score.Score`.
         rejected: Why the map stays as it was.
         gaussians: Before and after.
-        removed, added, iterations: See `gslts.update.updater.Record`.
+        removed, added, iterations: See `gslts.store.causes.UpdateRecord`.
         seconds: By stage; all of it under `update`.
         curve: PSNR of near and far views, dB, after so many iterations; and of a run of 250 after
             50 of them under `50 of 250`.
@@ -195,7 +195,9 @@ class UpdateUnit:
             add(_record(name, task, "not detected").model_dump(mode="json"))
             return
         start_s = time.perf_counter()
-        found = collect(robot, ground.detector, [change], CollectConfig(), threads=self.threads)
+        found = collect_views(
+            robot, ground.detector, [change], CollectConfig(), threads=self.threads
+        )
         collecting_s = time.perf_counter() - start_s
         judge = Judge(ground.judged(task), ground.lpips)
         maps: dict[str, GaussianMap] = {}
@@ -284,7 +286,7 @@ def _curve(
         points[name] = (of["near"], of["far"])
 
     def run(iterations: int, marks: Sequence[int] = (), suffix: str = "") -> GaussianMap:
-        def watch(step: int, current: Any) -> None:
+        def on_step(step: int, current: Any) -> None:
             if step in marks:
                 note(f"{step}{suffix}", current())
 
@@ -294,7 +296,7 @@ def _curve(
             ground.cameras,
             found,
             iterations=iterations,
-            watch=watch,
+            on_step=on_step,
         )
         return result
 
