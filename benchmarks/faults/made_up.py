@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.core.gaussian_map import GaussianMap
-from gslts.io.atomic_files import write_whole
+from gslts.io.atomic_files import write_atomic
 from gslts.mapping.density.control import joined
 from gslts.store.causes import UpdateCause
 from gslts.store.map_folder import open_map, write_map_folder
@@ -93,7 +93,7 @@ def commit_more(folder: Path, more: int) -> None:
             try:
                 commit_next(store, number)
                 print(number, flush=True)
-                write_whole(folder / STATE, json.dumps({"version": number}).encode())
+                write_atomic(folder / STATE, json.dumps({"version": number}).encode())
             except OSError as error:
                 if failed is not None:
                     raise

@@ -20,7 +20,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from gslts.core.gaussian_map import GaussianMap
-from gslts.io.atomic_files import naming, remove_tree, sync_folder, write_whole
+from gslts.io.atomic_files import name_in_errors, remove_tree, sync_folder, write_atomic
 from gslts.localization.landmarks import Landmarks, bounded, joined
 from gslts.store.blobs import SUFFIX
 from gslts.store.causes import UpdateCause
@@ -56,7 +56,7 @@ def keep_landmarks(landmarks: Landmarks, folder: Path) -> str:
     digest = hashlib.sha256(content).hexdigest()
     path = _path_of(folder, digest)
     path.parent.mkdir(exist_ok=True)
-    write_whole(path, content)
+    write_atomic(path, content)
     sync_folder(folder)
     return digest
 
@@ -196,7 +196,7 @@ def _content(landmarks: Landmarks) -> bytes:
 def _read(folder: Path, digest: str) -> Landmarks:
     path = _path_of(folder, digest)
     try:
-        with naming(path), path.open("rb") as file:
+        with name_in_errors(path), path.open("rb") as file:
             content = file.read(MOST_FILE_BYTES + 1)
     except FileNotFoundError:
         raise FileNotFoundError(f"{path}: it is missing; {REPAIR}") from None

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gslts.core.gaussian_map import GaussianMap
 from gslts.datasets.dataset import reason_of
-from gslts.io.atomic_files import write_whole
+from gslts.io.atomic_files import write_atomic
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.frames import every_eighth
 from gslts.mapping.lenses import Lenses
@@ -145,7 +145,7 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
     }
     buffer = io.BytesIO()
     np.savez(buffer, **arrays)
-    write_whole(path, buffer.getvalue())
+    write_atomic(path, buffer.getvalue())
 
 
 def read_checkpoint(path: Path) -> Checkpoint:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-from gslts.io.atomic_files import sync_folder, write_whole
+from gslts.io.atomic_files import sync_folder, write_atomic
 from gslts.semantics.autoencoder import Autoencoder, autoencoder_bytes, read_autoencoder
 from gslts.store.causes import SemanticsCause
 from gslts.store.manifest import split_version
@@ -33,7 +33,7 @@ def write_autoencoder(model: Autoencoder, folder: Path) -> str:
     digest = hashlib.sha256(content).hexdigest()
     path = _path_of(folder, digest)
     path.parent.mkdir(exist_ok=True)
-    write_whole(path, content)
+    write_atomic(path, content)
     sync_folder(folder)
     return digest
 

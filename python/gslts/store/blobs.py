@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from safetensors.numpy import load, save
 
-from gslts.io.atomic_files import naming, remove_tree, sync_folder, write_whole
+from gslts.io.atomic_files import name_in_errors, remove_tree, sync_folder, write_atomic
 from gslts.store.records import Blob
 
 SUFFIX = ".safetensors"
@@ -49,7 +49,7 @@ class Blobs:
         path = self._path(key)
         if not (path.exists() and path.read_bytes() == content):
             path.parent.mkdir(parents=True, exist_ok=True)
-            write_whole(path, content)
+            write_atomic(path, content)
         for folder in (path.parent, self._folder, self._folder.parent):
             sync_folder(folder)
         return Blob(key=key, size=len(content))
@@ -115,7 +115,7 @@ class Blobs:
     def _read_checked(self, blob: Blob) -> bytes:
         path = self._path(blob.key)
         try:
-            with naming(path), path.open("rb") as file:
+            with name_in_errors(path), path.open("rb") as file:
                 content = file.read(blob.size + 1)  # More is not needed to see that it differs.
         except FileNotFoundError:
             raise FileNotFoundError(f"{path}: missing; {REPAIR}") from None

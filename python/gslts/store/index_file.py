@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from gslts.io.atomic_files import naming
+from gslts.io.atomic_files import name_in_errors
 
 SCHEMA = 2
 """Version of the tables. Raise it with every change of `TABLES` or of a cause."""
@@ -216,7 +216,7 @@ class IndexFile:
     def _named_errors(self) -> Iterator[None]:
         """Raise errors of SQLite as OSError or ValueError that name the file."""
         try:
-            with naming(self.path):
+            with name_in_errors(self.path):
                 yield
         except UnicodeDecodeError as error:  # From a message of SQLite with a damaged name.
             raise self.damaged(error) from error

@@ -12,7 +12,7 @@ import numpy as np
 
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
-from gslts.io.atomic_files import naming, part_of, remove_tree, sync_folder
+from gslts.io.atomic_files import name_in_errors, remove_tree, sync_folder, temporary_path
 from gslts.io.ply import read_ply
 from gslts.store.causes import ImportCause, MappingCause
 from gslts.store.manifest import (
@@ -58,7 +58,7 @@ def write_map_folder(
         cause = MappingCause(dataset=manifest.get("dataset"))
     head = {"format": FORMAT, "version": FORMAT_VERSION, "gaussians": gaussian_map.size}
     folder.parent.mkdir(parents=True, exist_ok=True)
-    temporary = part_of(folder)
+    temporary = temporary_path(folder)
     temporary.mkdir()
     try:
         MapStore.create(temporary, gaussian_map, cause)
@@ -146,7 +146,7 @@ def camera_from_json(record: Mapping[str, Any]) -> Camera:
 
 
 def _write_json(path: Path, content: Any) -> None:
-    with naming(path), path.open("w", encoding="utf-8") as file:
+    with name_in_errors(path), path.open("w", encoding="utf-8") as file:
         json.dump(content, file, indent=1)
         file.write("\n")
         file.flush()

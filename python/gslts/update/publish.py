@@ -10,7 +10,7 @@ from PIL import Image
 
 from gslts.core.camera import Camera, new_viewpoints
 from gslts.core.gaussian_map import GaussianMap
-from gslts.io.atomic_files import write_whole
+from gslts.io.atomic_files import write_atomic
 from gslts.localization.landmark_files import has_landmarks, keep_landmarks
 from gslts.localization.landmarks import landmarks_of
 from gslts.semantics.map_semantics import MapSemantics
@@ -131,7 +131,7 @@ def _write_image(
     path = update_image_path(store.folder, version.number)
     try:
         path.parent.mkdir(exist_ok=True)
-        write_whole(path, content.getvalue())
+        write_atomic(path, content.getvalue())
     except OSError as error:
         state = f"{store.folder} is version {version.number} now, but without an image"
         raise OSError(f"{state}: {error}") from error

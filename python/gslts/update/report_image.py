@@ -8,7 +8,7 @@ import numpy as np
 
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
-from gslts.io.images import Picture, picture_of, write_on
+from gslts.io.images import RgbImage, draw_text, to_rgb8
 from gslts.rendering.losses import apply_exposure
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.update.views import View
@@ -23,7 +23,7 @@ WHITE = (255, 255, 255)
 
 def draw_update(
     before: GaussianMap, after: GaussianMap, views: Sequence[View], threads: int = 0
-) -> Picture:
+) -> RgbImage:
     """Draw the observed frame, the map before and the map after side by side.
 
     Args:
@@ -43,16 +43,16 @@ def draw_update(
         tiles = [view.frame.rgb.copy()]
         for gaussian_map in (before, after):
             rgb = rasterizer.forward(gaussian_map, view.camera, options).rgb
-            tiles.append(picture_of(apply_exposure(rgb, view.exposure)))
+            tiles.append(to_rgb8(apply_exposure(rgb, view.exposure)))
         for tile, caption in zip(tiles, ("observed", "map before", "map after"), strict=True):
-            write_on(tile, caption, (8, 20), WHITE)
+            draw_text(tile, caption, (8, 20), WHITE)
         rows.append(np.concatenate(tiles, axis=1))
     return np.concatenate(rows)
 
 
 def draw_difference(
     before: GaussianMap, after: GaussianMap, cameras: Sequence[Camera], threads: int = 0
-) -> Picture:
+) -> RgbImage:
     """Draw both maps and their difference side by side, from the cameras that see most of it.
 
     Args:
@@ -77,4 +77,4 @@ def draw_difference(
         row = np.concatenate([old, new, difference], axis=1)
         rows.append((float(difference.mean()), row))
     best = [row for _, row in sorted(rows, key=lambda pair: -pair[0])[:MAX_ROWS]]
-    return np.concatenate([picture_of(row) for row in best if row.shape[1] == best[0].shape[1]])
+    return np.concatenate([to_rgb8(row) for row in best if row.shape[1] == best[0].shape[1]])

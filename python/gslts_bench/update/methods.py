@@ -1,4 +1,4 @@
-"""The ways in which a map is updated that are compared."""
+"""Methods of updating a map that are compared."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ of the means, 1.6e-4 times the extent of the cameras, is taken for an extent of 
 
 @dataclass(frozen=True)
 class Method:
-    """One way.
+    """One method.
 
     Attributes:
-        edit: None leaves the Gaussians as they are.
-        refine: None leaves the map as it is.
-        whole: Whether it is all of `gslts.update.integrate`, with replayed views and verification.
+        edit: Settings of the edit; None leaves the Gaussians as they are.
+        refine: Settings of the refinement; None leaves the map as it is.
+        whole: Whether it is all of `gslts.update.integrate`, with old views and verification.
     """
 
     edit: EditConfig | None
@@ -64,7 +64,7 @@ METHODS: dict[str, Method] = {
     "gs_lts editing": Method(GS_LTS, PLAIN),
     "ours": Method(OURS.edit, OURS.refine, whole=True),
 }
-"""Of the table: the second is the baseline of GS-LTS, and the third its editing as printed."""
+"""Methods of the table: the second is the baseline of GS-LTS, the third its editing as printed."""
 ABLATION: dict[str, Method] = {
     "plain, our rates": Method(
         None, OURS.refine.model_copy(update={"scope": "map", "patience": 1_000_000})
@@ -83,10 +83,10 @@ ABLATION: dict[str, Method] = {
     ),
     "gs_lts editing, then ours": Method(GS_LTS, OURS.refine, whole=True),
 }
-"""Each differs from `ours` in one thing."""
+"""Methods that differ from `ours` in one setting."""
 
 
-def updated(
+def update_with(
     method: Method,
     gaussian_map: GaussianMap,
     cameras: Sequence[Camera],
@@ -96,16 +96,19 @@ def updated(
     threads: int = 1,
     on_step: OnStep = lambda *_: None,
 ) -> tuple[GaussianMap, UpdateRecord | None]:
-    """What a method makes of a map; the record of those that write one.
+    """Update a map with a method.
 
     Args:
-        method: One of them.
-        gaussian_map: Before the change.
-        cameras: Of the frames that it was made of.
-        found: Views of the change; the same are used by all methods.
-        iterations: Instead of those of the method.
-        threads: 0 means one a hardware thread.
+        method: The method.
+        gaussian_map: Map before the change.
+        cameras: Cameras of the frames that it was made from.
+        found: Frames of the change; all methods use the same.
+        iterations: Number of iterations instead of the method's.
+        threads: 0 means one per hardware thread.
         on_step: Called after each step of the refinement.
+
+    Returns:
+        The updated map, and the record of a method that writes one.
     """
     steps = {} if iterations is None else {"iterations": iterations}
     if method.whole:
@@ -115,7 +118,7 @@ def updated(
             edit=method.edit, refine=method.refine.model_copy(update=steps), threads=threads
         )
         detector = None
-        if iterations is None:  # Else so many steps are what is compared.
+        if iterations is None:  # Verification would hide what a number of iterations does.
             detector = ChangeDetector(
                 gaussian_map, DetectionConfig(threads=threads), cameras=cameras
             )

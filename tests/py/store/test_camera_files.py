@@ -10,7 +10,7 @@ from orbit_cameras import around, entry
 from scipy.spatial.transform import Rotation
 
 from gslts.core.se3 import rotation_of_quat
-from gslts.io.images import depth_picture
+from gslts.io.images import depth_image
 from gslts.rendering.orbit import orbit
 from gslts.store.camera_files import read_camera_path, read_cameras
 
@@ -52,7 +52,7 @@ def test_quaternions_turn_as_those_of_scipy() -> None:
 
 def test_depth_is_red_where_near_and_grey_where_there_is_none() -> None:
     depth = np.array([[1.0, 3.0, 0.0, np.nan, 0.2, 9.0]])
-    colors = depth_picture(depth, (1.0, 3.0))[0].astype(int)
+    colors = depth_image(depth, (1.0, 3.0))[0].astype(int)
     assert colors[0, 0] > 100 > colors[0, 2]
     assert colors[1, 2] > colors[1, 0]
     assert (colors[2:4] == 40).all()
@@ -103,7 +103,7 @@ def test_files_without_cameras_are_named(tmp_path: Path, content: str, message: 
     [
         ("0 1 2 3 0 0 0", "line 1: '0 1 2 3 0 0 0' is not 8 values"),
         ("0 1 2 nan 0 0 0 1", "is not 8 values"),
-        ("0 1 2 3 0 0 0 9", "pose 0: its quaternion has the length 9.000"),
+        ("0 1 2 3 0 0 0 9", "pose 0: the quaternion has length 9.000"),
         ("# nothing", "it holds no camera"),
     ],
 )

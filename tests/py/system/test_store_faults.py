@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from store_maps import REJECTED, addition, assert_same, blobs_of, edited, grown, random_map
 
-from gslts.io.atomic_files import write_whole
+from gslts.io.atomic_files import write_atomic
 from gslts.store.causes import UpdateCause
 from gslts.store.map_folder import open_map, read_map, write_map_folder
 from gslts.store.map_store import INDEX, MapStore
@@ -254,7 +254,7 @@ def test_what_a_stopped_run_left_is_removed_by_the_next(tmp_path: Path) -> None:
     left = tmp_path / f".file.{ended_process()}.part"
     left.write_bytes(b"half")
     write_map_folder(tmp_path / "map", random_map(9), {}, {})
-    write_whole(tmp_path / "file", b"whole")
+    write_atomic(tmp_path / "file", b"whole")
     names = {path.name for path in tmp_path.iterdir()}
     assert names == {"map", "file", of_another, ".map.txt.part"}
     assert_same(read_map(tmp_path / "map"), random_map(9))
