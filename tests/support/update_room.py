@@ -143,7 +143,7 @@ def looks_at_the_change() -> list[Viewpoint]:
         pose = view.camera.world_from_camera
         x, y, z = pose[:3, 2]
         looks.append(
-            Viewpoint(
+            Viewpoint.at(
                 np.round(pose[:2, 3] / 0.25) * 0.25,
                 float(np.rad2deg(np.arctan2(y, x))),
                 float(np.rad2deg(np.arcsin(-z))),
