@@ -13,7 +13,7 @@ from typing import Literal
 from gslts.change.changes import Change
 from gslts.change.config import DetectionConfig
 from gslts.change.detector import ChangeDetector
-from gslts.change.monitor import confirmed
+from gslts.change.monitor import confirm_changes
 from gslts.core.frame import RgbdFrame
 from gslts.core.robot import Robot
 from gslts.semantics.map_semantics import MapSemantics
@@ -110,10 +110,10 @@ def _detect(
     if frames is None:
         detected = detector.detect(robot.observe())
         return detected.changes, detected.unreliable
-    changes, counts = confirmed(detector, frames)
-    if not changes and counts.unreliable == counts.looked_at:
+    changes, counts = confirm_changes(detector, frames)
+    if not changes and counts.unreliable == counts.processed:
         return (), (
-            f"none of {counts.looked_at} frames can be compared with the map; "
+            f"none of {counts.processed} frames can be compared with the map; "
             "gslts detect names the reasons"
         )
     return changes, None

@@ -11,8 +11,8 @@ from PIL import Image
 from gslts.core.camera import Camera, new_viewpoints
 from gslts.core.gaussian_map import GaussianMap
 from gslts.io.atomic_files import write_atomic
-from gslts.localization.landmark_files import has_landmarks, keep_landmarks
-from gslts.localization.landmarks import landmarks_of
+from gslts.localization.landmark_extraction import extract_landmarks
+from gslts.localization.landmark_files import has_landmarks, write_landmarks
 from gslts.semantics.map_semantics import MapSemantics
 from gslts.store.causes import RejectedUpdateCause, UpdateCause, UpdateFrame, UpdateRecord
 from gslts.store.manifest import update_image_path
@@ -107,17 +107,17 @@ def _write_landmarks(
     if not has_landmarks(store.folder):
         return None
     training = result.views[: result.record.training_views]
-    landmarks = landmarks_of(
+    landmarks = extract_landmarks(
         result.gaussian_map,
         [view.frame for view in training],
         [view.changed for view in training],
-        most_bytes=MAX_LANDMARK_BYTES,
+        max_bytes=MAX_LANDMARK_BYTES,
         threads=threads,
     )
     # The views also show landmarks of old Gaussians, which the map has already.
     new = ~np.isin(landmarks.gaussians, before.ids)
     landmarks = landmarks.select(np.flatnonzero(new))
-    return keep_landmarks(landmarks, store.folder) if landmarks.size else None
+    return write_landmarks(landmarks, store.folder) if landmarks.size else None
 
 
 def _write_image(
