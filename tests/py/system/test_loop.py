@@ -39,18 +39,13 @@ def robot_of(kind: update_room.Kind) -> Controller:
 
 
 def change_at(x: float, y: float, confidence: float) -> Change:
-    """A removal of what was at a place of the floor."""
+    """Return the removal of an object at a position on the floor."""
     found = update_room.detected("removal")
-    before = found.before
-    assert before is not None
-
-    way = np.array([x - 2.2, y - 1.85, 0])
-
-    class Moved:
-        low, high = before.low + way, before.high + way
-
-    point = (Moved.low + Moved.high) / 2
-    return replace(found, confidence=confidence, point=point, before=Moved())  # type: ignore[arg-type]
+    box = found.boxes[0]
+    assert box is not None
+    offset = np.array([x - 2.2, y - 1.85, 0])
+    low, high = box[0] + offset, box[1] + offset
+    return replace(found, confidence=confidence, point=(low + high) / 2, boxes=((low, high), None))
 
 
 def test_a_round_shows_nearly_all_that_can_be_seen() -> None:

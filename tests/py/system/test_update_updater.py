@@ -169,19 +169,16 @@ def test_a_relocation_without_source_becomes_an_addition() -> None:
 def test_a_relocation_to_an_unreachable_region_is_rejected() -> None:
     """Otherwise the map would lose the object."""
     change = update_room.detected("relocation")
-    after = change.after
+    before, after = change.boxes
     assert after is not None
-
-    class Outside:
-        low, high = after.low + np.array([9, 0, 0]), after.high + np.array([9, 0, 0])
-
+    outside = tuple(corner + np.array([9, 0, 0]) for corner in after)
     robot = update_room.robot_in(update_room.changed_home("relocation"))
-    reason = rejection_of(run_update(robot, change=replace(change, after=Outside())))  # type: ignore[arg-type]
+    reason = rejection_of(run_update(robot, change=replace(change, boxes=(before, outside))))
     assert reason == "0 view(s) show the change, 2 are needed: no position around it is reachable"
 
 
 def test_a_change_without_region_is_rejected() -> None:
-    change = replace(update_room.detected("removal"), before=None)
+    change = replace(update_room.detected("removal"), boxes=(None, None))
     robot = update_room.robot_in(update_room.changed_home("removal"))
     assert rejection_of(run_update(robot, change=change)) == "its region is unknown"
 

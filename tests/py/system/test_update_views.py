@@ -1,6 +1,6 @@
 """Views of a change, aligned with the map."""
 
-from dataclasses import reposition
+from dataclasses import replace
 
 import change_room
 import numpy as np
@@ -17,7 +17,7 @@ def wall_beside(view: View) -> GaussianMap:
     wall = gaussian_map.select(np.arange(1))
     pose = view.camera.world_from_camera
     position = pose[:3, :3] @ np.array([-0.4, 0, 0.4]) + pose[:3, 3] - gaussian_map.origin
-    return reposition(
+    return replace(
         wall,
         means=position[None].astype(np.float32),
         log_scales=np.log(np.full((1, 3), 0.1, np.float32)),
