@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 TIME_RESOLUTION = 0.03
 """Relative difference of times that a machine with other work does not resolve."""
 PSNR_RESOLUTION_DB = 0.1
-"""Difference of PSNR that is not visible."""
+"""Difference of PSNR below which two settings count as equally accurate."""
 
 
 @dataclass(frozen=True)
