@@ -34,7 +34,7 @@ class Timing:
 
 @dataclass(frozen=True)
 class CppResults:
-    """One run of the benchmark with one instruction set."""
+    """Run of the benchmark with one instruction set."""
 
     simd_target: str
     build: dict[str, str]

@@ -57,7 +57,7 @@ class Found:
 
     @property
     def before(self) -> bool:
-        """Whether it is a surface of the map."""
+        """True if it is a surface of the map."""
         return self.surface.side == Side.BEFORE
 
 

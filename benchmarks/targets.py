@@ -49,11 +49,11 @@ class Verdict:
     target: float
     unit: str
     at_least: bool = False
-    """Whether the value must reach the target instead of staying within it."""
+    """True if the value must reach the target instead of staying within it."""
 
     @property
     def met(self) -> bool:
-        """Whether the target is met."""
+        """True if the target is met."""
         return self.measured >= self.target if self.at_least else self.measured <= self.target
 
 

@@ -122,7 +122,10 @@ def run_day(out: Path, scale: Scale, *, threads: int, bar: Bar, say: Callable[[s
     say(f"mapped it: {_make_map(out, scale, threads, bar)}")
     note("mapping")
     add_semantics(
-        out / "map", out / "before", threads=threads, show=lambda items: bar(items, "semantics")
+        out / "map",
+        out / "before",
+        threads=threads,
+        progress=lambda frames: bar(frames, "semantics"),
     )
     say("added semantics from the simulator's labels")
     note("adding semantics")
@@ -205,7 +208,7 @@ def _walk(folder: Path, robot: Controller, name: str, say: Callable[[str], None]
     found = navigator.queries.find(name)
     images = []
     if found:
-        x, y, z = found[0].middle
+        x, y, z = found[0].center
         say(f"asked for the {name}: at ({x:.2f}, {y:.2f}, {z:.2f}) m")
         cameras = list(cameras_of_map(folder).values())
         fits = navigator.queries.relevance(name)

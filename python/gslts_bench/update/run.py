@@ -79,7 +79,7 @@ class Record(BenchRecord):
 
 @dataclass(frozen=True)
 class UpdateUnit(BenchUnit[Record, BenchHome]):
-    """One home.
+    """Work on one home.
 
     Attributes:
         tasks: Number of tasks.
