@@ -25,7 +25,7 @@ class NoFeatures:
 
 @dataclass(frozen=True)
 class Variant:
-    """One detector, which runs on one thread, as its time is that of one core.
+    """Change detector that runs on one thread, as its time is that of one core.
 
     Attributes:
         config: Settings.
