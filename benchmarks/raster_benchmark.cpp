@@ -18,7 +18,7 @@
 
 #include "fma_peak.hpp"
 #include "gslts/raster/rasterizer.hpp"
-#include "gslts/raster/simd_target.hpp"
+#include "gslts/simd/target.hpp"
 #include "memory.hpp"
 #include "training_benchmark.hpp"
 #include "workload.hpp"
@@ -61,7 +61,7 @@ void run_case(benchmark::State& state, const std::string& folder, const Case& c)
   const raster::RenderOptions options = workload.options(c.threads);
   const RandomImageGradients<T> image_gradients(workload.pixels());
   std::vector<std::uint8_t> pixels;
-  raster::PixelMask mask;
+  PixelMask mask;
   if (c.region) {
     pixels = central_mask(workload.camera.width, workload.camera.height, kRegionShare);
     mask = {pixels.data(), workload.camera.width, workload.camera.height};
@@ -162,13 +162,13 @@ void print_memory(const Arguments& arguments) {
 
 int run(int argc, char** argv) {
   const Arguments arguments = parse(argc, argv);
-  if (!arguments.simd.empty()) raster::use_simd_target(arguments.simd);
+  if (!arguments.simd.empty()) simd::use_target(arguments.simd);
   if (!arguments.memory.empty()) {
     print_memory(arguments);
     return 0;
   }
   add_benchmarks(arguments.workloads);
-  benchmark::AddCustomContext("simd_target", raster::simd_target());
+  benchmark::AddCustomContext("simd_target", simd::target());
   benchmark::AddCustomContext("compiler", GSLTS_COMPILER);
   benchmark::AddCustomContext("build_type", GSLTS_BUILD_TYPE);
   benchmark::AddCustomContext("flags", GSLTS_CXX_FLAGS);

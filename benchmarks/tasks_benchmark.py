@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from gslts.core.gaussian_map import GaussianMap
+from gslts.core.robot_body import RobotBody
 from gslts.datasets import open_dataset
-from gslts.navigation.robot_body import RobotBody
-from gslts.navigation.semantic_map import semantic_map
-from gslts.semantics.build import embedded
+from gslts.navigation.semantic_map import make_semantic_map
 from gslts.semantics.categories import Categories
+from gslts.semantics.embed import embed_semantics
 from gslts.semantics.queries import SemanticQueries
 from gslts.semantics.source import Oracle
 from gslts.store.camera_files import cameras_of_map
@@ -65,7 +65,7 @@ def main() -> None:
     known = [one for one in open_dataset(given.dataset).frames if one.name in cameras]
     frames = (replace(one.read(), camera=cameras[one.name]) for one in known)
     start_s = time.perf_counter()
-    taught = embedded(own, frames, oracle, threads=given.threads)
+    taught = embed_semantics(own, frames, oracle, threads=given.threads)
     teaching_s = time.perf_counter() - start_s
     own = replace(own, features=taught.features)
     large = side_by_side(own, given.gaussians)
@@ -80,7 +80,8 @@ def main() -> None:
         "a query, s": float(np.median(list(asked.values()))),
         "queries, s": asked,
         "semantic map, s": [
-            seconds(lambda one=one: semantic_map(one, RobotBody(), layers)) for one in (own, large)
+            seconds(lambda one=one: make_semantic_map(one, RobotBody(), layers))
+            for one in (own, large)
         ],
     }
     print(json.dumps(told, indent=1))

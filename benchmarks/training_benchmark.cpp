@@ -6,15 +6,15 @@
 #include <memory>
 #include <vector>
 
-#include "gslts/raster/adam.hpp"
-#include "gslts/raster/losses.hpp"
+#include "gslts/optim/adam.hpp"
+#include "gslts/optim/losses.hpp"
 #include "gslts/raster/rasterizer.hpp"
 #include "workload.hpp"
 
 namespace gslts::benchmarks {
 namespace {
 
-constexpr raster::AdamRates kRates = {1e-5, 1e-4, 1e-4, 1e-4, 1e-4, 1e-5, 0};
+constexpr optim::AdamRates kRates = {1e-5, 1e-4, 1e-4, 1e-4, 1e-4, 1e-5, 0};
 constexpr int kLiftDims = 32;
 
 /// A measured image like the rendered one, as near the end of a training: for the losses.
@@ -52,22 +52,22 @@ class Training {
       forward();
       backward();
     }
-    adam_ = std::make_unique<raster::Adam<float>>(map_.size(), map_.sh_bases, map_.feature_dims);
+    adam_ = std::make_unique<optim::Adam<float>>(map_.size(), map_.sh_bases, map_.feature_dims);
     features_.assign(std::size_t(camera_.width) * camera_.height * kLiftDims, 0.5f);
   }
 
   void forward() { images_ = rasterizer_.forward(map_.view(), camera_, options_, mask_); }
   void photometric_loss() {
-    colour_ = raster::photometric_loss(images_.rgb.data(), target_.data(), camera_.width,
-                                       camera_.height, mask_, 0.2, {}, options_.threads);
+    colour_ = optim::photometric_loss(images_.rgb.data(), target_.data(), camera_.width,
+                                      camera_.height, mask_, 0.2, {}, options_.threads);
   }
   void depth_loss() {
-    depth_ = raster::depth_loss(images_.depth.data(), target_depth_.data(), camera_.width,
-                                camera_.height, mask_, options_.threads);
+    depth_ = optim::depth_loss(images_.depth.data(), target_depth_.data(), camera_.width,
+                               camera_.height, mask_, options_.threads);
   }
   void fit_exposure() {
-    benchmark::DoNotOptimize(raster::fit_exposure(images_.rgb.data(), target_.data(), camera_.width,
-                                                  camera_.height, mask_, options_.threads));
+    benchmark::DoNotOptimize(optim::fit_exposure(images_.rgb.data(), target_.data(), camera_.width,
+                                                 camera_.height, mask_, options_.threads));
   }
   void backward() {
     photometric_loss();
@@ -91,14 +91,14 @@ class Training {
   Camera camera_;
   raster::RenderOptions options_;
   std::vector<std::uint8_t> wanted_;
-  raster::PixelMask mask_;
+  PixelMask mask_;
   raster::Rasterizer<float> rasterizer_;
   raster::Images<float> images_;
   Array<float> target_, target_depth_, features_;
-  raster::PhotometricLoss<float> colour_;
-  raster::DepthLoss<float> depth_;
+  optim::PhotometricLoss<float> colour_;
+  optim::DepthLoss<float> depth_;
   raster::Gradients<float> gradients_;
-  std::unique_ptr<raster::Adam<float>> adam_;
+  std::unique_ptr<optim::Adam<float>> adam_;
 };
 
 struct Piece {

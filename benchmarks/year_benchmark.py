@@ -31,12 +31,12 @@ from gslts.update.config import RefineConfig, UpdateConfig
 from gslts_bench.series.benchmark import fresh_frames, psnr_of
 from gslts_sim.actions import SceneState
 from gslts_sim.capture import capture
+from gslts_sim.change_sampler import TaskSettings
 from gslts_sim.controller import Controller
 from gslts_sim.explore import explore
 from gslts_sim.home_source import HomeSource
 from gslts_sim.task import SensorSetup
 from gslts_sim.tasks import TaskMaker
-from gslts_sim.trial import Setting
 
 
 def robot_in(state: SceneState, sensor: SensorSetup, seed: int) -> Controller:
@@ -86,9 +86,9 @@ def main() -> None:
     given = parser.parse_args()
     shutil.rmtree(given.out, ignore_errors=True)
     empty_folder(given.out)
-    setting = Setting(width=given.width, height=given.width * 3 // 4)
+    setting = TaskSettings(width=given.width, height=given.width * 3 // 4)
     source, coarse = HomeSource.of_seed(given.room, given.seed)
-    tasks = TaskMaker(setting, given.seed).make_in_a_row(source, coarse, given.changes)
+    tasks = TaskMaker(setting, given.seed).make_sequence(source, coarse, given.changes)
     task = next(tasks)
     state = task.states(source.load(given.out))[0]
     mapped(robot_in(state, task.sensor, task.sensor.seed_before), given.out / "start")
@@ -102,9 +102,9 @@ def main() -> None:
     with MapKeeper(folder, config) as keeper, (given.out / "cycles.jsonl").open("w") as log:
         cycles: list[tuple[float, float]] = []
         for done in tqdm(range(1, given.changes + 1), desc="a year"):
-            state = task.changed(state)
+            state = task.apply_change(state)
             robot = robot_in(state, task.sensor, task.sensor.seed_after)
-            robot.go(task.viewpoint.look)
+            robot.go(task.viewpoint)
             frame = robot.observe()
             start_s, start_cpu_s = time.perf_counter(), time.process_time()
             keeper.go_round(robot, {"first": frame.camera})

@@ -8,7 +8,6 @@
 #include "arrays.hpp"
 #include "gslts/map/camera.hpp"
 #include "gslts/map/gaussian_map.hpp"
-#include "gslts/map/register_depth.hpp"
 #include "gslts/map/scatter_rows.hpp"
 #include "poses.hpp"
 
@@ -180,40 +179,10 @@ void define_scatter_rows(py::module_& m, const char* name) {
       "[size,K] zeros but for `values` [V,K] at `rows` [V] uint32, which ascend.");
 }
 
-void define_register_depth(py::module_& m) {
-  m.def(
-      "register_depth",
-      [](const py::array& depth, const Camera& depth_camera, const Camera& camera) {
-        const float* measured =
-            require_array<float>(depth, "depth", {depth_camera.height, depth_camera.width});
-        Array<float> registered = [&] {
-          const py::gil_scoped_release release;
-          return register_depth(measured, depth_camera, camera);
-        }();
-        return to_numpy(std::move(registered), {camera.height, camera.width});
-      },
-      py::arg("depth"), py::arg("depth_camera"), py::arg("camera"),
-      R"(A depth image as another camera would have measured it.
-
-Each measured pixel is carried over as the small patch of surface that it and its neighbours show,
-so that surfaces stay closed and planes stay planes; of several at a place the nearest counts.
-
-Args:
-    depth: [H,W] float32 of `depth_camera`, z, m; 0 and NaN mean no measurement.
-    depth_camera, camera: With poses in one common frame; only their relative pose counts.
-
-Returns:
-    [H',W'] float32 of `camera`, z, m; 0 where nothing arrives.
-
-Raises:
-    ValueError: The image does not fit its camera.)");
-}
-
 }  // namespace
 
 void define_map(py::module_ m) {
   define_camera(m);
-  define_register_depth(m);
   define_gaussian_view<float>(m, "GaussianViewFloat");
   define_gaussian_view<double>(m, "GaussianViewDouble");
   define_scatter_rows<float>(m, "scatter_rows_float");

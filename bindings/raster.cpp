@@ -8,7 +8,6 @@
 
 #include "arrays.hpp"
 #include "gslts/raster/rasterizer.hpp"
-#include "gslts/raster/simd_target.hpp"
 
 namespace gslts::python {
 namespace {
@@ -17,7 +16,6 @@ using raster::Gradients;
 using raster::ImageGradients;
 using raster::Images;
 using raster::LiftedFeatures;
-using raster::PixelMask;
 using raster::Rasterizer;
 using raster::RenderOptions;
 
@@ -254,12 +252,6 @@ void define_raster(py::module_ m) {
   define_options(m);
   define_rasterizer<float>(m, "RasterizerFloat");
   define_rasterizer<double>(m, "RasterizerDouble");
-  m.def("simd_target", &raster::simd_target,
-        "Name of the instruction set that the kernels use: sse4, avx2, avx512 or neon.");
-  m.def("simd_targets", &raster::simd_targets,
-        "Names of the instruction sets that this machine can use, the best first.");
-  m.def("use_simd_target", &raster::use_simd_target, py::arg("name"),
-        "Makes the kernels use an instruction set from now on. Call it while no kernel runs.");
 }
 
 }  // namespace gslts::python

@@ -13,11 +13,11 @@
 namespace gslts::python {
 namespace {
 
-using reloc::CostRule;
-using reloc::Fit;
+using align::CostRule;
+using align::Fit;
+using align::RgbdView;
 using reloc::RefinedPose;
 using reloc::RefineRule;
-using reloc::RgbdView;
 
 using Images = std::vector<py::array>;
 
@@ -116,7 +116,7 @@ Attributes:
                                return pose.world_from_camera.matrix();
                              })
       .def_property_readonly(
-          "curvature", [](const RefinedPose& pose) -> reloc::Matrix6 { return pose.curvature; })
+          "curvature", [](const RefinedPose& pose) -> align::Matrix6 { return pose.curvature; })
       .def_readonly("cost", &RefinedPose::cost)
       .def_readonly("fit", &RefinedPose::fit)
       .def_readonly("iterations", &RefinedPose::iterations)

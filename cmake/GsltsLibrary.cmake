@@ -31,6 +31,18 @@ function(gslts_library name)
   set_property(GLOBAL APPEND PROPERTY GSLTS_LIBRARIES ${target})
 endfunction()
 
+# gslts_kernels(<name>)
+#
+# Prepares gslts::<name> for SIMD kernels: Highway compiles each of their files once per instruction
+# set, and includes it by its name.
+function(gslts_kernels name)
+  target_include_directories(gslts_${name} PRIVATE ${CMAKE_CURRENT_SOURCE_DIR})
+  if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
+    # The oldest x86-64 served is x86-64-v2 with AES (2010); AVX2 and AVX-512 are chosen at run time.
+    target_compile_options(gslts_${name} PRIVATE -msse4.2 -mpclmul -maes)
+  endif()
+endfunction()
+
 # gslts_external(<name> HEADER <file> [SUFFIXES <folders>] LIBRARIES <names>)
 #
 # Declares gslts_<name>: libraries of others that have no CMake package, or one that names too much.

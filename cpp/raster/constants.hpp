@@ -1,5 +1,7 @@
 #pragma once
 
+#include "gslts/simd/lanes.hpp"
+
 // Every fixed number of the rasterizer, with its source. What a user may want to change is in
 // `RenderOptions`.
 
@@ -9,6 +11,7 @@ namespace gslts::raster {
 /// of one word, 16 pixels a block the lanes of one AVX-512 vector.
 constexpr int kBlockSize = 4;
 constexpr int kBlockPixels = kBlockSize * kBlockSize;
+static_assert(kBlockPixels == simd::kLanes);
 constexpr int kBlocksPerRow = 8;
 constexpr int kBlocksPerTile = kBlocksPerRow * kBlocksPerRow;
 constexpr int kLog2TileSize = 5;

@@ -14,11 +14,6 @@
 
 namespace gslts::raster {
 
-/// Restricts the kernels to the instruction set that GSLTS_SIMD names, once. Comes before every
-/// other kernel.
-/// @throws std::invalid_argument  if this machine cannot use it.
-void apply_environment();
-
 /// Projects the Gaussians of one chunk into the chunk's slots.
 /// @return  false if a number among them is not finite.
 template <typename T>

@@ -3,6 +3,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "gslts/simd/target.hpp"
 #include "render_state.hpp"
 
 namespace gslts::raster {
@@ -15,7 +16,7 @@ constexpr std::size_t kMaxGaussians = std::size_t{1} << 27;
 
 template <typename T>
 Rasterizer<T>::Rasterizer() : state_(std::make_unique<RenderState<T>>()) {
-  apply_environment();
+  simd::apply_environment();
 }
 template <typename T>
 Rasterizer<T>::~Rasterizer() = default;

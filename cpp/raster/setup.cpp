@@ -116,13 +116,8 @@ RenderSetup<T> make_setup(const GaussianView<T>& gaussians, const Camera& camera
 
 WantedPixels::WantedPixels(const PixelMask& mask, int width, int height, const char* function)
     : width_(width) {
-  if (!mask.data) return;
-  if (mask.width != width || mask.height != height) {
-    std::ostringstream message;
-    message << function << ": mask is " << mask.width << " x " << mask.height
-            << " pixels, but the image is " << width << " x " << height;
-    throw std::invalid_argument(message.str());
-  }
+  validate(mask, width, height, function);
+  if (mask.all()) return;
   pixels_.assign(mask.data, mask.data + std::size_t(width) * height);
   const int tiles_x = (width + kTileSize - 1) / kTileSize;
   const int tiles_y = (height + kTileSize - 1) / kTileSize;

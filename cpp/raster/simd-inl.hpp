@@ -11,6 +11,7 @@
 #include "hwy/highway.h"
 
 #include "constants.hpp"
+#include "gslts/simd/lanes-inl.hpp"
 #include "hwy/contrib/math/math-inl.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -18,20 +19,7 @@ namespace gslts::raster::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Results are the same bits on every instruction set with fused multiply-add (AVX2, AVX-512, NEON):
-// - The compiler fuses nothing by itself (-ffp-contract=off): what is written as MulAdd is fused.
-// - Sums over pixels or Gaussians are kept as kBlockPixels partial sums, in as many vectors as that
-//   takes, and are added up in one order (`store_sums`, `sum_of`).
-// - Instructions whose result depends on the machine, such as approximate reciprocals, decide
-//   nothing but how much work is done.
-
-/// Lanes of T: as many as the machine has, at most the pixels of one block.
-template <typename T>
-using Lanes = hn::CappedTag<T, kBlockPixels>;
-
-/// Vectors that hold one number for each pixel of a block.
-template <class D>
-constexpr std::size_t kVectors = kBlockPixels / hn::MaxLanes(D());
+using namespace simd::HWY_NAMESPACE;  // Lanes and their sums, in one order everywhere.
 
 /// 2^x for finite x in [-126, 0]; any value for smaller x. In float by the minimax polynomial of
 /// 2^f on [-1/2, 1/2], with a relative error below 3e-7 for degree 5 and 8e-5 for degree 3; in
@@ -77,42 +65,6 @@ HWY_INLINE hn::Vec<D> approximate_sqrt(D d, hn::Vec<D> x) {
 template <class D, hwy::EnableIf<sizeof(hn::TFromD<D>) == 8>* = nullptr>
 HWY_INLINE hn::Vec<D> approximate_sqrt(D d, hn::Vec<D> x) {
   return hn::Sqrt(hn::Max(x, hn::Zero(d)));
-}
-
-/// Adds up the 128-bit parts of a vector: the upper half to the lower one, and so on.
-template <class D>
-HWY_INLINE auto sum_parts([[maybe_unused]] D d, hn::Vec<D> v) {
-  if constexpr (hn::MaxLanes(D()) * sizeof(hn::TFromD<D>) <= 16) {
-    return v;
-  } else {
-    const hn::Half<D> half;
-    return sum_parts(half, hn::Add(hn::LowerHalf(half, v), hn::UpperHalf(half, v)));
-  }
-}
-
-/// Adds up kCount vectors, the second half to the first one, and so on.
-template <std::size_t kCount, class V>
-HWY_INLINE V sum_vectors(const V* vectors) {
-  if constexpr (kCount == 1) {
-    return vectors[0];
-  } else {
-    V sums[kCount / 2];
-    for (std::size_t i = 0; i < kCount / 2; ++i) {
-      sums[i] = hn::Add(vectors[i], vectors[i + kCount / 2]);
-    }
-    return sum_vectors<kCount / 2>(sums);
-  }
-}
-
-/// The sum of kBlockPixels partial sums.
-template <class D, typename T = hn::TFromD<D>>
-HWY_INLINE T sum_of(D d, const hn::Vec<D>* partial) {
-  constexpr std::size_t kPart = 16 / sizeof(T);
-  const hn::FixedTag<T, kPart> part;
-  HWY_ALIGN T sums[kPart];
-  hn::Store(sum_parts(d, sum_vectors<kVectors<D>>(partial)), part, sums);
-  if constexpr (kPart == 2) return sums[0] + sums[1];
-  return (sums[0] + sums[2]) + (sums[1] + sums[3]);
 }
 
 /// The sum of a number for each pixel of a block.

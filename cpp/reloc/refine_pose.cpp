@@ -14,6 +14,13 @@
 namespace gslts::reloc {
 namespace {
 
+using align::CostRule;
+using align::Linearization;
+using align::Matrix6;
+using align::RgbdView;
+using align::Vector6;
+using align::ViewCost;
+
 /// Of the curvature's trace, so that it can be factored.
 constexpr double kRidge = 1e-12;
 /// What a start is worth, so that a direction that a picture tells nothing about stays: that many

@@ -25,10 +25,10 @@ from gslts.mapping.engine import make_map
 from gslts.mapping.report.images import png_of
 from gslts.mapping.report.summary import summary_of, write_result
 from gslts.navigation.navigator import Navigator
-from gslts.navigation.semantic_map_files import map_picture
-from gslts.semantics.map_semantics import Meaning
-from gslts.semantics.query_image import query_picture
-from gslts.semantics.teach import teach
+from gslts.navigation.semantic_map_files import draw_semantic_map
+from gslts.semantics.add_semantics import add_semantics
+from gslts.semantics.map_semantics import MapSemantics
+from gslts.semantics.query_image import draw_query
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import open_map, read_map
 from gslts.store.records import Event
@@ -36,13 +36,13 @@ from gslts.types import Floats
 from gslts.update.config import RefineConfig, UpdateConfig
 from gslts_bench.series.benchmark import fresh_frames, psnr_of
 from gslts_sim.capture import capture
+from gslts_sim.change_sampler import TaskSettings
 from gslts_sim.controller import Controller
 from gslts_sim.day import Day, make_day
 from gslts_sim.explore import explore
 from gslts_sim.home import Home
 from gslts_sim.home_source import HomeSource
 from gslts_sim.task import Box, Change
-from gslts_sim.trial import Setting
 
 ROOM, SEED, CHANGES = "living_room", 7, 6
 FOUND_M = 0.15
@@ -109,7 +109,9 @@ def live_a_day(
         seconds[stage] = time.perf_counter() - start_s - sum(seconds.values())
 
     source, coarse = HomeSource.of_seed(ROOM, SEED)
-    day = make_day(source, coarse, Setting(width=scale.width, height=scale.height), SEED, CHANGES)
+    day = make_day(
+        source, coarse, TaskSettings(width=scale.width, height=scale.height), SEED, CHANGES
+    )
     write_whole(out / "day.json", (day.model_dump_json(indent=1) + "\n").encode())
     home = source.load(out)
     robot = day.robot(home, 0)
@@ -119,7 +121,9 @@ def live_a_day(
     say(f"recorded {count} frames of a {ROOM.replace('_', ' ')}")
     say(f"mapped it: {_mapped(out, scale, threads, bar)}")
     note("mapping")
-    teach(out / "map", out / "before", threads=threads, show=lambda one: bar(one, "teaching"))
+    add_semantics(
+        out / "map", out / "before", threads=threads, show=lambda one: bar(one, "teaching")
+    )
     say("taught it the words of the simulator")
     note("teaching it words")
     update = UpdateConfig(threads=threads, refine=RefineConfig(iterations=scale.iterations))
@@ -192,23 +196,25 @@ def _moved(day: Day, home: Home, events: Sequence[Event]) -> str:
 
 def _walk(folder: Path, robot: Controller, name: str, say: Callable[[str], None]) -> str:
     """Asks the map for an object and sends the robot there; both as pictures."""
-    meaning, gaussian_map = Meaning.of_map(folder), read_map(folder)
-    assert meaning is not None  # It was taught.
-    navigator = Navigator(gaussian_map, meaning.autoencoder, meaning.source, categories=[name])
+    semantics, gaussian_map = MapSemantics.of_map(folder), read_map(folder)
+    assert semantics is not None  # It was taught.
+    navigator = Navigator(gaussian_map, semantics.autoencoder, semantics.source, categories=[name])
     found = navigator.queries.find(name)
     pictures = []
     if found:
         x, y, z = found[0].middle
         say(f"asked for the {name}: at ({x:.2f}, {y:.2f}, {z:.2f}) m")
         cameras = list(cameras_of_map(folder).values())
-        fits = navigator.queries.fits(name)
-        pictures.append((f"{name}: found", query_picture(gaussian_map, fits, found, cameras)))
+        fits = navigator.queries.relevance(name)
+        pictures.append((f"{name}: found", draw_query(gaussian_map, fits, found, cameras)))
     journey = navigator.go(robot, name)
     told = f"{journey.status}: {journey.reason}"
     if journey.distance_m is not None:
         told = f"{journey.length_m:.1f} m walked, stands {journey.distance_m:.1f} m from it"
     say(f"went to the {name}: {told}")
-    pictures.append((f"The way to it: {told}", map_picture(navigator.semantic_map, journey.way)))
+    pictures.append(
+        (f"The way to it: {told}", draw_semantic_map(navigator.semantic_map, journey.path))
+    )
     return plots(*((words, png_of(one)) for words, one in pictures)) + table(
         (), [(f"{name}, {journey.status}", told)]
     )

@@ -17,12 +17,12 @@ from gslts_bench.cache import cached_folder, code_digest, native_digest
 from gslts_sim import ROOM_TYPES
 from gslts_sim.actions import ChangeAction, SceneState
 from gslts_sim.capture import capture
+from gslts_sim.change_sampler import TaskSettings
 from gslts_sim.controller import Controller
 from gslts_sim.explore import explore
 from gslts_sim.home_source import HomeSource
 from gslts_sim.task import Task
 from gslts_sim.tasks import TaskMaker
-from gslts_sim.trial import Setting
 
 SIM_LIBRARIES = ("numpy", "open3d-cpu", "open3d")
 """Distributions whose version decides what a robot in a home sees."""
@@ -103,12 +103,14 @@ class BenchHome:
         Raises:
             ValueError: There is not one.
         """
-        setting = Setting(noise=self.setup.noise, width=self.setup.width, height=self.setup.height)
+        setting = TaskSettings(
+            noise=self.setup.noise, width=self.setup.width, height=self.setup.height
+        )
         source, home = HomeSource.of_seed(self.room_type, self.seed)
         maker = TaskMaker(setting, self.seed)
         tasks = maker.make(source, home, count)
         if not tasks:
-            reason = next(iter(maker.refused), "nothing can be changed")
+            reason = next(iter(maker.rejected), "nothing can be changed")
             raise ValueError(f"{self.name}: there is no task: {reason}")
         return tasks
 
@@ -172,7 +174,7 @@ def default_state(source: HomeSource, initial_actions: Iterable[ChangeAction]) -
         ValueError: It is another home.
         ChangeError: An action cannot be done.
     """
-    return SceneState(source.load(Path())).after_all(initial_actions)
+    return SceneState(source.load(Path())).apply_all(initial_actions)
 
 
 def shares_of(count: int, homes: int) -> list[int]:

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, Field, FiniteFloat, TypeAdapter, ValidationError
+from pydantic import Field, FiniteFloat, TypeAdapter, ValidationError
 
 from gslts_sim import changes
 from gslts_sim.changes import ChangeError
 from gslts_sim.home import Home, HomeObject
-from gslts_sim.home_source import STRICT
 from gslts_sim.physics import OrientedBoxes
+from gslts_sim.strict_model import StrictModel
 
 ObjectId = Annotated[str, Field(min_length=1, max_length=1000)]
 Metres = Annotated[FiniteFloat, Field(ge=-1e6, le=1e6)]
@@ -23,57 +23,45 @@ GRID_M = 0.25
 """Length of a step, and distance of the places that the robot knows."""
 
 
-class Point(BaseModel):
+class Point(StrictModel):
     """A place in the world, m."""
-
-    model_config = STRICT
 
     x: Metres
     y: Metres
     z: Metres
 
 
-class Place(BaseModel):
+class Place(StrictModel):
     """A place on the floor, m; its height does not count."""
-
-    model_config = STRICT
 
     x: Metres
     y: Metres
     z: Metres = 0.0
 
 
-class Move(BaseModel):
+class Move(StrictModel):
     """A step ahead or aside, m."""
-
-    model_config = STRICT
 
     action: Literal["MoveAhead", "MoveBack", "MoveLeft", "MoveRight"]
     moveMagnitude: Annotated[FiniteFloat, Field(ge=0, le=100)] = GRID_M  # noqa: N815
 
 
-class Rotate(BaseModel):
+class Rotate(StrictModel):
     """A turn about the vertical."""
-
-    model_config = STRICT
 
     action: Literal["RotateLeft", "RotateRight"]
     degrees: Degrees = 90.0
 
 
-class Tilt(BaseModel):
+class Tilt(StrictModel):
     """A nod of the camera."""
-
-    model_config = STRICT
 
     action: Literal["LookUp", "LookDown"]
     degrees: Degrees = 30.0
 
 
-class Teleport(BaseModel):
+class Teleport(StrictModel):
     """A jump to a place and a direction; what is None stays."""
-
-    model_config = STRICT
 
     action: Literal["Teleport"] = "Teleport"
     position: Place | None = None
@@ -81,46 +69,36 @@ class Teleport(BaseModel):
     horizon: Degrees | None = None
 
 
-class Pass(BaseModel):
+class Pass(StrictModel):
     """Nothing, or a question."""
-
-    model_config = STRICT
 
     action: Literal["Pass", "GetReachablePositions"]
 
 
-class InitialRandomSpawn(BaseModel):
+class InitialRandomSpawn(StrictModel):
     """Shuffles the movable objects over all that can carry them."""
-
-    model_config = STRICT
 
     action: Literal["InitialRandomSpawn"] = "InitialRandomSpawn"
     randomSeed: Annotated[int, Field(ge=0)] = 0  # noqa: N815
     numPlacementAttempts: Annotated[int, Field(ge=1, le=1000)] = 5  # noqa: N815
 
 
-class DisableObject(BaseModel):
+class DisableObject(StrictModel):
     """Takes an object away."""
-
-    model_config = STRICT
 
     action: Literal["DisableObject"] = "DisableObject"
     objectId: ObjectId  # noqa: N815
 
 
-class EnableObject(BaseModel):
+class EnableObject(StrictModel):
     """Brings an object back to where it was when it was taken away."""
-
-    model_config = STRICT
 
     action: Literal["EnableObject"] = "EnableObject"
     objectId: ObjectId  # noqa: N815
 
 
-class PlaceObjectAtPoint(BaseModel):
+class PlaceObjectAtPoint(StrictModel):
     """Puts an object elsewhere; `rotation` is about the vertical, degrees, None keeps it."""
-
-    model_config = STRICT
 
     action: Literal["PlaceObjectAtPoint"] = "PlaceObjectAtPoint"
     objectId: ObjectId  # noqa: N815
@@ -145,13 +123,13 @@ class SceneState:
 
     Args:
         home: As it is.
-        aside: By id, as they were.
+        removed: By id, as they were.
     """
 
     home: Home
-    aside: Mapping[str, HomeObject] = field(default_factory=dict)
+    removed: Mapping[str, HomeObject] = field(default_factory=dict)
 
-    def after(self, action: ChangeAction, keep_free: OrientedBoxes | None = None) -> SceneState:
+    def apply(self, action: ChangeAction, keep_free: OrientedBoxes | None = None) -> SceneState:
         """The state after an action.
 
         Args:
@@ -161,7 +139,7 @@ class SceneState:
         Raises:
             ChangeError: It cannot be, and why.
         """
-        home, aside = self.home, dict(self.aside)
+        home, aside = self.home, dict(self.removed)
         match action:
             case InitialRandomSpawn():
                 home = changes.spawn_randomly(
@@ -180,7 +158,7 @@ class SceneState:
                 home = changes.place(home, action.objectId, point, action.rotation, keep_free)
         return SceneState(home, aside)
 
-    def after_all(self, actions: Iterable[ChangeAction]) -> SceneState:
+    def apply_all(self, actions: Iterable[ChangeAction]) -> SceneState:
         """The state after some actions.
 
         Raises:
@@ -188,11 +166,11 @@ class SceneState:
         """
         state = self
         for action in actions:
-            state = state.after(action)
+            state = state.apply(action)
         return state
 
 
-def checked_action(name: str, arguments: Mapping[str, Any]) -> AnyAction:
+def parse_action(name: str, arguments: Mapping[str, Any]) -> AnyAction:
     """An action from its name and its arguments.
 
     Raises:

@@ -22,7 +22,7 @@ from gslts.datasets.nerfstudio import OBJECTS, OPENGL_FROM_OPENCV
 from gslts.io.atomic_files import empty_folder, write_whole
 from gslts_sim.controller import ActionError, Controller
 from gslts_sim.event import Event
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
 
 SAVE_EVERY = 10
 """Frames after which the list of frames is written anew."""
@@ -33,7 +33,7 @@ PNG_LEVEL = 1
 """Of zlib: pictures are a fifth larger than at the best level and saved ten times as fast."""
 
 
-def capture(robot: Controller, looks: Iterable[Look], folder: Path) -> int:
+def capture(robot: Controller, looks: Iterable[Viewpoint], folder: Path) -> int:
     """Takes a picture at each look and writes the data set.
 
     When it fails or is interrupted half-way, the frames that were whole by then stay a valid data

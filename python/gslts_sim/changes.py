@@ -9,15 +9,15 @@ import numpy as np
 from gslts.types import Floats
 from gslts_sim.home import Home, HomeObject, pose, yaw_of
 from gslts_sim.physics import (
-    SUPPORT_SHARE,
+    MIN_SUPPORTED_FRACTION,
     OrientedBoxes,
     boxes_in_world,
-    carried_share,
     collides,
     collisions,
     footprint,
-    resting_places,
+    resting_poses,
     stands_on,
+    supported_fraction,
 )
 
 SNAP_M = (0.1, 0.01)
@@ -121,13 +121,13 @@ def place(
         )
     at[2, 3] += tops[best] - foot[2]
     parent_id = others[best].id
-    share = carried_share(thing.boxes, at[None], boxes_in_world(others[best]))[0]
-    if share < SUPPORT_SHARE:
+    share = supported_fraction(thing.boxes, at[None], boxes_in_world(others[best]))[0]
+    if share < MIN_SUPPORTED_FRACTION:
         raise ChangeError(
             f"only {100 * share:.0f} % of {thing.id} would stand on {parent_id}, "
-            f"{100 * SUPPORT_SHARE:.0f} % must"
+            f"{100 * MIN_SUPPORTED_FRACTION:.0f} % must"
         )
-    placed = thing.placed(at, parent_id)
+    placed = thing.place_at(at, parent_id)
     _refuse_overlaps(home, placed, keep_free)
     return home.with_object(placed)
 
@@ -181,7 +181,7 @@ def draw_place(
     # Rounded as a script writes it, so that what is replayed is what was drawn.
     yaw_deg = float(rng.integers(-180, 180))
     turn_rad = np.deg2rad(yaw_deg) - yaw_of(receptacle)
-    places = resting_places(home, thing, receptacle, turn_rad, spacing_m)
+    places = resting_poses(home, thing, receptacle, turn_rad, spacing_m)
     if len(places) == 0:
         return None
     position = np.round(places[rng.integers(len(places)), :3, 3], 3)

@@ -23,7 +23,7 @@ from gslts_sim.actions import (
     SceneState,
     Teleport,
     Tilt,
-    checked_action,
+    parse_action,
 )
 from gslts_sim.changes import ChangeError
 from gslts_sim.event import Event, Palette, make_event, xyz
@@ -35,7 +35,7 @@ from gslts_sim.robot_body import (
     BODY_RADIUS_M,
     FOV_RAD,
     HORIZON_DEG,
-    Look,
+    Viewpoint,
     floor_of,
     robot_camera,
 )
@@ -79,9 +79,9 @@ class Controller:
         self._sensor = Sensor(noise, seed)
         self._frames = 0
         state = SceneState(home) if isinstance(home, Home) else home
-        self._palette = Palette([*state.home.objects, *state.aside.values()])
+        self._palette = Palette([*state.home.objects, *state.removed.values()])
         self._set_state(state)
-        places = self._floor.places(GRID_M)
+        places = self._floor.grid_positions(GRID_M)
         if len(places) == 0:
             raise ValueError(f"Controller: {state.home.name}: the robot can stand nowhere")
         middle = state.home.space.box.mean(axis=0)[:2]
@@ -141,7 +141,7 @@ class Controller:
             ValueError: There is no such action, or it has no such argument.
         """
         try:
-            action = checked_action(name, arguments)
+            action = parse_action(name, arguments)
         except ValueError as reason:
             raise ValueError(f"Controller: {reason}") from None
         try:
@@ -149,13 +149,13 @@ class Controller:
         except (ActionError, ChangeError) as reason:
             raise ActionError(f"{name}: {reason}") from None
 
-    def go(self, look: Look) -> None:
+    def go(self, look: Viewpoint) -> None:
         """Teleports to a place and a direction.
 
         Raises:
             ActionError: The robot cannot stand there or look that far up or down.
         """
-        x, y = look.place.tolist()
+        x, y = look.x, look.y
         self.act(
             "Teleport",
             position={"x": x, "y": y},
@@ -163,7 +163,7 @@ class Controller:
             horizon=look.horizon_deg,
         )
 
-    def look(self, number: int) -> Event:
+    def snapshot(self, number: int) -> Event:
         """A look that does not count; its noise is that of the frame of this number."""
         return self._look("Pass", "", None, number)
 
@@ -180,7 +180,7 @@ class Controller:
 
     def reachable_positions(self) -> Floats:
         """[P,2] places on the robot's grid that it can reach from where it is, x and y, m."""
-        return self._floor.places(GRID_M, self._position)
+        return self._floor.grid_positions(GRID_M, self._position)
 
     def move_towards(
         self, position: Floats, yaw_rad: float, pitch_rad: float | None = None
@@ -191,7 +191,7 @@ class Controller:
         down_deg = self._horizon_deg if pitch_rad is None else float(np.rad2deg(pitch_rad))
         down_deg = float(np.clip(down_deg, *HORIZON_DEG))
         try:
-            self.go(Look(place, float(np.rad2deg(yaw_rad)) % 360, down_deg))
+            self.go(Viewpoint.at(place, float(np.rad2deg(yaw_rad)) % 360, down_deg))
         except ActionError:
             return False
         return True
@@ -217,7 +217,7 @@ class Controller:
                     height = float(self.home.space.box[0, 2])
                     return [xyz((x, y, height)) for x, y in self.reachable_positions()]
             case _:
-                self._set_state(self._state.after(action, self._body()))
+                self._set_state(self._state.apply(action, self._body()))
         return None
 
     def _move(self, towards_deg: float, metres: float) -> None:
@@ -251,7 +251,7 @@ class Controller:
 
     def _camera(self) -> Camera:
         """Return the camera at its true pose."""
-        look = Look(self._position, self._yaw_deg, self._horizon_deg)
+        look = Viewpoint.at(self._position, self._yaw_deg, self._horizon_deg)
         return robot_camera(self.home, look, self._size, self._fov_rad)
 
     def _look(self, action: str, error: str, result: Any, number: int) -> Event:

@@ -6,22 +6,23 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, Field
+from pydantic import Field
 
 from gslts_sim.actions import ChangeAction, SceneState
+from gslts_sim.change_sampler import TaskSettings
 from gslts_sim.changes import ChangeError
 from gslts_sim.controller import Controller
 from gslts_sim.home import Home
-from gslts_sim.home_source import STRICT, FileSource, HomeSource
+from gslts_sim.home_source import FileSource, HomeSource
+from gslts_sim.strict_model import StrictModel
 from gslts_sim.task import Change, SensorSetup, Task, read_script
 from gslts_sim.tasks import TaskMaker
-from gslts_sim.trial import Setting
 
 PAIR_EVERY = 3
 """Of so many rounds, one meets two changes at once."""
 
 
-class Happening(BaseModel):
+class ChangeEvent(StrictModel):
     """One change.
 
     Attributes:
@@ -29,13 +30,11 @@ class Happening(BaseModel):
         change: What a robot should find out.
     """
 
-    model_config = STRICT
-
     actions: Annotated[tuple[ChangeAction, ...], Field(min_length=1)]
     change: Change
 
 
-class Day(BaseModel):
+class Day(StrictModel):
     """A home and what happens in it.
 
     Attributes:
@@ -46,13 +45,11 @@ class Day(BaseModel):
         rounds: What happens before each round of the robot.
     """
 
-    model_config = STRICT
-
     schema_version: Literal[1] = 1
     home: HomeSource | FileSource
     sensor: SensorSetup
     initial_actions: tuple[ChangeAction, ...]
-    rounds: tuple[tuple[Happening, ...], ...]
+    rounds: tuple[tuple[ChangeEvent, ...], ...]
 
     def state(self, home: Home, gone: int) -> SceneState:
         """The home after what happened before the first rounds.
@@ -67,7 +64,7 @@ class Day(BaseModel):
         happened = [one for of_round in self.rounds[:gone] for one in of_round]
         actions = [action for one in happened for action in one.actions]
         try:
-            return SceneState(home).after_all([*self.initial_actions, *actions])
+            return SceneState(home).apply_all([*self.initial_actions, *actions])
         except ChangeError as error:
             raise ValueError(f"day: {error}") from None
 
@@ -92,7 +89,7 @@ class Day(BaseModel):
 
 
 def make_day(
-    source: HomeSource | FileSource, home: Home, setting: Setting, seed: int, changes: int
+    source: HomeSource | FileSource, home: Home, setting: TaskSettings, seed: int, changes: int
 ) -> Day:
     """A day with some additions, removals and relocations.
 
@@ -106,7 +103,7 @@ def make_day(
     Raises:
         ValueError: Fewer changes can be done.
     """
-    tasks = list(TaskMaker(setting, seed).make_in_a_row(source, home, changes))
+    tasks = list(TaskMaker(setting, seed).make_sequence(source, home, changes))
     if len(tasks) < changes:
         raise ValueError(f"{home.name}: {len(tasks)} of {changes} changes are possible")
     rounds: list[list[Task]] = []
@@ -120,7 +117,7 @@ def make_day(
         sensor=tasks[0].sensor,
         initial_actions=tasks[0].initial_actions,
         rounds=tuple(
-            tuple(Happening(actions=one.change_actions, change=one.change) for one in of_round)
+            tuple(ChangeEvent(actions=one.change_actions, change=one.change) for one in of_round)
             for of_round in rounds
         ),
     )

@@ -13,7 +13,7 @@ from gslts.types import Floats
 from gslts_sim.actions import GRID_M
 from gslts_sim.home import Home
 from gslts_sim.ray_scene import RayScene
-from gslts_sim.robot_body import Look, floor_of, robot_camera
+from gslts_sim.robot_body import Viewpoint, floor_of, robot_camera
 
 CELL_M = 0.1
 """A surface is covered when each cell of this size that it passes through is."""
@@ -29,7 +29,7 @@ SIZE_PX = (32, 24)
 Progress = Callable[[list[Floats]], Iterable[Floats]]
 
 
-def explore(home: Home, most: int, progress: Progress = list) -> tuple[list[Look], float]:
+def explore(home: Home, most: int, progress: Progress = list) -> tuple[list[Viewpoint], float]:
     """Views that cover a home, in the order of a short way.
 
     Args:
@@ -61,14 +61,14 @@ def explore(home: Home, most: int, progress: Progress = list) -> tuple[list[Look
     return _short_way([looks[row] for row in chosen]), 1 - float(left.sum()) / total
 
 
-def _candidates(home: Home, progress: Progress) -> tuple[list[Look], list[NDArray[np.intp]]]:
+def _candidates(home: Home, progress: Progress) -> tuple[list[Viewpoint], list[NDArray[np.intp]]]:
     """All views that are thought of, and for each the numbers of the cells that it sees."""
     scene = RayScene(home)
     looks, cells = [], []
-    for place in progress(list(floor_of(home).places(GRID_M))):
+    for place in progress(list(floor_of(home).grid_positions(GRID_M))):
         for turn in range(TURNS):
             for horizon_deg in HORIZONS_DEG:
-                looks.append(Look(place, 360.0 / TURNS * turn, horizon_deg))
+                looks.append(Viewpoint.at(place, 360.0 / TURNS * turn, horizon_deg))
                 cells.append(_cells_seen(home, scene, looks[-1]))
     lowest = np.min([of_look.min(axis=0) for of_look in cells if len(of_look)], axis=0)
     highest = np.max([of_look.max(axis=0) for of_look in cells if len(of_look)], axis=0)
@@ -81,7 +81,7 @@ def _candidates(home: Home, progress: Progress) -> tuple[list[Look], list[NDArra
     return looks, [np.searchsorted(numbers, key) for key in keys]
 
 
-def _cells_seen(home: Home, scene: RayScene, look: Look) -> NDArray[np.int64]:
+def _cells_seen(home: Home, scene: RayScene, look: Viewpoint) -> NDArray[np.int64]:
     """[K,3] the cells that a look hits."""
     camera = robot_camera(home, look, SIZE_PX)
     rays = pixel_rays(camera, threads=0)
@@ -92,13 +92,13 @@ def _cells_seen(home: Home, scene: RayScene, look: Look) -> NDArray[np.int64]:
     return cells
 
 
-def _short_way(looks: list[Look]) -> list[Look]:
+def _short_way(looks: list[Viewpoint]) -> list[Viewpoint]:
     """The same looks, each followed by the nearest of the rest; at one place, in turn."""
-    left = sorted(looks, key=lambda look: (*look.place.tolist(), look.yaw_deg, look.horizon_deg))
+    left = sorted(looks, key=lambda look: (look.x, look.y, look.yaw_deg, look.horizon_deg))
     way = left[:1]
     left = left[1:]
     while left:
         here = way[-1]
-        metres = [float(np.linalg.norm(look.place - here.place)) for look in left]
+        metres = [float(np.linalg.norm(look.position - here.position)) for look in left]
         way.append(left.pop(int(np.argmin(metres))))
     return way

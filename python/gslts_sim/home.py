@@ -104,7 +104,7 @@ class HomeObject:
         in_world = vertices @ self.world_from_object[:3, :3].T + self.world_from_object[:3, 3]
         return np.stack([in_world.min(axis=0), in_world.max(axis=0)])
 
-    def placed(self, world_from_object: Floats, parent: str | None) -> HomeObject:
+    def place_at(self, world_from_object: Floats, parent: str | None) -> HomeObject:
         """The same object at another place."""
         return replace(self, world_from_object=world_from_object, parent=parent)
 

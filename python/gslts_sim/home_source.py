@@ -7,14 +7,13 @@ import os
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from gslts_sim.gltf.file import FILE_BYTES
 from gslts_sim.gltf.load import load_home
 from gslts_sim.home import Home
 from gslts_sim.procedural.homes import ROOM_TYPES, make_home
-
-STRICT = ConfigDict(frozen=True, extra="forbid", strict=True)
+from gslts_sim.strict_model import StrictModel
 
 FILE_TYPES = (".glb", ".gltf")
 """Endings of the files that homes are kept in."""
@@ -23,14 +22,12 @@ COARSE = 0.05
 """Detail of textures where only shapes matter."""
 
 
-class HomeSource(BaseModel):
+class HomeSource(StrictModel):
     """How to rebuild a home: a room type and a seed.
 
     `sha256` is that of the shapes and places of what they make, so that another version of the
     generator cannot pass for the one that the task was made with.
     """
-
-    model_config = STRICT
 
     room_type: str
     seed: Annotated[int, Field(ge=0)]
@@ -56,10 +53,8 @@ class HomeSource(BaseModel):
         return home
 
 
-class FileSource(BaseModel):
+class FileSource(StrictModel):
     """How to find a home that is kept in a GLB file; relative to the folder of the script."""
-
-    model_config = STRICT
 
     file: str
     sha256: str

@@ -21,7 +21,7 @@ CONTACT_M = 0.002
 SUPPORT_M = 0.003
 """Greatest gap between a base and what carries it."""
 
-SUPPORT_SHARE = 0.6
+MIN_SUPPORTED_FRACTION = 0.6
 """Share of the footprint that must lie on the face below."""
 
 
@@ -187,7 +187,7 @@ def footprint(boxes: Floats) -> Floats:
     return points
 
 
-def carried_share(boxes: Floats, places: Floats, parent: OrientedBoxes) -> Floats:
+def supported_fraction(boxes: Floats, places: Floats, parent: OrientedBoxes) -> Floats:
     """How much of an object's footprint upward faces carry, at several places.
 
     Args:
@@ -210,7 +210,7 @@ def carried_share(boxes: Floats, places: Floats, parent: OrientedBoxes) -> Float
     return shares
 
 
-def free_places(boxes: Floats, places: Floats, obstacles: OrientedBoxes) -> Bools:
+def collision_free(boxes: Floats, places: Floats, obstacles: OrientedBoxes) -> Bools:
     """At which of several places an object collides with nothing.
 
     Args:
@@ -229,8 +229,8 @@ def free_places(boxes: Floats, places: Floats, obstacles: OrientedBoxes) -> Bool
 
 def stands_on(thing: HomeObject, parent: HomeObject) -> bool:
     """Whether an object stands on another: its middle and most of its footprint are carried."""
-    share = carried_share(thing.boxes, thing.world_from_object[None], boxes_in_world(parent))
-    return bool(share[0] >= SUPPORT_SHARE)
+    share = supported_fraction(thing.boxes, thing.world_from_object[None], boxes_in_world(parent))
+    return bool(share[0] >= MIN_SUPPORTED_FRACTION)
 
 
 def hangs_on(thing: HomeObject, parent: HomeObject) -> bool:
@@ -246,12 +246,12 @@ def support_below(home: Home, thing: HomeObject) -> str | None:
     """Id of the object that an object stands on; None if it stands on nothing."""
     others = [other for other in home.objects if other.id != thing.id]
     at = thing.world_from_object[None]
-    shares = [carried_share(thing.boxes, at, boxes_in_world(other))[0] for other in others]
+    shares = [supported_fraction(thing.boxes, at, boxes_in_world(other))[0] for other in others]
     best = int(np.argmax(shares)) if shares else 0
-    return others[best].id if shares and shares[best] >= SUPPORT_SHARE else None
+    return others[best].id if shares and shares[best] >= MIN_SUPPORTED_FRACTION else None
 
 
-def resting_places(
+def resting_poses(
     home: Home,
     thing: HomeObject,
     receptacle: HomeObject,
@@ -276,10 +276,13 @@ def resting_places(
     places[:, :2, :2] = [[cosine, -sine], [sine, cosine]]
     places[:, :3, 3] = points
     places = receptacle.world_from_object @ places
-    carried = carried_share(thing.boxes, places, boxes_in_world(receptacle)) >= SUPPORT_SHARE
+    carried = (
+        supported_fraction(thing.boxes, places, boxes_in_world(receptacle))
+        >= MIN_SUPPORTED_FRACTION
+    )
     places = places[carried]
     obstacles, _ = _joined([other for other in home.objects if other.id != thing.id])
-    return places[free_places(thing.boxes, places, obstacles)]
+    return places[collision_free(thing.boxes, places, obstacles)]
 
 
 def _tops(boxes: Floats) -> list[Floats]:

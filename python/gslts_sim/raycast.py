@@ -72,7 +72,7 @@ class RayCaster:
             [(s.center, s.edge_u, s.edge_v, s.radiance) for s in self.lights], np.float64
         ).reshape(-1, 4, 3)
 
-    def look(self, camera: Camera) -> View:
+    def render(self, camera: Camera) -> View:
         """Renders one view."""
         rays = core_sim.pixel_rays(camera, threads=self._threads)
         hits = self._scene.cast(rays)

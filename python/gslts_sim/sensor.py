@@ -47,7 +47,7 @@ class SensorNoise:
     exposure_std: float = 0.0
     white_balance_std: float = 0.0
     vignetting: float = 0.0
-    shutter_share: float = 0.0
+    shutter_fraction: float = 0.0
     depth_std_m: float = 0.0
     depth_std_per_m: float = 0.0
     depth_range_m: tuple[float, float] = (0.0, np.inf)
@@ -69,7 +69,7 @@ NOISE_PRESETS = {
         exposure_std=0.1,
         white_balance_std=0.04,
         vignetting=0.15,
-        shutter_share=0.1,
+        shutter_fraction=0.1,
         depth_std_m=0.0012,
         depth_std_per_m=0.0019,
         depth_range_m=(0.4, 6.0),
@@ -125,7 +125,7 @@ class Sensor:
         return tuple(shining or lights[:1])
 
     def take(
-        self, caster: RayCaster, camera: Camera, index: int, moved_from: Floats | None = None
+        self, caster: RayCaster, camera: Camera, index: int, previous_pose: Floats | None = None
     ) -> tuple[RgbdFrame, View]:
         """Takes one frame.
 
@@ -133,16 +133,18 @@ class Sensor:
             caster: The home.
             camera: Where the camera is in truth.
             index: Number of the frame in the visit, from 0; it decides the noise.
-            moved_from: [4,4] world_from_camera of the frame before, for motion blur.
+            previous_pose: [4,4] world_from_camera of the frame before, for motion blur.
 
         Returns:
             What the camera delivers, with the pose that the robot believes, and the truth.
         """
-        truth = caster.look(camera)
+        truth = caster.render(camera)
         radiance = truth.radiance.astype(np.float64)
-        if moved_from is not None and self.noise.shutter_share > 0:
-            poses = _poses_between(moved_from, camera.world_from_camera, self.noise.shutter_share)
-            views = [caster.look(at_pose(camera, pose)).radiance for pose in poses]
+        if previous_pose is not None and self.noise.shutter_fraction > 0:
+            poses = _poses_between(
+                previous_pose, camera.world_from_camera, self.noise.shutter_fraction
+            )
+            views = [caster.render(at_pose(camera, pose)).radiance for pose in poses]
             radiance = (radiance + sum(views)) / BLUR_SAMPLES
         rng = np.random.default_rng([self._seed, 1, index])
         frame = RgbdFrame(

@@ -18,8 +18,9 @@ from gslts_sim.changes import ChangeError
 from gslts_sim.controller import ActionError, Controller
 from gslts_sim.event import Event
 from gslts_sim.home import Home
-from gslts_sim.home_source import STRICT, FileSource, HomeSource
-from gslts_sim.robot_body import Look
+from gslts_sim.home_source import FileSource, HomeSource
+from gslts_sim.robot_body import Viewpoint
+from gslts_sim.strict_model import StrictModel
 
 VERSION = 1
 """Of the schema."""
@@ -36,11 +37,7 @@ Box = tuple[Vector, Vector]
 """Lower and upper corner of an axis-aligned box in the world, m."""
 
 
-class _Model(BaseModel):
-    model_config = STRICT
-
-
-class SensorSetup(_Model):
+class SensorSetup(StrictModel):
     """The camera, and the seeds of its noise before and after the change."""
 
     noise: str
@@ -50,30 +47,10 @@ class SensorSetup(_Model):
     seed_after: Annotated[int, Field(ge=0)]
 
 
-class Viewpoint(_Model):
-    """Where the robot stands, m, and looks: its yaw and its angle below the horizon, degrees."""
-
-    x: FiniteFloat
-    y: FiniteFloat
-    yaw_deg: FiniteFloat
-    horizon_deg: FiniteFloat
-
-    @classmethod
-    def of(cls, look: Look) -> Viewpoint:
-        """The viewpoint of a look."""
-        x, y = look.place.tolist()
-        return cls(x=x, y=y, yaw_deg=look.yaw_deg, horizon_deg=look.horizon_deg)
-
-    @property
-    def look(self) -> Look:
-        """As the robot takes it."""
-        return Look(np.array([self.x, self.y]), self.yaw_deg, self.horizon_deg)
-
-
 Viewpoints = Annotated[tuple[Viewpoint, ...], Field(min_length=VIEWPOINTS, max_length=VIEWPOINTS)]
 
 
-class Change(_Model):
+class Change(StrictModel):
     """What a robot should find out."""
 
     kind: Kind
@@ -94,14 +71,14 @@ class Change(_Model):
         return self
 
 
-class ViewpointSets(_Model):
+class TestViewpoints(StrictModel):
     """From where the changed region is seen, nearer and farther than `viewpoints.NEAR_M`."""
 
     near: Viewpoints
     far: Viewpoints
 
 
-class Task(_Model):
+class Task(StrictModel):
     """One change of one home, and from where to look at it.
 
     Attributes:
@@ -122,7 +99,7 @@ class Task(_Model):
     initial_actions: tuple[ChangeAction, ...]
     change_actions: Annotated[tuple[ChangeAction, ...], Field(min_length=1)]
     change: Change
-    test_viewpoints: ViewpointSets
+    test_viewpoints: TestViewpoints
 
     def states(self, home: Home) -> tuple[SceneState, SceneState]:
         """The default and the changed state, both as `change` says.
@@ -134,9 +111,9 @@ class Task(_Model):
             ValueError: An action fails, or leads to something else.
         """
         before = _after(SceneState(home), "initial_actions", self.initial_actions)
-        return before, self.changed(before)
+        return before, self.apply_change(before)
 
-    def changed(self, before: SceneState) -> SceneState:
+    def apply_change(self, before: SceneState) -> SceneState:
         """The changed state, when the default one is known.
 
         Raises:
@@ -172,7 +149,7 @@ class Task(_Model):
         self._go(robot, self.viewpoint)
         return robot
 
-    def look(self, robot: Controller, number: int) -> Event:
+    def observe(self, robot: Controller, number: int) -> Event:
         """What a robot of `start` sees, the same in whatever order the looks are taken.
 
         Args:
@@ -184,11 +161,11 @@ class Task(_Model):
         """
         sets = self.test_viewpoints
         self._go(robot, (self.viewpoint, *sets.near, *sets.far)[number])
-        return robot.look(number)
+        return robot.snapshot(number)
 
     def _go(self, robot: Controller, viewpoint: Viewpoint) -> None:
         try:
-            robot.go(viewpoint.look)
+            robot.go(viewpoint)
         except (ActionError, ValueError) as error:
             raise ValueError(f"viewpoint: {error}") from None
 
@@ -197,7 +174,7 @@ def _after(state: SceneState, name: str, actions: tuple[ChangeAction, ...]) -> S
     def done(state: SceneState, numbered: tuple[int, ChangeAction]) -> SceneState:
         number, action = numbered
         try:
-            return state.after(action)
+            return state.apply(action)
         except ChangeError as error:
             raise ValueError(f"{name}[{number}]: {action.action}: {error}") from None
 

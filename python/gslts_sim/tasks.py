@@ -15,10 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
+from gslts_sim.change_sampler import NoTaskError, TaskSettings, Traversal
 from gslts_sim.home import Home, HomeObject
 from gslts_sim.home_source import FILE_TYPES, FileSource, HomeSource, require_room_type
 from gslts_sim.task import Kind, Task
-from gslts_sim.trial import NoTaskError, Setting, Traversal
 
 KINDS: tuple[Kind, ...] = ("addition", "removal", "relocation")
 
@@ -31,7 +31,7 @@ FRUITLESS_HOMES = 10
 LABEL_CHARACTERS = 60
 
 
-def tasks_of(
+def generate_tasks(
     names: list[str], folder: Path, first_seed: int, count: int, per_home: int, maker: TaskMaker
 ) -> Iterator[Task]:
     """Tasks of many homes, as long as homes give some.
@@ -96,8 +96,8 @@ class TaskMaker:
         refused: How often changes were refused, for each reason.
     """
 
-    def __init__(self, setting: Setting, seed: int) -> None:
-        self.refused: Counter[str] = Counter()
+    def __init__(self, setting: TaskSettings, seed: int) -> None:
+        self.rejected: Counter[str] = Counter()
         self._setting, self._seed = setting, seed
         self._homes = 0
         self._kinds: Counter[Kind] = Counter()
@@ -116,7 +116,7 @@ class TaskMaker:
         except ValueError as reason:
             if self._homes == 1:
                 raise
-            self.refused[str(reason)] += 1
+            self.rejected[str(reason)] += 1
             return []
         tasks: list[Task] = []
         left = {kind: traversal.objects(kind) for kind in KINDS}
@@ -127,7 +127,7 @@ class TaskMaker:
             tasks += self._tried(source, traversal, left, failures, rng)
         return tasks
 
-    def make_in_a_row(
+    def make_sequence(
         self, source: HomeSource | FileSource, home: Home, count: int
     ) -> Iterator[Task]:
         """Up to `count` tasks of a home, each of which starts where the one before ended.
@@ -152,7 +152,7 @@ class TaskMaker:
                 made += 1
                 if made == count:
                     return
-                traversal = traversal.after(task)
+                traversal = traversal.advance(task)
                 left = {}
 
     def _rng_of_next_home(self) -> np.random.Generator:
@@ -180,7 +180,7 @@ class TaskMaker:
         try:
             task = traversal.task(source, traversal.trial(kind, thing))
         except NoTaskError as reason:
-            self.refused[str(reason)] += 1
+            self.rejected[str(reason)] += 1
             failures[kind] += 1
             if once or kind == "removal":  # Nothing about a removal could turn out otherwise.
                 left[kind].remove(thing)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gslts.types import Floats
 from gslts_sim.home import Home, HomeObject
 from gslts_sim.ray_scene import RayScene
-from gslts_sim.robot_body import CAMERA_HEIGHT_M, HORIZON_DEG, Look, robot_camera
+from gslts_sim.robot_body import CAMERA_HEIGHT_M, HORIZON_DEG, Viewpoint, robot_camera
 
 SAMPLES = 24
 """Points of an object whose visibility stands for its own."""
@@ -19,7 +19,7 @@ SIZE_PX = (160, 120)
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class ObjectVisibility:
     """An object in one state of a home, for questions of who sees it.
 
     Args:
@@ -43,9 +43,9 @@ class Sight:
         middle: Floats = self.thing.box_in_world.mean(axis=0)
         return middle
 
-    def seen_share(self, places: Floats) -> Floats:
+    def visible_fraction(self, places: Floats) -> Floats:
         """How much of the object can be seen from places [P,2]: [P] shares of its points."""
-        eyes = eyes_above(self.home, places)
+        eyes = camera_positions(self.home, places)
         points = _points_on(self.thing)
         origins = np.repeat(eyes[:, None], len(points), axis=1)
         rays = np.concatenate([origins, points[None] - origins], axis=-1)
@@ -54,7 +54,7 @@ class Sight:
         share: Floats = (rows == self._row).mean(axis=1)
         return share
 
-    def seen_px(self, look: Look, size: tuple[int, int] = SIZE_PX) -> int:
+    def visible_px(self, look: Viewpoint, size: tuple[int, int] = SIZE_PX) -> int:
         """Pixels of the object in the view of a look."""
         camera = robot_camera(self.home, look, size)
         instances, _ = self.scene.instances(camera)
@@ -65,22 +65,24 @@ class Sight:
         return [thing.id for thing in self.home.objects].index(self.object_id)
 
 
-def eyes_above(home: Home, places: Floats) -> Floats:
+def camera_positions(home: Home, places: Floats) -> Floats:
     """[P,3] where the camera of the robot is at places [P,2], m."""
     height = home.space.box[0, 2] + CAMERA_HEIGHT_M
     return np.column_stack([places, np.full(len(places), height)])
 
 
-def look_from(home: Home, place: Floats, target: Floats, jitter_deg: NDArray[np.float64]) -> Look:
+def viewpoint_towards(
+    home: Home, place: Floats, target: Floats, jitter_deg: NDArray[np.float64]
+) -> Viewpoint:
     """The look from a place (2,) at a target (3,), turned by (2,) yaw and horizon, to 5 degrees."""
-    way = target - eyes_above(home, place[None])[0]
+    way = target - camera_positions(home, place[None])[0]
     yaw_deg = np.rad2deg(np.arctan2(way[1], way[0]))
     horizon_deg = np.rad2deg(np.arctan2(-way[2], np.hypot(way[0], way[1])))
     yaw_deg, horizon_deg = (
         5.0 * np.round((angle + turn) / 5)
         for angle, turn in zip((yaw_deg, horizon_deg), jitter_deg, strict=True)
     )
-    return Look(place, float(yaw_deg % 360), float(np.clip(horizon_deg, *HORIZON_DEG)))
+    return Viewpoint.at(place, float(yaw_deg % 360), float(np.clip(horizon_deg, *HORIZON_DEG)))
 
 
 def _points_on(thing: HomeObject) -> Floats:

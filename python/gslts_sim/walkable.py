@@ -39,7 +39,7 @@ class WalkableFloor:
     reached: NDArray[np.bool_]
 
     @property
-    def reached_share(self) -> float:
+    def reached_fraction(self) -> float:
         """Share of the free floor that the robot's body reaches; 0 where no floor is free."""
         return float((self.reached & self.free).sum() / max(1, self.free.sum()))
 
@@ -67,7 +67,7 @@ class WalkableFloor:
             part = _flooded(self.standing.ravel().tolist(), start, self.standing.shape[1])
         return _mask_of(part, self.standing.shape)
 
-    def places(self, spacing_m: float, start: Floats | None = None) -> Floats:
+    def grid_positions(self, spacing_m: float, start: Floats | None = None) -> Floats:
         """[P,2] points of a grid through the world's origin on which the robot can stand, m.
 
         Args:

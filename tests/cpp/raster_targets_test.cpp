@@ -13,17 +13,18 @@
 #include <string>
 #include <vector>
 
-#include "gslts/raster/adam.hpp"
-#include "gslts/raster/alignment.hpp"
-#include "gslts/raster/losses.hpp"
+#include "gslts/align/normal_equations.hpp"
+#include "gslts/optim/adam.hpp"
+#include "gslts/optim/losses.hpp"
 #include "gslts/raster/rasterizer.hpp"
-#include "gslts/raster/simd_target.hpp"
+#include "gslts/simd/target.hpp"
 #include "raster_losses.hpp"
 #include "raster_scenes.hpp"
 
 namespace gslts::raster {
 namespace {
 
+using namespace optim;
 using namespace testing;
 
 /// FNV-1a hash of the bits of arrays and numbers, by name.
@@ -191,8 +192,8 @@ Bits bits_of(const Case& task) {
   const auto measured = plain_numbers<T>(13, pixels, -1, 5);
   add_losses(bits, task, images, photo, measured, mask);
 
-  const Alignment alignment =
-      align(camera, images.rgb.data(), images.depth.data(), photo.data(), measured.data(), mask);
+  const align::Alignment alignment = align::align(camera, images.rgb.data(), images.depth.data(),
+                                                  photo.data(), measured.data(), mask);
   bits.add("alignment color", std::vector<double>(alignment.color.hessian.data(),
                                                   alignment.color.hessian.data() + 100));
   bits.add("alignment depth",
@@ -211,7 +212,7 @@ Bits bits_of(const Case& task) {
 
 /// Instruction sets with fused multiply-add that this machine can use.
 std::vector<std::string> fused_targets() {
-  std::vector<std::string> targets = simd_targets();
+  std::vector<std::string> targets = simd::targets();
   targets.erase(std::remove(targets.begin(), targets.end(), "sse4"), targets.end());
   return targets;
 }
@@ -219,8 +220,8 @@ std::vector<std::string> fused_targets() {
 /// Uses one instruction set while it lives, and the best of the machine afterwards.
 class Using {
  public:
-  explicit Using(const std::string& target) : before_(simd_target()) { use_simd_target(target); }
-  ~Using() { use_simd_target(before_); }
+  explicit Using(const std::string& target) : before_(simd::target()) { simd::use_target(target); }
+  ~Using() { simd::use_target(before_); }
   Using(const Using&) = delete;
 
  private:
@@ -240,7 +241,7 @@ TYPED_TEST(RasterTargets, EveryKernelGivesTheSameBits) {
     std::vector<Bits> all;
     for (const std::string& target : targets) {
       const Using use(target);
-      ASSERT_EQ(simd_target(), target);
+      ASSERT_EQ(simd::target(), target);
       all.push_back(bits_of<TypeParam>(task));
     }
     for (std::size_t i = 1; i < all.size(); ++i) {
@@ -269,23 +270,6 @@ TYPED_TEST(RasterTargets, EveryMachineGivesTheSameBits) {
     EXPECT_EQ(bits_of<TypeParam>(task).combined(),
               kExpected[sizeof(TypeParam) == 8][task.seed - 1]);
   }
-}
-
-TEST(SimdTarget, UnknownNamesAreRefusedAndNothingChanges) {
-  const std::string before = simd_target();
-  for (const std::string name :
-       {"", "AVX2", "avx1024", simd_targets()[0] == "neon" ? "avx2" : "neon"}) {
-    try {
-      use_simd_target(name);
-      FAIL() << name;
-    } catch (const std::invalid_argument& error) {
-      EXPECT_NE(std::string(error.what())
-                    .find("\"" + name + "\", but this machine can use " + simd_targets()[0]),
-                std::string::npos)
-          << error.what();
-    }
-  }
-  EXPECT_EQ(simd_target(), before);
 }
 
 }  // namespace

@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-#include "gslts/map/ply.hpp"
+#include "gslts/io/ply.hpp"
 
 namespace {
 
@@ -21,7 +21,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::string_view bytes(reinterpret_cast<const char*>(data), size);
   std::string error;
   try {
-    const gslts::PlyContents contents = gslts::parse_ply(bytes, "input");
+    const gslts::io::PlyContents contents = gslts::io::parse_ply(bytes, "input");
     // Every other exception ends the process, and that is a finding.
     gslts::require_finite(contents.map.view(), "ply_fuzz");
     require(contents.map.origin.allFinite());

@@ -23,7 +23,7 @@ from gslts.store.map_folder import camera_of, plain_camera, read_map, write_map_
 from gslts_sim.capture import capture
 from gslts_sim.controller import Controller
 from gslts_sim.home import Home, HomeObject
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
 
 TILES = 20
 SIZE = {"width": 160, "height": 120}
@@ -31,9 +31,9 @@ CONFIG = DetectionConfig(halvings=0)
 """Pictures are small already."""
 BLOCK_TOP_M = 0.75
 LOOKS = (
-    Look(np.array([2.5, 0.5]), 90.0, 30.0),
-    Look(np.array([2.75, 3.5]), 270.0, 30.0),
-    Look(np.array([1.5, 0.5]), 60.0, 30.0),
+    Viewpoint(2.5, 0.5, 90.0, 30.0),
+    Viewpoint(2.75, 3.5, 270.0, 30.0),
+    Viewpoint(1.5, 0.5, 60.0, 30.0),
 )
 """At the block, so that nothing on it hides anything else there."""
 
@@ -89,7 +89,7 @@ def home() -> Home:
     return replace(plain, objects=(walls, replace(floor, receptacle=True), block, red, blue))
 
 
-def see(where: Home, look: Look, noise: str = "none", seed: int = 0) -> RgbdFrame:
+def see(where: Home, look: Viewpoint, noise: str = "none", seed: int = 0) -> RgbdFrame:
     """What a robot in a home sees."""
     robot = Controller(where, **SIZE, noise=noise, seed=seed)
     robot.go(look)
@@ -113,7 +113,7 @@ def mapped() -> tuple[GaussianMap, dict[str, Camera]]:
     return read_map(folder), {name: camera_of(one) for name, one in plain.items()}
 
 
-def map_of(where: Home, looks: Sequence[Look]) -> tuple[GaussianMap, dict[str, Camera]]:
+def map_of(where: Home, looks: Sequence[Viewpoint]) -> tuple[GaussianMap, dict[str, Camera]]:
     """A map that is made in some seconds, and the cameras of the frames."""
     config = MappingConfig(
         iterations=500,

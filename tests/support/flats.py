@@ -35,7 +35,7 @@ def furnished_flat(*made: tuple[str, int, tuple[float, float]], detail: float = 
         rooms += [replace(room, box=room.box + shift[:3, 3]) for room in home.rooms]
         for thing in home.objects:
             parent = None if thing.parent is None else f"{thing.parent}|{k}"
-            placed = thing.placed(shift @ thing.world_from_object, parent)
+            placed = thing.place_at(shift @ thing.world_from_object, parent)
             objects.append(replace(placed, id=f"{thing.id}|{k}"))
         for light in home.lights:
             owner = None if light.owner is None else f"{light.owner}|{k}"

@@ -9,7 +9,7 @@ import sim_scenes
 from gslts.core.gaussian_map import GaussianMap
 from gslts.semantics.autoencoder import Autoencoder
 from gslts.semantics.source import Oracle
-from gslts.semantics.train_autoencoder import trained
+from gslts.semantics.train_autoencoder import train_autoencoder
 from gslts_sim.home import Home, HomeObject
 from gslts_sim.physics import boxes_in_world
 
@@ -49,7 +49,7 @@ def home() -> Home:
 @cache
 def autoencoder() -> Autoencoder:
     """Of the names of all things."""
-    return trained(Oracle().encode(NAMES), CODE, steps=300)
+    return train_autoencoder(Oracle().encode(NAMES), CODE, steps=300)
 
 
 def surfels(where: Home) -> GaussianMap:
@@ -86,7 +86,7 @@ def face(
 def gaussians(means: np.ndarray, scales: np.ndarray, types: list[str]) -> GaussianMap:
     """Opaque Gaussians that know what they are; those of type "" do not."""
     size = len(means)
-    codes = autoencoder().encoded(Oracle().encode(NAMES))
+    codes = autoencoder().encode(Oracle().encode(NAMES))
     rows = np.array([NAMES.index(one) if one else -1 for one in types])
     features = np.where(rows[:, None] >= 0, codes[rows], 0)
     return GaussianMap(

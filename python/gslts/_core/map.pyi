@@ -1,12 +1,11 @@
 """
-Cameras, views of Gaussians and their files.
+Cameras and views of Gaussians.
 """
 from __future__ import annotations
 import numpy
 import numpy.typing
-import os
 import typing
-__all__: list[str] = ['Camera', 'GaussianViewDouble', 'GaussianViewFloat', 'SurfaceVoxels', 'camera_from_fov', 'look_at', 'read_ply', 'register_depth', 'scatter_rows_double', 'scatter_rows_float', 'scatter_rows_uint32', 'write_ply']
+__all__: list[str] = ['Camera', 'GaussianViewDouble', 'GaussianViewFloat', 'camera_from_fov', 'look_at', 'scatter_rows_double', 'scatter_rows_float', 'scatter_rows_uint32']
 class Camera:
     """
     A pinhole camera at a pose in the world; immutable.
@@ -102,51 +101,6 @@ class GaussianViewDouble:
         """
         Raises ValueError naming `function`, the first array with a number that is not finite and its index.
         """
-class SurfaceVoxels:
-    """
-    Fuses depth images: what they measured of surfaces, in cubes.
-    
-    Sums are taken in the order of the frames and of their pixels. Not to be used by two threads at once.
-    
-    Args:
-        edge_m: Of the voxels, whose corners are multiples of it.
-        pixel_step: Of every so many rows and columns one is looked at.
-    
-    Raises:
-        ValueError: The edge is not positive and finite, or the step is below 1.
-    """
-    def __init__(self, edge_m: typing.SupportsFloat | typing.SupportsIndex, pixel_step: int) -> None:
-        ...
-    def add(self, depth: numpy.ndarray, rgb: numpy.ndarray, camera: Camera, mask: numpy.ndarray | None) -> None:
-        """
-        Adds the points of an image, with normals, colours and details.
-        
-        A pixel counts if it and its four neighbours, `pixel_step` away, are measured and no step of the
-        depth parts them.
-        
-        Args:
-            depth: [H,W] float32, z, m; 0 and NaN mean no measurement.
-            rgb: [H,W,3] uint8, sRGB.
-            camera: Of both.
-            mask: [H,W] bool, False where nothing was seen; None means that all was.
-        
-        Raises:
-            ValueError: An array does not fit, a depth is negative or infinite, the camera is too far from
-                the world's origin to tell voxels apart, or a point is about 2^20 voxels from the first
-                camera. Nothing has been added then.
-        """
-    def voxels(self) -> tuple[numpy.typing.NDArray[numpy.int64], numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.int64]]:
-        """
-        All V voxels so far, by ascending key.
-        
-        Returns:
-            keys: [V] int64, Morton codes. A voxel of twice the edge has the keys of its eight parts, which
-                follow each other, shifted right by 3. Keys depend on where the first camera stood.
-            sums: [V,11] float64 over the points of each: their number, position in the world (3, m), unit
-                normal towards the camera (3), sRGB colour from 0 to 1 (3), and squared change of the
-                brightness along the surface (1/m^2).
-            hits: [V] int64, frames with points in the voxel.
-        """
 def camera_from_fov(width: int, height: int, horizontal_fov_rad: typing.SupportsFloat | typing.SupportsIndex, world_from_camera: numpy.ndarray | None = None) -> Camera:
     """
     Camera with square pixels and the principal point at the image centre.
@@ -175,27 +129,6 @@ def look_at(eye: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]
     Raises:
         ValueError: The target is the eye, or the view direction is along `up`.
     """
-def read_ply(path: os.PathLike | str | bytes) -> tuple[dict[str, numpy.ndarray], list[str]]:
-    """
-    See gslts.ply.read_ply; returns the arrays of the map by name, and the names of the properties that it ignored.
-    """
-def register_depth(depth: numpy.ndarray, depth_camera: Camera, camera: Camera) -> numpy.typing.NDArray[numpy.float32]:
-    """
-    A depth image as another camera would have measured it.
-    
-    Each measured pixel is carried over as the small patch of surface that it and its neighbours show,
-    so that surfaces stay closed and planes stay planes; of several at a place the nearest counts.
-    
-    Args:
-        depth: [H,W] float32 of `depth_camera`, z, m; 0 and NaN mean no measurement.
-        depth_camera, camera: With poses in one common frame; only their relative pose counts.
-    
-    Returns:
-        [H',W'] float32 of `camera`, z, m; 0 where nothing arrives.
-    
-    Raises:
-        ValueError: The image does not fit its camera.
-    """
 def scatter_rows_double(rows: numpy.ndarray, values: numpy.ndarray, size: typing.SupportsInt | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.float64]:
     """
     [size,K] zeros but for `values` [V,K] at `rows` [V] uint32, which ascend.
@@ -207,8 +140,4 @@ def scatter_rows_float(rows: numpy.ndarray, values: numpy.ndarray, size: typing.
 def scatter_rows_uint32(rows: numpy.ndarray, values: numpy.ndarray, size: typing.SupportsInt | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.uint32]:
     """
     [size,K] zeros but for `values` [V,K] at `rows` [V] uint32, which ascend.
-    """
-def write_ply(gaussians: GaussianViewFloat, ids: numpy.ndarray, path: os.PathLike | str | bytes) -> None:
-    """
-    See gslts.ply.write_ply.
     """

@@ -1,5 +1,5 @@
 """
-Where in a map a picture was taken.
+Pose of an image in a map, without a prior.
 """
 from __future__ import annotations
 import collections.abc

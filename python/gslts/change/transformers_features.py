@@ -33,14 +33,14 @@ class TransformersEncoder:
             import torch
             from transformers import AutoModel
 
-            from gslts.semantics.pretrained import pretrained
+            from gslts.semantics.pretrained import load_pretrained
         except ImportError:
             raise ImportError(
                 "transformers features need transformers and torch: pip install 'gslts[models]'"
             ) from None
         self._torch = torch
         self._folder = folder
-        self._model = pretrained(AutoModel, folder, EXAMPLE)
+        self._model = load_pretrained(AutoModel, folder, EXAMPLE)
         config = self._model.config
         vision = getattr(config, "vision_config", config)
         side, patch = getattr(vision, "image_size", None), getattr(vision, "patch_size", None)

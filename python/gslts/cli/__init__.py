@@ -54,9 +54,9 @@ def _tell_version(wanted: bool) -> None:
     if wanted:
         from importlib.metadata import version
 
-        from gslts._core.raster import simd_target
+        from gslts._core import simd
 
-        typer.echo(f"gslts {version('gslts')} ({simd_target()})")
+        typer.echo(f"gslts {version('gslts')} ({simd.target()})")
         raise typer.Exit
 
 
@@ -79,9 +79,9 @@ def main() -> None:
     """Runs a command; what goes wrong ends in one line and a non-zero exit."""
     try:
         if os.environ.get("GSLTS_SIMD"):
-            from gslts._core.raster import simd_target
+            from gslts._core import simd
 
-            simd_target()  # Says what this machine lacks before anything is done.
+            simd.target()  # Says what this machine lacks before anything is done.
         app(standalone_mode=True)
     except (OSError, ValueError, RuntimeError, ImportError, MemoryError) as error:
         message = " ".join(str(error).split()) or type(error).__name__

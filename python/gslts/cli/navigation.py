@@ -12,7 +12,7 @@ from gslts.cli.mapping import BAR
 
 if TYPE_CHECKING:
     from gslts.core.robot import Robot
-    from gslts.navigation.navigator import Journey, Navigator
+    from gslts.navigation.navigator import NavigationResult, Navigator
     from gslts.semantics.autoencoder import Autoencoder
     from gslts.semantics.source import SemanticSource
 
@@ -49,18 +49,22 @@ def flatten(
 
     Example: gslts semantic-map out/map --category Mug --category Sofa --out out/plan
     """
-    from gslts.navigation.robot_body import RobotBody
-    from gslts.navigation.semantic_map import semantic_map
-    from gslts.navigation.semantic_map_files import map_picture, write_map_server, write_picture
+    from gslts.core.robot_body import RobotBody
+    from gslts.navigation.semantic_map import make_semantic_map
+    from gslts.navigation.semantic_map_files import (
+        draw_semantic_map,
+        write_map_server,
+        write_picture,
+    )
     from gslts.semantics.categories import Categories
     from gslts.store.map_folder import read_map
 
     body = RobotBody(radius_m=radius, height_m=height, step_m=step)
     layers = Categories(tuple(category), *_words(map_path, clip)) if category else None
-    found = semantic_map(read_map(map_path), body, layers, cell)
+    found = make_semantic_map(read_map(map_path), body, layers, cell)
     out.mkdir(parents=True, exist_ok=True)
     write_map_server(found, out)
-    write_picture(map_picture(found), out / "map.png")
+    write_picture(draw_semantic_map(found), out / "map.png")
     missing = [name for name in found.categories if not found.category(name).any()]
     note = f"; not found: {', '.join(missing)}" if missing else ""
     size = found.grid.size
@@ -100,8 +104,8 @@ def go(
     """
     from tqdm import tqdm
 
-    from gslts.navigation.navigator import MOST_STEPS, Navigator
-    from gslts.navigation.semantic_map_files import map_picture, write_picture
+    from gslts.navigation.navigator import MAX_MOVES, Navigator
+    from gslts.navigation.semantic_map_files import draw_semantic_map, write_picture
     from gslts.robots.sources import open_robot
     from gslts.store.map_folder import read_map
 
@@ -111,7 +115,7 @@ def go(
     scout = None if robot is None else open_robot(robot).robot(after)
     if watch and scout is None:
         raise ValueError("--watch needs a --robot: in the map, nothing changes")
-    with tqdm(total=MOST_STEPS, desc="going", bar_format=BAR, disable=None) as bar:
+    with tqdm(total=MAX_MOVES, desc="going", bar_format=BAR, disable=None) as bar:
 
         def tell() -> None:
             bar.update()
@@ -122,7 +126,7 @@ def go(
             navigator = Navigator(read_map(map_path), *words, categories=[text])
             found = navigator.go(scout or _in_the_map(map_path, navigator), text, tell)
     out.parent.mkdir(parents=True, exist_ok=True)
-    write_picture(map_picture(navigator.semantic_map, found.way), out)
+    write_picture(draw_semantic_map(navigator.semantic_map, found.path), out)
     if found.status != "reached":
         raise RuntimeError(f"{text}: {found.status}: {found.reason}; see {out}")
     replans = f", planned anew {found.replans} times" if found.replans else ""
@@ -144,21 +148,21 @@ def _in_the_map(map_path: Path, navigator: Navigator) -> Robot:
 
 def _watching(
     map_path: Path, robot: Robot, text: str, tell: Callable[[], None]
-) -> tuple[Navigator, Journey]:
+) -> tuple[Navigator, NavigationResult]:
     from tqdm import tqdm
 
     from gslts.keeper.errand import run_errand
     from gslts.keeper.keeper import MapKeeper
 
     with MapKeeper(map_path, say=tqdm.write) as keeper:
-        if keeper.meaning is None:
+        if keeper.semantics is None:
             raise ValueError(f"{map_path}: --watch needs the models that the map was taught with")
-        return run_errand(keeper, keeper.meaning, robot, text, tell)
+        return run_errand(keeper, keeper.semantics, robot, text, tell)
 
 
 def _words(map_path: Path, clip: Path | None) -> tuple[Autoencoder, SemanticSource]:
     from gslts.semantics.files import require_semantics
-    from gslts.semantics.open_source import source_of
+    from gslts.semantics.registry import open_text_source
 
     setting, autoencoder = require_semantics(map_path)
-    return autoencoder, source_of(setting, clip)
+    return autoencoder, open_text_source(setting, clip)

@@ -62,11 +62,11 @@ def semantics(
 
     from tqdm import tqdm
 
-    from gslts.semantics.teach import teach
+    from gslts.semantics.add_semantics import add_semantics
 
     models = {name: one for name, one in (("clip", clip), ("sam", sam)) if one}
     start_s = time.perf_counter()
-    version = teach(
+    version = add_semantics(
         map_path,
         dataset,
         source.value,
@@ -100,13 +100,13 @@ def query(
     Example: gslts query out/map "alarm clock" --picture out/clock.png
     """
     from gslts.semantics.files import require_semantics
-    from gslts.semantics.open_source import source_of
     from gslts.semantics.queries import SemanticQueries
+    from gslts.semantics.registry import open_text_source
     from gslts.store.map_folder import read_map
 
     setting, autoencoder = require_semantics(map_path)
     gaussian_map = read_map(map_path)
-    queries = SemanticQueries(gaussian_map, autoencoder, source_of(setting, clip, threads))
+    queries = SemanticQueries(gaussian_map, autoencoder, open_text_source(setting, clip, threads))
     found = queries.find(text)
     if as_json:
         typer.echo(json.dumps([_plain(one) for one in found]))
@@ -116,7 +116,7 @@ def query(
         for one in found:
             typer.echo(f"{text} {_words(one)}")
     if picture is not None and found:
-        _draw(map_path, gaussian_map, queries.fits(text), found, picture, threads)
+        _draw(map_path, gaussian_map, queries.relevance(text), found, picture, threads)
 
 
 def _draw(
@@ -129,13 +129,13 @@ def _draw(
 ) -> None:
     from PIL import Image
 
-    from gslts.semantics.query_image import query_picture
+    from gslts.semantics.query_image import draw_query
     from gslts.store.camera_files import cameras_of_map
 
     cameras = list(cameras_of_map(map_path).values())
     if not cameras:
         raise ValueError(f"{map_path}: nobody knows from where to show it: it has no cameras")
-    Image.fromarray(query_picture(gaussian_map, fits, found, cameras, threads)).save(picture)
+    Image.fromarray(draw_query(gaussian_map, fits, found, cameras, threads)).save(picture)
     typer.echo(f"see {picture}", err=True)
 
 

@@ -56,7 +56,7 @@ def update(
     from gslts.change.detector import ChangeDetector
     from gslts.robots.localized import LocalizedRobot
     from gslts.robots.sources import open_robot
-    from gslts.semantics.map_semantics import Meaning
+    from gslts.semantics.map_semantics import MapSemantics
     from gslts.store.camera_files import cameras_of_map
     from gslts.store.map_folder import open_map, picture_path
     from gslts.update.config import GS_LTS, UpdateConfig
@@ -72,7 +72,7 @@ def update(
         config = config.model_copy(update={"edit": GS_LTS})
     with open_map(map_path, writable=True) as store:
         before, gaussian_map = store.version(), store.read()
-        cameras, meaning = cameras_of_map(map_path), Meaning.of_map(map_path, threads)
+        cameras, semantics = cameras_of_map(map_path), MapSemantics.of_map(map_path, threads)
         detector = ChangeDetector(
             gaussian_map, DetectionConfig(threads=threads), cameras=cameras.values()
         )
@@ -111,10 +111,12 @@ def update(
                 config,
                 detector=detector,
                 first_id=before.next_id,
-                meaning=meaning,
+                semantics=semantics,
                 tell=tell,
             )
-        version = published(store, gaussian_map, cameras.values(), result, config, meaning=meaning)
+        version = published(
+            store, gaussian_map, cameras.values(), result, config, semantics=semantics
+        )
     if version is None:
         raise RuntimeError(f"{map_path} stays as it is: {result.record.rejected}")
     for change, why in result.left:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts._core.map import register_depth
+from gslts._core.fusion import register_depth
 from gslts.core.camera import Camera, downscale
 
 __all__ = ["Labels", "RgbdFrame", "halved_depth", "halved_mask", "halved_rgb", "register_depth"]

@@ -18,7 +18,7 @@ from __future__ import annotations
 import logging
 import os
 
-from gslts._core import map as _core
+from gslts._core import io as _core
 from gslts._core.map import GaussianViewFloat
 from gslts.core.gaussian_map import GaussianMap
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from gslts.core.frame import RgbdFrame
 from gslts.core.robot import Robot
 from gslts.keeper.keeper import MapKeeper
-from gslts.navigation.navigator import Journey, Navigator
-from gslts.semantics.map_semantics import Meaning
+from gslts.navigation.navigator import NavigationResult, Navigator
+from gslts.semantics.map_semantics import MapSemantics
 
 MOST_TRIES = 3
 
@@ -53,11 +53,11 @@ class WatchedRobot:
 
 def run_errand(
     keeper: MapKeeper,
-    meaning: Meaning,
+    semantics: MapSemantics,
     robot: Robot,
     text: str,
     tell: Callable[[], None] = lambda: None,
-) -> tuple[Navigator, Journey]:
+) -> tuple[Navigator, NavigationResult]:
     """Lets a robot go to the nearest thing that fits a text, and keep the map up to date meanwhile.
 
     Where it did not get there and the map is another one by now, it tries again with that: what it
@@ -65,7 +65,7 @@ def run_errand(
 
     Args:
         keeper: Of the map.
-        meaning: Of the features of the map.
+        semantics: Of the map.
         robot: In the home.
         text: Such as "sofa".
         tell: Is told of each move.
@@ -82,7 +82,7 @@ def run_errand(
     for _ in range(MOST_TRIES):
         version = keeper.version.number
         navigator = Navigator(
-            keeper.gaussian_map, meaning.autoencoder, meaning.source, categories=[text]
+            keeper.gaussian_map, semantics.autoencoder, semantics.source, categories=[text]
         )
         journey = navigator.go(watched, text, tell)
         keeper.attend(robot)

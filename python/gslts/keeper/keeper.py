@@ -22,7 +22,7 @@ from gslts.localization.landmark_files import require_landmarks
 from gslts.localization.localizer import Localizer
 from gslts.localization.relocalizer import Relocalizer
 from gslts.robots.localized import LocalizedRobot
-from gslts.semantics.map_semantics import Meaning
+from gslts.semantics.map_semantics import MapSemantics
 from gslts.store.camera_files import cameras_of_map, cameras_of_update
 from gslts.store.map_folder import open_map
 from gslts.store.records import Version
@@ -93,7 +93,7 @@ class MapKeeper:
             self.state = read_state(folder)
             self._map = self._store.read()
             self._cameras = cameras_of_map(folder)
-            self._meaning = Meaning.of_map(folder, self._config.update.threads)
+            self._semantics = MapSemantics.of_map(folder, self._config.update.threads)
             self._detector = self._detector_of_map()
             self._localizer = None
             if self._config.locate is not None:
@@ -122,9 +122,9 @@ class MapKeeper:
         return self._map
 
     @property
-    def meaning(self) -> Meaning | None:
-        """Of its features; None if nobody taught the map, or with models that are not at hand."""
-        return self._meaning
+    def semantics(self) -> MapSemantics | None:
+        """Semantics of the map; None if it has none, or its models are not available."""
+        return self._semantics
 
     def watch(self, frame: RgbdFrame) -> None:
         """Looks for changes in what a robot sees on an errand."""
@@ -240,12 +240,12 @@ class MapKeeper:
             config,
             detector=self._detector,
             first_id=self._store.version().next_id,
-            meaning=self._meaning,
+            semantics=self._semantics,
             tell=tell,
         )
         cameras, of_round = self._cameras.values(), {"round": self.state.round}
         version = published(
-            self._store, self._map, cameras, result, config, of_round, self._meaning
+            self._store, self._map, cameras, result, config, of_round, self._semantics
         )
         self._defer(result)
         if version is None:

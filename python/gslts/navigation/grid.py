@@ -58,12 +58,12 @@ class Grid:
         )
         return cells
 
-    def middles(self, cells: Cells) -> Floats:
+    def centers(self, cells: Cells) -> Floats:
         """[P,2] x and y of the middles of cells [P,2], world, m."""
         middles: Floats = self.origin + (cells[:, ::-1] + 0.5) * self.cell_m
         return middles
 
-    def holds(self, cells: Cells) -> NDArray[np.bool_]:
+    def contains(self, cells: Cells) -> NDArray[np.bool_]:
         """[P] whether cells are in the grid."""
         return np.asarray(((cells >= 0) & (cells < self.size)).all(axis=1))
 
@@ -71,13 +71,13 @@ class Grid:
         """[M,M] cells with points [P,2 or 3]."""
         result = np.zeros((self.size, self.size), np.bool_)
         cells = self.cells(points)
-        result[tuple(cells[self.holds(cells)].T)] = True
+        result[tuple(cells[self.contains(cells)].T)] = True
         return result
 
-    def totals(self, points: Floats, weights: Floats) -> Floats:
+    def sums(self, points: Floats, weights: Floats) -> Floats:
         """[M,M] sum of the weights [P] of points [P,2 or 3] in each cell."""
         cells = self.cells(points)
-        inside = self.holds(cells)
+        inside = self.contains(cells)
         flat = cells[inside, 0] * self.size + cells[inside, 1]
         sums: Floats = np.bincount(flat, weights[inside], minlength=self.size**2).astype(np.float64)
         return sums.reshape(self.size, self.size)

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.core.frame import RgbdFrame
+from gslts.core.robot_body import RobotBody
 from gslts.core.se3 import transform
-from gslts.navigation.robot_body import RobotBody
 from gslts.navigation.semantic_map import SemanticMap
 
 Mask = NDArray[np.bool_]
@@ -26,7 +26,7 @@ NEXT_TO = 5
 rough themselves."""
 
 
-def new_obstacles(
+def detect_obstacles(
     frame: RgbdFrame, semantic_map: SemanticMap, known: Mask, body: RobotBody
 ) -> Mask:
     """[M,M] cells in which a frame shows an obstacle that is not known.
@@ -55,7 +55,7 @@ def new_obstacles(
     heights = points[:, 2] - semantic_map.floor_m
     in_the_way = (heights > body.step_m + LIFT_M) & (heights < body.height_m)
     grid = semantic_map.grid
-    counts = grid.totals(points[in_the_way], np.ones(int(in_the_way.sum())))
+    counts = grid.sums(points[in_the_way], np.ones(int(in_the_way.sum())))
     around = cv2.dilate(known.astype(np.uint8), np.ones((NEXT_TO, NEXT_TO), np.uint8))
     fresh: Mask = (counts >= LEAST_POINTS) & semantic_map.explored & (around == 0)
     return fresh

@@ -14,8 +14,8 @@ import numpy as np
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
-from gslts.navigation.robot_body import RobotBody
-from gslts.navigation.semantic_map import SemanticMap, semantic_map
+from gslts.core.robot_body import RobotBody
+from gslts.navigation.semantic_map import SemanticMap, make_semantic_map
 from gslts.navigation.terrain import Terrain
 from gslts.navigation.viewpoints import Lookout, Outlook, Thing
 from gslts.navigation.visibility import meant, seen
@@ -27,14 +27,14 @@ from gslts.types import Floats
 
 Status = Literal["reached", "not found", "unreachable", "lost track"]
 
-NEAR_M = 1.0
+SUCCESS_DISTANCE_M = 1.0
 """SAVN's: no farther, along the floor, from the nearest point of the thing."""
 WITHIN_M = 0.98
 """What is aimed at: poses err by about a centimetre."""
 STEP_M = 0.25
 OFF_M = 0.2
 """A robot on a grid of 0.25 m is up to 0.18 m from where it was sent."""
-MOST_STEPS = 200
+MAX_MOVES = 200
 PLACES = 4
 """From so many places a thing is looked for before it counts as gone."""
 ASIDE_RAD = (0.0, 0.4, -0.4)
@@ -49,13 +49,13 @@ AHEAD_PITCH_RAD = 0.4
 
 
 @dataclass(frozen=True, eq=False)
-class Journey:
+class NavigationResult:
     """How it went.
 
     Attributes:
         status: Whether it got there, or what kept it.
         reason: In words; empty if it got there.
-        way: [P,2] where the robot was, as it believes, x and y in the world, m.
+        path: [P,2] positions of the robot as it estimates them, x and y in the world, m.
         frame: The last that it saw, with its pose.
         replans: How often the way was not as planned.
         distance_m: From its last place to the nearest point of the thing, along the floor; None if
@@ -64,7 +64,7 @@ class Journey:
 
     status: Status
     reason: str
-    way: Floats
+    path: Floats
     frame: RgbdFrame
     replans: int
     distance_m: float | None = None
@@ -72,7 +72,7 @@ class Journey:
     @property
     def length_m(self) -> float:
         """Of its way."""
-        return float(np.linalg.norm(np.diff(self.way, axis=0), axis=1).sum())
+        return float(np.linalg.norm(np.diff(self.path, axis=0), axis=1).sum())
 
 
 class Navigator:
@@ -100,11 +100,13 @@ class Navigator:
         self.body = RobotBody() if body is None else body
         self.gaussian_map, self.source = gaussian_map, source
         self.queries = SemanticQueries(gaussian_map, autoencoder, source)
-        self.semantic_map: SemanticMap = semantic_map(
+        self.semantic_map: SemanticMap = make_semantic_map(
             gaussian_map, self.body, Categories(tuple(categories), autoencoder, source)
         )
 
-    def go(self, robot: Robot, text: str, tell: Callable[[], None] = lambda: None) -> Journey:
+    def go(
+        self, robot: Robot, text: str, tell: Callable[[], None] = lambda: None
+    ) -> NavigationResult:
         """Lets a robot go to the nearest thing that fits a text, and look at it.
 
         Args:
@@ -160,7 +162,7 @@ class _Trip:
         here: Floats = self._frame.camera.world_from_camera[:2, 3].copy()
         return here
 
-    def to(self, things: Sequence[Thing]) -> Journey:
+    def to(self, things: Sequence[Thing]) -> NavigationResult:
         """Goes to the nearest of some things that it gets to see."""
         name = self._text
         if not things:
@@ -169,7 +171,7 @@ class _Trip:
             x, y = self._here.tolist()
             return self._ended("lost track", f"the map knows no floor around ({x:.2f}, {y:.2f})")
         looked = [0] * len(things)
-        while self._steps < MOST_STEPS:
+        while self._steps < MAX_MOVES:
             goal = self._nearest([k for k, times in enumerate(looked) if times < PLACES], things)
             if goal is None and any(looked):
                 return self._ended("not found", f"no {name} is where the map has one")
@@ -185,12 +187,14 @@ class _Trip:
             self._done.add(goal.key)
         return self._ended("lost track", f"it was not there after {self._steps} moves")
 
-    def _ended(self, status: Status, reason: str, distance_m: float | None = None) -> Journey:
+    def _ended(
+        self, status: Status, reason: str, distance_m: float | None = None
+    ) -> NavigationResult:
         way = np.array(self._way)
-        return Journey(status, reason, way, self._frame, self._replans, distance_m)
+        return NavigationResult(status, reason, way, self._frame, self._replans, distance_m)
 
     def _why_not(self, things: Sequence[Thing]) -> str:
-        where = f"within {NEAR_M:g} m of any {self._text}"
+        where = f"within {SUCCESS_DISTANCE_M:g} m of any {self._text}"
         if not any((one.distances_m(self._places) <= WITHIN_M).any() for one in things):
             return f"the robot can stand at no place {where}"
         return f"no way leads to a place {where} that it can be seen from"
@@ -220,7 +224,7 @@ class _Trip:
             self._done.add(goal.key)
             return False
         corners = list(way.points[1:])
-        while np.linalg.norm(goal.place - self._here) > OFF_M / 2 and self._steps < MOST_STEPS:
+        while np.linalg.norm(goal.place - self._here) > OFF_M / 2 and self._steps < MAX_MOVES:
             target = self._ahead(corners)
             x, y = (target - self._here).tolist()
             arrived = self._move(target, float(np.arctan2(y, x)), AHEAD_PITCH_RAD)
@@ -260,7 +264,7 @@ class _Trip:
         for aside_rad in ASIDE_RAD:
             self._move(goal.place, outlook.yaw_rad + aside_rad, outlook.pitch_rad)
             frame = self._frame.registered()
-            near = thing.distances_m(self._here[None])[0] <= NEAR_M
+            near = thing.distances_m(self._here[None])[0] <= SUCCESS_DISTANCE_M
             if near and self._shows(frame, expected):
                 return True
         return False

@@ -19,7 +19,7 @@ except ImportError as error:
 Mask = NDArray[np.bool_]
 Cell = tuple[int, int]
 
-OUT_M = 0.6
+MAX_START_OFFSET_M = 0.6
 """A robot that stands where the map has no room for it is led so far to where there is."""
 OUT_MORE_M = 0.1
 """So much farther than the nearest such place may be the one where the way goes on."""
@@ -29,7 +29,7 @@ NEIGHBOURS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class PlannedPath:
     """A way, or why there is none.
 
     Attributes:
@@ -49,7 +49,7 @@ class Way:
         return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
 
 
-def room_for(explored: Mask, obstacles: Mask, radius_cells: float) -> Mask:
+def free_cells(explored: Mask, obstacles: Mask, radius_cells: float) -> Mask:
     """[M,M] cells where the middle of a robot can be.
 
     Args:
@@ -62,7 +62,7 @@ def room_for(explored: Mask, obstacles: Mask, radius_cells: float) -> Mask:
     return room
 
 
-def travel_m(free: Mask, goals: Mask, cell_m: float) -> Floats:
+def distance_field_m(free: Mask, goals: Mask, cell_m: float) -> Floats:
     """[M,M] length of the shortest way to the nearest goal, m; infinite where there is none.
 
     Args:
@@ -87,7 +87,7 @@ def travel_m(free: Mask, goals: Mask, cell_m: float) -> Floats:
     return np.where(reached[parts] & free, result, np.inf)
 
 
-def plan(grid: Grid, free: Mask, start: Floats, goals: Mask) -> Way:
+def plan_path(grid: Grid, free: Mask, start: Floats, goals: Mask) -> PlannedPath:
     """The shortest way from a place to the nearest goal.
 
     Args:
@@ -98,27 +98,28 @@ def plan(grid: Grid, free: Mask, start: Floats, goals: Mask) -> Way:
         goals: [M,M] cells to go to.
     """
     if not (goals & free).any():
-        return Way(np.zeros((0, 2)), "there is no room at the goal")
+        return PlannedPath(np.zeros((0, 2)), "there is no room at the goal")
     x, y = start.tolist()
-    out = exits(grid, free, start)
+    out = start_cells(grid, free, start)
     if not out.any():
-        return Way(
-            np.zeros((0, 2)), f"there is no free floor within {OUT_M} m of ({x:.2f}, {y:.2f})"
+        return PlannedPath(
+            np.zeros((0, 2)),
+            f"there is no free floor within {MAX_START_OFFSET_M} m of ({x:.2f}, {y:.2f})",
         )
-    metres = travel_m(free, goals, grid.cell_m)
+    metres = distance_field_m(free, goals, grid.cell_m)
     cells = np.argwhere(out & np.isfinite(metres))
     if len(cells) == 0:
-        return Way(np.zeros((0, 2)), f"no way leads from ({x:.2f}, {y:.2f}) to the goal")
-    away_m = np.linalg.norm(grid.middles(cells) - start, axis=1)
+        return PlannedPath(np.zeros((0, 2)), f"no way leads from ({x:.2f}, {y:.2f}) to the goal")
+    away_m = np.linalg.norm(grid.centers(cells) - start, axis=1)
     row, column = cells[np.argmin(away_m)].tolist()
     first = row, column
-    corners = _pulled(grid, free, grid.middles(np.array(_descended(metres, first))))
-    if len(corners) > 1 and sees(grid, free, start, corners[1]):
+    corners = _pulled(grid, free, grid.centers(np.array(_descended(metres, first))))
+    if len(corners) > 1 and is_line_free(grid, free, start, corners[1]):
         corners = corners[1:]
-    return Way(np.array([start, *corners]))
+    return PlannedPath(np.array([start, *corners]))
 
 
-def exits(grid: Grid, free: Mask, start: Floats) -> Mask:
+def start_cells(grid: Grid, free: Mask, start: Floats) -> Mask:
     """[M,M] free cells at which ways from a place (2,) may begin: its own, or those near to it.
 
     They are all about as near as the nearest: what is farther may lie behind a wall.
@@ -127,8 +128,8 @@ def exits(grid: Grid, free: Mask, start: Floats) -> Mask:
     cells = np.argwhere(free)
     if own.any() or len(cells) == 0:
         return own
-    away_m = np.linalg.norm(grid.middles(cells) - start, axis=1)
-    near = away_m <= min(OUT_M, float(away_m.min()) + OUT_MORE_M)
+    away_m = np.linalg.norm(grid.centers(cells) - start, axis=1)
+    near = away_m <= min(MAX_START_OFFSET_M, float(away_m.min()) + OUT_MORE_M)
     own[tuple(cells[near].T)] = True
     return own
 
@@ -162,7 +163,7 @@ def _pulled(grid: Grid, free: Mask, points: Floats) -> list[Floats]:
         low, high = at + 1, len(points) - 1
         while low < high:  # What is seen from a corner is nearly always the way up to some cell.
             middle = (low + high + 1) // 2
-            if sees(grid, free, points[at], points[middle]):
+            if is_line_free(grid, free, points[at], points[middle]):
                 low = middle
             else:
                 high = middle - 1
@@ -171,7 +172,7 @@ def _pulled(grid: Grid, free: Mask, points: Floats) -> list[Floats]:
     return corners
 
 
-def sees(grid: Grid, free: Mask, start: Floats, end: Floats) -> bool:
+def is_line_free(grid: Grid, free: Mask, start: Floats, end: Floats) -> bool:
     """Whether a straight line leads through free cells only.
 
     Args:
@@ -182,7 +183,7 @@ def sees(grid: Grid, free: Mask, start: Floats, end: Floats) -> bool:
     """
     count = int(np.linalg.norm(end - start) / grid.cell_m * SAMPLES_PER_CELL) + 2
     cells = grid.cells(start + np.linspace(0, 1, count)[:, None] * (end - start))
-    if not grid.holds(cells).all():
+    if not grid.contains(cells).all():
         return False
     rows, columns = cells.T
     # Of a step to a diagonal neighbour, both cells beside it must be free, too.

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.core.gaussian_map import GaussianMap
+from gslts.core.robot_body import RobotBody
 from gslts.navigation.grid import Grid
-from gslts.navigation.robot_body import RobotBody
-from gslts.navigation.surface_points import SurfacePoints, floor_height_m, surface_points
-from gslts.semantics.categories import Categories, categories_of
+from gslts.navigation.surface_points import SurfacePoints, floor_height_m, sample_surfaces
+from gslts.semantics.categories import Categories, classify_gaussians
 from gslts.types import Floats
 
 Mask = NDArray[np.bool_]
@@ -71,7 +71,7 @@ class SemanticMap:
         return np.asarray(self.layers[2 + self.categories.index(name)])
 
 
-def semantic_map(
+def make_semantic_map(
     gaussian_map: GaussianMap,
     body: RobotBody,
     categories: Categories | None = None,
@@ -93,7 +93,7 @@ def semantic_map(
             that the categories are told from.
     """
     cell_m = body.radius_m / CELLS_A_RADIUS if cell_m is None else cell_m
-    points = surface_points(gaussian_map, cell_m)
+    points = sample_surfaces(gaussian_map, cell_m)
     if len(points.rows) == 0:
         raise ValueError("semantic_map: gaussian_map: it has no opaque Gaussian")
     floor_m = floor_height_m(points)
@@ -124,7 +124,7 @@ def _without_nooks(explored: Mask, obstacles: Mask, radius_cells: float) -> Mask
 
 def _solid(grid: Grid, points: SurfacePoints, chosen: Mask) -> Mask:
     """[M,M] cells in which there is enough surface, from more than a stray Gaussian."""
-    counts = grid.totals(points.points[chosen], points.shares[chosen])
+    counts = grid.sums(points.points[chosen], points.shares[chosen])
     around = cv2.boxFilter(counts, -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)
     solid: Mask = (_cover(grid, points, chosen) >= LEAST_COVER) & (around >= LEAST_GAUSSIANS)
     return solid
@@ -132,7 +132,7 @@ def _solid(grid: Grid, points: SurfacePoints, chosen: Mask) -> Mask:
 
 def _cover(grid: Grid, points: SurfacePoints, chosen: Mask) -> Floats:
     """[M,M] area of surfaces in each cell over that of the cell."""
-    areas_m2 = grid.totals(points.points[chosen], points.areas_m2[chosen])
+    areas_m2 = grid.sums(points.points[chosen], points.areas_m2[chosen])
     cover: Floats = areas_m2 / grid.cell_m**2
     return cover
 
@@ -144,7 +144,9 @@ def _of_categories(
     asked = points.most_of_voxels(grid.cell_m)
     rows, place = np.unique(points.rows[asked], return_inverse=True)
     names = categories.names
-    of_rows = categories_of(gaussian_map, rows, categories.autoencoder, categories.source, names)
+    of_rows = classify_gaussians(
+        gaussian_map, rows, categories.autoencoder, categories.source, names
+    )
     of_points = of_rows[place]
     places = points.points[asked]
     return [grid.mask(places[of_points == number]) for number in range(len(names))]

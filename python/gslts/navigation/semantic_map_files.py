@@ -46,7 +46,7 @@ def write_map_server(semantic_map: SemanticMap, folder: Path) -> None:
     write_whole(folder / "map.yaml", told.encode())
 
 
-def map_picture(
+def draw_semantic_map(
     semantic_map: SemanticMap, way: Floats | None = None, categories: Sequence[str] | None = None
 ) -> Picture:
     """A plan, y upwards, with a legend at its right.

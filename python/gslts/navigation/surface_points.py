@@ -67,7 +67,7 @@ class SurfacePoints:
         return result
 
 
-def surface_points(gaussian_map: GaussianMap, apart_m: float) -> SurfacePoints:
+def sample_surfaces(gaussian_map: GaussianMap, apart_m: float) -> SurfacePoints:
     """Points on each opaque Gaussian, no farther apart than a length along its two long axes.
 
     Args:

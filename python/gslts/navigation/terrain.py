@@ -10,9 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.core.frame import RgbdFrame
-from gslts.navigation.local_obstacles import new_obstacles
-from gslts.navigation.planner import Way, exits, plan, room_for, sees, travel_m
-from gslts.navigation.robot_body import RobotBody
+from gslts.core.robot_body import RobotBody
+from gslts.navigation.local_obstacles import detect_obstacles
+from gslts.navigation.planner import (
+    PlannedPath,
+    distance_field_m,
+    free_cells,
+    is_line_free,
+    plan_path,
+    start_cells,
+)
 from gslts.navigation.semantic_map import SemanticMap
 from gslts.types import Floats
 
@@ -38,10 +45,10 @@ class Terrain:
 
     def metres(self, here: Floats, places: Floats) -> Floats:
         """[K] length of the way from (2,) to each of places [K,2]; infinite where there is none."""
-        start = exits(self._grid, self._room, here)
-        field = travel_m(self._room, start, self._grid.cell_m)
+        start = start_cells(self._grid, self._room, here)
+        field = distance_field_m(self._room, start, self._grid.cell_m)
         around = self._grid.cells(places)[:, None] + _square(BESIDE)
-        inside = self._grid.holds(around.reshape(-1, 2)).reshape(around.shape[:2])
+        inside = self._grid.contains(around.reshape(-1, 2)).reshape(around.shape[:2])
         rows, columns = np.where(inside[..., None], around, 0).transpose(2, 0, 1)
         found = np.where(inside, field[rows, columns], np.inf).min(axis=1, initial=np.inf)
         near = np.linalg.norm(places - here, axis=1) <= BLOCKED_M
@@ -50,21 +57,21 @@ class Terrain:
 
     def is_known(self, here: Floats) -> bool:
         """Whether there is room for the robot at a place (2,) or near it."""
-        return bool(exits(self._grid, self._room, here).any())
+        return bool(start_cells(self._grid, self._room, here).any())
 
-    def way(self, here: Floats, place: Floats) -> Way:
+    def way(self, here: Floats, place: Floats) -> PlannedPath:
         """The shortest way from (2,) to (2,)."""
         if np.linalg.norm(place - here) <= BLOCKED_M:
-            return Way(np.array([here, place]))
+            return PlannedPath(np.array([here, place]))
         goals = self._grid.mask(place[None])
         if not (goals & self._room).any():
             goals = self._beside(place)
-        found = plan(self._grid, self._room, here, goals)
-        return found if found.reason else Way(np.array([*found.points, place]))
+        found = plan_path(self._grid, self._room, here, goals)
+        return found if found.reason else PlannedPath(np.array([*found.points, place]))
 
     def is_free(self, way: Sequence[Floats]) -> bool:
         """Whether straight lines between some points (2,) lead through room."""
-        return all(sees(self._grid, self._room, start, end) for start, end in pairwise(way))
+        return all(is_line_free(self._grid, self._room, start, end) for start, end in pairwise(way))
 
     def block(self, place: Floats, here: Floats) -> None:
         """Enters that a robot which is at (2,) cannot get to a place (2,)."""
@@ -73,7 +80,7 @@ class Terrain:
 
     def learns(self, frame: RgbdFrame) -> bool:
         """Enters obstacles that a frame shows; whether there are any that were not known."""
-        fresh = new_obstacles(frame, self._map, self._obstacles, self._body)
+        fresh = detect_obstacles(frame, self._map, self._obstacles, self._body)
         if not fresh.any():
             return False
         self._obstacles |= fresh
@@ -82,7 +89,7 @@ class Terrain:
 
     def _find_room(self) -> None:
         radius_cells = self._body.radius_m / self._grid.cell_m
-        room = room_for(self._map.explored, self._obstacles, radius_cells)
+        room = free_cells(self._map.explored, self._obstacles, radius_cells)
         self._room = room & ~self._blocked
 
     def _beside(self, place: Floats) -> NDArray[np.bool_]:
@@ -93,7 +100,7 @@ class Terrain:
     def _within(self, place: Floats, metres: float) -> NDArray[np.bool_]:
         """[M,M] cells whose middles are near a place (2,)."""
         rows, columns = np.indices(self._blocked.shape)
-        middles = self._grid.middles(np.stack([rows.ravel(), columns.ravel()], axis=1))
+        middles = self._grid.centers(np.stack([rows.ravel(), columns.ravel()], axis=1))
         near = np.linalg.norm(middles - place, axis=1) <= metres
         return np.asarray(near.reshape(self._blocked.shape), np.bool_)
 

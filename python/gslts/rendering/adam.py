@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gslts._core.raster import AdamDouble, AdamFloat, AdamOptions, AdamRates
+from gslts._core.optim import AdamDouble, AdamFloat, AdamOptions, AdamRates
 from gslts.core.gaussian_map import FloatArray, GaussianMap
 from gslts.rendering.rasterizer import Gradients
 from gslts.types import Ints, UInts32

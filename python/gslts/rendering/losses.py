@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from gslts._core import raster as _core
-from gslts._core.raster import Exposure
+from gslts._core import optim as _core
+from gslts._core.optim import Exposure
 from gslts.core.gaussian_map import FloatArray
 from gslts.types import Bools
 

@@ -7,8 +7,8 @@ import numpy as np
 from gslts.core.camera import Camera, at_pose, look_at
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
-from gslts.navigation.planner import room_for
-from gslts.navigation.robot_body import RobotBody
+from gslts.core.robot_body import RobotBody
+from gslts.navigation.planner import free_cells
 from gslts.navigation.semantic_map import SemanticMap
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.types import Floats
@@ -39,8 +39,10 @@ class MapRobot:
         threads: int = 0,
     ) -> None:
         grid = semantic_map.grid
-        room = room_for(semantic_map.explored, semantic_map.obstacles, body.radius_m / grid.cell_m)
-        self._positions = grid.middles(np.argwhere(room))
+        room = free_cells(
+            semantic_map.explored, semantic_map.obstacles, body.radius_m / grid.cell_m
+        )
+        self._positions = grid.centers(np.argwhere(room))
         self._map, self._camera = gaussian_map, camera
         self._rasterizer, self._options = Rasterizer(np.float32), RenderOptions(threads=threads)
 

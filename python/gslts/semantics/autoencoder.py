@@ -72,11 +72,11 @@ class Autoencoder:
         """Length of a code, d."""
         return len(self.weights["encoder.2.weight"])
 
-    def encoded(self, embeddings: Floats32) -> Floats32:
+    def encode(self, embeddings: Floats32) -> Floats32:
         """[S,d] codes of unit length of embeddings [S,D]."""
         return self._through("encoder", embeddings)
 
-    def decoded(self, codes: Floats32) -> Floats32:
+    def decode(self, codes: Floats32) -> Floats32:
         """[S,D] embeddings of unit length of codes [S,d], also of mixtures of codes."""
         return self._through("decoder", codes)
 
@@ -112,13 +112,13 @@ def _gelu(x: Floats32) -> Floats32:
     return np.asarray(np.float32(0.5) * x * (1 + np.tanh(inner)), np.float32)
 
 
-def bytes_of_autoencoder(model: Autoencoder) -> bytes:
+def autoencoder_bytes(model: Autoencoder) -> bytes:
     """As safetensors."""
     return save(dict(model.weights))
 
 
 def read_autoencoder(path: Path, digest: str) -> Autoencoder:
-    """Reads what `bytes_of_autoencoder` gave.
+    """Reads what `autoencoder_bytes` gave.
 
     Args:
         path: Of the file.

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gslts.core.gaussian_map import GaussianMap
 from gslts.semantics.autoencoder import Autoencoder
-from gslts.semantics.gaussian_scores import Fits
+from gslts.semantics.relevance import RelevanceScorer
 from gslts.semantics.source import SemanticSource
 
 
@@ -29,7 +29,7 @@ class Categories:
     source: SemanticSource
 
 
-def categories_of(
+def classify_gaussians(
     gaussian_map: GaussianMap,
     rows: NDArray[np.intp],
     autoencoder: Autoencoder,
@@ -50,10 +50,10 @@ def categories_of(
             twice.
     """
     if not all(name.strip() for name in names) or len(set(names)) < len(names):
-        raise ValueError(f"categories_of: names: one is empty or occurs twice: {list(names)}")
-    fits = Fits(gaussian_map, autoencoder, source)
+        raise ValueError(f"classify_gaussians: names: one is empty or occurs twice: {list(names)}")
+    fits = RelevanceScorer(gaussian_map, autoencoder, source)
     if not names:
         return np.full(len(rows), -1, np.int32)
-    found = fits.of(source.encode(names), rows)
+    found = fits.scores(source.encode(names), rows)
     fitting = found.max(axis=0) >= source.threshold
     return np.where(fitting, found.argmax(axis=0), -1).astype(np.int32)

@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from gslts.semantics.pretrained import how_to_get, inference, pretrained
+from gslts.semantics.pretrained import download_hint, inference_mode, load_pretrained
 from gslts.types import Floats32
 
 Image = NDArray[np.uint8]
@@ -53,19 +53,19 @@ class ClipEncoder:
                 "CLIP needs transformers and torch: pip install 'gslts[models]'"
             ) from None
         self._folder, self._threads = folder, threads
-        self._model = pretrained(CLIPModel, folder, EXAMPLE)
+        self._model = load_pretrained(CLIPModel, folder, EXAMPLE)
         self._tokenizer = _tokenizer(folder, self._model.config.text_config)
         self.dims: int = self._model.config.projection_dim
         self.side_px: int = self._model.config.vision_config.image_size
 
-    def of_pictures(self, pictures: Sequence[Image]) -> Floats32:
+    def encode_images(self, pictures: Sequence[Image]) -> Floats32:
         """[S,D] embeddings, of unit length, of pictures [side_px,side_px,3] uint8, sRGB.
 
         Raises:
             ValueError: An embedding is not finite.
         """
         found = []
-        with inference(self._threads):
+        with inference_mode(self._threads):
             for start in range(0, len(pictures), AT_ONCE):
                 stacked = np.stack(pictures[start : start + AT_ONCE]).astype(np.float32) / 255
                 whitened = (stacked - np.array(MEAN, np.float32)) / np.array(STD, np.float32)
@@ -73,7 +73,7 @@ class ClipEncoder:
                 found.append(self._model.get_image_features(pixel_values=pixels).pooler_output)
             return self._unit(found)
 
-    def of_texts(self, texts: Sequence[str]) -> Floats32:
+    def encode_texts(self, texts: Sequence[str]) -> Floats32:
         """[T,D] embeddings, of unit length; of long texts only the beginning counts.
 
         Raises:
@@ -81,7 +81,7 @@ class ClipEncoder:
         """
         found = []
         longest = self._model.config.text_config.max_position_embeddings
-        with inference(self._threads):
+        with inference_mode(self._threads):
             for text in texts:  # One by one, so that no text depends on the others.
                 tokens = self._tokenizer(
                     text, truncation=True, max_length=longest, return_tensors="pt"
@@ -106,7 +106,7 @@ def _tokenizer(folder: Path, config: Any) -> Any:
     if not any(all((folder / name).is_file() for name in names) for names in TOKENIZERS):
         raise FileNotFoundError(
             f"{folder}: there is no tokenizer.json, nor vocab.json with merges.txt; "
-            f"{how_to_get(folder, EXAMPLE)}"
+            f"{download_hint(folder, EXAMPLE)}"
         )
     try:
         tokenizer = CLIPTokenizer.from_pretrained(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gslts.core.frame import RgbdFrame
 from gslts.semantics.clip import ClipEncoder
-from gslts.semantics.masks import Masks, cut_out, painted
+from gslts.semantics.masks import Masks, crop_to_mask, paint_labels
 from gslts.semantics.source import LEVELS, Segments
 from gslts.types import Floats32
 
@@ -47,14 +47,16 @@ class ClipSource:
         pictures: list[NDArray[np.uint8]] = []
         for level, found in enumerate(self._generator(frame.rgb)):
             masks = found if frame.mask is None else found & frame.mask
-            rows, places = np.unique(painted(masks), return_inverse=True)
+            rows, places = np.unique(paint_labels(masks), return_inverse=True)
             shown = rows[rows >= 0]
             # Row -1, if there is one, comes first.
             numbers = np.arange(len(rows)) - (len(rows) - len(shown)) + len(pictures)
             labels[level] = np.where(rows < 0, -1, numbers)[places]
-            pictures += [cut_out(frame.rgb, masks[row], self._encoder.side_px) for row in shown]
-        return Segments(labels, self._encoder.of_pictures(pictures))
+            pictures += [
+                crop_to_mask(frame.rgb, masks[row], self._encoder.side_px) for row in shown
+            ]
+        return Segments(labels, self._encoder.encode_images(pictures))
 
     def encode(self, texts: Sequence[str]) -> Floats32:
         """[T,D] embeddings of texts, of unit length."""
-        return self._encoder.of_texts(texts)
+        return self._encoder.encode_texts(texts)

@@ -41,7 +41,7 @@ def cells_of(points: Floats, edge_m: float) -> NDArray[np.int64]:
     return numbers
 
 
-def clusters(points: Floats, radius_m: float, least: int, weights: NDArray[np.intp]) -> Rows:
+def dbscan(points: Floats, radius_m: float, least: int, weights: NDArray[np.intp]) -> Rows:
     """Clusters points as DBSCAN does (Ester et al. 1996).
 
     Args:
@@ -58,7 +58,7 @@ def clusters(points: Floats, radius_m: float, least: int, weights: NDArray[np.in
     both = np.concatenate([pairs, pairs[:, ::-1]])
     around = weights + np.bincount(both[:, 0], weights[both[:, 1]], len(points))
     inner = around >= least
-    groups = linked(len(points), pairs[inner[pairs].all(axis=1)])
+    groups = connected_components(len(points), pairs[inner[pairs].all(axis=1)])
     labels = np.full(len(points), len(points))
     labels[inner] = np.unique(groups[inner], return_inverse=True)[1]
     edges = both[~inner[both[:, 0]] & inner[both[:, 1]]]
@@ -67,7 +67,7 @@ def clusters(points: Floats, radius_m: float, least: int, weights: NDArray[np.in
     return labels
 
 
-def linked(count: int, pairs: Rows) -> Rows:
+def connected_components(count: int, pairs: Rows) -> Rows:
     """Groups what pairs link, directly or by others.
 
     Args:

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gslts.io.atomic_files import sync_folder, write_whole
-from gslts.semantics.autoencoder import Autoencoder, bytes_of_autoencoder, read_autoencoder
+from gslts.semantics.autoencoder import Autoencoder, autoencoder_bytes, read_autoencoder
 from gslts.store.map_folder import folder_of, open_map
 from gslts.store.map_store import MapStore
 from gslts.store.records import Version
@@ -47,7 +47,7 @@ class SemanticsSetting(BaseModel):
     autoencoder: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 
 
-def keep_autoencoder(model: Autoencoder, folder: Path) -> str:
+def write_autoencoder(model: Autoencoder, folder: Path) -> str:
     """Writes it into the folder of a map, so that it outlasts a power cut.
 
     Returns:
@@ -56,7 +56,7 @@ def keep_autoencoder(model: Autoencoder, folder: Path) -> str:
     Raises:
         OSError: It cannot be written.
     """
-    content = bytes_of_autoencoder(model)
+    content = autoencoder_bytes(model)
     digest = hashlib.sha256(content).hexdigest()
     path = _path_of(folder, digest)
     path.parent.mkdir(exist_ok=True)

@@ -20,7 +20,7 @@ from gslts.types import Floats32
 FeatureView = tuple[Camera, Floats32, NDArray[np.bool_]]
 
 
-def lifted(
+def lift_features(
     gaussian_map: GaussianMap, views: Iterable[FeatureView], dims: int, threads: int = 0
 ) -> Floats32:
     """[N,D] features of all Gaussians; 0 for those that no view shows.

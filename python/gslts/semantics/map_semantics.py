@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.semantics.autoencoder import Autoencoder
-from gslts.semantics.categories import categories_of
+from gslts.semantics.categories import classify_gaussians
 from gslts.semantics.files import read_semantics
-from gslts.semantics.lift import FeatureView, lifted
-from gslts.semantics.open_source import teacher_of
+from gslts.semantics.lift import FeatureView, lift_features
+from gslts.semantics.registry import open_source
 from gslts.semantics.source import SemanticSource
 
 _logger = logging.getLogger(__name__)
@@ -26,7 +26,7 @@ LEAST_SHARE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Meaning:
+class MapSemantics:
     """How the features of a map are made and read.
 
     Attributes:
@@ -40,7 +40,7 @@ class Meaning:
     names: tuple[str, ...]
 
     @classmethod
-    def of_map(cls, path: Path, threads: int = 0) -> Meaning | None:
+    def of_map(cls, path: Path, threads: int = 0) -> MapSemantics | None:
         """That of a map folder; None if nobody taught the map.
 
         Nor is there one, and a warning tells why, where its models are not at hand: a robot keeps
@@ -56,13 +56,13 @@ class Meaning:
         setting, autoencoder = found
         models = {name: Path(folder) for name, folder in setting.models.items()}
         try:
-            teacher = teacher_of(setting.source, models, threads)
+            teacher = open_source(setting.source, models, threads)
         except (ImportError, FileNotFoundError) as error:
             _logger.warning("%s: what is new will have no meaning: %s", path, error)
             return None
         return cls(teacher, autoencoder, setting.names)
 
-    def taught(
+    def update_features(
         self,
         gaussian_map: GaussianMap,
         fresh: NDArray[np.bool_],
@@ -86,21 +86,21 @@ class Meaning:
                 segments = self.source.segments(frame)
             except ValueError:
                 continue
-            codes = self.autoencoder.encoded(segments.embeddings)
+            codes = self.autoencoder.encode(segments.embeddings)
             for level, labels in enumerate(segments.labels[:levels]):
                 known = believed & (labels >= 0)
                 if known.any():
                     seen[level].append((frame.camera, codes[labels], known))
         features = gaussian_map.features.copy()
         for level, own in enumerate(seen):
-            found = lifted(gaussian_map, own, code, threads)
+            found = lift_features(gaussian_map, own, code, threads)
             told = fresh & found.any(axis=1)
             features[told, level * code : (level + 1) * code] = found[told]
         return replace(gaussian_map, features=features)
 
     def name_of(self, gaussian_map: GaussianMap, rows: NDArray[np.intp]) -> str | None:
         """What some Gaussians are, if most of those that fit a name agree."""
-        found = categories_of(gaussian_map, rows, self.autoencoder, self.source, self.names)
+        found = classify_gaussians(gaussian_map, rows, self.autoencoder, self.source, self.names)
         counts = np.bincount(found + 1, minlength=2)[1:]  # -1 fits none.
         best = int(counts.argmax())
         return self.names[best] if counts[best] > LEAST_SHARE * counts.sum() else None

@@ -12,7 +12,7 @@ SAME_IOU = 0.8
 """Masks that overlap more are one, as in LangSplat (Qin et al. 2024)."""
 
 
-def distinct(masks: Masks, scores: NDArray[np.float32]) -> NDArray[np.intp]:
+def suppress_duplicates(masks: Masks, scores: NDArray[np.float32]) -> NDArray[np.intp]:
     """[K'] rows of masks [K,h,w], the best first, none of which is the same as a better one."""
     order = np.argsort(-scores, kind="stable")
     flat = masks.reshape(len(masks), masks[:1].size)[order].astype(np.float32)
@@ -25,7 +25,7 @@ def distinct(masks: Masks, scores: NDArray[np.float32]) -> NDArray[np.intp]:
     return np.asarray(order[kept], np.intp)
 
 
-def painted(masks: Masks) -> NDArray[np.int32]:
+def paint_labels(masks: Masks) -> NDArray[np.int32]:
     """[H,W] row of the mask [K,H,W] that each pixel takes; -1 for none.
 
     The smallest wins, or what stands on a table would be lost under the mask of both.
@@ -36,7 +36,7 @@ def painted(masks: Masks) -> NDArray[np.int32]:
     return labels
 
 
-def cut_out(rgb: NDArray[np.uint8], mask: Masks, side_px: int) -> NDArray[np.uint8]:
+def crop_to_mask(rgb: NDArray[np.uint8], mask: Masks, side_px: int) -> NDArray[np.uint8]:
     """[side_px,side_px,3] what a mask [H,W] covers, the rest black, as LangSplat shows it to CLIP.
 
     It is cut to the box around the mask, which keeps its proportions, in the middle.

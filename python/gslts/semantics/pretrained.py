@@ -16,7 +16,7 @@ WEIGHTS = "model.safetensors"
 PICKLES = ("*.bin", "*.pt", "*.pth", "*.ckpt")
 
 
-def pretrained(model_class: Any, folder: Path, example: str) -> Any:
+def load_pretrained(model_class: Any, folder: Path, example: str) -> Any:
     """A model with all its weights, float32, ready to infer.
 
     Args:
@@ -58,7 +58,7 @@ def pretrained(model_class: Any, folder: Path, example: str) -> Any:
 
 
 @contextmanager
-def inference(threads: int) -> Iterator[None]:
+def inference_mode(threads: int) -> Iterator[None]:
     """No gradients, and a number of threads for torch; 0 leaves it as it is."""
     before = torch.get_num_threads()
     torch.set_num_threads(threads or before)
@@ -69,21 +69,23 @@ def inference(threads: int) -> Iterator[None]:
         torch.set_num_threads(before)
 
 
-def how_to_get(folder: Path, example: str) -> str:
+def download_hint(folder: Path, example: str) -> str:
     """What to type where there is a network."""
     return f"download one where there is a network: hf download {example} --local-dir {folder}"
 
 
 def _check_files(folder: Path, model_class: Any, example: str) -> None:
     if not folder.is_dir():
-        raise FileNotFoundError(f"{folder}: no such folder; {how_to_get(folder, example)}")
+        raise FileNotFoundError(f"{folder}: no such folder; {download_hint(folder, example)}")
     if not (folder / CONFIG).is_file():
-        raise FileNotFoundError(f"{folder}: there is no {CONFIG}; {how_to_get(folder, example)}")
+        raise FileNotFoundError(f"{folder}: there is no {CONFIG}; {download_hint(folder, example)}")
     if (folder / WEIGHTS).is_file():
         return
     pickles = sorted(path.name for pattern in PICKLES for path in folder.glob(pattern))
     if not pickles:
-        raise FileNotFoundError(f"{folder}: there is no {WEIGHTS}; {how_to_get(folder, example)}")
+        raise FileNotFoundError(
+            f"{folder}: there is no {WEIGHTS}; {download_hint(folder, example)}"
+        )
     kind = model_class.__name__
     raise ValueError(
         f"{folder}: {pickles[0]} is pickled and could run code: it is not read; whoever trusts it "

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from gslts.core.gaussian_map import GaussianMap
 from gslts.semantics.autoencoder import Autoencoder
-from gslts.semantics.clusters import CELL_STRIDES, cells_of, clusters, linked
-from gslts.semantics.gaussian_scores import Fits
+from gslts.semantics.clusters import CELL_STRIDES, cells_of, connected_components, dbscan
+from gslts.semantics.relevance import RelevanceScorer
 from gslts.semantics.source import SemanticSource
 from gslts.types import Floats, Floats32
 
@@ -83,7 +83,7 @@ class SemanticQueries:
         self, gaussian_map: GaussianMap, autoencoder: Autoencoder, source: SemanticSource
     ) -> None:
         self._map, self._source = gaussian_map, source
-        self._fits = Fits(gaussian_map, autoencoder, source)
+        self._scorer = RelevanceScorer(gaussian_map, autoencoder, source)
         opacities = 1 / (1 + np.exp(-gaussian_map.logit_opacities))
         known = gaussian_map.features.any(axis=1)
         self._rows = np.flatnonzero(known & (opacities >= LEAST_OPACITY))
@@ -93,14 +93,14 @@ class SemanticQueries:
             cells_of(self._points, AROUND_M), return_inverse=True
         )
 
-    def fits(self, text: str) -> Floats32:
+    def relevance(self, text: str) -> Floats32:
         """[N] how well each Gaussian fits a text, 0 to 1; 0 for those without a meaning.
 
         Raises:
             ValueError: The text is empty.
         """
         result = np.zeros(self._map.size, np.float32)
-        result[self._rows] = self._fits.of(self._embedded(text), self._rows)[0]
+        result[self._rows] = self._scorer.scores(self._embedded(text), self._rows)[0]
         return result
 
     def find(self, text: str) -> list[Instance]:
@@ -113,11 +113,11 @@ class SemanticQueries:
         if len(self._rows) == 0:
             return []
         sample = np.arange(0, len(self._rows), max(1, len(self._rows) // SAMPLE))
-        hits = sample[self._fits.of(query, self._rows[sample])[0] >= threshold]
+        hits = sample[self._scorer.scores(query, self._rows[sample])[0] >= threshold]
         if len(hits) == 0:
             return []
         near = self._around(hits)
-        scores = self._fits.of(query, self._rows[near])[0]
+        scores = self._scorer.scores(query, self._rows[near])[0]
         kept = scores >= threshold
         return self._instances(near[kept], scores[kept])
 
@@ -163,7 +163,7 @@ def _clusters(points: Floats) -> NDArray[np.intp]:
     link_m = max(LINK_M, LINK_SPACINGS * _spacing_m(middles, some))
     if len(middles) > MANY_CELLS:
         middles, cell_of, counts = _thinned(points, link_m / 2)
-    return clusters(middles, link_m, NEIGHBOURS, counts)[cell_of]
+    return dbscan(middles, link_m, NEIGHBOURS, counts)[cell_of]
 
 
 def _spacing_m(points: Floats, some: Floats) -> float:
@@ -206,5 +206,5 @@ def _joined(pieces: list[Floats], others: Floats) -> list[list[int]]:
             between = ((others > low) & (others < high)).all(axis=1).sum()
             if between < LEAST_GAUSSIANS:
                 pairs.append((a, b))
-    least = linked(len(pieces), np.array(pairs, np.intp).reshape(-1, 2))
+    least = connected_components(len(pieces), np.array(pairs, np.intp).reshape(-1, 2))
     return [[int(one) for one in np.flatnonzero(least == first)] for first in np.unique(least)]

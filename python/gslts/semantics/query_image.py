@@ -24,7 +24,7 @@ COLDEST, HOTTEST = 0.5, 0.75
 """Relevance of what fits no better than anything, and about that of what fits."""
 
 
-def query_picture(
+def draw_query(
     gaussian_map: GaussianMap,
     relevance: NDArray[np.float32],
     instances: Sequence[Instance],

@@ -1,24 +1,89 @@
-"""How well a query fits embeddings.
+"""Relevance scores between text queries and semantic features.
 
-Source: GS-LTS, sec. III-B, which has it from LERF (Kerr et al. 2023).
+Source: GS-LTS, sec. III-B, equation 3, which follows LERF (Kerr et al. 2023).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from gslts.types import Floats32
+from gslts.core.gaussian_map import GaussianMap
+from gslts.semantics.autoencoder import Autoencoder
+from gslts.semantics.source import SemanticSource
+from gslts.types import Floats32, Indices
 
 CANONICAL = ("object", "things", "stuff", "texture")
-"""Phrases that fit anything: what fits them better than the query is none of it."""
+"""Canonical phrases of LERF: what matches one of them better than the query does not match it."""
+MAX_GAUSSIANS_PER_CHUNK = 1 << 14
+"""Number of Gaussians scored at a time. Bounds memory: the hidden layer of the decoder for a whole
+map of a million Gaussians would take a gigabyte. Does not change results."""
 
 
 def relevance(to_query: Floats32, to_canonical: Floats32) -> Floats32:
-    """[S] min_j exp(e . q) / (exp(e . q) + exp(e . c_j)), between 0 and 1.
+    """Compute relevance scores: min_j exp(e.q) / (exp(e.q) + exp(e.c_j)).
 
     Args:
-        to_query: [S] e . q of embeddings e with that of the query, all of unit length.
-        to_canonical: [S,J] e . c with those of `CANONICAL`.
+        to_query: [S] float32, cosines e.q of embeddings e with the embedding of the query.
+        to_canonical: [S,J] float32, cosines e.c_j with the embeddings of `CANONICAL`.
+
+    Returns:
+        [S] float32, between 0 and 1.
     """
-    anyway = to_canonical.max(axis=1)  # The least quotient is that of the greatest.
-    return np.asarray(1 / (1 + np.exp(anyway - to_query)), np.float32)
+    largest = to_canonical.max(axis=1)  # It gives the smallest quotient.
+    return np.asarray(1 / (1 + np.exp(largest - to_query)), np.float32)
+
+
+class RelevanceScorer:
+    """Scores the Gaussians of one map against embeddings of text queries.
+
+    Args:
+        gaussian_map: With features of L * d numbers, a code per level.
+        autoencoder: Decodes the codes.
+        source: Encodes the canonical phrases.
+
+    Raises:
+        ValueError: The features do not fit the autoencoder, or the autoencoder does not fit the
+            source.
+    """
+
+    def __init__(
+        self, gaussian_map: GaussianMap, autoencoder: Autoencoder, source: SemanticSource
+    ) -> None:
+        dims, code = gaussian_map.feature_dims, autoencoder.code
+        if dims == 0 or dims % code:
+            raise ValueError(
+                f"RelevanceScorer: the features of the map have {dims} dimensions, which is no "
+                f"multiple of the code length {code}"
+            )
+        if source.dims != autoencoder.dims:
+            raise ValueError(
+                f"RelevanceScorer: the map has semantics of {autoencoder.dims}-D embeddings, the "
+                f"source gives {source.dims}-D embeddings"
+            )
+        self._features, self._autoencoder = gaussian_map.features, autoencoder
+        self._canonical = source.encode(CANONICAL)
+
+    def scores(self, queries: Floats32, rows: Indices) -> Floats32:
+        """Compute the relevance of Gaussians, at the level where each is most relevant.
+
+        Args:
+            queries: [Q,D] float32, embeddings of unit length.
+            rows: [K] rows of Gaussians in the map.
+
+        Returns:
+            [Q,K] float32, 0 to 1; 0 for Gaussians without a feature at any level.
+        """
+        result = np.zeros((len(queries), len(rows)), np.float32)
+        vectors = np.concatenate([queries, self._canonical])
+        for first in range(0, len(rows), MAX_GAUSSIANS_PER_CHUNK):
+            part = self._features[rows[first : first + MAX_GAUSSIANS_PER_CHUNK]]
+            codes = part.astype(np.float32, copy=False).reshape(-1, self._autoencoder.code)
+            # Without a mask in any view, the code is 0, which decodes to an arbitrary embedding.
+            known = codes.any(axis=1)
+            cosines = self._autoencoder.cosines(codes[known], vectors)
+            scores = np.zeros((len(queries), len(codes)), np.float32)
+            for number in range(len(queries)):
+                scores[number, known] = relevance(cosines[:, number], cosines[:, len(queries) :])
+            levels = scores.reshape(len(queries), len(part), -1)
+            result[:, first : first + MAX_GAUSSIANS_PER_CHUNK] = levels.max(axis=2)
+        return result

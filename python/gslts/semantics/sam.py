@@ -15,8 +15,8 @@ from PIL import Image
 from torch import Tensor
 from torch.nn.functional import interpolate, pad
 
-from gslts.semantics.masks import Masks, distinct
-from gslts.semantics.pretrained import inference, pretrained
+from gslts.semantics.masks import Masks, suppress_duplicates
+from gslts.semantics.pretrained import inference_mode, load_pretrained
 from gslts.semantics.source import LEVELS
 
 EXAMPLE = "facebook/sam-vit-base"
@@ -55,7 +55,7 @@ class MaskGenerator:
             raise ImportError(
                 "SAM needs transformers and torch: pip install 'gslts[models]'"
             ) from None
-        self._model = pretrained(SamModel, folder, EXAMPLE)
+        self._model = load_pretrained(SamModel, folder, EXAMPLE)
         levels = self._model.config.mask_decoder_config.num_multimask_outputs
         if levels != LEVELS:
             raise ValueError(f"{folder}: expected {LEVELS} masks a point, got {levels}")
@@ -74,7 +74,7 @@ class MaskGenerator:
         height, width = rgb.shape[:2]
         scale = self._side / max(height, width)
         size = int(height * scale + 0.5), int(width * scale + 0.5)
-        with inference(self._threads):
+        with inference_mode(self._threads):
             picture = self._model.get_image_embeddings(self._whitened(rgb, size))
             points = torch.split(_grid(size), AT_ONCE)
             found = [self._of_points(picture, some, size) for some in points]
@@ -110,7 +110,7 @@ class MaskGenerator:
         self, found: list[tuple[Tensor, Tensor]], size: tuple[int, int], whole: tuple[int, int]
     ) -> Masks:
         logits, scores = (torch.cat(parts) for parts in zip(*found, strict=True))
-        kept = distinct((self._inside(logits, size) > 0).numpy(), scores.numpy())
+        kept = suppress_duplicates((self._inside(logits, size) > 0).numpy(), scores.numpy())
         # One by one: at full size they would take a thousand times a picture.
         masks = [self._full(logits[row], size, whole) for row in kept]
         masks = [mask for mask in masks if mask.sum() >= LEAST_PX]

@@ -23,7 +23,9 @@ ENOUGH = 2e-3
 """Loss at which embeddings come back with a cosine of about 0.999."""
 
 
-def trained(embeddings: Floats32, code: int = 32, steps: int = 1500, seed: int = 0) -> Autoencoder:
+def train_autoencoder(
+    embeddings: Floats32, code: int = 32, steps: int = 1500, seed: int = 0
+) -> Autoencoder:
     """An autoencoder for some embeddings: cosine and L2 loss, as in LangSplat (Qin et al. 2024).
 
     Args:

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts._core import edit as _core
-from gslts._core.map import GaussianViewFloat, SurfaceVoxels
+from gslts._core.fusion import SurfaceVoxels
+from gslts._core.map import GaussianViewFloat
 from gslts.core.camera import shift_origin
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts._core.map import SurfaceVoxels
+from gslts._core.fusion import SurfaceVoxels
 from gslts.core.camera import unproject
 from gslts.types import Bools, Floats, Floats32
 from gslts.update.region import Region, Side

@@ -17,7 +17,7 @@ from gslts.core.gaussian_map import GaussianMap
 from gslts.io.atomic_files import write_whole
 from gslts.localization.landmark_files import KEY, has_landmarks, keep_landmarks
 from gslts.localization.landmarks import landmarks_of
-from gslts.semantics.map_semantics import Meaning
+from gslts.semantics.map_semantics import MapSemantics
 from gslts.store.map_folder import picture_path, plain_camera
 from gslts.store.map_store import MapStore
 from gslts.store.records import Event, Version
@@ -43,7 +43,7 @@ def published(
     result: Update,
     config: UpdateConfig,
     more: Mapping[str, Any] | None = None,
-    meaning: Meaning | None = None,
+    semantics: MapSemantics | None = None,
 ) -> Version | None:
     """Adds a version of an updated map, and a picture of it; of what stays as it was, only why.
 
@@ -56,7 +56,7 @@ def published(
         result: Of the update.
         config: It was made with.
         more: Of its cause, in values of JSON.
-        meaning: Of the features of the map; gives names to what is gone.
+        semantics: Of the map; names the objects that are gone.
 
     Raises:
         OSError: It cannot be written; then the newest version is what it was, or only the picture
@@ -101,7 +101,7 @@ def published(
         return np.flatnonzero(vanished & near_regions(before, [region], 0.0))
 
     def named(region: Region) -> str | None:
-        return None if meaning is None else meaning.name_of(before, gone_from(region))
+        return None if semantics is None else semantics.name_of(before, gone_from(region))
 
     def boxes(change: Change) -> tuple[Any, Any]:
         """What is gone is where its Gaussians were: a look may take for it what is behind."""

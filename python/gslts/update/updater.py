@@ -19,7 +19,7 @@ from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
 from gslts.rendering.metrics import psnr_from_mse_db
-from gslts.semantics.map_semantics import Meaning
+from gslts.semantics.map_semantics import MapSemantics
 from gslts.types import Bools
 from gslts.update.config import UpdateConfig
 from gslts.update.edit import Edit, near_regions, pre_edit, sightings
@@ -112,7 +112,7 @@ def update(
     *,
     detector: ChangeDetector | None = None,
     first_id: int | None = None,
-    meaning: Meaning | None = None,
+    semantics: MapSemantics | None = None,
     tell: Tell = lambda _: None,
 ) -> Update:
     """Lets a robot look at changes closely, and brings the map up to date with them.
@@ -129,7 +129,7 @@ def update(
         config: Settings; None means the defaults.
         detector: Of the map; None means one with default settings.
         first_id: Of Gaussians that are new; None means the next one after those of the map.
-        meaning: Of the features of the map; what is new means what frames show.
+        semantics: Of the map; new Gaussians get semantic features from the frames.
         tell: Is told of each step of the stages that take long.
 
     Raises:
@@ -161,7 +161,7 @@ def update(
     if record.rejected is not None:
         left = found.left + tuple((change, record.rejected) for change in found.changes)
         return Update(gaussian_map, (), left, record, (*used, *held_back), found.regions)
-    if meaning is not None:
+    if semantics is not None:
         fresh = ~np.isin(updated.ids, gaussian_map.ids)
         fresh |= near_regions(updated, found.regions, MEANING_M)
         now_at = [  # What moved means what it did.
@@ -173,7 +173,7 @@ def update(
         moved = near_regions(updated, now_at, config.edit.margin_m)
         fresh &= ~(moved & updated.features.any(axis=1))
         shown = [(view.frame, view.changed) for view in used]
-        updated = meaning.taught(updated, fresh, shown, config.threads)
+        updated = semantics.update_features(updated, fresh, shown, config.threads)
     return Update(updated, found.changes, found.left, record, (*used, *held_back), found.regions)
 
 

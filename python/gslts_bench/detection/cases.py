@@ -16,10 +16,11 @@ from gslts_bench.detection.visits import draw_visit, noise_of_visit, with_light_
 from gslts_bench.homes import BenchHome, default_state, shares_of
 from gslts_sim.actions import ChangeAction, SceneState
 from gslts_sim.controller import Controller
-from gslts_sim.home_source import STRICT, HomeSource
-from gslts_sim.robot_body import Look
+from gslts_sim.home_source import HomeSource
+from gslts_sim.robot_body import Viewpoint
 from gslts_sim.sensor import NOISE_PRESETS
-from gslts_sim.task import Task, Viewpoint
+from gslts_sim.strict_model import STRICT
+from gslts_sim.task import Task
 
 Part = Literal["single", "pair", "triple", "unchanged"]
 PARTS: tuple[Part, ...] = ("single", "pair", "triple", "unchanged")
@@ -110,7 +111,7 @@ def cases_of(bench: BenchHome, counts: Counts, tell: Callable[[Part], None]) -> 
                     name=f"{part}_{number:02}",
                     part=part,
                     actions=found.actions,
-                    viewpoint=Viewpoint.of(found.look),
+                    viewpoint=found.look,
                     sensor_seed=int(rng.integers(1 << 31)),
                     truths=found.truths,
                 )
@@ -122,7 +123,7 @@ def cases_of(bench: BenchHome, counts: Counts, tell: Callable[[Part], None]) -> 
             Case(
                 name=f"unchanged_{number:02}",
                 part="unchanged",
-                viewpoint=Viewpoint.of(visit.look),
+                viewpoint=visit.look,
                 sensor_seed=int(rng.integers(1 << 31)),
                 light_shift_m=visit.light_shift_m,
             )
@@ -143,22 +144,22 @@ def frame_of(case: Case, before: SceneState, bench: BenchHome) -> RgbdFrame:
         ChangeError: An action cannot be done.
         ActionError: The robot cannot stand there.
     """
-    (frame,) = frames_of(case, before, bench, [case.viewpoint.look])
+    (frame,) = frames_of(case, before, bench, [case.viewpoint])
     return frame
 
 
 def frames_of(
-    case: Case, before: SceneState, bench: BenchHome, looks: Iterable[Look]
+    case: Case, before: SceneState, bench: BenchHome, looks: Iterable[Viewpoint]
 ) -> list[RgbdFrame]:
     """What the robot sees in some looks, one after the other; see `frame_of`."""
     state = before
     for action in case.actions:
-        state = state.after(action)
+        state = state.apply(action)
     noise = NOISE_PRESETS[bench.setup.noise]
     if case.part == "unchanged":
         noise = noise_of_visit(noise)
     if case.light_shift_m is not None:
-        state = SceneState(with_light_moved(state.home, case.light_shift_m), state.aside)
+        state = SceneState(with_light_moved(state.home, case.light_shift_m), state.removed)
     robot = Controller(
         state,
         width=bench.setup.width,
@@ -176,8 +177,8 @@ def frames_of(
 def _single(number: int, task: Task, before: SceneState) -> Case:
     after = before
     for action in task.change_actions:
-        after = after.after(action)
-    look = task.viewpoint.look
+        after = after.apply(action)
+    look = task.viewpoint
     return Case(
         name=f"single_{number:02}",
         part="single",

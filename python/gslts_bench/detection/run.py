@@ -37,7 +37,7 @@ from gslts_bench.detection.watch import TURNS_DEG, WATCH, WATCHED, looks_around,
 from gslts_bench.homes import MAP_S, RECORDING_S, BenchHome, default_state
 from gslts_bench.work import Add, Result, Tell, message_of, validated
 from gslts_sim.actions import SceneState
-from gslts_sim.home_source import STRICT
+from gslts_sim.strict_model import STRICT
 
 CASE_S: dict[Part, float] = {"single": 0.5, "pair": 0.5, "triple": 0.8, "unchanged": 0.1}
 FRAME_S, DETECTION_S = 0.6, 0.1
@@ -213,7 +213,7 @@ class DetectUnit:
         return Seen(detection.unreliable, detection.changes, *clock.ms())
 
     def _watched(self, case: Case, before: SceneState, detectors: Detectors) -> Seen:
-        frames = frames_of(case, before, self.bench, looks_around(case.viewpoint.look))
+        frames = frames_of(case, before, self.bench, looks_around(case.viewpoint))
         clock = _Clock()
         unreliable, changes = watched(detectors.of(WATCHED), frames)
         return Seen(unreliable, tuple(changes), *clock.ms(len(frames)))

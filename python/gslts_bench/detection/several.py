@@ -9,12 +9,17 @@ import numpy as np
 
 from gslts_bench.detection.truth import Truth, in_view_px
 from gslts_sim.actions import GRID_M, ChangeAction, SceneState
+from gslts_sim.change_sampler import (
+    DISTANCE_M,
+    FIRST_VIEW_FRACTION,
+    JITTER_DEG,
+    MIN_VISIBLE_FRACTION,
+)
 from gslts_sim.changes import ChangeError
 from gslts_sim.ray_scene import RayScene
-from gslts_sim.robot_body import Look, floor_of
+from gslts_sim.robot_body import Viewpoint, floor_of
 from gslts_sim.task import Task
-from gslts_sim.trial import DISTANCE_M, FIRST_SHARE_PX, JITTER_DEG, SEEN_SHARE
-from gslts_sim.viewpoints import SIZE_PX, Sight, eyes_above, look_from
+from gslts_sim.viewpoints import SIZE_PX, ObjectVisibility, camera_positions, viewpoint_towards
 
 TRIES_PER_CASE = 40
 """Sets of changes that are tried for each that is wanted."""
@@ -27,7 +32,7 @@ class Several:
     """Changes that happen one after the other, and a look that sees each as a single task must."""
 
     actions: tuple[ChangeAction, ...]
-    look: Look
+    look: Viewpoint
     truths: tuple[Truth, ...]
 
 
@@ -68,7 +73,7 @@ class SeveralMaker:
         after = self._before
         try:
             for action in actions:
-                after = after.after(action)
+                after = after.apply(action)
         except ChangeError:
             return None
         look = self._look(tasks, after)
@@ -80,30 +85,30 @@ class SeveralMaker:
         ]
         return Several(actions, look, tuple(truths))
 
-    def _look(self, tasks: Sequence[Task], after: SceneState) -> Look | None:
+    def _look(self, tasks: Sequence[Task], after: SceneState) -> Viewpoint | None:
         scene = RayScene(after.home)
         sights = []
         for task in tasks:
             change = task.change
             if change.box_before is not None:
-                sights.append(Sight(self._before.home, self._scene, change.object_id))
+                sights.append(ObjectVisibility(self._before.home, self._scene, change.object_id))
             if change.box_after is not None:
-                sights.append(Sight(after.home, scene, change.object_id))
+                sights.append(ObjectVisibility(after.home, scene, change.object_id))
         floors = [floor_of(self._before.home), floor_of(after.home)]
-        places = floors[0].places(GRID_M)
+        places = floors[0].grid_positions(GRID_M)
         places = places[[floors[1].can_stand(place) for place in places]]
-        eyes = eyes_above(self._before.home, places)
+        eyes = camera_positions(self._before.home, places)
         middles = np.stack([sight.middle for sight in sights])
         metres = np.linalg.norm(eyes[:, None] - middles, axis=-1)
         fit = ((metres >= DISTANCE_M[0]) & (metres <= DISTANCE_M[1])).all(axis=1)
         places = self._rng.permutation(places[fit])
         if len(places) == 0:
             return None
-        shares = np.min([sight.seen_share(places) for sight in sights], axis=0)
-        least, most = FIRST_SHARE_PX * np.prod(SIZE_PX)
-        for place in places[shares >= SEEN_SHARE][:LOOKS_PER_SET]:
+        shares = np.min([sight.visible_fraction(places) for sight in sights], axis=0)
+        least, most = FIRST_VIEW_FRACTION * np.prod(SIZE_PX)
+        for place in places[shares >= MIN_VISIBLE_FRACTION][:LOOKS_PER_SET]:
             jitter_deg = self._rng.uniform(-JITTER_DEG, JITTER_DEG, 2)
-            look = look_from(self._before.home, place, middles.mean(axis=0), jitter_deg)
-            if all(least <= sight.seen_px(look) <= most for sight in sights):
+            look = viewpoint_towards(self._before.home, place, middles.mean(axis=0), jitter_deg)
+            if all(least <= sight.visible_px(look) <= most for sight in sights):
                 return look
         return None

@@ -7,11 +7,11 @@ from typing import Annotated
 from pydantic import BaseModel, Field
 
 from gslts_sim.actions import SceneState
-from gslts_sim.home_source import STRICT
 from gslts_sim.ray_scene import RayScene
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
+from gslts_sim.strict_model import STRICT
 from gslts_sim.task import Change
-from gslts_sim.viewpoints import Sight
+from gslts_sim.viewpoints import ObjectVisibility
 
 COUNTED_SIZE_PX = (640, 480)
 """Of the images in which objects are counted, whatever the size of those that a robot takes."""
@@ -32,11 +32,13 @@ class Truth(BaseModel):
     size_px: Annotated[int, Field(ge=0)]
 
 
-def in_view_px(change: Change, before: SceneState, after: SceneState, look: Look) -> int:
+def in_view_px(change: Change, before: SceneState, after: SceneState, look: Viewpoint) -> int:
     """`Truth.size_px` of a change in the view of a look."""
     states = ((change.box_before, before), (change.box_after, after))
     return min(
-        Sight(state.home, RayScene(state.home), change.object_id).seen_px(look, COUNTED_SIZE_PX)
+        ObjectVisibility(state.home, RayScene(state.home), change.object_id).visible_px(
+            look, COUNTED_SIZE_PX
+        )
         for box, state in states
         if box is not None
     )

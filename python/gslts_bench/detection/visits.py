@@ -9,7 +9,7 @@ import numpy as np
 from gslts.types import Floats
 from gslts_sim.actions import GRID_M
 from gslts_sim.home import Home
-from gslts_sim.robot_body import Look, floor_of
+from gslts_sim.robot_body import Viewpoint, floor_of
 from gslts_sim.sensor import SensorNoise
 
 VISIT_POSITION_M, VISIT_ROTATION_DEG = 0.01, 0.5
@@ -26,7 +26,7 @@ TRIES = 100
 class Visit:
     """Where the robot looks from, and by how much the light of a lamp is moved in x and y, m."""
 
-    look: Look
+    look: Viewpoint
     light_shift_m: tuple[float, float]
 
 
@@ -36,7 +36,7 @@ def draw_visit(home: Home, rng: np.random.Generator) -> Visit:
     x, y = np.round([LIGHT_SHIFT_M * np.cos(angle), LIGHT_SHIFT_M * np.sin(angle)], 4).tolist()
     yaw_deg = round(float(rng.uniform(0, 360)), 1)
     horizon_deg = round(float(rng.uniform(*VISIT_HORIZON_DEG)), 1)
-    return Visit(Look(_place(home, rng), yaw_deg, horizon_deg), (x, y))
+    return Visit(Viewpoint.at(_place(home, rng), yaw_deg, horizon_deg), (x, y))
 
 
 def noise_of_visit(noise: SensorNoise) -> SensorNoise:
@@ -65,7 +65,7 @@ def with_light_moved(home: Home, shift_m: tuple[float, float]) -> Home:
 
 def _place(home: Home, rng: np.random.Generator) -> Floats:
     floor = floor_of(home)
-    places = floor.places(GRID_M)
+    places = floor.grid_positions(GRID_M)
     place = places[rng.integers(len(places))]
     for _ in range(TRIES):
         near: Floats = np.round(place + rng.uniform(-GRID_M / 2, GRID_M / 2, 2), 3)

@@ -9,7 +9,7 @@ from gslts.change.changes import Change
 from gslts.change.detector import ChangeDetector
 from gslts.change.monitor import confirmed
 from gslts.core.frame import RgbdFrame
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
 
 WATCH = "watching"
 """Name of the detector, among those of `VARIANTS`."""
@@ -19,7 +19,7 @@ TURNS_DEG = (-10.0, -6.0, -2.0, 2.0, 6.0, 10.0)
 """Where the robot looks one after the other, from the direction of a single frame."""
 
 
-def looks_around(look: Look) -> list[Look]:
+def looks_around(look: Viewpoint) -> list[Viewpoint]:
     """As a robot turns on the spot past a look."""
     return [replace(look, yaw_deg=(look.yaw_deg + turn_deg) % 360) for turn_deg in TURNS_DEG]
 

@@ -14,7 +14,7 @@ from gslts.change.detector import ChangeDetector
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
 from gslts.navigation.navigator import Navigator
-from gslts.semantics.map_semantics import Meaning
+from gslts.semantics.map_semantics import MapSemantics
 from gslts.semantics.source import Oracle
 from gslts.store.camera_files import cameras_of_map
 from gslts.update.config import UpdateConfig
@@ -176,6 +176,6 @@ def _updated(
         robot,
         UpdateConfig(threads=1),
         detector=detector,
-        meaning=Meaning(Oracle(), known.autoencoder, ()),
+        semantics=MapSemantics(Oracle(), known.autoencoder, ()),
     )
     return None if result.record.rejected is not None else result.gaussian_map

@@ -7,11 +7,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from pydantic import BaseModel, FiniteFloat
 
 from gslts.navigation.navigator import Navigator
-from gslts.navigation.semantic_map_files import map_picture, write_picture
+from gslts.navigation.semantic_map_files import draw_semantic_map, write_picture
 from gslts.semantics.source import Oracle
 from gslts_bench.cache import code_digest, digest, native_digest
 from gslts_bench.homes import MAP_S, RECORDING_S, BenchHome, default_state
@@ -22,8 +21,9 @@ from gslts_bench.queries.semantic_homes import SEMANTICS_S, taught
 from gslts_bench.work import Add, Result, Tell, message_of, validated
 from gslts_sim.actions import SceneState
 from gslts_sim.controller import Controller
-from gslts_sim.home_source import STRICT, HomeSource
-from gslts_sim.robot_body import Look
+from gslts_sim.home_source import HomeSource
+from gslts_sim.robot_body import Viewpoint
+from gslts_sim.strict_model import STRICT
 
 SIZE_PX = (320, 240)
 """Of what the robot sees on its way."""
@@ -42,7 +42,7 @@ class Record(BaseModel):
         success: Whether such an object is within 1 m in truth, and in the last picture.
         shortest_m: See `Episode`.
         walked_m: Length of the robot's way in truth.
-        status, reason, replans: As the robot sees it; see `Journey`.
+        status, reason, replans: As the robot sees it; see `NavigationResult`.
         error: Why there is no result.
     """
 
@@ -176,11 +176,11 @@ def gone(
     """
     width, height = SIZE_PX
     controller = Controller(ground.state, width=width, height=height, noise=ground.noise, seed=seed)
-    controller.go(Look(np.array(episode.place), episode.yaw_deg, 0.0))
+    controller.go(Viewpoint(*episode.place, episode.yaw_deg, 0.0))
     walker = Walker(controller, ground.truth)
     journey = navigator.go(walker, episode.category)
     if picture is not None:
-        shown = map_picture(navigator.semantic_map, journey.way, [episode.category])
+        shown = draw_semantic_map(navigator.semantic_map, journey.path, [episode.category])
         write_picture(shown, picture)
     return record_of(episode).model_copy(
         update={

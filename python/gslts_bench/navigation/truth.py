@@ -10,12 +10,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.navigation.navigator import NEAR_M
+from gslts.navigation.navigator import SUCCESS_DISTANCE_M
 from gslts.types import Floats
 from gslts_sim.actions import GRID_M
 from gslts_sim.home import Home, HomeObject
 from gslts_sim.ray_scene import RayScene
-from gslts_sim.robot_body import CAMERA_HEIGHT_M, HORIZON_DEG, Look, floor_of, robot_camera
+from gslts_sim.robot_body import CAMERA_HEIGHT_M, HORIZON_DEG, Viewpoint, floor_of, robot_camera
 
 LEAST_SHARE = 3e-4
 """Share of the pixels of a picture that must show an object: 23 of 320 x 240."""
@@ -43,7 +43,7 @@ class Truth:
     def __init__(self, home: Home) -> None:
         self.home = home
         self.floor = floor_of(home)
-        self.places: Floats = self.floor.places(GRID_M)
+        self.places: Floats = self.floor.grid_positions(GRID_M)
         self._scene = RayScene(home)
 
     def is_straight(self, start: Floats, end: Floats) -> bool:
@@ -95,7 +95,7 @@ class Truth:
         found = set()
         for row, thing in enumerate(self.home.objects):
             if thing.type == category:
-                near = np.flatnonzero(floor_distances_m(thing, self.places) <= NEAR_M)
+                near = np.flatnonzero(floor_distances_m(thing, self.places) <= SUCCESS_DISTANCE_M)
                 found |= {int(k) for k in near if self._sees(self.places[k], row)}
         return sorted(found)
 
@@ -105,7 +105,7 @@ class Truth:
         eye_m = float(self.home.space.box[0, 2]) + CAMERA_HEIGHT_M
         yaw_deg = float(np.rad2deg(np.arctan2(y - place[1], x - place[0])))
         down_deg = float(np.rad2deg(np.arctan2(eye_m - z, np.hypot(x - place[0], y - place[1]))))
-        look = Look(place, yaw_deg, float(np.clip(down_deg, *HORIZON_DEG)))
+        look = Viewpoint.at(place, yaw_deg, float(np.clip(down_deg, *HORIZON_DEG)))
         rows, _ = self._scene.instances(robot_camera(self.home, look, SIZE_PX))
         return bool((rows == row).mean() >= LEAST_SHARE)
 
@@ -135,6 +135,6 @@ def succeeds(truth: Truth, category: str, place: Floats, instances: NDArray[np.i
     return any(
         thing.type == category
         and (instances == row).mean() >= LEAST_SHARE
-        and floor_distances_m(thing, place[None])[0] <= NEAR_M
+        and floor_distances_m(thing, place[None])[0] <= SUCCESS_DISTANCE_M
         for row, thing in enumerate(truth.home.objects)
     )

@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import BaseModel, FiniteFloat
 from scipy.optimize import linear_sum_assignment
 
-from gslts.semantics.build import embedded
+from gslts.semantics.embed import embed_semantics
 from gslts.semantics.queries import Instance, SemanticQueries
 from gslts.semantics.source import Oracle
 from gslts.store.map_folder import read_map
@@ -24,7 +24,8 @@ from gslts_bench.cache import code_digest, digest, native_digest
 from gslts_bench.homes import MAP_S, RECORDING_S, BenchHome, default_state
 from gslts_bench.queries.semantic_homes import SEMANTICS_S, frames_of
 from gslts_bench.work import Add, Result, Tell, message_of, validated
-from gslts_sim.home_source import STRICT, HomeSource
+from gslts_sim.home_source import HomeSource
+from gslts_sim.strict_model import STRICT
 
 CATEGORIES = (
     *("AlarmClock", "ArmChair", "Bed", "Bread", "Chair", "CoffeeMachine", "DeskLamp"),
@@ -174,7 +175,9 @@ class LocalizeUnit:
         gaussian_map = read_map(bench.map(tell))
         start_s = time.perf_counter()
         frames = frames_of(bench, tell)
-        taught = embedded(gaussian_map, frames, oracle, variant.code, variant.refine, threads=1)
+        taught = embed_semantics(
+            gaussian_map, frames, oracle, variant.code, variant.refine, threads=1
+        )
         teach_s = time.perf_counter() - start_s
         queries = SemanticQueries(
             replace(gaussian_map, features=taught.features), taught.autoencoder, oracle

@@ -13,8 +13,8 @@ from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.datasets import open_dataset
 from gslts.io.atomic_files import write_whole
-from gslts.semantics.autoencoder import Autoencoder, bytes_of_autoencoder, read_autoencoder
-from gslts.semantics.build import embedded
+from gslts.semantics.autoencoder import Autoencoder, autoencoder_bytes, read_autoencoder
+from gslts.semantics.embed import embed_semantics
 from gslts.semantics.source import Oracle
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
@@ -66,10 +66,10 @@ def taught(bench: BenchHome, tell: Tell = lambda _: None) -> TaughtMap:
     gaussian_map = read_map(folder)
 
     def make(part: Path) -> None:
-        found = embedded(gaussian_map, frames_of(bench, tell), Oracle(), CODE, threads=1)
+        found = embed_semantics(gaussian_map, frames_of(bench, tell), Oracle(), CODE, threads=1)
         part.mkdir()
         np.save(part / FEATURES, found.features)
-        content = bytes_of_autoencoder(found.autoencoder)
+        content = autoencoder_bytes(found.autoencoder)
         write_whole(part / f"{hashlib.sha256(content).hexdigest()}{AUTOENCODER}", content)
 
     made_of = {

@@ -25,7 +25,7 @@ from gslts_bench.relocalization.run import FINDING_S, Finders
 from gslts_bench.relocalization.score import Answer, Told
 from gslts_bench.relocalization.variants import OURS
 from gslts_bench.work import Add, Result, message_of, validated
-from gslts_sim.home_source import STRICT
+from gslts_sim.strict_model import STRICT
 
 
 class RoomRecord(BaseModel):

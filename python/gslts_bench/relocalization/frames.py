@@ -21,8 +21,8 @@ from gslts_sim import ROOM_TYPES
 from gslts_sim.actions import SceneState
 from gslts_sim.home import Home
 from gslts_sim.home_source import HomeSource
-from gslts_sim.robot_body import Look, floor_of, robot_camera
-from gslts_sim.task import Task, Viewpoint
+from gslts_sim.robot_body import Viewpoint, floor_of, robot_camera
+from gslts_sim.task import Task
 
 Part = Literal["kept aside", "as mapped", "three changes", "another home"]
 PARTS: tuple[Part, ...] = ("kept aside", "as mapped", "three changes", "another home")
@@ -69,7 +69,7 @@ class Batch:
             before: From `before`.
         """
         size = (self.bench.setup.width, self.bench.setup.height)
-        camera = robot_camera(before.home, case.viewpoint.look, size)
+        camera = robot_camera(before.home, case.viewpoint, size)
         return frame_of(case, before, self.bench), camera.world_from_camera
 
 
@@ -128,17 +128,17 @@ def cases_of(bench: BenchHome, visits: int, changed: int, tell: Tell = lambda _:
     return HomeCases(home=source, initial_actions=initial_actions, cases=tuple(cases))
 
 
-def look_near(look: Look, home: Home, rng: np.random.Generator) -> Look:
+def look_near(look: Viewpoint, home: Home, rng: np.random.Generator) -> Viewpoint:
     """Another look from where a robot can stand, at much the same."""
     floor = floor_of(home)
     for _ in range(TRIES):
-        place: Floats = np.round(look.place + rng.uniform(-NEAR_M, NEAR_M, 2), 3)
+        place: Floats = np.round(look.position + rng.uniform(-NEAR_M, NEAR_M, 2), 3)
         if floor.can_stand(place):
             break
     else:
-        place = look.place
+        place = look.position
     turn_deg = float(rng.uniform(-NEAR_DEG, NEAR_DEG))
-    return Look(place, round((look.yaw_deg + turn_deg) % 360, 1), look.horizon_deg)
+    return Viewpoint.at(place, round((look.yaw_deg + turn_deg) % 360, 1), look.horizon_deg)
 
 
 def _kept(bench: BenchHome, visits: int, changed: int, code: str, tell: Tell) -> HomeCases:
@@ -158,7 +158,7 @@ def _visit(number: int, home: Home, rng: np.random.Generator) -> Case:
     return Case(
         name=f"visit_{number:02}",
         part="unchanged",
-        viewpoint=Viewpoint.of(visit.look),
+        viewpoint=visit.look,
         sensor_seed=int(rng.integers(1 << 31)),
         light_shift_m=visit.light_shift_m,
     )
@@ -171,7 +171,7 @@ def _changed(
     for first, several in zip(range(0, count, LOOKS), sets, strict=False):
         after = before
         for action in several.actions:
-            after = after.after(action)
+            after = after.apply(action)
         for number in range(first, min(first + LOOKS, count)):
             exact = number == first
             look = several.look if exact else look_near(several.look, after.home, rng)
@@ -179,7 +179,7 @@ def _changed(
                 name=f"changed_{number:02}",
                 part="triple",
                 actions=several.actions,
-                viewpoint=Viewpoint.of(look),
+                viewpoint=look,
                 sensor_seed=int(rng.integers(1 << 31)),
                 truths=several.truths,
             )

@@ -23,7 +23,7 @@ from gslts_bench.relocalization.questions import Question, questions_of
 from gslts_bench.relocalization.score import Answer, Told, start_near
 from gslts_bench.relocalization.variants import ABLATION, OURS, TRADE, VARIANTS
 from gslts_bench.work import Add, Result, message_of, validated
-from gslts_sim.home_source import STRICT
+from gslts_sim.strict_model import STRICT
 
 FRAME_S, FINDING_S = 0.6, 0.7
 """About how long it takes to see a frame, and to find it, for the progress."""

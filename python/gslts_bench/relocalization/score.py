@@ -13,7 +13,7 @@ from pydantic import BaseModel, FiniteFloat
 from gslts.core.se3 import pose_distance, rotation, twist_of
 from gslts.localization.relocalizer import Localization, Status
 from gslts.types import Floats
-from gslts_sim.home_source import STRICT
+from gslts_sim.strict_model import STRICT
 
 MOVED_M, MOVED_DEG = 0.05, 2.0
 """How far from the truth tracking starts."""

@@ -30,11 +30,11 @@ from gslts_bench.homes import MAP_S, RECORDING_S, BenchHome
 from gslts_bench.update.score import as_mapped
 from gslts_bench.work import Add, Tell, run_units
 from gslts_sim.actions import SceneState
+from gslts_sim.change_sampler import TaskSettings
 from gslts_sim.controller import Controller
-from gslts_sim.home_source import STRICT
+from gslts_sim.strict_model import STRICT
 from gslts_sim.task import Kind, SensorSetup, Task
 from gslts_sim.tasks import TaskMaker
-from gslts_sim.trial import Setting
 
 FRESH_VIEWS = 40
 """That nothing was mapped from, drawn anew for each state that is looked at."""
@@ -169,11 +169,11 @@ class SeriesUnit:
     def _tasks(self) -> list[Task]:
         """The changes, the first of which starts from what the map shows."""
         setup = self.bench.setup
-        setting = Setting(noise=setup.noise, width=setup.width, height=setup.height)
+        setting = TaskSettings(noise=setup.noise, width=setup.width, height=setup.height)
         start = self.bench.tasks(1)[0]
         source, home = start.home, start.home.load(Path())
         maker = TaskMaker(setting, self.bench.seed)
-        tasks = list(maker.make_in_a_row(source, home, self.changes))
+        tasks = list(maker.make_sequence(source, home, self.changes))
         if len(tasks) < self.changes:
             raise ValueError(f"{self.name}: {len(tasks)} of {self.changes} changes are possible")
         return tasks
@@ -188,7 +188,7 @@ def fresh_frames(
     frames = []
     for number in range(count):
         robot.go(draw_visit(robot.home, rng).look)
-        frames.append(robot.look(number).observation)
+        frames.append(robot.snapshot(number).observation)
     return frames
 
 

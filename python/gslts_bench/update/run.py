@@ -30,7 +30,7 @@ from gslts_bench.update.score import Judge, JudgedView, judged_view
 from gslts_bench.work import Add, Result, Tell, message_of, validated
 from gslts_sim.controller import Controller
 from gslts_sim.home import Home
-from gslts_sim.home_source import STRICT
+from gslts_sim.strict_model import STRICT
 from gslts_sim.task import Task
 
 MARKS = (0, 50, 100, 250, 500, 1000)
@@ -265,8 +265,8 @@ class _Ground:
         views = []
         sets = task.test_viewpoints
         for number, viewpoint in enumerate((*sets.near, *sets.far)):
-            robot.go(viewpoint.look)
-            frame = robot.look(number).observation
+            robot.go(viewpoint)
+            frame = robot.snapshot(number).observation
             near = number < len(sets.near)
             view = judged_view(frame, task.change, self.gaussian_map, near=near)
             views += [] if view is None else [view]

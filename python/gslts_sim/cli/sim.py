@@ -57,10 +57,10 @@ def show(
     """
     from tqdm import tqdm
 
+    from gslts_sim.contact_sheet import write_contact_sheet
     from gslts_sim.home_source import FILE_TYPES, open_home
-    from gslts_sim.show import write_contact_sheet
-    from gslts_sim.show_task import write_task_sheet
     from gslts_sim.task import read_task
+    from gslts_sim.task_sheet import write_task_sheet
 
     path = Path(source)
     if path.suffix.lower() in (".json", *FILE_TYPES) and seeds:
@@ -144,14 +144,14 @@ def tasks(
 
     from gslts.io.atomic_files import empty_folder
     from gslts_sim import ROOM_TYPES
+    from gslts_sim.change_sampler import TaskSettings
     from gslts_sim.task import write_task
-    from gslts_sim.tasks import TaskMaker, script_name, tasks_of
-    from gslts_sim.trial import Setting
+    from gslts_sim.tasks import TaskMaker, generate_tasks, script_name
 
-    setting = Setting(noise=noise, object_id=object_id, receptacle_id=receptacle_id)
+    setting = TaskSettings(noise=noise, object_id=object_id, receptacle_id=receptacle_id)
     maker = TaskMaker(setting, first_seed)
     names = sources or list(ROOM_TYPES)
-    made = tasks_of(names, out, first_seed, count, per_home, maker)
+    made = generate_tasks(names, out, first_seed, count, per_home, maker)
     # Bad wishes show before the first task, and so before anything is written.
     first = next(made, None)
     empty_folder(out)
@@ -161,7 +161,7 @@ def tasks(
             write_task(task, out / script_name(written, task))
             written += 1
             bar.update()
-    reasons = ", ".join(f"{reason} ({times})" for reason, times in maker.refused.most_common(8))
+    reasons = ", ".join(f"{reason} ({times})" for reason, times in maker.rejected.most_common(8))
     typer.echo(f"wrote {written} tasks to {out}; refused: {reasons or 'nothing'}")
     if written < count:
         why = reasons or "nothing else can be added, removed or relocated"
@@ -187,12 +187,12 @@ def day(
 
     from gslts.io.atomic_files import empty_folder, write_whole
     from gslts_sim.capture import capture as write
+    from gslts_sim.change_sampler import TaskSettings
     from gslts_sim.day import make_day
     from gslts_sim.explore import explore
     from gslts_sim.tasks import homes_of
-    from gslts_sim.trial import Setting
 
-    setting = Setting(noise=noise, width=width, height=height)
+    setting = TaskSettings(noise=noise, width=width, height=height)
     origin, found = next(homes_of([source], out, seed))
     made = make_day(origin, found, setting, seed, changes)
     empty_folder(out)
@@ -236,7 +236,7 @@ def replay(
     empty_folder(out)
     if changed:
         sets = task.test_viewpoints
-        looks = [one.look for one in (task.viewpoint, *sets.near, *sets.far)][:frames]
+        looks = [task.viewpoint, *sets.near, *sets.far][:frames]
     else:
         looks, _ = explore(robot.home, frames, lambda at: tqdm(at, desc="exploring", unit="place"))
     count = write(robot, tqdm(looks, desc=script.stem, unit="frame", disable=None), out)

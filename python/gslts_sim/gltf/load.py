@@ -108,7 +108,7 @@ def _home(file: GltfFile) -> Home:
         file.refuse(f"its rooms measure {sides} m; homes in metres have {least:g} to {most:g} m")
     shift = np.eye(4)
     shift[2, 3] = -min(float(room.box[0, 2]) for room in rooms)
-    objects = [one.thing.placed(shift @ one.thing.world_from_object, None) for one in found]
+    objects = [one.thing.place_at(shift @ one.thing.world_from_object, None) for one in found]
     rooms = [Room(room.type, room.box + shift[:3, 3]) for room in rooms]
     home = Home(
         name=file.path.stem,

@@ -52,4 +52,4 @@ def _is_good(home: Home) -> bool:
     movable = sum(thing.movable for thing in home.objects)
     if movable < LEAST_MOVABLE or problems(home):
         return False
-    return walkable_floor(home, home.rooms[0]).reached_share >= LEAST_REACHED_SHARE
+    return walkable_floor(home, home.rooms[0]).reached_fraction >= LEAST_REACHED_SHARE

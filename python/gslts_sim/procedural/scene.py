@@ -12,10 +12,10 @@ from gslts_sim.home import AreaLight, Home, HomeObject, Room, pose
 from gslts_sim.physics import (
     OrientedBoxes,
     boxes_in_world,
-    carried_share,
     collides,
+    collision_free,
     footprint,
-    free_places,
+    supported_fraction,
 )
 from gslts_sim.procedural.catalog import building
 from gslts_sim.procedural.catalog.building import Opening
@@ -355,10 +355,10 @@ class Scene:
                     for (px, py, pz), facing in zip(points.tolist(), facings, strict=True)
                 ]
             )
-            good = carried_share(thing.boxes, places, carriers) >= CARRIED_SHARE
+            good = supported_fraction(thing.boxes, places, carriers) >= CARRIED_SHARE
             if good.any():
                 places = places[good]
-                free = free_places(thing.boxes, places, self._obstacles)
+                free = collision_free(thing.boxes, places, self._obstacles)
                 if free.any():
                     return self.add(thing, places[free.argmax()], parent.id)
         return None

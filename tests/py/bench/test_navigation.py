@@ -16,7 +16,7 @@ from gslts_bench.navigation.truth import Truth, floor_distances_m, succeeds
 from gslts_bench.navigation.walker import Walker
 from gslts_sim.controller import Controller
 from gslts_sim.home import pose
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
 
 
 def record(success: bool, shortest_m: float, walked_m: float, room: str = "kitchen") -> Record:
@@ -110,7 +110,7 @@ def test_distances_are_to_the_outline_however_it_is_turned() -> None:
     box = surfel_room.thing("Box|1", (-0.5, -0.5, 0), (0.5, 0.5, 1))
     places = np.array([[2.0, 0.0], [0.1, 0.1], [1.5, 1.5]])
     np.testing.assert_allclose(floor_distances_m(box, places), [1.5, 0, 2**0.5], atol=1e-6)
-    turned = box.placed(pose(0, 0, 0, np.pi / 4), None)
+    turned = box.place_at(pose(0, 0, 0, np.pi / 4), None)
     expected = [2 - 0.5**0.5, 0, 1.5 * 2**0.5 - 0.5]
     np.testing.assert_allclose(floor_distances_m(turned, places), expected, atol=1e-6)
 
@@ -119,8 +119,8 @@ def test_success_needs_a_thing_that_is_near_and_in_view() -> None:
     robot = Controller(surfel_room.home(), width=160, height=120)
 
     def ends(x: float, y: float, yaw_deg: float, category: str = "Mug") -> bool:
-        robot.go(Look(np.array([x, y]), yaw_deg, 40.0))
-        return succeeds(truth(), category, np.array([x, y]), robot.look(0).instances)
+        robot.go(Viewpoint(x, y, yaw_deg, 40.0))
+        return succeeds(truth(), category, np.array([x, y]), robot.snapshot(0).instances)
 
     assert ends(3.0, 1.5, 180)
     assert not ends(3.0, 1.5, 0)  # It looks away.
@@ -149,7 +149,7 @@ def test_episodes_can_be_drawn_again(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_walker_does_not_jump_over_the_block() -> None:
     controller = Controller(surfel_room.home(), width=160, height=120)
-    controller.go(Look(np.array([1.25, 1.5]), 0.0, 0.0))
+    controller.go(Viewpoint(1.25, 1.5, 0.0, 0.0))
     walker = Walker(controller, truth())
     assert not walker.move_towards(np.array([2.75, 1.5]), 0.0)
     np.testing.assert_allclose(walker.pose()[:2, 3], [1.25, 1.5])

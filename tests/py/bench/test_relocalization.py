@@ -21,7 +21,7 @@ from gslts_bench.relocalization.frames import (
 )
 from gslts_bench.relocalization.room import RecordedRoom, brought_to, content_of
 from gslts_sim import make_home
-from gslts_sim.robot_body import Look, floor_of
+from gslts_sim.robot_body import Viewpoint, floor_of
 
 BENCH = BenchHome(
     "bedroom", 3, HomeSetup(frames=16, width=160, height=120, code={"sim": 0}), Path()
@@ -72,11 +72,11 @@ def test_other_homes_are_of_another_type_and_of_the_same() -> None:
 def test_looks_nearby_are_from_where_a_robot_can_stand() -> None:
     home, rng = make_home("bedroom", 3, detail=0.05), np.random.default_rng(0)
     floor = floor_of(home)
-    look = Look(floor.places(0.25)[7], 350.0, 20.0)
+    look = Viewpoint.at(floor.grid_positions(0.25)[7], 350.0, 20.0)
     looks = [look_near(look, home, rng) for _ in range(20)]
     for one in looks:
-        assert floor.can_stand(one.place)
-        assert np.abs(one.place - look.place).max() <= NEAR_M
+        assert floor.can_stand(one.position)
+        assert np.abs(one.position - look.position).max() <= NEAR_M
         assert abs((one.yaw_deg - look.yaw_deg + 180) % 360 - 180) <= NEAR_DEG + 0.1
         assert one.horizon_deg == 20
     assert len({one.yaw_deg for one in looks}) > 10
@@ -86,9 +86,9 @@ def test_more_visits_begin_with_the_same_ones() -> None:
     few, more = cases_of(BENCH, 3, 0), cases_of(BENCH, 5, 0)
     assert few.cases == more.cases[:3]
     assert few.initial_actions == more.initial_actions
-    grid = floor_of(Batch(BENCH, few, strange=False).before().home).places(0.25)
+    grid = floor_of(Batch(BENCH, few, strange=False).before().home).grid_positions(0.25)
     for case in more.cases:
-        place = case.viewpoint.look.place
+        place = case.viewpoint.position
         assert np.linalg.norm(grid - place, axis=1).min() > 1e-6, "the recording's are on a grid"
 
 

@@ -8,7 +8,7 @@ import sim_scenes
 import surface_oracle
 
 import gslts
-from gslts._core.map import SurfaceVoxels
+from gslts._core.fusion import SurfaceVoxels
 from gslts.core.camera import at_pose
 from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import se3_retract, twist_of

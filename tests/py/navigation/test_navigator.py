@@ -10,16 +10,16 @@ import surfel_room
 from gslts.core.camera import at_pose
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
-from gslts.navigation.navigator import MOST_STEPS, NEAR_M, Journey, Navigator
+from gslts.navigation.navigator import MAX_MOVES, SUCCESS_DISTANCE_M, NavigationResult, Navigator
 from gslts.robots.recorded import RecordedRobot
 from gslts.semantics.source import Oracle
 from gslts_bench.navigation.truth import Truth, floor_distances_m, succeeds
 from gslts_bench.navigation.walker import Walker
 from gslts_sim.controller import Controller
 from gslts_sim.home import Home
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
 
-START = Look(np.array([0.5, 1.5]), 180.0, 0.0)
+START = Viewpoint(0.5, 1.5, 180.0, 0.0)
 
 
 @cache
@@ -31,7 +31,7 @@ def navigator_of(gaussian_map: GaussianMap) -> Navigator:
     return Navigator(gaussian_map, surfel_room.autoencoder(), Oracle())
 
 
-def robot_in(home: Home, start: Look = START, noise: str = "none") -> Walker:
+def robot_in(home: Home, start: Viewpoint = START, noise: str = "none") -> Walker:
     controller = Controller(home, width=160, height=120, noise=noise)
     controller.go(start)
     return Walker(controller, Truth(home))
@@ -41,12 +41,12 @@ def with_box(home: Home, low: surfel_room.Point, high: surfel_room.Point) -> Hom
     return home.with_object(surfel_room.thing("Box|2", low, high))
 
 
-def assert_there(found: Journey, robot: Walker, home: Home, category: str) -> None:
+def assert_there(found: NavigationResult, robot: Walker, home: Home, category: str) -> None:
     assert (found.status, found.reason) == ("reached", "")
     assert succeeds(Truth(home), category, robot.places[-1], robot.event.instances)
     assert found.distance_m is not None
-    assert found.distance_m <= NEAR_M
-    np.testing.assert_allclose(found.way[-1], robot.places[-1], atol=0.03)
+    assert found.distance_m <= SUCCESS_DISTANCE_M
+    np.testing.assert_allclose(found.path[-1], robot.places[-1], atol=0.03)
     assert found.frame is robot.event.observation
 
 
@@ -58,23 +58,23 @@ def test_the_robot_goes_to_a_thing_and_looks_at_it(noise: str) -> None:
     found = navigator().go(robot, "mug", lambda: moves.append(1))
     assert_there(found, robot, home, "Mug")
     truth = Truth(home)
-    start = int(np.argmin(np.linalg.norm(truth.places - START.place, axis=1)))
+    start = int(np.argmin(np.linalg.norm(truth.places - START.position, axis=1)))
     shortest_m = truth.metres_to(truth.goals("Mug"))[start]
     assert 0 < shortest_m <= robot.length_m <= 1.3 * shortest_m
     assert found.length_m == pytest.approx(robot.length_m, abs=0.3)
-    assert len(moves) == len(found.way) - 1
+    assert len(moves) == len(found.path) - 1
 
 
 def test_the_nearest_of_several_is_gone_to() -> None:
     home = with_box(surfel_room.home(), (3.5, 0.1, 0), (3.9, 0.5, 0.4))
     both = navigator_of(surfel_room.surfels(home))
     for start, expected in (
-        (Look(np.array([0.5, 1.0]), 0, 0), "Box|1"),
-        (Look(np.array([3.5, 1.5]), 0, 0), "Box|2"),
+        (Viewpoint(0.5, 1.0, 0, 0), "Box|1"),
+        (Viewpoint(3.5, 1.5, 0, 0), "Box|2"),
     ):
         robot = robot_in(home, start)
         assert_there(both.go(robot, "Box"), robot, home, "Box")
-        assert floor_distances_m(home[expected], robot.places[-1][None])[0] <= NEAR_M
+        assert floor_distances_m(home[expected], robot.places[-1][None])[0] <= SUCCESS_DISTANCE_M
 
 
 def test_what_the_map_does_not_know_is_not_found() -> None:
@@ -91,7 +91,7 @@ def test_what_was_taken_away_is_not_found() -> None:
     found = navigator().go(robot, "Mug")
     assert (found.status, found.reason) == ("not found", "no Mug is where the map has one")
     assert robot.length_m > 0
-    assert len(found.way) < 80
+    assert len(found.path) < 80
 
 
 def test_what_is_flat_and_gone_is_told_by_its_picture() -> None:
@@ -127,7 +127,7 @@ def test_after_one_that_is_gone_another_is_gone_to() -> None:
 
 
 def test_the_robot_goes_around_what_the_map_does_not_have() -> None:
-    goal = Look(np.array([3.25, 0.5]), 0, 0)
+    goal = Viewpoint(3.25, 0.5, 0, 0)
     plain = robot_in(surfel_room.home(), goal)
     assert_there(navigator().go(plain, "Box"), plain, surfel_room.home(), "Box")
     # The shorter way around the block is shut.
@@ -138,7 +138,7 @@ def test_the_robot_goes_around_what_the_map_does_not_have() -> None:
     found = navigator().go(robot, "Box")
     assert found.status == "reached"
     assert found.replans >= 1
-    assert floor_distances_m(home["Box|1"], robot.places[-1][None])[0] <= NEAR_M
+    assert floor_distances_m(home["Box|1"], robot.places[-1][None])[0] <= SUCCESS_DISTANCE_M
     assert robot.length_m > plain.length_m
 
 
@@ -148,7 +148,7 @@ def test_what_is_walled_in_cannot_be_reached() -> None:
         [((0.0, 1.2, 0.0), (1.3, 1.3, 1.0)), ((1.3, 1.2, 0.0), (1.4, 3.0, 1.0))]
     ):
         home = home.with_object(surfel_room.thing(f"Block|{number + 2}", low, high))
-    robot = robot_in(home, Look(np.array([3.25, 0.5]), 0, 0))
+    robot = robot_in(home, Viewpoint(3.25, 0.5, 0, 0))
     found = navigator_of(surfel_room.surfels(home)).go(robot, "Box")
     assert found.status == "unreachable"
     assert found.reason == "the robot can stand at no place within 1 m of any Box"
@@ -167,7 +167,7 @@ def test_a_way_that_is_shut_in_truth_alone_ends_the_journey() -> None:
     assert found.status in ("unreachable", "lost track")
     assert found.reason
     assert found.length_m == 0
-    assert 0 < found.replans <= MOST_STEPS
+    assert 0 < found.replans <= MAX_MOVES
 
 
 def test_a_start_in_an_obstacle_of_the_map_is_left() -> None:
@@ -196,7 +196,7 @@ def test_beyond_the_map_the_robot_is_lost() -> None:
 def test_a_recording_is_a_robot_too() -> None:
     controller = Controller(surfel_room.home(), width=160, height=120)
     frames = []
-    for look in (START, Look(np.array([1.25, 1.5]), 0.0, 30.0)):
+    for look in (START, Viewpoint(1.25, 1.5, 0.0, 30.0)):
         controller.go(look)
         frames.append(controller.observe())
     found = navigator().go(RecordedRobot(frames), "Mug")

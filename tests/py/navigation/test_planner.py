@@ -9,7 +9,14 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from gslts.navigation.grid import Grid
-from gslts.navigation.planner import NEIGHBOURS, OUT_M, plan, room_for, sees, travel_m
+from gslts.navigation.planner import (
+    MAX_START_OFFSET_M,
+    NEIGHBOURS,
+    distance_field_m,
+    free_cells,
+    is_line_free,
+    plan_path,
+)
 
 CELL_M = 0.05
 SIZE = 40
@@ -62,24 +69,26 @@ def test_ways_are_as_short_as_dijkstras(seed: int) -> None:
     goal = rng.choice(np.argwhere(free))
     expected = octile_m(free, one(goal))
     for cell in rng.permutation(np.argwhere(free))[:40]:
-        start = where.middles(cell[None])[0]
-        way = plan(where, free, start, one(goal))
+        start = where.centers(cell[None])[0]
+        way = plan_path(where, free, start, one(goal))
         octile = expected[tuple(cell)]
         if not np.isfinite(octile):
             assert "no way leads from" in way.reason or "no free floor" in way.reason
             continue
         straight_m = np.linalg.norm(cell - goal) * CELL_M
         assert straight_m - 1e-9 <= way.length_m <= octile + 1e-9
-        assert all(sees(where, free, first, second) for first, second in pairwise(way.points))
+        assert all(
+            is_line_free(where, free, first, second) for first, second in pairwise(way.points)
+        )
         np.testing.assert_allclose(way.points[0], start)
-        np.testing.assert_allclose(way.points[-1], where.middles(goal[None])[0])
+        np.testing.assert_allclose(way.points[-1], where.centers(goal[None])[0])
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_the_field_is_that_of_dijkstra(seed: int) -> None:
     free = maze(seed)
     goals = one(np.argwhere(free)[3]) | one(np.argwhere(free)[-3])
-    found, expected = travel_m(free, goals, CELL_M), octile_m(free, goals)
+    found, expected = distance_field_m(free, goals, CELL_M), octile_m(free, goals)
     np.testing.assert_array_equal(np.isfinite(found), np.isfinite(expected))
     known = np.isfinite(expected) & ~goals
     # An octile way is up to 8 % longer than a straight one; near a goal, fronts are square.
@@ -90,8 +99,8 @@ def test_the_field_is_that_of_dijkstra(seed: int) -> None:
 def test_an_open_floor_is_crossed_straight() -> None:
     free, where = np.ones((SIZE, SIZE), np.bool_), grid()
     start, goal = np.array([-0.9, 2.1]), np.array([37, 20])
-    way = plan(where, free, start, one(goal))
-    end = where.middles(goal[None])[0]
+    way = plan_path(where, free, start, one(goal))
+    end = where.centers(goal[None])[0]
     assert way.length_m == pytest.approx(np.linalg.norm(end - start), rel=1e-3)
 
 
@@ -100,62 +109,62 @@ def test_the_nearest_of_several_goals_is_taken() -> None:
     free[:30, 20] = False
     near_but_behind, far = np.array([2, 22]), np.array([2, 3])
     goals = one(near_but_behind) | one(far)
-    way = plan(grid(), free, grid().middles(np.array([[2, 17]]))[0], goals)
-    np.testing.assert_allclose(way.points[-1], grid().middles(far[None])[0])
+    way = plan_path(grid(), free, grid().centers(np.array([[2, 17]]))[0], goals)
+    np.testing.assert_allclose(way.points[-1], grid().centers(far[None])[0])
 
 
 def test_what_cannot_be_reached_is_told() -> None:
     free = np.ones((SIZE, SIZE), np.bool_)
     free[:, 20] = False
-    way = plan(grid(), free, grid().middles(np.array([[5, 5]]))[0], one(np.array([5, 35])))
+    way = plan_path(grid(), free, grid().centers(np.array([[5, 5]]))[0], one(np.array([5, 35])))
     assert len(way.points) == 0
     assert way.length_m == np.inf
     assert re.fullmatch(r"no way leads from \(-0\.7., 2\.2.\) to the goal", way.reason)
-    inside = plan(grid(), free, grid().middles(np.array([[5, 5]]))[0], one(np.array([5, 20])))
+    inside = plan_path(grid(), free, grid().centers(np.array([[5, 5]]))[0], one(np.array([5, 20])))
     assert inside.reason == "there is no room at the goal"
 
 
 def test_ways_do_not_squeeze_between_corners() -> None:
     free = ~np.eye(8, dtype=np.bool_)
-    start = grid(8).middles(np.array([[0, 7]]))[0]
-    assert plan(grid(8), free, start, one(np.array([7, 0]), 8)).reason
-    end = grid(8).middles(np.array([[7, 0]]))[0]
-    assert not sees(grid(8), free, start, end)
+    start = grid(8).centers(np.array([[0, 7]]))[0]
+    assert plan_path(grid(8), free, start, one(np.array([7, 0]), 8)).reason
+    end = grid(8).centers(np.array([[7, 0]]))[0]
+    assert not is_line_free(grid(8), free, start, end)
 
 
 def test_out_of_an_obstacle_the_way_begins_at_the_nearest_free_cell() -> None:
     free = np.ones((SIZE, SIZE), np.bool_)
     free[10:20, 10:20] = False
-    start = grid().middles(np.array([[15, 11]]))[0]
-    way = plan(grid(), free, start, one(np.array([15, 35])))
+    start = grid().centers(np.array([[15, 11]]))[0]
+    way = plan_path(grid(), free, start, one(np.array([15, 35])))
     np.testing.assert_allclose(way.points[0], start)
-    np.testing.assert_allclose(way.points[1], grid().middles(np.array([[15, 9]]))[0])
+    np.testing.assert_allclose(way.points[1], grid().centers(np.array([[15, 9]]))[0])
     assert not way.reason
 
 
 def test_far_from_any_free_cell_there_is_no_way() -> None:
     free = np.zeros((SIZE, SIZE), np.bool_)
     free[:, 35:] = True
-    start = grid().middles(np.array([[15, 5]]))[0]
-    way = plan(grid(), free, start, one(np.array([15, 38])))
-    assert way.reason.startswith(f"there is no free floor within {OUT_M} m of (-0.7")
-    away = plan(grid(), free, np.array([90.0, 90.0]), one(np.array([15, 38])))
+    start = grid().centers(np.array([[15, 5]]))[0]
+    way = plan_path(grid(), free, start, one(np.array([15, 38])))
+    assert way.reason.startswith(f"there is no free floor within {MAX_START_OFFSET_M} m of (-0.7")
+    away = plan_path(grid(), free, np.array([90.0, 90.0]), one(np.array([15, 38])))
     assert away.reason.startswith("there is no free floor")
 
 
 def test_the_way_out_of_an_obstacle_is_not_through_a_wall() -> None:
     free = np.ones((SIZE, SIZE), np.bool_)
     free[:, 18:22] = False
-    start = grid().middles(np.array([[15, 18]]))[0]
-    assert not plan(grid(), free, start, one(np.array([15, 5]))).reason
-    assert "no way leads" in plan(grid(), free, start, one(np.array([15, 35]))).reason
+    start = grid().centers(np.array([[15, 18]]))[0]
+    assert not plan_path(grid(), free, start, one(np.array([15, 5]))).reason
+    assert "no way leads" in plan_path(grid(), free, start, one(np.array([15, 35]))).reason
 
 
 def test_at_the_goal_the_way_is_short() -> None:
     free = np.ones((SIZE, SIZE), np.bool_)
-    start = grid().middles(np.array([[5, 5]]))[0]
-    assert plan(grid(), free, start, one(np.array([5, 5]))).length_m == 0
-    assert not travel_m(free, free, CELL_M).any()
+    start = grid().centers(np.array([[5, 5]]))[0]
+    assert plan_path(grid(), free, start, one(np.array([5, 5]))).length_m == 0
+    assert not distance_field_m(free, free, CELL_M).any()
 
 
 @pytest.mark.parametrize("radius_cells", [1.0, 4.0, 5.5])
@@ -163,9 +172,9 @@ def test_room_is_a_radius_away_from_obstacles(radius_cells: float) -> None:
     rng = np.random.default_rng(0)
     obstacles = rng.random((SIZE, SIZE)) < 0.01
     explored = rng.random((SIZE, SIZE)) < 0.9
-    found = room_for(explored, obstacles, radius_cells)
+    found = free_cells(explored, obstacles, radius_cells)
     cells = np.argwhere(np.ones_like(obstacles))
     metres = np.linalg.norm(cells[:, None] - np.argwhere(obstacles), axis=2).min(axis=1)
     expected = explored & (metres >= radius_cells - 1e-6).reshape(SIZE, SIZE)
     np.testing.assert_array_equal(found, expected)
-    assert room_for(explored, np.zeros_like(obstacles), radius_cells).sum() == explored.sum()
+    assert free_cells(explored, np.zeros_like(obstacles), radius_cells).sum() == explored.sum()

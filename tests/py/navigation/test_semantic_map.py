@@ -10,18 +10,18 @@ import yaml
 from PIL import Image
 
 from gslts.core.gaussian_map import GaussianMap
+from gslts.core.robot_body import RobotBody
 from gslts.navigation.grid import Grid
-from gslts.navigation.robot_body import RobotBody
-from gslts.navigation.semantic_map import SemanticMap, semantic_map
+from gslts.navigation.semantic_map import SemanticMap, make_semantic_map
 from gslts.navigation.semantic_map_files import (
     CELL_PX,
     WAY_COLOR,
-    map_picture,
+    draw_semantic_map,
     write_map_server,
     write_picture,
 )
-from gslts.navigation.surface_points import floor_height_m, surface_points
-from gslts.semantics.categories import Categories, categories_of
+from gslts.navigation.surface_points import floor_height_m, sample_surfaces
+from gslts.semantics.categories import Categories, classify_gaussians
 from gslts.semantics.source import Oracle
 
 BODY = RobotBody()
@@ -29,7 +29,7 @@ BODY = RobotBody()
 
 def flattened(gaussian_map: GaussianMap, *names: str, body: RobotBody = BODY) -> SemanticMap:
     categories = Categories(names, surfel_room.autoencoder(), Oracle())
-    return semantic_map(gaussian_map, body, categories)
+    return make_semantic_map(gaussian_map, body, categories)
 
 
 def at(mask: np.ndarray, grid: Grid, *places: tuple[float, float]) -> list[bool]:
@@ -74,7 +74,7 @@ def test_a_table_larger_than_the_floor_that_shows_is_no_floor() -> None:
     table = np.stack(np.meshgrid(np.arange(1, 3, 0.05), np.arange(0, 2, 0.05), [0.9]), -1)
     means = np.concatenate([floor.reshape(-1, 3), table.reshape(-1, 3)])
     own = surfel_room.gaussians(means, np.tile(scales, (len(means), 1)), [""] * len(means))
-    assert floor_height_m(surface_points(own, 0.05)) == pytest.approx(0.2, abs=0.01)
+    assert floor_height_m(sample_surfaces(own, 0.05)) == pytest.approx(0.2, abs=0.01)
 
 
 def test_what_hangs_higher_than_the_robot_is_no_obstacle() -> None:
@@ -127,9 +127,9 @@ def test_what_is_transparent_or_far_away_does_not_count() -> None:
 def test_large_gaussians_cover_all_their_cells() -> None:
     means = np.array([[x, y, 0.0] for x in (0.0, 0.6, 1.2) for y in (0.0, 0.6, 1.2)])
     floor = surfel_room.gaussians(means, np.tile([0.3, 0.3, 0.002], (9, 1)), [""] * 9)
-    found = semantic_map(floor, BODY)
+    found = make_semantic_map(floor, BODY)
     inside = np.argwhere(np.ones_like(found.explored))
-    x, y = found.grid.middles(inside).T
+    x, y = found.grid.centers(inside).T
     middle = (x > 0) & (x < 1.2) & (y > 0) & (y < 1.2)
     assert found.explored[tuple(inside[middle].T)].all()
     assert not found.obstacles.any()
@@ -139,24 +139,26 @@ def test_the_most_relevant_category_wins() -> None:
     types = ["Mug", "Box", "Bed", ""]
     own = surfel_room.gaussians(np.zeros((4, 3)), np.full((4, 3), 0.01), types)
     rows = np.array([0, 1, 2, 3, 0])
-    found = categories_of(own, rows, surfel_room.autoencoder(), Oracle(), ["Box", "Mug"])
+    found = classify_gaussians(own, rows, surfel_room.autoencoder(), Oracle(), ["Box", "Mug"])
     assert found.tolist() == [1, 0, -1, -1, 1]
-    assert categories_of(own, rows[:0], surfel_room.autoencoder(), Oracle(), ["Box"]).size == 0
+    assert classify_gaussians(own, rows[:0], surfel_room.autoencoder(), Oracle(), ["Box"]).size == 0
     for names in (["Mug", "Mug"], [" "]):
         with pytest.raises(ValueError, match="names: one is empty or occurs twice"):
-            categories_of(own, rows, surfel_room.autoencoder(), Oracle(), names)
+            classify_gaussians(own, rows, surfel_room.autoencoder(), Oracle(), names)
     plain = replace(own, features=np.zeros((4, 3), np.float32))
-    with pytest.raises(ValueError, match="the map has 3 features a Gaussian, which is no multiple"):
-        categories_of(plain, rows, surfel_room.autoencoder(), Oracle(), ["Mug"])
+    with pytest.raises(
+        ValueError, match="features of the map have 3 dimensions, which is no multiple"
+    ):
+        classify_gaussians(plain, rows, surfel_room.autoencoder(), Oracle(), ["Mug"])
 
 
 def test_bad_maps_are_refused() -> None:
     room = surfel_room.surfel_map()
     nothing = room.select(np.zeros(0, np.intp))
     with pytest.raises(ValueError, match="it has no opaque Gaussian"):
-        semantic_map(nothing, BODY)
+        make_semantic_map(nothing, BODY)
     with pytest.raises(ValueError, match=r"size must be in 1\.\.4096"):
-        semantic_map(room, BODY, cell_m=0.001)
+        make_semantic_map(room, BODY, cell_m=0.001)
     with pytest.raises(ValueError, match="cell_m: must be positive"):
         Grid(np.zeros(2), 0.0, 4)
 
@@ -187,7 +189,7 @@ def test_map_server_reads_the_files(tmp_path: Path) -> None:
         *("occupied", "occupied", "free", "unknown")
     ]
     cells = np.random.default_rng(0).integers(0, found.grid.size, (300, 2))
-    told = served(tmp_path, found.grid.middles(cells))
+    told = served(tmp_path, found.grid.centers(cells))
     for word, cell in zip(told, cells, strict=True):
         expected = "free" if found.explored[tuple(cell)] else "unknown"
         assert word == ("occupied" if found.obstacles[tuple(cell)] else expected)
@@ -213,7 +215,7 @@ def test_files_are_whole_or_not_there(tmp_path: Path, monkeypatch: pytest.Monkey
 def test_pictures_show_layers_and_ways(tmp_path: Path) -> None:
     found = flattened(surfel_room.surfel_map(), "Mug", "Box")
     way = np.array([[0.5, 0.5], [3.5, 0.5]])
-    write_picture(map_picture(found, way, ["Mug"]), tmp_path / "map.png")
+    write_picture(draw_semantic_map(found, way, ["Mug"]), tmp_path / "map.png")
     picture = np.asarray(Image.open(tmp_path / "map.png"))
 
     def pixel(x: float, y: float) -> tuple[int, ...]:

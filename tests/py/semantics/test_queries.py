@@ -11,7 +11,7 @@ from gslts.semantics import queries as localize
 from gslts.semantics.autoencoder import Autoencoder
 from gslts.semantics.queries import SemanticQueries
 from gslts.semantics.source import Oracle
-from gslts.semantics.train_autoencoder import trained
+from gslts.semantics.train_autoencoder import train_autoencoder
 
 ORIGIN = np.array([10.0, -5.0, 0.5])
 NAMES = ("Mug", "Sofa", "Lamp", "Shelf", "Wall")
@@ -19,7 +19,7 @@ NAMES = ("Mug", "Sofa", "Lamp", "Shelf", "Wall")
 
 @cache
 def autoencoder() -> Autoencoder:
-    return trained(Oracle().encode(NAMES), 8, steps=400)
+    return train_autoencoder(Oracle().encode(NAMES), 8, steps=400)
 
 
 def block(low: tuple[float, ...], high: tuple[float, ...], step_m: float = 0.02) -> np.ndarray:
@@ -34,7 +34,7 @@ def map_of(*parts: tuple[str | None, np.ndarray]) -> GaussianMap:
     features = [
         np.zeros((len(points), 8), np.float32)
         if name is None
-        else autoencoder().encoded(np.repeat(Oracle().encode([name]), len(points), axis=0))
+        else autoencoder().encode(np.repeat(Oracle().encode([name]), len(points), axis=0))
         for name, points in parts
     ]
     size = len(points)
@@ -142,7 +142,7 @@ def test_what_is_absent_is_not_found() -> None:
 
 def test_how_well_gaussians_fit() -> None:
     some = queries(("Mug", FIRST), ("Sofa", SECOND), (None, WALL[1]))
-    fits = np.split(some.fits("mug"), np.cumsum([len(FIRST), len(SECOND)]))
+    fits = np.split(some.relevance("mug"), np.cumsum([len(FIRST), len(SECOND)]))
     assert fits[0].min() > Oracle.threshold > fits[1].max() > 0
     assert (fits[2] == 0).all()
 
@@ -155,9 +155,13 @@ def test_empty_texts_are_refused(text: str) -> None:
 
 def test_features_of_another_autoencoder_are_refused() -> None:
     bare = map_of(("Mug", FIRST)).select(np.arange(5))
-    wider = trained(Oracle().encode(NAMES), 12, steps=1)
-    with pytest.raises(ValueError, match="the map has 8 features a Gaussian, which is no multiple"):
+    wider = train_autoencoder(Oracle().encode(NAMES), 12, steps=1)
+    with pytest.raises(
+        ValueError, match="the features of the map have 8 dimensions, which is no multiple"
+    ):
         SemanticQueries(bare, wider, Oracle())
-    other = trained(np.eye(16, dtype=np.float32), 8, steps=1)
-    with pytest.raises(ValueError, match="embeddings of 16 numbers, those of the source have 512"):
+    other = train_autoencoder(np.eye(16, dtype=np.float32), 8, steps=1)
+    with pytest.raises(
+        ValueError, match="has semantics of 16-D embeddings, the source gives 512-D"
+    ):
         SemanticQueries(bare, other, Oracle())

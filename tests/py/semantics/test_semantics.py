@@ -11,11 +11,11 @@ import pytest
 from gslts.core.camera import camera_from_fov, look_at
 from gslts.core.gaussian_map import GaussianMap
 from gslts.rendering.rasterizer import render
-from gslts.semantics.autoencoder import Autoencoder, bytes_of_autoencoder, read_autoencoder
-from gslts.semantics.lift import lifted
+from gslts.semantics.autoencoder import Autoencoder, autoencoder_bytes, read_autoencoder
+from gslts.semantics.lift import lift_features
 from gslts.semantics.relevance import CANONICAL, relevance
 from gslts.semantics.source import Oracle, Segments
-from gslts.semantics.train_autoencoder import trained
+from gslts.semantics.train_autoencoder import train_autoencoder
 
 
 def test_relevance_by_hand() -> None:
@@ -66,21 +66,21 @@ def test_bad_segments_are_refused(labels: np.ndarray, message: str) -> None:
 def test_embeddings_come_back_from_their_codes(code: int, tmp_path: Path) -> None:
     names = [f"Thing{k}" for k in range(40)]
     embeddings = Oracle().encode(names)
-    model = trained(embeddings, code)
-    codes = model.encoded(embeddings)
+    model = train_autoencoder(embeddings, code)
+    codes = model.encode(embeddings)
     assert codes.shape == (40, code)
-    found = model.decoded(codes)
+    found = model.decode(codes)
     assert (found * embeddings).sum(axis=1).min() > 0.95
     assert (np.argmax(found @ embeddings.T, axis=1) == np.arange(40)).all()
     mixed = (codes + codes[::-1]) / 2
     np.testing.assert_allclose(
-        model.cosines(mixed, embeddings), model.decoded(mixed) @ embeddings.T, atol=2e-5
+        model.cosines(mixed, embeddings), model.decode(mixed) @ embeddings.T, atol=2e-5
     )
-    content = bytes_of_autoencoder(model)
+    content = autoencoder_bytes(model)
     path = tmp_path / "autoencoder.safetensors"
     path.write_bytes(content)
     again = read_autoencoder(path, hashlib.sha256(content).hexdigest())
-    np.testing.assert_array_equal(again.decoded(codes), found)
+    np.testing.assert_array_equal(again.decode(codes), found)
     with pytest.raises(ValueError, match=r"autoencoder\.safetensors: it is damaged"):
         read_autoencoder(path, hashlib.sha256(b"").hexdigest())
 
@@ -92,10 +92,10 @@ def test_training_is_repeatable_and_leaves_others_alone() -> None:
     torch.manual_seed(5)
     expected = torch.rand(1)
     torch.manual_seed(5)
-    one = trained(embeddings, steps=20)
+    one = train_autoencoder(embeddings, steps=20)
     assert torch.rand(1) == expected
     np.testing.assert_array_equal(
-        one.encoded(embeddings), trained(embeddings, steps=20).encoded(embeddings)
+        one.encode(embeddings), train_autoencoder(embeddings, steps=20).encode(embeddings)
     )
 
 
@@ -113,15 +113,15 @@ def test_bad_files_are_named(tmp_path: Path, content: bytes, message: str) -> No
 def test_bad_lengths_are_refused() -> None:
     embeddings = Oracle().encode(["Mug"])
     with pytest.raises(ValueError, match=r"code must be in 8\.\.64, got 65"):
-        trained(embeddings, 65)
+        train_autoencoder(embeddings, 65)
     with pytest.raises(ValueError, match="there is none"):
-        trained(embeddings[:0])
+        train_autoencoder(embeddings[:0])
     with pytest.raises(ValueError, match="must have at least 32 numbers, got 8"):
-        trained(embeddings[:, :8], 32)
+        train_autoencoder(embeddings[:, :8], 32)
 
 
 def test_weights_that_do_not_fit_are_refused() -> None:
-    weights = dict(trained(Oracle().encode(["Mug"]), 8, steps=1).weights)
+    weights = dict(train_autoencoder(Oracle().encode(["Mug"]), 8, steps=1).weights)
     fewer = {name: one for name, one in weights.items() if name != "decoder.2.bias"}
     turned, wide = weights["decoder.0.weight"].T.copy(), weights["encoder.0.weight"].astype(float)
     nothing = np.full(8, np.nan, np.float32)
@@ -151,7 +151,7 @@ def test_lifted_features_are_those_of_a_dense_solve() -> None:
         camera = camera_from_fov(40, 30, 0.6, look_at(eye, (0, 0, 0)))
         known = rng.random((30, 40)) < 0.7
         views.append((camera, rng.random((30, 40, 8), np.float32), known))
-    found = lifted(gaussian_map, views, 8, threads=1)
+    found = lift_features(gaussian_map, views, 8, threads=1)
     # Blend weights by rendering each Gaussian's own colour.
     sums, weights = np.zeros((12, 8)), np.zeros(12)
     for camera, features, known in views:

@@ -16,9 +16,9 @@ from gslts_sim.capture import capture, true_poses
 from gslts_sim.controller import Controller
 from gslts_sim.explore import COMPLETE_SHARE, explore
 from gslts_sim.home import Home
-from gslts_sim.viewpoints import Look
+from gslts_sim.robot_body import Viewpoint
 
-LOOKS = [Look(np.array([1.0, y]), yaw, 30.0) for y, yaw in ((1.0, 0.0), (1.0, 45.0), (2.5, 330.0))]
+LOOKS = [Viewpoint(1.0, y, yaw, 30.0) for y, yaw in ((1.0, 0.0), (1.0, 45.0), (2.5, 330.0))]
 
 
 def robot(noise: str = "none") -> Controller:
@@ -211,7 +211,7 @@ def test_nothing_is_overwritten(tmp_path: Path) -> None:
 
 
 def test_a_place_in_the_way_is_named(tmp_path: Path) -> None:
-    blocked = Look(np.array([2.5, 1.9]), 0.0, 0.0)
+    blocked = Viewpoint(2.5, 1.9, 0.0, 0.0)
     with pytest.raises(ValueError, match=r"capture: Teleport: the robot cannot stand at \(2\.5"):
         capture(robot(), [*LOOKS[:1], blocked], tmp_path / "set")
     assert len(read(tmp_path / "set")[1]) == 1
@@ -229,7 +229,7 @@ def test_exploring_ends_when_all_is_seen(bedroom: Home) -> None:
     few, less = explore(bedroom, 20)
     assert len(few) == 20
     assert 0.2 < less < share
-    poses = {(*look.place.tolist(), look.yaw_deg, look.horizon_deg) for look in looks}
+    poses = {(look.x, look.y, look.yaw_deg, look.horizon_deg) for look in looks}
     assert len(poses) == len(looks)
 
 
@@ -238,7 +238,7 @@ def test_few_views_see_most_objects(bedroom: Home) -> None:
     robot = Controller(bedroom, width=64, height=48)
     seen: set[str] = set()
     for look in explore(bedroom, 40)[0]:
-        x, y = look.place
+        x, y = look.x, look.y
         event = robot.step(
             "Teleport",
             position={"x": x, "y": y},

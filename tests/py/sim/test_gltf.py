@@ -221,8 +221,8 @@ def test_written_home_comes_back(tmp_path, room_type):
     # What hangs on walls has no parent then, and pots do not stand on the rings of a burner.
     assert standing > 0.7 * len(home.objects)
     camera = camera_from_fov(80, 60, 1.3, look_at((0.4, 0.4, 1.6), (2, 2, 0.8)))
-    first = RayCaster(home).look(camera)
-    second = RayCaster(replace(again, lights=home.all_lights, ambient=home.ambient)).look(camera)
+    first = RayCaster(home).render(camera)
+    second = RayCaster(replace(again, lights=home.all_lights, ambient=home.ambient)).render(camera)
     assert (first.instances == second.instances).mean() > 0.99
     assert np.abs(first.radiance - second.radiance).mean() < 0.002
 

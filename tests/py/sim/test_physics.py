@@ -13,7 +13,7 @@ from gslts_sim.physics import (
     hangs_on,
     overlap_m,
     problems,
-    resting_places,
+    resting_poses,
     stands_on,
     support_below,
 )
@@ -202,13 +202,13 @@ def test_resting_places_are_free_and_carried():
     vase = thing("Vase|1", (0.2, 0.2, 0.3), (0, 0, 0.7))
     mug = thing("Mug|1", (0.1, 0.1, 0.1), (5, 5, 0))
     home = home_of(TABLE, vase)
-    places = resting_places(home, mug, TABLE, yaw_rad=0.4)
+    places = resting_poses(home, mug, TABLE, yaw_rad=0.4)
     assert len(places) > 200
     for at in places:
-        put = mug.placed(at, "Table|1")
+        put = mug.place_at(at, "Table|1")
         assert stands_on(put, TABLE)
         assert collisions(home, put) == []
-    assert len(resting_places(home, thing("Sofa|1", (2, 1, 1)), TABLE)) == 0
+    assert len(resting_poses(home, thing("Sofa|1", (2, 1, 1)), TABLE)) == 0
 
 
 def test_walkable_floor_of_an_empty_room():
@@ -216,7 +216,7 @@ def test_walkable_floor_of_an_empty_room():
     assert floor.free.all()
     assert floor.standing.sum() * floor.cell_m**2 == pytest.approx(3.6 * 2.6, rel=0.03)
     # Only the corners outside of the round body are left out.
-    assert floor.reached_share == pytest.approx(1 - 4 * 0.2**2 * (1 - np.pi / 4) / 12, abs=0.01)
+    assert floor.reached_fraction == pytest.approx(1 - 4 * 0.2**2 * (1 - np.pi / 4) / 12, abs=0.01)
 
 
 def room() -> Room:
@@ -229,7 +229,7 @@ def test_walkable_floor_behind_a_gap(gap, share):
     length = 3 - gap
     barrier = thing("Cabinet|1", (0.1, length, 1), (2.5, length / 2, 0))
     floor = walkable_floor(home_of(barrier), room())
-    assert floor.reached_share == pytest.approx(share, abs=0.03)
+    assert floor.reached_fraction == pytest.approx(share, abs=0.03)
 
 
 def test_rugs_and_what_hangs_high_are_no_obstacles():
@@ -243,4 +243,4 @@ def test_a_room_without_free_floor():
     block = thing("Box|1", (4, 3, 1), (2, 1.5, 0))
     floor = walkable_floor(home_of(block), room())
     assert not floor.free.any()
-    assert floor.reached_share == 0
+    assert floor.reached_fraction == 0

@@ -17,13 +17,13 @@ from gslts_bench.detection.cases import Case, HomeCases, counts_of, frame_of
 from gslts_bench.detection.visits import LIGHT_SHIFT_M, noise_of_visit, with_light_moved
 from gslts_bench.homes import BenchHome, HomeSetup, default_state, homes_of
 from gslts_sim.actions import SceneState
+from gslts_sim.change_sampler import FIRST_VIEW_FRACTION
 from gslts_sim.controller import Controller
 from gslts_sim.home_source import HomeSource
 from gslts_sim.raycast import RayCaster
 from gslts_sim.robot_body import robot_camera
 from gslts_sim.sensor import NOISE_PRESETS, Sensor
 from gslts_sim.task import Task
-from gslts_sim.trial import FIRST_SHARE_PX
 
 SETTINGS = ("--set", "iterations=40", "--set", "rough_epochs=0", "--set", "voxel_m=0.1")
 SMALL = ("--room", "kitchen", "--seeds", "3:4", "--tasks", "6", "--size", "160x120")
@@ -221,7 +221,7 @@ def test_several_changes_are_all_seen(done: Path) -> None:
     for case in several:
         after = before
         for action in case.actions:
-            after = after.after(action)
+            after = after.apply(action)
         assert len({truth.change.object_id for truth in case.truths}) == len(case.truths)
         for truth in case.truths:
             change, counted = truth.change, []
@@ -235,12 +235,12 @@ def test_several_changes_are_all_seen(done: Path) -> None:
                 counted.append(seen_px(state, case, change.object_id))
             assert min(counted) == truth.size_px
             # At another size than that of the search.
-            assert truth.size_px >= 0.7 * FIRST_SHARE_PX[0] * 640 * 480
+            assert truth.size_px >= 0.7 * FIRST_VIEW_FRACTION[0] * 640 * 480
 
 
 def seen_px(state: SceneState, case: Case, object_id: str) -> int:
     robot = Controller(state)
-    robot.go(case.viewpoint.look)
+    robot.go(case.viewpoint)
     masks = robot.step("Pass").instance_masks
     return int(masks[object_id].sum()) if object_id in masks else 0
 
@@ -260,7 +260,7 @@ def test_visits_err_as_they_should(done: Path) -> None:
         assert not case.actions
         near = np.linalg.norm(recorded[:, :2] - [case.viewpoint.x, case.viewpoint.y], axis=1)
         assert near.min() > 0.001
-    true = robot_camera(before.home, visits[0].viewpoint.look, (160, 120))
+    true = robot_camera(before.home, visits[0].viewpoint, (160, 120))
     noise = noise_of_visit(NOISE_PRESETS["kinect"])
     caster = RayCaster(before.home)
     poses = [Sensor(noise, seed).take(caster, true, 0)[0].camera for seed in range(60)]

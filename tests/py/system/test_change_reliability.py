@@ -12,15 +12,15 @@ from change_room import LOOKS, see
 
 from gslts.core.camera import Camera, at_pose
 from gslts.core.frame import RgbdFrame
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
 
 VIEWS = {
     "front": LOOKS[0],
     "back": LOOKS[1],
     "corner": LOOKS[2],
-    "along": Look(np.array([0.6, 2.0]), 0.0, 20.0),
-    "across": Look(np.array([4.2, 3.3]), 225.0, 20.0),
-    "wall": Look(np.array([1.0, 3.2]), 200.0, 10.0),
+    "along": Viewpoint(0.6, 2.0, 0.0, 20.0),
+    "across": Viewpoint(4.2, 3.3, 225.0, 20.0),
+    "wall": Viewpoint(1.0, 3.2, 200.0, 10.0),
 }
 
 Spoil = Callable[[RgbdFrame], RgbdFrame]

@@ -13,12 +13,12 @@ import pytest
 from typer.main import get_command
 
 import gslts
-from gslts._core.raster import simd_target
+from gslts._core import simd
 from gslts.cli import app
 from gslts.core.gaussian_map import GaussianMap
-from gslts.semantics.files import keep_autoencoder
+from gslts.semantics.files import write_autoencoder
 from gslts.semantics.source import Oracle
-from gslts.semantics.train_autoencoder import trained
+from gslts.semantics.train_autoencoder import train_autoencoder
 from gslts.store.map_folder import open_map, write_map_folder
 
 pytestmark = pytest.mark.smoke
@@ -106,7 +106,7 @@ def taught(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A map of a few Gaussians that know words."""
     folder = tmp_path_factory.mktemp("taught") / "map"
     names = ("Mug", "Wall")
-    autoencoder = trained(Oracle().encode(names), 8, steps=100)
+    autoencoder = train_autoencoder(Oracle().encode(names), 8, steps=100)
     points = np.random.default_rng(0).uniform(0, 0.1, (200, 3)).astype(np.float32)
     some = GaussianMap(
         means=points,
@@ -122,9 +122,9 @@ def taught(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "levels": 1,
         "code": 8,
         "names": names,
-        "autoencoder": keep_autoencoder(autoencoder, folder),
+        "autoencoder": write_autoencoder(autoencoder, folder),
     }
-    features = autoencoder.encoded(np.repeat(Oracle().encode(["Mug"]), 200, axis=0))
+    features = autoencoder.encode(np.repeat(Oracle().encode(["Mug"]), 200, axis=0))
     with open_map(folder, writable=True) as store:
         store.commit_features(replace(some, features=features), setting)
     return folder
@@ -147,4 +147,4 @@ def test_the_version_is_told() -> None:
     done = subprocess.run(
         [sys.executable, "-c", program, "--version"], text=True, capture_output=True
     )
-    assert (done.returncode, done.stdout) == (0, f"gslts {gslts.__version__} ({simd_target()})\n")
+    assert (done.returncode, done.stdout) == (0, f"gslts {gslts.__version__} ({simd.target()})\n")

@@ -16,14 +16,14 @@ from gslts.cli import app
 from gslts.core.camera import camera_from_fov, look_at
 from gslts.core.frame import RgbdFrame
 from gslts.datasets import open_dataset
-from gslts.semantics.build import embedded
 from gslts.semantics.clip import ClipEncoder
 from gslts.semantics.clip_source import ClipSource
+from gslts.semantics.embed import embed_semantics
 from gslts.semantics.files import SemanticsSetting, read_semantics
-from gslts.semantics.map_semantics import Meaning
-from gslts.semantics.masks import cut_out, distinct, painted
-from gslts.semantics.open_source import source_of, teacher_of
+from gslts.semantics.map_semantics import MapSemantics
+from gslts.semantics.masks import crop_to_mask, paint_labels, suppress_duplicates
 from gslts.semantics.queries import SemanticQueries
+from gslts.semantics.registry import open_source, open_text_source
 from gslts.semantics.relevance import CANONICAL
 from gslts.semantics.sam import MaskGenerator
 from gslts.store.map_folder import write_map_folder
@@ -66,17 +66,17 @@ def test_pictures_mean_what_transformers_says(tmp_path: Path) -> None:
     assert (encoder.dims, encoder.side_px) == (tiny_models.DIMS, tiny_models.SIDE_PX)
     ramp = noise(32, 32) // 2 + np.linspace(0, 120, 32).astype(np.uint8)[:, None]
     pictures = [plain(RED), noise(32, 32), ramp]
-    found = encoder.of_pictures(pictures)
+    found = encoder.encode_images(pictures)
     assert found.dtype == np.float32
     np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1, rtol=1e-6)
     expected = [picture_by_transformers(tmp_path, one) for one in pictures]
     np.testing.assert_allclose(found, expected, atol=1e-4)
     # A wrong order of channels, or rows for columns, would have shown.
     for wrong in (ramp[..., ::-1], ramp.transpose(1, 0, 2), ramp[::-1], ramp[:, ::-1]):
-        (other,) = encoder.of_pictures([np.ascontiguousarray(wrong)])
+        (other,) = encoder.encode_images([np.ascontiguousarray(wrong)])
         assert np.abs(other - expected[2]).max() > 0.02
-    np.testing.assert_array_equal(encoder.of_pictures(pictures), found)
-    assert encoder.of_pictures([]).shape == (0, tiny_models.DIMS)
+    np.testing.assert_array_equal(encoder.encode_images(pictures), found)
+    assert encoder.encode_images([]).shape == (0, tiny_models.DIMS)
 
 
 def test_words_mean_what_transformers_says(tmp_path: Path) -> None:
@@ -103,7 +103,7 @@ def test_threads_are_given_back(tmp_path: Path) -> None:
 
     tiny_models.write_clip(tmp_path)
     before = torch.get_num_threads()
-    ClipEncoder(tmp_path, threads=before + 1).of_texts(["red"])
+    ClipEncoder(tmp_path, threads=before + 1).encode_texts(["red"])
     assert torch.get_num_threads() == before
     assert not torch.is_inference_mode_enabled()
 
@@ -116,8 +116,8 @@ def test_what_a_mask_covers_is_cut_out_upright_on_black() -> None:
     expected = np.zeros((4, 4, 3), np.uint8)
     expected[1:3] = rgb[2:4, 3:7]
     expected[1, 0] = 0
-    np.testing.assert_array_equal(cut_out(rgb, mask, 4), expected)
-    assert cut_out(rgb, mask, 32).shape == (32, 32, 3)
+    np.testing.assert_array_equal(crop_to_mask(rgb, mask, 4), expected)
+    assert crop_to_mask(rgb, mask, 32).shape == (32, 32, 3)
 
 
 def test_doubles_go_and_the_smallest_mask_is_on_top() -> None:
@@ -125,15 +125,15 @@ def test_doubles_go_and_the_smallest_mask_is_on_top() -> None:
     masks[0, :9] = True
     masks[1] = True
     masks[2, :2, :2] = True
-    assert distinct(masks, np.array([0.8, 0.9, 0.7], np.float32)).tolist() == [1, 2]
-    assert distinct(masks, np.array([0.9, 0.9, 0.7], np.float32)).tolist() == [0, 2]
-    assert distinct(masks[:0], np.zeros(0, np.float32)).tolist() == []
-    labels = painted(masks)
+    assert suppress_duplicates(masks, np.array([0.8, 0.9, 0.7], np.float32)).tolist() == [1, 2]
+    assert suppress_duplicates(masks, np.array([0.9, 0.9, 0.7], np.float32)).tolist() == [0, 2]
+    assert suppress_duplicates(masks[:0], np.zeros(0, np.float32)).tolist() == []
+    labels = paint_labels(masks)
     assert labels.dtype == np.int32
     expected = np.ones((10, 10))
     expected[:9], expected[:2, :2] = 0, 2
     np.testing.assert_array_equal(labels, expected)
-    assert (painted(masks[:0]) == -1).all()
+    assert (paint_labels(masks[:0]) == -1).all()
 
 
 def masks_by_transformers(folder: Path, rgb: np.ndarray) -> np.ndarray:
@@ -201,7 +201,7 @@ def test_a_level_without_masks_is_empty(tmp_path: Path) -> None:
     with torch.no_grad():
         model.mask_decoder.iou_prediction_head.proj_out.bias.fill_(0.1)
     model.save_pretrained(tmp_path / "sam")
-    source = teacher_of("clip", {"clip": tmp_path / "clip", "sam": tmp_path / "sam"}, threads=1)
+    source = open_source("clip", {"clip": tmp_path / "clip", "sam": tmp_path / "sam"}, threads=1)
     segments = source.segments(two_boxes()[0])
     assert segments.embeddings.shape == (0, tiny_models.DIMS)
     assert (segments.labels == -1).all()
@@ -240,8 +240,8 @@ def test_segments_number_what_shows(tmp_path: Path) -> None:
     expected = np.full((3, 6, 8), -1)
     expected[0, :, :4], expected[0, :, 4:7], expected[1, :, :4] = 0, 1, 2
     np.testing.assert_array_equal(segments.labels, expected)
-    pictures = [cut_out(frame.rgb, one & seen, encoder.side_px) for one in (left, right, left)]
-    np.testing.assert_array_equal(segments.embeddings, encoder.of_pictures(pictures))
+    pictures = [crop_to_mask(frame.rgb, one & seen, encoder.side_px) for one in (left, right, left)]
+    np.testing.assert_array_equal(segments.embeddings, encoder.encode_images(pictures))
     with pytest.raises(ValueError, match="without a SAM it knows words only"):
         ClipSource(encoder).segments(frame)
 
@@ -252,7 +252,7 @@ def test_a_map_is_asked_for_red_and_blue(tmp_path: Path) -> None:
     frames = two_boxes()
     masks, *_ = true_masks(frames)(frames[0].rgb)
     shown = [
-        picture_by_transformers(tmp_path, cut_out(frames[0].rgb, one, tiny_models.SIDE_PX))
+        picture_by_transformers(tmp_path, crop_to_mask(frames[0].rgb, one, tiny_models.SIDE_PX))
         for one in masks
     ]
     # The boxes come last.
@@ -263,7 +263,7 @@ def test_a_map_is_asked_for_red_and_blue(tmp_path: Path) -> None:
     tiny_models.teach_words(tmp_path, words)
     source = ClipSource(ClipEncoder(tmp_path, threads=1), true_masks(frames))
     gaussian_map, _ = change_room.mapped()
-    found = embedded(gaussian_map, frames, source, code=8, threads=1)
+    found = embed_semantics(gaussian_map, frames, source, code=8, threads=1)
     assert found.features.shape == (gaussian_map.size, 24)
     taught = replace(gaussian_map, features=found.features)
     queries = SemanticQueries(taught, found.autoencoder, source)
@@ -301,10 +301,10 @@ def test_a_map_is_taught_and_asked_by_commands(
     assert setting.models == {"clip": clip[1], "sam": sam[1]}
     first = run(*ask)
     assert isinstance(json.loads(first), list)
-    assert Meaning.of_map(tmp_path / "map") is not None
+    assert MapSemantics.of_map(tmp_path / "map") is not None
     # Words need no SAM, and CLIP may move; without SAM, updates go on, and tell of it.
     (tmp_path / "sam").rename(tmp_path / "gone")
-    assert Meaning.of_map(tmp_path / "map") is None
+    assert MapSemantics.of_map(tmp_path / "map") is None
     assert "what is new will have no meaning" in caplog.text
     (tmp_path / "clip").rename(tmp_path / "moved")
     with pytest.raises(FileNotFoundError, match=r"is not there; --clip DIR tells where"):
@@ -314,8 +314,8 @@ def test_a_map_is_taught_and_asked_by_commands(
 
 def test_sources_are_named() -> None:
     oracle = SemanticsSetting.model_construct(source="oracle")
-    assert source_of(oracle).dims == 512
+    assert open_text_source(oracle).dims == 512
     with pytest.raises(ValueError, match="the source oracle takes no model, got --clip"):
-        teacher_of("oracle", {"clip": Path("clip")})
+        open_source("oracle", {"clip": Path("clip")})
     with pytest.raises(ValueError, match="does not tell which CLIP"):
-        source_of(oracle.model_copy(update={"source": "clip"}))
+        open_text_source(oracle.model_copy(update={"source": "clip"}))

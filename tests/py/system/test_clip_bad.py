@@ -128,7 +128,7 @@ def test_weights_that_are_not_finite_are_named(tmp_path: Path) -> None:
     tiny_models.write_clip(tmp_path)
     edit_weights(tmp_path, lambda weights: weights["visual_projection.weight"].fill_(np.nan))
     with pytest.raises(ValueError, match="its weights give numbers that are not finite"):
-        ClipEncoder(tmp_path).of_pictures([np.zeros((32, 32, 3), np.uint8)])
+        ClipEncoder(tmp_path).encode_images([np.zeros((32, 32, 3), np.uint8)])
 
 
 def test_a_sam_of_other_levels_is_named(tmp_path: Path) -> None:

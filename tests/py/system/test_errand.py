@@ -6,7 +6,7 @@ import change_room
 import numpy as np
 import pytest
 import update_room
-from meaning_room import meaning, taught
+from semantic_room import embedded_map, map_semantics
 from update_room import LOOP
 
 from gslts.core.frame import RgbdFrame
@@ -15,15 +15,15 @@ from gslts.keeper.keeper import MapKeeper, StoppedError
 from gslts.store.map_folder import read_map, write_map_folder
 from gslts_sim.controller import Controller
 from gslts_sim.home import Home
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
 
-FAR = Look(np.array([0.75, 0.5]), 45.0, 30.0)
+FAR = Viewpoint(0.75, 0.5, 45.0, 30.0)
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Of a map that knows words."""
-    gaussian_map, _ = taught()
+    gaussian_map, _ = embedded_map()
     write_map_folder(tmp_path / "map", gaussian_map, {}, change_room.mapped()[1])
     return tmp_path / "map"
 
@@ -40,18 +40,20 @@ def test_what_changed_on_the_way_is_repaired_and_the_robot_gets_there(folder: Pa
     moves: list[int] = []
     home = update_room.changed_home("removal")
     with MapKeeper(folder, LOOP, say=said.append) as keeper:
-        _, journey = run_errand(keeper, meaning(), robot_in(home), "block", lambda: moves.append(1))
+        _, journey = run_errand(
+            keeper, map_semantics(), robot_in(home), "block", lambda: moves.append(1)
+        )
         assert (journey.status, journey.reason) == ("reached", "")
         assert keeper.version.number > 1
     assert said[0].startswith("removal at (2.")
     assert update_room.opaque_in(read_map(folder), update_room.REMOVED, 0.04) == 0
-    assert len(moves) == len(journey.way) - 1
+    assert len(moves) == len(journey.path) - 1
 
 
 def test_what_has_moved_is_found_on_the_map_as_it_is_now(folder: Path) -> None:
     home = update_room.changed_home("relocation").without(["Box|1"])
     with MapKeeper(folder, LOOP) as keeper:
-        navigator, journey = run_errand(keeper, meaning(), robot_in(home), "box")
+        navigator, journey = run_errand(keeper, map_semantics(), robot_in(home), "box")
         assert keeper.version.number > 1
     assert journey.status == "reached", journey.reason
     low, high = update_room.ADDED
@@ -61,7 +63,7 @@ def test_what_has_moved_is_found_on_the_map_as_it_is_now(folder: Path) -> None:
 
 def test_without_a_change_the_map_stays_as_it_is(folder: Path) -> None:
     with MapKeeper(folder, LOOP) as keeper:
-        _, journey = run_errand(keeper, meaning(), robot_in(change_room.home()), "block")
+        _, journey = run_errand(keeper, map_semantics(), robot_in(change_room.home()), "block")
         assert journey.status == "reached"
         assert keeper.version.number == 1
 

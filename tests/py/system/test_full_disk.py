@@ -12,7 +12,7 @@ from videos import write
 from gslts.io.atomic_files import write_whole
 from gslts_sim.capture import capture
 from gslts_sim.controller import Controller
-from gslts_sim.viewpoints import Look
+from gslts_sim.robot_body import Viewpoint
 
 LIMITED = """
 import resource, signal, sys
@@ -28,7 +28,7 @@ main()
 @pytest.fixture(scope="module")
 def visit(tmp_path_factory: pytest.TempPathFactory) -> Path:
     robot = Controller(sim_scenes.simple_home(), width=64, height=48)
-    looks = [Look(np.array([1.0, 1.0]), yaw, 20.0) for yaw in np.arange(0.0, 360.0, 30.0)]
+    looks = [Viewpoint(1.0, 1.0, yaw, 20.0) for yaw in np.arange(0.0, 360.0, 30.0)]
     folder = tmp_path_factory.mktemp("visit") / "room"
     capture(robot, looks, folder)
     return folder

@@ -5,8 +5,8 @@ import surfel_room
 from numpy.testing import assert_allclose
 
 from gslts.core.camera import camera_from_fov, look_at
-from gslts.navigation.robot_body import RobotBody
-from gslts.navigation.semantic_map import semantic_map
+from gslts.core.robot_body import RobotBody
+from gslts.navigation.semantic_map import make_semantic_map
 from gslts.robots.in_map import MapRobot
 
 BODY = RobotBody()
@@ -15,7 +15,7 @@ CAMERA = camera_from_fov(160, 120, 1.2, look_at((0.5, 1.5, 1.2), (2.0, 1.5, 0.8)
 
 def robot() -> MapRobot:
     room = surfel_room.surfel_map()
-    return MapRobot(room, semantic_map(room, BODY), BODY, CAMERA, threads=1)
+    return MapRobot(room, make_semantic_map(room, BODY), BODY, CAMERA, threads=1)
 
 
 def test_it_sees_what_the_map_shows() -> None:
@@ -44,6 +44,6 @@ def test_it_goes_where_there_is_room_and_looks_where_it_is_told() -> None:
 def test_it_does_not_move_where_there_is_no_room() -> None:
     room = surfel_room.surfel_map()
     wide = RobotBody(radius_m=2.0)
-    stuck = MapRobot(room, semantic_map(room, wide), wide, CAMERA, threads=1)
+    stuck = MapRobot(room, make_semantic_map(room, wide), wide, CAMERA, threads=1)
     assert len(stuck.reachable_positions()) == 0
     assert not stuck.move_towards(np.array([0.6, 1.0]), 0.0)

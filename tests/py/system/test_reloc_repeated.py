@@ -15,7 +15,7 @@ from gslts.localization.landmarks import landmarks_of
 from gslts.localization.relocalizer import Localization, Relocalizer
 from gslts_sim.explore import explore
 from gslts_sim.home import Home, HomeObject
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
 
 ELSEWHERE_M = 0.1
 CORNERS = (0, 0, -0.2), (5, 4, 2.6)
@@ -73,7 +73,7 @@ def test_no_place_is_taken_for_another_that_looks_the_same(make) -> None:  # typ
     right = 0
     for seed in range(24):
         place = np.array([rng.uniform(0.6, 4.4), rng.choice([0.6, 3.4])])
-        look = Look(place, float(rng.uniform(0, 360)), float(rng.uniform(-20, 40)))
+        look = Viewpoint.at(place, float(rng.uniform(0, 360)), float(rng.uniform(-20, 40)))
         true = change_room.see(home, look).camera.world_from_camera
         frame = change_room.see(home, look, "kinect", seed)
         found = relocalizer.locate(replace(frame, camera=at_pose(frame.camera, np.eye(4))))

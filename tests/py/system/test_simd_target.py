@@ -6,17 +6,17 @@ import sys
 
 import pytest
 
-from gslts._core.raster import simd_target, simd_targets
+from gslts._core import simd
 
 pytestmark = pytest.mark.smoke
 
 RENDER = """
 import numpy as np
 import gslts
-from gslts._core.raster import simd_target
+from gslts._core import simd
 
 gslts.Rasterizer(np.float32)
-print(simd_target())
+print(simd.target())
 """
 
 
@@ -30,7 +30,7 @@ def gslts(*words: str, simd: str) -> subprocess.CompletedProcess[str]:
     return run([sys.executable, "-c", program, *words], simd)
 
 
-@pytest.mark.parametrize("name", simd_targets())
+@pytest.mark.parametrize("name", simd.targets())
 def test_the_variable_restricts_the_kernels(name: str) -> None:
     assert run([sys.executable, "-c", RENDER], name).stdout.strip() == name
     assert gslts("--version", simd=name).stdout.strip().endswith(f"({name})")
@@ -39,14 +39,14 @@ def test_the_variable_restricts_the_kernels(name: str) -> None:
 def test_an_empty_variable_restricts_nothing() -> None:
     if "GSLTS_SIMD" in os.environ:
         pytest.skip("these tests run restricted")
-    assert run([sys.executable, "-c", RENDER], "").stdout.strip() == simd_target()
+    assert run([sys.executable, "-c", RENDER], "").stdout.strip() == simd.target()
 
 
 @pytest.mark.parametrize("name", ["avx1024", "AVX2", "neon"])
 def test_other_names_are_refused_in_one_line(name: str) -> None:
-    if name in simd_targets():
+    if name in simd.targets():
         pytest.skip(f"this machine can use {name}")
-    message = f'GSLTS_SIMD is "{name}", but this machine can use {", ".join(simd_targets())}'
+    message = f'GSLTS_SIMD is "{name}", but this machine can use {", ".join(simd.targets())}'
     refused = gslts("--version", simd=name)
     assert (refused.returncode, refused.stderr, refused.stdout) == (1, f"gslts: {message}\n", "")
     assert message in run([sys.executable, "-c", RENDER], name).stderr

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gslts._core.map import SurfaceVoxels
+from gslts._core.fusion import SurfaceVoxels
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import SH_C0, GaussianMap
 from gslts.mapping.density.control import join

@@ -8,6 +8,7 @@
 #include "gslts/map/array.hpp"
 #include "gslts/map/camera.hpp"
 #include "gslts/map/gaussian_map.hpp"
+#include "gslts/map/pixel_mask.hpp"
 
 namespace gslts::raster {
 
@@ -42,14 +43,6 @@ struct RenderOptions {
   /// the exact exp.
   int exp_degree = 3;
   int threads = 0;  ///< 0 means one a hardware thread. Results do not depend on it.
-};
-
-/// Pixels to render: row-major [H,W], nonzero means wanted. Null means all.
-/// Pixels not wanted come back as zero in every image and take no part in the gradients, and the
-/// work is proportional to the 4x4 blocks that the mask touches.
-struct PixelMask {
-  const std::uint8_t* data = nullptr;
-  int width = 0, height = 0;
 };
 
 /// Rendered images, row-major. With w_i = alpha_i prod_{j<i} (1 - alpha_j) at a pixel:
@@ -141,6 +134,8 @@ class Rasterizer {
   Rasterizer& operator=(Rasterizer&&) noexcept;
 
   /// Renders one view.
+  /// @param mask  Pixels to render. Those not wanted come back as zero in every image and take no
+  ///   part in the gradients; the work is proportional to the 4x4 blocks that the mask touches.
   /// @throws std::invalid_argument  for a bad camera, option or mask size, and for any number in
   ///   the Gaussians that is not finite (naming the array and the index of its first).
   /// @throws std::runtime_error  if more than about 2^32 Gaussians and tiles of one row of tiles

@@ -2,13 +2,13 @@
 
 #include <vector>
 
-#include "gslts/reloc/view_cost.hpp"
+#include "gslts/align/view_cost.hpp"
 
 namespace gslts::reloc {
 
 /// How a pose is refined.
 struct RefineRule {
-  CostRule cost;
+  align::CostRule cost;
   int iterations = 8;          ///< At each resolution, at most. >= 0
   double least_step_m = 1e-4;  ///< A step that is shorter, and turns less than so many rad, is the
                                ///< last one; twice as much at half the resolution, and so on. >= 0
@@ -19,9 +19,9 @@ struct RefinedPose {
   Eigen::Isometry3d world_from_camera;
   /// Curvature of the cost there, by a twist (rho, phi) of world_from_camera * exp(rho, phi): what
   /// the picture tells about each direction, m before rad.
-  Matrix6 curvature = Matrix6::Zero();
+  align::Matrix6 curvature = align::Matrix6::Zero();
   double cost = 0;         ///< Mean over the pixels that count, at the finest resolution.
-  Fit fit;                 ///< There, too; with what counts as known where its resolution began.
+  align::Fit fit;          ///< There, too; with what counts as known where its resolution began.
   int iterations = 0;      ///< Of all resolutions.
   bool converged = false;  ///< Whether the last resolution ended before its iterations did.
 };
@@ -38,7 +38,7 @@ struct RefinedPose {
 /// @throws std::invalid_argument  if there is no view, not one map a view, or a view, the pose or a
 ///                                setting is invalid.
 RefinedPose refine_pose(const std::vector<GaussianView<float>>& maps,
-                        const std::vector<RgbdView<float>>& views, const Eigen::Isometry3d& start,
-                        const RefineRule& rule = {});
+                        const std::vector<align::RgbdView<float>>& views,
+                        const Eigen::Isometry3d& start, const RefineRule& rule = {});
 
 }  // namespace gslts::reloc

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace gslts::io {
+
+/// The bytes of a PLY file, which lie in memory or are read from the file block by block.
+class Input {
+ public:
+  /// Few system calls, and what was read is in the cache when it is used.
+  static constexpr std::size_t kBlockBytes = std::size_t{256} << 10;
+
+  Input(std::string_view bytes, const std::string& name);
+  /// @throws std::system_error  naming the path, if it cannot be opened or is no regular file.
+  explicit Input(const std::string& path);
+  ~Input();
+  Input(const Input&) = delete;
+  Input& operator=(const Input&) = delete;
+
+  /// The bytes to come, valid until the next call: `wanted` or more, fewer only before the end.
+  /// @param wanted  At most kBlockBytes.
+  /// @throws std::system_error  naming the path, if the file cannot be read.
+  std::string_view ahead(std::size_t wanted);
+
+  /// Number of bytes to come.
+  std::uint64_t remaining() const { return window_.size() + unread_; }
+
+  /// Passes over n bytes, at most `remaining()`.
+  void skip(std::uint64_t n);
+
+  /// @throws std::runtime_error  "name: what".
+  [[noreturn]] void fail(const std::string& what) const;
+  /// @throws std::runtime_error  "name: header line N: what".
+  [[noreturn]] void fail_at_line(std::size_t header_line, const std::string& what) const;
+
+ private:
+  [[noreturn]] void fail_with(int error) const;
+
+  std::string name_;
+  int file_ = -1;
+  std::vector<char> buffer_;
+  std::string_view window_;   ///< What is in memory of the bytes to come.
+  std::uint64_t unread_ = 0;  ///< Number of bytes of the file after those in the window.
+  std::uint64_t size_ = 0;    ///< Of the file.
+};
+
+}  // namespace gslts::io

@@ -1,0 +1,205 @@
+#include "gslts/optim/adam.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "gslts/parallel/parallel_for.hpp"
+
+namespace gslts::optim {
+namespace {
+
+/// Gaussians moved by one task.
+constexpr std::size_t kRowsPerTask = 2048;
+
+std::size_t parameter_count(int sh_bases, int feature_dims) {
+  return 11 + 3 * std::size_t(sh_bases) + std::size_t(feature_dims);
+}
+
+[[noreturn]] void fail(const std::string& what) { throw std::invalid_argument("Adam" + what); }
+
+void validate(const AdamOptions& options) {
+  const auto decays = [](double beta) { return beta >= 0 && beta < 1; };
+  if (decays(options.beta1) && decays(options.beta2) && options.eps > 0) return;
+  std::ostringstream message;
+  message << ": beta1 and beta2 must be in [0, 1) and eps positive, got " << options.beta1 << ", "
+          << options.beta2 << " and " << options.eps;
+  fail(message.str());
+}
+
+template <typename T>
+void require_finite(const char* name, const T* gradient, std::size_t count) {
+  T sum = 0;
+  for (std::size_t i = 0; i < count; ++i) sum += gradient[i] * T(0);
+  if (sum == 0) return;
+  const T* bad =
+      std::find_if_not(gradient, gradient + count, [](T value) { return std::isfinite(value); });
+  std::ostringstream message;
+  message << "::step: " << name << " has " << *bad << " at " << bad - gradient
+          << ", must be finite";
+  fail(message.str());
+}
+
+/// Columns of a group of parameters with one learning rate.
+template <typename T>
+struct Group {
+  T* values;
+  const T* gradients;
+  std::size_t stride;  ///< Of values and gradients.
+  std::size_t first_moment, columns;
+  T rate;
+};
+
+}  // namespace
+
+template <typename T>
+Adam<T>::Adam(std::size_t size, int sh_bases, int feature_dims, const AdamOptions& options)
+    : options_(options) {
+  validate(options);
+  // Checks the two numbers.
+  make_gaussian_map<T>(0, sh_bases, feature_dims);
+  state_.sh_bases = sh_bases;
+  state_.feature_dims = feature_dims;
+  const std::size_t numbers = size * parameter_count(sh_bases, feature_dims);
+  state_.first.assign(numbers, T(0));
+  state_.second.assign(numbers, T(0));
+  state_.steps.assign(size, 0);
+}
+
+template <typename T>
+Adam<T>::Adam(AdamState<T> state, const AdamOptions& options)
+    : options_(options), state_(std::move(state)) {
+  validate(options);
+  make_gaussian_map<T>(0, state_.sh_bases, state_.feature_dims);
+  const std::size_t numbers =
+      state_.steps.size() * parameter_count(state_.sh_bases, state_.feature_dims);
+  if (state_.first.size() == numbers && state_.second.size() == numbers) return;
+  std::ostringstream message;
+  message << ": " << state_.steps.size() << " Gaussians need " << numbers
+          << " first and second moments, got " << state_.first.size() << " and "
+          << state_.second.size();
+  fail(message.str());
+}
+
+template <typename T>
+void Adam<T>::extend_corrections(std::uint32_t steps) {
+  for (std::size_t t = corrections_.size(); t <= steps; ++t) {
+    corrections_.push_back({T(1 / (1 - power1_)), T(std::sqrt(1 / (1 - power2_)))});
+    // By products, which are the same bits on every machine; std::pow is not.
+    power1_ *= options_.beta1;
+    power2_ *= options_.beta2;
+  }
+}
+
+template <typename T>
+void Adam<T>::step(BasicGaussianMap<T>& map, const raster::GradientsView<T>& gradients,
+                   const AdamRates& rates, int threads) {
+  const std::size_t size = state_.steps.size(), visible = gradients.size;
+  const std::size_t bases = std::size_t(state_.sh_bases), dims = std::size_t(state_.feature_dims);
+  if (map.size() != size || map.sh_bases != state_.sh_bases ||
+      map.feature_dims != state_.feature_dims) {
+    std::ostringstream message;
+    message << "::step: the state is of " << size << " Gaussians with " << bases << " SH bases and "
+            << dims << " features, map has " << map.size() << " with " << map.sh_bases << " and "
+            << map.feature_dims;
+    fail(message.str());
+  }
+  map.view();  // Checks the lengths of its arrays.
+  if (gradients.sh_bases != state_.sh_bases || gradients.feature_dims != state_.feature_dims) {
+    std::ostringstream message;
+    message << "::step: the state is of " << bases << " SH bases and " << dims
+            << " features, gradients of " << gradients.sh_bases << " and "
+            << gradients.feature_dims;
+    fail(message.str());
+  }
+  for (std::size_t i = 0; i < visible; ++i) {
+    const std::uint32_t row = gradients.rows[i];
+    if (row < size && (i == 0 || gradients.rows[i - 1] < row)) continue;
+    std::ostringstream message;
+    message << "::step: rows must ascend and be below " << size << ", rows[" << i << "] is " << row;
+    fail(message.str());
+  }
+  for (double rate : {rates.means, rates.quats, rates.log_scales, rates.logit_opacities,
+                      rates.sh_dc, rates.sh_rest, rates.features}) {
+    if (!(rate >= 0 && std::isfinite(rate))) {
+      fail("::step: rates must not be negative, got " + std::to_string(rate));
+    }
+  }
+  require_finite("dL_dmeans", gradients.dL_dmeans, 3 * visible);
+  require_finite("dL_dquats", gradients.dL_dquats, 4 * visible);
+  require_finite("dL_dlog_scales", gradients.dL_dlog_scales, 3 * visible);
+  require_finite("dL_dlogit_opacities", gradients.dL_dlogit_opacities, visible);
+  require_finite("dL_dsh", gradients.dL_dsh, 3 * bases * visible);
+  require_finite("dL_dfeatures", gradients.dL_dfeatures, dims * visible);
+
+  const std::size_t sh = 11, rest = 3 * bases - 3;
+  const Group<T> groups[] = {
+      {map.means.data(), gradients.dL_dmeans, 3, 0, 3, T(rates.means)},
+      {map.quats.data(), gradients.dL_dquats, 4, 3, 4, T(rates.quats)},
+      {map.log_scales.data(), gradients.dL_dlog_scales, 3, 7, 3, T(rates.log_scales)},
+      {map.logit_opacities.data(), gradients.dL_dlogit_opacities, 1, 10, 1,
+       T(rates.logit_opacities)},
+      {map.sh.data(), gradients.dL_dsh, 3 * bases, sh, 3, T(rates.sh_dc)},
+      {map.sh.data() + 3, gradients.dL_dsh + 3, 3 * bases, sh + 3, rest, T(rates.sh_rest)},
+      {map.features.data(), gradients.dL_dfeatures, dims, sh + 3 * bases, dims, T(rates.features)}};
+  std::uint32_t most = 0;
+  for (std::size_t i = 0; i < visible; ++i) {
+    most = std::max(most, state_.steps[gradients.rows[i]] + 1);
+  }
+  extend_corrections(most);
+  const std::size_t parameters = parameter_count(state_.sh_bases, state_.feature_dims);
+  const T beta1 = T(options_.beta1), beta2 = T(options_.beta2), eps = T(options_.eps);
+  const std::size_t tasks = (visible + kRowsPerTask - 1) / kRowsPerTask;
+  parallel::parallel_for(tasks, parallel::resolve_threads(threads), [&](std::size_t task) {
+    const std::size_t end = std::min(visible, (task + 1) * kRowsPerTask);
+    for (std::size_t i = task * kRowsPerTask; i < end; ++i) {
+      const std::size_t row = gradients.rows[i];
+      const Correction& unbiased = corrections_[++state_.steps[row]];
+      for (const Group<T>& group : groups) {
+        if (group.rate == 0) continue;
+        T* first = state_.first.data() + row * parameters + group.first_moment;
+        T* second = state_.second.data() + row * parameters + group.first_moment;
+        T* value = group.values + row * group.stride;
+        const T* gradient = group.gradients + i * group.stride;
+        const T rate = group.rate * unbiased.first;
+        for (std::size_t k = 0; k < group.columns; ++k) {
+          const T g = gradient[k];
+          first[k] = beta1 * first[k] + (1 - beta1) * g;
+          // The square of a huge gradient must not stay infinite for good.
+          second[k] =
+              std::min(beta2 * second[k] + (1 - beta2) * g * g, std::numeric_limits<T>::max());
+          value[k] -= rate * first[k] / (std::sqrt(second[k]) * unbiased.root_second + eps);
+        }
+      }
+    }
+  });
+}
+
+template <typename T>
+Adam<T> Adam<T>::select(const std::vector<std::int64_t>& rows) const {
+  Adam result(rows.size(), state_.sh_bases, state_.feature_dims, options_);
+  const std::size_t parameters = parameter_count(state_.sh_bases, state_.feature_dims);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (rows[i] == -1) continue;
+    if (rows[i] < 0 || std::size_t(rows[i]) >= state_.steps.size()) {
+      std::ostringstream message;
+      message << "::select: rows[" << i << "] is " << rows[i] << ", must be -1 or below "
+              << state_.steps.size();
+      fail(message.str());
+    }
+    const std::size_t from = std::size_t(rows[i]) * parameters, to = i * parameters;
+    std::copy_n(state_.first.begin() + from, parameters, result.state_.first.begin() + to);
+    std::copy_n(state_.second.begin() + from, parameters, result.state_.second.begin() + to);
+    result.state_.steps[i] = state_.steps[std::size_t(rows[i])];
+  }
+  return result;
+}
+
+template class Adam<float>;
+template class Adam<double>;
+
+}  // namespace gslts::optim

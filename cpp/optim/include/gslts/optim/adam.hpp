@@ -1,0 +1,83 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "gslts/map/array.hpp"
+#include "gslts/map/gaussian_map.hpp"
+#include "gslts/raster/rasterizer.hpp"
+
+namespace gslts::optim {
+
+struct AdamOptions {
+  double beta1 = 0.9;    ///< Decay of the first moment, in [0, 1).
+  double beta2 = 0.999;  ///< Decay of the second moment, in [0, 1).
+  double eps = 1e-15;    ///< > 0; 3DGS's value, as gradients of a mean over pixels are tiny.
+};
+
+/// Learning rates, by group of parameters; a group with rate 0 stays, and so do its moments.
+struct AdamRates {
+  double means = 0;
+  double quats = 0;
+  double log_scales = 0;
+  double logit_opacities = 0;
+  double sh_dc = 0;    ///< Of the three coefficients of degree 0.
+  double sh_rest = 0;  ///< Of all others.
+  double features = 0;
+};
+
+/// All that Adam remembers. A row holds the moments of a Gaussian's P = 11 + 3 K + D parameters:
+/// mean, quaternion, log scales, logit opacity, SH, features.
+template <typename T>
+struct AdamState {
+  int sh_bases = 1;            ///< K
+  int feature_dims = 0;        ///< D
+  Array<T> first, second;      ///< [N,P] running means of the gradients and of their squares
+  Array<std::uint32_t> steps;  ///< [N] steps that each Gaussian took part in
+};
+
+/// Adam (Kingma & Ba 2015) over the parameters of a map.
+///
+/// A step touches only the Gaussians that have a gradient, and corrects the bias of their moments
+/// by the number of steps that each took part in: every Gaussian moves as if an Adam of its own had
+/// seen just those steps. With a gradient for all, this is the usual Adam. Results are
+/// bit-identical for any thread count.
+template <typename T>
+class Adam {
+ public:
+  /// Of a map of `size` Gaussians, before the first step.
+  /// @throws std::invalid_argument  if a number is out of range.
+  explicit Adam(std::size_t size, int sh_bases, int feature_dims = 0,
+                const AdamOptions& options = {});
+  /// Goes on from a state, exactly.
+  /// @throws std::invalid_argument  if the arrays do not fit each other.
+  explicit Adam(AdamState<T> state, const AdamOptions& options = {});
+
+  const AdamState<T>& state() const { return state_; }
+
+  /// Moves the Gaussians at gradients.rows.
+  /// @throws std::invalid_argument  if map and gradients do not fit the state, the rows do not
+  ///   ascend, a rate is negative or a gradient is not finite; then nothing has changed.
+  void step(BasicGaussianMap<T>& map, const raster::GradientsView<T>& gradients,
+            const AdamRates& rates, int threads = 0);
+
+  /// For a map whose Gaussian i was Gaussian rows[i], or is new if that is -1.
+  /// @throws std::invalid_argument  if there is no such row.
+  Adam select(const std::vector<std::int64_t>& rows) const;
+
+ private:
+  /// Factors that correct the bias of the moments after a number of steps: 1 / (1 - beta1^t) and
+  /// sqrt(1 / (1 - beta2^t)).
+  struct Correction {
+    T first, root_second;
+  };
+  void extend_corrections(std::uint32_t steps);
+
+  AdamOptions options_;
+  AdamState<T> state_;
+  std::vector<Correction> corrections_;  ///< By the number of steps, from 0.
+  double power1_ = 1, power2_ = 1;       ///< beta1^t and beta2^t for t = corrections_.size().
+};
+
+}  // namespace gslts::optim

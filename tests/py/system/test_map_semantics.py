@@ -1,0 +1,210 @@
+"""Meaning that follows a map through its changes, as a user and as the loop meet it."""
+
+import json
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+
+import change_room
+import numpy as np
+import pytest
+import update_room
+from semantic_room import embedded_map, frames, looks, map_semantics
+from typer.testing import CliRunner
+from update_room import UPDATE
+
+from gslts.change.detector import ChangeDetector
+from gslts.cli import app
+from gslts.core.frame import RgbdFrame
+from gslts.datasets import open_dataset
+from gslts.rendering.rasterizer import render
+from gslts.semantics.files import read_semantics
+from gslts.semantics.lift import lift_features
+from gslts.semantics.queries import SemanticQueries
+from gslts.semantics.refine import refine_features
+from gslts.semantics.source import Oracle
+from gslts.semantics.train_autoencoder import train_autoencoder
+from gslts.store.map_folder import open_map, read_map, write_map_folder
+from gslts.update.edit import near_regions
+from gslts.update.publish import published
+from gslts.update.region import Region
+from gslts.update.updater import Update, update
+from gslts_sim.capture import capture
+from gslts_sim.controller import Controller
+
+
+def updated(kind: update_room.Kind, *, labels: bool = True) -> Update:
+    gaussian_map, _ = embedded_map()
+    cameras = list(change_room.mapped()[1].values())
+
+    class Robot(Controller):
+        def observe(self) -> RgbdFrame:
+            frame = super().observe()
+            return frame if labels else replace(frame, labels=None)
+
+    robot = Robot(update_room.changed_home(kind), **change_room.SIZE)
+    robot.go(change_room.LOOKS[0])
+    detector = ChangeDetector(gaussian_map, change_room.CONFIG, cameras=cameras)
+    change = update_room.detected(kind)
+    return update(
+        gaussian_map, cameras, [change], robot, UPDATE, detector=detector, semantics=map_semantics()
+    )
+
+
+def new_rows(result: Update) -> np.ndarray:
+    return np.flatnonzero(~np.isin(result.gaussian_map.ids, embedded_map()[0].ids))
+
+
+def test_names_are_those_of_the_labels() -> None:
+    assert embedded_map()[1].names == ("Block", "Box", "Floor", "Wall")
+
+
+def test_what_is_added_means_what_was_seen() -> None:
+    result = updated("addition")
+    rows = new_rows(result)
+    assert len(rows) > 20
+    assert map_semantics().name_of(result.gaussian_map, rows) == "Box"
+
+
+def test_what_moved_is_found_where_it_is_now_and_means_what_it_did() -> None:
+    """The blue box went from (3.0, 1.95) to (2.6, 1.7), and stands beside the red one now."""
+    before = SemanticQueries(embedded_map()[0], map_semantics().autoencoder, Oracle()).find("box")
+    assert max(one.high[0] for one in before) > 3.0
+    result = updated("relocation")
+    found = SemanticQueries(result.gaussian_map, map_semantics().autoencoder, Oracle()).find("box")
+    assert max(one.high[0] for one in found) == pytest.approx(2.72, abs=0.05)
+    rows = np.intersect1d(np.concatenate([one.rows for one in found]), new_rows(result))
+    assert len(rows) > 20
+    known = {one.tobytes() for one in embedded_map()[0].features}
+    assert all(one.tobytes() in known for one in result.gaussian_map.features[rows])
+
+
+def test_what_nobody_names_has_no_meaning_and_others_keep_theirs() -> None:
+    result = updated("addition", labels=False)
+    unknown = ~result.gaussian_map.features.any(axis=1)
+    inside = near_regions(result.gaussian_map, [Region("after", *update_room.ADDED)], 0.01)
+    of_object = np.intersect1d(new_rows(result), np.flatnonzero(inside))
+    assert len(of_object) > 20
+    assert unknown[of_object].all()
+    assert map_semantics().name_of(result.gaussian_map, of_object) is None
+    before = embedded_map()[0]
+    kept = np.isin(before.ids, result.gaussian_map.ids)
+    after = np.isin(result.gaussian_map.ids, before.ids)
+    np.testing.assert_array_equal(result.gaussian_map.features[after], before.features[kept])
+
+
+def test_what_is_gone_is_named_by_what_it_meant(tmp_path: Path) -> None:
+    result = updated("removal", labels=False)
+    gaussian_map, _ = embedded_map()
+    write_map_folder(tmp_path / "map", gaussian_map, {}, {})
+    with open_map(tmp_path / "map", writable=True) as store:
+        published(store, gaussian_map, [], result, UPDATE, semantics=map_semantics())
+        (event,) = store.events()
+    assert (event.kind, event.type) == ("removal", "Box")
+
+
+def test_what_is_gone_was_where_its_gaussians_were(tmp_path: Path) -> None:
+    result = updated("removal", labels=False)
+    (change,) = result.changes
+    low, high = change.boxes[0]
+    # A look that took the wall behind the object for a part of it.
+    longer = SimpleNamespace(
+        kind=change.kind,
+        confidence=change.confidence,
+        boxes=((low - (0, 0.8, 0), high), None),
+    )
+    gaussian_map, _ = embedded_map()
+    write_map_folder(tmp_path / "map", gaussian_map, {}, {})
+    with open_map(tmp_path / "map", writable=True) as store:
+        published(store, gaussian_map, [], replace(result, changes=(longer,)), UPDATE)
+        (event,) = store.events()
+    np.testing.assert_allclose(event.boxes[0], (low, high), atol=0.06)
+
+
+def test_gradient_descent_lowers_the_error() -> None:
+    gaussian_map, found = embedded_map()
+    views = []
+    for frame in frames():
+        segments = Oracle().segments(frame)
+        codes = found.autoencoder.encode(segments.embeddings)
+        labels = segments.labels[0]
+        views.append((frame.camera, codes[labels], labels >= 0))
+
+    def error(features: np.ndarray) -> float:
+        with_them = replace(gaussian_map, features=features)
+        return float(
+            np.mean(
+                [
+                    np.abs(render(with_them, camera).features - wanted)[known].mean()
+                    for camera, wanted, known in views
+                ]
+            )
+        )
+
+    features = lift_features(gaussian_map, views, 8, threads=1)
+    assert refine_features(gaussian_map, features, views, 0) is features
+    assert error(refine_features(gaussian_map, features, views, 60, threads=1)) < 0.9 * error(
+        features
+    )
+
+
+def run(*arguments: str) -> str:
+    result = CliRunner().invoke(app, arguments, catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return result.stdout
+
+
+@pytest.mark.smoke
+def test_a_map_is_taught_asked_and_drawn_by_commands(tmp_path: Path) -> None:
+    map_path, visit, picture = tmp_path / "map", tmp_path / "visit", tmp_path / "box.png"
+    capture(Controller(change_room.home(), **change_room.SIZE), looks(), visit)
+    cameras = {one.name: one.read().camera for one in open_dataset(visit).frames}
+    write_map_folder(map_path, change_room.mapped()[0], {}, cameras)
+    with pytest.raises(ValueError, match=r"knows no words; gslts semantics teaches it"):
+        run("query", str(map_path), "box")
+    told = run("semantics", str(map_path), str(visit), "--code", "8", "--threads", "1")
+    assert "is version 2 now: its Gaussians know words, after " in told
+    found = json.loads(run("query", str(map_path), "box", "--json", "--picture", str(picture)))
+    assert len(found) == 2
+    assert picture.exists()
+    for one in found:
+        np.testing.assert_allclose(one["high_m"][2], change_room.BLOCK_TOP_M + 0.3, atol=0.04)
+    assert run("query", str(map_path), "piano") == "piano: not found\n"
+    assert read_semantics(Path(f"{map_path}@1")) is None
+    with pytest.raises(ValueError, match="knows no words"):
+        run("query", f"{map_path}@1", "box")
+
+
+def test_a_map_that_has_changed_is_not_taught_what_was(tmp_path: Path) -> None:
+    map_path, visit = tmp_path / "map", tmp_path / "visit"
+    capture(Controller(change_room.home(), **change_room.SIZE), change_room.LOOKS[:2], visit)
+    cameras = {one.name: one.read().camera for one in open_dataset(visit).frames}
+    write_map_folder(map_path, change_room.mapped()[0], {}, cameras)
+    fewer = read_map(map_path).select(np.arange(100, change_room.mapped()[0].size))
+    with open_map(map_path, writable=True) as store:
+        store.commit(fewer, {}, [])
+    with pytest.raises(ValueError, match=r"has changed since .*gslts restore .* 1 goes back"):
+        run("semantics", str(map_path), str(visit))
+
+
+def test_a_damaged_autoencoder_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        "gslts.semantics.embed.train_autoencoder", partial(train_autoencoder, steps=20)
+    )
+    map_path, visit = tmp_path / "map", tmp_path / "visit"
+    capture(Controller(change_room.home(), **change_room.SIZE), change_room.LOOKS[:2], visit)
+    cameras = {one.name: one.read().camera for one in open_dataset(visit).frames}
+    write_map_folder(map_path, change_room.mapped()[0], {}, cameras)
+    run("semantics", str(map_path), str(visit), "--code", "8", "--threads", "1")
+    assert run("verify", str(map_path)) == "2 versions are whole\n"
+    (path,) = (map_path / "semantics").iterdir()
+    path.write_bytes(path.read_bytes()[:-1] + b"\0")
+    with pytest.raises(ValueError, match=r"it is damaged; gslts semantics teaches the map anew"):
+        run("query", str(map_path), "box")
+    for what in ("damaged", "missing"):
+        done = CliRunner().invoke(app, ["verify", str(map_path)])
+        assert done.stderr.splitlines()[-1] == (
+            f"version 2: {path}: it is {what}; gslts semantics teaches the map anew"
+        )
+        path.unlink(missing_ok=True)

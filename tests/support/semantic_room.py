@@ -1,0 +1,55 @@
+"""The map of `change_room`, taught what its labels say."""
+
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import change_room
+import numpy as np
+from safetensors.numpy import load_file, save_file
+from shared import looks_all_around, made_once
+
+from gslts.core.frame import RgbdFrame
+from gslts.core.gaussian_map import GaussianMap
+from gslts.semantics.autoencoder import Autoencoder
+from gslts.semantics.embed import SemanticFeatures, embed_semantics
+from gslts.semantics.map_semantics import MapSemantics
+from gslts.semantics.source import Oracle
+from gslts_sim.robot_body import Viewpoint
+
+
+@cache
+def looks() -> list[Viewpoint]:
+    """Some all around the room, and those at the block."""
+    return [*looks_all_around("change_room", change_room.home(), 16), *change_room.LOOKS]
+
+
+def frames() -> list[RgbdFrame]:
+    """Return what is seen at `looks`."""
+    return [change_room.see(change_room.home(), look) for look in looks()]
+
+
+@cache
+def embedded_map() -> tuple[GaussianMap, SemanticFeatures]:
+    """Return the map with features, and what they mean; made once a run."""
+    gaussian_map, _ = change_room.mapped()
+
+    def make(folder: Path) -> None:
+        folder.mkdir()
+        found = embed_semantics(gaussian_map, frames(), Oracle(), 8, threads=1)
+        np.save(folder / "features.npy", found.features)
+        save_file(dict(found.autoencoder.weights), folder / "autoencoder.safetensors")
+        (folder / "names.json").write_text(json.dumps(found.names))
+
+    folder = made_once("change_room_semantics", make)
+    features = np.load(folder / "features.npy")
+    autoencoder = Autoencoder(load_file(folder / "autoencoder.safetensors"))
+    names = tuple(json.loads((folder / "names.json").read_text()))
+    return replace(gaussian_map, features=features), SemanticFeatures(features, autoencoder, names)
+
+
+def map_semantics() -> MapSemantics:
+    """Return the meaning of the map, as updates take it."""
+    _, found = embedded_map()
+    return MapSemantics(Oracle(), found.autoencoder, found.names)
