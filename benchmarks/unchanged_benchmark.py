@@ -28,7 +28,7 @@ from gslts.mapping.engine import make_map
 from gslts_bench.detection.variants import STRATEGIES
 
 KEPT_ASIDE = 8
-"""Each of so many frames; see `gslts.mapping.frames.every_eighth`."""
+"""Each of so many frames; see `gslts.mapping.frames.split_held_out`."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,13 +44,13 @@ def make(
         float | None,
         typer.Option(
             min=1,
-            help="Seconds for reading and optimising, instead of iterations; comparing sizes and "
-            "judging come after.",
+            help="Seconds for reading and optimization, instead of iterations; the comparison of variants "
+            "and the evaluation come after.",
         ),
     ] = None,
     max_gaussians: Annotated[int | None, typer.Option(min=1, help="No more than these.")] = None,
     every: Annotated[
-        int, typer.Option(min=1, help="Use every so manieth frame, as of a long recording.")
+        int, typer.Option(min=1, help="Use every n-th frame, such as of a long recording.")
     ] = 1,
     settings: Annotated[
         list[str] | None,
@@ -65,7 +65,10 @@ def make(
     ] = False,
     threads: Threads = 0,
 ) -> None:
-    """Make a map of posed RGB-D frames; every eighth frame is kept aside to judge it.
+    """Make a map of posed RGB-D frames.
+
+    Every 8th frame is held out from training: alternately a test frame, on which quality is
+    reported, and a validation frame, which ends the optimization.
 
     The folder holds the Gaussians, a manifest, the corrected cameras and report.html. Until it is
     done, OUT.checkpoint.npz holds what an interrupted run needs to go on.
@@ -132,7 +135,7 @@ def judge(
     dataset: Dataset,
     every: Annotated[
         int | None,
-        typer.Option(min=1, help="Use every so manieth frame, not those that were kept aside."),
+        typer.Option(min=1, help="Use every n-th frame instead of the test frames."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     threads: Threads = 0,
@@ -143,10 +146,11 @@ def judge(
         Path | None, typer.Option(help="alex.pth of the package lpips, for LPIPS.")
     ] = None,
 ) -> None:
-    """Compare a map with frames that it was not made from, the exposure of each fitted.
+    """Evaluate a map on its test frames: frames that neither trained nor validated it.
 
-    Three ways: poses as given, poses corrected as those of their neighbours were, and poses refined
-    against the map. Frames that cannot be used are skipped, as when a map is made.
+    Figures are given for poses of the data set, for poses corrected by those of neighbouring
+    training frames, and for poses refined against the map; the exposure of each frame is fitted.
+    Frames that cannot be used are skipped.
 
     Example: gslts eval out/map out/kitchen_3
     """
@@ -155,25 +159,26 @@ def judge(
     from tqdm import tqdm
 
     from gslts.datasets import open_dataset
-    from gslts.mapping.evaluation.assess import assess
     from gslts.mapping.evaluation.evaluate import evaluate_held_out
-    from gslts.mapping.evaluation.held_out import Known, held_out_of
+    from gslts.mapping.evaluation.held_out import TrainingRecord, read_test_frames
+    from gslts.mapping.evaluation.rendering import evaluate_rendering
     from gslts.rendering.metrics import Lpips
     from gslts.store.map_folder import read_map
 
     weights = both_weights(lpips_backbone, lpips_heads)
     lpips = None if weights is None else Lpips(*weights)
     gaussian_map = read_map(map_path)
-    observations, neighbours, skipped = held_out_of(
+    frames, skipped = read_test_frames(
         open_dataset(dataset),
-        Known.of(map_path),
+        TrainingRecord.read(map_path),
         every,
         lambda frames: tqdm(frames, desc="reading", unit="frame", disable=None),
     )
     for reason in skipped:
         typer.echo(f"skipped {reason}", err=True)
-    quality, _ = evaluate_held_out(gaussian_map, observations, neighbours, threads)
-    rest = assess(gaussian_map, [one.rgbd() for one in observations], lpips, threads)
+    quality, _ = evaluate_held_out(gaussian_map, frames, threads)
+    rgbd = [frame.rgbd() for frame in frames.observations.values()]
+    rest = evaluate_rendering(gaussian_map, rgbd, lpips, threads)
     per_gaussian = gaussian_map.nbytes / max(1, gaussian_map.size)
     if as_json:
         sizes = {
@@ -183,13 +188,13 @@ def judge(
         }
         typer.echo(json.dumps({**asdict(quality), **asdict(rest), **sizes, "skipped": skipped}))
         return
-    for name, way in asdict(quality).items():
-        if way is not None:
-            depth_m = way["depth_l1_m"]
-            depth = "" if depth_m is None else f", depth {100 * depth_m:.2f} cm off"
+    for name, figures in asdict(quality).items():
+        if figures is not None:
+            depth_m = figures["depth_l1_m"]
+            depth = "" if depth_m is None else f", depth error {100 * depth_m:.2f} cm"
             typer.echo(
-                f"{way['frames']} frames, poses {name.replace('_', ' ')}: {way['psnr_db']:.2f} dB, "
-                f"SSIM {way['ssim']:.3f}{depth}"
+                f"{figures['frames']} frames, poses {name.replace('_', ' ')}: {figures['psnr_db']:.2f} dB, "
+                f"SSIM {figures['ssim']:.3f}{depth}"
             )
     typer.echo(
         f"{gaussian_map.size} Gaussians in {gaussian_map.nbytes} bytes, {per_gaussian:.1f} each; "

@@ -42,9 +42,9 @@ class Adam:
     """Minimizes a loss over the parameters of a map with Adam (Kingma & Ba 2015).
 
     A step touches only the Gaussians that have a gradient, and corrects the bias of their moments
-    by the number of steps that each took part in, as if each Gaussian had an Adam of its own. With a
-    gradient for all Gaussians this is the usual Adam. Results are
-    bit-identical for any thread count.
+    by the number of steps that each took part in, as if each Gaussian had an Adam of its own. With
+    a gradient for all Gaussians this is the usual Adam. Results are bit-identical for any number of
+    threads.
 
     Args:
         gaussian_map: Initial map; it is copied.

@@ -107,8 +107,8 @@ def photometric_loss(
         threads: Number of threads; 0 means all.
 
     Raises:
-        ValueError: An array has the wrong shape or dtype, a number inside the mask is not finite, or
-            dssim_weight is out of range.
+        ValueError: An array has the wrong shape or dtype, a number inside the mask is not finite,
+            or dssim_weight is out of range.
     """
     function = _of_dtype("rgb", "photometric_loss", rgb)
     return PhotometricLoss(
@@ -139,7 +139,8 @@ def fit_exposure(
         threads: Number of threads; 0 means all.
 
     Raises:
-        ValueError: An array has the wrong shape or dtype, or a number inside the mask is not finite.
+        ValueError: An array has the wrong shape or dtype, or a number inside the mask is not
+            finite.
     """
     function = _of_dtype("rgb", "fit_exposure", rgb)
     exposure: Exposure = function(rgb, target, mask=mask, threads=threads)

@@ -31,7 +31,7 @@ _SCATTER_ROWS: dict[np.dtype[Any], Callable[..., NDArray[Any]]] = {
 
 @dataclass(frozen=True, eq=False)
 class Images:
-    """Rendered images in the dtype of the map; blend weights w_i = alpha_i prod_{j<i} (1 - alpha_j).
+    """Rendered images in the dtype of the map; w_i = alpha_i prod_{j<i} (1 - alpha_j) at a pixel.
 
     Attributes:
         rgb: [H,W,3] sum w_i c_i + (1 - alpha) background; linear in the map's colours, not clipped.
@@ -218,7 +218,8 @@ class Rasterizer:
 
         Raises:
             RuntimeError: There was no `forward`.
-            ValueError: The array has a wrong shape or dtype, or a number inside the mask is not finite.
+            ValueError: The array has a wrong shape or dtype, or a number inside the mask is not
+                finite.
         """
         if self._view is None:
             raise RuntimeError("Rasterizer.lift: there was no forward")

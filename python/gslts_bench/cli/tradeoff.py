@@ -58,7 +58,7 @@ def tradeoff(
     """Measure what time, Gaussians and each knob of the renderer cost and bring.
 
     Given MAP and DATASET, maps are made afresh in several times, and the map is refined with an
-    eighth to double as many Gaussians; frames kept aside judge them all. Knobs of the renderer are
+    eighth to double as many Gaussians; all are measured on test frames. Knobs of the renderer are
     measured on a map from the view of --pose, or from that of its first camera; without any map, in
     a synthetic room.
 
@@ -145,25 +145,27 @@ def _against_mapping(
     from gslts.datasets import open_dataset
     from gslts.io.atomic_files import empty_folder
     from gslts.mapping.config import PRESETS
-    from gslts.mapping.evaluation.held_out import Known
+    from gslts.mapping.evaluation.held_out import TrainingRecord
     from gslts.store.map_folder import folder_of, read_manifest, read_map
     from gslts_bench.tradeoff import mapping as bench
     from gslts_bench.tradeoff.mapping_plot import write_plot
     from gslts_bench.tradeoff.rendering import write_csv
 
-    gaussian_map, known, opened = read_map(map_path), Known.of(map_path), open_dataset(dataset)
+    gaussian_map, opened = read_map(map_path), open_dataset(dataset)
     folder, _ = folder_of(map_path)
     made_in_s = bench.seconds_of(read_manifest(folder)) if folder.is_dir() else None
-    visit = bench.visit_of(
-        opened, known, lambda frames: tqdm(frames, desc="reading", unit="frame", disable=None)
+    split = bench.split_of(
+        opened,
+        TrainingRecord.read(map_path),
+        lambda frames: tqdm(frames, desc="reading", unit="frame", disable=None),
     )
-    covered = bench.covered(gaussian_map, visit, threads or 0)
+    covered = bench.covered(gaussian_map, split, threads or 0)
     if covered < bench.LEAST_COVERED:
         raise ValueError(
             f"{map_path}: it fills {100 * covered:.0f} % of the frames of {opened.name}, they do "
             "not belong together"
         )
-    first = next(iter(visit.training.values()))
+    first = next(iter(split.training.values()))
     camera = output.find_camera(map_path, pose) if pose else first.camera()
     empty_folder(out)
     stem, one = "tradeoff_renderer", 1 if threads is None else threads
@@ -183,10 +185,10 @@ def _against_mapping(
             bar.write(_line(point))
             bar.update()
 
-        add(bench.itself(gaussian_map, visit, made_in_s, config.threads))
-        for point in bench.against_count(gaussian_map, visit, config):
+        add(bench.itself(gaussian_map, split, made_in_s, config.threads))
+        for point in bench.against_count(gaussian_map, split, config):
             add(point)
-        del visit  # Maps made afresh read the frames for themselves.
+        del split  # Maps made afresh read the frames for themselves.
         for point in bench.against_time(opened, config, budgets_s):
             add(point)
     told = {

@@ -16,7 +16,7 @@ from pydantic import BaseModel
 
 from gslts.datasets import Frame
 from gslts.localization.relocalizer import Relocalizer
-from gslts.mapping.evaluation.held_out import Known
+from gslts.mapping.evaluation.held_out import TrainingRecord
 from gslts.types import Floats
 from gslts_bench.cache import code_digest, digest, native_digest
 from gslts_bench.homes import Tell
@@ -105,7 +105,7 @@ class FoldUnit:
         if not frames:
             return
         folder = self.room.map(self.fold, tell)
-        known, relocalizer = Known.of(folder), Finders(folder).of(OURS)
+        known, relocalizer = TrainingRecord.read(folder), Finders(folder).of(OURS)
         in_map = {name: one.world_from_camera for name, one in known.cameras.items()}
         corrected = brought_to(self.room.corrected(tell), in_map)
         for frame in frames:
@@ -117,7 +117,7 @@ class FoldUnit:
     def _record(
         self,
         frame: Frame,
-        known: Known,
+        known: TrainingRecord,
         relocalizer: Relocalizer,
         corrected: Mapping[str, Floats],
     ) -> RoomRecord:

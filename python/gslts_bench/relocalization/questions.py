@@ -8,7 +8,7 @@ from functools import cache, partial
 
 from gslts.core.frame import RgbdFrame
 from gslts.datasets import Frame, open_dataset
-from gslts.mapping.frames import every_eighth
+from gslts.mapping.frames import HELD_OUT_EVERY
 from gslts.types import Floats
 from gslts_bench.detection.cases import Case
 from gslts_bench.homes import BenchHome, Tell
@@ -67,7 +67,7 @@ def _kept_aside(bench: BenchHome, views: int, tell: Tell) -> Iterator[Question]:
     """Frames of the recording that maps are made without."""
     folder = bench.recording(tell)
     frames, true = open_dataset(folder).frames, true_poses(folder)
-    for number in list(every_eighth([one.name for one in frames]))[:views]:
+    for number in list(range(0, len(frames), HELD_OUT_EVERY))[:views]:
         frame = frames[number]
         look = partial(_read, frame, true[frame.name])
         yield Question(f"{bench.name}/kept_{frame.name}", "kept aside", number, look)

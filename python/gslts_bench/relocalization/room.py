@@ -112,7 +112,7 @@ class RecordedRoom:
             result = make_map(self.dataset, self._config, report=_reporting(tell))
             every = {**result.training, **result.held_out}
             folder.mkdir()
-            poses = {name: one.pose.tolist() for name, one in every.items()}
+            poses = {name: frame.world_from_camera.tolist() for name, frame in every.items()}
             write_whole(folder / POSES, (json.dumps(poses) + "\n").encode())
 
         folder = cached_folder(self.work / "poses" / self.name, self.corrected_of, make)

@@ -24,7 +24,7 @@ TICKS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
 
 
 def write_plot(points: Sequence[MappingPoint], title: str, path: Path) -> None:
-    """PSNR of frames kept aside against time, and against the number of Gaussians, as a PNG.
+    """PSNR of test frames against time, and against the number of Gaussians, as a PNG.
 
     Args:
         points: Of all kinds; the map itself once.
@@ -54,7 +54,7 @@ def write_plot(points: Sequence[MappingPoint], title: str, path: Path) -> None:
     of_time.set(
         title="maps made afresh, and their Gaussians",
         xlabel="time to make the map, s",
-        ylabel="PSNR of frames kept aside, dB",
+        ylabel="PSNR of test frames, dB",
     )
 
     way, marker, color = WAYS["refined_psnr_db"]
@@ -73,7 +73,7 @@ def write_plot(points: Sequence[MappingPoint], title: str, path: Path) -> None:
     of_count.set(
         title="the map, refined with fewer or more Gaussians",
         xlabel="Gaussians",
-        ylabel="PSNR of frames kept aside, dB",
+        ylabel="PSNR of test frames, dB",
     )
 
     for axes in (of_time, of_count):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from store_maps import assert_same, blobs_of, edited, grown, random_map
 
-from gslts.mapping.density.control import joined
+from gslts.mapping.density.control import join
 from gslts.store.blobs import Blobs
 from gslts.store.delta import Delta, after_all, delta_by_ids, delta_of
 from gslts.store.map_store import INDEX, MapStore
@@ -56,7 +56,7 @@ def test_a_map_may_become_empty_and_full_again(folder: Path) -> None:
         first = store.read()
         empty = first.select(np.zeros(0, np.int64))
         store.commit(empty, {})
-        again = joined(empty, random_map(5), store.version().next_id)
+        again = join(empty, random_map(5), store.version().next_id)
         store.commit(again, {})
         assert_same(store.read(2), empty)
         assert_same(store.read(3), again)

@@ -7,7 +7,7 @@ import numpy as np
 import update_room
 
 from gslts.core.gaussian_map import GaussianMap
-from gslts.mapping.density.control import joined
+from gslts.mapping.density.control import join
 from gslts.update.views import View, aligned_view
 
 
@@ -29,7 +29,7 @@ def test_a_wall_beside_the_camera_does_not_hide_what_is_behind() -> None:
     view = update_room.collected("removal").views[0]
     gaussian_map, _ = change_room.mapped()
     alone = aligned_view(view, gaussian_map, threads=1)
-    beside = aligned_view(view, joined(gaussian_map, wall_beside(view)), threads=1)
+    beside = aligned_view(view, join(gaussian_map, wall_beside(view)), threads=1)
     known = (alone.rendered > 0) & (beside.rendered > 0)
     off = np.abs(alone.rendered - beside.rendered)[known] > 0.1
     assert off.mean() < 0.01

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gslts.core.gaussian_map import FloatArray, GaussianMap
+from gslts.core.gaussian_map import GaussianMap
 from gslts.mapping.observation import Observation
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.types import Floats, Floats32, Ints
@@ -59,7 +61,7 @@ def split(gaussian_map: GaussianMap, rows: Ints) -> GaussianMap:
     return join(replace(gaussian_map, means=means, log_scales=log_scales), others)
 
 
-def axes_of(quats: FloatArray) -> FloatArray:
+def axes_of(quats: NDArray[Any]) -> NDArray[Any]:
     """Return the axes [N,3,3] of rotations, one axis per row.
 
     Args:

@@ -63,7 +63,7 @@ def _splats_of(gaussian_map: GaussianMap, weights: FloatArray | None) -> Splats:
         gaussian_map.means.astype(np.float64),
         scaled.transpose(0, 2, 1) @ scaled,
         opacities,
-        None if weights is None else weights.astype(np.float64),
+        None if weights is None else np.array(weights, np.float64),
         SH_C0 * sh.astype(np.float64),
         features.astype(np.float64),
     )
