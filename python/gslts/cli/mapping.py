@@ -44,8 +44,8 @@ def make(
         float | None,
         typer.Option(
             min=1,
-            help="Seconds for reading and optimization, instead of iterations; the comparison of variants "
-            "and the evaluation come after.",
+            help="Seconds for reading and optimization, instead of iterations; the comparison of "
+            "variants and the evaluation come after.",
         ),
     ] = None,
     max_gaussians: Annotated[int | None, typer.Option(min=1, help="No more than these.")] = None,
@@ -193,8 +193,8 @@ def judge(
             depth_m = figures["depth_l1_m"]
             depth = "" if depth_m is None else f", depth error {100 * depth_m:.2f} cm"
             typer.echo(
-                f"{figures['frames']} frames, poses {name.replace('_', ' ')}: {figures['psnr_db']:.2f} dB, "
-                f"SSIM {figures['ssim']:.3f}{depth}"
+                f"{figures['frames']} frames, poses {name.replace('_', ' ')}: "
+                f"{figures['psnr_db']:.2f} dB, SSIM {figures['ssim']:.3f}{depth}"
             )
     typer.echo(
         f"{gaussian_map.size} Gaussians in {gaussian_map.nbytes} bytes, {per_gaussian:.1f} each; "

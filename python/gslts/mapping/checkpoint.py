@@ -13,7 +13,7 @@ import numpy as np
 
 from gslts.core.gaussian_map import GaussianMap
 from gslts.datasets.dataset import reason_of
-from gslts.io.atomic_files import write_whole
+from gslts.io.atomic_files import write_atomic
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.frames import split_held_out
 from gslts.mapping.lenses import Lenses
@@ -22,7 +22,7 @@ from gslts.mapping.optimize import Optimizer
 from gslts.mapping.report.data import CurvePoint
 from gslts.rendering.adam import Adam, AdamState
 from gslts.rendering.losses import Exposure
-from gslts.store.map_folder import camera_of, plain_camera
+from gslts.store.map_folder import camera_from_json, camera_to_json
 from gslts.types import Floats
 
 FORMAT, VERSION = "gslts-checkpoint", 1
@@ -158,7 +158,10 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
         "iteration": checkpoint.iteration,
         "epoch": checkpoint.epoch,
         "random": checkpoint.random,
-        "lenses": [plain_camera(checkpoint.lenses.color), plain_camera(checkpoint.lenses.depth)],
+        "lenses": [
+            camera_to_json(checkpoint.lenses.color),
+            camera_to_json(checkpoint.lenses.depth),
+        ],
         "pose_stds": checkpoint.pose_stds,
         "exposures_rejected": checkpoint.exposures_rejected,
         "curve": [asdict(point) for point in checkpoint.curve],
@@ -174,7 +177,7 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
     }
     buffer = io.BytesIO()
     np.savez(buffer, **arrays)
-    write_whole(path, buffer.getvalue())
+    write_atomic(path, buffer.getvalue())
 
 
 def read_checkpoint(path: Path) -> Checkpoint:
@@ -204,7 +207,7 @@ def _checkpoint_of(arrays: dict[str, Any]) -> Checkpoint:
         raise ValueError("state is not a JSON object")
     if state.get("format") != FORMAT or state.get("version") != VERSION:
         raise ValueError(f"format is {state.get('format')!r}, version {state.get('version')!r}")
-    color, depth = (camera_of(camera) for camera in state["lenses"])
+    color, depth = (camera_from_json(camera) for camera in state["lenses"])
     frames = tuple(state["frames"])
     training = len(frames) - sum(len(part) for part in split_held_out(frames))
     for name, shape in (("poses", (training, 4, 4)), ("exposures", (training, 2, 3))):

@@ -21,7 +21,8 @@ from gslts.mapping.frames import (
 from gslts.mapping.lenses import Lenses
 from gslts.mapping.observation import Observation
 from gslts.store.camera_files import cameras_of_map
-from gslts.store.map_folder import camera_of, folder_of, read_manifest
+from gslts.store.manifest import read_manifest, split_version
+from gslts.store.map_folder import camera_from_json
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +50,7 @@ class TrainingRecord:
             OSError: A file cannot be read.
             ValueError: A file is damaged.
         """
-        folder, _ = folder_of(path)
+        folder, _ = split_version(path)
         if not folder.is_dir():
             return cls()
         manifest, cameras = read_manifest(folder), cameras_of_map(path)
@@ -181,4 +182,4 @@ def _without_images(observation: Observation) -> Observation:
 
 
 def _lenses(plain: Mapping[str, Any]) -> Lenses:
-    return Lenses(camera_of(plain["color"]), camera_of(plain["depth"]))
+    return Lenses(camera_from_json(plain["color"]), camera_from_json(plain["depth"]))

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gslts.io.images import Picture
+from gslts.io.images import RgbImage
 from gslts.mapping.report.data import CurvePoint
 from gslts.types import Floats
 
@@ -47,22 +47,22 @@ def shrink(image: Any) -> Any:
     return image[np.ix_(rows, columns)]
 
 
-def jpeg_of(picture: Picture) -> str:
+def jpeg_of(image: RgbImage) -> str:
     """Encode an image as a data URL of JPEG.
 
     Args:
-        picture: [H,W,3].
+        image: [H,W,3].
     """
-    return _encoded(picture, "JPEG", quality=JPEG_QUALITY, optimize=True)
+    return _encoded(image, "JPEG", quality=JPEG_QUALITY, optimize=True)
 
 
-def png_of(picture: Picture) -> str:
+def png_of(image: RgbImage) -> str:
     """Encode an image as a data URL of PNG, for small or plain images.
 
     Args:
-        picture: [H,W,3].
+        image: [H,W,3].
     """
-    return _encoded(picture, "PNG", optimize=True)
+    return _encoded(image, "PNG", optimize=True)
 
 
 def psnr_svg(curve: Sequence[CurvePoint]) -> str:
@@ -139,7 +139,7 @@ def _svg(figure: Any) -> str:
     return _address("image/svg+xml", buffer.getvalue())
 
 
-def _encoded(picture: Picture, kind: str, **options: Any) -> str:
+def _encoded(picture: RgbImage, kind: str, **options: Any) -> str:
     from PIL import Image
 
     buffer = io.BytesIO()
