@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gslts.cli.arguments import MapFolder
 from gslts.cli.mapping import Threads
-from gslts.cli.tasks import Folder
 
 if TYPE_CHECKING:
     import numpy as np
@@ -40,7 +40,7 @@ Locate = Annotated[
 
 
 def locate(
-    map_path: Folder,
+    map_path: MapFolder,
     frames: Annotated[
         Path,
         typer.Argument(

@@ -9,11 +9,11 @@ from typing import Annotated
 
 import typer
 
-# What a command needs is imported inside it, so that `gslts --help` answers at once.
+# Commands import what they need inside, so that `gslts --help` is fast.
 
 
 class Preset(StrEnum):
-    """Speed against accuracy; see `gslts.mapping.config.PRESETS`."""
+    """Presets of the mapping engine, from fast to accurate: `gslts.mapping.config.PRESETS`."""
 
     FAST = "fast"
     BALANCED = "balanced"
@@ -30,38 +30,41 @@ Map = Annotated[
     Path, typer.Argument(metavar="MAP", help="Folder of a map, or a .ply file of 3DGS.")
 ]
 BAR = "{desc}: {percentage:3.0f}%|{bar}| {elapsed}<{remaining}{postfix}"
-Threads = Annotated[int, typer.Option(min=0, help="0 means one a hardware thread.")]
+"""Format of progress bars: stage, share, time passed and time left."""
+Threads = Annotated[int, typer.Option(min=0, help="Number of threads; 0: all hardware threads.")]
 
 
 def make(
     dataset: Dataset,
-    out: Annotated[Path, typer.Option(help="Folder of the map; must not be there yet.")],
+    out: Annotated[Path, typer.Option(help="New folder of the map.")],
     preset: Annotated[Preset, typer.Option(help="Speed against accuracy.")] = Preset.BALANCED,
     iterations: Annotated[
-        int | None, typer.Option(min=1, help="Instead of those of the preset.")
+        int | None, typer.Option(min=1, help="Optimisation steps. Default: those of the preset.")
     ] = None,
     budget_s: Annotated[
         float | None,
         typer.Option(
             min=1,
-            help="Seconds for reading and optimization, instead of iterations; the comparison of "
-            "variants and the evaluation come after.",
+            help="Time for reading and optimization, s, instead of --iterations; the evaluation "
+            "comes after it.",
         ),
     ] = None,
-    max_gaussians: Annotated[int | None, typer.Option(min=1, help="No more than these.")] = None,
+    max_gaussians: Annotated[
+        int | None, typer.Option(min=1, help="Maximum number of Gaussians.")
+    ] = None,
     every: Annotated[
-        int, typer.Option(min=1, help="Use every n-th frame, such as of a long recording.")
+        int, typer.Option(min=1, help="Use every n-th frame, for long recordings.")
     ] = 1,
     settings: Annotated[
         list[str] | None,
         typer.Option(
             "--set",
             metavar="NAME=VALUE",
-            help="Another value for a setting of `gslts.mapping.config`; may be given again.",
+            help="Value of a setting of `gslts.mapping.config`; may be repeated.",
         ),
     ] = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on where an interrupted run stopped.")
+        bool, typer.Option("--resume", help="Continue an interrupted run from its checkpoint.")
     ] = False,
     threads: Threads = 0,
 ) -> None:
@@ -70,8 +73,8 @@ def make(
     Every 8th frame is held out from training: alternately a test frame, on which quality is
     reported, and a validation frame, which ends the optimization.
 
-    The folder holds the Gaussians, a manifest, the corrected cameras and report.html. Until it is
-    done, OUT.checkpoint.npz holds what an interrupted run needs to go on.
+    The folder of the map holds the Gaussians, a manifest, the corrected cameras and report.html.
+    During the run, OUT.checkpoint.npz holds the state for --resume.
 
     Example: gslts map out/kitchen_3 --out out/map
     """
@@ -90,14 +93,16 @@ def make(
         raise FileExistsError(f"{out} is there already")
     saved = out.with_name(f"{out.name}.checkpoint.npz")
     if saved.exists() and not resume:
-        raise FileExistsError(f"{saved} is there: go on with --resume, or remove it")
-    given = {
+        raise FileExistsError(
+            f"{saved}: an interrupted run; continue it with --resume, or remove the file"
+        )
+    options = {
         "iterations": iterations,
         "budget_s": budget_s,
         "max_gaussians": max_gaussians,
         "threads": threads,
     }
-    chosen = [f"{name}={value}" for name, value in given.items() if value is not None]
+    chosen = [f"{name}={value}" for name, value in options.items() if value is not None]
     config = PRESETS[preset].with_settings([*chosen, *(settings or [])])
     start = read_checkpoint(saved) if resume else None
     opened = open_dataset(dataset)
@@ -208,10 +213,17 @@ def judge(
 
 
 def both_weights(backbone: Path | None, heads: Path | None) -> tuple[Path, Path] | None:
-    """The files of `gslts.rendering.metrics.Lpips`; None without them.
+    """Check that the files of `gslts.rendering.metrics.Lpips` are both given, or neither.
+
+    Args:
+        backbone: Weights of AlexNet.
+        heads: Weights of LPIPS.
+
+    Returns:
+        Both files; None without them.
 
     Raises:
-        ValueError: One is missing.
+        ValueError: Only one is given.
     """
     if backbone is None and heads is None:
         return None

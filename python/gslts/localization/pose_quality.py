@@ -73,7 +73,7 @@ def covariance_of(pose: _core.RefinedPose) -> Floats:
     """[6,6] of a twist (rho, phi), m and rad.
 
     The inverse of the curvature, as far as pixels err independently, and what the map is off;
-    benchmarks/README.md compares it with errors.
+    benchmarks/results/relocalization.md compares it with errors.
     """
     curvature = np.asarray(pose.curvature) + 1e-6 * np.eye(6)
     of_map = np.diag(np.repeat(np.square(MAP_STDS), 3))

@@ -218,7 +218,7 @@ def test_bad_arguments(plain: GaussianMap) -> None:
     with pytest.raises(ValueError, match=r"weights: expected \[900\], got \(3,\)"):
         merge(plain, 10, np.ones(3))
     for bad in (-1.0, np.nan, np.inf):
-        with pytest.raises(ValueError, match="weights: one is negative or not finite"):
+        with pytest.raises(ValueError, match="weights: expected finite values of at least 0"):
             merge(plain, 10, np.full(900, bad))
 
 

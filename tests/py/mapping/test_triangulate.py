@@ -45,13 +45,13 @@ def shifted(frame: RgbdFrame, by_px: float) -> RgbdFrame:
 
 @pytest.mark.parametrize("longest_px", [240, 239], ids=["full", "halved"])
 def test_features_are_where_the_spots_are(longest_px: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sift, "LONGEST_SIDE_PX", longest_px)
+    monkeypatch.setattr(sift, "MAX_SIDE_PX", longest_px)
     frame = blob_room.frame(blob_room.camera_at((0.5, 0.8, 1.4), 0.5))
     camera = frame.camera
     pose = camera.world_from_camera
     in_camera = (blob_room.SPOTS[0] - pose[:3, 3]) @ pose[:3, :3]
     spots = in_camera[:, :2] / in_camera[:, 2:] * (camera.fx, camera.fy) + (camera.cx, camera.cy)
-    places = detect_keypoints(frame).places
+    places = detect_keypoints(frame).positions
     off = places[:, None] - spots
     nearest = off[np.arange(len(off)), np.linalg.norm(off, axis=2).argmin(axis=1)]
     own = nearest[np.abs(nearest).max(axis=1) < 1]
@@ -112,7 +112,7 @@ def test_what_a_mask_hides_gives_no_points(frames: list[RgbdFrame]) -> None:
         replace(frame, rgb=np.where(mask[..., None], frame.rgb, 0).astype(np.uint8), mask=mask)
         for frame in frames
     ]
-    columns, rows = detect_keypoints(masked[0]).places.T
+    columns, rows = detect_keypoints(masked[0]).positions.T
     assert len(columns) > 30
     assert columns.min() > 60 + MASK_MARGIN_PX - 1
     assert columns.max() < 220 - MASK_MARGIN_PX + 1
