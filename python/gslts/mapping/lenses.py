@@ -14,7 +14,8 @@ import numpy as np
 
 from gslts.core.camera import Camera, at_pose
 from gslts.core.se3 import product, relative, se3_retract, twist_of
-from gslts.localization.alignment import PIXELS_PER_FACT, Alignment, NormalEquations, solve_positive
+from gslts.localization.alignment import Alignment, NormalEquations, solve_positive
+from gslts.localization.constants import CORRELATED_PIXELS
 from gslts.types import Floats
 
 
@@ -150,7 +151,7 @@ def _prior(lenses: Lenses, given: Lenses, frames: int) -> tuple[Floats, Floats]:
     centre_px = prior.centre_share * given.color.width
     stds = np.repeat([prior.log_focal, centre_px, prior.offset_m, prior.turn_rad], [2, 2, 3, 3])
     # Once per frame: the errors of a sensor are the same in all frames and do not average out.
-    weights = frames * PIXELS_PER_FACT / stds**2
+    weights = frames * CORRELATED_PIXELS / stds**2
     back = relative(lenses.depth.world_from_camera, np.eye(4))
     offset = np.concatenate(
         [

@@ -11,12 +11,11 @@ from gslts.core.camera import Camera, shift_origin
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.se3 import se3_retract, twist_of
 from gslts.localization.alignment import (
-    DEPTH_SHARE,
-    PIXELS_PER_FACT,
     Alignment,
     NormalEquations,
     align,
 )
+from gslts.localization.constants import CORRELATED_PIXELS, DEPTH_WEIGHT
 from gslts.mapping import clock
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.density.control import join, split
@@ -242,11 +241,11 @@ class Optimizer:
             threads=self.config.threads,
         ).at_full_size(1 << level)
         stds = np.repeat([self.config.pose_std_m, self.config.pose_std_rad, 1], (3, 3, 4))
-        weights = (np.arange(10) < 6) * PIXELS_PER_FACT / stds**2
+        weights = (np.arange(10) < 6) * CORRELATED_PIXELS / stds**2
         offset = np.concatenate([-twist_of(observation.correction), np.zeros(4)])
         prior = NormalEquations(np.diag(weights), weights * offset)
         depth = alignment.depth
-        weak = NormalEquations(DEPTH_SHARE * depth.hessian, DEPTH_SHARE * depth.right)
+        weak = NormalEquations(DEPTH_WEIGHT * depth.hessian, DEPTH_WEIGHT * depth.right)
         twist = pose_step(Alignment(alignment.color, weak + prior))
         observation.world_from_camera = se3_retract(observation.world_from_camera, twist)
         observation.alignment = after_step(Alignment(alignment.color, depth + prior), twist)

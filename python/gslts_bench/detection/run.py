@@ -84,7 +84,7 @@ class Record(BenchRecord):
 
 @dataclass(frozen=True)
 class DetectUnit(BenchUnit[Record, BenchHome]):
-    """One home.
+    """Work on one home.
 
     Attributes:
         counts: Number of cases.

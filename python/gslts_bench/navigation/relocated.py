@@ -40,7 +40,7 @@ NOT_UPDATED = "not updated"
 
 @dataclass(frozen=True)
 class RelocatedUnit(BenchUnit[Record, BenchHome]):
-    """One home, in which objects are relocated one at a time.
+    """Work on one home, in which objects are relocated one at a time.
 
     Attributes:
         tasks: Number of relocations, of objects that are the only ones of their type.

@@ -69,13 +69,13 @@ class Record(BenchRecord):
 
     @property
     def is_relocated(self) -> bool:
-        """Whether the object was relocated after mapping."""
+        """True if the object was relocated after mapping."""
         return "/moved_" in self.id
 
 
 @dataclass(frozen=True)
 class NavigateUnit(BenchUnit[Record, BenchHome]):
-    """One home.
+    """Work on one home.
 
     Attributes:
         episodes: Number of episodes.

@@ -68,7 +68,7 @@ class RoomFold:
 
 @dataclass(frozen=True)
 class FoldUnit(BenchUnit[RoomRecord, RoomFold]):
-    """One fold of a room."""
+    """Work on one fold of a room."""
 
     topic = "relocalize"
     record = RoomRecord

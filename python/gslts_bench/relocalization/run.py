@@ -48,7 +48,7 @@ class Record(BenchRecord):
 
 @dataclass(frozen=True)
 class RelocalizeUnit(BenchUnit[Record, BenchHome]):
-    """One home.
+    """Work on one home.
 
     Attributes:
         views: Maximum number of frames per part.

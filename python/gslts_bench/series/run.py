@@ -88,7 +88,7 @@ class Record(BenchRecord):
 
 @dataclass(frozen=True)
 class SeriesUnit(BenchUnit[Record, BenchHome]):
-    """One home.
+    """Work on one home.
 
     Attributes:
         changes: Number of changes in a row.

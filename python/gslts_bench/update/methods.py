@@ -37,7 +37,7 @@ of the means, 1.6e-4 times the extent of the cameras, is taken for an extent of 
 
 @dataclass(frozen=True)
 class Method:
-    """One method.
+    """Method of updating a map.
 
     Attributes:
         edit: Settings of the edit; None leaves the Gaussians as they are.

@@ -39,7 +39,7 @@ CURVE_OF = ("plain fine-tuning", "ours")
 NOT_DETECTED = "not detected"
 """Method of the record of a change that was not detected."""
 MIN_TASKS = 12
-"""Minimum number of tasks made for a home, so that the first do not depend on their number."""
+"""Minimum number of tasks made for a home, of which the first are used."""
 
 
 class Record(BenchRecord):
@@ -79,7 +79,7 @@ class Record(BenchRecord):
 
 @dataclass(frozen=True)
 class UpdateUnit(BenchUnit[Record, BenchHome]):
-    """One home.
+    """Work on one home.
 
     Attributes:
         tasks: Number of tasks.

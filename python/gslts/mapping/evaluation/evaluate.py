@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gslts.core.gaussian_map import FloatArray, GaussianMap
-from gslts.localization.alignment import aligned
+from gslts.localization.alignment import align_pose
 from gslts.mapping.frames import HeldOutFrames
 from gslts.mapping.observation import Observation
 from gslts.rendering.losses import apply_exposure, fit_exposure
@@ -130,7 +130,7 @@ def refine_pose(
         threads: Number of threads; 0 means all.
     """
     frames = [observation.rgbd(level) for level in POSE_LEVELS]
-    return observation.at_pose(aligned(gaussian_map, frames, POSE_STEPS, threads=threads))
+    return observation.at_pose(align_pose(gaussian_map, frames, POSE_STEPS, threads=threads))
 
 
 def rgb_as_exposed(images: Images, observation: Observation, threads: int = 0) -> FloatArray:
