@@ -27,8 +27,8 @@ from gslts.store.camera_files import cameras_of_map, cameras_of_update
 from gslts.store.map_folder import open_map
 from gslts.store.records import Version
 from gslts.update.config import UpdateConfig
-from gslts.update.publish import published
-from gslts.update.updater import Update, update
+from gslts.update.integrate import UpdateResult, integrate_changes
+from gslts.update.publish import publish
 
 
 @dataclass(frozen=True)
@@ -232,7 +232,7 @@ class MapKeeper:
             self._tell(stage)
 
         config = self._config.update
-        result = update(
+        result = integrate_changes(
             self._map,
             list(self._cameras.values()),
             changes,
@@ -241,9 +241,9 @@ class MapKeeper:
             detector=self._detector,
             first_id=self._store.version().next_id,
             semantics=self._semantics,
-            tell=tell,
+            progress=tell,
         )
-        version = published(
+        version = publish(
             self._store,
             self._map,
             self._cameras.values(),
@@ -269,13 +269,13 @@ class MapKeeper:
         )
         self._become(deferred=deferred)
 
-    def _defer(self, result: Update) -> None:
+    def _defer(self, result: UpdateResult) -> None:
         """What the map does not show is tried again later."""
         deferred = self.state.deferred
-        for change, why in result.left:
+        for change, why in result.rejected_changes:
             deferred = defer(deferred, change, why, self.state.round)
             self._say(f"{change.kind} left as it is for now: {why}")
-        if result.left:
+        if result.rejected_changes:
             self._become(deferred=deferred)
 
     def _is_deferred(self, change: Change) -> bool:
