@@ -84,7 +84,10 @@ class FoldUnit(BenchUnit[RoomRecord, RoomFold]):
         return len(self.frames)
 
     def run(self, done: frozenset[str], add: Add) -> None:
-        """Localize the frames that are missing, but for those that mapping cannot use."""
+        """Localize the frames that are missing, but for those that mapping cannot use.
+
+        See `Unit`.
+        """
         frames = [frame for frame in self.frames if frame.name not in done]
         if not frames:
             return

@@ -51,6 +51,7 @@ class Method:
 
 
 OURS = UpdateConfig()
+"""Settings of our method."""
 
 
 def _without(**settings: object) -> Method:
