@@ -249,7 +249,7 @@ def _localize(folder: Path, frame: RgbdFrame, threads: int, say: Callable[[str],
     """Localize a frame in the map without a prior."""
     start_s = time.perf_counter()
     relocalizer = Relocalizer.of_map(folder, RelocalizationConfig(threads=threads))
-    found = relocalizer.locate(frame)
+    found = relocalizer.localize(frame)
     took = f"after {time.perf_counter() - start_s:.1f} s"
     pose = found.world_from_camera
     if pose is None:

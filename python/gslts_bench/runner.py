@@ -31,6 +31,10 @@ class BenchRecord(BaseModel):
     id: str
     error: str | None = None
 
+    def as_json(self) -> dict[str, Any]:
+        """Return the record as JSON values for the result of a run."""
+        return self.model_dump(mode="json")
+
 
 class Subject(Protocol):
     """A home or a recorded room, whose maps a benchmark works on.
@@ -238,7 +242,7 @@ class Benchmark(Generic[R]):
             "summary": outcome.summary,
             "errors": outcome.errors,
             "missing": outcome.missing,
-            "records": [record.model_dump(mode="json") for record in outcome.records],
+            "records": [record.as_json() for record in outcome.records],
         }
 
     def markdown(self, result: dict[str, Any]) -> str:

@@ -237,7 +237,7 @@ class Detectors:
         Args:
             frame: Frame to localize.
         """
-        return Localizer(self._relocalizer).located(frame)
+        return Localizer(self._relocalizer).localize_frame(frame)
 
 
 class _Clock:

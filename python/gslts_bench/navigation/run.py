@@ -66,6 +66,10 @@ class Record(BenchRecord):
             shortest_m=episode.shortest_m,
         )
 
+    def as_json(self) -> dict[str, Any]:
+        """Return the record with its SPL as JSON values."""
+        return {**super().as_json(), "spl": self.spl}
+
     @property
     def spl(self) -> float:
         """Success weighted by path length (Anderson et al. 2018)."""

@@ -125,7 +125,7 @@ def _localize(
     """Localize a frame and judge the answer; return fields of `RoomRecord`."""
     observation = known.observe(frame)  # With the lenses that mapping found.
     rgbd = observation.rgbd()
-    answer = TimedAnswer.of(lambda: relocalizer.locate(rgbd))
+    answer = TimedAnswer.of(lambda: relocalizer.localize(rgbd))
     return {
         "given": answer.judge(observation.given_pose),
         "corrected": answer.judge(corrected[frame.name]),

@@ -159,7 +159,7 @@ def _localize(
 ) -> dict[str, Any]:
     """Localize a frame and judge the answers; return fields of `Record`."""
     relocalizer, (frame, true) = relocalizers.of(variant), take()
-    located = TimedAnswer.of(lambda: relocalizer.locate(frame))
+    located = TimedAnswer.of(lambda: relocalizer.localize(frame))
     if view.is_foreign:
         return {"located": located.judge(None)}
     if variant != OURS:

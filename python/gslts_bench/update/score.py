@@ -94,7 +94,7 @@ def evaluation_view(
     for box in (change.box_before, change.box_after):
         if box is not None:
             region = Region("after", np.array(box[0]), np.array(box[1]))
-            rectangle = region.rectangle(frame.camera, AROUND_PX)
+            rectangle = region.project_box(frame.camera, AROUND_PX)
             crops += [] if rectangle is None else [rectangle]
     if not crops:
         return None
