@@ -84,7 +84,10 @@ class FoldUnit(BenchUnit[RoomRecord, RoomFold]):
         return len(self.frames)
 
     def run(self, done: frozenset[str], add: Add) -> None:
-        """Localize the frames that are missing, but for those that mapping cannot use."""
+        """Localize the frames that are missing, but for those that mapping cannot use.
+
+        See `Unit`.
+        """
         frames = [frame for frame in self.frames if frame.name not in done]
         if not frames:
             return
@@ -122,7 +125,7 @@ def _localize(
     """Localize a frame and judge the answer; return fields of `RoomRecord`."""
     observation = known.observe(frame)  # With the lenses that mapping found.
     rgbd = observation.rgbd()
-    answer = TimedAnswer.of(lambda: relocalizer.locate(rgbd))
+    answer = TimedAnswer.of(lambda: relocalizer.localize(rgbd))
     return {
         "given": answer.judge(observation.given_pose),
         "corrected": answer.judge(corrected[frame.name]),

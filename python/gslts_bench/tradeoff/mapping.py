@@ -85,7 +85,13 @@ def split_of(
 
 
 def mean_opacity(gaussian_map: GaussianMap, split: FrameSplit, threads: int) -> float:
-    """Return the mean opacity of a map in the frames that it was made from, 0 to 1."""
+    """Return the mean opacity of a map in the frames that it was made from, 0 to 1.
+
+    Args:
+        gaussian_map: The map, float32.
+        split: Frames of the data set.
+        threads: 0 means one per hardware thread.
+    """
     rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
     coarse = (frame.camera(LEVELS - 1) for frame in split.training.values())
     images = (rasterizer.forward(gaussian_map, camera, options) for camera in coarse)
@@ -95,7 +101,14 @@ def mean_opacity(gaussian_map: GaussianMap, split: FrameSplit, threads: int) -> 
 def measure_map(
     gaussian_map: GaussianMap, split: FrameSplit, seconds: float | None, threads: int
 ) -> MappingPoint:
-    """Measure the map as it is."""
+    """Measure the map as it is.
+
+    Args:
+        gaussian_map: The map, float32.
+        split: Frames of the data set.
+        seconds: Time in which it was made, s; None if unknown.
+        threads: 0 means one per hardware thread.
+    """
     quality = _evaluate(gaussian_map, split, threads)
     return _point("map", "the map", seconds, None, gaussian_map.size, quality)
 
@@ -148,7 +161,11 @@ def measure_budgets(
 
 
 def seconds_of(manifest: Mapping[str, Any]) -> float | None:
-    """Return the time in which a map was made, by its manifest; None if that does not say."""
+    """Return the time in which a map was made, by its manifest; None if that does not say.
+
+    Args:
+        manifest: Manifest of the map.
+    """
     stages = manifest.get("seconds")
     if not isinstance(stages, dict):
         return None
