@@ -48,6 +48,9 @@ class HomeSource(StrictModel):
     def load(self, _folder: Path) -> Home:
         """Generate the home.
 
+        Args:
+            _folder: Ignored; as in `FileSource.load`.
+
         Raises:
             ValueError: It cannot be generated, or its digest differs.
         """

@@ -142,7 +142,7 @@ class Textures:
                     width, height = image.size
                     if max(width, height) > MAX_TEXTURE_PX:
                         self._file.reject(
-                            f"{name} is {width} x {height} pixels, at most {MAX_TEXTURE_PX} are read"
+                            f"{name} is {width} x {height} pixels, the maximum is {MAX_TEXTURE_PX}"
                         )
                     self._take(width * height)
                     return _rgb(image)
