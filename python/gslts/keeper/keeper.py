@@ -41,7 +41,7 @@ class LoopConfig:
         watch: When a change is believed.
         detection: Of changes.
         update: Of the map.
-        locate: How the robot finds out where in the map it is; None means that its odometry tells.
+        localize: Settings of the localization of the robot; None means that its odometry is exact.
     """
 
     stops: int = 40
@@ -50,7 +50,7 @@ class LoopConfig:
     watch: MonitorConfig = field(default_factory=lambda: MonitorConfig(rate_hz=1e6))
     detection: DetectionConfig = field(default_factory=DetectionConfig)
     update: UpdateConfig = field(default_factory=UpdateConfig)
-    locate: RelocalizationConfig | None = None
+    localize: RelocalizationConfig | None = None
 
     def __post_init__(self) -> None:
         if self.stops < 1 or self.looks < 1:
@@ -74,7 +74,7 @@ class MapKeeper:
     Raises:
         OSError: The map cannot be read, or another process writes it.
         ValueError: It is no map with versions, what is known of its rounds is damaged, or the robot
-            is to be located and the map has no landmarks.
+            is to be localized and the map has no landmarks.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class MapKeeper:
             self._semantics = MapSemantics.of_map(folder, self._config.update.threads)
             self._detector = self._detector_of_map()
             self._localizer = None
-            if self._config.locate is not None:
+            if self._config.localize is not None:
                 self._localizer = Localizer(self._relocalizer_of_map())
             self._watch = ChangeMonitor(self._detector, self._config.watch)
         except BaseException:
@@ -288,7 +288,7 @@ class MapKeeper:
 
     def _relocalizer_of_map(self) -> Relocalizer:
         landmarks = require_landmarks(self._folder, self._map)
-        return Relocalizer(self._map, landmarks, self._config.locate)
+        return Relocalizer(self._map, landmarks, self._config.localize)
 
     def _become(self, **changed: object) -> None:
         """Another state, on the disk before it is believed."""
