@@ -121,7 +121,7 @@ class RecordedRoom:
             result = make_map(self.dataset, self._config)
             every = {**result.training, **result.held_out}
             folder.mkdir()
-            poses = {name: found.pose.tolist() for name, found in every.items()}
+            poses = {name: found.world_from_camera.tolist() for name, found in every.items()}
             write_atomic(folder / POSES, (json.dumps(poses) + "\n").encode())
 
         folder = cached_folder(self.work / "poses" / self.name, self.corrected_of, make)
