@@ -122,7 +122,10 @@ def live_a_day(
     say(f"mapped it: {_mapped(out, scale, threads, bar)}")
     note("mapping")
     add_semantics(
-        out / "map", out / "before", threads=threads, show=lambda one: bar(one, "teaching")
+        out / "map",
+        out / "before",
+        threads=threads,
+        progress=lambda frames: bar(frames, "semantics"),
     )
     say("taught it the words of the simulator")
     note("teaching it words")
@@ -203,7 +206,7 @@ def _walk(folder: Path, robot: Controller, name: str, say: Callable[[str], None]
     found = navigator.queries.find(name)
     pictures = []
     if found:
-        x, y, z = found[0].middle
+        x, y, z = found[0].center
         say(f"asked for the {name}: at ({x:.2f}, {y:.2f}, {z:.2f}) m")
         cameras = list(cameras_of_map(folder).values())
         fits = navigator.queries.relevance(name)

@@ -130,14 +130,14 @@ def _recorded(
     path: Path, detector: ChangeDetector, localizer: Localizer | None
 ) -> tuple[Robot, list[Change], str | None]:
     """A robot that replays frames, the changes that enough of them show, or why they show none."""
-    from gslts.change.monitor import confirmed
+    from gslts.change.monitor import confirm_changes
     from gslts.robots.recorded import RecordedRobot
 
     frames = list(read_frames(path, localizer).values())
-    changes, counts = confirmed(detector, frames)
+    changes, counts = confirm_changes(detector, frames)
     fault = None
-    if counts.unreliable == counts.looked_at:
-        fault = f"none of {counts.looked_at} frames can be compared with it; gslts detect tells why"
+    if counts.unreliable == counts.processed:
+        fault = f"none of {counts.processed} frames can be compared with it; gslts detect tells why"
     return RecordedRobot(frames), changes, fault
 
 

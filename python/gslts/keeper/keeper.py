@@ -201,7 +201,7 @@ class MapKeeper:
                 break
             self._last = frame
             self.watch(frame)
-            if not self._watch.is_suspicious:
+            if not self._watch.is_pending:
                 break
         return self._reported()
 

@@ -14,8 +14,8 @@ from gslts.change.changes import Change
 from gslts.core.camera import Camera, new_viewpoints
 from gslts.core.gaussian_map import GaussianMap
 from gslts.io.atomic_files import write_atomic
-from gslts.localization.landmark_files import has_landmarks, keep_landmarks
-from gslts.localization.landmarks import landmarks_of
+from gslts.localization.landmark_extraction import extract_landmarks
+from gslts.localization.landmark_files import has_landmarks, write_landmarks
 from gslts.semantics.map_semantics import MapSemantics
 from gslts.store.causes import (
     ChangeRecord,
@@ -84,18 +84,18 @@ def published(
     digest = None
     if has_landmarks(store.folder):
         used = result.views[: result.record.training_views]
-        landmarks = landmarks_of(
+        landmarks = extract_landmarks(
             result.gaussian_map,
             [view.frame for view in used],
             [view.changed for view in used],
-            most_bytes=LANDMARK_BYTES,
+            max_bytes=LANDMARK_BYTES,
             threads=config.threads,
         )
         # Views from all sides also see more of what was there before.
         new = ~np.isin(landmarks.gaussians, before.ids)
         landmarks = landmarks.select(np.flatnonzero(new))
         if landmarks.size:
-            digest = keep_landmarks(landmarks, store.folder)
+            digest = write_landmarks(landmarks, store.folder)
     standing = store.lineage_numbers()  # What others brought was undone by a restore.
     past = [event for event in store.events() if event.version in standing]
 

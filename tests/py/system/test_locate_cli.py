@@ -25,7 +25,7 @@ from gslts_sim.controller import Controller
 
 PLACE = r"\((-?[\d.]+), (-?[\d.]+), (-?[\d.]+)\) m"
 SIZES = r"([\d.]+) mm(?:, \+-| and) ([\d.]+) degrees"
-LOST = "lost: too few corners of the picture are in the map"
+LOST = "lost: too few keypoints of the image match the map"
 WELL_M = 0.06
 """How well such small pictures are found, at half their size."""
 FAST = ("--halvings", "0", "--threads", "1")
@@ -90,7 +90,7 @@ def test_a_picture_alone_is_found(visited: Path) -> None:
     done = gslts("locate", "map", "visit/images/00000.png", "--threads", "1", cwd=visited)
     assert done.returncode == 0, done.stderr
     (line,) = done.stdout.splitlines()
-    told = re.fullmatch(rf"00000: ok at {PLACE}, \+- {SIZES}, (\d+) corners, [\d.]+ s", line)
+    told = re.fullmatch(rf"00000: ok at {PLACE}, \+- {SIZES}, (\d+) keypoints, [\d.]+ s", line)
     assert told
     assert off_m(true_cameras(visited)[0], told.groups()[:3]) < WELL_M
     assert 1 <= float(told[4]) < 50
@@ -120,7 +120,7 @@ def test_json_and_a_picture(visited: Path, tmp_path: Path, lens: tuple[str, ...]
     assert told["inliers"] >= 12
     assert 0 < told["residual"] < 0.2
     assert told["others"] == []
-    assert told["off_m"] is told["off_rad"] is None
+    assert told["error_m"] is told["error_rad"] is None
     assert done.stderr.splitlines()[-1] == f"see {picture}"
     with Image.open(picture) as image:
         left, right = np.split(np.asarray(image, float), 2, axis=1)
@@ -149,7 +149,7 @@ def test_poses_of_a_data_set_do_not_count(visited: Path, track: tuple[str, ...])
     assert len(frames) == 3
     given = [one.camera for one in open_dataset(visited / "adrift").frames]
     for number, line in enumerate(frames):
-        told = re.search(rf"ok at {PLACE}.*; {SIZES} from the pose given", line)
+        told = re.search(rf"ok at {PLACE}.*; {SIZES} from the given pose", line)
         assert told
         true = true_cameras(visited)[number]
         place = told.groups()[:3]
@@ -158,7 +158,7 @@ def test_poses_of_a_data_set_do_not_count(visited: Path, track: tuple[str, ...])
         assert float(told[5]) == pytest.approx(10, abs=1)
     assert lost.startswith("00003: lost: ")
     assert re.fullmatch(
-        rf"3 of 4 frames ok, 0 ambiguous, 1 lost; medians: [\d.]+ s, {SIZES} from the poses given",
+        rf"3 of 4 frames ok, 0 ambiguous, 1 lost; medians: [\d.]+ s, {SIZES} from the given poses",
         summary,
     )
 
@@ -168,7 +168,7 @@ def test_tracking_finds_a_frame_where_the_last_one_was(visited: Path, tmp_path: 
     done = gslts("locate", "map", tmp_path / "still", "--track", *FAST, cwd=visited)
     assert done.returncode == 0, done.stderr
     first, second, third, _ = done.stdout.splitlines()
-    assert "corners" in first
+    assert "keypoints" in first
     assert ", tracked, " in second
     assert ", tracked, " in third
 
@@ -280,4 +280,5 @@ def test_frames_that_are_all_lost_are_no_recording(visited: Path, tmp_path: Path
         darken(tmp_path / "dark", name)
     done = gslts("run", "map", "--frames", tmp_path / "dark", "--locate", cwd=visited)
     assert done.returncode == 1
-    assert done.stderr.splitlines()[-1].endswith("dark: none of its frames was found in the map")
+    message = "dark: none of its frames was localized in the map"
+    assert done.stderr.splitlines()[-1].endswith(message)

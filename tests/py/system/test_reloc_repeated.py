@@ -11,7 +11,7 @@ from gslts.core.camera import at_pose
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.se3 import pose_distance
 from gslts.localization.config import RelocalizationConfig
-from gslts.localization.landmarks import landmarks_of
+from gslts.localization.landmark_extraction import extract_landmarks
 from gslts.localization.relocalizer import Localization, Relocalizer
 from gslts_sim.explore import explore
 from gslts_sim.home import Home, HomeObject
@@ -54,7 +54,7 @@ def room_with_chairs() -> Home:
 def relocalizer_of(home: Home) -> Relocalizer:
     looks = explore(home, 48)[0]
     gaussian_map: GaussianMap = change_room.map_of(home, looks)[0]
-    landmarks = landmarks_of(
+    landmarks = extract_landmarks(
         gaussian_map, [change_room.see(home, look) for look in looks[::2]], threads=1
     )
     return Relocalizer(gaussian_map, landmarks, RelocalizationConfig(threads=1))
