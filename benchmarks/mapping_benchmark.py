@@ -71,8 +71,10 @@ def mapped(
     gslts("map", dataset, "--preset", preset, *options, "--out", out)
     manifest = json.loads((out / "manifest.json").read_text())
     result: dict[str, Any] = json.loads(gslts("eval", out, judge, "--json"))
-    result["seconds"] = sum(s for stage, s in manifest["seconds"].items() if stage != "judging")
-    result["variants"] = {one["name"]: one["psnr_db"] for one in manifest["variants"]}
+    result["seconds"] = sum(s for stage, s in manifest["seconds"].items() if stage != "evaluation")
+    result["variants"] = {
+        variant["name"]: variant["validation_psnr_db"] for variant in manifest["variants"]
+    }
     return result
 
 

@@ -132,6 +132,14 @@ def test_ends_of_different_frames_are_one_relocation(removal_first: bool) -> Non
     np.testing.assert_array_equal(second.change.point, addition.point)
 
 
+def test_an_end_of_a_plain_relocation_is_not_reported_beside_it() -> None:
+    """Changes of another detector have boxes and no surfaces."""
+    before, after = (tuple(np.array([x, -0.1, h]) for h in (0.9, 1.1)) for x in (1.0, 3.0))
+    whole = Change("relocation", 0.9, np.array([3.0, 0.0, 1.0]), (before, after))
+    reports, _ = watched(lambda t: [whole] if t < 3 else [change(1.0, "removal")], 10)
+    assert [report.change.kind for report in reports] == ["relocation"]
+
+
 def test_unlike_ends_of_different_frames_are_two_changes() -> None:
     (removal,) = boxes(before=HERE)
     for addition in (*boxes(after=THERE, color=BLUE), change(5.0), gs_lts_change_at("after")):

@@ -10,7 +10,7 @@ from gslts.core.camera import at_pose
 from gslts.core.se3 import fit_rigid_motion, se3_retract, twist_of
 from gslts.localization.alignment import NormalEquations, align
 from gslts.mapping.gauge import move_map
-from gslts.mapping.lenses import Lenses, after_step, corrected_lenses, pose_step
+from gslts.mapping.lenses import Lenses, after_step, pose_step, refine_lenses
 from gslts.rendering.losses import Exposure
 from gslts_bench.synthetic_rooms import make_room
 
@@ -159,7 +159,7 @@ def test_lenses_come_out_although_all_poses_are_wrong(monkeypatch: pytest.Monkey
             twist = pose_step(alignment)
             guesses[k] = move(camera, twist).world_from_camera
             looks.append(after_step(alignment, twist))
-        lenses = corrected_lenses(lenses, given, looks)
+        lenses = refine_lenses(lenses, given, looks)
     assert lenses.color.fx == pytest.approx(150.0, abs=0.05)
     assert lenses.color.fy == pytest.approx(152.0, abs=0.05)
     assert lenses.color.cx == pytest.approx(83.0, abs=0.05)

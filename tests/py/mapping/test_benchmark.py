@@ -69,7 +69,7 @@ def test_what_a_stopped_run_left_is_removed(
             assert not stale.exists()
             assert not out.exists()
             out.mkdir()
-            manifest = {"seconds": {"reading": 1.0, "judging": 5.0}, "variants": []}
+            manifest = {"seconds": {"reading": 1.0, "evaluation": 5.0}, "variants": []}
             (out / "manifest.json").write_text(json.dumps(manifest))
         return json.dumps(result(None, None))
 

@@ -6,7 +6,7 @@ import pytest
 import gslts
 from gslts.core.frame import RgbdFrame
 from gslts.mapping.config import MappingConfig
-from gslts.mapping.density.control import greatest_weights, split
+from gslts.mapping.density.control import max_weights, split
 from gslts.mapping.observation import Observation
 from gslts.mapping.optimize import Optimizer, Schedule
 from gslts.mapping.seeding.depth_seeds import flat_gaussians
@@ -91,7 +91,7 @@ def test_who_is_hidden_has_no_weight() -> None:
         logit_opacities=np.array([9.0, 9.0, 9.0]),
         sh=np.zeros((3, 1, 3)),
     ).astype(np.float32)
-    weights = greatest_weights(three, [half_striped()])
+    weights = max_weights(three, [half_striped()])
     assert weights[0] > 0.95
     assert 0 < weights[1] < 0.05
     assert weights[2] == 0

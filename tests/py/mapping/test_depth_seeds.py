@@ -13,8 +13,8 @@ from gslts.core.camera import at_pose
 from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import se3_retract, twist_of
 from gslts.localization.alignment import align
-from gslts.mapping.seeding.depth_seeds import LEAST_HITS, flat_gaussians, seed_from_depth
-from gslts.mapping.seeding.hole_seeds import interpolated, seeds_in_holes
+from gslts.mapping.seeding.depth_seeds import MIN_HITS, flat_gaussians, seed_from_depth
+from gslts.mapping.seeding.hole_seeds import fill_zeros, seed_holes
 from gslts_bench.synthetic_rooms import make_room
 from gslts_sim.controller import Controller
 
@@ -89,7 +89,7 @@ def test_voxels_are_those_of_numpy(frames: list, step: int) -> None:
 def test_seeds_are_those_of_voxels_seen_twice(frames: list) -> None:
     edge_m = 0.0731
     expected = surface_oracle.fused(frames, edge_m, 2).values()
-    sums = np.array([sums for sums, hits in expected if hits >= LEAST_HITS])
+    sums = np.array([sums for sums, hits in expected if hits >= MIN_HITS])
     spacing_m = np.full(len(sums), edge_m)
     means = sums / sums[:, :1]
     flats = flat_gaussians(means[:, 1:4], means[:, 4:7], means[:, 7:10], spacing_m, 0.8, 0)
@@ -127,12 +127,12 @@ def test_seeds_look_like_what_was_seen(frames: list) -> None:
 
 
 def test_what_one_frame_saw_is_no_seed(frames: list) -> None:
-    assert LEAST_HITS == 2
-    with pytest.raises(ValueError, match="no surface was measured by enough frames"):
+    assert MIN_HITS == 2
+    with pytest.raises(ValueError, match="no surface was measured by 2 frames"):
         seed_from_depth(frames[:1], VOXEL_M)
     turned = Controller(sim_scenes.simple_home(), width=160, height=120)
     turned.act("Teleport", position={"x": 1.0, "y": 1.0}, rotation=210.0, horizon=20.0)
-    with pytest.raises(ValueError, match="no surface was measured by enough frames"):
+    with pytest.raises(ValueError, match="no surface was measured by 2 frames"):
         seed_from_depth([frames[0], turned.observe()], VOXEL_M)
 
 
@@ -159,7 +159,7 @@ def test_colours_keep_surfaces_fine(frames: list) -> None:
 @pytest.mark.parametrize("most", [1500, 100])
 def test_no_more_seeds_than_wanted(frames: list, most: int) -> None:
     assert seed_from_depth(frames, VOXEL_M).size > most
-    seeds = seed_from_depth(frames, VOXEL_M, most=most)
+    seeds = seed_from_depth(frames, VOXEL_M, max_gaussians=most)
     assert 0.5 * most < seeds.size <= most
 
 
@@ -212,7 +212,7 @@ def test_holes_are_filled_at_the_depth_around_them(frames: list) -> None:
     torn = seeds.select(~hole)
     images = gslts.render(torn, one.camera)
     measured = np.zeros_like(one.depth)
-    new = seeds_in_holes(one.camera, images, one.rgb / 255, measured, 0)
+    new = seed_holes(one.camera, images, one.rgb / 255, measured, 0)
     assert new is not None
     columns, rows, z = project(one.camera, new.means.astype(np.float64))
     inside = (np.abs(columns - 80) < 16) & (np.abs(rows - 100) < 11)
@@ -221,17 +221,17 @@ def test_holes_are_filled_at_the_depth_around_them(frames: list) -> None:
     assert np.median(np.abs(z[inside] - at) / at) < 0.08
     whole = gslts.render(seeds, one.camera)
     closed = replace(whole, alpha=np.maximum(whole.alpha, 0.4))
-    assert seeds_in_holes(one.camera, closed, one.rgb / 255, one.depth, 0) is None
+    assert seed_holes(one.camera, closed, one.rgb / 255, one.depth, 0) is None
 
 
 def test_gaps_are_filled_from_all_sides() -> None:
     known = np.zeros((33, 47))
     known[:, 0], known[:, -1] = 1.0, 3.0
-    filled = interpolated(known)
+    filled = fill_zeros(known)
     assert filled.min() == 1.0
     assert filled.max() == 3.0
     assert filled[:, 3].max() < 1.5 < 2.5 < filled[:, -4].min()
-    np.testing.assert_array_equal(interpolated(np.full((5, 7), 2.0)), 2.0)
+    np.testing.assert_array_equal(fill_zeros(np.full((5, 7), 2.0)), 2.0)
 
 
 def project(camera: gslts.Camera, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

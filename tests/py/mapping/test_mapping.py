@@ -55,7 +55,7 @@ def test_map_folders_come_back(tmp_path: Path) -> None:
     cameras = json.loads((tmp_path / "map" / "cameras.json").read_text())
     assert cameras["a"]["world_from_camera"] == np.eye(4).tolist()
     assert [path.name for path in tmp_path.iterdir()] == ["map"]
-    with pytest.raises(FileExistsError, match="map is there already"):
+    with pytest.raises(FileExistsError, match="map exists already"):
         write_map_folder(tmp_path / "map", small_map(), {}, {})
 
 

@@ -16,7 +16,7 @@ from gslts.mapping.seeding.point_seeds import (
     seed_from_points,
     spacing,
 )
-from gslts.mapping.seeding.triangulate import triangulated
+from gslts.mapping.seeding.triangulate import triangulate
 from gslts.rendering.rasterizer import Rasterizer
 
 
@@ -53,7 +53,7 @@ def test_spacing_is_the_mean_distance_to_the_next_three() -> None:
 def test_no_view_stays_empty_and_colours_are_those_of_the_pictures(
     frames: list[RgbdFrame],
 ) -> None:
-    cloud = triangulated(frames)
+    cloud = triangulate(frames)
     seeds = seed_from_points(cloud, frames, sh_degree=1)
     assert seeds.sh.shape == (seeds.size, 4, 3)
     assert not seeds.sh[:, 1:].any()
@@ -69,7 +69,7 @@ def test_no_view_stays_empty_and_colours_are_those_of_the_pictures(
 
 
 def test_what_one_picture_fills_the_next_ones_know(frames: list[RgbdFrame]) -> None:
-    cloud = triangulated(frames)
+    cloud = triangulate(frames)
     once = seed_from_points(cloud, frames).size
     assert seed_from_points(cloud, [*frames, *frames]).size == once
     of_one = seed_from_points(cloud, frames[:1]).size

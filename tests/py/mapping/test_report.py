@@ -16,8 +16,8 @@ from PIL import Image
 from gslts.core.frame import RgbdFrame
 from gslts.io.images import error_image
 from gslts.mapping.observation import Observation
-from gslts.mapping.report.images import smaller
-from gslts.mapping.report.page import MOST_VIEWS, CurvePoint, ReportData, View, write_report
+from gslts.mapping.report.images import shrink
+from gslts.mapping.report.page import MAX_VIEWS, CurvePoint, ReportData, View, write_report
 from gslts.mapping.report.summary import _views
 
 VOID = {"meta", "img", "br", "link", "input", "hr"}
@@ -84,7 +84,7 @@ REPORT = ReportData(
         "given poses": {"PSNR, dB": 27.541, "LPIPS": float("nan")},
         "poses refined": {"PSNR, dB": 29.1, "SSIM": 0.8},
     },
-    gaussians_needed=[("half", 50_000, 26.5), ("chosen", 100_000, 27.5)],
+    variants=[("half", 50_000, 26.5), ("chosen", 100_000, 27.5)],
     curve=[CurvePoint(s, 4 * s, 0, 20 + 0.1 * s, 19.0 if s else None, 1000 * s) for s in range(9)],
     views=[view()],
     findings={"intrinsics": "fx 320 px"},
@@ -111,7 +111,7 @@ def test_everything_stands_in_the_page(tmp_path: Path) -> None:
     assert ["poses refined", "29.1", "-", "0.8"] in page.rows
     assert ["half", "50,000", "26.5"] in page.rows
     assert ["shift, cm", "2", "6"] in page.rows
-    assert ["turn, degrees", "2", "2.5"] in page.rows
+    assert ["rotation, degrees", "2", "2.5"] in page.rows
     assert ["intrinsics", "fx 320 px"] in page.rows
     assert ["iterations", "1200"] in page.rows
     assert sum(source.startswith("data:image/svg+xml;base64,") for source in page.sources) == 4
@@ -143,7 +143,7 @@ def test_what_the_camera_did_not_see_is_no_error(tmp_path: Path) -> None:
     assert error[:, :28].mean() > 60
     assert error[:, 40:].max() < 16
     bad = view("odd", mask=seen[1:])
-    with pytest.raises(ValueError, match="the pictures of view 'odd' differ in size"):
+    with pytest.raises(ValueError, match="the images of view 'odd' differ in size"):
         write_report(tmp_path / "report.html", replace(REPORT, views=[bad]))
 
 
@@ -157,6 +157,7 @@ def test_views_of_a_result_tell_what_the_camera_saw() -> None:
         )
         result = SimpleNamespace(
             held_out={"00": Observation.of(frame)},
+            test=("00",),
             gaussian_map=scenes.random_map(50, dtype=np.float32),
         )
         (shown,) = _views(result, 1)
@@ -182,7 +183,7 @@ def test_what_comes_from_outside_is_only_text(tmp_path: Path) -> None:
         title=EVIL,
         summary=EVIL,
         metrics={EVIL: {EVIL: 1.0}},
-        gaussians_needed=[(EVIL, 1, 1.0)],
+        variants=[(EVIL, 1, 1.0)],
         views=[view(EVIL)],
         findings={EVIL: EVIL},
         skipped=[EVIL, "\udcff"],
@@ -213,34 +214,34 @@ def test_pages_can_be_sent(tmp_path: Path) -> None:
         "measured_depth": depth,
         "rendered_depth": depth,
     }
-    views = [view(f"view {k}", **shape) for k in range(2 * MOST_VIEWS + 1)]
+    views = [view(f"view {k}", **shape) for k in range(2 * MAX_VIEWS + 1)]
     page = written(tmp_path, replace(REPORT, views=views))
     text = " ".join(page.texts)
     assert "25 of 51 are shown" in text
     assert "view 0" in text
     assert "view 50" in text
     shown = page.pictures()[2:]
-    assert len(shown) == 5 * MOST_VIEWS
+    assert len(shown) == 5 * MAX_VIEWS
     assert {picture.size for picture in shown} == {(320, 240)}
 
 
 def test_smaller_depths_are_depths_that_were_there() -> None:
     depth = np.zeros((10, 960), np.float32)
     depth[:, 480:] = 2
-    small = smaller(depth)
+    small = shrink(depth)
     assert small.shape == (3, 320)
     assert set(np.unique(small)) == {0, 2}
     assert (small[:, 160:] == 2).all()
     assert (small[:, :160] == 0).all()
     colors = np.zeros((3, 640, 3), np.uint8)
     colors[:, 1::2] = 200
-    assert np.abs(smaller(colors).astype(int) - 100).max() <= 1, "colours are averaged"
-    assert smaller(colors[:, :320]).shape == (3, 320, 3)
+    assert np.abs(shrink(colors).astype(int) - 100).max() <= 1, "colours are averaged"
+    assert shrink(colors[:, :320]).shape == (3, 320, 3)
 
 
 def test_views_of_unequal_pictures_are_named(tmp_path: Path) -> None:
     bad = view("odd", rendered_depth=np.zeros((48, 63), np.float32))
-    with pytest.raises(ValueError, match="the pictures of view 'odd' differ in size"):
+    with pytest.raises(ValueError, match="the images of view 'odd' differ in size"):
         write_report(tmp_path / "report.html", replace(REPORT, views=[bad]))
     assert list(tmp_path.iterdir()) == []
 

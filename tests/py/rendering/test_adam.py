@@ -109,7 +109,7 @@ def test_moments_move_along_with_an_edit() -> None:
     start = scenes.random_map(4, dtype=np.float32)
     adam = gslts.Adam(start)
     adam.step(random_gradients(start, [0, 1, 2], 0), RATES)
-    edited = adam.edited(scenes.random_map(3, dtype=np.float32), np.array([2, -1, 0]))
+    edited = adam.edit(scenes.random_map(3, dtype=np.float32), np.array([2, -1, 0]))
     assert edited.map.size == 3
     assert edited.state.steps.tolist() == [1, 0, 1]
     np.testing.assert_array_equal(edited.state.first[[0, 2]], adam.state.first[[2, 0]])
@@ -131,5 +131,5 @@ def test_errors_name_what_is_wrong() -> None:
     with pytest.raises(ValueError, match=r"first: expected .*\(4, \*\), got float32 \(3, 14\)"):
         gslts.Adam(scenes.random_map(4, dtype=np.float32), state=adam.state)
     with pytest.raises(ValueError, match=r"rows\[0\] is 3"):
-        adam.edited(start.select(np.array([0])), np.array([3]))
+        adam.edit(start.select(np.array([0])), np.array([3]))
     assert adam.state.steps.tolist() == [0, 0, 0]

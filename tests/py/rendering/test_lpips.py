@@ -11,7 +11,7 @@ from lpips_files import dim_map, frames_of, write_weights
 from torch import nn
 from torch.nn import functional
 
-from gslts.mapping.evaluation.assess import assess
+from gslts.mapping.evaluation.rendering import evaluate_rendering
 from gslts.rendering.metrics import MIN_SIDE_PX, Lpips
 
 
@@ -121,22 +121,24 @@ class Runs:
         return Path.touch, (self.path,)
 
 
-def test_assessments_fit_the_exposure(weights: tuple[Path, Path]) -> None:
+def test_the_exposure_is_fitted(weights: tuple[Path, Path]) -> None:
     gaussian_map, lpips = dim_map(), Lpips(*weights)
-    found = assess(gaussian_map, frames_of(gaussian_map, 0.7), lpips)
-    other = assess(
+    found = evaluate_rendering(gaussian_map, frames_of(gaussian_map, 0.7), lpips)
+    other = evaluate_rendering(
         gaussian_map, frames_of(scenes.random_map(150, seed=5, dtype=np.float32), 1.0), lpips
     )
     assert found.lpips is not None
     assert other.lpips is not None
     assert found.lpips < 0.05 * other.lpips
     assert found.render_ms > 0
-    assert assess(gaussian_map, frames_of(gaussian_map, 1.0)).lpips is None
+    assert evaluate_rendering(gaussian_map, frames_of(gaussian_map, 1.0)).lpips is None
     with pytest.raises(ValueError, match="there is no frame"):
-        assess(gaussian_map, [])
+        evaluate_rendering(gaussian_map, [])
 
 
-def test_what_the_camera_did_not_see_is_not_assessed(weights: tuple[Path, Path]) -> None:
+def test_pixels_outside_the_mask_do_not_count(
+    weights: tuple[Path, Path],
+) -> None:
     gaussian_map, lpips = dim_map(), Lpips(*weights)
     whole = frames_of(gaussian_map, 0.7)
     seen = np.ones((60, 80), np.bool_)
@@ -144,9 +146,11 @@ def test_what_the_camera_did_not_see_is_not_assessed(weights: tuple[Path, Path])
     black = [np.where(seen[..., None], frame.rgb, 0) for frame in whole]
     masked = [replace(frame, rgb=rgb, mask=seen) for frame, rgb in zip(whole, black, strict=True)]
     without = [replace(frame, mask=None) for frame in masked]
-    found, wrong = (assess(gaussian_map, frames, lpips).lpips for frames in (masked, without))
+    found, wrong = (
+        evaluate_rendering(gaussian_map, frames, lpips).lpips for frames in (masked, without)
+    )
     assert found is not None
     assert wrong is not None
     assert found < 0.05 * wrong
     nothing = [replace(frame, mask=np.zeros_like(seen)) for frame in masked]
-    assert assess(gaussian_map, nothing, lpips).lpips == 0
+    assert evaluate_rendering(gaussian_map, nothing, lpips).lpips == 0

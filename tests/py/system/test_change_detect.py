@@ -1,6 +1,7 @@
 """Changes of a simulated room, from a frame and a map to what changed and where."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import change_room
 import numpy as np
@@ -207,6 +208,17 @@ def test_what_no_camera_saw_is_not_new() -> None:
     blind = ChangeDetector(gaussian_map, change_room.CONFIG, cameras=[elsewhere])
     require(blind.detect(frame))
     require(ChangeDetector(gaussian_map, change_room.CONFIG).detect(frame), ("addition", FREE_M))
+
+
+def test_a_detector_of_a_map_folder_knows_its_training_cameras(tmp_path: Path) -> None:
+    change_room.write_room_map(tmp_path / "map")
+    detector = ChangeDetector.of_map(tmp_path / "map", change_room.CONFIG)
+    frame = see(removed(change_room.home()), LOOKS[0], "kinect")
+    found, expected = (one.detect(frame).changes for one in (detector, change_room.detector()))
+    assert [change.confidence for change in found] == [change.confidence for change in expected]
+    require(detector.detect(frame), ("removal", RED_M))
+    with pytest.raises(OSError, match="gone"):
+        ChangeDetector.of_map(str(tmp_path / "gone"))
 
 
 def test_frames_that_are_too_small_or_maps_of_doubles_are_refused() -> None:

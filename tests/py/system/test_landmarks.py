@@ -40,8 +40,8 @@ from gslts.localization.landmarks import Landmarks, concatenate, limit_size, rem
 from gslts.store.causes import UpdateCause
 from gslts.store.manifest import MANIFEST
 from gslts.store.map_folder import open_map, read_map
-from gslts.update.publish import published
-from gslts.update.updater import Update
+from gslts.update.integrate import UpdateResult
+from gslts.update.publish import publish
 from gslts_sim.physics import boxes_in_world
 
 ARRAYS = ("positions", "descriptors", "keyframes", "world_from_keyframe", "gaussians")
@@ -288,7 +288,7 @@ def test_a_map_without_landmarks_has_none(tmp_path: Path) -> None:
     assert read_landmarks(tmp_path / "map") is None
     write_ply(gaussian_map, tmp_path / "map.ply")
     assert read_landmarks(tmp_path / "map.ply") is None
-    publish(tmp_path / "map", addition())
+    publish_update(tmp_path / "map", addition())
     assert not (tmp_path / "map" / FOLDER).exists()
 
 
@@ -316,19 +316,19 @@ def test_they_go_with_their_gaussians_and_come_back_with_them(folder: Path) -> N
 
 
 @cache
-def addition() -> Update:
+def addition() -> UpdateResult:
     home = update_room.changed_home("addition")
     return update_room.run_update(update_room.robot_in(home), "addition")
 
 
-def publish(folder: Path, result: Update) -> None:
+def publish_update(folder: Path, result: UpdateResult) -> None:
     gaussian_map, cameras = change_room.mapped()
     with open_map(folder, writable=True) as store:
-        assert published(store, gaussian_map, cameras.values(), result, update_room.UPDATE)
+        assert publish(store, gaussian_map, cameras.values(), result, update_room.UPDATE)
 
 
 def test_an_update_brings_landmarks_of_what_is_new(folder: Path) -> None:
-    publish(folder, addition())
+    publish_update(folder, addition())
     both = read_landmarks(folder)
     assert both is not None
     assert len(files_of(folder)) == 2
@@ -355,7 +355,7 @@ def test_an_update_that_shows_no_corner_brings_none(folder: Path) -> None:
         replace(one, frame=replace(one.frame, rgb=np.full_like(one.frame.rgb, 90)))
         for one in addition().views
     ]
-    publish(folder, replace(addition(), views=tuple(views)))
+    publish_update(folder, replace(addition(), views=tuple(views)))
     assert len(files_of(folder)) == 1
     with open_map(folder) as store:
         cause = store.version(2).cause
@@ -367,7 +367,7 @@ def test_an_update_that_shows_no_corner_brings_none(folder: Path) -> None:
 def test_the_landmarks_of_many_updates_are_bounded(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    publish(folder, addition())
+    publish_update(folder, addition())
     monkeypatch.setattr(landmark_files, "VERSION_BYTES", found().nbytes // 2)
     fewer = read_landmarks(folder)
     assert fewer is not None
@@ -474,7 +474,7 @@ def test_what_names_no_file_is_told(folder: Path, name: object) -> None:
 
 def test_damage_of_an_update_is_named_and_earlier_versions_are_whole(folder: Path) -> None:
     (base,) = files_of(folder)
-    publish(folder, addition())
+    publish_update(folder, addition())
     (path,) = {*files_of(folder)} - {base}
     path.write_bytes(path.read_bytes()[:-1])
     done = CliRunner().invoke(app, ["verify", str(folder)])
@@ -485,7 +485,7 @@ def test_damage_of_an_update_is_named_and_earlier_versions_are_whole(folder: Pat
 
 
 def test_files_that_no_version_names_are_removed(folder: Path) -> None:
-    publish(folder, addition())
+    publish_update(folder, addition())
     named, both = files_of(folder), read_landmarks(folder)
     assert both is not None
     write_landmarks(found().select(np.arange(9)), folder)  # Of a commit that was stopped.

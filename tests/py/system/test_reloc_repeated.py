@@ -76,7 +76,7 @@ def test_no_place_is_taken_for_another_that_looks_the_same(make) -> None:  # typ
         look = Viewpoint.at(place, float(rng.uniform(0, 360)), float(rng.uniform(-20, 40)))
         true = change_room.see(home, look).camera.world_from_camera
         frame = change_room.see(home, look, "kinect", seed)
-        found = relocalizer.locate(replace(frame, camera=at_pose(frame.camera, np.eye(4))))
+        found = relocalizer.localize(replace(frame, camera=at_pose(frame.camera, np.eye(4))))
         if found.status == "ok":
             assert off_m(found, true) < ELSEWHERE_M, f"look {seed}"
             right += 1

@@ -1,4 +1,4 @@
-"""The command `gslts locate`, and the option --locate of others."""
+"""The command `gslts localize`, and the option --localize of others."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ if TYPE_CHECKING:
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")
 """Suffixes by which an image is told from a data set."""
 
-Locate = Annotated[
+Localize = Annotated[
     bool,
     typer.Option(
-        "--locate",
+        "--localize",
         help="Localize the frames in the map first; their poses may drift or be missing.",
     ),
 ]
 
 
-def locate(
+def localize(
     map_path: MapFolder,
     frames: Annotated[
         Path,
@@ -80,9 +80,9 @@ def locate(
     Each is ok, ambiguous if other poses fit nearly as well, or lost. Poses of a data set serve for
     comparison only.
 
-    Example: gslts locate out/map photo.jpg --fov-deg 69 --picture out/photo.png
+    Example: gslts localize out/map photo.jpg --fov-deg 69 --picture out/photo.png
 
-    Example: gslts locate out/map out/visit --track
+    Example: gslts localize out/map out/visit --track
     """
     from PIL import Image
     from tqdm import tqdm
@@ -102,10 +102,10 @@ def locate(
         raise ValueError(f"{frames}: --depth, --camera and --fov-deg are for a PNG or JPEG only")
     else:
         opened = _opened(frames, posed=False)
-    find = Localizer(relocalizer).locate if track else relocalizer.locate
+    find = Localizer(relocalizer).localize if track else relocalizer.localize
     results: list[_Result] = []
     unposed = {entry.name for entry in opened.unposed}
-    for frame in tqdm(opened.frames, desc="locating", unit="frame", disable=None):
+    for frame in tqdm(opened.frames, desc="localizing", unit="frame", disable=None):
         start_s = time.perf_counter()
         try:
             read = _without_pose(frame.read())
@@ -130,7 +130,7 @@ def locate(
 
 
 def localizer_of(map_path: Path, threads: int) -> Localizer:
-    """Return a localizer in a map, for the option --locate.
+    """Return a localizer in a map, for the option --localize.
 
     Args:
         map_path: Map folder.
@@ -164,7 +164,7 @@ def read_frames(path: Path, localizer: Localizer | None) -> dict[str, RgbdFrame]
     read: dict[str, RgbdFrame] = {}
     opened = _opened(path, posed=localizer is None)
     for entry in tqdm(opened.frames, desc="reading", unit="frame", disable=None):
-        frame = entry.read() if localizer is None else localizer.located(entry.read())
+        frame = entry.read() if localizer is None else localizer.localize_frame(entry.read())
         if frame.fault is None:
             read[entry.name] = frame
         else:
