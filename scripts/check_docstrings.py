@@ -5,7 +5,7 @@
 - A docstring begins with none of `FIRST_WORDS`.
 - A public function or method with arguments documents them in `Args:`. Commands, whose options have
   their own help and whose docstrings give an `Example:`, and docstrings `See ...` need none.
-- A module constant has a docstring, but in `UNDOCUMENTED`.
+- A public module constant has a docstring, but in `UNDOCUMENTED`.
 - Directly in `python/gslts` lie at most `MAX_MODULES` modules; `gslts.__all__` has at most
   `MAX_NAMES` names.
 """
@@ -88,7 +88,7 @@ def layout() -> Iterator[tuple[str, int, str]]:
 
 
 def _constant_name(node: ast.stmt) -> str | None:
-    """Return the name that a statement assigns if it is a constant: upper case, with or without _."""
+    """Return the name that a statement assigns if it is a public constant, in upper case."""
     target: ast.expr | None = None
     if isinstance(node, ast.Assign):
         target = node.targets[0]
@@ -96,7 +96,7 @@ def _constant_name(node: ast.stmt) -> str | None:
         target = node.target
     if isinstance(target, ast.Tuple):
         target = target.elts[0]
-    if isinstance(target, ast.Name) and target.id.isupper():
+    if isinstance(target, ast.Name) and target.id.isupper() and not target.id.startswith("_"):
         return target.id
     return None
 
