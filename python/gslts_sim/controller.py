@@ -35,6 +35,7 @@ from gslts_sim.sensor import Sensor, SensorNoise
 from gslts_sim.walkable import floor_of
 
 _MOVES_DEG = {"MoveAhead": 0.0, "MoveLeft": 90.0, "MoveBack": 180.0, "MoveRight": -90.0}
+"""Direction of each step relative to the robot's yaw, degrees."""
 
 
 class ActionError(Exception):

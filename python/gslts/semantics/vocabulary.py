@@ -29,3 +29,4 @@ NOUNS = tuple(
     .replace("\n    ", " ")
     .split(", ")
 )
+"""About 300 objects of homes, lower case."""
