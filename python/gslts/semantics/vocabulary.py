@@ -29,4 +29,4 @@ NOUNS = tuple(
     .replace("\n    ", " ")
     .split(", ")
 )
-"""About 300 objects of homes, lower case."""
+"""Names of household objects, lower case."""
