@@ -1,4 +1,4 @@
-"""A frame in memory with what mapping refines: pose, lenses and exposure."""
+"""Frame in memory with the quantities that mapping refines: pose, lenses and exposure."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class Observation:
 
     @property
     def has_depth(self) -> bool:
-        """True if depth was measured in any pixel."""
+        """True if depth was measured anywhere."""
         return bool(self.raw_depth[0].any())
 
     @property
