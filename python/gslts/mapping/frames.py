@@ -122,7 +122,7 @@ class FrameSplit:
 
     @property
     def has_depth(self) -> bool:
-        """Whether any training frame has measured depth."""
+        """True if any training frame has measured depth."""
         return any(frame.has_depth for frame in self.training.values())
 
     @property

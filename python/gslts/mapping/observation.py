@@ -1,4 +1,4 @@
-"""One frame in memory with what mapping refines: pose, lenses and exposure."""
+"""Frame in memory with the quantities that mapping refines: pose, lenses and exposure."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class Observation:
 
     @property
     def has_depth(self) -> bool:
-        """Whether depth was measured anywhere."""
+        """True if depth was measured anywhere."""
         return bool(self.raw_depth[0].any())
 
     @property

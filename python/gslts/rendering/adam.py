@@ -18,6 +18,7 @@ _OPTIMIZERS: dict[np.dtype[Any], type[AdamFloat] | type[AdamDouble]] = {
     np.dtype(np.float32): AdamFloat,
     np.dtype(np.float64): AdamDouble,
 }
+"""Optimizer of the core by dtype of the map."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,11 +22,13 @@ _RASTERIZERS: dict[np.dtype[Any], type[RasterizerFloat] | type[RasterizerDouble]
     np.dtype(np.float32): RasterizerFloat,
     np.dtype(np.float64): RasterizerDouble,
 }
+"""Rasterizer of the core by dtype of the map."""
 _SCATTER_ROWS: dict[np.dtype[Any], Callable[..., NDArray[Any]]] = {
     np.dtype(np.float32): scatter_rows_float,
     np.dtype(np.float64): scatter_rows_double,
     np.dtype(np.uint32): scatter_rows_uint32,
 }
+"""Function of the core by dtype of the values."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""Checkpoints come back, and those that are damaged are named in one line."""
+"""Checkpoint files: round trip, and one-line errors of damaged ones."""
 
 import json
 from collections.abc import Callable
@@ -61,7 +61,7 @@ def as_bytes(text: str) -> np.ndarray:
     return np.frombuffer(text.encode(), np.uint8)
 
 
-def test_all_of_it_comes_back(path: Path) -> None:
+def test_round_trip(path: Path) -> None:
     content = path.read_bytes()
     checkpoint = read_checkpoint(path)
     assert checkpoint.seconds == {"reading": 1.5}

@@ -1,4 +1,4 @@
-"""Neighbours that become one."""
+"""Merging of neighbouring Gaussians."""
 
 import numpy as np
 import oracle
@@ -29,7 +29,7 @@ def opacities(gaussian_map: GaussianMap) -> np.ndarray:
 
 
 def random_pair(rng: np.random.Generator) -> GaussianMap:
-    """Faint ones, so that what they cover fits into one without widening it."""
+    """Make faint Gaussians, so that their area fits into one without widening it."""
     return GaussianMap(
         means=rng.normal(0, 0.1, (2, 3)),
         quats=rng.normal(size=(2, 4)),
@@ -48,7 +48,7 @@ def test_moments_are_those_of_the_mixture(seed: int) -> None:
     pair, weights = random_pair(rng), rng.uniform(1, 5, 2)
     one = merge(pair, 1, weights)
     share = weights / weights.sum()
-    # The straightforward way: moments about the origin.
+    # Directly: moments about the origin.
     mean = sum(share[k] * pair.means[k] for k in (0, 1))
     squares = sum(
         share[k] * (covars(pair)[k] + np.outer(pair.means[k], pair.means[k])) for k in (0, 1)
@@ -64,7 +64,7 @@ def test_moments_are_those_of_the_mixture(seed: int) -> None:
     assert (one.origin == pair.origin).all()
 
 
-def test_without_weights_what_covers_more_counts_more_and_the_area_is_kept() -> None:
+def test_without_weights_area_is_the_weight_and_is_kept() -> None:
     points = np.array([[0, 0, 0], [0.1, 0, 0.0]])
     small, large = (
         flats(points, np.tile([0, 0, 1.0], (2, 1)), np.full((2, 3), 0.5), opacity=0.3, spacing_m=s)
@@ -86,7 +86,7 @@ def test_without_weights_what_covers_more_counts_more_and_the_area_is_kept() -> 
     assert covered(one) == pytest.approx(covered(pair), rel=1e-5)
 
 
-def test_two_equal_ones_at_one_place_become_that_one() -> None:
+def test_two_equal_gaussians_merge_to_the_same() -> None:
     twins = flats(np.ones((2, 3)), np.tile([0, 1.0, 1], (2, 1)), np.full((2, 3), 0.3), opacity=0.6)
     one = merge(twins, 1)
     np.testing.assert_allclose(one.means[0], twins.means[0], rtol=1e-6)
@@ -95,7 +95,7 @@ def test_two_equal_ones_at_one_place_become_that_one() -> None:
     assert opacities(one)[0] == pytest.approx(1 - 0.4**2), "what shines through both"
 
 
-def test_what_is_not_seen_leaves_no_trace() -> None:
+def test_unseen_gaussians_leave_no_trace() -> None:
     pair = random_pair(np.random.default_rng(1))
     one = merge(pair, 1, np.array([0.0, 3.0]))
     np.testing.assert_allclose(one.means[0], pair.means[1], atol=1e-12)
@@ -105,7 +105,7 @@ def test_what_is_not_seen_leaves_no_trace() -> None:
 
 
 def test_plain_neighbours_merge_before_colours_and_edges() -> None:
-    """Pairs far from each other: one alike, one of two colours, one around an edge, one stepped."""
+    """Distant pairs: equal, of two colours, around an edge, and stepped."""
     points = np.array([[0, 0, 0], [0.1, 0, 0.0]])
     up = np.tile([0, 0, 1.0], (2, 1))
     gray = np.full((2, 3), 0.5)
@@ -165,7 +165,7 @@ def test_a_plain_wall_looks_the_same_with_half(plain: GaussianMap) -> None:
 
 
 @pytest.mark.parametrize("count", [899, 450, 100, 7, 1])
-def test_the_count_is_met_and_the_map_is_sound(plain: GaussianMap, count: int) -> None:
+def test_the_count_is_met_and_the_map_is_valid(plain: GaussianMap, count: int) -> None:
     weights = np.random.default_rng(3).uniform(0, 9, plain.size)
     left = merge(plain, count, weights)
     assert left.size == count
@@ -184,7 +184,7 @@ def test_the_count_is_met_and_the_map_is_sound(plain: GaussianMap, count: int) -
         assert getattr(left, name).tobytes() == getattr(again, name).tobytes()
 
 
-def test_what_did_not_merge_keeps_every_bit(plain: GaussianMap) -> None:
+def test_unmerged_gaussians_keep_every_bit(plain: GaussianMap) -> None:
     left = merge(plain, plain.size - 1)
     same = [
         np.array_equal(left.log_scales[k], plain.log_scales[int(row)])
@@ -193,13 +193,13 @@ def test_what_did_not_merge_keeps_every_bit(plain: GaussianMap) -> None:
     assert sum(same) == plain.size - 2
 
 
-def test_a_map_that_is_small_enough_stays(plain: GaussianMap) -> None:
+def test_a_map_that_is_small_enough_is_unchanged(plain: GaussianMap) -> None:
     assert merge(plain, plain.size) is plain
     empty = plain.select(np.zeros(0, np.int64))
     assert merge(empty, 0) is empty
 
 
-def test_all_at_one_place_and_of_no_size() -> None:
+def test_gaussians_at_one_position_and_of_no_size() -> None:
     many = flats(np.zeros((50, 3)), np.tile([0, 0, 1.0], (50, 1)), np.full((50, 3), 0.5))
     assert merge(many, 3, np.zeros(50)).size == 3
     tiny = GaussianMap(

@@ -1,4 +1,4 @@
-"""The page of a mapping run: what stands in it, that it needs nothing else, and how large it is."""
+"""Report of a mapping run: content, self-containedness and size of the page."""
 
 import base64
 import io
@@ -25,7 +25,7 @@ EVIL = "<script>alert('x')</script>&\"><img src=http://a.example/b>"
 
 
 class Page(HTMLParser):
-    """A second reader: texts, pictures, and whether each element ends where it should."""
+    """Independent reader of a page: texts, images, and whether all elements are closed."""
 
     def __init__(self, path: Path) -> None:
         super().__init__()
@@ -101,7 +101,7 @@ def written(tmp_path: Path, report: ReportData) -> Page:
     return Page(tmp_path / "report.html")
 
 
-def test_everything_stands_in_the_page(tmp_path: Path) -> None:
+def test_the_page_holds_all_parts(tmp_path: Path) -> None:
     page = written(tmp_path, REPORT)
     text = " ".join(page.texts)
     for part in ("kitchen", "All is well", "00008", "23.46 dB", "00007: it is torn"):
@@ -121,7 +121,7 @@ def test_everything_stands_in_the_page(tmp_path: Path) -> None:
     assert "url(" not in (tmp_path / "report.html").read_text()
 
 
-def test_pictures_are_those_of_the_view(tmp_path: Path) -> None:
+def test_images_are_those_of_the_view(tmp_path: Path) -> None:
     shown = written(tmp_path, REPORT).pictures()[2:]  # After two legends.
     photo, render, error, measured, rendered = (np.asarray(one.convert("RGB")) for one in shown)
     assert photo.shape == (48, 64, 3)
@@ -135,7 +135,7 @@ def test_pictures_are_those_of_the_view(tmp_path: Path) -> None:
     assert both < 4, "both depths have the same scale"
 
 
-def test_what_the_camera_did_not_see_is_no_error(tmp_path: Path) -> None:
+def test_pixels_outside_the_mask_are_no_errors(tmp_path: Path) -> None:
     seen = np.ones((48, 64), np.bool_)
     seen[:, 32:] = False
     report = replace(REPORT, views=[view(mask=seen)])
@@ -147,7 +147,7 @@ def test_what_the_camera_did_not_see_is_no_error(tmp_path: Path) -> None:
         write_report(tmp_path / "report.html", replace(REPORT, views=[bad]))
 
 
-def test_views_of_a_result_tell_what_the_camera_saw() -> None:
+def test_views_of_a_result_have_the_mask() -> None:
     camera = scenes.orbit_camera(64, 48)
     seen = np.ones((48, 64), np.bool_)
     seen[:20] = False
@@ -164,7 +164,7 @@ def test_views_of_a_result_tell_what_the_camera_saw() -> None:
         assert shown.mask is mask
 
 
-def test_errors_are_bright_and_equal_pictures_black() -> None:
+def test_errors_are_bright_and_equal_images_black() -> None:
     picture = np.full((4, 4, 3), 100, np.uint8)
     black = error_image(picture, picture, 0.2)
     assert black.max() < 8
@@ -178,7 +178,7 @@ def test_errors_are_bright_and_equal_pictures_black() -> None:
     )
 
 
-def test_what_comes_from_outside_is_only_text(tmp_path: Path) -> None:
+def test_foreign_names_are_escaped(tmp_path: Path) -> None:
     report = ReportData(
         title=EVIL,
         summary=EVIL,
@@ -202,8 +202,8 @@ def test_an_empty_report_has_no_empty_sections(tmp_path: Path) -> None:
     assert page.sources == []
 
 
-def test_pages_can_be_sent(tmp_path: Path) -> None:
-    """Large noisy pictures are made smaller, and some of many views are shown."""
+def test_the_size_of_the_page_is_bounded(tmp_path: Path) -> None:
+    """Large noisy images are shrunk, and some of many views are shown."""
     rng = np.random.default_rng(0)
     tiles = rng.integers(60, 200, (30, 40, 3)).repeat(16, 0).repeat(16, 1)
     noisy = (tiles + rng.normal(0, 15, tiles.shape)).clip(0, 255).astype(np.uint8)
@@ -225,7 +225,7 @@ def test_pages_can_be_sent(tmp_path: Path) -> None:
     assert {picture.size for picture in shown} == {(320, 240)}
 
 
-def test_smaller_depths_are_depths_that_were_there() -> None:
+def test_shrunk_depths_are_measured_depths() -> None:
     depth = np.zeros((10, 960), np.float32)
     depth[:, 480:] = 2
     small = shrink(depth)
@@ -239,7 +239,7 @@ def test_smaller_depths_are_depths_that_were_there() -> None:
     assert shrink(colors[:, :320]).shape == (3, 320, 3)
 
 
-def test_views_of_unequal_pictures_are_named(tmp_path: Path) -> None:
+def test_views_of_unequal_images_are_rejected(tmp_path: Path) -> None:
     bad = view("odd", rendered_depth=np.zeros((48, 63), np.float32))
     with pytest.raises(ValueError, match="the images of view 'odd' differ in size"):
         write_report(tmp_path / "report.html", replace(REPORT, views=[bad]))

@@ -1,4 +1,4 @@
-"""Points from posed pictures without depth."""
+"""Keypoints, matches, tracks and triangulated points of posed images."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -44,7 +44,7 @@ def shifted(frame: RgbdFrame, by_px: float) -> RgbdFrame:
 
 
 @pytest.mark.parametrize("longest_px", [240, 239], ids=["full", "halved"])
-def test_features_are_where_the_spots_are(longest_px: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_keypoints_are_at_the_spots(longest_px: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sift, "MAX_SIDE_PX", longest_px)
     frame = blob_room.frame(blob_room.camera_at((0.5, 0.8, 1.4), 0.5))
     camera = frame.camera
@@ -56,11 +56,11 @@ def test_features_are_where_the_spots_are(longest_px: int, monkeypatch: pytest.M
     nearest = off[np.arange(len(off)), np.linalg.norm(off, axis=2).argmin(axis=1)]
     own = nearest[np.abs(nearest).max(axis=1) < 1]
     assert len(own) > 50
-    # Where spots overlap the features are elsewhere, in all directions alike.
+    # Where spots overlap, keypoints are off in all directions alike.
     assert np.abs(np.median(own, axis=0)).max() < 0.12
 
 
-def test_points_lie_on_the_surfaces_where_the_features_are(frames: list[RgbdFrame]) -> None:
+def test_points_lie_on_surfaces_at_keypoints(frames: list[RgbdFrame]) -> None:
     cloud = triangulate(frames)
     assert len(cloud.points) > 100
     off = blob_room.from_planes(cloud.points)
@@ -75,8 +75,8 @@ def test_points_lie_on_the_surfaces_where_the_features_are(frames: list[RgbdFram
     assert agree[own].mean() > 0.9
 
 
-def test_half_a_pixel_and_the_wrong_hand_would_show(frames: list[RgbdFrame]) -> None:
-    """The bounds above are such that either mistake breaks them."""
+def test_half_a_pixel_and_the_wrong_handedness_fail(frames: list[RgbdFrame]) -> None:
+    """Either mistake exceeds the bounds of the tests above."""
     cloud = triangulate([shifted(frame, 0.5) for frame in frames])
     assert np.median(blob_room.from_planes(cloud.points)) > 0.01
     cloud = triangulate([replace(frame, rgb=frame.rgb[:, ::-1].copy()) for frame in frames])

@@ -1,4 +1,4 @@
-"""Maps are made of simulated visits, as the engine and as `gslts map` make them."""
+"""Maps of simulated recordings, made by the engine and by `gslts map`."""
 
 import json
 import signal
@@ -37,7 +37,7 @@ from gslts_sim.capture import capture
 from gslts_sim.controller import Controller
 from gslts_sim.explore import explore
 
-# Pictures are of 160 px: Gaussians of 5 cm are a few pixels wide there.
+# Images are 160 px wide: Gaussians of 5 cm are a few pixels wide there.
 CONFIG = MappingConfig(
     iterations=500,
     patience=1.0,
@@ -51,7 +51,7 @@ MAP_ARRAYS = ("means", "quats", "log_scales", "logit_opacities", "sh", "ids")
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """A visit of a room with the errors of a real camera, and the same without."""
+    """Record a room with the errors of a real camera, and without."""
     folders = {}
     home = textured_home()
     looks, _ = explore(home, 60)
@@ -140,11 +140,11 @@ class Mirrored:
         return replace(frame, rgb=frame.rgb[:, ::-1].copy())
 
 
-def test_exposures_stay_out_of_the_map(recorded: dict[str, Path]) -> None:
+def test_exposures_are_not_in_the_map(recorded: dict[str, Path]) -> None:
     plain = open_dataset(recorded["none"])
 
     class Exposed:
-        """A frame that is darker than it was."""
+        """A frame with another gain."""
 
         def __init__(self, frame: Frame, gain: float) -> None:
             self.name, self.camera = frame.name, frame.camera
@@ -181,10 +181,10 @@ def test_corrected_poses_are_nearer_to_the_truth(recorded: dict[str, Path]) -> N
 
     before = error({name: one.given_pose for name, one in result.training.items()})
     after = error({name: one.world_from_camera for name, one in result.training.items()})
-    # At 160 pixels a side, a shift of 3 mm is seen by a few tenths of a pixel.
+    # At 160 px a shift of 3 mm moves the image by a few tenths of a pixel.
     assert after[:3].mean() < before[:3].mean()
     assert after[3:].mean() < 0.75 * before[3:].mean()
-    # The map as a whole stays where the poses put it.
+    # The map as a whole is not moved.
     shifts = [
         one.world_from_camera[:3, 3] - true[n].world_from_camera[:3, 3]
         for n, one in result.training.items()
@@ -192,7 +192,7 @@ def test_corrected_poses_are_nearer_to_the_truth(recorded: dict[str, Path]) -> N
     assert np.abs(np.mean(shifts, axis=0)).max() < 0.003
 
 
-def test_the_same_for_any_number_of_threads(recorded: dict[str, Path]) -> None:
+def test_the_number_of_threads_changes_nothing(recorded: dict[str, Path]) -> None:
     dataset = open_dataset(recorded["kinect"])
     maps = [
         make_map(dataset, CONFIG.model_copy(update={"iterations": 120, "threads": threads}))
@@ -210,7 +210,7 @@ def require_same(first: MappingResult, second: MappingResult) -> None:
         assert one.lenses == other.lenses
 
 
-def test_a_run_goes_on_exactly_where_it_stopped(
+def test_a_resumed_run_makes_the_same_map(
     recorded: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("gslts.mapping.engine.SAVE_EVERY_S", 0.0)
@@ -237,7 +237,7 @@ def test_a_run_goes_on_exactly_where_it_stopped(
         make_map(open_dataset(recorded["none"]), config, resume=replace(start, frames=("a",)))
 
 
-def test_damaged_checkpoints_are_named(recorded: dict[str, Path], tmp_path: Path) -> None:
+def test_damaged_checkpoints_are_rejected(recorded: dict[str, Path], tmp_path: Path) -> None:
     saved = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("gslts.mapping.engine.SAVE_EVERY_S", 0.0)
@@ -252,7 +252,7 @@ def test_damaged_checkpoints_are_named(recorded: dict[str, Path], tmp_path: Path
             read_checkpoint(path)
 
 
-def test_a_killed_run_leaves_no_map_and_goes_on(recorded: dict[str, Path], tmp_path: Path) -> None:
+def test_a_killed_run_can_be_resumed(recorded: dict[str, Path], tmp_path: Path) -> None:
     arguments = ["map", recorded["kinect"], "--out", "map", "--preset", "fast"]
     arguments += ["--iterations", "150", "--threads", "1"]
     save_often = "import gslts.mapping.engine as engine; engine.SAVE_EVERY_S = 0.0\n"
@@ -287,7 +287,7 @@ def test_budgets_are_kept(recorded: dict[str, Path], monkeypatch: pytest.MonkeyP
     assert 250 < result.gaussian_map.size <= 500
 
 
-def test_few_bad_frames_are_skipped_and_many_stop(recorded: dict[str, Path]) -> None:
+def test_few_bad_frames_are_skipped_and_many_are_an_error(recorded: dict[str, Path]) -> None:
     dataset = open_dataset(recorded["none"])
 
     class Bad:
@@ -310,7 +310,7 @@ def test_few_bad_frames_are_skipped_and_many_stop(recorded: dict[str, Path]) -> 
     assert len(make_map(Dataset("least", dataset.frames[:10]), config).held_out) == 2
 
 
-def test_frames_that_no_memory_holds_are_refused(
+def test_more_frames_than_memory_are_rejected(
     recorded: dict[str, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert 1 << 20 < free_memory_bytes() < 1 << 50
@@ -320,7 +320,7 @@ def test_frames_that_no_memory_holds_are_refused(
         make_map(open_dataset(recorded["none"]), CONFIG)
 
 
-def test_the_end_comes_when_nothing_is_gained() -> None:
+def test_optimization_ends_when_validation_gains_nothing() -> None:
     def curve(*validation_db: float | None, level: int = 0) -> list[CurvePoint]:
         return [CurvePoint(0.0, 0, level, 0.0, each, 0) for each in validation_db]
 
@@ -378,7 +378,7 @@ def test_the_commands(recorded: dict[str, Path], tmp_path: Path) -> None:
     assert not (tmp_path / "other").exists()
 
 
-def test_sizes_are_compared_and_harmonics_rise_only_for_a_gain(recorded: dict[str, Path]) -> None:
+def test_variants_are_compared_on_validation_frames(recorded: dict[str, Path]) -> None:
     config = CONFIG.model_copy(update={"variant_steps": 60})
     result = make_map(open_dataset(recorded["kinect"]), config)
     chosen, half, double, harmonics = result.variants
@@ -398,7 +398,7 @@ def test_sizes_are_compared_and_harmonics_rise_only_for_a_gain(recorded: dict[st
 
 
 class Photograph:
-    """A frame in memory, without depth, in a world of which so many units are a metre."""
+    """A frame in memory without depth, in a world with a number of units per metre."""
 
     def __init__(self, number: int, camera: gslts.Camera, units: float = 1.0) -> None:
         self.name, self._camera = f"{number:02}", camera
@@ -410,7 +410,7 @@ class Photograph:
         return replace(blob_room.frame(self._camera), camera=self.camera)
 
 
-def test_photographs_alone_make_a_map() -> None:
+def test_images_without_depth_make_a_map() -> None:
     cameras = blob_room.cameras(16)
     frames = [Photograph(k, camera) for k, camera in enumerate(cameras)]
     result = make_map(Dataset("photographs", tuple(frames)), CONFIG)
@@ -431,7 +431,7 @@ def test_photographs_alone_make_a_map() -> None:
 
 
 class Far:
-    """A frame somewhere else in the world."""
+    """A frame at another position in the world."""
 
     def __init__(self, frame: Frame, shift_m: np.ndarray) -> None:
         self.name, self._frame, self._shift_m = frame.name, frame, shift_m
@@ -445,9 +445,13 @@ def test_a_room_far_from_the_origin_is_mapped_as_well(recorded: dict[str, Path])
     near = open_dataset(recorded["kinect"])
     shift_m = np.array([4.5e5, 5.2e6, 400.0])  # As in UTM, where float32 resolves half a metre.
     far = replace(near, frames=tuple(Far(frame, shift_m) for frame in near.frames))
-    config = CONFIG.model_copy(update={"iterations": 200, "fill_holes": True})
-    here, there = make_map(near, config), make_map(far, config)
-    assert np.abs(there.gaussian_map.origin - shift_m).max() < 10
-    assert np.abs(there.gaussian_map.means).max() < 20
-    assert there.gaussian_map.size == pytest.approx(here.gaussian_map.size, rel=0.02)
-    assert there.quality.refined.psnr_db > here.quality.refined.psnr_db - 0.3
+    gains_db = []
+    for seed in range(2):
+        config = CONFIG.model_copy(update={"iterations": 200, "fill_holes": True, "seed": seed})
+        here, there = make_map(near, config), make_map(far, config)
+        assert np.abs(there.gaussian_map.origin - shift_m).max() < 10
+        assert np.abs(there.gaussian_map.means).max() < 20
+        assert there.gaussian_map.size == pytest.approx(here.gaussian_map.size, rel=0.02)
+        gains_db.append(there.quality.refined.psnr_db - here.quality.refined.psnr_db)
+    # Of single runs: standard deviation 0.08 dB over 8 seeds.
+    assert np.mean(gains_db) > -0.3

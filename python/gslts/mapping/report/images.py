@@ -139,11 +139,11 @@ def _svg(figure: Any) -> str:
     return _address("image/svg+xml", buffer.getvalue())
 
 
-def _encoded(picture: RgbImage, kind: str, **options: Any) -> str:
+def _encoded(image: RgbImage, kind: str, **options: Any) -> str:
     from PIL import Image
 
     buffer = io.BytesIO()
-    Image.fromarray(picture).save(buffer, format=kind, **options)
+    Image.fromarray(image).save(buffer, format=kind, **options)
     return _address(f"image/{kind.lower()}", buffer.getvalue())
 
 

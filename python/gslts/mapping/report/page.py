@@ -120,8 +120,8 @@ def _view(view: View) -> str:
     size = view.photo.shape[:2]
     mask = np.ones(size, np.bool_) if view.mask is None else view.mask
     if any(
-        picture.shape[:2] != size
-        for picture in (view.render, view.measured_depth, view.rendered_depth, mask)
+        image.shape[:2] != size
+        for image in (view.render, view.measured_depth, view.rendered_depth, mask)
     ):
         raise ValueError(f"write_report: the images of view {view.name!r} differ in size")
     comparable = np.where(mask[..., None], view.render, view.photo)
@@ -137,9 +137,9 @@ def _view(view: View) -> str:
     )
     name = escape(view.name)
     shown = "\n".join(
-        f'<figure><img loading=lazy alt="{caption} of {name}" src="{jpeg_of(picture)}">'
+        f'<figure><img loading=lazy alt="{caption} of {name}" src="{jpeg_of(image)}">'
         f"<figcaption>{caption}</figcaption></figure>"
-        for caption, picture in figures
+        for caption, image in figures
     )
     scale = f"depth {range_m[0]:.2f} to {range_m[1]:.2f} m"
     title = f"<h3>{name} <span>{number(view.psnr_db)} dB, {scale}</span></h3>"
