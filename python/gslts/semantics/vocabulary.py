@@ -29,4 +29,4 @@ NOUNS = tuple(
     .replace("\n    ", " ")
     .split(", ")
 )
-"""Names of household objects, lower case."""
+"""Nouns whose embeddings are added to the training set of the autoencoder."""
