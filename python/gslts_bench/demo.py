@@ -47,7 +47,7 @@ from gslts_sim.task import Box, Change
 ROOM, SEED, CHANGES = "living_room", 7, 6
 """Home of the demonstration, and number of its changes."""
 EVENING_FRAMES = 12
-"""Number of frames that are recorded after the day, for detection against the map of the morning."""
+"""Number of frames recorded after the day, for detection against the map of the morning."""
 FOUND_M = 0.15
 """Maximum distance of a known box's centre from the true box of a change that was found."""
 
