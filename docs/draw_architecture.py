@@ -2,8 +2,8 @@
 
     python docs/draw_architecture.py
 
-Captions are the first sentences of the packages' docstrings, layers those of the import contracts in
-pyproject.toml; a package that is missing in the data flow is an error.
+Captions are the first sentences of the packages' docstrings, layers those of the import contracts
+in pyproject.toml; a package that is missing in the data flow is an error.
 """
 
 from __future__ import annotations
