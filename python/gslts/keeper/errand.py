@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from gslts.core.frame import RgbdFrame
 from gslts.core.robot import Robot
 from gslts.keeper.keeper import MapKeeper
-from gslts.navigation.navigator import NavigationResult, Navigator
+from gslts.navigation.navigator import Navigator
+from gslts.navigation.trip import NavigationResult
 from gslts.semantics.map_semantics import MapSemantics
 
 MOST_TRIES = 3
