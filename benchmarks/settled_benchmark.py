@@ -28,7 +28,7 @@ from tqdm import tqdm
 from gslts.change.config import DetectionConfig
 from gslts.change.detector import ChangeDetector
 from gslts.datasets import open_dataset
-from gslts.keeper.keeper import LoopConfig, MapKeeper
+from gslts.keeper.keeper import KeeperConfig, MapKeeper
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.engine import make_map
 from gslts.rendering.metrics import psnr_from_mse_db
@@ -255,13 +255,15 @@ def is_at(point: np.ndarray, boxes: Sequence[Any]) -> bool:
 def run_case(place: Place, kind: str, seed: int, made: Path) -> dict[str, Any]:
     """What two rounds do after a change."""
     home, boxes = changed(place, kind, seed)
-    config = LoopConfig(stops=STOPS, detection=DetectionConfig(halvings=0), update=UPDATE)
+    config = KeeperConfig(
+        max_viewpoints=STOPS, detection=DetectionConfig(halvings=0), update=UPDATE
+    )
     said: list[str] = []
     start_s = time.process_time()
     with TemporaryDirectory() as name:
         folder = Path(name) / "map"
         shutil.copytree(made, folder)
-        with MapKeeper(folder, config, say=said.append) as keeper:
+        with MapKeeper(folder, config, log=said.append) as keeper:
             keeper.go_round(robot_in(home, 1_000_000 + seed))
             first, rest = keeper.version.number, len(said)
             cameras = cameras_of_map(folder).values()

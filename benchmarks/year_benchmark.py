@@ -23,7 +23,7 @@ from gslts.change.config import DetectionConfig
 from gslts.core.gaussian_map import GaussianMap
 from gslts.datasets import open_dataset
 from gslts.io.atomic_files import empty_folder
-from gslts.keeper.keeper import LoopConfig, MapKeeper
+from gslts.keeper.keeper import KeeperConfig, MapKeeper
 from gslts.mapping.config import PRESETS
 from gslts.mapping.engine import make_map
 from gslts.store.map_folder import read_map, write_map_folder
@@ -93,7 +93,7 @@ def main() -> None:
     state = task.states(source.load(given.out))[0]
     mapped(robot_in(state, task.sensor, task.sensor.seed_before), given.out / "start")
     folder = given.out / "start" / "map"
-    config = LoopConfig(
+    config = KeeperConfig(
         detection=DetectionConfig(halvings=0),
         update=UpdateConfig(refine=RefineConfig(iterations=given.iterations)),
     )

@@ -27,7 +27,7 @@ from gslts.store.map_store import MapStore
 from gslts.store.records import ObjectEvent
 
 GAUSSIANS, NEW = 300, 20
-STATE = "loop.json"
+STATE = "keeper.json"
 BOX = [[0.0, 0.0, 0.0], [0.1, 0.1, 0.1]]
 
 

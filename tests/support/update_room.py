@@ -12,7 +12,7 @@ from gslts.change.changes import Change
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
-from gslts.keeper.keeper import LoopConfig
+from gslts.keeper.keeper import KeeperConfig
 from gslts.update.config import CollectConfig, EditConfig, RefineConfig, UpdateConfig
 from gslts.update.integrate import UpdateResult, integrate_changes
 from gslts.update.view_collection import Collection, collect_views
@@ -27,8 +27,8 @@ SMALL = EditConfig(voxel_m=0.02)
 UPDATE = UpdateConfig(
     collect=COLLECT, edit=SMALL, refine=RefineConfig(iterations=60, margin_px=15), threads=1
 )
-LOOP = LoopConfig(
-    stops=8,
+LOOP = KeeperConfig(
+    max_viewpoints=8,
     detection=change_room.CONFIG,
     update=UpdateConfig(
         collect=COLLECT,

@@ -111,7 +111,7 @@ def test_a_map_on_a_full_disk_is_read(folder: Path, failing: dict[str, str]) -> 
     env = {**failing, "FAULT_FOLDER": str(folder.resolve()), "FAULT_ERRNO": str(errno.ENOSPC)}
     for at in (2, 5):  # The files that SQLite puts there.
         done = gslts("verify", "map", cwd=folder.parent, env={**env, "FAULT_AT": str(at)})
-        assert (done.stdout, done.stderr) == ("3 versions are whole\n", "")
+        assert (done.stdout, done.stderr) == ("3 versions are intact\n", "")
 
 
 @COMPILER
@@ -130,7 +130,7 @@ def test_a_map_on_a_read_only_disk_is_read(folder: Path, failing: dict[str, str]
         )
     else:
         assert done.stderr == ""
-        assert done.stdout == f"{3 if log == 'none' else 4} versions are whole\n"
+        assert done.stdout == f"{3 if log == 'none' else 4} versions are intact\n"
     rejected = gslts("restore", "map", "1", cwd=folder.parent, env=env)
     assert rejected.returncode == 1
     assert rejected.stderr == (

@@ -77,11 +77,11 @@ def test_the_past_of_a_map_is_told(workplace: Path, updated: list[str]) -> None:
     assert '"removal"' in shown
     assert "updates/00002.jpg" in shown
     apart = gslts("diff", "map", "1", "2", "--out", "apart.png", cwd=workplace).stdout
-    assert "Gaussians are gone" in apart
+    assert "Gaussians removed" in apart
     with Image.open(workplace / "apart.png") as picture:
         assert picture.size[0] == 3 * 160
-    assert gslts("verify", "map", cwd=workplace).stdout == "2 versions are whole\n"
-    assert gslts("gc", "map", cwd=workplace).stdout == "0 bytes are free again\n"
+    assert gslts("verify", "map", cwd=workplace).stdout == "2 versions are intact\n"
+    assert gslts("gc", "map", cwd=workplace).stdout == "0 bytes freed\n"
 
 
 def test_an_old_version_comes_back(workplace: Path, updated: list[str]) -> None:
