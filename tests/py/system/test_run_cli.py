@@ -7,7 +7,7 @@ import change_room
 import pytest
 import update_room
 from command import gslts, stopped_at
-from update_room import looks_at_the_change
+from update_room import viewpoints_of_the_change
 
 from gslts.keeper.state import KeeperState, read_state, write_state
 from gslts.store.map_folder import open_map, read_map
@@ -23,7 +23,7 @@ def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with a recording after the red box was removed."""
     folder = tmp_path_factory.mktemp("run")
     home = update_room.changed_home("removal")
-    capture(update_room.robot_in(home), looks_at_the_change(), folder / "visit")
+    capture(update_room.robot_in(home), viewpoints_of_the_change(), folder / "visit")
     return folder
 
 
