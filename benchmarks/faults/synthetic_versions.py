@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from gslts.core.gaussian_map import GaussianMap
 from gslts.io.atomic_files import write_atomic
-from gslts.mapping.density.control import joined
+from gslts.mapping.density.control import join
 from gslts.store.causes import UpdateCause
 from gslts.store.map_folder import open_map, write_map_folder
 from gslts.store.map_store import MapStore
@@ -69,7 +69,7 @@ def expected_map(number: int) -> GaussianMap:
     means = kept.means.copy()
     means[rng.random(kept.size) < 0.2] += np.float32(0.5)
     first_id = max(int(expected_map(older).ids[-1]) for older in range(1, number)) + 1
-    return joined(replace(kept, means=means), random_map(NEW, number), first_id)
+    return join(replace(kept, means=means), random_map(NEW, number), first_id)
 
 
 def write_first(folder: Path) -> None:

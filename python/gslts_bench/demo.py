@@ -158,7 +158,12 @@ def run_day(out: Path, scale: Scale, *, threads: int, bar: Bar, say: Callable[[s
 
 
 def was_found(change: Change, events: Sequence[Event]) -> bool:
-    """Return whether events of the store show a change, each of its ends at the right position."""
+    """Return whether events of the store show a change, each of its ends at the right position.
+
+    Args:
+        change: The true change.
+        events: Events of the store.
+    """
     for side, box in enumerate((change.box_before, change.box_after)):
         boxes = [event.boxes[side] for event in events]
         known = [np.mean(known, axis=0) for known in boxes if known is not None]
@@ -244,7 +249,7 @@ def _localize(folder: Path, frame: RgbdFrame, threads: int, say: Callable[[str],
     """Localize a frame in the map without a prior."""
     start_s = time.perf_counter()
     relocalizer = Relocalizer.of_map(folder, RelocalizationConfig(threads=threads))
-    found = relocalizer.locate(frame)
+    found = relocalizer.localize(frame)
     took = f"after {time.perf_counter() - start_s:.1f} s"
     pose = found.world_from_camera
     if pose is None:

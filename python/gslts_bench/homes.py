@@ -202,7 +202,11 @@ def split_of(seeds: range) -> str:
 
 
 def source_of(task: Task) -> HomeSource:
-    """Return where the home of a bench's task comes from, which is always a seed."""
+    """Return where the home of a bench's task comes from, which is always a seed.
+
+    Args:
+        task: Task from `BenchHome.tasks`.
+    """
     assert isinstance(task.home, HomeSource)
     return task.home
 

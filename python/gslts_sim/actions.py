@@ -114,6 +114,7 @@ AnyAction = Annotated[
 ]
 
 _ADAPTER: TypeAdapter[AnyAction] = TypeAdapter(AnyAction)
+"""Validator of actions."""
 
 
 @dataclass(frozen=True, eq=False)

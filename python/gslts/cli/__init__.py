@@ -11,7 +11,7 @@ import typer
 
 from gslts.cli import history, mapping, navigation, output
 from gslts.cli.detect import detect
-from gslts.cli.locate import locate
+from gslts.cli.localize import localize
 from gslts.cli.query import query
 from gslts.cli.run import run
 from gslts.cli.semantics import semantics
@@ -29,7 +29,7 @@ app.command("map")(mapping.make)
 app.command("eval")(mapping.judge)
 app.command("render")(output.render)
 app.command("export")(output.export)
-app.command("locate")(locate)
+app.command("localize")(localize)
 app.command("detect")(detect)
 app.command("update")(update)
 app.command("run")(run)

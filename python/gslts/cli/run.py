@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gslts.cli.locate import Locate, localizer_of, read_frames
+from gslts.cli.localize import Localize, localizer_of, read_frames
 from gslts.cli.mapping import BAR, Threads
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def run(
     iterations: Annotated[
         int, typer.Option(min=0, help="Maximum number of refinement steps.")
     ] = 250,
-    locate: Locate = False,
+    localize: Localize = False,
     threads: Threads = 0,
 ) -> None:
     """Run rounds through a home, and keep its map up to date.
@@ -64,13 +64,13 @@ def run(
         opened = open_robot(robot)
         round_of, available, source = _rounds_of_robot(opened), opened.rounds, opened.digest
     elif frames is not None and robot is None:
-        localizer = localizer_of(map_path, threads) if locate else None
+        localizer = localizer_of(map_path, threads) if localize else None
         round_of, available = _rounds_of_recording(frames, localizer), None
         source = str(frames.resolve())
     else:
         raise ValueError("give either --robot or --frames")
     # Frames of a recording are localized when they are read.
-    config = _config(iterations, threads, relocalize=locate and robot is not None)
+    config = _config(iterations, threads, relocalize=localize and robot is not None)
     with stop_signals() as received, tqdm(desc="starting", bar_format=BAR, disable=None) as bar:
 
         def on_progress(stage: str) -> None:

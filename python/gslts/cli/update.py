@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gslts.cli.locate import Locate, localizer_of, read_frames
+from gslts.cli.localize import Localize, localizer_of, read_frames
 from gslts.cli.mapping import BAR, Map, Threads
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def update(
     iterations: Annotated[
         int, typer.Option(min=0, help="Maximum number of refinement steps.")
     ] = 250,
-    locate: Locate = False,
+    localize: Localize = False,
     strategy: Annotated[
         EditStrategy,
         typer.Option(help="Editing of the map: ours, or that printed in GS-LTS."),
@@ -71,7 +71,7 @@ def update(
     if (robot is None) == (frames is None):
         raise ValueError("give either --robot or --frames")
     config = _config(iterations, strategy, threads)
-    localizer = localizer_of(map_path, threads) if locate else None
+    localizer = localizer_of(map_path, threads) if localize else None
     recorded = None if frames is None else list(read_frames(frames, localizer).values())
     scout = RecordedRobot(recorded) if recorded else _open_robot(str(robot), localizer)
 

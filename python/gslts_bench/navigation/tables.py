@@ -70,6 +70,7 @@ def tabulate(found: Mapping[str, Any]) -> list[Table]:
 
 
 BENCHMARK = Benchmark("Navigation to objects", "navigating", summarize, tabulate)
+"""The benchmark of navigation."""
 
 
 def _numbers(records: Sequence[Record]) -> dict[str, Any]:

@@ -31,12 +31,22 @@ class PoseError(BaseModel):
 
     @classmethod
     def of(cls, pose: Floats, true: Floats) -> PoseError:
-        """Compare two poses world_from_camera [4,4]."""
+        """Compare two poses world_from_camera [4,4].
+
+        Args:
+            pose: Answered world_from_camera [4,4].
+            true: True world_from_camera [4,4].
+        """
         metres, turn_rad = pose_distance(pose, true)
         return cls(m=metres, deg=float(np.rad2deg(turn_rad)))
 
     def within(self, m: float, deg: float) -> bool:
-        """Return whether the error is at most so large."""
+        """Return whether the error is at most so large.
+
+        Args:
+            m: Maximum translation, m.
+            deg: Maximum rotation, degrees.
+        """
         return self.m <= m and self.deg <= deg
 
 
@@ -77,13 +87,21 @@ class TimedAnswer:
 
     @classmethod
     def of(cls, ask: Callable[[], Localization]) -> TimedAnswer:
-        """Ask and measure the time."""
+        """Ask and measure the time.
+
+        Args:
+            ask: Localizes a frame.
+        """
         start_s, start_cpu_s = time.perf_counter(), time.process_time()
         found = ask()
         return cls(found, time.perf_counter() - start_s, time.process_time() - start_cpu_s)
 
     def judge(self, true: Floats | None) -> Answer:
-        """Judge by the true pose [4,4]; None if the frame is not in this map."""
+        """Judge by the true pose [4,4]; None if the frame is not in this map.
+
+        Args:
+            true: True world_from_camera [4,4]; None if unknown.
+        """
         found, fit, normalized = self.found, self.found.fit, None
         if true is not None and found.world_from_camera is not None:
             assert found.covariance is not None  # It comes with the pose.
@@ -116,7 +134,12 @@ def normalized_error(pose: Floats, covariance: Floats, true: Floats) -> float:
 
 
 def start_near(true: Floats, rng: np.random.Generator) -> Floats:
-    """Draw a pose [4,4] at `MOVED_M` and `MOVED_DEG` from the true one."""
+    """Draw a pose [4,4] at `MOVED_M` and `MOVED_DEG` from the true one.
+
+    Args:
+        true: True world_from_camera [4,4].
+        rng: Source of all randomness.
+    """
     along, about = rng.normal(size=(2, 3))
     motion = np.eye(4)
     motion[:3, :3] = rotation(np.deg2rad(MOVED_DEG) * about / np.linalg.norm(about))

@@ -15,7 +15,9 @@ from gslts_bench.series.run import BEFORE, MAPS, REBUILT, UPDATED, Record
 from gslts_bench.tables import Table, share
 
 GAIN, GROWTH = "PSNR, updated minus rebuilt", "Gaussians, updated against before"
+"""Rows of the table that have a target."""
 TARGETS = {GAIN: "-0.5 dB", GROWTH: "+10 %"}
+"""Target by row."""
 
 
 def summarize(records: Sequence[Record]) -> dict[str, Any]:
@@ -53,6 +55,7 @@ def tabulate(found: Mapping[str, Any]) -> list[Table]:
 
 
 BENCHMARK = Benchmark("Many changes in a row", "updating", summarize, tabulate)
+"""The benchmark of many changes in a row."""
 
 
 def _column(steps: Sequence[Mapping[str, Any]], end: Mapping[str, Any]) -> dict[str, str]:

@@ -58,6 +58,7 @@ def tabulate(found: Mapping[str, Any]) -> list[Table]:
 
 
 BENCHMARK = Benchmark("Updates after a change", "updating", summarize, tabulate)
+"""The benchmark of updates."""
 
 
 def _numbers(records: Iterable[Record], method: str) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from store_maps import (
     random_map,
 )
 
-from gslts.mapping.density.control import joined
+from gslts.mapping.density.control import join
 from gslts.store.blobs import Blobs
 from gslts.store.causes import UpdateCause
 from gslts.store.delta import Delta, apply_deltas, compare_by_ids, compute_delta
@@ -68,7 +68,7 @@ def test_a_map_can_become_empty_and_grow_again(folder: Path) -> None:
         first = store.read()
         empty = first.select(np.zeros(0, np.int64))
         store.commit(empty, UpdateCause())
-        again = joined(empty, random_map(5), store.version().next_id)
+        again = join(empty, random_map(5), store.version().next_id)
         store.commit(again, UpdateCause())
         assert_same(store.read(2), empty)
         assert_same(store.read(3), again)
