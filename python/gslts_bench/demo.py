@@ -46,6 +46,8 @@ from gslts_sim.task import Box, Change
 
 ROOM, SEED, CHANGES = "living_room", 7, 6
 """Home of the demonstration, and number of its changes."""
+EVENING_FRAMES = 12
+"""Number of frames recorded after the day, for detection against the map of the morning."""
 FOUND_M = 0.15
 """Maximum distance of a known box's centre from the true box of a change that was found."""
 
@@ -88,7 +90,7 @@ def run_day(out: Path, scale: Scale, *, threads: int, bar: Bar, say: Callable[[s
     """Map a home and keep the map up to date for a day.
 
     Args:
-        out: New or empty folder: gets day.json, before/, map/ and report.html.
+        out: New or empty folder: gets day.json, before/, map/, after/ and report.html.
         scale: Size of the demonstration.
         threads: 0 means one per hardware thread.
         bar: Shows progress.
@@ -136,6 +138,8 @@ def run_day(out: Path, scale: Scale, *, threads: int, bar: Bar, say: Callable[[s
             for event in happened:
                 say(f"{event.change.kind} of {event.change.object_id}")
             keeper.go_round(day.robot(home, gone))
+    evening = looks[:: max(1, len(looks) // EVENING_FRAMES)]
+    capture(day.robot(home, len(day.rounds)), evening, out / "after")
     note("keeping it up to date")
     report = out / "report.html"
     with open_map(out / "map") as store:

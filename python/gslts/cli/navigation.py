@@ -13,7 +13,8 @@ from gslts.cli.mapping import BAR
 
 if TYPE_CHECKING:
     from gslts.core.robot import Robot
-    from gslts.navigation.navigator import NavigationResult, Navigator
+    from gslts.navigation.navigator import Navigator
+    from gslts.navigation.trip import NavigationResult
 
 # Imports of commands are inside the functions, so that `gslts --help` answers at once.
 
@@ -100,8 +101,9 @@ def go(
     """
     from tqdm import tqdm
 
-    from gslts.navigation.navigator import MAX_MOVES, Navigator
+    from gslts.navigation.navigator import Navigator
     from gslts.navigation.semantic_map_files import draw_semantic_map, write_png
+    from gslts.navigation.trip import MAX_MOVES
     from gslts.robots.sources import open_robot
 
     if not text.strip():

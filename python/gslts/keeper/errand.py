@@ -7,7 +7,8 @@ from collections.abc import Callable
 from gslts.core.frame import RgbdFrame
 from gslts.core.robot import Robot
 from gslts.keeper.keeper import MapKeeper
-from gslts.navigation.navigator import NavigationResult, Navigator
+from gslts.navigation.navigator import Navigator
+from gslts.navigation.trip import NavigationResult
 from gslts.semantics.map_semantics import MapSemantics
 from gslts.types import Floats
 
