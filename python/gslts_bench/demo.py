@@ -16,7 +16,7 @@ from gslts.datasets import open_dataset
 from gslts.io.atomic_files import empty_folder, write_atomic
 from gslts.io.html_page import number, plots, section, table
 from gslts.keeper.history_page import write_history
-from gslts.keeper.keeper import LoopConfig, MapKeeper
+from gslts.keeper.keeper import KeeperConfig, MapKeeper
 from gslts.localization.config import RelocalizationConfig
 from gslts.localization.relocalizer import Relocalizer
 from gslts.localization.side_by_side import side_by_side
@@ -132,8 +132,8 @@ def run_day(out: Path, scale: Scale, *, threads: int, bar: Bar, say: Callable[[s
     say("added semantics from the simulator's labels")
     note("adding semantics")
     update = UpdateConfig(threads=threads, refine=RefineConfig(iterations=scale.iterations))
-    config = LoopConfig(update=update)
-    with MapKeeper(out / "map", config, say=lambda words: say(f"  {words}")) as keeper:
+    config = KeeperConfig(update=update)
+    with MapKeeper(out / "map", config, log=lambda words: say(f"  {words}")) as keeper:
         for gone, happened in enumerate(bar(day.rounds, "rounds"), start=1):
             for event in happened:
                 say(f"{event.change.kind} of {event.change.object_id}")

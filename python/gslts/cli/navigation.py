@@ -153,7 +153,7 @@ def _go_and_watch(
     from gslts.semantics.files import require_semantics
 
     require_semantics(map_path)
-    with MapKeeper(map_path, say=tqdm.write) as keeper:
+    with MapKeeper(map_path, log=tqdm.write) as keeper:
         if keeper.semantics is None:
             raise ValueError(f"{map_path}: --watch needs the models of the semantics of the map")
         return run_errand(keeper, keeper.semantics, robot, text, on_move)

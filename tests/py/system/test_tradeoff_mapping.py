@@ -239,6 +239,6 @@ def test_a_refusal_is_one_line(paths: Paths, tmp_path: Path) -> None:
     done = run("tradeoff", paths.map, paths.visit, "--seconds", "x", "--out", "o", cwd=tmp_path)
     assert done.returncode == 1
     assert done.stderr == (
-        "gslts: --seconds: expected numbers of at least 1 with commas between, got 'x'\n"
+        "gslts: --seconds: expected numbers of at least 1, separated by commas, got 'x'\n"
     )
     assert list(tmp_path.iterdir()) == []
