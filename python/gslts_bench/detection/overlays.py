@@ -90,7 +90,7 @@ def draw(
     work = [
         OverlayUnit(unit, own, folder)
         for unit in units
-        if (own := tuple(one for one in chosen if one.case.startswith(f"{unit.name}/")))
+        if (own := tuple(record for record in chosen if record.case.startswith(f"{unit.name}/")))
     ]
     found = run_units(work, jobs, bar)
     return {name: own[-1]["error"] for name, own in found.items() if own and "error" in own[-1]}

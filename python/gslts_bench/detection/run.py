@@ -135,7 +135,9 @@ class DetectUnit(BenchUnit[Record, BenchHome]):
 
     def count_missing(self, records: Sequence[Record]) -> int:
         """Return how many single changes the home did not give. See `BenchUnit`."""
-        return self.counts.single - len({one.case for one in records if one.part == "single"})
+        return self.counts.single - len(
+            {record.case for record in records if record.part == "single"}
+        )
 
     def run(self, done: frozenset[str], add: Add) -> None:
         """Run the detectors that have not seen a case yet. See `Unit`."""

@@ -163,7 +163,9 @@ def content_digest(path: Path) -> str:
     Raises:
         OSError: A file cannot be read.
     """
-    files = sorted(one for one in path.rglob("*") if one.is_file()) if path.is_dir() else [path]
+    files = (
+        sorted(child for child in path.rglob("*") if child.is_file()) if path.is_dir() else [path]
+    )
     result = hashlib.sha256()
     for source in files:
         with source.open("rb") as file:

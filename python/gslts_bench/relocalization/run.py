@@ -93,7 +93,9 @@ class RelocalizeUnit(BenchUnit[Record, BenchHome]):
     def run(self, done: frozenset[str], add: Add) -> None:
         """Localize the frames that are missing. See `Unit`."""
         left = {
-            view: [one for one in self.variants(view.part) if _id(view, one) not in done]
+            view: [
+                variant for variant in self.variants(view.part) if _id(view, variant) not in done
+            ]
             for view in views_of(self.bench, self.views)
         }
         if not any(left.values()):

@@ -168,25 +168,25 @@ def scores(answers: Sequence[Answer]) -> dict[str, Any]:
     ]
     return {
         "frames": len(answers),
-        "ok": sum(one.status == "ok" for one in answers),
-        "ambiguous": sum(one.status == "ambiguous" for one in answers),
-        "lost": sum(one.status == "lost" for one in answers),
-        **_error_scores([one.off for one in answers]),
-        "coarse": _error_scores([one.coarse for one in answers]),
+        "ok": sum(answer.status == "ok" for answer in answers),
+        "ambiguous": sum(answer.status == "ambiguous" for answer in answers),
+        "lost": sum(answer.status == "lost" for answer in answers),
+        **_error_scores([answer.off for answer in answers]),
+        "coarse": _error_scores([answer.coarse for answer in answers]),
         "wrong_ok": right.count(False),
         "normalized": _finite(np.mean, errors),
-        "s": _finite(np.median, [one.s for one in answers]),
-        "cpu_s": _finite(np.median, [one.cpu_s for one in answers]),
+        "s": _finite(np.median, [answer.s for answer in answers]),
+        "cpu_s": _finite(np.median, [answer.cpu_s for answer in answers]),
     }
 
 
 def _error_scores(offs: Sequence[PoseError | None]) -> dict[str, Any]:
     """Count near poses and take medians of all; a missing pose counts as infinitely far."""
     return {
-        "near": sum(one is not None and one.within(*NEAR) for one in offs),
-        "far": sum(one is not None and one.within(*FAR) for one in offs),
-        "mm": _finite(np.median, [np.inf if one is None else 1000 * one.m for one in offs]),
-        "deg": _finite(np.median, [np.inf if one is None else one.deg for one in offs]),
+        "near": sum(error is not None and error.within(*NEAR) for error in offs),
+        "far": sum(error is not None and error.within(*FAR) for error in offs),
+        "mm": _finite(np.median, [np.inf if error is None else 1000 * error.m for error in offs]),
+        "deg": _finite(np.median, [np.inf if error is None else error.deg for error in offs]),
     }
 
 

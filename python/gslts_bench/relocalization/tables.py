@@ -71,14 +71,14 @@ def _by_part(records: Sequence[Record]) -> dict[str, Any]:
 
 def _by_room_type(records: Sequence[Record]) -> dict[str, Any]:
     types = sorted({record.room_type for record in records})
-    groups = {name: [one for one in records if one.room_type == name] for name in types}
+    groups = {name: [record for record in records if record.room_type == name] for name in types}
     return {name: _numbers(some) for name, some in {**groups, ALL: records}.items()}
 
 
 def _numbers(records: Sequence[Record]) -> dict[str, Any]:
     return {
-        "located": scores([one.located for one in records if one.located is not None]),
-        "tracked": scores([one.tracked for one in records if one.tracked is not None]),
+        "located": scores([record.located for record in records if record.located is not None]),
+        "tracked": scores([record.tracked for record in records if record.tracked is not None]),
     }
 
 

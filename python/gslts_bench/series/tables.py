@@ -63,7 +63,7 @@ def _column(steps: Sequence[Mapping[str, Any]], end: Mapping[str, Any]) -> dict[
     psnr_db, gaussians = end["psnr_db"], end["gaussians"]
     growth = gaussians[UPDATED] / gaussians[BEFORE] - 1
     return {
-        "detected in the first frame": share(sum(one["detected"] for one in steps), len(steps)),
+        "detected in the first frame": share(sum(step["detected"] for step in steps), len(steps)),
         "left without an update": share(idle, len(steps)),
         "edit and refinement, median": f"{np.median([step['seconds'] for step in steps]):.1f} s",
         **{f"PSNR of new viewpoints, {name}": f"{psnr_db[name]:.2f} dB" for name in MAPS},

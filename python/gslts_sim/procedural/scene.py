@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from gslts.types import Floats
 from gslts_sim.home import AreaLight, Home, HomeObject, Room, pose
+from gslts_sim.oriented_boxes import OrientedBoxes, collides
 from gslts_sim.physics import (
-    OrientedBoxes,
     boxes_in_world,
-    collides,
     collision_free,
     footprint,
     supported_fraction,
@@ -20,6 +19,7 @@ from gslts_sim.physics import (
 from gslts_sim.procedural.catalog import building
 from gslts_sim.procedural.catalog.building import Opening
 from gslts_sim.procedural.model import Kit, Model
+from gslts_sim.procedural.sides import Side, sides
 
 Builder = Callable[..., Model]
 Span = tuple[float, float]
@@ -34,51 +34,6 @@ GAP_M = 0.1
 """Minimum distance between objects that hang on a wall, m."""
 EDGE_M = 0.015
 """Minimum distance of small objects from the edge of their receptacle, m."""
-
-
-@dataclass(frozen=True, eq=False)
-class Side:
-    """The inner side of a wall.
-
-    Args:
-        start: (2,) its left corner, seen from inside, m.
-        along: (2,) unit vector to the right.
-        inward: (2,) unit vector into the room.
-        length: m.
-        yaw_rad: Yaw of an object with its back to the wall, rad.
-    """
-
-    start: Floats
-    along: Floats
-    inward: Floats
-    length: float
-    yaw_rad: float
-
-    def point(self, along_m: float, out_m: float) -> Floats:
-        """Return a point (2,) on the floor, m.
-
-        Args:
-            along_m: From the left corner, m.
-            out_m: Off the wall, m.
-        """
-        at: Floats = self.start + self.along * along_m + self.inward * out_m
-        return at
-
-
-def sides(width: float, depth: float) -> tuple[Side, ...]:
-    """Return the walls of a room: north (y = depth), east, south and west.
-
-    Args:
-        width: Along x, m.
-        depth: Along y, m.
-    """
-    quarter = np.pi / 2
-    return (
-        Side(np.array([0, depth]), np.array([1.0, 0]), np.array([0, -1.0]), width, 0.0),
-        Side(np.array([width, depth]), np.array([0, -1.0]), np.array([-1.0, 0]), depth, -quarter),
-        Side(np.array([width, 0.0]), np.array([-1.0, 0]), np.array([0, 1.0]), width, 2 * quarter),
-        Side(np.array([0.0, 0.0]), np.array([0, 1.0]), np.array([1.0, 0]), depth, quarter),
-    )
 
 
 def tops_m(obj: HomeObject) -> Floats:

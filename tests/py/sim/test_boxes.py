@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from gltf_files import box
 
-from gslts_sim.gltf.boxes import MAX_BOXES, TOUCH_M, filling_boxes
+from gslts_sim.gltf.boxes import MAX_BOXES, filling_boxes
+from gslts_sim.gltf.voxels import TOUCH_M
 
 
 def covered(boxes: np.ndarray, points: np.ndarray) -> np.ndarray:
