@@ -153,7 +153,7 @@ def full_after(monkeypatch: pytest.MonkeyPatch, images: int) -> None:
     monkeypatch.setattr(Image.Image, "save", limited)
 
 
-@pytest.mark.parametrize("pictures", [0, 1, 4, 5, 6])
+@pytest.mark.parametrize("images", [0, 1, 4, 5, 6])
 def test_a_full_disk_leaves_complete_frames(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, images: int
 ) -> None:

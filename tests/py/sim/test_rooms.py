@@ -84,7 +84,9 @@ def test_reachable_component_of_a_position():
     )
 
 
-@pytest.mark.parametrize("place", [(3.5, 3.5), (0.1, 1), (-50, 1), (np.nan, 1), (1e300, -np.inf)])
+@pytest.mark.parametrize(
+    "position", [(3.5, 3.5), (0.1, 1), (-50, 1), (np.nan, 1), (1e300, -np.inf)]
+)
 def test_a_blocked_position_reaches_nothing(position):
     floor = floor_of(bare_flat(*DIAGONAL))
     assert not floor.is_free(np.array(position))
