@@ -72,7 +72,8 @@ def result_markdown(result: dict[str, Any]) -> str:
     ]
     if result.get("split"):
         first, end = result["seeds"]
-        lines.append(f"Homes with seeds {first} to {end - 1}: {result['split']} split.")
+        seeds = f"seed {first}" if end - first == 1 else f"seeds {first} to {end - 1}"
+        lines.append(f"Homes with {seeds}: {result['split']} split.")
     if result.get("cases"):
         lines.append(result["cases"])
     tables = tables_markdown(Table(**table) for table in result["tables"])

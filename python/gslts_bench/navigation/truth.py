@@ -9,7 +9,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from gslts.navigation.navigator import SUCCESS_DISTANCE_M
+from gslts.navigation.trip import SUCCESS_DISTANCE_M
 from gslts.types import Floats, Ints, Ints32
 from gslts_sim.actions import GRID_M
 from gslts_sim.home import Home, HomeObject

@@ -495,9 +495,9 @@ def test_files_that_no_version_names_are_removed(folder: Path) -> None:
     size = unnamed.stat().st_size
     for freed in (size, 0):
         done = CliRunner().invoke(app, ["gc", str(folder)], catch_exceptions=False)
-        assert done.stdout == f"{freed} bytes are free again\n"
+        assert done.stdout == f"{freed} bytes freed\n"
         assert files_of(folder) == named
     assert CliRunner().invoke(app, ["gc", str(folder), "--keep", "1"]).exit_code == 0
     assert_same(read_landmarks(folder), both)
     done = CliRunner().invoke(app, ["verify", str(folder)])
-    assert done.stdout == "2 versions are whole\n"
+    assert done.stdout == "2 versions are intact\n"

@@ -15,7 +15,7 @@ import update_room
 from change_room import LOOKS, SIZE
 from command import gslts
 from PIL import Image
-from update_room import looks_at_the_change
+from update_room import viewpoints_of_the_change
 
 from gslts.datasets import open_dataset
 from gslts.io.ply import write_ply
@@ -214,7 +214,7 @@ def test_frames_without_poses_are_localized_and_compared(visited: Path, tmp_path
 def test_a_recording_with_drift_updates_a_map(visited: Path, command: tuple[str, ...]) -> None:
     if not (visited / "long").exists():
         robot = update_room.robot_in(update_room.changed_home("removal"))
-        capture(robot, looks_at_the_change(), visited / "true")
+        capture(robot, viewpoints_of_the_change(), visited / "true")
         adrift.set_adrift(visited / "true", visited / "long")
         darken(visited / "long", "00002")
     verb, *rest = command

@@ -313,7 +313,7 @@ def test_a_robot_with_drift_keeps_a_map_up_to_date(
         return Relocalizer(gaussian_map, *rest)
 
     monkeypatch.setattr(keeper_module, "Relocalizer", noted)
-    with MapKeeper(folder, replace(LOOP, localize=adrift.CONFIG)) as keeper:
+    with MapKeeper(folder, replace(LOOP, relocalization=adrift.CONFIG)) as keeper:
         keeper.go_round(robot)
         assert keeper.version.number > 1
         versions = keeper.version.number
@@ -331,7 +331,7 @@ def test_a_robot_with_drift_keeps_a_map_up_to_date(
 
 def test_a_robot_in_another_home_changes_nothing(tmp_path: Path) -> None:
     folder = adrift.write_room_map(tmp_path / "map")
-    with MapKeeper(folder, replace(LOOP, stops=3, localize=adrift.CONFIG)) as keeper:
+    with MapKeeper(folder, replace(LOOP, max_viewpoints=3, relocalization=adrift.CONFIG)) as keeper:
         keeper.go_round(Controller(sim_scenes.simple_home(), **SIZE))
         assert keeper.version.number == 1
         assert keeper.state.deferred == ()
@@ -340,7 +340,7 @@ def test_a_robot_in_another_home_changes_nothing(tmp_path: Path) -> None:
 def test_missing_landmarks_are_named_before_a_round(tmp_path: Path) -> None:
     change_room.write_room_map(tmp_path / "map")
     with pytest.raises(ValueError, match="map: it has no landmarks; gslts map makes maps that do"):
-        MapKeeper(tmp_path / "map", replace(LOOP, localize=adrift.CONFIG))
+        MapKeeper(tmp_path / "map", replace(LOOP, relocalization=adrift.CONFIG))
 
 
 def test_the_distance_of_poses_is_in_metres_and_radians() -> None:
