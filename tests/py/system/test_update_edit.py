@@ -11,6 +11,7 @@ from update_room import ADDED, REMOVED, SMALL
 from gslts._core import edit as core
 from gslts.core.gaussian_map import GaussianMap
 from gslts.rendering.rasterizer import render
+from gslts.update import selection
 from gslts.update.config import GS_LTS, EditConfig
 from gslts.update.edit import Edit, pre_edit
 from gslts.update.selection import select_removed
@@ -247,9 +248,7 @@ def test_nothing_is_added_behind_what_the_map_shows() -> None:
     assert under_the_box(edit) == 0
 
 
-@pytest.mark.parametrize(
-    "switch", ["visible_votes", "sweep", "only_missing", "flat", "observed_colors"]
-)
+@pytest.mark.parametrize("switch", ["visible_votes", "only_missing", "flat", "observed_colors"])
 def test_each_setting_changes_the_map(switch: str) -> None:
     before, _ = change_room.mapped()
     differs = False
@@ -260,6 +259,22 @@ def test_each_setting_changes_the_map(switch: str) -> None:
         differs |= edit.removed.sum() != usual.removed.sum() or edit.added != usual.added
         differs |= not np.array_equal(new_of(edit).sh, new_of(usual).sh)
     assert differs
+
+
+def test_remains_among_removed_gaussians_are_swept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Against a search by brute force; with half of the neighbours, as few remains are left."""
+    monkeypatch.setattr(selection, "MIN_REMOVED_SHARE", 0.5)
+    gaussian_map, _ = change_room.mapped()
+    kept, swept = removed(sweep=False), removed(sweep=True)
+    regions = update_room.collected("removal").regions
+    near = selection.gaussians_in_regions(gaussian_map, regions, SMALL.margin_m)
+    expected = np.zeros_like(kept)
+    for row in np.flatnonzero(near & ~kept):
+        distances = np.linalg.norm(gaussian_map.means - gaussian_map.means[row], axis=1)
+        nearest = np.argsort(distances)[1 : 1 + selection.SWEEP_NEIGHBORS]
+        expected[row] = kept[nearest].mean() >= 0.5
+    assert expected.any()
+    np.testing.assert_array_equal(swept, kept | expected)
 
 
 def test_edits_are_the_same_for_any_number_of_threads() -> None:
