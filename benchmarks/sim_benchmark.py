@@ -11,8 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from statistics import median
 
-from machine import describe_machine
-
+from gslts_bench.provenance import describe_machine
 from gslts_sim import ROOM_TYPES, Home, make_home
 from gslts_sim.capture import capture
 from gslts_sim.contact_sheet import corner_cameras

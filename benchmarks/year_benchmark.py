@@ -28,7 +28,7 @@ from gslts.mapping.config import PRESETS
 from gslts.mapping.engine import make_map
 from gslts.store.map_folder import read_map, write_map_folder
 from gslts.update.config import RefineConfig, UpdateConfig
-from gslts_bench.series.benchmark import fresh_frames, psnr_of
+from gslts_bench.series.run import mean_psnr_db, new_frames
 from gslts_sim.actions import SceneState
 from gslts_sim.capture import capture
 from gslts_sim.change_sampler import TaskSettings
@@ -134,13 +134,13 @@ def main() -> None:
                 task = next(tasks)
     sensor = task.sensor
     anew = mapped(robot_in(state, sensor, sensor.seed_after), given.out / "anew")
-    frames = fresh_frames(state, sensor, given.seed)
+    frames = new_frames(state, sensor, given.seed)
     for words, one in (
         ("kept up to date", read_map(folder)),
         ("as at first", read_map(Path(f"{folder}@1"))),
         ("built anew", anew),
     ):
-        print(f"{words}: {psnr_of(one, frames):.2f} dB, {one.size} Gaussians", flush=True)
+        print(f"{words}: {mean_psnr_db(one, frames):.2f} dB, {one.size} Gaussians", flush=True)
 
 
 if __name__ == "__main__":

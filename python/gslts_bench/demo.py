@@ -13,7 +13,7 @@ import numpy as np
 from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import pose_distance
 from gslts.datasets import open_dataset
-from gslts.io.atomic_files import empty_folder, write_whole
+from gslts.io.atomic_files import empty_folder, write_atomic
 from gslts.io.html_page import number, plots, section, table
 from gslts.keeper.history_page import write_history
 from gslts.keeper.keeper import LoopConfig, MapKeeper
@@ -34,7 +34,7 @@ from gslts.store.map_folder import open_map, read_map
 from gslts.store.records import Event
 from gslts.types import Floats
 from gslts.update.config import RefineConfig, UpdateConfig
-from gslts_bench.series.benchmark import fresh_frames, psnr_of
+from gslts_bench.series.run import mean_psnr_db, new_frames
 from gslts_sim.capture import capture
 from gslts_sim.change_sampler import TaskSettings
 from gslts_sim.controller import Controller
@@ -61,7 +61,7 @@ class Scale:
         frames: Of the recording, at most.
         mapping: Of the home.
         iterations: Of a refinement, at most.
-        fresh_views: That judge the map at the end.
+        new_views: Number of viewpoints that judge the map at the end.
     """
 
     width: int = 640
@@ -69,7 +69,7 @@ class Scale:
     frames: int = 150
     mapping: MappingConfig = PRESETS["fast"]
     iterations: int = 250
-    fresh_views: int = 20
+    new_views: int = 20
 
 
 QUICK = Scale(
@@ -78,7 +78,7 @@ QUICK = Scale(
     frames=90,
     mapping=PRESETS["fast"].model_copy(update={"budget_s": 20.0}),
     iterations=100,
-    fresh_views=10,
+    new_views=10,
 )
 
 
@@ -112,7 +112,7 @@ def live_a_day(
     day = make_day(
         source, coarse, TaskSettings(width=scale.width, height=scale.height), SEED, CHANGES
     )
-    write_whole(out / "day.json", (day.model_dump_json(indent=1) + "\n").encode())
+    write_atomic(out / "day.json", (day.model_dump_json(indent=1) + "\n").encode())
     home = source.load(out)
     robot = day.robot(home, 0)
     looks, _ = explore(robot.home, scale.frames, lambda places: bar(places, "exploring"))
@@ -140,7 +140,7 @@ def live_a_day(
         walk = _walk(out / "map", day.robot(home, len(day.rounds)), _moved(day, home, events), say)
         note("a query and a walk")
         state = day.state(home, len(day.rounds))
-        frames = fresh_frames(state, day.sensor, SEED, scale.fresh_views)
+        frames = new_frames(state, day.sensor, SEED, scale.new_views)
         sections = [
             section("What really changed", _truth(day, events)),
             section("To an object that was moved", walk),
@@ -157,7 +157,8 @@ def live_a_day(
 def was_found(change: Change, events: Sequence[Event]) -> bool:
     """Whether what is known of objects tells of a change, each of its ends in the right place."""
     for side, box in enumerate((change.box_before, change.box_after)):
-        known = [np.mean(one.boxes[side], axis=0) for one in events if one.boxes[side] is not None]
+        boxes = [event.boxes[side] for event in events]
+        known = [np.mean(known, axis=0) for known in boxes if known is not None]
         if box is not None and not any(_is_in(middle, box) for middle in known):
             return False
     return True
@@ -256,8 +257,8 @@ def _found_again(folder: Path, frame: RgbdFrame, threads: int, say: Callable[[st
 def _quality(out: Path, frames: Sequence[RgbdFrame]) -> str:
     maps = {"as mapped in the morning": "map@1", "as it is in the evening": "map"}
     rows = [
-        (words, f"{one.size:,}", number(psnr_of(one, frames)))
+        (words, f"{one.size:,}", number(mean_psnr_db(one, frames)))
         for words, one in ((words, read_map(out / path)) for words, path in maps.items())
     ]
-    head = ("map", "Gaussians", f"PSNR of {len(frames)} fresh views, dB")
+    head = ("map", "Gaussians", f"PSNR of {len(frames)} new viewpoints, dB")
     return table(head, rows)

@@ -19,7 +19,7 @@ from PIL import Image
 
 from gslts.core.camera import Camera
 from gslts.datasets.nerfstudio import OBJECTS, OPENGL_FROM_OPENCV
-from gslts.io.atomic_files import empty_folder, write_whole
+from gslts.io.atomic_files import empty_folder, write_atomic
 from gslts_sim.controller import ActionError, Controller
 from gslts_sim.event import Event
 from gslts_sim.robot_body import Viewpoint
@@ -162,4 +162,4 @@ def _header(camera: Camera) -> dict[str, Any]:
 
 
 def _write_json(path: Path, content: Any) -> None:
-    write_whole(path, (json.dumps(content, indent=1) + "\n").encode())
+    write_atomic(path, (json.dumps(content, indent=1) + "\n").encode())

@@ -85,7 +85,7 @@ def _cells_seen(home: Home, scene: RayScene, look: Viewpoint) -> NDArray[np.int6
     """[K,3] the cells that a look hits."""
     camera = robot_camera(home, look, SIZE_PX)
     rays = pixel_rays(camera, threads=0)
-    depth = scene.cast(rays)["t_hit"]
+    depth = scene.cast(rays).distances
     hit = depth < RANGE_M
     points = rays[hit, :3] + rays[hit, 3:] * depth[hit, None]
     cells: NDArray[np.int64] = np.floor(points / CELL_M).astype(np.int64)

@@ -2,15 +2,31 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts._core.sim import pixel_rays
+from gslts._core.sim import intersect_triangles, pixel_rays
 from gslts.core.camera import Camera
 from gslts.types import Floats32
 from gslts_sim.home import Home
+
+
+@dataclass(frozen=True, eq=False)
+class Hits:
+    """First hits of rays.
+
+    Attributes:
+        distances: [...] float32, in lengths of the ray's direction; infinite for a miss.
+        triangles: [...] uint32, index of the triangle; 0xffffffff for a miss.
+        weights: [...,2] float32, barycentric, of the second and third corner.
+    """
+
+    distances: Floats32
+    triangles: NDArray[np.uint32]
+    weights: Floats32
 
 
 class RayScene:
@@ -50,24 +66,26 @@ class RayScene:
         all_normals = np.concatenate(normals)
         lengths = np.linalg.norm(all_normals, axis=1, keepdims=True)
         self.normals: Floats32 = (all_normals / np.maximum(lengths, 1e-20)).astype(np.float32)
+        all_vertices = np.concatenate(vertices).astype(np.float32)
+        all_faces = np.concatenate(faces).astype(np.uint32)
+        self._corners: Floats32 = all_vertices[all_faces]
         self._scene = open3d.t.geometry.RaycastingScene()
-        self._scene.add_triangles(
-            self._tensor(np.concatenate(vertices).astype(np.float32)),
-            self._tensor(np.concatenate(faces).astype(np.uint32)),
-        )
+        self._scene.add_triangles(self._tensor(all_vertices), self._tensor(all_faces))
 
-    def cast(self, rays: Floats32) -> dict[str, Any]:
-        """Finds what rays hit first.
+    def cast(self, rays: Floats32) -> Hits:
+        """Find the first triangle that each ray hits.
 
         Args:
-            rays: [...,6] origins, m, and directions of any length.
-
-        Returns:
-            Open3D's `t_hit` [...], in lengths of the direction and infinite for a miss,
-            `primitive_ids` [...] uint32 and barycentric `primitive_uvs` [...,2].
+            rays: [...,6] float32 origins, m, and directions of any length, world.
         """
-        hits = self._scene.cast_rays(self._tensor(rays), self._threads)
-        return {name: hits[name].numpy() for name in ("t_hit", "primitive_ids", "primitive_uvs")}
+        found = self._scene.cast_rays(self._tensor(rays), self._threads)
+        triangles = found["primitive_ids"].numpy()
+        # Embree's distances and weights have other last bits on processors of other makers.
+        distances, weights = intersect_triangles(
+            rays.reshape(-1, 6), triangles.ravel(), self._corners, threads=self._threads
+        )
+        shape = triangles.shape
+        return Hits(distances.reshape(shape), triangles, weights.reshape(*shape, 2))
 
     def blocked(self, rays: Floats32, end: float) -> NDArray[np.bool_]:
         """[...] whether rays [...,6] meet anything on the first `end` (a share) of their ways."""
@@ -79,7 +97,7 @@ class RayScene:
     def instances(self, camera: Camera) -> tuple[NDArray[np.int32], Floats32]:
         """What is seen in each pixel, without light: indices [H,W] of objects (-1: none), depth."""
         hits = self.cast(pixel_rays(camera, threads=self._threads))
-        hit = np.isfinite(hits["t_hit"])
-        rows = self.owners[np.where(hit, hits["primitive_ids"], 0)]
-        depth = np.where(hit, hits["t_hit"], np.float32(0))
+        hit = np.isfinite(hits.distances)
+        rows = self.owners[np.where(hit, hits.triangles, 0)]
+        depth = np.where(hit, hits.distances, np.float32(0))
         return np.where(hit, rows, np.int32(-1)), depth

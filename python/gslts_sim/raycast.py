@@ -79,9 +79,9 @@ class RayCaster:
         shading = core_sim.Shading(
             self._surfaces,
             rays,
-            hits["t_hit"],
-            hits["primitive_ids"],
-            hits["primitive_uvs"],
+            hits.distances,
+            hits.triangles,
+            hits.weights,
             pixel_rad=1 / camera.fx,
             lights=self._lights,
             threads=self._threads,

@@ -12,7 +12,7 @@ from typing import Annotated, Literal, Self, TypeVar
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
 
-from gslts.io.atomic_files import write_whole
+from gslts.io.atomic_files import write_atomic
 from gslts_sim.actions import ChangeAction, SceneState
 from gslts_sim.changes import ChangeError
 from gslts_sim.controller import ActionError, Controller
@@ -238,4 +238,4 @@ def write_task(task: Task, path: Path) -> None:
     Raises:
         OSError: The file cannot be written.
     """
-    write_whole(path, (task.model_dump_json(indent=1) + "\n").encode())
+    write_atomic(path, (task.model_dump_json(indent=1) + "\n").encode())

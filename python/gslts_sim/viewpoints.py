@@ -50,7 +50,7 @@ class ObjectVisibility:
         origins = np.repeat(eyes[:, None], len(points), axis=1)
         rays = np.concatenate([origins, points[None] - origins], axis=-1)
         hits = self.scene.cast(rays.astype(np.float32))
-        rows = self.scene.owners[np.where(np.isfinite(hits["t_hit"]), hits["primitive_ids"], 0)]
+        rows = self.scene.owners[np.where(np.isfinite(hits.distances), hits.triangles, 0)]
         share: Floats = (rows == self._row).mean(axis=1)
         return share
 

@@ -19,7 +19,7 @@ from gslts.core.gaussian_map import GaussianMap
 from gslts.datasets import open_dataset
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.engine import make_map
-from gslts.store.map_folder import camera_of, plain_camera, read_map, write_map_folder
+from gslts.store.map_folder import camera_from_json, camera_to_json, read_map, write_map_folder
 from gslts_sim.capture import capture
 from gslts_sim.controller import Controller
 from gslts_sim.home import Home, HomeObject
@@ -104,13 +104,13 @@ def mapped() -> tuple[GaussianMap, dict[str, Camera]]:
         looks = [*looks_all_around("change_room", home(), 48), *LOOKS]
         gaussian_map, cameras = map_of(home(), looks)
         write_map_folder(folder, gaussian_map, {}, {})
-        plain = {name: plain_camera(one) for name, one in cameras.items()}
+        plain = {name: camera_to_json(one) for name, one in cameras.items()}
         (folder / "exact.json").write_text(json.dumps(plain))
 
     folder = made_once("change_room_map", make)
     # Cameras that are read with a map are made rigid, which changes their last bits.
     plain = json.loads((folder / "exact.json").read_text())
-    return read_map(folder), {name: camera_of(one) for name, one in plain.items()}
+    return read_map(folder), {name: camera_from_json(one) for name, one in plain.items()}
 
 
 def map_of(where: Home, looks: Sequence[Viewpoint]) -> tuple[GaussianMap, dict[str, Camera]]:

@@ -17,14 +17,14 @@ def radiance_of(caster: RayCaster, camera: Camera) -> np.ndarray:
     ways = ways.astype(np.float32)
     eye = np.broadcast_to(camera.world_from_camera[:3, 3].astype(np.float32), ways.shape)
     hits = caster._scene.cast(np.concatenate([eye, ways], axis=-1))
-    hit = np.isfinite(hits["t_hit"])
-    depth = np.where(hit, hits["t_hit"], np.float32(0))
-    triangles = np.where(hit, hits["primitive_ids"], 0)
+    hit = np.isfinite(hits.distances)
+    depth = np.where(hit, hits.distances, np.float32(0))
+    triangles = np.where(hit, hits.triangles, 0)
     normals = caster._scene.normals[triangles]
     cosines = _dot(normals, ways) / np.sqrt(_dot(ways, ways))
     normals = normals * -np.sign(cosines)[..., None]
     pixel_m = depth * np.float32(1 / camera.fx) / np.maximum(np.abs(cosines), np.float32(0.1))
-    albedo = _sampled(caster, triangles, hits["primitive_uvs"], pixel_m)
+    albedo = _sampled(caster, triangles, hits.weights, pixel_m)
     points = eye + ways * depth[..., None]
     direct = np.zeros_like(points)
     for light in caster.lights:

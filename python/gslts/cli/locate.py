@@ -191,13 +191,13 @@ def _frame_of_image(
 
     from gslts.core.camera import camera_from_fov
     from gslts.datasets.dataset import ImageFrame, image_size
-    from gslts.store.camera_files import read_lens
+    from gslts.store.camera_files import read_intrinsics
 
     if camera is not None and fov_deg is not None:
         raise ValueError("--camera and --fov-deg exclude each other")
     size = image_size(image)
     if camera is not None:
-        lens = read_lens(camera)
+        lens = read_intrinsics(camera)
     elif fov_deg is not None:
         lens = camera_from_fov(*size, radians(fov_deg))
     else:

@@ -14,7 +14,7 @@ from gslts.cli.mapping import Map, Threads
 if TYPE_CHECKING:
     from gslts.core.camera import Camera
     from gslts.core.gaussian_map import GaussianMap
-    from gslts.io.images import Picture
+    from gslts.io.images import RgbImage
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
 
@@ -147,7 +147,7 @@ def _views(
     """The cameras to render from, with the given intrinsics instead of their own."""
     from gslts.core.camera import at_pose
     from gslts.rendering.orbit import orbit
-    from gslts.store.camera_files import read_camera, read_path
+    from gslts.store.camera_files import read_camera, read_camera_path
 
     if pose is not None and Path(pose).suffix.lower() == ".json":
         cameras = [read_camera(Path(pose), given or _usual_lens(map_path))]
@@ -158,7 +158,7 @@ def _views(
             raise ValueError(f"{map_path}: there is no camera {pose!r}; there are {some}, ...")
         cameras = [own[pose]]
     elif trajectory is not None:
-        cameras = read_path(trajectory, given or _usual_lens(map_path))
+        cameras = read_camera_path(trajectory, given or _usual_lens(map_path))
     else:
         cameras = orbit(list(_own(map_path).values()), frames)
     if given is None:
@@ -210,20 +210,20 @@ def _depth_range(gaussian_map: GaussianMap, cameras: list[Camera], threads: int)
 
 def _pictures(
     gaussian_map: GaussianMap, cameras: Iterable[Camera], range_m: Range | None, threads: int
-) -> Iterator[tuple[Picture, Picture | None]]:
+) -> Iterator[tuple[RgbImage, RgbImage | None]]:
     """Colour, and depth if it has a range."""
-    from gslts.io.images import depth_picture, picture_of
+    from gslts.io.images import depth_image, to_rgb8
     from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 
     rasterizer, options = Rasterizer(gaussian_map.dtype), RenderOptions(threads=threads)
     for camera in cameras:
         images = rasterizer.forward(gaussian_map, camera, options)
-        of_depth = None if range_m is None else depth_picture(images.depth, range_m)
-        yield picture_of(images.rgb), of_depth
+        of_depth = None if range_m is None else depth_image(images.depth, range_m)
+        yield to_rgb8(images.rgb), of_depth
 
 
 def _write_videos(
-    pictures: Iterable[tuple[Picture, Picture | None]],
+    pictures: Iterable[tuple[RgbImage, RgbImage | None]],
     size: tuple[int, int],
     out: Path,
     depth_out: Path | None,
@@ -241,7 +241,7 @@ def _write_videos(
                 depth_video.add(of_depth)
 
 
-def _write_pngs(pictures: Iterable[tuple[Picture, Picture | None]], out: Path) -> None:
+def _write_pngs(pictures: Iterable[tuple[RgbImage, RgbImage | None]], out: Path) -> None:
     """00000.png, 00000_depth.png, ...: names from files are no names for files."""
     from PIL import Image
 

@@ -11,20 +11,21 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from gslts.core.gaussian_map import GaussianMap
-from gslts.io.atomic_files import naming, remove_tree, sync_folder, write_whole
+from gslts.io.atomic_files import name_in_errors, remove_tree, sync_folder, write_atomic
 from gslts.localization.landmarks import Landmarks, bounded, joined
 from gslts.store.blobs import SUFFIX
-from gslts.store.map_folder import MANIFEST, folder_of, open_map, read_manifest
+from gslts.store.causes import UpdateCause
+from gslts.store.manifest import MANIFEST, read_manifest, split_version
+from gslts.store.map_folder import open_map
 from gslts.store.map_store import MapStore
 from gslts.store.records import Version
 
@@ -55,7 +56,7 @@ def keep_landmarks(landmarks: Landmarks, folder: Path) -> str:
     digest = hashlib.sha256(content).hexdigest()
     path = _path_of(folder, digest)
     path.parent.mkdir(exist_ok=True)
-    write_whole(path, content)
+    write_atomic(path, content)
     sync_folder(folder)
     return digest
 
@@ -75,7 +76,7 @@ def has_landmarks(folder: Path) -> bool:
         OSError: The manifest cannot be read.
         ValueError: It is damaged.
     """
-    return _digest_in(read_manifest(folder), str(folder / MANIFEST)) is not None
+    return _digest_of_manifest(folder) is not None
 
 
 def read_landmarks(path: Path, gaussian_map: GaussianMap | None = None) -> Landmarks | None:
@@ -90,15 +91,15 @@ def read_landmarks(path: Path, gaussian_map: GaussianMap | None = None) -> Landm
         OSError: A file cannot be read.
         ValueError: There is no such version, or a file is damaged.
     """
-    folder, number = folder_of(path)
+    folder, number = split_version(path)
     if not (folder.is_dir() and has_landmarks(folder)):
         return None
     with open_map(folder) as store:
-        way = store.way_to(number)
+        way = store.lineage(number)
         ids = (store.read(way[-1].number) if gaussian_map is None else gaussian_map).ids
     # Two updates that found the same have one file.
-    digests = dict.fromkeys(_digest_in(known, where) for _, known, where in _namers(folder, way))
-    parts = [_read(folder, one).living(ids) for one in digests if one is not None]
+    digests = dict.fromkeys(digest for _, digest in _digests(folder, way))
+    parts = [_read(folder, digest).living(ids) for digest in digests]
     return bounded(joined(parts), MOST_BYTES)
 
 
@@ -122,11 +123,13 @@ def landmark_problems(store: MapStore) -> list[str]:
         store: Of the map.
     """
     found = []
-    for number, known, where in _namers(store.folder, store.versions()):
+    try:
+        digests = list(_digests(store.folder, store.versions()))
+    except (OSError, ValueError) as error:
+        return [f"version 1: {error}"]
+    for number, digest in digests:
         try:
-            digest = _digest_in(known, where)
-            if digest is not None:
-                _read(store.folder, digest)
+            _read(store.folder, digest)
         except (OSError, ValueError) as error:
             found.append(f"version {number}: {error}")
     return found
@@ -146,9 +149,7 @@ def remove_unneeded_landmarks(store: MapStore) -> int:
         ValueError: What names a file is damaged, or a file that is named is missing.
     """
     folder = store.folder
-    namers = _namers(folder, store.versions())
-    digests = {_digest_in(known, where) for _, known, where in namers}
-    needed = {_path_of(folder, one) for one in digests if one is not None}
+    needed = {_path_of(folder, digest) for _, digest in _digests(folder, store.versions())}
     missing = [path for path in needed if not path.exists()]
     if missing:
         raise ValueError(f"{missing[0]}: it is missing; {REPAIR}; nothing was removed")
@@ -162,20 +163,26 @@ def remove_unneeded_landmarks(store: MapStore) -> int:
     return freed
 
 
-def _namers(
-    folder: Path, versions: Iterable[Version]
-) -> Iterator[tuple[int, Mapping[str, Any], str]]:
-    """What may name a file: the version that this is of, what is known of it, and from where."""
-    yield 1, read_manifest(folder), f"{folder / MANIFEST}"
-    for one in versions:
-        yield one.number, one.cause, f"{folder}: cause of version {one.number}"
+def _digests(folder: Path, versions: Iterable[Version]) -> Iterator[tuple[int, str]]:
+    """Yield the versions that brought landmarks, and the SHA-256 of their files.
+
+    Raises:
+        ValueError: The manifest is damaged.
+    """
+    digest = _digest_of_manifest(folder)
+    if digest is not None:
+        yield 1, digest
+    for version in versions:
+        if isinstance(version.cause, UpdateCause) and version.cause.landmarks is not None:
+            yield version.number, version.cause.landmarks
 
 
-def _digest_in(known: Mapping[str, Any], where: str) -> str | None:
-    digest = known.get(KEY)
+def _digest_of_manifest(folder: Path) -> str | None:
+    """Return the SHA-256 of the landmarks of mapping; None if the map was made without any."""
+    digest = read_manifest(folder).get(KEY)
     if digest is None or (isinstance(digest, str) and _DIGEST.fullmatch(digest)):
         return digest
-    raise ValueError(f"{where}: {KEY}: expected a SHA-256, got {str(digest)[:80]!r}")
+    raise ValueError(f"{folder / MANIFEST}: {KEY}: expected a SHA-256, got {str(digest)[:80]!r}")
 
 
 def _path_of(folder: Path, digest: str) -> Path:
@@ -189,7 +196,7 @@ def _content(landmarks: Landmarks) -> bytes:
 def _read(folder: Path, digest: str) -> Landmarks:
     path = _path_of(folder, digest)
     try:
-        with naming(path), path.open("rb") as file:
+        with name_in_errors(path), path.open("rb") as file:
             content = file.read(MOST_FILE_BYTES + 1)
     except FileNotFoundError:
         raise FileNotFoundError(f"{path}: it is missing; {REPAIR}") from None

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from gslts.core.camera import at_pose
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
-from gslts.io.images import Picture, picture_of
+from gslts.io.images import RgbImage, to_rgb8
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 
 
@@ -17,7 +17,7 @@ def side_by_side(
     frame: RgbdFrame,
     world_from_camera: NDArray[np.float64],
     threads: int = 0,
-) -> Picture:
+) -> RgbImage:
     """[H,2W,3] the photograph left, the map right.
 
     Args:
@@ -28,4 +28,4 @@ def side_by_side(
     """
     rasterizer, camera = Rasterizer(gaussian_map.dtype), at_pose(frame.camera, world_from_camera)
     images = rasterizer.forward(gaussian_map, camera, RenderOptions(threads=threads))
-    return np.hstack([frame.rgb, picture_of(images.rgb)])
+    return np.hstack([frame.rgb, to_rgb8(images.rgb)])

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from gslts.io.atomic_files import write_whole
-from gslts.io.images import Picture, write_on
+from gslts.io.atomic_files import write_atomic
+from gslts.io.images import RgbImage, draw_text
 from gslts.navigation.semantic_map import SemanticMap
 from gslts.types import Floats
 
@@ -42,13 +42,13 @@ def write_map_server(semantic_map: SemanticMap, folder: Path) -> None:
         f"image: map.pgm\nresolution: {grid.cell_m!r}\norigin: [{x!r}, {y!r}, 0.0]\nnegate: 0\n"
         f"occupied_thresh: {OCCUPIED_THRESH}\nfree_thresh: {FREE_THRESH}\n"
     )
-    write_whole(folder / "map.pgm", f"P5\n{size} {size}\n255\n".encode() + rows.tobytes())
-    write_whole(folder / "map.yaml", told.encode())
+    write_atomic(folder / "map.pgm", f"P5\n{size} {size}\n255\n".encode() + rows.tobytes())
+    write_atomic(folder / "map.yaml", told.encode())
 
 
 def draw_semantic_map(
     semantic_map: SemanticMap, way: Floats | None = None, categories: Sequence[str] | None = None
-) -> Picture:
+) -> RgbImage:
     """A plan, y upwards, with a legend at its right.
 
     Args:
@@ -73,7 +73,7 @@ def draw_semantic_map(
     return _with_legend(picture, entries)
 
 
-def write_picture(picture: Picture, path: Path) -> None:
+def write_picture(picture: RgbImage, path: Path) -> None:
     """Writes a PNG, all or nothing.
 
     Raises:
@@ -81,10 +81,10 @@ def write_picture(picture: Picture, path: Path) -> None:
     """
     content = io.BytesIO()
     Image.fromarray(picture).save(content, "PNG")
-    write_whole(path, content.getvalue())
+    write_atomic(path, content.getvalue())
 
 
-def _draw_way(picture: Picture, semantic_map: SemanticMap, way: Floats) -> None:
+def _draw_way(picture: RgbImage, semantic_map: SemanticMap, way: Floats) -> None:
     grid = semantic_map.grid
     columns_rows = (way - grid.origin) / grid.cell_m * (1, -1) + (0, grid.size)
     pixels = np.rint(columns_rows * CELL_PX).astype(np.int32)
@@ -93,7 +93,9 @@ def _draw_way(picture: Picture, semantic_map: SemanticMap, way: Floats) -> None:
         cv2.circle(picture, pixels[place].tolist(), radius, color, -1, cv2.LINE_AA)
 
 
-def _with_legend(picture: Picture, entries: Sequence[tuple[str, tuple[int, int, int]]]) -> Picture:
+def _with_legend(
+    picture: RgbImage, entries: Sequence[tuple[str, tuple[int, int, int]]]
+) -> RgbImage:
     height = max(len(picture), LINE_PX * (len(entries) + 1))
     canvas = np.full((height, picture.shape[1] + LEGEND_PX, 3), GREYS["unknown"], np.uint8)
     canvas[: len(picture), : picture.shape[1]] = picture
@@ -102,7 +104,7 @@ def _with_legend(picture: Picture, entries: Sequence[tuple[str, tuple[int, int, 
         top = 6 + number * LINE_PX
         canvas[top : top + 12, left : left + 12] = color
         cv2.rectangle(canvas, (left, top), (left + 11, top + 11), (0, 0, 0))
-        write_on(canvas, _ascii(name), (left + 18, top + 11), (255, 255, 255))
+        draw_text(canvas, _ascii(name), (left + 18, top + 11), (255, 255, 255))
     return canvas
 
 

@@ -9,9 +9,10 @@ from typing import Any, Literal
 
 from gslts.datasets import open_dataset
 from gslts.semantics.embed import embed_semantics
-from gslts.semantics.files import SemanticsSetting, write_autoencoder
+from gslts.semantics.files import write_autoencoder
 from gslts.semantics.registry import open_source
 from gslts.store.camera_files import cameras_of_map
+from gslts.store.causes import SemanticsCause
 from gslts.store.map_folder import open_map
 from gslts.store.records import Version
 
@@ -57,7 +58,7 @@ def add_semantics(
     if not known:
         raise ValueError(f"{map_path} was made from no frame of {dataset}")
     with open_map(map_path, writable=True) as store:
-        if any(version.kind == "update" for version in store.way_to()):
+        if any(version.kind == "update" for version in store.lineage()):
             raise ValueError(
                 f"{map_path} has changed since {dataset} was recorded; gslts restore {map_path} 1 "
                 "goes back to what it shows"
@@ -65,7 +66,7 @@ def add_semantics(
         gaussian_map = store.read()
         frames = (replace(one.read(), camera=cameras[one.name]) for one in show(known))
         found = embed_semantics(gaussian_map, frames, teacher, code, refine, threads)
-        setting = SemanticsSetting(
+        setting = SemanticsCause(
             source=source,
             dataset=opened.name,
             levels=found.features.shape[1] // code,
@@ -75,4 +76,4 @@ def add_semantics(
             autoencoder=write_autoencoder(found.autoencoder, map_path),
         )
         taught = replace(gaussian_map, features=found.features)
-        return store.commit_features(taught, setting.model_dump(mode="json"))
+        return store.commit_features(taught, setting)

@@ -7,44 +7,17 @@ autoencoder by what is in it: a version never meets the autoencoder of another.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
-
-from gslts.io.atomic_files import sync_folder, write_whole
+from gslts.io.atomic_files import sync_folder, write_atomic
 from gslts.semantics.autoencoder import Autoencoder, autoencoder_bytes, read_autoencoder
-from gslts.store.map_folder import folder_of, open_map
+from gslts.store.causes import SemanticsCause
+from gslts.store.manifest import split_version
+from gslts.store.map_folder import open_map
 from gslts.store.map_store import MapStore
-from gslts.store.records import Version
 
 FOLDER = "semantics"
 """Of autoencoders, in the folder of a map."""
-
-
-class SemanticsSetting(BaseModel):
-    """Where the features of a version are from.
-
-    Attributes:
-        source: Of what pictures mean.
-        dataset: That was shown to it.
-        levels: Of masks; each has a code.
-        code: Length of a code.
-        names: Of what the source has words for.
-        models: Folders of the weights, by what they are for.
-        autoencoder: SHA-256 of its file, in hexadecimal digits.
-    """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    source: Literal["oracle", "clip"]
-    dataset: str
-    levels: Annotated[int, Field(ge=1, le=3)]
-    code: Annotated[int, Field(ge=8, le=64)]
-    names: tuple[str, ...]
-    models: Mapping[str, str] = {}
-    autoencoder: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 
 
 def write_autoencoder(model: Autoencoder, folder: Path) -> str:
@@ -60,12 +33,12 @@ def write_autoencoder(model: Autoencoder, folder: Path) -> str:
     digest = hashlib.sha256(content).hexdigest()
     path = _path_of(folder, digest)
     path.parent.mkdir(exist_ok=True)
-    write_whole(path, content)
+    write_atomic(path, content)
     sync_folder(folder)
     return digest
 
 
-def read_semantics(path: Path) -> tuple[SemanticsSetting, Autoencoder] | None:
+def read_semantics(path: Path) -> tuple[SemanticsCause, Autoencoder] | None:
     """What the features of a version mean; None if nobody taught it or one before it.
 
     Args:
@@ -75,13 +48,14 @@ def read_semantics(path: Path) -> tuple[SemanticsSetting, Autoencoder] | None:
         OSError: A file cannot be read.
         ValueError: There is no such version, or a file is damaged.
     """
-    folder, number = folder_of(path)
+    folder, number = split_version(path)
     with open_map(folder) as store:
-        taught = [one for one in store.way_to(number) if one.kind == "semantics"]
-    return _taught_by(taught[-1], folder) if taught else None
+        causes = [version.cause for version in store.lineage(number)]
+    taught = [cause for cause in causes if isinstance(cause, SemanticsCause)]
+    return _read_cause(taught[-1], folder) if taught else None
 
 
-def require_semantics(path: Path) -> tuple[SemanticsSetting, Autoencoder]:
+def require_semantics(path: Path) -> tuple[SemanticsCause, Autoencoder]:
     """As `read_semantics`.
 
     Raises:
@@ -103,22 +77,15 @@ def semantics_problems(store: MapStore) -> list[str]:
     found = []
     for version in store.versions():
         try:
-            if version.kind == "semantics":
-                _taught_by(version, store.folder)
+            if isinstance(version.cause, SemanticsCause):
+                _read_cause(version.cause, store.folder)
         except (OSError, ValueError) as error:
             found.append(f"version {version.number}: {error}")
     return found
 
 
-def _taught_by(version: Version, folder: Path) -> tuple[SemanticsSetting, Autoencoder]:
-    try:
-        setting = SemanticsSetting.model_validate(dict[str, Any](version.cause))
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = ".".join(str(part) for part in first["loc"])
-        what = f"the semantics of version {version.number} are damaged"
-        raise ValueError(f"{folder}: {what}: {where}: {first['msg']}") from None
-    return setting, read_autoencoder(_path_of(folder, setting.autoencoder), setting.autoencoder)
+def _read_cause(cause: SemanticsCause, folder: Path) -> tuple[SemanticsCause, Autoencoder]:
+    return cause, read_autoencoder(_path_of(folder, cause.autoencoder), cause.autoencoder)
 
 
 def _path_of(folder: Path, digest: str) -> Path:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gslts.core.camera import Camera, downscale
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.se3 import inverse_transform
-from gslts.io.images import Picture, draw_box, heat_picture, picture_of, write_on
+from gslts.io.images import RgbImage, draw_box, draw_text, heat_image, to_rgb8
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.semantics.queries import Instance
 from gslts.types import Floats
@@ -30,7 +30,7 @@ def draw_query(
     instances: Sequence[Instance],
     cameras: Iterable[Camera],
     threads: int = 0,
-) -> Picture:
+) -> RgbImage:
     """The map from the camera that shows most of the first instance whole.
 
     Args:
@@ -56,7 +56,7 @@ def draw_query(
     heat = (relevance[:, None] - COLDEST) / (HOTTEST - COLDEST)
     hot = replace(gaussian_map, features=heat.clip(0, 1).astype(np.float32))
     images = rasterizer.forward(hot, camera, options)
-    picture = heat_picture(picture_of(images.rgb), images.features[..., 0])
+    picture = heat_image(to_rgb8(images.rgb), images.features[..., 0])
     for one in instances:
         sides = one.corners[[0, 1, 3, 2]]  # Around the box; those of an edge differ in one bit.
         heights = np.repeat([one.low[2], one.high[2]], 4)[:, None]
@@ -76,10 +76,10 @@ def _facing(cameras: list[Camera], point: Floats) -> list[Camera]:
     return [cameras[number] for number in nearest] or cameras
 
 
-def _write_score(picture: Picture, one: Instance, camera: Camera) -> None:
+def _write_score(picture: RgbImage, one: Instance, camera: Camera) -> None:
     place = _place_of(np.array([*one.middle[:2], one.high[2]]), camera)
     if place is not None:
-        write_on(picture, f"{one.score:.2f}", (place[0], place[1] - 4), BOX_COLOR)
+        draw_text(picture, f"{one.score:.2f}", (place[0], place[1] - 4), BOX_COLOR)
 
 
 def _place_of(point: Floats, camera: Camera) -> tuple[int, int] | None:

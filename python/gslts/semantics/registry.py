@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gslts.semantics.files import SemanticsSetting
 from gslts.semantics.source import Oracle, SemanticSource
+from gslts.store.causes import SemanticsCause
 
 
 def open_text_source(
-    setting: SemanticsSetting, clip: Path | None = None, threads: int = 0
+    setting: SemanticsCause, clip: Path | None = None, threads: int = 0
 ) -> SemanticSource:
     """That of the words of a map.
 

@@ -185,7 +185,7 @@ def day(
     """
     from tqdm import tqdm
 
-    from gslts.io.atomic_files import empty_folder, write_whole
+    from gslts.io.atomic_files import empty_folder, write_atomic
     from gslts_sim.capture import capture as write
     from gslts_sim.change_sampler import TaskSettings
     from gslts_sim.day import make_day
@@ -199,7 +199,7 @@ def day(
     robot = made.robot(made.home.load(out), 0)
     looks, _ = explore(robot.home, frames, lambda at: tqdm(at, desc="exploring", unit="place"))
     count = write(robot, tqdm(looks, desc="before", unit="frame", disable=None), out / "before")
-    write_whole(out / "day.json", (made.model_dump_json(indent=1) + "\n").encode())
+    write_atomic(out / "day.json", (made.model_dump_json(indent=1) + "\n").encode())
     for number, happened in enumerate(made.rounds):
         for one in happened:
             typer.echo(f"before round {number}: {one.change.kind} of {one.change.object_id}")

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gslts.io.atomic_files import write_whole
+from gslts.io.atomic_files import write_atomic
 from gslts_sim.gltf.parts import Z_UP
 from gslts_sim.home import Home, HomeObject
 from gslts_sim.mesh import Surface
@@ -37,7 +37,7 @@ def write_glb(home: Home, path: str | os.PathLike[str]) -> None:
                 geom_name=f"{thing.id} {k}",
                 parent_node_name=thing.id,
             )
-    write_whole(Path(path), scene.export(file_type="glb"))
+    write_atomic(Path(path), scene.export(file_type="glb"))
 
 
 def _extras(home: Home, thing: HomeObject) -> dict[str, Any]:

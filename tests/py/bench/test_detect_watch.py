@@ -1,4 +1,4 @@
-"""What a robot reports that looks around in the benchmark."""
+"""Detection by a robot that turns and confirms changes, in the benchmark."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from gslts.change.config import DetectionConfig
 from gslts.change.detector import Detection
 from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
-from gslts_bench.detection.watch import TURNS_DEG, looks_around, watched
+from gslts_bench.detection.watch import TURNS_DEG, turn_views, watch
 from gslts_sim.robot_body import Viewpoint
 
 CAMERA = Camera(fx=8, fy=8, cx=4, cy=3, width=8, height=6, world_from_camera=np.eye(4))
@@ -40,12 +40,12 @@ class Script:
 
 
 def told(said: list[Any]) -> tuple[str | None, list[Change]]:
-    return watched(Script(said), [FRAME] * len(said))  # type: ignore[arg-type]
+    return watch(Script(said), [FRAME] * len(said))  # type: ignore[arg-type]
 
 
 def test_the_robot_turns_past_the_look() -> None:
     look = Viewpoint(1.0, 2.0, 5.0, 20.0)
-    looks = looks_around(look)
+    looks = turn_views(look)
     assert len(looks) == len(TURNS_DEG)
     assert np.mean(TURNS_DEG) == 0
     for one, turn_deg in zip(looks, TURNS_DEG, strict=True):

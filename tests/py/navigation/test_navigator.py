@@ -43,10 +43,10 @@ def with_box(home: Home, low: surfel_room.Point, high: surfel_room.Point) -> Hom
 
 def assert_there(found: NavigationResult, robot: Walker, home: Home, category: str) -> None:
     assert (found.status, found.reason) == ("reached", "")
-    assert succeeds(Truth(home), category, robot.places[-1], robot.event.instances)
+    assert succeeds(Truth(home), category, robot.positions[-1], robot.event.instances)
     assert found.distance_m is not None
     assert found.distance_m <= SUCCESS_DISTANCE_M
-    np.testing.assert_allclose(found.path[-1], robot.places[-1], atol=0.03)
+    np.testing.assert_allclose(found.path[-1], robot.positions[-1], atol=0.03)
     assert found.frame is robot.event.observation
 
 
@@ -58,7 +58,7 @@ def test_the_robot_goes_to_a_thing_and_looks_at_it(noise: str) -> None:
     found = navigator().go(robot, "mug", lambda: moves.append(1))
     assert_there(found, robot, home, "Mug")
     truth = Truth(home)
-    start = int(np.argmin(np.linalg.norm(truth.places - START.position, axis=1)))
+    start = int(np.argmin(np.linalg.norm(truth.positions - START.position, axis=1)))
     shortest_m = truth.metres_to(truth.goals("Mug"))[start]
     assert 0 < shortest_m <= robot.length_m <= 1.3 * shortest_m
     assert found.length_m == pytest.approx(robot.length_m, abs=0.3)
@@ -74,7 +74,7 @@ def test_the_nearest_of_several_is_gone_to() -> None:
     ):
         robot = robot_in(home, start)
         assert_there(both.go(robot, "Box"), robot, home, "Box")
-        assert floor_distances_m(home[expected], robot.places[-1][None])[0] <= SUCCESS_DISTANCE_M
+        assert floor_distances_m(home[expected], robot.positions[-1][None])[0] <= SUCCESS_DISTANCE_M
 
 
 def test_what_the_map_does_not_know_is_not_found() -> None:
@@ -132,13 +132,13 @@ def test_the_robot_goes_around_what_the_map_does_not_have() -> None:
     assert_there(navigator().go(plain, "Box"), plain, surfel_room.home(), "Box")
     # The shorter way around the block is shut.
     home = with_box(surfel_room.home(), (1.2, 0.0, 0), (1.5, 0.9, 1.0))
-    shut = [place for place in plain.places if place[1] < 0.9]
+    shut = [place for place in plain.positions if place[1] < 0.9]
     assert len(shut) > 2
     robot = robot_in(home, goal)
     found = navigator().go(robot, "Box")
     assert found.status == "reached"
     assert found.replans >= 1
-    assert floor_distances_m(home["Box|1"], robot.places[-1][None])[0] <= SUCCESS_DISTANCE_M
+    assert floor_distances_m(home["Box|1"], robot.positions[-1][None])[0] <= SUCCESS_DISTANCE_M
     assert robot.length_m > plain.length_m
 
 

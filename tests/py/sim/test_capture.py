@@ -178,7 +178,7 @@ def test_frames_are_given_up_until_their_list_fits(
     from gslts_sim import capture as module
 
     full_after(monkeypatch, 6)
-    write, refusals = module.write_whole, [1]
+    write, refusals = module.write_atomic, [1]
 
     def refusing(path: Path, content: bytes) -> None:
         if path.name == "transforms.json" and refusals[0]:
@@ -186,7 +186,7 @@ def test_frames_are_given_up_until_their_list_fits(
             raise OSError(errno.ENOSPC, "No space left on device")
         write(path, content)
 
-    monkeypatch.setattr(module, "write_whole", refusing)
+    monkeypatch.setattr(module, "write_atomic", refusing)
     with pytest.raises(OSError, match="1 whole frames are kept"):
         capture(robot(), LOOKS, tmp_path / "set")
     assert len(read(tmp_path / "set")[1]) == 1

@@ -214,3 +214,36 @@ def test_bad_hits_are_named() -> None:
     assert not missed.radiance(np.zeros(0, bool), np.ones(3)).any()
     with pytest.raises(ValueError, match=r"depth: expected .* \(1, 2\), got float32 \(2, 1\)"):
         shade(np.ones((2, 1), np.float32), 0)
+
+
+def test_hits_lie_where_rays_meet_the_planes_of_their_triangles() -> None:
+    """Against a solve of three equations in double precision."""
+    rng = np.random.default_rng(0)
+    corners = rng.uniform(-1, 1, (50, 3, 3)).astype(np.float32)
+    hit = rng.integers(0, 50, 400).astype(np.uint32)
+    weights = rng.dirichlet((1, 1, 1), 400)
+    points = np.einsum("nk,nkd->nd", weights, corners[hit].astype(np.float64))
+    origins = rng.uniform(-3, 3, (400, 3)).astype(np.float32)
+    rays = np.concatenate([origins, (points - origins) / rng.uniform(0.5, 2, (400, 1))], axis=1)
+    rays = rays.astype(np.float32)
+    hit[::10] = 0xFFFFFFFF
+    distances, found = core_sim.intersect_triangles(rays, hit, corners, threads=1)
+    missed = hit == 0xFFFFFFFF
+    assert np.isinf(distances[missed]).all()
+    assert (found[missed] == 0).all()
+    for k in np.flatnonzero(~missed):
+        first, second, third = corners[hit[k]].astype(np.float64)
+        ray = rays[k].astype(np.float64)
+        matrix = np.column_stack([second - first, third - first, -ray[3:]])
+        if np.linalg.cond(matrix) < 1e3:
+            expected = np.linalg.solve(matrix, ray[:3] - first)
+            np.testing.assert_allclose([*found[k], distances[k]], expected, rtol=2e-5, atol=2e-5)
+    again = core_sim.intersect_triangles(rays, hit, corners, threads=2)
+    np.testing.assert_array_equal(distances, again[0])
+    np.testing.assert_array_equal(found, again[1])
+
+
+def test_hits_of_triangles_that_are_not_there_are_errors() -> None:
+    rays, corners = np.zeros((1, 6), np.float32), np.zeros((2, 3, 3), np.float32)
+    with pytest.raises(ValueError, match="hit: there are 2 triangles, got 2"):
+        core_sim.intersect_triangles(rays, np.array([2], np.uint32), corners, threads=1)

@@ -19,13 +19,14 @@ from gslts.datasets import open_dataset
 from gslts.semantics.clip import ClipEncoder
 from gslts.semantics.clip_source import ClipSource
 from gslts.semantics.embed import embed_semantics
-from gslts.semantics.files import SemanticsSetting, read_semantics
+from gslts.semantics.files import read_semantics
 from gslts.semantics.map_semantics import MapSemantics
 from gslts.semantics.masks import crop_to_mask, paint_labels, suppress_duplicates
 from gslts.semantics.queries import SemanticQueries
 from gslts.semantics.registry import open_source, open_text_source
 from gslts.semantics.relevance import CANONICAL
 from gslts.semantics.sam import MaskGenerator
+from gslts.store.causes import SemanticsCause
 from gslts.store.map_folder import write_map_folder
 from gslts_sim.capture import capture
 from gslts_sim.controller import Controller
@@ -313,7 +314,7 @@ def test_a_map_is_taught_and_asked_by_commands(
 
 
 def test_sources_are_named() -> None:
-    oracle = SemanticsSetting.model_construct(source="oracle")
+    oracle = SemanticsCause.model_construct(source="oracle")
     assert open_text_source(oracle).dims == 512
     with pytest.raises(ValueError, match="the source oracle takes no model, got --clip"):
         open_source("oracle", {"clip": Path("clip")})

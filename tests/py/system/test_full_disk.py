@@ -9,7 +9,7 @@ import pytest
 import sim_scenes
 from videos import write
 
-from gslts.io.atomic_files import write_whole
+from gslts.io.atomic_files import write_atomic
 from gslts_sim.capture import capture
 from gslts_sim.controller import Controller
 from gslts_sim.robot_body import Viewpoint
@@ -72,7 +72,7 @@ def test_an_error_in_writing_names_the_file(
     opened = Path.open
     monkeypatch.setattr(Path, "open", lambda _, mode: opened(Path("/dev/full"), mode))
     with pytest.raises(OSError, match=r"No space left on device: .*/file'"):
-        write_whole(path, b"new")
+        write_atomic(path, b"new")
     monkeypatch.undo()
     assert path.read_bytes() == b"old"
     assert [one.name for one in tmp_path.iterdir()] == ["file"]

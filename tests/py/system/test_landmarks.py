@@ -13,6 +13,7 @@ import pytest
 import update_room
 from landmark_room import folder_with, found, frames
 from safetensors.numpy import load, save
+from store_maps import ORACLE
 from typer.testing import CliRunner
 
 from gslts._core import reloc
@@ -40,7 +41,9 @@ from gslts.localization.landmarks import (
     joined,
     landmarks_of,
 )
-from gslts.store.map_folder import MANIFEST, open_map, read_map
+from gslts.store.causes import UpdateCause
+from gslts.store.manifest import MANIFEST
+from gslts.store.map_folder import open_map, read_map
 from gslts.update.publish import published
 from gslts.update.updater import Update
 from gslts_sim.physics import boxes_in_world
@@ -295,9 +298,10 @@ def test_they_go_with_their_gaussians_and_come_back_with_them(folder: Path) -> N
     low, high = update_room.REMOVED
     gone = ((gaussian_map.means > low - 0.01) & (gaussian_map.means < high + 0.01)).all(axis=1)
     with open_map(folder, writable=True) as store:
-        store.commit(gaussian_map.select(~gone), {})
+        store.commit(gaussian_map.select(~gone), UpdateCause())
         store.commit_features(
-            replace(store.read(), features=np.ones((store.version().gaussians, 3), np.float32)), {}
+            replace(store.read(), features=np.ones((store.version().gaussians, 3), np.float32)),
+            ORACLE,
         )
     left = read_landmarks(folder)
     assert left is not None
@@ -355,7 +359,9 @@ def test_an_update_that_shows_no_corner_brings_none(folder: Path) -> None:
     publish(folder, replace(addition(), views=tuple(views)))
     assert len(files_of(folder)) == 1
     with open_map(folder) as store:
-        assert KEY not in store.version(2).cause
+        cause = store.version(2).cause
+    assert isinstance(cause, UpdateCause)
+    assert cause.landmarks is None
     assert_same(read_landmarks(folder), found())
 
 

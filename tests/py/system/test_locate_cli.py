@@ -19,7 +19,7 @@ from update_room import looks_at_the_change
 
 from gslts.datasets import open_dataset
 from gslts.io.ply import write_ply
-from gslts.store.map_folder import plain_camera, read_map
+from gslts.store.map_folder import camera_to_json, read_map
 from gslts_sim.capture import capture
 from gslts_sim.controller import Controller
 
@@ -45,7 +45,7 @@ def visited(tmp_path_factory: pytest.TempPathFactory) -> Path:
     capture(Controller(home, **SIZE), [*LOOKS, LOOKS[0]], folder / "visit")
     darken(folder / "visit", "00003")
     adrift.set_adrift(folder / "visit", folder / "adrift")
-    lens = plain_camera(true_cameras(folder)[0])
+    lens = camera_to_json(true_cameras(folder)[0])
     for name, content in (
         ("camera.json", lens),
         ("lens.json", {k: v for k, v in lens.items() if k != "world_from_camera"}),
@@ -236,7 +236,7 @@ def test_a_recording_of_any_odometry_updates_a_map(visited: Path, command: tuple
         (("gone", "visit"), "gone"),
         (("map", "gone.png"), "gone.png"),
         (("map", "gone"), "gone: there is no such file or folder"),
-        (("map", "text.png"), "text.png: it is no picture"),
+        (("map", "text.png"), "text.png: not an image"),
         (("map", "vast.png", "--fov-deg", "90"), "vast.png: Image size (400000000 pixels) exceeds"),
         (("map", "small.jpg"), "no camera of map has 120 x 90 px: give --camera or --fov-deg"),
         (("map", "small.jpg", "--camera", "lens.json"), "120 x 90 px, expected 160 x 120"),
@@ -247,7 +247,7 @@ def test_a_recording_of_any_odometry_updates_a_map(visited: Path, command: tuple
             ("map", "visit/images/00000.png", "--camera", "lens.json", "--fov-deg", "90"),
             "--camera and --fov-deg exclude each other",
         ),
-        (("map", "visit/images/00000.png", "--depth", "small.jpg"), "small.jpg: it has 120 x 90"),
+        (("map", "visit/images/00000.png", "--depth", "small.jpg"), "small.jpg: 120 x 90"),
         (("map", "visit", "--fov-deg", "90"), "visit: --depth, --camera and --fov-deg are for a"),
         (("bare", "visit"), "bare: it has no landmarks; gslts map makes maps that do"),
         (("map.ply", "visit"), "map.ply: it has no landmarks; gslts map makes maps that do"),

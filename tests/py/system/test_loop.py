@@ -101,7 +101,7 @@ def test_a_round_repairs_what_changed_and_the_next_one_has_nothing_to_do(tmp_pat
         assert any(words.startswith("removal at (2.") for words in said)
         assert any(words.startswith("version 2: ") for words in said)
         with open_map(folder) as store:
-            assert store.version(2).cause["round"] == 0
+            assert store.version(2).cause.round == 0
     assert settled >= 3
 
 

@@ -25,6 +25,7 @@ from gslts.semantics.queries import SemanticQueries
 from gslts.semantics.refine import refine_features
 from gslts.semantics.source import Oracle
 from gslts.semantics.train_autoencoder import train_autoencoder
+from gslts.store.causes import UpdateCause
 from gslts.store.map_folder import open_map, read_map, write_map_folder
 from gslts.update.edit import near_regions
 from gslts.update.publish import published
@@ -183,7 +184,7 @@ def test_a_map_that_has_changed_is_not_taught_what_was(tmp_path: Path) -> None:
     write_map_folder(map_path, change_room.mapped()[0], {}, cameras)
     fewer = read_map(map_path).select(np.arange(100, change_room.mapped()[0].size))
     with open_map(map_path, writable=True) as store:
-        store.commit(fewer, {}, [])
+        store.commit(fewer, UpdateCause())
     with pytest.raises(ValueError, match=r"has changed since .*gslts restore .* 1 goes back"):
         run("semantics", str(map_path), str(visit))
 

@@ -21,7 +21,7 @@ from gslts.mapping.report.data import ReportData, View
 from gslts.mapping.report.page import write_report
 from gslts.rendering.metrics import psnr_db
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
-from gslts.store.map_folder import plain_camera, write_map_folder
+from gslts.store.map_folder import camera_to_json, write_map_folder
 
 
 def write_result(folder: Path, result: MappingResult, dataset: str) -> None:
@@ -174,7 +174,7 @@ def _found(result: MappingResult) -> Lenses:
 
 
 def _plain(lenses: Lenses) -> dict[str, Any]:
-    return {"color": plain_camera(lenses.color), "depth": plain_camera(lenses.depth)}
+    return {"color": camera_to_json(lenses.color), "depth": camera_to_json(lenses.depth)}
 
 
 def _bytes(rgb: FloatArray) -> NDArray[np.uint8]:

@@ -1,4 +1,4 @@
-"""`gslts bench localize` as a user meets it, in one small home."""
+"""`gslts bench queries` as a user meets it, in one small home."""
 
 import json
 from pathlib import Path
@@ -11,7 +11,7 @@ from PIL import Image
 from gslts_bench.queries.run import CATEGORIES, OURS, TRADE
 
 SMALL = ("--room", "bedroom", "--seeds", "3:4", "--size", "240x180", "--frames", "32")
-RUN = ("bench", "localize", *SMALL, *SETTINGS, "--set", "voxel_m=0.05")
+RUN = ("bench", "queries", *SMALL, *SETTINGS, "--set", "voxel_m=0.05")
 
 
 @pytest.fixture(scope="module")
