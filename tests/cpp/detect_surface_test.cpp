@@ -157,6 +157,33 @@ TEST(MatchScore, HistogramsSumUpToOne) {
   }
 }
 
+TEST(Surface, OneBuiltByHandIsClassified) {
+  Surface surface;
+  surface.side = Side::kAfter;
+  surface.point = {1, 2, 3};
+  surface.low = {0.9, 1.9, 2.9};
+  surface.high = {1.1, 2.1, 3.1};
+  validate(surface, "test");
+  ObjectRule rule;
+  rule.min_confidence = 0;
+  const std::vector<ObjectChange> changes = classify_changes({surface}, rule);
+  ASSERT_EQ(changes.size(), 1u);
+  EXPECT_EQ(changes[0].type, ChangeType::kAddition);
+  EXPECT_EQ(changes[0].confidence, confidence(surface));
+  EXPECT_EQ(match_features(surface, surface)[0], 1);  // Without histograms nothing matches.
+}
+
+TEST(Surface, InvalidFieldsAreNamed) {
+  Surface surface;
+  surface.low = {1, 0, 0};
+  try {
+    validate(surface, "test");
+    FAIL();
+  } catch (const std::invalid_argument& error) {
+    EXPECT_STREQ(error.what(), "test: low must not exceed high");
+  }
+}
+
 TEST(Parts, CloseSurfacesAreOneObject) {
   for (const int gap_px : {4, 40}) {
     ImagePair pair;  // 4 px are 4 cm, 40 px 40 cm.

@@ -72,7 +72,7 @@ def object_changes(
     """
     return tuple(
         _change(one, (_mask(labels, one.before), _mask(labels, one.after)))
-        for one in _core.changes_of(surfaces, rule)
+        for one in _core.classify_changes(surfaces, rule)
     )
 
 
@@ -80,13 +80,13 @@ def joined(removal: Change, addition: Change, rule: _core.ObjectRule) -> Change 
     """The relocation that a removal and an addition are, if they are; they may be of two images."""
     if removal.before is None or addition.after is None:
         return None
-    found = _core.changes_of([removal.before, addition.after], rule)
+    found = _core.classify_changes([removal.before, addition.after], rule)
     if len(found) != 1 or found[0].type != _core.ChangeType.RELOCATION:
         return None
     return _change(found[0], (removal.masks[0], addition.masks[1]))
 
 
-def paper_change(found: _core.PaperChange, labels: NDArray[np.int32]) -> Change:
+def paper_change(found: _core.GsLtsChange, labels: NDArray[np.int32]) -> Change:
     """The change that the rule of GS-LTS tells, of components with labels [H,W]."""
     first = labels == found.first.label
     second = None if found.second is None else labels == found.second.label

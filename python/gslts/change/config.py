@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
-from gslts._core.detect import MaskRule, ObjectRule, PaperRule
+from gslts._core.detect import GsLtsRule, MaskRule, ObjectRule
 
-__all__ = ["DetectionConfig", "MaskRule", "ObjectRule", "PaperRule", "Strategy"]
+__all__ = ["DetectionConfig", "GsLtsRule", "MaskRule", "ObjectRule", "Strategy"]
 
 Strategy = Literal["objects", "paper"]
 
@@ -34,7 +34,7 @@ class DetectionConfig:
     halvings: int = 1
     align_pose: bool = True
     masks: MaskRule = field(default_factory=MaskRule)
-    paper: PaperRule = field(default_factory=PaperRule)
+    paper: GsLtsRule = field(default_factory=GsLtsRule)
     objects: ObjectRule = field(default_factory=ObjectRule)
     threads: int = 1
 

@@ -176,15 +176,15 @@ class ChangeDetector:
             return Detection((), fault, camera, photo)
         views = _core.Views(
             camera=camera,
-            photo=photo,
-            rgb=rgb,
-            measured=measured,
-            rendered=images.depth,
+            observed_rgb=photo,
+            rendered_rgb=rgb,
+            observed_depth=measured,
+            rendered_depth=images.depth,
             alpha=np.ascontiguousarray(alpha),
             similarity=alike,
         )
-        masks = _core.masks_of(views, config.masks)
-        arrays = _core.arrays_of(masks, camera)
+        masks = _core.compute_masks(views, config.masks)
+        arrays = _core.mask_arrays(masks, camera)
         changes, surfaces, labels = self._changes(views, masks)
         changed = [one for change in changes for one in change.masks if one is not None]
         if changed and np.any(changed, axis=0).sum() > MOST_CHANGED * known.sum():
@@ -204,25 +204,27 @@ class ChangeDetector:
         )
 
     def _changes(
-        self, views: _core.Views, masks: _core.MaskSet
+        self, views: _core.Views, masks: _core.Masks
     ) -> tuple[tuple[Change, ...], tuple[_core.Surface, ...], NDArray[np.int32]]:
         """The changes, the surfaces that they are made of, and the labels of either."""
         if self.config.strategy == "paper":
-            change, labels = _core.paper_change(views, masks, self.config.paper)
+            change, labels = _core.detect_gs_lts(views, masks, self.config.paper)
             return () if change is None else (paper_change(change, labels),), (), labels
-        found, labels = _core.changed_surfaces(views, masks, self.config.objects)
+        found, labels = _core.find_changed_surfaces(views, masks, self.config.objects)
         for one in found:
-            one.sights = self._sights(one)
+            one.visibility = self._sights(one)
         return object_changes(found, labels, self.config.objects), tuple(found), labels
 
-    def _sights(self, surface: _core.Surface) -> _core.Sights | None:
+    def _sights(self, surface: _core.Surface) -> _core.Visibility | None:
         """What tells the map's own errors, and what it never knew, from changes."""
         if not self._seen.is_known:
             return None
         sights = self._seen.sights(np.array(surface.samples))
         seen = sights.on + sights.through > 0
-        return _core.Sights(
-            on=sights.on.sum(), through=sights.through.sum(), seen=float(seen.mean())
+        return _core.Visibility(
+            on_surface=sights.on.sum(),
+            seen_through=sights.through.sum(),
+            known_share=float(seen.mean()),
         )
 
 

@@ -122,7 +122,7 @@ def removed_by(
     if emptied:
         rendered = [view.rendered for view in views] if config.visible_votes else None
         masks = [np.ascontiguousarray(view.before) for view in views]
-        votes, seen = _core.votes_of(
+        votes, seen = _core.count_votes(
             _view(gaussian_map), cameras, masks, rendered, _core.VoteRule()
         )
         # K of the paper is that of one region; a relocation has views of another one, too.
@@ -153,7 +153,7 @@ def sightings(
         views: Whose depth counts.
     """
     cameras, depths = [view.camera for view in views], [view.depth for view in views]
-    return _core.sightings_of(_view(gaussian_map), cameras, depths, _core.DepthRule())
+    return _core.count_visibility(_view(gaussian_map), cameras, depths, _core.DepthTolerance())
 
 
 def near_regions(gaussian_map: GaussianMap, regions: Sequence[Region], margin_m: float) -> Bools:
@@ -230,8 +230,8 @@ def _like_nearest(kept: GaussianMap, frames: Sequence[RgbdFrame]) -> GaussianMap
     points = (sums[:, 1:4] / sums[:, :1]).astype(np.float32)
     nearest, _ = _core.nearest_gaussians(_view(kept), points, 1)
     _, apart_m = _core.nearest_gaussians(_view(kept), kept.means[nearest[:, 0]], 2)
-    stay = _core.thinned(points, np.maximum(apart_m[:, -1], np.float32(FUSED_M)))
-    arrays = _core.inherited(_view(kept), points[stay], nearest[stay, 0], 0)
+    stay = _core.thin_points(points, np.maximum(apart_m[:, -1], np.float32(FUSED_M)))
+    arrays = _core.inherit_attributes(_view(kept), points[stay], nearest[stay, 0], 0)
     return GaussianMap(**arrays)
 
 

@@ -99,6 +99,6 @@ def _judged(
 
 def _log_odds(region: Region, detection: Detection) -> float:
     """How likely one view makes a change at a region, as the logarithm of the odds, bounded."""
-    certainties = [_core.certainty(one) for one in detection.surfaces if region.is_of(one)]
+    certainties = [_core.confidence(one) for one in detection.surfaces if region.is_of(one)]
     certainty = np.clip(max(certainties, default=0.0), 1e-9, 1 - 1e-9)
     return float(np.clip(np.log(certainty / (1 - certainty)), -MOST_LOG_ODDS, MOST_LOG_ODDS))

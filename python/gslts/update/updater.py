@@ -206,7 +206,7 @@ def updated_with(
             edit.gaussian_map,
             refine_once,
             lambda of: doubt_left(detector.with_map(of, cameras_now), used, regions),
-            SETTLED * detector.config.objects.certain,
+            SETTLED * detector.config.objects.min_confidence,
         )
     clock.note("refining")
     before, after = (

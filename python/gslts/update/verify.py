@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gslts._core.detect import certainty
+from gslts._core.detect import confidence
 from gslts.change.detector import ChangeDetector
 from gslts.core.gaussian_map import GaussianMap
 from gslts.rendering.losses import apply_exposure
@@ -68,7 +68,7 @@ def doubt_left(detector: ChangeDetector, views: Sequence[View], regions: Sequenc
         0 to 1; likely changes count as well as unlikely ones, which the detector does not report.
     """
     found = [
-        certainty(surface)
+        confidence(surface)
         for view in views
         for surface in detector.detect(view.frame).surfaces
         if any(region.contains(surface.point, NEAR_M) for region in regions)

@@ -30,8 +30,8 @@ def one_box(
 def doubtful() -> Images:
     """A map that is 3 cm off, and a little brighter."""
     images = blank()
-    images["rendered"] += np.float32(0.03)
-    images["rgb"] += np.float32(0.03)
+    images["rendered_depth"] += np.float32(0.03)
+    images["rendered_rgb"] += np.float32(0.03)
     return images
 
 
@@ -48,13 +48,13 @@ def several() -> Images:
 
 def test_nothing_less_certain_than_asked_is_told() -> None:
     images = several()
-    everything = told(images, ObjectRule(certain=0))
+    everything = told(images, ObjectRule(min_confidence=0))
     certainties = [one.confidence for one in everything]
     assert len(certainties) == 5
     assert certainties == sorted(certainties, reverse=True)
     assert certainties[-1] < 0.7 < 0.95 < certainties[0] < 1
     for certain in (0.2, 0.5, 0.7, 0.9, 0.99, *certainties, 1.0):
-        some = told(images, ObjectRule(certain=certain))
+        some = told(images, ObjectRule(min_confidence=certain))
         assert [one.confidence for one in some] == [one for one in certainties if one >= certain]
         for one, other in zip(some, everything, strict=False):
             assert one.kind == other.kind
@@ -63,14 +63,14 @@ def test_nothing_less_certain_than_asked_is_told() -> None:
 
 def test_one_end_makes_the_other_more_likely() -> None:
     """What is hardly nearer is told if something like it is surely somewhere else."""
-    strict, muted = ObjectRule(certain=0.97), (0.7, 0.4, 0.3)
+    strict, muted = ObjectRule(min_confidence=0.97), (0.7, 0.4, 0.3)
     alone, unlike, alike = doubtful(), doubtful(), doubtful()
     for images in (alone, unlike, alike):
         put(images, "before", (60, 10), (10, 10), 1.95, muted)
     put(unlike, "after", (60, 100), (20, 18), 1.5, BLUE)
     put(alike, "after", (60, 100), (20, 18), 1.5, muted)
     assert told(alone, strict) == ()
-    (weak,) = told(alone, ObjectRule(certain=0))
+    (weak,) = told(alone, ObjectRule(min_confidence=0))
     assert weak.confidence < 0.97
     (addition,) = told(unlike, strict)
     assert addition.kind == "addition"
@@ -135,7 +135,9 @@ def test_unlike_ends_are_no_relocation() -> None:
     assert joined(removal, one_box("after", BLUE), RULE) is None
     small, large = one_box("before", size=(6, 5)), one_box("after", size=(60, 50))
     assert joined(small, large, RULE) is None
-    assert joined(removal, one_box("after", (0.8, 0.5, 0.1)), ObjectRule(alike=0.9)) is None
+    assert (
+        joined(removal, one_box("after", (0.8, 0.5, 0.1)), ObjectRule(min_match_score=0.9)) is None
+    )
 
 
 def test_ends_are_one_of_each_time() -> None:
@@ -156,11 +158,11 @@ def test_changes_of_the_paper_have_no_ends_to_be_joined() -> None:
     assert joined(one_box("before"), one_box("after"), RULE) is not None
 
 
-@pytest.mark.parametrize("name", ["certain", "alike", "flat_color"])
+@pytest.mark.parametrize("name", ["min_confidence", "min_match_score", "min_flat_color"])
 def test_thresholds_out_of_range_are_named(name: str) -> None:
     removal, addition = one_box("before"), one_box("after")
     for wrong in (-0.1, 3.1, float("nan")):
-        with pytest.raises(ValueError, match=rf"^changes_of: {name} must be in \["):
+        with pytest.raises(ValueError, match=rf"^classify_changes: {name} must be in \["):
             joined(removal, addition, ObjectRule(**{name: wrong}))
-        with pytest.raises(ValueError, match=rf"^changed_surfaces: {name} must be in \["):
+        with pytest.raises(ValueError, match=rf"^find_changed_surfaces: {name} must be in \["):
             told(blank(), ObjectRule(**{name: wrong}))

@@ -1,11 +1,11 @@
-"""Fits the weights of `gslts::detect::certainty` and `likeness` to simulated changes.
+"""Fits the weights of `gslts::detect::confidence` and `match_score` to simulated changes.
 
-    python benchmarks/fit_certainty.py --seeds 5:12 --unchanged DATASET
+    python benchmarks/fit_confidence.py --seeds 5:12 --unchanged DATASET
 
-records, maps and changes homes as `gslts bench detect` does, and prints what belongs into
-cpp/detect/certainty.cpp and cpp/detect/likeness.cpp, with the loss (nats an answer) in homes that
-were left out of the fit. What is found in a real visit in which nothing changed, if one is given,
-is all wrong. Seeds from 10,000 up are kept for evaluation.
+Records, maps and changes homes as `gslts bench detect` does, and prints the weights for
+cpp/detect/constants.hpp, with the loss (nats an answer) in homes left out of the fit. Every surface
+found in a real visit in which nothing changed, if one is given, is an error. Seeds from 10,000 up
+are test data.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 from unchanged_benchmark import visits_of
 
-from gslts._core.detect import Side, Surface, differences_of, features_of
+from gslts._core.detect import Side, Surface, confidence_features, match_features
 from gslts.change.config import DetectionConfig, ObjectRule
 from gslts.change.detector import ChangeDetector, Detection
 from gslts.datasets import open_dataset
@@ -33,22 +33,23 @@ from gslts_bench.homes import BenchHome, HomeSetup, default_state, homes_of
 
 Floats = NDArray[np.float64]
 
-RULE = ObjectRule(certain=0, alike=1)
-"""Reports each surface by itself, however unlikely."""
+RULE = ObjectRule(min_confidence=0, min_match_score=1)
+"""Reports every surface, and each by itself."""
 HALVINGS = (0, 1, 2)
-"""Frames of homes are looked at in all resolutions, so that weights do not depend on it."""
+"""Halvings of the frames' sides: the weights must serve all resolutions."""
 NEAR_M = 0.05
-"""So near to the box of an object that changed, a surface is its."""
+"""Maximum distance of a surface from the box of the changed object to which it belongs, m."""
 NEGATIVES = 40
-"""Pairs of surfaces of different objects for each of the same object, at most."""
+"""Maximum number of pairs of different objects for each pair of one object."""
 RIDGE = 1e-3
-"""Of the squares of the weights of features that vary by one."""
+"""Weight of the squared weights of normalized features, as a share of the number of answers."""
 ROUNDS = 50
+"""Number of Newton steps."""
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A surface in an image of some width, and the object whose it is; None if it is an error."""
+    """A surface in an image of some width, and the object it belongs to; None for an error."""
 
     home: str
     case: str
@@ -73,7 +74,7 @@ class Questions:
 
 
 def found_in(home: str, case: Case, detection: Detection) -> Iterator[Found]:
-    """What a detector that reports everything found in a case."""
+    """Yield what a detector that reports every surface finds in a case."""
     for surface in _surfaces_of(detection):
         owner = _owner(surface, case.truths)
         yield Found(home, case.name, detection.camera.width, surface, owner)
@@ -96,18 +97,18 @@ def _owner(surface: Surface, truths: Iterable[Truth]) -> str | None:
     return None
 
 
-def certainty_questions(found: Sequence[Found]) -> Questions:
-    """Whether each surface is that of an object that changed."""
+def confidence_questions(found: Sequence[Found]) -> Questions:
+    """Ask of each surface: does it belong to an object that changed?"""
     return Questions(
-        features=np.array([features_of(one.surface) for one in found]),
+        features=np.array([confidence_features(one.surface) for one in found]),
         answers=np.array([one.object_id is not None for one in found], np.float64),
         homes=np.array([one.home for one in found]),
         weights=np.ones(len(found)),
     )
 
 
-def likeness_questions(found: Sequence[Found], rng: np.random.Generator) -> Questions:
-    """Whether two surfaces of one home are one object, both answers weighing as much."""
+def match_questions(found: Sequence[Found], rng: np.random.Generator) -> Questions:
+    """Ask of pairs of surfaces of one home: are they one object? Both answers weigh as much."""
     ends: dict[tuple[str, str, int, str, bool], Found] = {}
     for one in found:
         if one.object_id is not None:
@@ -129,7 +130,7 @@ def likeness_questions(found: Sequence[Found], rng: np.random.Generator) -> Ques
     pairs = [*same, *(others[k] for k in chosen)]
     answers = np.arange(len(pairs)) < len(same)
     return Questions(
-        features=np.array([differences_of(a.surface, b.surface) for a, b in pairs]),
+        features=np.array([match_features(a.surface, b.surface) for a, b in pairs]),
         answers=answers.astype(np.float64),
         homes=np.array([a.home for a, _ in pairs]),
         weights=np.where(answers, 1.0, len(same) / len(chosen)),
@@ -137,7 +138,7 @@ def likeness_questions(found: Sequence[Found], rng: np.random.Generator) -> Ques
 
 
 def fitted(questions: Questions) -> Floats:
-    """[F+1] weights of the features, and an offset: logistic regression by Newton's method."""
+    """Fit weights [F] of the features, and an offset: logistic regression by Newton's method."""
     mean, spread = questions.features.mean(axis=0), questions.features.std(axis=0) + 1e-9
     features = _with_one((questions.features - mean) / spread)
     ridge = np.full(features.shape[1], RIDGE * questions.weights.sum())
@@ -154,7 +155,7 @@ def fitted(questions: Questions) -> Floats:
 
 
 def answers_of_others(questions: Questions) -> Floats:
-    """[N] what the weights of all other homes answer in each."""
+    """Return [N] the answers for each home with weights fitted to all other homes."""
     answers = np.zeros(len(questions.answers))
     for home in np.unique(questions.homes):
         own = questions.homes == home
@@ -169,13 +170,13 @@ def answers_of_others(questions: Questions) -> Floats:
 
 
 def loss(questions: Questions, answers: Floats) -> float:
-    """Mean of -log of what was given to what is true."""
+    """Return the mean negative logarithm of the probabilities of the true answers."""
     given = np.where(questions.answers > 0, answers, 1 - answers)
     return float(np.average(-np.log(given + 1e-9), weights=questions.weights))
 
 
 def tell(title: str, questions: Questions) -> None:
-    """Prints weights, and how well they do in homes they have not seen."""
+    """Print the weights, and their loss in homes left out of the fit."""
     answers = answers_of_others(questions)
     right = np.average((answers > 0.5) == (questions.answers > 0), weights=questions.weights)
     known = questions.answers > 0
@@ -222,7 +223,7 @@ def _found_unchanged(dataset: Path) -> Iterator[Found]:
 
 
 def main() -> None:
-    """Prints both."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", default="5:12", help="A:B, without B")
     parser.add_argument("--tasks", type=int, default=525, help="single changes in all")
@@ -234,10 +235,10 @@ def main() -> None:
         parser.error("seeds from 10,000 up are kept for evaluation")
     homes = homes_of(range(first, end), (), HomeSetup(), arguments.work)
     found = list(_found_in_homes(homes, arguments.tasks, len(homes)))
-    tell("likeness", likeness_questions(found, np.random.default_rng(0)))
+    tell("match score", match_questions(found, np.random.default_rng(0)))
     if arguments.unchanged is not None:
         found += _found_unchanged(arguments.unchanged)
-    tell("certainty", certainty_questions(found))
+    tell("confidence", confidence_questions(found))
 
 
 if __name__ == "__main__":
