@@ -66,7 +66,7 @@ MAPPING = MappingConfig(
 UPDATE = UpdateConfig(
     collect=CollectConfig(distance_m=1.0),
     edit=EditConfig(voxel_m=0.02),  # Such small images do not resolve more.
-    refine=RefineConfig(around_px=15),
+    refine=RefineConfig(margin_px=15),
     threads=1,
 )
 SQUARE_M, SQUARES = 0.25, 20

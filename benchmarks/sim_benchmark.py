@@ -46,12 +46,12 @@ def frame_ms(home: Home) -> list[float]:
 
 
 def capture_s(home: Home, noise: str) -> float:
-    looks, _ = explore(home, FRAMES)
+    viewpoints, _ = explore(home, FRAMES)
     robot = Controller(home, noise=noise)
     # Where exploring needs fewer frames, some are taken twice.
-    looks = (looks * FRAMES)[:FRAMES]
+    viewpoints = (viewpoints * FRAMES)[:FRAMES]
     with tempfile.TemporaryDirectory() as folder:
-        return seconds(lambda: capture(robot, looks, Path(folder)))
+        return seconds(lambda: capture(robot, viewpoints, Path(folder)))
 
 
 def tasks_s() -> float:

@@ -9,7 +9,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Table:
-    """One table of a result; also kept in its JSON.
+    """Table of a result; also kept in its JSON.
 
     Attributes:
         title: Heading; empty for none.

@@ -1,4 +1,4 @@
-"""The actions of AI2-THOR, with their arguments checked, and what those of a home do to it."""
+"""Actions of AI2-THOR with validated arguments, and their effects on the state of a home."""
 
 from __future__ import annotations
 
@@ -18,21 +18,20 @@ from gslts_sim.strict_model import StrictModel
 ObjectId = Annotated[str, Field(min_length=1, max_length=1000)]
 Metres = Annotated[FiniteFloat, Field(ge=-1e6, le=1e6)]
 Degrees = Annotated[FiniteFloat, Field(ge=-3600, le=3600)]
-
 GRID_M = 0.25
-"""Length of a step, and distance of the places that the robot knows."""
+"""Default step length and spacing of the grid of reachable positions, m; as in AI2-THOR."""
 
 
 class Point(StrictModel):
-    """A place in the world, m."""
+    """Position in the world, m."""
 
     x: Metres
     y: Metres
     z: Metres
 
 
-class Place(StrictModel):
-    """A place on the floor, m; its height does not count."""
+class FloorPosition(StrictModel):
+    """Position on the floor, m; its height is ignored."""
 
     x: Metres
     y: Metres
@@ -40,43 +39,43 @@ class Place(StrictModel):
 
 
 class Move(StrictModel):
-    """A step ahead or aside, m."""
+    """Step in one of four directions; `moveMagnitude` is its length, m."""
 
     action: Literal["MoveAhead", "MoveBack", "MoveLeft", "MoveRight"]
     moveMagnitude: Annotated[FiniteFloat, Field(ge=0, le=100)] = GRID_M  # noqa: N815
 
 
 class Rotate(StrictModel):
-    """A turn about the vertical."""
+    """Turn about the vertical."""
 
     action: Literal["RotateLeft", "RotateRight"]
     degrees: Degrees = 90.0
 
 
 class Tilt(StrictModel):
-    """A nod of the camera."""
+    """Tilt of the camera."""
 
     action: Literal["LookUp", "LookDown"]
     degrees: Degrees = 30.0
 
 
 class Teleport(StrictModel):
-    """A jump to a place and a direction; what is None stays."""
+    """Jump to a position, a yaw and a horizon; None keeps the current value."""
 
     action: Literal["Teleport"] = "Teleport"
-    position: Place | None = None
+    position: FloorPosition | None = None
     rotation: Degrees | None = None
     horizon: Degrees | None = None
 
 
 class Pass(StrictModel):
-    """Nothing, or a question."""
+    """Action that changes nothing."""
 
     action: Literal["Pass", "GetReachablePositions"]
 
 
 class InitialRandomSpawn(StrictModel):
-    """Shuffles the movable objects over all that can carry them."""
+    """Shuffle of the movable objects over the receptacles that can carry them."""
 
     action: Literal["InitialRandomSpawn"] = "InitialRandomSpawn"
     randomSeed: Annotated[int, Field(ge=0)] = 0  # noqa: N815
@@ -84,21 +83,21 @@ class InitialRandomSpawn(StrictModel):
 
 
 class DisableObject(StrictModel):
-    """Takes an object away."""
+    """Removal of an object."""
 
     action: Literal["DisableObject"] = "DisableObject"
     objectId: ObjectId  # noqa: N815
 
 
 class EnableObject(StrictModel):
-    """Brings an object back to where it was when it was taken away."""
+    """Return of a removed object to its last pose."""
 
     action: Literal["EnableObject"] = "EnableObject"
     objectId: ObjectId  # noqa: N815
 
 
 class PlaceObjectAtPoint(StrictModel):
-    """Puts an object elsewhere; `rotation` is about the vertical, degrees, None keeps it."""
+    """Move of an object to a position; `rotation` is its new yaw, degrees, None keeps it."""
 
     action: Literal["PlaceObjectAtPoint"] = "PlaceObjectAtPoint"
     objectId: ObjectId  # noqa: N815
@@ -119,27 +118,27 @@ _ADAPTER: TypeAdapter[AnyAction] = TypeAdapter(AnyAction)
 
 @dataclass(frozen=True, eq=False)
 class SceneState:
-    """A home, and the objects that were taken away from it.
+    """A home, and the objects that were removed from it.
 
     Args:
-        home: As it is.
-        removed: By id, as they were.
+        home: Its current state.
+        removed: Removed objects at their last pose, by id.
     """
 
     home: Home
     removed: Mapping[str, HomeObject] = field(default_factory=dict)
 
     def apply(self, action: ChangeAction, keep_free: OrientedBoxes | None = None) -> SceneState:
-        """The state after an action.
+        """Return the state after an action.
 
         Args:
-            action: What happens.
-            keep_free: Where nothing may be put, such as where the robot is.
+            action: A change of the home.
+            keep_free: Boxes that must stay free, such as the robot's body.
 
         Raises:
-            ChangeError: It cannot be, and why.
+            ChangeError: The action is impossible; the message says why.
         """
-        home, aside = self.home, dict(self.removed)
+        home, removed = self.home, dict(self.removed)
         match action:
             case InitialRandomSpawn():
                 home = changes.spawn_randomly(
@@ -147,22 +146,25 @@ class SceneState:
                 )
             case DisableObject():
                 home = changes.disable(home, action.objectId)
-                aside[action.objectId] = self.home[action.objectId]
+                removed[action.objectId] = self.home[action.objectId]
             case EnableObject():
-                if action.objectId not in aside:
-                    there = "is there already" if action.objectId in home else "was never there"
-                    raise ChangeError(f"{action.objectId} {there}")
-                home = changes.enable(home, aside.pop(action.objectId), keep_free)
+                if action.objectId not in removed:
+                    reason = "is there already" if action.objectId in home else "was never there"
+                    raise ChangeError(f"{action.objectId} {reason}")
+                home = changes.enable(home, removed.pop(action.objectId), keep_free)
             case PlaceObjectAtPoint():
                 point = np.array([action.position.x, action.position.y, action.position.z])
                 home = changes.place(home, action.objectId, point, action.rotation, keep_free)
-        return SceneState(home, aside)
+        return SceneState(home, removed)
 
     def apply_all(self, actions: Iterable[ChangeAction]) -> SceneState:
-        """The state after some actions.
+        """Return the state after several actions.
+
+        Args:
+            actions: Changes of the home, in this order.
 
         Raises:
-            ChangeError: One cannot be done, and why.
+            ChangeError: An action is impossible; the message says why.
         """
         state = self
         for action in actions:
@@ -171,10 +173,14 @@ class SceneState:
 
 
 def parse_action(name: str, arguments: Mapping[str, Any]) -> AnyAction:
-    """An action from its name and its arguments.
+    """Validate an action.
+
+    Args:
+        name: AI2-THOR's name of the action.
+        arguments: Its arguments, under AI2-THOR's names.
 
     Raises:
-        ValueError: There is no such action, or an argument is missing, unknown or no such value.
+        ValueError: The action is unknown, or an argument is missing, unknown or invalid.
     """
     try:
         return _ADAPTER.validate_python({**arguments, "action": name})
@@ -183,6 +189,6 @@ def parse_action(name: str, arguments: Mapping[str, Any]) -> AnyAction:
         if first["type"] == "union_tag_invalid":
             known = first["ctx"]["expected_tags"]
             raise ValueError(f"action must be one of {known}, got {name!r}") from None
-        # Without the names of the types that the union was narrowed to.
+        # Drops the tags of the unions from the location.
         where = ".".join(str(part) for part in first["loc"] if part not in ("change", name))
         raise ValueError(f"{name}: {where}: {first['msg']}") from None

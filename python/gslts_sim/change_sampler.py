@@ -1,4 +1,4 @@
-"""One change of a home and the viewpoints that see it: what a scene change task is made of."""
+"""Sampling of single changes of a home, and their scene change tasks."""
 
 from __future__ import annotations
 
@@ -6,10 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gslts.types import Floats
 from gslts_sim import changes
 from gslts_sim.actions import (
-    GRID_M,
     ChangeAction,
     DisableObject,
     EnableObject,
@@ -20,52 +18,38 @@ from gslts_sim.actions import (
 from gslts_sim.home import Home, HomeObject
 from gslts_sim.home_source import FileSource, HomeSource
 from gslts_sim.ray_scene import RayScene
-from gslts_sim.robot_body import Viewpoint, floor_of
 from gslts_sim.sensor import NOISE_PRESETS
-from gslts_sim.task import (
-    VIEWPOINTS,
-    Box,
-    Change,
-    Kind,
-    SensorSetup,
-    Task,
-    TestViewpoints,
+from gslts_sim.task import Box, Change, Kind, SensorSetup, Task
+from gslts_sim.task_viewpoints import (
+    NoTaskError,
+    candidate_positions,
+    initial_viewpoint,
+    near_and_far_viewpoints,
 )
-from gslts_sim.viewpoints import SIZE_PX, ObjectVisibility, camera_positions, viewpoint_towards
+from gslts_sim.viewpoints import ObjectVisibility
 
-NEAR_M = 1.75
-"""Test viewpoints nearer to the change than this are near ones."""
-DISTANCE_M = (0.7, 5.0)
-"""Of a viewpoint from the middle of the object, in every state."""
-KEPT_ASIDE = 6
-"""Objects of a home that its default state lacks, at most."""
-MOVED_M = 0.4
-"""Relocated objects go at least as far."""
-FIRST_VIEW_FRACTION = np.array([0.001, 0.25])
-"""Share of the image that the object may take at the initial viewpoint, in each state with it."""
-TEST_SHARE_PX = 0.0002
-"""The same at a test viewpoint, in one state."""
-MIN_VISIBLE_FRACTION = 0.3
-"""Share of the object's points that must be seen from a place before its views are looked at."""
-LOOKS_PER_PLACE = 2
-"""Test viewpoints at one place, in different directions, at most."""
-JITTER_DEG = 12.0
-
-
-class NoTaskError(Exception):
-    """Why a change makes no task."""
+MAX_WITHHELD = 6
+"""Maximum number of objects that are removed from the default state of a home, so that they can be
+added by tasks; at most a third of the free objects."""
+MIN_RELOCATION_M = 0.4
+"""Minimum distance of a relocation, m: the boxes before and after do not overlap for most
+objects."""
 
 
 @dataclass(frozen=True, eq=False)
 class TaskSettings:
-    """What all tasks have in common.
+    """Settings that all tasks share.
 
     Args:
         noise: Preset of the sensor.
         width: Of the images, px.
         height: Of the images, px.
-        object_id: The only object that changes, if not None.
-        receptacle_id: The only receptacle that objects go to, if not None; none is removed then.
+        object_id: The only object that changes; None for all.
+        receptacle_id: The only receptacle that objects are put on; then there are no removals. None
+            for all.
+
+    Raises:
+        ValueError: There is no such preset.
     """
 
     noise: str = "kinect"
@@ -77,12 +61,20 @@ class TaskSettings:
     def __post_init__(self) -> None:
         if self.noise not in NOISE_PRESETS:
             known = ", ".join(NOISE_PRESETS)
-            raise ValueError(f"Setting: noise must be one of {known}, got {self.noise!r}")
+            raise ValueError(f"TaskSettings: noise must be one of {known}, got {self.noise!r}")
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
-    """A change that can be done: the object before and after, None where it is not there."""
+class ProposedChange:
+    """A feasible change.
+
+    Args:
+        kind: Addition, removal or relocation.
+        object_id: Of the changed object.
+        actions: That make the change.
+        before: The object before the change; None if it is added.
+        after: The object after the change; None if it is removed.
+    """
 
     kind: Kind
     object_id: str
@@ -92,146 +84,150 @@ class Trial:
 
     @property
     def states(self) -> list[ObjectVisibility]:
-        """Those of the two that have the object."""
-        return [sight for sight in (self.before, self.after) if sight is not None]
+        """The object in each of the two states that has it."""
+        return [state for state in (self.before, self.after) if state is not None]
 
 
-class Traversal:
-    """A home whose objects are traversed: movable objects x receptacles x places.
+class ChangeSampler:
+    """Samples changes of a home: movable objects x receptacles x positions.
 
     Args:
         home: With all its objects.
-        setting: What all tasks have in common.
-        rng: Decides everything.
-        done: What was done to the home, and how it is since. None means that some objects are taken
-            aside, so that there is something to add.
+        settings: Settings that all tasks share.
+        rng: Source of all randomness.
+        done: Actions so far and the state after them. None removes some objects first, so that
+            there is something to add.
 
     Raises:
-        ValueError: The setting asks for an object or receptacle that cannot be used.
+        ValueError: The settings ask for an object or receptacle that cannot be used.
     """
 
     def __init__(
         self,
         home: Home,
-        setting: TaskSettings,
+        settings: TaskSettings,
         rng: np.random.Generator,
         done: tuple[tuple[ChangeAction, ...], SceneState] | None = None,
     ) -> None:
-        self._rng, self._setting = rng, setting
-        _refuse_impossible(home, setting)
+        self._rng, self._settings = rng, settings
+        _require_usable(home, settings)
         if done is None:
-            aside = self._draw_aside(home) if setting.object_id is None else []
-            actions = tuple(DisableObject(objectId=thing.id) for thing in aside)
+            withheld = self._draw_withheld(home) if settings.object_id is None else []
+            actions = tuple(DisableObject(objectId=obj.id) for obj in withheld)
             done = (actions, SceneState(home).apply_all(actions))
-        self._whole = home
-        self._initial, self._state = done
-        self._home, self._aside = self._state.home, self._state.removed
+        self._complete_home = home
+        self._initial_actions, self._state = done
+        self._home = self._state.home
         self._scene = RayScene(self._home)
         self._sensor_seeds = rng.integers(1 << 31, size=2)
 
-    def advance(self, task: Task) -> Traversal:
-        """Of the home in which a task was done."""
+    def advance(self, task: Task) -> ChangeSampler:
+        """Return a sampler for the home after a task.
+
+        Args:
+            task: A task of this sampler.
+        """
         actions = (*task.initial_actions, *task.change_actions)
         done = (actions, task.apply_change(self._state))
-        return Traversal(self._whole, self._setting, self._rng, done)
+        return ChangeSampler(self._complete_home, self._settings, self._rng, done)
 
-    def _draw_aside(self, home: Home) -> list[HomeObject]:
-        free = [thing for thing in _free_objects(home) if thing.id != self._setting.receptacle_id]
-        rows = self._rng.permutation(len(free))[: min(KEPT_ASIDE, len(free) // 3)]
+    def _draw_withheld(self, home: Home) -> list[HomeObject]:
+        free = [obj for obj in _free_objects(home) if obj.id != self._settings.receptacle_id]
+        rows = self._rng.permutation(len(free))[: min(MAX_WITHHELD, len(free) // 3)]
         return [free[row] for row in sorted(rows.tolist())]
 
     def objects(self, kind: Kind) -> list[HomeObject]:
-        """What can be added, removed or relocated."""
-        if kind == "addition":
-            return list(self._aside.values())
-        if kind == "removal" and self._setting.receptacle_id is not None:
-            return []
-        wanted = self._setting.object_id
-        return [thing for thing in _free_objects(self._home) if wanted in (None, thing.id)]
+        """Return the objects that can be changed.
 
-    def trial(self, kind: Kind, thing: HomeObject) -> Trial:
-        """A change of that kind, by chance.
+        Args:
+            kind: Addition, removal or relocation.
+        """
+        if kind == "addition":
+            return list(self._state.removed.values())
+        if kind == "removal" and self._settings.receptacle_id is not None:
+            return []
+        wanted = self._settings.object_id
+        return [obj for obj in _free_objects(self._home) if wanted in (None, obj.id)]
+
+    def propose(self, kind: Kind, obj: HomeObject) -> ProposedChange:
+        """Sample a change.
+
+        Args:
+            kind: Addition, removal or relocation.
+            obj: One of `objects(kind)`.
 
         Raises:
-            NoTaskError: It is not possible.
+            NoTaskError: The sampled change is impossible.
         """
-        before = None if kind == "addition" else ObjectVisibility(self._home, self._scene, thing.id)
+        before = None
+        if kind != "addition":
+            before = ObjectVisibility(self._home, self._scene, obj.id)
         if kind == "removal":
-            return Trial(kind, thing.id, (DisableObject(objectId=thing.id),), before, None)
+            return ProposedChange(kind, obj.id, (DisableObject(objectId=obj.id),), before, None)
         actions: list[ChangeAction] = []
         home = self._home
         if kind == "addition":
             try:
-                home = changes.enable(home, thing)
+                home = changes.enable(home, obj)
             except changes.ChangeError as reason:
                 raise NoTaskError(str(reason)) from None
-            actions.append(EnableObject(objectId=thing.id))
+            actions.append(EnableObject(objectId=obj.id))
+        placement = self._draw_placement(home, obj)
+        shift = placement.position - obj.world_from_object[:3, 3]
+        if kind == "relocation" and np.linalg.norm(shift) < MIN_RELOCATION_M:
+            raise NoTaskError(f"moved less than {MIN_RELOCATION_M:g} m")
+        x, y, z = placement.position.tolist()
+        point = Point(x=x, y=y, z=z)
+        actions.append(
+            PlaceObjectAtPoint(objectId=obj.id, position=point, rotation=placement.yaw_deg)
+        )
+        after = ObjectVisibility(placement.home, RayScene(placement.home), obj.id)
+        return ProposedChange(kind, obj.id, tuple(actions), before, after)
+
+    def _draw_placement(self, home: Home, obj: HomeObject) -> changes.Placement:
         receptacles = [
             other
-            for other in changes.possible_receptacles(home, thing)
-            if self._setting.receptacle_id in (None, other.id)
+            for other in changes.possible_receptacles(home, obj)
+            if self._settings.receptacle_id in (None, other.id)
         ]
         if not receptacles:
-            raise NoTaskError(f"{thing.type} belongs on the floor")
+            raise NoTaskError(f"{obj.type} belongs on the floor")
         receptacle = receptacles[self._rng.integers(len(receptacles))]
-        drawn = changes.draw_place(home, thing, receptacle, self._rng)
-        if drawn is None:
-            raise NoTaskError(f"no room on a {receptacle.type} for a {thing.type}")
-        way = drawn.position - thing.world_from_object[:3, 3]
-        if kind == "relocation" and np.linalg.norm(way) < MOVED_M:
-            raise NoTaskError(f"moved less than {MOVED_M:g} m")
-        x, y, z = drawn.position.tolist()
-        actions.append(
-            PlaceObjectAtPoint(
-                objectId=thing.id, position=Point(x=x, y=y, z=z), rotation=drawn.yaw_deg
-            )
-        )
-        after = ObjectVisibility(drawn.home, RayScene(drawn.home), thing.id)
-        return Trial(kind, thing.id, tuple(actions), before, after)
+        placement = changes.draw_place(home, obj, receptacle, self._rng)
+        if placement is None:
+            raise NoTaskError(f"no room on a {receptacle.type} for a {obj.type}")
+        return placement
 
-    def task(self, source: HomeSource | FileSource, trial: Trial) -> Task:
-        """The task of a change.
+    def task(self, source: HomeSource | FileSource, proposal: ProposedChange) -> Task:
+        """Make the task of a change.
+
+        Args:
+            source: Reference to the home.
+            proposal: A change of this sampler.
 
         Raises:
-            NoTaskError: It is not seen well enough.
+            NoTaskError: The change is not seen well enough.
         """
-        changed = self._home.without([trial.object_id]) if trial.after is None else trial.after.home
-        floors = [floor_of(self._home), floor_of(changed)]
-        places = floors[0].grid_positions(GRID_M)
-        places = places[[floors[1].can_stand(place) for place in places]]
-        eyes = camera_positions(self._home, places)
-        for sight in trial.states:
-            metres = np.linalg.norm(eyes - sight.middle, axis=1)
-            kept = (metres >= DISTANCE_M[0]) & (metres <= DISTANCE_M[1])
-            places, eyes = places[kept], eyes[kept]
-        if len(places) == 0:
-            raise NoTaskError("not seen from one place in all states")
-        places = places[self._rng.permutation(len(places))]
-        first = self._first_look(trial, places)
-        near, far = self._test_looks(trial, places)
-        setting = self._setting
-        seed_before, seed_after = self._sensor_seeds.tolist()
-        thing = trial.states[0].thing
+        home, targets = self._home, proposal.states
+        changed = home.without([proposal.object_id])
+        if proposal.after is not None:
+            changed = proposal.after.home
+        positions = candidate_positions(home, changed, targets, self._rng)
+        obj = targets[0].obj
         task = Task(
             home=source,
-            sensor=SensorSetup(
-                noise=setting.noise,
-                width=setting.width,
-                height=setting.height,
-                seed_before=seed_before,
-                seed_after=seed_after,
-            ),
-            viewpoint=first,
-            initial_actions=self._initial,
-            change_actions=trial.actions,
+            sensor=self._sensor_setup(),
+            viewpoint=initial_viewpoint(home, targets, positions, self._rng),
+            initial_actions=self._initial_actions,
+            change_actions=proposal.actions,
             change=Change(
-                kind=trial.kind,
-                object_id=thing.id,
-                object_type=thing.type,
-                box_before=_box(trial.before),
-                box_after=_box(trial.after),
+                kind=proposal.kind,
+                object_id=obj.id,
+                object_type=obj.type,
+                box_before=_box(proposal.before),
+                box_after=_box(proposal.after),
             ),
-            test_viewpoints=TestViewpoints(near=tuple(near), far=tuple(far)),
+            test_viewpoints=near_and_far_viewpoints(home, targets, positions, self._rng),
         )
         try:
             task.apply_change(self._state)
@@ -239,69 +235,42 @@ class Traversal:
             raise NoTaskError(f"does not replay: {reason}") from None
         return task
 
-    def _first_look(self, trial: Trial, places: Floats) -> Viewpoint:
-        """A look that sees the object in every state that has it."""
-        shares = np.min([sight.visible_fraction(places) for sight in trial.states], axis=0)
-        target = np.mean([sight.middle for sight in trial.states], axis=0)
-        least, most = FIRST_VIEW_FRACTION * np.prod(SIZE_PX)
-        for place in places[shares >= MIN_VISIBLE_FRACTION]:
-            look = viewpoint_towards(self._home, place, target, self._jitter())
-            if all(least <= sight.visible_px(look) <= most for sight in trial.states):
-                return look
-        raise NoTaskError("not seen from one place in all states")
-
-    def _test_looks(self, trial: Trial, places: Floats) -> tuple[list[Viewpoint], list[Viewpoint]]:
-        """Looks that see the object in one of its states, near and far ones."""
-        near: list[Viewpoint] = []
-        far: list[Viewpoint] = []
-        shares = [sight.visible_fraction(places) for sight in trial.states]
-        order = [(turn, row) for turn in range(LOOKS_PER_PLACE) for row in range(len(places))]
-        for turn, number in order:
-            place, state = places[number], (turn + number) % len(trial.states)
-            sight = trial.states[state]
-            distance = float(
-                np.linalg.norm(camera_positions(self._home, place[None]) - sight.middle)
-            )
-            found = near if distance < NEAR_M else far
-            if len(found) == VIEWPOINTS or shares[state][number] < MIN_VISIBLE_FRACTION:
-                continue
-            look = viewpoint_towards(self._home, place, sight.middle, self._jitter())
-            known = any(look == other for other in found)
-            if not known and sight.visible_px(look) >= TEST_SHARE_PX * np.prod(SIZE_PX):
-                found.append(look)
-        for name, found in (("near", near), ("far", far)):
-            if len(found) < VIEWPOINTS:
-                raise NoTaskError(f"seen from fewer than {VIEWPOINTS} {name} viewpoints")
-        return near, far
-
-    def _jitter(self) -> Floats:
-        return self._rng.uniform(-JITTER_DEG, JITTER_DEG, 2)
+    def _sensor_setup(self) -> SensorSetup:
+        settings = self._settings
+        seed_before, seed_after = self._sensor_seeds.tolist()
+        return SensorSetup(
+            noise=settings.noise,
+            width=settings.width,
+            height=settings.height,
+            seed_before=seed_before,
+            seed_after=seed_after,
+        )
 
 
-def _refuse_impossible(home: Home, setting: TaskSettings) -> None:
-    """Raises ValueError where a setting asks for what the home does not have."""
-    if setting.object_id is not None:
+def _require_usable(home: Home, settings: TaskSettings) -> None:
+    """Raise ValueError if the settings ask for an object that the home does not have."""
+    if settings.object_id is not None:
         try:
-            changes.disable(home, setting.object_id)
+            changes.disable(home, settings.object_id)
         except changes.ChangeError as reason:
             raise ValueError(f"{home.name}: {reason}") from None
-    on = setting.receptacle_id
-    if on is not None and (on not in home or not home[on].receptacle):
-        raise ValueError(f"{home.name}: there is no receptacle {on}")
+    receptacle = settings.receptacle_id
+    if receptacle is not None and (receptacle not in home or not home[receptacle].receptacle):
+        raise ValueError(f"{home.name}: there is no receptacle {receptacle}")
 
 
 def _free_objects(home: Home) -> list[HomeObject]:
-    """Movable objects that stand on something, and on which nothing stands."""
-    carrying = {thing.parent for thing in home.objects}
+    """Return the movable objects that stand on something and carry nothing."""
+    carrying = {obj.parent for obj in home.objects}
     return [
-        thing
-        for thing in home.objects
-        if thing.movable and thing.parent is not None and thing.id not in carrying
+        obj
+        for obj in home.objects
+        if obj.movable and obj.parent is not None and obj.id not in carrying
     ]
 
 
-def _box(sight: ObjectVisibility | None) -> Box | None:
-    if sight is None:
+def _box(target: ObjectVisibility | None) -> Box | None:
+    if target is None:
         return None
-    low, high = np.round(sight.thing.box_in_world, 6).tolist()
+    low, high = np.round(target.obj.box_in_world, 6).tolist()
     return (tuple(low), tuple(high))

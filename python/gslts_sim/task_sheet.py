@@ -1,4 +1,4 @@
-"""A picture of a scene change task for people: before, after, and where it is judged from."""
+"""Sheet of a scene change task: views before and after, test views and a plan."""
 
 from __future__ import annotations
 
@@ -18,12 +18,18 @@ from gslts_sim.robot_body import Viewpoint
 from gslts_sim.task import Task
 
 BEFORE, AFTER = "#ffb000", "#00d0ff"
-SHOWN = 4
-"""Test viewpoints of each sort that are shown."""
+"""Colours of the two states."""
+MAX_TEST_VIEWS = 4
+"""Number of near test views that are shown, and of far ones."""
 
 
 def write_task_sheet(task: Task, home: Home, path: Path) -> None:
-    """Writes both states from the initial viewpoint, some test views and a plan as one PNG.
+    """Write both states from the initial viewpoint, some test views and a plan as one PNG.
+
+    Args:
+        task: The task.
+        home: Result of `task.home.load`.
+        path: Of the PNG file.
 
     Raises:
         OSError: The file cannot be written.
@@ -46,7 +52,7 @@ def write_task_sheet(task: Task, home: Home, path: Path) -> None:
         axes.set_title(f"{name}, from the initial viewpoint", color=color, backgroundcolor="#222")
     sets = task.test_viewpoints
     for row, (name, first) in enumerate((("near", 1), ("far", 1 + len(sets.near))), start=1):
-        for column in range(SHOWN):
+        for column in range(MAX_TEST_VIEWS):
             axes = figure.add_subplot(grid[row, column])
             _show(axes, task.observe(robot, first + column), change.object_id, AFTER)
             axes.set_title(f"{name} {column + 1}, after", fontsize=8)

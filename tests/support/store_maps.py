@@ -21,7 +21,7 @@ from gslts.store.records import ObjectEvent
 ROOM = MappingCause(dataset="room")
 REJECTED = RejectedUpdateCause(record=UpdateRecord(rejected="no view shows it"))
 ORACLE = SemanticsCause(
-    source="oracle", dataset="room", levels=1, code=8, names=("Mug",), autoencoder=64 * "0"
+    source="oracle", dataset="room", levels=1, code_dims=8, names=("Mug",), autoencoder=64 * "0"
 )
 BOX = ((0.0, 0.0, 0.0), (0.1, 0.1, 0.2))
 

@@ -14,8 +14,8 @@ from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
 from gslts.keeper.keeper import LoopConfig
 from gslts.update.config import CollectConfig, EditConfig, RefineConfig, UpdateConfig
-from gslts.update.updater import Update, update
-from gslts.update.view_collection import Collection, collect
+from gslts.update.integrate import UpdateResult, integrate_changes
+from gslts.update.view_collection import Collection, collect_views
 from gslts_sim.controller import Controller
 from gslts_sim.home import Home, HomeObject
 from gslts_sim.robot_body import Viewpoint
@@ -25,7 +25,7 @@ COLLECT = CollectConfig(distance_m=1.0)
 SMALL = EditConfig(voxel_m=0.02)
 """Pictures of 160 px do not resolve more."""
 UPDATE = UpdateConfig(
-    collect=COLLECT, edit=SMALL, refine=RefineConfig(iterations=60, around_px=15), threads=1
+    collect=COLLECT, edit=SMALL, refine=RefineConfig(iterations=60, margin_px=15), threads=1
 )
 LOOP = LoopConfig(
     stops=8,
@@ -33,7 +33,7 @@ LOOP = LoopConfig(
     update=UpdateConfig(
         collect=COLLECT,
         edit=SMALL,
-        refine=RefineConfig(iterations=30, around_px=15),
+        refine=RefineConfig(iterations=30, margin_px=15),
         threads=1,
     ),
 )
@@ -77,7 +77,9 @@ def detected(kind: Kind) -> Change:
 @cache
 def collected(kind: Kind) -> Collection:
     """Return what a robot collects around the change; made once a process."""
-    found = collect(robot_in(changed_home(kind)), change_room.detector(), [detected(kind)], COLLECT)
+    found = collect_views(
+        robot_in(changed_home(kind)), change_room.detector(), [detected(kind)], COLLECT
+    )
     assert found.changes == (detected(kind),)
     return found
 
@@ -115,15 +117,15 @@ class Changing:
         return second.move_towards(position, yaw_rad, pitch_rad) and arrived
 
 
-def run_update(robot: Robot, kind: str = "removal", change: Change | None = None) -> Update:
+def run_update(robot: Robot, kind: str = "removal", change: Change | None = None) -> UpdateResult:
     """Update the map of the room for a change, by default the one that is detected first."""
     return run_updates(robot, [change or detected(kind)])
 
 
-def run_updates(robot: Robot, changes: list[Change]) -> Update:
+def run_updates(robot: Robot, changes: list[Change]) -> UpdateResult:
     """Update the map of the room for several changes."""
     gaussian_map, cameras = change_room.mapped()
-    return update(
+    return integrate_changes(
         gaussian_map,
         list(cameras.values()),
         changes,
@@ -141,7 +143,7 @@ def looks_at_the_change() -> list[Viewpoint]:
         pose = view.camera.world_from_camera
         x, y, z = pose[:3, 2]
         looks.append(
-            Viewpoint(
+            Viewpoint.at(
                 np.round(pose[:2, 3] / 0.25) * 0.25,
                 float(np.rad2deg(np.arctan2(y, x))),
                 float(np.rad2deg(np.arcsin(-z))),

@@ -124,7 +124,7 @@ def diff(
     from gslts.store.delta import compare_by_ids
     from gslts.store.describe import describe_event
     from gslts.store.map_folder import open_map
-    from gslts.update.report_image import difference_picture
+    from gslts.update.report_image import draw_difference
 
     with open_map(map_path) as store:
         maps = store.read(before), store.read(after)
@@ -135,7 +135,7 @@ def diff(
     for event in reversed(undone):
         typer.echo(f"without version {event.version}: {describe_event(event)}")
     if out is not None:
-        picture = difference_picture(*maps, list(cameras_of_map(map_path).values()), threads)
+        picture = draw_difference(*maps, list(cameras_of_map(map_path).values()), threads)
         out.parent.mkdir(parents=True, exist_ok=True)
         Image.fromarray(picture).save(out)
         typer.echo(f"wrote {out}")

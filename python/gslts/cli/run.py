@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gslts.cli.locate import Locate, localizer_of, read_frames
+from gslts.cli.localize import Localize, localizer_of, read_frames
 from gslts.cli.mapping import BAR, Threads
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def run(
         int | None, typer.Option(min=1, help="How many; as many as the day has, if not given.")
     ] = None,
     iterations: Annotated[int, typer.Option(min=0, help="Of a refinement, at most.")] = 250,
-    locate: Locate = False,
+    localize: Localize = False,
     threads: Threads = 0,
 ) -> None:
     """Go rounds through a home, and keep its map up to date.
@@ -63,7 +63,7 @@ def run(
         opened = open_robot(robot)
         walk, most, source = _of_a_robot(opened), opened.rounds, opened.digest
     elif frames is not None and robot is None:
-        localizer = localizer_of(map_path, threads) if locate else None
+        localizer = localizer_of(map_path, threads) if localize else None
         walk, most = _of_a_recording(frames, localizer), None
         source = str(frames.resolve())
     else:
@@ -74,7 +74,7 @@ def run(
         detection=DetectionConfig(threads=threads),
         update=update.model_copy(update={"refine": refine}),
         # Frames of a recording are where they were found already.
-        locate=RelocalizationConfig(threads=threads) if locate and robot is not None else None,
+        localize=RelocalizationConfig(threads=threads) if localize and robot is not None else None,
     )
     with stopped_by_signals() as came, tqdm(desc="starting", bar_format=BAR, disable=None) as bar:
 

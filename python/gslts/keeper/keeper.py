@@ -27,8 +27,8 @@ from gslts.store.camera_files import cameras_of_map, cameras_of_update
 from gslts.store.map_folder import open_map
 from gslts.store.records import Version
 from gslts.update.config import UpdateConfig
-from gslts.update.publish import published
-from gslts.update.updater import Update, update
+from gslts.update.integrate import UpdateResult, integrate_changes
+from gslts.update.publish import publish
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class LoopConfig:
         watch: When a change is believed.
         detection: Of changes.
         update: Of the map.
-        locate: How the robot finds out where in the map it is; None means that its odometry tells.
+        localize: Settings of the localization of the robot; None means that its odometry is exact.
     """
 
     stops: int = 40
@@ -50,7 +50,7 @@ class LoopConfig:
     watch: MonitorConfig = field(default_factory=lambda: MonitorConfig(rate_hz=1e6))
     detection: DetectionConfig = field(default_factory=DetectionConfig)
     update: UpdateConfig = field(default_factory=UpdateConfig)
-    locate: RelocalizationConfig | None = None
+    localize: RelocalizationConfig | None = None
 
     def __post_init__(self) -> None:
         if self.stops < 1 or self.looks < 1:
@@ -74,7 +74,7 @@ class MapKeeper:
     Raises:
         OSError: The map cannot be read, or another process writes it.
         ValueError: It is no map with versions, what is known of its rounds is damaged, or the robot
-            is to be located and the map has no landmarks.
+            is to be localized and the map has no landmarks.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class MapKeeper:
             self._semantics = MapSemantics.of_map(folder, self._config.update.threads)
             self._detector = self._detector_of_map()
             self._localizer = None
-            if self._config.locate is not None:
+            if self._config.localize is not None:
                 self._localizer = Localizer(self._relocalizer_of_map())
             self._watch = ChangeMonitor(self._detector, self._config.watch)
         except BaseException:
@@ -201,7 +201,7 @@ class MapKeeper:
                 break
             self._last = frame
             self.watch(frame)
-            if not self._watch.is_suspicious:
+            if not self._watch.is_pending:
                 break
         return self._reported()
 
@@ -232,7 +232,7 @@ class MapKeeper:
             self._tell(stage)
 
         config = self._config.update
-        result = update(
+        result = integrate_changes(
             self._map,
             list(self._cameras.values()),
             changes,
@@ -241,9 +241,9 @@ class MapKeeper:
             detector=self._detector,
             first_id=self._store.version().next_id,
             semantics=self._semantics,
-            tell=tell,
+            progress=tell,
         )
-        version = published(
+        version = publish(
             self._store,
             self._map,
             self._cameras.values(),
@@ -269,13 +269,13 @@ class MapKeeper:
         )
         self._become(deferred=deferred)
 
-    def _defer(self, result: Update) -> None:
+    def _defer(self, result: UpdateResult) -> None:
         """What the map does not show is tried again later."""
         deferred = self.state.deferred
-        for change, why in result.left:
+        for change, why in result.rejected_changes:
             deferred = defer(deferred, change, why, self.state.round)
             self._say(f"{change.kind} left as it is for now: {why}")
-        if result.left:
+        if result.rejected_changes:
             self._become(deferred=deferred)
 
     def _is_deferred(self, change: Change) -> bool:
@@ -288,7 +288,7 @@ class MapKeeper:
 
     def _relocalizer_of_map(self) -> Relocalizer:
         landmarks = require_landmarks(self._folder, self._map)
-        return Relocalizer(self._map, landmarks, self._config.locate)
+        return Relocalizer(self._map, landmarks, self._config.localize)
 
     def _become(self, **changed: object) -> None:
         """Another state, on the disk before it is believed."""

@@ -1,7 +1,7 @@
-"""What a map keeps to understand the features of its Gaussians.
+"""Autoencoder files of a map folder.
 
-The setting stands in the cause of the version that brought the features, and names the file of the
-autoencoder by what is in it: a version never meets the autoencoder of another.
+The cause of the version that added semantic features names the autoencoder file by its checksum, so
+that a version never uses the autoencoder of another.
 """
 
 from __future__ import annotations
@@ -17,17 +17,21 @@ from gslts.store.map_folder import open_map
 from gslts.store.map_store import MapStore
 
 FOLDER = "semantics"
-"""Of autoencoders, in the folder of a map."""
+"""Sub-folder of a map folder for autoencoder files."""
 
 
 def write_autoencoder(model: Autoencoder, folder: Path) -> str:
-    """Writes it into the folder of a map, so that it outlasts a power cut.
+    """Write an autoencoder into a map folder and sync it to disk.
+
+    Args:
+        model: The autoencoder.
+        folder: The map folder.
 
     Returns:
-        Its SHA-256, for the setting.
+        SHA-256 of the file, for `SemanticsCause`.
 
     Raises:
-        OSError: It cannot be written.
+        OSError: The file cannot be written.
     """
     content = autoencoder_bytes(model)
     digest = hashlib.sha256(content).hexdigest()
@@ -39,10 +43,13 @@ def write_autoencoder(model: Autoencoder, folder: Path) -> str:
 
 
 def read_semantics(path: Path) -> tuple[SemanticsCause, Autoencoder] | None:
-    """What the features of a version mean; None if nobody taught it or one before it.
+    """Read the cause and the autoencoder of the features of a version.
 
     Args:
         path: A map folder, or a version of it such as MAP@3.
+
+    Returns:
+        Both; None if neither the version nor one that it came from added semantic features.
 
     Raises:
         OSError: A file cannot be read.
@@ -51,41 +58,50 @@ def read_semantics(path: Path) -> tuple[SemanticsCause, Autoencoder] | None:
     folder, number = split_version(path)
     with open_map(folder) as store:
         causes = [version.cause for version in store.lineage(number)]
-    taught = [cause for cause in causes if isinstance(cause, SemanticsCause)]
-    return _read_cause(taught[-1], folder) if taught else None
+    semantics = [cause for cause in causes if isinstance(cause, SemanticsCause)]
+    return (semantics[-1], _read_autoencoder(semantics[-1], folder)) if semantics else None
 
 
 def require_semantics(path: Path) -> tuple[SemanticsCause, Autoencoder]:
-    """As `read_semantics`.
+    """Read the cause and the autoencoder of a version that must have semantic features.
+
+    Args:
+        path: A map folder, or a version of it such as MAP@3.
+
+    Returns:
+        As `read_semantics`.
 
     Raises:
         OSError: A file cannot be read.
-        ValueError: Nobody taught the map, or as for `read_semantics`.
+        ValueError: The version has no semantic features, or as for `read_semantics`.
     """
     found = read_semantics(path)
     if found is None:
-        raise ValueError(f"{path} knows no words; gslts semantics teaches it")
+        raise ValueError(f"{path} has no semantic features; gslts semantics adds them")
     return found
 
 
 def semantics_problems(store: MapStore) -> list[str]:
-    """Every autoencoder that is missing or damaged, in one line each; none if all is well.
+    """List the autoencoder files of a map that are missing or damaged.
 
     Args:
-        store: Of the map.
+        store: The store of the map.
+
+    Returns:
+        One line for each problem; empty if there is none.
     """
-    found = []
+    problems = []
     for version in store.versions():
         try:
             if isinstance(version.cause, SemanticsCause):
-                _read_cause(version.cause, store.folder)
+                _read_autoencoder(version.cause, store.folder)
         except (OSError, ValueError) as error:
-            found.append(f"version {version.number}: {error}")
-    return found
+            problems.append(f"version {version.number}: {error}")
+    return problems
 
 
-def _read_cause(cause: SemanticsCause, folder: Path) -> tuple[SemanticsCause, Autoencoder]:
-    return cause, read_autoencoder(_path_of(folder, cause.autoencoder), cause.autoencoder)
+def _read_autoencoder(cause: SemanticsCause, folder: Path) -> Autoencoder:
+    return read_autoencoder(_path_of(folder, cause.autoencoder), cause.autoencoder)
 
 
 def _path_of(folder: Path, digest: str) -> Path:

@@ -205,7 +205,7 @@ class SemanticsCause(_Cause):
         source: Model that gave the embeddings.
         dataset: Recording that the features were computed from.
         levels: Levels of masks; each has its own code.
-        code: Length of a code.
+        code_dims: Length of a code.
         names: Words that the source knows; empty for an open vocabulary.
         models: Folder of the weights of each model.
         autoencoder: SHA-256 of the file of the autoencoder.
@@ -215,7 +215,7 @@ class SemanticsCause(_Cause):
     source: Literal["oracle", "clip"]
     dataset: str
     levels: Annotated[int, Field(ge=1, le=3)]
-    code: Annotated[int, Field(ge=8, le=64)]
+    code_dims: Annotated[int, Field(ge=8, le=64)]
     names: tuple[str, ...]
     models: dict[str, str] = {}
     autoencoder: Sha256

@@ -30,7 +30,7 @@ MIN_TASKS = 12
 
 
 class Case(BaseModel):
-    """One frame, and the changes that should be found in it.
+    """A frame and the changes that should be found in it.
 
     Attributes:
         name: Name in its home, such as `single_03`.

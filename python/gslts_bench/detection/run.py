@@ -84,7 +84,7 @@ class Record(BenchRecord):
 
 @dataclass(frozen=True)
 class DetectUnit(BenchUnit[Record, BenchHome]):
-    """One home.
+    """Work on one home.
 
     Attributes:
         counts: Number of cases.
@@ -221,7 +221,7 @@ class Detectors:
 
     def localize(self, frame: RgbdFrame) -> RgbdFrame:
         """Return a frame with the pose that the map gives it, without a prior."""
-        return Localizer(self._relocalizer).located(frame)
+        return Localizer(self._relocalizer).localize_frame(frame)
 
 
 class _Clock:

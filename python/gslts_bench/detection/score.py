@@ -11,7 +11,7 @@ from gslts_bench.detection.run import Record, Report
 from gslts_sim.task import Change
 
 REGION_M = 1.0
-"""Maximum distance of a report from the centre of the changed object's box, as in GS-LTS."""
+"""Maximum distance of a report from the centre of the changed object's box."""
 SIZES_PX = (500, 2000, 8000)
 """Edges between the rows of the table of object sizes."""
 NONE, UNRELIABLE = "none", "unreliable"

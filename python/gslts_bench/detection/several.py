@@ -9,17 +9,18 @@ import numpy as np
 
 from gslts_bench.detection.truth import Truth, in_view_px
 from gslts_sim.actions import GRID_M, ChangeAction, SceneState
-from gslts_sim.change_sampler import (
-    DISTANCE_M,
+from gslts_sim.changes import ChangeError
+from gslts_sim.ray_scene import RayScene
+from gslts_sim.robot_body import Viewpoint
+from gslts_sim.task import Task
+from gslts_sim.task_viewpoints import (
     FIRST_VIEW_FRACTION,
     JITTER_DEG,
     MIN_VISIBLE_FRACTION,
+    VIEW_DISTANCE_M,
 )
-from gslts_sim.changes import ChangeError
-from gslts_sim.ray_scene import RayScene
-from gslts_sim.robot_body import Viewpoint, floor_of
-from gslts_sim.task import Task
 from gslts_sim.viewpoints import SIZE_PX, ObjectVisibility, camera_positions, viewpoint_towards
+from gslts_sim.walkable import floor_of
 
 TRIES_PER_CASE = 40
 """Maximum number of sets of changes tried per set that is wanted."""
@@ -100,9 +101,9 @@ class SeveralMaker:
         places = floors[0].grid_positions(GRID_M)
         places = places[[floors[1].can_stand(place) for place in places]]
         eyes = camera_positions(self._before.home, places)
-        middles = np.stack([sight.middle for sight in sights])
+        middles = np.stack([sight.center for sight in sights])
         metres = np.linalg.norm(eyes[:, None] - middles, axis=-1)
-        fit = ((metres >= DISTANCE_M[0]) & (metres <= DISTANCE_M[1])).all(axis=1)
+        fit = ((metres >= VIEW_DISTANCE_M[0]) & (metres <= VIEW_DISTANCE_M[1])).all(axis=1)
         places = self._rng.permutation(places[fit])
         if len(places) == 0:
             return None

@@ -25,7 +25,7 @@ class NoFeatures:
 
 @dataclass(frozen=True)
 class Variant:
-    """One detector, which runs on one thread, as its time is that of one core.
+    """Change detector that runs on one thread, as its time is that of one core.
 
     Attributes:
         config: Settings.
@@ -45,7 +45,7 @@ class Variant:
 STRATEGIES = {
     "objects": Variant(DetectionConfig(strategy="objects", threads=1)),
     "located": Variant(DetectionConfig(strategy="objects", threads=1), locate=True),
-    "gs_lts": Variant(DetectionConfig(strategy="paper", threads=1)),
+    "gs_lts": Variant(DetectionConfig(strategy="gs_lts", threads=1)),
 }
 """Detectors that are compared in all parts of the benchmark; `gs_lts` is the printed rule."""
 

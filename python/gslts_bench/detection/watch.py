@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from gslts.change.changes import Change
 from gslts.change.detector import ChangeDetector
-from gslts.change.monitor import confirmed
+from gslts.change.monitor import confirm_changes
 from gslts.core.frame import RgbdFrame
 from gslts_sim.robot_body import Viewpoint
 
@@ -16,7 +16,7 @@ WATCH = "watching"
 WATCHED = "objects"
 """The detector of `VARIANTS` that sees each frame."""
 TURNS_DEG = (-10.0, -6.0, -2.0, 2.0, 6.0, 10.0)
-"""Directions of the frames, from that of a single frame: steps of 4° keep the change in view."""
+"""Directions of the frames, from that of a single frame, in steps of 4°."""
 
 
 def turn_views(viewpoint: Viewpoint) -> list[Viewpoint]:
@@ -39,7 +39,7 @@ def watch(detector: ChangeDetector, frames: Sequence[RgbdFrame]) -> tuple[str | 
     Raises:
         RuntimeError: A frame could not be processed.
     """
-    changes, counts = confirmed(detector, frames)
-    if counts.unreliable == counts.looked_at:
+    changes, counts = confirm_changes(detector, frames)
+    if counts.unreliable == counts.processed:
         return "each frame is unreliable", []
     return None, changes

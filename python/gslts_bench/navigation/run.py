@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import FiniteFloat
 
 from gslts.navigation.navigator import Navigator
-from gslts.navigation.semantic_map_files import draw_semantic_map, write_picture
+from gslts.navigation.semantic_map_files import draw_semantic_map, write_png
 from gslts.semantics.source import Oracle
 from gslts_bench.homes import BenchHome
 from gslts_bench.navigation.episodes import CATEGORIES, Episode, episodes_of
@@ -69,13 +69,13 @@ class Record(BenchRecord):
 
     @property
     def is_relocated(self) -> bool:
-        """Whether the object was relocated after mapping."""
+        """True if the object was relocated after mapping."""
         return "/moved_" in self.id
 
 
 @dataclass(frozen=True)
 class NavigateUnit(BenchUnit[Record, BenchHome]):
-    """One home.
+    """Work on one home.
 
     Attributes:
         episodes: Number of episodes.
@@ -158,7 +158,7 @@ def run_episode(
     if image is not None:
         image.parent.mkdir(parents=True, exist_ok=True)
         shown = draw_semantic_map(navigator.semantic_map, walk.path, [episode.category])
-        write_picture(shown, image)
+        write_png(shown, image)
     instances = walker.event.instances
     return {
         "success": succeeds(ground.truth, episode.category, walker.positions[-1], instances),

@@ -14,7 +14,8 @@ from gslts.types import Floats, Ints, Ints32
 from gslts_sim.actions import GRID_M
 from gslts_sim.home import Home, HomeObject
 from gslts_sim.ray_scene import RayScene
-from gslts_sim.robot_body import CAMERA_HEIGHT_M, HORIZON_DEG, Viewpoint, floor_of, robot_camera
+from gslts_sim.robot_body import CAMERA_HEIGHT_M, HORIZON_DEG, Viewpoint, robot_camera
+from gslts_sim.walkable import floor_of
 
 MIN_SHARE = 3e-4
 """Minimum share of the pixels that show a visible object: 23 of 320 x 240."""

@@ -118,7 +118,7 @@ class Record(BenchRecord):
 
 @dataclass(frozen=True)
 class QueryUnit(BenchUnit[Record, BenchHome]):
-    """One home.
+    """Work on one home.
 
     Attributes:
         variants: Settings of its maps, by name.

@@ -68,7 +68,7 @@ class RoomFold:
 
 @dataclass(frozen=True)
 class FoldUnit(BenchUnit[RoomRecord, RoomFold]):
-    """One fold of a room."""
+    """Work on one fold of a room."""
 
     topic = "relocalize"
     record = RoomRecord
@@ -122,7 +122,7 @@ def _localize(
     """Localize a frame and judge the answer; return fields of `RoomRecord`."""
     observation = known.observe(frame)  # With the lenses that mapping found.
     rgbd = observation.rgbd()
-    answer = TimedAnswer.of(lambda: relocalizer.locate(rgbd))
+    answer = TimedAnswer.of(lambda: relocalizer.localize(rgbd))
     return {
         "given": answer.judge(observation.given_pose),
         "corrected": answer.judge(corrected[frame.name]),

@@ -20,8 +20,9 @@ from gslts_bench.homes import BenchHome, default_state, source_of
 from gslts_sim import ROOM_TYPES
 from gslts_sim.actions import SceneState
 from gslts_sim.home import Home
-from gslts_sim.robot_body import Viewpoint, floor_of, robot_camera
+from gslts_sim.robot_body import Viewpoint, robot_camera
 from gslts_sim.task import Task
+from gslts_sim.walkable import floor_of
 
 Part = Literal["held-out", "as mapped", "three changes", "another home"]
 PARTS: tuple[Part, ...] = ("held-out", "as mapped", "three changes", "another home")

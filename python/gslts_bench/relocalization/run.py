@@ -48,7 +48,7 @@ class Record(BenchRecord):
 
 @dataclass(frozen=True)
 class RelocalizeUnit(BenchUnit[Record, BenchHome]):
-    """One home.
+    """Work on one home.
 
     Attributes:
         views: Maximum number of frames per part.
@@ -144,7 +144,7 @@ def _localize(
 ) -> dict[str, Any]:
     """Localize a frame and judge the answers; return fields of `Record`."""
     relocalizer, (frame, true) = relocalizers.of(variant), take()
-    located = TimedAnswer.of(lambda: relocalizer.locate(frame))
+    located = TimedAnswer.of(lambda: relocalizer.localize(frame))
     if view.is_foreign:
         return {"located": located.judge(None)}
     if variant != OURS:

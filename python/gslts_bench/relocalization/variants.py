@@ -17,7 +17,7 @@ LEFT_OUT: dict[str, dict[str, Any]] = {
 """Settings that leave out parts."""
 KNOBS = {
     "halvings": (0, 1, 2),
-    "corners": (250, 500, 1000, 2000),
+    "keypoints": (250, 500, 1000, 2000),
     "iterations": (2, 4, 8, 16),
 }
 """Settings that trade time for accuracy, each changed by itself."""

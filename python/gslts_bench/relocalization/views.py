@@ -19,7 +19,7 @@ from gslts_sim.capture import true_poses
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One frame, taken when it is asked for.
+    """A frame that is taken when it is asked for.
 
     Attributes:
         frame: Home where it is taken and its name there, such as `kitchen_3/visit_07`.
@@ -35,7 +35,7 @@ class View:
 
     @property
     def is_foreign(self) -> bool:
-        """Whether it is taken in another home than that of the map."""
+        """True if it is taken in another home than that of the map."""
         return self.part == "another home"
 
 

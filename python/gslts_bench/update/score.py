@@ -14,7 +14,7 @@ import numpy as np
 from gslts.core.camera import Camera, at_pose
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
-from gslts.localization.alignment import aligned
+from gslts.localization.alignment import align_pose
 from gslts.rendering.losses import Exposure, apply_exposure, fit_exposure
 from gslts.rendering.metrics import MIN_SIDE_PX, Lpips, psnr_db, ssim
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
@@ -94,7 +94,7 @@ def evaluation_view(
     for box in (change.box_before, change.box_after):
         if box is not None:
             region = Region("after", np.array(box[0]), np.array(box[1]))
-            rectangle = region.rectangle(frame.camera, AROUND_PX)
+            rectangle = region.project_box(frame.camera, AROUND_PX)
             crops += [] if rectangle is None else [rectangle]
     if not crops:
         return None
@@ -120,7 +120,7 @@ def align_with_map(
         The aligned camera, the exposure from the map's colours to those of the frame, and the map's
         colours [H,W,3].
     """
-    pose = aligned(gaussian_map, [frame.halved(), frame], ALIGN_STEPS, threads=1)
+    pose = align_pose(gaussian_map, [frame.halved(), frame], ALIGN_STEPS, threads=1)
     camera = at_pose(frame.camera, pose)
     photo = frame.rgb.astype(np.float32) / np.float32(255)
     rgb = Rasterizer(np.float32).forward(gaussian_map, camera, RenderOptions(threads=1)).rgb

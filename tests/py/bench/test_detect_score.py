@@ -95,7 +95,7 @@ def test_the_most_certain_report_counts() -> None:
 
 def test_nothing_said_is_none_or_unreliable() -> None:
     assert single("removal").said == NONE
-    silent = single("removal", unreliable="the picture is black")
+    silent = single("removal", unreliable="the image is black")
     assert (silent.said, silent.right, silent.found, silent.extra) == (UNRELIABLE, False, False, 0)
 
 

@@ -18,8 +18,7 @@ FRAME = RgbdFrame(np.zeros((6, 8, 3), np.uint8), np.ones((6, 8), np.float32), CA
 
 
 def removal(x: float, confidence: float) -> Change:
-    point = np.array([x, 0.0, 1.0])
-    return Change("removal", confidence, point, None, None, (None, None))
+    return Change("removal", confidence, np.array([x, 0.0, 1.0]))
 
 
 class Script:

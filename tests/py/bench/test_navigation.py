@@ -100,13 +100,13 @@ def test_goals_are_near_and_see_the_thing() -> None:
     assert places[goals][:, 0].max() > 2.6
     assert truth().goals("Bed") == []
     hidden = surfel_room.home().with_object(
-        surfel_room.thing("Box|2", (2.1, 1.3, 0.74), (2.45, 1.65, 1.1))
+        surfel_room.box("Box|2", (2.1, 1.3, 0.74), (2.45, 1.65, 1.1))
     )
     assert Truth(hidden).goals("Mug") == []
 
 
 def test_distances_are_to_the_outline_however_it_is_turned() -> None:
-    box = surfel_room.thing("Box|1", (-0.5, -0.5, 0), (0.5, 0.5, 1))
+    box = surfel_room.box("Box|1", (-0.5, -0.5, 0), (0.5, 0.5, 1))
     places = np.array([[2.0, 0.0], [0.1, 0.1], [1.5, 1.5]])
     np.testing.assert_allclose(floor_distances_m(box, places), [1.5, 0, 2**0.5], atol=1e-6)
     turned = box.place_at(pose(0, 0, 0, np.pi / 4), None)

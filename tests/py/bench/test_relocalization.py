@@ -21,7 +21,8 @@ from gslts_bench.relocalization.frames import (
 )
 from gslts_bench.relocalization.room import RecordedRoom, content_digest, transfer
 from gslts_sim import make_home
-from gslts_sim.robot_body import Viewpoint, floor_of
+from gslts_sim.robot_body import Viewpoint
+from gslts_sim.walkable import floor_of
 
 BENCH = BenchHome(
     "bedroom", 3, HomeSetup(frames=16, width=160, height=120, code={"sim": 0}), Path()

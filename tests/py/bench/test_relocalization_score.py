@@ -53,7 +53,7 @@ RECORDS = [
     record("kitchen_3/visit_03", Answer(status="lost", reason="dark")),
     record("kitchen_3/changed_00", answer(0.02, 0.9), part="three changes"),
     record("bedroom_3/visit_00", Answer(status="ambiguous"), part="another home"),
-    record("kitchen_3/visit_00", answer(0.02, cpu_s=0.5), variant="corners = 250"),
+    record("kitchen_3/visit_00", answer(0.02, cpu_s=0.5), variant="keypoints = 250"),
 ]
 
 
@@ -142,7 +142,7 @@ def test_the_summary_counts_each_part_by_itself() -> None:
     assert found[OURS]["another home"][ALL]["located"]["ambiguous"] == 1
     tracked = found[OURS]["as mapped"][ALL]["tracked"]
     assert (tracked["frames"], tracked["lost"], tracked["far"]) == (2, 1, 1)
-    assert of_knob(numbers, "corners")[250]["located"]["cpu_s"] == 0.5
+    assert of_knob(numbers, "keypoints")[250]["located"]["cpu_s"] == 0.5
     assert numbers["cases"] == (
         "0 held-out frames, 4 of homes as mapped, 1 after three changes, 1 of other homes; "
         "maps of 1 home(s)"
@@ -157,7 +157,7 @@ def test_tables() -> None:
     assert f"{shares} 3.00 |" in text
     assert "\n| all | 1 | 0.0 % | 100.0 % | 0.0 % |\n" in text + "\n"
     assert "### Tracked from 5 cm and 2° beside, as mapped" in text
-    assert "### By corners, as mapped" in text
+    assert "### By keypoints, as mapped" in text
     assert "### With parts left out" not in text
     for line in text.splitlines():
         assert line.count("|") in (0, 6, 13, 15)

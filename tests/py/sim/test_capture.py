@@ -14,7 +14,7 @@ from gslts.datasets.nerfstudio import OPENGL_FROM_OPENCV
 from gslts_sim import make_home
 from gslts_sim.capture import capture, true_poses
 from gslts_sim.controller import Controller
-from gslts_sim.explore import COMPLETE_SHARE, explore
+from gslts_sim.explore import COMPLETE_FRACTION, explore
 from gslts_sim.home import Home
 from gslts_sim.robot_body import Viewpoint
 
@@ -61,13 +61,13 @@ def test_points_of_all_frames_lie_on_the_objects(tmp_path: Path) -> None:
         assert frame["depth_file_path"].dtype == np.uint16
         points = points_in_world(header, frame)
         for number in np.unique(frame["instance_file_path"]):
-            thing = objects[number - 1]
-            seen.add(thing["objectId"])
-            box = thing["axisAlignedBoundingBox"]
+            obj = objects[number - 1]
+            seen.add(obj["objectId"])
+            box = obj["axisAlignedBoundingBox"]
             middle, size = (np.array([box[k][a] for a in "xyz"]) for k in ("center", "size"))
             of_thing = points[frame["instance_file_path"] == number]
             # Half a millimetre of rounding, and no more.
-            assert (np.abs(of_thing - middle) <= size / 2 + 0.0015).all(), thing["objectId"]
+            assert (np.abs(of_thing - middle) <= size / 2 + 0.0015).all(), obj["objectId"]
     assert seen >= {"Wall|1", "Block|1", "Mug|1", "Mug|2"}
 
 
@@ -134,7 +134,7 @@ def test_true_poses_are_those_of_the_robot(tmp_path: Path) -> None:
         np.testing.assert_allclose(pose, frame["world_from_camera"], atol=1e-12)
     path = tmp_path / "visit" / "transforms.json"
     path.write_text('{"frames": [{"file_path": "images/00000.png"}]}')
-    with pytest.raises(ValueError, match=r"transforms\.json: it does not tell true poses"):
+    with pytest.raises(ValueError, match=r"transforms\.json: it has no true poses"):
         true_poses(tmp_path / "visit")
 
 
@@ -160,7 +160,9 @@ def test_a_full_disk_leaves_whole_frames(
     full_after(monkeypatch, pictures)
     whole = pictures // 3
     folder = tmp_path / "set"
-    with pytest.raises(OSError, match=rf"set: No space left on device; {whole} whole frames") as e:
+    with pytest.raises(
+        OSError, match=rf"set: No space left on device; {whole} complete frames"
+    ) as e:
         capture(robot(), LOOKS, folder)
     assert "\n" not in str(e.value)
     left = sorted(path.name for path in folder.glob("*/*.png"))
@@ -187,7 +189,7 @@ def test_frames_are_given_up_until_their_list_fits(
         write(path, content)
 
     monkeypatch.setattr(module, "write_atomic", refusing)
-    with pytest.raises(OSError, match="1 whole frames are kept"):
+    with pytest.raises(OSError, match="1 complete frames are kept"):
         capture(robot(), LOOKS, tmp_path / "set")
     assert len(read(tmp_path / "set")[1]) == 1
     assert len(list((tmp_path / "set").glob("*/*.png"))) == 3
@@ -223,29 +225,32 @@ def bedroom() -> Home:
 
 
 def test_exploring_ends_when_all_is_seen(bedroom: Home) -> None:
-    looks, share = explore(bedroom, 1000)
-    assert COMPLETE_SHARE <= share <= 1
-    assert 30 < len(looks) < 500
+    viewpoints, share = explore(bedroom, 1000)
+    assert COMPLETE_FRACTION <= share <= 1
+    assert 30 < len(viewpoints) < 500
     few, less = explore(bedroom, 20)
     assert len(few) == 20
     assert 0.2 < less < share
-    poses = {(look.x, look.y, look.yaw_deg, look.horizon_deg) for look in looks}
-    assert len(poses) == len(looks)
+    poses = {
+        (viewpoint.x, viewpoint.y, viewpoint.yaw_deg, viewpoint.horizon_deg)
+        for viewpoint in viewpoints
+    }
+    assert len(poses) == len(viewpoints)
 
 
 def test_few_views_see_most_objects(bedroom: Home) -> None:
     """The first views are worth more than views at random."""
     robot = Controller(bedroom, width=64, height=48)
     seen: set[str] = set()
-    for look in explore(bedroom, 40)[0]:
-        x, y = look.x, look.y
+    for viewpoint in explore(bedroom, 40)[0]:
+        x, y = viewpoint.x, viewpoint.y
         event = robot.step(
             "Teleport",
             position={"x": x, "y": y},
-            rotation=look.yaw_deg,
-            horizon=look.horizon_deg,
+            rotation=viewpoint.yaw_deg,
+            horizon=viewpoint.horizon_deg,
         )
         assert event.metadata["lastActionSuccess"]
         seen |= set(event.instance_masks)
-    movable = {thing.id for thing in bedroom.objects if thing.movable}
+    movable = {obj.id for obj in bedroom.objects if obj.movable}
     assert len(seen & movable) >= 0.8 * len(movable)

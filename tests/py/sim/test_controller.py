@@ -10,7 +10,7 @@ from gslts.core.robot import Robot
 from gslts.core.se3 import pose_distance
 from gslts_sim import make_home
 from gslts_sim.controller import Controller
-from gslts_sim.robot_body import BODY_RADIUS_M, CAMERA_HEIGHT_M
+from gslts_sim.robot_body import BODY, CAMERA_HEIGHT_M
 
 
 @pytest.fixture
@@ -50,7 +50,7 @@ def test_walls_and_things_stop_the_robot(controller: Controller) -> None:
     assert go(controller, "Teleport", position={"x": 1.5, "y": 2.0})
     assert not go(controller, "MoveAhead", moveMagnitude=0.5)  # Into the block.
     assert place(controller)[:2] == (1.5, 2.0)
-    assert "MoveAhead: the way of 0.5 m is blocked" in str(
+    assert "MoveAhead: the path of 0.5 m is blocked" in str(
         controller.last_event.metadata["errorMessage"]
     )
     assert not go(controller, "MoveAhead", moveMagnitude=2.5)  # Through it.
@@ -67,8 +67,8 @@ def test_reachable_positions_are_those_of_the_free_floor(controller: Controller)
     outside = np.maximum(np.abs(places - (2.6, 1.9)) - (0.6, 0.4), 0)
     gap = np.linalg.norm(outside, axis=1)
     to_wall = np.minimum(places, (5, 4) - places).min(axis=1)
-    assert gap.min() >= BODY_RADIUS_M - 0.05
-    assert to_wall.min() >= BODY_RADIUS_M - 0.05
+    assert gap.min() >= BODY.radius_m - 0.05
+    assert to_wall.min() >= BODY.radius_m - 0.05
     # The grid has 19 x 15 points inside the walls; the block and its margin take 7 x 5 at most.
     assert 19 * 15 - 7 * 5 <= len(places) <= 19 * 15 - 4 * 3
     assert all(go(controller, "Teleport", position=p) for p in result[:: len(result) // 5])
@@ -105,7 +105,7 @@ def test_an_event_shows_and_names_what_is_seen(controller: Controller) -> None:
     assert {event.color_to_object_id[color] for color in kinds} == {"Block", "Wall"}
     assert set(event.instance_masks) == {"Block|1", "Wall|1"}
     assert event.instance_masks["Block|1"][24, 32]
-    by_id = {thing["objectId"]: thing for thing in event.metadata["objects"]}
+    by_id = {obj["objectId"]: obj for obj in event.metadata["objects"]}
     block = by_id["Block|1"]
     assert block["objectType"] == "Block"
     assert block["visible"]
@@ -114,7 +114,7 @@ def test_an_event_shows_and_names_what_is_seen(controller: Controller) -> None:
     )
     assert block["axisAlignedBoundingBox"]["size"] == pytest.approx({"x": 1.2, "y": 0.8, "z": 0.75})
     away = controller.step("Teleport", rotation=180.0, horizon=0.0)
-    by_id = {thing["objectId"]: thing for thing in away.metadata["objects"]}
+    by_id = {obj["objectId"]: obj for obj in away.metadata["objects"]}
     assert not by_id["Block|1"]["visible"]
     assert by_id["Wall|1"]["visible"]
 

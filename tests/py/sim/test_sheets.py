@@ -115,7 +115,7 @@ def test_sheet_of_a_picture_without_depth(tmp_path):
 def test_names_are_no_formulas(tmp_path, monkeypatch):
     home = sim_scenes.furnished_home()
     mug = replace(home["Mug|1"], id=MATH)
-    rest = tuple(thing for thing in home.objects if thing.id != "Mug|1")
+    rest = tuple(obj for obj in home.objects if obj.id != "Mug|1")
     rooms = tuple(Room(MATH, room.box) for room in home.rooms)
     home = replace(home, name=MATH, objects=(*rest, mug), rooms=(*rooms, *rooms))
     found = texts(home, tmp_path / "math.png", monkeypatch)

@@ -17,13 +17,13 @@ from gslts_bench.detection.cases import Case, HomeCases, counts_of, take_frame
 from gslts_bench.detection.visits import LIGHT_SHIFT_M, move_light, visit_noise
 from gslts_bench.homes import BenchHome, HomeSetup, default_state, homes_of
 from gslts_sim.actions import SceneState
-from gslts_sim.change_sampler import FIRST_VIEW_FRACTION
 from gslts_sim.controller import Controller
 from gslts_sim.home_source import HomeSource
 from gslts_sim.raycast import RayCaster
 from gslts_sim.robot_body import robot_camera
 from gslts_sim.sensor import NOISE_PRESETS, Sensor
 from gslts_sim.task import Task
+from gslts_sim.task_viewpoints import FIRST_VIEW_FRACTION
 
 SETTINGS = ("--set", "iterations=40", "--set", "rough_epochs=0", "--set", "voxel_m=0.1")
 SMALL = ("--room", "kitchen", "--seeds", "3:4", "--tasks", "6", "--size", "160x120")

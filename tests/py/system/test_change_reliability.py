@@ -84,8 +84,8 @@ SPOILED: dict[str, tuple[Spoil, str]] = {
         "blurred",
     ),
     "smeared": (lambda one: with_rgb(one, smeared(one.rgb, 25)), "blurred"),
-    "outside": (lambda one: shifted(one, 20, 0, 0), "the map fills"),
-    "below": (lambda one: shifted(one, 0, 0, -4), "the map fills"),
+    "outside": (lambda one: shifted(one, 20, 0, 0), "the map covers"),
+    "below": (lambda one: shifted(one, 0, 0, -4), "the map covers"),
     "fx 40 % too large": (lambda one: with_focal(one, 1.4, 1), ""),
     "fx 40 % too small": (lambda one: with_focal(one, 0.6, 1), ""),
     "f 40 % too large": (lambda one: with_focal(one, 1.4, 1.4), ""),
@@ -112,9 +112,9 @@ def test_a_frame_that_tells_nothing_is_unreliable(how: str, view: str, noise: st
     assert detection.unreliable is not None
     assert re.search(reason, detection.unreliable)
     assert detection.changes == ()
-    assert detection.render is None
-    assert detection.combined is None
-    assert detection.photo.shape == (120, 160, 3)
+    assert detection.rendered_rgb is None
+    assert detection.combined_mask is None
+    assert detection.observed_rgb.shape == (120, 160, 3)
 
 
 @pytest.mark.parametrize("noise", ["none", "kinect"])

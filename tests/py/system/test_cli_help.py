@@ -121,7 +121,7 @@ def taught(tmp_path_factory: pytest.TempPathFactory) -> Path:
         source="oracle",
         dataset="made up",
         levels=1,
-        code=8,
+        code_dims=8,
         names=names,
         autoencoder=write_autoencoder(autoencoder, folder),
     )

@@ -57,7 +57,7 @@ def test_what_has_moved_is_found_on_the_map_as_it_is_now(folder: Path) -> None:
         assert keeper.version.number > 1
     assert journey.status == "reached", journey.reason
     low, high = update_room.ADDED
-    boxes = [one.middle for one in navigator.queries.find("box")]
+    boxes = [one.center for one in navigator.queries.find("box")]
     assert any(((box > low) & (box < high)).all() for box in boxes)
 
 

@@ -25,7 +25,8 @@ from gslts.core.se3 import pose_distance, rotation
 from gslts.keeper import keeper as keeper_module
 from gslts.keeper.coverage import go_to
 from gslts.keeper.keeper import MapKeeper
-from gslts.localization.localizer import NEAR_M, Localizer, in_world
+from gslts.localization.constants import TRACKING_M
+from gslts.localization.localizer import Localizer, in_world
 from gslts.localization.relocalizer import Localization, Relocalizer
 from gslts.robots.localized import LocalizedRobot
 from gslts.robots.recorded import RecordedRobot
@@ -63,16 +64,16 @@ def detected(frame: RgbdFrame) -> Detection:
 class Scripted:
     """Finds what it is told, and notes how it was asked."""
 
-    def __init__(self, tracked: Localization, located: Localization) -> None:
-        self.tracked, self.located, self.asked = tracked, located, []
+    def __init__(self, tracked: Localization, localized: Localization) -> None:
+        self.tracked, self.localized, self.asked = tracked, localized, []
 
     def track(self, _: RgbdFrame, world_from_camera: np.ndarray) -> Localization:
         self.asked.append(world_from_camera)
         return self.tracked
 
-    def locate(self, _: RgbdFrame) -> Localization:
+    def localize(self, _: RgbdFrame) -> Localization:
         self.asked.append(None)
-        return self.located
+        return self.localized
 
 
 LOST = Localization("lost", "no luck")
@@ -98,7 +99,7 @@ def at(x: float) -> RgbdFrame:
 def test_a_frame_is_found_whatever_its_pose_says(look: object) -> None:
     true = see(change_room.home(), look, "kinect")
     localizer = adrift.localizer()
-    found = localizer.located(afar(true))
+    found = localizer.localize_frame(afar(true))
     assert found.fault is None
     assert_there(found, true)
     assert found.depth is true.depth
@@ -121,7 +122,7 @@ def test_poses_written_with_few_digits_stay_rigid_one_after_the_other() -> None:
 def test_depth_of_a_lens_of_its_own_comes_along() -> None:
     frame = see(change_room.home(), LOOKS[0])
     beside = at_pose(frame.camera, frame.camera.world_from_camera @ shifted(0.03))
-    found = adrift.localizer().located(afar(replace(frame, depth_camera=beside)))
+    found = adrift.localizer().localize_frame(afar(replace(frame, depth_camera=beside)))
     color, depth = found.camera.world_from_camera, found.depth_camera.world_from_camera
     np.testing.assert_allclose(np.linalg.inv(color) @ depth, shifted(0.03), atol=1e-9)
 
@@ -130,10 +131,10 @@ def test_depth_of_a_lens_of_its_own_comes_along() -> None:
 def test_a_robot_that_was_found_is_tracked_by_its_odometry() -> None:
     """Also over ways on which the picture alone would not be found again so."""
     localizer = adrift.localizer()
-    first = localizer.locate(afar(see(change_room.home(), LOOKS[0])))
+    first = localizer.localize(afar(see(change_room.home(), LOOKS[0])))
     assert first.inliers > 0
     true = see(change_room.home(), LOOKS[1])
-    tracked = localizer.locate(afar(true))
+    tracked = localizer.localize(afar(true))
     assert (tracked.status, tracked.inliers) == ("ok", 0)
     metres, _ = pose_distance(tracked.world_from_camera, true.camera.world_from_camera)
     assert metres < WELL_M
@@ -142,10 +143,10 @@ def test_a_robot_that_was_found_is_tracked_by_its_odometry() -> None:
 def test_a_robot_that_was_carried_away_is_found_again() -> None:
     localizer = adrift.localizer()
     here, there = (see(change_room.home(), look) for look in LOOKS[:2])
-    localizer.locate(afar(here))
+    localizer.localize(afar(here))
     # The odometry has not noticed.
     carried = replace(there, camera=afar(here).camera)
-    found = localizer.locate(carried)
+    found = localizer.localize(carried)
     assert (found.status, found.inliers > 0) == ("ok", True)
     metres, turn_rad = pose_distance(found.world_from_camera, there.camera.world_from_camera)
     assert metres < WELL_M
@@ -156,9 +157,9 @@ def test_tracking_starts_where_the_odometry_leads() -> None:
     relocalizer = Scripted(ok(shifted(5.02)), ok(shifted(4.0)))
     localizer = Localizer(relocalizer)
     assert localizer.world_from_odometry is None
-    localizer.locate(at(1.0))
+    localizer.localize(at(1.0))
     np.testing.assert_allclose(localizer.world_from_odometry, shifted(3.0))
-    found = localizer.located(at(2.0))
+    found = localizer.localize_frame(at(2.0))
     first, second = relocalizer.asked
     assert first is None
     np.testing.assert_allclose(second, shifted(5.0))
@@ -170,14 +171,14 @@ def test_tracking_starts_where_the_odometry_leads() -> None:
     "tracked",
     [
         LOST,
-        ok(shifted(5.0 + 1.1 * NEAR_M)),
+        ok(shifted(5.0 + 1.1 * TRACKING_M)),
     ],
 )
 def test_what_is_not_there_is_looked_for_from_nothing(tracked: Localization) -> None:
     relocalizer = Scripted(tracked, ok(shifted(4.0)))
     localizer = Localizer(relocalizer)
-    localizer.locate(at(1.0))
-    assert localizer.locate(at(2.0)) is relocalizer.located
+    localizer.localize(at(1.0))
+    assert localizer.localize(at(2.0)) is relocalizer.localized
     assert [one is None for one in relocalizer.asked] == [True, False, True]
     np.testing.assert_allclose(localizer.world_from_odometry, shifted(2.0))
 
@@ -191,12 +192,12 @@ def test_what_is_uncertain_is_where_the_odometry_leads_and_has_a_fault(
 ) -> None:
     relocalizer = Scripted(LOST, unsure)
     localizer = Localizer(relocalizer)
-    unknown = localizer.located(at(1.0))
+    unknown = localizer.localize_frame(at(1.0))
     np.testing.assert_array_equal(unknown.camera.world_from_camera, shifted(1.0))
-    relocalizer.located = ok(shifted(4.0))
-    assert localizer.located(at(1.0)).fault is None
-    relocalizer.located = unsure
-    expected = localizer.located(at(2.0))
+    relocalizer.localized = ok(shifted(4.0))
+    assert localizer.localize_frame(at(1.0)).fault is None
+    relocalizer.localized = unsure
+    expected = localizer.localize_frame(at(2.0))
     np.testing.assert_allclose(expected.camera.world_from_camera, shifted(5.0))
     np.testing.assert_allclose(localizer.world_from_odometry, shifted(3.0))
     for one in (unknown, expected):
@@ -207,7 +208,7 @@ def test_what_is_uncertain_is_where_the_odometry_leads_and_has_a_fault(
 
 @pytest.mark.parametrize("spoilt", [lambda: black(see(change_room.home(), LOOKS[0])), elsewhere])
 def test_nothing_is_concluded_from_a_frame_that_is_lost(spoilt: Callable[[], RgbdFrame]) -> None:
-    found = adrift.localizer().located(spoilt())
+    found = adrift.localizer().localize_frame(spoilt())
     assert found.fault.startswith("lost: ")
     detection = detected(found)
     assert detection.unreliable == found.fault
@@ -220,7 +221,7 @@ def test_changes_are_detected_as_with_true_poses(kind: update_room.Kind) -> None
     for look in LOOKS:
         true = see(update_room.changed_home(kind), look)
         assert detected(afar(true)).unreliable is not None
-        expected, found = detected(true), detected(localizer.located(afar(true)))
+        expected, found = detected(true), detected(localizer.localize_frame(afar(true)))
         assert found.unreliable is None
         assert [one.kind for one in found.changes] == [one.kind for one in expected.changes]
         for one, other in zip(found.changes, expected.changes, strict=True):
@@ -230,22 +231,22 @@ def test_changes_are_detected_as_with_true_poses(kind: update_room.Kind) -> None
 def test_a_black_picture_without_depth_is_not_tracked() -> None:
     localizer = adrift.localizer()
     frame = afar(see(change_room.home(), LOOKS[0]))
-    assert localizer.locate(frame).status == "ok"
+    assert localizer.localize(frame).status == "ok"
     nothing = replace(black(frame), depth=np.zeros_like(frame.depth))
-    assert localizer.locate(nothing).status == "lost"
+    assert localizer.localize(nothing).status == "lost"
 
 
 def test_a_watch_looks_where_frames_were_taken() -> None:
     changed = [see(update_room.changed_home("removal"), look) for look in (*LOOKS, *LOOKS)]
     config = MonitorConfig(rate_hz=1e6, queue=9)
-    located = adrift.localizer().located
-    with ChangeMonitor(change_room.detector(), config, locate=located) as monitor:
+    localize_frame = adrift.localizer().localize_frame
+    with ChangeMonitor(change_room.detector(), config, localize=localize_frame) as monitor:
         for frame in (afar(changed[0]), black(changed[0]), elsewhere(), *map(afar, changed[1:])):
             monitor.offer(frame)
         assert monitor.wait(LONG_S)
         (report,) = monitor.poll()
     assert report.change.kind == "removal"
-    assert (monitor.counts.looked_at, monitor.counts.unreliable) == (8, 2)
+    assert (monitor.counts.processed, monitor.counts.unreliable) == (8, 2)
 
 
 @pytest.mark.parametrize("far", [(0, 0, 0), (412_345.25, 5_432_109.5, 300)])
@@ -312,7 +313,7 @@ def test_a_robot_whose_odometry_is_off_keeps_a_map_up_to_date(
         return Relocalizer(gaussian_map, *rest)
 
     monkeypatch.setattr(keeper_module, "Relocalizer", noted)
-    with MapKeeper(folder, replace(LOOP, locate=adrift.CONFIG)) as keeper:
+    with MapKeeper(folder, replace(LOOP, localize=adrift.CONFIG)) as keeper:
         keeper.go_round(robot)
         assert keeper.version.number > 1
         versions = keeper.version.number
@@ -330,7 +331,7 @@ def test_a_robot_whose_odometry_is_off_keeps_a_map_up_to_date(
 
 def test_a_robot_in_another_home_changes_nothing(tmp_path: Path) -> None:
     folder = adrift.write_room_map(tmp_path / "map")
-    with MapKeeper(folder, replace(LOOP, stops=3, locate=adrift.CONFIG)) as keeper:
+    with MapKeeper(folder, replace(LOOP, stops=3, localize=adrift.CONFIG)) as keeper:
         keeper.go_round(Controller(sim_scenes.simple_home(), **SIZE))
         assert keeper.version.number == 1
         assert keeper.state.deferred == ()
@@ -339,7 +340,7 @@ def test_a_robot_in_another_home_changes_nothing(tmp_path: Path) -> None:
 def test_where_a_map_has_no_landmarks_is_said_before_a_round(tmp_path: Path) -> None:
     change_room.write_room_map(tmp_path / "map")
     with pytest.raises(ValueError, match="map: it has no landmarks; gslts map makes maps that do"):
-        MapKeeper(tmp_path / "map", replace(LOOP, locate=adrift.CONFIG))
+        MapKeeper(tmp_path / "map", replace(LOOP, localize=adrift.CONFIG))
 
 
 def test_poses_are_apart_by_metres_and_radians() -> None:

@@ -12,7 +12,7 @@ from update_room import LOOP as CONFIG
 from update_room import Changing
 
 from gslts.change.changes import Change
-from gslts.change.visibility import SeenSpace
+from gslts.change.visibility import Visibility
 from gslts.core.camera import Camera, at_pose, look_at
 from gslts.core.robot import Robot
 from gslts.keeper import coverage as rounds
@@ -39,26 +39,21 @@ def robot_of(kind: update_room.Kind) -> Controller:
 
 
 def change_at(x: float, y: float, confidence: float) -> Change:
-    """A removal of what was at a place of the floor."""
+    """Return the removal of an object at a position on the floor."""
     found = update_room.detected("removal")
-    before = found.before
-    assert before is not None
-
-    way = np.array([x - 2.2, y - 1.85, 0])
-
-    class Moved:
-        low, high = before.low + way, before.high + way
-
-    point = (Moved.low + Moved.high) / 2
-    return replace(found, confidence=confidence, point=point, before=Moved())  # type: ignore[arg-type]
+    box = found.boxes[0]
+    assert box is not None
+    offset = np.array([x - 2.2, y - 1.85, 0])
+    low, high = box[0] + offset, box[1] + offset
+    return replace(found, confidence=confidence, point=(low + high) / 2, boxes=((low, high), None))
 
 
 def test_a_round_shows_nearly_all_that_can_be_seen() -> None:
     gaussian_map, cameras = change_room.mapped()
     stops = stops_of(gaussian_map, cameras, 100)
     points = gaussian_map.means[::7]
-    seen = SeenSpace(gaussian_map, cameras.values()).shown(points, rounds.FARTHEST_M)
-    on_the_way = SeenSpace(gaussian_map, [cameras[name] for name in stops]).shown(
+    seen = Visibility(gaussian_map, cameras.values()).visible(points, rounds.FARTHEST_M)
+    on_the_way = Visibility(gaussian_map, [cameras[name] for name in stops]).visible(
         points, rounds.FARTHEST_M
     )
     assert on_the_way.any(axis=0).sum() > 0.9 * seen.any(axis=0).sum()

@@ -8,7 +8,7 @@ import update_room
 
 from gslts.core.frame import Labels, RgbdFrame
 from gslts.store.records import Event
-from gslts.update.object_types import UNKNOWN, type_of
+from gslts.update.object_types import UNKNOWN, object_type
 
 BOX = [corner.tolist() for corner in update_room.REMOVED]
 
@@ -26,8 +26,8 @@ def views_with(types: dict[str, str]) -> list:
 
 def test_what_is_new_is_called_what_frames_show() -> None:
     change = update_room.detected("addition")
-    assert type_of(change, update_room.collected("addition").views, []) == "Box"
-    assert type_of(change, views_with({"Box": "Mug"}), []) == "Mug"
+    assert object_type(change, update_room.collected("addition").views, []) == "Box"
+    assert object_type(change, views_with({"Box": "Mug"}), []) == "Mug"
 
 
 def test_what_is_gone_is_called_what_came_there_last() -> None:
@@ -37,11 +37,11 @@ def test_what_is_gone_is_called_what_came_there_last() -> None:
         Event(version=number, kind="addition", type=name, boxes=(None, box))
         for number, (name, box) in enumerate([("Mug", BOX), ("Cup", BOX), ("Pot", far)], start=2)
     )
-    assert type_of(change, views, []) == UNKNOWN
-    assert type_of(change, views, [mug, cup, pot]) == "Cup"
-    assert type_of(change, views, [pot]) == UNKNOWN
+    assert object_type(change, views, []) == UNKNOWN
+    assert object_type(change, views, [mug, cup, pot]) == "Cup"
+    assert object_type(change, views, [pot]) == UNKNOWN
     unknown = cup.model_copy(update={"type": UNKNOWN})
-    assert type_of(change, views, [mug, unknown]) == "Mug"
+    assert object_type(change, views, [mug, unknown]) == "Mug"
 
 
 def test_nobody_knows_without_labels() -> None:
@@ -50,7 +50,7 @@ def test_nobody_knows_without_labels() -> None:
         replace(view, frame=replace(view.frame, labels=None))
         for view in update_room.collected("addition").views
     ]
-    assert type_of(change, views, []) == UNKNOWN
+    assert object_type(change, views, []) == UNKNOWN
 
 
 @pytest.mark.parametrize(

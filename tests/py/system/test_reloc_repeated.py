@@ -11,7 +11,7 @@ from gslts.core.camera import at_pose
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.se3 import pose_distance
 from gslts.localization.config import RelocalizationConfig
-from gslts.localization.landmarks import landmarks_of
+from gslts.localization.landmark_extraction import extract_landmarks
 from gslts.localization.relocalizer import Localization, Relocalizer
 from gslts_sim.explore import explore
 from gslts_sim.home import Home, HomeObject
@@ -54,7 +54,7 @@ def room_with_chairs() -> Home:
 def relocalizer_of(home: Home) -> Relocalizer:
     looks = explore(home, 48)[0]
     gaussian_map: GaussianMap = change_room.map_of(home, looks)[0]
-    landmarks = landmarks_of(
+    landmarks = extract_landmarks(
         gaussian_map, [change_room.see(home, look) for look in looks[::2]], threads=1
     )
     return Relocalizer(gaussian_map, landmarks, RelocalizationConfig(threads=1))
@@ -76,7 +76,7 @@ def test_no_place_is_taken_for_another_that_looks_the_same(make) -> None:  # typ
         look = Viewpoint.at(place, float(rng.uniform(0, 360)), float(rng.uniform(-20, 40)))
         true = change_room.see(home, look).camera.world_from_camera
         frame = change_room.see(home, look, "kinect", seed)
-        found = relocalizer.locate(replace(frame, camera=at_pose(frame.camera, np.eye(4))))
+        found = relocalizer.localize(replace(frame, camera=at_pose(frame.camera, np.eye(4))))
         if found.status == "ok":
             assert off_m(found, true) < ELSEWHERE_M, f"look {seed}"
             right += 1

@@ -17,8 +17,9 @@ from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.se3 import se3_retract, twist_of
 from gslts.localization.config import RelocalizationConfig
-from gslts.localization.landmarks import Landmarks, joined, landmarks_of
-from gslts.localization.pose_quality import fault_of_corners
+from gslts.localization.landmark_extraction import extract_landmarks
+from gslts.localization.landmarks import Landmarks, concatenate
+from gslts.localization.pose_quality import inlier_fault
 from gslts.localization.relocalizer import Localization, Relocalizer
 from gslts_sim.controller import Controller
 
@@ -59,7 +60,7 @@ def without_pose(frame: RgbdFrame) -> RgbdFrame:
 def test_views_are_located_from_nothing() -> None:
     errors = []
     for frame in views():
-        result = relocalizer().locate(without_pose(frame))
+        result = relocalizer().localize(without_pose(frame))
         assert result.status == "ok", result.reason
         assert result.inliers >= 10
         assert result.fit is not None
@@ -74,7 +75,7 @@ def test_views_are_located_from_nothing() -> None:
 def test_covariance_is_that_of_the_errors() -> None:
     squares = []
     for frame in views():
-        result = relocalizer().locate(frame)
+        result = relocalizer().localize(frame)
         assert result.world_from_camera is not None
         assert result.covariance is not None
         np.testing.assert_allclose(result.covariance, result.covariance.T, rtol=1e-6)
@@ -86,9 +87,9 @@ def test_covariance_is_that_of_the_errors() -> None:
 
 def test_the_pose_of_the_frame_does_not_count() -> None:
     frame = views()[0]
-    one = relocalizer().locate(without_pose(frame))
+    one = relocalizer().localize(without_pose(frame))
     elsewhere = se3_retract(frame.camera.world_from_camera, np.full(6, 0.5))
-    other = relocalizer().locate(replace(frame, camera=at_pose(frame.camera, elsewhere)))
+    other = relocalizer().localize(replace(frame, camera=at_pose(frame.camera, elsewhere)))
     np.testing.assert_array_equal(one.world_from_camera, other.world_from_camera)
 
 
@@ -101,11 +102,11 @@ def test_far_from_the_origin_of_the_world_poses_are_as_good() -> None:
         return replace(frame, camera=at_pose(frame.camera, pose))
 
     gaussian_map = replace(change_room.mapped()[0], origin=far)
-    landmarks = landmarks_of(gaussian_map, map(carried, mapped_frames()), threads=1)
+    landmarks = extract_landmarks(gaussian_map, map(carried, mapped_frames()), threads=1)
     np.testing.assert_allclose(landmarks.positions, found().positions, atol=1e-4)
     there = Relocalizer(gaussian_map, landmarks, ONE_THREAD)
     for frame in views()[:3]:
-        result, near = there.locate(without_pose(frame)), relocalizer().locate(frame)
+        result, near = there.localize(without_pose(frame)), relocalizer().localize(frame)
         assert result.status == near.status == "ok"
         assert abs(off(result, carried(frame))[0] - off(near, frame)[0]) < 1e-3
         assert result.coarse is not None
@@ -116,14 +117,14 @@ def test_far_from_the_origin_of_the_world_poses_are_as_good() -> None:
 def test_any_number_of_threads_gives_the_same_pose() -> None:
     gaussian_map = change_room.mapped()[0]
     two = Relocalizer(gaussian_map, found(), RelocalizationConfig(threads=2))
-    one, other = relocalizer().locate(views()[1]), two.locate(views()[1])
+    one, other = relocalizer().localize(views()[1]), two.localize(views()[1])
     np.testing.assert_array_equal(one.world_from_camera, other.world_from_camera)
     np.testing.assert_array_equal(one.covariance, other.covariance)
 
 
 def test_colours_alone_are_enough() -> None:
     frame = replace(views()[0], depth=np.zeros_like(views()[0].depth))
-    result = relocalizer().locate(frame)
+    result = relocalizer().localize(frame)
     assert result.status == "ok", result.reason
     assert off(result, frame)[0] < 0.05
 
@@ -163,7 +164,7 @@ def test_a_blank_picture_without_depth_cannot_be_tracked(level: int) -> None:
     blank = replace(frame, rgb=np.full_like(frame.rgb, level), depth=np.zeros_like(frame.depth))
     result = relocalizer().track(blank, frame.camera.world_from_camera)
     assert result.status == "lost"
-    assert "leaves open where it is" in result.reason
+    assert "does not determine the pose" in result.reason
 
 
 @pytest.mark.parametrize("kind", ["removal", "addition", "relocation"])
@@ -171,7 +172,7 @@ def test_what_changed_since_does_not_matter(kind: update_room.Kind) -> None:
     home = update_room.changed_home(kind)
     for look in change_room.LOOKS:
         frame = change_room.see(home, look)
-        result = relocalizer().locate(without_pose(frame))
+        result = relocalizer().localize(without_pose(frame))
         assert result.status == "ok", result.reason
         assert off(result, frame)[0] < 0.03
 
@@ -195,7 +196,7 @@ def textureless(frame: RgbdFrame) -> RgbdFrame:
 
 @pytest.mark.parametrize("harmed", [black, saturated, noise, textureless])
 def test_what_shows_nothing_of_the_map_is_lost(harmed) -> None:  # type: ignore[no-untyped-def]
-    result = relocalizer().locate(harmed(views()[0]))
+    result = relocalizer().localize(harmed(views()[0]))
     assert result.status == "lost"
     assert result.reason
     assert result.world_from_camera is None
@@ -207,7 +208,7 @@ def test_a_large_picture_is_found_by_blocks_of_it() -> None:
     for look in looks_all_around("change_room", change_room.home(), 3):
         robot.go(look)
         frame = robot.observe()
-        result = relocalizer().locate(without_pose(frame))
+        result = relocalizer().localize(without_pose(frame))
         assert result.status == "ok", result.reason
         assert off(result, frame)[0] < 0.02
         twist = np.array([0.03, -0.03, 0.02, 0.02, -0.02, 0.01])
@@ -221,7 +222,7 @@ def test_a_blurred_picture_is_found_or_lost_but_never_elsewhere() -> None:
     found = []
     for frame in views():
         rgb = cv2.GaussianBlur(frame.rgb, (0, 0), 2.0)  # Of 160 columns: a smear of 8 at 640.
-        result = relocalizer().locate(replace(frame, rgb=rgb))
+        result = relocalizer().localize(replace(frame, rgb=rgb))
         if result.world_from_camera is not None:
             found.append(off(result, frame)[0])
     assert found
@@ -233,7 +234,7 @@ def test_depth_that_saturates_is_no_error() -> None:
     frame = views()[0]
     depth = frame.depth.copy()
     depth[:, : depth.shape[1] // 3] = 65.535
-    result = relocalizer().locate(replace(frame, depth=depth))
+    result = relocalizer().localize(replace(frame, depth=depth))
     assert result.status == "ok", result.reason
     assert off(result, frame)[0] < 0.05
 
@@ -250,15 +251,15 @@ def test_wrong_intrinsics_are_not_ok() -> None:
         height=camera.height,
         world_from_camera=camera.world_from_camera,
     )
-    assert relocalizer().locate(replace(frame, camera=wrong)).status == "lost"
+    assert relocalizer().localize(replace(frame, camera=wrong)).status == "lost"
 
 
 def test_two_rooms_that_look_the_same_are_ambiguous() -> None:
     """A second copy of the room, some metres away and turned."""
     gaussian_map, landmarks = change_room.mapped()[0], found()
     twice = doubled(gaussian_map)
-    both = joined([landmarks, carried(landmarks)])
-    result = Relocalizer(twice, both, ONE_THREAD).locate(views()[0])
+    both = concatenate([landmarks, carried(landmarks)])
+    result = Relocalizer(twice, both, ONE_THREAD).localize(views()[0])
     assert result.status == "ambiguous"
     assert len(result.others) >= 1
     places = [result.world_from_camera, *result.others]
@@ -297,9 +298,9 @@ def carried(landmarks: Landmarks) -> Landmarks:
     )
 
 
-def test_a_map_without_landmarks_tracks_and_says_why_it_does_not_locate() -> None:
+def test_a_map_without_landmarks_tracks_and_says_why_it_does_not_localize() -> None:
     bare = Relocalizer(change_room.mapped()[0], None, ONE_THREAD)
-    result = bare.locate(views()[0])
+    result = bare.localize(views()[0])
     assert result.status == "lost"
     assert "no landmarks" in result.reason
     assert bare.track(views()[0], views()[0].camera.world_from_camera).status == "ok"
@@ -330,8 +331,8 @@ class FitOf:
 
 
 @pytest.mark.parametrize(("alike", "enough"), [(0.96, 10), (0.9, 20), (0.72, 30)])
-def test_the_worse_a_pose_fits_the_more_corners_it_needs(alike: float, enough: int) -> None:
+def test_the_worse_a_pose_fits_the_more_keypoints_it_needs(alike: float, enough: int) -> None:
     fit = FitOf(alike)
-    assert fault_of_corners(enough, fit, True) is None  # type: ignore[arg-type]
-    told = fault_of_corners(enough - 1, fit, True)  # type: ignore[arg-type]
-    assert told == f"only {enough - 1} corners support the best pose"
+    assert inlier_fault(enough, fit, True) is None  # type: ignore[arg-type]
+    told = inlier_fault(enough - 1, fit, True)  # type: ignore[arg-type]
+    assert told == f"only {enough - 1} keypoints support the best pose"

@@ -52,7 +52,7 @@ def paths(tmp_path_factory: pytest.TempPathFactory) -> Paths:
     call("map", visit, "--iterations", 200, *preset, "--out", made)
     arguments = (made, visit, "--seconds", "2,1", "--rounds", 1, *preset, "--out", out)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tradeoff_mapping, "LEAST_STEPS", STEPS)
+        patch.setattr(tradeoff_mapping, "MIN_STEPS", STEPS)
         make_mapping_tick(patch, 0.02)
         return Paths(visit, made, out, call("tradeoff", *arguments).output)
 
@@ -128,8 +128,8 @@ def test_a_plain_file_is_judged_without_neighbours(
     paths: Paths, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     make_mapping_tick(monkeypatch, 0.02)
-    monkeypatch.setattr(tradeoff_mapping, "LEAST_STEPS", 5)
-    monkeypatch.setattr(tradeoff_mapping, "LEAST_VISITS", 0)
+    monkeypatch.setattr(tradeoff_mapping, "MIN_STEPS", 5)
+    monkeypatch.setattr(tradeoff_mapping, "MIN_VISITS", 0)
     write_ply(read_map(paths.map), tmp_path / "any.ply")
     common = ("--seconds", 1, "--rounds", 1, "--preset", "fast", "--out", tmp_path / "out")
     call("tradeoff", tmp_path / "any.ply", paths.visit, *common)
@@ -212,7 +212,7 @@ def into_a_file(paths: Paths, folder: Path) -> list[str | Path]:
         (lambda p, _: [p.visit, p.visit], "manifest.json"),
         (into_a_full_folder, "is not empty"),
         (into_a_file, "File exists"),
-        (elsewhere, "far.ply: it fills 0 % of the frames of visit, they do not belong together"),
+        (elsewhere, "far.ply: it fills 0 % of the frames of visit; give the data set"),
     ],
 )
 def test_refusals(

@@ -6,6 +6,7 @@ from pathlib import Path
 import change_room
 import numpy as np
 import pytest
+import sim_scenes
 import update_room
 from command import gslts
 from PIL import Image
@@ -112,24 +113,32 @@ def test_a_picture_that_cannot_be_written_is_told(
     done = gslts("update", "map", "--frames", workplace / "visit", *given, cwd=tmp_path)
     assert done.returncode == 1
     assert done.stderr.splitlines()[-1].startswith(
-        f"gslts: map is version {number} now, but without a picture: "
+        f"gslts: map is version {number} now, but without an image: "
     )
     assert "map/updates" in done.stderr
     with open_map(tmp_path / "map") as store:
         assert store.version().number == number
 
 
-def test_where_nothing_changed_there_is_no_new_version(workplace: Path) -> None:
+def test_where_nothing_changed_the_map_stays_as_it_is(workplace: Path) -> None:
     with open_map(workplace / "map") as store:
-        before = store.version().number
+        before = store.versions()
     done = gslts("update", "map", "--frames", "same", cwd=workplace)
-    assert done.returncode == 1
-    assert done.stderr.splitlines()[-1] == ("gslts: map stays as it is: nothing changed")
+    assert (done.returncode, done.stdout) == (0, "map is unchanged: no change was detected\n")
     with open_map(workplace / "map") as store:
-        assert store.version().number == before
-        assert len(store.rejections()) == 1
+        assert store.versions() == before
+        assert store.rejections() == []
+
+
+def test_frames_of_another_place_are_rejected(workplace: Path) -> None:
+    elsewhere = sim_scenes.simple_home()
+    capture(update_room.robot_in(elsewhere), looks_at_the_change()[:3], workplace / "elsewhere")
+    done = gslts("update", "map", "--frames", "elsewhere", cwd=workplace)
+    assert done.returncode == 1
+    line = done.stderr.splitlines()[-1]
+    assert line.startswith("gslts: map is unchanged, the update was rejected: none of 3 frames can")
     printed = gslts("log", "map", cwd=workplace).stdout
-    assert "update rejected: nothing changed" in printed
+    assert "update rejected: none of 3 frames can be compared with the map" in printed
 
 
 @pytest.mark.parametrize(

@@ -70,7 +70,7 @@ std::array<double, kConfidenceFeatures> confidence_features(const Surface& surfa
 
 /// Returns how likely a surface belongs to an object that changed, 0 to 1.
 ///
-/// Logistic regression over surfaces found in simulated homes: benchmarks/README.md.
+/// Logistic regression over surfaces found in simulated homes: benchmarks/results/detection.md.
 double confidence(const Surface& surface);
 
 /// Computes the numbers that `match_score` weighs: the distance of the colour histograms

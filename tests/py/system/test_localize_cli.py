@@ -1,4 +1,4 @@
-"""The command `gslts locate` and the option --locate, as a user meets them."""
+"""The command `gslts localize` and the option --localize, as a user meets them."""
 
 import json
 import re
@@ -25,7 +25,7 @@ from gslts_sim.controller import Controller
 
 PLACE = r"\((-?[\d.]+), (-?[\d.]+), (-?[\d.]+)\) m"
 SIZES = r"([\d.]+) mm(?:, \+-| and) ([\d.]+) degrees"
-LOST = "lost: too few corners of the picture are in the map"
+LOST = "lost: too few keypoints of the image match the map"
 WELL_M = 0.06
 """How well such small pictures are found, at half their size."""
 FAST = ("--halvings", "0", "--threads", "1")
@@ -37,7 +37,7 @@ def visited(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     The last frame is black.
     """
-    folder = tmp_path_factory.mktemp("locate")
+    folder = tmp_path_factory.mktemp("localize")
     adrift.write_room_map(folder / "map")
     change_room.write_room_map(folder / "bare")
     write_ply(read_map(folder / "map"), folder / "map.ply")
@@ -87,10 +87,10 @@ def off_m(camera: object, place: object) -> float:
 
 @pytest.mark.smoke
 def test_a_picture_alone_is_found(visited: Path) -> None:
-    done = gslts("locate", "map", "visit/images/00000.png", "--threads", "1", cwd=visited)
+    done = gslts("localize", "map", "visit/images/00000.png", "--threads", "1", cwd=visited)
     assert done.returncode == 0, done.stderr
     (line,) = done.stdout.splitlines()
-    told = re.fullmatch(rf"00000: ok at {PLACE}, \+- {SIZES}, (\d+) corners, [\d.]+ s", line)
+    told = re.fullmatch(rf"00000: ok at {PLACE}, \+- {SIZES}, (\d+) keypoints, [\d.]+ s", line)
     assert told
     assert off_m(true_cameras(visited)[0], told.groups()[:3]) < WELL_M
     assert 1 <= float(told[4]) < 50
@@ -103,7 +103,7 @@ def test_a_picture_alone_is_found(visited: Path) -> None:
 def test_json_and_a_picture(visited: Path, tmp_path: Path, lens: tuple[str, ...]) -> None:
     picture = tmp_path / "pictures" / "beside.png"
     done = gslts(
-        *("locate", "map", "visit/images/00001.png", "--depth", "visit/depth/00001.png"),
+        *("localize", "map", "visit/images/00001.png", "--depth", "visit/depth/00001.png"),
         *(*lens, *FAST, "--json", "--picture", picture),
         cwd=visited,
     )
@@ -120,7 +120,7 @@ def test_json_and_a_picture(visited: Path, tmp_path: Path, lens: tuple[str, ...]
     assert told["inliers"] >= 12
     assert 0 < told["residual"] < 0.2
     assert told["others"] == []
-    assert told["off_m"] is told["off_rad"] is None
+    assert told["error_m"] is told["error_rad"] is None
     assert done.stderr.splitlines()[-1] == f"see {picture}"
     with Image.open(picture) as image:
         left, right = np.split(np.asarray(image, float), 2, axis=1)
@@ -131,7 +131,7 @@ def test_json_and_a_picture(visited: Path, tmp_path: Path, lens: tuple[str, ...]
 
 def test_where_a_picture_is_lost_is_an_answer(visited: Path, tmp_path: Path) -> None:
     picture = tmp_path / "beside.png"
-    arguments = ("locate", "map", "visit/images/00003.png", "--picture", picture)
+    arguments = ("localize", "map", "visit/images/00003.png", "--picture", picture)
     done = gslts(*arguments, cwd=visited)
     assert done.returncode == 0, done.stderr
     assert done.stdout == f"00003: {LOST}\n"
@@ -143,13 +143,13 @@ def test_where_a_picture_is_lost_is_an_answer(visited: Path, tmp_path: Path) -> 
 
 @pytest.mark.parametrize("track", [(), ("--track",)])
 def test_poses_of_a_data_set_do_not_count(visited: Path, track: tuple[str, ...]) -> None:
-    done = gslts("locate", "map", "adrift", *track, *FAST, cwd=visited)
+    done = gslts("localize", "map", "adrift", *track, *FAST, cwd=visited)
     assert done.returncode == 0, done.stderr
     *frames, lost, summary = done.stdout.splitlines()
     assert len(frames) == 3
     given = [one.camera for one in open_dataset(visited / "adrift").frames]
     for number, line in enumerate(frames):
-        told = re.search(rf"ok at {PLACE}.*; {SIZES} from the pose given", line)
+        told = re.search(rf"ok at {PLACE}.*; {SIZES} from the given pose", line)
         assert told
         true = true_cameras(visited)[number]
         place = told.groups()[:3]
@@ -158,17 +158,17 @@ def test_poses_of_a_data_set_do_not_count(visited: Path, track: tuple[str, ...])
         assert float(told[5]) == pytest.approx(10, abs=1)
     assert lost.startswith("00003: lost: ")
     assert re.fullmatch(
-        rf"3 of 4 frames ok, 0 ambiguous, 1 lost; medians: [\d.]+ s, {SIZES} from the poses given",
+        rf"3 of 4 frames ok, 0 ambiguous, 1 lost; medians: [\d.]+ s, {SIZES} from the given poses",
         summary,
     )
 
 
 def test_tracking_finds_a_frame_where_the_last_one_was(visited: Path, tmp_path: Path) -> None:
     capture(Controller(change_room.home(), **SIZE), [LOOKS[0]] * 3, tmp_path / "still")
-    done = gslts("locate", "map", tmp_path / "still", "--track", *FAST, cwd=visited)
+    done = gslts("localize", "map", tmp_path / "still", "--track", *FAST, cwd=visited)
     assert done.returncode == 0, done.stderr
     first, second, third, _ = done.stdout.splitlines()
-    assert "corners" in first
+    assert "keypoints" in first
     assert ", tracked, " in second
     assert ", tracked, " in third
 
@@ -177,7 +177,7 @@ def test_changes_are_detected_whatever_the_odometry_says(visited: Path) -> None:
     detect = ("detect", "map", "adrift", "--halvings", "0", "--threads", "1")
     expected = gslts("detect", "map", "visit", *detect[3:], cwd=visited).stdout.splitlines()
     blind = gslts(*detect, cwd=visited).stdout.splitlines()
-    done = gslts(*detect, "--locate", cwd=visited)
+    done = gslts(*detect, "--localize", cwd=visited)
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
     for blind_line, line, same in zip(blind[:3], lines, expected, strict=False):
@@ -201,11 +201,11 @@ def test_frames_without_poses_are_located_and_compared(visited: Path, tmp_path: 
     refused = gslts("detect", visited / "map", "bare", *FAST, cwd=tmp_path)
     assert refused.returncode == 1
     assert "0 usable frames, at least 2 are needed; 00000: it has no pose" in refused.stderr
-    found = gslts("locate", visited / "map", "bare", *FAST, cwd=tmp_path)
+    found = gslts("localize", visited / "map", "bare", *FAST, cwd=tmp_path)
     assert found.returncode == 0, found.stderr
     assert "00001: ok at (" in found.stdout
     assert "from the pose" not in found.stdout
-    done = gslts("detect", visited / "map", "bare", "--locate", *FAST, cwd=tmp_path)
+    done = gslts("detect", visited / "map", "bare", "--localize", *FAST, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "removal at (2." in done.stdout.splitlines()[1]
 
@@ -219,7 +219,7 @@ def test_a_recording_of_any_odometry_updates_a_map(visited: Path, command: tuple
         darken(visited / "long", "00002")
     verb, *rest = command
     adrift.write_room_map(visited / f"map_to_{verb}")
-    quick = ("--locate", "--iterations", "20", "--threads", "1")
+    quick = ("--localize", "--iterations", "20", "--threads", "1")
     done = gslts(verb, f"map_to_{verb}", *rest, *quick, cwd=visited)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("removal at (2.")
@@ -256,7 +256,7 @@ def test_a_recording_of_any_odometry_updates_a_map(visited: Path, command: tuple
 def test_what_cannot_be_done_is_said_in_one_line(
     visited: Path, arguments: tuple[str, ...], message: str
 ) -> None:
-    done = gslts("locate", *arguments, cwd=visited)
+    done = gslts("localize", *arguments, cwd=visited)
     assert done.returncode == 1
     assert done.stdout == ""
     (line,) = done.stderr.splitlines()
@@ -267,7 +267,7 @@ def test_what_cannot_be_done_is_said_in_one_line(
 @pytest.mark.parametrize("command", [("detect",), ("run", "--frames"), ("update", "--frames")])
 def test_without_landmarks_nothing_is_located(visited: Path, command: tuple[str, ...]) -> None:
     verb, *option = command
-    done = gslts(verb, "bare", *option, "visit", "--locate", cwd=visited)
+    done = gslts(verb, "bare", *option, "visit", "--localize", cwd=visited)
     assert done.returncode == 1
     (line,) = done.stderr.splitlines()
     assert line == "gslts: bare: it has no landmarks; gslts map makes maps that do"
@@ -278,6 +278,7 @@ def test_frames_that_are_all_lost_are_no_recording(visited: Path, tmp_path: Path
     capture(robot, LOOKS[:2], tmp_path / "dark")
     for name in ("00000", "00001"):
         darken(tmp_path / "dark", name)
-    done = gslts("run", "map", "--frames", tmp_path / "dark", "--locate", cwd=visited)
+    done = gslts("run", "map", "--frames", tmp_path / "dark", "--localize", cwd=visited)
     assert done.returncode == 1
-    assert done.stderr.splitlines()[-1].endswith("dark: none of its frames was found in the map")
+    message = "dark: none of its frames was localized in the map"
+    assert done.stderr.splitlines()[-1].endswith(message)
