@@ -101,7 +101,7 @@ Args:
     flat: It is a flat change: colours changed, but no single pixel's depth.
     samples: [N] points (3,) of it, world, m.
     color_histogram: Shares of colours that sum up to 1; empty: unknown, and it matches nothing.
-    evidence: Measurements on and around it.
+    evidence: Measurements on and around it; None: all are 0.
     visibility: Visibility counts of the samples; None: unknown.
 
 Raises:
@@ -111,7 +111,7 @@ Raises:
 Surface make_surface(Side side, const Vector3d& point, const Vector3d& low, const Vector3d& high,
                      int label, int area_px, double area_m2, double depth_m, const Vector3d& color,
                      double step_m, bool flat, std::vector<Vector3d> samples,
-                     std::vector<float> color_histogram, const Evidence& evidence,
+                     std::vector<float> color_histogram, const std::optional<Evidence>& evidence,
                      const std::optional<Visibility>& visibility) {
   Surface surface{side,
                   label,
@@ -126,7 +126,7 @@ Surface make_surface(Side side, const Vector3d& point, const Vector3d& low, cons
                   flat,
                   std::move(samples),
                   std::move(color_histogram),
-                  evidence,
+                  evidence.value_or(Evidence{}),
                   visibility};
   validate(surface, "Surface");
   return surface;
@@ -141,7 +141,7 @@ void define_surface(py::module_& m) {
            py::arg("depth_m") = none.depth_m, py::arg("color") = py::make_tuple(0.0, 0.0, 0.0),
            py::arg("step_m") = none.step_m, py::arg("flat") = none.flat,
            py::arg("samples") = py::tuple(), py::arg("color_histogram") = py::tuple(),
-           py::arg("evidence") = none.evidence, py::arg("visibility") = py::none())
+           py::arg("evidence") = py::none(), py::arg("visibility") = py::none())
       .def_readonly("side", &Surface::side)
       .def_readonly("label", &Surface::label)
       .def_readonly("area_px", &Surface::area_px)

@@ -1,4 +1,4 @@
-"""The rules of `gslts._core.detect` on images made by hand: a wall 2 m ahead, and boxes."""
+"""Tests of `gslts._core.detect` on images made by hand: a wall 2 m ahead, and boxes."""
 
 from typing import Any
 
@@ -11,10 +11,11 @@ from hypothesis import strategies as st
 from gslts._core import detect as core
 from gslts._core.detect import ChangeType, GsLtsRule, MaskRule, ObjectRule, Side
 from gslts.change.changes import Change
+from gslts.change.rules import relocation_of
 from gslts.core.camera import Camera
 
 
-def found(
+def classify(
     images: dict[str, np.ndarray], rule: ObjectRule | None = None
 ) -> tuple[list[Any], np.ndarray]:
     views = core.Views(camera=CAMERA, **images)
@@ -25,13 +26,13 @@ def found(
 
 
 def at(row: float, column: float, depth_m: float) -> np.ndarray:
-    """(3,) in the world, of a place in the image; (0.5, 0.5) is the middle of the first pixel."""
+    """Return (3,) the point in the world at image coordinates; the first pixel's centre is 0.5."""
     x, y = (column - CAMERA.cx) / CAMERA.fx, (row - CAMERA.cy) / CAMERA.fy
     return POSE[:3, :3] @ (np.array([x, y, 1]) * depth_m) + POSE[:3, 3]
 
 
-def test_nothing_changed_is_nothing_found() -> None:
-    changes, labels = found(blank())
+def test_equal_images_have_no_change() -> None:
+    changes, labels = classify(blank())
     assert changes == []
     assert labels.shape == (HEIGHT, WIDTH)
     assert labels.dtype == np.int32
@@ -41,11 +42,11 @@ def test_nothing_changed_is_nothing_found() -> None:
 @pytest.mark.parametrize(
     ("side", "kind"), [("after", ChangeType.ADDITION), ("before", ChangeType.REMOVAL)]
 )
-def test_a_box_is_found_where_it_stands(side: str, kind: ChangeType) -> None:
+def test_a_box_is_found_at_its_position(side: str, kind: ChangeType) -> None:
     images = blank()
     put(images, side, (40, 90))
-    changes, labels = found(images)
-    assert [one.type for one in changes] == [kind]
+    changes, labels = classify(images)
+    assert [change.type for change in changes] == [kind]
     surface = changes[0].after if side == "after" else changes[0].before
     assert (changes[0].before is None) == (side == "after")
     assert (changes[0].after is None) == (side == "before")
@@ -60,11 +61,11 @@ def test_a_box_is_found_where_it_stands(side: str, kind: ChangeType) -> None:
     assert 0.9 < changes[0].confidence <= 1
 
 
-def test_a_box_that_moved_is_one_relocation() -> None:
+def test_a_relocated_box_is_one_relocation() -> None:
     images = blank()
     put(images, "before", (40, 20))
     put(images, "after", (50, 100))
-    (change,), _ = found(images)
+    (change,), _ = classify(images)
     assert change.type == ChangeType.RELOCATION
     np.testing.assert_allclose(change.before.point, at(52, 30, 1.6), atol=0.006)
     np.testing.assert_allclose(change.after.point, at(62, 110, 1.6), atol=0.006)
@@ -74,16 +75,16 @@ def test_boxes_of_other_colours_are_two_changes() -> None:
     images = blank()
     put(images, "before", (40, 20))
     put(images, "after", (50, 100), color=(0.1, 0.2, 0.9))
-    changes, labels = found(images)
-    assert {one.type for one in changes} == {ChangeType.REMOVAL, ChangeType.ADDITION}
+    changes, labels = classify(images)
+    assert {change.type for change in changes} == {ChangeType.REMOVAL, ChangeType.ADDITION}
     assert sorted(np.unique(labels)) == [0, 1, 2]
 
 
-def test_what_the_map_never_saw_has_not_changed() -> None:
+def test_unknown_parts_of_the_map_have_no_change() -> None:
     images = blank()
     put(images, "after", (40, 90))
     images["alpha"][30:80, 80:120] = 0.5
-    assert found(images)[0] == []
+    assert classify(images)[0] == []
 
 
 @pytest.mark.parametrize("missing", [0.0, np.nan])
@@ -91,7 +92,7 @@ def test_without_depth_there_is_no_step(missing: float) -> None:
     images = blank()
     put(images, "after", (40, 90))
     images["observed_depth"][30:80, 80:120] = missing
-    assert found(images)[0] == []
+    assert classify(images)[0] == []
 
 
 @given(
@@ -100,24 +101,24 @@ def test_without_depth_there_is_no_step(missing: float) -> None:
     depth_m=st.floats(1.0, 1.7),
     side=st.sampled_from(["before", "after"]),
 )
-def test_a_shift_of_both_images_shifts_what_is_found(
+def test_a_shift_of_both_images_shifts_the_changes(
     corner: tuple[int, int], shift: tuple[int, int], depth_m: float, side: str
 ) -> None:
     here, there = blank(), blank()
-    for images, place in (
+    for images, position in (
         (here, corner),
         (there, (corner[0] + shift[0], corner[1] + shift[1])),
     ):
-        put(images, side, place, depth_m=depth_m)
-        put(images, "after", (place[0] + 2, place[1] + 40), (12, 12), 1.8, (0.1, 0.3, 0.9))
-    changes, labels = found(here)
-    moved, moved_labels = found(there)
-    np.testing.assert_array_equal(np.roll(labels, shift, axis=(0, 1)), moved_labels)
-    assert [one.type for one in changes] == [one.type for one in moved]
+        put(images, side, position, depth_m=depth_m)
+        put(images, "after", (position[0] + 2, position[1] + 40), (12, 12), 1.8, (0.1, 0.3, 0.9))
+    changes, labels = classify(here)
+    shifted, shifted_labels = classify(there)
+    np.testing.assert_array_equal(np.roll(labels, shift, axis=(0, 1)), shifted_labels)
+    assert [change.type for change in changes] == [change.type for change in shifted]
     assert len(changes) == 2
-    for one, other in zip(changes, moved, strict=True):
-        assert other.confidence == pytest.approx(one.confidence)
-        a, b = (now.after if now.after is not None else now.before for now in (one, other))
+    for change, other in zip(changes, shifted, strict=True):
+        assert other.confidence == pytest.approx(change.confidence)
+        a, b = (end.after if end.after is not None else end.before for end in (change, other))
         z = WALL_M - a.step_m
         step = np.array([shift[1] / CAMERA.fx * z, shift[0] / CAMERA.fy * z, 0])
         np.testing.assert_allclose(b.point - a.point, POSE[:3, :3] @ step, atol=1e-5)
@@ -129,7 +130,7 @@ def test_a_shift_of_both_images_shifts_what_is_found(
     columns=st.integers(6, 40),
     depth_m=st.floats(0.8, 1.6),
 )
-def test_before_and_after_exchanged_exchange_what_is_found(
+def test_swapped_images_swap_additions_and_removals(
     rows: int, columns: int, depth_m: float
 ) -> None:
     images = blank()
@@ -142,12 +143,11 @@ def test_before_and_after_exchanged_exchange_what_is_found(
         "alpha": images["alpha"],
         "similarity": images["similarity"],
     }
-    one, other = found(images)[0], found(exchanged)[0]
-    assert [change.type for change in one] == [ChangeType.ADDITION] * len(one)
+    additions, removals = classify(images)[0], classify(exchanged)[0]
+    assert [change.type for change in additions] == [ChangeType.ADDITION]
     # The slope that is forgiven is that of the map, so that a border may differ by a pixel.
-    assert [change.type for change in other] == [ChangeType.REMOVAL] * len(other)
-    assert len(one) == len(other) == 1
-    np.testing.assert_allclose(one[0].after.point, other[0].before.point, atol=0.02)
+    assert [change.type for change in removals] == [ChangeType.REMOVAL]
+    np.testing.assert_allclose(additions[0].after.point, removals[0].before.point, atol=0.02)
 
 
 def test_masks_are_those_of_gs_lts_with_features_reversed() -> None:
@@ -281,8 +281,8 @@ def test_views_keep_their_arrays_alive() -> None:
     assert not arrays["pixel"].any()
 
 
-def test_masks_of_another_size_are_refused() -> None:
-    """They would be read beyond their end."""
+def test_masks_of_another_size_are_rejected() -> None:
+    """Smaller masks would be read beyond their end."""
     views = core.Views(camera=CAMERA, **blank())
     small = Camera(fx=10, fy=10, cx=4, cy=3, width=8, height=6, world_from_camera=np.eye(4))
     few = {name: np.ascontiguousarray(image[:6, :8]) for name, image in blank().items()}
@@ -298,7 +298,7 @@ def test_masks_of_another_size_are_refused() -> None:
 def test_confidence_of_a_change_is_that_of_its_surface() -> None:
     images = blank()
     put(images, "after", (40, 30))
-    ((change,), _) = found(images)
+    ((change,), _) = classify(images)
     assert change.confidence == core.confidence(change.after)
     assert len(core.confidence_features(change.after)) > 10
     assert np.isfinite(core.confidence_features(change.after)).all()
@@ -312,16 +312,13 @@ def test_visibility_changes_the_confidence() -> None:
     """An addition at a surface that the training cameras saw is less likely."""
     images = blank()
     put(images, "after", (40, 30))
-    ((change,), _) = found(images)
+    ((change,), _) = classify(images)
     surface = change.after
     surface.visibility = core.Visibility(on_surface=0, seen_through=900, known_share=1)
     free = core.confidence(surface)
-    surface.visibility = core.Visibility(on_surface=900, seen_through=0, known_share=1)
-    assert (surface.visibility.on, surface.visibility.through, surface.visibility.seen) == (
-        900,
-        0,
-        1,
-    )
+    solid = core.Visibility(on_surface=900, seen_through=0, known_share=1)
+    assert (solid.on_surface, solid.seen_through, solid.known_share) == (900, 0, 1)
+    surface.visibility = solid
     assert core.confidence(surface) < free
 
 
@@ -334,7 +331,7 @@ def test_match_score_compares_colours() -> None:
     ):
         images = blank()
         put(images, side, (40, 30), color=color)
-        ((change,), _) = found(images)
+        ((change,), _) = classify(images)
         ends.append(change.before if side == "before" else change.after)
     before, same, other = ends
     assert core.match_score(before, same) > 0.9
@@ -343,7 +340,7 @@ def test_match_score_compares_colours() -> None:
 
 
 def build_surface(**fields: Any) -> core.Surface:
-    """Build a surface as a detector of somebody else would."""
+    """Build a surface as another detector would."""
     needed = {"side": Side.AFTER, "point": (1, 2, 0.5), "low": (0.9, 1.9, 0.4), "high": (1.1, 2, 1)}
     return core.Surface(**{**needed, **fields})
 
@@ -376,10 +373,10 @@ def test_a_surface_is_built_from_its_fields() -> None:
 
 
 def test_a_found_surface_can_be_built_again() -> None:
-    """Every field that a surface has can be given, and nothing else decides its scores."""
+    """A surface has no state besides its fields."""
     images = blank()
     put(images, "after", (40, 30))
-    ((change,), _) = found(images)
+    ((change,), _) = classify(images)
     names = [name for name in dir(change.after) if not name.startswith("_")]
     again = core.Surface(**{name: getattr(change.after, name) for name in names})
     for name in names:
@@ -391,15 +388,23 @@ def test_a_found_surface_can_be_built_again() -> None:
     assert (same.type, same.confidence) == (ChangeType.ADDITION, change.confidence)
 
 
-def test_a_surface_of_another_detector_makes_a_change() -> None:
-    surface = build_surface()
-    change = Change("addition", 0.8, surface.point, None, surface, (None, np.ones((2, 2), bool)))
-    before, after = change.boxes
-    assert before is None
-    assert after is not None
-    np.testing.assert_array_equal(after, ((0.9, 1.9, 0.4), (1.1, 2, 1)))
-    assert surface.visibility is None
-    assert 0 <= core.confidence(surface) <= 1
+def test_surfaces_of_another_detector_make_a_relocation() -> None:
+    """Two changes built without `find_changed_surfaces` are matched as any others."""
+    histogram = np.zeros(2304)
+    histogram[100] = 1
+    fields = {
+        "area_m2": 0.02,
+        "color_histogram": histogram,
+        "evidence": core.Evidence(step_ratio=9, changed_share=1, thickness_m=0.1),
+    }
+    before, after = (build_surface(side=side, **fields) for side in (Side.BEFORE, Side.AFTER))
+    box = (before.low, before.high)
+    removal = Change("removal", 0.8, before.point, (box, None), before=before)
+    addition = Change("addition", 0.8, after.point, (None, box), after=after)
+    relocation = relocation_of(removal, addition, ObjectRule(min_confidence=0))
+    assert relocation is not None
+    assert relocation.kind == "relocation"
+    assert relocation_of(removal, addition, ObjectRule(min_match_score=1)) is None
 
 
 @pytest.mark.parametrize(
