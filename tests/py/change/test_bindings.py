@@ -393,15 +393,19 @@ def test_surfaces_of_another_detector_make_a_relocation() -> None:
     histogram = np.zeros(2304)
     histogram[100] = 1
     fields = {
+        "area_px": 300,
         "area_m2": 0.02,
+        "depth_m": 1.5,
         "color_histogram": histogram,
-        "evidence": core.Evidence(step_ratio=9, changed_share=1, thickness_m=0.1),
+        "evidence": core.Evidence(
+            step_ratio=9, changed_share=1, thickness_m=0.1, residual_color=0.5, ring_depth_m=0.005
+        ),
     }
     before, after = (build_surface(side=side, **fields) for side in (Side.BEFORE, Side.AFTER))
     box = (before.low, before.high)
     removal = Change("removal", 0.8, before.point, (box, None), before=before)
     addition = Change("addition", 0.8, after.point, (None, box), after=after)
-    relocation = relocation_of(removal, addition, ObjectRule(min_confidence=0))
+    relocation = relocation_of(removal, addition, ObjectRule())
     assert relocation is not None
     assert relocation.kind == "relocation"
     assert relocation_of(removal, addition, ObjectRule(min_match_score=1)) is None
