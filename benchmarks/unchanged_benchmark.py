@@ -28,7 +28,7 @@ from gslts.mapping.engine import make_map
 from gslts_bench.detection.variants import STRATEGIES
 
 FOLDS = 8
-"""Number of maps; see `gslts.mapping.frames.every_eighth`."""
+"""Number of maps; see `gslts.mapping.frames.split_held_out`."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from gslts.datasets import open_dataset
 from gslts.io.atomic_files import empty_folder, write_atomic
 from gslts.io.html_page import number, plots, section, table
 from gslts.keeper.history_page import write_history
-from gslts.keeper.keeper import LoopConfig, MapKeeper
+from gslts.keeper.keeper import KeeperConfig, MapKeeper
 from gslts.localization.config import RelocalizationConfig
 from gslts.localization.relocalizer import Relocalizer
 from gslts.localization.side_by_side import side_by_side
@@ -46,6 +46,8 @@ from gslts_sim.task import Box, Change
 
 ROOM, SEED, CHANGES = "living_room", 7, 6
 """Home of the demonstration, and number of its changes."""
+EVENING_FRAMES = 12
+"""Number of frames recorded after the day, for detection against the map of the morning."""
 FOUND_M = 0.15
 """Maximum distance of a known box's centre from the true box of a change that was found."""
 
@@ -88,7 +90,7 @@ def run_day(out: Path, scale: Scale, *, threads: int, bar: Bar, say: Callable[[s
     """Map a home and keep the map up to date for a day.
 
     Args:
-        out: New or empty folder: gets day.json, before/, map/ and report.html.
+        out: New or empty folder: gets day.json, before/, map/, after/ and report.html.
         scale: Size of the demonstration.
         threads: 0 means one per hardware thread.
         bar: Shows progress.
@@ -130,12 +132,14 @@ def run_day(out: Path, scale: Scale, *, threads: int, bar: Bar, say: Callable[[s
     say("added semantics from the simulator's labels")
     note("adding semantics")
     update = UpdateConfig(threads=threads, refine=RefineConfig(iterations=scale.iterations))
-    config = LoopConfig(update=update)
-    with MapKeeper(out / "map", config, say=lambda words: say(f"  {words}")) as keeper:
+    config = KeeperConfig(update=update)
+    with MapKeeper(out / "map", config, log=lambda words: say(f"  {words}")) as keeper:
         for gone, happened in enumerate(bar(day.rounds, "rounds"), start=1):
             for event in happened:
                 say(f"{event.change.kind} of {event.change.object_id}")
             keeper.go_round(day.robot(home, gone))
+    evening = looks[:: max(1, len(looks) // EVENING_FRAMES)]
+    capture(day.robot(home, len(day.rounds)), evening, out / "after")
     note("keeping it up to date")
     report = out / "report.html"
     with open_map(out / "map") as store:
@@ -158,7 +162,12 @@ def run_day(out: Path, scale: Scale, *, threads: int, bar: Bar, say: Callable[[s
 
 
 def was_found(change: Change, events: Sequence[Event]) -> bool:
-    """Return whether events of the store show a change, each of its ends at the right position."""
+    """Return whether events of the store show a change, each of its ends at the right position.
+
+    Args:
+        change: The true change.
+        events: Events of the store.
+    """
     for side, box in enumerate((change.box_before, change.box_after)):
         boxes = [event.boxes[side] for event in events]
         known = [np.mean(known, axis=0) for known in boxes if known is not None]

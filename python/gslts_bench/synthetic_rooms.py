@@ -94,7 +94,14 @@ def sample_box(
 def sample_ellipsoid(
     rng: np.random.Generator, n: int, center: Floats, half: Floats
 ) -> tuple[Floats, Floats]:
-    """Sample points on an ellipsoid, uniform in direction; see `sample_box`."""
+    """Sample points on an ellipsoid, uniform in direction; see `sample_box`.
+
+    Args:
+        rng: Source of all randomness.
+        n: Number of points.
+        center: (3,) centre, m.
+        half: (3,) half sizes, m.
+    """
     directions = rng.normal(size=(n, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     normals = directions / half
@@ -102,7 +109,11 @@ def sample_ellipsoid(
 
 
 def place_objects(rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Draw centres and half sizes [OBJECTS,3] of boxes inside the room, m."""
+    """Draw centres and half sizes [OBJECTS,3] of boxes inside the room, m.
+
+    Args:
+        rng: Source of all randomness.
+    """
     halves = rng.uniform(*OBJECT_HALF_SIZE_M, (OBJECTS, 3))
     centers = np.empty((OBJECTS, 3))
     for i, half in enumerate(halves):
@@ -113,7 +124,12 @@ def place_objects(rng: np.random.Generator) -> tuple[Floats, Floats]:
 
 
 def sample_surfaces(rng: np.random.Generator, n: int) -> tuple[Floats, Floats]:
-    """Sample points [n,3], m, and normals [n,3] of the whole scene, the room first."""
+    """Sample points [n,3], m, and normals [n,3] of the whole scene, the room first.
+
+    Args:
+        rng: Source of all randomness.
+        n: Number of points.
+    """
     centers, halves = place_objects(rng)
     on_room = round(ROOM_SHARE * n)
     parts = [sample_box(rng, on_room, ROOM_M / 2, ROOM_M / 2)]
@@ -129,7 +145,12 @@ def sample_surfaces(rng: np.random.Generator, n: int) -> tuple[Floats, Floats]:
 
 
 def disc_quats(rng: np.random.Generator, normals: Floats) -> Floats:
-    """Draw rotations [N,4] wxyz that take z to normals [N,3], after a random turn about z."""
+    """Draw rotations [N,4] wxyz that take z to normals [N,3], after a random turn about z.
+
+    Args:
+        rng: Source of all randomness.
+        normals: Unit normals [N,3].
+    """
     nx, ny, nz = normals.T
     align = np.stack([1 + nz, -ny, nx, np.zeros_like(nz)], axis=1)
     align[nz < -1 + 1e-9] = (0, 1, 0, 0)

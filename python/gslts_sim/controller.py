@@ -28,13 +28,14 @@ from gslts_sim.actions import (
 from gslts_sim.changes import ChangeError
 from gslts_sim.event import Event, Palette, make_event, xyz
 from gslts_sim.home import Home, pose
-from gslts_sim.physics import OrientedBoxes
+from gslts_sim.oriented_boxes import OrientedBoxes
 from gslts_sim.raycast import RayCaster
 from gslts_sim.robot_body import BODY, FOV_RAD, HORIZON_DEG, Viewpoint, robot_camera
 from gslts_sim.sensor import Sensor, SensorNoise
 from gslts_sim.walkable import floor_of
 
 _MOVES_DEG = {"MoveAhead": 0.0, "MoveLeft": 90.0, "MoveBack": 180.0, "MoveRight": -90.0}
+"""Direction of each step relative to the robot's yaw, degrees."""
 
 
 class ActionError(Exception):

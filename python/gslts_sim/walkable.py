@@ -9,7 +9,8 @@ import numpy as np
 from gslts.core.robot_body import RobotBody
 from gslts.types import Bools, Floats
 from gslts_sim.home import Home, Room
-from gslts_sim.physics import OrientedBoxes, boxes_in_world
+from gslts_sim.oriented_boxes import OrientedBoxes
+from gslts_sim.physics import boxes_in_world
 from gslts_sim.robot_body import BODY
 
 WALL_M = 0.3

@@ -74,11 +74,14 @@ def describe(
         ),
     ] = False,
 ) -> None:
-    """Photorealistic, semantic 3D Gaussian maps that keep themselves up to date."""
+    """Photorealistic, semantic 3D Gaussian maps that robots keep up to date by themselves.
+
+    Example: gslts map RECORDING --out out/map
+    """
 
 
 def main() -> None:
-    """Runs a command; what goes wrong ends in one line and a non-zero exit."""
+    """Run a command; an error is one line on stderr and a non-zero exit status."""
     try:
         if os.environ.get("GSLTS_SIMD"):
             from gslts._core import simd

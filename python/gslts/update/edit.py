@@ -16,7 +16,7 @@ from gslts._core.fusion import SurfaceVoxels
 from gslts.core.camera import shift_origin
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
-from gslts.mapping.density.control import joined
+from gslts.mapping.density.control import join
 from gslts.mapping.seeding.depth_seeds import seed_from_depth
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.types import Bools
@@ -94,7 +94,7 @@ def pre_edit(
     new = _with_appearance(new, kept, gone, regions_by_change, config)
     if first_id is None:
         first_id = int(gaussian_map.ids.max()) + 1  # Also after the removed ones.
-    return Edit(joined(kept, new, first_id), removed, new.size)
+    return Edit(join(kept, new, first_id), removed, new.size)
 
 
 def _uncovered_pixels(
@@ -145,7 +145,7 @@ def _flat_gaussians(
             config.voxel_m,
             config.contrast,
             sh_degree=kept.sh_degree,
-            least_hits=min(2, len(frames)),
+            min_hits=min(2, len(frames)),
             pixel_step=PIXEL_STEP,
         )
     except ValueError:  # Nothing was measured there.

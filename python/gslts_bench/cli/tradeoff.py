@@ -62,7 +62,7 @@ def tradeoff(
     """Measure accuracy against time, number of Gaussians and settings of the renderer.
 
     Given MAP and DATASET, maps are made from scratch in several budgets, and the map is refined
-    with an eighth to double as many Gaussians; held-out frames judge them all. Settings of the
+    with an eighth to double as many Gaussians; all are evaluated on test frames. Settings of the
     renderer are measured on a map from --pose, or from its first camera; without any map, in a
     synthetic room.
 
@@ -150,7 +150,7 @@ def _measure_mapping(
     from gslts.datasets import open_dataset
     from gslts.io.atomic_files import empty_folder
     from gslts.mapping.config import PRESETS
-    from gslts.mapping.evaluation.held_out import Known
+    from gslts.mapping.evaluation.held_out import TrainingRecord
     from gslts.store.manifest import read_manifest, split_version
     from gslts.store.map_folder import read_map
     from gslts_bench.provenance import describe_run
@@ -158,19 +158,21 @@ def _measure_mapping(
     from gslts_bench.tradeoff.mapping_plot import write_plot
     from gslts_bench.tradeoff.rendering import write_csv
 
-    gaussian_map, known, opened = read_map(map_path), Known.of(map_path), open_dataset(dataset)
+    gaussian_map, opened = read_map(map_path), open_dataset(dataset)
     folder, _ = split_version(map_path)
     made_in_s = bench.seconds_of(read_manifest(folder)) if folder.is_dir() else None
-    visit = bench.visit_of(
-        opened, known, lambda frames: tqdm(frames, desc="reading", unit="frame", disable=None)
+    split = bench.split_of(
+        opened,
+        TrainingRecord.read(map_path),
+        lambda frames: tqdm(frames, desc="reading", unit="frame", disable=None),
     )
-    opacity = bench.mean_opacity(gaussian_map, visit, threads or 0)
+    opacity = bench.mean_opacity(gaussian_map, split, threads or 0)
     if opacity < bench.MIN_OPACITY:
         raise ValueError(
             f"{map_path}: it fills {100 * opacity:.0f} % of the frames of {opened.name}; give the "
             "data set that it was made from"
         )
-    first = next(iter(visit.training.values()))
+    first = next(iter(split.training.values()))
     camera = output.find_camera(map_path, pose) if pose else first.camera()
     empty_folder(out)
     stem, render_threads = "tradeoff_renderer", 1 if threads is None else threads
@@ -190,10 +192,10 @@ def _measure_mapping(
             bar.write(_line(point))
             bar.update()
 
-        add(bench.measure_map(gaussian_map, visit, made_in_s, config.threads))
-        for point in bench.measure_counts(gaussian_map, visit, config):
+        add(bench.measure_map(gaussian_map, split, made_in_s, config.threads))
+        for point in bench.measure_counts(gaussian_map, split, config):
             add(point)
-        del visit  # Maps from scratch read the frames themselves.
+        del split  # Maps from scratch read the frames themselves.
         for point in bench.measure_budgets(opened, config, budgets_s):
             add(point)
     result = {

@@ -51,7 +51,12 @@ class SeveralMaker:
         self._scene = RayScene(before.home)
 
     def make(self, size: int, count: int) -> Iterator[Several]:
-        """Yield up to `count` different sets of `size` changes."""
+        """Yield up to `count` different sets of `size` changes.
+
+        Args:
+            size: Number of changes of a set.
+            count: Maximum number of sets.
+        """
         known: set[frozenset[int]] = set()
         made = 0
         for _ in range(TRIES_PER_CASE * count):

@@ -38,7 +38,12 @@ class Variant:
     locate: bool = False
 
     def detector(self, gaussian_map: GaussianMap, cameras: Iterable[Camera]) -> ChangeDetector:
-        """Make the detector for a map and the cameras that it was made from."""
+        """Make the detector for a map and the cameras that it was made from.
+
+        Args:
+            gaussian_map: The map, float32.
+            cameras: Cameras that it was made from.
+        """
         return ChangeDetector(gaussian_map, self.config, features=self.features, cameras=cameras)
 
 
@@ -73,3 +78,4 @@ TRADE = {
 """Variants of `objects` for speed against accuracy: by resolution, features and alignment of the
 pose."""
 VARIANTS = {**STRATEGIES, **TRADE}
+"""All detectors by name."""

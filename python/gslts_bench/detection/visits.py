@@ -46,7 +46,11 @@ def draw_visit(home: Home, rng: np.random.Generator) -> Visit:
 
 
 def visit_noise(noise: SensorNoise) -> SensorNoise:
-    """Return a sensor's noise with the pose error of visits of unchanged homes."""
+    """Return a sensor's noise with the pose error of visits of unchanged homes.
+
+    Args:
+        noise: The sensor's noise.
+    """
     return replace(
         noise,
         position_std_m=VISIT_POSITION_M / np.sqrt(3),

@@ -20,7 +20,11 @@ TURNS_DEG = (-10.0, -6.0, -2.0, 2.0, 6.0, 10.0)
 
 
 def turn_views(viewpoint: Viewpoint) -> list[Viewpoint]:
-    """Return the viewpoints of a robot that turns on the spot past a viewpoint."""
+    """Return the viewpoints of a robot that turns on the spot past a viewpoint.
+
+    Args:
+        viewpoint: Viewpoint of a single frame.
+    """
     return [
         replace(viewpoint, yaw_deg=(viewpoint.yaw_deg + turn_deg) % 360) for turn_deg in TURNS_DEG
     ]

@@ -62,11 +62,11 @@ class RelocatedUnit(BenchUnit[Record, BenchHome]):
         return self.tasks * WALKS
 
     def is_asked(self, record: Record) -> bool:
-        """Return whether this run asks for the object of a record."""
+        """Return whether this run asks for the object of a record. See `BenchUnit`."""
         return int(record.id.split("/")[1].removeprefix("moved_")) < self.tasks
 
     def run(self, done: frozenset[str], add: Add) -> None:
-        """Go to the relocated objects that are missing; see `Unit`."""
+        """Go to the relocated objects that are missing. See `Unit`."""
         tasks = self.bench.tasks(TASKS_PER_RELOCATION * self.tasks)
         home = tasks[0].home.load(Path())
         known, cameras = read_semantic_map(self.bench), cameras_of_map(self.bench.map())

@@ -26,6 +26,7 @@ from gslts_sim.walkable import floor_of
 
 Part = Literal["held-out", "as mapped", "three changes", "another home"]
 PARTS: tuple[Part, ...] = ("held-out", "as mapped", "three changes", "another home")
+"""Parts of the benchmark, by where frames are taken."""
 
 CHANGES = 3
 """Number of changes that are in view at once."""
@@ -52,7 +53,11 @@ class Batch:
     foreign: bool
 
     def part(self, case: Case) -> Part:
-        """Return the part of the benchmark that a case belongs to."""
+        """Return the part of the benchmark that a case belongs to.
+
+        Args:
+            case: One of `cases`.
+        """
         if self.foreign:
             return "another home"
         return "as mapped" if case.part == "unchanged" else "three changes"
@@ -95,7 +100,11 @@ def batches_of(bench: BenchHome, views: int) -> Iterator[Batch]:
 
 
 def other_homes(bench: BenchHome) -> tuple[BenchHome, BenchHome]:
-    """Return a home of another room type, and one of the same type, which is more similar."""
+    """Return a home of another room type, and one of the same type, which is more similar.
+
+    Args:
+        bench: The home.
+    """
     types = list(ROOM_TYPES)
     next_type = types[(types.index(bench.room_type) + 1) % len(types)]
     # Seeds go in pairs, which keeps them in one split.

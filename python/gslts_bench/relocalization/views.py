@@ -8,7 +8,7 @@ from functools import cache, partial
 
 from gslts.core.frame import RgbdFrame
 from gslts.datasets import Frame, open_dataset
-from gslts.mapping.frames import every_eighth
+from gslts.mapping.frames import HELD_OUT_EVERY
 from gslts.types import Floats
 from gslts_bench.detection.cases import Case
 from gslts_bench.homes import BenchHome
@@ -63,7 +63,7 @@ def _held_out(bench: BenchHome, count: int) -> Iterator[View]:
     """Yield the frames of the recording that are held out of the map."""
     folder = bench.recording()
     frames, true = open_dataset(folder).frames, true_poses(folder)
-    for number in list(every_eighth([frame.name for frame in frames]))[:count]:
+    for number in range(0, len(frames), HELD_OUT_EVERY)[:count]:
         frame = frames[number]
         take = partial(_read, frame, true[frame.name])
         yield View(f"{bench.name}/kept_{frame.name}", "held-out", number, take)

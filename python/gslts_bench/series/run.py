@@ -112,7 +112,7 @@ class SeriesUnit(BenchUnit[Record, BenchHome]):
         return self.changes + 1
 
     def run(self, done: frozenset[str], add: Add) -> None:  # noqa: ARG002
-        """Apply one change after another; see `Unit`."""
+        """Apply one change after another. See `Unit`."""
         folder = self.bench.map()
         first = read_map(folder)
         updated = first
@@ -186,7 +186,12 @@ def new_frames(
 
 
 def mean_psnr_db(gaussian_map: GaussianMap, frames: Sequence[RgbdFrame]) -> float:
-    """Average the PSNR of frames, with cameras aligned with the map and fitted exposures, dB."""
+    """Average the PSNR of frames, with cameras aligned with the map and fitted exposures, dB.
+
+    Args:
+        gaussian_map: The map, float32.
+        frames: Noise-free frames with nearly right poses.
+    """
     psnrs_db = []
     for frame in frames:
         _, exposure, rgb = align_with_map(frame, gaussian_map)

@@ -24,7 +24,7 @@ TICKS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
 
 
 def write_plot(points: Sequence[MappingPoint], title: str, path: Path) -> None:
-    """Plot PSNR of held-out frames against time and number of Gaussians, as a PNG.
+    """Plot PSNR of test frames against time and number of Gaussians, as a PNG.
 
     Args:
         points: Points of all kinds; the map itself once.
@@ -54,7 +54,7 @@ def write_plot(points: Sequence[MappingPoint], title: str, path: Path) -> None:
     of_time.set(
         title="maps made from scratch, and their Gaussians",
         xlabel="time to make the map, s",
-        ylabel="PSNR of held-out frames, dB",
+        ylabel="PSNR of test frames, dB",
     )
 
     _, marker, color = POSES["refined_psnr_db"]
@@ -73,7 +73,7 @@ def write_plot(points: Sequence[MappingPoint], title: str, path: Path) -> None:
     of_count.set(
         title="the map, refined with fewer or more Gaussians",
         xlabel="Gaussians",
-        ylabel="PSNR of held-out frames, dB",
+        ylabel="PSNR of test frames, dB",
     )
 
     for axes in (of_time, of_count):

@@ -53,7 +53,9 @@ class Setting:
 
 
 DEFAULT = Setting("default", "")
+"""Default of the renderer."""
 EXACT = Setting("exact", "", {"alpha_min": 1e-30, "transmittance_min": 0.0}, np.float64)
+"""Reference without cut-offs."""
 SETTINGS = (
     DEFAULT,
     *(
@@ -74,6 +76,7 @@ SETTINGS = (
         {"alpha_min": 1e-30, "transmittance_min": 0.0, "exp_degree": 5},
     ),
 )
+"""Settings that are compared; each but the default changes one option."""
 
 
 @dataclass(frozen=True)

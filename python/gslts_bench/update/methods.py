@@ -52,6 +52,7 @@ class Method:
 
 
 OURS = UpdateConfig()
+"""Settings of our method."""
 
 
 def _without(**settings: object) -> Method:

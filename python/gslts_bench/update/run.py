@@ -115,15 +115,15 @@ class UpdateUnit(BenchUnit[Record, BenchHome]):
         return {**METHODS, **(ABLATION if self.ablation else {})}
 
     def is_asked(self, record: Record) -> bool:
-        """Return whether this run asks for the task of a record."""
+        """Return whether this run asks for the task of a record. See `BenchUnit`."""
         return int(record.task.rpartition("/")[2]) < self.tasks
 
     def count_missing(self, records: Sequence[Record]) -> int:
-        """Return how many tasks the home did not give."""
+        """Return how many tasks the home did not give. See `BenchUnit`."""
         return self.tasks - len({record.task for record in records})
 
     def run(self, done: frozenset[str], add: Add) -> None:
-        """Update the map with each task and method that is missing; see `Unit`."""
+        """Update the map with each task and method that is missing. See `Unit`."""
         tasks = self.bench.tasks(max(MIN_TASKS, self.tasks))[: self.tasks]
         ground = _Ground.of(self.bench.map(), tasks[0].home.load(Path()), self.lpips)
         for number, task in enumerate(tasks):

@@ -6,13 +6,11 @@ import pytest
 from gslts.core.robot_body import RobotBody
 from gslts_sim.home import Home, HomeObject, Room
 from gslts_sim.mesh import Surface
+from gslts_sim.oriented_boxes import OrientedBoxes, collides, overlap_m
 from gslts_sim.physics import (
-    OrientedBoxes,
     boxes_in_world,
-    collides,
     collisions,
     hangs_on,
-    overlap_m,
     problems,
     resting_poses,
     stands_on,

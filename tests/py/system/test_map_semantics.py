@@ -198,7 +198,7 @@ def test_a_damaged_autoencoder_is_named(tmp_path: Path, monkeypatch: pytest.Monk
     cameras = {frame.name: frame.read().camera for frame in open_dataset(visit).frames}
     write_map_folder(map_path, change_room.mapped()[0], {}, cameras)
     run("semantics", str(map_path), str(visit), "--code-dims", "8", "--threads", "1")
-    assert run("verify", str(map_path)) == "2 versions are whole\n"
+    assert run("verify", str(map_path)) == "2 versions are intact\n"
     (path,) = (map_path / "semantics").iterdir()
     path.write_bytes(path.read_bytes()[:-1] + b"\0")
     with pytest.raises(ValueError, match=r"the file is damaged; run gslts semantics"):

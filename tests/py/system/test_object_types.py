@@ -1,4 +1,4 @@
-"""What objects are called that came, went or moved."""
+"""Types of changed objects, from labels and from the history."""
 
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ BOX = [corner.tolist() for corner in update_room.REMOVED]
 
 
 def views_with(types: dict[str, str]) -> list:
-    """Those of the yellow box that came, whose objects are called otherwise."""
+    """Return the views of the added yellow box with other types in the labels."""
     views = []
     for view in update_room.collected("addition").views:
         labels = view.frame.labels
@@ -24,13 +24,13 @@ def views_with(types: dict[str, str]) -> list:
     return views
 
 
-def test_what_is_new_is_called_what_frames_show() -> None:
+def test_an_added_object_has_the_type_of_its_labels() -> None:
     change = update_room.detected("addition")
     assert object_type(change, update_room.collected("addition").views, []) == "Box"
     assert object_type(change, views_with({"Box": "Mug"}), []) == "Mug"
 
 
-def test_what_is_gone_is_called_what_came_there_last() -> None:
+def test_a_removed_object_has_the_type_of_the_last_addition() -> None:
     change, views = update_room.detected("removal"), update_room.collected("removal").views
     far = [(np.array(corner) + 1).tolist() for corner in BOX]
     mug, cup, pot = (
@@ -44,7 +44,7 @@ def test_what_is_gone_is_called_what_came_there_last() -> None:
     assert object_type(change, views, [mug, unknown]) == "Mug"
 
 
-def test_nobody_knows_without_labels() -> None:
+def test_without_labels_the_type_is_unknown() -> None:
     change = update_room.detected("addition")
     views = [
         replace(view, frame=replace(view.frame, labels=None))
@@ -62,12 +62,12 @@ def test_nobody_knows_without_labels() -> None:
         (np.full((2, 2), -2, np.int32), r"Labels: instances: must be in -1\.\.0"),
     ],
 )
-def test_bad_labels_are_refused(instances: np.ndarray, message: str) -> None:
+def test_bad_labels_are_rejected(instances: np.ndarray, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         Labels(instances, ("Mug",))
 
 
-def test_labels_are_as_large_as_the_frame() -> None:
+def test_labels_have_the_size_of_the_frame() -> None:
     frame = update_room.collected("addition").views[0].frame
     labels = Labels(np.zeros((2, 2), np.int32), ("Mug",))
     with pytest.raises(ValueError, match=r"RgbdFrame: labels: expected \(120, 160\), got \(2, 2\)"):

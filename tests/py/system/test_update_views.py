@@ -7,7 +7,7 @@ import numpy as np
 import update_room
 
 from gslts.core.gaussian_map import GaussianMap
-from gslts.mapping.density.control import joined
+from gslts.mapping.density.control import join
 from gslts.update.views import View, align_view
 
 
@@ -29,7 +29,7 @@ def test_a_wall_beside_the_camera_does_not_occlude_the_scene() -> None:
     view = update_room.collected("removal").views[0]
     gaussian_map, _ = change_room.mapped()
     alone = align_view(view, gaussian_map, threads=1)
-    beside = align_view(view, joined(gaussian_map, wall_beside(view)), threads=1)
+    beside = align_view(view, join(gaussian_map, wall_beside(view)), threads=1)
     known = (alone.rendered_depth > 0) & (beside.rendered_depth > 0)
     off = np.abs(alone.rendered_depth - beside.rendered_depth)[known] > 0.1
     assert off.mean() < 0.01
