@@ -1,4 +1,4 @@
-"""What time and Gaussians buy: figures of a small room, files and the command."""
+"""Accuracy against time and number of Gaussians: figures of a small room, files and the command."""
 
 import csv
 import json
@@ -58,7 +58,7 @@ def paths(tmp_path_factory: pytest.TempPathFactory) -> Paths:
 
 
 def call(*arguments: str | Path | float) -> Result:
-    """Of the command, which succeeds."""
+    """Outputs of the command, which succeeds."""
     result = CliRunner().invoke(app, [str(argument) for argument in arguments])
     assert result.exit_code == 0, (result.output, result.exception)
     return result
@@ -109,7 +109,7 @@ def test_more_time_is_used_for_more_steps(paths: Paths) -> None:
     assert int(short["steps"]) < int(long["steps"])
 
 
-def test_pictures_and_the_table_of_the_renderer(paths: Paths) -> None:
+def test_plots_and_the_table_of_the_renderer(paths: Paths) -> None:
     assert sorted(path.name for path in paths.out.iterdir()) == [
         "tradeoff_mapping.csv",
         "tradeoff_mapping.json",
