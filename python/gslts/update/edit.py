@@ -156,6 +156,8 @@ def _flat_gaussians(
 def _inherited(kept: GaussianMap, frames: Sequence[RgbdFrame]) -> GaussianMap:
     """Return Gaussians at measured points with the attributes of their nearest neighbours g_nn.
 
+    Source: GS-LTS, eq. (12) and (13).
+
     They are as dense as their surroundings.
     """
     voxels = SurfaceVoxels(FUSION_VOXEL_M, PIXEL_STEP)
@@ -181,7 +183,7 @@ def _with_appearance(
     """Return new Gaussians with semantic features, and with inherited colours if configured.
 
     Gaussians of a filled hole inherit from the nearest ones; those of a relocated object are drawn
-    from its colours C and semantics S.
+    from its colours C and semantics S, GS-LTS, eq. (14).
     """
     if config.observed_colors and kept.feature_dims == 0:
         return replace(new, features=np.zeros((new.size, 0), np.float32))

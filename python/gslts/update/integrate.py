@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -22,14 +22,14 @@ from gslts.rendering.metrics import psnr_from_mse_db
 from gslts.semantics.map_semantics import MapSemantics
 from gslts.store.causes import UpdateRecord
 from gslts.types import Bools
-from gslts.update.config import RefineConfig, UpdateConfig
-from gslts.update.edit import Edit, pre_edit
-from gslts.update.refine import OnStep, Refinement, refine
+from gslts.update.config import UpdateConfig
+from gslts.update.edit import pre_edit
+from gslts.update.refine import OnStep
 from gslts.update.region import Region
 from gslts.update.selection import gaussians_in_regions
+from gslts.update.settle import active_gaussians, refine_edit
 from gslts.update.steadiness import unsteady_share
-from gslts.update.targets import replay_targets, view_targets
-from gslts.update.verify import error_in_regions, remaining_confidence, split_views
+from gslts.update.verify import error_in_regions, split_views
 from gslts.update.view_collection import Collection, collect_views
 from gslts.update.views import View
 
@@ -43,13 +43,6 @@ object."""
 SEMANTICS_MARGIN_M = 0.02
 """Margin around a region in which semantic features are recomputed: the table below a removed
 object becomes visible, m."""
-RADIUS_SIGMAS = 2
-"""Radius of a Gaussian, in its largest standard deviation."""
-SETTLED_SHARE = 0.5
-"""Maximum confidence of a change that may remain after the refinement, as a share of the confidence
-at which a change is reported. A margin, because later frames have other noise."""
-MAX_REPEATS = 2
-"""Maximum number of repeated refinements; each one costs as much as the first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,17 +192,14 @@ def integrate_views(
         reason = f"{100 * unsteady:.0f} % of what changed moved again during the collection"
         return gaussian_map, _reject(record, reason, clock)
 
-    active = active_gaussians(edit, regions, config.refine.reach_m)
-    refined = _refine(
-        gaussian_map, edit, active, cameras, training, regions, config, detector, on_step
-    )
+    refined = refine_edit(gaussian_map, edit, cameras, training, regions, config, detector, on_step)
     clock.stop("refining")
 
-    before, after = (
-        [error_in_regions(version, validation, own, threads) for own in (regions, *by_change)]
-        for version in (gaussian_map, refined.gaussian_map)
-    )
+    groups = (regions, *by_change)
+    before = [error_in_regions(gaussian_map, validation, own, threads) for own in groups]
+    after = [error_in_regions(refined.gaussian_map, validation, own, threads) for own in groups]
     clock.stop("verifying")
+    active = active_gaussians(edit, regions, config.refine.reach_m)
     record = record.model_copy(
         update={
             "refined": int(active.sum()) if refined.iterations else 0,
@@ -219,98 +209,10 @@ def integrate_views(
             "seconds": clock.seconds,
         }
     )
-    for old, new in zip(before, after, strict=True):  # Of all changes together, and of each one.
-        if old is None or new is None or not new < old:
-            reason = f"validation views do not fit better: {_describe(old)} before, "
-            return gaussian_map, _reject(record, f"{reason}{_describe(new)} after", clock)
+    worse = _no_better(before, after)
+    if worse is not None:
+        return gaussian_map, _reject(record, worse, clock)
     return refined.gaussian_map, record
-
-
-def _refine(
-    before: GaussianMap,
-    edit: Edit,
-    active: Bools,
-    cameras: Sequence[Camera],
-    training: Sequence[View],
-    regions: Sequence[Region],
-    config: UpdateConfig,
-    detector: ChangeDetector | None,
-    on_step: OnStep,
-) -> Refinement:
-    """Refine an edited map until the detector sees no change in the training views."""
-    settings: RefineConfig = config.refine
-    targets = view_targets(training, regions, settings)
-    targets += replay_targets(
-        before, edit.gaussian_map, cameras, regions, settings, threads=config.threads
-    )
-
-    def refine_once(gaussian_map: GaussianMap) -> Refinement:
-        return refine(
-            gaussian_map, targets, active, settings, threads=config.threads, on_step=on_step
-        )
-
-    if detector is None:
-        return refine_once(edit.gaussian_map)
-    seen_from = [*cameras, *(view.camera for view in training)]
-
-    def confidence(gaussian_map: GaussianMap) -> float:
-        return remaining_confidence(detector.with_map(gaussian_map, seen_from), training, regions)
-
-    settled = SETTLED_SHARE * detector.config.objects.certain
-    return refine_until_settled(edit.gaussian_map, refine_once, confidence, settled)
-
-
-def refine_until_settled(
-    edited: GaussianMap,
-    refine_once: Callable[[GaussianMap], Refinement],
-    confidence: Callable[[GaussianMap], float],
-    settled: float,
-) -> Refinement:
-    """Refine a map, and repeat it while this reduces the confidence of a remaining change.
-
-    Args:
-        edited: Map after the pre-editing.
-        refine_once: One refinement.
-        confidence: Confidence with which a change is still seen in a map, 0 to 1.
-        settled: Confidence at which the refinement is not repeated.
-
-    Returns:
-        The last refinement, with the iterations of all.
-    """
-    refined = refine_once(edited)
-    remaining = confidence(refined.gaussian_map)
-    for _ in range(MAX_REPEATS):
-        if remaining <= settled:
-            break
-        more = refine_once(refined.gaussian_map)
-        refined = replace(more, iterations=refined.iterations + more.iterations)
-        previous, remaining = remaining, confidence(refined.gaussian_map)
-        if remaining >= previous:  # More refinement does not help.
-            break
-    return refined
-
-
-def active_gaussians(edit: Edit, regions: Sequence[Region], reach_m: float) -> Bools:
-    """Return the Gaussians that the refinement may change: new ones, and those near the regions.
-
-    A Gaussian that reaches farther would also change where no view of the regions sees it.
-
-    Args:
-        edit: Edited map.
-        regions: Regions of the changes.
-        reach_m: Maximum distance from a region to the far side of a Gaussian, m.
-
-    Returns:
-        [N] bool.
-    """
-    gaussian_map = edit.gaussian_map
-    centers = gaussian_map.means + gaussian_map.origin
-    radii_m = RADIUS_SIGMAS * np.exp(gaussian_map.log_scales.max(axis=1))
-    active = np.zeros(gaussian_map.size, np.bool_)
-    for region in regions:
-        active |= region.contains(centers, reach_m - radii_m[:, None])
-    active[active.size - edit.added :] = True
-    return active
 
 
 def _needs_features(
@@ -343,6 +245,17 @@ class _Clock:
         """Note the time since the previous stage."""
         now_s = time.perf_counter()
         self.seconds[stage], self._last_s = round(now_s - self._last_s, 3), now_s
+
+
+def _no_better(before: Sequence[float | None], after: Sequence[float | None]) -> str | None:
+    """Return the reason if the error of all changes, or of one, did not fall; None if it did."""
+    for old, new in zip(before, after, strict=True):
+        if old is None or new is None or not new < old:
+            return (
+                f"validation views do not fit better: {_describe(old)} before, "
+                f"{_describe(new)} after"
+            )
+    return None
 
 
 def _reject(record: UpdateRecord, reason: str, clock: _Clock) -> UpdateRecord:

@@ -1,6 +1,6 @@
 """Selection of the Gaussians of removed objects, by votes of the views and by space carving.
 
-Source: GS-LTS, sec. III-D, voting function V and G_target.
+Source: GS-LTS, sec. III-D, voting function V, eq. (11), and G_target.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def _outvoted(
     emptied: Sequence[Region],
     config: EditConfig,
 ) -> Bools:
-    """Return [N] Gaussians with V(g) > rho K.
+    """Return [N] Gaussians with V(g) > rho K, eq. (11).
 
     GS-LTS counts all K views of a region. With `visible_votes`, K is the number of views in which
     the map does not occlude the Gaussian.

@@ -313,7 +313,7 @@ def test_an_empty_map_localizes_nothing() -> None:
         views()[0], views()[0].camera.world_from_camera
     )
     assert result.status == "lost"
-    assert "fills 0 %" in result.reason
+    assert "covers 0 %" in result.reason
 
 
 def test_a_double_map_is_rejected() -> None:

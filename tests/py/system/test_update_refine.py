@@ -13,8 +13,8 @@ from gslts.core.gaussian_map import GaussianMap
 from gslts.rendering.rasterizer import render
 from gslts.update.config import RefineConfig
 from gslts.update.edit import Edit, pre_edit
-from gslts.update.integrate import active_gaussians
 from gslts.update.refine import Refinement, refine
+from gslts.update.settle import active_gaussians
 from gslts.update.targets import Target, replay_targets, spread_cameras, view_targets
 from gslts.update.verify import error_in_regions, split_views
 

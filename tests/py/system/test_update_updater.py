@@ -20,9 +20,9 @@ from gslts.update.integrate import (
     UpdateResult,
     integrate_changes,
     integrate_views,
-    refine_until_settled,
 )
 from gslts.update.refine import Refinement
+from gslts.update.settle import refine_until_settled
 from gslts.update.steadiness import changes_once
 from gslts_sim.controller import Controller
 from gslts_sim.home import Home
