@@ -13,7 +13,7 @@ namespace {
 /// A relative step of the depth between neighbours that ends a surface.
 constexpr double kEdgeShare = 0.05;
 
-/// Every so manieth pixel of a depth image.
+/// Every n-th pixel of a depth image.
 struct Samples {
   std::size_t rows, columns;
   Array<float> depth;  ///< [rows, columns] m; 0 means no measurement.

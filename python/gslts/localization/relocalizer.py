@@ -207,7 +207,7 @@ class Relocalizer:
             measured=[pictures.depths[level] for level in levels],
             masks=[pictures.spread(level) for level in levels],
             rule=_core.RefineRule(
-                iterations=config.iterations, least_step_m=STEP_M, threads=config.threads
+                iterations=config.iterations, min_step_m=STEP_M, threads=config.threads
             ),
         )
 
