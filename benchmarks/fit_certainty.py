@@ -27,7 +27,7 @@ from gslts.change.detector import ChangeDetector, Detection
 from gslts.datasets import open_dataset
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
-from gslts_bench.detection.cases import Case, cases_of, counts_of, frame_of
+from gslts_bench.detection.cases import Case, counts_of, make_cases, take_frame
 from gslts_bench.detection.truth import Truth
 from gslts_bench.homes import BenchHome, HomeSetup, default_state, homes_of
 
@@ -204,10 +204,10 @@ def _found_in_homes(homes: Iterable[BenchHome], tasks: int, count: int) -> Itera
             )
             for one in HALVINGS
         ]
-        cases = cases_of(bench, counts, lambda _: None)
+        cases = make_cases(bench, counts)
         before = default_state(cases.home, cases.initial_actions)
         for case in tqdm(cases.cases, desc=bench.name):
-            frame = frame_of(case, before, bench)
+            frame = take_frame(case, before, bench)
             for detector in detectors:
                 yield from found_in(bench.name, case, detector.detect(frame))
 

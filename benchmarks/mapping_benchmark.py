@@ -22,7 +22,7 @@ from pathlib import Path
 from statistics import mean
 from typing import Any
 
-from machine import describe_machine
+from gslts_bench.provenance import describe_machine
 
 ROOMS = [
     *(("kitchen", seed) for seed in range(4)),

@@ -22,9 +22,9 @@ import python_benchmark
 import report
 import targets
 from cpp_benchmark import Timing
-from machine import describe_commit, describe_machine
 from workloads import FOLDER, REPOSITORY, workload_path, write_workload
 
+from gslts_bench.provenance import describe_commit, describe_machine
 from gslts_bench.synthetic_rooms import SIZES, make_room
 
 BUILD = REPOSITORY / "build" / "bench"

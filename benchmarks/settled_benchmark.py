@@ -41,7 +41,7 @@ from gslts_sim.controller import Controller
 from gslts_sim.explore import explore
 from gslts_sim.home import AreaLight, Home, HomeObject, Room
 from gslts_sim.mesh import Surface
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
 
 KINDS = ("removal", "addition", "relocation")
 WIDTH, HEIGHT = 160, 120
@@ -215,7 +215,7 @@ def robot_in(home: Home, seed: int) -> Controller:
     return Controller(home, width=WIDTH, height=HEIGHT, noise="kinect", seed=seed)
 
 
-def looks_at(box: Box, robot: Controller) -> list[Look]:
+def looks_at(box: Box, robot: Controller) -> list[Viewpoint]:
     """Looks at the middle of a box from all around, as far as the robot can stand there."""
     middle = np.mean(box, axis=0)
     eye_m = float(robot.observe().camera.world_from_camera[2, 3])
@@ -231,7 +231,7 @@ def looks_at(box: Box, robot: Controller) -> list[Look]:
         way = middle[:2] - (x, y)
         down_deg = np.degrees(np.arctan2(eye_m - middle[2], np.linalg.norm(way)))
         yaw_deg = np.degrees(np.arctan2(way[1], way[0]))
-        looks.append(Look(np.array([x, y]), float(yaw_deg), float(down_deg)))
+        looks.append(Viewpoint(x, y, float(yaw_deg), float(down_deg)))
     return looks
 
 

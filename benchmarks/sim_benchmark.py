@@ -11,17 +11,16 @@ from collections.abc import Callable
 from pathlib import Path
 from statistics import median
 
-from machine import describe_machine
-
+from gslts_bench.provenance import describe_machine
 from gslts_sim import ROOM_TYPES, Home, make_home
 from gslts_sim.capture import capture
+from gslts_sim.contact_sheet import corner_cameras
 from gslts_sim.controller import Controller
 from gslts_sim.explore import explore
 from gslts_sim.home_source import HomeSource
 from gslts_sim.raycast import RayCaster
-from gslts_sim.show import corner_cameras
 from gslts_sim.task import write_task
-from gslts_sim.tasks import Setting, TaskMaker
+from gslts_sim.tasks import TaskMaker, TaskSettings
 
 SEEDS = range(5)
 FRAMES, TASKS, TASKS_PER_HOME = 200, 600, 12
@@ -42,21 +41,21 @@ def frame_ms(home: Home) -> list[float]:
     """Of views from the corners, 640 x 480, after one that does not count."""
     caster = RayCaster(home)
     cameras = corner_cameras(home, 640, 480)
-    caster.look(cameras[0])
-    return [1e3 * seconds(lambda camera=camera: caster.look(camera)) for camera in cameras]
+    caster.render(cameras[0])
+    return [1e3 * seconds(lambda camera=camera: caster.render(camera)) for camera in cameras]
 
 
 def capture_s(home: Home, noise: str) -> float:
-    looks, _ = explore(home, FRAMES)
+    viewpoints, _ = explore(home, FRAMES)
     robot = Controller(home, noise=noise)
     # Where exploring needs fewer frames, some are taken twice.
-    looks = (looks * FRAMES)[:FRAMES]
+    viewpoints = (viewpoints * FRAMES)[:FRAMES]
     with tempfile.TemporaryDirectory() as folder:
-        return seconds(lambda: capture(robot, looks, Path(folder)))
+        return seconds(lambda: capture(robot, viewpoints, Path(folder)))
 
 
 def tasks_s() -> float:
-    maker, made = TaskMaker(Setting(), 0), 0
+    maker, made = TaskMaker(TaskSettings(), 0), 0
     start = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         for number in range(10 * TASKS):

@@ -17,7 +17,8 @@ from tqdm import tqdm
 from gslts.core.camera import Camera, camera_from_fov
 from gslts.core.gaussian_map import GaussianMap
 from gslts.store.camera_files import cameras_of_map
-from gslts.store.map_folder import open_map, plain_camera, read_map, write_map_folder
+from gslts.store.causes import UpdateCause, UpdateFrame
+from gslts.store.map_folder import camera_to_json, open_map, read_map, write_map_folder
 
 ARRAYS = ("means", "quats", "log_scales", "logit_opacities", "sh", "features")
 
@@ -96,11 +97,11 @@ def main() -> None:
                 newest = store.version()
                 gaussian_map = updated(rng, gaussian_map, given.touched, newest.next_id)
                 frames = [
-                    {**plain_camera(camera(rng)), "new_viewpoint": k == 0}
+                    UpdateFrame(**camera_to_json(camera(rng)), new_viewpoint=k == 0)
                     for k in range(given.views)
                 ]
                 start_s = time.perf_counter()
-                store.commit(gaussian_map, {"frames": frames})
+                store.commit(gaussian_map, UpdateCause(frames=tuple(frames)))
                 committing.append(time.perf_counter() - start_s)
         grown = (size_of(folder) - at_first) / (given.versions - 1)
         with open_map(folder) as store:

@@ -28,15 +28,15 @@ from gslts.mapping.config import PRESETS
 from gslts.mapping.engine import make_map
 from gslts.store.map_folder import read_map, write_map_folder
 from gslts.update.config import RefineConfig, UpdateConfig
-from gslts_bench.series.benchmark import fresh_frames, psnr_of
+from gslts_bench.series.run import mean_psnr_db, new_frames
 from gslts_sim.actions import SceneState
 from gslts_sim.capture import capture
+from gslts_sim.change_sampler import TaskSettings
 from gslts_sim.controller import Controller
 from gslts_sim.explore import explore
 from gslts_sim.home_source import HomeSource
 from gslts_sim.task import SensorSetup
 from gslts_sim.tasks import TaskMaker
-from gslts_sim.trial import Setting
 
 
 def robot_in(state: SceneState, sensor: SensorSetup, seed: int) -> Controller:
@@ -86,9 +86,9 @@ def main() -> None:
     given = parser.parse_args()
     shutil.rmtree(given.out, ignore_errors=True)
     empty_folder(given.out)
-    setting = Setting(width=given.width, height=given.width * 3 // 4)
+    setting = TaskSettings(width=given.width, height=given.width * 3 // 4)
     source, coarse = HomeSource.of_seed(given.room, given.seed)
-    tasks = TaskMaker(setting, given.seed).make_in_a_row(source, coarse, given.changes)
+    tasks = TaskMaker(setting, given.seed).make_sequence(source, coarse, given.changes)
     task = next(tasks)
     state = task.states(source.load(given.out))[0]
     mapped(robot_in(state, task.sensor, task.sensor.seed_before), given.out / "start")
@@ -102,9 +102,9 @@ def main() -> None:
     with MapKeeper(folder, config) as keeper, (given.out / "cycles.jsonl").open("w") as log:
         cycles: list[tuple[float, float]] = []
         for done in tqdm(range(1, given.changes + 1), desc="a year"):
-            state = task.changed(state)
+            state = task.apply_change(state)
             robot = robot_in(state, task.sensor, task.sensor.seed_after)
-            robot.go(task.viewpoint.look)
+            robot.go(task.viewpoint)
             frame = robot.observe()
             start_s, start_cpu_s = time.perf_counter(), time.process_time()
             keeper.go_round(robot, {"first": frame.camera})
@@ -134,13 +134,13 @@ def main() -> None:
                 task = next(tasks)
     sensor = task.sensor
     anew = mapped(robot_in(state, sensor, sensor.seed_after), given.out / "anew")
-    frames = fresh_frames(state, sensor, given.seed)
+    frames = new_frames(state, sensor, given.seed)
     for words, one in (
         ("kept up to date", read_map(folder)),
         ("as at first", read_map(Path(f"{folder}@1"))),
         ("built anew", anew),
     ):
-        print(f"{words}: {psnr_of(one, frames):.2f} dB, {one.size} Gaussians", flush=True)
+        print(f"{words}: {mean_psnr_db(one, frames):.2f} dB, {one.size} Gaussians", flush=True)
 
 
 if __name__ == "__main__":

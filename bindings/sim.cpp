@@ -13,6 +13,7 @@
 #include "gslts/sim/sensor.hpp"
 #include "gslts/sim/shading.hpp"
 #include "gslts/sim/surfaces.hpp"
+#include "gslts/sim/triangle_hits.hpp"
 
 namespace gslts::python {
 namespace {
@@ -100,6 +101,21 @@ py::array_t<float> pixel_rays(const Camera& camera, int threads) {
     return sim::pixel_rays(camera, threads);
   }();
   return to_numpy(std::move(rays), {camera.height, camera.width, 6});
+}
+
+py::tuple intersect_triangles(const py::array& rays, const py::array& hit, const py::array& corners,
+                              int threads) {
+  const auto* indices = require_array<std::uint32_t>(hit, "hit", {kAnyLength});
+  const py::ssize_t size = hit.shape(0);
+  const float* numbers = require_array<float>(rays, "rays", {size, 6});
+  const float* triangles = require_array<float>(corners, "corners", {kAnyLength, 3, 3});
+  sim::TriangleHits hits = [&] {
+    const py::gil_scoped_release release;
+    return sim::intersect_triangles(
+        {std::size_t(size), numbers, indices, std::size_t(corners.shape(0)), triangles}, threads);
+  }();
+  return py::make_tuple(to_numpy(std::move(hits.distance), {size}),
+                        to_numpy(std::move(hits.weights), {size, 2}));
 }
 
 py::array_t<std::uint8_t> measure_color(const py::array& radiance,
@@ -280,6 +296,22 @@ Returns:
 
 Raises:
     ValueError: threads is negative.)");
+  m.def("intersect_triangles", &intersect_triangles, py::arg("rays"), py::arg("hit"),
+        py::arg("corners"), py::kw_only(), py::arg("threads").noconvert(),
+        R"(Computes where rays meet triangles that are known to be hit, the same on every processor.
+
+Args:
+    rays: [N,6] float32 origins, m, and directions of any length, world.
+    hit: [N] uint32 index of the triangle; 0xffffffff where nothing is hit.
+    corners: [T,3,3] float32, m, world.
+    threads: 0 means one a hardware thread; the result does not depend on it.
+
+Returns:
+    Distances [N] float32 in lengths of the direction, infinite for a miss; and barycentric weights
+    [N,2] float32 of the second and third corner.
+
+Raises:
+    ValueError: An array does not fit, an index is out of range, or threads is negative.)");
 }
 
 }  // namespace gslts::python

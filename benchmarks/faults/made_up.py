@@ -19,11 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.core.gaussian_map import GaussianMap
-from gslts.io.atomic_files import write_whole
+from gslts.io.atomic_files import write_atomic
 from gslts.mapping.density.control import joined
+from gslts.store.causes import UpdateCause
 from gslts.store.map_folder import open_map, write_map_folder
 from gslts.store.map_store import MapStore
-from gslts.store.records import Event
+from gslts.store.records import ObjectEvent
 
 GAUSSIANS, NEW = 300, 20
 STATE = "loop.json"
@@ -78,8 +79,8 @@ def commit_next(store: MapStore, number: int) -> None:
     if restored is not None:
         store.restore(restored)
         return
-    event = Event(0, "addition", f"Thing {number}", (None, BOX))
-    store.commit(map_of(number), {"number": number}, [event])
+    event = ObjectEvent(kind="addition", type=f"Thing {number}", boxes=(None, BOX))
+    store.commit(map_of(number), UpdateCause(round=number), [event])
 
 
 def commit_more(folder: Path, more: int) -> None:
@@ -92,7 +93,7 @@ def commit_more(folder: Path, more: int) -> None:
             try:
                 commit_next(store, number)
                 print(number, flush=True)
-                write_whole(folder / STATE, json.dumps({"version": number}).encode())
+                write_atomic(folder / STATE, json.dumps({"version": number}).encode())
             except OSError as error:
                 if failed is not None:
                     raise

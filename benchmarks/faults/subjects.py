@@ -29,8 +29,9 @@ from gslts.io.ply import write_ply
 from gslts.keeper.state import read_state
 from gslts.localization.landmark_files import FOLDER as LANDMARKS
 from gslts.localization.landmark_files import landmark_problems
-from gslts.store.delta import arrays_of
-from gslts.store.map_folder import CAMERAS, MANIFEST, open_map
+from gslts.store.delta import map_to_arrays
+from gslts.store.manifest import CAMERAS, MANIFEST
+from gslts.store.map_folder import open_map
 from gslts.store.map_store import BLOBS, INDEX
 from gslts.store.writer_lock import LOCK
 
@@ -237,7 +238,7 @@ def wrong_of_map(
     wrong = []
     try:
         with open_map(path) as store:
-            wrong += store.problems() + landmark_problems(store)
+            wrong += store.find_problems() + landmark_problems(store)
             numbers = [version.number for version in store.versions()]
             if numbers != list(range(1, len(numbers) + 1)):
                 wrong.append(f"its versions are {numbers}")
@@ -257,7 +258,7 @@ def wrong_of_map(
 def digest(gaussian_map: GaussianMap) -> str:
     """The same for maps that are the same bit by bit."""
     content = hashlib.sha256()
-    for name, array in arrays_of(gaussian_map).items():
+    for name, array in map_to_arrays(gaussian_map).items():
         content.update(f"{name} {array.dtype} {array.shape}".encode() + array.tobytes())
     return content.hexdigest()
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <limits>
 #include <numeric>
 #include <stdexcept>
 #include <string>
@@ -13,31 +12,26 @@
 namespace gslts::raster {
 namespace {
 
-/// Entries are numbered in 32 bits; the rest is room for those of `nowhere`.
-constexpr std::uint64_t kMaxBandEntries = std::numeric_limits<std::uint32_t>::max() - (1u << 20);
+/// Scratch tiles of each group, see `for_each_tile_of_four`. Three, because writing one of them
+/// would have to wait for the write before.
+constexpr std::size_t kScratchTiles = 3;
 
-/// Entries between the one written to a list and the one whose place is fetched: the lists grow in
-/// no order, and every new cache line would otherwise be waited for.
-constexpr std::uint32_t kPrefetchDistance = 8;
-
-constexpr std::size_t kNowhereTiles = 3;
-
-/// Most splats touch at most 2 x 2 tiles, in no predictable pattern: this visits those four without
-/// a branch, the untouched ones as one of the three tiles from `nowhere` on, with an increment of
-/// 0. Three, because writing one of them would have to wait for the write before.
+/// Visits the four tiles of 2 x 2 that most splats touch at most, without a branch, as which of
+/// them they touch is not predictable: visit(tile, rank, increment) gets the untouched ones as one
+/// of the tiles from `scratch` on, with an increment of 0.
 template <typename Visit>
-void for_each_tile_of_four(const TileRect& rect, int tiles_x, int nowhere, Visit visit) {
+void for_each_tile_of_four(const TileRect& rect, int tiles_x, int scratch, Visit visit) {
   const int tile = rect.y0 * tiles_x + rect.x0;
   const int wide = rect.x1 - rect.x0 - 1, high = rect.y1 - rect.y0 - 1;
   visit(tile, 0, 1);
-  visit(wide ? tile + 1 : nowhere, 1, wide);
-  visit(high ? tile + tiles_x : nowhere + 1, 1 + wide, high);
-  visit(wide & high ? tile + tiles_x + 1 : nowhere + 2, 3, wide & high);
+  visit(wide ? tile + 1 : scratch, 1, wide);
+  visit(high ? tile + tiles_x : scratch + 1, 1 + wide, high);
+  visit(wide & high ? tile + tiles_x + 1 : scratch + 2, 3, wide & high);
 }
 
 bool within_four(const TileRect& rect) { return rect.x1 - rect.x0 <= 2 && rect.y1 - rect.y0 <= 2; }
 
-/// The number of rectangles over each tile, from their corners alone.
+/// Counts the rectangles over each tile, from their corners alone.
 class TileCounts {
  public:
   TileCounts(int rows, int columns)
@@ -71,10 +65,138 @@ class TileCounts {
   std::vector<std::int32_t> corners_;  ///< [rows + 1, columns + 1]
 };
 
-/// Chunks [begin, end) of one of `groups` equal shares.
-std::pair<std::size_t, std::size_t> share(std::size_t chunks, std::size_t group,
-                                          std::size_t groups) {
-  return {chunks * group / groups, chunks * (group + 1) / groups};
+/// Sorts the splats of a band into the lists of its tiles: a counting sort by groups of chunks, one
+/// a thread. The lists come out in slot order whatever the number of groups.
+template <typename T>
+class TileLists {
+ public:
+  TileLists(const Splats<T>& splats, const RenderSetup<T>& setup, const WantedPixels& wanted,
+            Band<T>& band)
+      : splats_(splats),
+        setup_(setup),
+        wanted_(wanted),
+        band_(band),
+        chunks_(splats.counts.size()),
+        tiles_(std::size_t(band.last_row - band.first_row) * setup.tiles_x),
+        cursors_(std::max<std::size_t>(1, std::min<std::size_t>(setup.threads, chunks_))) {}
+
+  void fill() {
+    band_.first_gradients.assign(chunks_ + 1, 0);
+    for_each_group([&](std::size_t group) { count(group); });
+    std::partial_sum(band_.first_gradients.begin(), band_.first_gradients.end(),
+                     band_.first_gradients.begin());
+    place_lists();
+    const std::uint32_t size = band_.offsets.back();
+    add_scratch(size);
+    for_each_group([&](std::size_t group) { write(group); });
+    band_.entries.resize(size);
+  }
+
+ private:
+  template <typename Task>
+  void for_each_group(Task task) {
+    parallel::parallel_for(cursors_.size(), setup_.threads, task);
+  }
+
+  template <typename Visit>
+  void for_each_chunk(std::size_t group, Visit visit) const {
+    const std::size_t groups = cursors_.size();
+    for (std::size_t chunk = chunks_ * group / groups; chunk < chunks_ * (group + 1) / groups;
+         ++chunk) {
+      visit(chunk);
+    }
+  }
+
+  /// Counts the entries of each tile, and the gradient places of each chunk.
+  void count(std::size_t group) {
+    TileCounts counts(band_.last_row - band_.first_row, setup_.tiles_x);
+    for_each_chunk(group, [&](std::size_t chunk) {
+      const SplatKey<T>* keys = splats_.keys.data() + chunk * kChunkSize;
+      std::uint32_t places = 0;
+      for (std::uint32_t i = 0; i < splats_.counts[chunk]; ++i) {
+        const TileRect rect = clip(keys[i].rect, band_);
+        counts.add(rect, band_.first_row);
+        places += area(rect);
+      }
+      band_.first_gradients[chunk + 1] = places;
+    });
+    cursors_[group] = counts.counts();
+    const int first_tile = band_.first_row * setup_.tiles_x;
+    for (std::size_t tile = 0; tile < tiles_ && !wanted_.all(); ++tile) {
+      if (!wanted_.blocks(first_tile + int(tile))) cursors_[group][tile] = 0;
+    }
+  }
+
+  /// Turns the counts into the entry at which each group starts in each list.
+  void place_lists() {
+    band_.offsets.resize(tiles_ + 1);
+    std::uint32_t offset = 0;
+    for (std::size_t tile = 0; tile < tiles_; ++tile) {
+      band_.offsets[tile] = offset;
+      for (std::vector<std::uint32_t>& cursor : cursors_) {
+        offset += std::exchange(cursor[tile], offset);
+      }
+    }
+    band_.offsets[tiles_] = offset;
+  }
+
+  /// Gives each group scratch tiles with entries of its own behind the lists.
+  void add_scratch(std::uint32_t size) {
+    band_.entries.resize(size + cursors_.size() * kScratchTiles);
+    for (std::vector<std::uint32_t>& cursor : cursors_) {
+      for (std::size_t i = 0; i < kScratchTiles; ++i) cursor.push_back(size++);
+    }
+  }
+
+  /// Writes the entries of a group.
+  void write(std::size_t group) {
+    std::uint32_t* const cursor = cursors_[group].data();
+    TileEntry<T>* const entries = band_.entries.data();
+    const bool whole_image =
+        wanted_.all() && band_.first_row == 0 && band_.last_row == setup_.tiles_y;
+    for_each_chunk(group, [&](std::size_t chunk) {
+      const std::uint32_t first_slot = std::uint32_t(chunk * kChunkSize);
+      std::uint32_t gradient = band_.first_gradients[chunk];
+      for (std::uint32_t slot = first_slot; slot < first_slot + splats_.counts[chunk]; ++slot) {
+        const SplatKey<T> key = splats_.keys[slot];
+        const TileRect rect = clip(key.rect, band_);
+        const auto put = [&](int tile, std::uint32_t rank, int increment) {
+          entries[cursor[tile]] = {slot, gradient + rank, key.depth};
+          // The lists grow in no order, and every new cache line would otherwise be waited for.
+          __builtin_prefetch(entries + cursor[tile] + kBinPrefetch, 1);
+          cursor[tile] += increment;
+        };
+        if (whole_image && within_four(rect)) {
+          for_each_tile_of_four(rect, setup_.tiles_x, int(tiles_), put);
+        } else {
+          for_each_tile(rect, band_, setup_.tiles_x, wanted_,
+                        [&](int tile, std::uint32_t rank) { put(tile, rank, 1); });
+        }
+        gradient += area(rect);
+      }
+    });
+  }
+
+  const Splats<T>& splats_;
+  const RenderSetup<T>& setup_;
+  const WantedPixels& wanted_;
+  Band<T>& band_;
+  const std::size_t chunks_, tiles_;
+  std::vector<std::vector<std::uint32_t>> cursors_;  ///< [groups][tiles + scratch tiles]
+};
+
+/// Counts the entries of each row of tiles.
+template <typename T>
+std::vector<std::uint64_t> count_by_row(const Splats<T>& splats, int rows) {
+  std::vector<std::uint64_t> counts(rows, 0);
+  for (std::size_t chunk = 0; chunk < splats.counts.size(); ++chunk) {
+    const SplatKey<T>* keys = splats.keys.data() + chunk * kChunkSize;
+    for (std::uint32_t i = 0; i < splats.counts[chunk]; ++i) {
+      const TileRect& rect = keys[i].rect;
+      for (int y = rect.y0; y < rect.y1; ++y) counts[y] += rect.x1 - rect.x0;
+    }
+  }
+  return counts;
 }
 
 }  // namespace
@@ -90,14 +212,7 @@ std::vector<Band<T>> plan_bands(const Splats<T>& splats, const RenderSetup<T>& s
     whole.last_row = setup.tiles_y;
     return {whole};
   }
-  std::vector<std::uint64_t> row_entries(setup.tiles_y, 0);
-  for (std::size_t chunk = 0; chunk < splats.counts.size(); ++chunk) {
-    const SplatKey<T>* keys = splats.keys.data() + chunk * kChunkSize;
-    for (std::uint32_t i = 0; i < splats.counts[chunk]; ++i) {
-      const TileRect& rect = keys[i].rect;
-      for (int y = rect.y0; y < rect.y1; ++y) row_entries[y] += rect.x1 - rect.x0;
-    }
-  }
+  const std::vector<std::uint64_t> row_entries = count_by_row(splats, setup.tiles_y);
   std::vector<Band<T>> bands;
   std::uint64_t entries = 0;
   for (int row = 0; row < setup.tiles_y; ++row) {
@@ -120,79 +235,7 @@ std::vector<Band<T>> plan_bands(const Splats<T>& splats, const RenderSetup<T>& s
 template <typename T>
 void bin_splats(const Splats<T>& splats, const RenderSetup<T>& setup, const WantedPixels& wanted,
                 Band<T>& band) {
-  const std::size_t chunks = splats.counts.size();
-  const std::size_t tiles = std::size_t(band.last_row - band.first_row) * setup.tiles_x;
-  const std::size_t groups = std::max<std::size_t>(1, std::min<std::size_t>(setup.threads, chunks));
-  const bool simple = wanted.all() && band.first_row == 0 && band.last_row == setup.tiles_y;
-  const int nowhere = int(tiles);
-  // A counting sort. The lists come out in slot order whatever the number of groups.
-  std::vector<std::vector<std::uint32_t>> cursors(groups);
-  band.first_gradients.assign(chunks + 1, 0);
-  parallel::parallel_for(groups, setup.threads, [&](std::size_t group) {
-    TileCounts counts(band.last_row - band.first_row, setup.tiles_x);
-    const auto [begin, end] = share(chunks, group, groups);
-    for (std::size_t chunk = begin; chunk < end; ++chunk) {
-      const SplatKey<T>* keys = splats.keys.data() + chunk * kChunkSize;
-      std::uint32_t places = 0;
-      for (std::uint32_t i = 0; i < splats.counts[chunk]; ++i) {
-        const TileRect rect = clip(keys[i].rect, band);
-        counts.add(rect, band.first_row);
-        places += area(rect);
-      }
-      band.first_gradients[chunk + 1] = places;
-    }
-    cursors[group] = counts.counts();
-    for (std::size_t tile = 0; tile < tiles && !wanted.all(); ++tile) {
-      const int first_tile = band.first_row * setup.tiles_x;
-      if (!wanted.blocks(first_tile + int(tile))) cursors[group][tile] = 0;
-    }
-    cursors[group].resize(tiles + kNowhereTiles);
-  });
-  std::partial_sum(band.first_gradients.begin(), band.first_gradients.end(),
-                   band.first_gradients.begin());
-  band.offsets.resize(tiles + 1);
-  std::uint32_t offset = 0;
-  for (std::size_t tile = 0; tile < tiles; ++tile) {
-    band.offsets[tile] = offset;
-    for (std::vector<std::uint32_t>& cursor : cursors) {
-      const std::uint32_t count = cursor[tile];
-      cursor[tile] = offset;
-      offset += count;
-    }
-  }
-  band.offsets[tiles] = offset;
-  // Each group has entries of its own for `nowhere`.
-  band.entries.resize(offset + groups * kNowhereTiles);
-  for (std::size_t group = 0; group < groups; ++group) {
-    std::iota(cursors[group].begin() + tiles, cursors[group].end(),
-              std::uint32_t(offset + group * kNowhereTiles));
-  }
-  parallel::parallel_for(groups, setup.threads, [&](std::size_t group) {
-    std::uint32_t* const cursor = cursors[group].data();
-    TileEntry<T>* const entries = band.entries.data();
-    const auto [begin, end] = share(chunks, group, groups);
-    for (std::size_t chunk = begin; chunk < end; ++chunk) {
-      const std::uint32_t first_slot = std::uint32_t(chunk * kChunkSize);
-      std::uint32_t gradient = band.first_gradients[chunk];
-      for (std::uint32_t slot = first_slot; slot < first_slot + splats.counts[chunk]; ++slot) {
-        const SplatKey<T> key = splats.keys[slot];
-        const TileRect rect = clip(key.rect, band);
-        const auto put = [&](int tile, std::uint32_t rank, int one) {
-          entries[cursor[tile]] = {slot, gradient + rank, key.depth};
-          __builtin_prefetch(entries + cursor[tile] + kPrefetchDistance, 1);
-          cursor[tile] += one;
-        };
-        if (simple && within_four(rect)) {
-          for_each_tile_of_four(rect, setup.tiles_x, nowhere, put);
-        } else {
-          for_each_tile(rect, band, setup.tiles_x, wanted,
-                        [&](int tile, std::uint32_t rank) { put(tile, rank, 1); });
-        }
-        gradient += area(rect);
-      }
-    }
-  });
-  band.entries.resize(offset);
+  TileLists<T>(splats, setup, wanted, band).fill();
 }
 
 template std::vector<Band<float>> plan_bands(const Splats<float>&, const RenderSetup<float>&);

@@ -1,4 +1,5 @@
-// What the forward and the backward blending share. Included once per instruction set.
+// Splats at the pixels of a tile, shared by the forward and the backward blending (3DGS, Kerbl et
+// al. 2023, sec. 6). Included once per instruction set.
 
 #if defined(GSLTS_RASTER_BLEND_INL_HPP) == defined(HWY_TARGET_TOGGLE)
 #ifdef GSLTS_RASTER_BLEND_INL_HPP
@@ -14,9 +15,6 @@
 
 HWY_BEFORE_NAMESPACE();
 namespace gslts::raster::HWY_NAMESPACE {
-
-/// Entries between the one at work and the one whose splat is fetched from memory.
-constexpr std::uint32_t kPrefetchDistance = 64;
 
 /// Positions of the pixel centres of a block's vector `i` in its tile, px.
 template <class D>
@@ -67,28 +65,70 @@ HWY_INLINE void corner_uv(D d, V mean_x, V mean_y, V uu, V uv, V vv, int tile_x,
   v = vv * y;
 }
 
-/// The same splat at one vector of pixels.
+/// One splat, repeated in all lanes; members as in `TileSplat`.
+template <class D>
+struct SplatInLanes {
+  using V = hn::Vec<D>;
+  using T = hn::TFromD<D>;
+  V uu, uv, vv, log2_opacity;
+  V red, green, blue;
+  V depth, depth_u, depth_v;
+  V corner_u, corner_v;
+
+  HWY_INLINE SplatInLanes(D d, const TileSplat<T>& s)
+      : SplatInLanes(d, s, hn::Set(d, s.corner_u), hn::Set(d, s.corner_v)) {}
+
+  HWY_INLINE SplatInLanes(D d, const Splat<T>& s, int tile_x, int tile_y)
+      : SplatInLanes(d, s, hn::Zero(d), hn::Zero(d)) {
+    corner_uv(d, hn::Set(d, s.mean_x), hn::Set(d, s.mean_y), uu, uv, vv, tile_x, tile_y, corner_u,
+              corner_v);
+  }
+
+ private:
+  template <class S>
+  HWY_INLINE SplatInLanes(D d, const S& s, V u, V v)
+      : uu(hn::Set(d, s.uu)),
+        uv(hn::Set(d, s.uv)),
+        vv(hn::Set(d, s.vv)),
+        log2_opacity(hn::Set(d, s.log2_opacity)),
+        red(hn::Set(d, s.color[0])),
+        green(hn::Set(d, s.color[1])),
+        blue(hn::Set(d, s.color[2])),
+        depth(hn::Set(d, s.depth)),
+        depth_u(hn::Set(d, s.depth_u)),
+        depth_v(hn::Set(d, s.depth_v)),
+        corner_u(u),
+        corner_v(v) {}
+};
+
+/// A splat at one vector of pixels: log2(alpha) = log2(o) - u^2 - v^2 (Kerbl et al. 2023, eq. 4).
 template <class D>
 struct Footprint {
   using V = hn::Vec<D>;
   V u, v, log2_alpha;
 
-  HWY_INLINE Footprint(V corner_u, V corner_v, V uu, V uv, V vv, V log2_opacity,
-                       const PixelCenters<D>& at)
-      : u(hn::MulAdd(uu, at.x, hn::MulAdd(uv, at.y, corner_u))),
-        v(hn::MulAdd(vv, at.y, corner_v)),
-        log2_alpha(hn::NegMulAdd(u, u, hn::NegMulAdd(v, v, log2_opacity))) {}
+  HWY_INLINE Footprint(const SplatInLanes<D>& s, const PixelCenters<D>& at)
+      : u(hn::MulAdd(s.uu, at.x, hn::MulAdd(s.uv, at.y, s.corner_u))),
+        v(hn::MulAdd(s.vv, at.y, s.corner_v)),
+        log2_alpha(hn::NegMulAdd(u, u, hn::NegMulAdd(v, v, s.log2_opacity))) {}
+
+  /// Depth of the splat at the pixels, m.
+  HWY_INLINE V depth(const SplatInLanes<D>& s) const {
+    return hn::MulAdd(s.depth_u, u, hn::MulAdd(s.depth_v, v, s.depth));
+  }
 };
 
-/// Alpha from its logarithm; any value where that is far below every alpha_min.
-template <int kExpDegree, class V>
-HWY_INLINE V alpha_of(V log2_alpha) {
-  const hn::DFromV<V> d;
-  return hn::Min(exp2_nonpositive<kExpDegree>(d, log2_alpha), hn::Set(d, hn::TFromV<V>(kMaxAlpha)));
+/// Alpha at the pixels, at most kMaxAlpha; 0 where it is below alpha_min.
+template <int kExpDegree, class D, class V = hn::Vec<D>>
+HWY_INLINE V alpha_at(D d, const Footprint<D>& at, V log2_alpha_min) {
+  const V alpha =
+      hn::Min(exp2_nonpositive<kExpDegree>(d, at.log2_alpha), hn::Set(d, hn::TFromD<D>(kMaxAlpha)));
+  return hn::IfThenElseZero(hn::Ge(at.log2_alpha, log2_alpha_min), alpha);
 }
 
-/// Sets the transmittance of the tile's wanted pixels to 1, and of all others to -1: they never
-/// pass the test against transmittance_min. Returns the blocks that hold a wanted pixel.
+/// Sets the transmittance of the tile's wanted pixels to 1, and of all others to -1, which never
+/// passes the test against transmittance_min.
+/// @return  Bits of the blocks that hold a wanted pixel.
 template <typename T>
 std::uint64_t start_transmittance(const TileTask<T>& tile, const RenderSetup<T>& setup,
                                   const WantedPixels& wanted, T* transmittance) {

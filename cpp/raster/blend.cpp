@@ -14,9 +14,9 @@
 HWY_BEFORE_NAMESPACE();
 namespace gslts::raster::HWY_NAMESPACE {
 
-/// Adds w times the features of the listed splats, kChannels of them, to the sums of a block.
+/// Adds w times kChannels features of the listed splats to the sums of a block.
 template <std::size_t kChannels, typename T>
-void blend_features(const TileSplat<T>* splats, const std::uint16_t* list, std::uint32_t count,
+void blend_channels(const TileSplat<T>* splats, const std::uint16_t* list, std::uint32_t count,
                     const T* features, std::size_t dims, const T (*weights)[kBlockPixels],
                     T* sums) {
   const Lanes<T> d;
@@ -32,6 +32,20 @@ void blend_features(const TileSplat<T>* splats, const std::uint16_t* list, std::
       }
     }
     for (std::size_t c = 0; c < kChannels; ++c) hn::Store(acc[c], d, sums + c * kBlockPixels + i);
+  }
+}
+
+/// Adds w times the features of the listed splats to the sums of a block.
+template <typename T>
+void blend_features(const TileSplat<T>* splats, const std::uint16_t* list, std::uint32_t count,
+                    const T* features, std::size_t dims, const T (*weights)[kBlockPixels],
+                    T* sums) {
+  std::size_t c = 0;
+  for (; c + 8 <= dims; c += 8) {
+    blend_channels<8>(splats, list, count, features + c, dims, weights, sums + c * kBlockPixels);
+  }
+  for (; c < dims; ++c) {
+    blend_channels<1>(splats, list, count, features + c, dims, weights, sums + c * kBlockPixels);
   }
 }
 
@@ -56,30 +70,14 @@ void blend_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const Spla
     T* t = transmittance + block * kBlockPixels;
     if (dims == 0) return blend_block<false>(near, list, count, setup, block, t, sums, weights);
     const bool goes_on = blend_block<true>(near, list, count, setup, block, t, sums, weights);
-    std::size_t c = 0;
-    for (; c + 8 <= dims; c += 8) {
-      blend_features<8>(near, list, count, features + c, dims, weights,
-                        sums + (5 + c) * kBlockPixels);
-    }
-    for (; c < dims; ++c) {
-      blend_features<1>(near, list, count, features + c, dims, weights,
-                        sums + (5 + c) * kBlockPixels);
-    }
+    blend_features(near, list, count, features, dims, weights, sums + 5 * kBlockPixels);
     return goes_on;
   };
   *tile.reached = for_each_block(tile, setup, splats, alive, blend);
 }
 
-void blend_tile_float(const TileTask<float>& tile, const RenderSetup<float>& setup,
-                      const Splat<float>* splats, const float* features,
-                      const WantedPixels& wanted) {
-  HWY_NAMESPACE::blend_tile<float>(tile, setup, splats, features, wanted);
-}
-void blend_tile_double(const TileTask<double>& tile, const RenderSetup<double>& setup,
-                       const Splat<double>* splats, const double* features,
-                       const WantedPixels& wanted) {
-  HWY_NAMESPACE::blend_tile<double>(tile, setup, splats, features, wanted);
-}
+auto blend_tile_float() { return &HWY_NAMESPACE::blend_tile<float>; }
+auto blend_tile_double() { return &HWY_NAMESPACE::blend_tile<double>; }
 
 }  // namespace gslts::raster::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
@@ -93,12 +91,12 @@ HWY_EXPORT(blend_tile_double);
 template <>
 void blend_tile(const TileTask<float>& tile, const RenderSetup<float>& setup,
                 const Splat<float>* splats, const float* features, const WantedPixels& wanted) {
-  HWY_DYNAMIC_DISPATCH(blend_tile_float)(tile, setup, splats, features, wanted);
+  HWY_DYNAMIC_DISPATCH(blend_tile_float)()(tile, setup, splats, features, wanted);
 }
 template <>
 void blend_tile(const TileTask<double>& tile, const RenderSetup<double>& setup,
                 const Splat<double>* splats, const double* features, const WantedPixels& wanted) {
-  HWY_DYNAMIC_DISPATCH(blend_tile_double)(tile, setup, splats, features, wanted);
+  HWY_DYNAMIC_DISPATCH(blend_tile_double)()(tile, setup, splats, features, wanted);
 }
 
 }  // namespace gslts::raster

@@ -4,106 +4,239 @@
 #include "hwy/highway.h"
 
 #include <algorithm>
-#include <vector>
 
 #include "blend-inl.hpp"
 #include "kernels.hpp"
+#include "pixel_gradients-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace gslts::raster::HWY_NAMESPACE {
 
-// Per block, kBlockPixels values of each of these: the transposed image gradients and, from them,
-// the gradient of the loss with respect to the blended sums and the part of the loss that the
-// splats behind the current one still contribute, sum_{j > i} w_j s_j with s_j = dL/dw_j: all
-// channels collapse into s, one number a pixel.
-enum PixelValue { kBehind, kRed, kGreen, kBlue, kDepth, kAlpha, kFeatures };
+// The backward pass of blending (3DGS, Kerbl et al. 2023, eq. 3), front to back: instead of
+// dividing the transmittance by 1 - alpha from the back, each pixel keeps what the splats behind
+// contribute.
 
-/// Copies `channels` interleaved channels of the tile's part of an image into the tile's blocks.
+/// The pixels of a tile while its entries are taken one by one.
 template <typename T>
-void load_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const T* image,
-               std::size_t channels, std::size_t block_stride, T* out) {
-  if (!image) return;
-  const int x0 = tile.x * kTileSize, y0 = tile.y * kTileSize;
-  const int width = std::min(kTileSize, setup.width - x0);
-  const int height = std::min(kTileSize, setup.height - y0);
-  const hn::CappedTag<T, kBlockSize> d;
-  const int lanes = int(hn::Lanes(d));
-  for (int y = 0; y < height; ++y) {
-    const T* row = image + (std::size_t(y0 + y) * setup.width + x0) * channels;
-    T* blocks = out + y / kBlockSize * kBlocksPerRow * block_stride + y % kBlockSize * kBlockSize;
-    int x = 0;
-    for (; (channels == 1 || channels == 3) && x + lanes <= width; x += lanes) {
-      T* pixel = blocks + x / kBlockSize * block_stride + x % kBlockSize;
-      if (channels == 1) {
-        hn::Store(hn::LoadU(d, row + x), d, pixel);
-        continue;
-      }
-      hn::Vec<hn::CappedTag<T, kBlockSize>> red, green, blue;
-      hn::LoadInterleaved3(d, row + 3 * x, red, green, blue);
-      hn::Store(red, d, pixel);
-      hn::Store(green, d, pixel + kBlockPixels);
-      hn::Store(blue, d, pixel + 2 * kBlockPixels);
-    }
-    for (; x < width; ++x) {
-      T* pixel = blocks + x / kBlockSize * block_stride + x % kBlockSize;
-      for (std::size_t c = 0; c < channels; ++c) pixel[c * kBlockPixels] = row[x * channels + c];
-    }
+struct TilePixels {
+  std::size_t dims;    ///< Channels of the features that have a gradient.
+  std::size_t stride;  ///< Of the values of a block.
+  T* values;           ///< `PixelValue` by block.
+  T* transmittance;
+  T* feature_sums;  ///< [dims, kBlockPixels] sums of one entry.
+};
+
+/// Gradients of the loss with respect to the blended sums of one vector of pixels.
+template <class D>
+struct PixelGradients {
+  using V = hn::Vec<D>;
+  V red, green, blue, depth, alpha;
+
+  template <typename T>
+  HWY_INLINE PixelGradients(D d, const T* pixel)
+      : red(hn::Load(d, pixel + kRed * kBlockPixels)),
+        green(hn::Load(d, pixel + kGreen * kBlockPixels)),
+        blue(hn::Load(d, pixel + kBlue * kBlockPixels)),
+        depth(hn::Load(d, pixel + kDepth * kBlockPixels)),
+        alpha(hn::Load(d, pixel + kAlpha * kBlockPixels)) {}
+
+  /// dL/dw of a splat, all channels but the features.
+  HWY_INLINE V weight_gradient(const SplatInLanes<D>& splat, const Footprint<D>& at) const {
+    V s = hn::MulAdd(red, splat.red, alpha);
+    s = hn::MulAdd(green, splat.green, s);
+    s = hn::MulAdd(blue, splat.blue, s);
+    return hn::MulAdd(depth, at.depth(splat), s);
+  }
+};
+
+/// Sums of one splat over the pixels of blocks, kept in registers; see `EntrySum` and
+/// kStatisticsPerEntry.
+template <class D>
+struct SplatSums {
+  using V = hn::Vec<D>;
+  V g, gu, gv, guu, guv, gvv;
+  V red, green, blue, depth, depth_u, depth_v;
+  V abs_x, abs_y, max_weight, pixel_count;
+
+  SplatSums() = default;
+
+  HWY_INLINE explicit SplatSums(D d)
+      : g(hn::Zero(d)),
+        gu(g),
+        gv(g),
+        guu(g),
+        guv(g),
+        gvv(g),
+        red(g),
+        green(g),
+        blue(g),
+        depth(g),
+        depth_u(g),
+        depth_v(g),
+        abs_x(g),
+        abs_y(g),
+        max_weight(g),
+        pixel_count(g) {}
+
+  HWY_INLINE void add_footprint(V gradient, const Footprint<D>& at) {
+    const V by_u = gradient * at.u, by_v = gradient * at.v;
+    g = g + gradient;
+    gu = gu + by_u;
+    gv = gv + by_v;
+    guu = hn::MulAdd(by_u, at.u, guu);
+    guv = hn::MulAdd(by_u, at.v, guv);
+    gvv = hn::MulAdd(by_v, at.v, gvv);
+  }
+
+  HWY_INLINE void add_color(V w, const PixelGradients<D>& pixels) {
+    red = hn::MulAdd(w, pixels.red, red);
+    green = hn::MulAdd(w, pixels.green, green);
+    blue = hn::MulAdd(w, pixels.blue, blue);
+  }
+
+  HWY_INLINE void add_depth(V dL_dz, const Footprint<D>& at) {
+    depth = depth + dL_dz;
+    depth_u = hn::MulAdd(dL_dz, at.u, depth_u);
+    depth_v = hn::MulAdd(dL_dz, at.v, depth_v);
+  }
+
+  /// d(-ln 2 (u^2 + v^2)) / d(mean2d) = 2 ln 2 (uu u, uv u + vv v), and the depth at a pixel moves
+  /// against the mean.
+  HWY_INLINE void add_statistics(D d, V gradient, V w, V dL_dz, const SplatInLanes<D>& splat,
+                                 const Footprint<D>& at) {
+    const V two_ln2 = hn::Set(d, hn::TFromD<D>(2 * kLn2));
+    const V depth_x = splat.uu * splat.depth_u;  // Change of the depth from pixel to pixel, m.
+    const V depth_y = hn::MulAdd(splat.uv, splat.depth_u, splat.vv * splat.depth_v);
+    const V by_u = gradient * at.u, by_v = gradient * at.v;
+    const V by_x = two_ln2 * (by_u * splat.uu);
+    const V by_y = two_ln2 * hn::MulAdd(by_u, splat.uv, by_v * splat.vv);
+    abs_x = abs_x + hn::Abs(hn::NegMulAdd(dL_dz, depth_x, by_x));
+    abs_y = abs_y + hn::Abs(hn::NegMulAdd(dL_dz, depth_y, by_y));
+    max_weight = hn::Max(max_weight, w);
+    pixel_count =
+        pixel_count + hn::IfThenElseZero(hn::Gt(w, hn::Zero(d)), hn::Set(d, hn::TFromD<D>(1)));
+  }
+};
+
+/// Adds the features' part of dL/dw to s, and w dL/dfeatures to the sums of the entry.
+template <class D, typename T = hn::TFromD<D>>
+HWY_INLINE hn::Vec<D> add_feature_gradient(D d, hn::Vec<D> s, hn::Vec<D> w, const T* pixel,
+                                           const T* feature, std::size_t dims, T* feature_sums) {
+  for (std::size_t k = 0; k < dims; ++k) {
+    const auto g = hn::Load(d, pixel + (kFeatures + k) * kBlockPixels);
+    s = hn::MulAdd(g, hn::Set(d, feature[k]), s);
+    T* sum = feature_sums + k * kBlockPixels;
+    hn::Store(hn::MulAdd(w, g, hn::Load(d, sum)), d, sum);
+  }
+  return s;
+}
+
+/// Differentiates one splat at one vector of pixels, and goes on to the next splat of the pixels.
+/// @return  Whether a pixel has not ended.
+template <bool kHasFeatures, bool kStatistics, int kExpDegree, class D, typename T>
+HWY_INLINE bool differentiate_splat(D d, const RenderSetup<T>& setup, const SplatInLanes<D>& splat,
+                                    const T* feature, const PixelCenters<D>& centers,
+                                    std::size_t dims, T* pixel, T* transmittance, T* feature_sums,
+                                    SplatSums<D>& sums) {
+  using V = hn::Vec<D>;
+  const Footprint<D> at(splat, centers);
+  const V before = hn::Load(d, transmittance);
+  const V any_alpha = alpha_at<kExpDegree>(d, at, hn::Set(d, setup.log2_alpha_min));
+  const V after = hn::NegMulAdd(any_alpha, before, before);
+  hn::Store(after, d, transmittance);
+  const auto live = hn::Ge(after, hn::Set(d, setup.transmittance_min));
+  const V alpha = hn::IfThenElseZero(live, any_alpha);
+  const V w = alpha * before;
+  const PixelGradients<D> pixel_gradients(d, pixel);
+  V s = pixel_gradients.weight_gradient(splat, at);
+  if (kHasFeatures) s = add_feature_gradient(d, s, w, pixel, feature, dims, feature_sums);
+  // dL/dlog(alpha_i) = w_i s_i - alpha_i / (1 - alpha_i) sum_{j > i} w_j s_j
+  const V behind = hn::NegMulAdd(w, s, hn::Load(d, pixel + kBehind * kBlockPixels));
+  hn::Store(behind, d, pixel + kBehind * kBlockPixels);
+  const V odds = alpha / (hn::Set(d, T(1)) - alpha);
+  // The clamped alpha does not move with the footprint or the opacity.
+  const V g = hn::IfThenElseZero(hn::Le(at.log2_alpha, hn::Set(d, T(kLog2MaxAlpha))),
+                                 hn::NegMulAdd(odds, behind, w * s));
+  const V dL_dz = w * pixel_gradients.depth;
+  sums.add_footprint(g, at);
+  sums.add_color(w, pixel_gradients);
+  sums.add_depth(dL_dz, at);
+  if (kStatistics) sums.add_statistics(d, g, w, dL_dz, splat, at);
+  return !hn::AllFalse(d, live);
+}
+
+/// Stores the sums over the lanes of four members, of which sums[i] holds those of vector i.
+template <auto kA, auto kB, auto kC, auto kE, class D, typename T>
+HWY_INLINE void store_members(D d, const SplatSums<D>* sums, T* out) {
+  hn::Vec<D> a[kVectors<D>], b[kVectors<D>], c[kVectors<D>], e[kVectors<D>];
+  for (std::size_t i = 0; i < kVectors<D>; ++i) {
+    a[i] = sums[i].*kA, b[i] = sums[i].*kB, c[i] = sums[i].*kC, e[i] = sums[i].*kE;
+  }
+  store_sums(d, a, b, c, e, out);
+}
+
+/// Stores the sums of an entry, of which sums[i] holds those of vector i of the blocks.
+template <bool kStatistics, class D, typename T>
+HWY_INLINE void store_entry(D d, const SplatSums<D>* sums, std::size_t place,
+                            const EntryGradients<T>& out) {
+  using S = SplatSums<D>;
+  T* entry = out.sums + place * kSumsPerEntry;
+  store_members<&S::g, &S::gu, &S::gv, &S::guu>(d, sums, entry);
+  store_members<&S::guv, &S::gvv, &S::red, &S::green>(d, sums, entry + kSumUV);
+  store_members<&S::blue, &S::depth, &S::depth_u, &S::depth_v>(d, sums, entry + kSumBlue);
+  if (!kStatistics) return;
+  T* statistics = out.statistics + place * kStatisticsPerEntry;
+  // The third, of which there is no sum, is overwritten.
+  store_members<&S::abs_x, &S::abs_y, &S::pixel_count, &S::pixel_count>(d, sums, statistics);
+  auto max_weight = sums[0].max_weight;
+  for (std::size_t i = 1; i < kVectors<D>; ++i)
+    max_weight = hn::Max(max_weight, sums[i].max_weight);
+  statistics[2] = hn::GetLane(hn::MaxOfLanes(d, max_weight));
+}
+
+/// Sets the sums of an entry that touches no pixel to 0.
+template <bool kStatistics, typename T>
+void clear_entry(std::size_t place, std::size_t dims, const EntryGradients<T>& out) {
+  std::fill_n(out.sums + place * kSumsPerEntry, kSumsPerEntry, T(0));
+  std::fill_n(out.features + place * dims, dims, T(0));
+  if (kStatistics) {
+    std::fill_n(out.statistics + place * kStatisticsPerEntry, kStatisticsPerEntry, T(0));
   }
 }
 
-/// Fills the values above for one tile. Returns false if an image gradient is not finite.
-template <typename T>
-bool load_image_gradients(const TileTask<T>& tile, const RenderSetup<T>& setup,
-                          const ImageGradients<T>& image, const T* transmittance, std::size_t dims,
-                          T* pixels) {
+/// Differentiates one splat at all pixels of some blocks, and stores its sums.
+/// @return  Bits of the blocks with a pixel that has not ended.
+template <bool kHasFeatures, bool kStatistics, int kExpDegree, typename T>
+HWY_INLINE std::uint64_t differentiate_entry(const TileTask<T>& tile, const RenderSetup<T>& setup,
+                                             const Splat<T>& stored, const T* feature,
+                                             std::uint64_t blocks, std::size_t place,
+                                             const TilePixels<T>& pixels,
+                                             const EntryGradients<T>& out) {
   const Lanes<T> d;
-  using V = hn::Vec<Lanes<T>>;
-  const std::size_t lanes = hn::Lanes(d);
-  const std::size_t stride = (kFeatures + dims) * kBlockPixels;
-  const std::size_t sums_stride = std::size_t(5 + setup.feature_dims) * kBlockPixels;
-  std::fill(pixels, pixels + kBlocksPerTile * stride, T(0));
-  load_tile<T>(tile, setup, image.dL_drgb, 3, stride, pixels + kRed * kBlockPixels);
-  load_tile<T>(tile, setup, image.dL_ddepth, 1, stride, pixels + kDepth * kBlockPixels);
-  load_tile<T>(tile, setup, image.dL_dalpha, 1, stride, pixels + kAlpha * kBlockPixels);
-  if (dims) {
-    load_tile(tile, setup, image.dL_dfeatures, dims, stride, pixels + kFeatures * kBlockPixels);
-  }
-  if (!all_finite(pixels, kBlocksPerTile * stride)) return false;
-  if (tile.count == 0) return true;
-
-  const V zero = hn::Zero(d);
-  for (std::size_t block = 0; block < kBlocksPerTile; ++block) {
-    for (std::size_t i = 0; i < kBlockPixels; i += lanes) {
-      T* pixel = pixels + block * stride + i;
-      const T* sums = tile.sums + block * sums_stride + i;
-      const auto wanted = hn::Gt(hn::Load(d, transmittance + block * kBlockPixels + i), zero);
-      V behind = zero;
-      const auto put = [&](std::size_t value, std::size_t sum, V gradient) HWY_ATTR {
-        gradient = hn::IfThenElseZero(wanted, gradient);
-        hn::Store(gradient, d, pixel + value * kBlockPixels);
-        behind = hn::MulAdd(gradient, hn::Load(d, sums + sum * kBlockPixels), behind);
-      };
-      const auto get = [&](std::size_t value)
-                           HWY_ATTR { return hn::Load(d, pixel + value * kBlockPixels); };
-      // The rendered colour is the sum plus (1 - alpha) background, the depth a ratio of sums.
-      V by_alpha = get(kAlpha);
-      for (std::size_t c = 0; c < 3; ++c) {
-        const V gradient = get(kRed + c);
-        by_alpha = hn::NegMulAdd(gradient, hn::Set(d, setup.background[c]), by_alpha);
-        put(kRed + c, c, gradient);
-      }
-      const V alpha = hn::Load(d, sums + 4 * kBlockPixels);
-      const V inverse_alpha = hn::IfThenElseZero(hn::Gt(alpha, zero), hn::Set(d, T(1)) / alpha);
-      const V depth = hn::Load(d, sums + 3 * kBlockPixels) * inverse_alpha;
-      const V depth_gradient = get(kDepth) * inverse_alpha;
-      by_alpha = hn::NegMulAdd(depth_gradient, depth, by_alpha);
-      put(kDepth, 3, depth_gradient);
-      put(kAlpha, 4, by_alpha);
-      for (std::size_t k = 0; k < dims; ++k) put(kFeatures + k, 5 + k, get(kFeatures + k));
-      hn::Store(behind, d, pixel + kBehind * kBlockPixels);
+  const SplatInLanes<Lanes<T>> splat(d, stored, tile.x, tile.y);
+  std::fill_n(pixels.feature_sums, pixels.dims * kBlockPixels, T(0));
+  std::uint64_t alive = 0;
+  // One vector of each block after the other: the sums of two vectors of AVX2 would not fit the
+  // registers.
+  SplatSums<Lanes<T>> sums[kVectors<Lanes<T>>];
+  for (std::size_t part = 0; part < kVectors<Lanes<T>>; ++part) {
+    const std::size_t i = part * hn::Lanes(d);
+    SplatSums<Lanes<T>> part_sums(d);
+    for (std::uint64_t left = blocks; left; left &= left - 1) {
+      const std::size_t block = hwy::Num0BitsBelowLS1Bit_Nonzero64(left);
+      const PixelCenters<Lanes<T>> centers(d, block, part);
+      const bool goes_on = differentiate_splat<kHasFeatures, kStatistics, kExpDegree>(
+          d, setup, splat, feature, centers, pixels.dims, pixels.values + block * pixels.stride + i,
+          pixels.transmittance + block * kBlockPixels + i, pixels.feature_sums + i, part_sums);
+      if (goes_on) alive |= std::uint64_t{1} << block;
     }
+    sums[part] = part_sums;
   }
-  return true;
+  store_entry<kStatistics>(d, sums, place, out);
+  for (std::size_t k = 0; k < pixels.dims; ++k) {
+    out.features[place * pixels.dims + k] = sum_of_pixels(pixels.feature_sums + k * kBlockPixels);
+  }
+  return alive;
 }
 
 template <bool kHasFeatures, bool kStatistics, int kExpDegree, typename T>
@@ -111,154 +244,33 @@ bool blend_entries_backward(const TileTask<T>& tile, const RenderSetup<T>& setup
                             const Splat<T>* splats, const T* features, const WantedPixels& wanted,
                             const ImageGradients<T>& image_gradients,
                             const EntryGradients<T>& out) {
-  const Lanes<T> d;
-  using V = hn::Vec<Lanes<T>>;
-  const std::size_t lanes = hn::Lanes(d);
   const std::size_t dims = kHasFeatures ? std::size_t(setup.feature_dims) : 0;
   const std::size_t stride = (kFeatures + dims) * kBlockPixels;
-  static thread_local Array<T> pixel_values, feature_sums;
-  pixel_values.resize(kBlocksPerTile * stride);
+  static thread_local Array<T> values, feature_sums;
+  values.resize(kBlocksPerTile * stride);
   feature_sums.resize(dims * kBlockPixels);
-  T* pixels = pixel_values.data();
-
   HWY_ALIGN T transmittance[kBlocksPerTile * kBlockPixels];
+  const TilePixels<T> pixels = {dims, stride, values.data(), transmittance, feature_sums.data()};
   std::uint64_t alive = start_transmittance(tile, setup, wanted, transmittance);
-  if (!load_image_gradients(tile, setup, image_gradients, transmittance, dims, pixels)) {
+  if (!load_pixel_gradients(tile, setup, image_gradients, transmittance, dims, pixels.values)) {
     return false;
   }
-
-  const V zero = hn::Zero(d), one = hn::Set(d, T(1)), two_ln2 = hn::Set(d, T(2 * kLn2));
-  const V clamp = hn::Set(d, T(kLog2MaxAlpha));
-  const V threshold = hn::Set(d, setup.log2_alpha_min);
-  const V transmittance_min = hn::Set(d, setup.transmittance_min);
-  for (std::uint32_t entry = 0; entry < tile.count; ++entry) {
-    if (entry + kPrefetchDistance < *tile.reached) {
-      const TileEntry<T>& ahead = tile.entries[entry + kPrefetchDistance];
+  for (std::uint32_t e = 0; e < tile.count; ++e) {
+    if (e + kBlendPrefetch < *tile.reached) {
+      const TileEntry<T>& ahead = tile.entries[e + kBlendPrefetch];
       __builtin_prefetch(splats + ahead.slot);
       __builtin_prefetch(out.sums + std::size_t(ahead.gradient) * kSumsPerEntry, 1);
     }
-    const std::size_t place = tile.entries[entry].gradient;
-    T* sums = out.sums + place * kSumsPerEntry;
-    const std::uint64_t blocks = entry < *tile.reached ? tile.blocks[entry] & alive : 0;
+    const TileEntry<T>& entry = tile.entries[e];
+    const std::uint64_t blocks = e < *tile.reached ? tile.blocks[e] & alive : 0;
     if (!blocks) {
-      std::fill(sums, sums + kSumsPerEntry, T(0));
-      std::fill_n(out.features + place * dims, dims, T(0));
-      if (kStatistics) {
-        std::fill_n(out.statistics + place * kStatisticsPerEntry, kStatisticsPerEntry, T(0));
-      }
+      clear_entry<kStatistics>(entry.gradient, dims, out);
       continue;
     }
-    const Splat<T>& splat = splats[tile.entries[entry].slot];
-    const V uu = hn::Set(d, splat.uu), uv = hn::Set(d, splat.uv), vv = hn::Set(d, splat.vv);
-    const V log2_opacity = hn::Set(d, splat.log2_opacity);
-    V corner_u, corner_v;
-    corner_uv(d, hn::Set(d, splat.mean_x), hn::Set(d, splat.mean_y), uu, uv, vv, tile.x, tile.y,
-              corner_u, corner_v);
-    const V red = hn::Set(d, splat.color[0]), green = hn::Set(d, splat.color[1]);
-    const V blue = hn::Set(d, splat.color[2]), depth = hn::Set(d, splat.depth);
-    const V depth_u = hn::Set(d, splat.depth_u), depth_v = hn::Set(d, splat.depth_v);
-    // Of the depth from pixel to pixel.
-    const V depth_x = uu * depth_u, depth_y = hn::MulAdd(uv, depth_u, vv * depth_v);
+    const Splat<T>& splat = splats[entry.slot];
     const T* feature = features + std::size_t(splat.gaussian) * setup.feature_dims;
-    // Partial sums of a vector of pixels are added up over the blocks in registers, one vector of
-    // each block after the other: two of AVX2 would not fit.
-    constexpr std::size_t kParts = kVectors<Lanes<T>>;
-    V g_sums[kParts], gu_sums[kParts], gv_sums[kParts];
-    V guu_sums[kParts], guv_sums[kParts], gvv_sums[kParts];
-    V red_sums[kParts], green_sums[kParts], blue_sums[kParts];
-    V depth_sums[kParts], depth_u_sums[kParts], depth_v_sums[kParts];
-    V abs_x_sums[kParts], abs_y_sums[kParts], zeros[kParts], pixel_counts[kParts];
-    V max_weight = zero;
-    std::fill(feature_sums.begin(), feature_sums.end(), T(0));
-    std::uint64_t still_alive = 0;
-    for (std::size_t part = 0; part < kParts; ++part) {
-      const std::size_t i = part * lanes;
-      V g_sum = zero, gu_sum = zero, gv_sum = zero, guu_sum = zero, guv_sum = zero, gvv_sum = zero;
-      V red_sum = zero, green_sum = zero, blue_sum = zero, depth_sum = zero;
-      V depth_u_sum = zero, depth_v_sum = zero, abs_x_sum = zero, abs_y_sum = zero;
-      V pixel_count = zero;
-      for (std::uint64_t left = blocks; left; left &= left - 1) {
-        const std::size_t block = hwy::Num0BitsBelowLS1Bit_Nonzero64(left);
-        T* pixel = pixels + block * stride + i;
-        const auto value = [&](std::size_t which)
-                               HWY_ATTR { return hn::Load(d, pixel + which * kBlockPixels); };
-        T* t = transmittance + block * kBlockPixels + i;
-        const PixelCenters<Lanes<T>> centers(d, block, part);
-        const Footprint<Lanes<T>> at(corner_u, corner_v, uu, uv, vv, log2_opacity, centers);
-        const V before = hn::Load(d, t);
-        const V any_alpha = hn::IfThenElseZero(hn::Ge(at.log2_alpha, threshold),
-                                               alpha_of<kExpDegree>(at.log2_alpha));
-        const V after = hn::NegMulAdd(any_alpha, before, before);
-        hn::Store(after, d, t);
-        const auto live = hn::Ge(after, transmittance_min);
-        const V alpha = hn::IfThenElseZero(live, any_alpha);
-        const V w = alpha * before;
-
-        const V g_red = value(kRed), g_green = value(kGreen), g_blue = value(kBlue);
-        const V g_depth = value(kDepth);
-        V s = hn::MulAdd(g_red, red, value(kAlpha));
-        s = hn::MulAdd(g_green, green, s);
-        s = hn::MulAdd(g_blue, blue, s);
-        const V z = hn::MulAdd(depth_u, at.u, hn::MulAdd(depth_v, at.v, depth));
-        s = hn::MulAdd(g_depth, z, s);
-        for (std::size_t k = 0; k < dims; ++k) {
-          const V g = value(kFeatures + k);
-          s = hn::MulAdd(g, hn::Set(d, feature[k]), s);
-          T* sum = feature_sums.data() + k * kBlockPixels + i;
-          hn::Store(hn::MulAdd(w, g, hn::Load(d, sum)), d, sum);
-        }
-        // dL/dlog(alpha_i) = w_i s_i - alpha_i / (1 - alpha_i) sum_{j > i} w_j s_j
-        const V behind = hn::NegMulAdd(w, s, value(kBehind));
-        hn::Store(behind, d, pixel + kBehind * kBlockPixels);
-        const V odds = alpha / (one - alpha);
-        // The clamped alpha does not move with the footprint or the opacity.
-        const V g =
-            hn::IfThenElseZero(hn::Le(at.log2_alpha, clamp), hn::NegMulAdd(odds, behind, w * s));
-        const V gu = g * at.u, gv = g * at.v;
-        g_sum = g_sum + g;
-        gu_sum = gu_sum + gu;
-        gv_sum = gv_sum + gv;
-        guu_sum = hn::MulAdd(gu, at.u, guu_sum);
-        guv_sum = hn::MulAdd(gu, at.v, guv_sum);
-        gvv_sum = hn::MulAdd(gv, at.v, gvv_sum);
-        red_sum = hn::MulAdd(w, g_red, red_sum);
-        green_sum = hn::MulAdd(w, g_green, green_sum);
-        blue_sum = hn::MulAdd(w, g_blue, blue_sum);
-        const V by_z = w * g_depth;
-        depth_sum = depth_sum + by_z;
-        depth_u_sum = hn::MulAdd(by_z, at.u, depth_u_sum);
-        depth_v_sum = hn::MulAdd(by_z, at.v, depth_v_sum);
-        if (kStatistics) {
-          // d(-ln 2 (u^2 + v^2)) / d(mean2d) = 2 ln 2 (uu u, uv u + vv v), and the depth at a pixel
-          // moves against the mean.
-          const V by_x = two_ln2 * (gu * uu), by_y = two_ln2 * hn::MulAdd(gu, uv, gv * vv);
-          abs_x_sum = abs_x_sum + hn::Abs(hn::NegMulAdd(by_z, depth_x, by_x));
-          abs_y_sum = abs_y_sum + hn::Abs(hn::NegMulAdd(by_z, depth_y, by_y));
-          max_weight = hn::Max(max_weight, w);
-          pixel_count = pixel_count + hn::IfThenElseZero(hn::Gt(w, zero), one);
-        }
-        if (!hn::AllFalse(d, live)) still_alive |= std::uint64_t{1} << block;
-      }
-      g_sums[part] = g_sum, gu_sums[part] = gu_sum, gv_sums[part] = gv_sum;
-      guu_sums[part] = guu_sum, guv_sums[part] = guv_sum, gvv_sums[part] = gvv_sum;
-      red_sums[part] = red_sum, green_sums[part] = green_sum, blue_sums[part] = blue_sum;
-      depth_sums[part] = depth_sum, depth_u_sums[part] = depth_u_sum;
-      depth_v_sums[part] = depth_v_sum;
-      abs_x_sums[part] = abs_x_sum, abs_y_sums[part] = abs_y_sum, zeros[part] = zero;
-      pixel_counts[part] = pixel_count;
-    }
-    alive &= ~blocks | still_alive;
-    store_sums(d, g_sums, gu_sums, gv_sums, guu_sums, sums);
-    store_sums(d, guv_sums, gvv_sums, red_sums, green_sums, sums + 4);
-    store_sums(d, blue_sums, depth_sums, depth_u_sums, depth_v_sums, sums + 8);
-    if (kStatistics) {
-      T* statistics = out.statistics + place * kStatisticsPerEntry;
-      store_sums(d, abs_x_sums, abs_y_sums, zeros, pixel_counts, statistics);
-      statistics[2] = hn::GetLane(hn::MaxOfLanes(d, max_weight));
-    }
-    for (std::size_t k = 0; k < dims; ++k) {
-      out.features[place * dims + k] = sum_of_pixels(feature_sums.data() + k * kBlockPixels);
-    }
+    alive &= ~blocks | differentiate_entry<kHasFeatures, kStatistics, kExpDegree>(
+                           tile, setup, splat, feature, blocks, entry.gradient, pixels, out);
   }
   return true;
 }
@@ -282,20 +294,8 @@ bool blend_tile_backward(const TileTask<T>& tile, const RenderSetup<T>& setup,
   return blend(tile, setup, splats, features, wanted, image_gradients, out);
 }
 
-bool blend_tile_backward_float(const TileTask<float>& tile, const RenderSetup<float>& setup,
-                               const Splat<float>* splats, const float* features,
-                               const WantedPixels& wanted, const ImageGradients<float>& gradients,
-                               const EntryGradients<float>& out) {
-  return HWY_NAMESPACE::blend_tile_backward<float>(tile, setup, splats, features, wanted, gradients,
-                                                   out);
-}
-bool blend_tile_backward_double(const TileTask<double>& tile, const RenderSetup<double>& setup,
-                                const Splat<double>* splats, const double* features,
-                                const WantedPixels& wanted, const ImageGradients<double>& gradients,
-                                const EntryGradients<double>& out) {
-  return HWY_NAMESPACE::blend_tile_backward<double>(tile, setup, splats, features, wanted,
-                                                    gradients, out);
-}
+auto blend_tile_backward_float() { return &HWY_NAMESPACE::blend_tile_backward<float>; }
+auto blend_tile_backward_double() { return &HWY_NAMESPACE::blend_tile_backward<double>; }
 
 }  // namespace gslts::raster::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
@@ -311,16 +311,16 @@ bool blend_tile_backward(const TileTask<float>& tile, const RenderSetup<float>& 
                          const Splat<float>* splats, const float* features,
                          const WantedPixels& wanted, const ImageGradients<float>& gradients,
                          const EntryGradients<float>& out) {
-  return HWY_DYNAMIC_DISPATCH(blend_tile_backward_float)(tile, setup, splats, features, wanted,
-                                                         gradients, out);
+  return HWY_DYNAMIC_DISPATCH(blend_tile_backward_float)()(tile, setup, splats, features, wanted,
+                                                           gradients, out);
 }
 template <>
 bool blend_tile_backward(const TileTask<double>& tile, const RenderSetup<double>& setup,
                          const Splat<double>* splats, const double* features,
                          const WantedPixels& wanted, const ImageGradients<double>& gradients,
                          const EntryGradients<double>& out) {
-  return HWY_DYNAMIC_DISPATCH(blend_tile_backward_double)(tile, setup, splats, features, wanted,
-                                                          gradients, out);
+  return HWY_DYNAMIC_DISPATCH(blend_tile_backward_double)()(tile, setup, splats, features, wanted,
+                                                            gradients, out);
 }
 
 }  // namespace gslts::raster

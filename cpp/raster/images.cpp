@@ -11,6 +11,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace gslts::raster::HWY_NAMESPACE {
 
+/// Sets the pixels of a tile to 0 in all images.
 template <typename T>
 void clear_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, Images<T>& images) {
   const int x0 = tile.x * kTileSize, y0 = tile.y * kTileSize;
@@ -26,6 +27,56 @@ void clear_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, Images<T>&
   }
 }
 
+/// Colours, depths and alphas of up to kBlockSize pixels of a row.
+template <class D>
+struct RowPixels {
+  using V = hn::Vec<D>;
+  using T = hn::TFromD<D>;
+  V red, green, blue, depth, alpha;
+
+  /// C = sum w c + (1 - alpha) background and z = sum w z / alpha.
+  /// @param sums  Of the pixels, as `blend_tile` left them.
+  /// @param seen  0 where a pixel is not wanted and must not show the background, else 1.
+  HWY_INLINE RowPixels(D d, const RenderSetup<T>& setup, const T* sums, V seen) {
+    const V zero = hn::Zero(d), one = hn::Set(d, T(1));
+    const auto sum = [&](std::size_t channel)
+                         HWY_ATTR { return hn::LoadU(d, sums + channel * kBlockPixels); };
+    alpha = hn::Min(sum(4), one);  // Rounding may leave the sum an ulp above.
+    const V behind = seen - alpha;
+    red = hn::MulAdd(behind, hn::Set(d, setup.background[0]), sum(0));
+    green = hn::MulAdd(behind, hn::Set(d, setup.background[1]), sum(1));
+    blue = hn::MulAdd(behind, hn::Set(d, setup.background[2]), sum(2));
+    const auto blended = hn::Gt(alpha, zero);
+    depth = hn::IfThenElseZero(blended, sum(3) / hn::IfThenElse(blended, alpha, one));
+  }
+
+  /// Stores the first `count` pixels from pixel `at` of the images on.
+  HWY_INLINE void store(D d, std::size_t count, std::size_t at, Images<T>& images) const {
+    if (count == hn::Lanes(d)) {
+      hn::StoreInterleaved3(red, green, blue, d, images.rgb.data() + 3 * at);
+      hn::StoreU(depth, d, images.depth.data() + at);
+      hn::StoreU(alpha, d, images.alpha.data() + at);
+      return;
+    }
+    HWY_ALIGN T rgb[3 * kBlockSize], depths[kBlockSize], alphas[kBlockSize];
+    hn::StoreInterleaved3(red, green, blue, d, rgb);
+    hn::Store(depth, d, depths);
+    hn::Store(alpha, d, alphas);
+    std::copy_n(rgb, 3 * count, images.rgb.data() + 3 * at);
+    std::copy_n(depths, count, images.depth.data() + at);
+    std::copy_n(alphas, count, images.alpha.data() + at);
+  }
+};
+
+/// 1 where a pixel of a row is wanted, else 0.
+template <class D, typename T = hn::TFromD<D>>
+HWY_INLINE hn::Vec<D> wanted_flags(D d, const WantedPixels& wanted, int x, int y,
+                                   std::size_t count) {
+  HWY_ALIGN T flags[kBlockSize] = {};
+  for (std::size_t i = 0; i < count; ++i) flags[i] = T(wanted.pixel(x + int(i), y));
+  return hn::Load(d, flags);
+}
+
 template <typename T>
 void write_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const WantedPixels& wanted,
                 Images<T>& images) {
@@ -34,12 +85,7 @@ void write_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const Want
     return;
   }
   const hn::CappedTag<T, kBlockSize> d;
-  using V = hn::Vec<hn::CappedTag<T, kBlockSize>>;
-  const std::size_t lanes = hn::Lanes(d);
-  const std::size_t dims = std::size_t(setup.feature_dims);
-  const V zero = hn::Zero(d), one = hn::Set(d, T(1));
-  const V background[3] = {hn::Set(d, setup.background[0]), hn::Set(d, setup.background[1]),
-                           hn::Set(d, setup.background[2])};
+  const std::size_t lanes = hn::Lanes(d), dims = std::size_t(setup.feature_dims);
   const bool has_background =
       std::any_of(setup.background, setup.background + 3, [](T value) { return value != T(0); });
   static const T nothing[5 * kBlockPixels] = {};
@@ -52,37 +98,13 @@ void write_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const Want
       const int block = (y - y0) / kBlockSize * kBlocksPerRow + (x - x0) / kBlockSize;
       const T* sums =
           tile.count ? tile.sums + std::size_t(block) * (5 + dims) * kBlockPixels : nothing;
-      const auto sum = [&](std::size_t channel)
-                           HWY_ATTR { return hn::LoadU(d, sums + channel * kBlockPixels + pixel); };
-      const std::size_t columns = std::min(lanes, std::size_t(x1 - x));
-      V seen = one;  // 0 where a pixel is not wanted and must not show the background.
-      if (has_background && !wanted.all()) {
-        HWY_ALIGN T flags[kBlockSize] = {};
-        for (std::size_t i = 0; i < columns; ++i) flags[i] = T(wanted.pixel(x + int(i), y));
-        seen = hn::Load(d, flags);
-      }
-      const V alpha = hn::Min(sum(4), one);  // Rounding may leave the sum an ulp above.
-      const V behind = seen - alpha;
-      const V red = hn::MulAdd(behind, background[0], sum(0));
-      const V green = hn::MulAdd(behind, background[1], sum(1));
-      const V blue = hn::MulAdd(behind, background[2], sum(2));
-      const auto blended = hn::Gt(alpha, zero);
-      const V depth = hn::IfThenElseZero(blended, sum(3) / hn::IfThenElse(blended, alpha, one));
+      const std::size_t count = std::min(lanes, std::size_t(x1 - x));
       const std::size_t at = std::size_t(y) * setup.width + x;
-      if (columns == lanes) {
-        hn::StoreInterleaved3(red, green, blue, d, images.rgb.data() + 3 * at);
-        hn::StoreU(depth, d, images.depth.data() + at);
-        hn::StoreU(alpha, d, images.alpha.data() + at);
-      } else {
-        HWY_ALIGN T rgb[3 * kBlockSize], depths[kBlockSize], alphas[kBlockSize];
-        hn::StoreInterleaved3(red, green, blue, d, rgb);
-        hn::Store(depth, d, depths);
-        hn::Store(alpha, d, alphas);
-        std::copy_n(rgb, 3 * columns, images.rgb.data() + 3 * at);
-        std::copy_n(depths, columns, images.depth.data() + at);
-        std::copy_n(alphas, columns, images.alpha.data() + at);
-      }
-      for (std::size_t i = 0; i < columns; ++i) {
+      const auto seen =
+          has_background && !wanted.all() ? wanted_flags(d, wanted, x, y, count) : hn::Set(d, T(1));
+      RowPixels<hn::CappedTag<T, kBlockSize>>(d, setup, sums + pixel, seen)
+          .store(d, count, at, images);
+      for (std::size_t i = 0; i < count; ++i) {
         for (std::size_t k = 0; k < dims; ++k) {
           images.features[(at + i) * dims + k] =
               tile.count ? sums[(5 + k) * kBlockPixels + pixel + i] : T(0);
@@ -92,14 +114,8 @@ void write_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const Want
   }
 }
 
-void write_tile_float(const TileTask<float>& tile, const RenderSetup<float>& setup,
-                      const WantedPixels& wanted, Images<float>& images) {
-  HWY_NAMESPACE::write_tile<float>(tile, setup, wanted, images);
-}
-void write_tile_double(const TileTask<double>& tile, const RenderSetup<double>& setup,
-                       const WantedPixels& wanted, Images<double>& images) {
-  HWY_NAMESPACE::write_tile<double>(tile, setup, wanted, images);
-}
+auto write_tile_float() { return &HWY_NAMESPACE::write_tile<float>; }
+auto write_tile_double() { return &HWY_NAMESPACE::write_tile<double>; }
 
 }  // namespace gslts::raster::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
@@ -113,12 +129,12 @@ HWY_EXPORT(write_tile_double);
 template <>
 void write_tile(const TileTask<float>& tile, const RenderSetup<float>& setup,
                 const WantedPixels& wanted, Images<float>& images) {
-  HWY_DYNAMIC_DISPATCH(write_tile_float)(tile, setup, wanted, images);
+  HWY_DYNAMIC_DISPATCH(write_tile_float)()(tile, setup, wanted, images);
 }
 template <>
 void write_tile(const TileTask<double>& tile, const RenderSetup<double>& setup,
                 const WantedPixels& wanted, Images<double>& images) {
-  HWY_DYNAMIC_DISPATCH(write_tile_double)(tile, setup, wanted, images);
+  HWY_DYNAMIC_DISPATCH(write_tile_double)()(tile, setup, wanted, images);
 }
 
 }  // namespace gslts::raster

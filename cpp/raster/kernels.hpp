@@ -49,10 +49,23 @@ template <typename T>
 void write_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const WantedPixels& wanted,
                 Images<T>& images);
 
-/// Sums over the pixels of one tile that the backward pass of a splat starts from. With G =
-/// dL/dlog(alpha) and w the blend weight: G, G u, G v, G u^2, G u v, G v^2, w dL/d(red, green,
-/// blue), w dL/d(sum w z), and two of padding.
-constexpr int kSumsPerEntry = 12;
+/// Sums over the pixels of one tile from which the backward pass of a splat starts, with G =
+/// dL/dlog(alpha), the blend weight w and the depth z at the pixel.
+enum EntrySum {
+  kSum,     ///< G
+  kSumU,    ///< G u
+  kSumV,    ///< G v
+  kSumUU,   ///< G u^2
+  kSumUV,   ///< G u v
+  kSumVV,   ///< G v^2
+  kSumRed,  ///< w dL/dred, and green and blue
+  kSumGreen,
+  kSumBlue,
+  kSumDepth,   ///< dL/dz
+  kSumDepthU,  ///< u dL/dz
+  kSumDepthV,  ///< v dL/dz
+  kSumsPerEntry
+};
 /// |dL/dmean2d| x and y, greatest w, number of pixels.
 constexpr int kStatisticsPerEntry = 4;
 

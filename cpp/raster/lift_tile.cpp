@@ -12,7 +12,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace gslts::raster::HWY_NAMESPACE {
 
-/// Copies the wanted pixels of a block, a padded row of channels each; the others are 0.
+/// Copies the pixels of a block, a padded row of channels each; those not wanted are 0.
 template <typename T>
 void load_block(const TileTask<T>& tile, const RenderSetup<T>& setup, const WantedPixels& wanted,
                 const LiftChannels<T>& image, std::size_t block, T* out) {
@@ -74,25 +74,52 @@ HWY_INLINE void lift_channels(const T (*weights)[kBlockPixels], const T* pixels,
   }
 }
 
+/// Adds the pixels of one block, weighted, to the rows of the listed entries.
+template <typename T>
+void lift_block(const TileEntry<T>* entries, const std::uint16_t* list, std::uint32_t count,
+                const T (*weights)[kBlockPixels], const T* pixels, std::size_t stride,
+                const EntryLifts<T>& out) {
+  constexpr std::size_t kGroup = 4;  // Entries whose sums fit the registers.
+  const auto row_of = [&](std::uint32_t k) HWY_ATTR {
+    const std::size_t place = entries[list[k]].gradient;
+    out.weights[place] += sum_of_pixels(weights[k]);
+    return out.features + place * stride;
+  };
+  std::uint32_t k = 0;
+  for (; k + kGroup <= count; k += kGroup) {
+    T* rows[kGroup];
+    for (std::uint32_t e = 0; e < kGroup; ++e) rows[e] = row_of(k + e);
+    lift_channels<kGroup>(weights + k, pixels, stride, rows);
+  }
+  for (; k < count; ++k) {
+    T* row = row_of(k);
+    lift_channels<1>(weights + k, pixels, stride, &row);
+  }
+}
+
+/// Sets the sums of all entries of a tile to 0.
+template <typename T>
+void clear_entries(const TileTask<T>& tile, std::size_t stride, const EntryLifts<T>& out) {
+  for (std::uint32_t e = 0; e < tile.count; ++e) {
+    const std::size_t place = tile.entries[e].gradient;
+    std::fill_n(out.features + place * stride, stride, T(0));
+    out.weights[place] = T(0);
+  }
+}
+
 template <typename T>
 bool lift_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const Splat<T>* splats,
                const WantedPixels& wanted, const LiftChannels<T>& image, const EntryLifts<T>& out) {
-  constexpr std::size_t kGroup = 4;
   static thread_local Array<T> weight_memory, pixel_memory;
   const std::size_t stride = image.stride();
   weight_memory.resize(kBatchSize * kBlockPixels);
   pixel_memory.resize(kBlockPixels * stride);
   const auto weights = reinterpret_cast<T(*)[kBlockPixels]>(weight_memory.data());
   T* pixels = pixel_memory.data();
-  for (std::uint32_t e = 0; e < tile.count; ++e) {
-    const std::size_t place = tile.entries[e].gradient;
-    std::fill_n(out.features + place * stride, stride, T(0));
-    out.weights[place] = T(0);
-  }
-
+  clear_entries(tile, stride, out);
   HWY_ALIGN T transmittance[kBlocksPerTile * kBlockPixels];
   const std::uint64_t alive = start_transmittance(tile, setup, wanted, transmittance);
-  // Of all wanted pixels, also where there is nothing to lift to.
+  // All wanted pixels are checked, also where there is no Gaussian to lift to.
   for (std::uint64_t blocks = alive; blocks; blocks &= blocks - 1) {
     const std::size_t block = hwy::Num0BitsBelowLS1Bit_Nonzero64(blocks);
     load_block(tile, setup, wanted, image, block, pixels);
@@ -105,39 +132,15 @@ bool lift_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const Splat
     const bool goes_on =
         blend_block<true>(near, list, count, setup, block, transmittance + block * kBlockPixels,
                           unused_sums, weights);
-    const TileEntry<T>* entries = tile.entries + begin;
-    std::uint32_t k = 0;
-    for (; k + kGroup <= count; k += kGroup) {
-      T* rows[kGroup];
-      for (std::size_t e = 0; e < kGroup; ++e) {
-        const std::size_t place = entries[list[k + e]].gradient;
-        rows[e] = out.features + place * stride;
-        out.weights[place] += sum_of_pixels(weights[k + e]);
-      }
-      lift_channels<kGroup>(weights + k, pixels, stride, rows);
-    }
-    for (; k < count; ++k) {
-      const std::size_t place = entries[list[k]].gradient;
-      T* row = out.features + place * stride;
-      out.weights[place] += sum_of_pixels(weights[k]);
-      lift_channels<1>(weights + k, pixels, stride, &row);
-    }
+    lift_block<T>(tile.entries + begin, list, count, weights, pixels, stride, out);
     return goes_on;
   };
   for_each_block(tile, setup, splats, alive, lift);
   return true;
 }
 
-bool lift_tile_float(const TileTask<float>& tile, const RenderSetup<float>& setup,
-                     const Splat<float>* splats, const WantedPixels& wanted,
-                     const LiftChannels<float>& image, const EntryLifts<float>& out) {
-  return HWY_NAMESPACE::lift_tile<float>(tile, setup, splats, wanted, image, out);
-}
-bool lift_tile_double(const TileTask<double>& tile, const RenderSetup<double>& setup,
-                      const Splat<double>* splats, const WantedPixels& wanted,
-                      const LiftChannels<double>& image, const EntryLifts<double>& out) {
-  return HWY_NAMESPACE::lift_tile<double>(tile, setup, splats, wanted, image, out);
-}
+auto lift_tile_float() { return &HWY_NAMESPACE::lift_tile<float>; }
+auto lift_tile_double() { return &HWY_NAMESPACE::lift_tile<double>; }
 
 }  // namespace gslts::raster::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
@@ -152,13 +155,13 @@ template <>
 bool lift_tile(const TileTask<float>& tile, const RenderSetup<float>& setup,
                const Splat<float>* splats, const WantedPixels& wanted,
                const LiftChannels<float>& image, const EntryLifts<float>& out) {
-  return HWY_DYNAMIC_DISPATCH(lift_tile_float)(tile, setup, splats, wanted, image, out);
+  return HWY_DYNAMIC_DISPATCH(lift_tile_float)()(tile, setup, splats, wanted, image, out);
 }
 template <>
 bool lift_tile(const TileTask<double>& tile, const RenderSetup<double>& setup,
                const Splat<double>* splats, const WantedPixels& wanted,
                const LiftChannels<double>& image, const EntryLifts<double>& out) {
-  return HWY_DYNAMIC_DISPATCH(lift_tile_double)(tile, setup, splats, wanted, image, out);
+  return HWY_DYNAMIC_DISPATCH(lift_tile_double)()(tile, setup, splats, wanted, image, out);
 }
 
 }  // namespace gslts::raster

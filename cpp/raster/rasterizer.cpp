@@ -7,12 +7,6 @@
 #include "render_state.hpp"
 
 namespace gslts::raster {
-namespace {
-
-/// Slots are numbered in 32 bits, with room for the arithmetic on them.
-constexpr std::size_t kMaxGaussians = std::size_t{1} << 27;
-
-}  // namespace
 
 template <typename T>
 Rasterizer<T>::Rasterizer() : state_(std::make_unique<RenderState<T>>()) {

@@ -8,10 +8,6 @@
 namespace gslts::raster {
 namespace {
 
-/// Channels of the image that are lifted at once: more take further passes, so that the memory for
-/// the sums of the entries stays bounded.
-constexpr std::size_t kMaxChannels = 64;
-
 template <typename T>
 void lift_band(RenderState<T>& state, Band<T>& band, const LiftChannels<T>& image) {
   const std::size_t places = band.first_gradients.back();
@@ -69,7 +65,7 @@ LiftedFeatures<T> Rasterizer<T>::lift(const GaussianView<T>& gaussians, const T*
     if (state.bands.size() > 1) state.blend_band(gaussians, band, nullptr);
     LiftChannels<T> image = {features, std::size_t(dims), 0, 0};
     for (; image.first < image.dims; image.first += image.count) {
-      image.count = std::min(kMaxChannels, image.dims - image.first);
+      image.count = std::min(kMaxLiftChannels, image.dims - image.first);
       lift_band(state, band, image);
       parallel::parallel_for(chunks, state.setup->threads, [&](std::size_t chunk) {
         gather_chunk(state, band, image, chunk, first_rows[chunk], lifted);

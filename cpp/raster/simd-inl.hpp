@@ -21,6 +21,21 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 using namespace simd::HWY_NAMESPACE;  // Lanes and their sums, in one order everywhere.
 
+/// Dot product of two vectors of three numbers.
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE V dot3(const V* a, const V* b) {
+  return hn::MulAdd(a[2], b[2], hn::MulAdd(a[1], b[1], hn::Mul(a[0], b[0])));
+}
+
+/// Enlarges the squared radius of a footprint by more than its rounding error, so that no pixel is
+/// lost.
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE V enlarge(D d, V squared_radius) {
+  using T = hn::TFromD<D>;
+  return hn::MulAdd(squared_radius, hn::Set(d, T(1 + kRoundingMargin)),
+                    hn::Set(d, T(kRoundingMargin)));
+}
+
 /// 2^x for finite x in [-126, 0]; any value for smaller x. In float by the minimax polynomial of
 /// 2^f on [-1/2, 1/2], with a relative error below 3e-7 for degree 5 and 8e-5 for degree 3; in
 /// double below 1e-15.

@@ -13,12 +13,12 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from gslts.io.atomic_files import write_whole
+from gslts.io.atomic_files import write_atomic
 
 ROOT = Path(__file__).parent.parent
 """Folder that holds the packages gslts, gslts_sim and gslts_bench."""
 OUR_PACKAGES = ("gslts", "gslts_bench", "gslts_sim")
-NEVER_COUNTED = ("gslts_bench.cache", "gslts_bench.runner", "gslts_bench.work")
+NEVER_COUNTED = ("gslts_bench.cache", "gslts_bench.processes", "gslts_bench.runner")
 """Modules whose changes keep cached results valid: they only distribute and keep work."""
 MADE_OF = "made_of.json"
 """File in each folder with the values whose digest is in the folder's name."""
@@ -134,7 +134,7 @@ def cached_folder(folder: Path, made_of: Any, make: Callable[[Path], None]) -> P
         if part.exists():  # Left by a process that was stopped.
             shutil.rmtree(part)
         make(part)
-        write_whole(part / MADE_OF, (json.dumps(made_of, indent=1) + "\n").encode())
+        write_atomic(part / MADE_OF, (json.dumps(made_of, indent=1) + "\n").encode())
         part.rename(whole)
     return whole
 

@@ -13,7 +13,7 @@ import numpy as np
 from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import pose_distance
 from gslts.datasets import open_dataset
-from gslts.io.atomic_files import empty_folder, write_whole
+from gslts.io.atomic_files import empty_folder, write_atomic
 from gslts.io.html_page import number, plots, section, table
 from gslts.keeper.history_page import write_history
 from gslts.keeper.keeper import LoopConfig, MapKeeper
@@ -34,15 +34,15 @@ from gslts.store.map_folder import open_map, read_map
 from gslts.store.records import Event
 from gslts.types import Floats
 from gslts.update.config import RefineConfig, UpdateConfig
-from gslts_bench.series.benchmark import fresh_frames, psnr_of
+from gslts_bench.series.run import mean_psnr_db, new_frames
 from gslts_sim.capture import capture
+from gslts_sim.change_sampler import TaskSettings
 from gslts_sim.controller import Controller
 from gslts_sim.day import Day, make_day
 from gslts_sim.explore import explore
 from gslts_sim.home import Home
 from gslts_sim.home_source import HomeSource
 from gslts_sim.task import Box, Change
-from gslts_sim.trial import Setting
 
 ROOM, SEED, CHANGES = "living_room", 7, 6
 FOUND_M = 0.15
@@ -61,7 +61,7 @@ class Scale:
         frames: Of the recording, at most.
         mapping: Of the home.
         iterations: Of a refinement, at most.
-        fresh_views: That judge the map at the end.
+        new_views: Number of viewpoints that judge the map at the end.
     """
 
     width: int = 640
@@ -69,7 +69,7 @@ class Scale:
     frames: int = 150
     mapping: MappingConfig = PRESETS["fast"]
     iterations: int = 250
-    fresh_views: int = 20
+    new_views: int = 20
 
 
 QUICK = Scale(
@@ -78,7 +78,7 @@ QUICK = Scale(
     frames=90,
     mapping=PRESETS["fast"].model_copy(update={"budget_s": 20.0}),
     iterations=100,
-    fresh_views=10,
+    new_views=10,
 )
 
 
@@ -109,8 +109,10 @@ def live_a_day(
         seconds[stage] = time.perf_counter() - start_s - sum(seconds.values())
 
     source, coarse = HomeSource.of_seed(ROOM, SEED)
-    day = make_day(source, coarse, Setting(width=scale.width, height=scale.height), SEED, CHANGES)
-    write_whole(out / "day.json", (day.model_dump_json(indent=1) + "\n").encode())
+    day = make_day(
+        source, coarse, TaskSettings(width=scale.width, height=scale.height), SEED, CHANGES
+    )
+    write_atomic(out / "day.json", (day.model_dump_json(indent=1) + "\n").encode())
     home = source.load(out)
     robot = day.robot(home, 0)
     looks, _ = explore(robot.home, scale.frames, lambda places: bar(places, "exploring"))
@@ -120,7 +122,10 @@ def live_a_day(
     say(f"mapped it: {_mapped(out, scale, threads, bar)}")
     note("mapping")
     add_semantics(
-        out / "map", out / "before", threads=threads, show=lambda one: bar(one, "teaching")
+        out / "map",
+        out / "before",
+        threads=threads,
+        progress=lambda frames: bar(frames, "semantics"),
     )
     say("taught it the words of the simulator")
     note("teaching it words")
@@ -138,7 +143,7 @@ def live_a_day(
         walk = _walk(out / "map", day.robot(home, len(day.rounds)), _moved(day, home, events), say)
         note("a query and a walk")
         state = day.state(home, len(day.rounds))
-        frames = fresh_frames(state, day.sensor, SEED, scale.fresh_views)
+        frames = new_frames(state, day.sensor, SEED, scale.new_views)
         sections = [
             section("What really changed", _truth(day, events)),
             section("To an object that was moved", walk),
@@ -155,7 +160,8 @@ def live_a_day(
 def was_found(change: Change, events: Sequence[Event]) -> bool:
     """Whether what is known of objects tells of a change, each of its ends in the right place."""
     for side, box in enumerate((change.box_before, change.box_after)):
-        known = [np.mean(one.boxes[side], axis=0) for one in events if one.boxes[side] is not None]
+        boxes = [event.boxes[side] for event in events]
+        known = [np.mean(known, axis=0) for known in boxes if known is not None]
         if box is not None and not any(_is_in(middle, box) for middle in known):
             return False
     return True
@@ -200,7 +206,7 @@ def _walk(folder: Path, robot: Controller, name: str, say: Callable[[str], None]
     found = navigator.queries.find(name)
     pictures = []
     if found:
-        x, y, z = found[0].middle
+        x, y, z = found[0].center
         say(f"asked for the {name}: at ({x:.2f}, {y:.2f}, {z:.2f}) m")
         cameras = list(cameras_of_map(folder).values())
         fits = navigator.queries.relevance(name)
@@ -254,8 +260,8 @@ def _found_again(folder: Path, frame: RgbdFrame, threads: int, say: Callable[[st
 def _quality(out: Path, frames: Sequence[RgbdFrame]) -> str:
     maps = {"as mapped in the morning": "map@1", "as it is in the evening": "map"}
     rows = [
-        (words, f"{one.size:,}", number(psnr_of(one, frames)))
+        (words, f"{one.size:,}", number(mean_psnr_db(one, frames)))
         for words, one in ((words, read_map(out / path)) for words, path in maps.items())
     ]
-    head = ("map", "Gaussians", f"PSNR of {len(frames)} fresh views, dB")
+    head = ("map", "Gaussians", f"PSNR of {len(frames)} new viewpoints, dB")
     return table(head, rows)

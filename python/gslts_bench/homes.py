@@ -1,48 +1,47 @@
-"""Homes that benchmarks run in: recorded by the robot, and mapped, once for all of them."""
+"""Simulated homes of the benchmarks: recorded by the robot and mapped, once for all of them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from gslts.datasets import open_dataset
 from gslts.mapping.config import PRESETS, MappingConfig
 from gslts.mapping.engine import make_map
-from gslts.mapping.optimize import Progress
 from gslts.mapping.report.summary import write_result
 from gslts_bench.cache import cached_folder, code_digest, native_digest
 from gslts_sim import ROOM_TYPES
 from gslts_sim.actions import ChangeAction, SceneState
 from gslts_sim.capture import capture
+from gslts_sim.change_sampler import TaskSettings
 from gslts_sim.controller import Controller
 from gslts_sim.explore import explore
 from gslts_sim.home_source import HomeSource
 from gslts_sim.task import Task
 from gslts_sim.tasks import TaskMaker
-from gslts_sim.trial import Setting
 
 SIM_LIBRARIES = ("numpy", "open3d-cpu", "open3d")
 """Distributions whose version decides what a robot in a home sees."""
-RECORDING_S, MAP_S = 0.35, 110.0
-"""About how long a frame of a recording takes, and a map of 200 of them, for the progress."""
-
-Item = TypeVar("Item")
-Tell = Callable[[float], None]
-"""Is told of work done, in the seconds that it usually takes."""
+SPLITS = {
+    "development": range(5_000),
+    "validation": range(5_000, 10_000),
+    "test": range(10_000, 20_000),
+}
+"""Seeds of homes by purpose: to develop on, to choose and set thresholds on, to report on once."""
 
 
 @dataclass(frozen=True)
 class HomeSetup:
-    """What all homes of a run have in common.
+    """Settings that all homes of a run have in common.
 
     Attributes:
-        frames: Of a recording, at most.
-        width, height: Of the images, px.
-        noise: Preset of the sensor.
-        mapping: How maps are made.
+        frames: Maximum number of frames of a recording.
+        width, height: Size of the images, px.
+        noise: Preset of the sensor's noise.
+        mapping: Settings of the mapping.
         code: Digests of the code that makes recordings and maps; taken before any process starts,
             as sources may be edited while they run.
     """
@@ -54,16 +53,21 @@ class HomeSetup:
     mapping: MappingConfig = field(default_factory=lambda: PRESETS["fast"])
     code: dict[str, Any] = field(default_factory=lambda: _code())
 
+    @property
+    def setting(self) -> TaskSettings:
+        """Noise and image size, as makers of tasks need them."""
+        return TaskSettings(noise=self.noise, width=self.width, height=self.height)
+
 
 @dataclass(frozen=True)
 class BenchHome:
     """A home in its default state, which its map shows.
 
     Attributes:
-        room_type: Of `ROOM_TYPES`.
-        seed: Of the home, and of its tasks.
-        setup: Of all homes.
-        work: Folder where what was made is kept.
+        room_type: One of `ROOM_TYPES`.
+        seed: Seed of the home and of its tasks.
+        setup: Settings common to all homes.
+        work: Folder where everything made is kept.
     """
 
     room_type: str
@@ -73,12 +77,12 @@ class BenchHome:
 
     @property
     def name(self) -> str:
-        """Such as `kitchen_3`."""
+        """Room type and seed, such as `kitchen_3`."""
         return f"{self.room_type}_{self.seed}"
 
     @property
     def recorded_of(self) -> dict[str, Any]:
-        """All that decides what its recording is."""
+        """JSON values that decide its recording."""
         setup = self.setup
         return {
             "home": self.name,
@@ -90,7 +94,7 @@ class BenchHome:
 
     @property
     def mapped_of(self) -> dict[str, Any]:
-        """All that decides what its map is; the number of threads does not."""
+        """JSON values that decide its map; the number of threads is not among them."""
         return {
             "recording": self.recorded_of,
             "mapping": self.setup.mapping.model_dump(exclude={"threads"}),
@@ -98,54 +102,54 @@ class BenchHome:
         }
 
     def tasks(self, count: int) -> list[Task]:
-        """Up to `count` tasks; the default state before them does not depend on the number.
+        """Make tasks; the default state before them does not depend on their number.
+
+        Args:
+            count: Maximum number.
+
+        Returns:
+            At least one task.
 
         Raises:
-            ValueError: There is not one.
+            ValueError: The home gives none.
         """
-        setting = Setting(noise=self.setup.noise, width=self.setup.width, height=self.setup.height)
         source, home = HomeSource.of_seed(self.room_type, self.seed)
-        maker = TaskMaker(setting, self.seed)
+        maker = TaskMaker(self.setup.setting, self.seed)
         tasks = maker.make(source, home, count)
         if not tasks:
-            reason = next(iter(maker.refused), "nothing can be changed")
+            reason = next(iter(maker.rejected), "nothing can be changed")
             raise ValueError(f"{self.name}: there is no task: {reason}")
         return tasks
 
-    def recording(self, tell: Tell = lambda _: None) -> Path:
-        """The folder of its recording, made unless it is there."""
+    def default_state(self) -> SceneState:
+        """Return the home as its map shows it."""
+        task = self.tasks(1)[0]
+        return default_state(source_of(task), task.initial_actions)
+
+    def recording(self) -> Path:
+        """Return the folder of its recording; record it if it is missing."""
 
         def make(folder: Path) -> None:
             task = self.tasks(1)[0]
-            assert isinstance(task.home, HomeSource)  # As it comes from a seed.
             robot = Controller(
-                default_state(task.home, task.initial_actions),
+                default_state(source_of(task), task.initial_actions),
                 width=self.setup.width,
                 height=self.setup.height,
                 noise=self.setup.noise,
                 seed=task.sensor.seed_before,
             )
             looks, _ = explore(robot.home, self.setup.frames)
-            capture(robot, _told(looks, lambda: tell(RECORDING_S)), folder)
+            capture(robot, looks, folder)
 
         return cached_folder(self.work / "recordings" / self.name, self.recorded_of, make)
 
-    def map(self, tell: Tell = lambda _: None) -> Path:
-        """The folder of its map, made of its recording unless it is there, on one thread."""
+    def map(self) -> Path:
+        """Return the folder of its map; make it on one thread if it is missing."""
 
         def make(folder: Path) -> None:
-            dataset = open_dataset(self.recording(tell))
+            dataset = open_dataset(self.recording())
             config = self.setup.mapping.model_copy(update={"threads": 1})
-            told = 0.0
-
-            def report(progress: Progress) -> None:
-                nonlocal told
-                share = min(1.0, progress.share)
-                tell(MAP_S * (share - told))
-                told = share
-
-            result = make_map(dataset, config, report=report)
-            write_result(folder, result, dataset.name)
+            write_result(folder, make_map(dataset, config), dataset.name)
 
         return cached_folder(self.work / "maps" / self.name, self.mapped_of, make)
 
@@ -153,11 +157,21 @@ class BenchHome:
 def homes_of(
     seeds: range, room_types: Sequence[str], setup: HomeSetup, work: Path
 ) -> list[BenchHome]:
-    """Those of some room types for each seed; of all if none is named.
+    """List the homes of some room types for each seed.
+
+    Args:
+        seeds: Seeds of one split.
+        room_types: Different room types; empty for all.
+        setup: Settings common to all homes.
+        work: Folder where everything made is kept.
+
+    Returns:
+        Homes by seed, then room type.
 
     Raises:
-        ValueError: There is no such room type, or one is named twice.
+        ValueError: A room type does not exist or is named twice, or the seeds mix splits.
     """
+    split_of(seeds)
     room_types = room_types or list(ROOM_TYPES)
     if not set(room_types) <= set(ROOM_TYPES) or len(set(room_types)) < len(room_types):
         known, got = ", ".join(ROOM_TYPES), ", ".join(room_types)
@@ -165,25 +179,59 @@ def homes_of(
     return [BenchHome(room_type, seed, setup, work) for seed in seeds for room_type in room_types]
 
 
-def default_state(source: HomeSource, initial_actions: Iterable[ChangeAction]) -> SceneState:
-    """A home as its map shows it.
+def split_of(seeds: range) -> str:
+    """Return the split of `SPLITS` that all seeds are in.
+
+    Args:
+        seeds: Seeds of homes; not empty.
+
+    Returns:
+        Name of the split.
 
     Raises:
-        ValueError: It is another home.
+        ValueError: The seeds are in more than one split, or in none.
+    """
+    for name, split in SPLITS.items():
+        if seeds[0] in split and seeds[-1] in split:
+            return name
+    splits = ", ".join(f"{name} {one[0]} to {one[-1]}" for name, one in SPLITS.items())
+    raise ValueError(
+        f"--seeds: {seeds[0]} to {seeds[-1]} are not of one split, and results of different splits "
+        f"belong in different tables; the splits are {splits}"
+    )
+
+
+def source_of(task: Task) -> HomeSource:
+    """Return where the home of a bench's task comes from, which is always a seed."""
+    assert isinstance(task.home, HomeSource)
+    return task.home
+
+
+def default_state(source: HomeSource, initial_actions: Iterable[ChangeAction]) -> SceneState:
+    """Return a home as its map shows it.
+
+    Args:
+        source: Where the home comes from.
+        initial_actions: Actions that lead to its default state.
+
+    Raises:
+        ValueError: Another version of the simulator made the source.
         ChangeError: An action cannot be done.
     """
-    return SceneState(source.load(Path())).after_all(initial_actions)
+    return SceneState(source.load(Path())).apply_all(initial_actions)
 
 
-def shares_of(count: int, homes: int) -> list[int]:
-    """A number of things spread evenly over homes."""
+def even_shares(count: int, homes: int) -> list[int]:
+    """Spread a number of cases evenly over homes.
+
+    Args:
+        count: Number of cases.
+        homes: Number of homes, at least 1.
+
+    Returns:
+        Number of cases of each home; the first ones get one more where it does not divide.
+    """
     return [count // homes + (number < count % homes) for number in range(homes)]
-
-
-def _told(items: Iterable[Item], tell: Callable[[], None]) -> Iterator[Item]:
-    for item in items:
-        yield item
-        tell()
 
 
 def _code() -> dict[str, Any]:
@@ -193,10 +241,8 @@ def _code() -> dict[str, Any]:
             libraries[name] = version(name)
         except PackageNotFoundError:  # Open3D has two names.
             continue
+    recorded = code_digest("gslts_bench.homes", without=("gslts.mapping",))
     return {
-        "sim": {
-            "python": code_digest("gslts_bench.homes", without=("gslts.mapping",)),
-            "libraries": libraries,
-        },
+        "sim": {"python": recorded, "libraries": libraries},
         "map": {"python": code_digest("gslts_bench.homes"), "native": native_digest()},
     }

@@ -1,4 +1,4 @@
-"""The actions of AI2-THOR, with their arguments checked, and what those of a home do to it."""
+"""Actions of AI2-THOR with validated arguments, and their effects on the state of a home."""
 
 from __future__ import annotations
 
@@ -7,120 +7,97 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, Field, FiniteFloat, TypeAdapter, ValidationError
+from pydantic import Field, FiniteFloat, TypeAdapter, ValidationError
 
 from gslts_sim import changes
 from gslts_sim.changes import ChangeError
 from gslts_sim.home import Home, HomeObject
-from gslts_sim.home_source import STRICT
 from gslts_sim.physics import OrientedBoxes
+from gslts_sim.strict_model import StrictModel
 
 ObjectId = Annotated[str, Field(min_length=1, max_length=1000)]
 Metres = Annotated[FiniteFloat, Field(ge=-1e6, le=1e6)]
 Degrees = Annotated[FiniteFloat, Field(ge=-3600, le=3600)]
-
 GRID_M = 0.25
-"""Length of a step, and distance of the places that the robot knows."""
+"""Default step length and spacing of the grid of reachable positions, m; as in AI2-THOR."""
 
 
-class Point(BaseModel):
-    """A place in the world, m."""
-
-    model_config = STRICT
+class Point(StrictModel):
+    """Position in the world, m."""
 
     x: Metres
     y: Metres
     z: Metres
 
 
-class Place(BaseModel):
-    """A place on the floor, m; its height does not count."""
-
-    model_config = STRICT
+class FloorPosition(StrictModel):
+    """Position on the floor, m; its height is ignored."""
 
     x: Metres
     y: Metres
     z: Metres = 0.0
 
 
-class Move(BaseModel):
-    """A step ahead or aside, m."""
-
-    model_config = STRICT
+class Move(StrictModel):
+    """Step in one of four directions; `moveMagnitude` is its length, m."""
 
     action: Literal["MoveAhead", "MoveBack", "MoveLeft", "MoveRight"]
     moveMagnitude: Annotated[FiniteFloat, Field(ge=0, le=100)] = GRID_M  # noqa: N815
 
 
-class Rotate(BaseModel):
-    """A turn about the vertical."""
-
-    model_config = STRICT
+class Rotate(StrictModel):
+    """Turn about the vertical."""
 
     action: Literal["RotateLeft", "RotateRight"]
     degrees: Degrees = 90.0
 
 
-class Tilt(BaseModel):
-    """A nod of the camera."""
-
-    model_config = STRICT
+class Tilt(StrictModel):
+    """Tilt of the camera."""
 
     action: Literal["LookUp", "LookDown"]
     degrees: Degrees = 30.0
 
 
-class Teleport(BaseModel):
-    """A jump to a place and a direction; what is None stays."""
-
-    model_config = STRICT
+class Teleport(StrictModel):
+    """Jump to a position, a yaw and a horizon; None keeps the current value."""
 
     action: Literal["Teleport"] = "Teleport"
-    position: Place | None = None
+    position: FloorPosition | None = None
     rotation: Degrees | None = None
     horizon: Degrees | None = None
 
 
-class Pass(BaseModel):
-    """Nothing, or a question."""
-
-    model_config = STRICT
+class Pass(StrictModel):
+    """Action that changes nothing."""
 
     action: Literal["Pass", "GetReachablePositions"]
 
 
-class InitialRandomSpawn(BaseModel):
-    """Shuffles the movable objects over all that can carry them."""
-
-    model_config = STRICT
+class InitialRandomSpawn(StrictModel):
+    """Shuffle of the movable objects over the receptacles that can carry them."""
 
     action: Literal["InitialRandomSpawn"] = "InitialRandomSpawn"
     randomSeed: Annotated[int, Field(ge=0)] = 0  # noqa: N815
     numPlacementAttempts: Annotated[int, Field(ge=1, le=1000)] = 5  # noqa: N815
 
 
-class DisableObject(BaseModel):
-    """Takes an object away."""
-
-    model_config = STRICT
+class DisableObject(StrictModel):
+    """Removal of an object."""
 
     action: Literal["DisableObject"] = "DisableObject"
     objectId: ObjectId  # noqa: N815
 
 
-class EnableObject(BaseModel):
-    """Brings an object back to where it was when it was taken away."""
-
-    model_config = STRICT
+class EnableObject(StrictModel):
+    """Return of a removed object to its last pose."""
 
     action: Literal["EnableObject"] = "EnableObject"
     objectId: ObjectId  # noqa: N815
 
 
-class PlaceObjectAtPoint(BaseModel):
-    """Puts an object elsewhere; `rotation` is about the vertical, degrees, None keeps it."""
-
-    model_config = STRICT
+class PlaceObjectAtPoint(StrictModel):
+    """Move of an object to a position; `rotation` is its new yaw, degrees, None keeps it."""
 
     action: Literal["PlaceObjectAtPoint"] = "PlaceObjectAtPoint"
     objectId: ObjectId  # noqa: N815
@@ -141,27 +118,27 @@ _ADAPTER: TypeAdapter[AnyAction] = TypeAdapter(AnyAction)
 
 @dataclass(frozen=True, eq=False)
 class SceneState:
-    """A home, and the objects that were taken away from it.
+    """A home, and the objects that were removed from it.
 
     Args:
-        home: As it is.
-        aside: By id, as they were.
+        home: Its current state.
+        removed: Removed objects at their last pose, by id.
     """
 
     home: Home
-    aside: Mapping[str, HomeObject] = field(default_factory=dict)
+    removed: Mapping[str, HomeObject] = field(default_factory=dict)
 
-    def after(self, action: ChangeAction, keep_free: OrientedBoxes | None = None) -> SceneState:
-        """The state after an action.
+    def apply(self, action: ChangeAction, keep_free: OrientedBoxes | None = None) -> SceneState:
+        """Return the state after an action.
 
         Args:
-            action: What happens.
-            keep_free: Where nothing may be put, such as where the robot is.
+            action: A change of the home.
+            keep_free: Boxes that must stay free, such as the robot's body.
 
         Raises:
-            ChangeError: It cannot be, and why.
+            ChangeError: The action is impossible; the message says why.
         """
-        home, aside = self.home, dict(self.aside)
+        home, removed = self.home, dict(self.removed)
         match action:
             case InitialRandomSpawn():
                 home = changes.spawn_randomly(
@@ -169,34 +146,41 @@ class SceneState:
                 )
             case DisableObject():
                 home = changes.disable(home, action.objectId)
-                aside[action.objectId] = self.home[action.objectId]
+                removed[action.objectId] = self.home[action.objectId]
             case EnableObject():
-                if action.objectId not in aside:
-                    there = "is there already" if action.objectId in home else "was never there"
-                    raise ChangeError(f"{action.objectId} {there}")
-                home = changes.enable(home, aside.pop(action.objectId), keep_free)
+                if action.objectId not in removed:
+                    reason = "is there already" if action.objectId in home else "was never there"
+                    raise ChangeError(f"{action.objectId} {reason}")
+                home = changes.enable(home, removed.pop(action.objectId), keep_free)
             case PlaceObjectAtPoint():
                 point = np.array([action.position.x, action.position.y, action.position.z])
                 home = changes.place(home, action.objectId, point, action.rotation, keep_free)
-        return SceneState(home, aside)
+        return SceneState(home, removed)
 
-    def after_all(self, actions: Iterable[ChangeAction]) -> SceneState:
-        """The state after some actions.
+    def apply_all(self, actions: Iterable[ChangeAction]) -> SceneState:
+        """Return the state after several actions.
+
+        Args:
+            actions: Changes of the home, in this order.
 
         Raises:
-            ChangeError: One cannot be done, and why.
+            ChangeError: An action is impossible; the message says why.
         """
         state = self
         for action in actions:
-            state = state.after(action)
+            state = state.apply(action)
         return state
 
 
-def checked_action(name: str, arguments: Mapping[str, Any]) -> AnyAction:
-    """An action from its name and its arguments.
+def parse_action(name: str, arguments: Mapping[str, Any]) -> AnyAction:
+    """Validate an action.
+
+    Args:
+        name: AI2-THOR's name of the action.
+        arguments: Its arguments, under AI2-THOR's names.
 
     Raises:
-        ValueError: There is no such action, or an argument is missing, unknown or no such value.
+        ValueError: The action is unknown, or an argument is missing, unknown or invalid.
     """
     try:
         return _ADAPTER.validate_python({**arguments, "action": name})
@@ -205,6 +189,6 @@ def checked_action(name: str, arguments: Mapping[str, Any]) -> AnyAction:
         if first["type"] == "union_tag_invalid":
             known = first["ctx"]["expected_tags"]
             raise ValueError(f"action must be one of {known}, got {name!r}") from None
-        # Without the names of the types that the union was narrowed to.
+        # Drops the tags of the unions from the location.
         where = ".".join(str(part) for part in first["loc"] if part not in ("change", name))
         raise ValueError(f"{name}: {where}: {first['msg']}") from None

@@ -1,9 +1,9 @@
-"""A recorded visit of a home, as a data set that other tools can train on.
+"""Recordings of a home in nerfstudio's layout, with ground truth.
 
-Layout: nerfstudio's `transforms.json` (axes of OpenGL, world z up) with `images/`, `depth/`
-(16-bit, millimetres, 0: none), and as ground truth `instances/` (16-bit, 1 + row of the object,
-0: none), `objects.json` and each frame's `true_transform_matrix`, which differs from
-`transform_matrix` by what the robot errs about where it is.
+`transforms.json` (OpenGL axes, world z up) with `images/`, `depth/` (16-bit, millimetres, 0: no
+measurement). Ground truth: `instances/` (16-bit, 1 + row of the object, 0: background),
+`objects.json` and each frame's `true_transform_matrix`; `transform_matrix` is the pose that the
+robot believes.
 """
 
 from __future__ import annotations
@@ -19,40 +19,43 @@ from PIL import Image
 
 from gslts.core.camera import Camera
 from gslts.datasets.nerfstudio import OBJECTS, OPENGL_FROM_OPENCV
-from gslts.io.atomic_files import empty_folder, write_whole
+from gslts.io.atomic_files import empty_folder, write_atomic
+from gslts.types import Floats
 from gslts_sim.controller import ActionError, Controller
 from gslts_sim.event import Event
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
 
-SAVE_EVERY = 10
-"""Frames after which the list of frames is written anew."""
+SAVE_INTERVAL = 10
+"""Number of frames after which the list of frames is saved again."""
 FOLDERS = {"file_path": "images", "depth_file_path": "depth", "instance_file_path": "instances"}
-FARTHEST_M = 65.535
-MOST_OBJECTS = (1 << 16) - 1
+"""Folder of each image of a frame, by its key in `transforms.json`."""
+MAX_DEPTH_M = 65.535
+"""Largest depth that fits into 16 bits, in millimetres, m."""
+MAX_OBJECTS = (1 << 16) - 1
+"""Maximum number of objects that fits into 16 bits, beside 0 for the background."""
 PNG_LEVEL = 1
-"""Of zlib: pictures are a fifth larger than at the best level and saved ten times as fast."""
+"""Level of zlib: images are a fifth larger than at the best level and saved ten times as fast."""
 
 
-def capture(robot: Controller, looks: Iterable[Look], folder: Path) -> int:
-    """Takes a picture at each look and writes the data set.
+def capture(robot: Controller, viewpoints: Iterable[Viewpoint], folder: Path) -> int:
+    """Record a frame at each viewpoint as a data set.
 
-    When it fails or is interrupted half-way, the frames that were whole by then stay a valid data
-    set.
+    After a failure or an interruption, the complete frames remain as a valid data set.
 
     Args:
         robot: In the home.
-        looks: Where it goes, in this order.
+        viewpoints: Visited in this order.
         folder: New or empty.
 
     Returns:
-        How many frames were written.
+        Number of frames.
 
     Raises:
-        OSError: The disk is full or the folder cannot be written; the frames before are kept.
-        ValueError: The folder is not empty, or the robot cannot go to a look.
+        OSError: The disk is full or the folder cannot be written; complete frames are kept.
+        ValueError: The folder is not empty, or the robot cannot reach a viewpoint.
     """
-    if len(robot.home.objects) > MOST_OBJECTS:
-        raise ValueError(f"capture: more than {MOST_OBJECTS} objects do not fit into 16 bits")
+    if len(robot.home.objects) > MAX_OBJECTS:
+        raise ValueError(f"capture: more than {MAX_OBJECTS} objects do not fit into 16 bits")
     empty_folder(folder)
     for name in FOLDERS.values():
         (folder / name).mkdir()
@@ -60,61 +63,67 @@ def capture(robot: Controller, looks: Iterable[Look], folder: Path) -> int:
     header: dict[str, Any] = {}
     try:
         _write_json(folder / OBJECTS, _objects(robot.last_event))
-        for look in looks:
+        for viewpoint in viewpoints:
             try:
-                robot.go(look)
+                robot.go(viewpoint)
             except ActionError as blocked:
                 raise ValueError(f"capture: {blocked}") from None
             event = robot.step("Pass")
             header = header or _header(event.observation.camera)
             frames.append(_write_frame(event, folder, len(frames)))
-            if len(frames) % SAVE_EVERY == 0:
+            if len(frames) % SAVE_INTERVAL == 0:
                 _write_json(folder / "transforms.json", {**header, "frames": frames})
         _write_json(folder / "transforms.json", {**header, "frames": frames})
     except BaseException as error:
-        _keep_whole_frames(folder, header, frames)
+        _keep_complete_frames(folder, header, frames)
         if isinstance(error, OSError):
             reason = error.strerror or str(error)
-            raise OSError(f"{folder}: {reason}; {len(frames)} whole frames are kept") from None
+            raise OSError(f"{folder}: {reason}; {len(frames)} complete frames are kept") from None
         raise
     return len(frames)
 
 
-def true_poses(folder: Path) -> dict[str, NDArray[np.float64]]:
-    """[4,4] world_from_camera of each frame that was captured, as it really was, by its name.
+def true_poses(folder: Path) -> dict[str, Floats]:
+    """Read the true poses of the frames of a recording.
+
+    Args:
+        folder: Of a data set that `capture` wrote.
+
+    Returns:
+        [4,4] world_from_camera, m, by the name of the frame.
 
     Raises:
         OSError: The list of frames cannot be read.
-        ValueError: It is none that `capture` wrote.
+        ValueError: It has no true poses.
     """
     path = folder / "transforms.json"
     try:
         frames = json.loads(path.read_bytes())["frames"]
         return {
-            Path(one["file_path"]).stem: np.array(one["true_transform_matrix"], np.float64)
+            Path(frame["file_path"]).stem: np.array(frame["true_transform_matrix"], np.float64)
             @ OPENGL_FROM_OPENCV
-            for one in frames
+            for frame in frames
         }
     except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{path}: it does not tell true poses: {error}") from None
+        raise ValueError(f"{path}: it has no true poses: {error}") from None
 
 
 def _write_frame(event: Event, folder: Path, number: int) -> dict[str, Any]:
-    """Writes the pictures of a frame, all or none, and returns its entry in the list."""
+    """Write all images of a frame, or none, and return its entry in the list."""
     depth = event.depth_frame
-    steps = np.rint(1000 * np.where(depth < FARTHEST_M, depth, 0))  # What is too far is no depth.
-    pictures: dict[str, NDArray[Any]] = {
+    steps = np.rint(1000 * np.where(depth < MAX_DEPTH_M, depth, 0))
+    images: dict[str, NDArray[Any]] = {
         "file_path": event.frame,
         "depth_file_path": steps.astype(np.uint16),
         "instance_file_path": (event.instances + 1).astype(np.uint16),
     }
     entry: dict[str, Any] = {}
     try:
-        for key, picture in pictures.items():
+        for key, image in images.items():
             entry[key] = f"{FOLDERS[key]}/{number:05}.png"
-            Image.fromarray(picture).save(folder / entry[key], compress_level=PNG_LEVEL)
+            Image.fromarray(image).save(folder / entry[key], compress_level=PNG_LEVEL)
     except BaseException:
-        _remove_pictures(folder, entry)
+        _remove_images(folder, entry)
         raise
     believed, true = (
         (camera.world_from_camera @ OPENGL_FROM_OPENCV).tolist()
@@ -124,25 +133,27 @@ def _write_frame(event: Event, folder: Path, number: int) -> dict[str, Any]:
 
 
 def _objects(event: Event) -> list[dict[str, Any]]:
-    """The table of objects, without what holds for one look only."""
+    """Return the table of objects without entries that depend on the viewpoint."""
     return [
-        {key: value for key, value in thing.items() if key != "visible"}
-        for thing in event.metadata["objects"]
+        {key: value for key, value in obj.items() if key != "visible"}
+        for obj in event.metadata["objects"]
     ]
 
 
-def _keep_whole_frames(folder: Path, header: dict[str, Any], frames: list[dict[str, Any]]) -> None:
-    """Writes the list of frames, giving up frames until there is room for it."""
+def _keep_complete_frames(
+    folder: Path, header: dict[str, Any], frames: list[dict[str, Any]]
+) -> None:
+    """Write the list of frames; drop the last frames until there is room for it on the disk."""
     while frames:
         try:
             _write_json(folder / "transforms.json", {**header, "frames": frames})
         except OSError:
-            _remove_pictures(folder, frames.pop())
+            _remove_images(folder, frames.pop())
         else:
             return
 
 
-def _remove_pictures(folder: Path, entry: dict[str, Any]) -> None:
+def _remove_images(folder: Path, entry: dict[str, Any]) -> None:
     for key in FOLDERS:
         if key in entry:
             (folder / entry[key]).unlink(missing_ok=True)
@@ -162,4 +173,4 @@ def _header(camera: Camera) -> dict[str, Any]:
 
 
 def _write_json(path: Path, content: Any) -> None:
-    write_whole(path, (json.dumps(content, indent=1) + "\n").encode())
+    write_atomic(path, (json.dumps(content, indent=1) + "\n").encode())

@@ -1,4 +1,4 @@
-"""Changes of a home: what is taken away, brought back or put elsewhere must stand and fit."""
+"""Removals, returns and moves of objects: the result must be stable and free of collisions."""
 
 from __future__ import annotations
 
@@ -9,41 +9,41 @@ import numpy as np
 from gslts.types import Floats
 from gslts_sim.home import Home, HomeObject, pose, yaw_of
 from gslts_sim.physics import (
-    SUPPORT_SHARE,
+    MIN_SUPPORTED_FRACTION,
     OrientedBoxes,
     boxes_in_world,
-    carried_share,
     collides,
     collisions,
     footprint,
-    resting_places,
+    resting_poses,
     stands_on,
+    supported_fraction,
 )
 
 SNAP_M = (0.1, 0.01)
-"""A thing is set down on the highest face at most this far below or above the point it is told."""
-
-FLOOR_VOLUME_M3 = 0.04
-"""Things that fill a larger box, such as chairs, stand on the floor only."""
-
+"""An object is put on the highest level face at most this far below, or above, the position that is
+asked for, m: positions need not be exact, and nothing falls far."""
+MAX_CARRIED_VOLUME_M3 = 0.04
+"""Objects with a larger bounding box, such as chairs, stand on the floor only, m^3."""
 FLOOR_TYPES = ("Floor", "Rug")
-
-PLACES_TRIED = 400
-"""Of a thing on a receptacle, at most, so that beds and floors take no longer than shelves."""
+"""Types of receptacles that carry objects of any size."""
+MAX_POSES_TRIED = 400
+"""Approximate maximum number of poses that are tried on a receptacle: bounds the time on large ones
+such as beds and floors."""
 
 
 class ChangeError(Exception):
-    """A change that cannot be, and why."""
+    """An impossible change; the message says why."""
 
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """A place for a thing, as `place` takes it.
+    """A sampled pose of an object on a receptacle.
 
     Args:
-        position: (3,) m.
+        position: (3,) in the world, m, as `place` takes it.
         yaw_deg: About the vertical, degrees.
-        home: With the thing there.
+        home: The home with the object there.
     """
 
     position: Floats
@@ -52,37 +52,45 @@ class Placement:
 
 
 def disable(home: Home, object_id: str) -> Home:
-    """The home without an object.
+    """Remove an object.
+
+    Args:
+        home: With the object.
+        object_id: Id of a movable object on which nothing stands.
+
+    Returns:
+        The home without it.
 
     Raises:
-        ChangeError: There is no such object, it belongs to the building, or something stands on
-            it.
+        ChangeError: The object does not exist, is not movable, or carries another object.
     """
-    thing = _movable(home, object_id)
-    return home.without([thing.id])
+    return home.without([_movable_object(home, object_id).id])
 
 
-def enable(home: Home, thing: HomeObject, keep_free: OrientedBoxes | None = None) -> Home:
-    """The home with an object back where it last was.
+def enable(home: Home, obj: HomeObject, keep_free: OrientedBoxes | None = None) -> Home:
+    """Return a removed object to its last pose.
 
     Args:
         home: Without the object.
-        thing: The object, as it was.
-        keep_free: Where nothing may be put, such as where the robot is.
+        obj: The object at its last pose.
+        keep_free: Boxes that must stay free, such as the robot's body.
+
+    Returns:
+        The home with it.
 
     Raises:
-        ChangeError: It is there already, what it stood on is gone, or its place is taken.
+        ChangeError: It is there already, its receptacle is gone, or its pose is not free.
     """
-    if thing.id in home:
-        raise ChangeError(f"{thing.id} is there already")
-    if thing.parent is None:
-        raise ChangeError(f"{thing.id} stood on nothing")
-    if thing.parent not in home:
-        raise ChangeError(f"{thing.id} stood on {thing.parent}, which is not there")
-    if not stands_on(thing, home[thing.parent]):
-        raise ChangeError(f"{thing.id} would not stand on {thing.parent} any more")
-    _refuse_overlaps(home, thing, keep_free)
-    return home.with_object(thing)
+    if obj.id in home:
+        raise ChangeError(f"{obj.id} is there already")
+    if obj.parent is None:
+        raise ChangeError(f"{obj.id} stood on nothing")
+    if obj.parent not in home:
+        raise ChangeError(f"{obj.id} stood on {obj.parent}, which is not there")
+    if not stands_on(obj, home[obj.parent]):
+        raise ChangeError(f"{obj.id} would not stand on {obj.parent} any more")
+    _require_free(home, obj, keep_free)
+    return home.with_object(obj)
 
 
 def place(
@@ -92,28 +100,31 @@ def place(
     yaw_deg: float | None = None,
     keep_free: OrientedBoxes | None = None,
 ) -> Home:
-    """The home with an object at another place.
+    """Move an object.
 
     Args:
         home: With the object.
-        object_id: Of a movable object on which nothing stands.
-        position: (3,) m: where its origin, the middle of the box around its underside, comes; it is
-            set down on a level face at most `SNAP_M` away.
-        yaw_deg: Its turn about the vertical, degrees; None keeps it.
-        keep_free: Where nothing may be put, such as where the robot is.
+        object_id: Id of a movable object on which nothing stands.
+        position: (3,) of its origin, the middle of its underside, in the world, m; the object is
+            put on a level face at most `SNAP_M` away.
+        yaw_deg: Its new yaw, degrees; None keeps the current one.
+        keep_free: Boxes that must stay free, such as the robot's body.
+
+    Returns:
+        The home with the object there.
 
     Raises:
-        ChangeError: There is no such object, it cannot be moved, no face is below, too little of
-            it is carried, or it would overlap another object.
+        ChangeError: The object does not exist or is not movable, there is no level face, too little
+            of the object is supported, or it would overlap another object.
     """
     if not np.isfinite(position).all():
         raise ChangeError(f"position {position.tolist()} is not finite")
-    thing = _movable(home, object_id)
+    obj = _movable_object(home, object_id)
     x, y, z = position
-    at = pose(x, y, z, yaw_of(thing) if yaw_deg is None else float(np.deg2rad(yaw_deg)))
-    foot = at @ np.append(footprint(thing.boxes)[0], 1)
-    others = [other for other in home.objects if other.id != thing.id]
-    tops = [_top_at(other, foot[:3]) for other in others] or [-np.inf]
+    at = pose(x, y, z, yaw_of(obj) if yaw_deg is None else float(np.deg2rad(yaw_deg)))
+    foot = at @ np.append(footprint(obj.boxes)[0], 1)
+    others = [other for other in home.objects if other.id != obj.id]
+    tops = [_support_height(other, foot[:3]) for other in others] or [-np.inf]
     best = int(np.argmax(tops))
     if tops[best] == -np.inf:
         raise ChangeError(
@@ -121,93 +132,115 @@ def place(
         )
     at[2, 3] += tops[best] - foot[2]
     parent_id = others[best].id
-    share = carried_share(thing.boxes, at[None], boxes_in_world(others[best]))[0]
-    if share < SUPPORT_SHARE:
+    fraction = supported_fraction(obj.boxes, at[None], boxes_in_world(others[best]))[0]
+    if fraction < MIN_SUPPORTED_FRACTION:
         raise ChangeError(
-            f"only {100 * share:.0f} % of {thing.id} would stand on {parent_id}, "
-            f"{100 * SUPPORT_SHARE:.0f} % must"
+            f"only {100 * fraction:.0f} % of {obj.id} would stand on {parent_id}, "
+            f"{100 * MIN_SUPPORTED_FRACTION:.0f} % must"
         )
-    placed = thing.placed(at, parent_id)
-    _refuse_overlaps(home, placed, keep_free)
+    placed = obj.place_at(at, parent_id)
+    _require_free(home, placed, keep_free)
     return home.with_object(placed)
 
 
 def spawn_randomly(
     home: Home, seed: int, attempts: int = 5, keep_free: OrientedBoxes | None = None
 ) -> Home:
-    """The home with its movable objects shuffled over all that can carry them.
+    """Shuffle the movable objects over the receptacles that can carry them.
 
     Args:
-        home: Objects on which others stand stay where they are, until those are gone.
+        home: Objects that carry others stay where they are.
         seed: Same home and seed, same result.
-        attempts: Receptacles that are tried for each object; it stays when none has room.
-        keep_free: Where nothing may be put, such as where the robot is.
+        attempts: Number of receptacles that are tried for each object; it stays if none has room.
+        keep_free: Boxes that must stay free, such as the robot's body.
+
+    Returns:
+        The home after all moves.
     """
     rng = np.random.default_rng(seed)
-    ids = [thing.id for thing in home.objects if thing.movable]
+    ids = [obj.id for obj in home.objects if obj.movable]
     for object_id in rng.permutation(ids):
-        thing = home[str(object_id)]
-        if any(other.parent == thing.id for other in home.objects):
+        obj = home[str(object_id)]
+        if any(other.parent == obj.id for other in home.objects):
             continue
-        receptacles = possible_receptacles(home, thing)
+        receptacles = possible_receptacles(home, obj)
         for index in rng.permutation(len(receptacles))[:attempts]:
-            drawn = draw_place(home, thing, receptacles[index], rng, keep_free)
+            drawn = draw_place(home, obj, receptacles[index], rng, keep_free)
             if drawn is not None:
                 home = drawn.home
                 break
     return home
 
 
-def possible_receptacles(home: Home, thing: HomeObject) -> list[HomeObject]:
-    """What a thing may be put on, in the order of the home: the floor alone if it is large."""
-    large = float(np.prod(np.ptp(thing.boxes.reshape(-1, 3), axis=0))) > FLOOR_VOLUME_M3
+def possible_receptacles(home: Home, obj: HomeObject) -> list[HomeObject]:
+    """Return the receptacles that an object may be put on; only the floor for large objects.
+
+    Args:
+        home: With the object.
+        obj: The object.
+
+    Returns:
+        Objects in the order of the home.
+    """
+    large = float(np.prod(np.ptp(obj.boxes.reshape(-1, 3), axis=0))) > MAX_CARRIED_VOLUME_M3
     return [
         other
         for other in home.objects
-        if other.receptacle and other.id != thing.id and (other.type in FLOOR_TYPES or not large)
+        if other.receptacle and other.id != obj.id and (other.type in FLOOR_TYPES or not large)
     ]
 
 
 def draw_place(
     home: Home,
-    thing: HomeObject,
+    obj: HomeObject,
     receptacle: HomeObject,
     rng: np.random.Generator,
     keep_free: OrientedBoxes | None = None,
 ) -> Placement | None:
-    """A place by chance of a thing on a receptacle; None where it has no room."""
+    """Sample a pose of an object on a receptacle.
+
+    Args:
+        home: With the object.
+        obj: The object.
+        receptacle: Object that it is put on.
+        rng: Source of randomness.
+        keep_free: Boxes that must stay free, such as the robot's body.
+
+    Returns:
+        The placement; None if there is no room.
+    """
     low, high = receptacle.box_in_world
-    spacing_m = max(0.05, float(np.sqrt(np.prod((high - low)[:2]) / PLACES_TRIED)))
-    # Rounded as a script writes it, so that what is replayed is what was drawn.
+    spacing_m = max(0.05, float(np.sqrt(np.prod((high - low)[:2]) / MAX_POSES_TRIED)))
+    # Rounded as in a script, so that a replay gives the same home.
     yaw_deg = float(rng.integers(-180, 180))
     turn_rad = np.deg2rad(yaw_deg) - yaw_of(receptacle)
-    places = resting_places(home, thing, receptacle, turn_rad, spacing_m)
-    if len(places) == 0:
+    poses = resting_poses(home, obj, receptacle, turn_rad, spacing_m)
+    if len(poses) == 0:
         return None
-    position = np.round(places[rng.integers(len(places)), :3, 3], 3)
+    position = np.round(poses[rng.integers(len(poses)), :3, 3], 3)
     try:
-        changed = place(home, thing.id, position, yaw_deg, keep_free)
+        changed = place(home, obj.id, position, yaw_deg, keep_free)
     except ChangeError:
         return None
     return Placement(position, yaw_deg, changed)
 
 
-def _movable(home: Home, object_id: str) -> HomeObject:
-    """The object, if it can be taken away."""
+def _movable_object(home: Home, object_id: str) -> HomeObject:
+    """Return an object that can be moved, or raise ChangeError."""
     if object_id not in home:
         raise ChangeError(f"there is no {object_id}")
-    thing = home[object_id]
-    if not thing.movable:
+    obj = home[object_id]
+    if not obj.movable:
         raise ChangeError(f"{object_id} is not movable")
     carried = [other.id for other in home.objects if other.parent == object_id]
     if carried:
         raise ChangeError(f"{carried[0]} stands on {object_id}")
-    return thing
+    return obj
 
 
-def _top_at(thing: HomeObject, position: Floats) -> float:
-    """Height of the highest face of a thing at a point, within `SNAP_M` of it; -inf if none."""
-    boxes = boxes_in_world(thing)
+def _support_height(obj: HomeObject, position: Floats) -> float:
+    """Return the height of the highest face at a point (3,), within `SNAP_M`; -inf if none."""
+    boxes = boxes_in_world(obj)
     local = np.einsum("nji,nj->ni", boxes.axes, position - boxes.centers)
     tops = boxes.centers[:, 2] + boxes.halves[:, 2]
     carries = (np.abs(local[:, :2]) <= boxes.halves[:, :2]).all(axis=1)
@@ -216,9 +249,10 @@ def _top_at(thing: HomeObject, position: Floats) -> float:
     return float(tops[carries].max(initial=-np.inf))
 
 
-def _refuse_overlaps(home: Home, thing: HomeObject, keep_free: OrientedBoxes | None) -> None:
-    if keep_free is not None and collides(boxes_in_world(thing), keep_free):
+def _require_free(home: Home, obj: HomeObject, keep_free: OrientedBoxes | None) -> None:
+    """Raise ChangeError if an object would overlap another one or the boxes kept free."""
+    if keep_free is not None and collides(boxes_in_world(obj), keep_free):
         raise ChangeError("the robot stands in the way")
-    hit = collisions(home, thing)
+    hit = collisions(home, obj)
     if hit:
-        raise ChangeError(f"{thing.id} would overlap {hit[0]}")
+        raise ChangeError(f"{obj.id} would overlap {hit[0]}")

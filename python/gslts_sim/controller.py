@@ -1,6 +1,6 @@
-"""A robot in a simulated home, driven by the verbs of AI2-THOR (Kolve et al. 2017).
+"""A robot in a simulated home, driven by the actions of AI2-THOR (Kolve et al. 2017).
 
-Actions, their arguments and the metadata bear AI2-THOR's names, but all coordinates are those of
+Actions, their arguments and the metadata have AI2-THOR's names, but all coordinates are those of
 the project: world with z up, right-handed, metres. The agent's rotation is its yaw about z in
 degrees, from x to y; RotateRight makes it smaller.
 """
@@ -23,7 +23,7 @@ from gslts_sim.actions import (
     SceneState,
     Teleport,
     Tilt,
-    checked_action,
+    parse_action,
 )
 from gslts_sim.changes import ChangeError
 from gslts_sim.event import Event, Palette, make_event, xyz
@@ -35,7 +35,7 @@ from gslts_sim.robot_body import (
     BODY_RADIUS_M,
     FOV_RAD,
     HORIZON_DEG,
-    Look,
+    Viewpoint,
     floor_of,
     robot_camera,
 )
@@ -46,23 +46,23 @@ _MOVES_DEG = {"MoveAhead": 0.0, "MoveLeft": 90.0, "MoveBack": 180.0, "MoveRight"
 
 
 class ActionError(Exception):
-    """An action that cannot be done, and why."""
+    """An impossible action; the message says why."""
 
 
 class Controller:
-    """A home and a robot in it, which together change by actions.
+    """A robot in a home, as a `gslts.core.robot.Robot`; actions change the robot and the home.
 
     Args:
-        home: Where the robot is, with what was taken away from it if that may come back; the robot
-            starts at the reachable place nearest to the middle.
+        home: The home, or its state with the removed objects that may return; the robot starts at
+            the grid position nearest to the middle of the home.
         width: Of the images, px.
         height: Of the images, px.
         fov_rad: Horizontal field of view of the camera, rad.
-        noise: Of the camera: a model, or the name of a preset.
-        seed: Of the noise of this visit.
+        noise: Noise model of the camera, or the name of a preset.
+        seed: Seed of the noise of this visit.
 
     Raises:
-        ValueError: There is no floor on which the robot can stand, or no such preset.
+        ValueError: The robot can stand nowhere, or there is no such preset.
     """
 
     def __init__(
@@ -79,31 +79,31 @@ class Controller:
         self._sensor = Sensor(noise, seed)
         self._frames = 0
         state = SceneState(home) if isinstance(home, Home) else home
-        self._palette = Palette([*state.home.objects, *state.aside.values()])
+        self._palette = Palette([*state.home.objects, *state.removed.values()])
         self._set_state(state)
-        places = self._floor.places(GRID_M)
-        if len(places) == 0:
+        positions = self._floor.grid_positions(GRID_M)
+        if len(positions) == 0:
             raise ValueError(f"Controller: {state.home.name}: the robot can stand nowhere")
         middle = state.home.space.box.mean(axis=0)[:2]
-        self._position = places[np.argmin(np.linalg.norm(places - middle, axis=1))]
+        self._position = positions[np.argmin(np.linalg.norm(positions - middle, axis=1))]
         self._yaw_deg, self._horizon_deg = 0.0, 0.0
         self._last_pose: Floats | None = None
         self._last_event: Event | None = None
 
     @property
     def home(self) -> Home:
-        """The home as it is now."""
+        """The home in its current state."""
         return self._state.home
 
     @property
     def last_event(self) -> Event:
-        """That of the last step, or of the first one to come."""
+        """Event of the last step; before the first step, one of the start."""
         if self._last_event is None:
-            self._last_event = self._look("Pass", "", None, 0)
+            self._last_event = self._observe("Pass", "", None, 0)
         return self._last_event
 
     def step(self, action: str, **arguments: Any) -> Event:
-        """Does one action, or says in the metadata why not; then looks.
+        """Execute an action and observe; a failure is reported in the metadata.
 
         Args:
             action: One of MoveAhead, MoveBack, MoveLeft, MoveRight (`moveMagnitude`, m),
@@ -111,37 +111,40 @@ class Controller:
                 and y, `rotation` in degrees, `horizon`), GetReachablePositions, Pass,
                 InitialRandomSpawn (`randomSeed`, `numPlacementAttempts`), DisableObject and
                 EnableObject (`objectId`), PlaceObjectAtPoint (`objectId`, `position` with x, y and
-                z, where the middle of its underside comes, `rotation` in degrees).
+                z of the middle of its underside, m, `rotation` in degrees).
             arguments: Of the action.
 
+        Returns:
+            The event after the action.
+
         Raises:
-            ValueError: There is no such action, or it has no such argument.
+            ValueError: The action or an argument is unknown or invalid.
         """
         error, result = "", None
         try:
             result = self.act(action, **arguments)
         except ActionError as reason:
             error = str(reason)
-        self._last_event = self._look(action, error, result, self._frames)
+        self._last_event = self._observe(action, error, result, self._frames)
         self._frames += 1
         return self._last_event
 
     def act(self, name: str, /, **arguments: Any) -> Any:
-        """Does one action without a look.
+        """Execute an action without an observation.
 
         Args:
             name: Of the action, as in `step`.
             arguments: Of the action.
 
         Returns:
-            What the action returns, such as places.
+            AI2-THOR's `actionReturn`, such as reachable positions.
 
         Raises:
-            ActionError: It cannot be done.
-            ValueError: There is no such action, or it has no such argument.
+            ActionError: The action is impossible.
+            ValueError: The action or an argument is unknown or invalid.
         """
         try:
-            action = checked_action(name, arguments)
+            action = parse_action(name, arguments)
         except ValueError as reason:
             raise ValueError(f"Controller: {reason}") from None
         try:
@@ -149,26 +152,33 @@ class Controller:
         except (ActionError, ChangeError) as reason:
             raise ActionError(f"{name}: {reason}") from None
 
-    def go(self, look: Look) -> None:
-        """Teleports to a place and a direction.
+    def go(self, viewpoint: Viewpoint) -> None:
+        """Teleport to a viewpoint.
+
+        Args:
+            viewpoint: The destination.
 
         Raises:
-            ActionError: The robot cannot stand there or look that far up or down.
+            ActionError: The robot cannot stand there, or the horizon is out of range.
         """
-        x, y = look.place.tolist()
+        x, y = viewpoint.x, viewpoint.y
         self.act(
             "Teleport",
             position={"x": x, "y": y},
-            rotation=look.yaw_deg,
-            horizon=look.horizon_deg,
+            rotation=viewpoint.yaw_deg,
+            horizon=viewpoint.horizon_deg,
         )
 
-    def look(self, number: int) -> Event:
-        """A look that does not count; its noise is that of the frame of this number."""
-        return self._look("Pass", "", None, number)
+    def snapshot(self, number: int) -> Event:
+        """Observe with the noise of a given frame; the frame counter does not change.
+
+        Args:
+            number: Of the frame in the visit, from 0.
+        """
+        return self._observe("Pass", "", None, number)
 
     def observe(self) -> RgbdFrame:
-        """What the camera sees now."""
+        """Take a frame at the current pose."""
         return self.step("Pass").observation
 
     def pose(self) -> Floats:
@@ -179,26 +189,36 @@ class Controller:
         return self._sensor.believed_pose(self._camera(), self._frames)
 
     def reachable_positions(self) -> Floats:
-        """[P,2] places on the robot's grid that it can reach from where it is, x and y, m."""
-        return self._floor.places(GRID_M, self._position)
+        """Return the grid positions [P,2] that the robot can reach from here, x and y, m."""
+        return self._floor.grid_positions(GRID_M, self._position)
 
     def move_towards(
         self, position: Floats, yaw_rad: float, pitch_rad: float | None = None
     ) -> bool:
-        """Goes to the reachable place nearest to `position` and looks along both angles."""
-        places = self.reachable_positions()
-        place = places[np.argmin(np.linalg.norm(places - position, axis=1))]
+        """Move to the reachable grid position nearest to a position.
+
+        Args:
+            position: (2,) x and y, m.
+            yaw_rad: Yaw after the move, rad.
+            pitch_rad: Angle of the camera below the horizon, rad, clipped to its range; None keeps
+                it.
+
+        Returns:
+            Whether the robot moved.
+        """
+        positions = self.reachable_positions()
+        position = positions[np.argmin(np.linalg.norm(positions - position, axis=1))]
         down_deg = self._horizon_deg if pitch_rad is None else float(np.rad2deg(pitch_rad))
         down_deg = float(np.clip(down_deg, *HORIZON_DEG))
         try:
-            self.go(Look(place, float(np.rad2deg(yaw_rad)) % 360, down_deg))
+            self.go(Viewpoint.at(position, float(np.rad2deg(yaw_rad)) % 360, down_deg))
         except ActionError:
             return False
         return True
 
     def _set_state(self, state: SceneState) -> None:
         self._state, self._floor = state, floor_of(state.home)
-        self._caster: RayCaster | None = None  # Made when it is needed: many changes may follow.
+        self._caster: RayCaster | None = None  # Made when needed: more changes may follow.
 
     def _do(self, action: AnyAction) -> Any:
         match action:
@@ -217,7 +237,7 @@ class Controller:
                     height = float(self.home.space.box[0, 2])
                     return [xyz((x, y, height)) for x, y in self.reachable_positions()]
             case _:
-                self._set_state(self._state.after(action, self._body()))
+                self._set_state(self._state.apply(action, self._body()))
         return None
 
     def _move(self, towards_deg: float, metres: float) -> None:
@@ -226,35 +246,35 @@ class Controller:
         pieces = max(2, int(np.ceil(metres / self._floor.cell_m)) + 1)
         for share in np.linspace(0, 1, pieces)[1:]:
             if not self._floor.is_free(self._position + share * step):
-                raise ActionError(f"the way of {metres:g} m is blocked")
+                raise ActionError(f"the path of {metres:g} m is blocked")
         self._position = self._position + step
 
     def _teleport(self, action: Teleport) -> None:
-        place = self._position
+        position = self._position
         if action.position is not None:
-            place = np.array([action.position.x, action.position.y])
-            if not self._floor.is_free(place):
-                raise ActionError(f"the robot cannot stand at ({place[0]:g}, {place[1]:g})")
+            position = np.array([action.position.x, action.position.y])
+            if not self._floor.is_free(position):
+                raise ActionError(f"the robot cannot stand at ({position[0]:g}, {position[1]:g})")
         if action.horizon is not None:
             self._horizon_deg = _within_horizon(action.horizon)
         if action.rotation is not None:
             self._yaw_deg = action.rotation % 360
-        self._position, self._last_pose = place, None  # Nobody sees the way of a teleport.
+        self._position, self._last_pose = position, None  # Nobody sees the way of a teleport.
 
     def _body(self) -> OrientedBoxes:
-        """Where the robot is."""
+        """Return the box that the robot fills."""
         low = float(self.home.space.box[0, 2]) + STEP_M
         radius = BODY_RADIUS_M
         box = np.array([(-radius, -radius, 0.0), (radius, radius, BODY_HEIGHT_M)])
         x, y = self._position.tolist()
-        return OrientedBoxes.of(box[None], pose(x, y, low, 0.0))
+        return OrientedBoxes.from_object(box[None], pose(x, y, low, 0.0))
 
     def _camera(self) -> Camera:
         """Return the camera at its true pose."""
-        look = Look(self._position, self._yaw_deg, self._horizon_deg)
-        return robot_camera(self.home, look, self._size, self._fov_rad)
+        viewpoint = Viewpoint.at(self._position, self._yaw_deg, self._horizon_deg)
+        return robot_camera(self.home, viewpoint, self._size, self._fov_rad)
 
-    def _look(self, action: str, error: str, result: Any, number: int) -> Event:
+    def _observe(self, action: str, error: str, result: Any, number: int) -> Event:
         camera = self._camera()
         if self._caster is None:
             self._caster = RayCaster(self.home, self._sensor.lights(self.home))

@@ -1,117 +1,113 @@
-"""A day of a home: what changes in it between the rounds of a robot, as a small JSON file."""
+"""A day of a home: its changes between the rounds of a robot, as a small JSON file."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, Field
+from pydantic import Field
 
 from gslts_sim.actions import ChangeAction, SceneState
+from gslts_sim.change_sampler import TaskSettings
 from gslts_sim.changes import ChangeError
 from gslts_sim.controller import Controller
 from gslts_sim.home import Home
-from gslts_sim.home_source import STRICT, FileSource, HomeSource
+from gslts_sim.home_source import FileSource, HomeSource
+from gslts_sim.strict_model import StrictModel
 from gslts_sim.task import Change, SensorSetup, Task, read_script
 from gslts_sim.tasks import TaskMaker
-from gslts_sim.trial import Setting
 
-PAIR_EVERY = 3
-"""Of so many rounds, one meets two changes at once."""
+PAIR_INTERVAL = 3
+"""One round in this many meets two changes at once."""
 
 
-class Happening(BaseModel):
-    """One change.
+class ChangeEvent(StrictModel):
+    """One change of a day.
 
-    Attributes:
-        actions: What is done.
-        change: What a robot should find out.
+    Args:
+        actions: That make the change.
+        change: Ground truth of the change.
     """
-
-    model_config = STRICT
 
     actions: Annotated[tuple[ChangeAction, ...], Field(min_length=1)]
     change: Change
 
 
-class Day(BaseModel):
-    """A home and what happens in it.
+class Day(StrictModel):
+    """A home and its changes in a day.
 
-    Attributes:
-        schema_version: Of this format.
-        home: How to rebuild the home.
-        sensor: Of the robot.
-        initial_actions: From the home as it is made to how it is before the day.
-        rounds: What happens before each round of the robot.
+    Args:
+        schema_version: Version of the JSON schema.
+        home: Reference to the home.
+        sensor: Camera of the robot.
+        initial_actions: Lead from the generated home to its state before the day.
+        rounds: Changes before each round of the robot.
     """
-
-    model_config = STRICT
 
     schema_version: Literal[1] = 1
     home: HomeSource | FileSource
     sensor: SensorSetup
     initial_actions: tuple[ChangeAction, ...]
-    rounds: tuple[tuple[Happening, ...], ...]
+    rounds: tuple[tuple[ChangeEvent, ...], ...]
 
-    def state(self, home: Home, gone: int) -> SceneState:
-        """The home after what happened before the first rounds.
+    def state(self, home: Home, rounds_over: int) -> SceneState:
+        """Return the state of the home after the changes of the first rounds.
 
         Args:
-            home: What `self.home.load` gave.
-            gone: How many rounds; more than there are change nothing more.
+            home: Result of `self.home.load`.
+            rounds_over: Number of rounds; more than there are change nothing more.
 
         Raises:
             ValueError: An action fails.
         """
-        happened = [one for of_round in self.rounds[:gone] for one in of_round]
-        actions = [action for one in happened for action in one.actions]
+        events = [event for events in self.rounds[:rounds_over] for event in events]
+        actions = [action for event in events for action in event.actions]
         try:
-            return SceneState(home).after_all([*self.initial_actions, *actions])
+            return SceneState(home).apply_all([*self.initial_actions, *actions])
         except ChangeError as error:
             raise ValueError(f"day: {error}") from None
 
-    def robot(self, home: Home, gone: int) -> Controller:
-        """A robot in that home.
+    def robot(self, home: Home, rounds_over: int) -> Controller:
+        """Return a robot in the home after the changes of the first rounds.
 
         Args:
-            home: What `self.home.load` gave.
-            gone: See `state`; the noise of the camera depends on it, too.
+            home: Result of `self.home.load`.
+            rounds_over: Number of rounds; the noise of the camera depends on it, too.
 
         Raises:
-            ValueError: An action fails, or there is no such noise.
+            ValueError: An action fails, or there is no such noise preset.
         """
         sensor = self.sensor
         return Controller(
-            self.state(home, gone),
+            self.state(home, rounds_over),
             width=sensor.width,
             height=sensor.height,
             noise=sensor.noise,
-            seed=sensor.seed_before if gone == 0 else sensor.seed_after + gone,
+            seed=sensor.seed_before if rounds_over == 0 else sensor.seed_after + rounds_over,
         )
 
 
 def make_day(
-    source: HomeSource | FileSource, home: Home, setting: Setting, seed: int, changes: int
+    source: HomeSource | FileSource, home: Home, settings: TaskSettings, seed: int, changes: int
 ) -> Day:
-    """A day with some additions, removals and relocations.
+    """Sample a day with additions, removals and relocations.
 
     Args:
-        source: Of the home.
-        home: It.
-        setting: Of the robot's camera.
+        source: Reference to the home.
+        home: The home.
+        settings: Settings of the robot's camera.
         seed: Same seed, same day.
-        changes: How many.
+        changes: Number of changes.
 
     Raises:
-        ValueError: Fewer changes can be done.
+        ValueError: Fewer changes are possible.
     """
-    tasks = list(TaskMaker(setting, seed).make_in_a_row(source, home, changes))
+    tasks = list(TaskMaker(settings, seed).make_sequence(source, home, changes))
     if len(tasks) < changes:
         raise ValueError(f"{home.name}: {len(tasks)} of {changes} changes are possible")
     rounds: list[list[Task]] = []
     for task in tasks:
-        if rounds and len(rounds) % PAIR_EVERY == 0 and _goes_with(rounds[-1], task):
+        if rounds and len(rounds) % PAIR_INTERVAL == 0 and _can_join(rounds[-1], task):
             rounds[-1].append(task)
         else:
             rounds.append([task])
@@ -120,22 +116,25 @@ def make_day(
         sensor=tasks[0].sensor,
         initial_actions=tasks[0].initial_actions,
         rounds=tuple(
-            tuple(Happening(actions=one.change_actions, change=one.change) for one in of_round)
+            tuple(ChangeEvent(actions=task.change_actions, change=task.change) for task in of_round)
             for of_round in rounds
         ),
     )
 
 
 def read_day(path: Path) -> Day:
-    """Reads a day.
+    """Read a day.
+
+    Args:
+        path: A JSON file.
 
     Raises:
         OSError: The file cannot be read.
-        ValueError: It is no day, or of another schema version.
+        ValueError: It is not a day, or of another schema version.
     """
     return read_script(path, Day)
 
 
-def _goes_with(tasks: Sequence[Task], task: Task) -> bool:
-    """Whether a change can be a second one of a round: of another object."""
+def _can_join(tasks: list[Task], task: Task) -> bool:
+    """Return whether a change can be the second one of a round: it concerns another object."""
     return len(tasks) == 1 and tasks[0].change.object_id != task.change.object_id

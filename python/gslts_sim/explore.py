@@ -1,4 +1,7 @@
-"""Which views of a home a robot must take to see all of it that can be seen."""
+"""View planning: a small set of viewpoints from which a robot sees all of a home.
+
+Source: greedy maximum coverage, Nemhauser, Wolsey and Fisher 1978.
+"""
 
 from __future__ import annotations
 
@@ -6,51 +9,52 @@ import heapq
 from collections.abc import Callable, Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gslts._core.sim import pixel_rays
-from gslts.types import Floats
+from gslts.types import Floats, Ints
 from gslts_sim.actions import GRID_M
 from gslts_sim.home import Home
 from gslts_sim.ray_scene import RayScene
-from gslts_sim.robot_body import Look, floor_of, robot_camera
+from gslts_sim.robot_body import Viewpoint, floor_of, robot_camera
 
 CELL_M = 0.1
-"""A surface is covered when each cell of this size that it passes through is."""
+"""Edge of the cells that surfaces are divided into, m; coverage is counted in cells."""
 VIEWS_PER_CELL = 3
-"""Views that each cell needs, so that each surface is seen from several sides."""
+"""Number of views that each cell needs, so that each surface is seen from several sides."""
 RANGE_M = 5.0
-"""Farther surfaces do not count as seen."""
-COMPLETE_SHARE = 0.95
+"""Maximum depth at which a surface counts as seen, m; within the range of depth cameras."""
+COMPLETE_FRACTION = 0.95
+"""Fraction of the views needed by all cells at which the search ends; the rest costs many
+frames."""
 TURNS = 12
+"""Number of yaw angles of the candidates at each position."""
 HORIZONS_DEG = (0.0, 30.0)
+"""Horizon angles of the candidates, degrees."""
 SIZE_PX = (32, 24)
+"""Width and height of the depth images of the candidates, px."""
 
 Progress = Callable[[list[Floats]], Iterable[Floats]]
 
 
-def explore(home: Home, most: int, progress: Progress = list) -> tuple[list[Look], float]:
-    """Views that cover a home, in the order of a short way.
+def explore(home: Home, max_views: int, progress: Progress = list) -> tuple[list[Viewpoint], float]:
+    """Select viewpoints that cover a home, in the order of a short path.
 
     Args:
-        home: Whose shape is known to the planner, but not to who gets the pictures.
-        most: Views at most.
-        progress: Shows how far it is; takes and returns the places that are looked from.
+        home: The planner knows its shape; who records the views does not.
+        max_views: Maximum number of viewpoints.
+        progress: Wraps the list of candidate positions, such as a progress bar.
 
     Returns:
-        The looks, and the share of the views that the cells need which they give.
-
-    Source: greedy maximum coverage, Nemhauser, Wolsey and Fisher 1978.
+        The viewpoints, and the fraction of the views needed by all cells that they give.
     """
-    looks, cells = _candidates(home, progress)
-    seen = np.bincount(np.concatenate(cells))
-    needed = np.minimum(seen, VIEWS_PER_CELL)
+    candidates, cells = _candidates(home, progress)
+    needed = np.minimum(np.bincount(np.concatenate(cells)), VIEWS_PER_CELL)
     total, left = int(needed.sum()), needed.copy()
-    # Gains only shrink, so that the best of old gains that holds is the best of all.
-    heap = [(-len(of_look), row) for row, of_look in enumerate(cells)]
+    # Lazy greedy: gains only shrink, so an up-to-date gain above all old ones is the maximum.
+    heap = [(-len(seen), row) for row, seen in enumerate(cells)]
     heapq.heapify(heap)
     chosen: list[int] = []
-    while heap and len(chosen) < most and left.sum() > (1 - COMPLETE_SHARE) * total:
+    while heap and len(chosen) < max_views and left.sum() > (1 - COMPLETE_FRACTION) * total:
         _, row = heapq.heappop(heap)
         gain = int((left[cells[row]] > 0).sum())
         if heap and gain < -heap[0][0]:
@@ -58,47 +62,43 @@ def explore(home: Home, most: int, progress: Progress = list) -> tuple[list[Look
             continue
         chosen.append(row)
         left[cells[row]] = np.maximum(left[cells[row]] - 1, 0)
-    return _short_way([looks[row] for row in chosen]), 1 - float(left.sum()) / total
+    return _short_path([candidates[row] for row in chosen]), 1 - float(left.sum()) / total
 
 
-def _candidates(home: Home, progress: Progress) -> tuple[list[Look], list[NDArray[np.intp]]]:
-    """All views that are thought of, and for each the numbers of the cells that it sees."""
+def _candidates(home: Home, progress: Progress) -> tuple[list[Viewpoint], list[Ints]]:
+    """Return candidate viewpoints, and for each the numbers of the cells that it sees."""
     scene = RayScene(home)
-    looks, cells = [], []
-    for place in progress(list(floor_of(home).places(GRID_M))):
+    viewpoints, cells = [], []
+    for position in progress(list(floor_of(home).grid_positions(GRID_M))):
         for turn in range(TURNS):
             for horizon_deg in HORIZONS_DEG:
-                looks.append(Look(place, 360.0 / TURNS * turn, horizon_deg))
-                cells.append(_cells_seen(home, scene, looks[-1]))
-    lowest = np.min([of_look.min(axis=0) for of_look in cells if len(of_look)], axis=0)
-    highest = np.max([of_look.max(axis=0) for of_look in cells if len(of_look)], axis=0)
-    size = highest - lowest + 1
-    keys = [
-        np.unique(np.ravel_multi_index(tuple((of_look - lowest).T), tuple(size)))
-        for of_look in cells
-    ]
+                viewpoints.append(Viewpoint.at(position, 360.0 / TURNS * turn, horizon_deg))
+                cells.append(_cells_seen(home, scene, viewpoints[-1]))
+    lowest = np.min([seen.min(axis=0) for seen in cells if len(seen)], axis=0)
+    highest = np.max([seen.max(axis=0) for seen in cells if len(seen)], axis=0)
+    size = tuple(highest - lowest + 1)
+    keys = [np.unique(np.ravel_multi_index(tuple((seen - lowest).T), size)) for seen in cells]
     numbers = np.unique(np.concatenate(keys))
-    return looks, [np.searchsorted(numbers, key) for key in keys]
+    return viewpoints, [np.searchsorted(numbers, key) for key in keys]
 
 
-def _cells_seen(home: Home, scene: RayScene, look: Look) -> NDArray[np.int64]:
-    """[K,3] the cells that a look hits."""
-    camera = robot_camera(home, look, SIZE_PX)
-    rays = pixel_rays(camera, threads=0)
-    depth = scene.cast(rays)["t_hit"]
+def _cells_seen(home: Home, scene: RayScene, viewpoint: Viewpoint) -> Ints:
+    """Return the cells [K,3] that the rays of a view hit."""
+    rays = pixel_rays(robot_camera(home, viewpoint, SIZE_PX), threads=0)
+    depth = scene.cast(rays).distances
     hit = depth < RANGE_M
     points = rays[hit, :3] + rays[hit, 3:] * depth[hit, None]
-    cells: NDArray[np.int64] = np.floor(points / CELL_M).astype(np.int64)
+    cells: Ints = np.floor(points / CELL_M).astype(np.int64)
     return cells
 
 
-def _short_way(looks: list[Look]) -> list[Look]:
-    """The same looks, each followed by the nearest of the rest; at one place, in turn."""
-    left = sorted(looks, key=lambda look: (*look.place.tolist(), look.yaw_deg, look.horizon_deg))
-    way = left[:1]
+def _short_path(viewpoints: list[Viewpoint]) -> list[Viewpoint]:
+    """Return the viewpoints, each followed by the nearest of the rest."""
+    left = sorted(viewpoints, key=lambda view: (view.x, view.y, view.yaw_deg, view.horizon_deg))
+    path = left[:1]
     left = left[1:]
     while left:
-        here = way[-1]
-        metres = [float(np.linalg.norm(look.place - here.place)) for look in left]
-        way.append(left.pop(int(np.argmin(metres))))
-    return way
+        here = path[-1].position
+        metres = [float(np.linalg.norm(view.position - here)) for view in left]
+        path.append(left.pop(int(np.argmin(metres))))
+    return path

@@ -1,4 +1,4 @@
-"""A home: named objects with places, the rooms they stand in, and the lights above them."""
+"""A home: its objects with their poses, its rooms and its lights."""
 
 from __future__ import annotations
 
@@ -14,7 +14,17 @@ from gslts_sim.mesh import Surface
 
 
 def pose(x: float, y: float, z: float, yaw_rad: float) -> Floats:
-    """[4,4] float64: a place, turned about the vertical."""
+    """Return the pose of an upright object.
+
+    Args:
+        x: In the world, m.
+        y: In the world, m.
+        z: In the world, m.
+        yaw_rad: About the vertical, rad.
+
+    Returns:
+        [4,4] float64 world_from_object.
+    """
     # Rounded, so that the last bits of sines and products do not depend on the machine.
     cosine, sine = round(math.cos(yaw_rad), 12), round(math.sin(yaw_rad), 12)
     x, y, z = (round(float(length), 6) for length in (x, y, z))
@@ -23,15 +33,15 @@ def pose(x: float, y: float, z: float, yaw_rad: float) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class AreaLight:
-    """A parallelogram that shines to the side of cross(edge_u, edge_v).
+    """A parallelogram that emits light to the side of cross(edge_u, edge_v).
 
     Args:
         center: (3,) float64, m.
         edge_u: (3,) float64, m, from one side to the other.
-        edge_v: (3,) float64, m.
-        radiance: (3,) float64, linear RGB, such that a white diffuse surface under a radiance
-            of 1 from the whole half-space has the value 1.
-        owner: Id of the object that it is part of, such as a lamp; None if of none.
+        edge_v: (3,) float64, m, from one side to the other.
+        radiance: (3,) float64, linear RGB; a radiance of 1 from the whole half-space gives a white
+            diffuse surface the value 1.
+        owner: Id of the object that the light belongs to, such as a lamp; None for daylight.
     """
 
     center: Floats
@@ -40,8 +50,13 @@ class AreaLight:
     radiance: Floats
     owner: str | None = None
 
-    def moved(self, world_from_object: Floats, owner: str) -> AreaLight:
-        """The light of an object, given in its frame, in the world."""
+    def to_world(self, world_from_object: Floats, owner: str) -> AreaLight:
+        """Return a light that is given in the frame of an object, in the world.
+
+        Args:
+            world_from_object: [4,4] float64, pose of the object, m.
+            owner: Id of the object.
+        """
         rotation = world_from_object[:3, :3]
         return AreaLight(
             center=rotation @ self.center + world_from_object[:3, 3],
@@ -54,22 +69,25 @@ class AreaLight:
 
 @dataclass(frozen=True, eq=False)
 class HomeObject:
-    """A thing in a home.
+    """An object of a home: its shape, its pose and its role.
 
-    Its own frame has z up and the origin in the middle of the bottom: an object placed at a point
-    stands on it.
+    Its own frame has z up and the origin in the middle of its underside: an object placed at a
+    point stands on that point.
 
     Args:
         id: Unique in the home, such as `Mug|3`.
         type: Such as `Mug`.
-        surfaces: What it looks like.
+        surfaces: Textured triangles, in its own frame.
         boxes: [B,2,3] float64, m: lower and upper corners, in its own frame, of boxes that together
-            fill it closely enough to decide what collides and what can stand on it.
+            fill it; they decide about collisions and support.
         world_from_object: [4,4] float64, rigid: x_in_world = world_from_object @ x_in_object.
         movable: Whether people carry it about.
-        receptacle: Whether other things may stand on it or in it.
-        parent: Id of the receptacle that it stands on; None for what belongs to the building.
-        lights: In its own frame; they go where it goes.
+        receptacle: Whether other objects may stand on it or in it.
+        parent: Id of the receptacle that it stands on; None for parts of the building.
+        lights: In its own frame; they move with it.
+
+    Raises:
+        ValueError: An argument has a wrong shape, or the pose is not rigid.
     """
 
     id: str
@@ -104,14 +122,23 @@ class HomeObject:
         in_world = vertices @ self.world_from_object[:3, :3].T + self.world_from_object[:3, 3]
         return np.stack([in_world.min(axis=0), in_world.max(axis=0)])
 
-    def placed(self, world_from_object: Floats, parent: str | None) -> HomeObject:
-        """The same object at another place."""
+    def place_at(self, world_from_object: Floats, parent: str | None) -> HomeObject:
+        """Return the object at another pose.
+
+        Args:
+            world_from_object: [4,4] float64, rigid, m.
+            parent: Id of the receptacle that it stands on there.
+        """
         return replace(self, world_from_object=world_from_object, parent=parent)
 
 
-def yaw_of(thing: HomeObject) -> float:
-    """Its turn about the vertical, rad."""
-    return float(np.arctan2(thing.world_from_object[1, 0], thing.world_from_object[0, 0]))
+def yaw_of(obj: HomeObject) -> float:
+    """Return the yaw of an object, rad.
+
+    Args:
+        obj: An upright object.
+    """
+    return float(np.arctan2(obj.world_from_object[1, 0], obj.world_from_object[0, 0]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +146,7 @@ class Room:
     """A room of a home.
 
     Args:
-        type: `kitchen`, `living_room`, `bedroom` or what a file calls it.
+        type: `kitchen`, `living_room`, `bedroom` or the type that a file gives.
         box: [2,3] float64, m: lower and upper corner of the space inside its walls.
     """
 
@@ -129,16 +156,16 @@ class Room:
 
 @dataclass(frozen=True, eq=False)
 class Home:
-    """A home, at one moment; changes make new ones.
+    """An immutable state of a home; changes make new homes.
 
     World frame: metres, z up, the floor at z = 0.
 
     Args:
-        name: What people call it, such as `kitchen 12`.
+        name: For people, such as `kitchen 12`.
         rooms: At least one.
-        objects: All things, the building's own (walls, floor, ceiling, windows, doors) among them.
-        lights: Those that are no part of an object, such as daylight.
-        ambient: (3,) float64, linear RGB: light from everywhere.
+        objects: All objects, those of the building (walls, floor, ceiling, windows, doors) too.
+        lights: Those that belong to no object, such as daylight.
+        ambient: (3,) float64, linear RGB: light from all directions.
 
     Raises:
         ValueError: Two objects share an id, or a parent does not exist.
@@ -152,33 +179,33 @@ class Home:
 
     def __post_init__(self) -> None:
         if len(self._by_id) < len(self.objects):
-            ids = [thing.id for thing in self.objects]
-            twice = next(name for name in ids if ids.count(name) > 1)
-            raise ValueError(f"Home {self.name}: id {twice} occurs more than once")
-        for thing in self.objects:
-            if thing.parent is not None and thing.parent not in self._by_id:
+            ids = [obj.id for obj in self.objects]
+            duplicate = next(name for name in ids if ids.count(name) > 1)
+            raise ValueError(f"Home {self.name}: id {duplicate} occurs more than once")
+        for obj in self.objects:
+            if obj.parent is not None and obj.parent not in self._by_id:
                 raise ValueError(
-                    f"Home {self.name}: {thing.id} stands on {thing.parent}, not there"
+                    f"Home {self.name}: parent {obj.parent} of {obj.id} does not exist"
                 )
 
     @cached_property
     def _by_id(self) -> dict[str, HomeObject]:
-        return {thing.id: thing for thing in self.objects}
+        return {obj.id: obj for obj in self.objects}
 
     @cached_property
     def space(self) -> Room:
-        """All rooms as one."""
+        """Box around all rooms, as one room."""
         corners = np.stack([room.box for room in self.rooms])
         box = np.stack([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
         return Room("home", box)
 
     @cached_property
     def all_lights(self) -> tuple[AreaLight, ...]:
-        """Its lights and those of its objects, in the world."""
+        """Lights of the home and of its objects, in the world."""
         of_objects = [
-            light.moved(thing.world_from_object, thing.id)
-            for thing in self.objects
-            for light in thing.lights
+            light.to_world(obj.world_from_object, obj.id)
+            for obj in self.objects
+            for light in obj.lights
         ]
         return (*self.lights, *of_objects)
 
@@ -186,23 +213,29 @@ class Home:
         return object_id in self._by_id
 
     def __getitem__(self, object_id: str) -> HomeObject:
-        """The object of this id.
-
-        Raises:
-            KeyError: There is none.
-        """
         return self._by_id[object_id]
 
     def without(self, object_ids: Iterable[str]) -> Home:
-        """The home without some objects; what stood on them must be among them."""
-        gone = set(object_ids)
-        return replace(
-            self,
-            objects=tuple(thing for thing in self.objects if thing.id not in gone),
-        )
+        """Return the home without some objects.
 
-    def with_object(self, thing: HomeObject) -> Home:
-        """The home with one object more, or in the place of that with the same id."""
-        if thing.id not in self:
-            return replace(self, objects=(*self.objects, thing))
-        return replace(self, objects=tuple(thing if o.id == thing.id else o for o in self.objects))
+        Args:
+            object_ids: Ids of the objects and of all that stands on them.
+
+        Raises:
+            ValueError: An object that remains stands on a removed one.
+        """
+        removed = set(object_ids)
+        return replace(self, objects=tuple(obj for obj in self.objects if obj.id not in removed))
+
+    def with_object(self, obj: HomeObject) -> Home:
+        """Return the home with an object added, or replaced if its id exists.
+
+        Args:
+            obj: The new object.
+
+        Raises:
+            ValueError: Its parent does not exist.
+        """
+        if obj.id not in self:
+            return replace(self, objects=(*self.objects, obj))
+        return replace(self, objects=tuple(obj if o.id == obj.id else o for o in self.objects))

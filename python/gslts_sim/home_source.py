@@ -1,4 +1,4 @@
-"""Where a home comes from, told so that another machine finds the same one."""
+"""References to homes in scripts, by which another machine rebuilds the same home."""
 
 from __future__ import annotations
 
@@ -7,30 +7,25 @@ import os
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from gslts_sim.gltf.file import FILE_BYTES
 from gslts_sim.gltf.load import load_home
 from gslts_sim.home import Home
 from gslts_sim.procedural.homes import ROOM_TYPES, make_home
-
-STRICT = ConfigDict(frozen=True, extra="forbid", strict=True)
+from gslts_sim.strict_model import StrictModel
 
 FILE_TYPES = (".glb", ".gltf")
-"""Endings of the files that homes are kept in."""
-
+"""Suffixes of files that hold homes."""
 COARSE = 0.05
-"""Detail of textures where only shapes matter."""
+"""Scale of the texture resolution where only shapes matter; makes a home several times as fast."""
 
 
-class HomeSource(BaseModel):
-    """How to rebuild a home: a room type and a seed.
+class HomeSource(StrictModel):
+    """Reference to a generated home: a room type and a seed.
 
-    `sha256` is that of the shapes and places of what they make, so that another version of the
-    generator cannot pass for the one that the task was made with.
+    `sha256` is the digest of its shapes and poses: it detects another version of the generator.
     """
-
-    model_config = STRICT
 
     room_type: str
     seed: Annotated[int, Field(ge=0)]
@@ -38,15 +33,23 @@ class HomeSource(BaseModel):
 
     @classmethod
     def of_seed(cls, room_type: str, seed: int) -> tuple[HomeSource, Home]:
-        """The source and the home, whose textures are coarse."""
+        """Return the reference to a home, and the home with coarse textures.
+
+        Args:
+            room_type: One of `ROOM_TYPES`.
+            seed: Seed of the home.
+
+        Raises:
+            ValueError: There is no such room type.
+        """
         home = make_home(room_type, seed, detail=COARSE)
         return cls(room_type=room_type, seed=seed, sha256=shape_digest(home)), home
 
     def load(self, _folder: Path) -> Home:
-        """The home.
+        """Generate the home.
 
         Raises:
-            ValueError: It cannot be made, or it is another one.
+            ValueError: It cannot be generated, or its digest differs.
         """
         home = make_home(self.room_type, self.seed)
         if shape_digest(home) != self.sha256:
@@ -56,20 +59,21 @@ class HomeSource(BaseModel):
         return home
 
 
-class FileSource(BaseModel):
-    """How to find a home that is kept in a GLB file; relative to the folder of the script."""
-
-    model_config = STRICT
+class FileSource(StrictModel):
+    """Reference to a home in a GLB file, by its path relative to the folder of the script."""
 
     file: str
     sha256: str
 
     def load(self, folder: Path) -> Home:
-        """The home.
+        """Read the home.
+
+        Args:
+            folder: Folder of the script.
 
         Raises:
             OSError: The file cannot be read.
-            ValueError: It is another file, or no home.
+            ValueError: Its digest differs, or it is not a home.
         """
         path = _glb(folder / self.file)
         if Path(self.file).is_absolute():
@@ -80,11 +84,15 @@ class FileSource(BaseModel):
 
     @classmethod
     def of_path(cls, path: Path, folder: Path) -> tuple[FileSource, Home]:
-        """The source for a script in a folder, and the home.
+        """Return the reference to a file, and the home that it holds.
+
+        Args:
+            path: A GLB file.
+            folder: Folder of the script.
 
         Raises:
             OSError: The file cannot be read.
-            ValueError: It is no home.
+            ValueError: It is not a home.
         """
         _glb(path)
         relative = os.path.relpath(path.resolve(), folder.resolve())
@@ -92,11 +100,15 @@ class FileSource(BaseModel):
 
 
 def open_home(name: str, seed: int) -> Home:
-    """The home of a room type and a seed, or of a file.
+    """Generate a home, or read it from a file.
+
+    Args:
+        name: One of `ROOM_TYPES`, or the path of a .glb or .gltf file.
+        seed: Seed of a generated home.
 
     Raises:
         OSError: The file cannot be read.
-        ValueError: There is no such room type, or the file is no home.
+        ValueError: There is no such room type, or the file is not a home.
     """
     if Path(name).suffix.lower() in FILE_TYPES:
         return load_home(Path(name))
@@ -105,14 +117,18 @@ def open_home(name: str, seed: int) -> Home:
 
 
 def require_room_type(name: str) -> None:
-    """Raises ValueError if a name is no room type."""
+    """Raise ValueError unless a name is a room type.
+
+    Args:
+        name: To be checked.
+    """
     if name not in ROOM_TYPES:
         expected = ", ".join(ROOM_TYPES)
         raise ValueError(f"expected one of {expected} or a .glb or .gltf file, got {name!r}")
 
 
 def _glb(path: Path) -> Path:
-    """The path, if it is a regular file that holds a whole home in itself."""
+    """Return the path of a regular, self-contained file, or raise."""
     if path.suffix.lower() != ".glb":
         raise ValueError(f"{path}: tasks need a .glb file, which holds all of its home")
     if not path.is_file():
@@ -123,25 +139,35 @@ def _glb(path: Path) -> Path:
 
 
 def shape_digest(home: Home) -> str:
-    """SHA-256 of the objects of a home, their shapes and places, in hexadecimal digits.
+    """Compute the SHA-256 of the shapes and poses of a home's objects.
 
     Textures are left out: they come from sums whose last bits may differ between machines.
+
+    Args:
+        home: The home.
+
+    Returns:
+        Hexadecimal digits.
     """
     result = hashlib.sha256(home.name.encode())
-    for thing in home.objects:
-        result.update(
-            repr((thing.id, thing.type, thing.movable, thing.receptacle, thing.parent)).encode()
-        )
-        for array in (thing.boxes, thing.world_from_object):
+    for obj in home.objects:
+        result.update(repr((obj.id, obj.type, obj.movable, obj.receptacle, obj.parent)).encode())
+        for array in (obj.boxes, obj.world_from_object):
             result.update(array.tobytes())
-        for surface in thing.surfaces:
+        for surface in obj.surfaces:
             result.update(surface.vertices.tobytes())
             result.update(surface.faces.tobytes())
     return result.hexdigest()
 
 
 def file_digest(path: Path) -> str:
-    """SHA-256 of a file, in hexadecimal digits.
+    """Compute the SHA-256 of a file.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Hexadecimal digits.
 
     Raises:
         OSError: It cannot be read.

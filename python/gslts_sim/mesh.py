@@ -1,4 +1,4 @@
-"""Textured triangles: what the objects of a home are made of."""
+"""Textured triangles of the objects of a home."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gslts.types import Bytes, Floats, Floats32, Ints32
+
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Triangles with one texture.
+    """Triangles that share one texture.
 
     Args:
         vertices: [V,3] float64, m, in the frame of the object.
@@ -25,10 +27,10 @@ class Surface:
             finite or does not exist.
     """
 
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.int32]
-    uvs: NDArray[np.float32]
-    texture: NDArray[np.uint8]
+    vertices: Floats
+    faces: Ints32
+    uvs: Floats32
+    texture: Bytes
     emission: float = 0.0
 
     def __post_init__(self) -> None:
@@ -54,7 +56,7 @@ class Surface:
 
 
 def _require(name: str, array: NDArray[np.generic], dtype: type, shape: tuple[int, ...]) -> None:
-    """A length of -1 stands for any."""
+    """Raise ValueError unless an array has a dtype and a shape; a length of -1 fits any."""
     fits = array.ndim == len(shape) and all(
         wanted in (-1, length) for wanted, length in zip(shape, array.shape, strict=True)
     )

@@ -1,6 +1,6 @@
-"""What collides, what rests on what, and where there is room: with oriented boxes.
+"""Collision and support tests with oriented boxes.
 
-Boxes touch when they overlap by less than `CONTACT_M`; a thing stands on a face when its base is
+Boxes touch when they overlap by less than `CONTACT_M`; an object stands on a face when its base is
 within `SUPPORT_M` of it.
 """
 
@@ -10,24 +10,23 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gslts.types import Bools, Floats
+from gslts.types import Bools, Floats, Ints
 from gslts_sim.home import Home, HomeObject
 
 CONTACT_M = 0.002
-"""Deeper overlaps are collisions: twice what rounded edges and lying cloth take up."""
-
+"""Maximum overlap of boxes that do not collide, m: twice what rounded edges and cloth take up."""
 SUPPORT_M = 0.003
-"""Greatest gap between a base and what carries it."""
-
-SUPPORT_SHARE = 0.6
-"""Share of the footprint that must lie on the face below."""
+"""Maximum gap between a base and the face that carries it, m."""
+MIN_SUPPORTED_FRACTION = 0.6
+"""Minimum fraction of the footprint that must lie on the face below."""
+FOOTPRINT_STEPS = 9
+"""Number of sample points of a footprint in each direction; support is known to about 1/81."""
 
 
 @dataclass(frozen=True, eq=False)
 class OrientedBoxes:
-    """Boxes that may be turned.
+    """A set of oriented boxes.
 
     Args:
         centers: [N,3] float64, m.
@@ -43,13 +42,13 @@ class OrientedBoxes:
         return len(self.centers)
 
     @classmethod
-    def of(cls, boxes: Floats, world_from_object: Floats) -> OrientedBoxes:
-        """Boxes of an object's frame, in the world.
+    def from_object(cls, boxes: Floats, world_from_object: Floats) -> OrientedBoxes:
+        """Transform boxes from the frame of an object to the world.
 
         Args:
-            boxes: [B,2,3] float64, m.
-            world_from_object: [4,4] or [P,4,4] float64: for P places there are P * B boxes, those
-                of one place side by side.
+            boxes: [B,2,3] float64, lower and upper corners, m.
+            world_from_object: [4,4] or [P,4,4] float64, m: P poses give P * B boxes, those of one
+                pose side by side.
         """
         poses = world_from_object.reshape(-1, 4, 4)
         rotations = poses[:, :3, :3]
@@ -62,16 +61,20 @@ class OrientedBoxes:
         )
 
     @classmethod
-    def joined(cls, several: list[OrientedBoxes]) -> OrientedBoxes:
-        """All of several sets."""
-        several = [OrientedBoxes.of(np.zeros((0, 2, 3)), np.eye(4)), *several]
+    def concatenate(cls, several: list[OrientedBoxes]) -> OrientedBoxes:
+        """Return the union of several sets.
+
+        Args:
+            several: In this order; may be empty.
+        """
+        several = [OrientedBoxes.from_object(np.zeros((0, 2, 3)), np.eye(4)), *several]
         return cls(
             np.concatenate([boxes.centers for boxes in several]),
             np.concatenate([boxes.halves for boxes in several]),
             np.concatenate([boxes.axes for boxes in several]),
         )
 
-    def __getitem__(self, rows: NDArray[np.intp] | Bools | slice) -> OrientedBoxes:
+    def __getitem__(self, rows: Ints | Bools | slice) -> OrientedBoxes:
         return OrientedBoxes(self.centers[rows], self.halves[rows], self.axes[rows])
 
     @cached_property
@@ -81,37 +84,41 @@ class OrientedBoxes:
         return self.centers - reach, self.centers + reach
 
 
-def boxes_in_world(thing: HomeObject) -> OrientedBoxes:
-    """The boxes that an object fills, in the world."""
-    return OrientedBoxes.of(thing.boxes, thing.world_from_object)
+def boxes_in_world(obj: HomeObject) -> OrientedBoxes:
+    """Return the boxes that an object fills, in the world.
+
+    Args:
+        obj: The object.
+    """
+    return OrientedBoxes.from_object(obj.boxes, obj.world_from_object)
 
 
 def overlap_m(first: OrientedBoxes, second: OrientedBoxes) -> Floats:
-    """How deep box i of one set reaches into box i of the other.
+    """Compute the penetration depth of box i of one set and box i of the other.
 
     Args:
         first: N boxes.
         second: N boxes.
 
     Returns:
-        [N] float64, m: the shortest shift that parts them; negative where a gap of at least that
-        width lies between them.
+        [N] float64, m: the shortest shift that separates them; negative where there is a gap of at
+        least that width.
 
     Source: separating axes of two boxes, Gottschalk et al. 1996, OBBTree.
     """
     a, b = first.halves, second.halves
-    # The axes of the second box and the way to its middle, in the frame of the first.
+    # The axes of the second box and the shift to its centre, in the frame of the first.
     turn = first.axes.transpose(0, 2, 1) @ second.axes
-    way = np.einsum("nki,nk->ni", first.axes, second.centers - first.centers)
+    shift = np.einsum("nki,nk->ni", first.axes, second.centers - first.centers)
     size = np.abs(turn)
-    of_first = a + np.einsum("nij,nj->ni", size, b) - np.abs(way)
-    of_second = b + np.einsum("nij,ni->nj", size, a) - np.abs(np.einsum("nij,ni->nj", turn, way))
-    one, two = [1, 2, 0], [2, 0, 1]
-    reach = a[:, one, None] * size[:, two] + a[:, two, None] * size[:, one]
-    reach += b[:, None, one] * size[:, :, two] + b[:, None, two] * size[:, :, one]
-    between = np.abs(way[:, two, None] * turn[:, one] - way[:, one, None] * turn[:, two])
+    of_first = a + np.einsum("nij,nj->ni", size, b) - np.abs(shift)
+    of_second = b + np.einsum("nij,ni->nj", size, a) - np.abs(np.einsum("nij,ni->nj", turn, shift))
+    j, k = [1, 2, 0], [2, 0, 1]
+    reach = a[:, j, None] * size[:, k] + a[:, k, None] * size[:, j]
+    reach += b[:, None, j] * size[:, :, k] + b[:, None, k] * size[:, :, j]
+    between = np.abs(shift[:, k, None] * turn[:, j] - shift[:, j, None] * turn[:, k])
     lengths = np.sqrt(np.maximum(1 - turn * turn, 0))
-    # Edges that are parallel span no plane; the normals of the faces tell all then.
+    # Parallel edges span no plane: the normals of the faces suffice then.
     spans = lengths > 1e-4
     of_edges = np.where(spans, (reach - between) / np.where(spans, lengths, 1), np.inf)
     depths = [of_first, of_second, of_edges.reshape(-1, 9)]
@@ -121,13 +128,22 @@ def overlap_m(first: OrientedBoxes, second: OrientedBoxes) -> Floats:
 
 def colliding_pairs(
     first: OrientedBoxes, second: OrientedBoxes, contact_m: float = CONTACT_M
-) -> NDArray[np.intp]:
-    """Indices [P,2] of the boxes of two sets that overlap by more than `contact_m`."""
+) -> Ints:
+    """Find the pairs of boxes of two sets that collide.
+
+    Args:
+        first: N boxes.
+        second: M boxes.
+        contact_m: Maximum overlap that is no collision, m.
+
+    Returns:
+        [P,2] indices.
+    """
     lower, upper = first.bounds
     other_lower, other_upper = second.bounds
     if len(first) == 0:
         return np.zeros((0, 2), np.intp)
-    # The whole of the first set rules most of the second out.
+    # The box around the first set excludes most of the second.
     maybe = (other_upper > lower.min(axis=0) + contact_m).all(axis=1)
     maybe &= (other_lower < upper.max(axis=0) - contact_m).all(axis=1)
     rows = np.flatnonzero(maybe)
@@ -142,31 +158,41 @@ def colliding_pairs(
 
 
 def collides(first: OrientedBoxes, second: OrientedBoxes, contact_m: float = CONTACT_M) -> bool:
-    """Whether any box of one set overlaps any of the other by more than `contact_m`."""
+    """Return whether any boxes of two sets collide.
+
+    Args:
+        first: N boxes.
+        second: M boxes.
+        contact_m: Maximum overlap that is no collision, m.
+    """
     return len(colliding_pairs(first, second, contact_m)) > 0
 
 
-def collisions(home: Home, thing: HomeObject) -> list[str]:
-    """Ids of the objects of a home, other than this one itself, that an object collides with."""
-    others = [other for other in home.objects if other.id != thing.id]
-    every, owner = _joined(others)
-    pairs = colliding_pairs(boxes_in_world(thing), every)
+def collisions(home: Home, obj: HomeObject) -> list[str]:
+    """Find the objects of a home that an object collides with.
+
+    Args:
+        home: May hold the object itself, at any pose; that is ignored.
+        obj: The object.
+
+    Returns:
+        Ids.
+    """
+    others = [other for other in home.objects if other.id != obj.id]
+    every, owner = _boxes_with_owners(others)
+    pairs = colliding_pairs(boxes_in_world(obj), every)
     return [others[i].id for i in np.unique(owner[pairs[:, 1]])]
 
 
-def _joined(things: list[HomeObject]) -> tuple[OrientedBoxes, NDArray[np.intp]]:
-    """The boxes of several objects, and for each box the index of its object."""
-    several = [boxes_in_world(thing) for thing in things]
-    owner = np.repeat(np.arange(len(things)), [len(boxes) for boxes in several])
-    return OrientedBoxes.joined(several), owner
-
-
-FOOTPRINT_STEPS = 9
-"""The footprint is looked at in as many points each way."""
+def _boxes_with_owners(objs: list[HomeObject]) -> tuple[OrientedBoxes, Ints]:
+    """Return the boxes of several objects, and for each box the index of its object."""
+    several = [boxes_in_world(obj) for obj in objs]
+    owner = np.repeat(np.arange(len(objs)), [len(boxes) for boxes in several])
+    return OrientedBoxes.concatenate(several), owner
 
 
 def footprint(boxes: Floats) -> Floats:
-    """What an upright object stands on, seen from above.
+    """Sample the footprint of an upright object.
 
     Args:
         boxes: [B,2,3] float64, m, in its own frame.
@@ -178,7 +204,7 @@ def footprint(boxes: Floats) -> Floats:
     base = boxes[:, 0, 2].min()
     standing = boxes[boxes[:, 0, 2] < base + SUPPORT_M]
     low, high = standing[:, 0, :2].min(axis=0), standing[:, 1, :2].max(axis=0)
-    # Half a step inside the edge, so that the share of points is the share of area.
+    # Half a step inside the edge, so that the fraction of points is the fraction of area.
     steps = (np.arange(FOOTPRINT_STEPS) + 0.5) / FOOTPRINT_STEPS
     points = np.full((1 + FOOTPRINT_STEPS**2, 3), base)
     points[0, :2] = (low + high) / 2
@@ -187,103 +213,123 @@ def footprint(boxes: Floats) -> Floats:
     return points
 
 
-def carried_share(boxes: Floats, places: Floats, parent: OrientedBoxes) -> Floats:
-    """How much of an object's footprint upward faces carry, at several places.
+def supported_fraction(boxes: Floats, poses: Floats, parent: OrientedBoxes) -> Floats:
+    """Compute the fraction of an object's footprint that a parent supports, at several poses.
 
     Args:
-        boxes: [B,2,3] float64, m: of the object that stands, in its own frame.
-        places: [P,4,4] float64: its `world_from_object`.
-        parent: Boxes of what it stands on; those whose top is not level carry nothing.
+        boxes: [B,2,3] float64, m, of the object, in its own frame.
+        poses: [P,4,4] float64 world_from_object, m.
+        parent: Boxes of the receptacle; those whose top is not level support nothing.
 
     Returns:
-        [P] float64: share of the footprint; 0 where its middle is not carried.
+        [P] float64 from 0 to 1; 0 where the middle of the footprint is not supported.
     """
     level = parent[parent.axes[:, 2, 2] > 1 - 1e-6]
     tops = level.centers[:, 2] + level.halves[:, 2]
-    points = footprint(boxes) @ places[:, :3, :3].transpose(0, 2, 1) + places[:, None, :3, 3]
+    points = footprint(boxes) @ poses[:, :3, :3].transpose(0, 2, 1) + poses[:, None, :3, 3]
     offsets = points[None, :, :, :2] - level.centers[:, None, None, :2]
     local = offsets @ level.axes[:, None, :2, :2]
     inside = np.all(np.abs(local) <= level.halves[:, None, None, :2] + 1e-6, axis=3)
     inside &= (np.abs(points[None, :, 0, 2] - tops[:, None]) <= SUPPORT_M)[:, :, None]
     carried = np.any(inside, axis=0)
-    shares: Floats = carried[:, 1:].mean(axis=1) * carried[:, 0]
-    return shares
+    fractions: Floats = carried[:, 1:].mean(axis=1) * carried[:, 0]
+    return fractions
 
 
-def free_places(boxes: Floats, places: Floats, obstacles: OrientedBoxes) -> Bools:
-    """At which of several places an object collides with nothing.
+def collision_free(boxes: Floats, poses: Floats, obstacles: OrientedBoxes) -> Bools:
+    """Test at which of several poses an object collides with nothing.
 
     Args:
         boxes: [B,2,3] float64, m, in the object's own frame.
-        places: [P,4,4] float64: its `world_from_object`.
-        obstacles: What stands there already.
+        poses: [P,4,4] float64 world_from_object, m.
+        obstacles: Boxes of all other objects.
 
     Returns:
         [P] bool.
     """
-    pairs = colliding_pairs(OrientedBoxes.of(boxes, places), obstacles)
-    free = np.ones(len(places), np.bool_)
+    pairs = colliding_pairs(OrientedBoxes.from_object(boxes, poses), obstacles)
+    free = np.ones(len(poses), np.bool_)
     free[pairs[:, 0] // len(boxes)] = False
     return free
 
 
-def stands_on(thing: HomeObject, parent: HomeObject) -> bool:
-    """Whether an object stands on another: its middle and most of its footprint are carried."""
-    share = carried_share(thing.boxes, thing.world_from_object[None], boxes_in_world(parent))
-    return bool(share[0] >= SUPPORT_SHARE)
+def stands_on(obj: HomeObject, parent: HomeObject) -> bool:
+    """Return whether an object stands on another one.
+
+    Args:
+        obj: The middle and most of its footprint must be supported.
+        parent: The other object.
+    """
+    fraction = supported_fraction(obj.boxes, obj.world_from_object[None], boxes_in_world(parent))
+    return bool(fraction[0] >= MIN_SUPPORTED_FRACTION)
 
 
-def hangs_on(thing: HomeObject, parent: HomeObject) -> bool:
-    """Whether an object touches another from the side or from below, as what is fixed does."""
-    own, other = boxes_in_world(thing), boxes_in_world(parent)
+def hangs_on(obj: HomeObject, parent: HomeObject) -> bool:
+    """Return whether an object touches another one from any side, as fixed objects do.
+
+    Args:
+        obj: The object.
+        parent: The other object.
+    """
+    own, other = boxes_in_world(obj), boxes_in_world(parent)
     first, second = (
         index.ravel() for index in np.meshgrid(np.arange(len(own)), np.arange(len(other)))
     )
     return bool((overlap_m(own[first], other[second]) > -SUPPORT_M).any())
 
 
-def support_below(home: Home, thing: HomeObject) -> str | None:
-    """Id of the object that an object stands on; None if it stands on nothing."""
-    others = [other for other in home.objects if other.id != thing.id]
-    at = thing.world_from_object[None]
-    shares = [carried_share(thing.boxes, at, boxes_in_world(other))[0] for other in others]
-    best = int(np.argmax(shares)) if shares else 0
-    return others[best].id if shares and shares[best] >= SUPPORT_SHARE else None
+def support_below(home: Home, obj: HomeObject) -> str | None:
+    """Find the object that an object stands on.
+
+    Args:
+        home: With all objects.
+        obj: The object.
+
+    Returns:
+        Id of the one that supports most of it; None if there is none.
+    """
+    others = [other for other in home.objects if other.id != obj.id]
+    at = obj.world_from_object[None]
+    fractions = [supported_fraction(obj.boxes, at, boxes_in_world(other))[0] for other in others]
+    best = int(np.argmax(fractions)) if fractions else 0
+    return others[best].id if fractions and fractions[best] >= MIN_SUPPORTED_FRACTION else None
 
 
-def resting_places(
+def resting_poses(
     home: Home,
-    thing: HomeObject,
+    obj: HomeObject,
     receptacle: HomeObject,
     yaw_rad: float = 0.0,
     spacing_m: float = 0.05,
 ) -> Floats:
-    """Where a thing could stand on a receptacle without touching anything else.
+    """Find collision-free poses of an object on a receptacle.
 
     Args:
-        home: With the receptacle; the thing itself may be elsewhere in it, and is ignored there.
-        thing: What is to stand.
-        receptacle: What it is to stand on.
-        yaw_rad: Turn of the thing against the receptacle, about the vertical.
-        spacing_m: Of the grid of places that are tried.
+        home: With the receptacle; may hold the object itself, which is ignored.
+        obj: The object.
+        receptacle: Object that it is put on.
+        yaw_rad: Yaw of the object relative to the receptacle, rad.
+        spacing_m: Of the grid of positions that are tried, m.
 
     Returns:
-        [P,4,4] float64: `world_from_object` of each place; from the lowest top to the highest.
+        [P,4,4] float64 world_from_object, m, from the lowest top face to the highest.
     """
     cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
     points = np.concatenate([_grid(top, spacing_m) for top in _tops(receptacle.boxes)])
-    places = np.tile(np.eye(4), (len(points), 1, 1))
-    places[:, :2, :2] = [[cosine, -sine], [sine, cosine]]
-    places[:, :3, 3] = points
-    places = receptacle.world_from_object @ places
-    carried = carried_share(thing.boxes, places, boxes_in_world(receptacle)) >= SUPPORT_SHARE
-    places = places[carried]
-    obstacles, _ = _joined([other for other in home.objects if other.id != thing.id])
-    return places[free_places(thing.boxes, places, obstacles)]
+    poses = np.tile(np.eye(4), (len(points), 1, 1))
+    poses[:, :2, :2] = [[cosine, -sine], [sine, cosine]]
+    poses[:, :3, 3] = points
+    poses = receptacle.world_from_object @ poses
+    carried = (
+        supported_fraction(obj.boxes, poses, boxes_in_world(receptacle)) >= MIN_SUPPORTED_FRACTION
+    )
+    poses = poses[carried]
+    obstacles, _ = _boxes_with_owners([other for other in home.objects if other.id != obj.id])
+    return poses[collision_free(obj.boxes, poses, obstacles)]
 
 
 def _tops(boxes: Floats) -> list[Floats]:
-    """For each height at which boxes [B,2,3] end, the box [2,3] around those that end there."""
+    """Return for each height at which boxes [B,2,3] end the box [2,3] around those."""
     tops = []
     for height in np.unique(boxes[:, 1, 2]):
         ending = boxes[boxes[:, 1, 2] == height]
@@ -292,7 +338,7 @@ def _tops(boxes: Floats) -> list[Floats]:
 
 
 def _grid(top: Floats, spacing_m: float) -> Floats:
-    """Points [K,3] on the upper face of a box [2,3]."""
+    """Return grid points [K,3] on the upper face of a box [2,3]."""
     size = top[1] - top[0]
     counts = np.maximum(1, np.floor(size[:2] / spacing_m)).astype(int)
     x, y = (top[0, k] + (np.arange(counts[k]) + 0.5) * size[k] / counts[k] for k in range(2))
@@ -301,21 +347,25 @@ def _grid(top: Floats, spacing_m: float) -> Floats:
 
 
 def problems(home: Home) -> list[str]:
-    """What is physically wrong with a home, in words; empty when nothing is.
+    """Check a home: movable objects stand on their parents, fixed ones may hang, none overlap.
 
-    Movable objects must stand on their parents; fixed ones may hang on them; no two may overlap.
+    Args:
+        home: The home.
+
+    Returns:
+        One message for each problem.
     """
     found = []
-    for thing in home.objects:
-        if thing.parent is None:
-            if thing.movable:
-                found.append(f"{thing.id} is movable and stands on nothing")
+    for obj in home.objects:
+        if obj.parent is None:
+            if obj.movable:
+                found.append(f"{obj.id} is movable and stands on nothing")
             continue
-        parent = home[thing.parent]
-        if stands_on(thing, parent) or (not thing.movable and hangs_on(thing, parent)):
+        parent = home[obj.parent]
+        if stands_on(obj, parent) or (not obj.movable and hangs_on(obj, parent)):
             continue
-        found.append(f"{thing.id} does not rest on {parent.id}")
-    every, owner = _joined(list(home.objects))
+        found.append(f"{obj.id} does not rest on {parent.id}")
+    every, owner = _boxes_with_owners(list(home.objects))
     pairs = colliding_pairs(every, every)
     owners = np.unique(owner[pairs[owner[pairs[:, 0]] < owner[pairs[:, 1]]]], axis=0)
     found += [f"{home.objects[i].id} overlaps {home.objects[j].id}" for i, j in owners]

@@ -1,29 +1,45 @@
-"""The triangles of a home, ready for rays: what is hit, and what is in between."""
+"""Intersection of rays with the triangles of a home."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts._core.sim import pixel_rays
+from gslts._core.sim import intersect_triangles, pixel_rays
 from gslts.core.camera import Camera
-from gslts.types import Floats32
+from gslts.types import Bools, Floats32, Ints32
 from gslts_sim.home import Home
 
 
+@dataclass(frozen=True, eq=False)
+class Hits:
+    """First hits of rays.
+
+    Args:
+        distances: [...] float32, in lengths of the ray's direction; infinite for a miss.
+        triangles: [...] uint32, index of the triangle; 0xffffffff for a miss.
+        weights: [...,2] float32, barycentric, of the second and third corner.
+    """
+
+    distances: Floats32
+    triangles: NDArray[np.uint32]
+    weights: Floats32
+
+
 class RayScene:
-    """The shapes of a home, without their looks.
+    """Ray-casting structure of the triangles of a home, without textures and light.
 
     Triangles are numbered through all surfaces of all objects.
 
     Args:
-        home: Changes of the home need a new object.
-        threads: 0 means one a hardware thread.
+        home: The home; each of its states needs a structure of its own.
+        threads: Number of threads; 0 for one per hardware thread.
 
     Attributes:
-        owners: [T] int32, index of the object that each triangle belongs to.
+        owners: [T] int32, index of the object of each triangle.
         normals: [T,3] float32, unit vectors in the world.
     """
 
@@ -34,9 +50,9 @@ class RayScene:
         self._threads = threads
         vertices, faces, owners, normals = [], [], [], []
         first_vertex = 0
-        for index, thing in enumerate(home.objects):
-            rotation, center = thing.world_from_object[:3, :3], thing.world_from_object[:3, 3]
-            for surface in thing.surfaces:
+        for index, obj in enumerate(home.objects):
+            rotation, center = obj.world_from_object[:3, :3], obj.world_from_object[:3, 3]
+            for surface in obj.surfaces:
                 in_world = surface.vertices @ rotation.T + center
                 corners = in_world[surface.faces]
                 normals.append(
@@ -50,36 +66,53 @@ class RayScene:
         all_normals = np.concatenate(normals)
         lengths = np.linalg.norm(all_normals, axis=1, keepdims=True)
         self.normals: Floats32 = (all_normals / np.maximum(lengths, 1e-20)).astype(np.float32)
+        all_vertices = np.concatenate(vertices).astype(np.float32)
+        all_faces = np.concatenate(faces).astype(np.uint32)
+        self._corners: Floats32 = all_vertices[all_faces]
         self._scene = open3d.t.geometry.RaycastingScene()
-        self._scene.add_triangles(
-            self._tensor(np.concatenate(vertices).astype(np.float32)),
-            self._tensor(np.concatenate(faces).astype(np.uint32)),
-        )
+        self._scene.add_triangles(self._tensor(all_vertices), self._tensor(all_faces))
 
-    def cast(self, rays: Floats32) -> dict[str, Any]:
-        """Finds what rays hit first.
+    def cast(self, rays: Floats32) -> Hits:
+        """Find the first triangle that each ray hits.
 
         Args:
-            rays: [...,6] origins, m, and directions of any length.
+            rays: [...,6] float32: origin, m, and direction of any length, in the world.
+        """
+        found = self._scene.cast_rays(self._tensor(rays), self._threads)
+        triangles = found["primitive_ids"].numpy()
+        # The last bits of Embree's distances and weights depend on the processor.
+        distances, weights = intersect_triangles(
+            rays.reshape(-1, 6), triangles.ravel(), self._corners, threads=self._threads
+        )
+        shape = triangles.shape
+        return Hits(distances.reshape(shape), triangles, weights.reshape(*shape, 2))
+
+    def blocked(self, rays: Floats32, end: float) -> Bools:
+        """Test whether rays are blocked.
+
+        Args:
+            rays: [...,6] float32: origin, m, and direction.
+            end: Fraction of the direction up to which obstacles count.
 
         Returns:
-            Open3D's `t_hit` [...], in lengths of the direction and infinite for a miss,
-            `primitive_ids` [...] uint32 and barycentric `primitive_uvs` [...,2].
+            [...] bool.
         """
-        hits = self._scene.cast_rays(self._tensor(rays), self._threads)
-        return {name: hits[name].numpy() for name in ("t_hit", "primitive_ids", "primitive_uvs")}
-
-    def blocked(self, rays: Floats32, end: float) -> NDArray[np.bool_]:
-        """[...] whether rays [...,6] meet anything on the first `end` (a share) of their ways."""
-        result: NDArray[np.bool_] = self._scene.test_occlusions(
+        result: Bools = self._scene.test_occlusions(
             self._tensor(rays), tnear=0.0, tfar=end, nthreads=self._threads
         ).numpy()
         return result
 
-    def instances(self, camera: Camera) -> tuple[NDArray[np.int32], Floats32]:
-        """What is seen in each pixel, without light: indices [H,W] of objects (-1: none), depth."""
+    def instances(self, camera: Camera) -> tuple[Ints32, Floats32]:
+        """Render objects and depth, without light.
+
+        Args:
+            camera: The camera.
+
+        Returns:
+            [H,W] int32 indices of objects, -1 for none; and [H,W] float32 depth, m, 0 for none.
+        """
         hits = self.cast(pixel_rays(camera, threads=self._threads))
-        hit = np.isfinite(hits["t_hit"])
-        rows = self.owners[np.where(hit, hits["primitive_ids"], 0)]
-        depth = np.where(hit, hits["t_hit"], np.float32(0))
+        hit = np.isfinite(hits.distances)
+        rows = self.owners[np.where(hit, hits.triangles, 0)]
+        depth = np.where(hit, hits.distances, np.float32(0))
         return np.where(hit, rows, np.int32(-1)), depth

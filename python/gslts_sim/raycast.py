@@ -1,4 +1,4 @@
-"""What a camera in a home sees: radiance, depth and instances, by casting rays.
+"""Rendering of a home by ray casting: radiance, depth and instances.
 
 Direct light from area lights with soft shadows, and ambient light, on diffuse textured surfaces.
 """
@@ -8,24 +8,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gslts._core import sim as core_sim
 from gslts.core.camera import Camera
-from gslts.types import Floats32
+from gslts.types import Floats32, Ints32
 from gslts_sim.home import AreaLight, Home
 from gslts_sim.ray_scene import RayScene
 from gslts_sim.texture_atlas import LINEAR_OF_BYTE, texture_atlas
 
 SHADOW_END = 0.98
-"""Share of the way to a light that must be free: its own lamp must not shade it."""
+"""Fraction of a shadow ray that is tested: the lamp that holds the light must not shade it."""
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What an ideal camera measures.
+    """Noise-free measurements of a camera.
 
-    Attributes:
+    Args:
         radiance: [H,W,3] float32, linear RGB; 1 is a white surface in full light.
         depth: [H,W] float32, z in the camera frame, m; 0 where nothing was hit.
         instances: [H,W] int32, index into the objects of the home; -1 where nothing was hit.
@@ -34,7 +33,7 @@ class View:
 
     radiance: Floats32
     depth: Floats32
-    instances: NDArray[np.int32]
+    instances: Ints32
     cosines: Floats32
 
 
@@ -42,9 +41,9 @@ class RayCaster:
     """Renders views of a home.
 
     Args:
-        home: Changes of the home need a new object.
-        lights: The lights that are on; None means all of its lights.
-        threads: 0 means one a hardware thread; the result does not depend on it.
+        home: The home; each of its states needs a ray caster of its own.
+        lights: Lights that are on; None for all lights of the home.
+        threads: Number of threads; 0 for one per hardware thread. Results do not depend on it.
     """
 
     def __init__(
@@ -54,12 +53,12 @@ class RayCaster:
         self.lights = home.all_lights if lights is None else lights
         self._threads = threads
         self._scene = RayScene(home, threads)
-        surfaces = [surface for thing in home.objects for surface in thing.surfaces]
+        surfaces = [surface for obj in home.objects for surface in obj.surfaces]
         shining = {light.owner for light in self.lights}
         glow = [
-            surface.emission if thing.id in shining else 0.0
-            for thing in home.objects
-            for surface in thing.surfaces
+            surface.emission if obj.id in shining else 0.0
+            for obj in home.objects
+            for surface in obj.surfaces
         ]
         self._surfaces = core_sim.Surfaces(
             normals=self._scene.normals,
@@ -72,16 +71,20 @@ class RayCaster:
             [(s.center, s.edge_u, s.edge_v, s.radiance) for s in self.lights], np.float64
         ).reshape(-1, 4, 3)
 
-    def look(self, camera: Camera) -> View:
-        """Renders one view."""
+    def render(self, camera: Camera) -> View:
+        """Render a view.
+
+        Args:
+            camera: The camera.
+        """
         rays = core_sim.pixel_rays(camera, threads=self._threads)
         hits = self._scene.cast(rays)
         shading = core_sim.Shading(
             self._surfaces,
             rays,
-            hits["t_hit"],
-            hits["primitive_ids"],
-            hits["primitive_uvs"],
+            hits.distances,
+            hits.triangles,
+            hits.weights,
             pixel_rad=1 / camera.fx,
             lights=self._lights,
             threads=self._threads,

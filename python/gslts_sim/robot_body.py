@@ -1,10 +1,10 @@
-"""The simulated robot's body: its size, where it can be, and where its camera is."""
+"""The simulated robot's body: its size, the floor it can use, and the pose of its camera."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from pydantic import ConfigDict, FiniteFloat
+from pydantic.dataclasses import dataclass
 
 from gslts.core.camera import Camera, camera_from_fov, look_at
 from gslts.types import Floats
@@ -12,49 +12,85 @@ from gslts_sim.home import Home
 from gslts_sim.walkable import WalkableFloor, walkable_floor
 
 HORIZON_DEG = (-30.0, 60.0)
-"""Least and greatest angle of the camera below the horizon."""
+"""Range of the camera's angle below the horizon, degrees, as in AI2-THOR."""
 BODY_RADIUS_M = 0.2
+"""Radius of the upright cylinder that must stay free of obstacles, m; a typical service robot."""
 BODY_HEIGHT_M = 1.2
+"""Height of that cylinder, m; objects that hang higher are no obstacles."""
 CAMERA_HEIGHT_M = 1.5
+"""Height of the camera above the floor, m; the camera mast is thinner than the body."""
 FOV_RAD = np.pi / 2
-"""Horizontal field of view."""
+"""Default horizontal field of view of the camera, rad, as in AI2-THOR."""
 
 
-@dataclass(frozen=True, eq=False)
-class Look:
-    """Where the robot stands and looks.
+@dataclass(frozen=True, config=ConfigDict(extra="forbid", strict=True))
+class Viewpoint:
+    """Pose of the robot on the floor, and the direction of its camera.
 
     Args:
-        place: (2,) x and y, m.
+        x: In the world, m.
+        y: In the world, m.
         yaw_deg: About z, from x to y, degrees.
-        horizon_deg: Of the camera below the horizon, degrees.
+        horizon_deg: Angle of the camera below the horizon, degrees.
     """
 
-    place: Floats
-    yaw_deg: float
-    horizon_deg: float
+    x: FiniteFloat
+    y: FiniteFloat
+    yaw_deg: FiniteFloat
+    horizon_deg: FiniteFloat
+
+    @classmethod
+    def at(cls, position: Floats, yaw_deg: float, horizon_deg: float) -> Viewpoint:
+        """Return the viewpoint at a position.
+
+        Args:
+            position: (2,) x and y in the world, m.
+            yaw_deg: About z, from x to y, degrees.
+            horizon_deg: Angle of the camera below the horizon, degrees.
+        """
+        x, y = position.tolist()
+        return cls(x, y, yaw_deg, horizon_deg)
+
+    @property
+    def position(self) -> Floats:
+        """(2,) x and y, m."""
+        return np.array([self.x, self.y])
 
 
 def robot_camera(
-    home: Home,
-    look: Look,
-    size: tuple[int, int],
-    fov_rad: float = FOV_RAD,
+    home: Home, viewpoint: Viewpoint, size: tuple[int, int], fov_rad: float = FOV_RAD
 ) -> Camera:
-    """The robot's camera.
+    """Return the robot's camera at a viewpoint.
 
     Args:
-        home: Whose floor the robot stands on.
-        look: Where it stands and looks.
-        size: Width and height, px.
+        home: Defines the height of the floor.
+        viewpoint: Position of the robot and direction of its camera.
+        size: Width and height of the image, px.
         fov_rad: Horizontal field of view, rad.
     """
-    yaw, down = np.deg2rad(look.yaw_deg), np.deg2rad(look.horizon_deg)
-    eye = np.array([*look.place, home.space.box[0, 2] + CAMERA_HEIGHT_M])
-    ahead = (np.cos(yaw) * np.cos(down), np.sin(yaw) * np.cos(down), -np.sin(down))
-    return camera_from_fov(*size, fov_rad, look_at(eye, eye + ahead))
+    eye = np.array([viewpoint.x, viewpoint.y, home.space.box[0, 2] + CAMERA_HEIGHT_M])
+    direction = camera_direction(np.deg2rad(viewpoint.yaw_deg), np.deg2rad(viewpoint.horizon_deg))
+    return camera_from_fov(*size, fov_rad, look_at(eye, eye + direction))
+
+
+def camera_direction(yaw_rad: float, down_rad: float) -> Floats:
+    """Return the unit vector along a camera's optical axis.
+
+    Args:
+        yaw_rad: About z, from x to y, rad.
+        down_rad: Angle below the horizon, rad.
+
+    Returns:
+        (3,) float64, in the world.
+    """
+    cosine = np.cos(down_rad)
+    return np.array([np.cos(yaw_rad) * cosine, np.sin(yaw_rad) * cosine, -np.sin(down_rad)])
 
 
 def floor_of(home: Home) -> WalkableFloor:
-    """Where the robot can be in a home."""
+    """Return the floor that the robot can use.
+
+    Args:
+        home: With all its objects.
+    """
     return walkable_floor(home, home.space, BODY_RADIUS_M, BODY_HEIGHT_M)

@@ -1,4 +1,4 @@
-"""Simulated robots for commands: of a day, of a scene change task, or in a home."""
+"""Simulated robots by name, for commands: of a day, of a scene change task, or in a home."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from gslts_sim.home_source import FILE_TYPES, open_home
 from gslts_sim.task import Task, read_task
 
 NOISE = "kinect"
-"""Sensor errors of a robot in a home without a script."""
+"""Noise preset of a robot in a home without a script."""
 
 
 @dataclass(frozen=True)
 class SimulatedRobotSource:
-    """The simulated robot in a home that changes as a script says.
+    """A simulated robot in a home that changes by a script.
 
-    Attributes:
+    Args:
         digest: SHA-256 of the script, or of the name of the home.
         home: Home as the script's actions find it.
         script: Day or scene change task; None if nothing changes.
@@ -62,7 +62,7 @@ def open_simulated_robot(name: str) -> SimulatedRobotSource:
 
     Raises:
         OSError: A file cannot be read.
-        ValueError: It is none of these.
+        ValueError: The name is none of these.
     """
     path = Path(name)
     if path.suffix.lower() != ".json":

@@ -1,4 +1,7 @@
-"""An RGB-D camera in a simulated home, with the errors of a real one."""
+"""RGB-D camera in a simulated home, with a noise model.
+
+Depth noise: Nguyen, Izadi and Lovell 2012, sec. 3.
+"""
 
 from __future__ import annotations
 
@@ -6,48 +9,47 @@ import zlib
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gslts._core import sim as core_sim
 from gslts.core.camera import Camera, at_pose
 from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import rotation, rotation_vector
-from gslts.types import Floats, Floats32
+from gslts.types import Bytes, Floats, Floats32
 from gslts_sim.home import AreaLight, Home
 from gslts_sim.raycast import RayCaster, View
 
 BLUR_SAMPLES = 5
-"""Moments of an exposure that are averaged for motion blur."""
+"""Number of renderings that are averaged for motion blur; the time of a frame is proportional."""
 
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """How a camera errs; the defaults are those of a perfect one.
+    """Noise model of a camera; the defaults are a perfect camera.
 
-    Attributes:
-        rgb_std: Of the noise of each number of the colour image, for values from 0 to 1.
-        exposure_std: Of the exposure of a visit, in stops: log2 of its factor.
-        white_balance_std: Of log2 of the factors of red and blue in a visit.
-        vignetting: Share of the light that is lost in the corners.
-        shutter_share: Share of the motion since the frame before during which the shutter is open.
-        depth_std_m: Of the depth at any distance, m.
-        depth_std_per_m: Growth of that with the squared distance, m/m^2 (Nguyen et al. 2012).
-        depth_range_m: Nearest and farthest depth that is measured, m.
-        grazing_rad: Surfaces seen at a larger angle from their normal give no depth, rad.
-        edge_dropout: Probability that a pixel at an edge of the depth gives none.
-        dropout: Probability that any other pixel gives none.
-        light_std: Of the strength of each light in a visit, in stops.
-        light_off: Probability that a lamp is switched off in a visit; one light always shines.
-        light_shift_m: How far a lamp is moved sideways in a visit, at most, m.
-        position_std_m: Of each coordinate of the position that the robot believes, m.
-        rotation_std_rad: Of the rotation that it believes, about each axis, rad.
+    Args:
+        rgb_std: Standard deviation of each colour value, for values from 0 to 1.
+        exposure_std: Standard deviation of the exposure of a visit, in stops (log2 of the gain).
+        white_balance_std: Standard deviation of log2 of the gains of red and blue in a visit.
+        vignetting: Fraction of the light that is lost in the corners.
+        shutter_fraction: Fraction of the motion since the last frame in which the shutter is open.
+        depth_std_m: Constant part of the standard deviation of depth, m.
+        depth_std_per_m: Its growth with the squared distance, m/m^2.
+        depth_range_m: Minimum and maximum depth that is measured, m.
+        grazing_rad: Maximum angle between ray and surface normal at which depth is measured, rad.
+        edge_dropout: Probability of no depth at a pixel at a depth edge.
+        dropout: Probability of no depth at any other pixel.
+        light_std: Standard deviation of the strength of each light in a visit, in stops.
+        light_off: Probability that a lamp is off in a visit; one light is always on.
+        light_shift_m: Maximum horizontal shift of a lamp in a visit, m.
+        position_std_m: Standard deviation of each coordinate of the believed position, m.
+        rotation_std_rad: Standard deviation of the believed rotation about each axis, rad.
     """
 
     rgb_std: float = 0.0
     exposure_std: float = 0.0
     white_balance_std: float = 0.0
     vignetting: float = 0.0
-    shutter_share: float = 0.0
+    shutter_fraction: float = 0.0
     depth_std_m: float = 0.0
     depth_std_per_m: float = 0.0
     depth_range_m: tuple[float, float] = (0.0, np.inf)
@@ -63,13 +65,12 @@ class SensorNoise:
 
 NOISE_PRESETS = {
     "none": SensorNoise(),
-    # Depth: Nguyen, Izadi and Lovell 2012, sec. 3; drift and pose error of a robot indoors.
     "kinect": SensorNoise(
         rgb_std=0.01,
         exposure_std=0.1,
         white_balance_std=0.04,
         vignetting=0.15,
-        shutter_share=0.1,
+        shutter_fraction=0.1,
         depth_std_m=0.0012,
         depth_std_per_m=0.0019,
         depth_range_m=(0.4, 6.0),
@@ -80,14 +81,16 @@ NOISE_PRESETS = {
         rotation_std_rad=np.deg2rad(0.2),
     ),
 }
+"""Noise models by name. `kinect`: depth as measured by Nguyen et al. for the Kinect; drift and pose
+error of an indoor robot with good odometry."""
 
 
 class Sensor:
-    """A camera during one visit of a home.
+    """The camera of one visit of a home.
 
     Args:
-        noise: A model of its errors, or the name of one of `NOISE_PRESETS`.
-        seed: Of the visit: its drift, and the noise of each of its frames.
+        noise: A noise model, or the name of one of `NOISE_PRESETS`.
+        seed: Seed of the visit: of its drift, and of the noise of each frame.
 
     Raises:
         ValueError: There is no preset of that name.
@@ -107,15 +110,19 @@ class Sensor:
         self.gains: Floats = 2 ** np.array([exposure + red, exposure, exposure + blue])
 
     def lights(self, home: Home) -> tuple[AreaLight, ...]:
-        """What shines in a home during this visit, and how."""
+        """Return the lights that are on in this visit, with their strength and position.
+
+        Args:
+            home: With its lights.
+        """
         noise, lights, shining = self.noise, [], []
         for row, light in enumerate(home.all_lights):
-            # Each has its own luck, so that other lamps may come and go.
+            # Each light has its own random stream: other lamps may come and go.
             key = zlib.crc32((light.owner or f"daylight {row}").encode())
             rng = np.random.default_rng([self._seed, 2, key])
             strength, off = 2 ** (noise.light_std * rng.normal()), rng.random() < noise.light_off
             shift = noise.light_shift_m * rng.uniform(-1, 1, 3) * (1, 1, 0)
-            if light.owner is None:  # Windows stay where they are, and shine.
+            if light.owner is None:  # Daylight neither moves nor is switched off.
                 shift, off = np.zeros(3), False
             lights.append(
                 replace(light, center=light.center + shift, radiance=strength * light.radiance)
@@ -125,24 +132,26 @@ class Sensor:
         return tuple(shining or lights[:1])
 
     def take(
-        self, caster: RayCaster, camera: Camera, index: int, moved_from: Floats | None = None
+        self, caster: RayCaster, camera: Camera, index: int, previous_pose: Floats | None = None
     ) -> tuple[RgbdFrame, View]:
-        """Takes one frame.
+        """Take a frame.
 
         Args:
-            caster: The home.
-            camera: Where the camera is in truth.
+            caster: Ray caster of the home.
+            camera: Camera at its true pose.
             index: Number of the frame in the visit, from 0; it decides the noise.
-            moved_from: [4,4] world_from_camera of the frame before, for motion blur.
+            previous_pose: [4,4] world_from_camera of the previous frame, m, for motion blur.
 
         Returns:
-            What the camera delivers, with the pose that the robot believes, and the truth.
+            The frame with the camera pose that the robot believes, and the noise-free view.
         """
-        truth = caster.look(camera)
+        truth = caster.render(camera)
         radiance = truth.radiance.astype(np.float64)
-        if moved_from is not None and self.noise.shutter_share > 0:
-            poses = _poses_between(moved_from, camera.world_from_camera, self.noise.shutter_share)
-            views = [caster.look(at_pose(camera, pose)).radiance for pose in poses]
+        if previous_pose is not None and self.noise.shutter_fraction > 0:
+            poses = _poses_between(
+                previous_pose, camera.world_from_camera, self.noise.shutter_fraction
+            )
+            views = [caster.render(at_pose(camera, pose)).radiance for pose in poses]
             radiance = (radiance + sum(views)) / BLUR_SAMPLES
         rng = np.random.default_rng([self._seed, 1, index])
         frame = RgbdFrame(
@@ -166,7 +175,7 @@ class Sensor:
         rng = np.random.default_rng([self._seed, 3, index])
         return self._believed(camera, rng).world_from_camera
 
-    def _rgb(self, radiance: Floats, rng: np.random.Generator) -> NDArray[np.uint8]:
+    def _rgb(self, radiance: Floats, rng: np.random.Generator) -> Bytes:
         noise = self.noise
         return core_sim.measure_color(
             radiance,
@@ -202,11 +211,11 @@ class Sensor:
         return at_pose(camera, pose)
 
 
-def _poses_between(start: Floats, end: Floats, share: float) -> list[Floats]:
-    """Poses of the last `share` of the way to `end`, which is left out, at equal steps."""
+def _poses_between(start: Floats, end: Floats, fraction: float) -> list[Floats]:
+    """Return poses at equal steps over the last `fraction` of a motion, without its end."""
     turn = rotation_vector(end[:3, :3].T @ start[:3, :3])
     poses = []
-    for back in np.linspace(0, share, BLUR_SAMPLES)[1:]:
+    for back in np.linspace(0, fraction, BLUR_SAMPLES)[1:]:
         pose = np.eye(4)
         pose[:3, 3] = end[:3, 3] + back * (start[:3, 3] - end[:3, 3])
         pose[:3, :3] = end[:3, :3] @ rotation(back * turn)

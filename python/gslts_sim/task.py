@@ -1,33 +1,34 @@
-"""A scene change task: a small JSON file from which both states of a home can be rebuilt.
+"""Scene change tasks: small JSON files from which both states of a home can be rebuilt.
 
 Source: GS-LTS, sec. IV-A, Scene Change Adaptation Benchmark.
 """
 
 from __future__ import annotations
 
-from functools import reduce
 from pathlib import Path
 from typing import Annotated, Literal, Self, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
 
-from gslts.io.atomic_files import write_whole
+from gslts.io.atomic_files import write_atomic
 from gslts_sim.actions import ChangeAction, SceneState
 from gslts_sim.changes import ChangeError
 from gslts_sim.controller import ActionError, Controller
 from gslts_sim.event import Event
 from gslts_sim.home import Home
-from gslts_sim.home_source import STRICT, FileSource, HomeSource
-from gslts_sim.robot_body import Look
+from gslts_sim.home_source import FileSource, HomeSource
+from gslts_sim.robot_body import Viewpoint
+from gslts_sim.strict_model import StrictModel
 
 VERSION = 1
-"""Of the schema."""
+"""Version of the JSON schema."""
 MAX_BYTES = 1 << 20
-"""Scripts take a few kilobytes; nothing larger is read."""
+"""Maximum size of a script, bytes; they take a few kilobytes."""
 VIEWPOINTS = 10
-"""Near ones, and far ones."""
+"""Number of near test viewpoints, and of far ones."""
 BOX_TOLERANCE_M = 1e-5
+"""Maximum difference between a box in a script, which is rounded to 1e-6 m, and its replay."""
 
 Kind = Literal["addition", "removal", "relocation"]
 Script = TypeVar("Script", bound=BaseModel)
@@ -36,12 +37,8 @@ Box = tuple[Vector, Vector]
 """Lower and upper corner of an axis-aligned box in the world, m."""
 
 
-class _Model(BaseModel):
-    model_config = STRICT
-
-
-class SensorSetup(_Model):
-    """The camera, and the seeds of its noise before and after the change."""
+class SensorSetup(StrictModel):
+    """The camera of the robot, and the seeds of its noise before and after the change."""
 
     noise: str
     width: Annotated[int, Field(ge=16, le=4096)]
@@ -50,31 +47,11 @@ class SensorSetup(_Model):
     seed_after: Annotated[int, Field(ge=0)]
 
 
-class Viewpoint(_Model):
-    """Where the robot stands, m, and looks: its yaw and its angle below the horizon, degrees."""
-
-    x: FiniteFloat
-    y: FiniteFloat
-    yaw_deg: FiniteFloat
-    horizon_deg: FiniteFloat
-
-    @classmethod
-    def of(cls, look: Look) -> Viewpoint:
-        """The viewpoint of a look."""
-        x, y = look.place.tolist()
-        return cls(x=x, y=y, yaw_deg=look.yaw_deg, horizon_deg=look.horizon_deg)
-
-    @property
-    def look(self) -> Look:
-        """As the robot takes it."""
-        return Look(np.array([self.x, self.y]), self.yaw_deg, self.horizon_deg)
-
-
 Viewpoints = Annotated[tuple[Viewpoint, ...], Field(min_length=VIEWPOINTS, max_length=VIEWPOINTS)]
 
 
-class Change(_Model):
-    """What a robot should find out."""
+class Change(StrictModel):
+    """Ground truth of a change: the object and its boxes before and after."""
 
     kind: Kind
     object_id: str
@@ -84,35 +61,35 @@ class Change(_Model):
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
-        there = (self.box_before is not None, self.box_after is not None)
+        present = (self.box_before is not None, self.box_after is not None)
         expected = {"addition": (False, True), "removal": (True, False), "relocation": (True, True)}
-        if there != expected[self.kind]:
-            raise ValueError(f"an object of a {self.kind} has other boxes before and after")
+        if present != expected[self.kind]:
+            raise ValueError(f"box_before or box_after does not fit the kind {self.kind}")
         for box in (self.box_before, self.box_after):
             if box is not None and not np.all(np.array(box[0]) <= box[1]):
                 raise ValueError("a lower corner of a box is above the upper")
         return self
 
 
-class ViewpointSets(_Model):
-    """From where the changed region is seen, nearer and farther than `viewpoints.NEAR_M`."""
+class ViewpointSets(StrictModel):
+    """Test viewpoints, nearer and farther than `task_viewpoints.NEAR_M`."""
 
     near: Viewpoints
     far: Viewpoints
 
 
-class Task(_Model):
-    """One change of one home, and from where to look at it.
+class Task(StrictModel):
+    """One change of one home, and the viewpoints that see it.
 
-    Attributes:
-        schema_version: Of this format.
-        home: How to rebuild the home.
-        sensor: Of the robot.
-        viewpoint: From where the robot sees the change first.
-        initial_actions: From the home as it is made to its default state, which the map shows.
-        change_actions: From the default to the changed state.
-        change: What differs.
-        test_viewpoints: Where the updated map is judged.
+    Args:
+        schema_version: Version of the JSON schema.
+        home: Reference to the home.
+        sensor: Camera of the robot.
+        viewpoint: From which the robot first sees the change.
+        initial_actions: Lead from the generated home to its default state, which is mapped.
+        change_actions: Lead from the default to the changed state.
+        change: Difference between the two states.
+        test_viewpoints: At which the updated map is evaluated.
     """
 
     schema_version: Literal[1] = 1
@@ -125,24 +102,27 @@ class Task(_Model):
     test_viewpoints: ViewpointSets
 
     def states(self, home: Home) -> tuple[SceneState, SceneState]:
-        """The default and the changed state, both as `change` says.
+        """Return the default and the changed state.
 
         Args:
-            home: What `self.home.load` gave.
+            home: Result of `self.home.load`.
 
         Raises:
-            ValueError: An action fails, or leads to something else.
+            ValueError: An action fails, or a state differs from `change`.
         """
-        before = _after(SceneState(home), "initial_actions", self.initial_actions)
-        return before, self.changed(before)
+        before = _apply_all(SceneState(home), "initial_actions", self.initial_actions)
+        return before, self.apply_change(before)
 
-    def changed(self, before: SceneState) -> SceneState:
-        """The changed state, when the default one is known.
+    def apply_change(self, before: SceneState) -> SceneState:
+        """Return the changed state.
+
+        Args:
+            before: The default state.
 
         Raises:
-            ValueError: An action fails, or one of the two is not as `change` says.
+            ValueError: An action fails, or one of the two states differs from `change`.
         """
-        after = _after(before, "change_actions", self.change_actions)
+        after = _apply_all(before, "change_actions", self.change_actions)
         for name, state, box in (
             ("box_before", before, self.change.box_before),
             ("box_after", after, self.change.box_after),
@@ -152,15 +132,15 @@ class Task(_Model):
         return after
 
     def start(self, home: Home, *, changed: bool) -> Controller:
-        """A robot at the initial viewpoint, before or after the change.
+        """Return a robot at the initial viewpoint.
 
         Args:
-            home: What `self.home.load` gave.
-            changed: Whether the change has happened.
+            home: Result of `self.home.load`.
+            changed: Start after the change instead of before.
 
         Raises:
-            ValueError: There is no such noise, an action fails or leads to something else than
-                `change` says, or the robot cannot stand there.
+            ValueError: There is no such noise preset, an action fails, a state differs from
+                `change`, or the robot cannot stand there.
         """
         robot = Controller(
             self.states(home)[int(changed)],
@@ -172,11 +152,11 @@ class Task(_Model):
         self._go(robot, self.viewpoint)
         return robot
 
-    def look(self, robot: Controller, number: int) -> Event:
-        """What a robot of `start` sees, the same in whatever order the looks are taken.
+    def observe(self, robot: Controller, number: int) -> Event:
+        """Return what a robot sees at a viewpoint; it does not depend on earlier observations.
 
         Args:
-            robot: Is taken to the viewpoint.
+            robot: Result of `start`; it is moved to the viewpoint.
             number: 0 for the initial viewpoint, from 1 on the near ones, then the far ones.
 
         Raises:
@@ -184,33 +164,32 @@ class Task(_Model):
         """
         sets = self.test_viewpoints
         self._go(robot, (self.viewpoint, *sets.near, *sets.far)[number])
-        return robot.look(number)
+        return robot.snapshot(number)
 
     def _go(self, robot: Controller, viewpoint: Viewpoint) -> None:
         try:
-            robot.go(viewpoint.look)
+            robot.go(viewpoint)
         except (ActionError, ValueError) as error:
             raise ValueError(f"viewpoint: {error}") from None
 
 
-def _after(state: SceneState, name: str, actions: tuple[ChangeAction, ...]) -> SceneState:
-    def done(state: SceneState, numbered: tuple[int, ChangeAction]) -> SceneState:
-        number, action = numbered
+def _apply_all(state: SceneState, name: str, actions: tuple[ChangeAction, ...]) -> SceneState:
+    """Return the state after actions, or raise a ValueError that names the failing one."""
+    for number, action in enumerate(actions):
         try:
-            return state.after(action)
+            state = state.apply(action)
         except ChangeError as error:
             raise ValueError(f"{name}[{number}]: {action.action}: {error}") from None
-
-    return reduce(done, enumerate(actions), state)
+    return state
 
 
 def _agrees(home: Home, change: Change, box: Box | None) -> bool:
-    """Whether an object is of the type and in the box that a change tells, or gone."""
+    """Return whether the changed object has a type and a box, or is absent if the box is None."""
     if box is None or change.object_id not in home:
         return box is None and change.object_id not in home
-    thing = home[change.object_id]
-    same = np.allclose(thing.box_in_world, box, rtol=0, atol=BOX_TOLERANCE_M)
-    return thing.type == change.object_type and same
+    obj = home[change.object_id]
+    same = np.allclose(obj.box_in_world, box, rtol=0, atol=BOX_TOLERANCE_M)
+    return obj.type == change.object_type and same
 
 
 class _Versioned(BaseModel):
@@ -220,30 +199,33 @@ class _Versioned(BaseModel):
 
 
 def read_task(path: Path) -> Task:
-    """Reads a task.
+    """Read a task.
+
+    Args:
+        path: A JSON file.
 
     Raises:
         OSError: The file cannot be read.
-        ValueError: It is no task, or of another schema version.
+        ValueError: It is not a task, or of another schema version.
     """
     return read_script(path, Task)
 
 
 def read_script(path: Path, model: type[Script]) -> Script:
-    """Reads a script of a home.
+    """Read a script of a home.
 
     Args:
-        path: Of the JSON file.
-        model: What it should be.
+        path: A JSON file.
+        model: Expected model, such as `Task`.
 
     Raises:
         OSError: The file cannot be read.
-        ValueError: It is something else, or of another schema version.
+        ValueError: It does not fit the model, or is of another schema version.
     """
     with path.open("rb") as file:
         text = file.read(MAX_BYTES + 1)
     if len(text) > MAX_BYTES:
-        raise ValueError(f"{path}: larger than {MAX_BYTES >> 20} MiB, so it is no script of a home")
+        raise ValueError(f"{path}: larger than {MAX_BYTES >> 20} MiB; expected a task or a day")
     try:
         version = _Versioned.model_validate_json(text).schema_version
         if version != VERSION:
@@ -256,9 +238,13 @@ def read_script(path: Path, model: type[Script]) -> Script:
 
 
 def write_task(task: Task, path: Path) -> None:
-    """Writes a task, all of it or nothing.
+    """Write a task atomically.
+
+    Args:
+        task: The task.
+        path: Of the JSON file.
 
     Raises:
         OSError: The file cannot be written.
     """
-    write_whole(path, (task.model_dump_json(indent=1) + "\n").encode())
+    write_atomic(path, (task.model_dump_json(indent=1) + "\n").encode())

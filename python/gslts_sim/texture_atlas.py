@@ -1,4 +1,4 @@
-"""All textures of a home in one array, with their smaller versions, for many look-ups at once."""
+"""Texture atlas with mip levels (Williams 1983) of all surfaces of a home."""
 
 from __future__ import annotations
 
@@ -7,34 +7,43 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.types import Floats32
+from gslts.types import Bytes, Floats32
 from gslts_sim.mesh import Surface
 
 
 def linear_from_srgb(values: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Linear light of sRGB values, both 0 to 1 (IEC 61966-2-1)."""
+    """Convert sRGB to linear light (IEC 61966-2-1).
+
+    Args:
+        values: sRGB, 0 to 1.
+    """
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
 def srgb_from_linear(values: NDArray[np.floating]) -> NDArray[np.floating]:
-    """SRGB values of linear light, both 0 to 1 (IEC 61966-2-1)."""
+    """Convert linear light to sRGB (IEC 61966-2-1).
+
+    Args:
+        values: Linear light, 0 to 1.
+    """
     positive = np.maximum(values, 0.0031308)
     return np.where(values <= 0.0031308, 12.92 * values, 1.055 * positive ** (1 / 2.4) - 0.055)
 
 
 LINEAR_OF_BYTE: Floats32 = linear_from_srgb(np.arange(256) / 255).astype(np.float32)
+"""Linear light of each 8-bit sRGB value."""
 
 
 def texture_atlas(surfaces: Sequence[Surface]) -> dict[str, NDArray[np.generic]]:
-    """Builds the mip levels of all textures (Williams 1983), each half as large as the one before.
+    """Build the mip levels of all textures, each half as large as the previous one.
 
     Args:
-        surfaces: Their triangles are numbered through, in this order.
+        surfaces: Triangles are numbered through all of them, in this order.
 
     Returns:
         Arguments of `gslts._core.sim.Surfaces`.
     """
-    levels: list[NDArray[np.uint8]] = []
+    levels: list[Bytes] = []
     of_texture: dict[int, tuple[int, int]] = {}  # By identity: objects share textures.
     first_level, level_count, texels_per_m = [], [], []
     for surface in surfaces:
@@ -47,7 +56,7 @@ def texture_atlas(surfaces: Sequence[Surface]) -> dict[str, NDArray[np.generic]]
         first_level.append(np.full(len(surface.faces), first, np.int32))
         level_count.append(np.full(len(surface.faces), count, np.int32))
         texels_per_m.append(_texels_per_m(surface))
-    # The three bytes of a texel in one number, so that one look-up in memory finds them.
+    # The three bytes of a texel in one number: one memory access instead of three.
     texels = np.concatenate([level.reshape(-1, 3) for level in levels]).astype(np.uint32)
     return {
         "uvs": np.concatenate([surface.uvs for surface in surfaces]),
@@ -60,7 +69,7 @@ def texture_atlas(surfaces: Sequence[Surface]) -> dict[str, NDArray[np.generic]]
 
 
 def _texels_per_m(surface: Surface) -> Floats32:
-    """[F] texels along a metre of each triangle."""
+    """Return the texel density [F] of each triangle, texels per metre."""
     corners, uvs = surface.vertices[surface.faces], surface.uvs.astype(np.float64)
     height, width = surface.texture.shape[:2]
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -71,8 +80,8 @@ def _texels_per_m(surface: Surface) -> Floats32:
     return density
 
 
-def _mip_levels(texture: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
-    """The texture and its halvings down to one texel, averaged in linear light."""
+def _mip_levels(texture: Bytes) -> list[Bytes]:
+    """Return the mip levels of a texture down to one texel, averaged in linear light."""
     levels = [texture]
     linear = LINEAR_OF_BYTE[texture]
     while linear.shape[0] > 1 or linear.shape[1] > 1:

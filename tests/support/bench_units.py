@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from gslts_bench.work import Add, Tell
+from gslts_bench.processes import Add
 
 
 @dataclass(frozen=True)
@@ -24,10 +24,7 @@ class CountingUnit:
     def results(self) -> Path:
         return self.folder / f"{self.name}.jsonl"
 
-    def seconds(self, done: frozenset[str]) -> float:
-        return float(self.count - len(done))
-
-    def run(self, done: frozenset[str], add: Add, tell: Tell) -> None:
+    def run(self, done: frozenset[str], add: Add) -> None:
         for number in range(self.count):
             name = f"{self.name}/{number}"
             if name in done:
@@ -40,7 +37,6 @@ class CountingUnit:
                 (self.folder / f"{os.getpid()}.pid").touch()
                 time.sleep(3600)
             add({"id": name, "square": number**2, "process": os.getpid()})
-            tell(1)
 
 
 class Bar:

@@ -1,10 +1,12 @@
-"""Images made by hand of what a map shows and a camera saw: a wall 2 m ahead, and boxes."""
+"""Rendered and observed images made by hand: a wall 2 m ahead, and boxes."""
 
 import numpy as np
 
 from gslts._core import detect as core
-from gslts._core.detect import MaskRule, ObjectRule, PaperRule
-from gslts.change.changes import Change, object_changes, paper_change
+from gslts._core.detect import MaskRule, ObjectRule
+from gslts.change.changes import Change
+from gslts.change.config import GsLtsRule
+from gslts.change.rules import gs_lts_change, object_changes
 from gslts.core.camera import Camera, look_at
 
 HEIGHT, WIDTH = 120, 160
@@ -17,7 +19,7 @@ Images = dict[str, np.ndarray]
 
 
 def blank() -> Images:
-    """A map that shows exactly what the camera saw."""
+    """Return images without a difference."""
     colors = np.full((HEIGHT, WIDTH, 3), 0.5, np.float32)
     depth = np.full((HEIGHT, WIDTH), WALL_M, np.float32)
     ones = np.ones((HEIGHT, WIDTH), np.float32)
@@ -39,32 +41,34 @@ def put(
     depth_m: float = 1.6,
     color: tuple[float, float, float] = (0.9, 0.2, 0.1),
 ) -> None:
-    """A box that faces the camera: its first row and column, and its height and width in px."""
+    """Draw a box that faces the camera: first row and column, and height and width, px."""
     part = (slice(corner[0], corner[0] + size[0]), slice(corner[1], corner[1] + size[1]))
     images["photo" if side == "after" else "rgb"][part] = color
     images["measured" if side == "after" else "rendered"][part] = depth_m
     images["similarity"][part] = 0
 
 
-def told(images: Images, rule: ObjectRule = RULE, camera: Camera = CAMERA) -> tuple[Change, ...]:
+def changes_in(
+    images: Images, rule: ObjectRule = RULE, camera: Camera = CAMERA
+) -> tuple[Change, ...]:
     """Return the changes that the rules find in images."""
     views = core.Views(camera=camera, **images)
     surfaces, labels = core.changed_surfaces(views, core.masks_of(views, MaskRule()), rule)
     return object_changes(surfaces, labels, rule)
 
 
-def of_the_paper(side: str) -> Change:
-    """Return the change that the strategy "paper" finds where one box came or went."""
+def gs_lts_change_at(side: str) -> Change:
+    """Return the change that the strategy "gs_lts" finds where one box came or went."""
     images = blank()
     put(images, side, (40, 20 if side == "before" else 100))
     views = core.Views(camera=CAMERA, **images)
-    found, labels = core.paper_change(views, core.masks_of(views, MaskRule()), PaperRule())
+    found, labels = core.paper_change(views, core.masks_of(views, MaskRule()), GsLtsRule())
     assert found is not None
-    return paper_change(found, labels)
+    return gs_lts_change(found, labels)
 
 
 def texture(seed: int, height: int = 90, width: int = 120) -> np.ndarray:
-    """[H,W,3] random colours of 6 x 6 px, not too dark nor too bright."""
+    """Return [H,W,3] squares of 6 x 6 px in random colours, neither dark nor bright."""
     rng = np.random.default_rng(seed)
     squares = rng.uniform(0.2, 0.8, (height // 6, width // 6, 3)).astype(np.float32)
     return squares.repeat(6, 0).repeat(6, 1)

@@ -19,11 +19,11 @@ from gslts.core.gaussian_map import GaussianMap
 from gslts.datasets import open_dataset
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.engine import make_map
-from gslts.store.map_folder import camera_of, plain_camera, read_map, write_map_folder
+from gslts.store.map_folder import camera_from_json, camera_to_json, read_map, write_map_folder
 from gslts_sim.capture import capture
 from gslts_sim.controller import Controller
 from gslts_sim.home import Home, HomeObject
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
 
 TILES = 20
 SIZE = {"width": 160, "height": 120}
@@ -31,9 +31,9 @@ CONFIG = DetectionConfig(halvings=0)
 """Pictures are small already."""
 BLOCK_TOP_M = 0.75
 LOOKS = (
-    Look(np.array([2.5, 0.5]), 90.0, 30.0),
-    Look(np.array([2.75, 3.5]), 270.0, 30.0),
-    Look(np.array([1.5, 0.5]), 60.0, 30.0),
+    Viewpoint(2.5, 0.5, 90.0, 30.0),
+    Viewpoint(2.75, 3.5, 270.0, 30.0),
+    Viewpoint(1.5, 0.5, 60.0, 30.0),
 )
 """At the block, so that nothing on it hides anything else there."""
 
@@ -89,7 +89,7 @@ def home() -> Home:
     return replace(plain, objects=(walls, replace(floor, receptacle=True), block, red, blue))
 
 
-def see(where: Home, look: Look, noise: str = "none", seed: int = 0) -> RgbdFrame:
+def see(where: Home, look: Viewpoint, noise: str = "none", seed: int = 0) -> RgbdFrame:
     """What a robot in a home sees."""
     robot = Controller(where, **SIZE, noise=noise, seed=seed)
     robot.go(look)
@@ -104,16 +104,16 @@ def mapped() -> tuple[GaussianMap, dict[str, Camera]]:
         looks = [*looks_all_around("change_room", home(), 48), *LOOKS]
         gaussian_map, cameras = map_of(home(), looks)
         write_map_folder(folder, gaussian_map, {}, {})
-        plain = {name: plain_camera(one) for name, one in cameras.items()}
+        plain = {name: camera_to_json(one) for name, one in cameras.items()}
         (folder / "exact.json").write_text(json.dumps(plain))
 
     folder = made_once("change_room_map", make)
     # Cameras that are read with a map are made rigid, which changes their last bits.
     plain = json.loads((folder / "exact.json").read_text())
-    return read_map(folder), {name: camera_of(one) for name, one in plain.items()}
+    return read_map(folder), {name: camera_from_json(one) for name, one in plain.items()}
 
 
-def map_of(where: Home, looks: Sequence[Look]) -> tuple[GaussianMap, dict[str, Camera]]:
+def map_of(where: Home, looks: Sequence[Viewpoint]) -> tuple[GaussianMap, dict[str, Camera]]:
     """A map that is made in some seconds, and the cameras of the frames."""
     config = MappingConfig(
         iterations=500,

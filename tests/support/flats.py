@@ -33,10 +33,10 @@ def furnished_flat(*made: tuple[str, int, tuple[float, float]], detail: float = 
         shift = np.eye(4)
         shift[:2, 3] = np.array(corner) - home.rooms[0].box[0, :2]
         rooms += [replace(room, box=room.box + shift[:3, 3]) for room in home.rooms]
-        for thing in home.objects:
-            parent = None if thing.parent is None else f"{thing.parent}|{k}"
-            placed = thing.placed(shift @ thing.world_from_object, parent)
-            objects.append(replace(placed, id=f"{thing.id}|{k}"))
+        for obj in home.objects:
+            parent = None if obj.parent is None else f"{obj.parent}|{k}"
+            placed = obj.place_at(shift @ obj.world_from_object, parent)
+            objects.append(replace(placed, id=f"{obj.id}|{k}"))
         for light in home.lights:
             owner = None if light.owner is None else f"{light.owner}|{k}"
             lights.append(replace(light, center=light.center + shift[:3, 3], owner=owner))

@@ -17,10 +17,10 @@ def complaints(room_type: str, seed: int) -> list[str]:
     """What is wrong with a home, in words."""
     home = make_home(room_type, seed, detail=DETAIL)
     found = problems(home) + wrong_ids(home) + wrong_meshes(home)
-    movable = sum(thing.movable for thing in home.objects)
+    movable = sum(obj.movable for obj in home.objects)
     if movable < 10:
         found.append(f"only {movable} movable objects")
-    share = walkable_floor(home, home.rooms[0], radius_m=0.2, height_m=1.2).reached_share
+    share = walkable_floor(home, home.rooms[0], radius_m=0.2, height_m=1.2).reached_fraction
     if share < 0.6:
         found.append(f"the robot reaches only {share:.2f} of the free floor")
     return [f"{home.name}: {complaint}" for complaint in found]
@@ -30,30 +30,30 @@ def wrong_ids(home: Home) -> list[str]:
     """Ids are `Type|number`, counted from 1; parents are receptacles or the building."""
     found = []
     counts: dict[str, int] = {}
-    for thing in home.objects:
-        counts[thing.type] = counts.get(thing.type, 0) + 1
-        if thing.id != f"{thing.type}|{counts[thing.type]}":
-            found.append(f"{thing.id} is number {counts[thing.type]} of {thing.type}")
-        if thing.movable and not home[thing.parent].receptacle:
-            found.append(f"{thing.id} stands on {thing.parent}, no receptacle")
+    for obj in home.objects:
+        counts[obj.type] = counts.get(obj.type, 0) + 1
+        if obj.id != f"{obj.type}|{counts[obj.type]}":
+            found.append(f"{obj.id} is number {counts[obj.type]} of {obj.type}")
+        if obj.movable and not home[obj.parent].receptacle:
+            found.append(f"{obj.id} stands on {obj.parent}, no receptacle")
     return found
 
 
 def wrong_meshes(home: Home) -> list[str]:
     """Closed surfaces look outward, and their boxes cover what they show."""
     found = []
-    for thing in home.objects:
+    for obj in home.objects:
         found += [
-            f"{thing.id}: surface {k} is inside out"
-            for k, surface in enumerate(thing.surfaces)
+            f"{obj.id}: surface {k} is inside out"
+            for k, surface in enumerate(obj.surfaces)
             if signed_volume(surface.vertices, surface.faces) <= 0
         ]
-        vertices = np.concatenate([surface.vertices for surface in thing.surfaces])
-        boxes = np.stack([thing.boxes[:, 0].min(axis=0), thing.boxes[:, 1].max(axis=0)])
+        vertices = np.concatenate([surface.vertices for surface in obj.surfaces])
+        boxes = np.stack([obj.boxes[:, 0].min(axis=0), obj.boxes[:, 1].max(axis=0)])
         if abs(vertices[:, 2].min()) > 1e-6 or abs(boxes[0, 2]) > 1e-6:
-            found.append(f"{thing.id}: its origin is not in its bottom")
+            found.append(f"{obj.id}: its origin is not in its bottom")
         if (vertices < boxes[0] - 0.09).any() or (vertices > boxes[1] + 0.09).any():
-            found.append(f"{thing.id}: its boxes leave out a part")
+            found.append(f"{obj.id}: its boxes leave out a part")
     return found
 
 
@@ -65,11 +65,11 @@ def signed_volume(vertices: np.ndarray, faces: np.ndarray) -> float:
 def digest(home: Home) -> str:
     """Hash of all that a home is made of."""
     result = hashlib.sha256(f"{home.name} {home.ambient.tolist()}".encode())
-    for thing in home.objects:
-        result.update(f"{thing.id} {thing.movable} {thing.receptacle} {thing.parent}".encode())
-        for array in (thing.boxes, thing.world_from_object):
+    for obj in home.objects:
+        result.update(f"{obj.id} {obj.movable} {obj.receptacle} {obj.parent}".encode())
+        for array in (obj.boxes, obj.world_from_object):
             result.update(array.tobytes())
-        for surface in thing.surfaces:
+        for surface in obj.surfaces:
             for part in (surface.vertices, surface.faces, surface.uvs, surface.texture):
                 result.update(np.ascontiguousarray(part).tobytes())
     for light in home.all_lights:

@@ -7,8 +7,9 @@ import change_room
 from shared import looks_all_around
 
 from gslts.core.frame import RgbdFrame
-from gslts.localization.landmark_files import KEY, digest_of, keep_landmarks
-from gslts.localization.landmarks import Landmarks, landmarks_of
+from gslts.localization.landmark_extraction import extract_landmarks
+from gslts.localization.landmark_files import KEY, landmarks_digest, write_landmarks
+from gslts.localization.landmarks import Landmarks
 from gslts.store.map_folder import write_map_folder
 
 
@@ -22,7 +23,7 @@ def frames() -> tuple[RgbdFrame, ...]:
 @cache
 def found() -> Landmarks:
     """Return the landmarks of the mapped room."""
-    return landmarks_of(change_room.mapped()[0], frames(), threads=1)
+    return extract_landmarks(change_room.mapped()[0], frames(), threads=1)
 
 
 def folder_with(landmarks: Landmarks, path: Path) -> Path:
@@ -30,7 +31,7 @@ def folder_with(landmarks: Landmarks, path: Path) -> Path:
     gaussian_map, cameras = change_room.mapped()
 
     def finish(part: Path) -> None:
-        keep_landmarks(landmarks, part)
+        write_landmarks(landmarks, part)
 
-    write_map_folder(path, gaussian_map, {KEY: digest_of(landmarks)}, cameras, finish)
+    write_map_folder(path, gaussian_map, {KEY: landmarks_digest(landmarks)}, cameras, finish)
     return path

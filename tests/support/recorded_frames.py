@@ -1,12 +1,11 @@
 """Frames that a robot sees in a small room."""
 
-import numpy as np
 import sim_scenes
 
 from gslts_sim.controller import Controller
-from gslts_sim.viewpoints import Look
+from gslts_sim.robot_body import Viewpoint
 
-LOOKS = [Look(np.array([1.0, y]), yaw, 30.0) for y, yaw in ((1.0, 0.0), (1.0, 45.0), (2.5, 330.0))]
+LOOKS = [Viewpoint(1.0, y, yaw, 30.0) for y, yaw in ((1.0, 0.0), (1.0, 45.0), (2.5, 330.0))]
 
 
 def frames_of_robot(width: int = 64, height: int = 48) -> list:
@@ -14,7 +13,7 @@ def frames_of_robot(width: int = 64, height: int = 48) -> list:
     robot = Controller(sim_scenes.simple_home(), width=width, height=height)
     frames = []
     for look in LOOKS:
-        x, y = look.place
+        x, y = look.x, look.y
         robot.act(
             "Teleport",
             position={"x": x, "y": y},

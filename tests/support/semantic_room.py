@@ -1,4 +1,4 @@
-"""The map of `change_room`, taught what its labels say."""
+"""The map of `change_room` with semantic features of its labels."""
 
 import json
 from dataclasses import replace
@@ -16,23 +16,23 @@ from gslts.semantics.autoencoder import Autoencoder
 from gslts.semantics.embed import SemanticFeatures, embed_semantics
 from gslts.semantics.map_semantics import MapSemantics
 from gslts.semantics.source import Oracle
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
 
 
 @cache
-def looks() -> list[Look]:
-    """Some all around the room, and those at the block."""
+def looks() -> list[Viewpoint]:
+    """Return views of the whole room, and those of the block."""
     return [*looks_all_around("change_room", change_room.home(), 16), *change_room.LOOKS]
 
 
 def frames() -> list[RgbdFrame]:
-    """Return what is seen at `looks`."""
+    """Return the frames at `looks`."""
     return [change_room.see(change_room.home(), look) for look in looks()]
 
 
 @cache
 def embedded_map() -> tuple[GaussianMap, SemanticFeatures]:
-    """Return the map with features, and what they mean; made once a run."""
+    """Return the map with features, and the features; made once per run."""
     gaussian_map, _ = change_room.mapped()
 
     def make(folder: Path) -> None:
@@ -50,6 +50,6 @@ def embedded_map() -> tuple[GaussianMap, SemanticFeatures]:
 
 
 def map_semantics() -> MapSemantics:
-    """Return the meaning of the map, as updates take it."""
+    """Return the semantics of the map, as updates need them."""
     _, found = embedded_map()
     return MapSemantics(Oracle(), found.autoencoder, found.names)

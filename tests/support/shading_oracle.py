@@ -17,26 +17,26 @@ def radiance_of(caster: RayCaster, camera: Camera) -> np.ndarray:
     ways = ways.astype(np.float32)
     eye = np.broadcast_to(camera.world_from_camera[:3, 3].astype(np.float32), ways.shape)
     hits = caster._scene.cast(np.concatenate([eye, ways], axis=-1))
-    hit = np.isfinite(hits["t_hit"])
-    depth = np.where(hit, hits["t_hit"], np.float32(0))
-    triangles = np.where(hit, hits["primitive_ids"], 0)
+    hit = np.isfinite(hits.distances)
+    depth = np.where(hit, hits.distances, np.float32(0))
+    triangles = np.where(hit, hits.triangles, 0)
     normals = caster._scene.normals[triangles]
     cosines = _dot(normals, ways) / np.sqrt(_dot(ways, ways))
     normals = normals * -np.sign(cosines)[..., None]
     pixel_m = depth * np.float32(1 / camera.fx) / np.maximum(np.abs(cosines), np.float32(0.1))
-    albedo = _sampled(caster, triangles, hits["primitive_uvs"], pixel_m)
+    albedo = _sampled(caster, triangles, hits.weights, pixel_m)
     points = eye + ways * depth[..., None]
     direct = np.zeros_like(points)
     for light in caster.lights:
         direct += _from_light(caster, light, points, normals)[..., None] * _single(light.radiance)
     for axis in (1, 0):
         direct = _average(direct, normals, depth, axis)
-    objects = [thing for thing in caster.home.objects for _ in thing.surfaces]
-    surfaces = [surface for thing in caster.home.objects for surface in thing.surfaces]
+    objects = [obj for obj in caster.home.objects for _ in obj.surfaces]
+    surfaces = [surface for obj in caster.home.objects for surface in obj.surfaces]
     shining = {light.owner for light in caster.lights}
     glow = [
-        surface.emission if thing.id in shining else 0
-        for thing, surface in zip(objects, surfaces, strict=True)
+        surface.emission if obj.id in shining else 0
+        for obj, surface in zip(objects, surfaces, strict=True)
     ]
     emission = np.repeat(_single(glow), [len(surface.faces) for surface in surfaces])
     light = direct + _single(caster.home.ambient) + emission[triangles][..., None]
@@ -90,7 +90,7 @@ def _sampled(
     caster: RayCaster, triangles: np.ndarray, weights: np.ndarray, pixel_m: np.ndarray
 ) -> np.ndarray:
     """[H,W,3] linear colours, between texels and between levels."""
-    atlas = texture_atlas([s for thing in caster.home.objects for s in thing.surfaces])
+    atlas = texture_atlas([s for obj in caster.home.objects for s in obj.surfaces])
     a, b, c = np.moveaxis(atlas["uvs"][triangles], -2, 0)
     uv = a + weights[..., :1] * (b - a) + weights[..., 1:] * (c - a)
     texels = np.maximum(pixel_m * atlas["texels_per_m"][triangles], np.float32(1e-6))

@@ -8,12 +8,10 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
-
 from gslts_bench.cache import cached_folder
 from gslts_sim.explore import explore
 from gslts_sim.home import Home
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
 
 VARIABLE = "GSLTS_TEST_SHARED"
 """Names the folder of a run: all processes of it, and pytest runs one after the other, use one."""
@@ -36,7 +34,7 @@ def made_once(name: str, make: Callable[[Path], None]) -> Path:
     return cached_folder(Path(os.environ[VARIABLE]) / name, {}, make)
 
 
-def looks_all_around(name: str, home: Home, most: int) -> list[Look]:
+def looks_all_around(name: str, home: Home, most: int) -> list[Viewpoint]:
     """Return `explore(home, most)[0]`, made once a run.
 
     Args:
@@ -48,8 +46,8 @@ def looks_all_around(name: str, home: Home, most: int) -> list[Look]:
     def make(folder: Path) -> None:
         folder.mkdir()
         looks, _ = explore(home, most)
-        numbers = [[*one.place.tolist(), one.yaw_deg, one.horizon_deg] for one in looks]
+        numbers = [[one.x, one.y, one.yaw_deg, one.horizon_deg] for one in looks]
         (folder / "looks.json").write_text(json.dumps(numbers))
 
     numbers = json.loads((made_once(f"{name}_{most}_looks", make) / "looks.json").read_text())
-    return [Look(np.array([x, y]), yaw, horizon) for x, y, yaw, horizon in numbers]
+    return [Viewpoint(x, y, yaw, horizon) for x, y, yaw, horizon in numbers]

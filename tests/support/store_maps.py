@@ -7,8 +7,28 @@ import numpy as np
 
 from gslts.core.gaussian_map import GaussianMap
 from gslts.mapping.density.control import joined
+from gslts.store.causes import (
+    MappingCause,
+    RejectedUpdateCause,
+    SemanticsCause,
+    UpdateCause,
+    UpdateRecord,
+)
 from gslts.store.delta import ARRAYS
 from gslts.store.map_store import BLOBS, MapStore
+from gslts.store.records import ObjectEvent
+
+ROOM = MappingCause(dataset="room")
+REJECTED = RejectedUpdateCause(record=UpdateRecord(rejected="no view shows it"))
+ORACLE = SemanticsCause(
+    source="oracle", dataset="room", levels=1, code=8, names=("Mug",), autoencoder=64 * "0"
+)
+BOX = ((0.0, 0.0, 0.0), (0.1, 0.1, 0.2))
+
+
+def addition(object_type: str) -> ObjectEvent:
+    """Return the addition of an object."""
+    return ObjectEvent(kind="addition", type=object_type, boxes=(None, BOX))
 
 
 def random_map(size: int, seed: int = 0, features: int = 2) -> GaussianMap:
@@ -30,7 +50,7 @@ def random_map(size: int, seed: int = 0, features: int = 2) -> GaussianMap:
 
 
 def edited(before: GaussianMap, seed: int, next_id: int) -> GaussianMap:
-    """Some are gone, some moved, and some are new."""
+    """Return a map with some Gaussians removed, some moved, and some added."""
     rng = np.random.default_rng(seed)
     kept = before.select(np.flatnonzero(rng.random(before.size) > 0.1))
     means = kept.means.copy()
@@ -46,12 +66,12 @@ def assert_same(one: GaussianMap, other: GaussianMap) -> None:
 
 
 def grown(folder: Path, count: int) -> list[GaussianMap]:
-    """Adds versions; all maps, the first one first."""
+    """Add versions to a store, and return all maps, oldest first."""
     with MapStore(folder, writable=True) as store:
         maps = [store.read()]
         for seed in range(1, count + 1):
             maps.append(edited(maps[-1], seed, store.version().next_id))
-            store.commit(maps[-1], {"seed": seed})
+            store.commit(maps[-1], UpdateCause(round=seed))
     return maps
 
 

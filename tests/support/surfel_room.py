@@ -1,4 +1,4 @@
-"""A simulated room and a map of it that is made up of its boxes, in which Gaussians know words."""
+"""A simulated room, and a synthetic map of its surfaces with semantic features."""
 
 from dataclasses import replace
 from functools import cache
@@ -13,21 +13,21 @@ from gslts.semantics.train_autoencoder import train_autoencoder
 from gslts_sim.home import Home, HomeObject
 from gslts_sim.physics import boxes_in_world
 
-APART_M, THIN_M = 0.05, 0.002
-CODE = 8
+SPACING_M, THICKNESS_M = 0.05, 0.002
+CODE_DIMS = 8
 NAMES = ("Mug", "Box", "Block", "Wall", "Floor", "Bed")
 GREY = np.full((4, 4, 3), 140, np.uint8)
 
 Point = tuple[float, float, float]
 
 
-def thing(name: str, low: Point, high: Point) -> HomeObject:
+def box(name: str, low: Point, high: Point) -> HomeObject:
     return sim_scenes.box_object(name, low, high, GREY)
 
 
 @cache
 def home() -> Home:
-    """A room of 4 x 3 m with a block in its middle, a mug on it and a box in a corner."""
+    """Return a room of 4 x 3 m with a block in the centre, a mug on it and a box in a corner."""
     plain = sim_scenes.simple_home()
     size = (4.0, 3.0, 2.6)
     walls = sim_scenes.box_object("Wall|1", (0, 0, 0), size, GREY, inward=True)
@@ -38,25 +38,25 @@ def home() -> Home:
         rooms=(room,),
         objects=(
             walls,
-            thing("Floor|1", (0, 0, -0.1), (4, 3, 0)),
-            thing("Block|1", (1.6, 0.9, 0), (2.4, 2.1, 0.75)),
-            thing("Mug|1", (2.2, 1.4, 0.75), (2.35, 1.55, 0.9)),
-            thing("Box|1", (0.1, 2.5, 0), (0.5, 2.9, 0.4)),
+            box("Floor|1", (0, 0, -0.1), (4, 3, 0)),
+            box("Block|1", (1.6, 0.9, 0), (2.4, 2.1, 0.75)),
+            box("Mug|1", (2.2, 1.4, 0.75), (2.35, 1.55, 0.9)),
+            box("Box|1", (0.1, 2.5, 0), (0.5, 2.9, 0.4)),
         ),
     )
 
 
 @cache
 def autoencoder() -> Autoencoder:
-    """Of the names of all things."""
-    return train_autoencoder(Oracle().encode(NAMES), CODE, steps=300)
+    """Return an autoencoder for the names of all objects."""
+    return train_autoencoder(Oracle().encode(NAMES), CODE_DIMS, steps=300)
 
 
 def surfels(where: Home) -> GaussianMap:
-    """Flat Gaussians all over the boxes of a home, but for the outer sides of its walls."""
+    """Return flat Gaussians on the surfaces of a home, without the outer sides of its walls."""
     means, scales, types = [], [], []
-    for one in where.objects:
-        boxes = boxes_in_world(one)
+    for home_object in where.objects:
+        boxes = boxes_in_world(home_object)
         for center, half in zip(boxes.centers, boxes.halves, strict=True):
             for axis in range(3):
                 for side in (-1, 1):
@@ -64,30 +64,31 @@ def surfels(where: Home) -> GaussianMap:
                     inside = ((own > -1e-6) & (own < where.space.box[1] + 1e-6)).all(axis=1)
                     means.append(own[inside])
                     scales.append(np.tile(flat, (inside.sum(), 1)))
-                    types += [one.type] * int(inside.sum())
+                    types += [home_object.type] * int(inside.sum())
     return gaussians(np.concatenate(means), np.concatenate(scales), types)
 
 
 def face(
     center: np.ndarray, half: np.ndarray, axis: int, side: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points [P,3] on a side of a box, and the standard deviations of Gaussians there."""
-    apart_m = min(APART_M, half.max() / 3)  # Small things have enough Gaussians, too.
+    """Return points [P,3] on a side of a box, and the standard deviations of Gaussians there."""
+    spacing_m = min(SPACING_M, half.max() / 3)  # So that small objects have enough.
     lines = [
-        np.arange(-h + apart_m / 2, h, apart_m) if h > apart_m / 2 else np.zeros(1) for h in half
+        np.arange(-h + spacing_m / 2, h, spacing_m) if h > spacing_m / 2 else np.zeros(1)
+        for h in half
     ]
     lines[axis] = np.array([side * half[axis]])
     points = center + np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
-    flat = np.full(3, apart_m / 2)
-    flat[axis] = THIN_M
+    flat = np.full(3, spacing_m / 2)
+    flat[axis] = THICKNESS_M
     return points, flat
 
 
 def gaussians(means: np.ndarray, scales: np.ndarray, types: list[str]) -> GaussianMap:
-    """Opaque Gaussians that know what they are; those of type "" do not."""
+    """Return opaque Gaussians with the features of their types; type "" has none."""
     size = len(means)
     codes = autoencoder().encode(Oracle().encode(NAMES))
-    rows = np.array([NAMES.index(one) if one else -1 for one in types])
+    rows = np.array([NAMES.index(name) if name else -1 for name in types])
     features = np.where(rows[:, None] >= 0, codes[rows], 0)
     return GaussianMap(
         means=means.astype(np.float32),
@@ -101,12 +102,12 @@ def gaussians(means: np.ndarray, scales: np.ndarray, types: list[str]) -> Gaussi
 
 @cache
 def surfel_map() -> GaussianMap:
-    """Of `home`."""
+    """Return the map of `home`."""
     return surfels(home())
 
 
-def joined(one: GaussianMap, other: GaussianMap) -> GaussianMap:
+def concatenate(first: GaussianMap, second: GaussianMap) -> GaussianMap:
     names = ("means", "quats", "log_scales", "logit_opacities", "sh", "features")
     return GaussianMap(
-        **{name: np.concatenate([getattr(one, name), getattr(other, name)]) for name in names}
+        **{name: np.concatenate([getattr(first, name), getattr(second, name)]) for name in names}
     )

@@ -1,4 +1,4 @@
-"""Tiny CLIP and SAM models with random weights, in folders as `hf download` leaves them."""
+"""Tiny CLIP and SAM models with random weights, in folders as of `hf download`."""
 
 import json
 from pathlib import Path
@@ -14,7 +14,7 @@ END = 513
 
 
 def write_clip(folder: Path, seed: int = 0) -> None:
-    """Reads texts letter by letter, and pictures in four patches."""
+    """Write a CLIP with one token per letter and four image patches."""
     import torch
     from transformers import CLIPConfig, CLIPModel
 
@@ -36,7 +36,7 @@ def write_clip(folder: Path, seed: int = 0) -> None:
     with torch.random.fork_rng(devices=[]), torch.no_grad():
         torch.manual_seed(seed)
         model = CLIPModel(config)
-        # So that what a picture shows counts.
+        # So that the embedding depends on the image.
         attention = model.vision_model.encoder.layers[0].self_attn
         attention.v_proj.weight.mul_(5.0)
         attention.out_proj.weight.mul_(5.0)
@@ -55,8 +55,8 @@ def write_tokenizer(folder: Path) -> None:
     (folder / "merges.txt").write_text("#version: 0.2\n")
 
 
-def teach_words(folder: Path, words: dict[str, np.ndarray]) -> None:
-    """Gives words [D] embeddings, through the last layer of the text encoder."""
+def set_text_embeddings(folder: Path, words: dict[str, np.ndarray]) -> None:
+    """Set the embeddings [D] of words, by the last layer of the text encoder."""
     import torch
     from transformers import CLIPModel, CLIPTokenizer
 

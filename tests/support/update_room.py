@@ -18,7 +18,7 @@ from gslts.update.updater import Update, update
 from gslts.update.view_collection import Collection, collect
 from gslts_sim.controller import Controller
 from gslts_sim.home import Home, HomeObject
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
 
 Kind = Literal["removal", "addition", "relocation"]
 COLLECT = CollectConfig(distance_m=1.0)
@@ -133,7 +133,7 @@ def run_updates(robot: Robot, changes: list[Change]) -> Update:
     )
 
 
-def looks_at_the_change() -> list[Look]:
+def looks_at_the_change() -> list[Viewpoint]:
     """First some at once, so that the change is believed, then all around."""
     found = collected("removal")
     looks = []
@@ -141,7 +141,7 @@ def looks_at_the_change() -> list[Look]:
         pose = view.camera.world_from_camera
         x, y, z = pose[:3, 2]
         looks.append(
-            Look(
+            Viewpoint(
                 np.round(pose[:2, 3] / 0.25) * 0.25,
                 float(np.rad2deg(np.arctan2(y, x))),
                 float(np.rad2deg(np.arcsin(-z))),

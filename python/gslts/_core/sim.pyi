@@ -7,7 +7,7 @@ import gslts._core.map
 import numpy
 import numpy.typing
 import typing
-__all__: list[str] = ['Shading', 'Surfaces', 'measure_color', 'measure_depth', 'pixel_rays']
+__all__: list[str] = ['Shading', 'Surfaces', 'intersect_triangles', 'measure_color', 'measure_depth', 'pixel_rays']
 class Surfaces:
     """
     The T triangles of a home and their textures; copies.
@@ -85,6 +85,23 @@ class Shading:
         """
         [R,6] float32 origins, m, and ways to the lights; what blocks them is in 0 to 1.
         """
+def intersect_triangles(rays: numpy.ndarray, hit: numpy.ndarray, corners: numpy.ndarray, *, threads: int) -> tuple:
+    """
+    Computes where rays meet triangles that are known to be hit, the same on every processor.
+    
+    Args:
+        rays: [N,6] float32 origins, m, and directions of any length, world.
+        hit: [N] uint32 index of the triangle; 0xffffffff where nothing is hit.
+        corners: [T,3,3] float32, m, world.
+        threads: 0 means one a hardware thread; the result does not depend on it.
+    
+    Returns:
+        Distances [N] float32 in lengths of the direction, infinite for a miss; and barycentric weights
+        [N,2] float32 of the second and third corner.
+    
+    Raises:
+        ValueError: An array does not fit, an index is out of range, or threads is negative.
+    """
 def measure_color(radiance: numpy.ndarray, *, normals: numpy.ndarray | None, gains: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"], vignetting: typing.SupportsFloat | typing.SupportsIndex, noise_std: typing.SupportsFloat | typing.SupportsIndex, threads: int) -> numpy.typing.NDArray[numpy.uint8]:
     """
     Makes an sRGB image (IEC 61966-2-1) of linear light.

@@ -1,1 +1,1 @@
-"""The Change Detection Unit: what differs between a map and what a robot sees."""
+"""Change detection: objects that differ between a map and the frames of a robot (GS-LTS III-C)."""

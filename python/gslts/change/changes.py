@@ -1,123 +1,121 @@
-"""One object that is new, gone or somewhere else."""
+"""A change of the home: one object that was added, removed or moved."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gslts._core import detect as _core
+from gslts._core.detect import Surface
 from gslts.types import Bools, Floats
 
 Kind = Literal["addition", "removal", "relocation"]
+Side = Literal["before", "after"]
+Box = tuple[Floats, Floats]
+"""Lower and upper corner (3,), world, m."""
 
-KINDS: dict[_core.ChangeType, Kind] = {
-    _core.ChangeType.ADDITION: "addition",
-    _core.ChangeType.REMOVAL: "removal",
-    _core.ChangeType.RELOCATION: "relocation",
-}
+SIDES: tuple[Side, Side] = ("before", "after")
+"""Order of the pairs in a `Change`."""
 
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """One object that is new, gone or somewhere else.
+    """One object that was added, removed or moved.
 
-    Attributes:
-        kind: Of the change.
-        confidence: 0 to 1: how likely it is no error.
-        point: (3,) where it is to be looked at, in the world, m.
-        before, after: What is seen of the object in the map and in the frame; None where it is not,
-            and with the strategy "paper".
-        masks: [H,W] the same in the image; `Detection.camera` is its camera. None where it is not
-            in this image.
+    A plain value: any detector can construct one for `ChangeMonitor` and `gslts.update`. Pairs
+    hold the value before and after the change; an addition has no value before, a removal none
+    after.
+
+    Args:
+        kind: "addition", "removal" or "relocation".
+        confidence: Probability that the change is real, 0 to 1.
+        point: (3,) position to look at, world, m.
+        boxes: Axis-aligned boxes around the object, (low, high) of (3,) each, world, m; None if
+            unknown. Updates need the boxes of the sides that changed.
+        masks: [H,W] pixels of the object in one image; None if it is not visible there.
+        before: Surface in the map, which lets ends of two frames be matched; None if unknown.
+        after: Surface in the frame, likewise.
+
+    Raises:
+        ValueError: A value is out of range, or does not fit the kind.
     """
 
     kind: Kind
     confidence: float
     point: Floats
-    before: _core.Surface | None
-    after: _core.Surface | None
-    masks: tuple[Bools | None, Bools | None]
+    boxes: tuple[Box | None, Box | None] = (None, None)
+    masks: tuple[Bools | None, Bools | None] = (None, None)
+    before: Surface | None = None
+    after: Surface | None = None
 
-    @property
-    def boxes(self) -> tuple[tuple[Floats, Floats] | None, tuple[Floats, Floats] | None]:
-        """Lower and upper corners (3,) around what is seen before and after, in the world, m."""
-        return _box(self.before), _box(self.after)
+    def __post_init__(self) -> None:
+        if self.kind not in get_args(Kind):
+            known = ", ".join(get_args(Kind))
+            raise ValueError(f"Change: kind must be one of {known}, got {self.kind!r}")
+        if not 0 <= self.confidence <= 1:
+            raise ValueError(f"Change: confidence must be in [0, 1], got {self.confidence}")
+        _require_position("point", self.point)
+        for side, box in zip(SIDES, self.boxes, strict=True):
+            if box is not None:
+                _require_box(f"boxes: {side}", box)
+        absent = {"addition": 0, "removal": 1, "relocation": None}[self.kind]
+        if absent is None:
+            return
+        for name, pair in (
+            ("boxes", self.boxes),
+            ("masks", self.masks),
+            ("surfaces", (self.before, self.after)),
+        ):
+            if pair[absent] is not None:
+                raise ValueError(
+                    f"Change: {name}: {self.kind} has nothing {SIDES[absent]} the change; "
+                    "expected None"
+                )
 
-    def end(self, side: Literal["before", "after"]) -> Change:
-        """The removal or the addition that one end of a relocation is."""
-        part, mask = (
-            (self.before, self.masks[0]) if side == "before" else (self.after, self.masks[1])
-        )
-        assert part is not None  # A relocation has both.
+    def end_point(self, side: Side) -> Floats | None:
+        """Return (3,) the position of the object at one side, world, m; None if unknown.
+
+        Args:
+            side: "before" or "after".
+        """
+        surface = self.before if side == "before" else self.after
+        if surface is not None:
+            return surface.point
+        box = self.boxes[SIDES.index(side)]
+        return None if box is None else (box[0] + box[1]) / 2
+
+    def end(self, side: Side) -> Change:
+        """Return the removal or the addition that is one end of a relocation.
+
+        Args:
+            side: "before" for the removal, "after" for the addition.
+
+        Raises:
+            ValueError: The position at that side is unknown.
+        """
+        point, row = self.end_point(side), SIDES.index(side)
+        if point is None:
+            raise ValueError(f"Change.end: the {self.kind} has no box {side} the change")
+        box, mask = self.boxes[row], self.masks[row]
         if side == "before":
-            return Change("removal", self.confidence, part.point, part, None, (mask, None))
-        return Change("addition", self.confidence, part.point, None, part, (None, mask))
+            return Change(
+                "removal", self.confidence, point, (box, None), (mask, None), before=self.before
+            )
+        return Change(
+            "addition", self.confidence, point, (None, box), (None, mask), after=self.after
+        )
 
 
-def object_changes(
-    surfaces: list[_core.Surface], labels: NDArray[np.int32], rule: _core.ObjectRule
-) -> tuple[Change, ...]:
-    """The changes that explain surfaces of one image, the most certain first.
-
-    Args:
-        surfaces: What only one of map and frame shows.
-        labels: [H,W] of them.
-        rule: Thresholds.
-
-    Raises:
-        ValueError: A threshold is out of range.
-    """
-    return tuple(
-        _change(one, (_mask(labels, one.before), _mask(labels, one.after)))
-        for one in _core.changes_of(surfaces, rule)
-    )
+def _require_position(name: str, value: Any) -> None:
+    if np.shape(value) != (3,) or not np.isfinite(value).all():
+        raise ValueError(f"Change: {name}: expected three finite numbers, got {value}")
 
 
-def joined(removal: Change, addition: Change, rule: _core.ObjectRule) -> Change | None:
-    """The relocation that a removal and an addition are, if they are; they may be of two images."""
-    if removal.before is None or addition.after is None:
-        return None
-    found = _core.changes_of([removal.before, addition.after], rule)
-    if len(found) != 1 or found[0].type != _core.ChangeType.RELOCATION:
-        return None
-    return _change(found[0], (removal.masks[0], addition.masks[1]))
-
-
-def paper_change(found: _core.PaperChange, labels: NDArray[np.int32]) -> Change:
-    """The change that the rule of GS-LTS tells, of components with labels [H,W]."""
-    first = labels == found.first.label
-    second = None if found.second is None else labels == found.second.label
-    both = first if second is None else first | second
-    kind = KINDS[found.type]
-    return Change(
-        kind=kind,
-        confidence=1.0,
-        point=found.point_in_world,
-        before=None,
-        after=None,
-        masks=(None if kind == "addition" else both, None if kind == "removal" else both),
-    )
-
-
-def _change(one: _core.ObjectChange, masks: tuple[Bools | None, Bools | None]) -> Change:
-    shown = one.after if one.after is not None else one.before
-    assert shown is not None  # Each change has one of them.
-    return Change(
-        kind=KINDS[one.type],
-        confidence=one.confidence,
-        point=shown.point,
-        before=one.before,
-        after=one.after,
-        masks=masks,
-    )
-
-
-def _box(surface: _core.Surface | None) -> tuple[Floats, Floats] | None:
-    return None if surface is None else (surface.low, surface.high)
-
-
-def _mask(labels: NDArray[np.int32], surface: _core.Surface | None) -> Bools | None:
-    return None if surface is None else labels == surface.label
+def _require_box(name: str, box: Any) -> None:
+    if len(box) != 2:
+        raise ValueError(f"Change: {name}: expected (low, high), got {len(box)} corners")
+    for corner in box:
+        _require_position(name, corner)
+    if (np.asarray(box[0]) > np.asarray(box[1])).any():
+        raise ValueError(f"Change: {name}: low must not exceed high, got {box}")

@@ -1,40 +1,42 @@
-"""How changes are detected."""
+"""Settings of change detection."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
-from gslts._core.detect import MaskRule, ObjectRule, PaperRule
+from gslts._core.detect import MaskRule, ObjectRule
+from gslts._core.detect import PaperRule as GsLtsRule
+from gslts.change.constants import MAX_HALVINGS
 
-__all__ = ["DetectionConfig", "MaskRule", "ObjectRule", "PaperRule", "Strategy"]
+__all__ = ["DetectionConfig", "GsLtsRule", "MaskRule", "ObjectRule", "Strategy"]
 
-Strategy = Literal["objects", "paper"]
-
-MOST_HALVINGS = 2
-"""To a quarter of the frame's sides, from which its pose is corrected."""
+Strategy = Literal["objects", "gs_lts"]
 
 
 @dataclass(frozen=True)
 class DetectionConfig:
-    """Settings of the detection.
+    """Settings of change detection.
 
-    Attributes:
-        strategy: "paper" is the rule of GS-LTS as printed, one change a frame; "objects" finds any
-            number of them.
-        halvings: How often the sides of the frame are halved before it is looked at.
-        align_pose: Whether the pose is corrected first, by direct image alignment with the map.
-        masks: Where frame and map differ.
-        paper: Thresholds of that strategy.
-        objects: Thresholds of that strategy.
-        threads: 0 means one a hardware thread.
+    Args:
+        strategy: "objects" finds any number of changed objects; "gs_lts" is the rule printed in
+            GS-LTS (sec. III-C), at most one change per frame.
+        halvings: Number of times the sides of a frame are halved before the comparison, 0 to 2.
+        align_pose: Correct the pose of the frame first, by direct image alignment with the map.
+        masks: Thresholds of the difference masks.
+        gs_lts: Thresholds of the strategy "gs_lts".
+        objects: Thresholds of the strategy "objects".
+        threads: Number of threads; 0 means one per hardware thread.
+
+    Raises:
+        ValueError: A setting is out of range.
     """
 
     strategy: Strategy = "objects"
     halvings: int = 1
     align_pose: bool = True
     masks: MaskRule = field(default_factory=MaskRule)
-    paper: PaperRule = field(default_factory=PaperRule)
+    gs_lts: GsLtsRule = field(default_factory=GsLtsRule)
     objects: ObjectRule = field(default_factory=ObjectRule)
     threads: int = 1
 
@@ -44,7 +46,7 @@ class DetectionConfig:
             raise ValueError(
                 f"DetectionConfig: strategy must be one of {known}, got {self.strategy!r}"
             )
-        if self.halvings not in range(MOST_HALVINGS + 1):
+        if self.halvings not in range(MAX_HALVINGS + 1):
             raise ValueError(
-                f"DetectionConfig: halvings must be in 0..{MOST_HALVINGS}, got {self.halvings}"
+                f"DetectionConfig: halvings must be in 0..{MAX_HALVINGS}, got {self.halvings}"
             )

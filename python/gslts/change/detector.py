@@ -1,88 +1,89 @@
-"""What one RGB-D frame shows that a map does not, and the other way round."""
+"""Detects object changes by comparing an RGB-D frame with a rendering of the map (GS-LTS III-C)."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gslts._core import detect as _core
-from gslts.change.changes import Change, object_changes, paper_change
-from gslts.change.config import MOST_HALVINGS, DetectionConfig
+from gslts.change.changes import Change
+from gslts.change.config import DetectionConfig
+from gslts.change.constants import (
+    ALIGN_STEPS,
+    MAX_CAMERAS,
+    MAX_CHANGED_SHARE,
+    MAX_HALVINGS,
+    NEAR_SIGMAS,
+    POSE_STDS,
+)
 from gslts.change.exposure import robust_exposure
 from gslts.change.features import FeatureExtractor, OrientedGradients, similarity
 from gslts.change.reliability import (
-    MOST_CHANGED,
-    MOST_SHIFT_M,
-    MOST_TURN_RAD,
-    fault_of_frame,
-    fault_of_likeness,
-    fault_of_view,
+    correction_fault,
+    frame_fault,
+    similarity_fault,
+    view_fault,
 )
-from gslts.change.visibility import SeenSpace
+from gslts.change.rules import gs_lts_change, object_changes
+from gslts.change.visibility import Visibility
 from gslts.core.camera import Camera, at_pose
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
-from gslts.core.se3 import pose_distance
-from gslts.localization.alignment import aligned
+from gslts.localization.alignment import align_pose
 from gslts.rendering.losses import Exposure, apply_exposure
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
-from gslts.types import Bools, Floats
-
-ALIGN_STEPS = 3
-"""Of the pose, at each resolution from a quarter of the frame's."""
-POSE_STDS = (0.01, 0.0087)
-"""How far a robot's pose is expected to be off, m and rad (half a degree)."""
-NEAR_SIGMAS = 6.0
-"""Gaussians nearer than so many of their standard deviations are left out: beside the camera the
-map is better unknown than blurred."""
-
-MOST_CAMERAS = 200
-"""A map that lives has ever more of them, and how certain changes are was fitted to maps of as many
-frames."""
+from gslts.store.camera_files import cameras_of_map
+from gslts.store.map_folder import read_map
+from gslts.types import Bools, Floats32, Ints32
 
 
 @dataclass(frozen=True, eq=False)
 class Detection:
-    """What one frame tells.
+    """Result of the comparison of one frame with a map.
 
     Attributes:
-        changes: The most certain first; none if the frame is unreliable.
-        unreliable: Why nothing can be said; None if something can.
-        camera: Of the images below, at the corrected pose.
-        photo: [H,W,3] float32 sRGB, 0 to 1.
-        render: [H,W,3] float32, the map with the exposure of the photo; None if unreliable.
-        pixel, feature, combined: [H,W] M_pixel, M_feat and M_comb; None if unreliable.
-        exposure: From the map's colours to those of the photo.
-        surfaces: All that changes are made of, likely or not; none with the strategy "paper".
-        labels: [H,W] int32 of them, 0 where there is none; None if unreliable.
+        changes: Detected changes, by falling confidence; none if the frame is unreliable.
+        unreliable: Reason why the frame cannot be compared; None if it can.
+        camera: Camera of the images below, at the aligned pose.
+        observed_rgb: [H,W,3] sRGB of the frame, 0 to 1.
+        rendered_rgb: [H,W,3] sRGB of the map with the exposure of the frame; None if unreliable.
+        pixel_mask: [H,W] M_pixel, where colours differ; None if unreliable.
+        feature_mask: [H,W] M_feat, where features differ; None if unreliable.
+        combined_mask: [H,W] M_comb, where both differ; None if unreliable.
+        exposure: Exposure from the rendered to the observed colours.
+        surfaces: All surfaces that only one of map and frame shows, likely changes or not; none
+            with the strategy "gs_lts".
+        labels: [H,W] label of the surface or mask component at each pixel, 0 for none; None if
+            unreliable.
     """
 
     changes: tuple[Change, ...]
     unreliable: str | None
     camera: Camera
-    photo: NDArray[np.float32]
-    render: NDArray[np.float32] | None = None
-    pixel: Bools | None = None
-    feature: Bools | None = None
-    combined: Bools | None = None
+    observed_rgb: Floats32
+    rendered_rgb: Floats32 | None = None
+    pixel_mask: Bools | None = None
+    feature_mask: Bools | None = None
+    combined_mask: Bools | None = None
     exposure: Exposure = field(default_factory=Exposure)
     surfaces: tuple[_core.Surface, ...] = ()
-    labels: NDArray[np.int32] | None = None
+    labels: Ints32 | None = None
 
 
 class ChangeDetector:
-    """Compares frames with one version of a map; may be used by several threads in turn.
+    """Detects changes between one version of a map and frames of the same home.
+
+    Not for concurrent calls; several threads may use one in turn.
 
     Args:
         gaussian_map: float32.
-        config: Settings.
-        features: None means `OrientedGradients`.
-        cameras: Of the frames that the map was made from: what none of them saw cannot have
-            changed. None of them means that everything was seen; of more than `MOST_CAMERAS`, an
-            even share counts.
+        config: Settings; None means the defaults.
+        features: Feature extractor; None means `OrientedGradients`.
+        cameras: Training cameras of the map: space that none of them saw cannot have changed.
+            Without any, all space counts as seen. At most `MAX_CAMERAS`, evenly chosen, are used.
 
     Raises:
         ValueError: The map is not float32.
@@ -101,20 +102,45 @@ class ChangeDetector:
         self.config = DetectionConfig() if config is None else config
         self._map = gaussian_map
         self._features = OrientedGradients() if features is None else features
-        self._seen = SeenSpace(gaussian_map, evenly(tuple(cameras)), self.config.threads)
+        self._visibility = Visibility(
+            gaussian_map, choose_evenly(tuple(cameras), MAX_CAMERAS), self.config.threads
+        )
         self._rasterizer = Rasterizer(np.float32)
+
+    @classmethod
+    def of_map(
+        cls,
+        path: Path | str,
+        config: DetectionConfig | None = None,
+        *,
+        features: FeatureExtractor | None = None,
+    ) -> ChangeDetector:
+        """Read the Gaussians and the training cameras of a map.
+
+        Args:
+            path: Map folder, a version of it such as MAP@3, or a PLY file, which has no cameras.
+            config: Settings; None means the defaults.
+            features: Feature extractor; None means `OrientedGradients`.
+
+        Raises:
+            OSError: A file cannot be read.
+            ValueError: The path is no map, or the map is damaged.
+        """
+        path = Path(path)
+        cameras = cameras_of_map(path).values()
+        return cls(read_map(path), config, features=features, cameras=cameras)
 
     @property
     def gaussian_map(self) -> GaussianMap:
-        """What frames are compared with."""
+        """The map that frames are compared with."""
         return self._map
 
     def with_map(self, gaussian_map: GaussianMap, cameras: Iterable[Camera]) -> ChangeDetector:
-        """Makes a detector with the same settings for another map.
+        """Return a detector with the same settings for another map.
 
         Args:
             gaussian_map: float32.
-            cameras: Of the frames that it was made from.
+            cameras: Training cameras of that map.
 
         Raises:
             ValueError: The map is not float32.
@@ -122,82 +148,81 @@ class ChangeDetector:
         return ChangeDetector(gaussian_map, self.config, features=self._features, cameras=cameras)
 
     def detect(self, frame: RgbdFrame) -> Detection:
-        """Looks for changes.
+        """Compare a frame with the map.
+
+        Args:
+            frame: Its pose may err by some centimetres and degrees; it is aligned first.
 
         Raises:
             ValueError: A setting is out of range, or the frame is too small to be halved.
         """
-        sizes = [frame.registered()]
-        for _ in range(MOST_HALVINGS):
-            sizes.append(sizes[-1].halved())
-        small = sizes[self.config.halvings]
-        photo = small.rgb.astype(np.float32) / np.float32(255)
-        measured = np.nan_to_num(small.depth)
-        fault = frame.fault or fault_of_frame(photo, measured)
-        if fault is not None:
-            return Detection((), fault, small.camera, photo)
+        pyramid = [frame.registered()]
+        for _ in range(MAX_HALVINGS):
+            pyramid.append(pyramid[-1].halved())
+        small = pyramid[self.config.halvings]
         camera = small.camera
-        if self.config.align_pose:
-            coarse_first = reversed(sizes[self.config.halvings :])
-            pose = aligned(
+        observed_rgb = small.rgb.astype(np.float32) / np.float32(255)
+        observed_depth = np.nan_to_num(small.depth)
+        fault = frame.fault or frame_fault(observed_rgb, observed_depth)
+        if fault is None and self.config.align_pose:
+            pose = align_pose(
                 self._map,
-                coarse_first,
+                reversed(pyramid[self.config.halvings :]),
                 ALIGN_STEPS,
                 stds=POSE_STDS,
                 threads=self.config.threads,
             )
-            camera = at_pose(camera, pose)
-            fault = _fault_of_correction(small.camera.world_from_camera, pose)
-            if fault is not None:
-                return Detection((), fault, small.camera, photo)
-        return self._compared(photo, measured, camera, small.mask)
+            fault = correction_fault(camera.world_from_camera, pose)
+            if fault is None:
+                camera = at_pose(camera, pose)
+        if fault is not None:
+            return Detection((), fault, camera, observed_rgb)
+        return self._compare(observed_rgb, observed_depth, camera, small.mask)
 
-    def _compared(
-        self,
-        photo: NDArray[np.float32],
-        measured: NDArray[np.float32],
-        camera: Camera,
-        mask: Bools | None,
+    def _compare(
+        self, observed_rgb: Floats32, observed_depth: Floats32, camera: Camera, mask: Bools | None
     ) -> Detection:
+        """Compare the images of a frame at its true pose with a rendering."""
         config = self.config
         options = RenderOptions(near_sigmas=NEAR_SIGMAS, threads=config.threads)
         images = self._rasterizer.forward(self._map, camera, options)
         alpha = images.alpha if mask is None else np.where(mask, images.alpha, np.float32(0))
         known = alpha >= config.masks.alpha_min
-        exposure = robust_exposure(images.rgb, photo, known, config.threads)
-        rgb = apply_exposure(images.rgb, exposure)
-        rgb = rgb.clip(0, 1).astype(np.float32)
-        fault = fault_of_view(photo, rgb, measured, images.depth, known)
+        exposure = robust_exposure(images.rgb, observed_rgb, known, config.threads)
+        rendered_rgb = apply_exposure(images.rgb, exposure).clip(0, 1).astype(np.float32)
+        fault = view_fault(observed_rgb, rendered_rgb, observed_depth, images.depth, known)
         if fault is not None:
-            return Detection((), fault, camera, photo)
-        alike = similarity(self._features(photo), self._features(rgb), *photo.shape[:2])
-        fault = fault_of_likeness(alike, known)
+            return Detection((), fault, camera, observed_rgb)
+        cosines = similarity(
+            self._features(observed_rgb), self._features(rendered_rgb), *known.shape
+        )
+        fault = similarity_fault(cosines, known)
         if fault is not None:
-            return Detection((), fault, camera, photo)
+            return Detection((), fault, camera, observed_rgb)
         views = _core.Views(
             camera=camera,
-            photo=photo,
-            rgb=rgb,
-            measured=measured,
+            photo=observed_rgb,
+            rgb=rendered_rgb,
+            measured=observed_depth,
             rendered=images.depth,
             alpha=np.ascontiguousarray(alpha),
-            similarity=alike,
+            similarity=cosines,
         )
         masks = _core.masks_of(views, config.masks)
-        arrays = _core.arrays_of(masks, camera)
         changes, surfaces, labels = self._changes(views, masks)
-        changed = [one for change in changes for one in change.masks if one is not None]
-        if changed and np.any(changed, axis=0).sum() > MOST_CHANGED * known.sum():
-            return Detection((), "most of the view differs", camera, photo)
+        changed = [mask for change in changes for mask in change.masks if mask is not None]
+        if changed and np.any(changed, axis=0).sum() > MAX_CHANGED_SHARE * known.sum():
+            return Detection((), "most of the view differs", camera, observed_rgb)
+        arrays = _core.arrays_of(masks, camera)
         return Detection(
             changes=changes,
             unreliable=None,
             camera=camera,
-            photo=photo,
-            render=rgb,
-            pixel=arrays["pixel"],
-            feature=arrays["feature"],
-            combined=arrays["combined"],
+            observed_rgb=observed_rgb,
+            rendered_rgb=rendered_rgb,
+            pixel_mask=arrays["pixel"],
+            feature_mask=arrays["feature"],
+            combined_mask=arrays["combined"],
             exposure=exposure,
             surfaces=surfaces,
             labels=labels,
@@ -205,35 +230,32 @@ class ChangeDetector:
 
     def _changes(
         self, views: _core.Views, masks: _core.MaskSet
-    ) -> tuple[tuple[Change, ...], tuple[_core.Surface, ...], NDArray[np.int32]]:
-        """The changes, the surfaces that they are made of, and the labels of either."""
-        if self.config.strategy == "paper":
-            change, labels = _core.paper_change(views, masks, self.config.paper)
-            return () if change is None else (paper_change(change, labels),), (), labels
-        found, labels = _core.changed_surfaces(views, masks, self.config.objects)
-        for one in found:
-            one.sights = self._sights(one)
-        return object_changes(found, labels, self.config.objects), tuple(found), labels
+    ) -> tuple[tuple[Change, ...], tuple[_core.Surface, ...], Ints32]:
+        """Return the changes, the surfaces they come from, and the label image of either."""
+        if self.config.strategy == "gs_lts":
+            change, labels = _core.paper_change(views, masks, self.config.gs_lts)
+            return () if change is None else (gs_lts_change(change, labels),), (), labels
+        surfaces, labels = _core.changed_surfaces(views, masks, self.config.objects)
+        if self._visibility.has_cameras:
+            for surface in surfaces:
+                surface.sights = self._visibility_of(surface)
+        return object_changes(surfaces, labels, self.config.objects), tuple(surfaces), labels
 
-    def _sights(self, surface: _core.Surface) -> _core.Sights | None:
-        """What tells the map's own errors, and what it never knew, from changes."""
-        if not self._seen.is_known:
-            return None
-        sights = self._seen.sights(np.array(surface.samples))
-        seen = sights.on + sights.through > 0
+    def _visibility_of(self, surface: _core.Surface) -> _core.Sights:
+        """Count how the training cameras saw the samples of a surface."""
+        counts = self._visibility.counts(np.array(surface.samples))
+        seen = counts.on + counts.through > 0
         return _core.Sights(
-            on=sights.on.sum(), through=sights.through.sum(), seen=float(seen.mean())
+            on=counts.on.sum(), through=counts.through.sum(), seen=float(seen.mean())
         )
 
 
-def evenly(cameras: Sequence[Camera]) -> list[Camera]:
-    """`MOST_CAMERAS` of some cameras, or all of them if they are fewer."""
-    count = min(len(cameras), MOST_CAMERAS)
+def choose_evenly(cameras: Sequence[Camera], count: int) -> list[Camera]:
+    """Return `count` evenly spaced cameras of a sequence, or all of them if they are fewer.
+
+    Args:
+        cameras: In the order in which they were taken.
+        count: Maximum number of cameras.
+    """
+    count = min(len(cameras), count)
     return [cameras[k] for k in np.linspace(0, len(cameras) - 1, count).round().astype(int)]
-
-
-def _fault_of_correction(given: Floats, pose: Floats) -> str | None:
-    shift_m, turn_rad = pose_distance(given, pose)
-    if shift_m <= MOST_SHIFT_M and turn_rad <= MOST_TURN_RAD:
-        return None
-    return f"the pose seems off by {shift_m:.2f} m and {np.degrees(turn_rad):.0f} degrees"

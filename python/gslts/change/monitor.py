@@ -1,4 +1,4 @@
-"""Standing watch for changes while other work goes on."""
+"""Confirms changes over several frames, in a thread of its own."""
 
 from __future__ import annotations
 
@@ -10,21 +10,26 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gslts.change.changes import Change, joined
+from gslts.change.changes import Change
 from gslts.change.detector import ChangeDetector, Detection
+from gslts.change.rules import relocation_of
 from gslts.core.frame import RgbdFrame
 
 
 @dataclass(frozen=True)
 class MonitorConfig:
-    """When a change is believed.
+    """Settings of the confirmation of changes.
 
-    Attributes:
-        rate_hz: Frames that are looked at, at most.
-        queue: Frames that wait, at most; the oldest are dropped.
-        window: Of the last so many frames that were looked at,
-        needed: so many must show a change: who walks through is gone by then.
-        near_m: Sightings of one kind within this distance are one change.
+    Args:
+        rate_hz: Maximum number of frames per second that are compared with the map.
+        queue: Maximum number of frames that wait; the oldest are dropped.
+        window: Number of last frames that count.
+        needed: Number of these frames that must show a change, so that people who walk through
+            the view are not reported.
+        near_m: Maximum distance of two observations of one change, m.
+
+    Raises:
+        ValueError: A setting is out of range.
     """
 
     rate_hz: float = 2.0
@@ -44,50 +49,63 @@ class MonitorConfig:
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """A change that was seen often enough.
+    """A confirmed change.
 
     Attributes:
-        number: Of the report, from 1.
-        change: As last seen.
-        frames: When it was seen, `RgbdFrame.time_s`.
-        replaces: Number of the report of its other end, if a removal and an addition that were seen
-            in different frames are one relocation.
+        number: Number of the report, from 1.
+        change: The change as last observed.
+        times_s: `RgbdFrame.time_s` of the frames that show it.
+        replaces: Number of the report of its other end, if a removal and an addition observed in
+            different frames turn out to be one relocation.
     """
 
     number: int
     change: Change
-    frames: tuple[float, ...]
+    times_s: tuple[float, ...]
     replaces: int | None = None
 
 
 @dataclass(frozen=True)
 class Counts:
-    """Frames so far: offered, dropped because others were newer, looked at, and unreliable."""
+    """Numbers of frames so far.
+
+    Attributes:
+        offered: Frames given to the monitor.
+        dropped: Frames dropped because newer ones came.
+        processed: Frames compared with the map.
+        unreliable: Processed frames that cannot be compared.
+    """
 
     offered: int = 0
     dropped: int = 0
-    looked_at: int = 0
+    processed: int = 0
     unreliable: int = 0
 
 
 @dataclass(eq=False)
-class _Suspicion:
-    """A change as it was seen so far."""
+class _Candidate:
+    """A change observed in some of the last frames.
+
+    Attributes:
+        change: The change as last observed.
+        frames: Number and time, s, of the frames that show it.
+        reported: Number of its report; None if there is none yet.
+    """
 
     change: Change
-    seen: list[tuple[int, float]] = field(default_factory=list)  # Number and time of the frame.
+    frames: list[tuple[int, float]] = field(default_factory=list)
     reported: int | None = None
 
 
 class ChangeMonitor:
-    """Looks for changes in a thread of its own; use it in a `with` statement.
+    """Detects and confirms changes in a thread of its own; use it in a `with` statement.
 
     Args:
-        detector: Of the map as it is.
-        config: Settings.
-        locate: Puts a frame where it was taken before it is looked at, such as
-            `gslts.localization.localizer.Localizer.located`; None means that it says itself where.
-        clock: Returns the time in s by which the rate is kept.
+        detector: Detector for the current version of the map.
+        config: Settings; None means the defaults.
+        locate: Corrects the pose of each frame first, such as
+            `gslts.localization.localizer.Localizer.located`; None keeps the pose of the frame.
+        clock: Returns the time, s, by which the rate is kept.
     """
 
     def __init__(
@@ -101,10 +119,10 @@ class ChangeMonitor:
         self.config = MonitorConfig() if config is None else config
         self._detector, self._locate, self._clock = detector, locate, clock
         self._frames: deque[RgbdFrame] = deque(maxlen=self.config.queue)
-        self._suspicions: list[_Suspicion] = []
+        self._candidates: list[_Candidate] = []
         self._reports: deque[Report] = deque()
         self._counts = Counts()
-        self._numbered = 0
+        self._last_number = 0
         self._failure: Exception | None = None
         self._closing = False
         self._changed = threading.Condition()
@@ -118,13 +136,16 @@ class ChangeMonitor:
         self.close()
 
     def offer(self, frame: RgbdFrame) -> None:
-        """Gives a frame to look at and returns at once; the oldest that waits may be dropped.
+        """Queue a frame and return at once; the oldest frame that waits may be dropped.
+
+        Args:
+            frame: Next frame of the robot.
 
         Raises:
             RuntimeError: The monitor is closed, or has failed.
         """
         with self._changed:
-            self._refuse_stopped()
+            self._require_open()
             full = len(self._frames) == self.config.queue
             self._frames.append(frame)
             counts = self._counts
@@ -134,62 +155,78 @@ class ChangeMonitor:
             self._changed.notify_all()
 
     def poll(self) -> list[Report]:
-        """Changes that were confirmed since the last call.
+        """Return the changes confirmed since the last call.
 
         Raises:
             RuntimeError: The monitor has failed.
         """
         with self._changed:
-            self._refuse_failed()
+            self._require_working()
             reports = list(self._reports)
             self._reports.clear()
             return reports
 
     def resolve(self, report: Report) -> None:
-        """Forgets a change: if it is still seen, it will be reported again."""
+        """Forget a change: if it is still observed, it will be reported again.
+
+        Args:
+            report: Report of the change.
+        """
         with self._changed:
-            self._suspicions = [one for one in self._suspicions if one.reported != report.number]
+            self._candidates = [
+                candidate for candidate in self._candidates if candidate.reported != report.number
+            ]
 
     def publish(self, detector: ChangeDetector) -> None:
-        """From the next frame on, looks with the detector of a new version of the map.
+        """Use the detector of a new version of the map from the next frame on.
 
-        What was seen against the old one is forgotten; a frame that is being looked at now still
-        belongs to the old version and is not counted.
+        Observations against the old version are forgotten; a frame that is being processed still
+        belongs to the old version and does not count.
+
+        Args:
+            detector: Detector for the new version.
         """
         with self._changed:
             self._detector = detector
-            self._suspicions = []
+            self._candidates = []
 
     @property
     def counts(self) -> Counts:
-        """Frames so far."""
+        """Numbers of frames so far."""
         with self._changed:
             return self._counts
 
     @property
-    def is_suspicious(self) -> bool:
-        """Whether something was seen in the last frame that is not certain yet."""
+    def is_pending(self) -> bool:
+        """True if the last frame shows a change that is not confirmed yet."""
         with self._changed:
-            number = self._counts.looked_at
+            number = self._counts.processed
             return any(
-                one.reported is None and one.seen[-1][0] == number for one in self._suspicions
+                candidate.reported is None and candidate.frames[-1][0] == number
+                for candidate in self._candidates
             )
 
     def wait(self, timeout_s: float | None = None) -> bool:
-        """Waits until no frame waits or is looked at; whether that came true in time.
+        """Wait until all frames are processed or dropped.
+
+        Args:
+            timeout_s: Maximum time, s; None means no limit.
+
+        Returns:
+            False if the time ran out.
 
         Raises:
             RuntimeError: The monitor has failed.
         """
         with self._changed:
             idle = self._changed.wait_for(
-                lambda: self._idle() or self._failure is not None, timeout_s
+                lambda: self._is_idle() or self._failure is not None, timeout_s
             )
-            self._refuse_failed()
+            self._require_working()
             return idle
 
     def close(self) -> None:
-        """Stops after the frame that is being looked at; what waits is dropped."""
+        """Stop after the frame that is being processed; frames that wait are dropped."""
         with self._changed:
             self._closing = True
             waiting = len(self._frames)
@@ -198,16 +235,16 @@ class ChangeMonitor:
             self._changed.notify_all()
         self._thread.join()
 
-    def _idle(self) -> bool:
+    def _is_idle(self) -> bool:
         counts = self._counts
-        return counts.offered == counts.dropped + counts.looked_at
+        return counts.offered == counts.dropped + counts.processed
 
-    def _refuse_failed(self) -> None:
+    def _require_working(self) -> None:
         if self._failure is not None:
             raise RuntimeError(f"ChangeMonitor: it has stopped: {self._failure}") from self._failure
 
-    def _refuse_stopped(self) -> None:
-        self._refuse_failed()
+    def _require_open(self) -> None:
+        self._require_working()
         if self._closing:
             raise RuntimeError("ChangeMonitor: it is closed")
 
@@ -226,101 +263,110 @@ class ChangeMonitor:
             try:
                 if self._locate is not None:
                     frame = self._locate(frame)
-                self._take(detector, frame, detector.detect(frame))
-            except Exception as error:  # It is raised where the frames come from.
+                self._add(detector, frame, detector.detect(frame))
+            except Exception as error:  # Raised in the thread of the caller.
                 with self._changed:
                     self._failure = error
                     self._changed.notify_all()
                 return
 
-    def _take(self, detector: ChangeDetector, frame: RgbdFrame, detection: Detection) -> None:
+    def _add(self, detector: ChangeDetector, frame: RgbdFrame, detection: Detection) -> None:
+        """Count a processed frame, and its changes unless the map has changed meanwhile."""
         with self._changed:
             counts = self._counts
-            number = counts.looked_at + 1
+            number = counts.processed + 1
             unreliable = counts.unreliable + (detection.unreliable is not None)
-            self._counts = replace(counts, looked_at=number, unreliable=unreliable)
+            self._counts = replace(counts, processed=number, unreliable=unreliable)
             if detector is self._detector:
-                self._note(number, frame.time_s, detection.changes)
+                self._observe(number, frame.time_s, detection.changes)
             self._changed.notify_all()
 
-    def _note(self, number: int, time_s: float, changes: tuple[Change, ...]) -> None:
-        first = number - self.config.window + 1
+    def _observe(self, number: int, time_s: float, changes: tuple[Change, ...]) -> None:
+        """Match the changes of a frame with candidates, and report those with enough frames."""
         for change in changes:
-            known = self._like(change)
-            if known is None:
-                known = _Suspicion(change)
-                self._suspicions.append(known)
-            if known.change.kind == change.kind:  # An end tells less than the whole.
-                known.change = change
-            if not known.seen or known.seen[-1][0] != number:  # A frame counts once.
-                known.seen.append((number, time_s))
-        for one in list(self._suspicions):
-            one.seen = [seen for seen in one.seen if seen[0] >= first]
-            if one.reported is None and len(one.seen) >= self.config.needed:
-                self._report(one)
-        self._suspicions = [one for one in self._suspicions if one.seen or one.reported is not None]
+            candidate = self._match(change)
+            if candidate is None:
+                candidate = _Candidate(change)
+                self._candidates.append(candidate)
+            if candidate.change.kind == change.kind:  # An end tells less than a relocation.
+                candidate.change = change
+            if not candidate.frames or candidate.frames[-1][0] != number:  # A frame counts once.
+                candidate.frames.append((number, time_s))
+        first = number - self.config.window + 1
+        for candidate in list(self._candidates):
+            candidate.frames = [frame for frame in candidate.frames if frame[0] >= first]
+            if candidate.reported is None and len(candidate.frames) >= self.config.needed:
+                self._report(candidate)
+        self._candidates = [
+            candidate
+            for candidate in self._candidates
+            if candidate.frames or candidate.reported is not None
+        ]
 
-    def _report(self, one: _Suspicion) -> None:
-        other = self._joined(one)
+    def _report(self, candidate: _Candidate) -> None:
+        other = self._join(candidate)
         if other is not None:
-            self._suspicions.remove(other)
-        self._numbered += 1
-        one.reported = self._numbered
-        times_s = tuple(time_s for _, time_s in one.seen)
+            self._candidates.remove(other)
+        self._last_number += 1
+        candidate.reported = self._last_number
+        times_s = tuple(time_s for _, time_s in candidate.frames)
         replaces = None if other is None else other.reported
-        self._reports.append(Report(self._numbered, one.change, times_s, replaces))
+        self._reports.append(Report(self._last_number, candidate.change, times_s, replaces))
 
-    def _joined(self, one: _Suspicion) -> _Suspicion | None:
-        """The reported change that is part of one that is to be reported, which may grow by it."""
-        for other in self._suspicions:
-            if other.reported is None or other is one:
+    def _join(self, candidate: _Candidate) -> _Candidate | None:
+        """Return the reported end that a candidate includes; make it a relocation if they join."""
+        for other in self._candidates:
+            if other.reported is None or other is candidate:
                 continue
-            if self._is_end(other.change, one.change):
+            if self._is_end(other.change, candidate.change):
                 return other
-            ends = {end.change.kind: end.change for end in (one, other)}
+            ends = {end.change.kind: end.change for end in (candidate, other)}
             if set(ends) == {"removal", "addition"}:
                 rule = self._detector.config.objects
-                whole = joined(ends["removal"], ends["addition"], rule)
+                whole = relocation_of(ends["removal"], ends["addition"], rule)
                 if whole is not None:
-                    one.change = whole
+                    candidate.change = whole
                     return other
         return None
 
-    def _like(self, change: Change) -> _Suspicion | None:
-        """The nearest of a change's kind, or a relocation of which it is an end."""
+    def _match(self, change: Change) -> _Candidate | None:
+        """Return the nearest candidate of the same kind, or a relocation that includes it."""
         near = [
-            (float(np.linalg.norm(one.change.point - change.point)), k, one)
-            for k, one in enumerate(self._suspicions)
-            if one.change.kind == change.kind
+            (float(np.linalg.norm(candidate.change.point - change.point)), k, candidate)
+            for k, candidate in enumerate(self._candidates)
+            if candidate.change.kind == change.kind
         ]
         distance_m, _, nearest = min(near, default=(np.inf, 0, None))
         if distance_m <= self.config.near_m:
             return nearest
-        whole = (one for one in self._suspicions if self._is_end(change, one.change))
-        return next(whole, None)
+        wholes = (
+            candidate for candidate in self._candidates if self._is_end(change, candidate.change)
+        )
+        return next(wholes, None)
 
     def _is_end(self, change: Change, whole: Change) -> bool:
-        """Whether a removal or an addition is an end of a relocation."""
+        """Test if a removal or an addition is one end of a relocation."""
         if whole.kind != "relocation" or change.kind == "relocation":
             return False
-        end = whole.before if change.kind == "removal" else whole.after
-        if end is None:
-            return False
-        return float(np.linalg.norm(end.point - change.point)) <= self.config.near_m
+        end = whole.end_point("before" if change.kind == "removal" else "after")
+        return end is not None and float(np.linalg.norm(end - change.point)) <= self.config.near_m
 
 
-def confirmed(
+def confirm_changes(
     detector: ChangeDetector, frames: Sequence[RgbdFrame], config: MonitorConfig | None = None
 ) -> tuple[list[Change], Counts]:
-    """The changes that a monitor reports of frames, the most certain first.
+    """Confirm changes over recorded frames; all frames are processed.
 
     Args:
-        detector: Of the map.
-        frames: In the order in which they were taken; each is looked at.
-        config: When a change is believed; None means the defaults.
+        detector: Detector for the map.
+        frames: Frames in the order in which they were taken.
+        config: Settings of the confirmation; None means the defaults.
+
+    Returns:
+        Confirmed changes, by falling confidence, and the numbers of frames.
 
     Raises:
-        RuntimeError: A frame could not be looked at.
+        RuntimeError: A frame could not be processed.
     """
     config = replace(config or MonitorConfig(), rate_hz=1e6, queue=max(1, len(frames)))
     with ChangeMonitor(detector, config) as monitor:
@@ -328,6 +374,14 @@ def confirmed(
             monitor.offer(frame)
         monitor.wait()
         reports, counts = monitor.poll(), monitor.counts
+    return sorted(latest_changes(reports), key=lambda change: -change.confidence), counts
+
+
+def latest_changes(reports: Sequence[Report]) -> list[Change]:
+    """Return the changes of reports that no later one replaces.
+
+    Args:
+        reports: Reports of one monitor, in their order.
+    """
     replaced = {report.replaces for report in reports}
-    changes = [report.change for report in reports if report.number not in replaced]
-    return sorted(changes, key=lambda change: -change.confidence), counts
+    return [report.change for report in reports if report.number not in replaced]

@@ -1,4 +1,4 @@
-"""Features by an image encoder in an ONNX file, such as EfficientSAM's."""
+"""Features from an image encoder in an ONNX file, such as that of EfficientSAM."""
 
 from __future__ import annotations
 
@@ -10,25 +10,26 @@ import numpy as np
 
 from gslts.types import Floats32
 
-SIDE_PX = 1024
-"""Of the images of EfficientSAM (Xiong et al. 2024), which takes the mean off itself; for encoders
-that leave the sides open."""
-MOST_SIDE_PX = 4096
-MOST_BYTES = 1 << 31
-"""Larger files are no encoder for a robot."""
+DEFAULT_SIDE_PX = 1024
+"""Side of the input image where the model leaves it open, px: that of EfficientSAM (Xiong et al.
+2024), which normalizes colours itself."""
+MAX_SIDE_PX = 4096
+"""Maximum side of the input image, px; bounds the memory of a damaged or hostile model."""
+MAX_FILE_BYTES = 1 << 31
+"""Maximum size of the file, 2 GiB; bounds the memory that a wrong file takes."""
 
 
 class OnnxEncoder:
-    """Runs an encoder on the CPU: [1,3,S,S] float32, 0 to 1, to [1,D,h,w].
+    """Runs an encoder on the CPU, from [1,3,S,S] float32, 0 to 1, to [1,D,h,w].
 
     Args:
-        path: The file; EfficientSAM publishes `efficient_sam_vitt_encoder.onnx`.
-        threads: 0 means as many as onnxruntime wants.
+        path: ONNX file, such as `efficient_sam_vitt_encoder.onnx` of EfficientSAM.
+        threads: Number of threads; 0 leaves the choice to onnxruntime.
 
     Raises:
         ImportError: onnxruntime is missing.
         OSError: The file cannot be read.
-        ValueError: It is no encoder of images.
+        ValueError: The file is no encoder of images.
     """
 
     def __init__(self, path: Path, threads: int = 1) -> None:
@@ -36,8 +37,8 @@ class OnnxEncoder:
             import onnxruntime
         except ImportError:
             raise ImportError("onnx features need onnxruntime: pip install 'gslts[onnx]'") from None
-        if path.stat().st_size > MOST_BYTES:
-            raise ValueError(f"{path}: it is larger than {MOST_BYTES >> 30} GiB")
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise ValueError(f"{path}: it is larger than {MAX_FILE_BYTES >> 30} GiB")
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = threads
         content = path.read_bytes()
@@ -45,33 +46,22 @@ class OnnxEncoder:
             self._session: Any = onnxruntime.InferenceSession(
                 content, options, providers=["CPUExecutionProvider"]
             )
-        except Exception as error:  # onnxruntime has no public base class for what it raises.
+        except Exception as error:  # onnxruntime has no public base class for its errors.
             raise ValueError(f"{path}: it is no ONNX model: {error}") from None
-        inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
-        shape = list(inputs[0].shape) if inputs else []
-        # A side that is left open has a name, or None.
-        channels = shape[1] if len(shape) == 4 else 0
-        if len(inputs) != 1 or (isinstance(channels, int) and channels != 3):
-            shapes = ", ".join(str(one.shape) for one in inputs)
-            raise ValueError(f"{path}: expected one input [1,3,H,W], got {shapes or 'none'}")
-        if inputs[0].type != "tensor(float)":
-            raise ValueError(f"{path}: expected an input of float32, got {inputs[0].type}")
-        if any(isinstance(side, int) and not 0 < side <= MOST_SIDE_PX for side in shape[2:]):
-            raise ValueError(f"{path}: images of {shape} are larger than {MOST_SIDE_PX} px")
-        if len(outputs[0].shape) not in (0, 4):  # None is named where the model does not tell.
-            raise ValueError(f"{path}: expected features [1,D,h,w], got {outputs[0].shape}")
-        height, width = shape[2:]
-        self._name = inputs[0].name
-        self._size = (
-            width if isinstance(width, int) else SIDE_PX,
-            height if isinstance(height, int) else SIDE_PX,
-        )
         self._path = path
+        self._input, self._size = self._checked_input()
 
     def __call__(self, rgb: Floats32) -> Floats32:
-        """[h,w,D]; see `FeatureExtractor`."""
+        """Compute [h,w,D] features; see `FeatureExtractor`.
+
+        Args:
+            rgb: [H,W,3] sRGB, 0 to 1; resized to the input of the model.
+
+        Raises:
+            ValueError: The model fails, or its output is no feature image.
+        """
         image = cv2.resize(rgb, self._size, interpolation=cv2.INTER_LINEAR)
-        feed = {self._name: np.ascontiguousarray(image.transpose(2, 0, 1)[None])}
+        feed = {self._input: np.ascontiguousarray(image.transpose(2, 0, 1)[None])}
         try:
             output = self._session.run(None, feed)[0]
         except Exception as error:
@@ -79,3 +69,22 @@ class OnnxEncoder:
         if output.ndim != 4 or output.shape[0] != 1:
             raise ValueError(f"{self._path}: expected features [1,D,h,w], got {output.shape}")
         return np.ascontiguousarray(output[0].transpose(1, 2, 0), np.float32)
+
+    def _checked_input(self) -> tuple[str, tuple[int, int]]:
+        """Check the shapes of the model; return name, and width and height, px, of its input."""
+        path = self._path
+        inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
+        shape = list(inputs[0].shape) if inputs else []
+        # A side that is left open has a name, or None.
+        channels = shape[1] if len(shape) == 4 else 0
+        if len(inputs) != 1 or (isinstance(channels, int) and channels != 3):
+            shapes = ", ".join(str(tensor.shape) for tensor in inputs)
+            raise ValueError(f"{path}: expected one input [1,3,H,W], got {shapes or 'none'}")
+        if inputs[0].type != "tensor(float)":
+            raise ValueError(f"{path}: expected an input of float32, got {inputs[0].type}")
+        if any(isinstance(side, int) and not 0 < side <= MAX_SIDE_PX for side in shape[2:]):
+            raise ValueError(f"{path}: images of {shape} are larger than {MAX_SIDE_PX} px")
+        if len(outputs[0].shape) not in (0, 4):  # No shape is given where the model leaves it open.
+            raise ValueError(f"{path}: expected features [1,D,h,w], got {outputs[0].shape}")
+        height, width = (side if isinstance(side, int) else DEFAULT_SIDE_PX for side in shape[2:])
+        return inputs[0].name, (width, height)

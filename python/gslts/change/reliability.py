@@ -1,61 +1,94 @@
-"""Whether a frame can tell anything about changes."""
+"""Checks of frames: reasons why a frame cannot be compared with a map."""
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from gslts.change.constants import (
+    BLACK,
+    DEPTH_TOLERANCE,
+    MAX_CLIPPED_SHARE,
+    MAX_CORRECTION_M,
+    MAX_CORRECTION_RAD,
+    MAX_DISSIMILAR_SHARE,
+    MIN_AGREEING_SHARE,
+    MIN_KNOWN_SHARE,
+    MIN_MEASURED_SHARE,
+    MIN_SHARPNESS_RATIO,
+    SIMILAR,
+    WHITE,
+)
 from gslts.core.gaussian_map import FloatArray
-from gslts.types import Bools, Floats32
-
-LEAST_DEPTH = 0.1
-"""Share of the pixels in which depth must be measured."""
-BLACK, WHITE = 0.03, 0.98
-MOST_CLIPPED = 0.6
-"""Share of the pixels that may be black or white."""
-LEAST_KNOWN = 0.4
-"""Share of the image that the map must fill."""
-LEAST_SHARPNESS = 0.15
-"""Of the edges across and down, as a share of those in the rendering: a turn smears one of them."""
-ALIKE = 0.75
-"""Cosine of features of one thing."""
-MOST_UNLIKE = 0.25
-"""Share of what the map knows where features may differ; changed objects are smaller."""
-MOST_CHANGED = 0.4
-"""Share of what the map knows; when more differs, something else is wrong."""
-LEAST_AGREEING = 0.5
-"""Share of the measured depths that must be the map's, or farther or nearer by an object."""
-AGREEING = 0.06
-"""Relative difference of depths on one surface."""
-MOST_SHIFT_M, MOST_TURN_RAD = 0.25, 0.15
-"""By which a pose may have to be corrected."""
+from gslts.core.se3 import pose_distance
+from gslts.types import Bools, Floats, Floats32
 
 
-def fault_of_frame(photo: Floats32, measured: Floats32) -> str | None:
-    """Why a frame alone tells nothing: [H,W,3] sRGB, 0 to 1, and [H,W] m."""
-    if (measured > 0).mean() < LEAST_DEPTH:
-        return f"depth is measured in {100 * (measured > 0).mean():.0f} % of the pixels"
-    if (photo.max(axis=-1) < BLACK).mean() > MOST_CLIPPED:
-        return "the picture is black"
-    if (photo.min(axis=-1) > WHITE).mean() > MOST_CLIPPED:
-        return "the picture is saturated"
+def frame_fault(observed_rgb: Floats32, observed_depth: Floats32) -> str | None:
+    """Check a frame on its own.
+
+    Args:
+        observed_rgb: [H,W,3] sRGB, 0 to 1.
+        observed_depth: [H,W] m; 0 where nothing was measured.
+
+    Returns:
+        The reason why the frame is unusable; None if it is usable.
+    """
+    if (observed_depth > 0).mean() < MIN_MEASURED_SHARE:
+        return f"depth is measured in {100 * (observed_depth > 0).mean():.0f} % of the pixels"
+    if (observed_rgb.max(axis=-1) < BLACK).mean() > MAX_CLIPPED_SHARE:
+        return "the image is black"
+    if (observed_rgb.min(axis=-1) > WHITE).mean() > MAX_CLIPPED_SHARE:
+        return "the image is saturated"
     return None
 
 
-def fault_of_view(
-    photo: Floats32, rgb: Floats32, measured: Floats32, rendered: FloatArray, known: Bools
+def correction_fault(given: Floats, aligned: Floats) -> str | None:
+    """Check the correction of a pose by the alignment with the map.
+
+    Args:
+        given: [4,4] world_from_camera of the frame, m.
+        aligned: [4,4] world_from_camera after the alignment, m.
+
+    Returns:
+        The reason why the correction is not plausible; None if it is.
+    """
+    shift_m, turn_rad = pose_distance(given, aligned)
+    if shift_m <= MAX_CORRECTION_M and turn_rad <= MAX_CORRECTION_RAD:
+        return None
+    return f"the pose seems off by {shift_m:.2f} m and {np.degrees(turn_rad):.0f} degrees"
+
+
+def view_fault(
+    observed_rgb: Floats32,
+    rendered_rgb: Floats32,
+    observed_depth: Floats32,
+    rendered_depth: FloatArray,
+    known: Bools,
 ) -> str | None:
-    """Why a frame and a map cannot be compared: pictures [H,W,3], depths [H,W] m, [H,W]."""
-    if known.mean() < LEAST_KNOWN:
-        return f"the map fills {100 * known.mean():.0f} % of the view"
-    if (_sharpness(photo, known) < LEAST_SHARPNESS * _sharpness(rgb, known)).any():
-        return "the picture is blurred"
-    both = known & (measured > 0) & (rendered > 0)
+    """Check if a frame and a rendering can be compared.
+
+    Args:
+        observed_rgb: [H,W,3] sRGB of the frame, 0 to 1.
+        rendered_rgb: [H,W,3] sRGB of the map, 0 to 1.
+        observed_depth: [H,W] m; 0 where nothing was measured.
+        rendered_depth: [H,W] m; 0 where the map is empty.
+        known: [H,W] pixels that the map covers.
+
+    Returns:
+        The reason why they cannot be compared; None if they can.
+    """
+    if known.mean() < MIN_KNOWN_SHARE:
+        return f"the map covers {100 * known.mean():.0f} % of the view"
+    sharpness, expected = _sharpness(observed_rgb, known), _sharpness(rendered_rgb, known)
+    if (sharpness < MIN_SHARPNESS_RATIO * expected).any():
+        return "the image is blurred"
+    both = known & (observed_depth > 0) & (rendered_depth > 0)
     if not both.any():
-        return "depth is measured nowhere in the map"
-    agreeing = np.abs(measured - rendered)[both] < AGREEING * rendered[both]
-    if agreeing.mean() < LEAST_AGREEING:
+        return "no depth is measured where the map is known"
+    errors = np.abs(observed_depth - rendered_depth)[both]
+    agreeing = errors < DEPTH_TOLERANCE * rendered_depth[both]
+    if agreeing.mean() < MIN_AGREEING_SHARE:
         return (
             f"depths agree in {100 * agreeing.mean():.0f} % of the pixels: pose or intrinsics are "
             "wrong"
@@ -63,16 +96,24 @@ def fault_of_view(
     return None
 
 
-def fault_of_likeness(alike: Floats32, known: Bools) -> str | None:
-    """Why a frame is not of the place that the map shows: similarities [H,W], and [H,W]."""
-    unlike = float((alike[known] < ALIKE).mean())
-    if unlike <= MOST_UNLIKE:
+def similarity_fault(similarity: Floats32, known: Bools) -> str | None:
+    """Check if a frame shows the same place as the rendering.
+
+    Args:
+        similarity: [H,W] cosine of the features of both.
+        known: [H,W] pixels that the map covers.
+
+    Returns:
+        The reason why it shows another place; None if it does not.
+    """
+    dissimilar = float((similarity[known] < SIMILAR).mean())
+    if dissimilar <= MAX_DISSIMILAR_SHARE:
         return None
-    return f"{100 * unlike:.0f} % of the picture look otherwise: pose or intrinsics are wrong"
+    return f"{100 * dissimilar:.0f} % of the image look different: pose or intrinsics are wrong"
 
 
-def _sharpness(rgb: Floats32, known: Bools) -> NDArray[np.float64]:
-    """(2,) across and down."""
-    grey = cv2.cvtColor(np.ascontiguousarray(rgb), cv2.COLOR_RGB2GRAY)
-    across = np.array([[1, -2, 1]], np.float32)
-    return np.array([cv2.filter2D(grey, -1, one)[known].var() for one in (across, across.T)])
+def _sharpness(rgb: Floats32, known: Bools) -> Floats:
+    """Return (2,) variance of the second differences along rows and along columns."""
+    gray = cv2.cvtColor(np.ascontiguousarray(rgb), cv2.COLOR_RGB2GRAY)
+    row = np.array([[1, -2, 1]], np.float32)
+    return np.array([cv2.filter2D(gray, -1, kernel)[known].var() for kernel in (row, row.T)])

@@ -1,4 +1,4 @@
-"""Features by a vision model of Hugging Face's transformers in a local folder."""
+"""Features from a vision model of Hugging Face transformers in a local folder."""
 
 from __future__ import annotations
 
@@ -11,21 +11,23 @@ import numpy as np
 from gslts.types import Floats32
 
 MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
-"""Of ImageNet, with which SAM and DINOv2 were trained."""
-MOST_SIDE_PX = 4096
+"""Mean and standard deviation of the colours of ImageNet, as in the training of SAM and DINOv2."""
+MAX_SIDE_PX = 4096
+"""Maximum side of the input image, px; bounds the memory of a damaged or hostile model."""
 EXAMPLE = "facebook/sam-vit-base"
+"""A model that fits, for error messages."""
 
 
 class TransformersEncoder:
-    """Runs the encoder of a SAM, or a model such as DINOv2 that gives a token for each patch.
+    """Runs the encoder of a SAM, or a model such as DINOv2 that outputs one token per patch.
 
     Args:
-        folder: With `config.json` and `model.safetensors`; nothing is downloaded.
+        folder: Folder with `config.json` and `model.safetensors`; nothing is downloaded.
 
     Raises:
         ImportError: transformers is missing.
         OSError: The folder or a file in it cannot be read.
-        ValueError: It is no such model.
+        ValueError: The model is no such encoder.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -45,17 +47,24 @@ class TransformersEncoder:
         vision = getattr(config, "vision_config", config)
         side, patch = getattr(vision, "image_size", None), getattr(vision, "patch_size", None)
         if not isinstance(side, int) or not isinstance(patch, int):
-            raise ValueError(f"{folder}: its configuration names no image_size and patch_size")
-        if not 0 < patch <= side <= MOST_SIDE_PX:
+            raise ValueError(f"{folder}: its configuration lacks image_size or patch_size")
+        if not 0 < patch <= side <= MAX_SIDE_PX:
             raise ValueError(
-                f"{folder}: image_size must be in {patch}..{MOST_SIDE_PX} px, got {side}"
+                f"{folder}: image_size must be in {patch}..{MAX_SIDE_PX} px, got {side}"
             )
         if self._model.main_input_name != "pixel_values":
             raise ValueError(f"{folder}: a {type(self._model).__name__} is no encoder of images")
         self._side, self._patches = side, side // patch
 
     def __call__(self, rgb: Floats32) -> Floats32:
-        """[h,w,D]; see `FeatureExtractor`."""
+        """Compute [h,w,D] features; see `FeatureExtractor`.
+
+        Args:
+            rgb: [H,W,3] sRGB, 0 to 1; resized to the input of the model.
+
+        Raises:
+            ValueError: The model returns fewer tokens than the image has patches.
+        """
         image = cv2.resize(rgb, (self._side, self._side), interpolation=cv2.INTER_LINEAR)
         whitened = (image - np.array(MEAN, np.float32)) / np.array(STD, np.float32)
         pixels = self._torch.from_numpy(np.ascontiguousarray(whitened.transpose(2, 0, 1)[None]))
@@ -63,18 +72,20 @@ class TransformersEncoder:
             if hasattr(self._model, "get_image_embeddings"):
                 features = self._model.get_image_embeddings(pixels)[0].permute(1, 2, 0)
             else:
-                features = self._of_patches(self._model(pixel_values=pixels).last_hidden_state[0])
+                features = self._patch_features(
+                    self._model(pixel_values=pixels).last_hidden_state[0]
+                )
         return np.ascontiguousarray(features.numpy(), np.float32)
 
-    def _of_patches(self, features: Any) -> Any:
-        """[h,w,D] from tokens [N,D], or from what the encoder of a SAM alone gives, [D,h,w]."""
+    def _patch_features(self, features: Any) -> Any:
+        """Return [h,w,D] from tokens [N,D], or from the output [D,h,w] of a SAM encoder."""
         if features.ndim == 3:
             return features.permute(1, 2, 0)
-        # A class token and others may come before those of the patches.
+        # The tokens of the patches come last, after a class token and others.
         count = self._patches**2
         if features.ndim != 2 or features.shape[0] < count:
             raise ValueError(
-                f"{self._folder}: expected {count} tokens of patches, got {list(features.shape)}"
+                f"{self._folder}: expected {count} patch tokens, got {list(features.shape)}"
             )
         tokens = features[features.shape[0] - count :]
         return tokens.reshape(self._patches, self._patches, -1)

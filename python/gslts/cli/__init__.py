@@ -9,10 +9,12 @@ from typing import Annotated
 
 import typer
 
-from gslts.cli import history, mapping, navigation, output, tasks
+from gslts.cli import history, mapping, navigation, output
 from gslts.cli.detect import detect
 from gslts.cli.locate import locate
+from gslts.cli.query import query
 from gslts.cli.run import run
+from gslts.cli.semantics import semantics
 from gslts.cli.update import update
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
@@ -38,9 +40,9 @@ app.command("restore")(history.restore)
 app.command("verify")(history.verify)
 app.command("gc")(history.gc)
 app.command("import")(history.import_ply)
-app.command("semantics")(tasks.semantics)
-app.command("query")(tasks.query)
-app.command("semantic-map")(navigation.flatten)
+app.command("semantics")(semantics)
+app.command("query")(query)
+app.command("semantic-map")(navigation.semantic_map)
 app.command("go")(navigation.go)
 for entry in entry_points(group="gslts.commands"):  # Of installed packages: the simulator's, ...
     command = entry.load()

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 
 class Strategy(StrEnum):
-    """See `gslts.change.config.DetectionConfig`."""
+    """Strategies of `gslts.change.config.DetectionConfig`."""
 
     OBJECTS = "objects"
-    PAPER = "paper"
+    GS_LTS = "gs_lts"
 
 
 def detect(
@@ -32,25 +32,28 @@ def detect(
     dataset: Dataset,
     frame: Annotated[
         list[str] | None,
-        typer.Option(help="Name of a frame to look at; may be given again. Default: all."),
+        typer.Option(help="Name of a frame; may be given several times. Default: all."),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="New or empty folder for a picture of each frame.")
+        Path | None, typer.Option(help="New or empty folder for an image of each frame.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object a frame.")] = False,
-    strategy: Annotated[Strategy, typer.Option(help="objects, or the paper's rule.")] = (
-        Strategy.OBJECTS
-    ),
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object per frame.")
+    ] = False,
+    strategy: Annotated[
+        Strategy, typer.Option(help="Any number of objects, or the rule printed in GS-LTS.")
+    ] = Strategy.OBJECTS,
     features: Annotated[
-        str, typer.Option(help="gradients, onnx:FILE or transformers:DIR.")
+        str, typer.Option(help="Feature extractor: gradients, onnx:FILE or transformers:DIR.")
     ] = "gradients",
     halvings: Annotated[
-        int, typer.Option(min=0, max=2, help="How often the sides of a frame are halved first.")
+        int,
+        typer.Option(min=0, max=2, help="Halvings of the sides of a frame before the comparison."),
     ] = 1,
     locate: Locate = False,
     threads: Threads = 0,
 ) -> None:
-    """Tell what RGB-D frames show that a map does not, and the other way round.
+    """Detect object changes by comparing RGB-D frames with a map.
 
     Example: gslts detect out/map_kitchen_3 out/visit --frame 00007 --out out/changes
     """
@@ -59,24 +62,18 @@ def detect(
 
     from gslts.change.config import DetectionConfig
     from gslts.change.detector import ChangeDetector
-    from gslts.change.features import extractor_of
+    from gslts.change.features import feature_extractor
     from gslts.change.overlay import overlay
     from gslts.datasets import open_dataset
     from gslts.io.atomic_files import empty_folder
-    from gslts.store.camera_files import cameras_of_map
-    from gslts.store.map_folder import read_map
 
-    gaussian_map, opened = read_map(map_path), open_dataset(dataset, posed=not locate)
-    known = {one.name: one for one in opened.frames}
+    config = DetectionConfig(strategy=strategy.value, halvings=halvings, threads=threads)
+    opened = open_dataset(dataset, posed=not locate)
+    known = {entry.name: entry for entry in opened.frames}
     for name in frame or []:
         if name not in known:
             raise ValueError(f"{dataset}: there is no frame {name!r}")
-    detector = ChangeDetector(
-        gaussian_map,
-        DetectionConfig(strategy=strategy.value, halvings=halvings, threads=threads),
-        features=extractor_of(features),
-        cameras=cameras_of_map(map_path).values(),
-    )
+    detector = ChangeDetector.of_map(map_path, config, features=feature_extractor(features))
     localizer = localizer_of(map_path, threads) if locate else None
     if out is not None:
         empty_folder(out)
@@ -87,12 +84,12 @@ def detect(
         try:
             read = known[name].read()
             detection = detector.detect(read if localizer is None else localizer.located(read))
-        except (OSError, ValueError) as error:  # Of a damaged file; the others may be whole.
+        except (OSError, ValueError) as error:  # A damaged file does not stop the others.
             reason = " ".join(str(error).split())
             typer.echo(json.dumps(_plain(name, (), reason)) if as_json else _line(name, (), reason))
             continue
-        told = (name, detection.changes, detection.unreliable)
-        typer.echo(json.dumps(_plain(*told)) if as_json else _line(*told))
+        result = (name, detection.changes, detection.unreliable)
+        typer.echo(json.dumps(_plain(*result)) if as_json else _line(*result))
         if out is not None:
             stem = re.sub(r"[^\w.-]+", "-", name)
             Image.fromarray(overlay(detection)).save(out / f"{number:05}_{stem}.png")
@@ -103,10 +100,10 @@ def _line(name: str, changes: Sequence[Change], unreliable: str | None) -> str:
         return f"{name}: unreliable: {unreliable}"
     if not changes:
         return f"{name}: no change"
-    return f"{name}: " + "; ".join(_words(change) for change in changes)
+    return f"{name}: " + "; ".join(_summary(change) for change in changes)
 
 
-def _words(change: Change) -> str:
+def _summary(change: Change) -> str:
     x, y, z = change.point
     return f"{change.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m, confidence {change.confidence:.2f}"
 

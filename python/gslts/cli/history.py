@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +12,7 @@ import typer
 from gslts.cli.mapping import BAR, Threads
 
 if TYPE_CHECKING:
+    from gslts.store.causes import Record
     from gslts.store.delta import Delta
     from gslts.store.records import Version
 
@@ -36,10 +38,8 @@ def log(
 
     Example: gslts log out/map
     """
-    from dataclasses import asdict
-
+    from gslts.store.describe import describe_event, describe_rejection, format_time
     from gslts.store.history import open_history
-    from gslts.store.words import words_of_event, words_of_rejection, words_of_time
 
     if html is not None and (as_json or object_type is not None):
         raise ValueError("--html tells everything: give it without --object and --json")
@@ -49,7 +49,7 @@ def log(
             store.events(object_type),
             store.rejections(),
         )
-        standing = store.numbers_of_way_to()
+        standing = store.lineage_numbers()
         if html is not None:
             from gslts.keeper.history_page import write_history
 
@@ -57,25 +57,29 @@ def log(
             typer.echo(f"wrote {html}")
             return
     if as_json:
-        told = {
-            "versions": [asdict(one) for one in versions],
-            "events": [asdict(one) for one in events],
-            "rejections": [asdict(one) for one in rejections],
+        records: dict[str, Sequence[Record]] = {
+            "versions": versions,
+            "events": events,
+            "rejections": rejections,
         }
-        typer.echo(json.dumps(told, indent=1))
+        content = {
+            name: [record.model_dump(mode="json") for record in part]
+            for name, part in records.items()
+        }
+        typer.echo(json.dumps(content, indent=1))
         return
     for version in reversed(versions):
         if object_type is None:
             for rejection in rejections:
                 if rejection.version == version.number:
-                    when = words_of_time(rejection.time_s)
-                    typer.echo(f"        {when}  {words_of_rejection(rejection)}")
+                    when = format_time(rejection.time_s)
+                    typer.echo(f"        {when}  {describe_rejection(rejection)}")
         own = [event for event in events if event.version == version.number]
         if object_type is None or own:
             typer.echo(_line(version))
         for event in own:
             undone = "" if event.version in standing else ", undone since"
-            typer.echo(f"        {words_of_event(event)}{undone}")
+            typer.echo(f"        {describe_event(event)}{undone}")
     if object_type is not None and not events:
         typer.echo(f"nothing is known of a {object_type}")
 
@@ -85,20 +89,20 @@ def show(map_path: Folder, number: Number) -> None:
 
     Example: gslts show out/map 2
     """
+    from gslts.store.describe import describe_event
     from gslts.store.history import open_history
-    from gslts.store.manifest import picture_path
-    from gslts.store.words import words_of_event
+    from gslts.store.manifest import update_image_path
 
     with open_history(map_path) as store:
         version = store.version(number)
         events = [one for one in store.events() if one.version == number]
     typer.echo(_line(version))
     for event in events:
-        typer.echo(f"        {words_of_event(event)}")
-    picture = picture_path(map_path, number)
+        typer.echo(f"        {describe_event(event)}")
+    picture = update_image_path(map_path, number)
     if picture.exists():
         typer.echo(f"        picture: {picture}")
-    typer.echo(json.dumps(version.cause, indent=1))
+    typer.echo(version.cause.model_dump_json(indent=1))
 
 
 def diff(
@@ -117,19 +121,19 @@ def diff(
     from PIL import Image
 
     from gslts.store.camera_files import cameras_of_map
-    from gslts.store.delta import delta_by_ids
+    from gslts.store.delta import compare_by_ids
+    from gslts.store.describe import describe_event
     from gslts.store.map_folder import open_map
-    from gslts.store.words import words_of_event
     from gslts.update.report_image import difference_picture
 
     with open_map(map_path) as store:
         maps = store.read(before), store.read(after)
         done, undone = store.events_between(before, after)
-    typer.echo(_counts(delta_by_ids(*maps)))
+    typer.echo(_counts(compare_by_ids(*maps)))
     for event in done:
-        typer.echo(f"version {event.version}: {words_of_event(event)}")
+        typer.echo(f"version {event.version}: {describe_event(event)}")
     for event in reversed(undone):
-        typer.echo(f"without version {event.version}: {words_of_event(event)}")
+        typer.echo(f"without version {event.version}: {describe_event(event)}")
     if out is not None:
         picture = difference_picture(*maps, list(cameras_of_map(map_path).values()), threads)
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -163,7 +167,7 @@ def verify(map_path: Folder) -> None:
     with open_map(map_path) as store:
         versions = store.versions()
         with tqdm(total=len(versions), desc="checking", bar_format=BAR, disable=None) as bar:
-            problems = store.problems(bar.update)
+            problems = store.find_problems(bar.update)
         problems += landmark_problems(store) + semantics_problems(store)
     for problem in problems:
         typer.echo(problem, err=True)
@@ -201,17 +205,18 @@ def import_ply(
     Example: gslts import point_cloud.ply --out out/map
     """
     from gslts.io.ply import read_ply
+    from gslts.store.causes import ImportCause
     from gslts.store.map_folder import write_map_folder
 
     gaussian_map = read_ply(ply)
-    write_map_folder(out, gaussian_map, {"dataset": ply.name}, {})
+    write_map_folder(out, gaussian_map, {"dataset": ply.name}, {}, cause=ImportCause(file=ply.name))
     typer.echo(f"wrote {out}: {gaussian_map.size} Gaussians")
 
 
 def _line(version: Version) -> str:
-    from gslts.store.words import words_of_time, words_of_version
+    from gslts.store.describe import describe_version, format_time
 
-    return f"{version.number:6}  {words_of_time(version.time_s)}  {words_of_version(version)}"
+    return f"{version.number:6}  {format_time(version.time_s)}  {describe_version(version)}"
 
 
 def _counts(delta: Delta) -> str:

@@ -11,75 +11,74 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gslts.cli.arguments import MapFolder
 from gslts.cli.mapping import Threads
-from gslts.cli.tasks import Folder
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from gslts.core.camera import Camera
     from gslts.core.frame import RgbdFrame
     from gslts.datasets import Dataset, Frame
     from gslts.localization.localizer import Localizer
     from gslts.localization.relocalizer import Localization, Relocalizer
-
-    Floats = NDArray[np.float64]
+    from gslts.types import Floats
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
 
-PICTURES = (".png", ".jpg", ".jpeg")
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")
+"""Suffixes by which an image is told from a data set."""
 
 Locate = Annotated[
     bool,
     typer.Option(
         "--locate",
-        help="Poses are those of any odometry, or missing: the map tells where it was.",
+        help="Localize the frames in the map first; their poses may drift or be missing.",
     ),
 ]
 
 
 def locate(
-    map_path: Folder,
+    map_path: MapFolder,
     frames: Annotated[
         Path,
         typer.Argument(
             metavar="IMAGE|DATASET",
-            help="A PNG or JPEG; or a data set, whose poses do not count.",
+            help="A PNG or JPEG, or a data set, whose poses are not used.",
         ),
     ],
     depth: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Of the image: a 16-bit PNG, mm.")
+        Path | None, typer.Option(metavar="FILE", help="Depth of the image: a 16-bit PNG, mm.")
     ] = None,
     camera: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Of the image: a .json file with fx, fy, cx, cy, width and height. Default: that "
-            "of the map.",
+            help="Camera of the image: a .json file with fx, fy, cx, cy, width and height. "
+            "Default: that of the map.",
         ),
     ] = None,
     fov_deg: Annotated[
-        float | None, typer.Option(min=1, max=170, help="Of the image, horizontal.")
+        float | None, typer.Option(min=1, max=170, help="Horizontal field of view of the image.")
     ] = None,
     track: Annotated[
-        bool, typer.Option("--track", help="Look for a frame first where the last one was found.")
+        bool, typer.Option("--track", help="Try the pose of the previous frame first.")
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object a frame.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object per frame.")
+    ] = False,
     picture: Annotated[
         Path | None,
-        typer.Option(help="PNG of the first frame that was found, beside the map from there."),
+        typer.Option(help="PNG of the first localized frame beside the map from its pose."),
     ] = None,
     halvings: Annotated[
         int | None,
-        typer.Option(min=0, max=3, help="Of the sides of an image; fewer take longer."),
+        typer.Option(min=0, max=3, help="Halvings of an image: faster, less accurate."),
     ] = None,
     threads: Threads = 0,
 ) -> None:
-    """Tell where in a map an image was taken, and how certain that is.
+    """Estimate the camera pose of images in a map, without a prior.
 
-    It is ok, or ambiguous where other places look nearly the same, or lost. How far the places
-    found are from the poses of a data set is told as well.
+    Each is ok, ambiguous if other poses fit nearly as well, or lost. Poses of a data set serve for
+    comparison only.
 
     Example: gslts locate out/map photo.jpg --fov-deg 69 --picture out/photo.png
 
@@ -95,7 +94,7 @@ def locate(
 
     settings = {"threads": threads} | ({} if halvings is None else {"halvings": halvings})
     relocalizer = _relocalizer(map_path, settings)
-    is_image = frames.suffix.lower() in PICTURES and not frames.is_dir()
+    is_image = frames.suffix.lower() in IMAGE_SUFFIXES and not frames.is_dir()
     if is_image:
         image = _frame_of_image(map_path, frames, depth, camera, fov_deg)
         opened = Dataset(image.name, (image,), unposed=(image,))
@@ -104,21 +103,21 @@ def locate(
     else:
         opened = _opened(frames, posed=False)
     find = Localizer(relocalizer).locate if track else relocalizer.locate
-    told: list[_Told] = []
-    unposed = {one.name for one in opened.unposed}
+    results: list[_Result] = []
+    unposed = {entry.name for entry in opened.unposed}
     for frame in tqdm(opened.frames, desc="locating", unit="frame", disable=None):
         start_s = time.perf_counter()
         try:
             read = _without_pose(frame.read())
             start_s = time.perf_counter()
             found = find(read)
-        except (OSError, ValueError) as error:  # Of a damaged file; the others may be whole.
+        except (OSError, ValueError) as error:  # A damaged file does not stop the others.
             if is_image:
                 raise
             found = Localization("lost", " ".join(str(error).split()))
         pose = None if frame.name in unposed else frame.camera.world_from_camera
-        told.append(_Told(frame.name, found, time.perf_counter() - start_s, pose))
-        typer.echo(json.dumps(told[-1].plain()) if as_json else told[-1].line())
+        results.append(_Result(frame.name, found, time.perf_counter() - start_s, pose))
+        typer.echo(json.dumps(results[-1].plain()) if as_json else results[-1].line())
         if picture is not None and found.world_from_camera is not None:
             pose = found.world_from_camera
             beside = side_by_side(relocalizer.gaussian_map, read, pose, threads)
@@ -127,15 +126,19 @@ def locate(
             typer.echo(f"see {picture}", err=True)
             picture = None
     if not (is_image or as_json):
-        typer.echo(_summary(told))
+        typer.echo(_summary(results))
 
 
 def localizer_of(map_path: Path, threads: int) -> Localizer:
-    """What the option --locate asks for.
+    """Return a localizer in a map, for the option --locate.
+
+    Args:
+        map_path: Map folder.
+        threads: Number of threads; 0 means one per hardware thread.
 
     Raises:
         OSError: A file cannot be read.
-        ValueError: It is no map, or has no landmarks.
+        ValueError: The path is no map, or the map has no landmarks.
     """
     from gslts.localization.localizer import Localizer
 
@@ -143,24 +146,31 @@ def localizer_of(map_path: Path, threads: int) -> Localizer:
 
 
 def read_frames(path: Path, localizer: Localizer | None) -> dict[str, RgbdFrame]:
-    """The frames of a data set by name; with a localizer those that it finds, where it finds them.
+    """Read the frames of a data set, localized if there is a localizer.
+
+    Args:
+        path: Data set.
+        localizer: Localizer in the map; None keeps the poses of the data set.
+
+    Returns:
+        Frames by name, without those that are lost or ambiguous.
 
     Raises:
         OSError: A file cannot be read.
-        ValueError: A file is damaged, or no frame was found.
+        ValueError: A file is damaged, or no frame was localized.
     """
     from tqdm import tqdm
 
     read: dict[str, RgbdFrame] = {}
     opened = _opened(path, posed=localizer is None)
-    for one in tqdm(opened.frames, desc="reading", unit="frame", disable=None):
-        frame = one.read() if localizer is None else localizer.located(one.read())
+    for entry in tqdm(opened.frames, desc="reading", unit="frame", disable=None):
+        frame = entry.read() if localizer is None else localizer.located(entry.read())
         if frame.fault is None:
-            read[one.name] = frame
+            read[entry.name] = frame
         else:
-            typer.echo(f"skipped {one.name}: {frame.fault}", err=True)
+            typer.echo(f"skipped {entry.name}: {frame.fault}", err=True)
     if not read:
-        raise ValueError(f"{path}: none of its frames was found in the map")
+        raise ValueError(f"{path}: none of its frames was localized in the map")
     return read
 
 
@@ -191,13 +201,13 @@ def _frame_of_image(
 
     from gslts.core.camera import camera_from_fov
     from gslts.datasets.dataset import ImageFrame, image_size
-    from gslts.store.camera_files import read_lens
+    from gslts.store.camera_files import read_intrinsics
 
     if camera is not None and fov_deg is not None:
         raise ValueError("--camera and --fov-deg exclude each other")
     size = image_size(image)
     if camera is not None:
-        lens = read_lens(camera)
+        lens = read_intrinsics(camera)
     elif fov_deg is not None:
         lens = camera_from_fov(*size, radians(fov_deg))
     else:
@@ -206,11 +216,11 @@ def _frame_of_image(
 
 
 def _lens_of_map(map_path: Path, image: Path, size: tuple[int, int]) -> Camera:
-    """The first of the map's cameras whose pictures have a size."""
+    """Return the first camera of the map whose images have that size."""
     from gslts.store.camera_files import cameras_of_map
 
     cameras = cameras_of_map(map_path).values()
-    found = next((one for one in cameras if (one.width, one.height) == size), None)
+    found = next((camera for camera in cameras if (camera.width, camera.height) == size), None)
     if found is None:
         raise ValueError(
             f"{image}: no camera of {map_path} has {size[0]} x {size[1]} px: give --camera or "
@@ -220,7 +230,7 @@ def _lens_of_map(map_path: Path, image: Path, size: tuple[int, int]) -> Camera:
 
 
 def _without_pose(frame: RgbdFrame) -> RgbdFrame:
-    """In the world of its camera: as if the robot had never moved."""
+    """Return a frame in the coordinates of its camera, as of a robot without odometry."""
     import numpy as np
 
     from gslts.localization.localizer import in_world
@@ -230,14 +240,14 @@ def _without_pose(frame: RgbdFrame) -> RgbdFrame:
 
 
 @dataclass(frozen=True, eq=False)
-class _Told:
-    """Of one frame.
+class _Result:
+    """Localization of one frame.
 
     Attributes:
-        name: Of the frame.
-        found: Where it was taken.
-        seconds: That this took.
-        given: [4,4] pose of the data set; None if there is none.
+        name: Name of the frame.
+        found: Estimated pose.
+        seconds: Time of the localization, s.
+        given: [4,4] world_from_camera of the data set, m; None if there is none.
     """
 
     name: str
@@ -246,37 +256,37 @@ class _Told:
     given: Floats | None
 
     @property
-    def off(self) -> tuple[float, float] | None:
-        """By how much the pose of the data set is another one, m and rad."""
+    def error(self) -> tuple[float, float] | None:
+        """Distance of the pose from that of the data set, m and rad."""
         from gslts.core.se3 import pose_distance
 
         pose = self.found.world_from_camera
         return None if pose is None or self.given is None else pose_distance(self.given, pose)
 
     def line(self) -> str:
-        """In words."""
-        from gslts.localization.pose_quality import stds_of
+        """Return the result as a line of text."""
+        from gslts.localization.pose_quality import pose_stds
 
         found = self.found
         if found.status == "lost":
             return f"{self.name}: lost: {found.reason}"
         assert found.world_from_camera is not None
-        place = _place(found.world_from_camera)
+        position = _position(found.world_from_camera)
         if found.status == "ambiguous":
-            others = " or ".join(_place(one) for one in found.others)
-            return f"{self.name}: ambiguous: at {place} or {others}: {found.reason}"
+            others = " or ".join(_position(pose) for pose in found.others)
+            return f"{self.name}: ambiguous: at {position} or {others}: {found.reason}"
         assert found.covariance is not None
-        std_m, std_rad = stds_of(found.covariance)
-        how = f"{found.inliers} corners" if found.inliers else "tracked"
-        off = "" if self.off is None else f"; {_sizes(*self.off)} from the pose given"
+        std_m, std_rad = pose_stds(found.covariance)
+        support = f"{found.inliers} keypoints" if found.inliers else "tracked"
+        error = "" if self.error is None else f"; {_sizes(*self.error)} from the given pose"
         return (
-            f"{self.name}: ok at {place}, +- {_sizes(std_m, std_rad, ', +- ')}, {how}, "
-            f"{self.seconds:.2f} s{off}"
+            f"{self.name}: ok at {position}, +- {_sizes(std_m, std_rad, ', +- ')}, {support}, "
+            f"{self.seconds:.2f} s{error}"
         )
 
     def plain(self) -> dict[str, Any]:
-        """In values of JSON."""
-        found, off = self.found, self.off
+        """Return the result as values of JSON."""
+        found, error = self.found, self.error
         pose, covariance = found.world_from_camera, found.covariance
         return {
             "frame": self.name,
@@ -286,23 +296,23 @@ class _Told:
             "covariance": None if covariance is None else covariance.tolist(),
             "inliers": found.inliers,
             "residual": None if pose is None else found.residual,
-            "others": [one.tolist() for one in found.others],
+            "others": [other.tolist() for other in found.others],
             "seconds": self.seconds,
-            "off_m": None if off is None else off[0],
-            "off_rad": None if off is None else off[1],
+            "error_m": None if error is None else error[0],
+            "error_rad": None if error is None else error[1],
         }
 
 
-def _summary(told: Sequence[_Told]) -> str:
+def _summary(results: Sequence[_Result]) -> str:
     import numpy as np
 
-    statuses = [one.found.status for one in told]
-    offs = [one.off for one in told if one.off is not None and one.found.status == "ok"]
-    of_data = f", {_sizes(*np.median(offs, axis=0))} from the poses given" if offs else ""
-    ok, ambiguous, lost = (statuses.count(one) for one in ("ok", "ambiguous", "lost"))
+    statuses = [result.found.status for result in results]
+    errors = [result.error for result in results if result.error and result.found.status == "ok"]
+    median_error = f", {_sizes(*np.median(errors, axis=0))} from the given poses" if errors else ""
+    ok, ambiguous, lost = (statuses.count(status) for status in ("ok", "ambiguous", "lost"))
     return (
-        f"{ok} of {len(told)} frames ok, {ambiguous} ambiguous, {lost} lost; medians: "
-        f"{np.median([one.seconds for one in told]):.2f} s{of_data}"
+        f"{ok} of {len(results)} frames ok, {ambiguous} ambiguous, {lost} lost; medians: "
+        f"{np.median([result.seconds for result in results]):.2f} s{median_error}"
     )
 
 
@@ -313,6 +323,6 @@ def _sizes(metres: float, angle_rad: float, between: str = " and ") -> str:
     return f"{length}{between}{math.degrees(angle_rad):.2f} degrees"
 
 
-def _place(pose: Floats) -> str:
+def _position(pose: Floats) -> str:
     x, y, z = pose[:3, 3]
     return f"({x:.3f}, {y:.3f}, {z:.3f}) m"

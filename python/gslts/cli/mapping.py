@@ -9,11 +9,11 @@ from typing import Annotated
 
 import typer
 
-# What a command needs is imported inside it, so that `gslts --help` answers at once.
+# Commands import what they need inside, so that `gslts --help` is fast.
 
 
 class Preset(StrEnum):
-    """Speed against accuracy; see `gslts.mapping.config.PRESETS`."""
+    """Presets of the mapping engine, from fast to accurate: `gslts.mapping.config.PRESETS`."""
 
     FAST = "fast"
     BALANCED = "balanced"
@@ -30,45 +30,48 @@ Map = Annotated[
     Path, typer.Argument(metavar="MAP", help="Folder of a map, or a .ply file of 3DGS.")
 ]
 BAR = "{desc}: {percentage:3.0f}%|{bar}| {elapsed}<{remaining}{postfix}"
-Threads = Annotated[int, typer.Option(min=0, help="0 means one a hardware thread.")]
+"""Format of progress bars: stage, share, time passed and time left."""
+Threads = Annotated[int, typer.Option(min=0, help="Number of threads; 0: all hardware threads.")]
 
 
 def make(
     dataset: Dataset,
-    out: Annotated[Path, typer.Option(help="Folder of the map; must not be there yet.")],
+    out: Annotated[Path, typer.Option(help="New folder of the map.")],
     preset: Annotated[Preset, typer.Option(help="Speed against accuracy.")] = Preset.BALANCED,
     iterations: Annotated[
-        int | None, typer.Option(min=1, help="Instead of those of the preset.")
+        int | None, typer.Option(min=1, help="Optimisation steps. Default: those of the preset.")
     ] = None,
     budget_s: Annotated[
         float | None,
         typer.Option(
             min=1,
-            help="Seconds for reading and optimising, instead of iterations; comparing sizes and "
-            "judging come after.",
+            help="Time for reading and optimising, s, instead of --iterations; the evaluation "
+            "comes after it.",
         ),
     ] = None,
-    max_gaussians: Annotated[int | None, typer.Option(min=1, help="No more than these.")] = None,
+    max_gaussians: Annotated[
+        int | None, typer.Option(min=1, help="Maximum number of Gaussians.")
+    ] = None,
     every: Annotated[
-        int, typer.Option(min=1, help="Use every so manieth frame, as of a long recording.")
+        int, typer.Option(min=1, help="Use every n-th frame, for long recordings.")
     ] = 1,
     settings: Annotated[
         list[str] | None,
         typer.Option(
             "--set",
             metavar="NAME=VALUE",
-            help="Another value for a setting of `gslts.mapping.config`; may be given again.",
+            help="Value of a setting of `gslts.mapping.config`; may be repeated.",
         ),
     ] = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on where an interrupted run stopped.")
+        bool, typer.Option("--resume", help="Continue an interrupted run from its checkpoint.")
     ] = False,
     threads: Threads = 0,
 ) -> None:
-    """Make a map of posed RGB-D frames; every eighth frame is kept aside to judge it.
+    """Make a map from posed RGB-D frames; every eighth frame is held out to evaluate it.
 
-    The folder holds the Gaussians, a manifest, the corrected cameras and report.html. Until it is
-    done, OUT.checkpoint.npz holds what an interrupted run needs to go on.
+    The folder of the map holds the Gaussians, a manifest, the corrected cameras and report.html.
+    During the run, OUT.checkpoint.npz holds the state for --resume.
 
     Example: gslts map out/kitchen_3 --out out/map
     """
@@ -87,14 +90,16 @@ def make(
         raise FileExistsError(f"{out} is there already")
     saved = out.with_name(f"{out.name}.checkpoint.npz")
     if saved.exists() and not resume:
-        raise FileExistsError(f"{saved} is there: go on with --resume, or remove it")
-    given = {
+        raise FileExistsError(
+            f"{saved}: an interrupted run; continue it with --resume, or remove the file"
+        )
+    options = {
         "iterations": iterations,
         "budget_s": budget_s,
         "max_gaussians": max_gaussians,
         "threads": threads,
     }
-    chosen = [f"{name}={value}" for name, value in given.items() if value is not None]
+    chosen = [f"{name}={value}" for name, value in options.items() if value is not None]
     config = PRESETS[preset].with_settings([*chosen, *(settings or [])])
     start = read_checkpoint(saved) if resume else None
     opened = open_dataset(dataset)
@@ -132,7 +137,7 @@ def judge(
     dataset: Dataset,
     every: Annotated[
         int | None,
-        typer.Option(min=1, help="Use every so manieth frame, not those that were kept aside."),
+        typer.Option(min=1, help="Use every n-th frame instead of the held-out frames."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     threads: Threads = 0,
@@ -143,10 +148,10 @@ def judge(
         Path | None, typer.Option(help="alex.pth of the package lpips, for LPIPS.")
     ] = None,
 ) -> None:
-    """Compare a map with frames that it was not made from, the exposure of each fitted.
+    """Evaluate a map on frames that it was not made from, with the exposure of each frame fitted.
 
-    Three ways: poses as given, poses corrected as those of their neighbours were, and poses refined
-    against the map. Frames that cannot be used are skipped, as when a map is made.
+    Reports three results: at the given poses, at poses corrected like those of neighbouring
+    training frames, and at poses refined against the map. Frames that cannot be used are skipped.
 
     Example: gslts eval out/map out/kitchen_3
     """
@@ -203,10 +208,17 @@ def judge(
 
 
 def both_weights(backbone: Path | None, heads: Path | None) -> tuple[Path, Path] | None:
-    """The files of `gslts.rendering.metrics.Lpips`; None without them.
+    """Check that the files of `gslts.rendering.metrics.Lpips` are both given, or neither.
+
+    Args:
+        backbone: Weights of AlexNet.
+        heads: Weights of LPIPS.
+
+    Returns:
+        Both files; None without them.
 
     Raises:
-        ValueError: One is missing.
+        ValueError: Only one is given.
     """
     if backbone is None and heads is None:
         return None

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from gslts.change.detector import ChangeDetector
     from gslts.core.robot import Robot
     from gslts.localization.localizer import Localizer
-    from gslts.update.updater import Record
+    from gslts.store.causes import UpdateRecord
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
 
@@ -48,8 +48,6 @@ def update(
 
     Example: gslts update out/map --robot out/tasks/0000_removal_Mug-1.json
     """
-    from importlib import metadata
-
     from tqdm import tqdm
 
     from gslts.change.config import DetectionConfig
@@ -58,7 +56,9 @@ def update(
     from gslts.robots.sources import open_robot
     from gslts.semantics.map_semantics import MapSemantics
     from gslts.store.camera_files import cameras_of_map
-    from gslts.store.map_folder import open_map, picture_path
+    from gslts.store.causes import RejectedUpdateCause, UpdateRecord
+    from gslts.store.manifest import update_image_path
+    from gslts.store.map_folder import open_map
     from gslts.update.config import GS_LTS, UpdateConfig
     from gslts.update.publish import published
     from gslts.update.updater import update as run
@@ -89,9 +89,7 @@ def update(
             scout, changes, fault = _recorded(frames, detector, localizer)
         if not changes:
             why = fault or "nothing changed"
-            store.add_rejection(
-                {"gslts": metadata.version("gslts"), "changes": [], "record": {"rejected": why}}
-            )
+            store.add_rejection(RejectedUpdateCause(record=UpdateRecord(rejected=why)))
             raise RuntimeError(f"{map_path} stays as it is: {why}")
         for change in changes:
             x, y, z = change.point
@@ -122,7 +120,7 @@ def update(
     for change, why in result.left:
         typer.echo(f"{change.kind} left as it was: {why}")
     typer.echo(_words(result.record, gaussian_map.size))
-    picture = picture_path(map_path, version.number)
+    picture = update_image_path(map_path, version.number)
     typer.echo(
         f"{map_path} is version {version.number} now: {version.gaussians} Gaussians; see {picture}"
     )
@@ -132,23 +130,23 @@ def _recorded(
     path: Path, detector: ChangeDetector, localizer: Localizer | None
 ) -> tuple[Robot, list[Change], str | None]:
     """A robot that replays frames, the changes that enough of them show, or why they show none."""
-    from gslts.change.monitor import confirmed
+    from gslts.change.monitor import confirm_changes
     from gslts.robots.recorded import RecordedRobot
 
     frames = list(read_frames(path, localizer).values())
-    changes, counts = confirmed(detector, frames)
+    changes, counts = confirm_changes(detector, frames)
     fault = None
-    if counts.unreliable == counts.looked_at:
-        fault = f"none of {counts.looked_at} frames can be compared with it; gslts detect tells why"
+    if counts.unreliable == counts.processed:
+        fault = f"none of {counts.processed} frames can be compared with it; gslts detect tells why"
     return RecordedRobot(frames), changes, fault
 
 
-def _words(record: Record, size: int) -> str:
-    used, held_back = record.views
+def _words(record: UpdateRecord, size: int) -> str:
+    used, held_back = record.training_views, record.validation_views
     seconds = ", ".join(f"{name} {value:.1f} s" for name, value in record.seconds.items())
     return (
         f"{used} views used, {held_back} held back, {len(record.skipped)} skipped\n"
-        f"of {size} Gaussians {record.removed} removed and {record.moved} refined in "
+        f"of {size} Gaussians {record.removed} removed and {record.refined} refined in "
         f"{record.iterations} steps; {record.added} are new\n"
         f"views held back, around the change: {record.psnr_before_db:.2f} dB before, "
         f"{record.psnr_after_db:.2f} dB after\n{seconds}"

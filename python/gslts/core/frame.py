@@ -1,4 +1,4 @@
-"""What a robot's RGB-D camera delivers."""
+"""RGB-D frames: colour, depth, camera, and what is known about them."""
 
 from __future__ import annotations
 
@@ -11,22 +11,23 @@ from numpy.typing import NDArray
 from gslts._core.fusion import register_depth
 from gslts.core.camera import Camera, downscale
 
-__all__ = ["Labels", "RgbdFrame", "halved_depth", "halved_mask", "halved_rgb", "register_depth"]
+__all__ = ["Labels", "RgbdFrame", "halve_depth", "halve_mask", "halve_rgb", "register_depth"]
 
 EDGE_SHARE = 0.05
-"""A relative difference of depths within 2 x 2 pixels that shows an edge."""
+"""Relative difference of depths within 2 x 2 pixels above which they are an edge, not averaged.
+At half, slanted surfaces lose depth; at double, edges of flat objects are smeared."""
 
 
 @dataclass(frozen=True, eq=False)
 class Labels:
-    """Which object each pixel shows, where a simulator or a person knows it.
+    """Ground truth of the object that each pixel shows, from a simulator or a person.
 
     Args:
-        instances: [H,W] int32, row of the object in `types`; -1 where there is none.
-        types: Of the objects, such as "Mug".
+        instances: [H,W] int32, index of the object in `types`; -1 for no object.
+        types: Type of each object, such as "Mug".
 
     Raises:
-        ValueError: The array has a wrong shape or dtype, or names an object that there is not.
+        ValueError: The array has a wrong shape or dtype, or an index is out of range.
     """
 
     instances: NDArray[np.int32]
@@ -46,21 +47,21 @@ class Labels:
 
 @dataclass(frozen=True, eq=False)
 class RgbdFrame:
-    """A colour and a depth image of one moment.
+    """A colour image and a depth image taken at the same time.
 
     Args:
         rgb: [H,W,3] uint8, sRGB.
         depth: [H',W'] float32, z in the frame of its camera, m; 0 or NaN where there is no
             measurement.
-        camera: Intrinsics and pose of the colours as the robot knows them, which may err.
-        time_s: Of the picture, s, from any start.
-        depth_camera: Intrinsics and pose of the depth; None means that the depth is registered:
-            pixel by pixel that of the colours.
-        mask: [H,W] bool, True where the camera saw something; None means everywhere. Elsewhere,
-            as beyond the border of an undistorted picture, neither colour nor depth counts.
-        labels: [H,W] what the pixels show; None if nobody told. A halved frame has none.
-        fault: Why nothing may be concluded from it, such as that nobody knows where it was taken;
-            None if nothing is known against it.
+        camera: Intrinsics and pose of the colour image as the robot believes them.
+        time_s: Time stamp, s, from any start.
+        depth_camera: Intrinsics and pose of the depth image; None means that the depth is
+            registered to the colour image, pixel by pixel.
+        mask: [H,W] bool, True where the camera saw something; None means everywhere. Other pixels,
+            such as beyond the border of an undistorted image, are ignored.
+        labels: Ground truth of the objects; None if unknown. A halved frame has none.
+        fault: Reason why nothing may be concluded from this frame, such as an unknown pose; None
+            if there is none.
 
     Raises:
         ValueError: An array has a wrong shape or dtype, or a depth is negative or infinite.
@@ -100,45 +101,66 @@ class RgbdFrame:
             raise ValueError("RgbdFrame: depth: must be finite and not negative, or NaN")
 
     def registered(self) -> RgbdFrame:
-        """The same frame, its depth as the colour camera would have measured it."""
+        """Return the frame with its depth registered to the colour image."""
         if self.depth_camera is None:
             return self
         depth = register_depth(self.depth, self.depth_camera, self.camera)
         return replace(self, depth=depth, depth_camera=None)
 
     def halved(self) -> RgbdFrame:
-        """The same frame, registered, with half the sides; what is left over is cut off."""
-        whole = self.registered()
+        """Return the registered frame at half the width and height, rounded down."""
+        registered = self.registered()
         return RgbdFrame(
-            halved_rgb(whole.rgb),
-            halved_depth(whole.depth),
-            downscale(whole.camera, 2),
-            whole.time_s,
-            mask=None if whole.mask is None else halved_mask(whole.mask),
-            fault=whole.fault,
+            halve_rgb(registered.rgb),
+            halve_depth(registered.depth),
+            downscale(registered.camera, 2),
+            registered.time_s,
+            mask=None if registered.mask is None else halve_mask(registered.mask),
+            fault=registered.fault,
         )
 
 
-def halved_rgb(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """[H/2,W/2,3] means of 2 x 2 pixels, rounded."""
-    total: NDArray[np.uint16] = _fours(rgb).sum(axis=0, dtype=np.uint16)
+def halve_rgb(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Average blocks of 2 x 2 pixels.
+
+    Args:
+        rgb: [H,W,3] uint8.
+
+    Returns:
+        [H/2,W/2,3] uint8, rounded.
+    """
+    total: NDArray[np.uint16] = _blocks(rgb).sum(axis=0, dtype=np.uint16)
     return ((total + 2) // 4).astype(np.uint8)
 
 
-def halved_depth(depth: NDArray[np.float32]) -> NDArray[np.float32]:
-    """[H/2,W/2] means of 2 x 2 pixels where all are measured and on one surface, else 0."""
-    four = _fours(depth)
-    same = (four.min(axis=0) > 0) & (np.ptp(four, axis=0) < EDGE_SHARE * four.max(axis=0))
-    return np.where(same, four.mean(axis=0), 0).astype(np.float32)
+def halve_depth(depth: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Average blocks of 2 x 2 pixels that lie on one surface.
+
+    Args:
+        depth: [H,W] float32, m; 0 where there is no measurement.
+
+    Returns:
+        [H/2,W/2] float32, m; 0 where a pixel was not measured or depths differ by `EDGE_SHARE`.
+    """
+    block = _blocks(depth)
+    same = (block.min(axis=0) > 0) & (np.ptp(block, axis=0) < EDGE_SHARE * block.max(axis=0))
+    return np.where(same, block.mean(axis=0), 0).astype(np.float32)
 
 
-def halved_mask(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """[H/2,W/2] whether all of 2 x 2 pixels are wanted."""
-    return np.asarray(_fours(mask).all(axis=0), np.bool_)
+def halve_mask(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return where all of 2 x 2 pixels are set.
+
+    Args:
+        mask: [H,W] bool.
+
+    Returns:
+        [H/2,W/2] bool.
+    """
+    return np.asarray(_blocks(mask).all(axis=0), np.bool_)
 
 
-def _fours(image: NDArray[Any]) -> NDArray[Any]:
-    """[4,H/2,W/2,...] the pixels of each block of 2 x 2; what is left over is cut off."""
+def _blocks(image: NDArray[Any]) -> NDArray[Any]:
+    """Return the pixels [4,H/2,W/2,...] of blocks of 2 x 2; an odd row or column is cut off."""
     height, width = (length // 2 * 2 for length in image.shape[:2])
     part = image[:height, :width]
     return np.stack([part[::2, ::2], part[1::2, ::2], part[::2, 1::2], part[1::2, 1::2]])

@@ -1,4 +1,4 @@
-"""The map: a set of 3D Gaussians with identities that survive editing."""
+"""Gaussian maps: arrays of 3D Gaussians with ids that persist through edits."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class GaussianMap:
 
     @property
     def nbytes(self) -> int:
-        """Bytes that its arrays take, in memory and, but for headers, on the disk."""
+        """Bytes of the arrays in memory, and on the disk but for headers."""
         return sum(getattr(self, field.name).nbytes for field in fields(self))
 
     @property
@@ -106,7 +106,7 @@ class GaussianMap:
         return int(self.features.shape[1])
 
     def view(self) -> GaussianViewFloat | GaussianViewDouble:
-        """What the C++ core takes; it copies nothing and keeps the arrays alive."""
+        """Return the map as the C++ core takes it, without a copy; it keeps the arrays alive."""
         if self.dtype not in _VIEW_TYPES:
             raise ValueError(f"means: expected dtype float32 or float64, got {self.dtype}")
         return _VIEW_TYPES[self.dtype](
@@ -120,7 +120,14 @@ class GaussianMap:
         )
 
     def astype(self, dtype: DTypeLike) -> GaussianMap:
-        """The same map with its numbers in float32 or float64; ids and origin stay as they are."""
+        """Return the map in another dtype; ids and origin do not change.
+
+        Args:
+            dtype: float32 or float64.
+
+        Raises:
+            ValueError: The dtype is neither.
+        """
         return GaussianMap(
             means=self.means.astype(dtype),
             quats=self.quats.astype(dtype),
@@ -133,14 +140,14 @@ class GaussianMap:
         )
 
     def select(self, rows: NDArray[Any]) -> GaussianMap:
-        """A new map of some of the Gaussians, with their ids.
+        """Return a map of some of the Gaussians, with their ids.
 
         Args:
-            rows: [M] integers, each row at most once, in the order wanted; or [N] bool.
+            rows: [M] indices, each at most once, in the order of the result; or [N] bool.
 
         Raises:
-            ValueError: A row occurs twice, or `rows` is neither.
-            IndexError: There is no such row.
+            ValueError: An index occurs twice, or `rows` is neither.
+            IndexError: An index is out of range.
         """
         rows = np.asarray(rows)
         if rows.ndim != 1 or rows.dtype.kind not in "iub":
@@ -160,7 +167,7 @@ class GaussianMap:
 
 
 def _read_only(name: str, array: Any) -> NDArray[Any]:
-    """A view of the array that refuses writes; of a copy if it is not C-contiguous and aligned."""
+    """Return a read-only view of the array; of a copy if it is not C-contiguous and aligned."""
     if not isinstance(array, np.ndarray):
         raise TypeError(f"{name}: expected a numpy array, got {type(array).__name__}")
     result = np.require(array, requirements=["C", "ALIGNED", "ENSUREARRAY"]).view()

@@ -1,4 +1,4 @@
-"""The room that a robot takes up."""
+"""Size of a robot."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class RobotBody(BaseModel):
-    """An upright cylinder on wheels.
+    """Upright cylinder on wheels, for obstacles and free space.
+
+    The defaults are those of the simulated robot.
 
     Attributes:
-        radius_m: Of the cylinder.
-        height_m: Of the cylinder above the floor; what hangs higher is no obstacle.
-        step_m: It drives over what is no higher.
+        radius_m: Radius of the cylinder, m.
+        height_m: Height of the cylinder above the floor, m; what is higher is no obstacle.
+        step_m: Maximum height of what the robot drives over, such as a rug, m.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")

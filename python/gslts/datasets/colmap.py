@@ -12,13 +12,14 @@ from gslts.datasets.colmap_files import (
     read_images,
     read_points,
 )
-from gslts.datasets.dataset import Dataset, ImageFrame, name_of, pinhole, told_apart
-from gslts.datasets.poses import inverse, pose_of
+from gslts.datasets.dataset import Dataset, ImageFrame, name_of, pinhole, with_unique_names
+from gslts.datasets.poses import inverse, pose_from_quat
 from gslts.datasets.undistort import Lens, lens_or_none
 
 Numbers = tuple[float, ...]
 
 MODEL_FOLDERS = ("sparse/0", "sparse", ".")
+"""Places of a model within the folder of a data set, tried in this order."""
 
 INTRINSICS: dict[str, Callable[[Numbers], tuple[Numbers, Lens | None]]] = {
     "SIMPLE_PINHOLE": lambda p: ((p[0], p[0], *p[1:3]), None),
@@ -29,20 +30,27 @@ INTRINSICS: dict[str, Callable[[Numbers], tuple[Numbers, Lens | None]]] = {
     "OPENCV_FISHEYE": lambda p: (p[:4], lens_or_none(p[4:], fisheye=True)),
     "FULL_OPENCV": lambda p: (p[:4], lens_or_none(p[4:])),
 }
-"""(fx, fy, cx, cy) and the lens of the parameters of each camera model that is supported. COLMAP
-counts pixels as this project does: the middle of the first is (0.5, 0.5)."""
+"""(fx, fy, cx, cy) and the lens from the parameters of each supported camera model. As in this
+project, the centre of COLMAP's first pixel is (0.5, 0.5)."""
 
 
 def is_colmap(path: Path) -> bool:
-    """Whether a folder has a sparse model."""
+    """Return True if a folder has a sparse model.
+
+    Args:
+        path: Any path.
+    """
     return _model_folder(path) is not None
 
 
 def open_colmap(path: Path) -> Dataset:
-    """Opens a model and the images in `images` or beside the model.
+    """Open a sparse model and its images.
 
-    The world is taken as it is: unless the model was scaled and turned, its unit is not the metre
-    and z is not up.
+    The world frame is that of the model: unless the model was scaled and rotated, its unit is not
+    the metre and z is not up.
+
+    Args:
+        path: Folder with the model, and with the images in `images` or directly in it.
 
     Raises:
         OSError: A file cannot be read.
@@ -63,7 +71,7 @@ def open_colmap(path: Path) -> Dataset:
     points = _file(folder, "points3D")
     return Dataset(
         name_of(path),
-        told_apart(frames, path),
+        with_unique_names(frames, path),
         tuple(skipped),
         read_points(points) if points.exists() else None,
     )
@@ -78,7 +86,7 @@ def _model_folder(path: Path) -> Path | None:
 
 
 def _file(folder: Path, part: str) -> Path:
-    """The binary file of a part of the model where there is one, as COLMAP itself chooses."""
+    """Return the file of a part of the model: the binary one if it exists, as COLMAP does."""
     binary = folder / f"{part}.bin"
     return binary if binary.exists() else folder / f"{part}.txt"
 
@@ -89,14 +97,18 @@ def _frame(
     if image.camera not in cameras:
         raise ValueError(f"there is no camera {image.camera}")
     rgb = next(
-        (place / image.name for place in (path / "images", path) if (place / image.name).is_file()),
+        (
+            folder / image.name
+            for folder in (path / "images", path)
+            if (folder / image.name).is_file()
+        ),
         None,
     )
     if rgb is None:
-        raise ValueError(f"there is no such picture in {path / 'images'} or {path}")
+        raise ValueError(f"there is no such image in {path / 'images'} or {path}")
     intrinsics, lens = _intrinsics(cameras[image.camera])
     size = (cameras[image.camera].width, cameras[image.camera].height)
-    pose = inverse(pose_of(image.quaternion, image.translation))
+    pose = inverse(pose_from_quat(image.quaternion, image.translation))
     return ImageFrame(rgb, pinhole(intrinsics, size, pose), time_s=time_s, lens=lens)
 
 

@@ -1,4 +1,4 @@
-"""COLMAP's files of cameras, images and points, as text or binary, by its page "Output Format"."""
+"""COLMAP's files of cameras, images and points, text or binary (its page "Output Format")."""
 
 from __future__ import annotations
 
@@ -34,17 +34,25 @@ MODELS = (
     ("EUCM", 6),
     ("EQUIRECTANGULAR", 2),
 )
-"""Names and numbers of parameters of the camera models, by the number in binary files."""
-NAME_BYTES = 4096
-"""Longer names of images are no names."""
-LINE_CHARACTERS = 1 << 27
+"""Name and number of parameters of each camera model; its index is its number in binary files."""
+MAX_NAME_BYTES = 4096
+"""Maximum length of the name of an image, that of a path in Linux."""
+MAX_LINE_CHARACTERS = 1 << 27
+"""Maximum length of a line: an image with 3 million keypoints."""
 POINT_BYTES = 43
-"""Of a point in a binary file, without its track."""
+"""Bytes of a point in a binary file, without its track."""
 
 
 @dataclass(frozen=True)
 class ColmapCamera:
-    """A camera: the name of its model, the size of its images in px, and its parameters."""
+    """A camera of a model.
+
+    Args:
+        model: Name of the camera model.
+        width: px.
+        height: px.
+        parameters: In the order of COLMAP's camera model.
+    """
 
     model: str
     width: int
@@ -54,7 +62,14 @@ class ColmapCamera:
 
 @dataclass(frozen=True)
 class ColmapImage:
-    """An image: the quaternion wxyz and the translation of camera_from_world."""
+    """An image of a model.
+
+    Args:
+        name: Path of its file, relative to the folder of images.
+        camera: Number of its camera.
+        quaternion: (4,) wxyz of camera_from_world.
+        translation: (3,) of camera_from_world.
+    """
 
     name: str
     camera: int
@@ -63,11 +78,17 @@ class ColmapImage:
 
 
 def read_cameras(path: Path) -> dict[int, ColmapCamera]:
-    """Cameras by their number, of `cameras.txt` or `cameras.bin`.
+    """Read the cameras.
+
+    Args:
+        path: `cameras.txt` or `cameras.bin`.
+
+    Returns:
+        Cameras by their number.
 
     Raises:
         OSError: The file cannot be read.
-        ValueError: It is damaged.
+        ValueError: The file is damaged.
     """
     if path.suffix == ".bin":
         with _Binary(path) as file:
@@ -87,11 +108,14 @@ def read_cameras(path: Path) -> dict[int, ColmapCamera]:
 
 
 def read_images(path: Path) -> list[ColmapImage]:
-    """Images that have a pose, of `images.txt` or `images.bin`.
+    """Read the images that have a pose.
+
+    Args:
+        path: `images.txt` or `images.bin`.
 
     Raises:
         OSError: The file cannot be read.
-        ValueError: It is damaged.
+        ValueError: The file is damaged.
     """
     if path.suffix == ".bin":
         with _Binary(path) as file:
@@ -105,16 +129,19 @@ def read_images(path: Path) -> list[ColmapImage]:
         with _naming(path, number, line):
             values = tuple(map(float, words[1:8]))
             images.append(ColmapImage(words[9].strip(), int(words[8]), values[:4], values[4:]))
-        next(lines, None)  # What was detected in it; the line may be empty.
+        next(lines, None)  # The keypoints; the line may be empty.
     return images
 
 
 def read_points(path: Path) -> PointCloud:
-    """Points of `points3D.txt` or `points3D.bin`.
+    """Read the points of the scene.
+
+    Args:
+        path: `points3D.txt` or `points3D.bin`.
 
     Raises:
         OSError: The file cannot be read.
-        ValueError: It is damaged.
+        ValueError: The file is damaged.
     """
     rows: list[tuple[Any, ...]] = []
     if path.suffix == ".bin":
@@ -153,11 +180,11 @@ def _binary_image(file: _Binary) -> ColmapImage:
 
 
 class _Binary:
-    """A binary file, read from its start; nothing is taken that it does not hold."""
+    """Reads a binary file from its start, and checks that values lie within it."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._place = 0
+        self._offset = 0
 
     def __enter__(self) -> _Binary:
         with self.path.open("rb") as file:
@@ -169,55 +196,55 @@ class _Binary:
     def __exit__(self, *_: object) -> None:
         self._bytes.close()
 
-    def count(self, least_bytes: int) -> int:
-        """The number of entries that follow, each of at least so many bytes."""
+    def count(self, min_bytes: int) -> int:
+        """Read the number of entries that follow, each of at least `min_bytes`."""
         (count,) = self.take("<Q")
-        self._need(count * least_bytes)
+        self._require(count * min_bytes)
         return int(count)
 
     def take(self, layout: str) -> tuple[Any, ...]:
-        """The next values, in a layout of `struct`."""
+        """Read the next values, in a layout of `struct`."""
         size = struct.calcsize(layout)
-        self._need(size)
-        self._place += size
-        return struct.unpack_from(layout, self._bytes, self._place - size)
+        self._require(size)
+        self._offset += size
+        return struct.unpack_from(layout, self._bytes, self._offset - size)
 
     def skip(self, count: int, size: int) -> None:
-        """Leaves out entries of a size in bytes."""
-        self._need(count * size)
-        self._place += count * size
+        """Skip `count` entries of `size` bytes."""
+        self._require(count * size)
+        self._offset += count * size
 
     def text(self) -> str:
-        """The next text, up to a zero."""
-        end = self._bytes.find(b"\0", self._place, self._place + NAME_BYTES)
+        """Read a text that ends with a zero byte."""
+        end = self._bytes.find(b"\0", self._offset, self._offset + MAX_NAME_BYTES)
         if end < 0:
-            raise ValueError(f"{self.path}: a name at byte {self._place} does not end")
-        found = self._bytes[self._place : end].decode("utf-8", errors="replace")
-        self._place = end + 1
-        return found
+            raise ValueError(f"{self.path}: a name at byte {self._offset} does not end")
+        name = self._bytes[self._offset : end].decode("utf-8", errors="replace")
+        self._offset = end + 1
+        return name
 
-    def _need(self, size: int) -> None:
-        if size > len(self._bytes) - self._place:
+    def _require(self, size: int) -> None:
+        if size > len(self._bytes) - self._offset:
             raise ValueError(
-                f"{self.path}: {size} bytes are missing at byte {self._place} of "
+                f"{self.path}: {size} bytes are missing at byte {self._offset} of "
                 f"{len(self._bytes)}: the file is cut off or damaged"
             )
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
-    """Numbers and text of lines; the whole file is never in memory."""
+    """Yield number and text of each line; the whole file is never in memory."""
     with path.open(encoding="utf-8", errors="replace") as file:
         number = 0
-        while line := file.readline(LINE_CHARACTERS):
+        while line := file.readline(MAX_LINE_CHARACTERS):
             number += 1
-            if len(line) == LINE_CHARACTERS:
+            if len(line) == MAX_LINE_CHARACTERS:
                 raise ValueError(f"{path}: line {number} is too long")
             yield number, line
 
 
 @contextmanager
 def _naming(path: Path, number: int, line: str) -> Iterator[None]:
-    """Makes what goes wrong in a line say which one it is."""
+    """Add path, number and text of a line to its errors."""
     try:
         yield
     except (ValueError, IndexError, OverflowError) as error:

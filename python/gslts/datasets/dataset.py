@@ -1,4 +1,4 @@
-"""Posed images of a scene, read one by one."""
+"""Data sets of posed images, read frame by frame."""
 
 from __future__ import annotations
 
@@ -18,33 +18,34 @@ from gslts.core.se3 import product
 from gslts.datasets.undistort import Lens, undistort_depth, undistort_rgb
 
 RIGID_TOLERANCE = 0.02
-"""Of the singular values of a rotation; those of 7-Scenes are off by up to some thousandths."""
+"""Maximum error of the singular values of a rotation; those of 7-Scenes err by up to 0.005."""
 POLAR_STEPS = 5
-"""Newton steps from such a matrix to the nearest rotation; each doubles the right digits."""
+"""Newton steps from such a matrix to the nearest rotation; each doubles the correct digits."""
 MAX_PIXELS = 1 << 26
-"""Larger images are refused before memory is taken."""
+"""Maximum pixels of an image, checked before memory is taken; no camera of a robot has more."""
 MAX_SIDE_PX = 1 << 16
+"""Maximum width and height of an image."""
 FOCAL_RANGE = (0.05, 50.0)
-"""Of the focal length over the longer side of the image: from 168 degrees of view to 1.1."""
-MOST_NUMBERS_BYTES = 10_000
-"""Of a text file with a small matrix."""
+"""Focal length over the longer side of the image: a field of view of 168 to 1.1 degrees."""
+MAX_MATRIX_BYTES = 10_000
+"""Maximum size of a text file with a small matrix; 16 numbers take 400 bytes."""
 
 
 class Frame(Protocol):
-    """A frame that is still on the disk."""
+    """A frame on the disk, not read yet."""
 
     @property
     def name(self) -> str:
-        """Such as the name of its file."""
+        """Unique name, such as the name of the colour image."""
         ...
 
     @property
     def camera(self) -> Camera:
-        """Intrinsics and pose, as the data set gives them."""
+        """Intrinsics and pose as the data set gives them."""
         ...
 
     def read(self) -> RgbdFrame:
-        """Reads it; without depth, the depth is 0 everywhere.
+        """Read the images; without depth, the depth is 0 everywhere.
 
         Raises:
             OSError: A file cannot be read.
@@ -55,7 +56,7 @@ class Frame(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class PointCloud:
-    """Points of the scene that came with the frames.
+    """Coloured points of the scene, as a data set provides them.
 
     Args:
         points: [P,3] float64, world frame, m.
@@ -83,14 +84,14 @@ class PointCloud:
 
 @dataclass(frozen=True)
 class Dataset:
-    """A recorded visit.
+    """A recording: frames with poses, in the order in which they were taken.
 
     Args:
-        name: Such as that of its folder.
-        frames: In the order in which they were taken.
-        skipped: What was left out when the data set was opened: names, and why.
-        points: What the data set knows of the scene besides its frames; None if nothing.
-        unposed: Frames of which nobody knows where they were taken; their poses are the identity.
+        name: Name of its folder or file.
+        frames: Frames with poses.
+        skipped: Frames that cannot be used: name and reason, one line each.
+        points: Points of the scene; None if the data set has none.
+        unposed: Frames without a pose; the pose of their cameras is the identity.
     """
 
     name: str
@@ -102,22 +103,22 @@ class Dataset:
 
 @dataclass(frozen=True, eq=False)
 class ImageFrame:
-    """A frame in image files.
+    """A frame stored as image files.
 
     Args:
-        rgb: Of any kind that Pillow reads.
-        camera: Intrinsics and pose.
-        depth: 16-bit picture of z in the camera frame; None if there is none.
-        depth_unit_m: What one step of it is worth.
-        depth_invalid: Number besides 0 that means no measurement; None if there is none.
-        time_s: When it was taken.
-        depth_camera: Intrinsics and pose of the depth; None if it is registered.
-        lens: That distorts the colours, and registered depth with them; None if none does. What it
-            does is undone when the frame is read.
-        instances: 16-bit picture, 1 + row of the object in `types`, 0 where there is none; None if
-            there is none. A picture whose distortion is undone keeps no labels.
-        types: Of the objects.
-        longer_name: Where the file's own does not tell it from other frames; "" elsewhere.
+        rgb: Colour image, of any format that Pillow reads.
+        camera: Intrinsics and pose of the colour image.
+        depth: 16-bit image of z in the camera frame; None without depth.
+        depth_unit_m: Metres of one step of the depth image.
+        depth_invalid: Value besides 0 that means no measurement; None if there is none.
+        time_s: Time stamp, s.
+        depth_camera: Intrinsics and pose of the depth image; None if it is registered.
+        lens: Distortion of the colour image and of registered depth, undone when the frame is
+            read; None for a pinhole.
+        instances: 16-bit image: 1 + index of the object in `types`, 0 for no object; None without
+            labels. An undistorted image keeps no labels.
+        types: Types of the objects, such as "Mug".
+        longer_name: Unique name where the name of the file is not unique; else "".
     """
 
     rgb: Path
@@ -134,11 +135,11 @@ class ImageFrame:
 
     @property
     def name(self) -> str:
-        """The name of the colour picture without its ending, or a longer one."""
+        """Name of the colour image without its ending, or `longer_name`."""
         return self.longer_name or self.rgb.stem
 
     def read(self) -> RgbdFrame:
-        """Reads its pictures."""
+        """Read the images; see `Frame.read`."""
         size = (self.camera.height, self.camera.width)
         labels = None if self.instances is None or self.lens is not None else self._labels(size)
         rgb = read_image(self.rgb, "RGB", size).astype(np.uint8)
@@ -166,28 +167,41 @@ class ImageFrame:
 
 
 def reason_of(error: Exception) -> str:
-    """What an error says, in one line; its kind if it says nothing."""
+    """Return the message of an error in one line; its type if it has no message.
+
+    Args:
+        error: An error of any type.
+    """
     return " ".join(str(error).split()) or type(error).__name__
 
 
 def name_of(path: Path) -> str:
-    """The name of a folder, which `.` and `..` do not say themselves."""
+    """Return the name of a folder, also for `.` and `..`.
+
+    Args:
+        path: Path of the folder.
+    """
     return path.resolve().name if path.name in ("", "..") else path.name
 
 
-def told_apart(frames: Iterable[ImageFrame], folder: Path) -> tuple[ImageFrame, ...]:
-    """The frames of a folder; those of one name get their path in it, with the ending if need be.
+def with_unique_names(frames: Iterable[ImageFrame], folder: Path) -> tuple[ImageFrame, ...]:
+    """Return frames whose names are unique: their path in the folder where file names repeat.
 
-    Only frames of the very same picture still have one name.
+    Args:
+        frames: Frames of one data set.
+        folder: Folder of the data set.
+
+    Returns:
+        The frames in the same order; only frames of the same image file still share a name.
     """
     named = tuple(frames)
     for with_ending in (False, True):
-        counts = Counter(one.name for one in named)
+        counts = Counter(frame.name for frame in named)
         named = tuple(
-            replace(one, longer_name=_path_in(folder, one.rgb, with_ending))
-            if counts[one.name] > 1
-            else one
-            for one in named
+            replace(frame, longer_name=_path_in(folder, frame.rgb, with_ending))
+            if counts[frame.name] > 1
+            else frame
+            for frame in named
         )
     return named
 
@@ -200,15 +214,15 @@ def _path_in(folder: Path, file: Path, with_ending: bool) -> str:
 def pinhole(
     intrinsics: tuple[float, ...], size: tuple[int, int], world_from_camera: NDArray[np.float64]
 ) -> Camera:
-    """The camera of a file that may be wrong.
+    """Make a pinhole camera from the untrusted numbers of a file.
 
     Args:
         intrinsics: fx, fy, cx, cy, px.
         size: Width and height of the image, px.
-        world_from_camera: [4,4], rigid, m.
+        world_from_camera: [4,4] rigid pose, m.
 
     Raises:
-        ValueError: The intrinsics cannot be those of an image of that size, or are none.
+        ValueError: The intrinsics do not fit an image of that size, or are not finite.
     """
     (fx, fy, cx, cy), (width, height) = intrinsics, size
     if not (0 < width <= MAX_SIDE_PX and 0 < height <= MAX_SIDE_PX):
@@ -235,10 +249,16 @@ def pinhole(
 
 
 def rigid(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The nearest rigid transform to a [4,4] pose that was written with few digits.
+    """Return the nearest rigid transform to a pose that was written with few digits.
+
+    Args:
+        matrix: [4,4] pose, m.
+
+    Returns:
+        [4,4] rigid transform (Newton's iteration of the polar decomposition, Higham 1986).
 
     Raises:
-        ValueError: It is none, not even roughly.
+        ValueError: The matrix is not rigid within `RIGID_TOLERANCE`.
     """
     if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
         raise ValueError("the pose must be 4 x 4 finite numbers")
@@ -255,11 +275,14 @@ def rigid(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def image_size(path: Path) -> tuple[int, int]:
-    """Width and height of a picture, px.
+    """Read width and height of an image file, px.
+
+    Args:
+        path: Image file.
 
     Raises:
-        OSError: It cannot be read.
-        ValueError: It is no picture.
+        OSError: The file cannot be read.
+        ValueError: The file is not an image.
     """
     from PIL import Image, UnidentifiedImageError
 
@@ -267,7 +290,7 @@ def image_size(path: Path) -> tuple[int, int]:
         with Image.open(path) as image:
             return image.size
     except UnidentifiedImageError:
-        raise ValueError(f"{path}: it is no picture") from None
+        raise ValueError(f"{path}: not an image") from None
     except OSError:
         raise
     except Exception as error:  # Pillow raises errors of any kind for damage.
@@ -275,17 +298,25 @@ def image_size(path: Path) -> tuple[int, int]:
 
 
 def read_image(path: Path, mode: str, size: tuple[int, int]) -> NDArray[Any]:
-    """The pixels of a picture of that height and width, in a mode of Pillow.
+    """Read the pixels of an image file.
+
+    Args:
+        path: Image file.
+        mode: Mode of Pillow to convert to, such as "RGB" or "I".
+        size: Expected height and width, px.
+
+    Returns:
+        [H,W] or [H,W,C] pixels.
 
     Raises:
-        OSError: It cannot be read.
-        ValueError: It is damaged or has another size.
+        OSError: The file cannot be read.
+        ValueError: The file is damaged, too large or of another size.
     """
     width, height = image_size(path)
     if (height, width) != size:
-        raise ValueError(f"{path}: it has {width} x {height} px, expected {size[1]} x {size[0]}")
+        raise ValueError(f"{path}: {width} x {height} px, expected {size[1]} x {size[0]} px")
     if width * height > MAX_PIXELS:
-        raise ValueError(f"{path}: {width} x {height} px are more than {MAX_PIXELS}")
+        raise ValueError(f"{path}: {width} x {height} px, at most {MAX_PIXELS} pixels are read")
     from PIL import Image
 
     try:
@@ -296,16 +327,23 @@ def read_image(path: Path, mode: str, size: tuple[int, int]) -> NDArray[Any]:
 
 
 def read_numbers(path: Path, shape: tuple[int, int]) -> NDArray[np.float64]:
-    """A matrix of numbers in a text file.
+    """Read a matrix of numbers from a text file.
+
+    Args:
+        path: Text file.
+        shape: Rows and columns of the matrix.
+
+    Returns:
+        [R,C] numbers.
 
     Raises:
-        OSError: It cannot be read.
-        ValueError: It holds anything else, or another number of them, or is too long.
+        OSError: The file cannot be read.
+        ValueError: The file is too long, or does not hold that many numbers and nothing else.
     """
     with path.open("rb") as file:
-        content = file.read(MOST_NUMBERS_BYTES + 1)
-    if len(content) > MOST_NUMBERS_BYTES:
-        raise ValueError(f"{path}: more than {MOST_NUMBERS_BYTES} bytes are no matrix of {shape}")
+        content = file.read(MAX_MATRIX_BYTES + 1)
+    if len(content) > MAX_MATRIX_BYTES:
+        raise ValueError(f"{path}: over {MAX_MATRIX_BYTES} bytes, too long for a matrix of {shape}")
     try:
         numbers = np.array(content.decode(errors="replace").split(), np.float64)
     except ValueError as error:

@@ -1,7 +1,7 @@
 """nerfstudio's `transforms.json` (Tancik et al. 2023): poses in the axes of OpenGL.
 
-Recordings of simulated homes also tell what pixels show: `instance_file_path` of a frame, and
-`objects.json` with the types of objects.
+Recordings of simulated homes also hold object labels: an image `instance_file_path` for each frame,
+and `objects.json` with the types of the objects.
 """
 
 from __future__ import annotations
@@ -22,24 +22,29 @@ from gslts.datasets.dataset import (
     name_of,
     pinhole,
     rigid,
-    told_apart,
+    with_unique_names,
 )
 from gslts.datasets.undistort import Lens, lens_or_none
 
 OPENGL_FROM_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
+"""[4,4] change of camera axes: y and z point the other way."""
 OBJECTS = "objects.json"
+"""File with the types of the labelled objects."""
 MAX_BYTES = 1 << 28
+"""Maximum size of a JSON file; 100,000 frames take 60 MiB."""
 PERSPECTIVE = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL")
+"""Camera models of nerfstudio with Brown's distortion, or none."""
 FISHEYE = "OPENCV_FISHEYE"
+"""Camera model of Kannala and Brandt (2006)."""
 
 Row = tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat]
 Side = Annotated[int, Field(ge=0, le=MAX_SIDE_PX)]
 Angle = Annotated[FiniteFloat, Field(strict=True, gt=1e-6, lt=math.pi)]
-"""Of view, rad; half of a smaller one may have no tangent."""
+"""Field of view, rad; its bounds keep the tangent of the half finite and positive."""
 
 
 class _Intrinsics(BaseModel):
-    """They stand at the top for all frames, or at each frame."""
+    """Intrinsics, at the top of the file for all frames or at a frame."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
@@ -81,16 +86,23 @@ class _File(_Intrinsics):
 
 
 def is_nerfstudio(path: Path) -> bool:
-    """Whether a folder has such a file."""
+    """Return True if a folder has a `transforms.json`.
+
+    Args:
+        path: Any path.
+    """
     return (path / "transforms.json").exists()
 
 
 def open_nerfstudio(path: Path) -> Dataset:
-    """Opens a data set.
+    """Open a data set.
+
+    Args:
+        path: Folder with `transforms.json`.
 
     Raises:
         OSError: The file cannot be read.
-        ValueError: It is damaged, or its camera has a lens model that is not supported.
+        ValueError: The file is damaged, or its lens model is not supported.
     """
     file = path / "transforms.json"
     if file.stat().st_size > MAX_BYTES:
@@ -115,12 +127,12 @@ def open_nerfstudio(path: Path) -> Dataset:
             skipped.append(f"frames[{number}]: {_first(error)}")
         except (OSError, ValueError) as error:
             skipped.append(f"frames[{number}]: {error}")
-    named = told_apart(frames, path)
+    named = with_unique_names(frames, path)
     return Dataset(
         name_of(path),
-        tuple(one for one in named if one.rgb not in unposed),
+        tuple(frame for frame in named if frame.rgb not in unposed),
         tuple(skipped),
-        unposed=tuple(one for one in named if one.rgb in unposed),
+        unposed=tuple(frame for frame in named if frame.rgb in unposed),
     )
 
 
@@ -129,7 +141,7 @@ def _image_frame(
 ) -> ImageFrame:
     rgb = path / frame.file_path
     if not rgb.name:
-        raise ValueError(f"file_path: {frame.file_path!r} is no file")
+        raise ValueError(f"file_path: {frame.file_path!r} is not a file")
     width, height = (frame.w, frame.h) if frame.w and frame.h else image_size(rgb)
     fx = frame.fl_x
     if fx is None:
@@ -161,19 +173,19 @@ def _image_frame(
 
 
 def _instances(path: Path, frame: _Frame) -> Path | None:
-    """The picture, if it was not left behind: frames are of use without it."""
-    named = frame.instance_file_path
-    return path / named if named and (path / named).exists() else None
+    """Return the label image if it exists: frames can be used without it."""
+    name = frame.instance_file_path
+    return path / name if name and (path / name).exists() else None
 
 
 def _types(path: Path) -> tuple[str, ...]:
-    """Of the objects of a recording; none where there is no such file."""
+    """Read the types of the objects; none without such a file."""
     if not path.exists():
         return ()
     if path.stat().st_size > MAX_BYTES:
         raise ValueError(f"{path}: larger than {MAX_BYTES >> 20} MiB")
     try:
-        return tuple(one.objectType for one in _OBJECTS.validate_json(path.read_bytes()))
+        return tuple(item.objectType for item in _OBJECTS.validate_json(path.read_bytes()))
     except ValidationError as error:
         raise ValueError(f"{path}: {_first(error)}") from None
 
@@ -187,7 +199,7 @@ def _lens(frame: _Frame, fisheye: bool) -> Lens | None:
 
 
 def _shared(content: _File) -> dict[str, Any]:
-    """Intrinsics for frames that have none."""
+    """Return the intrinsics at the top of the file, for frames without their own."""
     return {name: getattr(content, name) for name in _Intrinsics.model_fields}
 
 

@@ -1,4 +1,4 @@
-"""Poses as files write them: quaternions, and moments between two of them."""
+"""Poses as files store them: quaternion and translation, and interpolation in time."""
 
 from __future__ import annotations
 
@@ -11,20 +11,27 @@ from gslts.core.se3 import rotation, rotation_of_quat, rotation_vector
 from gslts.types import Floats
 
 LENGTH_TOLERANCE = 0.01
-"""Of the length of a quaternion, which is written with some digits only."""
+"""Maximum error of the length of a unit quaternion, as files write few digits."""
 
 
-def pose_of(wxyz: ArrayLike, translation: ArrayLike) -> Floats:
-    """[4,4] rigid transform of a quaternion and a translation, m.
+def pose_from_quat(wxyz: ArrayLike, translation: ArrayLike) -> Floats:
+    """Return the rigid transform of a quaternion and a translation.
+
+    Args:
+        wxyz: (4,) unit quaternion.
+        translation: (3,), m.
+
+    Returns:
+        [4,4] rigid transform.
 
     Raises:
-        ValueError: The quaternion has not the length 1, or a number is not finite.
+        ValueError: The quaternion does not have length 1, or a number is not finite.
     """
     length = math.hypot(*np.asarray(wxyz, np.float64).tolist())
     if not abs(length - 1) <= LENGTH_TOLERANCE:
-        raise ValueError(f"its quaternion has the length {length:.3f}")
+        raise ValueError(f"the quaternion has length {length:.3f}, expected 1")
     if not np.isfinite(np.asarray(translation, np.float64)).all():
-        raise ValueError(f"its place is {np.asarray(translation).tolist()}")
+        raise ValueError(f"the position is not finite: {np.asarray(translation).tolist()}")
     pose = np.eye(4)
     pose[:3, :3] = rotation_of_quat(np.asarray(wxyz, np.float64))
     pose[:3, 3] = translation
@@ -32,20 +39,30 @@ def pose_of(wxyz: ArrayLike, translation: ArrayLike) -> Floats:
 
 
 def inverse(pose: Floats) -> Floats:
-    """[4,4] of a rigid transform."""
+    """Return the inverse of a rigid transform.
+
+    Args:
+        pose: [4,4] b_from_a.
+
+    Returns:
+        [4,4] a_from_b.
+    """
     result = np.eye(4)
     result[:3, :3] = pose[:3, :3].T
     result[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
     return result
 
 
-def between(first: Floats, second: Floats, share: float) -> Floats:
-    """[4,4] the pose after a share of the way from one to another, turning evenly.
+def interpolate_pose(first: Floats, second: Floats, share: float) -> Floats:
+    """Interpolate between two poses: translation linearly, rotation at constant angular velocity.
 
     Args:
-        first: [4,4], at share 0.
-        second: [4,4], at share 1; turned from the first by well below 180 degrees.
-        share: From 0 to 1.
+        first: [4,4] pose at share 0.
+        second: [4,4] pose at share 1; rotated from the first by well below 180 degrees.
+        share: 0 to 1.
+
+    Returns:
+        [4,4] rigid transform.
     """
     pose = np.eye(4)
     turn = rotation_vector(first[:3, :3].T @ second[:3, :3])

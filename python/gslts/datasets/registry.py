@@ -1,4 +1,4 @@
-"""Which formats of data sets there are, and how to tell them apart."""
+"""Registry of the data set formats. A new format is one module with `is_...` and `open_...`."""
 
 from __future__ import annotations
 
@@ -21,41 +21,42 @@ FORMATS: dict[str, tuple[Callable[[Path], bool], Callable[[Path], Dataset]]] = {
     "colmap": (is_colmap, open_colmap),
     "rosbag": (is_rosbag, open_rosbag),
 }
-"""For each format, whether a path looks like it, and what opens it."""
+"""Name of each format, its test of a path, and its reader; the first that matches is used."""
 
-LEAST_FRAMES = 2
+MIN_FRAMES = 2
+"""Minimum number of usable frames of a data set: one to map, one to judge the map."""
 
 
 def open_dataset(path: str | os.PathLike[str], *, posed: bool = True) -> Dataset:
-    """Opens a data set of any known format.
+    """Open a data set of any registered format.
 
     Args:
         path: A folder or a file.
-        posed: Whether a frame needs a pose; if not, `frames` has those of `unposed`, too, for those
-            who find poses by themselves.
+        posed: True if frames need a pose. If False, `frames` also holds those of `unposed`, for
+            callers who localize frames themselves.
 
     Raises:
-        OSError: There is no such path.
-        ValueError: It is of no known format, or fewer than two of its frames can be used.
+        OSError: The path does not exist or cannot be read.
+        ValueError: The format is unknown, or fewer than two frames can be used.
     """
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"{path}: there is no such file or folder")
-    for looks_like, open_it in FORMATS.values():
-        if looks_like(path):
-            dataset = _usable(open_it(path), posed)
-            if len(dataset.frames) < LEAST_FRAMES:
+    for matches, open_path in FORMATS.values():
+        if matches(path):
+            dataset = _select_usable(open_path(path), posed)
+            if len(dataset.frames) < MIN_FRAMES:
                 why = f"; {dataset.skipped[0]}" if dataset.skipped else ""
                 raise ValueError(
-                    f"{path}: {len(dataset.frames)} usable frames, at least {LEAST_FRAMES} are "
+                    f"{path}: {len(dataset.frames)} usable frames, at least {MIN_FRAMES} are "
                     f"needed{why}"
                 )
             return dataset
     raise ValueError(f"{path}: no data set of a known format ({', '.join(FORMATS)})")
 
 
-def _usable(dataset: Dataset, posed: bool) -> Dataset:
+def _select_usable(dataset: Dataset, posed: bool) -> Dataset:
     if not posed:
         return replace(dataset, frames=(*dataset.frames, *dataset.unposed))
-    left_out = tuple(f"{one.name}: it has no pose" for one in dataset.unposed)
-    return replace(dataset, skipped=(*dataset.skipped, *left_out))
+    without_pose = tuple(f"{frame.name}: it has no pose" for frame in dataset.unposed)
+    return replace(dataset, skipped=(*dataset.skipped, *without_pose))

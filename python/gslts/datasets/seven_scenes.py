@@ -1,7 +1,7 @@
 """7-Scenes (Shotton et al. 2013): frame-N.color, .depth.png and .pose.txt in one folder.
 
-The pictures come from a Kinect as it is: depth is not registered to the colours, and the poses,
-found by KinectFusion, are those of the depth camera.
+The images come from a Kinect without registration: the poses, found by KinectFusion, are those of
+the depth camera.
 """
 
 from __future__ import annotations
@@ -23,24 +23,38 @@ from gslts.datasets.dataset import (
 from gslts.types import Floats
 
 NO_DEPTH = 65535
+"""Depth value that means no measurement, as the page of the data set says."""
 DEPTH_FOCAL_PX = 585.0
-"""Of the depth camera, as the data set's page recommends."""
+"""Focal length of the depth camera, as the page of the data set recommends."""
 COLOR_FOCAL_PX = 525.0
-"""What OpenNI's drivers take a Kinect's colour camera for until it is calibrated."""
+"""Focal length that OpenNI assumes for the colour camera of an uncalibrated Kinect."""
 KINECT_WIDTH_PX = 640
-"""Of the pictures that have these focal lengths."""
+"""Image width for which these focal lengths hold."""
 COLOR_FROM_DEPTH = np.eye(4)
+"""[4,4] m: the colour camera of a Kinect is 2.5 cm to the right of its depth camera."""
 COLOR_FROM_DEPTH[0, 3] = -0.025
-"""The colour camera stands 2.5 cm to the right of the depth camera."""
 
 
 def is_seven_scenes(path: Path) -> bool:
-    """Whether a folder looks like a sequence of 7-Scenes."""
+    """Return True if a folder is a sequence of 7-Scenes.
+
+    Args:
+        path: Any path.
+    """
     return any(path.glob("frame-*.pose.txt"))
 
 
 def open_seven_scenes(path: Path) -> Dataset:
-    """Opens a sequence; `camera-intrinsics.txt` (3 x 3) replaces the depth camera's intrinsics."""
+    """Open a sequence.
+
+    Args:
+        path: Its folder; a file `camera-intrinsics.txt` (3 x 3) there replaces the intrinsics of
+            the depth camera.
+
+    Raises:
+        OSError: The intrinsics cannot be read.
+        ValueError: The intrinsics are damaged.
+    """
     intrinsics = path / "camera-intrinsics.txt"
     matrix = read_numbers(intrinsics, (3, 3)) if intrinsics.exists() else None
     frames: list[ImageFrame] = []
@@ -50,7 +64,7 @@ def open_seven_scenes(path: Path) -> Dataset:
         try:
             rgb = next(path.glob(f"{stem}.color.*"), None)
             if rgb is None:
-                raise ValueError(f"{stem}: there is no colour picture")
+                raise ValueError("there is no colour image")
             size = image_size(rgb)
             depth = path / f"{stem}.depth.png"
             pose = rigid(read_numbers(pose_path, (4, 4)))

@@ -1,6 +1,6 @@
-"""TUM RGB-D (Sturm et al. 2012): rgb.txt, depth.txt and groundtruth.txt with times of their own.
+"""TUM RGB-D (Sturm et al. 2012): rgb.txt, depth.txt and groundtruth.txt, each with time stamps.
 
-Without groundtruth.txt, no pose is known.
+Without groundtruth.txt, frames have no pose.
 """
 
 from __future__ import annotations
@@ -9,36 +9,52 @@ from pathlib import Path
 
 import numpy as np
 
-from gslts.datasets.dataset import Dataset, ImageFrame, image_size, name_of, pinhole, told_apart
-from gslts.datasets.poses import pose_of
+from gslts.datasets.dataset import (
+    Dataset,
+    ImageFrame,
+    image_size,
+    name_of,
+    pinhole,
+    with_unique_names,
+)
+from gslts.datasets.poses import pose_from_quat
 from gslts.types import Floats
 
 DEPTH_UNIT_M = 1 / 5000
-MOST_APART_S = 0.02
-"""Pictures and poses that are farther apart in time do not belong together."""
+"""Metres of one step of a depth image, as the page of the data set says."""
+MAX_GAP_S = 0.02
+"""Maximum time between a colour image and its depth image or pose, as in the data set's tools."""
 MAX_BYTES = 1 << 28
+"""Maximum size of a list; an hour at 30 Hz takes 10 MiB."""
 INTRINSICS = {
     "freiburg1": (517.3, 516.5, 318.6, 255.3),
     "freiburg2": (520.9, 521.0, 325.1, 249.7),
     "freiburg3": (535.4, 539.2, 320.1, 247.6),
 }
-"""fx, fy, cx, cy in px by a part of the folder's name, from the data set's page."""
+"""fx, fy, cx, cy in px by a part of the folder's name, from the page of the data set."""
 INTRINSICS_WIDTH_PX = 640
-"""Of the pictures that have them, in 4:3."""
+"""Width of the 4:3 images for which these intrinsics hold."""
 DEFAULT_INTRINSICS = (525.0, 525.0, 319.5, 239.5)
-"""The data set's page recommends these where nothing is known."""
+"""fx, fy, cx, cy in px that the page of the data set recommends for other cameras."""
 
 
 def is_tum(path: Path) -> bool:
-    """Whether a folder has the lists of pictures."""
+    """Return True if a folder has the lists of images.
+
+    Args:
+        path: Any path.
+    """
     return all((path / name).exists() for name in ("rgb.txt", "depth.txt"))
 
 
 def open_tum(path: Path) -> Dataset:
-    """Opens a sequence; each colour picture gets the depth and the pose next in time.
+    """Open a sequence; each colour image gets the depth image and the pose nearest in time.
 
-    Intrinsics go by the folder's name; the lens distortion, which the data set's page leaves to
-    those who need it, is not corrected. Lines that are damaged are left out, and told.
+    The intrinsics depend on the name of the folder. Lens distortion is not corrected. Damaged
+    lines are skipped and listed.
+
+    Args:
+        path: Folder of the sequence.
 
     Raises:
         OSError: A list cannot be read.
@@ -57,7 +73,7 @@ def open_tum(path: Path) -> Dataset:
     for time, name in names:
         try:
             time_s = float(time)
-            depth = _nearest(depth_times, time_s, "depth picture")
+            depth = _nearest(depth_times, time_s, "depth image")
             pose = _pose(poses[_nearest(pose_times, time_s, "pose")]) if is_posed else np.eye(4)
             size = image_size(path / name)
             camera = pinhole(_intrinsics(folder, size), size, pose)
@@ -66,21 +82,27 @@ def open_tum(path: Path) -> Dataset:
             continue
         depth_path = path / depth_rows[depth][1]
         frames.append(ImageFrame(path / name, camera, depth_path, DEPTH_UNIT_M, time_s=time_s))
-    named = told_apart(frames, path)
+    named = with_unique_names(frames, path)
     return Dataset(
         name_of(path),
         named if is_posed else (),
-        (*skipped, *bad_names, *_summed(bad_depths), *_summed(bad_poses)),
+        (*skipped, *bad_names, *_summary(bad_depths), *_summary(bad_poses)),
         unposed=() if is_posed else named,
     )
 
 
 def read_trajectory(path: Path) -> list[Floats]:
-    """The poses [4,4] world_from_camera of a file like groundtruth.txt, in its order.
+    """Read the poses of a file like groundtruth.txt.
+
+    Args:
+        path: Text file with lines of time tx ty tz qx qy qz qw.
+
+    Returns:
+        World_from_camera [4,4] of each line, m.
 
     Raises:
-        OSError: It cannot be read.
-        ValueError: A line is not eight numbers, or its quaternion is none.
+        OSError: The file cannot be read.
+        ValueError: A line is not eight numbers, or its quaternion does not have length 1.
     """
     poses = []
     rows, bad_lines = _rows(path, 8)
@@ -95,41 +117,33 @@ def read_trajectory(path: Path) -> list[Floats]:
 
 
 def _intrinsics(folder: str, size: tuple[int, int]) -> tuple[float, ...]:
-    """fx, fy, cx, cy in px of pictures of a size, by the name of their folder.
-
-    Raises:
-        ValueError: Pictures of this shape are not the whole ones of the data set's cameras.
-    """
+    """Return fx, fy, cx, cy in px for images of a size, by the name of their folder."""
     width, height = size
     if 3 * width != 4 * height:
-        raise ValueError(f"it has {width} x {height} px, but intrinsics are known for 4:3 only")
+        raise ValueError(f"{width} x {height} px: intrinsics are known for 4:3 images only")
     fx, fy, cx, cy = next(
         (values for key, values in INTRINSICS.items() if key in folder), DEFAULT_INTRINSICS
     )
-    # Calibrations by OpenCV count from the middle of the first pixel, this project from its corner.
+    # OpenCV's pixel centres are whole numbers, those of this project lie at +0.5.
     scale = width / INTRINSICS_WIDTH_PX
     return scale * fx, scale * fy, scale * (cx + 0.5), scale * (cy + 0.5)
 
 
 def _good_rows(path: Path, columns: int) -> tuple[list[list[str]], list[str]]:
-    """As `_rows`, with the name of the file before what is wrong.
-
-    Raises:
-        ValueError: All lines are damaged.
-    """
+    """Read rows as `_rows`; errors name the file, and a file without a good line is an error."""
     rows, bad = _rows(path, columns)
     if bad and not rows:
         raise ValueError(f"{path}: no line can be used; {bad[0]}")
     return rows, [f"{path.name}: {reason}" for reason in bad]
 
 
-def _summed(bad: list[str]) -> list[str]:
-    """Of lines that are no frames, and maybe many more than there are frames: the first for all."""
+def _summary(bad: list[str]) -> list[str]:
+    """Return the first of many damaged lines, with the number of the others."""
     return [f"{bad[0]}, and {len(bad) - 1} lines more" if len(bad) > 1 else bad[0]] if bad else []
 
 
 def _rows(path: Path, columns: int) -> tuple[list[list[str]], list[str]]:
-    """The words of each line that is no comment, and what is wrong with those that are damaged."""
+    """Return the words of each line but comments, and the errors of damaged lines."""
     if path.stat().st_size > MAX_BYTES:
         raise ValueError(f"{path}: larger than {MAX_BYTES >> 20} MiB")
     rows, bad = [], []
@@ -138,7 +152,7 @@ def _rows(path: Path, columns: int) -> tuple[list[list[str]], list[str]]:
         words = line.split()
         if not words or words[0].startswith("#"):
             continue
-        numbers = words[:1] if columns == 2 else words  # Pictures have a name behind their time.
+        numbers = words[:1] if columns == 2 else words  # Lists of images: time and name.
         if len(words) != columns or not all(map(_is_finite, numbers)):
             bad.append(f"line {number}: {line[:80]!r} is not {columns} values")
         else:
@@ -158,18 +172,14 @@ def _times(rows: list[list[str]]) -> Floats:
 
 
 def _nearest(times: Floats, time_s: float, what: str) -> int:
-    """Index of the time next to another.
-
-    Raises:
-        ValueError: None is near enough.
-    """
-    apart_s = np.abs(times - time_s)
-    if len(times) == 0 or apart_s.min() > MOST_APART_S:
-        raise ValueError(f"there is no {what} within {MOST_APART_S:g} s")
-    return int(apart_s.argmin())
+    """Return the index of the nearest time, at most `MAX_GAP_S` away."""
+    gaps_s = np.abs(times - time_s)
+    if len(times) == 0 or gaps_s.min() > MAX_GAP_S:
+        raise ValueError(f"there is no {what} within {MAX_GAP_S:g} s")
+    return int(gaps_s.argmin())
 
 
 def _pose(numbers: Floats) -> Floats:
-    """[4,4] of tx ty tz qx qy qz qw."""
+    """Return the pose [4,4] of tx ty tz qx qy qz qw."""
     x, y, z, w = numbers[3:]
-    return pose_of((w, x, y, z), numbers[:3])
+    return pose_from_quat((w, x, y, z), numbers[:3])

@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all."""
+"""Atomic writing: after a crash or on a full disk, a file is the whole new one or the old one."""
 
 from __future__ import annotations
 
@@ -11,15 +11,19 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 
-def write_whole(path: Path, content: bytes) -> None:
-    """Writes a file, which is on the disk for good when this returns, or leaves what was there.
+def write_atomic(path: Path, content: bytes) -> None:
+    """Write a file atomically; when this returns, it is synced to the disk.
+
+    Args:
+        path: File to write; an old one stays until the new one is complete.
+        content: All of its bytes.
 
     Raises:
-        OSError: It cannot be written, or the disk failed before its name was there for good.
+        OSError: The file cannot be written or synced; an old file is unchanged.
     """
-    temporary = part_of(path)
+    temporary = temporary_path(path)
     try:
-        with naming(path), temporary.open("wb") as file:
+        with name_in_errors(path), temporary.open("wb") as file:
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
@@ -31,39 +35,49 @@ def write_whole(path: Path, content: bytes) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Makes names in a folder last, where the file system can.
+    """Sync the names in a folder to the disk, where the file system can.
+
+    Args:
+        folder: The folder.
 
     Raises:
         OSError: The disk failed.
     """
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
-        with naming(folder.absolute()):  # "." would tell nothing.
+        with name_in_errors(folder.absolute()):  # The name "." would be of no help.
             os.fsync(descriptor)
     except OSError as error:
-        if error.errno != errno.EINVAL:  # Some of networks have no such call for folders.
+        if error.errno != errno.EINVAL:  # Some network file systems cannot sync folders.
             raise
     finally:
         os.close(descriptor)
 
 
-def part_of(path: Path) -> Path:
-    """Where this process writes what is to appear at a path as a whole: beside it.
+def temporary_path(path: Path) -> Path:
+    """Return the path beside `path` where this process writes before renaming.
 
-    What was left there by processes that were stopped is removed. One of them may have had the
-    number of this one: in a container, it is often the same each time.
+    Removes what stopped processes left there. One of them may have had the process id of this one:
+    in a container it is often the same each time.
+
+    Args:
+        path: Path of the final file or folder.
     """
     name = re.compile(rf"\.{re.escape(path.name)}\.(\d{{1,9}})\.part")
     own = path.with_name(f".{path.name}.{os.getpid()}.part")
     for part in path.parent.glob(".*.part"):
-        of = name.fullmatch(part.name)
-        if of is not None and (part == own or not _runs(int(of[1]))):
+        match = name.fullmatch(part.name)
+        if match is not None and (part == own or not _is_running(int(match[1]))):
             remove_tree(part)
     return own
 
 
 def remove_tree(path: Path) -> None:
-    """Removes a file or a folder, as far as the disk lets it."""
+    """Remove a file or a folder; ignore errors of the disk.
+
+    Args:
+        path: File or folder; it need not exist.
+    """
     if path.is_dir():
         shutil.rmtree(path, ignore_errors=True)
     else:
@@ -72,8 +86,12 @@ def remove_tree(path: Path) -> None:
 
 
 @contextmanager
-def naming(path: Path) -> Iterator[None]:
-    """Lets an error in writing, such as of a full disk, tell the file, as one in opening does."""
+def name_in_errors(path: Path) -> Iterator[None]:
+    """Add the path to errors of writing, such as of a full disk, as errors of opening have it.
+
+    Args:
+        path: File that is written in the `with` block.
+    """
     try:
         yield
     except OSError as error:
@@ -83,18 +101,21 @@ def naming(path: Path) -> Iterator[None]:
 
 
 def empty_folder(path: Path) -> None:
-    """Makes a folder, or takes an empty one.
+    """Make a folder, or accept an empty one.
+
+    Args:
+        path: The folder.
 
     Raises:
-        OSError: It cannot be made.
-        ValueError: There is something in it.
+        OSError: The folder cannot be made.
+        ValueError: The folder is not empty.
     """
     path.mkdir(parents=True, exist_ok=True)
     if any(path.iterdir()):
         raise ValueError(f"{path} is not empty")
 
 
-def _runs(process: int) -> bool:
+def _is_running(process: int) -> bool:
     try:
         os.kill(process, 0)
     except ProcessLookupError:

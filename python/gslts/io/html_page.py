@@ -1,4 +1,4 @@
-"""Parts of an HTML page that needs nothing else; all texts are escaped here."""
+"""Self-contained HTML pages: heading, sections, tables, plots. All texts are escaped here."""
 
 from __future__ import annotations
 
@@ -8,40 +8,50 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from gslts.io.atomic_files import write_whole
+from gslts.io.atomic_files import write_atomic
 
 
 def write_page(path: Path, title: str, summary: str, sections: Sequence[str]) -> None:
-    """Writes a page, which is there whole or not at all.
+    """Write a page atomically.
 
     Args:
-        path: Of the page.
-        title: Its heading.
-        summary: What it says in a line.
-        sections: From `section`; empty ones are left out.
+        path: File of the page.
+        title: Heading.
+        summary: One line below the heading.
+        sections: From `section`; empty strings are skipped.
 
     Raises:
-        OSError: It cannot be written.
+        OSError: The file cannot be written.
     """
     head = f"<h1>{escape(title)}</h1>\n<p class=summary>{escape(summary)}</p>"
-    body = "\n".join([head, *(one for one in sections if one)])
+    body = "\n".join([head, *filter(None, sections)])
     page = _PAGE.format(title=escape(title), style=_STYLE, body=body)
-    write_whole(path, page.encode("utf-8", errors="replace"))
+    write_atomic(path, page.encode("utf-8", errors="replace"))
 
 
 def section(title: str, body: str) -> str:
-    """A part with a heading; empty if there is nothing in it."""
+    """Return a section with a heading; "" if its body is empty.
+
+    Args:
+        title: Heading, plain text.
+        body: HTML.
+    """
     return f"<section>\n<h2>{escape(title)}</h2>\n{body}\n</section>" if body else ""
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table, empty without rows; the first column names the row."""
+    """Return a table; "" without rows.
+
+    Args:
+        head: Titles of the columns; empty for none.
+        rows: Plain texts; the first column is the title of the row.
+    """
     if not rows:
         return ""
-    top = "".join(f"<th scope=col>{escape(one)}</th>" for one in head)
+    top = "".join(f"<th scope=col>{escape(title)}</th>" for title in head)
     lines = (
         f"<tr><th scope=row>{escape(row[0])}</th>"
-        + "".join(f"<td>{escape(one)}</td>" for one in row[1:])
+        + "".join(f"<td>{escape(cell)}</td>" for cell in row[1:])
         + "</tr>"
         for row in rows
     )
@@ -50,25 +60,41 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return f"<div class=wide><table>\n{head_row}<tbody>\n{body}\n</tbody></table></div>"
 
 
-def plots(*pictures: tuple[str, str]) -> str:
-    """Pictures, each what it shows and its address, side by side where there is room."""
-    shown = "\n".join(f'<img alt="{escape(alt)}" src="{address}">' for alt, address in pictures)
-    return f"<div class=plots>\n{shown}\n</div>"
+def plots(*images: tuple[str, str]) -> str:
+    """Return images side by side where the window is wide enough.
+
+    Args:
+        images: For each its alternative text and its address.
+    """
+    tags = "\n".join(f'<img alt="{escape(alt)}" src="{address}">' for alt, address in images)
+    return f"<div class=plots>\n{tags}\n</div>"
 
 
 def bullets(lines: Sequence[str]) -> str:
-    """A list, empty without lines."""
+    """Return a list; "" without lines.
+
+    Args:
+        lines: Plain texts.
+    """
     items = "\n".join(f"<li>{escape(line)}</li>" for line in lines)
     return f"<ul>\n{items}\n</ul>" if lines else ""
 
 
 def pairs_table(pairs: Mapping[str, Any]) -> str:
-    """A table of names and what they stand for."""
+    """Return a table of names and values.
+
+    Args:
+        pairs: Names and values, converted by `str`.
+    """
     return table([], [[str(name), str(value)] for name, value in pairs.items()])
 
 
 def number(value: float | None) -> str:
-    """With four significant digits, or a dash if there is none."""
+    """Format a number with four significant digits; a dash for None or NaN.
+
+    Args:
+        value: Number to format.
+    """
     if value is None or not math.isfinite(value):
         return "-"
     return f"{value:.4g}" if abs(value) < 1000 else f"{value:,.0f}"

@@ -1,16 +1,16 @@
-"""Maps in the PLY files of 3D Gaussian splatting, which viewers and other tools read.
+"""Maps in the PLY format of 3D Gaussian splatting (Kerbl et al. 2023).
 
 The element `vertex` has these properties:
 
-- x, y, z: `means`; nx, ny, nz: written as 0, because some viewers count on them, and not read.
+- x, y, z: `means`; nx, ny, nz: written as 0, because some viewers require them, and not read.
 - f_dc_0..2, f_rest_0..3(K-1)-1: `sh`. f_rest holds the K-1 coefficients of red, then those of
   green, then those of blue.
 - opacity: `logit_opacities`; scale_0..2: `log_scales`; rot_0..3: `quats`.
 - feature_0..D-1: `features`; id_low, id_high: the halves of `ids`, unless those are 0, 1, ...
 
-The map's `origin` is the comment `gslts origin X Y Z`, and zero without it: other tools show a map
-around its own origin. Axes and units stay as they are: a scene from structure from motion is seldom
-in metres with z up.
+The comment `gslts origin X Y Z` holds the map's `origin`, zero without it: other tools show a map
+around its own origin. Axes and units are not converted: a scene from structure from motion is
+seldom in metres with z up.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ _logger = logging.getLogger(__name__)
 
 
 def read_ply(path: str | os.PathLike[str]) -> GaussianMap:
-    """Reads a map from a PLY file, ascii or binary, of this or another program.
+    """Read a map from a PLY file, ascii or binary, of this or another program.
 
-    Properties may come in any order and of any number type, and the file may have other elements.
-    Properties of `vertex` that mean nothing to a map are ignored, and a warning of the logger
-    `gslts.io.ply` names them. No more memory is taken than the size of the file justifies.
+    Properties may have any order and any number type, and the file may have other elements. Other
+    properties of `vertex` are ignored, and the logger `gslts.io.ply` warns with their names.
+    Memory is bounded by the size of the file.
 
     Args:
         path: A regular file.
@@ -52,10 +52,7 @@ def read_ply(path: str | os.PathLike[str]) -> GaussianMap:
 
 
 def write_ply(gaussian_map: GaussianMap, path: str | os.PathLike[str]) -> None:
-    """Writes a map as binary little-endian PLY, from which `read_ply` returns the same bits.
-
-    The file is written beside its place and moved there when it is complete: other programs see the
-    old file or the whole new one, and after an error the old one is still there.
+    """Write a map atomically as binary little-endian PLY; `read_ply` returns the same bits.
 
     Args:
         gaussian_map: float32.

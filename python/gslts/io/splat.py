@@ -1,16 +1,16 @@
-"""Maps in the `.splat` format that viewers on the web read (antimatter15/splat, 2023).
+"""Maps in the `.splat` format of viewers on the web (antimatter15/splat, 2023).
 
 There is no header; each Gaussian is 32 bytes, little-endian:
 
-- float32 x, y, z: `means` + `origin`. The format has no origin: far from the world's origin, from
-  some kilometres on, centres are rounded to more than a millimetre.
+- float32 x, y, z: `means` + `origin`. The format has no origin: some kilometres from the world's
+  origin, centres are rounded to more than a millimetre.
 - float32 scales, m.
-- uint8 red, green, blue, opacity: the colour of SH degree 0; what depends on the direction of view
-  has no place in the format and is left out, as are features and ids.
+- uint8 red, green, blue, opacity: the colour of SH degree 0. The format has neither view-dependent
+  colour nor features nor ids.
 - uint8 w, x, y, z of the unit quaternion, as 128 q + 128.
 
-Gaussians come in falling order of opacity times volume, so that a viewer that is still loading
-shows the most important ones. Axes stay as they are: z up, where many viewers take -y for up.
+Gaussians are sorted by opacity times volume, largest first, so that a viewer that is still loading
+shows the most important ones. The axes are those of the map, z up; many viewers expect -y up.
 """
 
 from __future__ import annotations
@@ -21,20 +21,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.core.gaussian_map import SH_C0, GaussianMap
-from gslts.io.atomic_files import write_whole
+from gslts.io.atomic_files import write_atomic
 
 GAUSSIAN = np.dtype(
     [("mean", "<f4", 3), ("scales", "<f4", 3), ("rgba", np.uint8, 4), ("quat", np.uint8, 4)]
 )
-SHORTEST_QUAT = 1e-12
-"""Shorter quaternions mean no rotation, as in the rasterizer."""
+"""Layout of one Gaussian."""
+MIN_QUAT_LENGTH = 1e-12
+"""Quaternions shorter than this mean no rotation, as in the rasterizer."""
 
 
 def write_splat(gaussian_map: GaussianMap, path: Path) -> None:
-    """Writes a map, without its colours beyond SH degree 0, features and ids.
+    """Write a map without features, ids and colours beyond SH degree 0.
+
+    Args:
+        gaussian_map: Map of any dtype.
+        path: File to write, atomically.
 
     Raises:
-        OSError: The file cannot be written; what was there stays.
+        OSError: The file cannot be written; an old file is unchanged.
     """
     opacities = _sigmoid(gaussian_map.logit_opacities.astype(np.float64))
     log_scales = gaussian_map.log_scales.astype(np.float64)
@@ -46,18 +51,22 @@ def write_splat(gaussian_map: GaussianMap, path: Path) -> None:
     rows["quat"] = _bytes(128 * _unit(gaussian_map.quats.astype(np.float64)) + 128)
     # The logarithm of opacity times volume, which cannot overflow.
     importance = log_scales.sum(axis=1) + np.log(np.maximum(opacities, 1e-300))
-    write_whole(path, rows[np.argsort(-importance, kind="stable")].tobytes())
+    write_atomic(path, rows[np.argsort(-importance, kind="stable")].tobytes())
 
 
 def rounding_m(gaussian_map: GaussianMap) -> float:
-    """By how much centres are rounded in the format, at most, m."""
+    """Return the maximum rounding error of centres in this format, m.
+
+    Args:
+        gaussian_map: Map to be written.
+    """
     farthest_m = np.abs(gaussian_map.means + gaussian_map.origin).max(initial=0)
     return float(np.spacing(np.float32(farthest_m)) / 2)
 
 
 def _unit(quats: NDArray[np.float64]) -> NDArray[np.float64]:
     lengths = np.linalg.norm(quats, axis=1, keepdims=True)
-    rotated = lengths > SHORTEST_QUAT
+    rotated = lengths > MIN_QUAT_LENGTH
     return np.where(rotated, quats / np.where(rotated, lengths, 1), [1.0, 0, 0, 0])
 
 

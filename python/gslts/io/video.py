@@ -1,4 +1,4 @@
-"""Pictures as an MP4 video."""
+"""MP4 videos of images."""
 
 from __future__ import annotations
 
@@ -9,21 +9,22 @@ from typing import Self
 
 import numpy as np
 
-from gslts.io.images import Picture
+from gslts.io.images import RgbImage
 
 FRAMES_PER_S = 25
+"""Frame rate of videos."""
 
 
 class Video:
-    """A video in MPEG-4, which is there as a whole once its `with` block ends without an error.
+    """Writes an MPEG-4 video; the file appears when its `with` block ends without an error.
 
     Args:
-        path: Ends in .mp4.
+        path: File that ends in .mp4.
         width: px.
-        height: px. Odd sides lose their last column or row: the format has even ones only.
+        height: px. Odd sides lose their last column or row: the format allows even sides only.
 
     Raises:
-        OSError: The file cannot be written, or, at the end, was not written whole.
+        OSError: The file cannot be written, or, at the end, is not complete.
         ValueError: A side is below 2 px.
     """
 
@@ -36,18 +37,22 @@ class Video:
         self._size = (width // 2 * 2, height // 2 * 2)
         self._added = 0
         self._temporary = path.with_name(f".{path.stem}.{os.getpid()}.part.mp4")
-        self._temporary.touch()  # OpenCV does not say why it cannot write.
+        self._temporary.touch()  # Raises the reason, which OpenCV does not report.
         code = cv2.VideoWriter.fourcc(*"mp4v")
         self._writer = cv2.VideoWriter(str(self._temporary), code, FRAMES_PER_S, self._size)
         if not self._writer.isOpened():
             self._temporary.unlink(missing_ok=True)  # OpenCV may have removed it.
             raise OSError(f"{path}: the disk is full, or OpenCV cannot write MPEG-4 videos")
 
-    def add(self, picture: Picture) -> None:
-        """Adds a picture of the video's size."""
+    def add(self, image: RgbImage) -> None:
+        """Add an image.
+
+        Args:
+            image: [H,W,3] uint8, of the size of the video.
+        """
         width, height = self._size
-        # OpenCV wants blue first.
-        self._writer.write(np.ascontiguousarray(picture[:height, :width, ::-1]))
+        # OpenCV stores blue first.
+        self._writer.write(np.ascontiguousarray(image[:height, :width, ::-1]))
         self._added += 1
 
     def __enter__(self) -> Self:
@@ -62,22 +67,21 @@ class Video:
         self._writer.release()
         try:
             if error is None:
-                self._require_whole()
+                self._require_complete()
                 self._temporary.replace(self._path)
         finally:
             self._temporary.unlink(missing_ok=True)
 
-    def _require_whole(self) -> None:
-        """Reads what was written: OpenCV says nothing of a full disk."""
+    def _require_complete(self) -> None:
+        """Read the file back: OpenCV does not report a full disk."""
         import cv2
 
-        written = cv2.VideoCapture(str(self._temporary))
-        found = 0
-        while written.grab():  # The number in the header would not tell of pictures that are gone.
-            found += 1
-        written.release()
-        if found != self._added or found == 0:
+        reader = cv2.VideoCapture(str(self._temporary))
+        count = 0
+        while reader.grab():  # The count in the header also has images that were not written.
+            count += 1
+        reader.release()
+        if count != self._added or count == 0:
             raise OSError(
-                f"{self._path}: it was not written whole, as on a full disk: {found} of "
-                f"{self._added} pictures are in it"
+                f"{self._path}: {count} of {self._added} images were written; is the disk full?"
             )

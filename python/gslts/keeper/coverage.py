@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from gslts.change.visibility import SeenSpace
+from gslts.change.visibility import Visibility
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
@@ -44,7 +44,7 @@ def stops_of(
     solid = np.flatnonzero(gaussian_map.logit_opacities > _logit(LEAST_OPACITY))
     rows = solid[:: max(1, len(solid) // POINTS)]
     points = gaussian_map.means[rows] + gaussian_map.origin
-    shown = SeenSpace(gaussian_map, cameras.values(), threads).shown(points, FARTHEST_M)
+    shown = Visibility(gaussian_map, cameras.values(), threads).visible(points, FARTHEST_M)
     left = shown.any(axis=0)
     enough = (1 - ENOUGH) * left.sum()
     chosen: list[int] = []

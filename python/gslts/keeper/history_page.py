@@ -8,15 +8,16 @@ from html import escape
 from pathlib import Path
 
 from gslts.io.html_page import bullets, number, section, table, write_page
-from gslts.store.history import History
-from gslts.store.manifest import picture_path
-from gslts.store.records import Event, Rejection, Version
-from gslts.store.words import (
-    words_of_event,
-    words_of_rejection,
-    words_of_time,
-    words_of_version,
+from gslts.store.causes import UpdateCause, UpdateRecord
+from gslts.store.describe import (
+    describe_event,
+    describe_rejection,
+    describe_version,
+    format_time,
 )
+from gslts.store.history import History
+from gslts.store.manifest import update_image_path
+from gslts.store.records import Event, Rejection, Version
 
 
 def write_history(
@@ -55,36 +56,36 @@ def _timeline(versions: Sequence[Version], events: Sequence[Event]) -> str:
 
 
 def _row(version: Version, events: Sequence[Event]) -> list[str]:
-    record = version.cause.get("record", {})
-    around = [number(record.get(f"psnr_{when}_db")) for when in ("before", "after")]
-    seconds = [f"{name} {value:.1f}" for name, value in record.get("seconds", {}).items()]
+    cause = version.cause if isinstance(version.cause, UpdateCause) else None
+    record = UpdateRecord() if cause is None else cause.record
+    psnr = [number(value) for value in (record.psnr_before_db, record.psnr_after_db)]
+    seconds = [f"{name} {value:.1f}" for name, value in record.seconds.items()]
     return [
         str(version.number),
-        words_of_time(version.time_s),
-        str(version.cause.get("round", "")),
+        format_time(version.time_s),
+        "" if cause is None or cause.round is None else str(cause.round),
         _what(version, events),
         f"{version.touched:,}",
-        " to ".join(around) if record else "",
+        " to ".join(psnr) if cause else "",
         ", ".join(seconds),
     ]
 
 
 def _what(version: Version, events: Sequence[Event]) -> str:
-    told = [words_of_event(one) for one in events if one.version == version.number]
-    return "; ".join(told) or words_of_version(version)
+    told = [describe_event(one) for one in events if one.version == version.number]
+    return "; ".join(told) or describe_version(version)
 
 
 def _rejection(rejection: Rejection) -> str:
-    cause = rejection.cause
-    kinds = ", ".join(one["kind"] for one in cause.get("changes", ()))
-    when = words_of_time(rejection.time_s)
-    return f"{when}, version {rejection.version}: {kinds} {words_of_rejection(rejection)}"
+    kinds = ", ".join(change.kind for change in rejection.cause.changes)
+    when = format_time(rejection.time_s)
+    return f"{when}, version {rejection.version}: {kinds} {describe_rejection(rejection)}"
 
 
 def _pictures(folder: Path, updates: Sequence[Version], events: Sequence[Event]) -> str:
     parts = []
     for version in updates:
-        path = picture_path(folder, version.number)
+        path = update_image_path(folder, version.number)
         if path.exists():
             title = escape(f"Version {version.number}: {_what(version, events)}")
             address = f"data:image/jpeg;base64,{b64encode(path.read_bytes()).decode()}"

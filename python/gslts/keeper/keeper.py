@@ -201,7 +201,7 @@ class MapKeeper:
                 break
             self._last = frame
             self.watch(frame)
-            if not self._watch.is_suspicious:
+            if not self._watch.is_pending:
                 break
         return self._reported()
 
@@ -243,9 +243,14 @@ class MapKeeper:
             semantics=self._semantics,
             tell=tell,
         )
-        cameras, of_round = self._cameras.values(), {"round": self.state.round}
         version = published(
-            self._store, self._map, cameras, result, config, of_round, self._semantics
+            self._store,
+            self._map,
+            self._cameras.values(),
+            result,
+            config,
+            self.state.round,
+            self._semantics,
         )
         self._defer(result)
         if version is None:

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from gslts.io.atomic_files import write_whole
+from gslts.io.atomic_files import write_atomic
 from gslts.keeper.schedule import DeferredChange
 
 STATE = "loop.json"
@@ -67,4 +67,4 @@ def write_state(state: LoopState, folder: Path) -> None:
     Raises:
         OSError: It cannot be written.
     """
-    write_whole(folder / STATE, (state.model_dump_json(indent=1) + "\n").encode())
+    write_atomic(folder / STATE, (state.model_dump_json(indent=1) + "\n").encode())

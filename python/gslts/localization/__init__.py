@@ -1,1 +1,1 @@
-"""Camera pose of single images in a map, and direct image alignment."""
+"""Localization: the camera pose of an image in a map, with and without a prior."""

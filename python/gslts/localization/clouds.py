@@ -1,4 +1,4 @@
-"""The surfaces of a map as a cloud, with which the depth of a frame is registered."""
+"""A point cloud of the surfaces of a map, with which the depth of a frame is registered (GICP)."""
 
 from __future__ import annotations
 
@@ -8,48 +8,45 @@ from gslts._core import reloc as _core
 from gslts.core.camera import unproject
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.se3 import inverse_transform, transform
-from gslts.localization.image_pyramid import Pictures
+from gslts.localization.constants import CLOUD_LEVEL, CLOUD_MARGIN_M, SOLID_OPACITY
+from gslts.localization.image_pyramid import ImagePyramid
 from gslts.types import Floats
-
-LEAST_OPACITY = 0.5
-"""Of a Gaussian that is part of a surface."""
-LEVEL = 2
-"""Halvings of the depth image, if it is so large: thousands of points do, and means err less."""
-MARGIN_M = 0.5
-"""Around the frame's points, where the map's count."""
 
 
 class SurfaceCloud:
-    """Centres of a map's Gaussians that are solid.
+    """Registers depth images with the centres of the solid Gaussians of a map.
 
     Args:
         gaussian_map: float32.
     """
 
     def __init__(self, gaussian_map: GaussianMap) -> None:
-        solid = gaussian_map.logit_opacities > np.log(LEAST_OPACITY / (1 - LEAST_OPACITY))
+        solid = gaussian_map.logit_opacities > np.log(SOLID_OPACITY / (1 - SOLID_OPACITY))
         self._origin = gaussian_map.origin
         self._points = np.ascontiguousarray(gaussian_map.means[solid])
 
-    def registered(self, pictures: Pictures, world_from_camera: Floats) -> Floats:
-        """[4,4] the pose nearby at which the depth of a frame lies on the map's surfaces.
+    def register(self, pyramid: ImagePyramid, world_from_camera: Floats) -> Floats:
+        """Move a pose so that the depth of a frame lies on the surfaces of the map.
 
         Args:
-            pictures: Of the frame.
-            world_from_camera: [4,4] some 10 cm off at most; comes back if there is too little.
+            pyramid: Images of the frame.
+            world_from_camera: [4,4] initial pose, m, some 10 cm off at most.
+
+        Returns:
+            [4,4] world_from_camera, m; the initial pose if too few points overlap.
         """
-        level = min(LEVEL, len(pictures.frames) - 1)
-        depth, camera = pictures.depths[level], pictures.frames[level].camera
+        level = min(CLOUD_LEVEL, len(pyramid.frames) - 1)
+        depth, camera = pyramid.depths[level], pyramid.frames[level].camera
         rows, columns = np.nonzero(depth)
-        places = np.column_stack([columns, rows]).astype(np.float64) + 0.5
-        in_world = unproject(camera, places, depth[rows, columns].astype(np.float64))
+        pixels = np.column_stack([columns, rows]).astype(np.float64) + 0.5
+        in_world = unproject(camera, pixels, depth[rows, columns].astype(np.float64))
         in_camera = inverse_transform(camera.world_from_camera, in_world)
         guess = world_from_camera.copy()
         guess[:3, 3] -= self._origin
-        around = transform(guess, in_camera)
-        if len(around) == 0:
+        in_map = transform(guess, in_camera)
+        if len(in_map) == 0:
             return world_from_camera
-        low, high = around.min(axis=0) - MARGIN_M, around.max(axis=0) + MARGIN_M
+        low, high = in_map.min(axis=0) - CLOUD_MARGIN_M, in_map.max(axis=0) + CLOUD_MARGIN_M
         near = ((self._points > low) & (self._points < high)).all(axis=1)
         found = _core.register_clouds(
             in_camera.astype(np.float32),

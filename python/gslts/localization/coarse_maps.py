@@ -1,7 +1,7 @@
-"""A map for pictures of few pixels: fewer, larger Gaussians look the same there and cost less.
+"""Maps of fewer, larger Gaussians for coarse images, which look the same there and cost less.
 
-A random part of the elements, grown to make up for the rest, keeps what a detailed scene looks like
-from afar (stochastic simplification, Cook, Halstead, Planck and Ryu, SIGGRAPH 2007).
+A random part of the elements, grown to make up for the rest, preserves the appearance of a detailed
+scene at a distance (stochastic simplification, Cook, Halstead, Planck and Ryu, SIGGRAPH 2007).
 """
 
 from __future__ import annotations
@@ -10,13 +10,11 @@ import numpy as np
 
 from gslts._core.map import GaussianViewFloat
 from gslts.core.gaussian_map import GaussianMap
-
-MOST_THINNED = 8
-"""Of so many Gaussians one stays, at least."""
+from gslts.localization.constants import MAX_THINNING
 
 
 class CoarseMaps:
-    """Views of one map for pictures of different sizes, half of the Gaussians for half of the rows.
+    """Views of one map for images of different sizes, with half of the Gaussians per halving.
 
     Args:
         gaussian_map: float32.
@@ -26,27 +24,31 @@ class CoarseMaps:
         self._map = gaussian_map
         self._views: dict[int, GaussianViewFloat] = {}
 
-    def halved(self, times: int) -> GaussianViewFloat:
-        """For a picture whose sides were halved so often since it was taken."""
-        factor = min(2**times, MOST_THINNED)
+    def for_level(self, halvings: int) -> GaussianViewFloat:
+        """Return the map for an image whose sides were halved so many times.
+
+        Args:
+            halvings: 0 for the full map.
+        """
+        factor = min(2**halvings, MAX_THINNING)
         if factor not in self._views:
-            view = thinned(self._map, factor).view()
+            view = thin(self._map, factor).view()
             assert isinstance(view, GaussianViewFloat)
             self._views[factor] = view
         return self._views[factor]
 
 
-def thinned(gaussian_map: GaussianMap, factor: int) -> GaussianMap:
-    """One Gaussian of so many, of one colour from all sides, which together fill the same volume.
+def thin(gaussian_map: GaussianMap, factor: int) -> GaussianMap:
+    """Keep one Gaussian of `factor`, grown so that all together fill the same volume.
 
-    Grown to cover the same area, they would hide more of each other, and poses were worse.
+    Grown to the same area instead, they would hide more of each other, and poses were worse.
 
     Args:
         gaussian_map: float32 or float64.
-        factor: 1 gives the map back.
+        factor: Number of Gaussians of which one is kept; 1 returns the map itself.
 
     Returns:
-        A part of the Gaussians, by id, without features.
+        The kept Gaussians in their order, with one colour from all sides and without features.
     """
     if factor == 1:
         return gaussian_map

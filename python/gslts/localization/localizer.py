@@ -1,4 +1,4 @@
-"""Frames at the poses that a map gives them, one after the other."""
+"""Localizes a sequence of frames in a map by tracking, and by relocalization where that fails."""
 
 from __future__ import annotations
 
@@ -10,22 +10,19 @@ from gslts.core.camera import at_pose
 from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import pose_distance
 from gslts.datasets.dataset import rigid
+from gslts.localization.constants import TRACKING_M, TRACKING_RAD
 from gslts.localization.relocalizer import Localization, Relocalizer
 from gslts.types import Floats
 
-NEAR_M, NEAR_RAD = 0.10, np.deg2rad(5)
-"""Tracking that ends farther from where it began may have lost its way: from 0.3 m off it has ended
-7 cm beside the right place, and fitted there."""
-
 
 class Localizer:
-    """Puts the frames of a robot where the map says that they were taken.
+    """Corrects the drift of a robot's odometry frame by frame.
 
-    From one frame to the next its odometry is believed; where that does not lead, a frame is looked
-    for from nothing.
+    Between frames the odometry predicts the pose, which is refined by tracking; where that fails,
+    the frame is localized without a prior.
 
     Args:
-        relocalizer: Of the map as it is.
+        relocalizer: Relocalizer in the current version of the map.
     """
 
     def __init__(self, relocalizer: Relocalizer) -> None:
@@ -35,25 +32,29 @@ class Localizer:
 
     @property
     def world_from_odometry(self) -> Floats | None:
-        """[4,4] as the last frame that was found tells; None before the first one."""
+        """[4,4] correction by the last localized frame, m; None before the first one."""
         return self._world_from_odometry
 
     @property
     def found_at(self) -> Floats | None:
-        """(3,) m, where the odometry had the last frame that was found; None before the first."""
+        """(3,) position of the last localized frame in the odometry, m; None before the first."""
         return self._found_at
 
     def publish(self, relocalizer: Relocalizer) -> None:
-        """From the next frame on, looks in a new version of the map."""
+        """Use a new version of the map from the next frame on.
+
+        Args:
+            relocalizer: Relocalizer in the new version.
+        """
         self._relocalizer = relocalizer
 
     def locate(self, frame: RgbdFrame) -> Localization:
-        """Finds the next frame.
+        """Localize the next frame.
 
         Args:
-            frame: Its pose is one of the odometry; frames of robots without one all have the same.
+            frame: Its pose is that of the odometry; without odometry, all frames have the same.
         """
-        found = self._tracked(frame) or self._relocalizer.locate(frame)
+        found = self._track(frame) or self._relocalizer.locate(frame)
         if found.status == "ok":
             assert found.world_from_camera is not None
             camera_from_odometry = np.linalg.inv(frame.camera.world_from_camera)
@@ -62,13 +63,14 @@ class Localizer:
         return found
 
     def located(self, frame: RgbdFrame) -> RgbdFrame:
-        """The next frame where it was taken.
-
-        If that is not certain, it is where the odometry leads, without depth and with a fault, so
-        that nothing is concluded from it.
+        """Return the next frame at its pose in the map.
 
         Args:
             frame: As for `locate`.
+
+        Returns:
+            The frame at its localized pose. If it is lost or ambiguous, it is at the predicted
+            pose, without depth and with a fault, so that nothing is concluded from it.
         """
         found = self.locate(frame)
         placed = frame
@@ -77,10 +79,11 @@ class Localizer:
         if found.status == "ok":
             return placed
         fault = f"{found.status}: {found.reason}"
-        nothing = np.zeros((frame.camera.height, frame.camera.width), np.float32)
-        return replace(placed, depth=nothing, depth_camera=None, fault=fault)
+        no_depth = np.zeros((frame.camera.height, frame.camera.width), np.float32)
+        return replace(placed, depth=no_depth, depth_camera=None, fault=fault)
 
-    def _tracked(self, frame: RgbdFrame) -> Localization | None:
+    def _track(self, frame: RgbdFrame) -> Localization | None:
+        """Refine the predicted pose; None without a prediction, or if that fails."""
         if self._world_from_odometry is None:
             return None
         expected = rigid(self._world_from_odometry @ frame.camera.world_from_camera)
@@ -88,19 +91,21 @@ class Localizer:
         if found.status != "ok" or found.world_from_camera is None:
             return None
         metres, turn_rad = pose_distance(expected, found.world_from_camera)
-        return found if metres < NEAR_M and turn_rad < NEAR_RAD else None
+        return found if metres < TRACKING_M and turn_rad < TRACKING_RAD else None
 
 
 def in_world(frame: RgbdFrame, world_from_other: Floats) -> RgbdFrame:
-    """A frame whose poses were those of another world.
+    """Transform the poses of a frame into another world frame.
 
     Args:
-        frame: Of the other world.
-        world_from_other: [4,4], rigid, m.
+        frame: In the other world.
+        world_from_other: [4,4] rigid, m.
     """
     camera, depth_camera = (
-        None if one is None else at_pose(one, rigid(world_from_other @ one.world_from_camera))
-        for one in (frame.camera, frame.depth_camera)
+        None
+        if camera is None
+        else at_pose(camera, rigid(world_from_other @ camera.world_from_camera))
+        for camera in (frame.camera, frame.depth_camera)
     )
     assert camera is not None
     return replace(frame, camera=camera, depth_camera=depth_camera)

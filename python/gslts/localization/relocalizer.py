@@ -1,8 +1,8 @@
-"""Where in a map a picture was taken, and how far that can be trusted.
+"""Relocalization: the 6-DoF pose of a single image in a map, without a prior.
 
-Corners of the picture give poses that may be, the rendering of the map at each sorts them out, and
-the best one is refined until rendering and picture agree (iComMa, Sun et al. 2023; GS-LTS,
-"Application in Real-world Robot System"). What is not certain is said to be so.
+Keypoints matched with the landmarks of the map give pose hypotheses, renderings of the map at each
+rank them, and the best one is refined until rendering and image agree (iComMa, Sun et al. 2023;
+GS-LTS, "Application in Real-world Robot System").
 """
 
 from __future__ import annotations
@@ -22,49 +22,46 @@ from gslts.core.se3 import pose_distance
 from gslts.localization.clouds import SurfaceCloud
 from gslts.localization.coarse_maps import CoarseMaps
 from gslts.localization.config import RelocalizationConfig
-from gslts.localization.image_pyramid import Pictures
+from gslts.localization.constants import (
+    AMBIGUOUS_RATIO,
+    COARSE_LEVELS,
+    MIN_STEP_M,
+    REGISTER_BELOW_NEAR,
+    SAME_POSE_M,
+    SAME_POSE_RAD,
+)
+from gslts.localization.image_pyramid import ImagePyramid
+from gslts.localization.landmark_extraction import gray_image
 from gslts.localization.landmark_files import read_landmarks
-from gslts.localization.landmarks import Landmarks, grey_of
+from gslts.localization.landmarks import Landmarks
 from gslts.localization.pose_quality import (
-    covariance_of,
-    fault_of_corners,
-    fault_of_covariance,
-    fault_of_fit,
-    trust_of,
+    agreement_fault,
+    covariance_fault,
+    fit_score,
+    inlier_fault,
+    pose_covariance,
 )
 from gslts.store.map_folder import read_map
 from gslts.types import Floats
 
 Status = Literal["ok", "ambiguous", "lost"]
 
-COARSE_LEVELS = 2
-"""Resolutions, of the coarsest ones, at which hypotheses are compared."""
-STEP_M = 1e-3
-"""A step of the refinement that is shorter is its last one at full size, and twice as much at half
-of it: a third of what the map itself is off."""
-APART_M, APART_RAD = 0.10, np.deg2rad(5)
-"""Poses that are farther apart are different places."""
-LIKELIER = 0.85
-"""Another place whose fit is so many times as good as the best one makes a pose ambiguous."""
-WORST_NEAR = 0.8
-"""Share of depths near the map's below which depth is registered with its surfaces first."""
-
 
 @dataclass(frozen=True, eq=False)
 class Localization:
-    """Where a picture was taken.
+    """Estimated pose of an image in a map.
 
     Attributes:
-        status: `ok`: there; `ambiguous`: there or elsewhere; `lost`: nobody knows.
-        reason: Why it is not `ok`; empty if it is.
-        world_from_camera: [4,4] the best pose; None if lost.
+        status: "ok"; "ambiguous" if other poses fit nearly as well; "lost" if none is accepted.
+        reason: Reason why it is not "ok"; empty if it is.
+        world_from_camera: [4,4] best pose, m; None if lost.
         covariance: [6,6] of a twist (rho, phi) of world_from_camera @ exp(rho, phi), m and rad, in
             the camera frame; None if lost.
-        inliers: Corners that support the pose; 0 when tracking, which needs none.
-        residual: Of the refinement: mean robust cost of a pixel, 0 to about 0.5; NaN if lost.
-        fit: How well the picture fits the map there; None if there was no pose to try.
-        others: Other poses that fit nearly as well.
-        coarse: [4,4] the pose before its refinement; None if there was none.
+        inliers: Number of keypoints that support the pose; 0 when tracking, which uses none.
+        residual: Mean robust cost per pixel of the refinement, 0 to about 0.5; NaN if lost.
+        fit: Agreement of image and map at the pose; None if there was no hypothesis.
+        others: [4,4] other poses that fit nearly as well.
+        coarse: [4,4] pose before its refinement; None if there was no hypothesis.
     """
 
     status: Status
@@ -79,11 +76,11 @@ class Localization:
 
 
 class Relocalizer:
-    """Finds out where in one version of a map pictures were taken.
+    """Estimates the pose of single images in one version of a map.
 
     Args:
         gaussian_map: float32.
-        landmarks: Of the map; None means that it has none, and only tracking works.
+        landmarks: Landmarks of the map; None means that only tracking works.
         config: Settings; None means the defaults.
 
     Raises:
@@ -108,69 +105,75 @@ class Relocalizer:
             )
 
     @classmethod
-    def of_map(cls, path: Path, config: RelocalizationConfig | None = None) -> Relocalizer:
-        """Of a map folder, or a version of it such as MAP@3.
+    def of_map(cls, path: Path | str, config: RelocalizationConfig | None = None) -> Relocalizer:
+        """Read the Gaussians and the landmarks of a map.
+
+        Args:
+            path: Map folder, or a version of it such as MAP@3.
+            config: Settings; None means the defaults.
 
         Raises:
             OSError: A file cannot be read.
-            ValueError: It is no map, or damaged.
+            ValueError: The path is no map, or the map is damaged.
         """
+        path = Path(path)
         gaussian_map = read_map(path)
         return cls(gaussian_map, read_landmarks(path, gaussian_map), config)
 
     @property
     def gaussian_map(self) -> GaussianMap:
-        """In which it looks."""
+        """The map in which images are localized."""
         return self._map
 
     def locate(self, frame: RgbdFrame) -> Localization:
-        """Finds a frame from nothing.
+        """Localize a frame without a prior.
 
         Args:
-            frame: Its pose does not count; depth may be missing.
+            frame: Its pose is not used; depth may be missing.
         """
         if self._index is None:
             return _lost("the map has no landmarks; gslts map makes maps that do")
-        pictures = self._pictures(frame)
-        found = self._hypotheses(pictures)
-        if not found:
-            return _lost("too few corners of the picture are in the map")
-        levels = pictures.levels(self.config.halvings)
-        tried = [
-            self._tried(pictures, one, levels[:COARSE_LEVELS])
-            for one in found[: self.config.hypotheses]
+        pyramid = self._pyramid(frame)
+        hypotheses = self._hypotheses(pyramid)
+        if not hypotheses:
+            return _lost("too few keypoints of the image match the map")
+        levels = pyramid.levels(self.config.halvings)
+        candidates = [
+            self._candidate(pyramid, hypothesis, levels[:COARSE_LEVELS])
+            for hypothesis in hypotheses[: self.config.hypotheses]
         ]
-        tried.sort(key=lambda one: -one.trust)
-        best = tried[0]
-        pose = self._refined(pictures, best.pose, levels[COARSE_LEVELS:] or levels[-1:])
+        candidates.sort(key=lambda candidate: -candidate.score)
+        best = candidates[0]
+        pose = self._refine(pyramid, best.pose, levels[COARSE_LEVELS:] or levels[-1:])
         others: list[Floats] = []
-        for one in tried[1:]:
-            is_new = all(_are_apart(one.pose, other) for other in (best.pose, *others))
-            if is_new and one.trust > LIKELIER * best.trust:
-                others.append(one.pose)
-        return self._told(pictures, pose, best.inliers, tuple(others), best.coarse)
+        for candidate in candidates[1:]:
+            is_new = all(_differ(candidate.pose, other) for other in (best.pose, *others))
+            if is_new and candidate.score > AMBIGUOUS_RATIO * best.score:
+                others.append(candidate.pose)
+        return self._judge(pyramid, pose, best.inliers, tuple(others), best.coarse)
 
     def track(self, frame: RgbdFrame, world_from_camera: Floats) -> Localization:
-        """Finds a frame near a pose, such as that of the frame before.
+        """Localize a frame near a predicted pose, such as that of the previous frame.
 
         Args:
-            frame: Its pose does not count; depth may be missing.
-            world_from_camera: [4,4] that is some centimetres and degrees off at most.
+            frame: Its pose is not used; depth may be missing.
+            world_from_camera: [4,4] predicted pose, m, some centimetres and degrees off at most.
 
         Raises:
             ValueError: The pose is not rigid.
         """
-        pictures = self._pictures(frame)
-        pose = self._refined(pictures, world_from_camera, pictures.levels(self.config.halvings))
-        return self._told(pictures, pose, None, (), world_from_camera)
+        pyramid = self._pyramid(frame)
+        pose = self._refine(pyramid, world_from_camera, pyramid.levels(self.config.halvings))
+        return self._judge(pyramid, pose, None, (), world_from_camera)
 
-    def _pictures(self, frame: RgbdFrame) -> Pictures:
-        return Pictures.of(frame, use_depth=self.config.use_depth)
+    def _pyramid(self, frame: RgbdFrame) -> ImagePyramid:
+        return ImagePyramid.of(frame, use_depth=self.config.use_depth)
 
-    def _hypotheses(self, pictures: Pictures) -> list[_core.Hypothesis]:
-        frame, depth = pictures.frames[0], pictures.depths[0]
-        rule = _core.FeatureRule(count=self.config.corners)
-        pixels, descriptors = _core.features_of(grey_of(frame.rgb), frame.mask, rule)
+    def _hypotheses(self, pyramid: ImagePyramid) -> list[_core.Hypothesis]:
+        """Return poses from matches of keypoints and landmarks, relative to the map's origin."""
+        frame, depth = pyramid.frames[0], pyramid.depths[0]
+        rule = _core.FeatureRule(count=self.config.keypoints)
+        pixels, descriptors = _core.features_of(gray_image(frame.rgb), frame.mask, rule)
         columns, rows = np.floor(pixels).astype(np.intp).T
         depths = np.ascontiguousarray(depth[rows, columns])
         assert self._index is not None
@@ -178,58 +181,59 @@ class Relocalizer:
             frame.camera, pixels, descriptors, depths, self._index, _core.HypothesisRule()
         )
 
-    def _tried(
-        self, pictures: Pictures, hypothesis: _core.Hypothesis, levels: Sequence[int]
-    ) -> _Tried:
-        """A hypothesis after a look at the map, and how far it can be trusted."""
+    def _candidate(
+        self, pyramid: ImagePyramid, hypothesis: _core.Hypothesis, levels: Sequence[int]
+    ) -> _Candidate:
+        """Refine and score a hypothesis at coarse resolutions."""
         start = np.array(hypothesis.world_from_camera)
         start[:3, 3] += self._map.origin  # Landmarks are relative to it.
-        pose = self._refined(pictures, start, levels)
-        far = pose.fit.near < WORST_NEAR or self.config.iterations == 0
-        if self.config.register_clouds and pictures.has_depth and far:
-            registered = self._surface.registered(pictures, start)
-            again = self._refined(pictures, registered, levels)
-            if trust_of(again.fit, True) > trust_of(pose.fit, True):
+        pose = self._refine(pyramid, start, levels)
+        is_off = pose.fit.near < REGISTER_BELOW_NEAR or self.config.iterations == 0
+        if self.config.register_clouds and pyramid.has_depth and is_off:
+            registered = self._surface.register(pyramid, start)
+            again = self._refine(pyramid, registered, levels)
+            if fit_score(again.fit, True) > fit_score(pose.fit, True):
                 pose = again
-        trust = trust_of(pose.fit, pictures.has_depth)
-        return _Tried(pose.world_from_camera, trust, start, hypothesis.inliers)
+        score = fit_score(pose.fit, pyramid.has_depth)
+        return _Candidate(pose.world_from_camera, score, start, hypothesis.inliers)
 
-    def _refined(
-        self, pictures: Pictures, start: Floats, levels: Sequence[int]
+    def _refine(
+        self, pyramid: ImagePyramid, start: Floats, levels: Sequence[int]
     ) -> _core.RefinedPose:
+        """Refine a pose at some resolutions by inverting the rendering."""
         config = self.config
-        cameras = [at_pose(pictures.frames[level].camera, start) for level in levels]
-        thinned = [*levels[:-1], 0]  # The last one tells how well the picture fits the whole map.
+        cameras = [at_pose(pyramid.frames[level].camera, start) for level in levels]
+        thinned = [*levels[:-1], 0]  # The last one judges the agreement with the full map.
         return _core.refine_pose(
-            [self._maps.halved(level) for level in thinned],
+            [self._maps.for_level(level) for level in thinned],
             cameras,
-            [pictures.photos[level] for level in levels],
-            measured=[pictures.depths[level] for level in levels],
-            masks=[pictures.spread(level) for level in levels],
+            [pyramid.colors[level] for level in levels],
+            measured=[pyramid.depths[level] for level in levels],
+            masks=[pyramid.used_pixels(level) for level in levels],
             rule=_core.RefineRule(
-                iterations=config.iterations, min_step_m=STEP_M, threads=config.threads
+                iterations=config.iterations, min_step_m=MIN_STEP_M, threads=config.threads
             ),
         )
 
-    def _told(
+    def _judge(
         self,
-        pictures: Pictures,
+        pyramid: ImagePyramid,
         pose: _core.RefinedPose,
         inliers: int | None,
         others: tuple[Floats, ...],
         coarse: Floats,
     ) -> Localization:
-        """What becomes of a refined pose; one that was tracked needs no corners."""
-        covariance = covariance_of(pose)
-        fault = fault_of_fit(pose.fit, pictures.has_depth)
+        """Accept or reject a refined pose; `inliers` is None for a tracked one."""
+        covariance = pose_covariance(pose)
+        fault = agreement_fault(pose.fit, pyramid.has_depth)
         if inliers is not None:
-            fault = fault or fault_of_corners(inliers, pose.fit, pictures.has_depth)
-        fault = fault or fault_of_covariance(covariance)
+            fault = fault or inlier_fault(inliers, pose.fit, pyramid.has_depth)
+        fault = fault or covariance_fault(covariance)
         if fault is not None:
             return Localization(status="lost", reason=fault, fit=pose.fit, coarse=coarse)
         return Localization(
             status="ambiguous" if others else "ok",
-            reason=f"{len(others)} other place(s) look nearly the same" if others else "",
+            reason=f"{len(others)} other pose(s) fit nearly as well" if others else "",
             world_from_camera=pose.world_from_camera,
             covariance=covariance,
             inliers=inliers or 0,
@@ -241,9 +245,11 @@ class Relocalizer:
 
 
 @dataclass(frozen=True, eq=False)
-class _Tried:
+class _Candidate:
+    """A hypothesis refined at coarse resolutions: poses [4,4] after and before, score, inliers."""
+
     pose: Floats
-    trust: float
+    score: float
     coarse: Floats
     inliers: int
 
@@ -252,6 +258,7 @@ def _lost(reason: str) -> Localization:
     return Localization(status="lost", reason=reason)
 
 
-def _are_apart(first: Floats, second: Floats) -> bool:
+def _differ(first: Floats, second: Floats) -> bool:
+    """Test if two poses [4,4] are different hypotheses."""
     metres, turn_rad = pose_distance(first, second)
-    return metres > APART_M or turn_rad > APART_RAD
+    return metres > SAME_POSE_M or turn_rad > SAME_POSE_RAD

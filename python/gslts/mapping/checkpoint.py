@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gslts.core.gaussian_map import GaussianMap
 from gslts.datasets.dataset import reason_of
-from gslts.io.atomic_files import write_whole
+from gslts.io.atomic_files import write_atomic
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.frames import every_eighth
 from gslts.mapping.lenses import Lenses
@@ -23,7 +23,7 @@ from gslts.mapping.optimize import Optimizer
 from gslts.mapping.report.data import CurvePoint
 from gslts.rendering.adam import Adam, AdamState
 from gslts.rendering.losses import Exposure
-from gslts.store.map_folder import camera_of, plain_camera
+from gslts.store.map_folder import camera_from_json, camera_to_json
 
 FORMAT, VERSION = "gslts-checkpoint", 1
 MAP_ARRAYS = ("means", "quats", "log_scales", "logit_opacities", "sh", "ids", "origin")
@@ -127,7 +127,10 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
         "iteration": checkpoint.iteration,
         "epoch": checkpoint.epoch,
         "random": checkpoint.random,
-        "lenses": [plain_camera(checkpoint.lenses.color), plain_camera(checkpoint.lenses.depth)],
+        "lenses": [
+            camera_to_json(checkpoint.lenses.color),
+            camera_to_json(checkpoint.lenses.depth),
+        ],
         "pose_stds": checkpoint.pose_stds,
         "curve": [asdict(point) for point in checkpoint.curve],
         "seeds": checkpoint.seeds,
@@ -142,7 +145,7 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
     }
     buffer = io.BytesIO()
     np.savez(buffer, **arrays)
-    write_whole(path, buffer.getvalue())
+    write_atomic(path, buffer.getvalue())
 
 
 def read_checkpoint(path: Path) -> Checkpoint:
@@ -169,7 +172,7 @@ def _checkpoint_of(arrays: dict[str, NDArray[Any]]) -> Checkpoint:
         raise ValueError("known is no object of JSON")
     if known.get("format") != FORMAT or known.get("version") != VERSION:
         raise ValueError(f"format is {known.get('format')!r}, version {known.get('version')!r}")
-    color, depth = (camera_of(one) for one in known["lenses"])
+    color, depth = (camera_from_json(one) for one in known["lenses"])
     frames = tuple(known["frames"])
     training = len(frames) - len(every_eighth(frames))
     for name, shape in (("poses", (training, 4, 4)), ("exposures", (training, 2, 3))):

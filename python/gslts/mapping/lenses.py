@@ -14,7 +14,8 @@ import numpy as np
 
 from gslts.core.camera import Camera, at_pose
 from gslts.core.se3 import product, relative, se3_retract, twist_of
-from gslts.localization.alignment import PIXELS_PER_FACT, Alignment, NormalEquations, solve_positive
+from gslts.localization.alignment import Alignment, NormalEquations, solve_positive
+from gslts.localization.constants import CORRELATED_PIXELS
 from gslts.types import Floats
 
 
@@ -111,7 +112,7 @@ def corrected_lenses(lenses: Lenses, given: Lenses, looks: Sequence[Alignment]) 
     centre_px = trust.centre_share * given.color.width
     stds = np.repeat([trust.log_focal, centre_px, trust.offset_m, trust.turn_rad], [2, 2, 3, 3])
     # Once a look: the errors of a sensor are the same in all of them and do not average out.
-    prior = len(looks) * PIXELS_PER_FACT / stds**2
+    prior = len(looks) * CORRELATED_PIXELS / stds**2
     back = relative(lenses.depth.world_from_camera, np.eye(4))
     off = np.concatenate(
         [

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.core.camera import Camera, at_pose, downscale
-from gslts.core.frame import RgbdFrame, halved_depth, halved_mask, halved_rgb, register_depth
+from gslts.core.frame import RgbdFrame, halve_depth, halve_mask, halve_rgb, register_depth
 from gslts.core.se3 import product, relative
 from gslts.localization.alignment import Alignment
 from gslts.mapping.lenses import Lenses
@@ -52,10 +52,10 @@ class Observation:
         rgb, measured = [frame.rgb], [np.nan_to_num(frame.depth)]
         masks = None if frame.mask is None else [frame.mask]
         for _ in range(LEVELS - 1):
-            rgb.append(halved_rgb(rgb[-1]))
-            measured.append(halved_depth(measured[-1]))
+            rgb.append(halve_rgb(rgb[-1]))
+            measured.append(halve_depth(measured[-1]))
             if masks is not None:
-                masks.append(halved_mask(masks[-1]))
+                masks.append(halve_mask(masks[-1]))
         color = at_pose(frame.camera, np.eye(4))
         depth_lens = frame.depth_camera or frame.camera
         color_from_depth = relative(frame.camera.world_from_camera, depth_lens.world_from_camera)

@@ -11,12 +11,11 @@ from gslts.core.camera import shift_origin
 from gslts.core.gaussian_map import SH_C0, GaussianMap
 from gslts.core.se3 import fit_rigid_motion, se3_retract, twist_of
 from gslts.localization.alignment import (
-    DEPTH_SHARE,
-    PIXELS_PER_FACT,
     Alignment,
     NormalEquations,
     align,
 )
+from gslts.localization.constants import CORRELATED_PIXELS, DEPTH_WEIGHT
 from gslts.mapping import clock
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.density.control import joined, split
@@ -196,11 +195,11 @@ class Optimizer:
     def _refine_pose(self, observation: Observation, alignment: Alignment) -> None:
         """One Gauss-Newton step, held near the given pose."""
         stds = np.repeat([self.config.pose_std_m, self.config.pose_std_rad, 1], (3, 3, 4))
-        prior = (np.arange(10) < 6) * PIXELS_PER_FACT / stds**2
+        prior = (np.arange(10) < 6) * CORRELATED_PIXELS / stds**2
         off = np.concatenate([-twist_of(observation.correction), np.zeros(4)])
         prior_equations = NormalEquations(np.diag(prior), prior * off)
         depth = alignment.depth
-        weak = NormalEquations(DEPTH_SHARE * depth.hessian, DEPTH_SHARE * depth.right)
+        weak = NormalEquations(DEPTH_WEIGHT * depth.hessian, DEPTH_WEIGHT * depth.right)
         twist = pose_step(Alignment(alignment.color, weak + prior_equations))
         observation.pose = se3_retract(observation.pose, twist)
         whole = Alignment(alignment.color, depth + prior_equations)

@@ -1,45 +1,48 @@
-"""Obstacles that a robot sees on its way and that its map does not have."""
+"""Detection of obstacles in a depth image that the map does not have."""
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gslts.core.frame import RgbdFrame
 from gslts.core.robot_body import RobotBody
 from gslts.core.se3 import transform
 from gslts.navigation.semantic_map import SemanticMap
+from gslts.types import Bools
 
-Mask = NDArray[np.bool_]
-
-FROM_M, TO_M = 0.3, 2.0
-"""Range in which depth is exact enough to tell a thing from the floor."""
-LIFT_M = 0.08
-"""So far above the step that a robot climbs: a camera that errs by half a degree lifts the floor by
-2 cm at 2 m."""
-LEAST_POINTS = 6
-"""Points in a cell, of a picture with about `COLUMNS` columns."""
-COLUMNS = 160
-NEXT_TO = 5
-"""Side, in cells, of the square around known obstacles in which nothing new is looked for: they are
-rough themselves."""
+MIN_DEPTH_M, MAX_DEPTH_M = 0.3, 2.0
+"""Range of depths that are accurate enough to tell an obstacle from the floor."""
+HEIGHT_MARGIN_M = 0.08
+"""Minimum height of an obstacle above the step that the robot climbs. A camera pose that errs by
+half a degree raises the floor by 2 cm at 2 m."""
+MIN_POINTS = 6
+"""Minimum number of points of an obstacle in a cell, in an image sampled at about
+`SAMPLED_COLUMNS`."""
+SAMPLED_COLUMNS = 160
+"""Number of columns to which depth is subsampled; bounds time."""
+KNOWN_MARGIN_CELLS = 5
+"""Side of the square around a known obstacle in which no new one is detected: outlines of obstacles
+in the map are inaccurate by about two cells."""
 
 
 def detect_obstacles(
-    frame: RgbdFrame, semantic_map: SemanticMap, known: Mask, body: RobotBody
-) -> Mask:
-    """[M,M] cells in which a frame shows an obstacle that is not known.
+    frame: RgbdFrame, semantic_map: SemanticMap, known: Bools, body: RobotBody
+) -> Bools:
+    """Detect obstacles in a frame that are not known yet.
 
     Args:
-        frame: At the pose that the robot believes.
-        semantic_map: Whose cells are meant.
-        known: [M,M] obstacles that are known.
-        body: Of the robot.
+        frame: With depth, at the pose that the robot believes.
+        semantic_map: Gives the grid, the explored cells and the height of the floor.
+        known: [M,M] bool, known obstacles.
+        body: Size of the robot.
+
+    Returns:
+        [M,M] bool, cells with new obstacles.
     """
-    whole = frame.registered()
-    camera, step = whole.camera, max(1, whole.camera.width // COLUMNS)
-    depth = whole.depth[::step, ::step].astype(np.float64)
+    registered = frame.registered()
+    camera, step = registered.camera, max(1, registered.camera.width // SAMPLED_COLUMNS)
+    depth = registered.depth[::step, ::step].astype(np.float64)
     rows, columns = np.indices(depth.shape) * step
     rays = np.stack(
         [
@@ -49,13 +52,14 @@ def detect_obstacles(
         ],
         axis=-1,
     )
-    measured = (depth > FROM_M) & (depth < TO_M)
+    measured = (depth > MIN_DEPTH_M) & (depth < MAX_DEPTH_M)
     in_camera = rays[measured] * depth[measured, None]
     points = transform(camera.world_from_camera, in_camera)
     heights = points[:, 2] - semantic_map.floor_m
-    in_the_way = (heights > body.step_m + LIFT_M) & (heights < body.height_m)
-    grid = semantic_map.grid
-    counts = grid.sums(points[in_the_way], np.ones(int(in_the_way.sum())))
-    around = cv2.dilate(known.astype(np.uint8), np.ones((NEXT_TO, NEXT_TO), np.uint8))
-    fresh: Mask = (counts >= LEAST_POINTS) & semantic_map.explored & (around == 0)
-    return fresh
+    is_obstacle = (heights > body.step_m + HEIGHT_MARGIN_M) & (heights < body.height_m)
+    counts = semantic_map.grid.sums(points[is_obstacle], np.ones(int(is_obstacle.sum())))
+    near_known = cv2.dilate(
+        known.astype(np.uint8), np.ones((KNOWN_MARGIN_CELLS, KNOWN_MARGIN_CELLS), np.uint8)
+    )
+    new: Bools = (counts >= MIN_POINTS) & semantic_map.explored & (near_known == 0)
+    return new

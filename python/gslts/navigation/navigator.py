@@ -1,12 +1,13 @@
-"""To a thing that words name: GS-LTS, sec. III-B and IV-D.
+"""Navigation to an object that a text names (GS-LTS, sec. III-B and IV-D).
 
-A robot is there when the thing is in view and within 1 m, as in SAVN (Wortsman et al. 2019).
+As in SAVN (Wortsman et al. 2019), a robot succeeds if the object is in view and within 1 m.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -17,49 +18,53 @@ from gslts.core.robot import Robot
 from gslts.core.robot_body import RobotBody
 from gslts.navigation.semantic_map import SemanticMap, make_semantic_map
 from gslts.navigation.terrain import Terrain
-from gslts.navigation.viewpoints import Lookout, Outlook, Thing
-from gslts.navigation.visibility import meant, seen
+from gslts.navigation.viewpoints import Target, TargetView, ViewpointRenderer
+from gslts.navigation.visibility import matching_points, visible_points
 from gslts.semantics.autoencoder import Autoencoder
 from gslts.semantics.categories import Categories
 from gslts.semantics.queries import SemanticQueries
 from gslts.semantics.source import SemanticSource
+from gslts.store.map_folder import read_map
 from gslts.types import Floats
 
 Status = Literal["reached", "not found", "unreachable", "lost track"]
 
 SUCCESS_DISTANCE_M = 1.0
-"""SAVN's: no farther, along the floor, from the nearest point of the thing."""
-WITHIN_M = 0.98
-"""What is aimed at: poses err by about a centimetre."""
+"""Maximum distance along the floor to the nearest point of the object, that of SAVN."""
+GOAL_DISTANCE_M = 0.98
+"""Maximum distance of a goal position from the object: poses err by about a centimetre."""
 STEP_M = 0.25
-OFF_M = 0.2
-"""A robot on a grid of 0.25 m is up to 0.18 m from where it was sent."""
+"""Length of a step along a path: the grid of the simulated robot."""
+POSITION_TOLERANCE_M = 0.2
+"""Maximum distance between the target of a step and the position after it. A robot on a grid of
+0.25 m is up to 0.18 m off."""
 MAX_MOVES = 200
-PLACES = 4
-"""From so many places a thing is looked for before it counts as gone."""
-ASIDE_RAD = (0.0, 0.4, -0.4)
-"""To the left and to the right, where it is not in view at once."""
-LEAST_SEEN = 0.5
-"""Share of the points of a thing which should be seen from a place that must be: depth that is not
-where the map has them tells that the thing is gone."""
-LEAST_MEANT = 0.25
-"""Share of them that must mean it in the picture: what is flat and gone leaves depth as it was."""
-AHEAD_PITCH_RAD = 0.4
-"""On the way: the robot sees the floor from about 0.7 m ahead on."""
+"""Number of moves after which a trip is given up."""
+MAX_VIEWPOINTS = 4
+"""Number of viewpoints tried before an object counts as gone."""
+YAW_OFFSETS_RAD = (0.0, 0.4, -0.4)
+"""Directions tried at a viewpoint, relative to the planned one."""
+MIN_VISIBLE_SHARE = 0.5
+"""Minimum share of the expected points of an object at the measured depth; below, it is gone."""
+MIN_MATCHING_SHARE = 0.25
+"""Minimum share of the expected points at which the frame matches the text; a flat object that is
+gone does not change depth."""
+PATH_PITCH_RAD = 0.4
+"""Pitch of the camera on a path: the floor is visible from about 0.7 m ahead."""
 
 
 @dataclass(frozen=True, eq=False)
 class NavigationResult:
-    """How it went.
+    """Result of a trip to an object.
 
     Attributes:
-        status: Whether it got there, or what kept it.
-        reason: In words; empty if it got there.
-        path: [P,2] positions of the robot as it estimates them, x and y in the world, m.
-        frame: The last that it saw, with its pose.
-        replans: How often the way was not as planned.
-        distance_m: From its last place to the nearest point of the thing, along the floor; None if
-            it did not get there.
+        status: "reached", or the kind of failure.
+        reason: Reason of the failure; empty if the object was reached.
+        path: [P,2] positions of the robot as it believes them, x and y in the world, m.
+        frame: The last frame.
+        replans: Number of times that a path was planned again on the way.
+        distance_m: Distance along the floor from the last position to the nearest point of the
+            object, m; None if it was not reached.
     """
 
     status: Status
@@ -71,22 +76,28 @@ class NavigationResult:
 
     @property
     def length_m(self) -> float:
-        """Of its way."""
+        """Length of the path, m."""
         return float(np.linalg.norm(np.diff(self.path, axis=0), axis=1).sum())
 
 
 class Navigator:
-    """Leads robots through one map.
+    """Navigates robots to objects of one map.
 
     Args:
         gaussian_map: float32, with features.
-        autoencoder: Of the features.
-        source: Of words.
-        body: Of the robot.
-        categories: Layers of the semantic map; none is needed to go to a thing.
+        autoencoder: Decodes the features.
+        source: Encodes texts.
+        body: Size of the robot; None for the default.
+        categories: Names of the layers of the semantic map; none is needed for navigation.
+
+    Attributes:
+        gaussian_map: The map.
+        body: Size of the robot.
+        queries: Text queries on the map.
+        semantic_map: 2D map of obstacles, explored area and categories.
 
     Raises:
-        ValueError: The features are not those of the autoencoder, or the map is empty.
+        ValueError: The features do not fit the autoencoder, or the map is empty.
     """
 
     def __init__(
@@ -104,177 +115,212 @@ class Navigator:
             gaussian_map, self.body, Categories(tuple(categories), autoencoder, source)
         )
 
+    @classmethod
+    def of_map(
+        cls,
+        path: Path,
+        body: RobotBody | None = None,
+        categories: Sequence[str] = (),
+        clip: Path | None = None,
+        threads: int = 0,
+    ) -> Navigator:
+        """Read a map folder for navigation.
+
+        Args:
+            path: A map folder with semantic features, or a version of it such as MAP@3.
+            body: Size of the robot; None for the default.
+            categories: Names of the layers of the semantic map.
+            clip: Folder of its CLIP, if it was moved.
+            threads: For CLIP; 0 uses the default of torch.
+
+        Returns:
+            The navigator.
+
+        Raises:
+            ImportError: transformers is missing.
+            OSError: A file cannot be read.
+            ValueError: The map has no semantic features, or a file is damaged.
+        """
+        layers = Categories.of_map(path, categories, clip, threads)
+        return cls(read_map(path), layers.autoencoder, layers.source, body, layers.names)
+
     def go(
-        self, robot: Robot, text: str, tell: Callable[[], None] = lambda: None
+        self, robot: Robot, text: str, on_move: Callable[[], None] = lambda: None
     ) -> NavigationResult:
-        """Lets a robot go to the nearest thing that fits a text, and look at it.
+        """Navigate a robot to the nearest object that matches a text, and look at it.
 
         Args:
             robot: In the home of the map.
             text: Such as "sofa".
-            tell: Is told of each move.
+            on_move: Called after each move.
 
         Returns:
-            How it went; what can be expected to fail is told there.
+            The result; expected failures have a status and a reason there.
 
         Raises:
             ValueError: The text is empty.
         """
-        things = [Thing.of(self.gaussian_map, one) for one in self.queries.find(text)]
-        return _Trip(self, robot, text, tell).to(things)
+        instances = self.queries.find(text)
+        targets = [Target.of_instance(self.gaussian_map, instance) for instance in instances]
+        return _Trip(self, robot, text, on_move).go_to_any(targets)
 
 
 @dataclass(frozen=True, eq=False)
 class _Goal:
-    """A place to go to, and what should be seen from there.
+    """A position to go to, and the view of a target expected there.
 
     Attributes:
-        place: (2,) m.
-        key: Rows of the thing and of the place.
-        outlook: From the place to the thing.
+        position: (2,) x and y in the world, m.
+        key: Numbers of the target and of the position.
+        view: View of the target from the position.
     """
 
-    place: Floats
+    position: Floats
     key: tuple[int, int]
-    outlook: Outlook
+    view: TargetView
 
 
 class _Trip:
-    """A robot on its way."""
+    """State of a robot on its way to one of several targets."""
 
     def __init__(
-        self, navigator: Navigator, robot: Robot, text: str, tell: Callable[[], None]
+        self, navigator: Navigator, robot: Robot, text: str, on_move: Callable[[], None]
     ) -> None:
-        self._robot, self._text, self._tell = robot, text, tell
+        self._robot, self._text, self._on_move = robot, text, on_move
         self._source = navigator.source
         self._terrain = Terrain(navigator.semantic_map, navigator.body)
         self._frame = robot.observe()
-        self._places = robot.reachable_positions()
-        self._lookout = Lookout(navigator.gaussian_map, self._frame.camera)
-        self._outlooks: dict[tuple[int, int], Outlook] = {}
-        self._done: set[tuple[int, int]] = set()
-        self._way = [self._here]
-        self._replans = self._steps = 0
+        self._positions = robot.reachable_positions()
+        self._renderer = ViewpointRenderer(navigator.gaussian_map, self._frame.camera)
+        self._views: dict[tuple[int, int], TargetView] = {}
+        self._excluded: set[tuple[int, int]] = set()
+        self._path = [self._position]
+        self._replans = self._moves = 0
 
     @property
-    def _here(self) -> Floats:
-        """(2,) where the robot believes to be."""
-        here: Floats = self._frame.camera.world_from_camera[:2, 3].copy()
-        return here
+    def _position(self) -> Floats:
+        """(2,) position that the robot believes, x and y in the world, m."""
+        position: Floats = self._frame.camera.world_from_camera[:2, 3].copy()
+        return position
 
-    def to(self, things: Sequence[Thing]) -> NavigationResult:
-        """Goes to the nearest of some things that it gets to see."""
+    def go_to_any(self, targets: Sequence[Target]) -> NavigationResult:
+        """Go to the nearest target that the robot can see at the end."""
         name = self._text
-        if not things:
-            return self._ended("not found", f"the map knows no {name}")
-        if not self._terrain.is_known(self._here):
-            x, y = self._here.tolist()
-            return self._ended("lost track", f"the map knows no floor around ({x:.2f}, {y:.2f})")
-        looked = [0] * len(things)
-        while self._steps < MAX_MOVES:
-            goal = self._nearest([k for k, times in enumerate(looked) if times < PLACES], things)
-            if goal is None and any(looked):
-                return self._ended("not found", f"no {name} is where the map has one")
+        if not targets:
+            return self._result("not found", f"the map has no {name}")
+        if not self._terrain.is_known(self._position):
+            x, y = self._position.tolist()
+            return self._result("lost track", f"the map has no floor around ({x:.2f}, {y:.2f})")
+        tried = [0] * len(targets)
+        while self._moves < MAX_MOVES:
+            candidates = [k for k, count in enumerate(tried) if count < MAX_VIEWPOINTS]
+            goal = self._nearest_goal(candidates, targets)
+            if goal is None and any(tried):
+                return self._result("not found", f"no {name} is where the map has one")
             if goal is None:
-                return self._ended("unreachable", self._why_not(things))
-            if not self._walk(goal):
+                return self._result("unreachable", self._unreachable_reason(targets))
+            if not self._follow_path(goal):
                 continue
-            thing = things[goal.key[0]]
-            if self._sees(thing, goal):
-                distance_m = float(thing.distances_m(self._here[None])[0])
-                return self._ended("reached", "", distance_m)
-            looked[goal.key[0]] += 1
-            self._done.add(goal.key)
-        return self._ended("lost track", f"it was not there after {self._steps} moves")
+            target = targets[goal.key[0]]
+            if self._search(target, goal):
+                distance_m = float(target.distances_m(self._position[None])[0])
+                return self._result("reached", "", distance_m)
+            tried[goal.key[0]] += 1
+            self._excluded.add(goal.key)
+        return self._result("lost track", f"the robot did not arrive after {self._moves} moves")
 
-    def _ended(
+    def _result(
         self, status: Status, reason: str, distance_m: float | None = None
     ) -> NavigationResult:
-        way = np.array(self._way)
-        return NavigationResult(status, reason, way, self._frame, self._replans, distance_m)
+        path = np.array(self._path)
+        return NavigationResult(status, reason, path, self._frame, self._replans, distance_m)
 
-    def _why_not(self, things: Sequence[Thing]) -> str:
+    def _unreachable_reason(self, targets: Sequence[Target]) -> str:
         where = f"within {SUCCESS_DISTANCE_M:g} m of any {self._text}"
-        if not any((one.distances_m(self._places) <= WITHIN_M).any() for one in things):
-            return f"the robot can stand at no place {where}"
-        return f"no way leads to a place {where} that it can be seen from"
+        distances = [target.distances_m(self._positions) for target in targets]
+        if not any((target_m <= GOAL_DISTANCE_M).any() for target_m in distances):
+            return f"the robot has no reachable position {where}"
+        return f"there is no path to a position {where} from which it is visible"
 
-    def _nearest(self, wanted: Sequence[int], things: Sequence[Thing]) -> _Goal | None:
-        """The place with the shortest way from which one of the things should be seen."""
-        metres = self._terrain.metres(self._here, self._places)
-        order = []
-        for number in wanted:
-            near = things[number].distances_m(self._places) <= WITHIN_M
-            rows = np.flatnonzero(near & np.isfinite(metres)).tolist()
-            order += [(float(metres[row]), number, row) for row in rows]
-        for _, number, row in sorted(order):
-            key, place = (number, row), self._places[row]
-            if key in self._done:
+    def _nearest_goal(self, candidates: Sequence[int], targets: Sequence[Target]) -> _Goal | None:
+        """Return the goal with the shortest path from which a candidate should be visible."""
+        lengths_m = self._terrain.path_lengths_m(self._position, self._positions)
+        keys = []
+        for number in candidates:
+            near = targets[number].distances_m(self._positions) <= GOAL_DISTANCE_M
+            rows = np.flatnonzero(near & np.isfinite(lengths_m)).tolist()
+            keys += [(float(lengths_m[row]), number, row) for row in rows]
+        for _, number, row in sorted(keys):
+            key, position = (number, row), self._positions[row]
+            if key in self._excluded:
                 continue
-            if key not in self._outlooks:
-                self._outlooks[key] = self._lookout.outlook(place, things[number])
-            if self._outlooks[key].enough:
-                return _Goal(place, key, self._outlooks[key])
+            if key not in self._views:
+                self._views[key] = self._renderer.view(position, targets[number])
+            if self._views[key].is_sufficient:
+                return _Goal(position, key, self._views[key])
         return None
 
-    def _walk(self, goal: _Goal) -> bool:
-        """Goes to a place in steps; False as soon as the way is not as planned."""
-        way = self._terrain.way(self._here, goal.place)
-        if way.reason:
-            self._done.add(goal.key)
+    def _follow_path(self, goal: _Goal) -> bool:
+        """Move to a goal in steps; return False as soon as a new path must be planned."""
+        path = self._terrain.plan(self._position, goal.position)
+        if path.reason:
+            self._excluded.add(goal.key)
             return False
-        corners = list(way.points[1:])
-        while np.linalg.norm(goal.place - self._here) > OFF_M / 2 and self._steps < MAX_MOVES:
-            target = self._ahead(corners)
-            x, y = (target - self._here).tolist()
-            arrived = self._move(target, float(np.arctan2(y, x)), AHEAD_PITCH_RAD)
-            is_off = not arrived or np.linalg.norm(self._here - target) > OFF_M
+        corners = list(path.points[1:])
+        while (
+            np.linalg.norm(goal.position - self._position) > POSITION_TOLERANCE_M / 2
+            and self._moves < MAX_MOVES
+        ):
+            step = self._next_step(corners)
+            x, y = (step - self._position).tolist()
+            arrived = self._move(step, float(np.arctan2(y, x)), PATH_PITCH_RAD)
+            is_off = not arrived or np.linalg.norm(self._position - step) > POSITION_TOLERANCE_M
             if is_off:
-                self._terrain.block(target, self._here)
-            is_new = self._terrain.learns(self._frame)
-            if is_off or (is_new and not self._terrain.is_free([self._here, *corners[:-1]])):
+                self._terrain.block(step, self._position)
+            has_new = self._terrain.add_obstacles(self._frame)
+            if is_off or (has_new and not self._terrain.is_free([self._position, *corners[:-1]])):
                 self._replans += 1
                 return False
-            if target is corners[-1]:
+            if step is corners[-1]:
                 break
         return True
 
-    def _ahead(self, corners: list[Floats]) -> Floats:
-        """(2,) the point a step ahead on a way, whose passed corners are removed."""
-        left, at = STEP_M, self._here
-        while len(corners) > 1 and np.linalg.norm(corners[0] - at) <= left:
-            left -= float(np.linalg.norm(corners[0] - at))
+    def _next_step(self, corners: list[Floats]) -> Floats:
+        """Return (2,) the point a step ahead on a path; remove the corners that are passed."""
+        left_m, at = STEP_M, self._position
+        while len(corners) > 1 and np.linalg.norm(corners[0] - at) <= left_m:
+            left_m -= float(np.linalg.norm(corners[0] - at))
             at = corners.pop(0)
-        way = corners[0] - at
-        metres = float(np.linalg.norm(way))
-        return corners[0] if metres <= left else at + way * (left / metres)
+        offset = corners[0] - at
+        length_m = float(np.linalg.norm(offset))
+        return corners[0] if length_m <= left_m else at + offset * (left_m / length_m)
 
-    def _move(self, place: Floats, yaw_rad: float, pitch_rad: float) -> bool:
-        arrived = self._robot.move_towards(place, yaw_rad, pitch_rad)
+    def _move(self, position: Floats, yaw_rad: float, pitch_rad: float) -> bool:
+        arrived = self._robot.move_towards(position, yaw_rad, pitch_rad)
         self._frame = self._robot.observe()
-        self._steps += 1
-        self._way.append(self._here)
-        self._tell()
+        self._moves += 1
+        self._path.append(self._position)
+        self._on_move()
         return arrived
 
-    def _sees(self, thing: Thing, goal: _Goal) -> bool:
-        """Whether the thing is in view, at once or after a look around."""
-        outlook = goal.outlook
-        expected = thing.points[outlook.seen]
-        for aside_rad in ASIDE_RAD:
-            self._move(goal.place, outlook.yaw_rad + aside_rad, outlook.pitch_rad)
+    def _search(self, target: Target, goal: _Goal) -> bool:
+        """Look for a target from a goal; return True if it is visible and near."""
+        view = goal.view
+        expected = target.points[view.visible]
+        for offset_rad in YAW_OFFSETS_RAD:
+            self._move(goal.position, view.yaw_rad + offset_rad, view.pitch_rad)
             frame = self._frame.registered()
-            near = thing.distances_m(self._here[None])[0] <= SUCCESS_DISTANCE_M
-            if near and self._shows(frame, expected):
+            near = target.distances_m(self._position[None])[0] <= SUCCESS_DISTANCE_M
+            if near and self._is_visible(frame, expected):
                 return True
         return False
 
-    def _shows(self, frame: RgbdFrame, points: Floats) -> bool:
-        """Whether a registered frame shows a thing, of which these points should be seen."""
-        if seen(points, frame.camera, frame.depth).mean() < LEAST_SEEN:
+    def _is_visible(self, frame: RgbdFrame, expected: Floats) -> bool:
+        """Test if a registered frame shows the object, by points that should be visible."""
+        if visible_points(expected, frame.camera, frame.depth).mean() < MIN_VISIBLE_SHARE:
             return False
         try:
-            found = meant(points, frame, self._source, self._text)
-        except ValueError:  # The source knows words only, or the frame has no labels.
+            matching = matching_points(expected, frame, self._source, self._text)
+        except ValueError:  # The source encodes texts only, or the frame has no labels.
             return True
-        return bool(found.mean() >= LEAST_MEANT)
+        return bool(matching.mean() >= MIN_MATCHING_SHARE)

@@ -1,4 +1,4 @@
-"""Where a robot can go, as its map tells and as it finds out on its way."""
+"""Free floor of a robot: of its map, and of obstacles met on the path."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gslts.core.frame import RgbdFrame
 from gslts.core.robot_body import RobotBody
@@ -21,91 +20,137 @@ from gslts.navigation.planner import (
     start_cells,
 )
 from gslts.navigation.semantic_map import SemanticMap
-from gslts.types import Floats
+from gslts.types import Bools, Floats, Indices
 
-BLOCKED_M = 0.1
-"""What is taken for blocked around where the robot did not get to."""
-BESIDE = 2
-"""So many cells beside the room that a map tells, a place counts as in it: obstacles are rough."""
+BLOCKED_RADIUS_M = 0.1
+"""Radius around a position that the robot failed to reach, which is blocked from then on; also the
+distance at which a position counts as reached."""
+POSITION_TOLERANCE_CELLS = 2
+"""A position this many cells beside the free cells counts as free: outlines of obstacles in the map
+are inaccurate."""
 
 
 class Terrain:
-    """The floor of a home for one robot on one way.
+    """Plans paths for one robot on one trip, and learns obstacles.
 
     Args:
         semantic_map: Of the home.
-        body: Of the robot.
+        body: Size of the robot.
     """
 
     def __init__(self, semantic_map: SemanticMap, body: RobotBody) -> None:
         self._map, self._body, self._grid = semantic_map, body, semantic_map.grid
         self._obstacles = semantic_map.obstacles.copy()
         self._blocked = np.zeros_like(self._obstacles)
-        self._find_room()
+        self._update_free()
 
-    def metres(self, here: Floats, places: Floats) -> Floats:
-        """[K] length of the way from (2,) to each of places [K,2]; infinite where there is none."""
-        start = start_cells(self._grid, self._room, here)
-        field = distance_field_m(self._room, start, self._grid.cell_m)
-        around = self._grid.cells(places)[:, None] + _square(BESIDE)
-        inside = self._grid.contains(around.reshape(-1, 2)).reshape(around.shape[:2])
-        rows, columns = np.where(inside[..., None], around, 0).transpose(2, 0, 1)
-        found = np.where(inside, field[rows, columns], np.inf).min(axis=1, initial=np.inf)
-        near = np.linalg.norm(places - here, axis=1) <= BLOCKED_M
-        metres: Floats = np.where(near, 0.0, found)
-        return metres
+    def path_lengths_m(self, start: Floats, positions: Floats) -> Floats:
+        """Compute the lengths of the shortest paths to positions.
 
-    def is_known(self, here: Floats) -> bool:
-        """Whether there is room for the robot at a place (2,) or near it."""
-        return bool(start_cells(self._grid, self._room, here).any())
+        Args:
+            start: (2,) x and y in the world, m.
+            positions: [K,2] x and y in the world, m.
 
-    def way(self, here: Floats, place: Floats) -> PlannedPath:
-        """The shortest way from (2,) to (2,)."""
-        if np.linalg.norm(place - here) <= BLOCKED_M:
-            return PlannedPath(np.array([here, place]))
-        goals = self._grid.mask(place[None])
-        if not (goals & self._room).any():
-            goals = self._beside(place)
-        found = plan_path(self._grid, self._room, here, goals)
-        return found if found.reason else PlannedPath(np.array([*found.points, place]))
+        Returns:
+            [K] m; infinite where there is no path.
+        """
+        starts = start_cells(self._grid, self._free, start)
+        field_m = distance_field_m(self._free, starts, self._grid.cell_m)
+        cells = self._grid.cells(positions)[:, None] + _square(POSITION_TOLERANCE_CELLS)
+        inside = self._grid.contains(cells.reshape(-1, 2)).reshape(cells.shape[:2])
+        rows, columns = np.where(inside[..., None], cells, 0).transpose(2, 0, 1)
+        lengths = np.where(inside, field_m[rows, columns], np.inf).min(axis=1, initial=np.inf)
+        is_there = np.linalg.norm(positions - start, axis=1) <= BLOCKED_RADIUS_M
+        result: Floats = np.where(is_there, 0.0, lengths)
+        return result
 
-    def is_free(self, way: Sequence[Floats]) -> bool:
-        """Whether straight lines between some points (2,) lead through room."""
-        return all(is_line_free(self._grid, self._room, start, end) for start, end in pairwise(way))
+    def is_known(self, position: Floats) -> bool:
+        """Test if there is free floor for the robot at or near a position.
 
-    def block(self, place: Floats, here: Floats) -> None:
-        """Enters that a robot which is at (2,) cannot get to a place (2,)."""
-        self._blocked |= self._within(place, BLOCKED_M) & ~self._within(here, self._grid.cell_m)
-        self._find_room()
+        Args:
+            position: (2,) x and y in the world, m.
 
-    def learns(self, frame: RgbdFrame) -> bool:
-        """Enters obstacles that a frame shows; whether there are any that were not known."""
-        fresh = detect_obstacles(frame, self._map, self._obstacles, self._body)
-        if not fresh.any():
+        Returns:
+            True if there is.
+        """
+        return bool(start_cells(self._grid, self._free, position).any())
+
+    def plan(self, start: Floats, goal: Floats) -> PlannedPath:
+        """Plan the shortest path between two positions.
+
+        Args:
+            start: (2,) x and y in the world, m.
+            goal: (2,) x and y in the world, m.
+
+        Returns:
+            The path, or the reason why there is none.
+        """
+        if np.linalg.norm(goal - start) <= BLOCKED_RADIUS_M:
+            return PlannedPath(np.array([start, goal]))
+        goals = self._grid.mask(goal[None])
+        if not (goals & self._free).any():
+            goals = self._dilated_cell(goal)
+        path = plan_path(self._grid, self._free, start, goals)
+        return path if path.reason else PlannedPath(np.array([*path.points, goal]))
+
+    def is_free(self, path: Sequence[Floats]) -> bool:
+        """Test if the straight lines of a path are free.
+
+        Args:
+            path: Corners (2,), x and y in the world, m.
+
+        Returns:
+            True if all are.
+        """
+        return all(
+            is_line_free(self._grid, self._free, start, end) for start, end in pairwise(path)
+        )
+
+    def block(self, position: Floats, robot_position: Floats) -> None:
+        """Block a position that the robot failed to reach.
+
+        Args:
+            position: (2,) x and y in the world, m.
+            robot_position: (2,) where the robot is, which stays free.
+        """
+        own = self._cells_within(robot_position, self._grid.cell_m)
+        self._blocked |= self._cells_within(position, BLOCKED_RADIUS_M) & ~own
+        self._update_free()
+
+    def add_obstacles(self, frame: RgbdFrame) -> bool:
+        """Add the obstacles in a frame that are not known yet.
+
+        Args:
+            frame: At the pose that the robot believes.
+
+        Returns:
+            True if there are any.
+        """
+        new = detect_obstacles(frame, self._map, self._obstacles, self._body)
+        if not new.any():
             return False
-        self._obstacles |= fresh
-        self._find_room()
+        self._obstacles |= new
+        self._update_free()
         return True
 
-    def _find_room(self) -> None:
+    def _update_free(self) -> None:
         radius_cells = self._body.radius_m / self._grid.cell_m
-        room = free_cells(self._map.explored, self._obstacles, radius_cells)
-        self._room = room & ~self._blocked
+        free = free_cells(self._map.explored, self._obstacles, radius_cells)
+        self._free = free & ~self._blocked
 
-    def _beside(self, place: Floats) -> NDArray[np.bool_]:
-        own = self._grid.mask(place[None]).astype(np.uint8)
-        side = 2 * BESIDE + 1
+    def _dilated_cell(self, position: Floats) -> Bools:
+        own = self._grid.mask(position[None]).astype(np.uint8)
+        side = 2 * POSITION_TOLERANCE_CELLS + 1
         return np.asarray(cv2.dilate(own, np.ones((side, side), np.uint8)), np.bool_)
 
-    def _within(self, place: Floats, metres: float) -> NDArray[np.bool_]:
-        """[M,M] cells whose middles are near a place (2,)."""
+    def _cells_within(self, position: Floats, radius_m: float) -> Bools:
         rows, columns = np.indices(self._blocked.shape)
-        middles = self._grid.centers(np.stack([rows.ravel(), columns.ravel()], axis=1))
-        near = np.linalg.norm(middles - place, axis=1) <= metres
+        centers = self._grid.centers(np.stack([rows.ravel(), columns.ravel()], axis=1))
+        near = np.linalg.norm(centers - position, axis=1) <= radius_m
         return np.asarray(near.reshape(self._blocked.shape), np.bool_)
 
 
-def _square(reach: int) -> NDArray[np.intp]:
-    """[S,2] offsets to the cells of a square."""
+def _square(reach: int) -> Indices:
+    """Return [S,2] offsets to the cells of a square."""
     side = np.arange(-reach, reach + 1)
     return np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)

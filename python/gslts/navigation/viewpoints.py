@@ -1,105 +1,129 @@
-"""From where a thing can be seen, as the map of Gaussians shows it."""
+"""Viewpoints from which an object is visible, by rendering the map."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gslts.core.camera import Camera, at_pose, downscale, look_at
 from gslts.core.gaussian_map import GaussianMap
-from gslts.navigation.visibility import aim, seen
+from gslts.navigation.visibility import view_angles, visible_points
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.semantics.queries import Instance
-from gslts.types import Floats
+from gslts.types import Bools, Floats
 
-MOST_POINTS = 400
-"""Of a thing that are looked for."""
-LEAST_POINTS, LEAST_SHARE = 4, 0.1
-"""Points of a thing, and share of them, that count as seeing it."""
+MAX_POINTS = 400
+"""Number of points of an object whose visibility is tested; bounds time."""
+MIN_VISIBLE_POINTS, MIN_VISIBLE_SHARE = 4, 0.1
+"""Minimum number of visible points of an object, and share of its points, at a viewpoint of it."""
 WIDTH_PX = 160
-"""Of the images that are rendered to find out."""
+"""Width of the depth images that are rendered to test visibility; bounds time."""
 
 
 @dataclass(frozen=True, eq=False)
-class Thing:
-    """What the robot goes to.
+class Target:
+    """An object to navigate to.
 
     Attributes:
-        points: [P,3] on it, in the world, m.
+        points: [P,3] points on the object, world, m.
     """
 
     points: Floats
 
     @classmethod
-    def of(cls, gaussian_map: GaussianMap, instance: Instance) -> Thing:
-        """Of the Gaussians of an instance that are in its box, evenly some."""
+    def of_instance(cls, gaussian_map: GaussianMap, instance: Instance) -> Target:
+        """Make a target of the Gaussians of an instance that are in its box, evenly sampled.
+
+        Args:
+            gaussian_map: The map of the instance.
+            instance: Result of a query.
+
+        Returns:
+            The target.
+        """
         points = gaussian_map.means[instance.rows] + gaussian_map.origin
         inside = ((points >= instance.low) & (points <= instance.high)).all(axis=1)
         points = points[inside] if inside.any() else points
-        return cls(points[:: max(1, len(points) // MOST_POINTS)])
+        return cls(points[:: max(1, len(points) // MAX_POINTS)])
 
-    def distances_m(self, places: Floats) -> Floats:
-        """[K] along the floor, from places [K,2] to the nearest point of it."""
-        ways = places[:, None] - self.points[None, :, :2]
-        metres: Floats = np.linalg.norm(ways, axis=2).min(axis=1)
-        return metres
+    def distances_m(self, positions: Floats) -> Floats:
+        """Compute distances along the floor to the nearest point of the object.
+
+        Args:
+            positions: [K,2] x and y in the world, m.
+
+        Returns:
+            [K] m.
+        """
+        offsets = positions[:, None] - self.points[None, :, :2]
+        distances: Floats = np.linalg.norm(offsets, axis=2).min(axis=1)
+        return distances
 
 
 @dataclass(frozen=True, eq=False)
-class Outlook:
-    """How a thing is seen from a place.
+class TargetView:
+    """View of an object from a position.
 
     Attributes:
-        yaw_rad: Direction in which to look, from x to y.
-        pitch_rad: Below the horizon.
-        seen: [P] which of its points are seen.
+        yaw_rad: Direction of the camera about z, from x to y, rad.
+        pitch_rad: Angle of the camera below the horizon, rad.
+        visible: [P] bool, points of the object that are visible.
     """
 
     yaw_rad: float
     pitch_rad: float
-    seen: NDArray[np.bool_]
+    visible: Bools
 
     @property
-    def enough(self) -> bool:
-        """Whether that counts as seeing it."""
-        return bool(self.seen.sum() >= max(LEAST_POINTS, LEAST_SHARE * len(self.seen)))
+    def is_sufficient(self) -> bool:
+        """True if enough points are visible."""
+        return bool(
+            self.visible.sum() >= max(MIN_VISIBLE_POINTS, MIN_VISIBLE_SHARE * len(self.visible))
+        )
 
 
-class Lookout:
-    """Renders what a robot would see from elsewhere.
+class ViewpointRenderer:
+    """Renders what a robot would see from other positions.
 
     Args:
         gaussian_map: float32.
-        camera: The robot's, wherever it is; only its height and its lens count.
+        camera: Camera of the robot; its intrinsics and its height are used.
     """
 
     def __init__(self, gaussian_map: GaussianMap, camera: Camera) -> None:
         size = gaussian_map.size
-        self._map = replace(  # Of colours, none; of features, none: only depth is wanted.
+        self._map = replace(  # Only depth is rendered: without features, SH of degree 0.
             gaussian_map,
             features=np.zeros((size, 0), gaussian_map.dtype),
             sh=gaussian_map.sh[:, :1],
         )
         self._rasterizer, self._options = Rasterizer(gaussian_map.dtype), RenderOptions(threads=1)
-        self._lens = downscale(camera, max(1, camera.width // WIDTH_PX))
-        self._eye_m = float(camera.world_from_camera[2, 3])
+        self._camera = downscale(camera, max(1, camera.width // WIDTH_PX))
+        self._eye_height_m = float(camera.world_from_camera[2, 3])
 
-    def outlook(self, place: Floats, thing: Thing) -> Outlook:
-        """How a robot at a place (2,), x and y, m, would see a thing if it looked at it."""
-        eye = np.array([*place, self._eye_m])
-        target = thing.points.mean(axis=0)
-        found = self._seen(eye, target, thing)
-        if found.any():  # What is seen of a large thing may be far from its middle.
-            target = thing.points[found].mean(axis=0)
-            found = self._seen(eye, target, thing)
-        yaw_rad, pitch_rad = aim(eye, target)
-        return Outlook(yaw_rad, pitch_rad, found)
+    def view(self, position: Floats, target: Target) -> TargetView:
+        """Compute the view of a target from a position.
 
-    def _seen(self, eye: Floats, target: Floats, thing: Thing) -> NDArray[np.bool_]:
-        if np.linalg.norm(target[:2] - eye[:2]) < 1e-3:  # Straight down has no direction.
-            target = target + np.array([1e-2, 0, 0])
-        camera = at_pose(self._lens, look_at(eye, target))
+        Args:
+            position: (2,) x and y in the world, m.
+            target: The object to look at.
+
+        Returns:
+            The direction in which most of the target is visible, and its visible points.
+        """
+        eye = np.array([*position, self._eye_height_m])
+        point = target.points.mean(axis=0)
+        visible = self._visible(eye, point, target)
+        if visible.any():  # The visible part of a large object may be far from its centre.
+            point = target.points[visible].mean(axis=0)
+            visible = self._visible(eye, point, target)
+        yaw_rad, pitch_rad = view_angles(eye, point)
+        return TargetView(yaw_rad, pitch_rad, visible)
+
+    def _visible(self, eye: Floats, point: Floats, target: Target) -> Bools:
+        if np.linalg.norm(point[:2] - eye[:2]) < 1e-3:  # A vertical view has no yaw.
+            point = point + np.array([1e-2, 0, 0])
+        camera = at_pose(self._camera, look_at(eye, point))
         images = self._rasterizer.forward(self._map, camera, self._options)
-        return seen(thing.points, camera, images.depth)
+        return visible_points(target.points, camera, images.depth)

@@ -1,4 +1,4 @@
-"""Whether a camera sees a thing: where it is, depth is as far as it, and the picture means it."""
+"""Visibility of points of an object in an image, by depth and by semantics."""
 
 from __future__ import annotations
 
@@ -10,76 +10,81 @@ from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import inverse_transform
 from gslts.semantics.relevance import CANONICAL, relevance
 from gslts.semantics.source import SemanticSource
-from gslts.types import Floats
+from gslts.types import Bools, Floats, Indices
 
-Mask = NDArray[np.bool_]
-
-OFF_M, OFF_SHARE = 0.03, 0.025
-"""How far a depth may be from that of a point, or which share of it; the greater counts. Gaussians
-lie some centimetres about the surface."""
-BORDER = 0.03
-"""Share of the width of an image at its border in which nothing counts as seen."""
+DEPTH_TOLERANCE_M, DEPTH_TOLERANCE_SHARE = 0.03, 0.025
+"""Maximum difference between the depth of a visible point and that of its pixel: the larger of
+both, absolute and relative. Gaussians are some centimetres off the surface."""
+BORDER_SHARE = 0.03
+"""Border of an image in which no point counts as visible, as a share of the width."""
 
 
-def seen(points: Floats, camera: Camera, depth: NDArray[np.floating]) -> Mask:
-    """[P] which points are in an image with nothing before them and nothing farther behind.
+def visible_points(points: Floats, camera: Camera, depth: NDArray[np.floating]) -> Bools:
+    """Test which points are visible: in the image, and at its depth.
 
     Args:
-        points: [P,3] in the world, m.
-        camera: Of the depth.
+        points: [P,3] world, m.
+        camera: Camera of the depth.
         depth: [H,W] rendered or measured, z in the camera frame, m; 0 or NaN for none.
+
+    Returns:
+        [P] bool.
     """
-    inside, rows, columns, z = _projected(points, camera)
-    own = depth[rows, columns]
-    off_m = np.maximum(OFF_M, OFF_SHARE * z)
-    found: Mask = inside & (own > 0) & (np.abs(own - z) <= off_m)
-    return found
+    inside, rows, columns, z = _project(points, camera)
+    pixel_depths = depth[rows, columns]
+    tolerance_m = np.maximum(DEPTH_TOLERANCE_M, DEPTH_TOLERANCE_SHARE * z)
+    visible: Bools = inside & (pixel_depths > 0) & (np.abs(pixel_depths - z) <= tolerance_m)
+    return visible
 
 
-def meant(points: Floats, frame: RgbdFrame, source: SemanticSource, text: str) -> Mask:
-    """[P] at which points a picture shows what a text names.
+def matching_points(points: Floats, frame: RgbdFrame, source: SemanticSource, text: str) -> Bools:
+    """Test at which points a frame shows an object that matches a text.
 
     Args:
-        points: [P,3] in the world, m.
-        frame: The picture.
-        source: Of its meaning.
-        text: The words.
+        points: [P,3] world, m.
+        frame: The frame.
+        source: Segments the frame and encodes the text.
+        text: Such as "sofa".
+
+    Returns:
+        [P] bool.
 
     Raises:
-        ValueError: The source cannot read the frame.
+        ValueError: The source cannot segment the frame.
     """
     segments = source.segments(frame)
     query, canonical = source.encode([text])[0], source.encode(CANONICAL)
     to_query, to_canonical = segments.embeddings @ query, segments.embeddings @ canonical.T
-    fits = relevance(to_query, to_canonical) >= source.threshold
-    inside, rows, columns, _ = _projected(points, frame.camera)
+    is_match = relevance(to_query, to_canonical) >= source.threshold
+    inside, rows, columns, _ = _project(points, frame.camera)
     labels = segments.labels[:, rows, columns]
-    result: Mask = inside & (np.append(fits, False)[labels]).any(axis=0)  # Row -1 is the last.
+    result: Bools = inside & np.append(is_match, False)[labels].any(axis=0)  # -1 is the last.
     return result
 
 
-def aim(eye: Floats, point: Floats) -> tuple[float, float]:
-    """Yaw, from x to y, and angle below the horizon at which an eye looks at a point, rad.
+def view_angles(eye: Floats, point: Floats) -> tuple[float, float]:
+    """Compute the angles of a camera that looks at a point.
 
     Args:
-        eye: (3,) in the world, m.
-        point: (3,) in the world, m.
+        eye: (3,) position of the camera, world, m.
+        point: (3,) world, m.
+
+    Returns:
+        Yaw about z, from x to y, and pitch below the horizon, rad.
     """
     x, y, z = (point - eye).tolist()
     return float(np.arctan2(y, x)), float(np.arctan2(-z, np.hypot(x, y)))
 
 
-def _projected(
-    points: Floats, camera: Camera
-) -> tuple[Mask, NDArray[np.intp], NDArray[np.intp], Floats]:
-    """[P] whether points are in an image, their rows and columns, 0 if not, and their depths."""
+def _project(points: Floats, camera: Camera) -> tuple[Bools, Indices, Indices, Floats]:
+    """Return [P] if points are in the image, their rows and columns, 0 if not, and depths."""
     x, y, z = inverse_transform(camera.world_from_camera, points).T
-    before = z > OFF_M
-    safe = np.where(before, z, 1.0)
-    u = camera.fx * x / safe + camera.cx
-    v = camera.fy * y / safe + camera.cy
-    margin = BORDER * camera.width
-    inside = before & (u >= margin) & (u < camera.width - margin)
+    in_front = z > DEPTH_TOLERANCE_M
+    divisor = np.where(in_front, z, 1.0)
+    u = camera.fx * x / divisor + camera.cx
+    v = camera.fy * y / divisor + camera.cy
+    margin = BORDER_SHARE * camera.width
+    inside = in_front & (u >= margin) & (u < camera.width - margin)
     inside &= (v >= margin) & (v < camera.height - margin)
     rows = np.where(inside, v, 0).astype(np.intp)
     return inside, rows, np.where(inside, u, 0).astype(np.intp), z

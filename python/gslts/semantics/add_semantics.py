@@ -1,4 +1,4 @@
-"""A map folder is taught words: a version whose Gaussians have features."""
+"""Adds semantic features to a map folder, as a new version."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ from typing import Any, Literal
 
 from gslts.datasets import open_dataset
 from gslts.semantics.embed import embed_semantics
-from gslts.semantics.files import SemanticsSetting, write_autoencoder
+from gslts.semantics.files import write_autoencoder
 from gslts.semantics.registry import open_source
 from gslts.store.camera_files import cameras_of_map
+from gslts.store.causes import SemanticsCause
 from gslts.store.map_folder import open_map
 from gslts.store.records import Version
 
-Show = Callable[[Iterable[Any]], Iterable[Any]]
+Progress = Callable[[Iterable[Any]], Iterable[Any]]
 
 
 def add_semantics(
@@ -24,55 +25,57 @@ def add_semantics(
     source: Literal["oracle", "clip"] = "oracle",
     models: dict[str, Path] | None = None,
     *,
-    code: int = 32,
+    code_dims: int = 32,
     refine: int = 0,
     threads: int = 0,
-    show: Show = lambda frames: frames,
+    progress: Progress = lambda frames: frames,
 ) -> Version:
-    """Lifts what frames mean to the Gaussians of a map.
+    """Compute semantic features for a map from the frames it was made from, and publish them.
 
     Args:
-        map_path: Its folder.
-        dataset: Of the frames that it was made from.
-        source: Of the meaning.
-        models: Folders of its weights; see `open_source`.
-        code: Numbers that a Gaussian keeps of an embedding, d.
-        refine: Steps of gradient descent after the lifting.
-        threads: 0 means one a hardware thread.
-        show: Is given the frames, and shows how far they are read.
+        map_path: Folder of the map.
+        dataset: The dataset that the map was made from.
+        source: "oracle" for ground-truth labels, "clip" for SAM and CLIP.
+        models: Folders of weights; see `open_source`.
+        code_dims: Length of a code, d.
+        refine: Number of gradient steps after lifting.
+        threads: 0 uses one per hardware thread.
+        progress: Wraps the iterable of frames, such as tqdm.
 
     Returns:
         The new version of the map.
 
     Raises:
         ImportError: A package is missing.
-        OSError: Something cannot be read or written.
-        ValueError: The map was not made from these frames, has changed since, or a frame has not
-            what the source needs.
+        OSError: A file cannot be read or written.
+        ValueError: The map was not made from these frames, was updated since, or the source cannot
+            segment a frame.
     """
     models = {name: folder.resolve() for name, folder in (models or {}).items()}
-    teacher = open_source(source, models, threads)
+    segmenter = open_source(source, models, threads)
     opened, cameras = open_dataset(dataset), cameras_of_map(map_path)
-    known = [frame for frame in opened.frames if frame.name in cameras]
-    if not known:
-        raise ValueError(f"{map_path} was made from no frame of {dataset}")
+    used = [frame for frame in opened.frames if frame.name in cameras]
+    if not used:
+        raise ValueError(
+            f"{map_path} was made from no frame of {dataset}; give the dataset of gslts map"
+        )
     with open_map(map_path, writable=True) as store:
-        if any(version.kind == "update" for version in store.way_to()):
+        if any(version.kind == "update" for version in store.lineage()):
             raise ValueError(
-                f"{map_path} has changed since {dataset} was recorded; gslts restore {map_path} 1 "
-                "goes back to what it shows"
+                f"{map_path} was updated since {dataset} was recorded; gslts restore {map_path} 1 "
+                "returns to the map of these frames"
             )
         gaussian_map = store.read()
-        frames = (replace(one.read(), camera=cameras[one.name]) for one in show(known))
-        found = embed_semantics(gaussian_map, frames, teacher, code, refine, threads)
-        setting = SemanticsSetting(
+        frames = (replace(frame.read(), camera=cameras[frame.name]) for frame in progress(used))
+        semantics = embed_semantics(gaussian_map, frames, segmenter, code_dims, refine, threads)
+        cause = SemanticsCause(
             source=source,
             dataset=opened.name,
-            levels=found.features.shape[1] // code,
-            code=code,
-            names=found.names,
+            levels=semantics.features.shape[1] // code_dims,
+            code_dims=code_dims,
+            names=semantics.names,
             models={name: str(folder) for name, folder in models.items()},
-            autoencoder=write_autoencoder(found.autoencoder, map_path),
+            autoencoder=write_autoencoder(semantics.autoencoder, map_path),
         )
-        taught = replace(gaussian_map, features=found.features)
-        return store.commit_features(taught, setting.model_dump(mode="json"))
+        with_features = replace(gaussian_map, features=semantics.features)
+        return store.commit_features(with_features, cause)

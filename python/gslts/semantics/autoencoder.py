@@ -1,7 +1,7 @@
-"""Embeddings in few numbers: the autoencoder of GS-LTS, sec. III-B.
+"""Autoencoder that compresses CLIP embeddings to short codes (GS-LTS, sec. III-A; LangSplat).
 
-Gaussians keep d numbers each instead of D; the decoder brings them back to the space of the words.
-What a robot needs to ask its map is here, in numpy; `train_autoencoder` needs PyTorch.
+A Gaussian stores a code of d numbers per level instead of an embedding of D; the decoder maps codes
+back to the embedding space of text. Inference is NumPy only; `train_autoencoder` needs PyTorch.
 """
 
 from __future__ import annotations
@@ -18,23 +18,26 @@ from safetensors.numpy import load, save
 
 from gslts.types import Floats32
 
-MOST_BYTES = 1 << 26
-REPAIR = "gslts semantics teaches the map anew"
-CODES = (8, 64)
-"""Least and greatest length of a code."""
+MAX_FILE_BYTES = 1 << 26
+"""Maximum size of an autoencoder file, 64 MiB; that of CLIP ViT-L/14 has 1.7 MB. Larger files are
+rejected before they are parsed."""
+REPAIR = "run gslts semantics to compute the semantic features again"
+MIN_CODE_DIMS, MAX_CODE_DIMS = 8, 64
+"""Range of the code length d. In simulated homes, the mIoU of query boxes is 0.69, 0.80, 0.82 and
+0.81 with d = 8, 16, 32 and 64."""
 
 
 @dataclass(frozen=True, eq=False)
 class Autoencoder:
-    """Two layers that compress embeddings of unit length, and two that bring them back.
+    """Encoder and decoder for unit-length embeddings, two layers each.
 
     Args:
-        weights: Of the layers [out,in] and their biases [out], by the names that PyTorch gives
-            them: `encoder.0.weight`, `encoder.0.bias`, `encoder.2.weight` and so on, float32.
+        weights: Float32 weights [out,in] and biases [out] of the layers, by their names in PyTorch:
+            `encoder.0.weight`, `encoder.0.bias`, `encoder.2.weight` and so on.
 
     Raises:
-        ValueError: One is missing or has another shape or dtype, is not finite, or the code has no
-            length of `CODES`.
+        ValueError: An array is missing, has a wrong shape or dtype, or is not finite, or the code
+            length is not in `MIN_CODE_DIMS`..`MAX_CODE_DIMS`.
     """
 
     weights: Mapping[str, Floats32]
@@ -43,24 +46,26 @@ class Autoencoder:
         names = [f"{part}.{layer}" for part in ("encoder", "decoder") for layer in (0, 2)]
         expected = {f"{name}.{kind}" for name in names for kind in ("weight", "bias")}
         if set(self.weights) != expected:
-            unlike = ", ".join(sorted(expected ^ set(self.weights)))
-            raise ValueError(f"Autoencoder: weights: missing or unknown: {unlike}")
-        for name, one in self.weights.items():
-            if one.dtype != np.float32 or one.ndim != (2 if name.endswith("weight") else 1):
-                raise ValueError(f"Autoencoder: {name}: got {one.dtype} {one.shape}")
-            if not np.isfinite(one).all():
+            different = ", ".join(sorted(expected ^ set(self.weights)))
+            raise ValueError(f"Autoencoder: weights: missing or unknown: {different}")
+        for name, array in self.weights.items():
+            if array.dtype != np.float32 or array.ndim != (2 if name.endswith("weight") else 1):
+                raise ValueError(f"Autoencoder: {name}: got {array.dtype} {array.shape}")
+            if not np.isfinite(array).all():
                 raise ValueError(f"Autoencoder: {name}: a number is not finite")
         hidden, dims = self.weights["encoder.0.weight"].shape
-        code = len(self.weights["encoder.2.weight"])
-        sides = ((hidden, dims), (code, hidden), (hidden, code), (dims, hidden))
-        for name, shape in zip(names, sides, strict=True):
+        code_dims = len(self.weights["encoder.2.weight"])
+        shapes = ((hidden, dims), (code_dims, hidden), (hidden, code_dims), (dims, hidden))
+        for name, shape in zip(names, shapes, strict=True):
             got = self.weights[f"{name}.weight"].shape, self.weights[f"{name}.bias"].shape
             if got != (shape, shape[:1]):
                 raise ValueError(
                     f"Autoencoder: {name}: expected {shape}, got {got[0]} and {got[1]}"
                 )
-        if not CODES[0] <= code <= CODES[1] or dims < code:
-            raise ValueError(f"Autoencoder: a code of {code} numbers for embeddings of {dims}")
+        if not MIN_CODE_DIMS <= code_dims <= MAX_CODE_DIMS or dims < code_dims:
+            raise ValueError(
+                f"Autoencoder: codes of {code_dims} dimensions for embeddings of {dims}"
+            )
 
     @property
     def dims(self) -> int:
@@ -68,23 +73,41 @@ class Autoencoder:
         return int(self.weights["encoder.0.weight"].shape[1])
 
     @property
-    def code(self) -> int:
+    def code_dims(self) -> int:
         """Length of a code, d."""
         return len(self.weights["encoder.2.weight"])
 
     def encode(self, embeddings: Floats32) -> Floats32:
-        """[S,d] codes of unit length of embeddings [S,D]."""
-        return self._through("encoder", embeddings)
+        """Encode embeddings.
+
+        Args:
+            embeddings: [S,D] float32, of unit length.
+
+        Returns:
+            [S,d] float32, codes of unit length.
+        """
+        return self._apply("encoder", embeddings)
 
     def decode(self, codes: Floats32) -> Floats32:
-        """[S,D] embeddings of unit length of codes [S,d], also of mixtures of codes."""
-        return self._through("decoder", codes)
+        """Decode codes, also weighted means of codes as blending gives them.
+
+        Args:
+            codes: [S,d] float32, of any length.
+
+        Returns:
+            [S,D] float32, embeddings of unit length.
+        """
+        return self._apply("decoder", codes)
 
     def cosines(self, codes: Floats32, vectors: Floats32) -> Floats32:
-        """[S,V] of decoded codes [S,d] and vectors [V,D] of unit length.
+        """Compute `decode(codes) @ vectors.T` without the embeddings, from the hidden layer alone.
 
-        The same as `decoded(codes) @ vectors.T`, without embeddings: their lengths and products
-        follow from the hidden layer.
+        Args:
+            codes: [S,d] float32.
+            vectors: [V,D] float32, of unit length.
+
+        Returns:
+            [S,V] float32.
         """
         hidden, weight, bias = self._hidden("decoder", codes), *self._last("decoder")
         products = hidden @ (weight.T @ vectors.T) + vectors @ bias
@@ -92,11 +115,11 @@ class Autoencoder:
         lengths = np.sqrt(np.maximum(squares + bias @ bias, 1e-24))
         return np.asarray(products / lengths[:, None], np.float32)
 
-    def _through(self, part: str, vectors: Floats32) -> Floats32:
+    def _apply(self, part: str, vectors: Floats32) -> Floats32:
         weight, bias = self._last(part)
-        found = self._hidden(part, vectors) @ weight.T + bias
-        lengths = np.linalg.norm(found, axis=1, keepdims=True)
-        return np.asarray(found / np.maximum(lengths, 1e-12), np.float32)
+        result = self._hidden(part, vectors) @ weight.T + bias
+        lengths = np.linalg.norm(result, axis=1, keepdims=True)
+        return np.asarray(result / np.maximum(lengths, 1e-12), np.float32)
 
     def _hidden(self, part: str, vectors: Floats32) -> Floats32:
         weight, bias = self.weights[f"{part}.0.weight"], self.weights[f"{part}.0.bias"]
@@ -107,37 +130,47 @@ class Autoencoder:
 
 
 def _gelu(x: Floats32) -> Floats32:
-    """GELU with the hyperbolic tangent (Hendrycks & Gimpel 2016)."""
+    """Apply GELU in its tanh approximation (Hendrycks & Gimpel 2016)."""
     inner = np.float32(sqrt(2 / pi)) * (x + np.float32(0.044715) * x * x * x)
     return np.asarray(np.float32(0.5) * x * (1 + np.tanh(inner)), np.float32)
 
 
 def autoencoder_bytes(model: Autoencoder) -> bytes:
-    """As safetensors."""
+    """Serialize an autoencoder as safetensors.
+
+    Args:
+        model: The autoencoder.
+
+    Returns:
+        The content of a file that `read_autoencoder` reads.
+    """
     return save(dict(model.weights))
 
 
 def read_autoencoder(path: Path, digest: str) -> Autoencoder:
-    """Reads what `autoencoder_bytes` gave.
+    """Read an autoencoder and verify its checksum.
 
     Args:
-        path: Of the file.
-        digest: SHA-256 of its content, in hexadecimal digits.
+        path: A safetensors file, as of `autoencoder_bytes`.
+        digest: SHA-256 of its content, hexadecimal.
+
+    Returns:
+        The autoencoder.
 
     Raises:
         OSError: The file cannot be read.
-        ValueError: It is damaged, or no autoencoder.
+        ValueError: The file is damaged, or is not an autoencoder.
     """
     try:
         with path.open("rb") as file:
-            content = file.read(MOST_BYTES + 1)
+            content = file.read(MAX_FILE_BYTES + 1)
     except FileNotFoundError:
-        raise FileNotFoundError(f"{path}: it is missing; {REPAIR}") from None
-    if len(content) > MOST_BYTES:
-        raise ValueError(f"{path}: larger than {MOST_BYTES >> 20} MiB")
+        raise FileNotFoundError(f"{path}: the file is missing; {REPAIR}") from None
+    if len(content) > MAX_FILE_BYTES:
+        raise ValueError(f"{path}: larger than {MAX_FILE_BYTES >> 20} MiB")
     if hashlib.sha256(content).hexdigest() != digest:
-        raise ValueError(f"{path}: it is damaged; {REPAIR}")
+        raise ValueError(f"{path}: the file is damaged; {REPAIR}")
     try:
         return Autoencoder(load(content))
     except (SafetensorError, ValueError) as error:
-        raise ValueError(f"{path}: it is no autoencoder: {error}") from None
+        raise ValueError(f"{path}: not an autoencoder: {error}") from None

@@ -1,59 +1,88 @@
-"""What each Gaussian is: the category with the highest relevance, GS-LTS, sec. III-B."""
+"""Classification of Gaussians: the category of highest relevance (GS-LTS, sec. III-B)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gslts.core.gaussian_map import GaussianMap
 from gslts.semantics.autoencoder import Autoencoder
+from gslts.semantics.files import require_semantics
+from gslts.semantics.registry import open_text_source
 from gslts.semantics.relevance import RelevanceScorer
 from gslts.semantics.source import SemanticSource
+from gslts.types import Indices, Ints32
 
 
 @dataclass(frozen=True, eq=False)
 class Categories:
-    """What Gaussians may be.
+    """Categories for the Gaussians of a map, such as the layers of a 2D semantic map.
 
     Attributes:
-        names: Of the categories.
-        autoencoder: Of the features.
-        source: Of words.
+        names: Names of the categories.
+        autoencoder: Decodes the features of the map.
+        source: Encodes the names.
     """
 
     names: tuple[str, ...]
     autoencoder: Autoencoder
     source: SemanticSource
 
+    @classmethod
+    def of_map(
+        cls, path: Path, names: Sequence[str], clip: Path | None = None, threads: int = 0
+    ) -> Categories:
+        """Read what a map folder needs to classify its Gaussians.
+
+        Args:
+            path: A map folder with semantic features, or a version of it such as MAP@3.
+            names: Names of the categories.
+            clip: Folder of its CLIP, if it was moved.
+            threads: For CLIP; 0 uses the default of torch.
+
+        Returns:
+            The categories.
+
+        Raises:
+            ImportError: transformers is missing.
+            OSError: A file cannot be read.
+            ValueError: The map has no semantic features, or a file is damaged.
+        """
+        setting, autoencoder = require_semantics(path)
+        return cls(tuple(names), autoencoder, open_text_source(setting, clip, threads))
+
 
 def classify_gaussians(
     gaussian_map: GaussianMap,
-    rows: NDArray[np.intp],
+    rows: Indices,
     autoencoder: Autoencoder,
     source: SemanticSource,
     names: Sequence[str],
-) -> NDArray[np.int32]:
-    """[K] the category of each of some Gaussians; -1 where none fits as well as the source asks.
+) -> Ints32:
+    """Assign to Gaussians the category with the highest relevance score.
 
     Args:
         gaussian_map: With features of L * d numbers.
-        rows: [K] of its Gaussians.
-        autoencoder: Of the features.
-        source: Of words.
-        names: Of the categories.
+        rows: [K] rows of the Gaussians to classify.
+        autoencoder: Decodes the features.
+        source: Encodes the names.
+        names: Names of the categories.
+
+    Returns:
+        [K] int32, the number of the category; -1 where no score reaches the threshold of the
+        source.
 
     Raises:
-        ValueError: The features are not those of the autoencoder, or a name is empty or occurs
-            twice.
+        ValueError: The features do not fit the autoencoder, or a name is empty or occurs twice.
     """
     if not all(name.strip() for name in names) or len(set(names)) < len(names):
         raise ValueError(f"classify_gaussians: names: one is empty or occurs twice: {list(names)}")
-    fits = RelevanceScorer(gaussian_map, autoencoder, source)
+    scorer = RelevanceScorer(gaussian_map, autoencoder, source)
     if not names:
         return np.full(len(rows), -1, np.int32)
-    found = fits.scores(source.encode(names), rows)
-    fitting = found.max(axis=0) >= source.threshold
-    return np.where(fitting, found.argmax(axis=0), -1).astype(np.int32)
+    scores = scorer.scores(source.encode(names), rows)
+    is_match = scores.max(axis=0) >= source.threshold
+    return np.where(is_match, scores.argmax(axis=0), -1).astype(np.int32)

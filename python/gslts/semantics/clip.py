@@ -1,4 +1,4 @@
-"""CLIP (Radford et al. 2021): pictures and words as embeddings in one space."""
+"""CLIP (Radford et al. 2021): embeds images and texts in one space."""
 
 from __future__ import annotations
 
@@ -8,41 +8,39 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from gslts.semantics.pretrained import download_hint, inference_mode, load_pretrained
-from gslts.types import Floats32
-
-Image = NDArray[np.uint8]
+from gslts.types import Bytes, Floats32
 
 EXAMPLE = "openai/clip-vit-large-patch14"
-"""Published with safetensors."""
+"""Public model named in messages; it is published with safetensors."""
 MEAN, STD = (0.48145466, 0.4578275, 0.40821073), (0.26862954, 0.26130258, 0.27577711)
-"""Of the pictures that CLIP was trained with, red, green, blue, 0 to 1."""
-AT_ONCE = 16
+"""Normalization of CLIP's training images, RGB, 0 to 1."""
+MAX_IMAGES_PER_BATCH = 16
+"""Number of images encoded at a time; bounds memory."""
 TOKENIZERS = (("tokenizer.json",), ("vocab.json", "merges.txt"))
-"""Files, either of which suffice."""
+"""Sets of tokenizer files; one of them must be there."""
 LEGACY_END = 2
-"""`eos_token_id` in early configurations, where transformers looks for the greatest token."""
+"""`eos_token_id` in early configurations; transformers then takes the greatest token as the end."""
 
 
 class ClipEncoder:
-    """A CLIP from a folder, on the CPU.
+    """CLIP model on the CPU, loaded from a folder.
 
     Args:
-        folder: As `hf download` leaves it: `config.json`, `model.safetensors` and a tokenizer.
-        threads: 0 means as many as torch takes. Another number may change the last bits of
-            embeddings; the same one gives the same bits.
+        folder: As of `hf download`: `config.json`, `model.safetensors` and a tokenizer.
+        threads: 0 uses the default of torch. The last bits of embeddings depend on the number of
+            threads; results are repeatable for the same number.
 
     Attributes:
         dims: Length of an embedding, D.
-        side_px: Of the square pictures that it takes.
+        side_px: Side of the square images that it takes.
 
     Raises:
         ImportError: transformers is missing.
-        OSError: A file is missing; the message tells how to get it.
-        ValueError: A file is damaged, or of another model.
+        OSError: A file is missing; the message says how to get it.
+        ValueError: A file is damaged, or belongs to another model.
     """
 
     def __init__(self, folder: Path, threads: int = 0) -> None:
@@ -58,54 +56,67 @@ class ClipEncoder:
         self.dims: int = self._model.config.projection_dim
         self.side_px: int = self._model.config.vision_config.image_size
 
-    def encode_images(self, pictures: Sequence[Image]) -> Floats32:
-        """[S,D] embeddings, of unit length, of pictures [side_px,side_px,3] uint8, sRGB.
+    def encode_images(self, images: Sequence[Bytes]) -> Floats32:
+        """Embed images.
+
+        Args:
+            images: S images [side_px,side_px,3] uint8, sRGB.
+
+        Returns:
+            [S,D] float32, of unit length.
 
         Raises:
             ValueError: An embedding is not finite.
         """
-        found = []
+        outputs = []
         with inference_mode(self._threads):
-            for start in range(0, len(pictures), AT_ONCE):
-                stacked = np.stack(pictures[start : start + AT_ONCE]).astype(np.float32) / 255
-                whitened = (stacked - np.array(MEAN, np.float32)) / np.array(STD, np.float32)
-                pixels = torch.from_numpy(np.ascontiguousarray(whitened.transpose(0, 3, 1, 2)))
-                found.append(self._model.get_image_features(pixel_values=pixels).pooler_output)
-            return self._unit(found)
+            for start in range(0, len(images), MAX_IMAGES_PER_BATCH):
+                batch = np.stack(images[start : start + MAX_IMAGES_PER_BATCH])
+                colors = batch.astype(np.float32) / 255
+                normalized = (colors - np.array(MEAN, np.float32)) / np.array(STD, np.float32)
+                pixels = torch.from_numpy(np.ascontiguousarray(normalized.transpose(0, 3, 1, 2)))
+                outputs.append(self._model.get_image_features(pixel_values=pixels).pooler_output)
+            return self._normalize(outputs)
 
     def encode_texts(self, texts: Sequence[str]) -> Floats32:
-        """[T,D] embeddings, of unit length; of long texts only the beginning counts.
+        """Embed texts; those longer than the context of the model are truncated.
+
+        Args:
+            texts: T texts.
+
+        Returns:
+            [T,D] float32, of unit length.
 
         Raises:
             ValueError: An embedding is not finite.
         """
-        found = []
+        outputs = []
         longest = self._model.config.text_config.max_position_embeddings
         with inference_mode(self._threads):
-            for text in texts:  # One by one, so that no text depends on the others.
+            for text in texts:  # Without padding, which would couple the texts of a batch.
                 tokens = self._tokenizer(
                     text, truncation=True, max_length=longest, return_tensors="pt"
                 )
                 output = self._model.get_text_features(input_ids=tokens.input_ids)
-                found.append(output.pooler_output)
-            return self._unit(found)
+                outputs.append(output.pooler_output)
+            return self._normalize(outputs)
 
-    def _unit(self, found: list[Tensor]) -> Floats32:
-        if not found:
+    def _normalize(self, outputs: list[Tensor]) -> Floats32:
+        if not outputs:
             return np.zeros((0, self.dims), np.float32)
-        embeddings = torch.nn.functional.normalize(torch.cat(found), dim=1)
+        embeddings = torch.nn.functional.normalize(torch.cat(outputs), dim=1)
         if not embeddings.isfinite().all():
-            raise ValueError(f"{self._folder}: its weights give numbers that are not finite")
+            raise ValueError(f"{self._folder}: the weights give embeddings that are not finite")
         return np.asarray(embeddings.numpy(), np.float32)
 
 
 def _tokenizer(folder: Path, config: Any) -> Any:
-    """That of the folder; one without words, as transformers makes of nothing, is refused."""
+    """Load the tokenizer; reject an empty one, which transformers makes if a file is missing."""
     from transformers import CLIPTokenizer
 
     if not any(all((folder / name).is_file() for name in names) for names in TOKENIZERS):
         raise FileNotFoundError(
-            f"{folder}: there is no tokenizer.json, nor vocab.json with merges.txt; "
+            f"{folder}: there is no tokenizer.json and no vocab.json with merges.txt; "
             f"{download_hint(folder, EXAMPLE)}"
         )
     try:
@@ -114,13 +125,13 @@ def _tokenizer(folder: Path, config: Any) -> Any:
         )
         tokens = tokenizer("object").input_ids
         size = len(tokenizer)
-    except Exception as error:  # The Rust of tokenizers raises bare exceptions.
+    except Exception as error:  # The tokenizers package raises bare exceptions.
         reason = " ".join(str(error).split())[:300]
-        raise ValueError(f"{folder}: its tokenizer cannot be read: {reason}") from None
+        raise ValueError(f"{folder}: the tokenizer cannot be read: {reason}") from None
     end = config.eos_token_id
     if end == LEGACY_END:
         end = max(tokens)
-    # The model reads a text at its end: without one, all texts would be the same.
+    # The model takes the output at the end token: without it, all texts have one embedding.
     if size > config.vocab_size or len(tokens) < 3 or tokens[-1] != end:
-        raise ValueError(f"{folder}: its tokenizer is not that of its weights")
+        raise ValueError(f"{folder}: the tokenizer does not belong to the weights")
     return tokenizer

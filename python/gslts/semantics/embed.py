@@ -1,4 +1,4 @@
-"""From pictures and what they mean to a map that can be asked: GS-LTS, sec. III-B."""
+"""Semantic features for the Gaussians of a map from RGB-D frames (GS-LTS, sec. III-A)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
@@ -18,17 +17,17 @@ from gslts.semantics.refine import refine_features
 from gslts.semantics.source import SemanticSource
 from gslts.semantics.train_autoencoder import train_autoencoder
 from gslts.semantics.vocabulary import NOUNS
-from gslts.types import Floats32
+from gslts.types import Floats32, Ints32
 
 
 @dataclass(frozen=True, eq=False)
 class SemanticFeatures:
-    """What Gaussians mean.
+    """Semantic features of a map and the autoencoder that decodes them.
 
     Attributes:
-        features: [N,L*d] codes at each of L levels, one after the other.
-        autoencoder: Of the codes.
-        names: What the source has words for; nouns of a household if it has none of its own.
+        features: [N,L*d] float32, for each Gaussian a code of d numbers at each of L levels.
+        autoencoder: Decodes the codes to embeddings.
+        names: Names of the object types in the frames; household nouns if the source has no names.
     """
 
     features: Floats32
@@ -40,25 +39,32 @@ def embed_semantics(
     gaussian_map: GaussianMap,
     frames: Iterable[RgbdFrame],
     source: SemanticSource,
-    code: int = 32,
+    code_dims: int = 32,
     refine: int = 0,
     threads: int = 0,
 ) -> SemanticFeatures:
-    """Lifts what frames mean to the Gaussians that they show.
+    """Compute semantic features for all Gaussians of a map.
+
+    Segments each frame, compresses the embeddings of the segments with an autoencoder trained on
+    them, and lifts the codes to the Gaussians in closed form.
 
     Args:
-        gaussian_map: float32.
-        frames: At poses where the map fits them.
-        source: Of the meaning.
-        code: Length of a code, d.
-        refine: Steps of gradient descent after the lifting, as in the paper.
-        threads: 0 means one a hardware thread.
+        gaussian_map: float32; its features are not used.
+        frames: With the camera poses at which the map was optimized.
+        source: Segments the frames.
+        code_dims: Length of a code, d.
+        refine: Number of gradient steps after lifting, as in GS-LTS; 0 for none.
+        threads: 0 uses one per hardware thread; does not change results.
+
+    Returns:
+        The features, the autoencoder and the names.
 
     Raises:
-        ValueError: There is no frame, one has not what the source needs, or `code` is out of range.
+        ValueError: There is no frame, the source cannot segment one, or `code_dims` is out of
+            range.
     """
     cameras: list[Camera] = []
-    labels: list[NDArray[np.int32]] = []
+    labels: list[Ints32] = []
     embeddings: list[Floats32] = []
     names: set[str] = set()
     rows = 0
@@ -71,26 +77,26 @@ def embed_semantics(
         names.update(segments.names)
         rows += len(segments.embeddings)
     if not cameras:
-        raise ValueError("embedded: frames: there is none")
-    seen, row_of = np.unique(np.concatenate(embeddings), axis=0, return_inverse=True)
-    autoencoder = train_autoencoder(np.concatenate([seen, source.encode(NOUNS)]), code)
-    codes = autoencoder.encode(seen)[row_of.ravel()]
+        raise ValueError("embed_semantics: frames: expected at least one, got none")
+    distinct, row_of = np.unique(np.concatenate(embeddings), axis=0, return_inverse=True)
+    autoencoder = train_autoencoder(np.concatenate([distinct, source.encode(NOUNS)]), code_dims)
+    codes = autoencoder.encode(distinct)[row_of.ravel()]
     features = []
     for level in range(len(labels[0])):
-        views = _Views(cameras, [of_view[level] for of_view in labels], codes)
-        of_level = lift_features(gaussian_map, views, code, threads)
-        features.append(refine_features(gaussian_map, of_level, views, refine, threads=threads))
+        views = _FeatureViews(cameras, [frame_labels[level] for frame_labels in labels], codes)
+        lifted = lift_features(gaussian_map, views, code_dims, threads)
+        features.append(refine_features(gaussian_map, lifted, views, refine, threads=threads))
     return SemanticFeatures(
         np.concatenate(features, axis=1), autoencoder, tuple(sorted(names)) or NOUNS
     )
 
 
 @dataclass(frozen=True, eq=False)
-class _Views(Sequence[FeatureView]):
-    """Made when they are asked for: all pictures of features would fill the memory."""
+class _FeatureViews(Sequence[FeatureView]):
+    """Feature images of one level, made on demand: all at once would not fit into memory."""
 
     cameras: list[Camera]
-    labels: list[NDArray[np.int32]]
+    labels: list[Ints32]
     codes: Floats32
 
     def __len__(self) -> int:

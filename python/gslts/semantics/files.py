@@ -1,124 +1,107 @@
-"""What a map keeps to understand the features of its Gaussians.
+"""Autoencoder files of a map folder.
 
-The setting stands in the cause of the version that brought the features, and names the file of the
-autoencoder by what is in it: a version never meets the autoencoder of another.
+The cause of the version that added semantic features names the autoencoder file by its checksum, so
+that a version never uses the autoencoder of another.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
-
-from gslts.io.atomic_files import sync_folder, write_whole
+from gslts.io.atomic_files import sync_folder, write_atomic
 from gslts.semantics.autoencoder import Autoencoder, autoencoder_bytes, read_autoencoder
-from gslts.store.map_folder import folder_of, open_map
+from gslts.store.causes import SemanticsCause
+from gslts.store.manifest import split_version
+from gslts.store.map_folder import open_map
 from gslts.store.map_store import MapStore
-from gslts.store.records import Version
 
 FOLDER = "semantics"
-"""Of autoencoders, in the folder of a map."""
-
-
-class SemanticsSetting(BaseModel):
-    """Where the features of a version are from.
-
-    Attributes:
-        source: Of what pictures mean.
-        dataset: That was shown to it.
-        levels: Of masks; each has a code.
-        code: Length of a code.
-        names: Of what the source has words for.
-        models: Folders of the weights, by what they are for.
-        autoencoder: SHA-256 of its file, in hexadecimal digits.
-    """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    source: Literal["oracle", "clip"]
-    dataset: str
-    levels: Annotated[int, Field(ge=1, le=3)]
-    code: Annotated[int, Field(ge=8, le=64)]
-    names: tuple[str, ...]
-    models: Mapping[str, str] = {}
-    autoencoder: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+"""Sub-folder of a map folder for autoencoder files."""
 
 
 def write_autoencoder(model: Autoencoder, folder: Path) -> str:
-    """Writes it into the folder of a map, so that it outlasts a power cut.
+    """Write an autoencoder into a map folder and sync it to disk.
+
+    Args:
+        model: The autoencoder.
+        folder: The map folder.
 
     Returns:
-        Its SHA-256, for the setting.
+        SHA-256 of the file, for `SemanticsCause`.
 
     Raises:
-        OSError: It cannot be written.
+        OSError: The file cannot be written.
     """
     content = autoencoder_bytes(model)
     digest = hashlib.sha256(content).hexdigest()
     path = _path_of(folder, digest)
     path.parent.mkdir(exist_ok=True)
-    write_whole(path, content)
+    write_atomic(path, content)
     sync_folder(folder)
     return digest
 
 
-def read_semantics(path: Path) -> tuple[SemanticsSetting, Autoencoder] | None:
-    """What the features of a version mean; None if nobody taught it or one before it.
+def read_semantics(path: Path) -> tuple[SemanticsCause, Autoencoder] | None:
+    """Read the cause and the autoencoder of the features of a version.
 
     Args:
         path: A map folder, or a version of it such as MAP@3.
+
+    Returns:
+        Both; None if neither the version nor one that it came from added semantic features.
 
     Raises:
         OSError: A file cannot be read.
         ValueError: There is no such version, or a file is damaged.
     """
-    folder, number = folder_of(path)
+    folder, number = split_version(path)
     with open_map(folder) as store:
-        taught = [one for one in store.way_to(number) if one.kind == "semantics"]
-    return _taught_by(taught[-1], folder) if taught else None
+        causes = [version.cause for version in store.lineage(number)]
+    semantics = [cause for cause in causes if isinstance(cause, SemanticsCause)]
+    return (semantics[-1], _read_autoencoder(semantics[-1], folder)) if semantics else None
 
 
-def require_semantics(path: Path) -> tuple[SemanticsSetting, Autoencoder]:
-    """As `read_semantics`.
+def require_semantics(path: Path) -> tuple[SemanticsCause, Autoencoder]:
+    """Read the cause and the autoencoder of a version that must have semantic features.
+
+    Args:
+        path: A map folder, or a version of it such as MAP@3.
+
+    Returns:
+        As `read_semantics`.
 
     Raises:
         OSError: A file cannot be read.
-        ValueError: Nobody taught the map, or as for `read_semantics`.
+        ValueError: The version has no semantic features, or as for `read_semantics`.
     """
     found = read_semantics(path)
     if found is None:
-        raise ValueError(f"{path} knows no words; gslts semantics teaches it")
+        raise ValueError(f"{path} has no semantic features; gslts semantics adds them")
     return found
 
 
 def semantics_problems(store: MapStore) -> list[str]:
-    """Every autoencoder that is missing or damaged, in one line each; none if all is well.
+    """List the autoencoder files of a map that are missing or damaged.
 
     Args:
-        store: Of the map.
+        store: The store of the map.
+
+    Returns:
+        One line for each problem; empty if there is none.
     """
-    found = []
+    problems = []
     for version in store.versions():
         try:
-            if version.kind == "semantics":
-                _taught_by(version, store.folder)
+            if isinstance(version.cause, SemanticsCause):
+                _read_autoencoder(version.cause, store.folder)
         except (OSError, ValueError) as error:
-            found.append(f"version {version.number}: {error}")
-    return found
+            problems.append(f"version {version.number}: {error}")
+    return problems
 
 
-def _taught_by(version: Version, folder: Path) -> tuple[SemanticsSetting, Autoencoder]:
-    try:
-        setting = SemanticsSetting.model_validate(dict[str, Any](version.cause))
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = ".".join(str(part) for part in first["loc"])
-        what = f"the semantics of version {version.number} are damaged"
-        raise ValueError(f"{folder}: {what}: {where}: {first['msg']}") from None
-    return setting, read_autoencoder(_path_of(folder, setting.autoencoder), setting.autoencoder)
+def _read_autoencoder(cause: SemanticsCause, folder: Path) -> Autoencoder:
+    return read_autoencoder(_path_of(folder, cause.autoencoder), cause.autoencoder)
 
 
 def _path_of(folder: Path, digest: str) -> Path:

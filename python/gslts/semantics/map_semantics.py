@@ -1,4 +1,4 @@
-"""What the Gaussians of a map mean, kept up while the map changes."""
+"""Semantics of a map folder, which follow the map through its updates."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
@@ -18,21 +17,22 @@ from gslts.semantics.files import read_semantics
 from gslts.semantics.lift import FeatureView, lift_features
 from gslts.semantics.registry import open_source
 from gslts.semantics.source import SemanticSource
+from gslts.types import Bools, Indices
 
 _logger = logging.getLogger(__name__)
 
-LEAST_SHARE = 0.5
-"""Of some Gaussians, which must agree on what they are."""
+MIN_MAJORITY = 0.5
+"""Share of the classified Gaussians of an object that must agree on its name: a majority."""
 
 
 @dataclass(frozen=True, eq=False)
 class MapSemantics:
-    """How the features of a map are made and read.
+    """Computes the semantic features of new Gaussians, and names objects.
 
     Attributes:
-        source: Of what pictures mean.
-        autoencoder: Of the features.
-        names: Of what the source has words for.
+        source: Segments frames and encodes names.
+        autoencoder: Of the features of the map.
+        names: Names of the object types that the map was made with.
     """
 
     source: SemanticSource
@@ -41,10 +41,15 @@ class MapSemantics:
 
     @classmethod
     def of_map(cls, path: Path, threads: int = 0) -> MapSemantics | None:
-        """That of a map folder; None if nobody taught the map.
+        """Read the semantics of a map folder and load its models.
 
-        Nor is there one, and a warning tells why, where its models are not at hand: a robot keeps
-        its map up to date without them, and what is new has no meaning.
+        Args:
+            path: A map folder, or a version of it such as MAP@3.
+            threads: For the models; 0 uses the default of torch.
+
+        Returns:
+            The semantics; None if the map has none, or, with a warning, if its models are not
+            available: the map can be updated without them, and new objects have no semantics then.
 
         Raises:
             OSError: A file cannot be read.
@@ -56,51 +61,62 @@ class MapSemantics:
         setting, autoencoder = found
         models = {name: Path(folder) for name, folder in setting.models.items()}
         try:
-            teacher = open_source(setting.source, models, threads)
+            source = open_source(setting.source, models, threads)
         except (ImportError, FileNotFoundError) as error:
-            _logger.warning("%s: what is new will have no meaning: %s", path, error)
+            _logger.warning("%s: new objects will have no semantic features: %s", path, error)
             return None
-        return cls(teacher, autoencoder, setting.names)
+        return cls(source, autoencoder, setting.names)
 
     def update_features(
         self,
         gaussian_map: GaussianMap,
-        fresh: NDArray[np.bool_],
-        views: Iterable[tuple[RgbdFrame, NDArray[np.bool_]]],
+        stale: Bools,
+        views: Iterable[tuple[RgbdFrame, Bools]],
         threads: int = 0,
     ) -> GaussianMap:
-        """The map, in which some Gaussians mean what frames show there; others keep theirs.
+        """Recompute the features of some Gaussians from frames; the others keep theirs.
 
         Args:
-            gaussian_map: float32.
-            fresh: [N] Gaussians that may mean something else; if no frame tells, they keep theirs.
-            views: Frames, and [H,W] where they are to be believed; those that the source cannot
-                read, such as frames without labels, are left out.
-            threads: 0 means one a hardware thread.
+            gaussian_map: float32, with features.
+            stale: [N] Gaussians to recompute; those that no view shows keep their features.
+            views: Frames, and masks [H,W] of the pixels to use. Frames that the source cannot
+                segment, such as those without labels, are skipped.
+            threads: 0 uses one per hardware thread; does not change results.
+
+        Returns:
+            The map with the new features.
         """
-        code = self.autoencoder.code
-        levels = gaussian_map.feature_dims // code
-        seen: list[list[FeatureView]] = [[] for _ in range(levels)]
-        for frame, believed in views:
+        code_dims = self.autoencoder.code_dims
+        levels = gaussian_map.feature_dims // code_dims
+        level_views: list[list[FeatureView]] = [[] for _ in range(levels)]
+        for frame, mask in views:
             try:
                 segments = self.source.segments(frame)
             except ValueError:
                 continue
             codes = self.autoencoder.encode(segments.embeddings)
             for level, labels in enumerate(segments.labels[:levels]):
-                known = believed & (labels >= 0)
+                known = mask & (labels >= 0)
                 if known.any():
-                    seen[level].append((frame.camera, codes[labels], known))
+                    level_views[level].append((frame.camera, codes[labels], known))
         features = gaussian_map.features.copy()
-        for level, own in enumerate(seen):
-            found = lift_features(gaussian_map, own, code, threads)
-            told = fresh & found.any(axis=1)
-            features[told, level * code : (level + 1) * code] = found[told]
+        for level, feature_views in enumerate(level_views):
+            lifted = lift_features(gaussian_map, feature_views, code_dims, threads)
+            changed = stale & lifted.any(axis=1)
+            features[changed, level * code_dims : (level + 1) * code_dims] = lifted[changed]
         return replace(gaussian_map, features=features)
 
-    def name_of(self, gaussian_map: GaussianMap, rows: NDArray[np.intp]) -> str | None:
-        """What some Gaussians are, if most of those that fit a name agree."""
-        found = classify_gaussians(gaussian_map, rows, self.autoencoder, self.source, self.names)
-        counts = np.bincount(found + 1, minlength=2)[1:]  # -1 fits none.
+    def name_of(self, gaussian_map: GaussianMap, rows: Indices) -> str | None:
+        """Name the object that Gaussians belong to, by majority vote.
+
+        Args:
+            gaussian_map: With features.
+            rows: [K] rows of the Gaussians of the object.
+
+        Returns:
+            The name; None if no name has a majority among the Gaussians that match one.
+        """
+        classes = classify_gaussians(gaussian_map, rows, self.autoencoder, self.source, self.names)
+        counts = np.bincount(classes + 1, minlength=2)[1:]  # Without class -1.
         best = int(counts.argmax())
-        return self.names[best] if counts[best] > LEAST_SHARE * counts.sum() else None
+        return self.names[best] if counts[best] > MIN_MAJORITY * counts.sum() else None

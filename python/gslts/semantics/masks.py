@@ -1,34 +1,47 @@
-"""Masks of a picture: without doubles, as labels, and as pictures of their own."""
+"""Masks of an image: removal of duplicates, label images, and crops."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
-Masks = NDArray[np.bool_]
+from gslts.types import Bools, Bytes, Floats32, Indices, Ints32
 
-SAME_IOU = 0.8
-"""Masks that overlap more are one, as in LangSplat (Qin et al. 2024)."""
+MAX_IOU = 0.8
+"""Masks with a larger intersection over union are duplicates; the value of LangSplat."""
 
 
-def suppress_duplicates(masks: Masks, scores: NDArray[np.float32]) -> NDArray[np.intp]:
-    """[K'] rows of masks [K,h,w], the best first, none of which is the same as a better one."""
+def suppress_duplicates(masks: Bools, scores: Floats32) -> Indices:
+    """Suppress masks that overlap a better one (non-maximum suppression).
+
+    Args:
+        masks: [K,H,W] bool.
+        scores: [K] float32, higher is better.
+
+    Returns:
+        Rows of the masks to keep, the best first.
+    """
     order = np.argsort(-scores, kind="stable")
     flat = masks.reshape(len(masks), masks[:1].size)[order].astype(np.float32)
     areas, shared = flat.sum(axis=1), flat @ flat.T
-    same = shared > SAME_IOU * (areas[:, None] + areas - shared)
+    is_duplicate = shared > MAX_IOU * (areas[:, None] + areas - shared)
     kept: list[int] = []
     for row in range(len(order)):
-        if not same[row, kept].any():
+        if not is_duplicate[row, kept].any():
             kept.append(row)
     return np.asarray(order[kept], np.intp)
 
 
-def paint_labels(masks: Masks) -> NDArray[np.int32]:
-    """[H,W] row of the mask [K,H,W] that each pixel takes; -1 for none.
+def paint_labels(masks: Bools) -> Ints32:
+    """Paint masks into a label image, the smallest on top.
 
-    The smallest wins, or what stands on a table would be lost under the mask of both.
+    In the other order, an object on a table would be hidden by a mask of both.
+
+    Args:
+        masks: [K,H,W] bool.
+
+    Returns:
+        [H,W] int32, row of the mask at each pixel; -1 for none.
     """
     labels = np.full(masks.shape[1:], -1, np.int32)
     for row in np.argsort(-masks.sum(axis=(1, 2)), kind="stable"):
@@ -36,18 +49,24 @@ def paint_labels(masks: Masks) -> NDArray[np.int32]:
     return labels
 
 
-def crop_to_mask(rgb: NDArray[np.uint8], mask: Masks, side_px: int) -> NDArray[np.uint8]:
-    """[side_px,side_px,3] what a mask [H,W] covers, the rest black, as LangSplat shows it to CLIP.
+def crop_to_mask(rgb: Bytes, mask: Bools, side_px: int) -> Bytes:
+    """Crop an image to the bounding box of a mask, on black, as LangSplat does for CLIP.
 
-    It is cut to the box around the mask, which keeps its proportions, in the middle.
+    Args:
+        rgb: [H,W,3] uint8, sRGB.
+        mask: [H,W] bool, not empty.
+        side_px: Side of the result.
+
+    Returns:
+        [side_px,side_px,3] uint8; the crop is centred and keeps its aspect ratio.
     """
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
-    part = np.where(mask[box][..., None], rgb[box], 0).astype(np.uint8)
-    height, width = part.shape[:2]
+    crop = np.where(mask[box][..., None], rgb[box], 0).astype(np.uint8)
+    height, width = crop.shape[:2]
     side = max(height, width)
     square = np.zeros((side, side, 3), np.uint8)
     top, left = (side - height) // 2, (side - width) // 2
-    square[top : top + height, left : left + width] = part
+    square[top : top + height, left : left + width] = crop
     size = (side_px, side_px)
     return np.asarray(Image.fromarray(square).resize(size, Image.Resampling.BICUBIC))

@@ -1,4 +1,4 @@
-"""Models of Hugging Face's transformers from folders of the user: whole, without running code."""
+"""Loads models of Hugging Face transformers from local folders, without running code from them."""
 
 from __future__ import annotations
 
@@ -13,43 +13,48 @@ import torch
 
 CONFIG = "config.json"
 WEIGHTS = "model.safetensors"
+"""File names of transformers."""
 PICKLES = ("*.bin", "*.pt", "*.pth", "*.ckpt")
+"""Patterns of pickled weights, which are named in a message and never opened."""
 
 
 def load_pretrained(model_class: Any, folder: Path, example: str) -> Any:
-    """A model with all its weights, float32, ready to infer.
+    """Load a model with all its weights, float32, in evaluation mode.
 
     Args:
-        model_class: Of transformers, such as CLIPModel, or AutoModel for any.
+        model_class: Class of transformers, such as CLIPModel, or AutoModel for any.
         folder: With `config.json` and `model.safetensors`; nothing is downloaded, and pickled
             weights, which can run code, are never opened.
-        example: Public model that would do, such as "facebook/sam-vit-base".
+        example: Name of a public model to suggest in messages, such as "facebook/sam-vit-base".
+
+    Returns:
+        The model.
 
     Raises:
-        OSError: The folder or a file in it is missing; the message tells how to get it.
-        ValueError: A file is damaged, or of another model.
+        OSError: The folder or a file in it is missing; the message says how to get it.
+        ValueError: A file is damaged, or belongs to another model.
     """
     _check_files(folder, model_class, example)
     _check_config(folder, getattr(model_class, "config_class", None))
     try:
         with _quiet():
-            model, said = model_class.from_pretrained(
+            model, info = model_class.from_pretrained(
                 folder,
                 local_files_only=True,
                 use_safetensors=True,
                 trust_remote_code=False,
-                ignore_mismatched_sizes=True,  # They are told below, by name.
+                ignore_mismatched_sizes=True,  # Reported below, by name.
                 output_loading_info=True,
                 dtype=torch.float32,
             )
-    except Exception as error:  # safetensors has an exception of its own.
+    except Exception as error:  # safetensors raises an exception class of its own.
         reason = " ".join(str(error).split())[:300]
         raise ValueError(f"{folder}: its weights cannot be read: {reason}") from None
-    # Either would be random numbers.
-    if said["missing_keys"]:
-        raise ValueError(f"{folder}: its weights lack {min(said['missing_keys'])}")
-    if said["mismatched_keys"]:
-        name, got, expected = min(said["mismatched_keys"])
+    # transformers would initialize either at random.
+    if info["missing_keys"]:
+        raise ValueError(f"{folder}: its weights lack {min(info['missing_keys'])}")
+    if info["mismatched_keys"]:
+        name, got, expected = min(info["mismatched_keys"])
         raise ValueError(
             f"{folder}: its weights do not fit its config.json: {name}: expected "
             f"{list(expected)}, got {list(got)}"
@@ -59,7 +64,14 @@ def load_pretrained(model_class: Any, folder: Path, example: str) -> Any:
 
 @contextmanager
 def inference_mode(threads: int) -> Iterator[None]:
-    """No gradients, and a number of threads for torch; 0 leaves it as it is."""
+    """Run torch without gradients, and with a number of threads.
+
+    Args:
+        threads: Restored at the end; 0 leaves the number as it is.
+
+    Yields:
+        Nothing.
+    """
     before = torch.get_num_threads()
     torch.set_num_threads(threads or before)
     try:
@@ -70,8 +82,16 @@ def inference_mode(threads: int) -> Iterator[None]:
 
 
 def download_hint(folder: Path, example: str) -> str:
-    """What to type where there is a network."""
-    return f"download one where there is a network: hf download {example} --local-dir {folder}"
+    """Return the command that downloads a model.
+
+    Args:
+        folder: Where the model is missing.
+        example: Name of a public model.
+
+    Returns:
+        The end of an error message.
+    """
+    return f"download one with a network connection: hf download {example} --local-dir {folder}"
 
 
 def _check_files(folder: Path, model_class: Any, example: str) -> None:
@@ -88,40 +108,40 @@ def _check_files(folder: Path, model_class: Any, example: str) -> None:
         )
     kind = model_class.__name__
     raise ValueError(
-        f"{folder}: {pickles[0]} is pickled and could run code: it is not read; whoever trusts it "
-        f"makes {WEIGHTS} of it with transformers: "
+        f"{folder}: {pickles[0]} is pickled and could run code: it is not read; if you trust it, "
+        f"convert it to {WEIGHTS} with transformers: "
         f"{kind}.from_pretrained(FOLDER).save_pretrained(FOLDER)"
     )
 
 
 def _check_config(folder: Path, config_class: Any) -> None:
-    """Whether the configuration is of the kind of model, if that is known; else one only warns."""
+    """Check the model type, as transformers only warns, and reject a redirection of weights."""
     try:
         config = json.loads((folder / CONFIG).read_text(encoding="utf-8"))
-        kind, other = config.get("model_type"), config.get("transformers_weights")
+        model_type, other = config.get("model_type"), config.get("transformers_weights")
     except (ValueError, AttributeError, RecursionError):
         raise ValueError(f"{folder}: {CONFIG} is no JSON object") from None
-    if config_class is not None and kind != config_class.model_type:
+    if config_class is not None and model_type != config_class.model_type:
         raise ValueError(
-            f"{folder}: expected a model of type {config_class.model_type}, got {kind}"
+            f"{folder}: expected a model of type {config_class.model_type}, got {model_type}"
         )
-    # transformers would read that file instead, even a pickled one.
+    # transformers would read the other file, even a pickled one.
     if other is not None:
         raise ValueError(f"{folder}: {CONFIG} names other weights, {other}; only {WEIGHTS} is read")
 
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Without the tables and progress bars of transformers: errors tell what matters."""
-    from transformers.utils import logging as untyped
+    """Suppress the log and the progress bars of transformers; errors are reported by exceptions."""
+    from transformers.utils import logging as untyped_logging
 
-    theirs: Any = untyped
-    verbosity, bars = theirs.get_verbosity(), theirs.is_progress_bar_enabled()
-    theirs.set_verbosity(logging.CRITICAL)
-    theirs.disable_progress_bar()
+    log: Any = untyped_logging
+    verbosity, bars = log.get_verbosity(), log.is_progress_bar_enabled()
+    log.set_verbosity(logging.CRITICAL)
+    log.disable_progress_bar()
     try:
         yield
     finally:
-        theirs.set_verbosity(verbosity)
+        log.set_verbosity(verbosity)
         if bars:
-            theirs.enable_progress_bar()
+            log.enable_progress_bar()

@@ -1,210 +1,260 @@
-"""Where in a map something is that words tell: GS-LTS, sec. III-B, Querying and Localization."""
+"""Text queries: 3D boxes of the objects in a map that match a text (GS-LTS, sec. III-B)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import combinations, product
+from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gslts.core.gaussian_map import GaussianMap
 from gslts.semantics.autoencoder import Autoencoder
-from gslts.semantics.clusters import CELL_STRIDES, cells_of, connected_components, dbscan
+from gslts.semantics.clusters import CELL_STRIDES, cell_keys, connected_components, dbscan
+from gslts.semantics.files import require_semantics
+from gslts.semantics.registry import open_text_source
 from gslts.semantics.relevance import RelevanceScorer
 from gslts.semantics.source import SemanticSource
-from gslts.types import Floats, Floats32
+from gslts.store.map_folder import read_map
+from gslts.types import Floats, Floats32, Indices
 
-SAMPLE = 20_000
-"""Gaussians that are asked first."""
-AROUND_M = 0.25
-"""All Gaussians so near to one that matches, or a bit farther, are asked as well."""
-LEAST_OPACITY = 0.3
+SAMPLE_SIZE = 20_000
+"""Number of Gaussians scored first, evenly sampled as in GS-LTS. All Gaussians near a match are
+scored then, so that the number bounds only how small a found object may be."""
+NEIGHBOURHOOD_M = 0.25
+"""Edge of the cells around matches of the sample in which all Gaussians are scored."""
+MIN_OPACITY = 0.3
+"""Minimum opacity of scored Gaussians; others are hardly visible."""
 LINK_M = 0.07
-"""Gaussians that match and are so near to each other are of one instance."""
-KDTREE_SINGLE = 4
-"""FLANN's exact k-d tree; OpenCV does not name it in Python."""
-NEIGHBOURS, LINK_SPACINGS = 4, 3.0
-"""In a coarse map, they are linked so many times as far as they are from their third neighbour."""
-LEAST_GAUSSIANS = 12
-LEAST_SHARE = 0.1
-"""Of the Gaussians of the largest instance."""
+"""Radius of DBSCAN: distance up to which matching Gaussians belong to one object."""
+MIN_NEIGHBOURS, LINK_SPACINGS = 4, 3.0
+"""Weight of a core point of DBSCAN; in a coarse map, the radius is so many times the median
+distance to the third neighbour."""
+FLANN_KDTREE_SINGLE = 4
+"""FLANN's exact k-d tree; OpenCV has no Python name for it."""
+MIN_GAUSSIANS = 12
+"""Minimum number of Gaussians of a cluster, and of an object between two pieces."""
+MIN_SHARE_OF_LARGEST = 0.1
+"""Minimum size of an object as a share of the largest one's number of Gaussians; removes fragments
+of blurred borders."""
 CELL_M = 0.02
-"""Gaussians of one cell are clustered as one."""
-MANY_CELLS = 4_000
-"""Of what has more, such as walls, cells are half as wide as what they are linked over."""
-JOIN_M = 0.3
-"""An object's pieces are no farther apart in height where what joins them was not seen."""
-JOIN_SHARE = 0.7
-"""Of the smaller piece's outline on the floor that the other one's must cover."""
-TRIM = 0.5
-"""Percent of the Gaussians of an instance that may stick out of its box on each side."""
+"""Gaussians in a cell of this edge are clustered as one weighted point."""
+MAX_CELLS = 4_000
+"""With more cells, as of walls, their edge becomes half the DBSCAN radius; bounds time."""
+MAX_VERTICAL_GAP_M = 0.3
+"""Maximum height of an unseen gap between two pieces of one object, such as base and shade of a
+lamp."""
+MIN_FOOTPRINT_OVERLAP = 0.7
+"""Minimum overlap of the footprints of two such pieces, as a share of the smaller one's."""
+TRIM_PERCENT = 0.5
+"""Percentage of the Gaussians of an object trimmed as outliers at each side of its box."""
 
 
 @dataclass(frozen=True, eq=False)
 class Instance:
-    """One object that fits a query.
+    """An object that matches a query.
 
     Attributes:
-        low, high: (3,) corners of the box around it, axes of the world, m.
-        corners: [4,2] those of the smallest upright box, on the floor, x and y, m; its heights are
+        low, high: (3,) corners of the axis-aligned box, world, m.
+        corners: [4,2] corners of the smallest upright box, x and y in the world, m; its heights are
             those of `low` and `high`.
         score: Mean relevance of its Gaussians, 0 to 1.
-        rows: [K] of its Gaussians in the map.
+        rows: [K] rows of its Gaussians in the map.
     """
 
     low: Floats
     high: Floats
     corners: Floats
     score: float
-    rows: NDArray[np.intp]
+    rows: Indices
 
     @property
-    def middle(self) -> Floats:
-        """(3,) m."""
-        middle: Floats = (self.low + self.high) / 2
-        return middle
+    def center(self) -> Floats:
+        """(3,) centre of the axis-aligned box, world, m."""
+        center: Floats = (self.low + self.high) / 2
+        return center
 
 
 class SemanticQueries:
-    """Asks one map.
+    """Answers text queries on one map.
 
     Args:
         gaussian_map: With features of L * d numbers.
-        autoencoder: Of the features.
-        source: Of words.
+        autoencoder: Decodes the features.
+        source: Encodes the texts.
+
+    Attributes:
+        gaussian_map: The map.
 
     Raises:
-        ValueError: The features are not those of the autoencoder.
+        ValueError: The features do not fit the autoencoder, or that does not fit the source.
     """
 
     def __init__(
         self, gaussian_map: GaussianMap, autoencoder: Autoencoder, source: SemanticSource
     ) -> None:
-        self._map, self._source = gaussian_map, source
+        self.gaussian_map, self._source = gaussian_map, source
         self._scorer = RelevanceScorer(gaussian_map, autoencoder, source)
         opacities = 1 / (1 + np.exp(-gaussian_map.logit_opacities))
-        known = gaussian_map.features.any(axis=1)
-        self._rows = np.flatnonzero(known & (opacities >= LEAST_OPACITY))
-        # Relative to the map's origin: cells are counted from there.
+        has_features = gaussian_map.features.any(axis=1)
+        self._rows = np.flatnonzero(has_features & (opacities >= MIN_OPACITY))
+        # Relative to the origin of the map, to which cells are aligned.
         self._points = gaussian_map.means[self._rows].astype(np.float64)
         self._cells, self._cell_of = np.unique(
-            cells_of(self._points, AROUND_M), return_inverse=True
+            cell_keys(self._points, NEIGHBOURHOOD_M), return_inverse=True
         )
 
+    @classmethod
+    def of_map(cls, path: Path, clip: Path | None = None, threads: int = 0) -> SemanticQueries:
+        """Read a map folder for queries.
+
+        Args:
+            path: A map folder with semantic features, or a version of it such as MAP@3.
+            clip: Folder of its CLIP, if it was moved.
+            threads: For CLIP; 0 uses the default of torch.
+
+        Returns:
+            The queries.
+
+        Raises:
+            ImportError: transformers is missing.
+            OSError: A file cannot be read.
+            ValueError: The map has no semantic features, or a file is damaged.
+        """
+        setting, autoencoder = require_semantics(path)
+        return cls(read_map(path), autoencoder, open_text_source(setting, clip, threads))
+
     def relevance(self, text: str) -> Floats32:
-        """[N] how well each Gaussian fits a text, 0 to 1; 0 for those without a meaning.
+        """Compute the relevance of all Gaussians to a text.
+
+        Args:
+            text: Such as "alarm clock".
+
+        Returns:
+            [N] float32, 0 to 1; 0 for Gaussians that are not scored.
 
         Raises:
             ValueError: The text is empty.
         """
-        result = np.zeros(self._map.size, np.float32)
-        result[self._rows] = self._scorer.scores(self._embedded(text), self._rows)[0]
+        result = np.zeros(self.gaussian_map.size, np.float32)
+        result[self._rows] = self._scorer.scores(self._encode(text), self._rows)[0]
         return result
 
     def find(self, text: str) -> list[Instance]:
-        """What fits a text, the best first; nothing if nothing fits as well as the source asks.
+        """Find the objects that match a text.
+
+        Args:
+            text: Such as "alarm clock".
+
+        Returns:
+            The objects, the best first; empty if no relevance reaches the threshold of the source.
 
         Raises:
             ValueError: The text is empty.
         """
-        query, threshold = self._embedded(text), self._source.threshold
+        query, threshold = self._encode(text), self._source.threshold
         if len(self._rows) == 0:
             return []
-        sample = np.arange(0, len(self._rows), max(1, len(self._rows) // SAMPLE))
-        hits = sample[self._scorer.scores(query, self._rows[sample])[0] >= threshold]
-        if len(hits) == 0:
+        sample = np.arange(0, len(self._rows), max(1, len(self._rows) // SAMPLE_SIZE))
+        matches = sample[self._scorer.scores(query, self._rows[sample])[0] >= threshold]
+        if len(matches) == 0:
             return []
-        near = self._around(hits)
+        near = self._neighbourhood(matches)
         scores = self._scorer.scores(query, self._rows[near])[0]
-        kept = scores >= threshold
-        return self._instances(near[kept], scores[kept])
+        is_match = scores >= threshold
+        return self._instances(near[is_match], scores[is_match])
 
-    def _embedded(self, text: str) -> Floats32:
+    def _encode(self, text: str) -> Floats32:
         if not text.strip():
-            raise ValueError("SemanticQueries: text: it is empty")
+            raise ValueError("SemanticQueries: text: expected a name or description, got nothing")
         return self._source.encode([text])
 
-    def _around(self, places: NDArray[np.intp]) -> NDArray[np.intp]:
-        """All Gaussians in the cells of some and in those beside them."""
-        own = self._cells[np.unique(self._cell_of[places])]
-        beside = np.array(list(product((-1, 0, 1), repeat=3))) @ CELL_STRIDES
-        wanted = np.isin(self._cells, own[:, None] + beside)
-        return np.flatnonzero(wanted[self._cell_of])
+    def _neighbourhood(self, indices: Indices) -> Indices:
+        """Return all scored Gaussians in the cells of some and in the 26 neighbours of these."""
+        own = self._cells[np.unique(self._cell_of[indices])]
+        neighbours = np.array(list(product((-1, 0, 1), repeat=3))) @ CELL_STRIDES
+        is_near = np.isin(self._cells, own[:, None] + neighbours)
+        return np.flatnonzero(is_near[self._cell_of])
 
-    def _instances(self, places: NDArray[np.intp], scores: Floats32) -> list[Instance]:
-        """Clusters of Gaussians that match, but for stray ones."""
-        points = self._points[places]
-        labels = _clusters(points)
-        counts = np.bincount(labels + 1)[1:]  # Stray ones are -1.
-        large = np.flatnonzero(counts >= LEAST_GAUSSIANS)
-        pieces = [np.flatnonzero(labels == one) for one in large]
-        others = np.delete(self._points, places, axis=0)
-        groups = _joined([points[own] for own in pieces], others)
-        largest = max((sum(len(pieces[one]) for one in group) for group in groups), default=0)
-        found = []
-        for group in groups:
-            own = np.concatenate([pieces[one] for one in group])
-            if len(own) < LEAST_SHARE * largest:
-                continue
-            low, high = np.percentile(points[own], [TRIM, 100 - TRIM], axis=0)
-            corners = cv2.boxPoints(cv2.minAreaRect(points[own, :2].astype(np.float32)))
-            score = float(scores[own].mean())
-            rows, origin = self._rows[places[own]], self._map.origin
-            found.append(Instance(low + origin, high + origin, corners + origin[:2], score, rows))
-        return sorted(found, key=lambda one: -one.score * np.sqrt(len(one.rows)))
+    def _instances(self, indices: Indices, scores: Floats32) -> list[Instance]:
+        """Cluster matching Gaussians into objects; drop noise and small fragments."""
+        points = self._points[indices]
+        labels = _cluster(points)
+        counts = np.bincount(labels + 1)[1:]  # Without noise, -1.
+        large = np.flatnonzero(counts >= MIN_GAUSSIANS)
+        pieces = [np.flatnonzero(labels == label) for label in large]
+        others = np.delete(self._points, indices, axis=0)
+        groups = _join_pieces([points[piece] for piece in pieces], others)
+        members = [np.concatenate([pieces[piece] for piece in group]) for group in groups]
+        largest = max(map(len, members), default=0)
+        instances = [
+            self._instance(points[own], scores[own], self._rows[indices[own]])
+            for own in members
+            if len(own) >= MIN_SHARE_OF_LARGEST * largest
+        ]
+        return sorted(instances, key=lambda instance: -instance.score * np.sqrt(len(instance.rows)))
 
-
-def _clusters(points: Floats) -> NDArray[np.intp]:
-    """[K] cluster of each point, -1 for stray ones; dense ones count by their cell."""
-    middles, cell_of, counts = _thinned(points, CELL_M)
-    some = middles[:: -(-len(middles) // MANY_CELLS)]
-    link_m = max(LINK_M, LINK_SPACINGS * _spacing_m(middles, some))
-    if len(middles) > MANY_CELLS:
-        middles, cell_of, counts = _thinned(points, link_m / 2)
-    return dbscan(middles, link_m, NEIGHBOURS, counts)[cell_of]
+    def _instance(self, points: Floats, scores: Floats32, rows: Indices) -> Instance:
+        low, high = np.percentile(points, [TRIM_PERCENT, 100 - TRIM_PERCENT], axis=0)
+        corners = cv2.boxPoints(cv2.minAreaRect(points[:, :2].astype(np.float32)))
+        origin = self.gaussian_map.origin
+        return Instance(
+            low + origin, high + origin, corners + origin[:2], float(scores.mean()), rows
+        )
 
 
-def _spacing_m(points: Floats, some: Floats) -> float:
-    """Median distance of some points from their third neighbour, or from the farthest there is."""
-    tree = cv2.flann.Index(points.astype(np.float32), {"algorithm": KDTREE_SINGLE})
-    squares = tree.knnSearch(some.astype(np.float32), min(NEIGHBOURS, len(points)), params={})[1]
+def _cluster(points: Floats) -> Indices:
+    """Return [K] cluster of each point, -1 for noise; points of a cell are clustered as one."""
+    centers, cell_of, counts = _downsample(points, CELL_M)
+    sample = centers[:: -(-len(centers) // MAX_CELLS)]
+    link_m = max(LINK_M, LINK_SPACINGS * _spacing_m(centers, sample))
+    if len(centers) > MAX_CELLS:
+        centers, cell_of, counts = _downsample(points, link_m / 2)
+    return dbscan(centers, link_m, MIN_NEIGHBOURS, counts)[cell_of]
+
+
+def _spacing_m(points: Floats, sample: Floats) -> float:
+    """Return the median distance of a sample to the third neighbour, or to the last there is."""
+    tree = cv2.flann.Index(points.astype(np.float32), {"algorithm": FLANN_KDTREE_SINGLE})
+    count = min(MIN_NEIGHBOURS, len(points))
+    squares = tree.knnSearch(sample.astype(np.float32), count, params={})[1]
     return float(np.median(np.sqrt(squares[:, -1])))
 
 
-def _thinned(points: Floats, edge_m: float) -> tuple[Floats, NDArray[np.intp], NDArray[np.intp]]:
-    """[C,3] mean of the points of each cell, [K] cell of each point, [C] how many each has."""
+def _downsample(points: Floats, edge_m: float) -> tuple[Floats, Indices, Indices]:
+    """Return [C,3] means of the points by cell, [K] cell of each point, [C] counts."""
     _, cell_of, counts = np.unique(
-        cells_of(points, edge_m), return_inverse=True, return_counts=True
+        cell_keys(points, edge_m), return_inverse=True, return_counts=True
     )
     sums = [np.bincount(cell_of, points[:, axis]) for axis in range(3)]
     return np.stack(sums, axis=1) / counts[:, None], cell_of, counts
 
 
-def _joined(pieces: list[Floats], others: Floats) -> list[list[int]]:
-    """Pieces of one object: one stands above the other, and nothing was seen between them.
+def _join_pieces(pieces: list[Floats], others: Floats) -> list[list[int]]:
+    """Group pieces of one object: one above the other, with nothing between them.
 
     Args:
-        pieces: Points of each.
-        others: What belongs to no piece.
+        pieces: Points [K,3] of each piece, m.
+        others: [P,3] points that do not match the query, m.
 
     Returns:
-        The pieces of each object.
+        The numbers of the pieces of each object.
     """
-    boxes = [np.percentile(own, [TRIM, 100 - TRIM], axis=0) for own in pieces]
+    boxes = [np.percentile(points, [TRIM_PERCENT, 100 - TRIM_PERCENT], axis=0) for points in pieces]
     pairs = []
     for a, b in combinations(range(len(pieces)), 2):
         if boxes[a][0, 2] > boxes[b][0, 2]:
             a, b = b, a
         low, high = np.maximum(boxes[a][0], boxes[b][0]), np.minimum(boxes[a][1], boxes[b][1])
         smaller = min(np.prod((box[1] - box[0])[:2]) for box in (boxes[a], boxes[b]))
-        # What is above one's top and under the other's bottom: upside down where they overlap.
+        # Heights from the top of a to the bottom of b; swapped where they overlap.
         low[2], high[2] = high[2], low[2]
-        above = high[2] - low[2] < JOIN_M
-        if above and np.prod(np.maximum(0, (high - low)[:2])) > JOIN_SHARE * smaller:
+        is_near = high[2] - low[2] < MAX_VERTICAL_GAP_M
+        overlap = np.prod(np.maximum(0, (high - low)[:2]))
+        if is_near and overlap > MIN_FOOTPRINT_OVERLAP * smaller:
             between = ((others > low) & (others < high)).all(axis=1).sum()
-            if between < LEAST_GAUSSIANS:
+            if between < MIN_GAUSSIANS:
                 pairs.append((a, b))
-    least = connected_components(len(pieces), np.array(pairs, np.intp).reshape(-1, 2))
-    return [[int(one) for one in np.flatnonzero(least == first)] for first in np.unique(least)]
+    roots = connected_components(len(pieces), np.array(pairs, np.intp).reshape(-1, 2))
+    return [[int(piece) for piece in np.flatnonzero(roots == root)] for root in np.unique(roots)]

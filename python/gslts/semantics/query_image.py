@@ -1,4 +1,4 @@
-"""A picture of what a query found: how well each Gaussian fits, and the boxes."""
+"""Image of the result of a query: relevance as a heat map, and the boxes of the objects."""
 
 from __future__ import annotations
 
@@ -6,84 +6,88 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gslts.core.camera import Camera, downscale
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.se3 import inverse_transform
-from gslts.io.images import Picture, draw_box, heat_picture, picture_of, write_on
+from gslts.io.images import RgbImage, draw_box, draw_text, heat_image, to_rgb8
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.semantics.queries import Instance
-from gslts.types import Floats
+from gslts.types import Floats, Floats32
 
 BOX_COLOR = (255, 255, 255)
-MOST_TRIED = 30
-SMALL_PX = 160
-"""Width of the images in which the best view is looked for."""
-COLDEST, HOTTEST = 0.5, 0.75
-"""Relevance of what fits no better than anything, and about that of what fits."""
+MAX_CANDIDATE_CAMERAS = 30
+"""Number of the nearest cameras among which the best view is chosen; bounds time."""
+CANDIDATE_WIDTH_PX = 160
+"""Width of the images rendered to choose the view."""
+MIN_RELEVANCE, MAX_RELEVANCE = 0.5, 0.75
+"""Range of the heat map: relevance of what matches no better than the canonical phrases, and about
+that of a match."""
 
 
 def draw_query(
     gaussian_map: GaussianMap,
-    relevance: NDArray[np.float32],
+    relevance: Floats32,
     instances: Sequence[Instance],
     cameras: Iterable[Camera],
     threads: int = 0,
-) -> Picture:
-    """The map from the camera that shows most of the first instance whole.
+) -> RgbImage:
+    """Draw the result of a query, from the camera that shows most of the best object.
 
     Args:
         gaussian_map: float32.
-        relevance: [N] of its Gaussians.
-        instances: What was found, at least one.
-        cameras: From where the map may be shown, at least one.
-        threads: 0 means one a hardware thread.
+        relevance: [N] float32, relevance of its Gaussians.
+        instances: Objects that match, at least one; the first one is the best.
+        cameras: Candidate cameras, at least one, such as those the map was made from.
+        threads: 0 uses one per hardware thread; does not change results.
+
+    Returns:
+        [H,W,3] uint8, sRGB.
     """
     rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
-    is_first = np.zeros((gaussian_map.size, 1), np.float32)
-    is_first[instances[0].rows] = 1
-    marked = replace(gaussian_map, features=is_first)
+    is_best = np.zeros((gaussian_map.size, 1), np.float32)
+    is_best[instances[0].rows] = 1
+    marked = replace(gaussian_map, features=is_best)
 
-    def shown(camera: Camera) -> float:
-        """Pixels of the instance; those at the edge, where it may be cut off, count against it."""
-        small = downscale(camera, max(1, camera.width // SMALL_PX))
-        seen = rasterizer.forward(marked, small, options).features[..., 0]
-        edge = seen[[0, -1]].sum() + seen[:, [0, -1]].sum()
-        return float(seen.sum() / seen.size - edge / sum(seen.shape))
+    def visibility(camera: Camera) -> float:
+        """Share of the image that shows the object, less what touches the image border."""
+        small = downscale(camera, max(1, camera.width // CANDIDATE_WIDTH_PX))
+        mask = rasterizer.forward(marked, small, options).features[..., 0]
+        border = mask[[0, -1]].sum() + mask[:, [0, -1]].sum()
+        return float(mask.sum() / mask.size - border / sum(mask.shape))
 
-    camera = max(_facing(list(cameras), instances[0].middle), key=shown)
-    heat = (relevance[:, None] - COLDEST) / (HOTTEST - COLDEST)
-    hot = replace(gaussian_map, features=heat.clip(0, 1).astype(np.float32))
-    images = rasterizer.forward(hot, camera, options)
-    picture = heat_picture(picture_of(images.rgb), images.features[..., 0])
-    for one in instances:
-        sides = one.corners[[0, 1, 3, 2]]  # Around the box; those of an edge differ in one bit.
-        heights = np.repeat([one.low[2], one.high[2]], 4)[:, None]
-        draw_box(picture, np.hstack([np.tile(sides, (2, 1)), heights]), camera, BOX_COLOR)
-        _write_score(picture, one, camera)
-    return picture
+    camera = max(_candidates(list(cameras), instances[0].center), key=visibility)
+    heat = (relevance[:, None] - MIN_RELEVANCE) / (MAX_RELEVANCE - MIN_RELEVANCE)
+    heat_map = replace(gaussian_map, features=heat.clip(0, 1).astype(np.float32))
+    images = rasterizer.forward(heat_map, camera, options)
+    image = heat_image(to_rgb8(images.rgb), images.features[..., 0])
+    for instance in instances:
+        _draw_instance(image, instance, camera)
+    return image
 
 
-def _facing(cameras: list[Camera], point: Floats) -> list[Camera]:
-    """The nearest of those whose image holds a point; all if none does."""
-    metres = {
+def _candidates(cameras: list[Camera], point: Floats) -> list[Camera]:
+    """Return the nearest cameras that have a point in their image; all if there is none."""
+    distances_m = {
         number: float(np.linalg.norm(camera.world_from_camera[:3, 3] - point))
         for number, camera in enumerate(cameras)
-        if _place_of(point, camera) is not None
+        if _project(point, camera) is not None
     }
-    nearest = sorted(metres, key=lambda number: metres[number])[:MOST_TRIED]
-    return [cameras[number] for number in nearest] or cameras
+    nearest = sorted(distances_m, key=lambda number: distances_m[number])
+    return [cameras[number] for number in nearest[:MAX_CANDIDATE_CAMERAS]] or cameras
 
 
-def _write_score(picture: Picture, one: Instance, camera: Camera) -> None:
-    place = _place_of(np.array([*one.middle[:2], one.high[2]]), camera)
-    if place is not None:
-        write_on(picture, f"{one.score:.2f}", (place[0], place[1] - 4), BOX_COLOR)
+def _draw_instance(image: RgbImage, instance: Instance, camera: Camera) -> None:
+    footprint = instance.corners[[0, 1, 3, 2]]  # Ends of an edge differ in one bit of the row.
+    heights = np.repeat([instance.low[2], instance.high[2]], 4)[:, None]
+    draw_box(image, np.hstack([np.tile(footprint, (2, 1)), heights]), camera, BOX_COLOR)
+    pixel = _project(np.array([*instance.center[:2], instance.high[2]]), camera)
+    if pixel is not None:
+        draw_text(image, f"{instance.score:.2f}", (pixel[0], pixel[1] - 4), BOX_COLOR)
 
 
-def _place_of(point: Floats, camera: Camera) -> tuple[int, int] | None:
-    """Column and row of a point in the image of a camera."""
+def _project(point: Floats, camera: Camera) -> tuple[int, int] | None:
+    """Project a point (3,) in the world to column and row; None if it is not in the image."""
     x, y, z = inverse_transform(camera.world_from_camera, point)
     if z <= 0:
         return None

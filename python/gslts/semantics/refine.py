@@ -1,4 +1,8 @@
-"""Semantic features by gradient, as in GS-LTS, sec. III-A, and LangSplat (Qin et al. 2024)."""
+"""Semantic features by gradient descent, as in GS-LTS, sec. III-A, and LangSplat (Qin et al. 2024).
+
+Kept for comparison with the closed form of `lift`: 600 steps do not improve the boxes of queries
+and take seven times as long.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +17,8 @@ from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.semantics.lift import FeatureView
 from gslts.types import Floats32
 
-RATE = 2.5e-3
-"""Of Adam, as in LangSplat."""
+LEARNING_RATE = 2.5e-3
+"""Learning rate of Adam, that of LangSplat."""
 
 
 def refine_features(
@@ -25,18 +29,18 @@ def refine_features(
     seed: int = 0,
     threads: int = 0,
 ) -> Floats32:
-    """Features whose rendering differs less from what views say, by the L1 norm.
+    """Optimize features to lower the L1 error between rendered and given feature images.
 
     Args:
-        gaussian_map: float32; its Gaussians stay where they are.
-        features: [N,D] to start from.
-        views: Camera, features [H,W,D], and [H,W] where there are any.
-        steps: Of Adam, one view each.
-        seed: Of the order of the views.
-        threads: 0 means one a hardware thread.
+        gaussian_map: float32; only features are optimized.
+        features: [N,D] float32, initial features.
+        views: Feature images.
+        steps: Number of steps of Adam, one view each.
+        seed: For the order of the views.
+        threads: 0 uses one per hardware thread; does not change results.
 
     Returns:
-        [N,D].
+        [N,D] float32; `features` itself if `steps` is 0.
     """
     if steps == 0:
         return features
@@ -45,9 +49,9 @@ def refine_features(
     order: list[int] = []
     for _ in range(steps):
         order = order or rng.permutation(len(views)).tolist()
-        camera, wanted, known = views[order.pop()]
-        found = rasterizer.forward(adam.map, camera, options, mask=known).features
-        slope = np.sign(found - wanted) * known[..., None] / max(1, np.count_nonzero(known))
+        camera, target, known = views[order.pop()]
+        rendered = rasterizer.forward(adam.map, camera, options, mask=known).features
+        slope = np.sign(rendered - target) * known[..., None] / max(1, np.count_nonzero(known))
         gradients = rasterizer.backward(dL_dfeatures=slope.astype(np.float32))
-        adam.step(gradients, AdamRates(features=RATE), threads=threads)
+        adam.step(gradients, AdamRates(features=LEARNING_RATE), threads=threads)
     return np.array(adam.map.features, np.float32)

@@ -1,37 +1,41 @@
-"""The source of meaning that a name, or what a map keeps, stands for."""
+"""Semantic sources by name, and from the record of a map; models are loaded only when needed."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from gslts.semantics.files import SemanticsSetting
 from gslts.semantics.source import Oracle, SemanticSource
+from gslts.store.causes import SemanticsCause
 
 
 def open_text_source(
-    setting: SemanticsSetting, clip: Path | None = None, threads: int = 0
+    setting: SemanticsCause, clip: Path | None = None, threads: int = 0
 ) -> SemanticSource:
-    """That of the words of a map.
+    """Open the source of a map for text queries only: of the models, CLIP is enough.
 
     Args:
-        setting: Of the map.
-        clip: Folder of its CLIP, if it is no longer where it was.
-        threads: Of the models; 0 means as many as torch takes.
+        setting: Record of the semantics of the map.
+        clip: Folder of CLIP; None takes the one in the record.
+        threads: For the model; 0 uses the default of torch.
+
+    Returns:
+        The source; it encodes texts.
 
     Raises:
         ImportError: transformers is missing.
-        OSError: A folder or file is missing; the message tells which.
-        ValueError: The weights are damaged.
+        OSError: A folder or file is missing.
+        ValueError: The record names no CLIP, or the weights are damaged.
     """
     if setting.source == "oracle":
         return Oracle()
-    known = setting.models.get("clip")
-    folder = clip or (Path(known) if known else None)
+    recorded = setting.models.get("clip")
+    folder = clip or (Path(recorded) if recorded else None)
     if folder is None:
-        raise ValueError("the map does not tell which CLIP it knows words from: give --clip DIR")
+        raise ValueError("the map does not record the folder of its CLIP: give --clip DIR")
     if not folder.is_dir():
         raise FileNotFoundError(
-            f"{folder}: the CLIP that this map was taught with is not there; --clip DIR tells where"
+            f"{folder}: the CLIP model of the semantics of this map is not there; give its folder "
+            "with --clip DIR"
         )
     from gslts.semantics.clip import ClipEncoder
     from gslts.semantics.clip_source import ClipSource
@@ -40,17 +44,20 @@ def open_text_source(
 
 
 def open_source(name: str, models: dict[str, Path], threads: int = 0) -> SemanticSource:
-    """One that can also tell what frames show.
+    """Open a source that segments frames and encodes texts.
 
     Args:
         name: "oracle" or "clip".
-        models: Folders of the weights: "clip" and "sam" for "clip", none for "oracle".
-        threads: Of the models; 0 means as many as torch takes.
+        models: Folders of weights: "clip" and "sam" for the source "clip", none for "oracle".
+        threads: For the models; 0 uses the default of torch.
+
+    Returns:
+        The source.
 
     Raises:
         ImportError: transformers is missing.
-        OSError: A folder or file is missing; the message tells how to get it.
-        ValueError: A model is not named, or its weights are damaged.
+        OSError: A folder or file is missing; the message says how to get it.
+        ValueError: A model is not given, or its weights are damaged.
     """
     if name == "oracle":
         if models:

@@ -49,11 +49,11 @@ class RelevanceScorer:
     def __init__(
         self, gaussian_map: GaussianMap, autoencoder: Autoencoder, source: SemanticSource
     ) -> None:
-        dims, code = gaussian_map.feature_dims, autoencoder.code
-        if dims == 0 or dims % code:
+        dims, code_dims = gaussian_map.feature_dims, autoencoder.code_dims
+        if dims == 0 or dims % code_dims:
             raise ValueError(
                 f"RelevanceScorer: the features of the map have {dims} dimensions, which is no "
-                f"multiple of the code length {code}"
+                f"multiple of the code length {code_dims}"
             )
         if source.dims != autoencoder.dims:
             raise ValueError(
@@ -77,7 +77,7 @@ class RelevanceScorer:
         vectors = np.concatenate([queries, self._canonical])
         for first in range(0, len(rows), MAX_GAUSSIANS_PER_CHUNK):
             part = self._features[rows[first : first + MAX_GAUSSIANS_PER_CHUNK]]
-            codes = part.astype(np.float32, copy=False).reshape(-1, self._autoencoder.code)
+            codes = part.astype(np.float32, copy=False).reshape(-1, self._autoencoder.code_dims)
             # Without a mask in any view, the code is 0, which decodes to an arbitrary embedding.
             known = codes.any(axis=1)
             cosines = self._autoencoder.cosines(codes[known], vectors)

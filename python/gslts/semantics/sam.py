@@ -1,7 +1,7 @@
-"""Segment Anything (Kirillov et al. 2023): all masks of a picture, from a grid of points.
+"""Segment Anything (Kirillov et al. 2023): all masks of an image, from a grid of point prompts.
 
-The post-processing of transformers needs torchvision, so that it is written out here. Thresholds
-are those of LangSplat (Qin et al. 2024).
+The post-processing of transformers needs torchvision; it is re-implemented here. Thresholds are
+those of LangSplat (Qin et al. 2024).
 """
 
 from __future__ import annotations
@@ -10,42 +10,44 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from PIL import Image
 from torch import Tensor
 from torch.nn.functional import interpolate, pad
 
-from gslts.semantics.masks import Masks, suppress_duplicates
+from gslts.semantics.masks import suppress_duplicates
 from gslts.semantics.pretrained import inference_mode, load_pretrained
-from gslts.semantics.source import LEVELS
+from gslts.semantics.source import MAX_LEVELS
+from gslts.types import Bools, Bytes
 
 EXAMPLE = "facebook/sam-vit-base"
+"""Public model named in messages."""
 MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
-"""Of ImageNet, red, green, blue, 0 to 1."""
-POINTS = 32
-"""On a side of the grid, as in SAM."""
-AT_ONCE = 32
-"""Points; each takes about 10 MB."""
-LEAST_IOU = 0.7
-"""Of a mask with the truth, as SAM expects it."""
-LEAST_STABILITY = 0.85
+"""Normalization of ImageNet, RGB, 0 to 1."""
+GRID_POINTS = 32
+"""Point prompts along a side of the grid, the default of SAM. Time grows with its square."""
+MAX_POINTS_PER_BATCH = 32
+"""Point prompts decoded at a time. Bounds memory: each takes about 10 MB."""
+MIN_PREDICTED_IOU = 0.7
+"""Minimum IoU of a mask with the truth, as SAM predicts it."""
+MIN_STABILITY = 0.85
+"""Minimum stability score of a mask: IoU of its versions at two thresholds."""
 STABILITY_OFFSET = 1.0
-"""A stable mask is about the same with its threshold so much lower and higher."""
-LEAST_PX = 64
-"""Nobody could tell what smaller masks show."""
+"""Distance of these thresholds from 0, in logits; the default of SAM."""
+MIN_AREA_PX = 64
+"""Minimum area of a mask; CLIP cannot recognize smaller segments."""
 
 
 class MaskGenerator:
-    """A SAM from a folder, on the CPU, where a picture takes a core minutes: it asks 1,024 points.
+    """SAM on the CPU, loaded from a folder. An image takes minutes on one core (1,024 prompts).
 
     Args:
-        folder: As `hf download` leaves it: `config.json` and `model.safetensors`.
-        threads: 0 means as many as torch takes.
+        folder: As of `hf download`: `config.json` and `model.safetensors`.
+        threads: 0 uses the default of torch.
 
     Raises:
         ImportError: transformers is missing.
-        OSError: A file is missing; the message tells how to get it.
-        ValueError: A file is damaged, or of another model.
+        OSError: A file is missing; the message says how to get it.
+        ValueError: A file is damaged, or belongs to another model.
     """
 
     def __init__(self, folder: Path, threads: int = 0) -> None:
@@ -57,85 +59,89 @@ class MaskGenerator:
             ) from None
         self._model = load_pretrained(SamModel, folder, EXAMPLE)
         levels = self._model.config.mask_decoder_config.num_multimask_outputs
-        if levels != LEVELS:
-            raise ValueError(f"{folder}: expected {LEVELS} masks a point, got {levels}")
+        if levels != MAX_LEVELS:
+            raise ValueError(f"{folder}: expected {MAX_LEVELS} masks per point, got {levels}")
         self._side: int = self._model.config.vision_config.image_size
         self._threads = threads
 
-    def __call__(self, rgb: NDArray[np.uint8]) -> list[Masks]:
-        """The masks of a picture.
+    def __call__(self, rgb: Bytes) -> list[Bools]:
+        """Compute the masks of an image.
 
         Args:
-            rgb: [H,W,3] sRGB.
+            rgb: [H,W,3] uint8, sRGB.
 
         Returns:
-            [K,H,W] at each level, wholes, parts, parts of parts; the best first.
+            Masks [K,H,W] for each level: wholes, parts, sub-parts; the best first.
         """
         height, width = rgb.shape[:2]
         scale = self._side / max(height, width)
         size = int(height * scale + 0.5), int(width * scale + 0.5)
         with inference_mode(self._threads):
-            picture = self._model.get_image_embeddings(self._whitened(rgb, size))
-            points = torch.split(_grid(size), AT_ONCE)
-            found = [self._of_points(picture, some, size) for some in points]
-            # SAM tells the smallest first.
+            embedding = self._model.get_image_embeddings(self._preprocess(rgb, size))
+            batches = torch.split(_grid(size), MAX_POINTS_PER_BATCH)
+            decoded = [self._decode(embedding, points, size) for points in batches]
+            # SAM returns the smallest masks first.
             return [
-                self._level([one[level] for one in found], size, (height, width))
-                for level in reversed(range(LEVELS))
+                self._select([batch[level] for batch in decoded], size, (height, width))
+                for level in reversed(range(MAX_LEVELS))
             ]
 
-    def _whitened(self, rgb: NDArray[np.uint8], size: tuple[int, int]) -> Tensor:
-        """[1,3,S,S], the picture at the upper left, 0 elsewhere."""
+    def _preprocess(self, rgb: Bytes, size: tuple[int, int]) -> Tensor:
+        """Resize, normalize and pad an image: [1,3,S,S], the image at the upper left."""
         resized = Image.fromarray(rgb).resize(size[::-1], Image.Resampling.BILINEAR)
-        floats = np.asarray(resized, np.float32) / 255
-        whitened = (floats - np.array(MEAN, np.float32)) / np.array(STD, np.float32)
-        pixels = torch.from_numpy(np.ascontiguousarray(whitened.transpose(2, 0, 1)[None]))
+        colors = np.asarray(resized, np.float32) / 255
+        normalized = (colors - np.array(MEAN, np.float32)) / np.array(STD, np.float32)
+        pixels = torch.from_numpy(np.ascontiguousarray(normalized.transpose(2, 0, 1)[None]))
         return pad(pixels, (0, self._side - size[1], 0, self._side - size[0]))
 
-    def _of_points(
-        self, picture: Tensor, points: Tensor, size: tuple[int, int]
+    def _decode(
+        self, embedding: Tensor, points: Tensor, size: tuple[int, int]
     ) -> list[tuple[Tensor, Tensor]]:
-        """Good masks at each level: logits [K,s,s] and scores [K]."""
-        output = self._model(image_embeddings=picture, input_points=points[None, :, None])
+        """Decode point prompts; return the good masks of each level: logits [K,s,s], scores [K]."""
+        output = self._model(image_embeddings=embedding, input_points=points[None, :, None])
         logits, ious = output.pred_masks[0], output.iou_scores[0]
-        stability = _stability(self._inside(logits, size))
-        good = (ious >= LEAST_IOU) & (stability >= LEAST_STABILITY)
+        stability = _stability(self._unpad(logits, size))
+        good = (ious >= MIN_PREDICTED_IOU) & (stability >= MIN_STABILITY)
         scores = ious * stability
         return [
             (logits[good[:, level], level], scores[good[:, level], level])
-            for level in range(LEVELS)
+            for level in range(MAX_LEVELS)
         ]
 
-    def _level(
-        self, found: list[tuple[Tensor, Tensor]], size: tuple[int, int], whole: tuple[int, int]
-    ) -> Masks:
-        logits, scores = (torch.cat(parts) for parts in zip(*found, strict=True))
-        kept = suppress_duplicates((self._inside(logits, size) > 0).numpy(), scores.numpy())
-        # One by one: at full size they would take a thousand times a picture.
-        masks = [self._full(logits[row], size, whole) for row in kept]
-        masks = [mask for mask in masks if mask.sum() >= LEAST_PX]
-        return np.stack(masks) if masks else np.zeros((0, *whole), np.bool_)
+    def _select(
+        self,
+        decoded: list[tuple[Tensor, Tensor]],
+        size: tuple[int, int],
+        full_size: tuple[int, int],
+    ) -> Bools:
+        """Suppress duplicates among the masks of a level; return the others at full size."""
+        logits, scores = (torch.cat(parts) for parts in zip(*decoded, strict=True))
+        kept = suppress_duplicates((self._unpad(logits, size) > 0).numpy(), scores.numpy())
+        # One at a time: as floats at full size, all together would take gigabytes.
+        masks = [self._upsample(logits[row], size, full_size) for row in kept]
+        masks = [mask for mask in masks if mask.sum() >= MIN_AREA_PX]
+        return np.stack(masks) if masks else np.zeros((0, *full_size), np.bool_)
 
-    def _inside(self, logits: Tensor, size: tuple[int, int]) -> Tensor:
-        """[...,h,w] of logits [...,s,s] of the padded square: those of the picture."""
-        share = logits.shape[-1] / self._side
-        return logits[..., : round(size[0] * share), : round(size[1] * share)]
+    def _unpad(self, logits: Tensor, size: tuple[int, int]) -> Tensor:
+        """Crop logits [...,s,s] of the padded square to the image: [...,h,w]."""
+        scale = logits.shape[-1] / self._side
+        return logits[..., : round(size[0] * scale), : round(size[1] * scale)]
 
-    def _full(self, logits: Tensor, size: tuple[int, int], whole: tuple[int, int]) -> Masks:
+    def _upsample(self, logits: Tensor, size: tuple[int, int], full_size: tuple[int, int]) -> Bools:
         square = interpolate(logits[None, None], (self._side, self._side), mode="bilinear")
-        picture = interpolate(square[..., : size[0], : size[1]], whole, mode="bilinear")
-        return np.asarray((picture[0, 0] > 0).numpy(), np.bool_)
+        image = interpolate(square[..., : size[0], : size[1]], full_size, mode="bilinear")
+        return np.asarray((image[0, 0] > 0).numpy(), np.bool_)
 
 
 def _grid(size: tuple[int, int]) -> Tensor:
-    """[POINTS**2,2] x, y in the resized picture, px."""
-    shares = (torch.arange(POINTS) + 0.5) / POINTS
+    """Return [GRID_POINTS**2,2] x, y of the point prompts in the resized image, px."""
+    shares = (torch.arange(GRID_POINTS) + 0.5) / GRID_POINTS
     y, x = torch.meshgrid(shares * size[0], shares * size[1], indexing="ij")
     return torch.stack([x.flatten(), y.flatten()], dim=1)
 
 
 def _stability(logits: Tensor) -> Tensor:
-    """[...] IoU of each mask [...,h,w] at a higher threshold with itself at a lower one."""
+    """Compute [...] the IoU of each mask [...,h,w] at a high and a low threshold."""
     inner = (logits > STABILITY_OFFSET).sum(dim=(-2, -1))
     outer = (logits > -STABILITY_OFFSET).sum(dim=(-2, -1))
     return inner / outer.clamp(min=1)

@@ -1,4 +1,4 @@
-"""Where the meaning of a picture comes from: masks with embeddings, and words in the same space."""
+"""Semantic sources: segmentation of frames, and embeddings of segments and texts in one space."""
 
 from __future__ import annotations
 
@@ -8,37 +8,37 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gslts.core.frame import RgbdFrame
-from gslts.types import Floats32
+from gslts.types import Floats, Floats32, Ints32
 
-LEVELS = 3
-"""Of masks, at most, as in LangSplat: wholes, parts and parts of parts."""
+MAX_LEVELS = 3
+"""Maximum number of levels of masks, those of SAM: wholes, parts and sub-parts (LangSplat)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Segments:
-    """The masks of a picture.
+    """Segmentation of a frame, with an embedding for each mask.
 
     Args:
-        labels: [L,H,W] int32, row of the mask in `embeddings` at each of L levels; -1 for none.
+        labels: [L,H,W] int32, for each of L levels the row of the pixel's mask in `embeddings`; -1
+            for none.
         embeddings: [S,D] float32, of unit length.
-        names: [S] what each mask shows, where the source has words for it; or none.
+        names: [S] names of the masks; empty if the source has no names.
 
     Raises:
         ValueError: An array has a wrong shape or dtype, or a label has no embedding.
     """
 
-    labels: NDArray[np.int32]
+    labels: Ints32
     embeddings: Floats32
     names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         labels, embeddings = self.labels, self.embeddings
-        if labels.dtype != np.int32 or labels.ndim != 3 or not 1 <= len(labels) <= LEVELS:
+        if labels.dtype != np.int32 or labels.ndim != 3 or not 1 <= len(labels) <= MAX_LEVELS:
             raise ValueError(
-                f"Segments: labels: expected int32 [1..{LEVELS},H,W], got {labels.dtype} "
+                f"Segments: labels: expected int32 [1..{MAX_LEVELS},H,W], got {labels.dtype} "
                 f"{labels.shape}"
             )
         if embeddings.dtype != np.float32 or embeddings.ndim != 2:
@@ -51,7 +51,7 @@ class Segments:
 
 
 class SemanticSource(Protocol):
-    """Tells what pictures show, and puts words into the same space."""
+    """Segments frames, and embeds segments and texts in one space."""
 
     @property
     def dims(self) -> int:
@@ -60,34 +60,60 @@ class SemanticSource(Protocol):
 
     @property
     def threshold(self) -> float:
-        """Relevance, 0 to 1, from which on a query fits what it is asked of."""
+        """Minimum relevance score of a match, 0 to 1."""
         ...
 
     def segments(self, frame: RgbdFrame) -> Segments:
-        """The masks of a frame.
+        """Segment a frame.
+
+        Args:
+            frame: The frame.
+
+        Returns:
+            Masks and their embeddings.
 
         Raises:
-            ValueError: The frame has not what this source needs.
+            ValueError: The frame lacks data that this source needs.
         """
         ...
 
     def encode(self, texts: Sequence[str]) -> Floats32:
-        """[T,D] embeddings of texts, of unit length."""
+        """Embed texts.
+
+        Args:
+            texts: Such as names of objects.
+
+        Returns:
+            [T,D] float32, of unit length.
+        """
         ...
 
 
 class Oracle:
-    """The truth of a simulator or of a person: the labels of frames, the variant GT of GS-LTS.
+    """Source of ground-truth labels, of a simulator or a person: the variant GT of GS-LTS.
 
-    Each type of object has an embedding of its own, drawn from its name, so that two runs agree;
-    those of different names are nearly orthogonal.
+    The embedding of an object type is random, with a seed from its name: the same in all runs, and
+    nearly orthogonal for different names.
     """
 
     dims = 512
+    """As CLIP ViT-B."""
     threshold = 0.62
+    """Between the relevance of the right name, about 1 / (1 + exp(-1)) = 0.73, and that of another,
+    about 0.5."""
 
     def segments(self, frame: RgbdFrame) -> Segments:
-        """One level: the objects, each with the embedding of its type."""
+        """Return one level of masks: the objects, with the embeddings of their types.
+
+        Args:
+            frame: With labels.
+
+        Returns:
+            Masks, embeddings and names, one for each type.
+
+        Raises:
+            ValueError: The frame has no labels.
+        """
         if frame.labels is None:
             raise ValueError("Oracle: the frame has no labels; recordings of gslts sim have")
         types = sorted(set(frame.labels.types))
@@ -96,14 +122,21 @@ class Oracle:
         return Segments(rows[frame.labels.instances][None], self.encode(types), tuple(types))
 
     def encode(self, texts: Sequence[str]) -> Floats32:
-        """Embeddings of names; capitals and spaces do not count, as in "alarm clock"."""
-        return np.array([_drawn(text, self.dims) for text in texts], np.float32).reshape(
-            len(texts), self.dims
-        )
+        """Embed names; case and spaces are ignored, as in "alarm clock" and "AlarmClock".
+
+        Args:
+            texts: Names of object types.
+
+        Returns:
+            [T,D] float32, of unit length.
+        """
+        return np.array(
+            [_random_unit_vector(text, self.dims) for text in texts], np.float32
+        ).reshape(len(texts), self.dims)
 
 
-def _drawn(name: str, dims: int) -> NDArray[np.float64]:
-    plain = "".join(name.split()).casefold()
-    seed = int.from_bytes(hashlib.sha256(plain.encode()).digest()[:8], "big")
-    drawn = np.random.default_rng(seed).normal(size=dims)
-    return np.asarray(drawn / np.linalg.norm(drawn))
+def _random_unit_vector(name: str, dims: int) -> Floats:
+    key = "".join(name.split()).casefold()
+    seed = int.from_bytes(hashlib.sha256(key.encode()).digest()[:8], "big")
+    vector = np.random.default_rng(seed).normal(size=dims)
+    return np.asarray(vector / np.linalg.norm(vector))

@@ -1,6 +1,6 @@
-"""Nouns of a household: what may come into a home after its map was taught.
+"""Household nouns, for objects that may come into a home after its map was made.
 
-An autoencoder that has seen only what is there when it is trained brings nothing else back.
+An autoencoder that was trained only on the objects of a map does not reconstruct others.
 """
 
 NOUNS = tuple(

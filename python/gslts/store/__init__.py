@@ -1,1 +1,1 @@
-"""Versions of a map on the disk, each by what it changed."""
+"""Version history of a map on disk: deltas between versions, snapshots, and typed causes."""

@@ -1,4 +1,4 @@
-"""Files of arrays that never change, found by the SHA-256 of their content."""
+"""Content-addressed files of arrays: immutable, named by the SHA-256 of their content."""
 
 from __future__ import annotations
 
@@ -11,99 +11,114 @@ import numpy as np
 from numpy.typing import NDArray
 from safetensors.numpy import load, save
 
-from gslts.io.atomic_files import naming, remove_tree, sync_folder, write_whole
+from gslts.io.atomic_files import name_in_errors, remove_tree, sync_folder, write_atomic
+from gslts.store.records import Blob
 
 SUFFIX = ".safetensors"
-REPAIR = "copy it from a backup, or go back to a version that is whole with gslts restore"
+"""Suffix of the files."""
+REPAIR = "copy it from a backup, or go back to an intact version with gslts restore"
+"""Next step where a file is missing or damaged."""
 
 Arrays = Mapping[str, NDArray[Any]]
 
 
 class Blobs:
-    """The folder of the files.
+    """Folder of the files.
 
     Args:
-        folder: Is made when the first file is written.
+        folder: Created with the first file.
     """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
-    def write(self, arrays: Arrays) -> tuple[str, int]:
-        """Writes arrays, which are on the disk when this returns, whatever happens then.
+    def write(self, arrays: Arrays) -> Blob:
+        """Write arrays, durably: they are on disk when this returns.
+
+        Args:
+            arrays: By name.
 
         Returns:
-            The key to read them with, and the bytes that they take.
+            Key and size, to read them with.
 
         Raises:
-            OSError: They cannot be written; then there is no new file.
+            OSError: The file cannot be written; then there is no new file.
         """
         content = save({name: np.ascontiguousarray(array) for name, array in arrays.items()})
         key = hashlib.sha256(content).hexdigest()
         path = self._path(key)
         if not (path.exists() and path.read_bytes() == content):
             path.parent.mkdir(parents=True, exist_ok=True)
-            write_whole(path, content)
+            write_atomic(path, content)
         for folder in (path.parent, self._folder, self._folder.parent):
             sync_folder(folder)
-        return key, len(content)
+        return Blob(key=key, size=len(content))
 
-    def read(self, key: str, size: int) -> dict[str, NDArray[Any]]:
-        """The arrays of a file.
+    def read(self, blob: Blob) -> dict[str, NDArray[Any]]:
+        """Read the arrays of a file.
 
         Args:
-            key: What `write` returned.
-            size: The same; no more is read.
+            blob: From `write`.
+
+        Returns:
+            The arrays by name.
 
         Raises:
             OSError: The file cannot be read.
-            ValueError: It is not what was written.
+            ValueError: The file is damaged.
         """
-        arrays: dict[str, NDArray[Any]] = load(self._checked(key, size))
+        arrays: dict[str, NDArray[Any]] = load(self._read_checked(blob))
         return arrays
 
-    def verify(self, key: str, size: int) -> None:
-        """Makes sure that a file is what was written.
+    def verify(self, blob: Blob) -> None:
+        """Check a file against its checksum.
+
+        Args:
+            blob: From `write`.
 
         Raises:
             OSError: The file cannot be read.
-            ValueError: It is not what was written.
+            ValueError: The file is damaged.
         """
-        self._checked(key, size)
+        self._read_checked(blob)
 
     def __iter__(self) -> Iterator[str]:
-        """The keys of all files that are there."""
+        """Iterate over the keys of all files in the folder."""
         for path in sorted(self._folder.glob(f"??/*{SUFFIX}")):
             yield path.name.removesuffix(SUFFIX)
 
     def remove(self, key: str) -> int:
-        """Removes a file; the bytes that it took.
+        """Remove a file.
+
+        Args:
+            key: Of the file.
+
+        Returns:
+            Its size, bytes.
 
         Raises:
-            OSError: It cannot be removed.
+            OSError: The file cannot be removed.
         """
         path = self._path(key)
         size = path.stat().st_size
         path.unlink()
         return size
 
-    def remove_parts(self) -> None:
-        """Removes what writers left behind that were stopped; there must be no writer."""
+    def remove_partial_files(self) -> None:
+        """Remove the partial files of writers that were killed. There must be no other writer."""
         for path in self._folder.glob("??/.*.part"):
             remove_tree(path)
 
     def _path(self, key: str) -> Path:
         return self._folder / key[:2] / f"{key}{SUFFIX}"
 
-    def _checked(self, key: str, size: int) -> bytes:
-        path = self._path(key)
+    def _read_checked(self, blob: Blob) -> bytes:
+        path = self._path(blob.key)
         try:
-            with naming(path), path.open("rb") as file:
-                content = file.read(size + 1)
+            with name_in_errors(path), path.open("rb") as file:
+                content = file.read(blob.size + 1)  # More is not needed to see that it differs.
         except FileNotFoundError:
-            raise FileNotFoundError(f"{path}: it is missing; {REPAIR}") from None
-        if len(content) != size or hashlib.sha256(content).hexdigest() != key:
-            raise ValueError(
-                f"{path}: it is damaged: its content is not that of its name; {REPAIR}"
-            )
+            raise FileNotFoundError(f"{path}: missing; {REPAIR}") from None
+        if len(content) != blob.size or hashlib.sha256(content).hexdigest() != blob.key:
+            raise ValueError(f"{path}: damaged: its checksum does not match its name; {REPAIR}")
         return content

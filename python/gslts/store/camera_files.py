@@ -1,4 +1,4 @@
-"""Cameras from files: those of a map folder, one written by hand, a trajectory."""
+"""Cameras from files: those of a map folder, hand-written JSON, and trajectories."""
 
 from __future__ import annotations
 
@@ -12,16 +12,21 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 from gslts.core.camera import Camera, at_pose
 from gslts.datasets.dataset import MAX_PIXELS, rigid
 from gslts.datasets.tum import read_trajectory
-from gslts.store.map_folder import CAMERAS, folder_of, open_map
+from gslts.store.causes import UpdateCause, first_problem
+from gslts.store.manifest import CAMERAS, split_version
+from gslts.store.map_folder import open_map
 from gslts.store.records import Version
 
 MAX_BYTES = 1 << 28
+"""Bounds the memory for a hostile file: 256 MiB hold the cameras of 500,000 frames."""
+MAX_SIDE_PX = 1 << 16
+"""Bounds width and height before they are multiplied."""
 
 Row = Annotated[list[FiniteFloat], Field(min_length=4, max_length=4)]
 
 
-class _Lens(BaseModel):
-    """All intrinsics, px."""
+class _Intrinsics(BaseModel):
+    """All intrinsics, px. Files of other programs may hold more fields."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
@@ -29,8 +34,8 @@ class _Lens(BaseModel):
     fy: FiniteFloat
     cx: FiniteFloat
     cy: FiniteFloat
-    width: Annotated[int, Field(ge=1, le=1 << 16)]
-    height: Annotated[int, Field(ge=1, le=1 << 16)]
+    width: Annotated[int, Field(ge=1, le=MAX_SIDE_PX)]
+    height: Annotated[int, Field(ge=1, le=MAX_SIDE_PX)]
 
 
 class _Pose(BaseModel):
@@ -39,95 +44,135 @@ class _Pose(BaseModel):
     world_from_camera: Annotated[list[Row], Field(min_length=4, max_length=4)]
 
 
-def read_cameras(path: Path, lens: Camera | None = None) -> dict[str, Camera]:
-    """Cameras by name, from a file like the `cameras.json` of a map folder.
+def read_cameras(path: Path, intrinsics: Camera | None = None) -> dict[str, Camera]:
+    """Read cameras by name, from a file like `cameras.json` of a map folder.
 
     Args:
-        path: An object of JSON with an object for each camera: world_from_camera [4,4], and fx, fy,
+        path: JSON object with one object per camera: `world_from_camera` [4,4] in m, and fx, fy,
             cx, cy, width and height in px.
-        lens: Whose intrinsics an object without any takes.
+        intrinsics: Camera whose intrinsics are used for an object without any.
+
+    Returns:
+        The cameras by name.
 
     Raises:
         OSError: The file cannot be read.
-        ValueError: It is damaged, or a camera is none; the message names both.
+        ValueError: The file is damaged or a camera is invalid; the message names both.
     """
     return {
-        name: _camera(entry, lens, f"{path}: {name!r}") for name, entry in _object(path).items()
+        name: _parse_camera(record, intrinsics, f"{path}: {name!r}")
+        for name, record in _read_object(path).items()
     }
 
 
 def cameras_of_map(path: Path) -> dict[str, Camera]:
-    """Where a map was made and updated from, by name of the frame; none for a PLY file.
-
-    Frames of updates count where they look from elsewhere than all before.
+    """Read the training cameras of a version of a map, by name of the frame.
 
     Args:
-        path: As `gslts.store.map_folder.read_map` takes it.
+        path: Folder of a map, `FOLDER@NUMBER`, or a PLY file.
+
+    Returns:
+        Cameras of mapping, and of updates where the viewpoint was new. Empty for a PLY file.
 
     Raises:
-        OSError: The file cannot be read.
-        ValueError: It is damaged.
+        OSError: A file cannot be read.
+        ValueError: A file is damaged.
     """
-    folder, number = folder_of(path)
+    folder, number = split_version(path)
     if not folder.is_dir():
         return {}
     cameras = read_cameras(folder / CAMERAS)
     with open_map(folder) as store:
-        way = store.way_to(number)
-    for version in way:
+        lineage = store.lineage(number)
+    for version in lineage:
         cameras |= cameras_of_update(version)
     return cameras
 
 
 def cameras_of_update(version: Version) -> dict[str, Camera]:
-    """The cameras of the frames that led to a version, but for those of older viewpoints, by name.
-
-    Raises:
-        ValueError: They are damaged.
-    """
-    cameras = {}
-    for k, entry in enumerate(version.cause.get("frames", ())):
-        if not (isinstance(entry, dict) and entry.get("new_viewpoint") is False):
-            name = f"version {version.number}/{k}"
-            cameras[name] = _camera(entry, None, name)
-    return cameras
-
-
-def read_camera(path: Path, lens: Camera | None = None) -> Camera:
-    """The one camera of a file, an object of JSON like one of those of `read_cameras`."""
-    return _camera(_object(path), lens, str(path))
-
-
-def read_lens(path: Path) -> Camera:
-    """As `read_camera`, of a file that need not tell a pose: the camera is at the origin then."""
-    return _camera({"world_from_camera": np.eye(4).tolist(), **_object(path)}, None, str(path))
-
-
-def read_path(path: Path, lens: Camera | None = None) -> list[Camera]:
-    """Cameras one after the other.
+    """Return the cameras with a new viewpoint of the update that led to a version.
 
     Args:
-        path: Either a file like those of `read_cameras`, ending in .json, or lines of text in the
-            format of TUM RGB-D: time tx ty tz qx qy qz qw, of world_from_camera.
-        lens: Whose intrinsics poses without any take.
+        version: Of any kind.
+
+    Returns:
+        The cameras by name; empty if the version is no update.
+
+    Raises:
+        ValueError: A pose is not rigid.
+    """
+    if not isinstance(version.cause, UpdateCause):
+        return {}
+    names = {f"version {version.number}/{k}": f for k, f in enumerate(version.cause.frames)}
+    return {
+        name: _parse_camera(frame.model_dump(), None, name)
+        for name, frame in names.items()
+        if frame.new_viewpoint
+    }
+
+
+def read_camera(path: Path, intrinsics: Camera | None = None) -> Camera:
+    """Read a file of one camera, a JSON object as in `read_cameras`.
+
+    Args:
+        path: The file.
+        intrinsics: Camera whose intrinsics are used if the file has none.
+
+    Returns:
+        The camera.
 
     Raises:
         OSError: The file cannot be read.
-        ValueError: It is damaged or holds no camera.
+        ValueError: The file is damaged or the camera is invalid.
+    """
+    return _parse_camera(_read_object(path), intrinsics, str(path))
+
+
+def read_intrinsics(path: Path) -> Camera:
+    """Read a file of one camera that may lack a pose.
+
+    Args:
+        path: JSON object as in `read_cameras`.
+
+    Returns:
+        The camera; without a pose in the file it is at the origin of the world.
+
+    Raises:
+        OSError: The file cannot be read.
+        ValueError: The file is damaged or the camera is invalid.
+    """
+    record = {"world_from_camera": np.eye(4).tolist(), **_read_object(path)}
+    return _parse_camera(record, None, str(path))
+
+
+def read_camera_path(path: Path, intrinsics: Camera | None = None) -> list[Camera]:
+    """Read a sequence of cameras.
+
+    Args:
+        path: A .json file as in `read_cameras`, or lines of text in the format of TUM RGB-D: time
+            tx ty tz qx qy qz qw of world_from_camera.
+        intrinsics: Camera whose intrinsics are used for poses without any.
+
+    Returns:
+        The cameras in the order of the file.
+
+    Raises:
+        OSError: The file cannot be read.
+        ValueError: The file is damaged or holds no camera.
     """
     if path.suffix.lower() == ".json":
-        cameras = list(read_cameras(path, lens).values())
+        cameras = list(read_cameras(path, intrinsics).values())
     else:
         poses = read_trajectory(path)
-        if lens is None and poses:
+        if intrinsics is None and poses:
             raise ValueError(f"{path}: a trajectory has no intrinsics")
-        cameras = [at_pose(lens, pose) for pose in poses] if lens is not None else []
+        cameras = [] if intrinsics is None else [at_pose(intrinsics, pose) for pose in poses]
     if not cameras:
-        raise ValueError(f"{path}: there is no camera in it")
+        raise ValueError(f"{path}: it holds no camera")
     return cameras
 
 
-def _object(path: Path) -> dict[str, Any]:
+def _read_object(path: Path) -> dict[str, Any]:
     with path.open("rb") as file:
         content = file.read(MAX_BYTES + 1)
     if len(content) > MAX_BYTES:
@@ -137,22 +182,20 @@ def _object(path: Path) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{path}: {error}") from None
     if not isinstance(value, dict):
-        raise ValueError(f"{path}: expected an object of JSON")
+        raise ValueError(f"{path}: expected a JSON object")
     return value
 
 
-def _camera(entry: Any, lens: Camera | None, where: str) -> Camera:
+def _parse_camera(record: Any, intrinsics: Camera | None, where: str) -> Camera:
     try:
-        pose = rigid(np.array(_Pose.model_validate(entry).world_from_camera))
-        if lens is not None and isinstance(entry, dict) and not entry.keys() & _Lens.model_fields:
-            return at_pose(lens, pose)
-        known = _Lens.model_validate(entry)
+        pose = rigid(np.array(_Pose.model_validate(record).world_from_camera))
+        if intrinsics is not None and not record.keys() & _Intrinsics.model_fields:
+            return at_pose(intrinsics, pose)
+        known = _Intrinsics.model_validate(record)
         if known.width * known.height > MAX_PIXELS:
             raise ValueError(f"{known.width} x {known.height} px are more than {MAX_PIXELS}")
         return Camera(**known.model_dump(), world_from_camera=pose)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        place = ".".join(map(str, first["loc"])) or "it"
-        raise ValueError(f"{where}: {place}: {first['msg']}") from None
+        raise ValueError(f"{where}: {first_problem(error)}") from None
     except ValueError as error:
         raise ValueError(f"{where}: {error}") from None

@@ -1,8 +1,8 @@
-"""What one version of a map changed of another, Gaussian by Gaussian, by their ids."""
+"""Difference of two versions of a map, Gaussian by Gaussian, matched by their ids."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,21 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gslts.core.gaussian_map import GaussianMap
+from gslts.store.blobs import Arrays
 from gslts.types import Bools
 
 ARRAYS = ("means", "quats", "log_scales", "logit_opacities", "sh", "features")
-"""Of a map, one row a Gaussian."""
+"""Arrays of a map with one row per Gaussian, besides `ids`."""
 Ids = NDArray[np.uint64]
 
 
 @dataclass(frozen=True, eq=False)
 class Delta:
-    """The way from one map to the next.
+    """Changes that lead from one map to the next.
 
     Attributes:
-        removed: [R] ids.
-        added: Gaussians that come last in the next map; their ids are higher than all before.
-        changed: Gaussians that have other numbers, with their ids.
+        removed: [R] uint64 ids.
+        added: New Gaussians. They come last in the next map; their ids exceed all earlier ones.
+        changed: Gaussians with new values, by id.
     """
 
     removed: Ids
@@ -33,142 +34,183 @@ class Delta:
 
     @property
     def touched(self) -> int:
-        """How many Gaussians it has to do with."""
+        """Number of Gaussians that are removed, added or changed."""
         return len(self.removed) + self.added.size + self.changed.size
 
 
-def delta_of(before: GaussianMap, after: GaussianMap) -> Delta:
-    """What leads from one map to another.
+def compute_delta(before: GaussianMap, after: GaussianMap) -> Delta:
+    """Compute the changes of an update.
 
     Args:
-        before: Ids rise.
-        after: Those that stayed, in the same order, and then new ones with higher ids.
+        before: With rising ids.
+        after: Gaussians that stay, in the same order, then new ones with higher ids.
+
+    Returns:
+        The changes; `apply_deltas` inverts this bit by bit.
 
     Raises:
         ValueError: The maps differ in more than their Gaussians, or in their order.
     """
     for name in ("dtype", "sh_degree", "feature_dims"):
-        was, is_ = getattr(before, name), getattr(after, name)
-        if was != is_:
-            raise ValueError(f"delta_of: {name} was {was} and is {is_}")
+        old, new = getattr(before, name), getattr(after, name)
+        if old != new:
+            raise ValueError(f"compute_delta: {name} was {old} and is {new}")
     if not np.array_equal(before.origin, after.origin):
-        raise ValueError("delta_of: the maps have different origins")
-    require_rising(before, "before")
-    require_rising(after, "after")
-    old = np.isin(after.ids, before.ids, assume_unique=True)
-    count = int(old.sum())
-    if not old[:count].all() or (before.size and (after.ids[count:] <= before.ids[-1]).any()):
-        raise ValueError("delta_of: after: new Gaussians must come last, and with higher ids")
-    return delta_by_ids(before, after)
+        raise ValueError("compute_delta: the maps have different origins")
+    require_rising_ids(before, "before")
+    require_rising_ids(after, "after")
+    known = np.isin(after.ids, before.ids, assume_unique=True)
+    count = int(known.sum())
+    if not known[:count].all() or (before.size and (after.ids[count:] <= before.ids[-1]).any()):
+        raise ValueError("compute_delta: after: new Gaussians must come last, with higher ids")
+    return compare_by_ids(before, after)
 
 
-def delta_by_ids(before: GaussianMap, after: GaussianMap) -> Delta:
-    """What is gone, new and other; what is new may have any ids.
+def compare_by_ids(before: GaussianMap, after: GaussianMap) -> Delta:
+    """Compare any two versions of a map; new Gaussians may have any ids.
 
     Args:
-        before: Ids rise.
-        after: Ids rise.
+        before: With rising ids.
+        after: With rising ids.
+
+    Returns:
+        Removed, added and changed Gaussians.
     """
-    old = np.isin(after.ids, before.ids, assume_unique=True)
+    in_before = np.isin(after.ids, before.ids, assume_unique=True)
     kept = np.isin(before.ids, after.ids, assume_unique=True)
-    rows, old_rows = np.flatnonzero(kept), np.flatnonzero(old)
-    apart = np.zeros(len(rows), np.bool_)
+    old_rows, new_rows = np.flatnonzero(kept), np.flatnonzero(in_before)
+    differs = np.zeros(len(old_rows), np.bool_)
     for name in ARRAYS:
-        # As bits, so that -0 is not 0.
-        was, is_ = (
-            _bits(getattr(one, name)[of]) for one, of in ((before, rows), (after, old_rows))
-        )
-        apart |= was.shape != is_.shape or (was != is_).any(axis=1)
+        # As bits, so that -0 differs from 0.
+        old, new = _bits(getattr(before, name)[old_rows]), _bits(getattr(after, name)[new_rows])
+        differs |= old.shape != new.shape or (old != new).any(axis=1)
     return Delta(
         removed=before.ids[~kept],
-        added=after.select(np.flatnonzero(~old)),
-        changed=after.select(old_rows[apart]),
+        added=after.select(np.flatnonzero(~in_before)),
+        changed=after.select(new_rows[differs]),
     )
 
 
-def after_all(base: GaussianMap, deltas: Iterable[Delta]) -> GaussianMap:
-    """A map after some changes one after another.
+def apply_deltas(base: GaussianMap, deltas: Iterable[Delta]) -> GaussianMap:
+    """Apply changes one after another.
 
     Args:
-        base: Ids rise.
-        deltas: From the first on.
+        base: With rising ids.
+        deltas: Oldest first.
+
+    Returns:
+        The resulting map.
 
     Raises:
-        ValueError: A delta has to do with a Gaussian that is not there.
+        ValueError: A delta names a Gaussian that does not exist.
     """
     steps = list(deltas)
-    parts = [base, *(one.added for one in steps)]
-    ids = np.concatenate([one.ids for one in parts])
-    arrays = {name: np.concatenate([getattr(one, name) for one in parts]) for name in ARRAYS}
+    parts = [base, *(step.added for step in steps)]
+    ids = np.concatenate([part.ids for part in parts])
+    arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ARRAYS}
     if (ids[1:] <= ids[:-1]).any():
-        raise ValueError("after_all: ids of added Gaussians must be higher than those before")
-    there = np.zeros(len(ids), np.bool_)
-    there[: base.size] = True
+        raise ValueError("apply_deltas: ids of added Gaussians must exceed those before")
+    alive = np.zeros(len(ids), np.bool_)
+    alive[: base.size] = True
     end = base.size
-    for one in steps:
-        rows = _rows(ids, there, one.changed.ids)
+    for step in steps:
+        rows = _rows_of(ids, alive, step.changed.ids)
         for name in ARRAYS:
-            arrays[name][rows] = getattr(one.changed, name)
-        there[_rows(ids, there, one.removed)] = False
-        there[end : end + one.added.size] = True
-        end += one.added.size
-    kept = {name: array[there] for name, array in arrays.items()}
-    return GaussianMap(**kept, ids=ids[there], origin=base.origin)
+            arrays[name][rows] = getattr(step.changed, name)
+        alive[_rows_of(ids, alive, step.removed)] = False
+        alive[end : end + step.added.size] = True
+        end += step.added.size
+    kept = {name: array[alive] for name, array in arrays.items()}
+    return GaussianMap(**kept, ids=ids[alive], origin=base.origin)
 
 
-def require_rising(gaussian_map: GaussianMap, name: str) -> None:
-    """Raises ValueError unless ids rise from Gaussian to Gaussian."""
+def require_rising_ids(gaussian_map: GaussianMap, name: str) -> None:
+    """Check that ids rise from Gaussian to Gaussian.
+
+    Args:
+        gaussian_map: To check.
+        name: Of the argument, for the message.
+
+    Raises:
+        ValueError: They do not.
+    """
     if (gaussian_map.ids[1:] <= gaussian_map.ids[:-1]).any():
         raise ValueError(f"{name}: ids must rise from Gaussian to Gaussian")
 
 
-def arrays_of(gaussian_map: GaussianMap) -> dict[str, NDArray[Any]]:
-    """All that a map is."""
+def map_to_arrays(gaussian_map: GaussianMap) -> dict[str, NDArray[Any]]:
+    """Return all arrays of a map.
+
+    Args:
+        gaussian_map: Any map.
+
+    Returns:
+        The arrays by name, with `ids` and `origin`.
+    """
     return {name: getattr(gaussian_map, name) for name in (*ARRAYS, "ids", "origin")}
 
 
-def map_of(arrays: Mapping[str, NDArray[Any]]) -> GaussianMap:
-    """The inverse of `arrays_of`.
+def map_from_arrays(arrays: Arrays) -> GaussianMap:
+    """Return the map of the arrays of `map_to_arrays`.
+
+    Args:
+        arrays: By name.
+
+    Returns:
+        The map.
 
     Raises:
-        ValueError: They make no map.
+        ValueError: The arrays are no map.
     """
     try:
         return GaussianMap(**arrays)
     except TypeError as error:
-        raise ValueError(f"no map: {error}") from None
+        raise ValueError(f"not a map: {error}") from None
 
 
-def plain_delta(delta: Delta) -> dict[str, NDArray[Any]]:
-    """Its arrays by name."""
+def delta_to_arrays(delta: Delta) -> dict[str, NDArray[Any]]:
+    """Return all arrays of a delta.
+
+    Args:
+        delta: Any delta.
+
+    Returns:
+        The arrays by name.
+    """
     return {
         "removed": delta.removed,
-        **{f"added.{name}": array for name, array in arrays_of(delta.added).items()},
-        **{f"changed.{name}": array for name, array in arrays_of(delta.changed).items()},
+        **{f"added.{name}": array for name, array in map_to_arrays(delta.added).items()},
+        **{f"changed.{name}": array for name, array in map_to_arrays(delta.changed).items()},
     }
 
 
-def delta_from(arrays: Mapping[str, NDArray[Any]]) -> Delta:
-    """The inverse of `plain_delta`.
+def delta_from_arrays(arrays: Arrays) -> Delta:
+    """Return the delta of the arrays of `delta_to_arrays`.
+
+    Args:
+        arrays: By name.
+
+    Returns:
+        The delta.
 
     Raises:
-        ValueError: They make no delta.
+        ValueError: The arrays are no delta.
     """
-    parts: dict[str, dict[str, NDArray[Any]]] = {"added": {}, "changed": {}}
-    for name, array in arrays.items():
-        part, _, of = name.partition(".")
-        if part in parts:
-            parts[part][of] = array
+    maps: dict[str, dict[str, NDArray[Any]]] = {"added": {}, "changed": {}}
+    for full_name, array in arrays.items():
+        part, _, name = full_name.partition(".")
+        if part in maps:
+            maps[part][name] = array
     removed = arrays.get("removed")
     if removed is None or removed.dtype != np.uint64 or removed.ndim != 1:
-        raise ValueError("no delta: removed: expected uint64[R]")
-    return Delta(removed, map_of(parts["added"]), map_of(parts["changed"]))
+        raise ValueError("not a delta: removed: expected uint64 [R]")
+    return Delta(removed, map_from_arrays(maps["added"]), map_from_arrays(maps["changed"]))
 
 
-def _rows(ids: Ids, there: Bools, wanted: Ids) -> NDArray[np.intp]:
+def _rows_of(ids: Ids, alive: Bools, wanted: Ids) -> NDArray[np.intp]:
     rows = np.searchsorted(ids, wanted)
-    if (rows == len(ids)).any() or (ids[rows] != wanted).any() or not there[rows].all():
-        raise ValueError("after_all: a delta has to do with a Gaussian that is not there")
+    if (rows == len(ids)).any() or (ids[rows] != wanted).any() or not alive[rows].all():
+        raise ValueError("apply_deltas: a delta names a Gaussian that does not exist")
     return rows
 
 

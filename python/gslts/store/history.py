@@ -1,4 +1,4 @@
-"""What is known of the versions of a map, without its Gaussians."""
+"""Version history of a map, without its Gaussians. Does not import NumPy."""
 
 from __future__ import annotations
 
@@ -6,22 +6,23 @@ from pathlib import Path
 from typing import Self
 
 from gslts.store.index import Index
-from gslts.store.manifest import require_versions
+from gslts.store.manifest import require_map_folder
 from gslts.store.records import Event, Rejection, Version
 
 INDEX = "versions.sqlite"
+"""File name of the index in the folder of a map."""
 
 
 class History:
-    """The past of one map in a folder; a context manager.
+    """Reads the versions of one map and what led to them. A context manager.
 
     Args:
-        folder: Of the map.
-        writable: Whether the index may be written; the caller makes sure that one writer does.
+        folder: Folder of the map.
+        writable: Open the index for writing. The caller makes sure that there is one writer.
 
     Raises:
-        OSError: It cannot be read.
-        ValueError: It is no map with versions, or one of a newer gslts.
+        OSError: The index cannot be read.
+        ValueError: The folder holds no map, or one of another schema.
     """
 
     def __init__(self, folder: Path, *, writable: bool = False) -> None:
@@ -35,79 +36,109 @@ class History:
         self.close()
 
     def close(self) -> None:
-        """Gives the index free."""
+        """Close the index."""
         self._index.close()
 
     @property
     def folder(self) -> Path:
-        """Of the map."""
+        """Folder of the map."""
         return self._folder
 
     def versions(self) -> list[Version]:
-        """All, the first one first."""
+        """Return all versions, oldest first."""
         return self._index.versions()
 
     def version(self, number: int | None = None) -> Version:
-        """One of them; None means the newest.
+        """Return a version.
+
+        Args:
+            number: Counted from 1; None means the newest.
+
+        Returns:
+            The version.
 
         Raises:
             ValueError: There is no such version.
         """
         return self._index.newest() if number is None else self._index.version(number)
 
-    def way_to(self, number: int | None = None) -> list[Version]:
-        """The versions that a version was made of, the first one first, and itself.
+    def lineage(self, number: int | None = None) -> list[Version]:
+        """Return a version and all versions it was made from.
+
+        Args:
+            number: Of the version; None means the newest.
+
+        Returns:
+            Oldest first; the version itself is the last. Versions that a restore undid are not in
+            it.
 
         Raises:
             ValueError: There is no such version.
         """
-        way = self.numbers_of_way_to(number)
-        return [version for version in self.versions() if version.number in way]
+        numbers = self.lineage_numbers(number)
+        return [version for version in self.versions() if version.number in numbers]
 
-    def numbers_of_way_to(self, number: int | None = None) -> set[int]:
-        """Of the versions of `way_to`, which is much less to read.
+    def lineage_numbers(self, number: int | None = None) -> set[int]:
+        """Return the numbers of the versions of `lineage`, which is much faster.
+
+        Args:
+            number: Of the version; None means the newest.
+
+        Returns:
+            The numbers.
 
         Raises:
             ValueError: There is no such version.
         """
-        return set(self._index.way(self.version(number).number))
+        return set(self._index.lineage(self.version(number).number))
 
     def events(self, object_type: str | None = None) -> list[Event]:
-        """What became of objects, of one type or of all."""
+        """Return the object changes, oldest first.
+
+        Args:
+            object_type: Only of objects of this type; None means all.
+
+        Returns:
+            The changes, also those that a restore undid.
+        """
         return self._index.events(object_type)
 
     def events_between(self, before: int, after: int) -> tuple[list[Event], list[Event]]:
-        """What became of objects from one version to another, and what is undone there.
-
-        Where a version was restored, what it undid is on neither way.
+        """Return the object changes that separate two versions.
 
         Args:
-            before: Number of the one.
-            after: Of the other.
+            before: Number of the first version.
+            after: Number of the second version.
+
+        Returns:
+            Changes that only the second version shows, and changes that only the first one shows.
 
         Raises:
             ValueError: There is no such version.
         """
-        old, new = (self.numbers_of_way_to(number) for number in (before, after))
+        old, new = (self.lineage_numbers(number) for number in (before, after))
         events = self.events()
-        done = [event for event in events if event.version in new - old]
-        undone = [event for event in events if event.version in old - new]
-        return done, undone
+        only_after = [event for event in events if event.version in new - old]
+        only_before = [event for event in events if event.version in old - new]
+        return only_after, only_before
 
     def rejections(self) -> list[Rejection]:
-        """The updates that were tried and changed nothing, the first one first."""
+        """Return the rejected updates, oldest first."""
         return self._index.rejections()
 
 
 def open_history(path: Path) -> History:
-    """Opens the past of a map for reading.
+    """Open the history of a map for reading.
 
     Args:
         path: Folder of the map.
 
+    Returns:
+        The history.
+
     Raises:
-        OSError: It cannot be read.
-        ValueError: It is no folder of a map.
+        OSError: The folder cannot be read.
+        ValueError: The path is no folder of a map.
     """
-    require_versions(path)
+    require_map_folder(path)
     return History(path)

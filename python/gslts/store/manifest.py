@@ -1,7 +1,4 @@
-"""What lies in the folder of a map, and what is known of the frames that it was made of.
-
-Without NumPy, so that what is told of a map is told at once.
-"""
+"""Layout of a map folder, and its manifest. Does not import NumPy."""
 
 from __future__ import annotations
 
@@ -10,19 +7,29 @@ import re
 from pathlib import Path
 from typing import Any
 
-FORMAT, VERSION = "gslts-map", 2
+FORMAT, FORMAT_VERSION = "gslts-map", 2
+"""Marks of the manifest; another version is rejected."""
 MANIFEST, CAMERAS = "manifest.json", "cameras.json"
+"""File names in the folder."""
 MAX_MANIFEST_BYTES = 16 << 20
-OF_VERSION = re.compile(r"(.+)@(\d{1,9})")
-"""How a version of a map is named: the folder, and its number."""
+"""Bounds the memory for a hostile file. A manifest takes 1 kB a frame: 16 MiB is enough for 16,000
+frames, more than any mapping run can hold in memory."""
+VERSION_PATH = re.compile(r"(.+)@(\d{1,9})")
+"""Path of a version: the folder, `@`, and the number."""
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """What is known of the frames that a map was made of.
+    """Read the manifest of a map: how the first version was made.
+
+    Args:
+        folder: Folder of the map.
+
+    Returns:
+        The JSON object.
 
     Raises:
         OSError: The file cannot be read.
-        ValueError: It is no map, or of another version.
+        ValueError: The file is no manifest, or of another version.
     """
     path = folder / MANIFEST
     with path.open("rb") as file:
@@ -32,37 +39,52 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{path}: {error}") from None
     if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
-        raise ValueError(f"{path}: it is not the manifest of a map")
-    if manifest.get("version") != VERSION:
+        raise ValueError(f"{path}: not the manifest of a map")
+    if manifest.get("version") != FORMAT_VERSION:
         raise ValueError(
-            f"{path}: version is {manifest.get('version')!r}, this gslts reads {VERSION}"
+            f"{path}: version is {manifest.get('version')!r}, this gslts reads {FORMAT_VERSION}"
         )
     return manifest
 
 
-def require_versions(path: Path) -> None:
-    """Checks that a folder is one of a map with versions.
+def require_map_folder(path: Path) -> None:
+    """Check that a path is the folder of a map.
 
     Args:
-        path: Of the folder.
+        path: To check.
 
     Raises:
-        OSError: It cannot be read.
-        ValueError: It is no folder of a map.
+        OSError: The folder cannot be read.
+        ValueError: The path is no folder of a map.
     """
     if path.is_file():
         raise ValueError(f"{path}: a file has no versions; gslts import makes a map of it")
     read_manifest(path)
 
 
-def picture_path(folder: Path, number: int) -> Path:
-    """Where the picture of what led to a version is."""
+def update_image_path(folder: Path, number: int) -> Path:
+    """Return the path of the image of an update: frames, and the map before and after.
+
+    Args:
+        folder: Folder of the map.
+        number: Of the version.
+
+    Returns:
+        The path; the file may be missing.
+    """
     return folder / "updates" / f"{number:05}.jpg"
 
 
-def folder_of(path: Path) -> tuple[Path, int | None]:
-    """The folder of what `read_map` takes, and the number of the version that is named."""
-    named = OF_VERSION.fullmatch(str(path))
-    if named is None or path.exists():
+def split_version(path: Path) -> tuple[Path, int | None]:
+    """Split the path of a version, such as `out/map@3`.
+
+    Args:
+        path: With or without a number. A path that exists is never split.
+
+    Returns:
+        The folder, and the number; None if the path has none.
+    """
+    match = VERSION_PATH.fullmatch(str(path))
+    if match is None or path.exists():
         return path, None
-    return Path(named[1]), int(named[2])
+    return Path(match[1]), int(match[2])

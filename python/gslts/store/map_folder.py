@@ -1,4 +1,4 @@
-"""A map on the disk: a folder with its versions, a manifest, and the cameras as corrected."""
+"""A map on disk: a folder of versions, a manifest, and the refined cameras of mapping."""
 
 from __future__ import annotations
 
@@ -12,32 +12,21 @@ import numpy as np
 
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
-from gslts.io.atomic_files import naming, part_of, remove_tree, sync_folder
+from gslts.io.atomic_files import name_in_errors, remove_tree, sync_folder, temporary_path
 from gslts.io.ply import read_ply
+from gslts.store.causes import ImportCause, MappingCause
 from gslts.store.manifest import (
     CAMERAS,
     FORMAT,
+    FORMAT_VERSION,
     MANIFEST,
-    VERSION,
-    folder_of,
-    picture_path,
-    read_manifest,
-    require_versions,
+    require_map_folder,
+    split_version,
 )
 from gslts.store.map_store import MapStore
 
-__all__ = [
-    "CAMERAS",
-    "MANIFEST",
-    "camera_of",
-    "folder_of",
-    "open_map",
-    "picture_path",
-    "plain_camera",
-    "read_manifest",
-    "read_map",
-    "write_map_folder",
-]
+INTRINSICS = ("fx", "fy", "cx", "cy", "width", "height")
+"""Fields of a camera in JSON, besides its pose."""
 
 
 def write_map_folder(
@@ -46,30 +35,36 @@ def write_map_folder(
     manifest: Mapping[str, Any],
     cameras: Mapping[str, Camera],
     finish: Callable[[Path], None] = lambda _: None,
+    *,
+    cause: MappingCause | ImportCause | None = None,
 ) -> None:
-    """Writes a new folder with the first version of a map; it is there whole or not at all.
+    """Write a new folder with the first version of a map. It appears complete or not at all.
 
     Args:
-        folder: Must not be there yet.
-        gaussian_map: float32; its ids rise from Gaussian to Gaussian.
-        manifest: What else is to be known, in values of JSON; format and version are added.
-        cameras: By name of the frame.
-        finish: Puts further files into the folder, before it appears.
+        folder: Must not exist.
+        gaussian_map: float32, with rising ids.
+        manifest: JSON values; format and version are added.
+        cameras: Cameras of the frames, by name.
+        finish: Writes further files into the temporary folder that it gets.
+        cause: Of the first version; None means mapping of the manifest's `dataset`.
 
     Raises:
-        OSError: It cannot be written, or is there already.
-        ValueError: Ids do not rise.
+        OSError: The folder exists or cannot be written.
+        ValueError: The ids do not rise.
     """
     if folder.exists():
-        raise FileExistsError(f"{folder} is there already")
+        raise FileExistsError(f"{folder} exists already")
+    if cause is None:
+        cause = MappingCause(dataset=manifest.get("dataset"))
+    head = {"format": FORMAT, "version": FORMAT_VERSION, "gaussians": gaussian_map.size}
     folder.parent.mkdir(parents=True, exist_ok=True)
-    temporary = part_of(folder)
+    temporary = temporary_path(folder)
     temporary.mkdir()
     try:
-        known = {"format": FORMAT, "version": VERSION, "gaussians": gaussian_map.size, **manifest}
-        MapStore.create(temporary, gaussian_map, {"dataset": manifest.get("dataset")})
-        _write_json(temporary / MANIFEST, known)
-        _write_json(temporary / CAMERAS, {name: plain_camera(one) for name, one in cameras.items()})
+        MapStore.create(temporary, gaussian_map, cause)
+        _write_json(temporary / MANIFEST, {**head, **manifest})
+        records = {name: camera_to_json(camera) for name, camera in cameras.items()}
+        _write_json(temporary / CAMERAS, records)
         finish(temporary)
         sync_folder(temporary)
         temporary.rename(folder)
@@ -80,59 +75,78 @@ def write_map_folder(
 
 
 def read_map(path: Path) -> GaussianMap:
-    """A map: the newest version of a folder, another one, or a PLY file of 3DGS.
+    """Read a map.
 
     Args:
-        path: The folder; with `@` and a number behind it, that version; or the file.
+        path: Folder of a map for its newest version, `FOLDER@NUMBER` for another one, or a PLY
+            file of 3DGS.
+
+    Returns:
+        The map.
 
     Raises:
         OSError: A file cannot be read.
-        ValueError: It is no map, or there is no such version.
+        ValueError: The path is no map, or there is no such version.
     """
-    folder, number = folder_of(path)
+    folder, number = split_version(path)
     if not folder.is_dir():
         return read_ply(path)
-    read_manifest(folder)
-    with MapStore(folder) as store:
+    with open_map(folder) as store:
         return store.read(number)
 
 
 def open_map(path: Path, *, writable: bool = False) -> MapStore:
-    """The versions of a map.
+    """Open the versions of a map.
 
     Args:
-        path: Its folder.
-        writable: See `MapStore`.
+        path: Folder of the map.
+        writable: Allow new versions; one process at a time can.
+
+    Returns:
+        The store, a context manager.
 
     Raises:
-        OSError: It cannot be read, or another process writes it.
-        ValueError: It is no folder of a map.
+        OSError: The folder cannot be read, or another process writes it.
+        ValueError: The path is no folder of a map.
     """
-    require_versions(path)
+    require_map_folder(path)
     return MapStore(path, writable=writable)
 
 
-def plain_camera(camera: Camera) -> dict[str, Any]:
-    """Its numbers, in values of JSON."""
+def camera_to_json(camera: Camera) -> dict[str, Any]:
+    """Convert a camera to JSON values.
+
+    Args:
+        camera: Any camera.
+
+    Returns:
+        Intrinsics in px, and `world_from_camera` as 4 rows, m.
+    """
     return {
-        **{name: getattr(camera, name) for name in ("fx", "fy", "cx", "cy", "width", "height")},
+        **{name: getattr(camera, name) for name in INTRINSICS},
         "world_from_camera": camera.world_from_camera.tolist(),
     }
 
 
-def camera_of(plain: Mapping[str, Any]) -> Camera:
-    """The inverse of `plain_camera`.
+def camera_from_json(record: Mapping[str, Any]) -> Camera:
+    """Convert a camera from the JSON values of `camera_to_json`.
+
+    Args:
+        record: From a file that gslts wrote.
+
+    Returns:
+        The camera.
 
     Raises:
-        TypeError: A number is missing, or there is another one.
-        ValueError: The camera is none.
+        TypeError: A field is missing or unknown.
+        ValueError: A value is invalid.
     """
-    pose = np.array(plain["world_from_camera"], np.float64)
-    return Camera(**{**plain, "world_from_camera": pose})
+    pose = np.array(record["world_from_camera"], np.float64)
+    return Camera(**{**record, "world_from_camera": pose})
 
 
 def _write_json(path: Path, content: Any) -> None:
-    with naming(path), path.open("w", encoding="utf-8") as file:
+    with name_in_errors(path), path.open("w", encoding="utf-8") as file:
         json.dump(content, file, indent=1)
         file.write("\n")
         file.flush()

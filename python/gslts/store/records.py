@@ -1,82 +1,111 @@
-"""What the past of a map is made of."""
+"""Records of the version history of a map. They do not import NumPy."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Annotated, Self
 
-Kind = Literal["base", "update", "restore", "semantics"]
-ChangeKind = Literal["addition", "removal", "relocation"]
+from pydantic import Field, model_validator
+
+from gslts.store.causes import (
+    Box,
+    ChangeKind,
+    Count,
+    Number,
+    Record,
+    RejectedUpdateCause,
+    VersionCause,
+)
+
+MAX_TIME_S = 253_402_300_800
+"""End of the year 9999, s since 1970; `datetime` formats no later time."""
+
+Time = Annotated[float, Field(ge=0, lt=MAX_TIME_S)]
 
 
-@dataclass(frozen=True)
-class Blob:
+class Blob(Record):
     """A file of arrays.
 
     Attributes:
-        key: Its SHA-256.
-        size: Its bytes.
+        key: SHA-256 of the content.
+        size: Length of the content, bytes.
     """
 
     key: str
-    size: int
+    size: Count
 
 
-@dataclass(frozen=True)
-class Version:
-    """A map as it was from some time on.
+class Version(Record):
+    """A version of a map.
 
     Attributes:
-        number: From 1 on.
-        parent: The version that `delta` leads from; None where there is a snapshot alone.
-        kind: How it came about.
-        time_s: When it was committed, s since 1970 (UTC), by the clock of then.
-        gaussians: How many it has.
-        next_id: No Gaussian of this version or one before has such an id or a higher one.
-        delta: What leads from its parent; None where nothing does, or it is the same.
-        touched: How many Gaussians were removed, added and changed.
-        cause: Why it is, in values of JSON.
+        number: Counted from 1.
+        parent: Version that `delta` applies to; None if the version is stored as a snapshot only.
+        gslts: Version of the program that wrote it.
+        time_s: Time of the commit, s since 1970 (UTC), by the clock of that machine.
+        gaussians: Number of Gaussians.
+        next_id: Greater than the id of every Gaussian of this version and of those before it.
+        delta: File of the changes since the parent; None if there is none.
+        touched: Number of Gaussians that were removed, added or changed.
+        cause: Why the version exists.
     """
 
-    number: int
-    parent: int | None
-    kind: Kind
-    time_s: float
-    gaussians: int
-    next_id: int
+    number: Number
+    parent: Number | None
+    gslts: str
+    time_s: Time
+    gaussians: Count
+    next_id: Count
     delta: Blob | None
-    touched: int
-    cause: dict[str, Any]
+    touched: Count
+    cause: VersionCause
+
+    @property
+    def kind(self) -> str:
+        """Kind of the cause, such as "update"."""
+        return self.cause.kind
+
+    @model_validator(mode="after")
+    def _follows_parent(self) -> Self:
+        if self.parent is not None and self.parent >= self.number:
+            raise ValueError(f"parent: version {self.number} is made from version {self.parent}")
+        return self
 
 
-@dataclass(frozen=True)
-class Rejection:
-    """Why a map stayed as it was.
-
-    Attributes:
-        version: That it stayed.
-        time_s: When, s since 1970 (UTC), by the clock of then.
-        cause: What was tried, in values of JSON.
-    """
-
-    version: int
-    time_s: float
-    cause: dict[str, Any]
-
-
-@dataclass(frozen=True)
-class Event:
-    """What became of an object.
+class Rejection(Record):
+    """An update that was tried and left the map unchanged.
 
     Attributes:
-        version: Of the map that knows of it.
-        kind: What became of it.
-        type: Such as "Mug"; "object" where it is not known.
-        boxes: Around it before and after, lower and upper corner [2,3] in the world, m; None where
-            it is not there.
+        version: Version that the map kept.
+        gslts: Version of the program that wrote it.
+        time_s: Time, s since 1970 (UTC), by the clock of that machine.
+        cause: The attempt and the reason.
     """
 
-    version: int
+    version: Number
+    gslts: str
+    time_s: Time
+    cause: RejectedUpdateCause
+
+
+class ObjectEvent(Record):
+    """An object change that a version shows.
+
+    Attributes:
+        kind: Type of the change.
+        type: Type of the object such as "Mug"; "object" if unknown.
+        boxes: Box of the object before and after the change; None where there is no object.
+    """
+
     kind: ChangeKind
     type: str
-    boxes: tuple[Any, Any]
+    boxes: tuple[Box | None, Box | None]
+
+
+class Event(ObjectEvent):
+    """An object change in the history of a map.
+
+    Attributes:
+        version: First version that shows the change.
+    """
+
+    version: Number

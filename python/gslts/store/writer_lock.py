@@ -1,4 +1,4 @@
-"""One writer of a map at a time."""
+"""Lock that allows one writer of a map at a time."""
 
 from __future__ import annotations
 
@@ -7,16 +7,23 @@ import fcntl
 from pathlib import Path
 from typing import TextIO
 
-from gslts.store.index import ELSEWHERE
+from gslts.store.index_file import WRITE_ELSEWHERE
 
 LOCK = "writer.lock"
+"""File name of the lock in the folder of a map."""
 
 
-def writer_lock(folder: Path) -> TextIO:
-    """The file that the only writer of a folder holds; the system lets go when it ends.
+def lock_for_writing(folder: Path) -> TextIO:
+    """Lock a map for writing; the system releases the lock when the process ends.
+
+    Args:
+        folder: Folder of the map.
+
+    Returns:
+        The open file; close it to release the lock.
 
     Raises:
-        OSError: Another process holds it, or it cannot be made.
+        OSError: Another process holds the lock, or the file cannot be created.
     """
     path = folder / LOCK
     try:
@@ -24,7 +31,7 @@ def writer_lock(folder: Path) -> TextIO:
     except OSError as error:
         if error.errno not in (errno.EACCES, errno.EPERM, errno.EROFS):
             raise
-        raise OSError(f"{path}: {error.strerror}; {ELSEWHERE}") from None
+        raise OSError(f"{path}: {error.strerror}; {WRITE_ELSEWHERE}") from None
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

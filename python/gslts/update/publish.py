@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from importlib import metadata
+from collections.abc import Iterable
 from io import BytesIO
 from typing import Any
 
@@ -14,13 +13,21 @@ from PIL import Image
 from gslts.change.changes import Change
 from gslts.core.camera import Camera, new_viewpoints
 from gslts.core.gaussian_map import GaussianMap
-from gslts.io.atomic_files import write_whole
-from gslts.localization.landmark_files import KEY, has_landmarks, keep_landmarks
-from gslts.localization.landmarks import landmarks_of
+from gslts.io.atomic_files import write_atomic
+from gslts.localization.landmark_extraction import extract_landmarks
+from gslts.localization.landmark_files import has_landmarks, write_landmarks
 from gslts.semantics.map_semantics import MapSemantics
-from gslts.store.map_folder import picture_path, plain_camera
+from gslts.store.causes import (
+    ChangeRecord,
+    RejectedUpdateCause,
+    UpdateCause,
+    UpdateFrame,
+    UpdateRecord,
+)
+from gslts.store.manifest import update_image_path
+from gslts.store.map_folder import camera_to_json
 from gslts.store.map_store import MapStore
-from gslts.store.records import Event, Version
+from gslts.store.records import ObjectEvent, Version
 from gslts.update.config import UpdateConfig
 from gslts.update.edit import near_regions
 from gslts.update.object_types import type_of
@@ -42,7 +49,7 @@ def published(
     cameras: Iterable[Camera],
     result: Update,
     config: UpdateConfig,
-    more: Mapping[str, Any] | None = None,
+    number_of_round: int | None = None,
     semantics: MapSemantics | None = None,
 ) -> Version | None:
     """Adds a version of an updated map, and a picture of it; of what stays as it was, only why.
@@ -55,7 +62,7 @@ def published(
         cameras: That it was made from.
         result: Of the update.
         config: It was made with.
-        more: Of its cause, in values of JSON.
+        number_of_round: Round of the robot, counted from 0; None outside of rounds.
         semantics: Of the map; names the objects that are gone.
 
     Raises:
@@ -63,36 +70,33 @@ def published(
             is missing.
         ValueError: What is known of the map is damaged.
     """
-    cause: dict[str, Any] = {
-        "gslts": metadata.version("gslts"),
-        "changes": [_plain(one) for one in result.changes],
-        "record": result.record.plain(),
-        "config": config.model_dump(mode="json"),
-        **(more or {}),
-    }
     if result.record.rejected is not None:
-        store.add_rejection({**cause, "changes": [_plain(one) for one, _ in result.left]})
+        changes = tuple(_record_of(change) for change, _ in result.left)
+        store.add_rejection(
+            RejectedUpdateCause(round=number_of_round, changes=changes, record=result.record)
+        )
         return None
     seen_from = [view.camera for view in result.views]
-    cause["frames"] = [
-        {**plain_camera(camera), "new_viewpoint": new}
+    frames = tuple(
+        UpdateFrame(**camera_to_json(camera), new_viewpoint=new)
         for camera, new in zip(seen_from, new_viewpoints(cameras, seen_from), strict=True)
-    ]
+    )
+    digest = None
     if has_landmarks(store.folder):
-        used = result.views[: result.record.views[0]]
-        landmarks = landmarks_of(
+        used = result.views[: result.record.training_views]
+        landmarks = extract_landmarks(
             result.gaussian_map,
             [view.frame for view in used],
             [view.changed for view in used],
-            most_bytes=LANDMARK_BYTES,
+            max_bytes=LANDMARK_BYTES,
             threads=config.threads,
         )
         # Views from all sides also see more of what was there before.
         new = ~np.isin(landmarks.gaussians, before.ids)
         landmarks = landmarks.select(np.flatnonzero(new))
         if landmarks.size:
-            cause[KEY] = keep_landmarks(landmarks, store.folder)
-    standing = store.numbers_of_way_to()  # What others brought was undone by a restore.
+            digest = write_landmarks(landmarks, store.folder)
+    standing = store.lineage_numbers()  # What others brought was undone by a restore.
     past = [event for event in store.events() if event.version in standing]
 
     vanished = ~np.isin(before.ids, result.gaussian_map.ids)
@@ -115,32 +119,44 @@ def published(
         return first, after
 
     events = [
-        Event(0, one.kind, type_of(one, result.views, past, named), boxes(one))
+        ObjectEvent(kind=one.kind, type=type_of(one, result.views, past, named), boxes=boxes(one))
         for one in result.changes
     ]
+    cause = UpdateCause(
+        round=number_of_round,
+        changes=tuple(_record_of(change) for change in result.changes),
+        record=result.record,
+        config=config.model_dump(mode="json"),
+        frames=frames,
+        landmarks=digest,
+    )
     version = store.commit(result.gaussian_map, cause, events)
     for change, why in result.left:
         store.add_rejection(
-            {"changes": [_plain(change)], "record": {"rejected": why}, **(more or {})}
+            RejectedUpdateCause(
+                round=number_of_round,
+                changes=(_record_of(change),),
+                record=UpdateRecord(rejected=why),
+            )
         )
     picture = Image.fromarray(
         update_picture(before, result.gaussian_map, result.views, config.threads)
     )
     picture.thumbnail((PICTURE_PX, PICTURE_PX))
-    path = picture_path(store.folder, version.number)
+    path = update_image_path(store.folder, version.number)
     content = BytesIO()
     picture.save(content, "JPEG", quality=QUALITY)
     try:
         path.parent.mkdir(exist_ok=True)
-        write_whole(path, content.getvalue())
+        write_atomic(path, content.getvalue())
     except OSError as error:
         now = f"{store.folder} is version {version.number} now, but without a picture"
         raise OSError(f"{now}: {error}") from error
     return version
 
 
-def _plain(change: Change) -> dict[str, Any]:
-    return {"kind": change.kind, "confidence": change.confidence, "boxes": _boxes(change)}
+def _record_of(change: Change) -> ChangeRecord:
+    return ChangeRecord(kind=change.kind, confidence=change.confidence, boxes=_boxes(change))
 
 
 def _boxes(change: Change) -> tuple[Any, Any]:

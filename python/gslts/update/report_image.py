@@ -8,7 +8,7 @@ import numpy as np
 
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
-from gslts.io.images import Picture, picture_of, write_on
+from gslts.io.images import RgbImage, draw_text, to_rgb8
 from gslts.rendering.losses import apply_exposure
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.update.views import View
@@ -22,7 +22,7 @@ WHITE = (255, 255, 255)
 
 def update_picture(
     before: GaussianMap, after: GaussianMap, views: Sequence[View], threads: int = 0
-) -> Picture:
+) -> RgbImage:
     """The photograph, the map before and the map after, side by side; a row for each of some views.
 
     Args:
@@ -39,16 +39,16 @@ def update_picture(
         tiles = [view.frame.rgb.copy()]
         for gaussian_map in (before, after):
             rgb = rasterizer.forward(gaussian_map, view.camera, options).rgb
-            tiles.append(picture_of(apply_exposure(rgb, view.exposure)))
+            tiles.append(to_rgb8(apply_exposure(rgb, view.exposure)))
         for tile, words in zip(tiles, ("seen", "map before", "map after"), strict=True):
-            write_on(tile, words, (8, 20), WHITE)
+            draw_text(tile, words, (8, 20), WHITE)
         rows.append(np.concatenate(tiles, axis=1))
     return np.concatenate(rows)
 
 
 def difference_picture(
     before: GaussianMap, after: GaussianMap, cameras: Sequence[Camera], threads: int = 0
-) -> Picture:
+) -> RgbImage:
     """Both maps and where they differ, side by side, from the cameras that see most of it.
 
     Args:
@@ -71,4 +71,4 @@ def difference_picture(
         rows.append((float(apart.mean()), np.concatenate([was, is_, apart], axis=1)))
     best = sorted(rows, key=lambda row: -row[0])[:VIEWS]
     width = best[0][1].shape[1]
-    return np.concatenate([picture_of(one) for _, one in best if one.shape[1] == width])
+    return np.concatenate([to_rgb8(one) for _, one in best if one.shape[1] == width])

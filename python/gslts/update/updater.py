@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
 from gslts.rendering.metrics import psnr_from_mse_db
 from gslts.semantics.map_semantics import MapSemantics
+from gslts.store.causes import UpdateRecord
 from gslts.types import Bools
 from gslts.update.config import UpdateConfig
 from gslts.update.edit import Edit, near_regions, pre_edit, sightings
@@ -50,38 +51,6 @@ AGREEING = 0.9
 """Share of the views that must agree on when a Gaussian moved: errors come and go."""
 
 
-@dataclass(frozen=True)
-class Record:
-    """What was done.
-
-    Attributes:
-        rejected: Why the map stays as it was; None if it was updated.
-        kinds: Of the changes that were to be made.
-        views: Used for it, and held back.
-        skipped: Why other frames do not count.
-        removed, added, moved: Gaussians that went, that came, and that were refined.
-        iterations: Of the refinement.
-        psnr_before_db, psnr_after_db: Around the change in the views held back.
-        seconds: By stage.
-    """
-
-    rejected: str | None
-    kinds: tuple[str, ...] = ()
-    views: tuple[int, int] = (0, 0)
-    skipped: tuple[str, ...] = ()
-    removed: int = 0
-    added: int = 0
-    moved: int = 0
-    iterations: int = 0
-    psnr_before_db: float | None = None
-    psnr_after_db: float | None = None
-    seconds: dict[str, float] = field(default_factory=dict)
-
-    def plain(self) -> dict[str, Any]:
-        """In values of JSON."""
-        return asdict(self)
-
-
 @dataclass(frozen=True, eq=False)
 class Update:
     """What became of a map.
@@ -98,7 +67,7 @@ class Update:
     gaussian_map: GaussianMap
     changes: tuple[Change, ...]
     left: tuple[tuple[Change, str], ...]
-    record: Record
+    record: UpdateRecord
     views: tuple[View, ...]
     regions: tuple[Region, ...]
 
@@ -156,7 +125,7 @@ def update(
         first_id=first_id,
         watch=lambda *_: tell("refining"),
     )
-    record = replace(record, seconds={**clock.stages, **record.seconds})
+    record = record.model_copy(update={"seconds": {**clock.stages, **record.seconds}})
     used, held_back = split_held_back(found.views, config.collect.held_back)
     if record.rejected is not None:
         left = found.left + tuple((change, record.rejected) for change in found.changes)
@@ -186,7 +155,7 @@ def updated_with(
     detector: ChangeDetector | None = None,
     first_id: int | None = None,
     watch: Watch = lambda *_: None,
-) -> tuple[GaussianMap, Record]:
+) -> tuple[GaussianMap, UpdateRecord]:
     """The part of `update` after the collection: edits, refines and verifies.
 
     Args:
@@ -202,24 +171,24 @@ def updated_with(
     clock = _Clock()
     regions, threads = found.regions, config.threads
     used, held_back = split_held_back(found.views, config.collect.held_back)
-    record = Record(
-        rejected=None,
+    record = UpdateRecord(
         kinds=tuple(change.kind for change in found.changes),
-        views=(len(used), len(held_back)),
+        training_views=len(used),
+        validation_views=len(held_back),
         skipped=found.skipped,
     )
     if not found.changes:
         why = "; ".join(dict.fromkeys(why for _, why in found.left)) or "nothing changed"
-        return gaussian_map, replace(record, rejected=why, seconds=clock.stages)
+        return gaussian_map, record.model_copy(update={"rejected": why, "seconds": clock.stages})
     edit = pre_edit(
         gaussian_map, used, found.regions_of_each, config.edit, first_id=first_id, threads=threads
     )
     unsteady = unsteady_share(gaussian_map, edit, used)
     clock.note("editing")
-    record = replace(record, removed=int(edit.removed.sum()), added=edit.added)
+    record = record.model_copy(update={"removed": int(edit.removed.sum()), "added": edit.added})
     if unsteady > MOST_UNSTEADY:
         why = f"{100 * unsteady:.0f} % of what changed moved again while it was looked at"
-        return gaussian_map, replace(record, rejected=why, seconds=clock.stages)
+        return gaussian_map, record.model_copy(update={"rejected": why, "seconds": clock.stages})
     moving = moving_of(edit, regions, config.refine.reach_m)
     targets = targets_of(used, regions, config.refine)
     targets += remembered(
@@ -245,18 +214,19 @@ def updated_with(
         for one in (gaussian_map, refined.gaussian_map)
     )
     clock.note("verifying")
-    record = replace(
-        record,
-        moved=int(moving.sum()) if refined.iterations else 0,
-        iterations=refined.iterations,
-        psnr_before_db=_psnr_db(before[0]),
-        psnr_after_db=_psnr_db(after[0]),
-        seconds=clock.stages,
+    record = record.model_copy(
+        update={
+            "refined": int(moving.sum()) if refined.iterations else 0,
+            "iterations": refined.iterations,
+            "psnr_before_db": _psnr_db(before[0]),
+            "psnr_after_db": _psnr_db(after[0]),
+            "seconds": clock.stages,
+        }
     )
     for was, now in zip(before, after, strict=True):  # All in all, and each change.
         if was is None or now is None or not now < was:
             why = f"views held back fit no better: {_words(was)} before, {_words(now)} after"
-            return gaussian_map, replace(record, rejected=why)
+            return gaussian_map, record.model_copy(update={"rejected": why})
     return refined.gaussian_map, record
 
 

@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gslts.change.detector import NEAR_SIGMAS, Detection
+from gslts.change.constants import NEAR_SIGMAS
+from gslts.change.detector import Detection
 from gslts.core.camera import Camera, at_pose, unproject
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
-from gslts.localization.alignment import aligned
+from gslts.localization.alignment import align_pose
 from gslts.rendering.losses import Exposure
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.types import Bools, Floats32
@@ -127,7 +128,7 @@ def aligned_view(view: View, gaussian_map: GaussianMap, threads: int = 0) -> Vie
     whole = view.frame
     same = ~view.changed if whole.mask is None else whole.mask & ~view.changed
     frame = RgbdFrame(whole.rgb, whole.depth, whole.camera, mask=same)
-    pose = aligned(gaussian_map, [frame.halved(), frame], ALIGN_STEPS, threads=threads)
+    pose = align_pose(gaussian_map, [frame.halved(), frame], ALIGN_STEPS, threads=threads)
     if not np.linalg.norm(pose[:3, 3] - whole.camera.world_from_camera[:3, 3]) < MOST_ALIGNED_M:
         return None
     camera = at_pose(whole.camera, pose)

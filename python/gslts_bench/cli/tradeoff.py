@@ -146,13 +146,14 @@ def _against_mapping(
     from gslts.io.atomic_files import empty_folder
     from gslts.mapping.config import PRESETS
     from gslts.mapping.evaluation.held_out import Known
-    from gslts.store.map_folder import folder_of, read_manifest, read_map
+    from gslts.store.manifest import read_manifest, split_version
+    from gslts.store.map_folder import read_map
     from gslts_bench.tradeoff import mapping as bench
     from gslts_bench.tradeoff.mapping_plot import write_plot
     from gslts_bench.tradeoff.rendering import write_csv
 
     gaussian_map, known, opened = read_map(map_path), Known.of(map_path), open_dataset(dataset)
-    folder, _ = folder_of(map_path)
+    folder, _ = split_version(map_path)
     made_in_s = bench.seconds_of(read_manifest(folder)) if folder.is_dir() else None
     visit = bench.visit_of(
         opened, known, lambda frames: tqdm(frames, desc="reading", unit="frame", disable=None)

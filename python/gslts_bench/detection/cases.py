@@ -1,8 +1,8 @@
-"""What change detection is asked: frames of homes in which one, several or no objects changed."""
+"""Cases of change detection: frames of homes in which one, several or no objects changed."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -12,33 +12,34 @@ from pydantic import BaseModel
 from gslts.core.frame import RgbdFrame
 from gslts_bench.detection.several import SeveralMaker
 from gslts_bench.detection.truth import Truth, in_view_px
-from gslts_bench.detection.visits import draw_visit, noise_of_visit, with_light_moved
-from gslts_bench.homes import BenchHome, default_state, shares_of
+from gslts_bench.detection.visits import draw_visit, move_light, visit_noise
+from gslts_bench.homes import BenchHome, default_state, even_shares, source_of
 from gslts_sim.actions import ChangeAction, SceneState
 from gslts_sim.controller import Controller
-from gslts_sim.home_source import STRICT, HomeSource
-from gslts_sim.robot_body import Look
+from gslts_sim.home_source import HomeSource
+from gslts_sim.robot_body import Viewpoint
 from gslts_sim.sensor import NOISE_PRESETS
-from gslts_sim.task import Task, Viewpoint
+from gslts_sim.strict_model import STRICT
+from gslts_sim.task import Task
 
 Part = Literal["single", "pair", "triple", "unchanged"]
 PARTS: tuple[Part, ...] = ("single", "pair", "triple", "unchanged")
 
-LEAST_TASKS = 12
-"""Of a home, so that there are changes to put together."""
+MIN_TASKS = 12
+"""Minimum number of tasks made for a home: pairs and triples are combined from them."""
 
 
 class Case(BaseModel):
-    """One frame, and what should be found in it.
+    """One frame, and the changes that should be found in it.
 
     Attributes:
-        name: Such as `single_03`.
-        part: Of the benchmark.
-        actions: From the default state.
-        viewpoint: Of the robot.
-        sensor_seed: Of the noise, with the exposure.
-        light_shift_m: By which the light of a lamp is moved in x and y.
-        truths: What differs from the default state.
+        name: Name in its home, such as `single_03`.
+        part: Part of the benchmark.
+        actions: Changes of the default state.
+        viewpoint: Viewpoint of the robot.
+        sensor_seed: Seed of noise and exposure.
+        light_shift_m: Shift of the light of a lamp in x and y; None leaves it.
+        truths: Changes in view.
     """
 
     model_config = STRICT
@@ -53,12 +54,12 @@ class Case(BaseModel):
 
 
 class HomeCases(BaseModel):
-    """All that is asked in one home.
+    """All cases of one home.
 
     Attributes:
-        home: How to rebuild it.
-        initial_actions: To its default state.
-        cases: Of different names.
+        home: Where the home comes from.
+        initial_actions: Actions that lead to its default state.
+        cases: Cases of different names.
     """
 
     model_config = STRICT
@@ -70,7 +71,7 @@ class HomeCases(BaseModel):
 
 @dataclass(frozen=True)
 class Counts:
-    """How many cases of each part a home is to have."""
+    """Numbers of cases of a home by part."""
 
     single: int
     pair: int
@@ -78,26 +79,24 @@ class Counts:
     unchanged: int
 
 
-def cases_of(bench: BenchHome, counts: Counts, tell: Callable[[Part], None]) -> HomeCases:
-    """The cases of a home; fewer where it does not give so many.
+def make_cases(bench: BenchHome, counts: Counts) -> HomeCases:
+    """Make the cases of a home; fewer where it does not give so many.
 
     Args:
         bench: The home.
-        counts: How many.
-        tell: Is told each that was made.
+        counts: Numbers of cases.
+
+    Returns:
+        The cases, by part.
 
     Raises:
-        ValueError: Nothing can be changed in it.
+        ValueError: Nothing can be changed in the home.
     """
-    tasks = bench.tasks(max(LEAST_TASKS, counts.single))
-    source = tasks[0].home
-    assert isinstance(source, HomeSource)  # As a bench's home comes from a seed.
+    tasks = bench.tasks(max(MIN_TASKS, counts.single))
+    source = source_of(tasks[0])
     before = default_state(source, tasks[0].initial_actions)
     rng = np.random.default_rng([bench.seed, 1])
-    cases = []
-    for number, task in enumerate(tasks[: counts.single]):
-        cases.append(_single(number, task, before))
-        tell("single")
+    cases = [_single(number, task, before) for number, task in enumerate(tasks[: counts.single])]
     several = SeveralMaker(before, tasks, rng)
     wanted: tuple[tuple[Part, int, int], ...] = (
         ("pair", 2, counts.pair),
@@ -110,55 +109,56 @@ def cases_of(bench: BenchHome, counts: Counts, tell: Callable[[Part], None]) -> 
                     name=f"{part}_{number:02}",
                     part=part,
                     actions=found.actions,
-                    viewpoint=Viewpoint.of(found.look),
+                    viewpoint=found.viewpoint,
                     sensor_seed=int(rng.integers(1 << 31)),
                     truths=found.truths,
                 )
             )
-            tell(part)
     for number in range(counts.unchanged):
         visit = draw_visit(before.home, rng)
         cases.append(
             Case(
                 name=f"unchanged_{number:02}",
                 part="unchanged",
-                viewpoint=Viewpoint.of(visit.look),
+                viewpoint=visit.viewpoint,
                 sensor_seed=int(rng.integers(1 << 31)),
                 light_shift_m=visit.light_shift_m,
             )
         )
-        tell("unchanged")
     return HomeCases(home=source, initial_actions=tasks[0].initial_actions, cases=tuple(cases))
 
 
-def frame_of(case: Case, before: SceneState, bench: BenchHome) -> RgbdFrame:
-    """What the robot sees.
+def take_frame(case: Case, before: SceneState, bench: BenchHome) -> RgbdFrame:
+    """Take the frame of a case.
 
     Args:
-        case: Of that home.
-        before: Its default state.
+        case: Case of the home.
+        before: Default state of the home.
         bench: The home.
 
+    Returns:
+        The frame with the sensor's noise.
+
     Raises:
-        ChangeError: An action cannot be done.
-        ActionError: The robot cannot stand there.
+        ChangeError: An action of the case cannot be done.
+        ActionError: The robot cannot stand at the viewpoint.
     """
-    (frame,) = frames_of(case, before, bench, [case.viewpoint.look])
+    (frame,) = take_frames(case, before, bench, [case.viewpoint])
     return frame
 
 
-def frames_of(
-    case: Case, before: SceneState, bench: BenchHome, looks: Iterable[Look]
+def take_frames(
+    case: Case, before: SceneState, bench: BenchHome, viewpoints: Iterable[Viewpoint]
 ) -> list[RgbdFrame]:
-    """What the robot sees in some looks, one after the other; see `frame_of`."""
+    """Take frames of a case from other viewpoints, in this order; see `take_frame`."""
     state = before
     for action in case.actions:
-        state = state.after(action)
+        state = state.apply(action)
     noise = NOISE_PRESETS[bench.setup.noise]
     if case.part == "unchanged":
-        noise = noise_of_visit(noise)
+        noise = visit_noise(noise)
     if case.light_shift_m is not None:
-        state = SceneState(with_light_moved(state.home, case.light_shift_m), state.aside)
+        state = SceneState(move_light(state.home, case.light_shift_m), state.removed)
     robot = Controller(
         state,
         width=bench.setup.width,
@@ -167,8 +167,8 @@ def frames_of(
         seed=case.sensor_seed,
     )
     frames = []
-    for look in looks:
-        robot.go(look)
+    for viewpoint in viewpoints:
+        robot.go(viewpoint)
         frames.append(robot.observe())
     return frames
 
@@ -176,25 +176,35 @@ def frames_of(
 def _single(number: int, task: Task, before: SceneState) -> Case:
     after = before
     for action in task.change_actions:
-        after = after.after(action)
-    look = task.viewpoint.look
+        after = after.apply(action)
+    viewpoint = task.viewpoint
     return Case(
         name=f"single_{number:02}",
         part="single",
         actions=task.change_actions,
         viewpoint=task.viewpoint,
         sensor_seed=task.sensor.seed_after,
-        truths=(Truth(change=task.change, size_px=in_view_px(task.change, before, after, look)),),
+        truths=(
+            Truth(change=task.change, size_px=in_view_px(task.change, before, after, viewpoint)),
+        ),
     )
 
 
 def counts_of(tasks: int, homes: int) -> list[Counts]:
-    """Of each home, for so many single changes in all."""
+    """Spread cases over homes.
+
+    Args:
+        tasks: Number of single changes of all homes.
+        homes: Number of homes.
+
+    Returns:
+        Numbers of cases of each home.
+    """
     wanted = {
         "single": tasks,
         "pair": round(tasks / 6),
         "triple": round(tasks / 6),
         "unchanged": min(200, round(200 * tasks / 300)),
     }
-    shares = {part: shares_of(count, homes) for part, count in wanted.items()}
+    shares = {part: even_shares(count, homes) for part, count in wanted.items()}
     return [Counts(**{part: shares[part][home] for part in shares}) for home in range(homes)]

@@ -1,10 +1,10 @@
-"""The detectors at work in one home: what they report about each case, and how fast."""
+"""Benchmark of change detection in one home: reports of detectors about each case, and times."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
 from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -14,38 +14,36 @@ from pydantic import BaseModel, Field, FiniteFloat
 from gslts.change.changes import Change
 from gslts.change.detector import ChangeDetector
 from gslts.core.frame import RgbdFrame
-from gslts.io.atomic_files import write_whole
+from gslts.io.atomic_files import write_atomic
 from gslts.localization.config import RelocalizationConfig
 from gslts.localization.landmark_files import read_landmarks
 from gslts.localization.localizer import Localizer
 from gslts.localization.relocalizer import Relocalizer
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
-from gslts_bench.cache import cached_folder, code_digest, digest, native_digest
+from gslts_bench.cache import cached_folder, code_digest
 from gslts_bench.detection.cases import (
     Case,
     Counts,
     HomeCases,
     Part,
-    cases_of,
-    frame_of,
-    frames_of,
+    counts_of,
+    make_cases,
+    take_frame,
+    take_frames,
 )
 from gslts_bench.detection.truth import Truth
 from gslts_bench.detection.variants import STRATEGIES, VARIANTS
-from gslts_bench.detection.watch import TURNS_DEG, WATCH, WATCHED, looks_around, watched
-from gslts_bench.homes import MAP_S, RECORDING_S, BenchHome, default_state
-from gslts_bench.work import Add, Result, Tell, message_of, validated
+from gslts_bench.detection.watch import WATCH, WATCHED, turn_views, watch
+from gslts_bench.homes import BenchHome, default_state
+from gslts_bench.processes import Add
+from gslts_bench.runner import BenchRecord, BenchUnit, attempt
 from gslts_sim.actions import SceneState
-from gslts_sim.home_source import STRICT
-
-CASE_S: dict[Part, float] = {"single": 0.5, "pair": 0.5, "triple": 0.8, "unchanged": 0.1}
-FRAME_S, DETECTION_S = 0.6, 0.1
-"""About how long it takes to make a case, to see it and to look for changes, for the progress."""
+from gslts_sim.strict_model import STRICT
 
 
 class Report(BaseModel):
-    """A change that was detected; see `gslts.change.detector.Change`."""
+    """A detected change; see `gslts.change.changes.Change`."""
 
     model_config = STRICT
 
@@ -53,26 +51,27 @@ class Report(BaseModel):
     confidence: FiniteFloat
     point_m: tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 
+    @classmethod
+    def of(cls, change: Change) -> Report:
+        """Take what a change is judged by."""
+        x, y, z = change.point.tolist()
+        return cls(kind=change.kind, confidence=change.confidence, point_m=(x, y, z))
 
-class Record(BaseModel):
-    """What one detector says about one case.
+
+class Record(BenchRecord):
+    """Reports of one detector about one case.
 
     Attributes:
-        id: Of case and detector.
-        case: Its home and its name, such as `kitchen_0/single_03`.
-        part: Of the benchmark.
+        case: Home and name of the case, such as `kitchen_0/single_03`.
+        part: Part of the benchmark.
         variant: The detector, of `VARIANTS` or `WATCH`.
-        truths: What differs.
-        unreliable: Why nothing can be said.
-        reports: The most certain first.
-        ms: Wall time of the detection, in one frame.
-        cpu_ms: Of all threads of the process meanwhile; less than `ms` where others took the core.
-        error: Why there is no detection; then the rest says nothing.
+        truths: Changes that are in view.
+        unreliable: Reason if the detector does not answer.
+        reports: Detected changes, most confident first.
+        ms: Wall time per frame.
+        cpu_ms: Time of all threads of the process; less than `ms` where others took the core.
     """
 
-    model_config = STRICT
-
-    id: str
     case: str
     part: Part
     variant: str
@@ -81,205 +80,163 @@ class Record(BaseModel):
     reports: tuple[Report, ...] = ()
     ms: Annotated[float, Field(ge=0)] = 0.0
     cpu_ms: Annotated[float, Field(ge=0)] = 0.0
-    error: str | None = None
 
 
 @dataclass(frozen=True)
-class DetectUnit:
+class DetectUnit(BenchUnit[Record, BenchHome]):
     """One home.
 
     Attributes:
-        bench: The home.
-        counts: How many cases.
+        counts: Number of cases.
         trade: Whether single changes are shown to all of `VARIANTS`.
-        code: Digests of the code that makes cases and detects; see `HomeSetup`.
     """
 
-    bench: BenchHome
+    topic = "detect"
+    record = Record
+
     counts: Counts
     trade: bool = False
-    code: dict[str, Any] = field(default_factory=lambda: _code())
 
     @property
-    def name(self) -> str:
-        """That of the home."""
-        return self.bench.name
+    def count(self) -> int:
+        """Number of results when all is done."""
+        return sum(
+            wanted * len(self.variants(part))  # type: ignore[arg-type]
+            for part, wanted in asdict(self.counts).items()
+        )
 
     @cached_property
-    def results(self) -> Path:
-        """The file of records; another one when anything that decides them is another."""
-        key = digest(
-            {
-                "map": self.bench.mapped_of,
-                "cases": self._cases_of,
-                "code": self.code["detect"],
-            }
-        )
-        return self.bench.work / "detect" / f"{self.name}_{key}.jsonl"
+    def cases_of(self) -> dict[str, Any]:
+        """JSON values that decide the cases."""
+        code = code_digest("gslts_bench.detection.cases", without=("gslts.mapping",))
+        return {"home": self.bench.recorded_of, "counts": asdict(self.counts), "code": code}
 
-    def record_of(self, result: Result) -> Record | None:
-        """None of other detectors; see `RecordUnit`."""
-        record = validated(result, Record, self.results)
-        return record if record.variant in self.variants(record.part) else None
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Values that decide the results besides map and code."""
+        return {"cases": self.cases_of}
 
     def variants(self, part: Part) -> tuple[str, ...]:
-        """The detectors that see the cases of a part."""
+        """Return the detectors that see the cases of a part."""
         watching = (WATCH,) if part in ("single", "unchanged") else ()
         return (*(VARIANTS if self.trade and part == "single" else STRATEGIES), *watching)
 
-    def seconds(self, done: frozenset[str]) -> float:
-        """About how long it takes."""
-        counts: dict[Part, int] = asdict(self.counts)  # type: ignore[assignment]
-        wanted = sum(counts[part] * len(self.variants(part)) for part in CASE_S)
-        frames = sum(counts[part] * _frames(self.variants(part)) for part in CASE_S)
-        made = sum(counts[part] * seconds for part, seconds in CASE_S.items())
-        whole = MAP_S + RECORDING_S * self.bench.setup.frames
-        share_left = max(0, wanted - len(done)) / max(1, wanted)
-        seeing = frames * FRAME_S + wanted * DETECTION_S
-        return share_left * seeing + (0 if done else made + whole)
+    def is_asked(self, record: Record) -> bool:
+        """Return whether this run asks for the detector of a record."""
+        return record.variant in self.variants(record.part)
 
-    def run(self, done: frozenset[str], add: Add, tell: Tell) -> None:
-        """Detects what was not detected yet.
+    def count_missing(self, records: Sequence[Record]) -> int:
+        """Return how many single changes the home did not give."""
+        return self.counts.single - len({one.case for one in records if one.part == "single"})
 
-        Raises:
-            ValueError: The home gives no case, or no map can be made of it.
-            OSError: The disk is full.
-        """
-        told = self.cases(tell)
+    def run(self, done: frozenset[str], add: Add) -> None:
+        """Run the detectors that have not seen a case yet; see `Unit`."""
+        home_cases = self.cases()
         left = {
-            case: [one for one in self.variants(case.part) if self._id(case, one) not in done]
-            for case in told.cases
+            case: [name for name in self.variants(case.part) if self._id(case, name) not in done]
+            for case in home_cases.cases
         }
         if not any(left.values()):
             return
-        detectors = Detectors(self.bench.map(tell))
-        before = default_state(told.home, told.initial_actions)
+        detectors = Detectors(self.bench.map())
+        before = default_state(home_cases.home, home_cases.initial_actions)
         for case, variants in left.items():
-            look = cache(partial(frame_of, case, before, self.bench))
+            take = cache(partial(take_frame, case, before, self.bench))
             for variant in variants:
                 if variant == WATCH:
-                    see = partial(self._watched, case, before, detectors)
+                    answer = partial(self._watch, case, before, detectors)
                 else:
-                    see = partial(self._seen, look, detectors, variant)
-                add(self._record(case, variant, see).model_dump(mode="json"))
-                tell(DETECTION_S)
-            tell(FRAME_S * _frames(variants))
+                    answer = partial(self._detect, take, detectors, variant)
+                record = Record(
+                    id=self._id(case, variant),
+                    case=f"{self.name}/{case.name}",
+                    part=case.part,
+                    variant=variant,
+                    truths=case.truths,
+                )
+                add(attempt(record, answer).model_dump(mode="json"))
 
-    def cases(self, tell: Tell = lambda _: None) -> HomeCases:
-        """The cases of the home, made unless they are there."""
+    def cases(self) -> HomeCases:
+        """Return the cases of the home; make them if they are missing."""
 
         def make(folder: Path) -> None:
             folder.mkdir()
-            cases = cases_of(self.bench, self.counts, lambda part: tell(CASE_S[part]))
-            write_whole(folder / "cases.json", cases.model_dump_json(indent=1).encode())
+            cases = make_cases(self.bench, self.counts)
+            write_atomic(folder / "cases.json", cases.model_dump_json(indent=1).encode())
 
-        folder = cached_folder(self.bench.work / "cases" / self.name, self._cases_of, make)
+        folder = cached_folder(self.bench.work / "cases" / self.name, self.cases_of, make)
         return HomeCases.model_validate_json((folder / "cases.json").read_bytes())
-
-    @property
-    def _cases_of(self) -> dict[str, Any]:
-        recorded = self.bench.recorded_of
-        return {"home": recorded, "counts": asdict(self.counts), "code": self.code["cases"]}
 
     def _id(self, case: Case, variant: str) -> str:
         return f"{self.name}/{case.name}: {variant}"
 
-    def _record(self, case: Case, variant: str, see: Callable[[], Seen]) -> Record:
-        record = Record(
-            id=self._id(case, variant),
-            case=f"{self.name}/{case.name}",
-            part=case.part,
-            variant=variant,
-            truths=case.truths,
-        )
-        try:
-            seen = see()
-        except Exception as error:  # Whatever fails is told of its case; others go on.
-            return record.model_copy(update={"error": message_of(error)})
-        found = {
-            "unreliable": seen.unreliable,
-            "reports": tuple(map(report_of, seen.changes)),
-            "ms": seen.ms,
-            "cpu_ms": seen.cpu_ms,
-        }
-        return record.model_copy(update=found)
-
-    def _seen(self, look: Callable[[], RgbdFrame], detectors: Detectors, variant: str) -> Seen:
-        frame, detector = look(), detectors.of(variant)
+    def _detect(
+        self, take: Callable[[], RgbdFrame], detectors: Detectors, variant: str
+    ) -> dict[str, Any]:
+        frame, detector = take(), detectors.of(variant)
         clock = _Clock()
         if VARIANTS[variant].locate:
-            frame = detectors.located(frame)
+            frame = detectors.localize(frame)
         detection = detector.detect(frame)
-        return Seen(detection.unreliable, detection.changes, *clock.ms())
+        return _answer(detection.unreliable, detection.changes, clock)
 
-    def _watched(self, case: Case, before: SceneState, detectors: Detectors) -> Seen:
-        frames = frames_of(case, before, self.bench, looks_around(case.viewpoint.look))
-        clock = _Clock()
-        unreliable, changes = watched(detectors.of(WATCHED), frames)
-        return Seen(unreliable, tuple(changes), *clock.ms(len(frames)))
-
-
-@dataclass(frozen=True, eq=False)
-class Seen:
-    """What a detector says; see `Record`."""
-
-    unreliable: str | None
-    changes: tuple[Change, ...]
-    ms: float
-    cpu_ms: float
+    def _watch(self, case: Case, before: SceneState, detectors: Detectors) -> dict[str, Any]:
+        frames = take_frames(case, before, self.bench, turn_views(case.viewpoint))
+        clock = _Clock(len(frames))
+        unreliable, changes = watch(detectors.of(WATCHED), frames)
+        return _answer(unreliable, changes, clock)
 
 
-class _Clock:
-    """Takes the time since it was made."""
+def units_of(homes: Sequence[BenchHome], tasks: int, *, trade: bool) -> list[DetectUnit]:
+    """List the work of the benchmark.
 
-    def __init__(self) -> None:
-        self._start_s, self._start_cpu_s = time.perf_counter(), time.process_time()
-
-    def ms(self, frames: int = 1) -> tuple[float, float]:
-        """Wall time of each frame, and that of all threads of the process meanwhile."""
-        wall_s = time.perf_counter() - self._start_s
-        return 1000 * wall_s / frames, 1000 * (time.process_time() - self._start_cpu_s) / frames
+    Args:
+        homes: At least one.
+        tasks: Number of single changes in all homes.
+        trade: Whether speed against accuracy is measured too.
+    """
+    counts = counts_of(tasks, len(homes))
+    return [DetectUnit(home, own, trade) for home, own in zip(homes, counts, strict=True)]
 
 
 class Detectors:
-    """Those of one map, made when they are asked for.
+    """Detectors of one map, made when they are first asked for.
 
     Args:
-        folder: Of the map.
+        folder: Folder of the map.
     """
 
     def __init__(self, folder: Path) -> None:
         self._map = read_map(folder)
         self._cameras = cameras_of_map(folder).values()
-        self._made: dict[str, ChangeDetector] = {}
+        self._detectors: dict[str, ChangeDetector] = {}
         landmarks = read_landmarks(folder)
         self._relocalizer = Relocalizer(self._map, landmarks, RelocalizationConfig(threads=1))
 
     def of(self, variant: str) -> ChangeDetector:
-        """The detector of that name, of `VARIANTS`."""
-        if variant not in self._made:
-            self._made[variant] = VARIANTS[variant].detector(self._map, self._cameras)
-        return self._made[variant]
+        """Return the detector of a name in `VARIANTS`."""
+        if variant not in self._detectors:
+            self._detectors[variant] = VARIANTS[variant].detector(self._map, self._cameras)
+        return self._detectors[variant]
 
-    def located(self, frame: RgbdFrame) -> RgbdFrame:
-        """The frame where the map says that it was taken, found from nothing."""
+    def localize(self, frame: RgbdFrame) -> RgbdFrame:
+        """Return a frame with the pose that the map gives it, without a prior."""
         return Localizer(self._relocalizer).located(frame)
 
 
-def _frames(variants: Iterable[str]) -> int:
-    """How many frames of a case are made for some detectors."""
-    single = any(variant != WATCH for variant in variants)
-    return single + len(TURNS_DEG) * (WATCH in variants)
+class _Clock:
+    """Measures the time per frame since it was made."""
+
+    def __init__(self, frames: int = 1) -> None:
+        self._frames = frames
+        self._start_s, self._start_cpu_s = time.perf_counter(), time.process_time()
+
+    def ms(self) -> dict[str, float]:
+        wall_s = time.perf_counter() - self._start_s
+        cpu_s = time.process_time() - self._start_cpu_s
+        return {"ms": 1000 * wall_s / self._frames, "cpu_ms": 1000 * cpu_s / self._frames}
 
 
-def report_of(change: Change) -> Report:
-    """What a change is judged by."""
-    x, y, z = change.point.tolist()
-    return Report(kind=change.kind, confidence=change.confidence, point_m=(x, y, z))
-
-
-def _code() -> dict[str, Any]:
-    return {
-        "cases": code_digest("gslts_bench.detection.cases", without=("gslts.mapping",)),
-        "detect": {"python": code_digest(__name__), "native": native_digest()},
-    }
+def _answer(unreliable: str | None, changes: Sequence[Change], clock: _Clock) -> dict[str, Any]:
+    times = clock.ms()
+    return {"unreliable": unreliable, "reports": tuple(map(Report.of, changes)), **times}

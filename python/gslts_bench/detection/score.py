@@ -1,4 +1,4 @@
-"""Whether what was detected is what happened."""
+"""Scores of detections by the changes that happened."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ from gslts_bench.detection.run import Record, Report
 from gslts_sim.task import Change
 
 REGION_M = 1.0
-"""A report is in the region of a change if it is as near to the middle of the object's box."""
+"""Maximum distance of a report from the centre of the changed object's box, as in GS-LTS."""
 SIZES_PX = (500, 2000, 8000)
-"""Where the table of sizes begins a new row."""
+"""Edges between the rows of the table of object sizes."""
 NONE, UNRELIABLE = "none", "unreliable"
+"""Types in the table of reports besides those of changes."""
 
 
 def in_region(report: Report, change: Change) -> bool:
-    """Whether a report points at where the object was or is."""
+    """Return whether a report is near where the object of a change was or is."""
     boxes = [np.array(box) for box in (change.box_before, change.box_after) if box is not None]
     middles = np.stack([box.mean(axis=0) for box in boxes])
     metres = np.linalg.norm(middles - np.array(report.point_m), axis=1)
@@ -26,35 +27,35 @@ def in_region(report: Report, change: Change) -> bool:
 
 
 def fits(report: Report, change: Change) -> bool:
-    """Whether a report tells a change: its type, and its region."""
+    """Return whether type and region of a report are those of a change."""
     return report.kind == change.kind and in_region(report, change)
 
 
-def most_matched(reports: Sequence[Report], changes: Sequence[Change]) -> int:
-    """How many changes can be given a report that fits, each report to one change."""
+def count_matches(reports: Sequence[Report], changes: Sequence[Change]) -> int:
+    """Count changes with a report that fits, each report used once, in the best assignment."""
     if not changes:
         return 0
     first, rest = changes[0], changes[1:]
-    best = most_matched(reports, rest)
+    best = count_matches(reports, rest)
     for k, report in enumerate(reports):
         if fits(report, first):
-            best = max(best, 1 + most_matched([*reports[:k], *reports[k + 1 :]], rest))
+            best = max(best, 1 + count_matches([*reports[:k], *reports[k + 1 :]], rest))
     return best
 
 
 @dataclass(frozen=True)
 class SingleScore:
-    """How one frame with one change was judged.
+    """Score of a frame with one change.
 
     Attributes:
-        kind: Of the change.
-        said: Type of the most certain report, `NONE` or `UNRELIABLE`.
-        right: Type and region of the most certain report are.
-        region: Its region is.
-        found: Any report fits.
-        extra: Reports beside the one that may fit.
-        size_px: Of the object.
-        object_type: Of the object.
+        kind: Type of the change.
+        said: Type of the most confident report, `NONE` or `UNRELIABLE`.
+        right: Whether type and region of the most confident report are right.
+        region: Whether its region is right.
+        found: Whether any report fits.
+        extra: Number of reports besides the one that fits.
+        size_px: Size of the object in view.
+        object_type: Type of the object.
     """
 
     kind: str
@@ -68,7 +69,7 @@ class SingleScore:
 
     @classmethod
     def of(cls, record: Record) -> SingleScore:
-        """That of a record without error, of a single change."""
+        """Score the record of a single change."""
         (truth,) = record.truths
         change, reports = truth.change, record.reports
         found = any(fits(report, change) for report in reports)
@@ -87,13 +88,13 @@ class SingleScore:
 
 @dataclass(frozen=True)
 class SeveralScore:
-    """How frames with several changes were judged, all together.
+    """Score of all frames with several changes.
 
     Attributes:
-        changes: That happened.
-        found: Of them.
-        false: Reports that tell none.
-        frames: How many.
+        changes: Number of changes.
+        found: Number of changes with a report that fits.
+        false: Number of reports that fit no change.
+        frames: Number of frames.
     """
 
     changes: int
@@ -103,18 +104,18 @@ class SeveralScore:
 
     @classmethod
     def of(cls, records: Iterable[Record]) -> SeveralScore:
-        """That of records without errors."""
+        """Score records."""
         changes = found = reported = frames = 0
         for record in records:
             frames += 1
             changes += len(record.truths)
             reported += len(record.reports)
-            found += most_matched(record.reports, [truth.change for truth in record.truths])
+            found += count_matches(record.reports, [truth.change for truth in record.truths])
         return cls(changes, found, reported - found, frames)
 
 
 def is_right(record: Record) -> bool:
-    """Whether a record without error tells all that happened, and in single changes first."""
+    """Return whether a record has all changes and no others; of one change, whether it is first."""
     if record.part == "single":
         return SingleScore.of(record).right
     score = SeveralScore.of([record])
@@ -122,7 +123,7 @@ def is_right(record: Record) -> bool:
 
 
 def size_name(size_px: int) -> str:
-    """The row of a size in tables."""
+    """Return the row of an object's size in tables."""
     below = [edge for edge in SIZES_PX if edge <= size_px]
     above = [edge for edge in SIZES_PX if edge > size_px]
     if not below:

@@ -1,4 +1,4 @@
-"""Changes that happen at once, and a view in which all of them are seen."""
+"""Several changes at once, and a viewpoint from which all of them are seen."""
 
 from __future__ import annotations
 
@@ -11,33 +11,38 @@ from gslts_bench.detection.truth import Truth, in_view_px
 from gslts_sim.actions import GRID_M, ChangeAction, SceneState
 from gslts_sim.changes import ChangeError
 from gslts_sim.ray_scene import RayScene
-from gslts_sim.robot_body import Look, floor_of
+from gslts_sim.robot_body import Viewpoint, floor_of
 from gslts_sim.task import Task
-from gslts_sim.trial import DISTANCE_M, FIRST_SHARE_PX, JITTER_DEG, SEEN_SHARE
-from gslts_sim.viewpoints import SIZE_PX, Sight, eyes_above, look_from
+from gslts_sim.task_viewpoints import (
+    FIRST_VIEW_FRACTION,
+    JITTER_DEG,
+    MIN_VISIBLE_FRACTION,
+    VIEW_DISTANCE_M,
+)
+from gslts_sim.viewpoints import SIZE_PX, ObjectVisibility, camera_positions, viewpoint_towards
 
 TRIES_PER_CASE = 40
-"""Sets of changes that are tried for each that is wanted."""
-LOOKS_PER_SET = 12
-"""Places that are looked from, at most, for each set."""
+"""Maximum number of sets of changes tried per set that is wanted."""
+VIEWPOINTS_PER_SET = 12
+"""Maximum number of viewpoints tried per set of changes."""
 
 
 @dataclass(frozen=True, eq=False)
 class Several:
-    """Changes that happen one after the other, and a look that sees each as a single task must."""
+    """Consecutive changes and a viewpoint that sees each as well as a single task must."""
 
     actions: tuple[ChangeAction, ...]
-    look: Look
+    viewpoint: Viewpoint
     truths: tuple[Truth, ...]
 
 
 class SeveralMaker:
-    """Puts the changes of single tasks of one home together.
+    """Combines the changes of single tasks of one home.
 
     Args:
-        before: Its default state.
-        tasks: All from that state.
-        rng: Decides everything.
+        before: Default state of the home.
+        tasks: Tasks from that state.
+        rng: Source of all randomness.
     """
 
     def __init__(self, before: SceneState, tasks: Sequence[Task], rng: np.random.Generator) -> None:
@@ -45,7 +50,7 @@ class SeveralMaker:
         self._scene = RayScene(before.home)
 
     def make(self, size: int, count: int) -> Iterator[Several]:
-        """Up to `count` different sets of `size` changes."""
+        """Yield up to `count` different sets of `size` changes."""
         known: set[frozenset[int]] = set()
         made = 0
         for _ in range(TRIES_PER_CASE * count):
@@ -55,55 +60,59 @@ class SeveralMaker:
             if frozenset(rows) in known:
                 continue
             known.add(frozenset(rows))
-            several = self._together([self._tasks[row] for row in rows])
+            several = self._combine([self._tasks[row] for row in rows])
             if several is not None:
                 made += 1
                 yield several
 
-    def _together(self, tasks: Sequence[Task]) -> Several | None:
-        """The changes of tasks, or None if they exclude each other or no look sees all."""
+    def _combine(self, tasks: Sequence[Task]) -> Several | None:
+        """Combine tasks; None if they exclude each other or no viewpoint sees all."""
         if len({task.change.object_id for task in tasks}) < len(tasks):
             return None
         actions = tuple(action for task in tasks for action in task.change_actions)
         after = self._before
         try:
             for action in actions:
-                after = after.after(action)
+                after = after.apply(action)
         except ChangeError:
             return None
-        look = self._look(tasks, after)
-        if look is None:
+        viewpoint = self._find_viewpoint(tasks, after)
+        if viewpoint is None:
             return None
         truths = [
-            Truth(change=task.change, size_px=in_view_px(task.change, self._before, after, look))
+            Truth(
+                change=task.change, size_px=in_view_px(task.change, self._before, after, viewpoint)
+            )
             for task in tasks
         ]
-        return Several(actions, look, tuple(truths))
+        return Several(actions, viewpoint, tuple(truths))
 
-    def _look(self, tasks: Sequence[Task], after: SceneState) -> Look | None:
+    def _find_viewpoint(self, tasks: Sequence[Task], after: SceneState) -> Viewpoint | None:
         scene = RayScene(after.home)
         sights = []
         for task in tasks:
             change = task.change
             if change.box_before is not None:
-                sights.append(Sight(self._before.home, self._scene, change.object_id))
+                sights.append(ObjectVisibility(self._before.home, self._scene, change.object_id))
             if change.box_after is not None:
-                sights.append(Sight(after.home, scene, change.object_id))
+                sights.append(ObjectVisibility(after.home, scene, change.object_id))
         floors = [floor_of(self._before.home), floor_of(after.home)]
-        places = floors[0].places(GRID_M)
+        places = floors[0].grid_positions(GRID_M)
         places = places[[floors[1].can_stand(place) for place in places]]
-        eyes = eyes_above(self._before.home, places)
-        middles = np.stack([sight.middle for sight in sights])
+        eyes = camera_positions(self._before.home, places)
+        middles = np.stack([sight.center for sight in sights])
         metres = np.linalg.norm(eyes[:, None] - middles, axis=-1)
-        fit = ((metres >= DISTANCE_M[0]) & (metres <= DISTANCE_M[1])).all(axis=1)
+        fit = ((metres >= VIEW_DISTANCE_M[0]) & (metres <= VIEW_DISTANCE_M[1])).all(axis=1)
         places = self._rng.permutation(places[fit])
         if len(places) == 0:
             return None
-        shares = np.min([sight.seen_share(places) for sight in sights], axis=0)
-        least, most = FIRST_SHARE_PX * np.prod(SIZE_PX)
-        for place in places[shares >= SEEN_SHARE][:LOOKS_PER_SET]:
+        shares = np.min([sight.visible_fraction(places) for sight in sights], axis=0)
+        least, most = FIRST_VIEW_FRACTION * np.prod(SIZE_PX)
+        for place in places[shares >= MIN_VISIBLE_FRACTION][:VIEWPOINTS_PER_SET]:
             jitter_deg = self._rng.uniform(-JITTER_DEG, JITTER_DEG, 2)
-            look = look_from(self._before.home, place, middles.mean(axis=0), jitter_deg)
-            if all(least <= sight.seen_px(look) <= most for sight in sights):
-                return look
+            viewpoint = viewpoint_towards(
+                self._before.home, place, middles.mean(axis=0), jitter_deg
+            )
+            if all(least <= sight.visible_px(viewpoint) <= most for sight in sights):
+                return viewpoint
         return None

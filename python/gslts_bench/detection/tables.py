@@ -1,4 +1,4 @@
-"""The results of change detection, as numbers and as tables in Markdown."""
+"""Numbers and tables of change detection."""
 
 from __future__ import annotations
 
@@ -17,122 +17,147 @@ from gslts_bench.detection.score import (
     SingleScore,
     size_name,
 )
-from gslts_bench.detection.variants import STRATEGIES, TRADE
+from gslts_bench.detection.variants import STRATEGIES, TRADE, VARIANTS
 from gslts_bench.detection.watch import TURNS_DEG, WATCH
-from gslts_bench.markdown import mean, share, table
+from gslts_bench.runner import Benchmark
+from gslts_bench.tables import Table, mean, number, share
 from gslts_sim.tasks import KINDS
 
 SAID = (*KINDS, NONE, UNRELIABLE)
 
 
-def summary(records: Iterable[Record], variant: str) -> dict[str, Any]:
-    """The numbers of one detector, in values of JSON; shares as [count, of]."""
-    own = [one for one in records if one.variant == variant and one.error is None]
-    singles = [SingleScore.of(one) for one in own if one.part == "single"]
-    several = {
-        part: SeveralScore.of(one for one in own if one.part == part) for part in ("pair", "triple")
+def summarize(records: Sequence[Record]) -> dict[str, Any]:
+    """Compute the numbers of all detectors.
+
+    Args:
+        records: Records without error.
+
+    Returns:
+        JSON values: `cases` counts them in words, `detectors` holds `summary` by name.
+    """
+    asked = {record.variant for record in records} | set(STRATEGIES)
+    parts: Counter[str] = Counter({record.case: record.part for record in records}.values())
+    homes = {record.case.partition("/")[0] for record in records}
+    names = {"single": "single changes", "pair": "pairs", "triple": "triples"}
+    names["unchanged"] = "visits of unchanged homes"
+    cases = ", ".join(f"{parts[part]} {name}" for part, name in names.items())
+    return {
+        "cases": f"{cases}; {len(homes)} home(s)",
+        "detectors": {name: summary(records, name) for name in (*VARIANTS, WATCH) if name in asked},
     }
-    visits = [one for one in own if one.part == "unchanged"]
+
+
+def summary(records: Iterable[Record], variant: str) -> dict[str, Any]:
+    """Compute the numbers of one detector.
+
+    Args:
+        records: Records without error.
+        variant: Name of the detector.
+
+    Returns:
+        JSON values; shares as [count, of].
+    """
+    own = [record for record in records if record.variant == variant]
+    singles = [SingleScore.of(record) for record in own if record.part == "single"]
+    visits = [record for record in own if record.part == "unchanged"]
     count = len(singles)
+    several = {}
+    for part in ("pair", "triple"):
+        score = SeveralScore.of(record for record in own if record.part == part)
+        several[part] = {
+            "found": [score.found, score.changes],
+            "false_reports": [score.false, score.frames],
+        }
+    object_types = sorted({score.object_type for score in singles})
+    of_singles = [record for record in own if record.part == "single"]
     return {
         "single": {
-            "right": [sum(one.right for one in singles), count],
-            "type": [sum(one.said == one.kind for one in singles), count],
-            "region": [sum(one.region for one in singles), count],
-            "found": [sum(one.found for one in singles), count],
-            "unreliable": [sum(one.said == UNRELIABLE for one in singles), count],
-            "extra_reports": [sum(one.extra for one in singles), count],
-            "by_type": _by(singles, lambda one: one.kind, KINDS),
-            "by_size": _by(singles, lambda one: size_name(one.size_px), SIZE_NAMES),
-            "by_object": _by(
-                singles, lambda one: one.object_type, sorted({one.object_type for one in singles})
-            ),
+            "right": [sum(score.right for score in singles), count],
+            "type": [sum(score.said == score.kind for score in singles), count],
+            "region": [sum(score.region for score in singles), count],
+            "found": [sum(score.found for score in singles), count],
+            "unreliable": [sum(score.said == UNRELIABLE for score in singles), count],
+            "extra_reports": [sum(score.extra for score in singles), count],
+            "by_type": _by(singles, lambda score: score.kind, KINDS),
+            "by_size": _by(singles, lambda score: size_name(score.size_px), SIZE_NAMES),
+            "by_object": _by(singles, lambda score: score.object_type, object_types),
             "confusion": confusion(singles),
             "confusion_by_size": {
-                name: confusion([one for one in singles if size_name(one.size_px) == name])
+                name: confusion([score for score in singles if size_name(score.size_px) == name])
                 for name in SIZE_NAMES
             },
         },
-        **{
-            part: {
-                "found": [score.found, score.changes],
-                "false_reports": [score.false, score.frames],
-            }
-            for part, score in several.items()
-        },
+        **several,
         "unchanged": {
-            "with_reports": [sum(bool(one.reports) for one in visits), len(visits)],
-            "unreliable": [sum(one.unreliable is not None for one in visits), len(visits)],
+            "with_reports": [sum(bool(record.reports) for record in visits), len(visits)],
+            "unreliable": [sum(record.unreliable is not None for record in visits), len(visits)],
         },
         "ms": {
-            "single": _median([one.ms for one in own if one.part == "single"]),
-            "single_cpu": _median([one.cpu_ms for one in own if one.part == "single"]),
-            "all": _median([one.ms for one in own]),
-            "all_cpu": _median([one.cpu_ms for one in own]),
+            "single": _median([record.ms for record in of_singles]),
+            "single_cpu": _median([record.cpu_ms for record in of_singles]),
+            "all": _median([record.ms for record in own]),
+            "all_cpu": _median([record.cpu_ms for record in own]),
         },
     }
 
 
 def confusion(singles: Iterable[SingleScore]) -> dict[str, dict[str, int]]:
-    """How often each type of change was told as each type, as none or not at all."""
-    counts = Counter((one.kind, one.said) for one in singles)
+    """Count how often each type of change was reported as each type, as none or not at all."""
+    counts = Counter((score.kind, score.said) for score in singles)
     return {kind: {said: counts[kind, said] for said in SAID} for kind in KINDS}
 
 
-def counted(records: Sequence[Record]) -> str:
-    """How many cases there are of each part, and in how many homes."""
-    parts: Counter[str] = Counter(
-        {one.case: one.part for one in records if one.error is None}.values()
-    )
-    homes = {one.case.partition("/")[0] for one in records if one.error is None}
-    names = {"single": "single changes", "pair": "pairs", "triple": "triples"}
-    names["unchanged"] = "visits of unchanged homes"
-    cases = ", ".join(f"{parts[part]} {name}" for part, name in names.items())
-    return f"{cases}; {len(homes)} home(s)"
+def tabulate(found: Mapping[str, Any]) -> list[Table]:
+    """Make all tables.
+
+    Args:
+        found: From `summarize`.
+    """
+    detectors = found["detectors"]
+    strategies = {name: detectors[name] for name in STRATEGIES}
+    tables = [_overview(strategies)]
+    if WATCH in detectors:
+        tables += [_watching(detectors[WATCH])]
+    tables += [
+        _compared("Type and region right, by type of change", strategies, "by_type"),
+        _compared(
+            "Type and region right, by size of the object in view (of 640 x 480)",
+            strategies,
+            "by_size",
+        ),
+        _compared("Type and region right, by object", strategies, "by_object"),
+    ]
+    tables += [_confusions(name, strategy["single"]) for name, strategy in strategies.items()]
+    if all(name in detectors for name in TRADE):
+        tables += [_trade({name: detectors[name] for name in TRADE})]
+    return tables
 
 
-def printed(summaries: Mapping[str, dict[str, Any]]) -> str:
-    """All tables; `summaries` are those of `STRATEGIES`, and of others that were measured."""
-    strategies = {name: summaries[name] for name in STRATEGIES}
-    parts = ["## Change detection", _overview(strategies)]
-    if WATCH in summaries:
-        title = f"### {len(TURNS_DEG)} frames as the robot turns, confirmed by `ChangeMonitor`"
-        parts += [title, _watching(summaries[WATCH])]
-    for title, key in (
-        ("Type and region right, by type of change", "by_type"),
-        ("Type and region right, by size of the object in view (of 640 x 480)", "by_size"),
-        ("Type and region right, by object", "by_object"),
-    ):
-        parts += [f"### {title}", _compared(strategies, key)]
-    for name, one in strategies.items():
-        parts += [f"### What `{name}` said of each type of change", _confusions(one["single"])]
-    if all(name in summaries for name in TRADE):
-        parts += ["### Speed against accuracy", _trade({name: summaries[name] for name in TRADE})]
-    return "\n\n".join(parts)
+BENCHMARK = Benchmark("Change detection", "detecting", summarize, tabulate)
 
 
 def _by(
     singles: Sequence[SingleScore], key: Callable[[SingleScore], str], names: Iterable[str]
 ) -> dict[str, list[int]]:
     groups: dict[str, list[bool]] = {name: [] for name in names}
-    for one in singles:
-        groups[key(one)].append(one.right)
+    for score in singles:
+        groups[key(score)].append(score.right)
     return {name: [sum(rights), len(rights)] for name, rights in groups.items()}
 
 
-def _overview(strategies: Mapping[str, dict[str, Any]]) -> str:
-    def row(name: str, wanted: str, tell: Callable[[dict[str, Any]], str]) -> list[str]:
-        return [name, *map(tell, strategies.values()), wanted]
+def _overview(strategies: Mapping[str, dict[str, Any]]) -> Table:
+    def row(name: str, target: str, cell: Callable[[dict[str, Any]], str]) -> list[str]:
+        return [name, *map(cell, strategies.values()), target]
 
-    def several(one: dict[str, Any], key: str) -> tuple[int, int]:
-        pairs, triples = one["pair"][key], one["triple"][key]
+    def several(numbers: dict[str, Any], key: str) -> tuple[int, int]:
+        pairs, triples = numbers["pair"][key], numbers["triple"][key]
         return pairs[0] + triples[0], pairs[1] + triples[1]
 
     rows = [
         row("one change: type and region right", "90 %", lambda s: share(*s["single"]["right"])),
         row("- type right", "", lambda s: share(*s["single"]["type"])),
         row("- region right", "", lambda s: share(*s["single"]["region"])),
-        row("- told by any report", "", lambda s: share(*s["single"]["found"])),
+        row("- found by any report", "", lambda s: share(*s["single"]["found"])),
         row("- unreliable", "", lambda s: share(*s["single"]["unreliable"])),
         row("- other reports in a frame", "", lambda s: mean(*s["single"]["extra_reports"])),
         row("two and three changes: found", "80 %", lambda s: share(*several(s, "found"))),
@@ -141,65 +166,61 @@ def _overview(strategies: Mapping[str, dict[str, Any]]) -> str:
         row("- false reports in a frame", "", lambda s: mean(*several(s, "false_reports"))),
         row("no change: visits with reports", "1 of 200", _false_visits),
         row("- unreliable", "", lambda s: share(*s["unchanged"]["unreliable"])),
-        row("median time on one core", "60 ms", lambda s: _ms(s["ms"]["all"])),
-        row("- of it on the core", "", lambda s: _ms(s["ms"]["all_cpu"])),
+        row("median time on one core", "60 ms", lambda s: number(s["ms"]["all"], 0, "ms")),
+        row("- CPU time", "", lambda s: number(s["ms"]["all_cpu"], 0, "ms")),
     ]
-    return table(["", *(f"`{name}`" for name in strategies), "wanted"], rows)
+    return Table("", ["", *(f"`{name}`" for name in strategies), "target"], rows)
 
 
-def _watching(one: dict[str, Any]) -> str:
+def _watching(numbers: dict[str, Any]) -> Table:
     rows = [
-        ["one change: told", share(*one["single"]["found"])],
-        ["- other reports", mean(*one["single"]["extra_reports"])],
-        ["no change: visits with reports", _false_visits(one)],
-        ["- unreliable", share(*one["unchanged"]["unreliable"])],
+        ["one change: found", share(*numbers["single"]["found"])],
+        ["- other reports", mean(*numbers["single"]["extra_reports"])],
+        ["no change: visits with reports", _false_visits(numbers)],
+        ["- unreliable", share(*numbers["unchanged"]["unreliable"])],
     ]
-    return table(["", f"`{WATCH}`"], rows)
+    title = f"{len(TURNS_DEG)} frames as the robot turns, confirmed by `ChangeMonitor`"
+    return Table(title, ["", f"`{WATCH}`"], rows)
 
 
-def _false_visits(one: dict[str, Any]) -> str:
-    count, of = one["unchanged"]["with_reports"]
+def _false_visits(numbers: dict[str, Any]) -> str:
+    count, of = numbers["unchanged"]["with_reports"]
     return f"{count} of {of}"
 
 
-def _compared(strategies: Mapping[str, dict[str, Any]], key: str) -> str:
-    groups = [one["single"][key] for one in strategies.values()]
-    # Where all cases of an object failed in one of them, it is not there.
+def _compared(title: str, strategies: Mapping[str, dict[str, Any]], key: str) -> Table:
+    groups = [numbers["single"][key] for numbers in strategies.values()]
+    # An object is not in a group where all of its cases failed.
     names = dict.fromkeys(name for group in groups for name in group)
     rows = [[name, *(share(*group.get(name, (0, 0))) for group in groups)] for name in names]
-    return table(["", *(f"`{name}`" for name in strategies)], rows)
+    return Table(title, ["", *(f"`{name}`" for name in strategies)], rows)
 
 
-def _confusions(single: dict[str, Any]) -> str:
+def _confusions(name: str, single: dict[str, Any]) -> Table:
     rows = [
         [f"{kind}, {size}", *(str(counts[said]) for said in SAID)]
         for size, of_size in (("all", single["confusion"]), *single["confusion_by_size"].items())
         for kind, counts in of_size.items()
         if any(counts.values())
     ]
-    return table(["happened", *SAID], rows)
+    return Table(f"Reports of `{name}` by type of change", ["happened", *SAID], rows)
 
 
-def _trade(summaries: Mapping[str, dict[str, Any]]) -> str:
+def _trade(detectors: Mapping[str, dict[str, Any]]) -> Table:
     rows = [
         [
             name,
-            share(*one["single"]["right"]),
-            share(*one["single"]["found"]),
-            mean(*one["single"]["extra_reports"]),
-            _ms(one["ms"]["single"]),
-            _ms(one["ms"]["single_cpu"]),
+            share(*numbers["single"]["right"]),
+            share(*numbers["single"]["found"]),
+            mean(*numbers["single"]["extra_reports"]),
+            number(numbers["ms"]["single"], 0, "ms"),
+            number(numbers["ms"]["single_cpu"], 0, "ms"),
         ]
-        for name, one in summaries.items()
+        for name, numbers in detectors.items()
     ]
-    header = ["", "type and region right", "told by any report", "other reports"]
-    header += ["median time", "of it on the core"]
-    return table(header, rows)
+    header = ["", "type and region right", "found by any report", "other reports"]
+    return Table("Speed against accuracy", [*header, "median time", "CPU time"], rows)
 
 
 def _median(times: Sequence[float]) -> float | None:
     return float(np.median(times)) if times else None
-
-
-def _ms(ms: float | None) -> str:
-    return "-" if ms is None else f"{ms:.0f} ms"

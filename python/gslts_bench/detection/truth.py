@@ -1,4 +1,4 @@
-"""What a change in view is, for those who judge whether it was found."""
+"""Ground truth of a change in view."""
 
 from __future__ import annotations
 
@@ -7,23 +7,23 @@ from typing import Annotated
 from pydantic import BaseModel, Field
 
 from gslts_sim.actions import SceneState
-from gslts_sim.home_source import STRICT
 from gslts_sim.ray_scene import RayScene
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
+from gslts_sim.strict_model import STRICT
 from gslts_sim.task import Change
-from gslts_sim.viewpoints import Sight
+from gslts_sim.viewpoints import ObjectVisibility
 
 COUNTED_SIZE_PX = (640, 480)
-"""Of the images in which objects are counted, whatever the size of those that a robot takes."""
+"""Image size in which pixels of objects are counted, whatever the size of the robot's images."""
 
 
 class Truth(BaseModel):
     """A change in view.
 
     Attributes:
-        change: What and where.
-        size_px: Pixels of the object, of 640 x 480; the fewer of those before and after where it
-            moved.
+        change: Object, type and boxes.
+        size_px: Pixels of the object, of 640 x 480; the smaller of the numbers before and after
+            where it was relocated.
     """
 
     model_config = STRICT
@@ -32,11 +32,19 @@ class Truth(BaseModel):
     size_px: Annotated[int, Field(ge=0)]
 
 
-def in_view_px(change: Change, before: SceneState, after: SceneState, look: Look) -> int:
-    """`Truth.size_px` of a change in the view of a look."""
+def in_view_px(change: Change, before: SceneState, after: SceneState, viewpoint: Viewpoint) -> int:
+    """Count the pixels of a changed object; see `Truth.size_px`.
+
+    Args:
+        change: The change.
+        before: State of the home before it.
+        after: State of the home after it.
+        viewpoint: Viewpoint of the robot.
+    """
     states = ((change.box_before, before), (change.box_after, after))
-    return min(
-        Sight(state.home, RayScene(state.home), change.object_id).seen_px(look, COUNTED_SIZE_PX)
-        for box, state in states
-        if box is not None
-    )
+    counts = []
+    for box, state in states:
+        if box is not None:
+            visibility = ObjectVisibility(state.home, RayScene(state.home), change.object_id)
+            counts.append(visibility.visible_px(viewpoint, COUNTED_SIZE_PX))
+    return min(counts)

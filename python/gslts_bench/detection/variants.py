@@ -1,4 +1,4 @@
-"""The change detectors that are compared."""
+"""Change detectors that are compared."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from gslts.types import Floats32
 
 
 class NoFeatures:
-    """Everything is alike, so that features tell nothing."""
+    """Features that are the same everywhere, to measure detection without them."""
 
     def __call__(self, rgb: Floats32) -> Floats32:  # noqa: ARG002
-        """See `FeatureExtractor`."""
+        """Return one feature for the whole image; see `FeatureExtractor`."""
         return np.ones((1, 1, 1), np.float32)
 
 
 @dataclass(frozen=True)
 class Variant:
-    """One detector; it runs on one thread, as its time is that of one core.
+    """One detector, which runs on one thread, as its time is that of one core.
 
     Attributes:
         config: Settings.
-        features: Extractor.
-        locate: Whether it is told no pose: the map tells where frames were taken.
+        features: Feature extractor.
+        locate: Whether frames come without a pose and are localized in the map.
     """
 
     config: DetectionConfig
@@ -38,23 +38,25 @@ class Variant:
     locate: bool = False
 
     def detector(self, gaussian_map: GaussianMap, cameras: Iterable[Camera]) -> ChangeDetector:
-        """The detector for a map, made from frames of those cameras."""
+        """Make the detector for a map and the cameras that it was made from."""
         return ChangeDetector(gaussian_map, self.config, features=self.features, cameras=cameras)
 
 
 STRATEGIES = {
     "objects": Variant(DetectionConfig(strategy="objects", threads=1)),
     "located": Variant(DetectionConfig(strategy="objects", threads=1), locate=True),
-    "paper": Variant(DetectionConfig(strategy="paper", threads=1)),
+    "gs_lts": Variant(DetectionConfig(strategy="gs_lts", threads=1)),
 }
-"""Those that are compared in all parts of the benchmark."""
+"""Detectors that are compared in all parts of the benchmark; `gs_lts` is the printed rule."""
 
 HALVINGS = {"full": 0, "half": 1, "quarter": 2}
+"""Resolutions of the trade-off, by number of halvings."""
 FEATURES: dict[str, FeatureExtractor] = {
     "gradients": OrientedGradients(),
     "fine gradients": OrientedGradients(halvings=0),
     "no features": NoFeatures(),
 }
+"""Feature extractors of the trade-off."""
 TRADE = {
     **{
         f"{size}, {name}": Variant(DetectionConfig(halvings=halvings, threads=1), features)
@@ -68,6 +70,6 @@ TRADE = {
         for size, halvings in HALVINGS.items()
     },
 }
-"""Speed against accuracy; by the resolution of the frame, the features, and whether the pose is
-corrected. All use the strategy `objects`."""
+"""Variants of `objects` for speed against accuracy: by resolution, features and alignment of the
+pose."""
 VARIANTS = {**STRATEGIES, **TRADE}

@@ -1,4 +1,4 @@
-"""Visits of homes in which nothing changed but the light, the exposure and what a robot errs."""
+"""Visits of homes in which only light, exposure and pose errors differ."""
 
 from __future__ import annotations
 
@@ -9,38 +9,43 @@ import numpy as np
 from gslts.types import Floats
 from gslts_sim.actions import GRID_M
 from gslts_sim.home import Home
-from gslts_sim.robot_body import Look, floor_of
+from gslts_sim.robot_body import Viewpoint, floor_of
 from gslts_sim.sensor import SensorNoise
 
 VISIT_POSITION_M, VISIT_ROTATION_DEG = 0.01, 0.5
-"""Root mean square of the length of the error of the position, and of the angle of the error of the
-rotation, of visits of unchanged homes."""
+"""Root mean square error of position and rotation in visits of unchanged homes."""
 LIGHT_SHIFT_M = 0.5
-"""By which the light of one lamp is moved sideways, before such a visit."""
+"""Sideways shift of the light of one lamp before such a visit."""
 VISIT_HORIZON_DEG = (0.0, 30.0)
-"""As a robot looks that records a home."""
+"""Range of the camera's pitch below the horizon, as in recordings."""
 TRIES = 100
+"""Maximum number of positions tried near a grid position; then the robot stands on the grid."""
 
 
 @dataclass(frozen=True, eq=False)
 class Visit:
-    """Where the robot looks from, and by how much the light of a lamp is moved in x and y, m."""
+    """Viewpoint of the robot, and shift of the light of a lamp in x and y, m."""
 
-    look: Look
+    viewpoint: Viewpoint
     light_shift_m: tuple[float, float]
 
 
 def draw_visit(home: Home, rng: np.random.Generator) -> Visit:
-    """A visit between the places and directions of a recording, which lie on grids."""
+    """Draw a visit between the positions and directions of a recording, which lie on grids.
+
+    Args:
+        home: State of the home.
+        rng: Source of all randomness.
+    """
     angle = 2 * np.pi * rng.uniform()
     x, y = np.round([LIGHT_SHIFT_M * np.cos(angle), LIGHT_SHIFT_M * np.sin(angle)], 4).tolist()
     yaw_deg = round(float(rng.uniform(0, 360)), 1)
     horizon_deg = round(float(rng.uniform(*VISIT_HORIZON_DEG)), 1)
-    return Visit(Look(_place(home, rng), yaw_deg, horizon_deg), (x, y))
+    return Visit(Viewpoint.at(_draw_position(home, rng), yaw_deg, horizon_deg), (x, y))
 
 
-def noise_of_visit(noise: SensorNoise) -> SensorNoise:
-    """The same but for the pose, whose error is that of visits of unchanged homes."""
+def visit_noise(noise: SensorNoise) -> SensorNoise:
+    """Return a sensor's noise with the pose error of visits of unchanged homes."""
     return replace(
         noise,
         position_std_m=VISIT_POSITION_M / np.sqrt(3),
@@ -48,11 +53,18 @@ def noise_of_visit(noise: SensorNoise) -> SensorNoise:
     )
 
 
-def with_light_moved(home: Home, shift_m: tuple[float, float]) -> Home:
-    """The home with the light of its first lamp elsewhere, and the lamp where it was.
+def move_light(home: Home, shift_m: tuple[float, float]) -> Home:
+    """Move the light of the first lamp, but not the lamp.
+
+    Args:
+        home: State of the home.
+        shift_m: Shift in x and y of the world.
+
+    Returns:
+        The changed home.
 
     Raises:
-        ValueError: It has no lamp.
+        ValueError: The home has no lamp.
     """
     lamp = next((thing for thing in home.objects if thing.lights), None)
     if lamp is None:
@@ -63,9 +75,9 @@ def with_light_moved(home: Home, shift_m: tuple[float, float]) -> Home:
     return home.with_object(replace(lamp, lights=(moved, *others)))
 
 
-def _place(home: Home, rng: np.random.Generator) -> Floats:
+def _draw_position(home: Home, rng: np.random.Generator) -> Floats:
     floor = floor_of(home)
-    places = floor.places(GRID_M)
+    places = floor.grid_positions(GRID_M)
     place = places[rng.integers(len(places))]
     for _ in range(TRIES):
         near: Floats = np.round(place + rng.uniform(-GRID_M / 2, GRID_M / 2, 2), 3)

@@ -1,4 +1,4 @@
-"""What a robot reports that looks around for a moment: changes that it saw in enough frames."""
+"""Detection by a robot that turns for a moment and confirms changes over several frames."""
 
 from __future__ import annotations
 
@@ -7,32 +7,39 @@ from dataclasses import replace
 
 from gslts.change.changes import Change
 from gslts.change.detector import ChangeDetector
-from gslts.change.monitor import confirmed
+from gslts.change.monitor import confirm_changes
 from gslts.core.frame import RgbdFrame
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
 
 WATCH = "watching"
-"""Name of the detector, among those of `VARIANTS`."""
+"""Name of this detector, beside those of `VARIANTS`."""
 WATCHED = "objects"
-"""The one of these that sees each frame."""
+"""The detector of `VARIANTS` that sees each frame."""
 TURNS_DEG = (-10.0, -6.0, -2.0, 2.0, 6.0, 10.0)
-"""Where the robot looks one after the other, from the direction of a single frame."""
+"""Directions of the frames, from that of a single frame: steps of 4° keep the change in view."""
 
 
-def looks_around(look: Look) -> list[Look]:
-    """As a robot turns on the spot past a look."""
-    return [replace(look, yaw_deg=(look.yaw_deg + turn_deg) % 360) for turn_deg in TURNS_DEG]
+def turn_views(viewpoint: Viewpoint) -> list[Viewpoint]:
+    """Return the viewpoints of a robot that turns on the spot past a viewpoint."""
+    return [
+        replace(viewpoint, yaw_deg=(viewpoint.yaw_deg + turn_deg) % 360) for turn_deg in TURNS_DEG
+    ]
 
 
-def watched(
-    detector: ChangeDetector, frames: Sequence[RgbdFrame]
-) -> tuple[str | None, list[Change]]:
-    """Why nothing can be said, if so; and what `ChangeMonitor` reports, the most certain first.
+def watch(detector: ChangeDetector, frames: Sequence[RgbdFrame]) -> tuple[str | None, list[Change]]:
+    """Detect changes in several frames and confirm them with `ChangeMonitor`.
+
+    Args:
+        detector: Sees each frame.
+        frames: In order of time.
+
+    Returns:
+        The reason if no frame is reliable, and the confirmed changes, most confident first.
 
     Raises:
-        RuntimeError: A frame could not be looked at.
+        RuntimeError: A frame could not be processed.
     """
-    changes, counts = confirmed(detector, frames)
-    if counts.unreliable == counts.looked_at:
+    changes, counts = confirm_changes(detector, frames)
+    if counts.unreliable == counts.processed:
         return "each frame is unreliable", []
     return None, changes

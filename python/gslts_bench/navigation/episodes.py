@@ -1,13 +1,12 @@
-"""Episodes of navigation: where a robot starts in a home, and what it is to go to."""
+"""Episodes of navigation: start of a robot in a home, and category to go to."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gslts.types import Floats
+from gslts.types import Floats, Ints
 from gslts_bench.navigation.truth import Truth
 
 CATEGORIES = {
@@ -24,10 +23,10 @@ CATEGORIES = {
         *("Bed", "Dresser", "Dumbbell", "Chair", "Laptop"),
     ),
 }
-"""The types of SAVN (Wortsman et al. 2019) first, then those of GS-LTS, sec. IV-D, that occur in
-our homes."""
-LEAST_M = 0.5
-"""Of the shortest way: nearer starts ask for a turn only."""
+"""Categories by room type: those of SAVN (Wortsman et al. 2019) first, then those of GS-LTS,
+sec. IV-D, that occur in our homes."""
+MIN_PATH_M = 0.5
+"""Minimum shortest path of an episode; nearer starts need a turn only."""
 
 
 @dataclass(frozen=True)
@@ -35,67 +34,73 @@ class Episode:
     """One task.
 
     Attributes:
-        name: Of the home, and the number of the episode.
-        room_type: Of the home.
+        name: Home and number.
+        room_type: Room type of the home.
         category: Type of object to go to.
-        place: x and y of the start, m.
-        yaw_deg: Direction in which the robot looks at the start.
-        shortest_m: Way on the robot's grid to the nearest place within 1 m of such an object from
-            which it can be seen.
+        position: x and y of the start, m.
+        yaw_deg: Direction of the robot at the start.
+        shortest_m: Length of the shortest path on the robot's grid to a position within 1 m of such
+            an object that sees it.
     """
 
     name: str
     room_type: str
     category: str
-    place: tuple[float, float]
+    position: tuple[float, float]
     yaw_deg: float
     shortest_m: float
 
 
-def starts_to(truth: Truth, category: str) -> tuple[Floats, NDArray[np.intp]]:
-    """From where objects of a type can be gone to.
+def starts_to(truth: Truth, category: str) -> tuple[Floats, Ints]:
+    """Find starts with a path to objects of a category.
+
+    Args:
+        truth: Ground truth of the home.
+        category: The category.
 
     Returns:
-        [P] shortest way from each of the places of the home, m; and the numbers of those from
-        which there is a way, and not too short a one.
+        [P] length of the shortest path from each position of the home, m; and the numbers of the
+        positions with a path of at least `MIN_PATH_M`.
     """
     metres = truth.metres_to(truth.goals(category))
-    return metres, np.flatnonzero(np.isfinite(metres) & (metres >= LEAST_M))
+    return metres, np.flatnonzero(np.isfinite(metres) & (metres >= MIN_PATH_M))
 
 
 def episodes_of(truth: Truth, room_type: str, name: str, seed: int, count: int) -> list[Episode]:
-    """Episodes in one home; the first ones do not depend on how many there are.
+    """Draw episodes in one home; the first ones do not depend on their number.
 
     Args:
-        truth: Of the home.
-        room_type: Whose `CATEGORIES` are gone to, in turn, as far as the home has them and they can
-            be reached.
-        name: Of the home.
-        seed: Of starts.
-        count: How many.
+        truth: Ground truth of the home.
+        room_type: Room type whose `CATEGORIES` are goals, in turn, as far as they can be reached.
+        name: Name of the home.
+        seed: Seed of the starts.
+        count: Number of episodes.
+
+    Returns:
+        The episodes.
 
     Raises:
-        ValueError: Nothing in the home can be gone to.
+        ValueError: No category can be reached.
     """
     rng = np.random.default_rng([seed, sorted(CATEGORIES).index(room_type)])
-    known = {one: starts_to(truth, one) for one in CATEGORIES[room_type]}
-    wanted = [one for one, (_, places) in known.items() if len(places)]
+    known = {category: starts_to(truth, category) for category in CATEGORIES[room_type]}
+    wanted = [category for category, (_, starts) in known.items() if len(starts)]
     if not wanted:
-        raise ValueError(f"{name}: none of {', '.join(known)} can be gone to")
+        raise ValueError(f"{name}: none of {', '.join(known)} can be reached")
     result: list[Episode] = []
     while len(result) < count:
         for category in rng.permutation(wanted).tolist():
             metres, starts = known[category]
-            place = int(rng.choice(starts))
-            x, y = truth.places[place].tolist()
+            start = int(rng.choice(starts))
+            x, y = truth.positions[start].tolist()
             result.append(
                 Episode(
                     name=f"{name}/{len(result):03}",
                     room_type=room_type,
                     category=category,
-                    place=(x, y),
+                    position=(x, y),
                     yaw_deg=float(rng.integers(8) * 45),
-                    shortest_m=float(metres[place]),
+                    shortest_m=float(metres[start]),
                 )
             )
     return result[:count]

@@ -1,4 +1,4 @@
-"""What is true of navigation in a simulated home: ways on the robot's grid, and goals."""
+"""Ground truth of navigation in a simulated home: paths on the robot's grid, and goals."""
 
 from __future__ import annotations
 
@@ -8,133 +8,145 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from gslts.navigation.navigator import SUCCESS_DISTANCE_M
-from gslts.types import Floats
+from gslts.types import Floats, Ints, Ints32
 from gslts_sim.actions import GRID_M
 from gslts_sim.home import Home, HomeObject
 from gslts_sim.ray_scene import RayScene
-from gslts_sim.robot_body import CAMERA_HEIGHT_M, HORIZON_DEG, Look, floor_of, robot_camera
+from gslts_sim.robot_body import CAMERA_HEIGHT_M, HORIZON_DEG, Viewpoint, floor_of, robot_camera
 
-LEAST_SHARE = 3e-4
-"""Share of the pixels of a picture that must show an object: 23 of 320 x 240."""
+MIN_SHARE = 3e-4
+"""Minimum share of the pixels that show a visible object: 23 of 320 x 240."""
 SIZE_PX = (160, 120)
-"""Of the pictures that tell whether a place sees an object."""
+"""Size of the rendered images that tell whether a position sees an object."""
 STRIDE_M = 0.02
-"""Between points of a step at which the robot needs room."""
+"""Distance of the points of a step that are checked for collisions."""
 STEPS = [(1, 0), (0, 1), (1, 1), (1, -1)]
-"""To four of the eight neighbours; the others are those back."""
+"""Steps in grid cells to four of the eight neighbours; the others are their opposites."""
 
-Ends = dict[int, list[tuple[int, float]]]
+Neighbours = dict[int, list[tuple[int, float]]]
+"""By position: other positions, and their distances, m."""
 
 
 class Truth:
-    """A home as it is.
+    """Ground truth of one state of a home.
 
     Args:
-        home: Its state.
+        home: The state.
 
     Attributes:
-        floor: Where the robot can be.
-        places: [P,2] of the robot's grid in the largest part of the floor, x and y, m.
+        floor: Free floor.
+        positions: [P,2] positions on the robot's grid in the largest part of the floor, x and y, m.
     """
 
     def __init__(self, home: Home) -> None:
         self.home = home
         self.floor = floor_of(home)
-        self.places: Floats = self.floor.places(GRID_M)
+        self.positions: Floats = self.floor.grid_positions(GRID_M)
         self._scene = RayScene(home)
 
     def is_straight(self, start: Floats, end: Floats) -> bool:
-        """Whether the robot can go straight from (2,) to (2,), x and y, m."""
+        """Return whether the straight line between two positions (2,), x and y, m, is free."""
         count = int(np.linalg.norm(end - start) / STRIDE_M) + 2
         points = start + np.linspace(0, 1, count)[:, None] * (end - start)
         return all(self.floor.is_free(point) for point in points)
 
     @cached_property
-    def neighbours(self) -> Ends:
-        """Of each place, those of the eight next to it that it can go straight to, and how far."""
+    def neighbours(self) -> Neighbours:
+        """Neighbours of each position with a free straight line, of eight at most."""
         numbers = {tuple(cell): k for k, cell in enumerate(self._cells.tolist())}
-        result: Ends = {k: [] for k in range(len(self.places))}
+        result: Neighbours = {k: [] for k in range(len(self.positions))}
         for (column, row), k in numbers.items():
             for i, j in STEPS:
                 other = numbers.get((column + i, row + j))
-                if other is not None and self.is_straight(self.places[k], self.places[other]):
+                if other is not None and self.is_straight(self.positions[k], self.positions[other]):
                     metres = float(np.hypot(i, j)) * GRID_M
                     result[k].append((other, metres))
                     result[other].append((k, metres))
         return result
 
     @property
-    def _cells(self) -> NDArray[np.int64]:
-        cells: NDArray[np.int64] = np.rint(self.places / GRID_M).astype(np.int64)
+    def _cells(self) -> Ints:
+        cells: Ints = np.rint(self.positions / GRID_M).astype(np.int64)
         return cells
 
     def metres_to(self, goals: Iterable[int]) -> Floats:
-        """[P] shortest way from each place to the nearest of some, over the eight neighbours, m.
+        """Compute shortest paths over the eight neighbours (Dijkstra).
 
         Args:
-            goals: Numbers of places.
+            goals: Numbers of positions.
+
+        Returns:
+            [P] length of the path from each position to the nearest goal, m; infinite without one.
         """
-        metres = np.full(len(self.places), np.inf)
+        metres = np.full(len(self.positions), np.inf)
         heap = [(0.0, goal) for goal in goals]
         metres[[goal for _, goal in heap]] = 0
         while heap:
-            far, place = heapq.heappop(heap)
-            if far > metres[place]:
+            far, position = heapq.heappop(heap)
+            if far > metres[position]:
                 continue
-            for other, step in self.neighbours[place]:
+            for other, step in self.neighbours[position]:
                 if far + step < metres[other] - 1e-9:
                     metres[other] = far + step
                     heapq.heappush(heap, (far + step, other))
         return metres
 
     def goals(self, category: str) -> list[int]:
-        """Numbers of the places within 1 m of an object of a type from which it can be seen."""
+        """Return the numbers of the positions within 1 m of an object of a category that see it."""
         found = set()
-        for row, thing in enumerate(self.home.objects):
-            if thing.type == category:
-                near = np.flatnonzero(floor_distances_m(thing, self.places) <= SUCCESS_DISTANCE_M)
-                found |= {int(k) for k in near if self._sees(self.places[k], row)}
+        for row, known in enumerate(self.home.objects):
+            if known.type == category:
+                near = np.flatnonzero(
+                    floor_distances_m(known, self.positions) <= SUCCESS_DISTANCE_M
+                )
+                found |= {int(k) for k in near if self._sees(self.positions[k], row)}
         return sorted(found)
 
-    def _sees(self, place: Floats, row: int) -> bool:
+    def _sees(self, position: Floats, row: int) -> bool:
         low, high = self.home.objects[row].box_in_world
         x, y, z = ((low + high) / 2).tolist()
         eye_m = float(self.home.space.box[0, 2]) + CAMERA_HEIGHT_M
-        yaw_deg = float(np.rad2deg(np.arctan2(y - place[1], x - place[0])))
-        down_deg = float(np.rad2deg(np.arctan2(eye_m - z, np.hypot(x - place[0], y - place[1]))))
-        look = Look(place, yaw_deg, float(np.clip(down_deg, *HORIZON_DEG)))
-        rows, _ = self._scene.instances(robot_camera(self.home, look, SIZE_PX))
-        return bool((rows == row).mean() >= LEAST_SHARE)
+        yaw_deg = float(np.rad2deg(np.arctan2(y - position[1], x - position[0])))
+        down_deg = float(
+            np.rad2deg(np.arctan2(eye_m - z, np.hypot(x - position[0], y - position[1])))
+        )
+        viewpoint = Viewpoint.at(position, yaw_deg, float(np.clip(down_deg, *HORIZON_DEG)))
+        rows, _ = self._scene.instances(robot_camera(self.home, viewpoint, SIZE_PX))
+        return bool((rows == row).mean() >= MIN_SHARE)
 
 
-def floor_distances_m(thing: HomeObject, places: Floats) -> Floats:
-    """[K] along the floor, from places [K,2] to the nearest point of an object; 0 inside of it.
+def floor_distances_m(known: HomeObject, positions: Floats) -> Floats:
+    """Compute distances along the floor to the convex hull of an object, seen from above.
 
-    Objects count as convex, seen from above.
+    Args:
+        known: The object.
+        positions: [K,2] x and y, m.
+
+    Returns:
+        [K] distances, m; 0 inside of it.
     """
-    rotation, middle = thing.world_from_object[:3, :3], thing.world_from_object[:3, 3]
-    vertices = np.concatenate([surface.vertices for surface in thing.surfaces])
+    rotation, middle = known.world_from_object[:3, :3], known.world_from_object[:3, 3]
+    vertices = np.concatenate([surface.vertices for surface in known.surfaces])
     in_world = vertices @ rotation.T + middle
     hull = cv2.convexHull(in_world[:, :2].astype(np.float32))
-    metres = [-cv2.pointPolygonTest(hull, (float(x), float(y)), True) for x, y in places]
+    metres = [-cv2.pointPolygonTest(hull, (float(x), float(y)), True) for x, y in positions]
     return np.asarray(np.maximum(metres, 0), np.float64)
 
 
-def succeeds(truth: Truth, category: str, place: Floats, instances: NDArray[np.int32]) -> bool:
-    """Whether an object of a type is in a picture and within 1 m.
+def succeeds(truth: Truth, category: str, position: Floats, instances: Ints32) -> bool:
+    """Return whether an object of a category is in an image and within 1 m.
 
     Args:
-        truth: Of the home.
-        category: The type.
-        place: (2,) where the robot is in truth, m.
-        instances: [H,W] rows of the objects that its picture shows in truth.
+        truth: Ground truth of the home.
+        category: The category.
+        position: (2,) true position of the robot, m.
+        instances: [H,W] true rows of the objects in its image.
     """
     return any(
-        thing.type == category
-        and (instances == row).mean() >= LEAST_SHARE
-        and floor_distances_m(thing, place[None])[0] <= SUCCESS_DISTANCE_M
-        for row, thing in enumerate(truth.home.objects)
+        known.type == category
+        and (instances == row).mean() >= MIN_SHARE
+        and floor_distances_m(known, position[None])[0] <= SUCCESS_DISTANCE_M
+        for row, known in enumerate(truth.home.objects)
     )

@@ -1,4 +1,4 @@
-"""The simulated robot on foot: it cannot jump over what stands in its way."""
+"""Simulated robot that cannot pass through obstacles."""
 
 from __future__ import annotations
 
@@ -12,35 +12,35 @@ from gslts_sim.event import Event
 
 
 class Walker:
-    """A robot that goes straight from place to place, or not at all; satisfies `Robot`.
+    """A robot that moves along free straight lines only; satisfies `Robot`.
 
     Args:
         controller: The robot, which teleports.
-        truth: Of the home.
+        truth: Ground truth of the home.
 
     Attributes:
-        places: Where it was in truth, each (2,) x and y, m.
+        positions: True positions so far, each (2,) x and y, m.
     """
 
     def __init__(self, controller: Controller, truth: Truth) -> None:
         self._controller, self._truth = controller, truth
         self._reachable = controller.reachable_positions()
         self._event = controller.step("Pass")
-        self.places: list[Floats] = [self._here()]
+        self.positions: list[Floats] = [self._here()]
 
     @property
     def event(self) -> Event:
-        """Of its last look."""
+        """Event of the last observation."""
         return self._event
 
     @property
     def length_m(self) -> float:
-        """Of its way in truth."""
-        steps = np.diff(np.array(self.places), axis=0)
+        """Length of the true path."""
+        steps = np.diff(np.array(self.positions), axis=0)
         return float(np.linalg.norm(steps, axis=1).sum())
 
     def observe(self) -> RgbdFrame:
-        """What the camera sees now."""
+        """Return the frame of the camera now."""
         self._event = self._controller.step("Pass")
         return self._event.observation
 
@@ -49,20 +49,29 @@ class Walker:
         return self._controller.pose()
 
     def reachable_positions(self) -> Floats:
-        """[P,2] places on its grid, x and y, m."""
+        """Return the positions [P,2] on its grid, x and y, m."""
         return self._reachable
 
     def move_towards(
         self, position: Floats, yaw_rad: float, pitch_rad: float | None = None
     ) -> bool:
-        """Goes straight to the reachable place nearest to `position`, if nothing is between."""
+        """Move straight to the reachable position nearest to a position, if the line is free.
+
+        Args:
+            position: (2,) x and y, m.
+            yaw_rad: Direction of the camera afterwards.
+            pitch_rad: Pitch of the camera afterwards; None keeps it.
+
+        Returns:
+            Whether the robot arrived.
+        """
         metres = np.linalg.norm(self._reachable - position, axis=1)
-        place = self._reachable[np.argmin(metres)]
-        if not self._truth.is_straight(self.places[-1], place):
+        target = self._reachable[np.argmin(metres)]
+        if not self._truth.is_straight(self.positions[-1], target):
             return False
-        arrived = self._controller.move_towards(place, yaw_rad, pitch_rad)
-        if arrived and np.linalg.norm(place - self.places[-1]) > 0:
-            self.places.append(place)
+        arrived = self._controller.move_towards(target, yaw_rad, pitch_rad)
+        if arrived and np.linalg.norm(target - self.positions[-1]) > 0:
+            self.positions.append(target)
         return arrived
 
     def _here(self) -> Floats:

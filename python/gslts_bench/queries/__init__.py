@@ -1,1 +1,1 @@
-"""Benchmark of text queries."""
+"""Benchmark of queries: objects are found in semantic maps by their names."""

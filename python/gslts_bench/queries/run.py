@@ -1,4 +1,4 @@
-"""Localisation in one home: objects of some categories are asked for, in maps taught in some ways.
+"""Benchmark of queries in one home: categories are asked for by name, and boxes are compared.
 
 Source: GS-LTS, sec. IV-D, 3D Localization.
 """
@@ -6,9 +6,9 @@ Source: GS-LTS, sec. IV-D, 3D Localization.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from pathlib import Path
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,28 +20,28 @@ from gslts.semantics.queries import Instance, SemanticQueries
 from gslts.semantics.source import Oracle
 from gslts.store.map_folder import read_map
 from gslts.types import Floats
-from gslts_bench.cache import code_digest, digest, native_digest
-from gslts_bench.homes import MAP_S, RECORDING_S, BenchHome, default_state
-from gslts_bench.queries.semantic_homes import SEMANTICS_S, frames_of
-from gslts_bench.work import Add, Result, Tell, message_of, validated
-from gslts_sim.home_source import STRICT, HomeSource
+from gslts_bench.homes import BenchHome
+from gslts_bench.processes import Add
+from gslts_bench.queries.semantic_map import mapped_frames
+from gslts_bench.runner import BenchRecord, BenchUnit, attempt
+from gslts_sim.strict_model import STRICT
 
 CATEGORIES = (
     *("AlarmClock", "ArmChair", "Bed", "Bread", "Chair", "CoffeeMachine", "DeskLamp"),
     *("DiningTable", "Dresser", "Dumbbell", "RemoteControl", "Sofa"),
 )
-"""Those of the paper."""
+"""The twelve categories of GS-LTS."""
 
 
 @dataclass(frozen=True)
 class Variant:
-    """A way to make a map that is asked.
+    """Settings of a semantic map that is compared.
 
     Attributes:
-        code: Length of a code, d.
-        refine: Steps of gradient descent after the lifting.
-        width, height: Of the images, px; 0 means those of the run.
-        frames_share: Of the frames of the run.
+        code: Length of a Gaussian's feature, d.
+        refine: Steps of gradient descent after the closed form.
+        width, height: Size of the images, px; 0 means that of the run.
+        frames_share: Share of the frames of the run.
     """
 
     code: int = 32
@@ -51,7 +51,7 @@ class Variant:
     frames_share: float = 1.0
 
     def home(self, bench: BenchHome) -> BenchHome:
-        """The same home, recorded as this variant wants it."""
+        """Return a home with the recording of this variant."""
         setup = bench.setup
         setup = replace(
             setup,
@@ -63,21 +63,24 @@ class Variant:
 
 
 OURS = "d = 32"
+"""Name of the default."""
 TRADE = {"d = 8": Variant(code=8), "d = 16": Variant(code=16), "d = 64": Variant(code=64)}
+"""Variants for accuracy against memory and time."""
 ABLATION = {
     "refined by gradient, 600 steps": Variant(refine=600),
     "images of 300x300": Variant(width=300, height=300),
     "60 % of the frames": Variant(frames_share=0.6),
 }
+"""Variants that differ from the default in one setting."""
 
 
 class Found(BaseModel):
-    """What became of one object.
+    """Result of one object.
 
     Attributes:
-        object_id: In the home.
-        category: Of `CATEGORIES`.
-        iou: Of its box and the one that was found for it; 0 if none was.
+        object_id: Object in the home.
+        category: One of `CATEGORIES`.
+        iou: Intersection over union of its box and the one found for it; 0 if none was.
     """
 
     model_config = STRICT
@@ -87,25 +90,21 @@ class Found(BaseModel):
     iou: FiniteFloat
 
 
-class Record(BaseModel):
-    """What was found in one home, in one way.
+class Record(BenchRecord):
+    """Result of one home with one variant.
 
     Attributes:
-        id: Of the variant.
-        home: Its name.
-        variant: `OURS`, or of `TRADE` or `ABLATION`.
-        found: One for each object.
-        extra: Instances that were found and are none.
-        absent: Categories that the home lacks, and of which something was found; and all it lacks.
-        gaussians, feature_bytes: Of the map.
-        teach_s: Autoencoder, lifting and refinement.
-        query_s: Of each query.
-        error: Why there is no result.
+        home: Name of the home.
+        variant: `OURS`, or one of `TRADE` or `ABLATION`.
+        found: Results of all objects.
+        extra: Number of boxes that belong to no object.
+        absent: Number of categories that the home lacks with a box all the same, and of all that it
+            lacks.
+        gaussians, feature_bytes: Size of the map and of its features.
+        teach_s: Time of autoencoder, closed form and refinement.
+        query_s: Time of each query.
     """
 
-    model_config = STRICT
-
-    id: str
     home: str
     variant: str
     found: tuple[Found, ...] = ()
@@ -115,65 +114,43 @@ class Record(BaseModel):
     feature_bytes: int = 0
     teach_s: FiniteFloat = 0.0
     query_s: tuple[FiniteFloat, ...] = ()
-    error: str | None = None
 
 
 @dataclass(frozen=True)
-class LocalizeUnit:
+class QueryUnit(BenchUnit[Record, BenchHome]):
     """One home.
 
     Attributes:
-        bench: The home.
-        variants: Ways to make its map, by name.
-        code: Digests of the code that finds things; see `HomeSetup`.
+        variants: Settings of its maps, by name.
     """
 
-    bench: BenchHome
+    topic = "queries"
+    record = Record
+
     variants: dict[str, Variant]
-    code: dict[str, Any] = field(
-        default_factory=lambda: {"python": code_digest(__name__), "native": native_digest()}
-    )
 
     @property
-    def name(self) -> str:
-        """That of the home."""
-        return self.bench.name
+    def count(self) -> int:
+        """Number of results when all is done."""
+        return len(self.variants)
 
-    @cached_property
-    def results(self) -> Path:
-        """The file of records; another one when anything that decides them is another."""
-        key = digest({"map": self.bench.mapped_of, "code": self.code})
-        return self.bench.work / "localize" / f"{self.name}_{key}.jsonl"
+    def is_asked(self, record: Record) -> bool:
+        """Return whether this run asks for the variant of a record."""
+        return record.variant in self.variants
 
-    def record_of(self, result: Result) -> Record | None:
-        """None of other variants; see `RecordUnit`."""
-        record = validated(result, Record, self.results)
-        return record if record.variant in self.variants else None
-
-    def seconds(self, done: frozenset[str]) -> float:
-        """About how long it takes."""
-        return sum(
-            SEMANTICS_S + MAP_S + RECORDING_S * variant.home(self.bench).setup.frames
-            for name, variant in self.variants.items()
-            if name not in done
-        )
-
-    def run(self, done: frozenset[str], add: Add, tell: Tell) -> None:
-        """Teaches and asks in each way that was not tried yet."""
+    def run(self, done: frozenset[str], add: Add) -> None:
+        """Make the semantic maps that are missing, and ask them; see `Unit`."""
         for name, variant in self.variants.items():
-            if name in done:
-                continue
-            try:
-                record = self._asked(name, variant, tell)
-            except Exception as error:  # Whatever fails is told of its variant; others go on.
-                record = Record(id=name, home=self.name, variant=name, error=message_of(error))
-            add(record.model_dump(mode="json"))
+            key = f"{self.name}: {name}"
+            if key not in done:
+                record = Record(id=key, home=self.name, variant=name)
+                add(attempt(record, partial(self._ask, variant)).model_dump(mode="json"))
 
-    def _asked(self, name: str, variant: Variant, tell: Tell) -> Record:
+    def _ask(self, variant: Variant) -> dict[str, Any]:
         bench, oracle = variant.home(self.bench), Oracle()
-        gaussian_map = read_map(bench.map(tell))
+        gaussian_map = read_map(bench.map())
         start_s = time.perf_counter()
-        frames = frames_of(bench, tell)
+        frames = mapped_frames(bench)
         taught = embed_semantics(
             gaussian_map, frames, oracle, variant.code, variant.refine, threads=1
         )
@@ -181,34 +158,66 @@ class LocalizeUnit:
         queries = SemanticQueries(
             replace(gaussian_map, features=taught.features), taught.autoencoder, oracle
         )
-        record = Record(
-            id=name,
-            home=self.name,
-            variant=name,
-            gaussians=gaussian_map.size,
-            feature_bytes=taught.features.nbytes,
-            teach_s=teach_s,
-        )
-        return record.model_copy(update=_answers(queries, _boxes_of(bench)))
+        return {
+            "gaussians": gaussian_map.size,
+            "feature_bytes": taught.features.nbytes,
+            "teach_s": teach_s,
+            **_compare(queries, _true_boxes(bench)),
+        }
 
 
-def _boxes_of(bench: BenchHome) -> dict[str, dict[str, Floats]]:
-    """Of each category the boxes [2,3] of all its objects, by id."""
-    task = bench.tasks(1)[0]
-    assert isinstance(task.home, HomeSource)  # As it comes from a seed.
-    home = default_state(task.home, task.initial_actions).home
+def units_of(homes: Sequence[BenchHome], *, trade: bool, ablation: bool) -> list[QueryUnit]:
+    """List the work of the benchmark.
+
+    Args:
+        homes: The homes.
+        trade: Whether features of other lengths are measured too.
+        ablation: Whether the variants of `ABLATION` are measured too.
+    """
+    variants = {OURS: Variant(), **(TRADE if trade else {}), **(ABLATION if ablation else {})}
+    return [QueryUnit(home, variants) for home in homes]
+
+
+def best_ious(boxes: list[Floats], instances: list[Instance]) -> list[float]:
+    """Assign instances to boxes, each to at most one, with the greatest sum of IoU.
+
+    Args:
+        boxes: True boxes [2,3], m.
+        instances: Boxes that were found.
+
+    Returns:
+        IoU of each true box with its instance; 0 without one.
+    """
+    ious = np.zeros((len(boxes), len(instances)))
+    for row, box in enumerate(boxes):
+        for column, instance in enumerate(instances):
+            ious[row, column] = iou_of(box, np.stack([instance.low, instance.high]))
+    rows, columns = linear_sum_assignment(ious, maximize=True)
+    result = np.zeros(len(boxes))
+    result[rows] = ious[rows, columns]
+    return [float(iou) for iou in result]
+
+
+def iou_of(a: Floats, b: Floats) -> float:
+    """Return the intersection over union of two boxes [2,3], each a lower and an upper corner."""
+    common = np.prod(np.maximum(0, np.minimum(a[1], b[1]) - np.maximum(a[0], b[0])))
+    union = np.prod(a[1] - a[0]) + np.prod(b[1] - b[0]) - common
+    return float(common / union) if union > 0 else 0.0
+
+
+def _true_boxes(bench: BenchHome) -> dict[str, dict[str, Floats]]:
+    """Return the boxes [2,3] of all objects by category and id."""
+    objects = bench.default_state().home.objects
     return {
         category: {
-            thing.id: np.asarray(thing.box_in_world)
-            for thing in home.objects
-            if thing.type == category
+            known.id: np.asarray(known.box_in_world) for known in objects if known.type == category
         }
         for category in CATEGORIES
     }
 
 
-def _answers(queries: SemanticQueries, truth: dict[str, dict[str, Floats]]) -> dict[str, Any]:
-    """What is found of each category, beside what is there."""
+def _compare(queries: SemanticQueries, truth: dict[str, dict[str, Floats]]) -> dict[str, Any]:
+    """Ask for all categories and compare with the true boxes."""
     found: list[Found] = []
     query_s: list[float] = []
     extra = wrong = 0
@@ -218,8 +227,8 @@ def _answers(queries: SemanticQueries, truth: dict[str, dict[str, Floats]]) -> d
         query_s.append(time.perf_counter() - start_s)
         ious = best_ious(list(boxes.values()), instances)
         found += [
-            Found(object_id=one, category=category, iou=iou)
-            for one, iou in zip(boxes, ious, strict=True)
+            Found(object_id=name, category=category, iou=iou)
+            for name, iou in zip(boxes, ious, strict=True)
         ]
         extra += len(instances) - int(np.count_nonzero(ious))
         wrong += not boxes and bool(instances)
@@ -230,22 +239,3 @@ def _answers(queries: SemanticQueries, truth: dict[str, dict[str, Floats]]) -> d
         "absent": (wrong, absent),
         "query_s": tuple(query_s),
     }
-
-
-def best_ious(boxes: list[Floats], instances: list[Instance]) -> list[float]:
-    """Of each box [2,3] that with its instance, where each instance serves one box at most."""
-    ious = np.zeros((len(boxes), len(instances)))
-    for row, box in enumerate(boxes):
-        for column, one in enumerate(instances):
-            ious[row, column] = iou_of(box, np.stack([one.low, one.high]))
-    rows, columns = linear_sum_assignment(ious, maximize=True)
-    result = np.zeros(len(boxes))
-    result[rows] = ious[rows, columns]
-    return [float(one) for one in result]
-
-
-def iou_of(a: Floats, b: Floats) -> float:
-    """Intersection over union of two boxes [2,3], lower and upper corner."""
-    common = np.prod(np.maximum(0, np.minimum(a[1], b[1]) - np.maximum(a[0], b[0])))
-    union = np.prod(a[1] - a[0]) + np.prod(b[1] - b[0]) - common
-    return float(common / union) if union > 0 else 0.0

@@ -1,4 +1,4 @@
-"""The picture of how accurate relocalization is in how much time."""
+"""Plot of the accuracy of relocalization against its time."""
 
 from __future__ import annotations
 
@@ -14,17 +14,16 @@ from matplotlib.ticker import ScalarFormatter
 from gslts_bench.relocalization.tables import ALL, of_knob
 from gslts_bench.relocalization.variants import KNOBS, OURS, VARIANTS, knob_name
 
-MARKERS = "osD"
-PANELS = {"mm": "median distance from the true place, mm", "deg": "median angle, degrees"}
+PANELS = {"mm": "median error of the position, mm", "deg": "median error of the rotation, °"}
 
 
 def write_plot(found: Mapping[str, Any], title: str, path: Path) -> None:
-    """Median time against median errors, as a PNG.
+    """Plot median errors against median time, as a PNG.
 
     Args:
-        found: From `relocalize_tables.summary`.
-        title: Stands above.
-        path: Where to write.
+        found: From `tables.summarize`.
+        title: Title of the figure.
+        path: File to write.
     """
     figure = Figure(figsize=(13, 6), layout="constrained")
     FigureCanvasAgg(figure)
@@ -43,12 +42,12 @@ def write_plot(found: Mapping[str, Any], title: str, path: Path) -> None:
 
 
 def _draw(axes: Axes, found: Mapping[str, Any], error: str) -> None:
-    for number, (knob, marker) in enumerate(zip(KNOBS, MARKERS, strict=True)):
+    for number, (knob, marker) in enumerate(zip(KNOBS, "osD", strict=True)):
         color = f"C{number}"
         points = {
-            value: (one["located"]["cpu_s"], one["located"][error])
-            for value, one in of_knob(found, knob).items()
-            if one["located"][error] is not None
+            value: (numbers["located"]["cpu_s"], numbers["located"][error])
+            for value, numbers in of_knob(found, knob).items()
+            if numbers["located"][error] is not None
         }
         if points:
             axes.plot(*zip(*points.values(), strict=True), f"{marker}-", color=color, label=knob)
@@ -63,8 +62,8 @@ def _draw(axes: Axes, found: Mapping[str, Any], error: str) -> None:
                 fontsize=7,
                 color=color,
             )
-    itself = found.get(OURS, {}).get("as mapped", {}).get(ALL)
-    if itself is not None and itself["located"][error] is not None:
+    default = found["variants"].get(OURS, {}).get("as mapped", {}).get(ALL)
+    if default is not None and default["located"][error] is not None:
         words = ", ".join(f"{knob} {getattr(VARIANTS[OURS], knob)}" for knob in KNOBS)
-        point = itself["located"]["cpu_s"], itself["located"][error]
+        point = default["located"]["cpu_s"], default["located"][error]
         axes.plot(*point, "*", color="black", markersize=14, label=f"default: {words}")

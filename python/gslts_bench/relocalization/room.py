@@ -1,10 +1,10 @@
-"""A recorded room, mapped from some of its frames, and where mapping puts all of them."""
+"""Recorded rooms, mapped from some of their frames, and corrected poses of all frames."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -13,22 +13,19 @@ import numpy as np
 
 from gslts.core.se3 import fit_rigid_motion
 from gslts.datasets import Dataset, open_dataset
-from gslts.io.atomic_files import write_whole
+from gslts.io.atomic_files import write_atomic
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.engine import make_map
-from gslts.mapping.optimize import Progress
 from gslts.mapping.report.summary import write_result
 from gslts.types import Floats
 from gslts_bench.cache import cached_folder, code_digest, native_digest
-from gslts_bench.homes import Tell
 
 FOLDS = 8
-"""Each frame is left out of one map, and is in all others."""
+"""Number of maps of a room: each frame is held out of one and in all others."""
 ARM_M = 2.0
-"""About how far away what a camera in a room sees is."""
-ROOM_S = 300.0
-"""About how long a map of a hundred frames takes, for the progress."""
+"""Distance of the surfaces in a room, which weighs rotations against translations."""
 POSES = "poses.json"
+"""File of corrected poses."""
 
 
 @dataclass(frozen=True)
@@ -36,10 +33,10 @@ class RecordedRoom:
     """A data set of one room.
 
     Attributes:
-        path: Of the data set.
+        path: File or folder of the data set.
         content: SHA-256 of its files.
-        mapping: How maps are made.
-        work: Folder where what was made is kept.
+        mapping: Settings of the mapping.
+        work: Folder where everything made is kept.
         code: Digests of the code that makes maps; see `HomeSetup`.
     """
 
@@ -53,7 +50,12 @@ class RecordedRoom:
 
     @classmethod
     def of(cls, path: Path, mapping: MappingConfig, work: Path) -> RecordedRoom:
-        """Of any data set that `open_dataset` opens.
+        """Open a data set.
+
+        Args:
+            path: Anything that `open_dataset` opens.
+            mapping: Settings of the mapping.
+            work: Folder where everything made is kept.
 
         Raises:
             OSError: A file cannot be read.
@@ -62,23 +64,23 @@ class RecordedRoom:
         dataset = open_dataset(path)
         if len(dataset.frames) < 2 * FOLDS:
             raise ValueError(
-                f"{path}: {len(dataset.frames)} frames are too few to leave out an eighth"
+                f"{path}: {len(dataset.frames)} frames are too few to hold out an eighth"
             )
-        return cls(path, content_of(path), mapping, work)
+        return cls(path, content_digest(path), mapping, work)
 
     @property
     def name(self) -> str:
-        """That of the file or folder."""
+        """Name of the file or folder."""
         return self.path.resolve().name
 
     @property
     def dataset(self) -> Dataset:
-        """All of its frames."""
+        """The data set with all frames."""
         return open_dataset(self.path)
 
     @property
     def corrected_of(self) -> dict[str, Any]:
-        """All that decides where mapping puts its frames; the number of threads does not."""
+        """JSON values that decide the corrected poses; the number of threads is not among them."""
         return {
             "dataset": self.content,
             "mapping": self.mapping.model_dump(exclude={"threads"}),
@@ -86,34 +88,33 @@ class RecordedRoom:
         }
 
     def mapped_of(self, fold: int) -> dict[str, Any]:
-        """All that decides what the map without a fold is."""
+        """Return the JSON values that decide the map without a fold."""
         return {**self.corrected_of, "without": [fold, FOLDS]}
 
-    def map(self, fold: int, tell: Tell = lambda _: None) -> Path:
-        """The folder of the map without every eighth frame from `fold` on, made unless there."""
+    def map(self, fold: int) -> Path:
+        """Return the folder of the map without every eighth frame from `fold` on; make it once."""
 
         def make(folder: Path) -> None:
             dataset = self.dataset
-            frames = [one for k, one in enumerate(dataset.frames) if k % FOLDS != fold]
-            dataset = replace(dataset, frames=tuple(frames))
-            result = make_map(dataset, self._config, report=_reporting(tell))
+            frames = [frame for k, frame in enumerate(dataset.frames) if k % FOLDS != fold]
+            result = make_map(replace(dataset, frames=tuple(frames)), self._config)
             write_result(folder, result, dataset.name)
 
         folder = self.work / "maps" / f"{self.name}_without_{fold}"
         return cached_folder(folder, self.mapped_of(fold), make)
 
-    def corrected(self, tell: Tell = lambda _: None) -> dict[str, Floats]:
-        """[4,4] world_from_camera of each frame as corrected by a map of all of them, by name.
+    def corrected(self) -> dict[str, Floats]:
+        """Return world_from_camera [4,4] by frame as corrected by a map of all frames.
 
-        Those that judged that map were refined in it afterwards.
+        The held-out frames of that map are refined in it afterwards.
         """
 
         def make(folder: Path) -> None:
-            result = make_map(self.dataset, self._config, report=_reporting(tell))
+            result = make_map(self.dataset, self._config)
             every = {**result.training, **result.held_out}
             folder.mkdir()
-            poses = {name: one.pose.tolist() for name, one in every.items()}
-            write_whole(folder / POSES, (json.dumps(poses) + "\n").encode())
+            poses = {name: found.pose.tolist() for name, found in every.items()}
+            write_atomic(folder / POSES, (json.dumps(poses) + "\n").encode())
 
         folder = cached_folder(self.work / "poses" / self.name, self.corrected_of, make)
         poses = json.loads((folder / POSES).read_bytes())
@@ -124,46 +125,37 @@ class RecordedRoom:
         return self.mapping.model_copy(update={"threads": 1})
 
 
-def brought_to(poses: Mapping[str, Floats], known: Mapping[str, Floats]) -> dict[str, Floats]:
-    """Poses of one map [4,4], by name, in the world of another one.
+def transfer(poses: Mapping[str, Floats], known: Mapping[str, Floats]) -> dict[str, Floats]:
+    """Transfer poses of one map into the world of another one.
 
     Args:
-        poses: Of the one.
-        known: Of the other; those of the same frames tell the motion between the worlds.
+        poses: world_from_camera [4,4] in the first map by frame.
+        known: The same in the second; frames in both give the motion between the worlds.
+
+    Returns:
+        All of `poses` in the world of the second map.
 
     Raises:
-        ValueError: There are none of the same frames.
+        ValueError: The maps have no frame in common.
     """
     both = [name for name in poses if name in known]
     if not both:
-        raise ValueError("brought_to: the maps have no frame in common")
+        raise ValueError("transfer: the maps have no frame in common")
     start, end = (np.array([some[name] for name in both]) for some in (poses, known))
     motion = fit_rigid_motion(start, end, ARM_M)
     return {name: motion @ pose for name, pose in poses.items()}
 
 
-def content_of(path: Path) -> str:
-    """SHA-256 of a file, or of all files of a folder with their paths in it.
+def content_digest(path: Path) -> str:
+    """Compute the SHA-256 of a file, or of all files of a folder with their paths in it.
 
     Raises:
-        OSError: One cannot be read.
+        OSError: A file cannot be read.
     """
     files = sorted(one for one in path.rglob("*") if one.is_file()) if path.is_dir() else [path]
     result = hashlib.sha256()
-    for one in files:
-        with one.open("rb") as file:
+    for source in files:
+        with source.open("rb") as file:
             of_file = hashlib.file_digest(file, "sha256").hexdigest()
-        result.update(f"{one.relative_to(path).as_posix()} {of_file}\n".encode())
+        result.update(f"{source.relative_to(path).as_posix()} {of_file}\n".encode())
     return result.hexdigest()
-
-
-def _reporting(tell: Tell) -> Callable[[Progress], None]:
-    told = 0.0
-
-    def report(progress: Progress) -> None:
-        nonlocal told
-        share = min(1.0, progress.share)
-        tell(ROOM_S * (share - told))
-        told = share
-
-    return report

@@ -1,52 +1,42 @@
-"""Relocalization in one home: frames are looked for in its map, and judged by what is true."""
+"""Benchmark of relocalization in one home: frames are localized in its map, without a prior."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cache, cached_property
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel
 
 from gslts.core.frame import RgbdFrame
 from gslts.localization.landmark_files import read_landmarks
 from gslts.localization.relocalizer import Relocalizer
 from gslts.store.map_folder import read_map
 from gslts.types import Floats
-from gslts_bench.cache import code_digest, digest, native_digest
-from gslts_bench.homes import MAP_S, RECORDING_S, BenchHome, Tell
-from gslts_bench.relocalization.frames import LOOKS, PARTS, SET_S, TASKS_S, Part
-from gslts_bench.relocalization.questions import Question, questions_of
-from gslts_bench.relocalization.score import Answer, Told, start_near
+from gslts_bench.homes import BenchHome
+from gslts_bench.processes import Add
+from gslts_bench.relocalization.frames import PARTS, Part
+from gslts_bench.relocalization.score import Answer, TimedAnswer, start_near
 from gslts_bench.relocalization.variants import ABLATION, OURS, TRADE, VARIANTS
-from gslts_bench.work import Add, Result, message_of, validated
-from gslts_sim.home_source import STRICT
-
-FRAME_S, FINDING_S = 0.6, 0.7
-"""About how long it takes to see a frame, and to find it, for the progress."""
+from gslts_bench.relocalization.views import View, views_of
+from gslts_bench.runner import BenchRecord, BenchUnit, attempt
 
 
-class Record(BaseModel):
-    """What became of one frame, in one way.
+class Record(BenchRecord):
+    """Result of one frame with one variant.
 
     Attributes:
-        id: Of frame and variant.
-        home: Whose map it was looked for in, such as `kitchen_3`.
-        room_type: Of that.
-        frame: Where it was taken, and its number, such as `kitchen_3/visit_07`.
-        part: What it was asked for.
-        variant: Of `VARIANTS`.
-        located: From nothing.
-        tracked: From a start nearby; None where it was not asked for.
-        error: Why there is no result; then the rest says nothing.
+        home: Home of the map, such as `kitchen_3`.
+        room_type: Room type of that home.
+        frame: Home where it was taken and its name there, such as `kitchen_3/visit_07`.
+        part: Part of the benchmark.
+        variant: One of `VARIANTS`.
+        located: Answer without a prior.
+        tracked: Answer from a start nearby; None where that was not asked for.
     """
 
-    model_config = STRICT
-
-    id: str
     home: str
     room_type: str
     frame: str
@@ -54,50 +44,41 @@ class Record(BaseModel):
     variant: str
     located: Answer | None = None
     tracked: Answer | None = None
-    error: str | None = None
 
 
 @dataclass(frozen=True)
-class RelocalizeUnit:
+class RelocalizeUnit(BenchUnit[Record, BenchHome]):
     """One home.
 
     Attributes:
-        bench: The home.
-        views: Frames of each part, at most.
-        ablation: Whether frames of the home are also looked for in the ways of `ABLATION`.
-        trade: Whether frames of the home as mapped are, in those of `TRADE`.
-        code: Digests of the code that makes and finds frames; see `HomeSetup`.
+        views: Maximum number of frames per part.
+        ablation: Whether frames of the home are also localized with `ABLATION`.
+        trade: Whether frames of the home as mapped are also localized with `TRADE`.
     """
 
-    bench: BenchHome
+    topic = "relocalize"
+    record = Record
+
     views: int
     ablation: bool = False
     trade: bool = False
-    code: dict[str, Any] = field(default_factory=lambda: _code())
 
     @property
-    def name(self) -> str:
-        """That of the home."""
-        return self.bench.name
+    def count(self) -> int:
+        """Number of results when all is done."""
+        return self.views * sum(len(self.variants(part)) for part in PARTS)
 
     @property
-    def mapped_of(self) -> dict[str, Any]:
-        """All that decides what its map is."""
-        return self.bench.mapped_of
+    def settings(self) -> dict[str, Any]:
+        """Values that decide the results besides map and code."""
+        return {"views": self.views}
 
-    @cached_property
-    def results(self) -> Path:
-        """The file of records; another one when anything that decides them is another."""
-        key = digest({"map": self.mapped_of, "views": self.views, "code": self.code})
-        return self.bench.work / "relocalize" / f"{self.name}_{key}.jsonl"
-
-    def record_of(self, result: Result) -> Record | None:
-        """None of other variants; see `RecordUnit`."""
-        record = validated(result, Record, self.results)
-        return record if record.variant in self.variants(record.part) else None
+    def is_asked(self, record: Record) -> bool:
+        """Return whether this run asks for the variant of a record."""
+        return record.variant in self.variants(record.part)
 
     def variants(self, part: Part) -> tuple[str, ...]:
-        """The ways in which frames of a part are looked for."""
+        """Return the variants that localize the frames of a part."""
         own = part != "another home"
         return (
             OURS,
@@ -105,100 +86,73 @@ class RelocalizeUnit:
             *(TRADE if self.trade and part == "as mapped" else ()),
         )
 
-    def seconds(self, done: frozenset[str]) -> float:
-        """About how long it takes."""
-        wanted = self.views * sum(len(self.variants(part)) for part in PARTS)
-        work = FINDING_S * wanted + FRAME_S * self.views * len(PARTS)
-        making = 3 * TASKS_S + SET_S * self.views / LOOKS
-        whole = making + MAP_S + RECORDING_S * self.bench.setup.frames
-        return max(0, wanted - len(done)) / wanted * work + (0 if done else whole)
-
-    def run(self, done: frozenset[str], add: Add, tell: Tell) -> None:
-        """Looks for what was not looked for yet.
-
-        Raises:
-            ValueError: The home gives no frames, or no map can be made of it.
-            OSError: The disk is full.
-        """
-        asked = list(questions_of(self.bench, self.views, self.code["frames"], tell))
-        left = {one: self._left(one, done) for one in asked}
+    def run(self, done: frozenset[str], add: Add) -> None:
+        """Localize the frames that are missing; see `Unit`."""
+        left = {
+            view: [one for one in self.variants(view.part) if _id(view, one) not in done]
+            for view in views_of(self.bench, self.views)
+        }
         if not any(left.values()):
             return
-        finders = Finders(self.bench.map(tell))
-        for question, variants in left.items():
-            look = cache(question.look)
+        relocalizers = Relocalizers(self.bench.map())
+        for view, variants in left.items():
+            take = cache(view.take)
             for variant in variants:
-                add(self._record(question, variant, look, finders).model_dump(mode="json"))
-                tell(FINDING_S)
-            tell(FRAME_S if variants else 0)
-
-    def _left(self, question: Question, done: frozenset[str]) -> list[str]:
-        variants = self.variants(question.part)
-        return [one for one in variants if _id(question, one) not in done]
-
-    def _record(
-        self,
-        question: Question,
-        variant: str,
-        look: Callable[[], tuple[RgbdFrame, Floats]],
-        finders: Finders,
-    ) -> Record:
-        record = Record(
-            id=_id(question, variant),
-            home=self.name,
-            room_type=self.bench.room_type,
-            frame=question.frame,
-            part=question.part,
-            variant=variant,
-        )
-        try:
-            found = _found(finders.of(variant), *look(), question, variant)
-        except Exception as error:  # Whatever fails is told of its frame; others go on.
-            found = {"error": message_of(error)}
-        return record.model_copy(update=found)
+                record = Record(
+                    id=_id(view, variant),
+                    home=self.name,
+                    room_type=self.bench.room_type,
+                    frame=view.frame,
+                    part=view.part,
+                    variant=variant,
+                )
+                ask = partial(_localize, relocalizers, view, variant, take)
+                add(attempt(record, ask).model_dump(mode="json"))
 
 
-class Finders:
-    """Relocalizers of one map, made when they are asked for.
+def units_of(
+    homes: Sequence[BenchHome], views: int, *, ablation: bool, trade: bool
+) -> list[RelocalizeUnit]:
+    """List the work in homes; for the arguments see `RelocalizeUnit`."""
+    return [RelocalizeUnit(home, views, ablation, trade) for home in homes]
+
+
+class Relocalizers:
+    """Relocalizers of one map, made when they are first asked for.
 
     Args:
-        folder: Of the map.
+        folder: Folder of the map.
     """
 
     def __init__(self, folder: Path) -> None:
         self._map, self._landmarks = read_map(folder), read_landmarks(folder)
-        self._made: dict[str, Relocalizer] = {}
+        self._relocalizers: dict[str, Relocalizer] = {}
 
     def of(self, variant: str) -> Relocalizer:
-        """The one of that name, of `VARIANTS`."""
-        if variant not in self._made:
+        """Return the relocalizer of a name in `VARIANTS`."""
+        if variant not in self._relocalizers:
             config = VARIANTS[variant]
-            self._made[variant] = Relocalizer(self._map, self._landmarks, config)
-        return self._made[variant]
+            self._relocalizers[variant] = Relocalizer(self._map, self._landmarks, config)
+        return self._relocalizers[variant]
 
 
-def _found(
-    relocalizer: Relocalizer, frame: RgbdFrame, true: Floats, question: Question, variant: str
+def _localize(
+    relocalizers: Relocalizers,
+    view: View,
+    variant: str,
+    take: Callable[[], tuple[RgbdFrame, Floats]],
 ) -> dict[str, Any]:
-    """What a record tells besides what was asked."""
-    located = Told.by(lambda: relocalizer.locate(frame))
-    if question.is_strange:
-        return {"located": located.answer(None)}
+    """Localize a frame and judge the answers; return fields of `Record`."""
+    relocalizer, (frame, true) = relocalizers.of(variant), take()
+    located = TimedAnswer.of(lambda: relocalizer.locate(frame))
+    if view.is_foreign:
+        return {"located": located.judge(None)}
     if variant != OURS:
-        return {"located": located.answer(true)}
-    start = start_near(true, np.random.default_rng([question.seed, 1]))
-    return {
-        "located": located.answer(true),
-        "tracked": Told.by(lambda: relocalizer.track(frame, start)).answer(true),
-    }
+        return {"located": located.judge(true)}
+    start = start_near(true, np.random.default_rng([view.seed, 1]))
+    tracked = TimedAnswer.of(lambda: relocalizer.track(frame, start))
+    return {"located": located.judge(true), "tracked": tracked.judge(true)}
 
 
-def _id(question: Question, variant: str) -> str:
-    return f"{question.frame}: {variant}"
-
-
-def _code() -> dict[str, Any]:
-    return {
-        "frames": code_digest("gslts_bench.relocalization.frames", without=("gslts.mapping",)),
-        "finding": {"python": code_digest(__name__), "native": native_digest()},
-    }
+def _id(view: View, variant: str) -> str:
+    return f"{view.frame}: {variant}"

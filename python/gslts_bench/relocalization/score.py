@@ -1,4 +1,4 @@
-"""How right a relocalization is, and how long it took."""
+"""Errors of relocalization against the true pose, and times."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from pydantic import BaseModel, FiniteFloat
 from gslts.core.se3 import pose_distance, rotation, twist_of
 from gslts.localization.relocalizer import Localization, Status
 from gslts.types import Floats
-from gslts_sim.home_source import STRICT
+from gslts_sim.strict_model import STRICT
 
 MOVED_M, MOVED_DEG = 0.05, 2.0
-"""How far from the truth tracking starts."""
+"""Distance of the start of tracking from the true pose."""
 NEAR, FAR = (0.02, 1.0), (0.05, 5.0)
-"""Distances, m, and angles, degrees, within which poses are counted."""
+"""Maximum errors, m and degrees, of poses that count as near, and as right."""
 
 
-class Off(BaseModel):
-    """How far a pose is from the true one."""
+class PoseError(BaseModel):
+    """Distance of a pose from the true one in translation and rotation."""
 
     model_config = STRICT
 
@@ -30,28 +30,28 @@ class Off(BaseModel):
     deg: FiniteFloat
 
     @classmethod
-    def of(cls, pose: Floats, true: Floats) -> Off:
-        """Both [4,4] world_from_camera."""
+    def of(cls, pose: Floats, true: Floats) -> PoseError:
+        """Compare two poses world_from_camera [4,4]."""
         metres, turn_rad = pose_distance(pose, true)
         return cls(m=metres, deg=float(np.rad2deg(turn_rad)))
 
     def within(self, m: float, deg: float) -> bool:
-        """Whether it is at most so far off."""
+        """Return whether the error is at most so large."""
         return self.m <= m and self.deg <= deg
 
 
 class Answer(BaseModel):
-    """What became of one question; see `gslts.localization.relocalizer.Localization`.
+    """Answer about one frame; see `gslts.localization.relocalizer.Localization`.
 
     Attributes:
-        status, reason, inliers: As told.
-        fit: Shares known, alike, measured and near; None if there was nothing to look at.
-        coarse: How far off the pose is that was refined; None if there is none, or no true one.
-        off: How far the one is that was told; None if lost, or if there is no true one.
-        normalized: Squared error in units of the covariance that was told, over its 6 dimensions:
-            1 on average if that is right.
+        status, reason, inliers: As answered.
+        fit: Shares known, alike, measured and near; None without a pose to compare.
+        coarse: Error of the pose before refinement; None without one, or without a true pose.
+        off: Error of the answer; None if lost, or without a true pose.
+        normalized: Squared error in units of the returned covariance, over its 6 dimensions: 1 on
+            average if that is right.
         s: Wall time.
-        cpu_s: Of all threads of the process meanwhile; less than `s` where others took the core.
+        cpu_s: Time of all threads of the process; less than `s` where others took the core.
     """
 
     model_config = STRICT
@@ -60,30 +60,30 @@ class Answer(BaseModel):
     reason: str = ""
     inliers: int = 0
     fit: tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat] | None = None
-    coarse: Off | None = None
-    off: Off | None = None
+    coarse: PoseError | None = None
+    off: PoseError | None = None
     normalized: FiniteFloat | None = None
     s: FiniteFloat = 0.0
     cpu_s: FiniteFloat = 0.0
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
-    """What was said, and the wall time and the time of all threads that it took."""
+class TimedAnswer:
+    """A localization with its wall time and the time of all threads."""
 
     found: Localization
     s: float
     cpu_s: float
 
     @classmethod
-    def by(cls, ask: Callable[[], Localization]) -> Told:
-        """Asks."""
+    def of(cls, ask: Callable[[], Localization]) -> TimedAnswer:
+        """Ask and measure the time."""
         start_s, start_cpu_s = time.perf_counter(), time.process_time()
         found = ask()
         return cls(found, time.perf_counter() - start_s, time.process_time() - start_cpu_s)
 
-    def answer(self, true: Floats | None) -> Answer:
-        """As judged by the true pose [4,4]; None if that is not in this map."""
+    def judge(self, true: Floats | None) -> Answer:
+        """Judge by the true pose [4,4]; None if the frame is not in this map."""
         found, fit, normalized = self.found, self.found.fit, None
         if true is not None and found.world_from_camera is not None:
             assert found.covariance is not None  # It comes with the pose.
@@ -93,8 +93,8 @@ class Told:
             reason=found.reason,
             inliers=found.inliers,
             fit=None if fit is None else (fit.known, fit.alike, fit.measured, fit.near),
-            coarse=_off(found.coarse, true),
-            off=_off(found.world_from_camera, true),
+            coarse=_error_of(found.coarse, true),
+            off=_error_of(found.world_from_camera, true),
             normalized=normalized,
             s=self.s,
             cpu_s=self.cpu_s,
@@ -102,7 +102,12 @@ class Told:
 
 
 def normalized_error(pose: Floats, covariance: Floats, true: Floats) -> float:
-    """`Answer.normalized` of a pose [4,4] with the covariance [6,6] of its twist.
+    """Compute the squared error of a pose in units of its covariance; see `Answer.normalized`.
+
+    Args:
+        pose: Answered world_from_camera [4,4].
+        covariance: [6,6] covariance of the twist.
+        true: True world_from_camera [4,4].
 
     Source: Bar-Shalom et al. 2001, Estimation with Applications to Tracking and Navigation, 5.4.
     """
@@ -111,7 +116,7 @@ def normalized_error(pose: Floats, covariance: Floats, true: Floats) -> float:
 
 
 def start_near(true: Floats, rng: np.random.Generator) -> Floats:
-    """[4,4] a pose `MOVED_M` and `MOVED_DEG` from the true one, in random directions."""
+    """Draw a pose [4,4] at `MOVED_M` and `MOVED_DEG` from the true one."""
     along, about = rng.normal(size=(2, 3))
     motion = np.eye(4)
     motion[:3, :3] = rotation(np.deg2rad(MOVED_DEG) * about / np.linalg.norm(about))
@@ -121,25 +126,30 @@ def start_near(true: Floats, rng: np.random.Generator) -> Floats:
 
 
 def scores(answers: Sequence[Answer]) -> dict[str, Any]:
-    """What became of all frames, in values of JSON.
+    """Compute the numbers of some answers.
 
-    Wrong is what is told to be `ok` and not within `FAR`; what is within tells whether covariances
-    are right.
+    An answer is wrong if it is `ok` and not within `FAR`. Covariances are judged by right answers.
+
+    Args:
+        answers: Answers about frames.
+
+    Returns:
+        JSON values.
     """
-    ok = [one for one in answers if one.status == "ok" and one.off is not None]
-    right = [one.off is not None and one.off.within(*FAR) for one in ok]
+    ok = [answer for answer in answers if answer.status == "ok" and answer.off is not None]
+    right = [answer.off is not None and answer.off.within(*FAR) for answer in ok]
     errors = [
-        one.normalized
-        for one, good in zip(ok, right, strict=True)
-        if good and one.normalized is not None
+        answer.normalized
+        for answer, good in zip(ok, right, strict=True)
+        if good and answer.normalized is not None
     ]
     return {
         "frames": len(answers),
         "ok": sum(one.status == "ok" for one in answers),
         "ambiguous": sum(one.status == "ambiguous" for one in answers),
         "lost": sum(one.status == "lost" for one in answers),
-        **_scores_of_offs([one.off for one in answers]),
-        "coarse": _scores_of_offs([one.coarse for one in answers]),
+        **_error_scores([one.off for one in answers]),
+        "coarse": _error_scores([one.coarse for one in answers]),
         "wrong_ok": right.count(False),
         "normalized": _finite(np.mean, errors),
         "s": _finite(np.median, [one.s for one in answers]),
@@ -147,8 +157,8 @@ def scores(answers: Sequence[Answer]) -> dict[str, Any]:
     }
 
 
-def _scores_of_offs(offs: Sequence[Off | None]) -> dict[str, Any]:
-    """How many poses are near, and the medians of all; where there is none, it is nowhere near."""
+def _error_scores(offs: Sequence[PoseError | None]) -> dict[str, Any]:
+    """Count near poses and take medians of all; a missing pose counts as infinitely far."""
     return {
         "near": sum(one is not None and one.within(*NEAR) for one in offs),
         "far": sum(one is not None and one.within(*FAR) for one in offs),
@@ -157,11 +167,11 @@ def _scores_of_offs(offs: Sequence[Off | None]) -> dict[str, Any]:
     }
 
 
-def _off(pose: Floats | None, true: Floats | None) -> Off | None:
-    return None if pose is None or true is None else Off.of(pose, true)
+def _error_of(pose: Floats | None, true: Floats | None) -> PoseError | None:
+    return None if pose is None or true is None else PoseError.of(pose, true)
 
 
 def _finite(of: Callable[[Sequence[float]], Any], values: Sequence[float]) -> float | None:
-    """What a function says of values; None if that is no finite number."""
+    """Apply a function to values; None if the result is not finite."""
     found = float(of(values)) if values else np.inf
     return found if np.isfinite(found) else None

@@ -1,4 +1,4 @@
-"""Ways to relocalize: the default, with parts left out, and with other settings."""
+"""Variants of relocalization: the default, with parts left out, and with other settings."""
 
 from __future__ import annotations
 
@@ -7,23 +7,24 @@ from typing import Any
 from gslts.localization.config import RelocalizationConfig
 
 OURS = "all"
-"""The default, on one thread, as all are."""
+"""Name of the default; all variants run on one thread."""
 LEFT_OUT: dict[str, dict[str, Any]] = {
-    "corners alone": {"iterations": 0, "register_clouds": False},
-    "corners and clouds": {"iterations": 0},
+    "keypoints alone": {"iterations": 0, "register_clouds": False},
+    "keypoints and clouds": {"iterations": 0},
     "without depth": {"use_depth": False},
     "without clouds": {"register_clouds": False},
 }
+"""Settings that leave out parts."""
 KNOBS = {
     "halvings": (0, 1, 2),
-    "corners": (250, 500, 1000, 2000),
+    "keypoints": (250, 500, 1000, 2000),
     "iterations": (2, 4, 8, 16),
 }
-"""Settings that buy accuracy with time, each changed by itself."""
+"""Settings that trade time for accuracy, each changed by itself."""
 
 
 def knob_name(knob: str, value: int) -> str:
-    """Of the variant with another value of one of `KNOBS`; the default is `OURS`."""
+    """Name the variant with a value of one of `KNOBS`; `OURS` for the default's value."""
     return OURS if getattr(_config({}), knob) == value else f"{knob} = {value}"
 
 

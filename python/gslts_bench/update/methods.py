@@ -1,4 +1,4 @@
-"""The ways in which a map is updated that are compared."""
+"""Methods of updating a map that are compared."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from gslts.change.config import DetectionConfig
 from gslts.change.detector import ChangeDetector
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
+from gslts.store.causes import UpdateRecord
 from gslts.update.config import GS_LTS, EditConfig, RefineConfig, UpdateConfig
 from gslts.update.edit import Edit, pre_edit
 from gslts.update.refine import Refined, Watch, refine, targets_of
-from gslts.update.updater import Record, updated_with
+from gslts.update.updater import updated_with
 from gslts.update.verify import split_held_back
 from gslts.update.view_collection import Collection
 
@@ -36,12 +37,12 @@ of the means, 1.6e-4 times the extent of the cameras, is taken for an extent of 
 
 @dataclass(frozen=True)
 class Method:
-    """One way.
+    """One method.
 
     Attributes:
-        edit: None leaves the Gaussians as they are.
-        refine: None leaves the map as it is.
-        whole: Whether it is all of `gslts.update.updater`, with views remembered and verification.
+        edit: Settings of the edit; None leaves the Gaussians as they are.
+        refine: Settings of the refinement; None leaves the map as it is.
+        whole: Whether it is all of `gslts.update.updater`, with old views and verification.
     """
 
     edit: EditConfig | None
@@ -62,7 +63,7 @@ METHODS: dict[str, Method] = {
     "gs_lts editing": Method(GS_LTS, PLAIN),
     "ours": Method(OURS.edit, OURS.refine, whole=True),
 }
-"""Of the table: the second is the baseline of GS-LTS, and the third its editing as printed."""
+"""Methods of the table: the second is the baseline of GS-LTS, the third its editing as printed."""
 ABLATION: dict[str, Method] = {
     "plain, our rates": Method(
         None, OURS.refine.model_copy(update={"scope": "map", "patience": 1_000_000})
@@ -79,10 +80,10 @@ ABLATION: dict[str, Method] = {
     ),
     "gs_lts editing, then ours": Method(GS_LTS, OURS.refine, whole=True),
 }
-"""Each differs from `ours` in one thing."""
+"""Methods that differ from `ours` in one setting."""
 
 
-def updated(
+def update_with(
     method: Method,
     gaussian_map: GaussianMap,
     cameras: Sequence[Camera],
@@ -91,17 +92,20 @@ def updated(
     iterations: int | None = None,
     threads: int = 1,
     watch: Watch = lambda *_: None,
-) -> tuple[GaussianMap, Record | None]:
-    """What a method makes of a map; the record of those that write one.
+) -> tuple[GaussianMap, UpdateRecord | None]:
+    """Update a map with a method.
 
     Args:
-        method: One of them.
-        gaussian_map: Before the change.
-        cameras: Of the frames that it was made of.
-        found: Views of the change; the same are used by all methods.
-        iterations: Instead of those of the method.
-        threads: 0 means one a hardware thread.
-        watch: Is told of the steps of the refinement.
+        method: The method.
+        gaussian_map: Map before the change.
+        cameras: Cameras of the frames that it was made from.
+        found: Frames of the change; all methods use the same.
+        iterations: Number of iterations instead of the method's.
+        threads: 0 means one per hardware thread.
+        watch: Receives the steps of the refinement.
+
+    Returns:
+        The updated map, and the record of a method that writes one.
     """
     steps = {} if iterations is None else {"iterations": iterations}
     if method.whole:
@@ -111,7 +115,7 @@ def updated(
             edit=method.edit, refine=method.refine.model_copy(update=steps), threads=threads
         )
         detector = None
-        if iterations is None:  # Else so many steps are what is compared.
+        if iterations is None:  # Verification would hide what a number of iterations does.
             detector = ChangeDetector(
                 gaussian_map, DetectionConfig(threads=threads), cameras=cameras
             )

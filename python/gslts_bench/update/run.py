@@ -1,16 +1,16 @@
-"""Updates in one home: tasks are detected, looked at and brought into the map in several ways."""
+"""Benchmark of updates in one home: changes are detected, and several methods update the map."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from PIL import Image
-from pydantic import BaseModel, FiniteFloat
+from pydantic import Field, FiniteFloat
 
 from gslts.change.detector import ChangeDetector
 from gslts.core.camera import Camera
@@ -20,226 +20,217 @@ from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
 from gslts.update.config import CollectConfig
 from gslts.update.view_collection import Collection, collect
-from gslts_bench.cache import code_digest, digest, native_digest
-from gslts_bench.detection.run import report_of
+from gslts_bench.detection.run import Report
 from gslts_bench.detection.score import fits
-from gslts_bench.homes import MAP_S, RECORDING_S, BenchHome
-from gslts_bench.update.methods import ABLATION, METHODS, Method, updated
-from gslts_bench.update.pictures import compared
-from gslts_bench.update.score import Judge, JudgedView, judged_view
-from gslts_bench.work import Add, Result, Tell, message_of, validated
+from gslts_bench.homes import BenchHome, even_shares
+from gslts_bench.processes import Add, message_of
+from gslts_bench.runner import BenchRecord, BenchUnit
+from gslts_bench.update.comparison import compare
+from gslts_bench.update.methods import ABLATION, METHODS, Method, update_with
+from gslts_bench.update.score import EvaluationView, Judge, evaluation_view
 from gslts_sim.controller import Controller
 from gslts_sim.home import Home
-from gslts_sim.home_source import STRICT
 from gslts_sim.task import Task
 
 MARKS = (0, 50, 100, 250, 500, 1000)
 """Iterations after which maps are compared in the curve."""
 CURVE_OF = ("plain fine-tuning", "ours")
-LEAST_TASKS = 12
-TASK_S, METHOD_S, CURVE_S = 15.0, 10.0, 120.0
-"""About how long it takes, for the progress."""
+"""Methods that have a curve."""
+NOT_DETECTED = "not detected"
+"""Method of the record of a change that was not detected."""
+MIN_TASKS = 12
+"""Minimum number of tasks made for a home, so that the first do not depend on their number."""
 
 
-class Record(BaseModel):
-    """What a method made of one task.
+class Record(BenchRecord):
+    """Result of one method on one task.
 
     Attributes:
-        id: Of task and method.
-        task: Its home and its number, such as `kitchen_0/07`.
-        kind: Of the change.
-        object_type: Of what changed.
-        method: Of `METHODS` or `ABLATION`, `not detected`, or `curve, ` and the method.
-        detected: Whether type and region of the most certain change were right in the first frame;
-            if not, there is no update.
-        views: That were collected.
-        scores: Of the near and of the far test views; see `update_score.Score`.
-        rejected: Why the map stays as it was.
-        gaussians: Before and after.
-        removed, added, iterations: See `gslts.update.updater.Record`.
-        seconds: By stage; all of it under `update`.
-        curve: PSNR of near and far views, dB, after so many iterations; and of a run of 250 after
-            50 of them under `50 of 250`.
-        error: Why there is no result.
+        task: Home and number, such as `kitchen_0/07`.
+        kind, object_type: Type of the change and of its object.
+        method: One of `METHODS` or `ABLATION`, `NOT_DETECTED`, or `curve, ` and the method.
+        detected: Whether type and region of the most confident change were right in the first
+            frame; otherwise there is no update.
+        views: Number of frames that were collected.
+        scores: Scores of near and far test viewpoints; see `update.score.Score`.
+        rejected: Reason if the map stays as it was.
+        gaussians: Number before and after.
+        removed, added, iterations: see `gslts.store.causes.UpdateRecord`.
+        seconds: Time by stage; the whole under `update`.
+        curve: PSNR of near and far viewpoints, dB, by number of iterations; after 50 iterations of
+            a run of 250 under `50 of 250`.
     """
 
-    model_config = STRICT
-
-    id: str
     task: str
     kind: str
     object_type: str
     method: str
     detected: bool = False
     views: int = 0
-    scores: dict[str, dict[str, FiniteFloat | None]] = {}
+    scores: dict[str, dict[str, FiniteFloat | None]] = Field(default_factory=dict)
     rejected: str | None = None
     gaussians: tuple[int, int] = (0, 0)
     removed: int = 0
     added: int = 0
     iterations: int = 0
-    seconds: dict[str, FiniteFloat] = {}
-    curve: dict[str, tuple[FiniteFloat, FiniteFloat]] = {}
-    error: str | None = None
+    seconds: dict[str, FiniteFloat] = Field(default_factory=dict)
+    curve: dict[str, tuple[FiniteFloat, FiniteFloat]] = Field(default_factory=dict)
 
 
 @dataclass(frozen=True)
-class UpdateUnit:
+class UpdateUnit(BenchUnit[Record, BenchHome]):
     """One home.
 
     Attributes:
-        bench: The home.
-        tasks: How many.
-        ablation: Whether the methods of `ABLATION` are tried too.
-        curves: Of how many tasks curves are made.
+        tasks: Number of tasks.
+        ablation: Whether the methods of `ABLATION` are measured too.
+        curves: Number of tasks with curves.
         lpips: Files of the weights of LPIPS, backbone and heads; None leaves it out.
-        threads: Of an update; results are the same but for seconds.
-        code: Digests of the code that updates; see `HomeSetup`.
+        threads: Threads of an update; only the seconds depend on them.
     """
 
-    bench: BenchHome
+    topic = "update"
+    record = Record
+
     tasks: int
     ablation: bool = False
     curves: int = 0
     lpips: tuple[Path, Path] | None = None
     threads: int = 1
-    code: dict[str, Any] = field(
-        default_factory=lambda: {"python": code_digest(__name__), "native": native_digest()}
-    )
 
     @property
-    def name(self) -> str:
-        """That of the home."""
-        return self.bench.name
+    def count(self) -> int:
+        """Number of results when all is done."""
+        return self.tasks * len(self.methods) + self.curves * len(CURVE_OF)
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Values that decide the results besides map and code."""
+        weights = None if self.lpips is None else [str(path) for path in self.lpips]
+        return {"lpips": weights, "threads": self.threads}
 
     @cached_property
-    def results(self) -> Path:
-        """The file of records; another one when anything that decides them is another."""
-        weights = None if self.lpips is None else [str(path) for path in self.lpips]
-        key = digest(
-            {
-                "map": self.bench.mapped_of,
-                "code": self.code,
-                "lpips": weights,
-                "threads": self.threads,
-            }
-        )
-        return self.bench.work / "update" / f"{self.name}_{key}.jsonl"
-
-    @property
     def methods(self) -> dict[str, Method]:
-        """Those that are compared."""
+        """Methods that are compared, by name."""
         return {**METHODS, **(ABLATION if self.ablation else {})}
 
-    def record_of(self, result: Result) -> Record | None:
-        """None beyond the number of tasks; see `RecordUnit`."""
-        record = validated(result, Record, self.results)
-        return record if int(record.task.rpartition("/")[2]) < self.tasks else None
+    def is_asked(self, record: Record) -> bool:
+        """Return whether this run asks for the task of a record."""
+        return int(record.task.rpartition("/")[2]) < self.tasks
 
-    def picture(self, task: str) -> Path:
-        """Of a task."""
-        return self.results.with_suffix("") / f"{task.replace('/', '_')}.png"
+    def count_missing(self, records: Sequence[Record]) -> int:
+        """Return how many tasks the home did not give."""
+        return self.tasks - len({record.task for record in records})
 
-    def seconds(self, done: frozenset[str]) -> float:
-        """About how long it takes."""
-        wanted = self.tasks * len(self.methods)
-        left = max(0, wanted - len(done)) / max(1, wanted)
-        whole = MAP_S + RECORDING_S * self.bench.setup.frames
-        work = self.tasks * (TASK_S + METHOD_S * len(self.methods)) + CURVE_S * self.curves
-        return left * work + (0 if done else whole)
-
-    def run(self, done: frozenset[str], add: Add, tell: Tell) -> None:
-        """Updates the map with each task, in each way that was not tried yet.
-
-        Raises:
-            ValueError: The home gives no task, or no map can be made of it.
-            OSError: The disk is full.
-        """
-        tasks = self.bench.tasks(max(LEAST_TASKS, self.tasks))[: self.tasks]
-        ground = _Ground.of(self.bench.map(tell), tasks[0].home.load(Path()), self.lpips)
+    def run(self, done: frozenset[str], add: Add) -> None:
+        """Update the map with each task and method that is missing; see `Unit`."""
+        tasks = self.bench.tasks(max(MIN_TASKS, self.tasks))[: self.tasks]
+        ground = _Ground.of(self.bench.map(), tasks[0].home.load(Path()), self.lpips)
         for number, task in enumerate(tasks):
             name = f"{self.name}/{number:02}"
-            if f"{name}: not detected" in done:
+            if f"{name}: {NOT_DETECTED}" in done:
                 continue
-            methods = {
-                one: way for one, way in self.methods.items() if f"{name}: {one}" not in done
-            }
+            methods = [method for method in self.methods if f"{name}: {method}" not in done]
             curves = [
-                one
-                for one in CURVE_OF
-                if number < self.curves and f"{name}: curve, {one}" not in done
+                method
+                for method in CURVE_OF
+                if number < self.curves and f"{name}: curve, {method}" not in done
             ]
-            if methods or curves:
-                try:
-                    self._try(name, task, ground, methods, curves, add)
-                except Exception as error:  # Whatever fails is told of its task; others go on.
-                    failed = _record(name, task, "failed").model_copy(
-                        update={"error": message_of(error)}
-                    )
-                    add(failed.model_dump(mode="json"))
-            tell(TASK_S + METHOD_S * len(methods) + CURVE_S * bool(curves))
+            try:
+                if methods or curves:
+                    self._compare(name, task, ground, methods, curves, add)
+            except Exception as error:  # Other tasks go on.
+                failed = _record(name, task, "failed", error=message_of(error))
+                add(failed.model_dump(mode="json"))
 
-    def _try(
+    def _compare(
         self,
         name: str,
         task: Task,
         ground: _Ground,
-        methods: dict[str, Method],
+        methods: Sequence[str],
         curves: Sequence[str],
         add: Add,
     ) -> None:
+        """Detect a change, collect frames of it, and update the map with each method."""
         robot = task.start(ground.home, changed=True)
         detection = ground.detector.detect(robot.observe())
         change = detection.changes[0] if detection.changes else None
-        if change is None or not fits(report_of(change), task.change):
-            add(_record(name, task, "not detected").model_dump(mode="json"))
+        if change is None or not fits(Report.of(change), task.change):
+            add(_record(name, task, NOT_DETECTED).model_dump(mode="json"))
             return
         start_s = time.perf_counter()
         found = collect(robot, ground.detector, [change], CollectConfig(), threads=self.threads)
         collecting_s = time.perf_counter() - start_s
-        judge = Judge(ground.judged(task), ground.lpips)
+        judge = Judge(ground.evaluation_views(task), ground.lpips)
         maps: dict[str, GaussianMap] = {}
-        for one, method in methods.items():
-            start_s = time.perf_counter()
-            maps[one], told = updated(
-                method, ground.gaussian_map, ground.cameras, found, threads=self.threads
-            )
-            seconds = {"update": time.perf_counter() - start_s, "collecting": collecting_s}
-            known: dict[str, Any] = {}
-            if told is not None:
-                seconds |= told.seconds
-                known = {
-                    "rejected": told.rejected,
-                    "removed": told.removed,
-                    "added": told.added,
-                    "iterations": told.iterations,
-                }
-            scores = {view: asdict(score) for view, score in judge.scores(maps[one]).items()}
-            record = _record(name, task, one).model_copy(
-                update={
-                    **known,
-                    "detected": True,
-                    "views": len(found.views),
-                    "scores": scores,
-                    "gaussians": (ground.gaussian_map.size, maps[one].size),
-                    "seconds": seconds,
-                }
-            )
-            add(record.model_dump(mode="json"))
-        if all(one in maps for one in METHODS):
-            path = self.picture(name)
+        for method in methods:
+            maps[method], numbers = self._update(method, ground, found, collecting_s)
+            scores = {view: asdict(score) for view, score in judge.scores(maps[method]).items()}
+            add(_record(name, task, method, scores=scores, **numbers).model_dump(mode="json"))
+        if all(method in maps for method in METHODS):
+            path = self.image(name)
             path.parent.mkdir(parents=True, exist_ok=True)
-            Image.fromarray(compared(judge, {one: maps[one] for one in METHODS})).save(path)
-        for one in curves:
-            record = _record(name, task, f"curve, {one}").model_copy(
-                update={"detected": True, "curve": _curve(METHODS[one], ground, found, judge)}
-            )
+            Image.fromarray(compare(judge, {method: maps[method] for method in METHODS})).save(path)
+        for method in curves:
+            curve = _curve(METHODS[method], ground, found, judge)
+            record = _record(name, task, f"curve, {method}", detected=True, curve=curve)
             add(record.model_dump(mode="json"))
+
+    def _update(
+        self, name: str, ground: _Ground, found: Collection, collecting_s: float
+    ) -> tuple[GaussianMap, dict[str, Any]]:
+        """Update the map with a method; return it with numbers for the record."""
+        start_s = time.perf_counter()
+        updated, told = update_with(
+            self.methods[name], ground.gaussian_map, ground.cameras, found, threads=self.threads
+        )
+        seconds = {"update": time.perf_counter() - start_s, "collecting": collecting_s}
+        numbers: dict[str, Any] = {
+            "detected": True,
+            "views": len(found.views),
+            "gaussians": (ground.gaussian_map.size, updated.size),
+            "seconds": seconds,
+        }
+        if told is not None:
+            seconds |= told.seconds
+            numbers |= {
+                "rejected": told.rejected,
+                "removed": told.removed,
+                "added": told.added,
+                "iterations": told.iterations,
+            }
+        return updated, numbers
+
+
+def units_of(
+    homes: Sequence[BenchHome],
+    tasks: int,
+    *,
+    ablation: bool,
+    curves: int,
+    lpips: tuple[Path, Path] | None,
+    threads: int,
+) -> list[UpdateUnit]:
+    """List the work of the benchmark.
+
+    Args:
+        homes: At least one.
+        tasks: Number of tasks in all homes.
+        ablation: Whether the methods of `ABLATION` are measured too.
+        curves: Number of tasks with curves in all homes.
+        lpips: Files of the weights of LPIPS, backbone and heads; None leaves it out.
+        threads: Threads of an update.
+    """
+    shares = zip(
+        homes, even_shares(tasks, len(homes)), even_shares(curves, len(homes)), strict=True
+    )
+    return [UpdateUnit(home, own, ablation, drawn, lpips, threads) for home, own, drawn in shares]
 
 
 @dataclass(frozen=True, eq=False)
 class _Ground:
-    """What all tasks of a home have in common."""
+    """State that all tasks of a home have in common."""
 
     home: Home
     gaussian_map: GaussianMap
@@ -254,8 +245,8 @@ class _Ground:
         detector = ChangeDetector(gaussian_map, cameras=cameras)
         return cls(home, gaussian_map, cameras, detector, None if lpips is None else Lpips(*lpips))
 
-    def judged(self, task: Task) -> list[JudgedView]:
-        """The test views of a task, without noise."""
+    def evaluation_views(self, task: Task) -> list[EvaluationView]:
+        """Return the test viewpoints of a task, with images without noise."""
         robot = Controller(
             task.states(self.home)[1],
             width=task.sensor.width,
@@ -265,10 +256,10 @@ class _Ground:
         views = []
         sets = task.test_viewpoints
         for number, viewpoint in enumerate((*sets.near, *sets.far)):
-            robot.go(viewpoint.look)
-            frame = robot.look(number).observation
+            robot.go(viewpoint)
+            frame = robot.snapshot(number).observation
             near = number < len(sets.near)
-            view = judged_view(frame, task.change, self.gaussian_map, near=near)
+            view = evaluation_view(frame, task.change, self.gaussian_map, near=near)
             views += [] if view is None else [view]
         return views
 
@@ -276,19 +267,19 @@ class _Ground:
 def _curve(
     method: Method, ground: _Ground, found: Collection, judge: Judge
 ) -> dict[str, tuple[float, float]]:
-    """PSNR of near and far views after some iterations."""
+    """Return the PSNR of near and far viewpoints by number of iterations."""
     points: dict[str, tuple[float, float]] = {}
 
     def note(name: str, gaussian_map: GaussianMap) -> None:
-        of = judge.psnrs_db(gaussian_map)
-        points[name] = (of["near"], of["far"])
+        psnrs_db = judge.psnrs_db(gaussian_map)
+        points[name] = (psnrs_db["near"], psnrs_db["far"])
 
     def run(iterations: int, marks: Sequence[int] = (), suffix: str = "") -> GaussianMap:
         def watch(step: int, current: Any) -> None:
             if step in marks:
                 note(f"{step}{suffix}", current())
 
-        result, _ = updated(
+        result, _ = update_with(
             method,
             ground.gaussian_map,
             ground.cameras,
@@ -308,11 +299,12 @@ def _curve(
     return points
 
 
-def _record(name: str, task: Task, method: str) -> Record:
+def _record(name: str, task: Task, method: str, **numbers: Any) -> Record:
     return Record(
         id=f"{name}: {method}",
         task=name,
         kind=task.change.kind,
         object_type=task.change.object_type,
         method=method,
+        **numbers,
     )

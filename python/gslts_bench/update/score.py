@@ -1,6 +1,6 @@
-"""How well a map shows a change, from where it is judged.
+"""Scores of a map at the test viewpoints of a change.
 
-Source: GS-LTS, sec. IV-A: 20 test views of each task, cropped to the boxes of the change and 50
+Source: GS-LTS, sec. IV-A: 20 test viewpoints per task, cropped to the boxes of the change and 50
 pixels around them.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 from gslts.core.camera import Camera, at_pose
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
-from gslts.localization.alignment import aligned
+from gslts.localization.alignment import align_pose
 from gslts.rendering.losses import Exposure, apply_exposure, fit_exposure
 from gslts.rendering.metrics import MIN_SIDE_PX, Lpips, psnr_db, ssim
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
@@ -23,22 +23,24 @@ from gslts.update.region import Region
 from gslts_sim.task import Change
 
 AROUND_PX = 50
+"""Margin of crops around the boxes of a change, as in GS-LTS."""
 ALIGN_STEPS = 4
+"""Iterations per resolution of aligning a test camera with the map."""
 Rectangle = tuple[int, int, int, int]
+"""Columns [x0, x1) and rows [y0, y1): x0, y0, x1, y1, px."""
 
 
 @dataclass(frozen=True)
 class Score:
-    """Means over test views.
+    """Means over test viewpoints.
 
     Attributes:
-        psnr_db: Of the crops.
-        ssim: Of the crops.
-        flip: Of the crops: LDR-FLIP (Andersson et al. 2020), 0 for equal pictures.
-        lpips: Of the crops; None without weights.
-        outside_db: PSNR of all else.
-        true_pose_db: PSNR of the crops where cameras are taken to be where they are in the world,
-            and not where the map says.
+        psnr_db: PSNR of the crops.
+        ssim: SSIM of the crops.
+        flip: LDR-FLIP of the crops (Andersson et al. 2020), 0 for equal images.
+        lpips: LPIPS of the crops; None without weights.
+        outside_db: PSNR outside the crops.
+        true_pose_db: PSNR of the crops from the true cameras, not aligned with the map.
     """
 
     psnr_db: float
@@ -50,18 +52,19 @@ class Score:
 
 
 @dataclass(frozen=True, eq=False)
-class JudgedView:
-    """A clean picture of the changed home.
+class EvaluationView:
+    """A test viewpoint with an image of the changed home, without noise.
 
     Attributes:
         near: Whether it is one of the near ones.
         photo: [H,W,3] sRGB, 0 to 1.
-        camera: Where the map before the change says that it was taken, by what did not change: a
-            map is a few millimetres off, as the poses were that it was made from.
-        true_camera: Where it was taken in the world.
-        crops: Columns [x0, x1) and rows [y0, y1) around each box of the change.
-        inside: [H,W] bool, in a crop.
-        exposure: From the map's colours, fitted where nothing changed; the same for all methods.
+        camera: Camera aligned with the map before the change, where nothing changed: a map is a few
+            millimetres off, as the poses were that it was made from.
+        true_camera: Camera in the world.
+        crops: Crop around each box of the change.
+        inside: [H,W] bool, whether a pixel is in a crop.
+        exposure: Exposure from the map's colours, fitted where nothing changed; the same for all
+            methods.
     """
 
     near: bool
@@ -73,13 +76,19 @@ class JudgedView:
     exposure: Exposure
 
 
-def judged_view(
+def evaluation_view(
     frame: RgbdFrame, change: Change, before: GaussianMap, *, near: bool
-) -> JudgedView | None:
-    """A clean frame of the changed home, as the map before the change sees it.
+) -> EvaluationView | None:
+    """Align a noise-free frame of the changed home with the map before the change.
+
+    Args:
+        frame: Frame with its true camera.
+        change: The change.
+        before: Map before the change.
+        near: Whether it is one of the near viewpoints.
 
     Returns:
-        None if no box of the change is in it.
+        The test viewpoint; None if no box of the change is in view.
     """
     crops = []
     for box in (change.box_before, change.box_after):
@@ -93,23 +102,25 @@ def judged_view(
     for x0, y0, x1, y1 in crops:
         inside[y0:y1, x0:x1] = True
     rest = RgbdFrame(frame.rgb, frame.depth, frame.camera, mask=~inside)
-    camera, exposure, _ = as_mapped(rest, before)
+    camera, exposure, _ = align_with_map(rest, before)
     photo = frame.rgb.astype(np.float32) / np.float32(255)
-    return JudgedView(near, photo, camera, frame.camera, tuple(crops), inside, exposure)
+    return EvaluationView(near, photo, camera, frame.camera, tuple(crops), inside, exposure)
 
 
-def as_mapped(frame: RgbdFrame, gaussian_map: GaussianMap) -> tuple[Camera, Exposure, Floats32]:
-    """Where a map says that a frame was taken, how it is exposed, and what the map shows there.
+def align_with_map(
+    frame: RgbdFrame, gaussian_map: GaussianMap
+) -> tuple[Camera, Exposure, Floats32]:
+    """Align a frame with a map and fit its exposure.
 
     Args:
-        frame: Its mask tells what is compared; the pose is nearly right.
+        frame: Frame with a nearly right pose; only pixels in its mask are compared.
         gaussian_map: float32.
 
     Returns:
-        The camera, the exposure from the map's colours to those of the frame, and [H,W,3] the map's
-        colours.
+        The aligned camera, the exposure from the map's colours to those of the frame, and the map's
+        colours [H,W,3].
     """
-    pose = aligned(gaussian_map, [frame.halved(), frame], ALIGN_STEPS, threads=1)
+    pose = align_pose(gaussian_map, [frame.halved(), frame], ALIGN_STEPS, threads=1)
     camera = at_pose(frame.camera, pose)
     photo = frame.rgb.astype(np.float32) / np.float32(255)
     rgb = Rasterizer(np.float32).forward(gaussian_map, camera, RenderOptions(threads=1)).rgb
@@ -117,47 +128,51 @@ def as_mapped(frame: RgbdFrame, gaussian_map: GaussianMap) -> tuple[Camera, Expo
 
 
 class Judge:
-    """Scores maps by some test views.
+    """Scores maps at test viewpoints.
 
     Args:
-        views: At least one near and one far.
+        views: At least one near and one far viewpoint.
         lpips: None leaves LPIPS out.
     """
 
-    def __init__(self, views: Sequence[JudgedView], lpips: Lpips | None = None) -> None:
+    def __init__(self, views: Sequence[EvaluationView], lpips: Lpips | None = None) -> None:
         self.views, self._lpips = views, lpips
         self._rasterizer, self._options = Rasterizer(np.float32), RenderOptions(threads=1)
 
     def scores(self, gaussian_map: GaussianMap) -> dict[str, Score]:
-        """Of the near and of the far views."""
+        """Score a map at the near and at the far viewpoints."""
         return {
-            name: _mean([self._score(gaussian_map, one) for one in self.views if one.near == near])
+            name: _mean(
+                [self._score(gaussian_map, view) for view in self.views if view.near == near]
+            )
             for name, near in (("near", True), ("far", False))
         }
 
     def psnrs_db(self, gaussian_map: GaussianMap) -> dict[str, float]:
-        """The PSNR of the crops alone."""
+        """Return the PSNR of the crops at the near and at the far viewpoints, dB."""
         return {
             name: float(
                 np.mean(
                     [
-                        psnr_db(self.shown(gaussian_map, one, one.camera), one.photo, one.inside)
-                        for one in self.views
-                        if one.near == near
+                        psnr_db(
+                            self.render(gaussian_map, view, view.camera), view.photo, view.inside
+                        )
+                        for view in self.views
+                        if view.near == near
                     ]
                 )
             )
             for name, near in (("near", True), ("far", False))
         }
 
-    def shown(self, gaussian_map: GaussianMap, view: JudgedView, camera: Camera) -> Floats32:
-        """[H,W,3] what a map shows from a camera, as the picture of a view is exposed."""
+    def render(self, gaussian_map: GaussianMap, view: EvaluationView, camera: Camera) -> Floats32:
+        """Render a map from a camera with the exposure of a test image; [H,W,3] sRGB, 0 to 1."""
         rgb = self._rasterizer.forward(gaussian_map, camera, self._options).rgb
         return np.asarray(apply_exposure(rgb, view.exposure).clip(0, 1), np.float32)
 
-    def _score(self, gaussian_map: GaussianMap, view: JudgedView) -> Score:
-        rgb = self.shown(gaussian_map, view, view.camera)
-        at_truth = self.shown(gaussian_map, view, view.true_camera)
+    def _score(self, gaussian_map: GaussianMap, view: EvaluationView) -> Score:
+        rgb = self.render(gaussian_map, view, view.camera)
+        at_truth = self.render(gaussian_map, view, view.true_camera)
         inside = view.inside
         return Score(
             psnr_db=psnr_db(rgb, view.photo, inside),
@@ -171,7 +186,7 @@ class Judge:
         )
 
     def _distance(self, rgb: Floats32, photo: Floats32, crop: Rectangle) -> float:
-        """LPIPS of a crop, which is made as large as that needs."""
+        """Return LPIPS of a crop, enlarged to the minimum size of the network."""
         assert self._lpips is not None  # Or it is not asked for.
         x0, y0, x1, y1 = crop
         height, width = photo.shape[:2]
@@ -184,20 +199,20 @@ def _flip(rgb: Floats32, photo: Floats32, crop: Rectangle) -> float:
     import flip_evaluator
 
     x0, y0, x1, y1 = crop
-    pair = (np.ascontiguousarray(one[y0:y1, x0:x1]) for one in (photo, rgb))
+    pair = (np.ascontiguousarray(image[y0:y1, x0:x1]) for image in (photo, rgb))
     _, mean, _ = flip_evaluator.evaluate(*pair, "LDR", applyMagma=False)
     return float(mean)
 
 
 def _mean_over(crops: Sequence[Rectangle], score: Callable[[Rectangle], float]) -> float:
-    """The mean of a score over crops, by their sizes."""
+    """Average a score over crops, weighted by their areas."""
     sizes = [(x1 - x0) * (y1 - y0) for x0, y0, x1, y1 in crops]
     return float(np.average([score(crop) for crop in crops], weights=sizes))
 
 
 def _mean(scores: Sequence[Score]) -> Score:
     values = {}
-    for one in fields(Score):
-        numbers = [getattr(score, one.name) for score in scores]
-        values[one.name] = None if None in numbers else float(np.mean(numbers))
+    for metric in fields(Score):
+        numbers = [getattr(score, metric.name) for score in scores]
+        values[metric.name] = None if None in numbers else float(np.mean(numbers))
     return Score(**values)  # type: ignore[arg-type]  # Only LPIPS may be None.

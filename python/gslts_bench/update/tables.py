@@ -1,4 +1,4 @@
-"""The results of updates, as numbers and as tables in Markdown."""
+"""Numbers and tables of updates."""
 
 from __future__ import annotations
 
@@ -7,62 +7,75 @@ from typing import Any
 
 import numpy as np
 
-from gslts_bench.markdown import share, table
+from gslts_bench.runner import Benchmark
+from gslts_bench.tables import Table, number, share
 from gslts_bench.update.methods import ABLATION, METHODS
-from gslts_bench.update.run import CURVE_OF, Record
+from gslts_bench.update.run import CURVE_OF, NOT_DETECTED, Record
 from gslts_sim.tasks import KINDS
 
 NO_UPDATE, BASELINE, OURS = "no update", "plain fine-tuning", "ours"
 OVERALL = "overall"
 VIEWS = ("near", "far")
-METRICS = {"SSIM": "ssim", "PSNR": "psnr_db", "FLIP": "flip", "LPIPS": "lpips"}
-DIGITS = {"psnr_db": 2}
+METRICS = {"SSIM": ("ssim", 3), "PSNR": ("psnr_db", 2), "FLIP": ("flip", 3), "LPIPS": ("lpips", 3)}
+"""Field of `Score` and number of digits by column."""
 
 
-def summary(records: Sequence[Record]) -> dict[str, Any]:
-    """Means over the tasks that every method was tried on, in values of JSON."""
-    fine = [one for one in records if one.error is None]
-    tasks = {one.task for one in fine}
-    missed = {one.task for one in fine if one.method == "not detected"}
-    by_method = {name: _of_method(fine, name) for name in (*METHODS, *ABLATION)}
+def summarize(records: Sequence[Record]) -> dict[str, Any]:
+    """Compute means over the tasks that every method was tried on.
+
+    Args:
+        records: Records without error.
+
+    Returns:
+        JSON values.
+    """
+    tasks = {record.task for record in records}
+    missed = {record.task for record in records if record.method == NOT_DETECTED}
+    by_method = {name: _numbers(records, name) for name in (*METHODS, *ABLATION)}
     return {
         "tasks": len(tasks),
         "detected": [len(tasks) - len(missed), len(tasks)],
-        "methods": {name: one for name, one in by_method.items() if one},
-        "curves": {name: _curve(fine, name) for name in CURVE_OF},
-        "ours": _told_of_ours(fine),
+        "methods": {name: numbers for name, numbers in by_method.items() if numbers},
+        "curves": {name: _curve(records, name) for name in CURVE_OF},
+        "ours": _details(records),
     }
 
 
-def printed(found: Mapping[str, Any]) -> str:
-    """All tables."""
+def tabulate(found: Mapping[str, Any]) -> list[Table]:
+    """Make all tables.
+
+    Args:
+        found: From `summarize`.
+    """
     methods: Mapping[str, Any] = found["methods"]
-    parts = ["## Updates after a change", _overview(found)]
-    parts += [_paper_table({one: methods[one] for one in METHODS if one in methods})]
+    tables = [_overview(found), _scores({one: methods[one] for one in METHODS if one in methods})]
     if any(one in methods for one in ABLATION):
         rows = [OURS, *(one for one in ABLATION if one in methods)]
-        parts += ["### One thing changed", _ablation({one: methods[one] for one in rows})]
+        tables += [_ablation({one: methods[one] for one in rows})]
     if any(found["curves"].values()):
-        parts += ["### PSNR against iterations (near / far, dB)", _curve_table(found["curves"])]
-    return "\n\n".join(parts)
+        tables += [_curve_table(found["curves"])]
+    return tables
 
 
-def _of_method(records: Iterable[Record], method: str) -> dict[str, Any]:
-    own = [one for one in records if one.method == method]
+BENCHMARK = Benchmark("Updates after a change", "updating", summarize, tabulate)
+
+
+def _numbers(records: Iterable[Record], method: str) -> dict[str, Any]:
+    own = [record for record in records if record.method == method]
     if not own:
         return {}
-    kinds = {kind: [one for one in own if one.kind == kind] for kind in KINDS}
+    kinds = {kind: [record for record in own if record.kind == kind] for kind in KINDS}
     return {
         **{kind: _means(group) for kind, group in kinds.items() if group},
         OVERALL: _means(own),
-        "seconds": _median([one.seconds["update"] for one in own]),
+        "seconds": _median([record.seconds["update"] for record in own]),
     }
 
 
 def _means(records: Sequence[Record]) -> dict[str, Any]:
     result: dict[str, Any] = {"tasks": len(records)}
     for view in VIEWS:
-        scores = [one.scores[view] for one in records]
+        scores = [record.scores[view] for record in records]
         result[view] = {
             name: None
             if any(score[name] is None for score in scores)
@@ -73,47 +86,46 @@ def _means(records: Sequence[Record]) -> dict[str, Any]:
 
 
 def _curve(records: Iterable[Record], method: str) -> dict[str, list[float]]:
-    own = [one.curve for one in records if one.method == f"curve, {method}"]
+    own = [record.curve for record in records if record.method == f"curve, {method}"]
     if not own:
         return {}
-    return {mark: np.mean([one[mark] for one in own], axis=0).tolist() for mark in own[0]} | {
+    return {mark: np.mean([curve[mark] for curve in own], axis=0).tolist() for mark in own[0]} | {
         "tasks": [float(len(own))]
     }
 
 
-def _told_of_ours(records: Iterable[Record]) -> dict[str, Any]:
-    own = [one for one in records if one.method == OURS]
-    done = [one for one in own if one.rejected is None]
+def _details(records: Iterable[Record]) -> dict[str, Any]:
+    """Compute times, counts and rejections of our method; empty without an update."""
+    own = [record for record in records if record.method == OURS]
+    done = [record for record in own if record.rejected is None]
     if not done:
         return {}
     stages = ("collecting", "editing", "refining", "verifying")
+    edit_s = [record.seconds["editing"] + record.seconds["refining"] for record in done]
+    growths = [record.gaussians[1] / record.gaussians[0] - 1 for record in done]
     return {
         "rejected": [len(own) - len(done), len(own)],
         "reasons": sorted({one.rejected.partition(":")[0] for one in own if one.rejected}),
-        "seconds": {name: _median([one.seconds[name] for one in done]) for name in stages},
-        "slowest_s": max(one.seconds["editing"] + one.seconds["refining"] for one in done),
-        "growth": float(np.mean([one.gaussians[1] / one.gaussians[0] - 1 for one in done])),
-        "removed": _median([one.removed for one in done]),
-        "added": _median([one.added for one in done]),
-        "views": _median([one.views for one in done]),
+        "seconds": {name: _median([record.seconds[name] for record in done]) for name in stages},
+        "slowest_s": max(edit_s),
+        "growth": float(np.mean(growths)),
+        "removed": _median([record.removed for record in done]),
+        "added": _median([record.added for record in done]),
+        "views": _median([record.views for record in done]),
     }
 
 
-def _overview(found: Mapping[str, Any]) -> str:
+def _overview(found: Mapping[str, Any]) -> Table:
     rows = [
         ["tasks", str(found["tasks"]), ""],
         ["detected in the first frame, and updated", share(*found["detected"]), ""],
     ]
     methods, ours = found["methods"], found["ours"]
     if ours and BASELINE in methods:
-        for view, wanted in (("near", "+3"), ("far", "+2.5")):
-            gain = _gain(methods, view)
-            rows.append([f"`ours` over plain fine-tuning, {view}", f"{gain:+.2f} dB", wanted])
-        outside = min(
-            methods[OURS][OVERALL][view]["outside_db"]
-            - methods[NO_UPDATE][OVERALL][view]["outside_db"]
-            for view in VIEWS
-        )
+        for view, target in (("near", "+3"), ("far", "+2.5")):
+            gain = _difference(methods, OURS, BASELINE, view, "psnr_db")
+            rows.append([f"`ours` over plain fine-tuning, {view}", f"{gain:+.2f} dB", target])
+        outside = min(_difference(methods, OURS, NO_UPDATE, view, "outside_db") for view in VIEWS)
         seconds = ours["seconds"]
         edit_s = seconds["editing"] + seconds["refining"]
         rows += [
@@ -123,55 +135,57 @@ def _overview(found: Mapping[str, Any]) -> str:
             ["rejected", share(*ours["rejected"]), ""],
             ["Gaussians", f"{100 * ours['growth']:+.2f} %", ""],
         ]
-    return table(["", "", "wanted"], rows)
+    return Table("", ["", "", "target"], rows)
 
 
-def _gain(methods: Mapping[str, Any], view: str) -> float:
-    ours, baseline = (methods[name][OVERALL][view]["psnr_db"] for name in (OURS, BASELINE))
-    return float(ours - baseline)
+def _difference(methods: Mapping[str, Any], a: str, b: str, view: str, metric: str) -> float:
+    return float(methods[a][OVERALL][view][metric] - methods[b][OVERALL][view][metric])
 
 
-def _paper_table(methods: Mapping[str, Any]) -> str:
+def _scores(methods: Mapping[str, Any]) -> Table:
     groups = (*KINDS, OVERALL)
     metrics = {
-        label: name
-        for label, name in METRICS.items()
-        if all(one[OVERALL]["near"][name] is not None for one in methods.values())
+        label: (name, digits)
+        for label, (name, digits) in METRICS.items()
+        if all(numbers[OVERALL]["near"][name] is not None for numbers in methods.values())
     }
-    header = ["method", "view"]
-    header += [f"{group} {label}" for group in groups for label in metrics]
+    header = ["method", "view", *(f"{group} {label}" for group in groups for label in metrics)]
     rows = []
-    for method, one in methods.items():
+    for method, numbers in methods.items():
         for view in VIEWS:
             cells = [
-                f"{one[group][view][name]:.{DIGITS.get(name, 3)}f}" if group in one else "-"
+                number(numbers[group][view][name], digits) if group in numbers else "-"
                 for group in groups
-                for name in metrics.values()
+                for name, digits in metrics.values()
             ]
             rows.append([method, view, *cells])
-    return table(header, rows)
+    return Table("", header, rows)
 
 
-def _ablation(methods: Mapping[str, Any]) -> str:
+def _ablation(methods: Mapping[str, Any]) -> Table:
+    groups = [(group, view) for group in (*KINDS, OVERALL) for view in VIEWS]
     rows = []
-    for name, one in methods.items():
+    for name, numbers in methods.items():
         cells = [
-            f"{one[group][view]['psnr_db']:.2f}" if group in one else "-"
-            for group in (*KINDS, OVERALL)
-            for view in VIEWS
+            number(numbers[group][view]["psnr_db"], 2) if group in numbers else "-"
+            for group, view in groups
         ]
-        rows.append([name, *cells, f"{one['seconds']:.1f} s"])
-    header = [f"{group}, {view}" for group in (*KINDS, OVERALL) for view in VIEWS]
-    return table(["PSNR, dB", *header, "time"], rows)
+        rows.append([name, *cells, f"{numbers['seconds']:.1f} s"])
+    header = ["PSNR, dB", *(f"{group}, {view}" for group, view in groups), "time"]
+    return Table("One setting changed", header, rows)
 
 
-def _curve_table(curves: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
-    marks = list(dict.fromkeys(mark for one in curves.values() for mark in one if mark != "tasks"))
+def _curve_table(curves: Mapping[str, Mapping[str, Sequence[float]]]) -> Table:
+    marks = list(
+        dict.fromkeys(mark for curve in curves.values() for mark in curve if mark != "tasks")
+    )
     rows = []
-    for name, one in curves.items():
-        cells = ["-" if mark not in one else "{:.2f} / {:.2f}".format(*one[mark]) for mark in marks]
+    for name, curve in curves.items():
+        cells = [
+            "-" if mark not in curve else "{:.2f} / {:.2f}".format(*curve[mark]) for mark in marks
+        ]
         rows.append([name, *cells])
-    return table(["iterations", *marks], rows)
+    return Table("PSNR against iterations (near / far, dB)", ["iterations", *marks], rows)
 
 
 def _median(numbers: Sequence[float]) -> float:

@@ -1,13 +1,14 @@
-"""The commands `gslts sim`: simulated homes, data sets of them, and scene change tasks."""
+"""Commands of `gslts sim`: simulated homes, recordings of them, and scene change tasks."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-# What a command needs is imported inside it, so that `gslts --help` answers at once.
+# Imports are inside the commands, so that `gslts --help` answers at once.
 
 sim = typer.Typer(no_args_is_help=True, help="Simulated homes.")
 
@@ -15,26 +16,29 @@ Source = Annotated[
     str,
     typer.Argument(help="kitchen, living_room or bedroom, or a .glb or .gltf file of a home."),
 ]
+"""Argument of the commands that open a home."""
 Seed = Annotated[int, typer.Argument(min=0, help="Same seed, same home.")]
-Noise = Annotated[str, typer.Option(help="Of the sensors: none or kinect.")]
+"""Argument: seed of a generated home."""
+Noise = Annotated[str, typer.Option(help="Noise of the camera: none or kinect.")]
+"""Option: preset of the camera's noise."""
 
 
 @sim.command()
 def home(source: Source, seed: Seed = 0) -> None:
-    """List the objects of a home: id, place and size, what it stands on, whether it is movable.
+    """List the objects of a home: id, position, size, receptacle, and whether it is movable.
 
     Example: gslts sim home kitchen 3
     """
     from gslts_sim.home_source import open_home
 
-    for thing in open_home(source, seed).objects:
-        low, high = thing.box_in_world
-        place = " ".join(f"{value:6.2f}" for value in (*((low + high) / 2)[:2], low[2]))
+    for obj in open_home(source, seed).objects:
+        low, high = obj.box_in_world
+        position = " ".join(f"{value:6.2f}" for value in (*((low + high) / 2)[:2], low[2]))
         size = " x ".join(f"{value:.2f}" for value in high - low)
         typer.echo(
-            f"{_printable(thing.id):20} at {place} m  size {size} m  "
-            f"on {_printable(thing.parent or '-'):16} "
-            f"{'movable' if thing.movable else ''}".rstrip()
+            f"{_printable(obj.id):20} at {position} m  size {size} m  "
+            f"on {_printable(obj.parent or '-'):16} "
+            f"{'movable' if obj.movable else ''}".rstrip()
         )
 
 
@@ -46,9 +50,9 @@ def show(
             help="kitchen, living_room or bedroom, a .glb or .gltf file, or the .json of a task."
         ),
     ],
-    out: Annotated[Path, typer.Option(help="Folder for the pictures.")],
+    out: Annotated[Path, typer.Option(help="Folder for the images.")],
     seeds: Annotated[
-        list[int] | None, typer.Argument(min=0, help="Of homes; one picture for each.")
+        list[int] | None, typer.Argument(min=0, help="Seeds of homes; one image each.")
     ] = None,
 ) -> None:
     """Draw homes (views from the corners and a labelled plan) or a task (before and after).
@@ -57,14 +61,14 @@ def show(
     """
     from tqdm import tqdm
 
+    from gslts_sim.contact_sheet import write_contact_sheet
     from gslts_sim.home_source import FILE_TYPES, open_home
-    from gslts_sim.show import write_contact_sheet
-    from gslts_sim.show_task import write_task_sheet
     from gslts_sim.task import read_task
+    from gslts_sim.task_sheet import write_task_sheet
 
     path = Path(source)
     if path.suffix.lower() in (".json", *FILE_TYPES) and seeds:
-        raise ValueError(f"{source} holds one home: seeds mean nothing")
+        raise ValueError(f"{source} holds one home: give no seeds")
     if path.suffix.lower() == ".json":
         task = read_task(path)
         home = task.home.load(path.parent)
@@ -78,7 +82,7 @@ def show(
         out.mkdir(parents=True, exist_ok=True)
         is_file = path.suffix.lower() in FILE_TYPES
         write_contact_sheet(home, out / f"{path.stem if is_file else f'{source}_{seed}'}.png")
-    typer.echo(f"wrote {len(seeds or [0])} picture(s) to {out}")
+    typer.echo(f"wrote {len(seeds or [0])} image(s) to {out}")
 
 
 @sim.command()
@@ -86,13 +90,13 @@ def capture(
     source: Source,
     out: Annotated[Path, typer.Option(help="Folder of the data set; new or empty.")],
     seed: Seed = 0,
-    frames: Annotated[int, typer.Option(min=1, help="At most.")] = 200,
+    frames: Annotated[int, typer.Option(min=1, help="Maximum number.")] = 200,
     noise: Noise = "kinect",
     visit: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
     width: Annotated[int, typer.Option(min=16, max=4096, help="px")] = 640,
     height: Annotated[int, typer.Option(min=16, max=4096, help="px")] = 480,
 ) -> None:
-    """Let the robot look at all of a home; write RGB-D frames in nerfstudio's layout.
+    """Record all of a home with the robot's camera: RGB-D frames in nerfstudio's layout.
 
     Example: gslts sim capture kitchen 3 --out out/kitchen_3
     """
@@ -107,8 +111,8 @@ def capture(
     home = open_home(source, seed)
     robot = Controller(home, width=width, height=height, noise=noise, seed=visit)
     empty_folder(out)
-    looks, share = explore(home, frames, lambda at: tqdm(at, desc="exploring", unit="place"))
-    count = write(robot, tqdm(looks, desc=home.name, unit="frame", disable=None), out)
+    viewpoints, share = explore(home, frames, _exploring)
+    count = write(robot, tqdm(viewpoints, desc=home.name, unit="frame", disable=None), out)
     typer.echo(
         f"wrote {count} frames to {out}: {100 * share:.0f} % of the views that the surfaces need"
     )
@@ -121,10 +125,10 @@ def tasks(
         list[str] | None,
         typer.Argument(help="Room types or .glb files; all room types if none is given."),
     ] = None,
-    count: Annotated[int, typer.Option(min=1, help="How many tasks.")] = 600,
-    per_home: Annotated[int, typer.Option(min=1, help="Tasks of each home, at most.")] = 12,
+    count: Annotated[int, typer.Option(min=1, help="Number of tasks.")] = 600,
+    per_home: Annotated[int, typer.Option(min=1, help="Maximum number of tasks per home.")] = 12,
     first_seed: Annotated[
-        int, typer.Option(min=0, help="Of the first home; from 10000 on kept for evaluation.")
+        int, typer.Option(min=0, help="Seed of the first home; 10000 and above are test homes.")
     ] = 0,
     noise: Noise = "kinect",
     object_id: Annotated[
@@ -134,7 +138,7 @@ def tasks(
         str | None, typer.Option("--on", help="The only receptacle to put it on.")
     ] = None,
 ) -> None:
-    """Write scene change tasks, a small JSON script each: additions, removals and relocations.
+    """Write scene change tasks (additions, removals and relocations), one JSON script each.
 
     Example: gslts sim tasks --count 600 --out out/tasks
     """
@@ -144,15 +148,15 @@ def tasks(
 
     from gslts.io.atomic_files import empty_folder
     from gslts_sim import ROOM_TYPES
+    from gslts_sim.change_sampler import TaskSettings
     from gslts_sim.task import write_task
-    from gslts_sim.tasks import TaskMaker, script_name, tasks_of
-    from gslts_sim.trial import Setting
+    from gslts_sim.tasks import TaskMaker, generate_tasks, script_name
 
-    setting = Setting(noise=noise, object_id=object_id, receptacle_id=receptacle_id)
-    maker = TaskMaker(setting, first_seed)
+    settings = TaskSettings(noise=noise, object_id=object_id, receptacle_id=receptacle_id)
+    maker = TaskMaker(settings, first_seed)
     names = sources or list(ROOM_TYPES)
-    made = tasks_of(names, out, first_seed, count, per_home, maker)
-    # Bad wishes show before the first task, and so before anything is written.
+    made = generate_tasks(names, out, first_seed, count, per_home, maker)
+    # Errors of the options show before anything is written.
     first = next(made, None)
     empty_folder(out)
     written = 0
@@ -161,53 +165,63 @@ def tasks(
             write_task(task, out / script_name(written, task))
             written += 1
             bar.update()
-    reasons = ", ".join(f"{reason} ({times})" for reason, times in maker.refused.most_common(8))
-    typer.echo(f"wrote {written} tasks to {out}; refused: {reasons or 'nothing'}")
+    reasons = ", ".join(f"{reason} ({times})" for reason, times in maker.rejected.most_common(8))
+    typer.echo(f"wrote {written} tasks to {out}; rejected changes: {reasons or 'none'}")
     if written < count:
-        why = reasons or "nothing else can be added, removed or relocated"
+        why = reasons or "no other object can be added, removed or relocated"
         raise ValueError(f"only {written} of {count} tasks could be made: {why}")
 
 
 @sim.command()
 def day(
     source: Source,
-    out: Annotated[Path, typer.Option(help="Folder for it; new or empty.")],
+    out: Annotated[Path, typer.Option(help="Folder for the day; new or empty.")],
     seed: Seed = 0,
-    changes: Annotated[int, typer.Option(min=1, help="Objects that come, go and move.")] = 6,
-    frames: Annotated[int, typer.Option(min=1, help="Of the recording, at most.")] = 150,
+    changes: Annotated[int, typer.Option(min=1, help="Number of changes.")] = 6,
+    frames: Annotated[int, typer.Option(min=1, help="Maximum number of frames.")] = 150,
     noise: Noise = "kinect",
     width: Annotated[int, typer.Option(min=16, max=4096, help="px")] = 640,
     height: Annotated[int, typer.Option(min=16, max=4096, help="px")] = 480,
 ) -> None:
-    """Write what happens in a home in a day (day.json), and record it as it was before (before/).
+    """Write the changes of a home in a day (day.json), and record its state before (before/).
 
     Example: gslts sim day living_room 4 --out out/day
     """
     from tqdm import tqdm
 
-    from gslts.io.atomic_files import empty_folder, write_whole
+    from gslts.io.atomic_files import empty_folder, write_atomic
     from gslts_sim.capture import capture as write
+    from gslts_sim.change_sampler import TaskSettings
     from gslts_sim.day import make_day
     from gslts_sim.explore import explore
     from gslts_sim.tasks import homes_of
-    from gslts_sim.trial import Setting
 
-    setting = Setting(noise=noise, width=width, height=height)
+    settings = TaskSettings(noise=noise, width=width, height=height)
     origin, found = next(homes_of([source], out, seed))
-    made = make_day(origin, found, setting, seed, changes)
+    made = make_day(origin, found, settings, seed, changes)
     empty_folder(out)
     robot = made.robot(made.home.load(out), 0)
-    looks, _ = explore(robot.home, frames, lambda at: tqdm(at, desc="exploring", unit="place"))
-    count = write(robot, tqdm(looks, desc="before", unit="frame", disable=None), out / "before")
-    write_whole(out / "day.json", (made.model_dump_json(indent=1) + "\n").encode())
-    for number, happened in enumerate(made.rounds):
-        for one in happened:
-            typer.echo(f"before round {number}: {one.change.kind} of {one.change.object_id}")
+    viewpoints, _ = explore(robot.home, frames, _exploring)
+    count = write(
+        robot, tqdm(viewpoints, desc="before", unit="frame", disable=None), out / "before"
+    )
+    write_atomic(out / "day.json", (made.model_dump_json(indent=1) + "\n").encode())
+    for number, events in enumerate(made.rounds):
+        for event in events:
+            typer.echo(f"before round {number}: {event.change.kind} of {event.change.object_id}")
     typer.echo(f"wrote {out / 'day.json'} and {count} frames to {out / 'before'}")
 
 
+def _exploring(positions: list[Any]) -> Iterable[Any]:
+    """Show a progress bar over the positions that a planner examines."""
+    from tqdm import tqdm
+
+    bar: Iterable[Any] = tqdm(positions, desc="exploring", unit="position", disable=None)
+    return bar
+
+
 def _printable(text: str) -> str:
-    """A name from a file, without what a terminal would obey."""
+    """Return a name from a file without control characters of terminals."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
@@ -215,12 +229,12 @@ def _printable(text: str) -> str:
 def replay(
     script: Annotated[Path, typer.Argument(metavar="TASK", help="Script of a scene change task.")],
     out: Annotated[Path, typer.Option(help="Folder of the data set; new or empty.")],
-    changed: Annotated[bool, typer.Option("--changed", help="After the change.")] = False,
-    frames: Annotated[int, typer.Option(min=1, help="At most.")] = 200,
+    changed: Annotated[bool, typer.Option("--changed", help="Record after the change.")] = False,
+    frames: Annotated[int, typer.Option(min=1, help="Maximum number.")] = 200,
 ) -> None:
-    """Record the home of a task: all of it before the change, or the views of the change after it.
+    """Record the home of a task: all of it before the change, or the viewpoints of the task after.
 
-    The first of these is the one in which the robot sees the change.
+    The first of these is the one from which the robot first sees the change.
 
     Example: gslts sim replay out/tasks/0000_removal_Mug-1.json --changed --out out/after
     """
@@ -236,8 +250,8 @@ def replay(
     empty_folder(out)
     if changed:
         sets = task.test_viewpoints
-        looks = [one.look for one in (task.viewpoint, *sets.near, *sets.far)][:frames]
+        viewpoints = [task.viewpoint, *sets.near, *sets.far][:frames]
     else:
-        looks, _ = explore(robot.home, frames, lambda at: tqdm(at, desc="exploring", unit="place"))
-    count = write(robot, tqdm(looks, desc=script.stem, unit="frame", disable=None), out)
+        viewpoints, _ = explore(robot.home, frames, _exploring)
+    count = write(robot, tqdm(viewpoints, desc=script.stem, unit="frame", disable=None), out)
     typer.echo(f"wrote {count} frames to {out}")

@@ -71,7 +71,7 @@ def load_home(path: str | os.PathLike[str]) -> Home:
 class _Found:
     """An object and, if it is a floor, the type of its room."""
 
-    thing: HomeObject
+    obj: HomeObject
     room: str
 
 
@@ -91,13 +91,13 @@ def _home(file: GltfFile) -> Home:
             kind = extras.get("type") or type_of(name)
             unique = _unique(name, times)
             try:
-                thing = place_object(unique, kind, nodes[index].world_from_node, owned[index])
+                obj = place_object(unique, kind, nodes[index].world_from_node, owned[index])
             except ValueError as error:
                 file.refuse(f"{file.label(index)}: {error}")
-            movable = bool(extras.get("movable", thing.movable))
-            receptacle = bool(extras.get("receptacle", thing.receptacle))
-            thing = replace(thing, movable=movable, receptacle=receptacle)
-            found.append(_Found(thing, str(extras.get("room", "room"))))
+            movable = bool(extras.get("movable", obj.movable))
+            receptacle = bool(extras.get("receptacle", obj.receptacle))
+            obj = replace(obj, movable=movable, receptacle=receptacle)
+            found.append(_Found(obj, str(extras.get("room", "room"))))
     rooms = _rooms(found)
     corners = np.concatenate([room.box for room in rooms])
     size = np.ptp(corners, axis=0)
@@ -108,7 +108,7 @@ def _home(file: GltfFile) -> Home:
         file.refuse(f"its rooms measure {sides} m; homes in metres have {least:g} to {most:g} m")
     shift = np.eye(4)
     shift[2, 3] = -min(float(room.box[0, 2]) for room in rooms)
-    objects = [one.thing.placed(shift @ one.thing.world_from_object, None) for one in found]
+    objects = [one.obj.place_at(shift @ one.obj.world_from_object, None) for one in found]
     rooms = [Room(room.type, room.box + shift[:3, 3]) for room in rooms]
     home = Home(
         name=file.path.stem,
@@ -161,11 +161,11 @@ def _unique(name: str, times: dict[str, int]) -> str:
 
 
 def _rooms(found: list[_Found]) -> list[Room]:
-    bounds = np.stack([one.thing.box_in_world for one in found])
-    ceilings = [one.thing.box_in_world for one in found if one.thing.type == "Ceiling"]
+    bounds = np.stack([one.obj.box_in_world for one in found])
+    ceilings = [one.obj.box_in_world for one in found if one.obj.type == "Ceiling"]
     rooms = []
     for one, box in zip(found, bounds, strict=True):
-        if one.thing.type == "Floor":
+        if one.obj.type == "Floor":
             lower, upper = box[0].copy(), box[1].copy()
             lower[2] = box[1, 2]
             middle = (lower + upper)[:2] / 2

@@ -111,19 +111,19 @@ def _has_level_top(corners: Floats) -> bool:
 
 def with_parents(home: Home) -> Home:
     """The home whose objects have what they stand on as their parents."""
-    bounds = np.stack([thing.box_in_world for thing in home.objects])
+    bounds = np.stack([obj.box_in_world for obj in home.objects])
     parents: dict[str, str | None] = {}
-    for thing, box in zip(home.objects, bounds, strict=True):
-        if thing.type in BUILDING:
+    for obj, box in zip(home.objects, bounds, strict=True):
+        if obj.type in BUILDING:
             continue
         near = (bounds[:, 0] <= box[1] + SUPPORT_M).all(axis=1)
         near &= (bounds[:, 1] >= box[0] - SUPPORT_M).all(axis=1)
         candidates = tuple(
             home.objects[k]
             for k in np.flatnonzero(near)
-            if not _stands_above(home.objects[k].id, thing.id, parents)
+            if not _stands_above(home.objects[k].id, obj.id, parents)
         )
-        parents[thing.id] = support_below(replace(home, objects=candidates), thing)
+        parents[obj.id] = support_below(replace(home, objects=candidates), obj)
     return replace(home, objects=tuple(replace(o, parent=parents.get(o.id)) for o in home.objects))
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gslts.io.atomic_files import write_whole
+from gslts.io.atomic_files import write_atomic
 from gslts_sim.gltf.parts import Z_UP
 from gslts_sim.home import Home, HomeObject
 from gslts_sim.mesh import Surface
@@ -27,27 +27,27 @@ def write_glb(home: Home, path: str | os.PathLike[str]) -> None:
 
     scene: Any = trimesh.Scene()
     materials: dict[int, Any] = {}
-    for thing in home.objects:
-        pose = Z_UP.T @ thing.world_from_object @ Z_UP
-        scene.graph.update(thing.id, matrix=pose, metadata=_extras(home, thing))
-        for k, surface in enumerate(thing.surfaces):
+    for obj in home.objects:
+        pose = Z_UP.T @ obj.world_from_object @ Z_UP
+        scene.graph.update(obj.id, matrix=pose, metadata=_extras(home, obj))
+        for k, surface in enumerate(obj.surfaces):
             scene.add_geometry(
                 _mesh(surface, materials),
-                node_name=f"{thing.id} {k}",
-                geom_name=f"{thing.id} {k}",
-                parent_node_name=thing.id,
+                node_name=f"{obj.id} {k}",
+                geom_name=f"{obj.id} {k}",
+                parent_node_name=obj.id,
             )
-    write_whole(Path(path), scene.export(file_type="glb"))
+    write_atomic(Path(path), scene.export(file_type="glb"))
 
 
-def _extras(home: Home, thing: HomeObject) -> dict[str, Any]:
+def _extras(home: Home, obj: HomeObject) -> dict[str, Any]:
     extras: dict[str, Any] = {
-        "type": thing.type,
-        "movable": thing.movable,
-        "receptacle": thing.receptacle,
+        "type": obj.type,
+        "movable": obj.movable,
+        "receptacle": obj.receptacle,
     }
-    middle = thing.box_in_world.mean(axis=0)[:2]
-    if thing.type == "Floor":
+    middle = obj.box_in_world.mean(axis=0)[:2]
+    if obj.type == "Floor":
         for room in home.rooms:
             if (room.box[0, :2] <= middle).all() and (middle <= room.box[1, :2]).all():
                 extras["room"] = room.type

@@ -49,7 +49,7 @@ def make_home(room_type: str, seed: int, *, detail: float = 1.0) -> Home:
 
 
 def _is_good(home: Home) -> bool:
-    movable = sum(thing.movable for thing in home.objects)
+    movable = sum(obj.movable for obj in home.objects)
     if movable < LEAST_MOVABLE or problems(home):
         return False
-    return walkable_floor(home, home.rooms[0]).reached_share >= LEAST_REACHED_SHARE
+    return walkable_floor(home, home.rooms[0]).reached_fraction >= LEAST_REACHED_SHARE

@@ -12,10 +12,10 @@ from gslts_sim.home import AreaLight, Home, HomeObject, Room, pose
 from gslts_sim.physics import (
     OrientedBoxes,
     boxes_in_world,
-    carried_share,
     collides,
+    collision_free,
     footprint,
-    free_places,
+    supported_fraction,
 )
 from gslts_sim.procedural.catalog import building
 from gslts_sim.procedural.catalog.building import Opening
@@ -75,19 +75,19 @@ def sides(width: float, depth: float) -> tuple[Side, ...]:
     )
 
 
-def tops_m(thing: HomeObject) -> Floats:
+def tops_m(obj: HomeObject) -> Floats:
     """Heights in its own frame at which other things can stand on a thing, rising, m."""
-    areas = np.prod(thing.boxes[:, 1, :2] - thing.boxes[:, 0, :2], axis=1)
-    heights: Floats = np.unique(thing.boxes[areas > LEAST_TOP_M2][:, 1, 2])
+    areas = np.prod(obj.boxes[:, 1, :2] - obj.boxes[:, 0, :2], axis=1)
+    heights: Floats = np.unique(obj.boxes[areas > LEAST_TOP_M2][:, 1, 2])
     return heights
 
 
-def _top_near(thing: HomeObject, z: float) -> Floats:
+def _top_near(obj: HomeObject, z: float) -> Floats:
     """The box [2,3] around those whose top is nearest to a height."""
-    heights = tops_m(thing)
+    heights = tops_m(obj)
     height = heights[np.abs(np.minimum(z, heights[-1]) - heights).argmin()]
-    areas = np.prod(thing.boxes[:, 1, :2] - thing.boxes[:, 0, :2], axis=1)
-    boxes = thing.boxes[(thing.boxes[:, 1, 2] == height) & (areas > LEAST_TOP_M2)]
+    areas = np.prod(obj.boxes[:, 1, :2] - obj.boxes[:, 0, :2], axis=1)
+    boxes = obj.boxes[(obj.boxes[:, 1, 2] == height) & (areas > LEAST_TOP_M2)]
     return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
 
 
@@ -106,7 +106,7 @@ class Scene:
         self.sides = sides(size[0], size[1])
         self.objects: list[HomeObject] = []
         self.lights: list[AreaLight] = []
-        self._obstacles = OrientedBoxes.joined([])
+        self._obstacles = OrientedBoxes.concatenate([])
         self._kept_free: list[OrientedBoxes] = []
         self._openings: list[OrientedBoxes] = []
 
@@ -117,17 +117,17 @@ class Scene:
         model = builder(self.kit, *args)
         return model.object(model.type, np.eye(4), None)
 
-    def add(self, thing: HomeObject, at: Floats, parent: str | None) -> HomeObject:
+    def add(self, obj: HomeObject, at: Floats, parent: str | None) -> HomeObject:
         """Puts a thing somewhere, unchecked, and numbers it."""
-        number = 1 + sum(other.type == thing.type for other in self.objects)
-        placed = replace(thing, id=f"{thing.type}|{number}", world_from_object=at, parent=parent)
+        number = 1 + sum(other.type == obj.type for other in self.objects)
+        placed = replace(obj, id=f"{obj.type}|{number}", world_from_object=at, parent=parent)
         self.objects.append(placed)
-        self._obstacles = OrientedBoxes.joined([self._obstacles, boxes_in_world(placed)])
+        self._obstacles = OrientedBoxes.concatenate([self._obstacles, boxes_in_world(placed)])
         return placed
 
     def undo(self, count: int) -> None:
         """Takes back what was added last."""
-        boxes = sum(len(thing.boxes) for thing in self.objects[-count:])
+        boxes = sum(len(obj.boxes) for obj in self.objects[-count:])
         del self.objects[-count:]
         self._obstacles = self._obstacles[: len(self._obstacles) - boxes]
 
@@ -142,7 +142,7 @@ class Scene:
             on_floor: It must be inside the room and off what is kept free.
             in_the_way: It may stand where the floor is kept free, as chairs do.
         """
-        oriented = OrientedBoxes.of(boxes, at)
+        oriented = OrientedBoxes.from_object(boxes, at)
         if collides(oriented, self._obstacles):
             return False
         if not on_floor:
@@ -156,7 +156,7 @@ class Scene:
     def keep_free(self, x: Span, y: Span) -> None:
         """Keeps furniture off a part of the floor (m)."""
         box = np.array([[[x[0], y[0], 0.03], [x[1], y[1], 2.0]]])
-        self._kept_free.append(OrientedBoxes.of(box, np.eye(4)))
+        self._kept_free.append(OrientedBoxes.from_object(box, np.eye(4)))
 
     def keep_free_at(self, side: Side, along: Span, out: Span) -> None:
         """Keeps furniture off a part of the floor, told from a wall (m)."""
@@ -180,7 +180,7 @@ class Scene:
             self.add(wall, self._at(side, side.length / 2, out, 0.0), None)
             for hole in openings.get(number, []):
                 box = np.array([[[hole.left, -0.1, hole.bottom], [hole.right, 0.1, hole.top]]])
-                self._openings.append(OrientedBoxes.of(box, self._at(side, 0.0, 0.0, 0.0)))
+                self._openings.append(OrientedBoxes.from_object(box, self._at(side, 0.0, 0.0, 0.0)))
         ceiling = self.build(building.ceiling, width, depth)
         self.add(ceiling, pose(width / 2, depth / 2, height, 0), None)
 
@@ -190,7 +190,7 @@ class Scene:
 
     def hang(
         self,
-        thing: HomeObject,
+        obj: HomeObject,
         number: int,
         along: float,
         z: float,
@@ -202,7 +202,7 @@ class Scene:
         """Fixes a thing to a wall, if there is room.
 
         Args:
-            thing: With its back towards +y.
+            obj: Object with its back towards +y.
             number: Of the wall.
             along: Where its middle is to be, from the left corner, m.
             z: Height of its underside, m.
@@ -211,21 +211,21 @@ class Scene:
             before_opening: It may hang before a window or a door.
         """
         side = self.sides[number]
-        at = self._at(side, along, thing.box_in_world[1, 1] - into_m, z)
+        at = self._at(side, along, obj.box_in_world[1, 1] - into_m, z)
         around = np.array([[-margin, 0, -margin], [margin, 0, margin]])
-        if not self.fits(thing.boxes + around, at):
+        if not self.fits(obj.boxes + around, at):
             return None
         if into_m == 0 and not before_opening:
-            boxes = OrientedBoxes.of(thing.boxes, at)
+            boxes = OrientedBoxes.from_object(obj.boxes, at)
             if any(collides(boxes, opening) for opening in self._openings):
                 return None
-        return self.add(thing, at, f"Wall|{number + 1}")
+        return self.add(obj, at, f"Wall|{number + 1}")
 
     # Furniture.
 
     def stand(
         self,
-        thing: HomeObject,
+        obj: HomeObject,
         number: int,
         along: float,
         gap: float = 0.0,
@@ -234,49 +234,49 @@ class Scene:
         """Stands a thing against a wall, if there is room.
 
         Args:
-            thing: With its back towards +y.
+            obj: Object with its back towards +y.
             number: Of the wall.
             along: Where its middle is to be, from the left corner, m.
             gap: Between its back and the wall, m, beside the skirting board.
             front: Depth of the floor before it that is kept free, m.
         """
         side = self.sides[number]
-        half_width, half_depth = thing.box_in_world[1, :2]
+        half_width, half_depth = obj.box_in_world[1, :2]
         if along < half_width or along > side.length - half_width:
             return None
         out = half_depth + gap + 0.013
         at = self._at(side, along, out, 0.0)
-        if not self.fits(thing.boxes, at, on_floor=True):
+        if not self.fits(obj.boxes, at, on_floor=True):
             return None
         if front > 0:
             span = (along - half_width, along + half_width)
             self.keep_free_at(side, span, (out + half_depth, out + half_depth + front))
-        return self.add(thing, at, "Floor|1")
+        return self.add(obj, at, "Floor|1")
 
     def stand_somewhere(
         self,
-        thing: HomeObject,
+        obj: HomeObject,
         numbers: list[int],
         gap: float = 0.0,
         front: float = 0.5,
         step: float = 0.1,
     ) -> HomeObject | None:
         """Stands a thing against the first of some walls that has room, anywhere along it."""
-        half_width = float(thing.box_in_world[1, 0])
+        half_width = float(obj.box_in_world[1, 0])
         for number in numbers:
             free = self.sides[number].length - 2 * half_width
             if free < 0.04:
                 continue
-            places = half_width + 0.02 + np.arange(0, free - 0.03, step)
-            for along in self.rng.permutation(places):
-                placed = self.stand(thing, number, float(along), gap, front)
+            poses = half_width + 0.02 + np.arange(0, free - 0.03, step)
+            for along in self.rng.permutation(poses):
+                placed = self.stand(obj, number, float(along), gap, front)
                 if placed is not None:
                     return placed
         return None
 
     def stand_at(
         self,
-        thing: HomeObject,
+        obj: HomeObject,
         x: float,
         y: float,
         yaw_rad: float,
@@ -287,7 +287,7 @@ class Scene:
         """Stands a thing anywhere on the floor, or on a rug, if there is room.
 
         Args:
-            thing: What stands there.
+            obj: What stands there.
             x: m.
             y: m.
             yaw_rad: About the vertical.
@@ -296,8 +296,8 @@ class Scene:
         """
         at = pose(x, y, self._top(parent), yaw_rad)
         in_the_way = in_the_way or parent != "Floor|1"
-        fits = self.fits(thing.boxes, at, on_floor=True, in_the_way=in_the_way)
-        return self.add(thing, at, parent) if fits else None
+        fits = self.fits(obj.boxes, at, on_floor=True, in_the_way=in_the_way)
+        return self.add(obj, at, parent) if fits else None
 
     def _top(self, object_id: str) -> float:
         if object_id == "Floor|1":
@@ -306,13 +306,13 @@ class Scene:
         return float(parent.world_from_object[2, 3] + parent.boxes[:, 1, 2].max())
 
     def __getitem__(self, object_id: str) -> HomeObject:
-        return next(thing for thing in self.objects if thing.id == object_id)
+        return next(obj for obj in self.objects if obj.id == object_id)
 
     # Small things.
 
     def put(
         self,
-        thing: HomeObject,
+        obj: HomeObject,
         parent: HomeObject,
         x: Span = (-1, 1),
         y: Span = (-1, 1),
@@ -322,7 +322,7 @@ class Scene:
         """Puts a thing on another, if there is room.
 
         Args:
-            thing: What is put.
+            obj: What is put.
             parent: What it stands on.
             x: Where, as shares -1 to 1 of the width over which it could move.
             y: The same for the depth; -1 is the front.
@@ -332,8 +332,8 @@ class Scene:
         """
         top = _top_near(parent, np.inf if near_z is None else near_z)
         yaw = float(np.arctan2(parent.world_from_object[1, 0], parent.world_from_object[0, 0]))
-        half = thing.box_in_world[1, :2]
-        carriers, foot = boxes_in_world(parent), footprint(thing.boxes)[0, :2]
+        half = obj.box_in_world[1, :2]
+        carriers, foot = boxes_in_world(parent), footprint(obj.boxes)[0, :2]
         for _ in range(TRIES // BATCH):
             angles = self.rng.uniform(*turn, BATCH)
             shares = np.stack([self.rng.uniform(*x, BATCH), self.rng.uniform(*y, BATCH)], axis=1)
@@ -349,18 +349,18 @@ class Scene:
             local[:, 1] -= turned @ foot[::-1]
             points = local @ parent.world_from_object[:3].T
             facings = (angles + yaw).tolist()
-            places = np.stack(
+            poses = np.stack(
                 [
                     pose(px, py, pz, facing)
                     for (px, py, pz), facing in zip(points.tolist(), facings, strict=True)
                 ]
             )
-            good = carried_share(thing.boxes, places, carriers) >= CARRIED_SHARE
+            good = supported_fraction(obj.boxes, poses, carriers) >= CARRIED_SHARE
             if good.any():
-                places = places[good]
-                free = free_places(thing.boxes, places, self._obstacles)
+                poses = poses[good]
+                free = collision_free(obj.boxes, poses, self._obstacles)
                 if free.any():
-                    return self.add(thing, places[free.argmax()], parent.id)
+                    return self.add(obj, poses[free.argmax()], parent.id)
         return None
 
     # Light.

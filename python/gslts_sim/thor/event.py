@@ -1,4 +1,4 @@
-"""What an event of AI2-THOR says, in the frame of the project.
+"""Conversion of AI2-THOR's events to the project's frames, cameras and objects.
 
 The functions take an `ai2thor.server.Event`, whose own methods have already turned Unity's images,
 bottom row first, upside down: row 0 is the top. See `gslts_sim.thor.frame` for the coordinates.
@@ -15,22 +15,23 @@ from numpy.typing import NDArray
 
 from gslts.core.camera import Camera, look_at
 from gslts.core.frame import RgbdFrame
-from gslts.types import Floats
+from gslts.types import Floats, Ints32
+from gslts_sim.robot_body import camera_direction
 from gslts_sim.thor.frame import in_world, yaw_in_world
 
 NEAR_M, FAR_M = 0.1, 20.0
-"""Clipping planes of the agent's camera, the defaults of `ai2thor.server.Server`."""
+"""Clipping planes of the agent's camera, m; the defaults of `ai2thor.server.Server`."""
 
 
 @dataclass(frozen=True, eq=False)
 class ThorObject:
-    """An object of a scene.
+    """An object of a scene of AI2-THOR.
 
-    Attributes:
+    Args:
         id: Such as `Mug|+01.20|+00.90|-00.35`.
         type: Such as `Mug`.
         box: [2,3] lower and upper corner of the axis-aligned box around it, in the world, m.
-        visible: Whether the agent sees it, no farther away than the visibility distance.
+        visible: Whether the agent sees it within the visibility distance.
         movable: Whether the agent can carry, push or pull it.
         parents: Ids of the receptacles that it is in or on.
     """
@@ -44,18 +45,20 @@ class ThorObject:
 
 
 def camera_of(event: Any) -> Camera:
-    """The agent's camera at the event.
+    """Return the agent's camera.
+
+    Args:
+        event: An `ai2thor.server.Event`.
 
     Raises:
-        ValueError: The metadata lacks what tells the pose or the field of view.
+        ValueError: The metadata has no pose or field of view.
     """
     agent = _required(event.metadata, "agent")
     eye = in_world(_required(event.metadata, "cameraPosition"))
     yaw = yaw_in_world(_required(_required(agent, "rotation"), "y"))
-    down = np.deg2rad(_required(agent, "cameraHorizon"))
-    ahead = (np.cos(yaw) * np.cos(down), np.sin(yaw) * np.cos(down), -np.sin(down))
+    direction = camera_direction(yaw, np.deg2rad(_required(agent, "cameraHorizon")))
     width, height = event.screen_width, event.screen_height
-    # Unity's fieldOfView is the vertical one, whatever the shape of the image.
+    # Unity's fieldOfView is always the vertical one.
     focal_px = 0.5 * height / np.tan(0.5 * np.deg2rad(_required(event.metadata, "fov")))
     return Camera(
         fx=focal_px,
@@ -64,20 +67,20 @@ def camera_of(event: Any) -> Camera:
         cy=0.5 * height,
         width=width,
         height=height,
-        world_from_camera=look_at(eye, eye + ahead),
+        world_from_camera=look_at(eye, eye + direction),
     )
 
 
 def frame_of(event: Any, near_m: float = NEAR_M, far_m: float = FAR_M) -> RgbdFrame:
-    """The agent's RGB-D frame at the event.
+    """Return the agent's RGB-D frame.
 
     Args:
-        event: With a depth image in metres.
-        near_m: Near clipping plane of the agent's camera.
-        far_m: Far clipping plane; there is no measurement at or beyond it.
+        event: An `ai2thor.server.Event` with a depth image in metres.
+        near_m: Near clipping plane of the agent's camera, m.
+        far_m: Far clipping plane, m; there is no measurement at or beyond it.
 
     Raises:
-        ValueError: An image is missing, or what tells the pose or the field of view.
+        ValueError: An image, the pose or the field of view is missing.
     """
     rgb = _image(event.frame, "colour", "renderImage=True, headless=False")
     depth = _image(event.depth_frame, "depth", "renderDepthImage=True")
@@ -89,24 +92,34 @@ def frame_of(event: Any, near_m: float = NEAR_M, far_m: float = FAR_M) -> RgbdFr
 
 
 def objects_of(event: Any) -> list[ThorObject]:
-    """The objects of the scene, in AI2-THOR's order.
+    """Return the objects of the scene, in AI2-THOR's order.
+
+    Args:
+        event: An `ai2thor.server.Event`.
 
     Raises:
-        ValueError: The metadata lacks the objects, or a property of one.
+        ValueError: The metadata has no objects, or an object lacks a property.
     """
-    return [_object_of(thing) for thing in _required(event.metadata, "objects")]
+    return [_object_of(obj) for obj in _required(event.metadata, "objects")]
 
 
-def instances_of(event: Any, objects: Sequence[ThorObject]) -> NDArray[np.int32]:
-    """[H,W] index into `objects` of what each pixel shows; -1 for anything else.
+def instances_of(event: Any, objects: Sequence[ThorObject]) -> Ints32:
+    """Return the object of each pixel.
+
+    Args:
+        event: An `ai2thor.server.Event` with an instance image.
+        objects: Result of `objects_of`.
+
+    Returns:
+        [H,W] int32 indices of `objects`; -1 for anything else.
 
     Raises:
         ValueError: There is no instance image.
     """
     image = event.instance_segmentation_frame
     colors = _image(image, "instance", "renderInstanceSegmentation=True").astype(np.int32)
-    index_of = {thing.id: index for index, thing in enumerate(objects)}
-    # Colours are given to the names of classes and of parts of the building too.
+    index_of = {obj.id: index for index, obj in enumerate(objects)}
+    # Classes and parts of the building have colours, too.
     index_of_code = {
         (red << 16) + (green << 8) + blue: index_of[name]
         for (red, green, blue), name in event.color_to_object_id.items()
@@ -119,17 +132,17 @@ def instances_of(event: Any, objects: Sequence[ThorObject]) -> NDArray[np.int32]
     return found[places].reshape(colors.shape[:2])
 
 
-def _object_of(thing: Any) -> ThorObject:
-    around = _required(thing, "axisAlignedBoundingBox")
+def _object_of(obj: Any) -> ThorObject:
+    around = _required(obj, "axisAlignedBoundingBox")
     center = in_world(_required(around, "center"))
     half = 0.5 * in_world(_required(around, "size"))
     return ThorObject(
-        id=_required(thing, "objectId"),
-        type=_required(thing, "objectType"),
+        id=_required(obj, "objectId"),
+        type=_required(obj, "objectType"),
         box=np.stack([center - half, center + half]),
-        visible=bool(_required(thing, "visible")),
-        movable=bool(_required(thing, "pickupable") or _required(thing, "moveable")),
-        parents=tuple(_required(thing, "parentReceptacles", may_be_none=True) or ()),
+        visible=bool(_required(obj, "visible")),
+        movable=bool(_required(obj, "pickupable") or _required(obj, "moveable")),
+        parents=tuple(_required(obj, "parentReceptacles", may_be_none=True) or ()),
     )
 
 

@@ -1,8 +1,8 @@
-"""Unity's coordinates, and those of the project.
+"""Conversion between Unity's coordinates and those of the project.
 
-Unity's world is left-handed, x right, y up, z ahead, in metres; a yaw turns about y, clockwise seen
-from above, in degrees from z towards x. The project's is right-handed with z up. Swapping y and z
-leads from one to the other, and back.
+Unity's world is left-handed, x right, y up, z forward, in metres; a yaw turns about y, clockwise
+seen from above, in degrees from z towards x. The project's world is right-handed with z up.
+Exchanging y and z converts one into the other.
 """
 
 from __future__ import annotations
@@ -17,10 +17,13 @@ from gslts.types import Floats
 
 
 def in_world(vector: Mapping[str, Any]) -> Floats:
-    """(3,) point in the world, or lengths along its axes, m.
+    """Convert a point, or lengths along the axes, from Unity's frame to the world.
 
     Args:
         vector: x, y and z in Unity's frame, m.
+
+    Returns:
+        (3,) in the world, m.
 
     Raises:
         ValueError: A coordinate is missing, or not a finite number.
@@ -35,10 +38,13 @@ def in_world(vector: Mapping[str, Any]) -> Floats:
 
 
 def unity_from_world(point: ArrayLike) -> dict[str, float]:
-    """x, y and z in Unity's frame, m, as AI2-THOR's actions take them.
+    """Convert a point from the world to Unity's frame.
 
     Args:
         point: (3,) in the world, m.
+
+    Returns:
+        x, y and z, m, as AI2-THOR's actions take them.
 
     Raises:
         ValueError: The point is not three finite numbers.
@@ -51,11 +57,25 @@ def unity_from_world(point: ArrayLike) -> dict[str, float]:
 
 
 def yaw_in_world(unity_yaw_deg: float) -> float:
-    """Yaw about z from x to y, rad in [-pi, pi), of one about Unity's y in degrees."""
-    # Yaw 0 looks along Unity's z, the world's y; from there both turn opposite ways.
+    """Convert a yaw from Unity's frame to the world.
+
+    Args:
+        unity_yaw_deg: About Unity's y, from z towards x, degrees.
+
+    Returns:
+        About the world's z, from x to y, rad in [-pi, pi).
+    """
+    # Unity's yaw 0 is along its z, the world's y; from there the two turn in opposite directions.
     return float((1.5 * np.pi - np.deg2rad(unity_yaw_deg)) % (2 * np.pi) - np.pi)
 
 
 def unity_yaw_from_world(yaw_rad: float) -> float:
-    """Yaw about Unity's y, degrees in [0, 360), of one about the world's z, rad."""
+    """Convert a yaw from the world to Unity's frame.
+
+    Args:
+        yaw_rad: About the world's z, from x to y, rad.
+
+    Returns:
+        About Unity's y, from z towards x, degrees in [0, 360).
+    """
     return float((90.0 - np.rad2deg(yaw_rad)) % 360.0)

@@ -1,9 +1,9 @@
 """AI2-THOR (Kolve et al. 2017) as a robot of the project.
 
-AI2-THOR is an option: `pip install 'gslts[thor]'`, then `pip install --no-deps ai2thor`. Installed
-with its dependencies it brings `opencv-python`, for windows of its own that are not used here, and
-that overwrites the `cv2` of a headless OpenCV. Its scenes come as builds of Unity, hundreds of MB,
-which need an X display with GLX (`Linux64`) or Vulkan (`CloudRendering`).
+AI2-THOR is optional: `pip install 'gslts[thor]'`, then `pip install --no-deps ai2thor`. With its
+dependencies it would install `opencv-python`, which overwrites the `cv2` of a headless OpenCV. Its
+scenes are Unity builds of hundreds of MB, which need an X display with GLX (`Linux64`) or Vulkan
+(`CloudRendering`).
 """
 
 from __future__ import annotations
@@ -20,20 +20,28 @@ from gslts_sim.thor.event import FAR_M, NEAR_M, ThorObject, camera_of, frame_of,
 from gslts_sim.thor.frame import in_world, unity_from_world, unity_yaw_from_world
 
 GRID_M = 0.25
+"""Spacing of the agent's grid of positions, m; AI2-THOR's default."""
 HORIZON_DEG = (-30.0, 60.0)
-"""How far the agent can look up and down."""
-
+"""Range of the camera's angle below the horizon, degrees; AI2-THOR's limits."""
 CHANGES = ("InitialRandomSpawn", "DisableObject", "EnableObject", "PlaceObjectAtPoint")
-"""Actions that change the scene and need no other coordinates than a position."""
+"""Actions that change the scene and have no other coordinates than a position."""
 
 
 class ThorController(Protocol):
-    """What is used of `ai2thor.controller.Controller`."""
+    """The part of `ai2thor.controller.Controller` that is used."""
 
     last_event: Any
 
     def step(self, action: Any = None, **action_args: Any) -> Any:
-        """Does an action and returns an `ai2thor.server.Event`."""
+        """Execute an action.
+
+        Args:
+            action: Its name.
+            **action_args: Its arguments.
+
+        Returns:
+            An `ai2thor.server.Event`.
+        """
         ...
 
 
@@ -42,8 +50,8 @@ class ThorRobot:
 
     Args:
         controller: Initialized, with `renderDepthImage=True` and depth in metres, its default.
-        near_m: Near clipping plane of the agent's camera.
-        far_m: Far clipping plane of the agent's camera.
+        near_m: Near clipping plane of the agent's camera, m.
+        far_m: Far clipping plane of the agent's camera, m.
     """
 
     def __init__(
@@ -54,11 +62,11 @@ class ThorRobot:
 
     @property
     def last_event(self) -> Any:
-        """The last `ai2thor.server.Event`; see `gslts_sim.thor.event` for what it tells."""
+        """The last `ai2thor.server.Event`; `gslts_sim.thor.event` converts it."""
         return self._controller.last_event
 
     def observe(self) -> RgbdFrame:
-        """What the camera sees now.
+        """Take a frame at the current pose.
 
         Raises:
             ValueError: The controller renders no depth, or the scene is not initialized.
@@ -74,23 +82,30 @@ class ThorRobot:
         return camera_of(self._controller.last_event).world_from_camera
 
     def objects(self) -> list[ThorObject]:
-        """The objects of the scene as they are now."""
+        """Return the objects of the scene in their current state."""
         return objects_of(self._controller.step(action="Pass"))
 
     def reachable_positions(self) -> Floats:
-        """[P,2] places of the agent's grid that it can reach from where it is, x and y, m.
+        """Return the grid positions [P,2] that the agent can reach from here, x and y, m.
 
         Raises:
-            RuntimeError: AI2-THOR cannot tell.
+            RuntimeError: AI2-THOR's action failed.
         """
         return self._reachable_points()[:, :2]
 
     def move_towards(
         self, position: Floats, yaw_rad: float, pitch_rad: float | None = None
     ) -> bool:
-        """Goes to the reachable place nearest to `position` and looks along both angles.
+        """Teleport to the reachable grid position nearest to a position.
 
-        The agent teleports; how it stands stays as it is.
+        Args:
+            position: (2,) x and y, m.
+            yaw_rad: Yaw after the move, rad.
+            pitch_rad: Angle of the camera below the horizon, rad, clipped to its range; None keeps
+                it.
+
+        Returns:
+            Whether the agent moved.
         """
         points = self._reachable_points()
         if len(points) == 0:
@@ -108,18 +123,18 @@ class ThorRobot:
         return bool(event.metadata["lastActionSuccess"])
 
     def step(self, action: str, **arguments: Any) -> Any:
-        """Changes the scene; whether it worked, and why not, stands in the event's metadata.
+        """Change the scene; a failure is reported in the event's metadata.
 
         Args:
             action: InitialRandomSpawn (`randomSeed`, ...), DisableObject, EnableObject (`objectId`)
                 or PlaceObjectAtPoint (`objectId`, `position`).
-            arguments: Of the action, as in AI2-THOR, but `position` is (3,) in the world, m.
+            arguments: As in AI2-THOR, but `position` is (3,) in the world, m.
 
         Returns:
             The `ai2thor.server.Event`, with `lastActionSuccess` and `errorMessage`.
 
         Raises:
-            ValueError: There is no such action, it has no such argument, or no object has this id.
+            ValueError: The action, an argument or the object is unknown.
         """
         if action not in CHANGES:
             raise ValueError(f"ThorRobot.step: action must be one of {', '.join(CHANGES)}, "
@@ -149,7 +164,7 @@ def start_thor(
     executable: Path | str | None = None,
     download: bool = False,
 ) -> ThorRobot:
-    """Starts AI2-THOR in one of its scenes, or says what it lacks.
+    """Start AI2-THOR in one of its scenes, or report what is missing.
 
     Args:
         scene: Such as `FloorPlan1`.
@@ -157,16 +172,16 @@ def start_thor(
         height: Of the images, px.
         fov_deg: Vertical field of view of the camera, degrees.
         platform: `Linux64`, which needs an X display, or `CloudRendering`, which needs Vulkan; None
-            means the former where there is a display or an `executable`.
-        x_display: Such as `:0`; None means the environment's DISPLAY.
-        executable: Of a build elsewhere than where AI2-THOR keeps its own; for `Linux64`.
-        download: Whether a build that is missing may be fetched from the network.
+            for the former if there is a display or an `executable`.
+        x_display: Such as `:0`; None for the environment's DISPLAY.
+        executable: Of a build outside of AI2-THOR's own folder; for `Linux64`.
+        download: Whether a missing build may be downloaded.
 
     Raises:
         ImportError: The package ai2thor, or one that it needs, is not installed.
         ValueError: The platform is not one of the two, or not that of the executable.
         FileNotFoundError: The build is missing.
-        RuntimeError: The display or Vulkan is missing, or the build cannot be fetched.
+        RuntimeError: The display or Vulkan is missing, or the build cannot be downloaded.
     """
     display = x_display or os.environ.get("DISPLAY")
     chosen = platform or ("Linux64" if display or executable else "CloudRendering")
@@ -208,7 +223,7 @@ def start_thor(
 
 
 def _require_build(platform: str, executable: Path | str | None, download: bool) -> None:
-    """Raises unless the build is on the disk, or can be fetched and may be."""
+    """Raise unless the build is on the disk, or may be and can be downloaded."""
     import ai2thor.build
 
     if executable is not None:
@@ -233,7 +248,7 @@ def _require_build(platform: str, executable: Path | str | None, download: bool)
         )
     try:
         exists = build.exists()
-    except OSError as reason:  # Among them all that requests raises.
+    except OSError as reason:  # Base class of the exceptions of requests.
         raise RuntimeError(
             f"start_thor: cannot reach {build.url} ({type(reason).__name__}) to download it"
         ) from reason

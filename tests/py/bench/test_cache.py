@@ -21,6 +21,7 @@ from gslts_bench.detection.cases import Counts
 from gslts_bench.detection.run import DetectUnit
 from gslts_bench.homes import BenchHome, HomeSetup
 from gslts_bench.relocalization.run import RelocalizeUnit
+from gslts_bench.runner import BenchUnit
 
 HOME = BenchHome("kitchen", 3, HomeSetup(), Path("work"))
 UNIT = DetectUnit(HOME, Counts(8, 1, 1, 5))
@@ -54,16 +55,10 @@ RELOCALIZE_UNIT = RelocalizeUnit(HOME, 60)
 OTHER_RELOCALIZATIONS = {
     **{name: replace(RELOCALIZE_UNIT, bench=home) for name, home in OTHER_MAPS.items()},
     "views": replace(RELOCALIZE_UNIT, views=30),
-    "makers of frames": replace(
-        RELOCALIZE_UNIT, code={**RELOCALIZE_UNIT.code, "frames": "another"}
-    ),
-    "relocalizer": replace(RELOCALIZE_UNIT, code={**RELOCALIZE_UNIT.code, "finding": "another"}),
 }
 OTHER_RESULTS = {
     **{name: replace(UNIT, bench=home) for name, home in OTHER_MAPS.items()},
     "counts": replace(UNIT, counts=Counts(8, 1, 1, 6)),
-    "makers of cases": replace(UNIT, code={**UNIT.code, "cases": "another"}),
-    "detector": replace(UNIT, code={**UNIT.code, "detect": "another"}),
 }
 
 
@@ -85,6 +80,16 @@ def test_what_decides_results_decides_their_file(what: str) -> None:
 @pytest.mark.parametrize("what", OTHER_RELOCALIZATIONS)
 def test_what_decides_where_frames_are_found_decides_their_file(what: str) -> None:
     assert OTHER_RELOCALIZATIONS[what].results != RELOCALIZE_UNIT.results
+
+
+@pytest.mark.parametrize("unit", [UNIT, RELOCALIZE_UNIT])
+def test_code_decides_the_file_of_results(unit: BenchUnit) -> None:
+    other = replace(unit)
+    vars(other)["code"] = {**unit.code, "native": "another"}
+    assert other.results != unit.results
+    other = replace(UNIT)
+    vars(other)["cases_of"] = {**UNIT.cases_of, "code": "another"}
+    assert other.results != UNIT.results
 
 
 def test_what_decides_nothing_does_not_count() -> None:
@@ -149,7 +154,7 @@ def test_code_is_that_of_a_module_and_of_all_that_it_imports(
 def test_the_code_of_a_benchmark_holds_what_it_measures(module: str, parts: set[str]) -> None:
     found = {path.relative_to(cache.ROOT).as_posix() for path in source_files(module)}
     assert parts <= found
-    assert "gslts_bench/work.py" not in found
+    assert "gslts_bench/runner.py" not in found
 
 
 def test_a_folder_is_made_once(tmp_path: Path) -> None:

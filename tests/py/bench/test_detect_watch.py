@@ -1,4 +1,4 @@
-"""What a robot reports that looks around in the benchmark."""
+"""Detection by a robot that turns and confirms changes, in the benchmark."""
 
 from typing import Any
 
@@ -10,16 +10,15 @@ from gslts.change.config import DetectionConfig
 from gslts.change.detector import Detection
 from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
-from gslts_bench.detection.watch import TURNS_DEG, looks_around, watched
-from gslts_sim.robot_body import Look
+from gslts_bench.detection.watch import TURNS_DEG, turn_views, watch
+from gslts_sim.robot_body import Viewpoint
 
 CAMERA = Camera(fx=8, fy=8, cx=4, cy=3, width=8, height=6, world_from_camera=np.eye(4))
 FRAME = RgbdFrame(np.zeros((6, 8, 3), np.uint8), np.ones((6, 8), np.float32), CAMERA)
 
 
 def removal(x: float, confidence: float) -> Change:
-    point = np.array([x, 0.0, 1.0])
-    return Change("removal", confidence, point, None, None, (None, None))
+    return Change("removal", confidence, np.array([x, 0.0, 1.0]))
 
 
 class Script:
@@ -40,18 +39,18 @@ class Script:
 
 
 def told(said: list[Any]) -> tuple[str | None, list[Change]]:
-    return watched(Script(said), [FRAME] * len(said))  # type: ignore[arg-type]
+    return watch(Script(said), [FRAME] * len(said))  # type: ignore[arg-type]
 
 
 def test_the_robot_turns_past_the_look() -> None:
-    look = Look(np.array([1.0, 2.0]), 5.0, 20.0)
-    looks = looks_around(look)
+    look = Viewpoint(1.0, 2.0, 5.0, 20.0)
+    looks = turn_views(look)
     assert len(looks) == len(TURNS_DEG)
     assert np.mean(TURNS_DEG) == 0
     for one, turn_deg in zip(looks, TURNS_DEG, strict=True):
         assert one.yaw_deg == (5.0 + turn_deg) % 360
         assert one.horizon_deg == 20.0
-        np.testing.assert_array_equal(one.place, look.place)
+        np.testing.assert_array_equal(one.position, look.position)
 
 
 def test_what_is_seen_often_enough_is_told() -> None:

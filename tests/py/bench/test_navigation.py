@@ -8,15 +8,16 @@ import surfel_room
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from gslts_bench.navigation.episodes import LEAST_M, episodes_of
-from gslts_bench.navigation.moved import NOT_UPDATED
+from gslts_bench.navigation.episodes import MIN_PATH_M, episodes_of
+from gslts_bench.navigation.relocated import NOT_UPDATED
 from gslts_bench.navigation.run import Record
-from gslts_bench.navigation.tables import printed, summary
+from gslts_bench.navigation.tables import summarize, tabulate
 from gslts_bench.navigation.truth import Truth, floor_distances_m, succeeds
 from gslts_bench.navigation.walker import Walker
+from gslts_bench.tables import tables_markdown
 from gslts_sim.controller import Controller
 from gslts_sim.home import pose
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
 
 
 def record(success: bool, shortest_m: float, walked_m: float, room: str = "kitchen") -> Record:
@@ -36,12 +37,12 @@ def test_spl_by_hand() -> None:
     kitchen = [record(True, 2, 2), record(True, 1, 4), record(False, 3, 3), record(True, 2, 1.9)]
     bedroom = [record(True, 1, 2, "bedroom"), record(False, 1, 0, "bedroom")]
     assert [one.spl for one in kitchen] == [1, 0.25, 0, 1]
-    rooms = summary([*kitchen, *bedroom])["rooms"]
+    rooms = summarize([*kitchen, *bedroom])["rooms"]
     assert rooms["kitchen"]["spl"] == pytest.approx(2.25 / 4)
     assert rooms["bedroom"]["spl"] == pytest.approx(0.5 / 2)
     assert rooms["overall"]["spl"] == pytest.approx(2.75 / 6)
     assert (rooms["kitchen"]["successes"], rooms["overall"]["successes"]) == (3, 4)
-    assert summary([*kitchen, *bedroom])["far"] == {
+    assert summarize([*kitchen, *bedroom])["far"] == {
         "episodes": 3,
         "successes": 2,
         "spl": pytest.approx(2 / 3),
@@ -55,21 +56,19 @@ def test_moved_objects_are_counted_apart() -> None:
         return one.model_copy(update={"id": f"kitchen_0/moved_{name}", "status": status})
 
     moved = [walk("00/0", True), walk("00/1", False), walk("01/0", False, NOT_UPDATED)]
-    found = summary([record(True, 1, 1), *moved])
+    found = summarize([record(True, 1, 1), *moved])
     assert found["rooms"]["overall"]["episodes"] == 1
     assert found["moved"]["successes"] == 1
     assert found["moved"]["episodes"] == 2
     assert found["moved"]["relocations"] == [1, 2]
-    assert "updated: 50.0 % (1 of 2)." in printed(found)
+    assert "updated: 50.0 % (1 of 2)." in tables_markdown(tabulate(found))
 
 
-def test_errors_do_not_count_and_no_record_is_no_error() -> None:
-    failed = record(False, 1, 0).model_copy(update={"error": "no disk"})
-    assert summary([failed, record(True, 1, 1)])["rooms"]["overall"]["episodes"] == 1
-    text = printed(summary([failed]))
+def test_tables_without_a_record_are_empty() -> None:
+    text = tables_markdown(tabulate(summarize([])))
     assert "| overall | - | - | - |" in text
-    assert "| overall | 50.0 % (1 of 2) | 50.0 | 1.00 m |" in printed(
-        summary([record(True, 1, 1), record(False, 1, 1)])
+    assert "| overall | 50.0 % (1 of 2) | 50.0 | 1.00 m |" in tables_markdown(
+        tabulate(summarize([record(True, 1, 1), record(False, 1, 1)]))
     )
 
 
@@ -79,7 +78,7 @@ def truth() -> Truth:
 
 
 def test_ways_are_those_of_dijkstra() -> None:
-    places, goals = truth().places, [0, 7]
+    places, goals = truth().positions, [0, 7]
     apart = np.linalg.norm(places[:, None] - places, axis=2)
     starts, ends = np.nonzero((apart > 0) & (apart < 0.36))
     free = [truth().is_straight(places[a], places[b]) for a, b in zip(starts, ends, strict=True)]
@@ -93,7 +92,7 @@ def test_ways_are_those_of_dijkstra() -> None:
 
 
 def test_goals_are_near_and_see_the_thing() -> None:
-    places, mug = truth().places, surfel_room.home()["Mug|1"]
+    places, mug = truth().positions, surfel_room.home()["Mug|1"]
     goals = truth().goals("Mug")
     assert goals
     # The mug stands on the block, 0.2 m from its right side.
@@ -101,16 +100,16 @@ def test_goals_are_near_and_see_the_thing() -> None:
     assert places[goals][:, 0].max() > 2.6
     assert truth().goals("Bed") == []
     hidden = surfel_room.home().with_object(
-        surfel_room.thing("Box|2", (2.1, 1.3, 0.74), (2.45, 1.65, 1.1))
+        surfel_room.box("Box|2", (2.1, 1.3, 0.74), (2.45, 1.65, 1.1))
     )
     assert Truth(hidden).goals("Mug") == []
 
 
 def test_distances_are_to_the_outline_however_it_is_turned() -> None:
-    box = surfel_room.thing("Box|1", (-0.5, -0.5, 0), (0.5, 0.5, 1))
+    box = surfel_room.box("Box|1", (-0.5, -0.5, 0), (0.5, 0.5, 1))
     places = np.array([[2.0, 0.0], [0.1, 0.1], [1.5, 1.5]])
     np.testing.assert_allclose(floor_distances_m(box, places), [1.5, 0, 2**0.5], atol=1e-6)
-    turned = box.placed(pose(0, 0, 0, np.pi / 4), None)
+    turned = box.place_at(pose(0, 0, 0, np.pi / 4), None)
     expected = [2 - 0.5**0.5, 0, 1.5 * 2**0.5 - 0.5]
     np.testing.assert_allclose(floor_distances_m(turned, places), expected, atol=1e-6)
 
@@ -119,8 +118,8 @@ def test_success_needs_a_thing_that_is_near_and_in_view() -> None:
     robot = Controller(surfel_room.home(), width=160, height=120)
 
     def ends(x: float, y: float, yaw_deg: float, category: str = "Mug") -> bool:
-        robot.go(Look(np.array([x, y]), yaw_deg, 40.0))
-        return succeeds(truth(), category, np.array([x, y]), robot.look(0).instances)
+        robot.go(Viewpoint(x, y, yaw_deg, 40.0))
+        return succeeds(truth(), category, np.array([x, y]), robot.snapshot(0).instances)
 
     assert ends(3.0, 1.5, 180)
     assert not ends(3.0, 1.5, 0)  # It looks away.
@@ -140,16 +139,16 @@ def test_episodes_can_be_drawn_again(monkeypatch: pytest.MonkeyPatch) -> None:
         assert {one.category for one in pair} == {"Mug", "Box"}
     for one in drawn:
         ways = truth().metres_to(truth().goals(one.category))
-        row = np.argmin(np.linalg.norm(truth().places - one.place, axis=1))
-        assert one.shortest_m == ways[row] >= LEAST_M
+        row = np.argmin(np.linalg.norm(truth().positions - one.position, axis=1))
+        assert one.shortest_m == ways[row] >= MIN_PATH_M
     monkeypatch.setattr("gslts_bench.navigation.episodes.CATEGORIES", {"kitchen": ("Bed",)})
-    with pytest.raises(ValueError, match="room: none of Bed can be gone to"):
+    with pytest.raises(ValueError, match="room: none of Bed can be reached"):
         episodes_of(truth(), "kitchen", "room", 3, 8)
 
 
 def test_the_walker_does_not_jump_over_the_block() -> None:
     controller = Controller(surfel_room.home(), width=160, height=120)
-    controller.go(Look(np.array([1.25, 1.5]), 0.0, 0.0))
+    controller.go(Viewpoint(1.25, 1.5, 0.0, 0.0))
     walker = Walker(controller, truth())
     assert not walker.move_towards(np.array([2.75, 1.5]), 0.0)
     np.testing.assert_allclose(walker.pose()[:2, 3], [1.25, 1.5])
@@ -157,4 +156,4 @@ def test_the_walker_does_not_jump_over_the_block() -> None:
     assert walker.move_towards(np.array([1.25, 0.5]), 0.0)
     assert walker.move_towards(np.array([1.27, 0.52]), 1.0)  # The same place of the grid.
     assert walker.length_m == pytest.approx(1.0)
-    np.testing.assert_allclose(walker.places, [[1.25, 1.5], [1.25, 0.5]])
+    np.testing.assert_allclose(walker.positions, [[1.25, 1.5], [1.25, 0.5]])

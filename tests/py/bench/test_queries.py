@@ -1,4 +1,4 @@
-"""How `gslts bench localize` counts."""
+"""Scores of `gslts bench queries`."""
 
 from pathlib import Path
 
@@ -7,7 +7,8 @@ import pytest
 
 from gslts.semantics.queries import Instance
 from gslts_bench.queries.run import OURS, Found, Record, Variant, best_ious, iou_of
-from gslts_bench.queries.tables import printed, summary
+from gslts_bench.queries.tables import summarize, tabulate
+from gslts_bench.tables import tables_markdown
 
 UNIT = np.array([[0.0, 0, 0], [1, 1, 1]])
 
@@ -37,11 +38,11 @@ def test_the_summary_counts_all_objects() -> None:
         ]
         return Record(id=OURS, home="x", variant=OURS, found=tuple(found), query_s=(0.1,))
 
-    found = summary([record(0.2, 0.4), record(0.9), record()])
+    found = summarize([record(0.2, 0.4), record(0.9), record()])
     assert found[OURS]["mIoU"] == pytest.approx(0.5)
     assert found[OURS]["Acc@0.5"] == pytest.approx(1 / 3)
     assert found[OURS]["Acc@0.3"] == pytest.approx(2 / 3)
-    assert "| Sofa | 3 | 0.500 | 0.333 | 0.667 |" in printed(found)
+    assert "| Sofa | 3 | 0.500 | 0.333 | 0.667 |" in tables_markdown(tabulate(found))
 
 
 def test_variants_are_recorded_as_they_want() -> None:

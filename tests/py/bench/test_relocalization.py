@@ -1,4 +1,4 @@
-"""The frames that `gslts bench relocalize` asks about."""
+"""Frames of `gslts bench relocalize`."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -9,19 +9,19 @@ import pytest
 from gslts.core.se3 import rotation
 from gslts.mapping.config import MappingConfig
 from gslts_bench.homes import BenchHome, HomeSetup
-from gslts_bench.relocalization.benchmark import folds_of
+from gslts_bench.relocalization.fold import units_of
 from gslts_bench.relocalization.frames import (
-    LOOKS,
     NEAR_DEG,
     NEAR_M,
+    VIEWS_PER_SET,
     Batch,
-    cases_of,
-    look_near,
+    draw_viewpoint_near,
+    make_cases,
     other_homes,
 )
-from gslts_bench.relocalization.room import RecordedRoom, brought_to, content_of
+from gslts_bench.relocalization.room import RecordedRoom, content_digest, transfer
 from gslts_sim import make_home
-from gslts_sim.robot_body import Look, floor_of
+from gslts_sim.robot_body import Viewpoint, floor_of
 
 BENCH = BenchHome(
     "bedroom", 3, HomeSetup(frames=16, width=160, height=120, code={"sim": 0}), Path()
@@ -30,23 +30,23 @@ BENCH = BenchHome(
 
 def test_folds_are_eight() -> None:
     room = RecordedRoom(Path("room"), "0", MappingConfig(), Path(), {})
-    assert [one.fold for one in folds_of(room, [])] == list(range(8))
-    assert [one.fold for one in folds_of(room, [5, 2, 5])] == [2, 5]
-    assert len({one.results for one in folds_of(room, [])}) == 8
+    assert [unit.bench.fold for unit in units_of(room, [])] == list(range(8))
+    assert [unit.bench.fold for unit in units_of(room, [5, 2, 5])] == [2, 5]
+    assert len({one.results for one in units_of(room, [])}) == 8
     other = replace(room, content="1")
-    assert folds_of(other, [2])[0].results != folds_of(room, [2])[0].results
+    assert units_of(other, [2])[0].results != units_of(room, [2])[0].results
     with pytest.raises(ValueError, match="0 to 7, got 8"):
-        folds_of(room, [8])
+        units_of(room, [8])
 
 
 def test_another_file_is_another_room(tmp_path: Path) -> None:
     (tmp_path / "frames").mkdir()
     (tmp_path / "frames" / "a").write_text("1")
-    seen = {content_of(tmp_path), content_of(tmp_path / "frames" / "a")}
+    seen = {content_digest(tmp_path), content_digest(tmp_path / "frames" / "a")}
     (tmp_path / "frames" / "a").write_text("2")
-    seen.add(content_of(tmp_path))
+    seen.add(content_digest(tmp_path))
     (tmp_path / "frames" / "a").rename(tmp_path / "frames" / "b")
-    seen.add(content_of(tmp_path))
+    seen.add(content_digest(tmp_path))
     assert len(seen) == 4
 
 
@@ -55,54 +55,56 @@ def test_two_maps_are_brought_together() -> None:
     known = {f"{k}": _pose(rng.normal(size=3), rng.normal(size=3)) for k in range(5)}
     motion = _pose(np.array([0.3, -0.1, 0.2]), np.array([0.02, 0.01, -0.03]))
     poses = {name: motion @ one for name, one in known.items()}
-    brought = brought_to(poses, {name: known[name] for name in ("0", "1", "3")})
+    brought = transfer(poses, {name: known[name] for name in ("0", "1", "3")})
     assert list(brought) == list(poses)
     for name, one in brought.items():
         np.testing.assert_allclose(one, known[name], atol=1e-9)
     with pytest.raises(ValueError, match="no frame in common"):
-        brought_to(poses, {"other": np.eye(4)})
+        transfer(poses, {"other": np.eye(4)})
 
 
 def test_other_homes_are_of_another_type_and_of_the_same() -> None:
     assert [one.name for one in other_homes(BENCH)] == ["kitchen_3", "bedroom_2"]
     last, first = (other_homes(replace(BENCH, seed=seed)) for seed in (9999, 10000))
-    assert (last[1].seed, first[1].seed) == (9998, 10001), "kept apart from those of evaluation"
+    assert (last[1].seed, first[1].seed) == (9998, 10001), "in the same split"
 
 
 def test_looks_nearby_are_from_where_a_robot_can_stand() -> None:
     home, rng = make_home("bedroom", 3, detail=0.05), np.random.default_rng(0)
     floor = floor_of(home)
-    look = Look(floor.places(0.25)[7], 350.0, 20.0)
-    looks = [look_near(look, home, rng) for _ in range(20)]
+    look = Viewpoint.at(floor.grid_positions(0.25)[7], 350.0, 20.0)
+    looks = [draw_viewpoint_near(look, home, rng) for _ in range(20)]
     for one in looks:
-        assert floor.can_stand(one.place)
-        assert np.abs(one.place - look.place).max() <= NEAR_M
+        assert floor.can_stand(one.position)
+        assert np.abs(one.position - look.position).max() <= NEAR_M
         assert abs((one.yaw_deg - look.yaw_deg + 180) % 360 - 180) <= NEAR_DEG + 0.1
         assert one.horizon_deg == 20
     assert len({one.yaw_deg for one in looks}) > 10
 
 
 def test_more_visits_begin_with_the_same_ones() -> None:
-    few, more = cases_of(BENCH, 3, 0), cases_of(BENCH, 5, 0)
+    few, more = make_cases(BENCH, 3, 0), make_cases(BENCH, 5, 0)
     assert few.cases == more.cases[:3]
     assert few.initial_actions == more.initial_actions
-    grid = floor_of(Batch(BENCH, few, strange=False).before().home).places(0.25)
+    grid = floor_of(Batch(BENCH, few, foreign=False).before().home).grid_positions(0.25)
     for case in more.cases:
-        place = case.viewpoint.look.place
-        assert np.linalg.norm(grid - place, axis=1).min() > 1e-6, "the recording's are on a grid"
+        place = case.viewpoint.position
+        assert np.linalg.norm(grid - place, axis=1).min() > 1e-6, "recorded from a grid"
 
 
 def test_changes_are_looked_at_from_several_places() -> None:
-    found = cases_of(BENCH, 0, LOOKS + 1)
-    assert [one.name for one in found.cases] == [f"changed_{k:02}" for k in range(LOOKS + 1)]
-    first, last = found.cases[:LOOKS], found.cases[LOOKS]
+    found = make_cases(BENCH, 0, VIEWS_PER_SET + 1)
+    assert [one.name for one in found.cases] == [
+        f"changed_{k:02}" for k in range(VIEWS_PER_SET + 1)
+    ]
+    first, last = found.cases[:VIEWS_PER_SET], found.cases[VIEWS_PER_SET]
     assert {one.actions for one in first} == {first[0].actions}
     assert last.actions != first[0].actions
-    assert len({one.viewpoint for one in found.cases}) == LOOKS + 1
+    assert len({one.viewpoint for one in found.cases}) == VIEWS_PER_SET + 1
     assert all(len(one.truths) == 3 for one in found.cases)
-    batch = Batch(BENCH, found, strange=False)
+    batch = Batch(BENCH, found, foreign=False)
     assert {batch.part(one) for one in found.cases} == {"three changes"}
-    frame, true = batch.look(first[1], batch.before())
+    frame, true = batch.take(first[1], batch.before())
     off_m = np.linalg.norm(frame.camera.world_from_camera[:3, 3] - true[:3, 3])
     assert 0 < off_m < 0.05, "what the robot believes errs, what judges it does not"
 

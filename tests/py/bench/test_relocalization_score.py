@@ -1,4 +1,4 @@
-"""How relocalization is judged: errors, shares and tables, by hand."""
+"""Scores of relocalization: errors, shares and tables, by hand."""
 
 import numpy as np
 import pytest
@@ -7,20 +7,27 @@ from gslts.core.se3 import rotation
 from gslts.localization.config import RelocalizationConfig
 from gslts.localization.relocalizer import Localization
 from gslts_bench.relocalization.fold import RoomRecord
-from gslts_bench.relocalization.room_tables import room_printed, room_summary
 from gslts_bench.relocalization.run import Record
 from gslts_bench.relocalization.score import (
     MOVED_DEG,
     MOVED_M,
     Answer,
-    Off,
-    Told,
+    PoseError,
+    TimedAnswer,
     normalized_error,
     scores,
     start_near,
 )
-from gslts_bench.relocalization.tables import ALL, counted, of_knob, printed, summary
+from gslts_bench.relocalization.tables import (
+    ALL,
+    of_knob,
+    summarize,
+    summarize_room,
+    tabulate,
+    tabulate_room,
+)
 from gslts_bench.relocalization.variants import ABLATION, KNOBS, OURS, TRADE, VARIANTS, knob_name
+from gslts_bench.tables import tables_markdown
 
 
 def pose(x_m: float = 0.0, yaw_deg: float = 0.0) -> np.ndarray:
@@ -30,7 +37,7 @@ def pose(x_m: float = 0.0, yaw_deg: float = 0.0) -> np.ndarray:
 
 
 def answer(m: float, deg: float = 0.5, **more: object) -> Answer:
-    return Answer(status="ok", off=Off(m=m, deg=deg), **more)
+    return Answer(status="ok", off=PoseError(m=m, deg=deg), **more)
 
 
 def record(name: str, located: Answer, **more: object) -> Record:
@@ -46,26 +53,17 @@ RECORDS = [
     record("kitchen_3/visit_03", Answer(status="lost", reason="dark")),
     record("kitchen_3/changed_00", answer(0.02, 0.9), part="three changes"),
     record("bedroom_3/visit_00", Answer(status="ambiguous"), part="another home"),
-    record("kitchen_3/visit_00", answer(0.02, cpu_s=0.5), variant="corners = 250"),
-    Record(
-        id="x",
-        home="kitchen_3",
-        room_type="kitchen",
-        frame="kitchen_3/visit_04",
-        part="as mapped",
-        variant=OURS,
-        error="ValueError: no",
-    ),
+    record("kitchen_3/visit_00", answer(0.02, cpu_s=0.5), variant="keypoints = 250"),
 ]
 
 
 def test_how_far_a_pose_is_off() -> None:
-    off = Off.of(pose(0.03, 20), pose(0.0, 17))
+    off = PoseError.of(pose(0.03, 20), pose(0.0, 17))
     assert (off.m, off.deg) == pytest.approx((0.03, 3))
     assert off.within(0.031, 3.1)
     assert not off.within(0.029, 3.1)
     assert not off.within(0.031, 2.9)
-    assert Off.of(pose(), pose(0, 180)).deg == pytest.approx(180)
+    assert PoseError.of(pose(), pose(0, 180)).deg == pytest.approx(180)
 
 
 def test_errors_in_units_of_what_was_told() -> None:
@@ -90,7 +88,7 @@ def test_covariances_that_are_right_give_one() -> None:
 def test_tracking_starts_so_far_from_the_truth() -> None:
     starts = [start_near(pose(1, 70), np.random.default_rng(seed)) for seed in (0, 0, 1)]
     for start in starts:
-        off = Off.of(start, pose(1, 70))
+        off = PoseError.of(start, pose(1, 70))
         assert (off.m, off.deg) == pytest.approx((MOVED_M, MOVED_DEG))
     np.testing.assert_array_equal(starts[0], starts[1])
     assert np.abs(starts[0] - starts[2]).max() > 1e-3
@@ -105,17 +103,17 @@ def test_what_was_said_is_judged_by_the_truth() -> None:
         inliers=40,
         coarse=pose(0.03),
     )
-    told = Told.by(lambda: found)
+    told = TimedAnswer.of(lambda: found)
     assert told.s >= 0
-    judged = told.answer(pose())
+    judged = told.judge(pose())
     assert (judged.status, judged.inliers) == ("ok", 40)
     assert judged.off is not None
     assert judged.coarse is not None
     assert (judged.off.m, judged.coarse.m) == pytest.approx((0.01, 0.03))
     assert judged.normalized == pytest.approx(1 / 6)
-    strange = told.answer(None)
+    strange = told.judge(None)
     assert (strange.status, strange.off, strange.normalized) == ("ok", None, None)
-    lost = Told(Localization(status="lost", reason="dark"), 0.1, 0.1).answer(pose())
+    lost = TimedAnswer(Localization(status="lost", reason="dark"), 0.1, 0.1).judge(pose())
     assert (lost.status, lost.reason, lost.off, lost.coarse) == ("lost", "dark", None, None)
 
 
@@ -136,45 +134,45 @@ def test_what_is_lost_is_infinitely_far() -> None:
 
 
 def test_the_summary_counts_each_part_by_itself() -> None:
-    found = summary(RECORDS)
-    assert found[OURS]["as mapped"]["kitchen"]["located"]["frames"] == 4, "without the error"
+    numbers = summarize(RECORDS)
+    found = numbers["variants"]
+    assert found[OURS]["as mapped"]["kitchen"]["located"]["frames"] == 4
     assert found[OURS]["three changes"][ALL]["located"]["near"] == 1
     assert found[OURS]["own home"]["located"]["frames"] == 5
     assert found[OURS]["another home"][ALL]["located"]["ambiguous"] == 1
     tracked = found[OURS]["as mapped"][ALL]["tracked"]
     assert (tracked["frames"], tracked["lost"], tracked["far"]) == (2, 1, 1)
-    assert of_knob(found, "corners")[250]["located"]["cpu_s"] == 0.5
-    assert counted(RECORDS) == (
-        "0 frames kept aside, 4 of homes as mapped, 1 after three changes, 1 of other homes; "
+    assert of_knob(numbers, "keypoints")[250]["located"]["cpu_s"] == 0.5
+    assert numbers["cases"] == (
+        "0 held-out frames, 4 of homes as mapped, 1 after three changes, 1 of other homes; "
         "maps of 1 home(s)"
     )
 
 
 def test_tables() -> None:
-    text = printed(summary(RECORDS))
+    text = tables_markdown(tabulate(summarize(RECORDS)))
     shares = (
         "| kitchen | 4 | 75.0 % | 0.0 % | 25.0 % | 25.0 % | 50.0 % | 270.0 mm, 0.50° | 25.0 % |"
     )
     assert f"{shares} 3.00 |" in text
     assert "\n| all | 1 | 0.0 % | 100.0 % | 0.0 % |\n" in text + "\n"
     assert "### Tracked from 5 cm and 2° beside, as mapped" in text
-    assert "### By corners, as mapped" in text
+    assert "### By keypoints, as mapped" in text
     assert "### With parts left out" not in text
     for line in text.splitlines():
         assert line.count("|") in (0, 6, 13, 15)
-    assert printed(summary([])) == "## Relocalization in simulated homes"
+    assert tabulate(summarize([])) == []
 
 
 def test_frames_of_a_room_are_judged_twice() -> None:
     records = [
         RoomRecord(id="a", fold=1, given=answer(0.04), corrected=answer(0.01)),
         RoomRecord(id="b", fold=2, given=answer(0.06), corrected=answer(0.015)),
-        RoomRecord(id="c", fold=2, error="OSError: gone"),
     ]
-    found = room_summary(records)
+    found = summarize_room(records)
     assert found["maps"] == 2
     assert (found["given"]["far"], found["corrected"]["near"]) == (1, 2)
-    text = room_printed(found)
+    text = tables_markdown(tabulate_room(found))
     assert "| by the given poses | 2 | 100.0 % |" in text
     assert "50.0 mm, 0.50°" in text
     assert "12.5 mm, 0.50°" in text

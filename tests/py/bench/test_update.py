@@ -5,9 +5,10 @@ from typing import Any
 import pytest
 
 from gslts.update.config import GS_LTS
+from gslts_bench.tables import tables_markdown
 from gslts_bench.update.methods import ABLATION, OURS
 from gslts_bench.update.run import Record
-from gslts_bench.update.tables import printed, summary
+from gslts_bench.update.tables import summarize, tabulate
 
 
 def test_each_of_the_ablation_changes_one_thing() -> None:
@@ -48,7 +49,7 @@ def record(task: str, method: str, near_db: float, **more: Any) -> Record:
 
 
 def test_gains_and_growth_are_those_of_the_records() -> None:
-    found = summary(
+    found = summarize(
         [
             record("a/0", "no update", 20),
             record("a/0", "plain fine-tuning", 25),
@@ -62,7 +63,7 @@ def test_gains_and_growth_are_those_of_the_records() -> None:
     assert found["methods"]["ours"]["removal"]["far"]["psnr_db"] == 28
     assert found["ours"]["growth"] == pytest.approx(0.1)
     assert found["ours"]["rejected"] == [0, 1]
-    text = printed(found)
+    text = tables_markdown(tabulate(found))
     assert "| `ours` over plain fine-tuning, near | +4.00 dB | +3 |" in text
     assert "| edit and refinement, median | 1.50 s |  |" in text
     assert "LPIPS" not in text

@@ -7,7 +7,7 @@ import pytest
 from gslts.change.config import DetectionConfig
 
 
-@pytest.mark.parametrize("strategy", ["objects", "paper"])
+@pytest.mark.parametrize("strategy", ["objects", "gs_lts"])
 @pytest.mark.parametrize("halvings", [0, 1, 2])
 def test_settings_in_range_are_taken(strategy: Any, halvings: int) -> None:
     config = DetectionConfig(strategy=strategy, halvings=halvings)
@@ -17,9 +17,9 @@ def test_settings_in_range_are_taken(strategy: Any, halvings: int) -> None:
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"strategy": "guess"}, "strategy must be one of objects, paper, got 'guess'"),
-        ({"strategy": ""}, "strategy must be one of objects, paper, got ''"),
-        ({"strategy": "Paper"}, "strategy must be one of objects, paper, got 'Paper'"),
+        ({"strategy": "guess"}, "strategy must be one of objects, gs_lts, got 'guess'"),
+        ({"strategy": ""}, "strategy must be one of objects, gs_lts, got ''"),
+        ({"strategy": "Paper"}, "strategy must be one of objects, gs_lts, got 'Paper'"),
         ({"halvings": -1}, r"halvings must be in 0\.\.2, got -1"),
         ({"halvings": 3}, r"halvings must be in 0\.\.2, got 3"),
         ({"halvings": float("nan")}, r"halvings must be in 0\.\.2, got nan"),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from change_images import texture
 
-from gslts.change.features import OrientedGradients, extractor_of, similarity
+from gslts.change.features import OrientedGradients, feature_extractor, similarity
 
 HEIGHT, WIDTH = 90, 120
 BORDER_PX = 16
@@ -117,5 +117,5 @@ def test_features_of_nothing_are_alike_to_nothing() -> None:
 @pytest.mark.parametrize("name", ["edges", "onnx", "onnx:", "transformers:", ""])
 def test_unknown_features_are_named(name: str) -> None:
     with pytest.raises(ValueError, match=r"expected gradients, onnx:FILE or transformers:DIR"):
-        extractor_of(name)
-    assert isinstance(extractor_of("gradients"), OrientedGradients)
+        feature_extractor(name)
+    assert isinstance(feature_extractor("gradients"), OrientedGradients)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from change_images import BLUE, RED, blank, of_the_paper, put, told
+from change_images import BLUE, RED, blank, changes_in, gs_lts_change_at, put
 from watching import LONG_S, Clock, Gated, close
 
 from gslts.change.changes import Change
@@ -22,7 +22,7 @@ Found = Callable[[float], list[Change]]
 
 
 def change(x: float, kind: str = "addition", confidence: float = 0.9) -> Change:
-    return Change(kind, confidence, np.array([x, 0.0, 1.0]), None, None, (None, None))
+    return Change(kind, confidence, np.array([x, 0.0, 1.0]))
 
 
 def frame(time_s: float) -> RgbdFrame:
@@ -60,8 +60,8 @@ def test_a_change_is_reported_once_it_was_seen_often_enough() -> None:
     (report,) = reports
     assert report.number == 1
     assert report.change.kind == "addition"
-    assert report.frames == (0.0, 1.0, 2.0)
-    assert monitor.counts.offered == monitor.counts.looked_at == 20
+    assert report.times_s == (0.0, 1.0, 2.0)
+    assert monitor.counts.offered == monitor.counts.processed == 20
     assert monitor.counts.dropped == monitor.counts.unreliable == 0
 
 
@@ -109,7 +109,7 @@ def boxes(
         put(images, "before", before, color=RED)
     if after is not None:
         put(images, "after", after, color=color)
-    return list(told(images))
+    return list(changes_in(images))
 
 
 HERE, THERE, BEYOND = (40, 20), (40, 100), (80, 60)
@@ -124,8 +124,8 @@ def test_ends_of_different_frames_are_one_relocation(removal_first: bool) -> Non
     reports, _ = watched(lambda t: [ends[t >= 5]], 20)
     first, second = reports
     assert first.change is ends[0]
-    assert (first.number, first.replaces, first.frames) == (1, None, (0.0, 1.0, 2.0))
-    assert (second.number, second.replaces, second.frames) == (2, 1, (5.0, 6.0, 7.0))
+    assert (first.number, first.replaces, first.times_s) == (1, None, (0.0, 1.0, 2.0))
+    assert (second.number, second.replaces, second.times_s) == (2, 1, (5.0, 6.0, 7.0))
     assert second.change.kind == "relocation"
     np.testing.assert_array_equal(second.change.boxes[0], removal.boxes[0])
     np.testing.assert_array_equal(second.change.boxes[1], addition.boxes[1])
@@ -134,7 +134,7 @@ def test_ends_of_different_frames_are_one_relocation(removal_first: bool) -> Non
 
 def test_unlike_ends_of_different_frames_are_two_changes() -> None:
     (removal,) = boxes(before=HERE)
-    for addition in (*boxes(after=THERE, color=BLUE), change(5.0), of_the_paper("after")):
+    for addition in (*boxes(after=THERE, color=BLUE), change(5.0), gs_lts_change_at("after")):
         reports, _ = watched(lambda t, end=addition: [end if t >= 5 else removal], 20)
         assert [one.change for one in reports] == [removal, addition]
         assert [one.replaces for one in reports] == [None, None]
@@ -189,7 +189,7 @@ def test_a_relocation_whose_ends_were_joined_is_not_reported_again() -> None:
 def test_frames_in_which_it_is_hidden_do_not_matter() -> None:
     reports, _ = watched(lambda t: [change(1.0)] if t % 2 == 0 else [], 10)
     (report,) = reports
-    assert report.frames == (0.0, 2.0, 4.0)
+    assert report.times_s == (0.0, 2.0, 4.0)
 
 
 def test_resolved_it_may_be_reported_again() -> None:
@@ -207,7 +207,7 @@ def test_resolved_it_may_be_reported_again() -> None:
         (again,) = seen(range(10, 15))
         assert again.number == 3
         assert again.change.point[0] == first.change.point[0]
-        assert again.frames == (10.0, 11.0, 12.0)
+        assert again.times_s == (10.0, 11.0, 12.0)
         assert second.number == 2
 
 
@@ -223,7 +223,7 @@ def test_a_new_map_starts_anew() -> None:
             assert monitor.wait(LONG_S)
         (report,) = monitor.poll()
     assert report.change.point[0] == 2.0
-    assert report.frames == (2.0, 3.0, 4.0)
+    assert report.times_s == (2.0, 3.0, 4.0)
     assert old.times == [0.0, 1.0]
 
 
@@ -244,7 +244,7 @@ def test_what_is_being_looked_at_when_the_map_changes_is_not_counted() -> None:
         go_on.set()
         assert monitor.wait(LONG_S)
         assert monitor.poll() == []
-        assert monitor.counts.looked_at == 1
+        assert monitor.counts.processed == 1
 
 
 def test_a_detector_that_fails_is_an_error_and_no_silence() -> None:
@@ -276,7 +276,7 @@ def test_it_stops_in_the_middle_of_a_pause() -> None:
     close(monitor)
     assert threading.active_count() == before
     counts = monitor.counts
-    assert (counts.offered, counts.looked_at, counts.dropped) == (6, 1, 5)
+    assert (counts.offered, counts.processed, counts.dropped) == (6, 1, 5)
     assert monitor.wait(LONG_S)
     with pytest.raises(RuntimeError, match="it is closed"):
         monitor.offer(frame(9.0))
@@ -294,7 +294,7 @@ def test_it_keeps_to_its_rate_and_to_the_newest_frames() -> None:
             clock.time_s = k / 4096
             if k % 4 == 0:
                 detector.let_through()
-    assert monitor.counts.looked_at == 17
+    assert monitor.counts.processed == 17
     assert stub.times == [0.0, *range(3, 64, 4)]
 
 
@@ -321,9 +321,9 @@ def test_under_load_memory_stays_and_nothing_confirmed_is_lost() -> None:
     finally:
         tracemalloc.stop()
     counts = monitor.counts
-    assert counts.offered == count == counts.dropped + counts.looked_at
+    assert counts.offered == count == counts.dropped + counts.processed
     assert 0.4 * count < counts.dropped < 0.5 * count
-    assert len(stub.times) == counts.looked_at
+    assert len(stub.times) == counts.processed
     assert [one.change.point[0] for one in reports] == [float(k) for k in range(10)]
     frame_bytes = CAMERA.width * CAMERA.height * (3 + 4)
     assert max(kept) - min(kept) < (FAST.queue + 4) * frame_bytes

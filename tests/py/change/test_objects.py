@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from change_images import BLUE, CAMERA, RED, RULE, blank, of_the_paper, put, told
+from change_images import BLUE, CAMERA, RED, RULE, blank, changes_in, gs_lts_change_at, put
 
 from gslts._core.detect import ObjectRule
-from gslts.change.changes import Change, joined
+from gslts.change.changes import Change
+from gslts.change.rules import relocation_of
 from gslts.core.camera import Camera, at_pose, look_at
 
 ELSEWHERE = at_pose(CAMERA, look_at(np.array([3.0, -1.0, 0.9]), np.array([1.0, 1.0, 0.3])))
@@ -22,7 +23,7 @@ def one_box(
     """What an image in which only a box has changed tells."""
     images = blank()
     put(images, side, (40, 20 if side == "before" else 100), size, depth_m, color)
-    (change,) = told(images, camera=camera)
+    (change,) = changes_in(images, camera=camera)
     assert change.kind == ("removal" if side == "before" else "addition")
     return change
 
@@ -48,13 +49,13 @@ def several() -> Images:
 
 def test_nothing_less_certain_than_asked_is_told() -> None:
     images = several()
-    everything = told(images, ObjectRule(certain=0))
+    everything = changes_in(images, ObjectRule(certain=0))
     certainties = [one.confidence for one in everything]
     assert len(certainties) == 5
     assert certainties == sorted(certainties, reverse=True)
     assert certainties[-1] < 0.7 < 0.95 < certainties[0] < 1
     for certain in (0.2, 0.5, 0.7, 0.9, 0.99, *certainties, 1.0):
-        some = told(images, ObjectRule(certain=certain))
+        some = changes_in(images, ObjectRule(certain=certain))
         assert [one.confidence for one in some] == [one for one in certainties if one >= certain]
         for one, other in zip(some, everything, strict=False):
             assert one.kind == other.kind
@@ -69,12 +70,12 @@ def test_one_end_makes_the_other_more_likely() -> None:
         put(images, "before", (60, 10), (10, 10), 1.95, muted)
     put(unlike, "after", (60, 100), (20, 18), 1.5, BLUE)
     put(alike, "after", (60, 100), (20, 18), 1.5, muted)
-    assert told(alone, strict) == ()
-    (weak,) = told(alone, ObjectRule(certain=0))
+    assert changes_in(alone, strict) == ()
+    (weak,) = changes_in(alone, ObjectRule(certain=0))
     assert weak.confidence < 0.97
-    (addition,) = told(unlike, strict)
+    (addition,) = changes_in(unlike, strict)
     assert addition.kind == "addition"
-    (relocation,) = told(alike, strict)
+    (relocation,) = changes_in(alike, strict)
     assert relocation.kind == "relocation"
     assert relocation.confidence >= 0.97
 
@@ -83,7 +84,7 @@ def test_a_change_has_the_surfaces_and_the_masks_of_its_times() -> None:
     images = blank()
     put(images, "before", (40, 20))
     put(images, "after", (50, 100))
-    (change,) = told(images)
+    (change,) = changes_in(images)
     assert change.kind == "relocation"
     assert change.before is not None
     assert change.after is not None
@@ -114,7 +115,7 @@ def test_alike_ends_of_two_frames_are_a_relocation() -> None:
     """They may be of two cameras: the same box is fewer pixels from farther away."""
     removal = one_box("before", depth_m=1.2, size=(32, 24))
     addition = one_box("after", depth_m=1.6, size=(24, 18), camera=ELSEWHERE)
-    whole = joined(removal, addition, RULE)
+    whole = relocation_of(removal, addition, RULE)
     assert whole is not None
     assert whole.kind == "relocation"
     assert whole.confidence == max(removal.confidence, addition.confidence)
@@ -131,29 +132,29 @@ def test_alike_ends_of_two_frames_are_a_relocation() -> None:
 
 def test_unlike_ends_are_no_relocation() -> None:
     removal, addition = one_box("before"), one_box("after")
-    assert joined(removal, addition, RULE) is not None
-    assert joined(removal, one_box("after", BLUE), RULE) is None
+    assert relocation_of(removal, addition, RULE) is not None
+    assert relocation_of(removal, one_box("after", BLUE), RULE) is None
     small, large = one_box("before", size=(6, 5)), one_box("after", size=(60, 50))
-    assert joined(small, large, RULE) is None
-    assert joined(removal, one_box("after", (0.8, 0.5, 0.1)), ObjectRule(alike=0.9)) is None
+    assert relocation_of(small, large, RULE) is None
+    assert relocation_of(removal, one_box("after", (0.8, 0.5, 0.1)), ObjectRule(alike=0.9)) is None
 
 
 def test_ends_are_one_of_each_time() -> None:
     removal, addition = one_box("before"), one_box("after")
-    assert joined(addition, removal, RULE) is None
-    assert joined(removal, removal, RULE) is None
-    assert joined(addition, addition, RULE) is None
+    assert relocation_of(addition, removal, RULE) is None
+    assert relocation_of(removal, removal, RULE) is None
+    assert relocation_of(addition, addition, RULE) is None
 
 
-def test_changes_of_the_paper_have_no_ends_to_be_joined() -> None:
-    removal, addition = of_the_paper("before"), of_the_paper("after")
+def test_changes_gs_lts_change_at_have_no_ends_to_be_joined() -> None:
+    removal, addition = gs_lts_change_at("before"), gs_lts_change_at("after")
     assert (removal.kind, addition.kind) == ("removal", "addition")
     assert removal.boxes == addition.boxes == (None, None)
     assert removal.masks[1] is addition.masks[0] is None
-    assert joined(removal, addition, RULE) is None
-    assert joined(removal, one_box("after"), RULE) is None
-    assert joined(one_box("before"), addition, RULE) is None
-    assert joined(one_box("before"), one_box("after"), RULE) is not None
+    assert relocation_of(removal, addition, RULE) is None
+    assert relocation_of(removal, one_box("after"), RULE) is None
+    assert relocation_of(one_box("before"), addition, RULE) is None
+    assert relocation_of(one_box("before"), one_box("after"), RULE) is not None
 
 
 @pytest.mark.parametrize("name", ["certain", "alike", "flat_color"])
@@ -161,6 +162,6 @@ def test_thresholds_out_of_range_are_named(name: str) -> None:
     removal, addition = one_box("before"), one_box("after")
     for wrong in (-0.1, 3.1, float("nan")):
         with pytest.raises(ValueError, match=rf"^changes_of: {name} must be in \["):
-            joined(removal, addition, ObjectRule(**{name: wrong}))
+            relocation_of(removal, addition, ObjectRule(**{name: wrong}))
         with pytest.raises(ValueError, match=rf"^changed_surfaces: {name} must be in \["):
-            told(blank(), ObjectRule(**{name: wrong}))
+            changes_in(blank(), ObjectRule(**{name: wrong}))

@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 
-from gslts.change import visibility as seen_space
-from gslts.change.visibility import MARGIN_M, MARGIN_SHARE, SeenSpace
+from gslts.change import visibility
+from gslts.change.constants import SURFACE_MARGIN_M, SURFACE_MARGIN_SHARE
+from gslts.change.visibility import Visibility
 from gslts.core.camera import Camera, at_pose, look_at
 from gslts.core.gaussian_map import GaussianMap
 
 WALL_Y_M = 2.0
-FIRST_Y_M = (WALL_Y_M - MARGIN_M) / (1 + MARGIN_SHARE)
-LAST_Y_M = (WALL_Y_M + MARGIN_M) / (1 - MARGIN_SHARE)
+FIRST_Y_M = (WALL_Y_M - SURFACE_MARGIN_M) / (1 + SURFACE_MARGIN_SHARE)
+LAST_Y_M = (WALL_Y_M + SURFACE_MARGIN_M) / (1 - SURFACE_MARGIN_SHARE)
 """Between these a point is on the wall."""
 CAMERA = Camera(
     fx=100,
@@ -38,9 +39,9 @@ def wall(low_x: float = -2.0, high_x: float = 2.0) -> GaussianMap:
     )
 
 
-def told(space: SeenSpace, *points: tuple[float, float, float]) -> list[tuple[int, int]]:
+def counts_at(space: Visibility, *points: tuple[float, float, float]) -> list[tuple[int, int]]:
     """How many cameras looked through each point, and how many saw a surface there."""
-    sights = space.sights(np.array(points, np.float64).reshape(-1, 3))
+    sights = space.counts(np.array(points, np.float64).reshape(-1, 3))
     assert sights.through.shape == sights.on.shape == (len(points),)
     return list(zip(sights.through.tolist(), sights.on.tolist(), strict=True))
 
@@ -79,26 +80,26 @@ BEFORE, ON, UNSEEN = (1, 0), (0, 1), (0, 0)
 def test_what_stands_before_a_surface_is_looked_through_and_the_surface_is_seen(
     point: tuple[float, float, float], expected: tuple[int, int]
 ) -> None:
-    assert told(SeenSpace(wall(), [CAMERA]), point) == [expected]
+    assert counts_at(Visibility(wall(), [CAMERA]), point) == [expected]
 
 
 @pytest.mark.parametrize("distance_m", [0.6, 1.0, 1.7])
 def test_the_margin_grows_with_the_distance(distance_m: float) -> None:
     """From nearer to the wall, less before and behind it may be the wall."""
     eye = np.array([0.0, WALL_Y_M - distance_m, 1.0])
-    nearer = SeenSpace(wall(), [at_pose(CAMERA, look_at(eye, np.array([0.0, WALL_Y_M, 1.0])))])
-    first = WALL_Y_M - distance_m + (distance_m - MARGIN_M) / (1 + MARGIN_SHARE)
-    last = WALL_Y_M - distance_m + (distance_m + MARGIN_M) / (1 - MARGIN_SHARE)
+    nearer = Visibility(wall(), [at_pose(CAMERA, look_at(eye, np.array([0.0, WALL_Y_M, 1.0])))])
+    first = WALL_Y_M - distance_m + (distance_m - SURFACE_MARGIN_M) / (1 + SURFACE_MARGIN_SHARE)
+    last = WALL_Y_M - distance_m + (distance_m + SURFACE_MARGIN_M) / (1 - SURFACE_MARGIN_SHARE)
     places = (first - 0.008, first + 0.008, last - 0.008, last + 0.008)
     points = [(0.0, y, 1.0) for y in places]
-    assert told(nearer, *points) == [BEFORE, ON, ON, UNSEEN]
+    assert counts_at(nearer, *points) == [BEFORE, ON, ON, UNSEEN]
 
 
 def test_where_the_map_shows_nothing_nothing_is_known() -> None:
     """Through a hole in the wall nobody knows how far the camera saw."""
-    half = SeenSpace(wall(high_x=0.0), [CAMERA])
+    half = Visibility(wall(high_x=0.0), [CAMERA])
     places = ((-0.3, 1.0, 1.0), (0.3, 1.0, 1.0), (-0.3, WALL_Y_M, 1.0), (0.3, WALL_Y_M, 1.0))
-    assert told(half, *places) == [BEFORE, UNSEEN, ON, UNSEEN]
+    assert counts_at(half, *places) == [BEFORE, UNSEEN, ON, UNSEEN]
 
 
 def test_each_camera_counts_each_point() -> None:
@@ -119,9 +120,9 @@ def test_each_camera_counts_each_point() -> None:
         (0.0, 0.0, 3.0),  # Above all.
     ]
     expected = [(3, 0), (0, 3), (0, 0), (1, 0), (0, 1), (1, 0), (0, 0)]
-    assert told(SeenSpace(wall(), cameras), *points) == expected
-    assert told(SeenSpace(wall(), reversed(cameras)), *points) == expected
-    assert told(SeenSpace(wall(), [away]), *points) == [UNSEEN] * len(points)
+    assert counts_at(Visibility(wall(), cameras), *points) == expected
+    assert counts_at(Visibility(wall(), reversed(cameras)), *points) == expected
+    assert counts_at(Visibility(wall(), [away]), *points) == [UNSEEN] * len(points)
 
 
 def test_a_point_may_be_looked_through_by_one_camera_and_seen_by_another() -> None:
@@ -130,9 +131,9 @@ def test_a_point_may_be_looked_through_by_one_camera_and_seen_by_another() -> No
         at_pose(CAMERA, look_at(np.array([0.0, y, 1.0]), np.array([0.0, WALL_Y_M, 1.0])))
         for y in (WALL_Y_M - 9, WALL_Y_M + 2.5)
     )
-    space = SeenSpace(wall(), [CAMERA, far, behind])
+    space = Visibility(wall(), [CAMERA, far, behind])
     points = [(0.0, y, 1.0) for y in (1.0, WALL_Y_M - 0.09, WALL_Y_M, WALL_Y_M + 1)]
-    assert told(space, *points) == [(2, 0), (1, 1), (0, 3), (1, 0)]
+    assert counts_at(space, *points) == [(2, 0), (1, 1), (0, 3), (1, 0)]
 
 
 def test_cameras_of_any_size_tell_the_same() -> None:
@@ -148,7 +149,7 @@ def test_cameras_of_any_size_tell_the_same() -> None:
     )
     rng = np.random.default_rng(0)
     points = rng.uniform((-2, -1, -0.5), (2, 3, 2.5), (2000, 3))
-    one, other = (SeenSpace(wall(), [camera]).sights(points) for camera in (CAMERA, large))
+    one, other = (Visibility(wall(), [camera]).counts(points) for camera in (CAMERA, large))
     np.testing.assert_array_equal(one.through, other.through)
     np.testing.assert_array_equal(one.on, other.on)
     assert one.through.sum() > 50
@@ -156,32 +157,32 @@ def test_cameras_of_any_size_tell_the_same() -> None:
 
 
 def test_cameras_are_read_once() -> None:
-    space = SeenSpace(wall(), iter([CAMERA]))
-    assert space.is_known
-    assert told(space, (0, 1, 1), (0, 2.5, 1), (0.1, 2, 1), (0, -1, 1)) == [
+    space = Visibility(wall(), iter([CAMERA]))
+    assert space.has_cameras
+    assert counts_at(space, (0, 1, 1), (0, 2.5, 1), (0.1, 2, 1), (0, -1, 1)) == [
         BEFORE,
         UNSEEN,
         ON,
         UNSEEN,
     ]
-    assert told(space) == []
+    assert counts_at(space) == []
 
 
 def test_without_cameras_nothing_is_known() -> None:
-    nobody = SeenSpace(wall(), [])
-    assert not nobody.is_known
-    assert told(nobody, (0.0, 1.0, 1.0), (0.0, WALL_Y_M, 1.0)) == [UNSEEN, UNSEEN]
+    nobody = Visibility(wall(), [])
+    assert not nobody.has_cameras
+    assert counts_at(nobody, (0.0, 1.0, 1.0), (0.0, WALL_Y_M, 1.0)) == [UNSEEN, UNSEEN]
 
 
 def test_many_points_are_looked_at_a_few_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
     points = np.random.default_rng(0).uniform((-1, 0.5, 0), (1, 2.5, 2), (500, 3))
-    space = SeenSpace(wall(), [CAMERA, at_pose(CAMERA, look_at((0.5, 0.2, 1), (0, 2, 1)))])
-    once, shown = space.sights(points), space.shown(points, 1.9)
+    space = Visibility(wall(), [CAMERA, at_pose(CAMERA, look_at((0.5, 0.2, 1), (0, 2, 1)))])
+    once, shown = space.counts(points), space.visible(points, 1.9)
     assert once.through.any()
     assert shown.any()
-    monkeypatch.setattr(seen_space, "MOST_LOOKS", 64)
+    monkeypatch.setattr(visibility, "MAX_PROJECTIONS", 64)
     assert len(space._parts(points)) > 10
-    again = space.sights(points)
+    again = space.counts(points)
     np.testing.assert_array_equal(again.through, once.through)
     np.testing.assert_array_equal(again.on, once.on)
-    np.testing.assert_array_equal(space.shown(points, 1.9), shown)
+    np.testing.assert_array_equal(space.visible(points, 1.9), shown)

@@ -139,17 +139,17 @@ def test_frames_that_cannot_be_used_are_named(tmp_path: Path) -> None:
         images.write_text("\n".join([*lines[:first], " ".join(words_now), *lines[first + 1 :]]))
 
     write({1: "nan"})
-    assert reasons(tmp_path) == ("left/a b_0.png: its quaternion has the length nan",)
+    assert reasons(tmp_path) == ("left/a b_0.png: the quaternion has length nan, expected 1",)
     write({1: "7"})
-    assert "its quaternion has the length 7" in reasons(tmp_path)[0]
+    assert "the quaternion has length 7" in reasons(tmp_path)[0]
     write({1: "1e300"})  # Whose square is infinite.
-    assert "its quaternion has the length" in reasons(tmp_path)[0]
+    assert "the quaternion has length" in reasons(tmp_path)[0]
     write({5: "inf"})
-    assert "its place is [inf, " in reasons(tmp_path)[0]
+    assert "the position is not finite: [inf, " in reasons(tmp_path)[0]
     write({8: "9"})
     assert reasons(tmp_path) == ("left/a b_0.png: there is no camera 9",)
     write({9: "gone.png"})
-    assert "gone.png: there is no such picture in" in reasons(tmp_path)[0]
+    assert "gone.png: there is no such image in" in reasons(tmp_path)[0]
     write({8: "seven"})
     with pytest.raises(ValueError, match=r"images\.txt: line \d+: .*'seven'"):
         open_dataset(tmp_path)
@@ -167,7 +167,7 @@ def test_frames_that_cannot_be_used_are_named(tmp_path: Path) -> None:
         with pytest.raises(ValueError, match=message):
             open_dataset(tmp_path)
     cameras.write_text("7 PINHOLE 128 96 100 104 62 50\n")
-    with pytest.raises(ValueError, match=r"a b_0\.png: it has 64 x 48 px, expected 128 x 96"):
+    with pytest.raises(ValueError, match=r"a b_0\.png: 64 x 48 px, expected 128 x 96"):
         open_dataset(tmp_path).frames[0].read()
 
 

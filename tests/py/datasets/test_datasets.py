@@ -12,7 +12,7 @@ from recorded_frames import LOOKS, frames_of_robot
 
 from gslts.core.camera import Camera
 from gslts.datasets import open_dataset
-from gslts.datasets.dataset import ImageFrame, read_image, read_numbers, told_apart
+from gslts.datasets.dataset import ImageFrame, read_image, read_numbers, with_unique_names
 from gslts.datasets.tum import read_trajectory
 from gslts.datasets.undistort import Lens
 from gslts_sim.capture import capture
@@ -137,7 +137,7 @@ def test_tum_without_partners(tmp_path: Path) -> None:
     (folder / "depth.txt").write_text("\n".join(lines[:2] + lines[3:]))
     dataset = open_dataset(folder)
     assert len(dataset.frames) == 2
-    assert "there is no depth picture within 0.02 s" in dataset.skipped[0]
+    assert "there is no depth image within 0.02 s" in dataset.skipped[0]
     assert dataset.frames[0].camera.fx == 525
     (folder / "groundtruth.txt").unlink()
     with pytest.raises(ValueError, match="0 usable frames, at least 2 are needed"):
@@ -193,7 +193,7 @@ def test_tum_of_another_shape_is_skipped(tmp_path: Path) -> None:
     dataset = open_dataset(folder)
     assert len(dataset.frames) == 2
     assert dataset.skipped == (
-        "rgb/1305031103.000000.png: it has 640 x 360 px, but intrinsics are known for 4:3 only",
+        "rgb/1305031103.000000.png: 640 x 360 px: intrinsics are known for 4:3 images only",
     )
 
 
@@ -282,12 +282,14 @@ def test_seven_scenes_of_another_size_has_the_focal_lengths_of_that_size(tmp_pat
 def test_numbers_beyond_the_limit_are_not_read(tmp_path: Path) -> None:
     path = tmp_path / "camera-intrinsics.txt"
     path.write_text("5 0 3\n0 5 2\n0 0 1\n" + " " * 10_000 + "7")
-    with pytest.raises(ValueError, match=r"camera-intrinsics\.txt: more than 10000 bytes are no"):
+    with pytest.raises(
+        ValueError, match=r"camera-intrinsics\.txt: over 10000 bytes, too long for a matrix"
+    ):
         read_numbers(path, (3, 3))
     with path.open("wb") as file:
         file.truncate(1 << 26)
     tracemalloc.start()
-    with pytest.raises(ValueError, match="more than 10000 bytes"):
+    with pytest.raises(ValueError, match="over 10000 bytes"):
         read_numbers(path, (3, 3))
     most_bytes = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
@@ -418,7 +420,7 @@ def test_paths_that_name_no_file_are_skipped(recorded: Path) -> None:
         content["frames"].append(content["frames"][0])
 
     dataset = open_dataset(edited(recorded, edit))
-    assert dataset.skipped == tuple(f"frames[{k}]: file_path: '/' is no file" for k in (1, 2))
+    assert dataset.skipped == tuple(f"frames[{k}]: file_path: '/' is not a file" for k in (1, 2))
 
 
 def test_nerfstudio_has_lenses(recorded: Path) -> None:
@@ -493,7 +495,7 @@ def test_pictures_are_damaged_in_many_ways(tmp_path: Path) -> None:
         read_image(path, "RGB", (8, 8))
 
 
-def test_pictures_of_one_name_are_told_apart(recorded: Path) -> None:
+def test_pictures_of_one_name_are_with_unique_names(recorded: Path) -> None:
     usual = [frame.name for frame in open_dataset(recorded).frames]
     content = json.loads((recorded / "transforms.json").read_text())
     for entry, folder in zip(content["frames"], ("left", "right"), strict=False):
@@ -511,7 +513,9 @@ def test_pictures_of_one_name_are_told_apart(recorded: Path) -> None:
 def test_names_differ_in_their_ending_only_where_nothing_else_does() -> None:
     camera = Camera(fx=50, fy=50, cx=32, cy=24, width=64, height=48, world_from_camera=np.eye(4))
     paths = ["a/1.png", "a/1.jpg", "b/1.png", "2.png", "../c/3.png", "3.png", "b/4.png", "b/4.png"]
-    frames = told_apart((ImageFrame(Path("set") / path, camera) for path in paths), Path("set"))
+    frames = with_unique_names(
+        (ImageFrame(Path("set") / path, camera) for path in paths), Path("set")
+    )
     names = ["a/1.png", "a/1.jpg", "b/1", "2", "../c/3", "3", "b/4.png", "b/4.png"]
     assert [frame.name for frame in frames] == names
     assert [frame.rgb for frame in frames] == [Path("set") / path for path in paths]

@@ -174,7 +174,7 @@ def test_poses_that_are_none_are_named(tmp_path: Path) -> None:
     dataset = open_dataset(bag.write(tmp_path / "walk", "mcap"))
     assert len(dataset.frames) == 2
     (reason,) = dataset.skipped
-    assert reason.endswith(": odom to base_link: its quaternion has the length nan")
+    assert reason.endswith(": odom to base_link: the quaternion has length nan, expected 1")
 
 
 def simple_bag(tmp_path: Path, pictures: Any, storage: str = "mcap") -> Dataset:
@@ -365,12 +365,12 @@ def a_loop(bag: Recorder) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (without(RGB), r"no colour pictures with a CameraInfo.*; topics: /cam/aligned"),
-        (without(RGB_INFO), r"no colour pictures with a CameraInfo beside them; topics: .*\(sens"),
-        (second_camera, r"several cameras have colours: /cam/color/image_raw, /rear/image_raw"),
-        (without("/tf"), r"no world is above cam_color_optical in /tf, and there are no topics"),
-        (without("/tf_static"), r"no world is above cam_color_optical in /tf"),
-        (two_parents, r"the frame base_link hangs at odom \(moving\) and at map \(moving\)"),
+        (without(RGB), r"no colour images with a CameraInfo.*; topics: /cam/aligned"),
+        (without(RGB_INFO), r"no colour images with a CameraInfo beside them; topics: .*\(sens"),
+        (second_camera, r"several cameras have colour images: /cam/color/image_raw, /rear"),
+        (without("/tf"), r"no fixed frame .* is above cam_color_optical in /tf; .* there are none"),
+        (without("/tf_static"), r"no fixed frame .* is above cam_color_optical in /tf"),
+        (two_parents, r"the frame base_link has two parents: odom \(moving\) and map \(moving\)"),
         (a_loop, r"the frames above cam_color_optical form a loop"),
         (another_info(k=np.zeros(9)), r"color/camera_info: a focal length of 0 px"),
         (another_info(width=50), r"principal point|expected 50"),
@@ -397,7 +397,7 @@ def test_damaged_pictures_are_named(tmp_path: Path) -> None:
                 message.data = message.data[:-10]
 
     frame = open_dataset(write_changed(tmp_path, cut)).frames[0]
-    with pytest.raises(ValueError, match=r"image_raw at \d+ ns: \d+ bytes in rows of 197 are no"):
+    with pytest.raises(ValueError, match=r"image_raw at \d+ ns: \d+ bytes in rows of 197 are"):
         frame.read()
 
     def damaged(bag: Recorder, time: int) -> None:
@@ -439,7 +439,7 @@ def test_damaged_compressed_pictures_are_named(tmp_path: Path, kind: str, harm: 
         bag.image(DEPTH, time, FRAME, "16UC1", np.ones((48, 64), "<u2"))
 
     frame = simple_bag(tmp_path, add).frames[0]
-    with pytest.raises(ValueError, match=r"image_raw/compressed at \d+ ns: it"):
+    with pytest.raises(ValueError, match=r"image_raw/compressed at \d+ ns: the image"):
         frame.read()
 
 
@@ -451,7 +451,7 @@ def test_damaged_compressed_depth_is_named(tmp_path: Path) -> None:
         bag.compressed(f"{DEPTH}/compressedDepth", time, FRAME, kind, data)
 
     frame = simple_bag(tmp_path, add).frames[0]
-    with pytest.raises(ValueError, match=r"compressedDepth at \d+ ns: its picture cannot be read"):
+    with pytest.raises(ValueError, match=r"compressedDepth at \d+ ns: the image cannot be read"):
         frame.read()
 
 
@@ -468,7 +468,7 @@ def test_depth_of_another_size_is_named_with_both_sizes(tmp_path: Path) -> None:
             bag.image(DEPTH, time_of(number), FRAME, "16UC1", np.ones((24, 32), "<u2"))
 
     frame = open_dataset(write_changed(tmp_path, small)).frames[0]
-    with pytest.raises(ValueError, match=r"it has 32 x 24 px, expected 64 x 48"):
+    with pytest.raises(ValueError, match=r": 32 x 24 px, expected 64 x 48"):
         frame.read()
 
 

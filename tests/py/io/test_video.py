@@ -21,13 +21,13 @@ def test_all_pictures_are_there(tmp_path: Path, count: int) -> None:
 
 
 def test_lost_pictures_are_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(OSError, match=r"a\.mp4: .* 0 of 0 pictures are in it"):
+    with pytest.raises(OSError, match=r"a\.mp4: .*0 of 0 images"):
         write(tmp_path / "a.mp4", 0)
     picture = np.zeros((48, 64, 3), np.uint8)
     video = Video(tmp_path / "a.mp4", *SIZE)
     video.add(picture)
     monkeypatch.setattr(video, "_writer", Deaf(video._writer))
-    with pytest.raises(OSError, match=r"a\.mp4: .* 1 of 2 pictures are in it"), video:
+    with pytest.raises(OSError, match=r"a\.mp4: .*1 of 2 images"), video:
         video.add(picture)
     assert list(tmp_path.iterdir()) == []
 

@@ -132,7 +132,7 @@ def test_images_that_do_not_fit_are_refused() -> None:
 
 def test_lenses_come_out_although_all_poses_are_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
     """Colours tell the focal length, colours against depth how the two lenses stand."""
-    monkeypatch.setattr(mapping_lenses, "PIXELS_PER_FACT", 0.01)  # Nothing is known before.
+    monkeypatch.setattr(mapping_lenses, "CORRELATED_PIXELS", 0.01)  # Nothing is known before.
     rng = np.random.default_rng(0)
     true_color = camera_at(np.eye(4))
     true_depth = move(camera_at(np.eye(4)), np.array([0.03, 0.005, -0.01, 0.01, -0.015, 0.008]))

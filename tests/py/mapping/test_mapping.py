@@ -8,7 +8,8 @@ import pytest
 
 import gslts
 from gslts.mapping.config import PRESETS, MappingConfig
-from gslts.store.map_folder import read_manifest, read_map, write_map_folder
+from gslts.store.manifest import read_manifest
+from gslts.store.map_folder import read_map, write_map_folder
 
 
 def test_presets_differ_in_what_they_cost() -> None:

@@ -14,7 +14,7 @@ import scenes
 from PIL import Image
 
 from gslts.core.frame import RgbdFrame
-from gslts.io.images import error_picture
+from gslts.io.images import error_image
 from gslts.mapping.observation import Observation
 from gslts.mapping.report.images import smaller
 from gslts.mapping.report.page import MOST_VIEWS, CurvePoint, ReportData, View, write_report
@@ -165,15 +165,15 @@ def test_views_of_a_result_tell_what_the_camera_saw() -> None:
 
 def test_errors_are_bright_and_equal_pictures_black() -> None:
     picture = np.full((4, 4, 3), 100, np.uint8)
-    black = error_picture(picture, picture, 0.2)
+    black = error_image(picture, picture, 0.2)
     assert black.max() < 8
     other = picture.copy()
     other[0, 0], other[1, 1] = 151, 110  # 0.2 of the range, and less.
-    shown = error_picture(other, picture, 0.2).astype(int).sum(axis=2)
+    shown = error_image(other, picture, 0.2).astype(int).sum(axis=2)
     assert shown[0, 0] > 600
     assert shown[3, 3] < shown[1, 1] < shown[0, 0]
     np.testing.assert_array_equal(
-        error_picture(other, picture, 0.2), error_picture(picture, other, 0.2)
+        error_image(other, picture, 0.2), error_image(picture, other, 0.2)
     )
 
 

@@ -21,7 +21,7 @@ from gslts_sim.capture import capture
 from gslts_sim.controller import Controller
 from gslts_sim.explore import explore
 from gslts_sim.home import Home
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
 
 
 @pytest.fixture(scope="module")
@@ -143,7 +143,7 @@ def test_threads_change_nothing(frames: list[RgbdFrame]) -> None:
 
 
 @pytest.fixture(scope="module")
-def visit() -> tuple[Home, list[Look]]:
+def visit() -> tuple[Home, list[Viewpoint]]:
     """Of a room whose walls look different everywhere."""
     rng = np.random.default_rng(0)
     wall = rng.integers(40, 220, (96, 96, 3)).astype(np.uint8).repeat(4, 0).repeat(4, 1)
@@ -157,7 +157,7 @@ def visit() -> tuple[Home, list[Look]]:
 
 @pytest.mark.parametrize("noise", ["none", "kinect"])
 def test_points_of_a_simulated_visit(
-    noise: str, visit: tuple[Home, list[Look]], tmp_path: Path
+    noise: str, visit: tuple[Home, list[Viewpoint]], tmp_path: Path
 ) -> None:
     home, looks = visit
     capture(Controller(home, width=320, height=240, noise=noise), looks, tmp_path / "visit")

@@ -1,4 +1,4 @@
-"""Ways by fast marching, against Dijkstra's on the same cells."""
+"""Paths by fast marching, against Dijkstra on the same cells."""
 
 import re
 from itertools import pairwise
@@ -27,7 +27,7 @@ def grid(size: int = SIZE) -> Grid:
 
 
 def octile_m(free: np.ndarray, goals: np.ndarray) -> np.ndarray:
-    """[M,M] lengths of Dijkstra's ways over eight neighbours, without cutting corners."""
+    """Return [M,M] lengths of shortest paths over eight neighbours, without cutting corners."""
     size = len(free)
     numbers = np.arange(size**2).reshape(size, size)
     starts, ends, lengths = [], [], []
@@ -46,7 +46,7 @@ def octile_m(free: np.ndarray, goals: np.ndarray) -> np.ndarray:
 
 
 def maze(seed: int) -> np.ndarray:
-    """Rooms in a row with a door each, or pillars at random."""
+    """Return rooms in a row with a door each, or random pillars."""
     rng = np.random.default_rng(seed)
     if seed % 2:
         return np.asarray(rng.random((SIZE, SIZE)) > 0.05 * seed)
@@ -57,41 +57,41 @@ def maze(seed: int) -> np.ndarray:
     return free
 
 
-def one(cell: np.ndarray, size: int = SIZE) -> np.ndarray:
+def only(cell: np.ndarray, size: int = SIZE) -> np.ndarray:
     goals = np.zeros((size, size), np.bool_)
     goals[tuple(cell)] = True
     return goals
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_ways_are_as_short_as_dijkstras(seed: int) -> None:
+def test_paths_are_as_short_as_those_of_dijkstra(seed: int) -> None:
     free, rng, where = maze(seed), np.random.default_rng(seed), grid()
     goal = rng.choice(np.argwhere(free))
-    expected = octile_m(free, one(goal))
+    expected = octile_m(free, only(goal))
     for cell in rng.permutation(np.argwhere(free))[:40]:
         start = where.centers(cell[None])[0]
-        way = plan_path(where, free, start, one(goal))
+        path = plan_path(where, free, start, only(goal))
         octile = expected[tuple(cell)]
         if not np.isfinite(octile):
-            assert "no way leads from" in way.reason or "no free floor" in way.reason
+            assert "there is no path from" in path.reason or "no free floor" in path.reason
             continue
         straight_m = np.linalg.norm(cell - goal) * CELL_M
-        assert straight_m - 1e-9 <= way.length_m <= octile + 1e-9
+        assert straight_m - 1e-9 <= path.length_m <= octile + 1e-9
         assert all(
-            is_line_free(where, free, first, second) for first, second in pairwise(way.points)
+            is_line_free(where, free, first, second) for first, second in pairwise(path.points)
         )
-        np.testing.assert_allclose(way.points[0], start)
-        np.testing.assert_allclose(way.points[-1], where.centers(goal[None])[0])
+        np.testing.assert_allclose(path.points[0], start)
+        np.testing.assert_allclose(path.points[-1], where.centers(goal[None])[0])
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_the_field_is_that_of_dijkstra(seed: int) -> None:
     free = maze(seed)
-    goals = one(np.argwhere(free)[3]) | one(np.argwhere(free)[-3])
+    goals = only(np.argwhere(free)[3]) | only(np.argwhere(free)[-3])
     found, expected = distance_field_m(free, goals, CELL_M), octile_m(free, goals)
     np.testing.assert_array_equal(np.isfinite(found), np.isfinite(expected))
     known = np.isfinite(expected) & ~goals
-    # An octile way is up to 8 % longer than a straight one; near a goal, fronts are square.
+    # An octile path is up to 8 % longer than a straight one; near a goal, fronts are square.
     assert (found[known] > 0.8 * expected[known]).all()
     assert (found[known] < 1.02 * expected[known] + 2 * CELL_M).all()
 
@@ -99,76 +99,76 @@ def test_the_field_is_that_of_dijkstra(seed: int) -> None:
 def test_an_open_floor_is_crossed_straight() -> None:
     free, where = np.ones((SIZE, SIZE), np.bool_), grid()
     start, goal = np.array([-0.9, 2.1]), np.array([37, 20])
-    way = plan_path(where, free, start, one(goal))
+    path = plan_path(where, free, start, only(goal))
     end = where.centers(goal[None])[0]
-    assert way.length_m == pytest.approx(np.linalg.norm(end - start), rel=1e-3)
+    assert path.length_m == pytest.approx(np.linalg.norm(end - start), rel=1e-3)
 
 
 def test_the_nearest_of_several_goals_is_taken() -> None:
     free = np.ones((SIZE, SIZE), np.bool_)
     free[:30, 20] = False
     near_but_behind, far = np.array([2, 22]), np.array([2, 3])
-    goals = one(near_but_behind) | one(far)
-    way = plan_path(grid(), free, grid().centers(np.array([[2, 17]]))[0], goals)
-    np.testing.assert_allclose(way.points[-1], grid().centers(far[None])[0])
+    goals = only(near_but_behind) | only(far)
+    path = plan_path(grid(), free, grid().centers(np.array([[2, 17]]))[0], goals)
+    np.testing.assert_allclose(path.points[-1], grid().centers(far[None])[0])
 
 
-def test_what_cannot_be_reached_is_told() -> None:
+def test_an_unreachable_goal_has_a_reason() -> None:
     free = np.ones((SIZE, SIZE), np.bool_)
     free[:, 20] = False
-    way = plan_path(grid(), free, grid().centers(np.array([[5, 5]]))[0], one(np.array([5, 35])))
-    assert len(way.points) == 0
-    assert way.length_m == np.inf
-    assert re.fullmatch(r"no way leads from \(-0\.7., 2\.2.\) to the goal", way.reason)
-    inside = plan_path(grid(), free, grid().centers(np.array([[5, 5]]))[0], one(np.array([5, 20])))
-    assert inside.reason == "there is no room at the goal"
+    path = plan_path(grid(), free, grid().centers(np.array([[5, 5]]))[0], only(np.array([5, 35])))
+    assert len(path.points) == 0
+    assert path.length_m == np.inf
+    assert re.fullmatch(r"there is no path from \(-0\.7., 2\.2.\) to the goal", path.reason)
+    inside = plan_path(grid(), free, grid().centers(np.array([[5, 5]]))[0], only(np.array([5, 20])))
+    assert inside.reason == "there is no free cell at the goal"
 
 
-def test_ways_do_not_squeeze_between_corners() -> None:
+def test_paths_do_not_pass_between_diagonal_obstacles() -> None:
     free = ~np.eye(8, dtype=np.bool_)
     start = grid(8).centers(np.array([[0, 7]]))[0]
-    assert plan_path(grid(8), free, start, one(np.array([7, 0]), 8)).reason
+    assert plan_path(grid(8), free, start, only(np.array([7, 0]), 8)).reason
     end = grid(8).centers(np.array([[7, 0]]))[0]
     assert not is_line_free(grid(8), free, start, end)
 
 
-def test_out_of_an_obstacle_the_way_begins_at_the_nearest_free_cell() -> None:
+def test_in_an_obstacle_the_path_begins_at_the_nearest_free_cell() -> None:
     free = np.ones((SIZE, SIZE), np.bool_)
     free[10:20, 10:20] = False
     start = grid().centers(np.array([[15, 11]]))[0]
-    way = plan_path(grid(), free, start, one(np.array([15, 35])))
-    np.testing.assert_allclose(way.points[0], start)
-    np.testing.assert_allclose(way.points[1], grid().centers(np.array([[15, 9]]))[0])
-    assert not way.reason
+    path = plan_path(grid(), free, start, only(np.array([15, 35])))
+    np.testing.assert_allclose(path.points[0], start)
+    np.testing.assert_allclose(path.points[1], grid().centers(np.array([[15, 9]]))[0])
+    assert not path.reason
 
 
-def test_far_from_any_free_cell_there_is_no_way() -> None:
+def test_far_from_any_free_cell_there_is_no_path() -> None:
     free = np.zeros((SIZE, SIZE), np.bool_)
     free[:, 35:] = True
     start = grid().centers(np.array([[15, 5]]))[0]
-    way = plan_path(grid(), free, start, one(np.array([15, 38])))
-    assert way.reason.startswith(f"there is no free floor within {MAX_START_OFFSET_M} m of (-0.7")
-    away = plan_path(grid(), free, np.array([90.0, 90.0]), one(np.array([15, 38])))
+    path = plan_path(grid(), free, start, only(np.array([15, 38])))
+    assert path.reason.startswith(f"there is no free floor within {MAX_START_OFFSET_M} m of (-0.7")
+    away = plan_path(grid(), free, np.array([90.0, 90.0]), only(np.array([15, 38])))
     assert away.reason.startswith("there is no free floor")
 
 
-def test_the_way_out_of_an_obstacle_is_not_through_a_wall() -> None:
+def test_the_path_out_of_an_obstacle_is_not_through_a_wall() -> None:
     free = np.ones((SIZE, SIZE), np.bool_)
     free[:, 18:22] = False
     start = grid().centers(np.array([[15, 18]]))[0]
-    assert not plan_path(grid(), free, start, one(np.array([15, 5]))).reason
-    assert "no way leads" in plan_path(grid(), free, start, one(np.array([15, 35]))).reason
+    assert not plan_path(grid(), free, start, only(np.array([15, 5]))).reason
+    assert "there is no path" in plan_path(grid(), free, start, only(np.array([15, 35]))).reason
 
 
-def test_at_the_goal_the_way_is_short() -> None:
+def test_at_the_goal_the_length_is_zero() -> None:
     free = np.ones((SIZE, SIZE), np.bool_)
     start = grid().centers(np.array([[5, 5]]))[0]
-    assert plan_path(grid(), free, start, one(np.array([5, 5]))).length_m == 0
+    assert plan_path(grid(), free, start, only(np.array([5, 5]))).length_m == 0
     assert not distance_field_m(free, free, CELL_M).any()
 
 
 @pytest.mark.parametrize("radius_cells", [1.0, 4.0, 5.5])
-def test_room_is_a_radius_away_from_obstacles(radius_cells: float) -> None:
+def test_free_cells_are_a_radius_away_from_obstacles(radius_cells: float) -> None:
     rng = np.random.default_rng(0)
     obstacles = rng.random((SIZE, SIZE)) < 0.01
     explored = rng.random((SIZE, SIZE)) < 0.9

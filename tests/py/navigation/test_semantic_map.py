@@ -1,4 +1,4 @@
-"""Semantic maps: what is an obstacle, what was explored, what is where; and their files."""
+"""2D semantic maps: obstacles, explored area, categories, and their files."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -15,10 +15,10 @@ from gslts.navigation.grid import Grid
 from gslts.navigation.semantic_map import SemanticMap, make_semantic_map
 from gslts.navigation.semantic_map_files import (
     CELL_PX,
-    WAY_COLOR,
+    PATH_COLOR,
     draw_semantic_map,
     write_map_server,
-    write_picture,
+    write_png,
 )
 from gslts.navigation.surface_points import floor_height_m, sample_surfaces
 from gslts.semantics.categories import Categories, classify_gaussians
@@ -27,18 +27,18 @@ from gslts.semantics.source import Oracle
 BODY = RobotBody()
 
 
-def flattened(gaussian_map: GaussianMap, *names: str, body: RobotBody = BODY) -> SemanticMap:
+def semantic_map_of(gaussian_map: GaussianMap, *names: str, body: RobotBody = BODY) -> SemanticMap:
     categories = Categories(names, surfel_room.autoencoder(), Oracle())
     return make_semantic_map(gaussian_map, body, categories)
 
 
-def at(mask: np.ndarray, grid: Grid, *places: tuple[float, float]) -> list[bool]:
-    """What a layer tells of places."""
-    return [bool(mask[tuple(cell)]) for cell in grid.cells(np.array(places))]
+def at(mask: np.ndarray, grid: Grid, *positions: tuple[float, float]) -> list[bool]:
+    """Return the values of a layer at positions."""
+    return [bool(mask[tuple(cell)]) for cell in grid.cells(np.array(positions))]
 
 
 def test_layers_are_those_of_the_room() -> None:
-    found = flattened(surfel_room.surfel_map(), "Mug", "Box", "Bed")
+    found = semantic_map_of(surfel_room.surfel_map(), "Mug", "Box", "Bed")
     size = found.grid.size
     assert found.layers.shape == (5, size, size)
     assert found.layers.dtype == np.bool_
@@ -58,17 +58,17 @@ def test_layers_are_those_of_the_room() -> None:
         found.category("Sofa")
 
 
-def test_a_floor_may_be_anywhere() -> None:
+def test_the_origin_of_the_map_is_arbitrary() -> None:
     room = surfel_room.surfel_map()
     shift = np.array([120.0, -45.0, 7.3])
-    found = flattened(replace(room, origin=shift))
-    expected = flattened(room)
+    found = semantic_map_of(replace(room, origin=shift))
+    expected = semantic_map_of(room)
     assert found.floor_m == pytest.approx(7.3, abs=0.01)
     np.testing.assert_allclose(found.grid.origin - expected.grid.origin, shift[:2], atol=0.26)
     assert found.obstacles.sum() == pytest.approx(expected.obstacles.sum(), rel=0.15)
 
 
-def test_a_table_larger_than_the_floor_that_shows_is_no_floor() -> None:
+def test_a_table_larger_than_the_visible_floor_is_no_floor() -> None:
     scales = np.array([0.025, 0.025, 0.002])
     floor = np.stack(np.meshgrid(np.arange(0, 1, 0.05), np.arange(0, 2, 0.05), [0.2]), -1)
     table = np.stack(np.meshgrid(np.arange(1, 3, 0.05), np.arange(0, 2, 0.05), [0.9]), -1)
@@ -77,24 +77,24 @@ def test_a_table_larger_than_the_floor_that_shows_is_no_floor() -> None:
     assert floor_height_m(sample_surfaces(own, 0.05)) == pytest.approx(0.2, abs=0.01)
 
 
-def test_what_hangs_higher_than_the_robot_is_no_obstacle() -> None:
+def test_objects_above_the_robot_are_no_obstacles() -> None:
     center, half = np.array([0.8, 0.7, 1.5]), np.array([0.3, 0.3, 0.05])
     sides = [surfel_room.face(center, half, 2, side) for side in (-1, 1)]
     means = np.concatenate([points for points, _ in sides])
     scales = np.tile(sides[0][1], (len(means), 1))
     shelf = surfel_room.gaussians(means, scales, ["Bed"] * len(means))
-    room = surfel_room.joined(surfel_room.surfel_map(), shelf)
-    low, high = (flattened(room, "Bed", body=RobotBody(height_m=h)) for h in (1.2, 1.6))
+    room = surfel_room.concatenate(surfel_room.surfel_map(), shelf)
+    low, high = (semantic_map_of(room, "Bed", body=RobotBody(height_m=h)) for h in (1.2, 1.6))
     assert at(low.obstacles, low.grid, (0.8, 0.7)) == [False]
     assert at(low.category("Bed"), low.grid, (0.8, 0.7)) == [True]
     assert at(high.obstacles, high.grid, (0.8, 0.7)) == [True]
 
 
-def test_a_robot_drives_over_what_it_can_climb() -> None:
+def test_low_objects_are_no_obstacles() -> None:
     top, flat = surfel_room.face(np.array([0.8, 0.7, 0.05]), np.array([0.3, 0.3, 0.05]), 2, 1)
     rug = surfel_room.gaussians(top, np.tile(flat, (len(top), 1)), [""] * len(top))
-    room = surfel_room.joined(surfel_room.surfel_map(), rug)
-    small, large = (flattened(room, body=RobotBody(step_m=step)) for step in (0.02, 0.1))
+    room = surfel_room.concatenate(surfel_room.surfel_map(), rug)
+    small, large = (semantic_map_of(room, body=RobotBody(step_m=step)) for step in (0.02, 0.1))
     assert at(small.obstacles, small.grid, (0.8, 0.7)) == [True]
     assert at(large.obstacles, large.grid, (0.8, 0.7)) == [False]
 
@@ -104,11 +104,11 @@ def test_stray_gaussians_are_no_obstacle(count: int, solid: bool) -> None:
     rng = np.random.default_rng(0)
     means = np.array([0.825, 0.725, 0.5]) + rng.uniform(-0.02, 0.02, (count, 3))
     stray = surfel_room.gaussians(means, np.full((count, 3), 0.02), [""] * count)
-    found = flattened(surfel_room.joined(surfel_room.surfel_map(), stray))
+    found = semantic_map_of(surfel_room.concatenate(surfel_room.surfel_map(), stray))
     assert at(found.obstacles, found.grid, (0.825, 0.725)) == [solid]
 
 
-def test_what_is_transparent_or_far_away_does_not_count() -> None:
+def test_transparent_and_far_gaussians_are_ignored() -> None:
     rng = np.random.default_rng(0)
     haze = surfel_room.gaussians(
         np.array([0.8, 0.7, 0.5]) + rng.uniform(-0.1, 0.1, (200, 3)),
@@ -118,8 +118,8 @@ def test_what_is_transparent_or_far_away_does_not_count() -> None:
     haze = replace(haze, logit_opacities=np.full(200, -2, np.float32))
     far = surfel_room.gaussians(rng.uniform(-500, 500, (50, 3)), np.full((50, 3), 0.5), [""] * 50)
     room = surfel_room.surfel_map()
-    found = flattened(surfel_room.joined(surfel_room.joined(room, haze), far))
-    expected = flattened(room)
+    found = semantic_map_of(surfel_room.concatenate(surfel_room.concatenate(room, haze), far))
+    expected = semantic_map_of(room)
     np.testing.assert_array_equal(found.layers, expected.layers)
     np.testing.assert_array_equal(found.grid.origin, expected.grid.origin)
 
@@ -152,7 +152,7 @@ def test_the_most_relevant_category_wins() -> None:
         classify_gaussians(plain, rows, surfel_room.autoencoder(), Oracle(), ["Mug"])
 
 
-def test_bad_maps_are_refused() -> None:
+def test_bad_maps_are_rejected() -> None:
     room = surfel_room.surfel_map()
     nothing = room.select(np.zeros(0, np.intp))
     with pytest.raises(ValueError, match="it has no opaque Gaussian"):
@@ -163,69 +163,69 @@ def test_bad_maps_are_refused() -> None:
         Grid(np.zeros(2), 0.0, 4)
 
 
-def served(folder: Path, places: np.ndarray) -> list[str]:
-    """What map_server tells of places, by its documentation."""
-    told = yaml.safe_load((folder / "map.yaml").read_text())
-    image = np.asarray(Image.open(folder / told["image"]))
-    x0, y0, yaw = told["origin"]
+def map_server_states(folder: Path, positions: np.ndarray) -> list[str]:
+    """Return the states of positions as map_server documents them."""
+    header = yaml.safe_load((folder / "map.yaml").read_text())
+    image = np.asarray(Image.open(folder / header["image"]))
+    x0, y0, yaw = header["origin"]
     assert yaw == 0
-    assert told["negate"] == 0
-    words = []
-    for x, y in places:
-        column = int((x - x0) // told["resolution"])
-        row = image.shape[0] - 1 - int((y - y0) // told["resolution"])
+    assert header["negate"] == 0
+    states = []
+    for x, y in positions:
+        column = int((x - x0) // header["resolution"])
+        row = image.shape[0] - 1 - int((y - y0) // header["resolution"])
         occupied = (255 - int(image[row, column])) / 255
-        if occupied > told["occupied_thresh"]:
-            words.append("occupied")
+        if occupied > header["occupied_thresh"]:
+            states.append("occupied")
         else:
-            words.append("free" if occupied < told["free_thresh"] else "unknown")
-    return words
+            states.append("free" if occupied < header["free_thresh"] else "unknown")
+    return states
 
 
 def test_map_server_reads_the_files(tmp_path: Path) -> None:
-    found = flattened(surfel_room.surfel_map())
+    found = semantic_map_of(surfel_room.surfel_map())
     write_map_server(found, tmp_path)
-    assert served(tmp_path, np.array([(2.0, 1.5), (0.3, 2.7), (0.8, 0.7), (-0.4, -0.4)])) == [
-        *("occupied", "occupied", "free", "unknown")
-    ]
+    assert map_server_states(
+        tmp_path, np.array([(2.0, 1.5), (0.3, 2.7), (0.8, 0.7), (-0.4, -0.4)])
+    ) == [*("occupied", "occupied", "free", "unknown")]
     cells = np.random.default_rng(0).integers(0, found.grid.size, (300, 2))
-    told = served(tmp_path, found.grid.centers(cells))
-    for word, cell in zip(told, cells, strict=True):
+    states = map_server_states(tmp_path, found.grid.centers(cells))
+    for state, cell in zip(states, cells, strict=True):
         expected = "free" if found.explored[tuple(cell)] else "unknown"
-        assert word == ("occupied" if found.obstacles[tuple(cell)] else expected)
-    assert set(told) == {"occupied", "free", "unknown"}
+        assert state == ("occupied" if found.obstacles[tuple(cell)] else expected)
+    assert set(states) == {"occupied", "free", "unknown"}
     assert sorted(path.name for path in tmp_path.iterdir()) == ["map.pgm", "map.yaml"]
 
 
-def test_files_are_whole_or_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    found = flattened(surfel_room.surfel_map())
+def test_files_are_written_atomically(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = semantic_map_of(surfel_room.surfel_map())
     write_map_server(found, tmp_path)
     before = (tmp_path / "map.pgm").read_bytes()
 
-    def full(_: int) -> None:
+    def disk_full(_: int) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("os.fsync", full)
+    monkeypatch.setattr("os.fsync", disk_full)
     with pytest.raises(OSError, match=r"map\.pgm"):
         write_map_server(replace(found, layers=~found.layers), tmp_path)
     assert (tmp_path / "map.pgm").read_bytes() == before
     assert len(list(tmp_path.iterdir())) == 2
 
 
-def test_pictures_show_layers_and_ways(tmp_path: Path) -> None:
-    found = flattened(surfel_room.surfel_map(), "Mug", "Box")
-    way = np.array([[0.5, 0.5], [3.5, 0.5]])
-    write_picture(draw_semantic_map(found, way, ["Mug"]), tmp_path / "map.png")
-    picture = np.asarray(Image.open(tmp_path / "map.png"))
+def test_images_show_layers_and_paths(tmp_path: Path) -> None:
+    found = semantic_map_of(surfel_room.surfel_map(), "Mug", "Box")
+    path = np.array([[0.5, 0.5], [3.5, 0.5]])
+    write_png(draw_semantic_map(found, path, ["Mug"]), tmp_path / "map.png")
+    image = np.asarray(Image.open(tmp_path / "map.png"))
 
     def pixel(x: float, y: float) -> tuple[int, ...]:
         row, column = found.grid.cells(np.array([[x, y]]))[0]
-        row = found.grid.size - 1 - row  # Upwards is y.
-        return tuple(picture[int((row + 0.5) * CELL_PX), int((column + 0.5) * CELL_PX)].tolist())
+        row = found.grid.size - 1 - row  # y is upwards.
+        return tuple(image[int((row + 0.5) * CELL_PX), int((column + 0.5) * CELL_PX)].tolist())
 
     mug = pixel(2.27, 1.47)
     assert max(mug) - min(mug) > 100
     assert pixel(0.3, 2.7) == pixel(2.0, 1.2) == (70, 70, 70)
     assert pixel(0.8, 1.5) == (255, 255, 255)
-    line = picture[picture.shape[0] - 1 - int((0.5 - found.grid.origin[1]) / 0.05 * CELL_PX)]
-    assert (np.abs(line.astype(int) - WAY_COLOR).sum(axis=1) < 60).sum() > 40 * CELL_PX
+    line = image[image.shape[0] - 1 - int((0.5 - found.grid.origin[1]) / 0.05 * CELL_PX)]
+    assert (np.abs(line.astype(int) - PATH_COLOR).sum(axis=1) < 60).sum() > 40 * CELL_PX

@@ -1,20 +1,20 @@
-"""Clusters of points, against scikit-learn's."""
+"""DBSCAN and connected components, against scikit-learn and SciPy."""
 
 import numpy as np
 import pytest
 from scipy.sparse import coo_array, csgraph
 from sklearn.cluster import DBSCAN
 
-from gslts.semantics.clusters import STRAY, connected_components, dbscan
+from gslts.semantics.clusters import NOISE, connected_components, dbscan
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_clusters_are_those_of_scikit_learn(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    middles = rng.uniform(-0.5, 0.5, (rng.integers(1, 12), 3))
+    centers = rng.uniform(-0.5, 0.5, (rng.integers(1, 12), 3))
     points = np.concatenate(
         [
-            middles[rng.integers(len(middles), size=300)] + rng.normal(0, 0.04, (300, 3)),
+            centers[rng.integers(len(centers), size=300)] + rng.normal(0, 0.04, (300, 3)),
             rng.uniform(-0.6, 0.6, (100, 3)),
         ]
     )
@@ -24,18 +24,18 @@ def test_clusters_are_those_of_scikit_learn(seed: int) -> None:
     np.testing.assert_array_equal(dbscan(points, 0.07, 6, weights), expected)
 
 
-def test_a_point_alone_is_stray_unless_it_weighs_enough() -> None:
+def test_a_single_point_is_noise_unless_its_weight_is_sufficient() -> None:
     points = np.array([[0.0, 0, 0], [5, 0, 0]])
-    assert dbscan(points, 0.1, 4, np.array([3, 4])).tolist() == [STRAY, 0]
+    assert dbscan(points, 0.1, 4, np.array([3, 4])).tolist() == [NOISE, 0]
 
 
 def test_points_a_radius_apart_are_neighbours() -> None:
     points = np.array([[0.0, 0, 0], [0.25, 0, 0], [0.5, 0, 0], [0.75 + 1e-9, 0, 0]])
-    assert dbscan(points, 0.25, 2, np.ones(4, np.intp)).tolist() == [0, 0, 0, STRAY]
+    assert dbscan(points, 0.25, 2, np.ones(4, np.intp)).tolist() == [0, 0, 0, NOISE]
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_groups_are_the_connected_components(seed: int) -> None:
+def test_components_are_those_of_scipy(seed: int) -> None:
     rng = np.random.default_rng(seed)
     pairs = rng.integers(0, 200, (120, 2))
     graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(200, 200))
@@ -44,11 +44,11 @@ def test_groups_are_the_connected_components(seed: int) -> None:
     np.testing.assert_array_equal(connected_components(200, pairs), first)
 
 
-def test_a_long_chain_is_one_group() -> None:
+def test_a_long_chain_is_one_component() -> None:
     order = np.random.default_rng(0).permutation(5000)
     pairs = np.stack([order[:-1], order[1:]], axis=1)
     assert not connected_components(5000, pairs).any()
 
 
-def test_nothing_linked_is_as_many_groups() -> None:
+def test_without_edges_each_vertex_is_a_component() -> None:
     assert connected_components(3, np.empty((0, 2), np.intp)).tolist() == [0, 1, 2]

@@ -1,4 +1,4 @@
-"""SemanticQueries over made-up maps whose Gaussians mean what they should."""
+"""Text queries on synthetic maps with known semantic features."""
 
 from dataclasses import replace
 from functools import cache
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gslts.core.gaussian_map import GaussianMap
-from gslts.semantics import queries as localize
+from gslts.semantics import queries as queries_module
 from gslts.semantics.autoencoder import Autoencoder
 from gslts.semantics.queries import SemanticQueries
 from gslts.semantics.source import Oracle
@@ -23,13 +23,13 @@ def autoencoder() -> Autoencoder:
 
 
 def block(low: tuple[float, ...], high: tuple[float, ...], step_m: float = 0.02) -> np.ndarray:
-    """Points that fill a box."""
+    """Return points that fill a box."""
     axes = [np.arange(a, b + 1e-9, step_m) for a, b in zip(low, high, strict=True)]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
 def map_of(*parts: tuple[str | None, np.ndarray]) -> GaussianMap:
-    """Gaussians at points, which mean a name or nothing."""
+    """Return Gaussians at points, with the features of a name, or of none."""
     points = np.concatenate([points for _, points in parts]).astype(np.float32)
     features = [
         np.zeros((len(points), 8), np.float32)
@@ -57,7 +57,7 @@ WALL = ("Wall", block((-1, -1, 0), (-0.9, 1, 2), 0.05))
 FIRST, SECOND = block((0, 0, 0.5), (0.1, 0.1, 0.6)), block((0.5, 0, 0.5), (0.58, 0.08, 0.6))
 
 
-def test_each_instance_has_a_box_and_stray_ones_are_dropped() -> None:
+def test_each_instance_has_a_box_and_noise_is_dropped() -> None:
     stray = block((0.3, 0.6, 1), (0.32, 0.62, 1.02))
     found = queries(WALL, ("Mug", FIRST), ("Mug", SECOND), ("Mug", stray)).find("mug")
     assert len(found) == 2
@@ -68,7 +68,7 @@ def test_each_instance_has_a_box_and_stray_ones_are_dropped() -> None:
         assert len(one.rows) == len(points)
 
 
-def test_far_from_the_origin_of_the_world_the_same_is_found() -> None:
+def test_a_large_map_origin_does_not_change_results() -> None:
     far = np.array([512_345.6, 4_123_456.7, 400.0])  # Such as eastings and northings, m.
     near = map_of(WALL, ("Mug", FIRST), ("Mug", SECOND))
     expected = SemanticQueries(near, autoencoder(), Oracle()).find("mug")
@@ -80,18 +80,18 @@ def test_far_from_the_origin_of_the_world_the_same_is_found() -> None:
         np.testing.assert_allclose(one.corners - far[:2], other.corners - ORIGIN[:2], atol=1e-6)
 
 
-def test_what_is_large_is_clustered_in_wider_cells(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_large_objects_are_clustered_in_larger_cells(monkeypatch: pytest.MonkeyPatch) -> None:
     rows = [block((y, 0, 0), (y + 0.4, 1, 1)) for y in (0.0, 0.5, 1.2)]
     some = queries(*(("Shelf", points) for points in rows))
     expected = [one.rows for one in some.find("shelf")]
-    monkeypatch.setattr(localize, "MANY_CELLS", 500)
+    monkeypatch.setattr(queries_module, "MAX_CELLS", 500)
     found = [one.rows for one in some.find("shelf")]
     assert len(found) == len(expected) == 3
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_array_equal(one, other)
 
 
-def test_a_turned_object_has_a_turned_box() -> None:
+def test_a_rotated_object_has_a_rotated_box() -> None:
     turn = np.deg2rad(30)
     sides = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
     points = block((0, 0, 0), (0.6, 0.2, 0.3))
@@ -105,7 +105,7 @@ def test_a_turned_object_has_a_turned_box() -> None:
     ("between", "count"),
     [(None, 1), (("Shelf", block((-0.3, -0.3, 0.2), (0.3, 0.3, 0.22))), 2)],
 )
-def test_what_stands_above_the_other_is_joined_unless_something_is_between(
+def test_vertical_pieces_are_joined_unless_another_object_is_between(
     between: tuple[str, np.ndarray] | None, count: int
 ) -> None:
     base = ("Lamp", block((-0.1, -0.1, 0), (0.1, 0.1, 0.1)))
@@ -118,42 +118,42 @@ def test_what_stands_above_the_other_is_joined_unless_something_is_between(
     )
 
 
-def test_what_is_beside_the_other_is_not_joined() -> None:
+def test_pieces_side_by_side_are_not_joined() -> None:
     left = ("Lamp", block((0, 0, 0), (0.1, 0.1, 0.1)))
     right = ("Lamp", block((0.2, 0, 0.15), (0.3, 0.1, 0.25)))
     assert len(queries(left, right).find("lamp")) == 2
 
 
-def test_sparse_sampling_finds_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sparse_sampling_does_not_change_results(monkeypatch: pytest.MonkeyPatch) -> None:
     parts = (WALL, ("Mug", FIRST), ("Sofa", block((0, 1, 0), (0.5, 1.3, 0.3))))
     (expected,) = queries(*parts).find("mug")
-    monkeypatch.setattr(localize, "SAMPLE", 300)
+    monkeypatch.setattr(queries_module, "SAMPLE_SIZE", 300)
     (found,) = queries(*parts).find("mug")
     np.testing.assert_array_equal(found.rows, expected.rows)
     assert found.score == pytest.approx(expected.score)
 
 
-def test_what_is_absent_is_not_found() -> None:
+def test_absent_objects_are_not_found() -> None:
     some = queries(WALL, ("Mug", FIRST))
     for name in ("Sofa", "Lamp", "piano", "bicycle"):
         assert some.find(name) == []
     assert queries((None, FIRST)).find("mug") == []
 
 
-def test_how_well_gaussians_fit() -> None:
+def test_relevance_of_gaussians() -> None:
     some = queries(("Mug", FIRST), ("Sofa", SECOND), (None, WALL[1]))
-    fits = np.split(some.relevance("mug"), np.cumsum([len(FIRST), len(SECOND)]))
-    assert fits[0].min() > Oracle.threshold > fits[1].max() > 0
-    assert (fits[2] == 0).all()
+    scores = np.split(some.relevance("mug"), np.cumsum([len(FIRST), len(SECOND)]))
+    assert scores[0].min() > Oracle.threshold > scores[1].max() > 0
+    assert (scores[2] == 0).all()
 
 
 @pytest.mark.parametrize("text", ["", "  "])
-def test_empty_texts_are_refused(text: str) -> None:
-    with pytest.raises(ValueError, match="SemanticQueries: text: it is empty"):
+def test_empty_texts_are_rejected(text: str) -> None:
+    with pytest.raises(ValueError, match="SemanticQueries: text: expected a name"):
         queries(("Mug", FIRST)).find(text)
 
 
-def test_features_of_another_autoencoder_are_refused() -> None:
+def test_features_of_another_autoencoder_are_rejected() -> None:
     bare = map_of(("Mug", FIRST)).select(np.arange(5))
     wider = train_autoencoder(Oracle().encode(NAMES), 12, steps=1)
     with pytest.raises(

@@ -1,4 +1,4 @@
-"""Semantics of Gaussians: what pictures show, in few numbers, lifted to a map, and asked for."""
+"""Semantic sources, autoencoder, relevance and lifting of features."""
 
 import hashlib
 from dataclasses import replace
@@ -26,13 +26,13 @@ def test_relevance_by_hand() -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 
-def test_the_oracle_tells_types_apart() -> None:
+def test_oracle_embeddings_of_types_differ() -> None:
     oracle = Oracle()
     names = ["Mug", "AlarmClock", "Sofa", *CANONICAL]
     embeddings = oracle.encode(names)
-    alike = embeddings @ embeddings.T
-    np.testing.assert_allclose(np.diag(alike), 1, rtol=1e-6)
-    assert np.abs(alike - np.diag(np.diag(alike))).max() < 0.2
+    cosines = embeddings @ embeddings.T
+    np.testing.assert_allclose(np.diag(cosines), 1, rtol=1e-6)
+    assert np.abs(cosines - np.diag(np.diag(cosines))).max() < 0.2
     np.testing.assert_array_equal(oracle.encode(["alarm clock"]), embeddings[1:2])
 
 
@@ -57,18 +57,18 @@ def test_the_oracle_needs_labels() -> None:
         (np.full((1, 2, 2), 2, np.int32), r"labels: must be in -1\.\.1"),
     ],
 )
-def test_bad_segments_are_refused(labels: np.ndarray, message: str) -> None:
+def test_bad_segments_are_rejected(labels: np.ndarray, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         Segments(labels, np.eye(2, dtype=np.float32))
 
 
-@pytest.mark.parametrize("code", [8, 32])
-def test_embeddings_come_back_from_their_codes(code: int, tmp_path: Path) -> None:
-    names = [f"Thing{k}" for k in range(40)]
+@pytest.mark.parametrize("code_dims", [8, 32])
+def test_embeddings_are_reconstructed_from_codes(code_dims: int, tmp_path: Path) -> None:
+    names = [f"Object{k}" for k in range(40)]
     embeddings = Oracle().encode(names)
-    model = train_autoencoder(embeddings, code)
+    model = train_autoencoder(embeddings, code_dims)
     codes = model.encode(embeddings)
-    assert codes.shape == (40, code)
+    assert codes.shape == (40, code_dims)
     found = model.decode(codes)
     assert (found * embeddings).sum(axis=1).min() > 0.95
     assert (np.argmax(found @ embeddings.T, axis=1) == np.arange(40)).all()
@@ -81,48 +81,48 @@ def test_embeddings_come_back_from_their_codes(code: int, tmp_path: Path) -> Non
     path.write_bytes(content)
     again = read_autoencoder(path, hashlib.sha256(content).hexdigest())
     np.testing.assert_array_equal(again.decode(codes), found)
-    with pytest.raises(ValueError, match=r"autoencoder\.safetensors: it is damaged"):
+    with pytest.raises(ValueError, match=r"autoencoder\.safetensors: the file is damaged"):
         read_autoencoder(path, hashlib.sha256(b"").hexdigest())
 
 
-def test_training_is_repeatable_and_leaves_others_alone() -> None:
+def test_training_is_repeatable_and_keeps_the_global_seed() -> None:
     import torch
 
     embeddings = Oracle().encode(["Mug", "Cup"])
     torch.manual_seed(5)
     expected = torch.rand(1)
     torch.manual_seed(5)
-    one = train_autoencoder(embeddings, steps=20)
+    model = train_autoencoder(embeddings, steps=20)
     assert torch.rand(1) == expected
     np.testing.assert_array_equal(
-        one.encode(embeddings), train_autoencoder(embeddings, steps=20).encode(embeddings)
+        model.encode(embeddings), train_autoencoder(embeddings, steps=20).encode(embeddings)
     )
 
 
 @pytest.mark.parametrize(
-    ("content", "message"),
-    [(b"", "no autoencoder"), (b"\x80\x04K\x01.", "no autoencoder"), (b"{}" * 99, "no auto")],
+    "content",
+    [b"", b"\x80\x04K\x01.", b"{}" * 99],
 )
-def test_bad_files_are_named(tmp_path: Path, content: bytes, message: str) -> None:
+def test_bad_files_are_named(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "autoencoder.safetensors"
     path.write_bytes(content)
-    with pytest.raises(ValueError, match=rf"autoencoder\.safetensors: it is {message}"):
+    with pytest.raises(ValueError, match=r"autoencoder\.safetensors: not an autoencoder"):
         read_autoencoder(path, hashlib.sha256(content).hexdigest())
 
 
-def test_bad_lengths_are_refused() -> None:
+def test_bad_lengths_are_rejected() -> None:
     embeddings = Oracle().encode(["Mug"])
-    with pytest.raises(ValueError, match=r"code must be in 8\.\.64, got 65"):
+    with pytest.raises(ValueError, match=r"code_dims must be in 8\.\.64, got 65"):
         train_autoencoder(embeddings, 65)
-    with pytest.raises(ValueError, match="there is none"):
+    with pytest.raises(ValueError, match="expected at least one, got none"):
         train_autoencoder(embeddings[:0])
-    with pytest.raises(ValueError, match="must have at least 32 numbers, got 8"):
+    with pytest.raises(ValueError, match="must have at least 32 dimensions, got 8"):
         train_autoencoder(embeddings[:, :8], 32)
 
 
-def test_weights_that_do_not_fit_are_refused() -> None:
+def test_bad_weights_are_rejected() -> None:
     weights = dict(train_autoencoder(Oracle().encode(["Mug"]), 8, steps=1).weights)
-    fewer = {name: one for name, one in weights.items() if name != "decoder.2.bias"}
+    fewer = {name: array for name, array in weights.items() if name != "decoder.2.bias"}
     turned, wide = weights["decoder.0.weight"].T.copy(), weights["encoder.0.weight"].astype(float)
     nothing = np.full(8, np.nan, np.float32)
     bad = {
@@ -131,9 +131,9 @@ def test_weights_that_do_not_fit_are_refused() -> None:
         "encoder.0.weight: got float64": {**weights, "encoder.0.weight": wide},
         "encoder.2.bias: a number is not finite": {**weights, "encoder.2.bias": nothing},
     }
-    for message, one in bad.items():
+    for message, bad_weights in bad.items():
         with pytest.raises(ValueError, match=message):
-            Autoencoder(one)
+            Autoencoder(bad_weights)
 
 
 def test_lifted_features_are_those_of_a_dense_solve() -> None:
@@ -152,14 +152,14 @@ def test_lifted_features_are_those_of_a_dense_solve() -> None:
         known = rng.random((30, 40)) < 0.7
         views.append((camera, rng.random((30, 40, 8), np.float32), known))
     found = lift_features(gaussian_map, views, 8, threads=1)
-    # Blend weights by rendering each Gaussian's own colour.
+    # Blending weights, by rendering one feature channel per Gaussian.
     sums, weights = np.zeros((12, 8)), np.zeros(12)
     for camera, features, known in views:
-        blended = render(
+        blend_weights = render(
             replace(gaussian_map, features=np.eye(12, dtype=np.float32)), camera
         ).features
         for row in range(12):
-            share = np.where(known, blended[..., row], 0)
+            share = np.where(known, blend_weights[..., row], 0)
             sums[row] += (share[..., None] * features).sum(axis=(0, 1))
             weights[row] += share.sum()
     np.testing.assert_allclose(found, sums / weights[:, None], rtol=2e-3, atol=2e-4)

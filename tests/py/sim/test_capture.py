@@ -14,11 +14,11 @@ from gslts.datasets.nerfstudio import OPENGL_FROM_OPENCV
 from gslts_sim import make_home
 from gslts_sim.capture import capture, true_poses
 from gslts_sim.controller import Controller
-from gslts_sim.explore import COMPLETE_SHARE, explore
+from gslts_sim.explore import COMPLETE_FRACTION, explore
 from gslts_sim.home import Home
-from gslts_sim.viewpoints import Look
+from gslts_sim.robot_body import Viewpoint
 
-LOOKS = [Look(np.array([1.0, y]), yaw, 30.0) for y, yaw in ((1.0, 0.0), (1.0, 45.0), (2.5, 330.0))]
+LOOKS = [Viewpoint(1.0, y, yaw, 30.0) for y, yaw in ((1.0, 0.0), (1.0, 45.0), (2.5, 330.0))]
 
 
 def robot(noise: str = "none") -> Controller:
@@ -61,13 +61,13 @@ def test_points_of_all_frames_lie_on_the_objects(tmp_path: Path) -> None:
         assert frame["depth_file_path"].dtype == np.uint16
         points = points_in_world(header, frame)
         for number in np.unique(frame["instance_file_path"]):
-            thing = objects[number - 1]
-            seen.add(thing["objectId"])
-            box = thing["axisAlignedBoundingBox"]
+            obj = objects[number - 1]
+            seen.add(obj["objectId"])
+            box = obj["axisAlignedBoundingBox"]
             middle, size = (np.array([box[k][a] for a in "xyz"]) for k in ("center", "size"))
             of_thing = points[frame["instance_file_path"] == number]
             # Half a millimetre of rounding, and no more.
-            assert (np.abs(of_thing - middle) <= size / 2 + 0.0015).all(), thing["objectId"]
+            assert (np.abs(of_thing - middle) <= size / 2 + 0.0015).all(), obj["objectId"]
     assert seen >= {"Wall|1", "Block|1", "Mug|1", "Mug|2"}
 
 
@@ -134,7 +134,7 @@ def test_true_poses_are_those_of_the_robot(tmp_path: Path) -> None:
         np.testing.assert_allclose(pose, frame["world_from_camera"], atol=1e-12)
     path = tmp_path / "visit" / "transforms.json"
     path.write_text('{"frames": [{"file_path": "images/00000.png"}]}')
-    with pytest.raises(ValueError, match=r"transforms\.json: it does not tell true poses"):
+    with pytest.raises(ValueError, match=r"transforms\.json: it has no true poses"):
         true_poses(tmp_path / "visit")
 
 
@@ -160,7 +160,9 @@ def test_a_full_disk_leaves_whole_frames(
     full_after(monkeypatch, pictures)
     whole = pictures // 3
     folder = tmp_path / "set"
-    with pytest.raises(OSError, match=rf"set: No space left on device; {whole} whole frames") as e:
+    with pytest.raises(
+        OSError, match=rf"set: No space left on device; {whole} complete frames"
+    ) as e:
         capture(robot(), LOOKS, folder)
     assert "\n" not in str(e.value)
     left = sorted(path.name for path in folder.glob("*/*.png"))
@@ -178,7 +180,7 @@ def test_frames_are_given_up_until_their_list_fits(
     from gslts_sim import capture as module
 
     full_after(monkeypatch, 6)
-    write, refusals = module.write_whole, [1]
+    write, refusals = module.write_atomic, [1]
 
     def refusing(path: Path, content: bytes) -> None:
         if path.name == "transforms.json" and refusals[0]:
@@ -186,8 +188,8 @@ def test_frames_are_given_up_until_their_list_fits(
             raise OSError(errno.ENOSPC, "No space left on device")
         write(path, content)
 
-    monkeypatch.setattr(module, "write_whole", refusing)
-    with pytest.raises(OSError, match="1 whole frames are kept"):
+    monkeypatch.setattr(module, "write_atomic", refusing)
+    with pytest.raises(OSError, match="1 complete frames are kept"):
         capture(robot(), LOOKS, tmp_path / "set")
     assert len(read(tmp_path / "set")[1]) == 1
     assert len(list((tmp_path / "set").glob("*/*.png"))) == 3
@@ -211,7 +213,7 @@ def test_nothing_is_overwritten(tmp_path: Path) -> None:
 
 
 def test_a_place_in_the_way_is_named(tmp_path: Path) -> None:
-    blocked = Look(np.array([2.5, 1.9]), 0.0, 0.0)
+    blocked = Viewpoint(2.5, 1.9, 0.0, 0.0)
     with pytest.raises(ValueError, match=r"capture: Teleport: the robot cannot stand at \(2\.5"):
         capture(robot(), [*LOOKS[:1], blocked], tmp_path / "set")
     assert len(read(tmp_path / "set")[1]) == 1
@@ -223,29 +225,32 @@ def bedroom() -> Home:
 
 
 def test_exploring_ends_when_all_is_seen(bedroom: Home) -> None:
-    looks, share = explore(bedroom, 1000)
-    assert COMPLETE_SHARE <= share <= 1
-    assert 30 < len(looks) < 500
+    viewpoints, share = explore(bedroom, 1000)
+    assert COMPLETE_FRACTION <= share <= 1
+    assert 30 < len(viewpoints) < 500
     few, less = explore(bedroom, 20)
     assert len(few) == 20
     assert 0.2 < less < share
-    poses = {(*look.place.tolist(), look.yaw_deg, look.horizon_deg) for look in looks}
-    assert len(poses) == len(looks)
+    poses = {
+        (viewpoint.x, viewpoint.y, viewpoint.yaw_deg, viewpoint.horizon_deg)
+        for viewpoint in viewpoints
+    }
+    assert len(poses) == len(viewpoints)
 
 
 def test_few_views_see_most_objects(bedroom: Home) -> None:
     """The first views are worth more than views at random."""
     robot = Controller(bedroom, width=64, height=48)
     seen: set[str] = set()
-    for look in explore(bedroom, 40)[0]:
-        x, y = look.place
+    for viewpoint in explore(bedroom, 40)[0]:
+        x, y = viewpoint.x, viewpoint.y
         event = robot.step(
             "Teleport",
             position={"x": x, "y": y},
-            rotation=look.yaw_deg,
-            horizon=look.horizon_deg,
+            rotation=viewpoint.yaw_deg,
+            horizon=viewpoint.horizon_deg,
         )
         assert event.metadata["lastActionSuccess"]
         seen |= set(event.instance_masks)
-    movable = {thing.id for thing in bedroom.objects if thing.movable}
+    movable = {obj.id for obj in bedroom.objects if obj.movable}
     assert len(seen & movable) >= 0.8 * len(movable)

@@ -110,38 +110,38 @@ def test_a_lamp_takes_its_light_along() -> None:
 def test_random_spawns_are_sound_and_repeat(kitchen: Home) -> None:
     spawned = spawn_randomly(kitchen, 3)
     assert problems(spawned) == []
-    assert {thing.id for thing in spawned.objects} == {thing.id for thing in kitchen.objects}
+    assert {obj.id for obj in spawned.objects} == {obj.id for obj in kitchen.objects}
     moved = [
-        thing.id
-        for thing in kitchen.objects
-        if not np.array_equal(thing.world_from_object, spawned[thing.id].world_from_object)
+        obj.id
+        for obj in kitchen.objects
+        if not np.array_equal(obj.world_from_object, spawned[obj.id].world_from_object)
     ]
     assert len(moved) > 10
     assert all(kitchen[name].movable for name in moved)
     again, other = spawn_randomly(kitchen, 3), spawn_randomly(kitchen, 4)
-    for thing in spawned.objects:
-        np.testing.assert_array_equal(thing.world_from_object, again[thing.id].world_from_object)
+    for obj in spawned.objects:
+        np.testing.assert_array_equal(obj.world_from_object, again[obj.id].world_from_object)
     assert any(
-        not np.array_equal(thing.world_from_object, other[thing.id].world_from_object)
-        for thing in spawned.objects
+        not np.array_equal(obj.world_from_object, other[obj.id].world_from_object)
+        for obj in spawned.objects
     )
 
 
 def test_drawn_places_repeat_as_a_script_writes_them(kitchen: Home) -> None:
     rng = np.random.default_rng(0)
     drawn = 0
-    for thing in kitchen.objects:
-        if not thing.movable or any(other.parent == thing.id for other in kitchen.objects):
+    for obj in kitchen.objects:
+        if not obj.movable or any(other.parent == obj.id for other in kitchen.objects):
             continue
-        receptacles = possible_receptacles(kitchen, thing)
-        placement = draw_place(kitchen, thing, receptacles[rng.integers(len(receptacles))], rng)
+        receptacles = possible_receptacles(kitchen, obj)
+        placement = draw_place(kitchen, obj, receptacles[rng.integers(len(receptacles))], rng)
         if placement is None:
             continue
         drawn += 1
-        replayed = place(kitchen, thing.id, placement.position, placement.yaw_deg)
+        replayed = place(kitchen, obj.id, placement.position, placement.yaw_deg)
         assert problems(replayed) == []
         np.testing.assert_array_equal(
-            replayed[thing.id].world_from_object, placement.home[thing.id].world_from_object
+            replayed[obj.id].world_from_object, placement.home[obj.id].world_from_object
         )
     assert drawn >= 10
 
@@ -167,13 +167,13 @@ def test_the_verbs_change_what_the_robot_sees(home: Home) -> None:
     assert step(controller, "DisableObject", objectId="Mug|1") == (True, "")
     event = controller.last_event
     assert "Mug|1" not in event.instance_masks
-    assert "Mug|1" not in {thing["objectId"] for thing in event.metadata["objects"]}
+    assert "Mug|1" not in {obj["objectId"] for obj in event.metadata["objects"]}
     assert event.color_to_object_id == colors
     assert step(controller, "EnableObject", objectId="Mug|1") == (True, "")
     assert "Mug|1" in controller.last_event.instance_masks
     point = {"x": 2.9, "y": 2.1, "z": BLOCK_TOP_M}
     assert step(controller, "PlaceObjectAtPoint", objectId="Mug|1", position=point) == (True, "")
-    by_id = {thing["objectId"]: thing for thing in controller.last_event.metadata["objects"]}
+    by_id = {obj["objectId"]: obj for obj in controller.last_event.metadata["objects"]}
     assert by_id["Mug|1"]["position"] == pytest.approx(point)
     assert step(controller, "InitialRandomSpawn", randomSeed=1) == (True, "")
     assert problems(controller.home) == []

@@ -50,7 +50,7 @@ def test_walls_and_things_stop_the_robot(controller: Controller) -> None:
     assert go(controller, "Teleport", position={"x": 1.5, "y": 2.0})
     assert not go(controller, "MoveAhead", moveMagnitude=0.5)  # Into the block.
     assert place(controller)[:2] == (1.5, 2.0)
-    assert "MoveAhead: the way of 0.5 m is blocked" in str(
+    assert "MoveAhead: the path of 0.5 m is blocked" in str(
         controller.last_event.metadata["errorMessage"]
     )
     assert not go(controller, "MoveAhead", moveMagnitude=2.5)  # Through it.
@@ -105,7 +105,7 @@ def test_an_event_shows_and_names_what_is_seen(controller: Controller) -> None:
     assert {event.color_to_object_id[color] for color in kinds} == {"Block", "Wall"}
     assert set(event.instance_masks) == {"Block|1", "Wall|1"}
     assert event.instance_masks["Block|1"][24, 32]
-    by_id = {thing["objectId"]: thing for thing in event.metadata["objects"]}
+    by_id = {obj["objectId"]: obj for obj in event.metadata["objects"]}
     block = by_id["Block|1"]
     assert block["objectType"] == "Block"
     assert block["visible"]
@@ -114,7 +114,7 @@ def test_an_event_shows_and_names_what_is_seen(controller: Controller) -> None:
     )
     assert block["axisAlignedBoundingBox"]["size"] == pytest.approx({"x": 1.2, "y": 0.8, "z": 0.75})
     away = controller.step("Teleport", rotation=180.0, horizon=0.0)
-    by_id = {thing["objectId"]: thing for thing in away.metadata["objects"]}
+    by_id = {obj["objectId"]: obj for obj in away.metadata["objects"]}
     assert not by_id["Block|1"]["visible"]
     assert by_id["Wall|1"]["visible"]
 

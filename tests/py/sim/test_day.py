@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gslts_sim.change_sampler import TaskSettings
 from gslts_sim.day import Day, make_day, read_day
 from gslts_sim.home import Home
 from gslts_sim.home_source import HomeSource
-from gslts_sim.trial import Setting
 
-SETTING = Setting(width=64, height=48)
+SETTING = TaskSettings(width=64, height=48)
 
 
 @pytest.fixture(scope="module")
@@ -93,6 +93,6 @@ def test_files_that_are_no_days_are_named(
 def test_more_changes_than_a_home_allows_are_refused(
     source_and_home: tuple[HomeSource, Home],
 ) -> None:
-    setting = Setting(width=64, height=48, receptacle_id="Floor|1", object_id="Nothing|1")
+    setting = TaskSettings(width=64, height=48, receptacle_id="Floor|1", object_id="Nothing|1")
     with pytest.raises(ValueError, match=r"Nothing\|1"):
         make_day(*source_and_home, setting, 20, 2)

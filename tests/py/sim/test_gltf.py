@@ -23,17 +23,17 @@ def flat_home(tmp_path) -> Home:
     return load_home(flat().write(tmp_path / "flat.glb"))
 
 
-def world(thing: HomeObject) -> np.ndarray:
+def world(obj: HomeObject) -> np.ndarray:
     """[F,3,3] its triangles in the world."""
-    corners = np.concatenate([surface.vertices[surface.faces] for surface in thing.surfaces])
-    return corners @ thing.world_from_object[:3, :3].T + thing.world_from_object[:3, 3]
+    corners = np.concatenate([surface.vertices[surface.faces] for surface in obj.surfaces])
+    return corners @ obj.world_from_object[:3, :3].T + obj.world_from_object[:3, 3]
 
 
 def test_named_nodes_are_objects_and_groups_are_not(flat_home):
-    assert [thing.id for thing in flat_home.objects] == [
+    assert [obj.id for obj in flat_home.objects] == [
         *("Floor|1", "Ceiling|1", "Wall|1", "Table|1", "Cup.001", "Cup", "Floor|2"),
     ]
-    assert [thing.type for thing in flat_home.objects] == [
+    assert [obj.type for obj in flat_home.objects] == [
         *("Floor", "Ceiling", "Wall", "Table", "Cup", "Cup", "Floor"),
     ]
     assert len(flat_home["Table|1"].surfaces) == 2
@@ -67,7 +67,7 @@ def test_turn_about_the_vertical_is_kept_and_scale_applied(flat_home):
 
 
 def test_things_stand_on_what_carries_them(flat_home):
-    parents = {thing.id: thing.parent for thing in flat_home.objects}
+    parents = {obj.id: obj.parent for obj in flat_home.objects}
     assert parents == {
         "Floor|1": None, "Floor|2": None, "Ceiling|1": None, "Wall|1": None,
         "Table|1": "Floor|1", "Cup": "Table|1", "Cup.001": "Table|1",
@@ -77,7 +77,7 @@ def test_things_stand_on_what_carries_them(flat_home):
 
 
 def test_movable_and_receptacle_by_type_and_size(flat_home):
-    assert {thing.id for thing in flat_home.objects if thing.movable} == {"Cup", "Cup.001"}
+    assert {obj.id for obj in flat_home.objects if obj.movable} == {"Cup", "Cup.001"}
     assert {t.id for t in flat_home.objects if t.receptacle} == {"Floor|1", "Floor|2", "Table|1"}
 
 
@@ -86,8 +86,8 @@ def test_extras_win_over_type_and_size(tmp_path):
     small = file.mesh(file.primitive(sized(0.55, 0.1, 0.1)))
     extras = {"type": "Relic", "movable": False, "receptacle": True}
     file.node(name="Mug|1", mesh=small, extras=extras)
-    thing = one(tmp_path, file)
-    assert (thing.id, thing.type, thing.movable, thing.receptacle) == (
+    obj = one(tmp_path, file)
+    assert (obj.id, obj.type, obj.movable, obj.receptacle) == (
         "Mug|1",
         "Relic",
         False,
@@ -103,10 +103,10 @@ def test_typed_node_owns_its_subtree_but_for_typed_nodes(tmp_path):
     inner = file.node(root=False, name="Cat", mesh=mesh, extras={"type": "Cat"})
     file.node(name="Seat", children=[named, inner], extras={"type": "Sofa"})
     home = load_home(file.write(tmp_path / "a.glb"))
-    assert {thing.id: len(thing.surfaces) for thing in home.objects} == {"Seat": 2, "Cat": 1}
+    assert {obj.id: len(obj.surfaces) for obj in home.objects} == {"Seat": 2, "Cat": 1}
     file.tree["nodes"][3]["extras"] = {}
     home = load_home(file.write(tmp_path / "a.glb"))
-    assert {thing.id: len(thing.surfaces) for thing in home.objects} == {"Cushion": 2, "Cat": 1}
+    assert {obj.id: len(obj.surfaces) for obj in home.objects} == {"Cushion": 2, "Cat": 1}
 
 
 def test_names_that_occur_again_are_numbered(tmp_path):
@@ -115,7 +115,7 @@ def test_names_that_occur_again_are_numbered(tmp_path):
     for name in ("Cup", "Cup|2", "Cup", "Cup"):
         file.node(name=name, mesh=mesh)
     home = load_home(file.write(tmp_path / "a.glb"))
-    assert [thing.id for thing in home.objects] == ["Cup", "Cup|2", "Cup|3", "Cup|4"]
+    assert [obj.id for obj in home.objects] == ["Cup", "Cup|2", "Cup|3", "Cup|4"]
 
 
 def test_tilted_object_stands_upright_in_its_own_frame(tmp_path):
@@ -123,9 +123,9 @@ def test_tilted_object_stands_upright_in_its_own_frame(tmp_path):
     angle = np.radians(30)
     tilt = [np.sin(angle / 2), 0, 0, np.cos(angle / 2)]
     file.node(name="Plank", mesh=file.mesh(file.primitive(sized(1, 0.2, 0.02))), rotation=tilt)
-    thing = one(tmp_path, file)
-    np.testing.assert_array_equal(thing.world_from_object[:3, :3], np.eye(3))
-    vertices = thing.surfaces[0].vertices
+    obj = one(tmp_path, file)
+    np.testing.assert_array_equal(obj.world_from_object[:3, :3], np.eye(3))
+    vertices = obj.surfaces[0].vertices
     assert vertices[:, 2].min() == 0
     height = 0.2 * np.sin(angle) + 0.02 * np.cos(angle)
     assert vertices[:, 2].max() == pytest.approx(height, abs=1e-5)
@@ -148,12 +148,12 @@ def test_shear_of_turn_within_scale_is_applied(tmp_path):
         rotation=[0, np.sin(0.3), 0, np.cos(0.3)],
     )  # fmt: skip
     file.node(name="Wide", children=[child], scale=[3, 1, 1])
-    thing = one(tmp_path, file)
+    obj = one(tmp_path, file)
     turn = trimesh.transformations.rotation_matrix(0.6, [0, 1, 0])
     expected = (CUBE @ turn[:3, :3].T) * (3, 1, 1)
     z_up = np.stack([expected[..., 0], -expected[..., 2], expected[..., 1]], axis=-1)
     z_up[..., 2] += 0.5  # Without a floor, the lowest point is at 0.
-    np.testing.assert_allclose(world(thing), z_up, atol=2e-6)
+    np.testing.assert_allclose(world(obj), z_up, atol=2e-6)
 
 
 def test_matrix_is_read_by_columns(tmp_path):
@@ -172,9 +172,9 @@ def test_strips_indices_and_lines(tmp_path):
     line = {"attributes": position, "mode": 1}
     mesh = file.mesh(line, {"attributes": position, "indices": indices, "mode": 5})
     file.node(name="Quad", mesh=mesh)
-    thing = one(tmp_path, file)
-    assert len(thing.surfaces) == 1
-    corners = world(thing)
+    obj = one(tmp_path, file)
+    assert len(obj.surfaces) == 1
+    corners = world(obj)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     np.testing.assert_allclose(normals, [[0, -1, 0]] * 2, atol=1e-6)  # glTF's +z is our -y.
 
@@ -194,10 +194,10 @@ def test_interleaved_arrays_and_quantised_numbers(tmp_path):
     white = file.material(Image.new("RGB", (2, 2)))
     attributes = {"POSITION": 0, "TEXCOORD_0": 1}
     file.node(name="A", mesh=file.mesh({"attributes": attributes, "material": white}))
-    thing = one(tmp_path, file)
-    np.testing.assert_allclose(np.ptp(thing.surfaces[0].vertices, axis=0), [1, 0, 1])
+    obj = one(tmp_path, file)
+    np.testing.assert_allclose(np.ptp(obj.surfaces[0].vertices, axis=0), [1, 0, 1])
     expected = np.array([[0, 0], [1, 0], [0, 32768 / 65535]], np.float32)
-    np.testing.assert_array_equal(thing.surfaces[0].uvs[0], expected)
+    np.testing.assert_array_equal(obj.surfaces[0].uvs[0], expected)
 
 
 @pytest.mark.parametrize("room_type", ["kitchen", "bedroom"])
@@ -208,21 +208,21 @@ def test_written_home_comes_back(tmp_path, room_type):
     assert again.rooms[0].type == room_type
     np.testing.assert_allclose(again.rooms[0].box, home.rooms[0].box, atol=1e-5)
     standing = 0
-    for thing, other in zip(home.objects, again.objects, strict=True):
-        assert (thing.id, thing.type) == (other.id, other.type)
-        assert (thing.movable, thing.receptacle) == (other.movable, other.receptacle)
-        turns = [one.world_from_object[:3, :3] for one in (thing, other)]
+    for obj, other in zip(home.objects, again.objects, strict=True):
+        assert (obj.id, obj.type) == (other.id, other.type)
+        assert (obj.movable, obj.receptacle) == (other.movable, other.receptacle)
+        turns = [one.world_from_object[:3, :3] for one in (obj, other)]
         np.testing.assert_allclose(*turns, atol=1e-6)
-        np.testing.assert_allclose(other.box_in_world, thing.box_in_world, atol=1e-5)
+        np.testing.assert_allclose(other.box_in_world, obj.box_in_world, atol=1e-5)
         bounds = np.stack([other.boxes[:, 0].min(axis=0), other.boxes[:, 1].max(axis=0)])
         vertices = np.concatenate([surface.vertices for surface in other.surfaces])
         np.testing.assert_allclose(bounds, [vertices.min(axis=0), vertices.max(axis=0)], atol=1e-9)
-        standing += thing.parent == other.parent
+        standing += obj.parent == other.parent
     # What hangs on walls has no parent then, and pots do not stand on the rings of a burner.
     assert standing > 0.7 * len(home.objects)
     camera = camera_from_fov(80, 60, 1.3, look_at((0.4, 0.4, 1.6), (2, 2, 0.8)))
-    first = RayCaster(home).look(camera)
-    second = RayCaster(replace(again, lights=home.all_lights, ambient=home.ambient)).look(camera)
+    first = RayCaster(home).render(camera)
+    second = RayCaster(replace(again, lights=home.all_lights, ambient=home.ambient)).render(camera)
     assert (first.instances == second.instances).mean() > 0.99
     assert np.abs(first.radiance - second.radiance).mean() < 0.002
 
@@ -246,8 +246,8 @@ def test_file_written_by_trimesh(tmp_path):
         scene.add_geometry(cube, node_name=name, transform=at, metadata={"movable": True})
     scene.export(tmp_path / "a.glb")
     home = load_home(tmp_path / "a.glb")
-    assert [thing.id for thing in home.objects] == ["Block|1", "Block|2"]
-    assert all(thing.movable for thing in home.objects)
+    assert [obj.id for obj in home.objects] == ["Block|1", "Block|2"]
+    assert all(obj.movable for obj in home.objects)
 
 
 def test_failed_write_leaves_the_old_file(tmp_path, monkeypatch):

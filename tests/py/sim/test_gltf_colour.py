@@ -21,7 +21,7 @@ def test_textures_are_upright(tmp_path):
     home = replace(home, lights=(), ambient=np.ones(3))
     # glTF's front is our -y side.
     camera = camera_from_fov(64, 64, 0.8, look_at((0.5, -1.4, 0.5), (0.5, 0, 0.5)))
-    radiance = RayCaster(home).look(camera).radiance
+    radiance = RayCaster(home).render(camera).radiance
     seen = radiance[[16, 16, 48, 48], [16, 48, 16, 48]]
     expected = LINEAR_OF_BYTE[np.asarray(four_colours()).reshape(4, 3)]
     np.testing.assert_allclose(seen, expected, atol=0.05)

@@ -22,8 +22,8 @@ def coarse_home(room_type: str, seed: int) -> Home:
 
 def test_types():
     homes = [coarse_home(room_type, seed) for room_type in ROOM_TYPES for seed in range(8)]
-    types = {thing.type for home in homes for thing in home.objects}
-    movable = {thing.type for home in homes for thing in home.objects if thing.movable}
+    types = {obj.type for home in homes for obj in home.objects}
+    movable = {obj.type for home in homes for obj in home.objects if obj.movable}
     assert len(types) >= 60
     assert len(movable) >= 30
     assert types >= PAPERS_TYPES
@@ -38,9 +38,9 @@ def test_what_makes_the_room(room_type):
     }[room_type]
     for seed in range(8):
         home = coarse_home(room_type, seed)
-        types = {thing.type for thing in home.objects}
+        types = {obj.type for obj in home.objects}
         assert types >= expected | {"Floor", "Wall", "Ceiling", "Window", "Doorway"}, home.name
-        surfaces = sum(thing.receptacle for thing in home.objects)
+        surfaces = sum(obj.receptacle for obj in home.objects)
         assert surfaces >= 6, home.name
 
 
@@ -58,9 +58,9 @@ def test_sizes_are_those_of_homes():
 @pytest.mark.parametrize("room_type", ROOM_TYPES)
 def test_textures_have_detail(room_type):
     home = make_home(room_type, 4)
-    for thing in home.objects:
-        for surface in thing.surfaces:
-            assert surface.texture.astype(float).std(axis=(0, 1)).max() > 1.5, thing.id
+    for obj in home.objects:
+        for surface in obj.surfaces:
+            assert surface.texture.astype(float).std(axis=(0, 1)).max() > 1.5, obj.id
             assert 32 <= max(surface.texture.shape[:2]) <= 1024
 
 

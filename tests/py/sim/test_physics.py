@@ -13,7 +13,7 @@ from gslts_sim.physics import (
     hangs_on,
     overlap_m,
     problems,
-    resting_places,
+    resting_poses,
     stands_on,
     support_below,
 )
@@ -27,7 +27,7 @@ TRIANGLE = Surface(
 )
 
 
-def thing(
+def obj(
     name: str,
     size: tuple[float, float, float],
     at: tuple[float, float, float] = (0, 0, 0),
@@ -49,23 +49,23 @@ def thing(
     )
 
 
-def home_of(*things: HomeObject) -> Home:
+def home_of(*objs: HomeObject) -> Home:
     room = Room("test", np.array([[0.0, 0, 0], [4, 3, 2.5]]))
-    return Home("test", (room,), things, (), np.ones(3))
+    return Home("test", (room,), objs, (), np.ones(3))
 
 
 def depth_between(first: HomeObject, second: HomeObject) -> float:
     return float(overlap_m(boxes_in_world(first), boxes_in_world(second))[0])
 
 
-TABLE = thing("Table|1", (1, 1, 0.7), receptacle=True)
+TABLE = obj("Table|1", (1, 1, 0.7), receptacle=True)
 
 
 @pytest.mark.parametrize(
     ("gap", "stands"), [(0.0, True), (0.001, True), (-0.001, True), (0.004, False), (-0.004, False)]
 )
 def test_standing_within_three_millimetres(gap, stands):
-    mug = thing("Mug|1", (0.1, 0.1, 0.1), (0.2, 0.2, 0.7 + gap))
+    mug = obj("Mug|1", (0.1, 0.1, 0.1), (0.2, 0.2, 0.7 + gap))
     assert stands_on(mug, TABLE) == stands
 
 
@@ -82,18 +82,18 @@ def test_standing_within_three_millimetres(gap, stands):
     ],
 )
 def test_standing_at_the_edge_needs_middle_and_most_of_the_footprint(x, stands):
-    mug = thing("Mug|1", (0.1, 0.1, 0.1), (x, 0, 0.7))
+    mug = obj("Mug|1", (0.1, 0.1, 0.1), (x, 0, 0.7))
     assert stands_on(mug, TABLE) == stands
 
 
 def test_standing_on_a_board_inside():
     boxes = np.array([[[-0.4, -0.15, z], [0.4, 0.15, z + 0.02]] for z in (0.0, 0.4, 0.8)])
     case = HomeObject("Shelf|1", "Shelf", (TRIANGLE,), boxes, np.eye(4), receptacle=True)
-    vase = thing("Vase|1", (0.1, 0.1, 0.3), (0.1, 0, 0.42), 0.5)
+    vase = obj("Vase|1", (0.1, 0.1, 0.3), (0.1, 0, 0.42), 0.5)
     assert stands_on(vase, case)
     assert not collides(boxes_in_world(vase), boxes_in_world(case))
     assert collides(
-        boxes_in_world(thing("Vase|2", (0.1, 0.1, 0.4), (0, 0, 0.42))), boxes_in_world(case)
+        boxes_in_world(obj("Vase|2", (0.1, 0.1, 0.4), (0, 0, 0.42))), boxes_in_world(case)
     )
 
 
@@ -101,20 +101,20 @@ def test_standing_on_a_board_inside():
     ("shift", "overlaps"), [(1.0, False), (0.999, False), (0.995, True), (1.001, False)]
 )
 def test_touching_is_no_collision(shift, overlaps):
-    other = thing("Table|2", (1, 1, 0.7), (shift, 0, 0))
+    other = obj("Table|2", (1, 1, 0.7), (shift, 0, 0))
     assert depth_between(TABLE, other) == pytest.approx(1 - shift, abs=1e-9)
     assert collides(boxes_in_world(TABLE), boxes_in_world(other)) == overlaps
 
 
 def test_boxes_turned_by_45_degrees():
     # The half diagonal of the turned box is 0.7071 m, so its corner is at 1.3 - 0.7071 = 0.593 m.
-    corner = thing("Table|2", (1, 1, 0.7), (1.3, 0, 0), np.pi / 4)
+    corner = obj("Table|2", (1, 1, 0.7), (1.3, 0, 0), np.pi / 4)
     assert depth_between(TABLE, corner) == pytest.approx(0.5 + np.sqrt(0.5) - 1.3)
     assert not collides(boxes_in_world(TABLE), boxes_in_world(corner))
-    nearer = thing("Table|2", (1, 1, 0.7), (1.2, 0, 0), np.pi / 4)
+    nearer = obj("Table|2", (1, 1, 0.7), (1.2, 0, 0), np.pi / 4)
     assert collides(boxes_in_world(TABLE), boxes_in_world(nearer))
     # Their axis-aligned boxes overlap, they do not.
-    diagonal = thing("Table|2", (1, 1, 0.7), (0.9, 0.9, 0), np.pi / 4)
+    diagonal = obj("Table|2", (1, 1, 0.7), (0.9, 0.9, 0), np.pi / 4)
     assert depth_between(TABLE, diagonal) < 0
 
 
@@ -161,26 +161,26 @@ def test_overlap_agrees_with_sampled_points():
 
 
 def test_collisions_names_others_only():
-    mug = thing("Mug|1", (0.1, 0.1, 0.1), (0, 0, 0.65), movable=True)
-    far = thing("Mug|2", (0.1, 0.1, 0.1), (2, 0, 0))
+    mug = obj("Mug|1", (0.1, 0.1, 0.1), (0, 0, 0.65), movable=True)
+    far = obj("Mug|2", (0.1, 0.1, 0.1), (2, 0, 0))
     assert collisions(home_of(TABLE, mug, far), mug) == ["Table|1"]
 
 
 def test_hanging():
-    wall = thing("Wall|1", (3, 0.1, 2.5), (0, 1, 0))
-    on_it = thing("Painting|1", (0.5, 0.02, 0.5), (0, 0.939, 1.2))
-    off_it = thing("Painting|2", (0.5, 0.02, 0.5), (0, 0.93, 1.2))
+    wall = obj("Wall|1", (3, 0.1, 2.5), (0, 1, 0))
+    on_it = obj("Painting|1", (0.5, 0.02, 0.5), (0, 0.939, 1.2))
+    off_it = obj("Painting|2", (0.5, 0.02, 0.5), (0, 0.93, 1.2))
     assert hangs_on(on_it, wall)
     assert not hangs_on(off_it, wall)
 
 
 def test_problems_in_words():
-    floor = thing("Floor|1", (4, 4, 0.1), (0, 0, -0.1), receptacle=True)
-    table = thing("Table|1", (1, 1, 0.7), receptacle=True, parent="Floor|1")
-    good = thing("Mug|1", (0.1, 0.1, 0.1), (0, 0, 0.7), movable=True, parent="Table|1")
-    floating = thing("Mug|2", (0.1, 0.1, 0.1), (0.3, 0, 0.8), movable=True, parent="Table|1")
-    inside = thing("Mug|3", (0.1, 0.1, 0.1), (0.02, 0, 0.7), movable=True, parent="Table|1")
-    lost = thing("Mug|4", (0.1, 0.1, 0.1), (1.5, 0, 0), movable=True)
+    floor = obj("Floor|1", (4, 4, 0.1), (0, 0, -0.1), receptacle=True)
+    table = obj("Table|1", (1, 1, 0.7), receptacle=True, parent="Floor|1")
+    good = obj("Mug|1", (0.1, 0.1, 0.1), (0, 0, 0.7), movable=True, parent="Table|1")
+    floating = obj("Mug|2", (0.1, 0.1, 0.1), (0.3, 0, 0.8), movable=True, parent="Table|1")
+    inside = obj("Mug|3", (0.1, 0.1, 0.1), (0.02, 0, 0.7), movable=True, parent="Table|1")
+    lost = obj("Mug|4", (0.1, 0.1, 0.1), (1.5, 0, 0), movable=True)
     assert problems(home_of(floor, table, good)) == []
     assert problems(home_of(floor, table, good, floating, inside, lost)) == [
         "Mug|2 does not rest on Table|1",
@@ -190,8 +190,8 @@ def test_problems_in_words():
 
 
 def test_support_below_finds_what_carries():
-    plate = thing("Plate|1", (0.3, 0.3, 0.01), (0, 0, 0.7))
-    apple = thing("Apple|1", (0.08, 0.08, 0.08), (0, 0, 0.71))
+    plate = obj("Plate|1", (0.3, 0.3, 0.01), (0, 0, 0.7))
+    apple = obj("Apple|1", (0.08, 0.08, 0.08), (0, 0, 0.71))
     home = home_of(TABLE, plate)
     assert support_below(home, apple) == "Plate|1"
     assert support_below(home, plate) == "Table|1"
@@ -199,24 +199,24 @@ def test_support_below_finds_what_carries():
 
 
 def test_resting_places_are_free_and_carried():
-    vase = thing("Vase|1", (0.2, 0.2, 0.3), (0, 0, 0.7))
-    mug = thing("Mug|1", (0.1, 0.1, 0.1), (5, 5, 0))
+    vase = obj("Vase|1", (0.2, 0.2, 0.3), (0, 0, 0.7))
+    mug = obj("Mug|1", (0.1, 0.1, 0.1), (5, 5, 0))
     home = home_of(TABLE, vase)
-    places = resting_places(home, mug, TABLE, yaw_rad=0.4)
+    places = resting_poses(home, mug, TABLE, yaw_rad=0.4)
     assert len(places) > 200
     for at in places:
-        put = mug.placed(at, "Table|1")
+        put = mug.place_at(at, "Table|1")
         assert stands_on(put, TABLE)
         assert collisions(home, put) == []
-    assert len(resting_places(home, thing("Sofa|1", (2, 1, 1)), TABLE)) == 0
+    assert len(resting_poses(home, obj("Sofa|1", (2, 1, 1)), TABLE)) == 0
 
 
 def test_walkable_floor_of_an_empty_room():
-    floor = walkable_floor(home_of(thing("Floor|1", (4, 3, 0.1), (2, 1.5, -0.1))), room())
+    floor = walkable_floor(home_of(obj("Floor|1", (4, 3, 0.1), (2, 1.5, -0.1))), room())
     assert floor.free.all()
     assert floor.standing.sum() * floor.cell_m**2 == pytest.approx(3.6 * 2.6, rel=0.03)
     # Only the corners outside of the round body are left out.
-    assert floor.reached_share == pytest.approx(1 - 4 * 0.2**2 * (1 - np.pi / 4) / 12, abs=0.01)
+    assert floor.reached_fraction == pytest.approx(1 - 4 * 0.2**2 * (1 - np.pi / 4) / 12, abs=0.01)
 
 
 def room() -> Room:
@@ -227,20 +227,20 @@ def room() -> Room:
 def test_walkable_floor_behind_a_gap(gap, share):
     # A wall across the room at x = 2.5 m, with a gap that lets the robot through or not.
     length = 3 - gap
-    barrier = thing("Cabinet|1", (0.1, length, 1), (2.5, length / 2, 0))
+    barrier = obj("Cabinet|1", (0.1, length, 1), (2.5, length / 2, 0))
     floor = walkable_floor(home_of(barrier), room())
-    assert floor.reached_share == pytest.approx(share, abs=0.03)
+    assert floor.reached_fraction == pytest.approx(share, abs=0.03)
 
 
 def test_rugs_and_what_hangs_high_are_no_obstacles():
-    rug = thing("Rug|1", (2, 2, 0.01), (2, 1.5, 0))
-    shelf = thing("Shelf|1", (2, 0.3, 0.1), (2, 0.15, 1.3))
+    rug = obj("Rug|1", (2, 2, 0.01), (2, 1.5, 0))
+    shelf = obj("Shelf|1", (2, 0.3, 0.1), (2, 0.15, 1.3))
     assert walkable_floor(home_of(rug, shelf), room()).free.all()
     assert not walkable_floor(home_of(rug, shelf), room(), height_m=1.4).free.all()
 
 
 def test_a_room_without_free_floor():
-    block = thing("Box|1", (4, 3, 1), (2, 1.5, 0))
+    block = obj("Box|1", (4, 3, 1), (2, 1.5, 0))
     floor = walkable_floor(home_of(block), room())
     assert not floor.free.any()
-    assert floor.reached_share == 0
+    assert floor.reached_fraction == 0

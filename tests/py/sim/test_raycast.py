@@ -39,7 +39,7 @@ def slab_depth(camera: gslts.Camera, low: np.ndarray, high: np.ndarray) -> tuple
 
 def test_depth_and_instances_are_those_of_the_boxes() -> None:
     camera = tilted_camera()
-    view = RayCaster(sim_scenes.simple_home()).look(camera)
+    view = RayCaster(sim_scenes.simple_home()).render(camera)
     _, wall = slab_depth(camera, np.zeros(3), np.array([5, 4, 2.6]))
     enter, leave = slab_depth(camera, np.array([2.0, 1.5, 0]), np.array([3.2, 2.3, 0.75]))
     on_block = enter < leave
@@ -57,13 +57,13 @@ def test_points_of_one_view_are_seen_in_another() -> None:
     caster = RayCaster(sim_scenes.simple_home())
     first = tilted_camera(160, 120)
     second = gslts.camera_from_fov(160, 120, 1.3, gslts.look_at((0.7, 0.4, 1.5), TARGET))
-    points = unproject(first, caster.look(first).depth.astype(np.float64))
+    points = unproject(first, caster.render(first).depth.astype(np.float64))
     camera_from_world = np.linalg.inv(second.world_from_camera)
     x, y, z = np.moveaxis(points @ camera_from_world[:3, :3].T + camera_from_world[:3, 3], -1, 0)
     column = np.floor(second.fx * x / z + second.cx).astype(int)
     row = np.floor(second.fy * y / z + second.cy).astype(int)
     inside = (z > 0) & (column >= 0) & (column < 160) & (row >= 0) & (row < 120)
-    depth = caster.look(second).depth
+    depth = caster.render(second).depth
     agree = np.abs(depth[row[inside], column[inside]] - z[inside]) < 0.03 * z[inside]
     assert inside.mean() > 0.6
     assert agree.mean() > 0.97
@@ -71,7 +71,7 @@ def test_points_of_one_view_are_seen_in_another() -> None:
 
 def test_nothing_is_hit_outside() -> None:
     away = gslts.camera_from_fov(20, 10, 1.0, gslts.look_at((9, 9, 1), (20, 20, 1)))
-    view = RayCaster(sim_scenes.simple_home()).look(away)
+    view = RayCaster(sim_scenes.simple_home()).render(away)
     assert not view.depth.any()
     assert not view.radiance.any()
     assert (view.instances == -1).all()
@@ -87,7 +87,7 @@ def test_ambient_light_shows_the_texture_as_it_is() -> None:
     camera = gslts.Camera(
         fx=10_000, fy=10_000, cx=40, cy=30, width=80, height=60, world_from_camera=pose
     )
-    radiance = RayCaster(home).look(camera).radiance
+    radiance = RayCaster(home).render(camera).radiance
     points = unproject(camera, np.full((60, 80), 2.0))
     # The wall y = 0: u runs along z and v along x.
     u, v = points[..., 2] * 64 - 0.5, points[..., 0] * 32 - 0.5
@@ -110,7 +110,7 @@ def test_far_textures_are_averaged_and_not_picked() -> None:
     home = sim_scenes.simple_home(lights=False, wall=texture)
     pose = gslts.look_at((2.5, 3.9, 1.2), (2.5, 0.0, 1.2))
     camera = gslts.Camera(fx=30, fy=30, cx=16, cy=12, width=32, height=24, world_from_camera=pose)
-    view = RayCaster(home).look(camera)
+    view = RayCaster(home).render(camera)
     on_wall = (view.instances == 0) & (view.cosines > 0.8)
     np.testing.assert_allclose(view.radiance[on_wall], 0.5, atol=0.02)
 
@@ -122,7 +122,7 @@ def test_light_on_the_floor_is_that_of_the_form_factor() -> None:
     down = np.diag([1.0, -1.0, -1.0, 1.0])
     down[:3, 3] = (0.6, 0.6, 1.0)
     camera = gslts.Camera(fx=60, fy=60, cx=8, cy=6, width=16, height=12, world_from_camera=down)
-    radiance = caster.look(camera).radiance[6, 8, 0]
+    radiance = caster.render(camera).radiance[6, 8, 0]
     towards = np.array([2.5, 2.0, 2.59]) - (0.6, 0.6, 0.0)
     distance = np.linalg.norm(towards)
     cosine = towards[2] / distance
@@ -138,8 +138,8 @@ def test_light_does_not_pass_through_things() -> None:
     pose = np.diag([1.0, -1.0, -1.0, 1.0])
     pose[:3, 3] = (2.6, 1.9, 1.5)
     camera = gslts.Camera(fx=60, fy=60, cx=8, cy=6, width=16, height=12, world_from_camera=pose)
-    lit = RayCaster(home).look(camera).radiance
-    shaded = RayCaster(home.with_object(under)).look(camera).radiance
+    lit = RayCaster(home).render(camera).radiance
+    shaded = RayCaster(home.with_object(under)).render(camera).radiance
     ambient = 0.3 * float(linear_from_srgb(np.float64(128 / 255)))
     assert lit.min() > 2 * ambient
     np.testing.assert_allclose(shaded, ambient, rtol=1e-5)
@@ -157,8 +157,8 @@ def test_surfaces_glow_while_a_light_of_their_object_is_on() -> None:
     glowing = replace(block, surfaces=(replace(block.surfaces[0], emission=2.0),))
     home = home.with_object(glowing)
     camera = tilted_camera()
-    off = RayCaster(home).look(camera)
-    on = RayCaster(home, (replace(home.lights[0], owner="Block|1"),)).look(camera)
+    off = RayCaster(home).render(camera)
+    on = RayCaster(home, (replace(home.lights[0], owner="Block|1"),)).render(camera)
     on_block = off.instances == 1
     grey = linear_from_srgb(np.array(128 / 255))
     np.testing.assert_allclose((on.radiance - off.radiance)[on_block], 2 * grey, rtol=1e-4)
@@ -182,7 +182,7 @@ def test_shading_is_that_of_numpy_bit_for_bit(size: tuple[int, int], lights: boo
     home = tiled_home(lights=lights)
     shining = home.all_lights if lights else ()
     camera = tilted_camera(*size)
-    views = [RayCaster(home, shining, threads).look(camera) for threads in (1, 2, 3)]
+    views = [RayCaster(home, shining, threads).render(camera) for threads in (1, 2, 3)]
     expected = shading_oracle.radiance_of(RayCaster(home, shining), camera)
     for view in views:
         np.testing.assert_array_equal(view.radiance, expected)
@@ -193,7 +193,7 @@ def test_shading_sees_the_edge_of_the_world() -> None:
     """A camera outside: some rays miss."""
     caster = RayCaster(tiled_home())
     camera = gslts.camera_from_fov(50, 40, 1.5, gslts.look_at((8, 2, 1.5), (2.5, 2.5, 1)))
-    view = caster.look(camera)
+    view = caster.render(camera)
     assert 0 < (view.instances >= 0).mean() < 1
     np.testing.assert_array_equal(view.radiance, shading_oracle.radiance_of(caster, camera))
 
@@ -214,3 +214,36 @@ def test_bad_hits_are_named() -> None:
     assert not missed.radiance(np.zeros(0, bool), np.ones(3)).any()
     with pytest.raises(ValueError, match=r"depth: expected .* \(1, 2\), got float32 \(2, 1\)"):
         shade(np.ones((2, 1), np.float32), 0)
+
+
+def test_hits_lie_where_rays_meet_the_planes_of_their_triangles() -> None:
+    """Against a solve of three equations in double precision."""
+    rng = np.random.default_rng(0)
+    corners = rng.uniform(-1, 1, (50, 3, 3)).astype(np.float32)
+    hit = rng.integers(0, 50, 400).astype(np.uint32)
+    weights = rng.dirichlet((1, 1, 1), 400)
+    points = np.einsum("nk,nkd->nd", weights, corners[hit].astype(np.float64))
+    origins = rng.uniform(-3, 3, (400, 3)).astype(np.float32)
+    rays = np.concatenate([origins, (points - origins) / rng.uniform(0.5, 2, (400, 1))], axis=1)
+    rays = rays.astype(np.float32)
+    hit[::10] = 0xFFFFFFFF
+    distances, found = core_sim.intersect_triangles(rays, hit, corners, threads=1)
+    missed = hit == 0xFFFFFFFF
+    assert np.isinf(distances[missed]).all()
+    assert (found[missed] == 0).all()
+    for k in np.flatnonzero(~missed):
+        first, second, third = corners[hit[k]].astype(np.float64)
+        ray = rays[k].astype(np.float64)
+        matrix = np.column_stack([second - first, third - first, -ray[3:]])
+        if np.linalg.cond(matrix) < 1e3:
+            expected = np.linalg.solve(matrix, ray[:3] - first)
+            np.testing.assert_allclose([*found[k], distances[k]], expected, rtol=2e-5, atol=2e-5)
+    again = core_sim.intersect_triangles(rays, hit, corners, threads=2)
+    np.testing.assert_array_equal(distances, again[0])
+    np.testing.assert_array_equal(found, again[1])
+
+
+def test_hits_of_triangles_that_are_not_there_are_errors() -> None:
+    rays, corners = np.zeros((1, 6), np.float32), np.zeros((2, 3, 3), np.float32)
+    with pytest.raises(ValueError, match="hit: there are 2 triangles, got 2"):
+        core_sim.intersect_triangles(rays, np.array([2], np.uint32), corners, threads=1)

@@ -27,7 +27,7 @@ def rooms_of(home: Home, places: np.ndarray) -> np.ndarray:
 def test_l_shaped_flat_ends_at_its_rooms():
     home = bare_flat(*L_SHAPE)
     floor = floor_of(home)
-    places = floor.places(0.05)
+    places = floor.grid_positions(0.05)
     assert set(rooms_of(home, places)) == {0, 1}
     assert floor.free.sum() * 0.05**2 == pytest.approx(16)
     # 0.2 m from the outline, and round at the inner corner.
@@ -46,9 +46,9 @@ def test_rooms_on_both_sides_of_a_door(opening_m, joined):
     floor = floor_of(home)
     assert floor.is_free(np.array([3.05, 1.5])) == joined
     assert not floor.is_free(np.array([3.05, 0.3]))
-    assert set(rooms_of(home, floor.places(0.25))) >= ({0, 1} if joined else {0})
+    assert set(rooms_of(home, floor.grid_positions(0.25))) >= ({0, 1} if joined else {0})
     for start_x, others in ((1.0, 5.0), (5.0, 1.0)):
-        part = floor.places(0.25, np.array([start_x, 1.5]))
+        part = floor.grid_positions(0.25, np.array([start_x, 1.5]))
         assert (np.abs(part[:, 0] - start_x) < 0.3).any()
         assert (np.abs(part[:, 0] - others) < 0.3).any() == joined
 
@@ -58,16 +58,16 @@ def test_how_thick_a_wall_may_be(gap_m, joined):
     home = bare_flat((0, 0, 3, 3), (0, 3 + gap_m, 3, 6 + gap_m))
     floor = floor_of(home)
     assert floor.is_free(np.array([1.5, 3 + gap_m / 2])) == joined
-    assert len(np.unique(rooms_of(home, floor.places(0.25)))) == (3 if joined else 1)
+    assert len(np.unique(rooms_of(home, floor.grid_positions(0.25)))) == (3 if joined else 1)
 
 
 def test_diagonal_rooms_are_apart():
     home = bare_flat(*DIAGONAL)
     floor = floor_of(home)
-    assert set(rooms_of(home, floor.places(0.25))) in ({0}, {1})
+    assert set(rooms_of(home, floor.grid_positions(0.25))) in ({0}, {1})
     for k, middle in enumerate(([1.5, 1.5], [5.5, 5.5])):
         assert floor.is_free(np.array(middle))
-        places = floor.places(0.25, np.array(middle))
+        places = floor.grid_positions(0.25, np.array(middle))
         assert len(places) > 100
         assert set(rooms_of(home, places)) == {k}
 
@@ -79,7 +79,9 @@ def test_what_hangs_together_with_a_place():
     np.testing.assert_array_equal(larger | smaller, floor.standing)
     assert not (larger & smaller).any()
     assert not floor.can_stand(np.array([5.0, 5.0]))
-    np.testing.assert_array_equal(floor.places(0.25, np.array([1.0, 1.0])), floor.places(0.25))
+    np.testing.assert_array_equal(
+        floor.grid_positions(0.25, np.array([1.0, 1.0])), floor.grid_positions(0.25)
+    )
 
 
 @pytest.mark.parametrize("place", [(3.5, 3.5), (0.1, 1), (-50, 1), (np.nan, 1), (1e300, -np.inf)])
@@ -87,10 +89,10 @@ def test_nothing_hangs_together_with_what_is_not_free(place):
     floor = floor_of(bare_flat(*DIAGONAL))
     assert not floor.is_free(np.array(place))
     assert not floor.reachable_from(np.array(place)).any()
-    assert floor.places(0.25, np.array(place)).shape == (0, 2)
+    assert floor.grid_positions(0.25, np.array(place)).shape == (0, 2)
 
 
 def test_only_rooms_as_low_as_the_lowest_have_floor():
     home = bare_flat((0, 0, 3, 3), (3, 0, 6, 3))
     home.rooms[1].box[:, 2] += 2.6
-    assert set(rooms_of(home, floor_of(home).places(0.25))) == {0}
+    assert set(rooms_of(home, floor_of(home).grid_positions(0.25))) == {0}

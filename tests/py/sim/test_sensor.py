@@ -32,7 +32,7 @@ def room_camera() -> gslts.Camera:
 
 def test_without_noise_the_frame_is_the_truth(caster: RayCaster) -> None:
     camera = room_camera()
-    frame, truth = Sensor("none").take(caster, camera, 0, moved_from=np.eye(4))
+    frame, truth = Sensor("none").take(caster, camera, 0, previous_pose=np.eye(4))
     np.testing.assert_array_equal(frame.depth, truth.depth)
     expected = np.rint(255 * srgb_from_linear(truth.radiance.astype(np.float64).clip(0, 1)))
     np.testing.assert_array_equal(frame.rgb, expected.astype(np.uint8))
@@ -144,9 +144,9 @@ def test_motion_blurs_edges_along_it(caster: RayCaster) -> None:
         [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]]
     )
     before[:3, :3] = before[:3, :3] @ turn
-    sensor = Sensor(SensorNoise(shutter_share=0.3))
-    moved, _ = sensor.take(caster, camera, 0, moved_from=before)
-    unmoved, _ = sensor.take(caster, camera, 0, moved_from=camera.world_from_camera)
+    sensor = Sensor(SensorNoise(shutter_fraction=0.3))
+    moved, _ = sensor.take(caster, camera, 0, previous_pose=before)
+    unmoved, _ = sensor.take(caster, camera, 0, previous_pose=camera.world_from_camera)
     np.testing.assert_array_equal(unmoved.rgb, still.rgb)
 
     def steepest(rgb: np.ndarray) -> float:

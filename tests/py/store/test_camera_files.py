@@ -10,9 +10,9 @@ from orbit_cameras import around, entry
 from scipy.spatial.transform import Rotation
 
 from gslts.core.se3 import rotation_of_quat
-from gslts.io.images import depth_picture
+from gslts.io.images import depth_image
 from gslts.rendering.orbit import orbit
-from gslts.store.camera_files import read_cameras, read_path
+from gslts.store.camera_files import read_camera_path, read_cameras
 
 
 @pytest.mark.parametrize("roll_rad", [0.0, np.pi])
@@ -52,7 +52,7 @@ def test_quaternions_turn_as_those_of_scipy() -> None:
 
 def test_depth_is_red_where_near_and_grey_where_there_is_none() -> None:
     depth = np.array([[1.0, 3.0, 0.0, np.nan, 0.2, 9.0]])
-    colors = depth_picture(depth, (1.0, 3.0))[0].astype(int)
+    colors = depth_image(depth, (1.0, 3.0))[0].astype(int)
     assert colors[0, 0] > 100 > colors[0, 2]
     assert colors[1, 2] > colors[1, 0]
     assert (colors[2:4] == 40).all()
@@ -78,9 +78,9 @@ NO_LENS = entry(scenes.orbit_camera(), lens=False)
     [
         ("{", "bad.json: Expecting"),
         ("[" * 100_000, "bad.json: "),
-        ("[]", "bad.json: expected an object of JSON"),
-        ("{}", "bad.json: there is no camera in it"),
-        (json.dumps({"a": 3}), "'a': it: Input should be a valid dictionary"),
+        ("[]", "bad.json: expected a JSON object"),
+        ("{}", "bad.json: it holds no camera"),
+        (json.dumps({"a": 3}), "'a': Input should be a valid dictionary"),
         (json.dumps({"a": BAD}), "'a': the pose is not rigid"),
         (json.dumps({"a": NO_LENS}), "'a': fx: Field required"),
         (json.dumps({"a": {**NO_LENS, "fx": 3}}), "'a': fy: Field required"),
@@ -94,7 +94,7 @@ def test_files_without_cameras_are_named(tmp_path: Path, content: str, message: 
     path = tmp_path / "bad.json"
     path.write_text(content)
     with pytest.raises(ValueError, match="bad") as error:
-        read_path(path)
+        read_camera_path(path)
     assert message in str(error.value)
 
 
@@ -103,12 +103,12 @@ def test_files_without_cameras_are_named(tmp_path: Path, content: str, message: 
     [
         ("0 1 2 3 0 0 0", "line 1: '0 1 2 3 0 0 0' is not 8 values"),
         ("0 1 2 nan 0 0 0 1", "is not 8 values"),
-        ("0 1 2 3 0 0 0 9", "pose 0: its quaternion has the length 9.000"),
-        ("# nothing", "there is no camera in it"),
+        ("0 1 2 3 0 0 0 9", "pose 0: the quaternion has length 9.000"),
+        ("# nothing", "it holds no camera"),
     ],
 )
 def test_trajectories_without_poses_are_named(tmp_path: Path, line: str, message: str) -> None:
     (tmp_path / "path.txt").write_text(line)
     with pytest.raises(ValueError, match=r"path\.txt") as error:
-        read_path(tmp_path / "path.txt", scenes.orbit_camera())
+        read_camera_path(tmp_path / "path.txt", scenes.orbit_camera())
     assert message in str(error.value)

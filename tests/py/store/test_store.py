@@ -6,19 +6,31 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from store_maps import assert_same, blobs_of, edited, grown, random_map
+from store_maps import (
+    BOX,
+    ORACLE,
+    REJECTED,
+    ROOM,
+    addition,
+    assert_same,
+    blobs_of,
+    edited,
+    grown,
+    random_map,
+)
 
 from gslts.mapping.density.control import joined
 from gslts.store.blobs import Blobs
-from gslts.store.delta import Delta, after_all, delta_by_ids, delta_of
+from gslts.store.causes import UpdateCause
+from gslts.store.delta import Delta, apply_deltas, compare_by_ids, compute_delta
 from gslts.store.map_store import INDEX, MapStore
-from gslts.store.records import Event
+from gslts.store.records import Blob, Event, ObjectEvent
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Of a map of one version."""
-    MapStore.create(tmp_path, random_map(100), {"data set": "room"})
+    MapStore.create(tmp_path, random_map(100), ROOM)
     return tmp_path
 
 
@@ -30,34 +42,34 @@ def test_every_version_comes_back_bit_by_bit(folder: Path) -> None:
             assert_same(store.read(number), expected)
             assert store.version(number).gaussians == expected.size
         assert_same(store.read(), maps[-1])
-        assert store.version().cause == {"seed": 12}
+        assert store.version().cause == UpdateCause(round=12)
 
 
 def test_a_delta_leads_from_map_to_map() -> None:
     before = random_map(50)
     after = edited(before, 1, 50)
-    delta = delta_of(before, after)
+    delta = compute_delta(before, after)
     assert delta.touched == len(delta.removed) + delta.added.size + delta.changed.size
     assert 0 < delta.changed.size < 20
-    assert_same(after_all(before, [delta]), after)
-    nothing = delta_of(before, before)
+    assert_same(apply_deltas(before, [delta]), after)
+    nothing = compute_delta(before, before)
     assert nothing.touched == 0
-    assert_same(after_all(before, [nothing]), before)
+    assert_same(apply_deltas(before, [nothing]), before)
 
 
 def test_negative_zero_is_not_zero() -> None:
     before = replace(random_map(3), logit_opacities=np.zeros(3, np.float32))
     after = replace(before, logit_opacities=-before.logit_opacities)
-    assert delta_of(before, after).changed.size == 3
+    assert compute_delta(before, after).changed.size == 3
 
 
 def test_a_map_may_become_empty_and_full_again(folder: Path) -> None:
     with MapStore(folder, writable=True) as store:
         first = store.read()
         empty = first.select(np.zeros(0, np.int64))
-        store.commit(empty, {})
+        store.commit(empty, UpdateCause())
         again = joined(empty, random_map(5), store.version().next_id)
-        store.commit(again, {})
+        store.commit(again, UpdateCause())
         assert_same(store.read(2), empty)
         assert_same(store.read(3), again)
         assert int(again.ids[0]) == 100, "ids of what is gone are not used again"
@@ -70,10 +82,10 @@ def test_an_old_version_is_restored_as_a_new_one(folder: Path) -> None:
         assert (version.number, version.kind) == (5, "restore")
         assert_same(store.read(), maps[1])
         after = edited(maps[1], 9, store.version().next_id)
-        store.commit(after, {})
+        store.commit(after, UpdateCause())
         assert_same(store.read(6), after)
         assert_same(store.read(4), maps[3])
-        found = delta_by_ids(store.read(6), store.read(4))
+        found = compare_by_ids(store.read(6), store.read(4))
     assert_same(maps[3].select(np.isin(maps[3].ids, found.added.ids)), found.added)
 
 
@@ -81,20 +93,20 @@ def test_features_of_another_length_make_a_version(folder: Path) -> None:
     maps = grown(folder, 2)
     embedded = replace(maps[-1], features=np.ones((maps[-1].size, 5), np.float32))
     with MapStore(folder, writable=True) as store:
-        version = store.commit_features(embedded, {"source": "oracle"})
+        version = store.commit_features(embedded, ORACLE)
         assert (version.kind, version.parent, version.touched) == ("semantics", 3, embedded.size)
         assert_same(store.read(), embedded)
         assert_same(store.read(3), maps[-1])
         later = embedded.select(np.arange(20))
-        store.commit(later, {})
+        store.commit(later, UpdateCause())
         assert_same(store.read(), later)
-        assert delta_by_ids(store.read(3), store.read(4)).changed.size == embedded.size
-        assert [one.number for one in store.way_to()] == [1, 2, 3, 4, 5]
+        assert compare_by_ids(store.read(3), store.read(4)).changed.size == embedded.size
+        assert [one.number for one in store.lineage()] == [1, 2, 3, 4, 5]
         with pytest.raises(ValueError, match="means are not those of version 5"):
-            store.commit_features(replace(later, means=later.means + 1), {})
+            store.commit_features(replace(later, means=later.means + 1), ORACLE)
         store.compact(1)
         assert_same(store.read(), later)
-        assert store.problems() == []
+        assert store.find_problems() == []
 
 
 def test_used_ids_are_rejected(folder: Path) -> None:
@@ -102,7 +114,7 @@ def test_used_ids_are_rejected(folder: Path) -> None:
     with MapStore(folder, writable=True) as store:
         store.restore(1)
         with pytest.raises(ValueError, match="must be 107 or higher, got 100"):
-            store.commit(edited(maps[0], 2, 100), {})
+            store.commit(edited(maps[0], 2, 100), UpdateCause())
         assert store.version().number == 3
 
 
@@ -118,27 +130,26 @@ def test_used_ids_are_rejected(folder: Path) -> None:
 def test_another_map_is_rejected(folder: Path, edit: object, message: str) -> None:
     with MapStore(folder, writable=True) as store:
         with pytest.raises(ValueError, match=message):
-            store.commit(edit(store.read()), {})  # type: ignore[operator]
+            store.commit(edit(store.read()), UpdateCause())  # type: ignore[operator]
         assert len(store.versions()) == 1
 
 
 def test_objects_are_told(folder: Path) -> None:
-    box = [[0.0, 0.0, 0.0], [0.1, 0.1, 0.2]]
-    events = [Event(0, "addition", "Mug", (None, box)), Event(0, "removal", "Book", (box, None))]
+    book = ObjectEvent(kind="removal", type="Book", boxes=(BOX, None))
+    events = [addition("Mug"), book]
     with MapStore(folder, writable=True) as store:
-        store.commit(store.read(), {}, events)
+        store.commit(store.read(), UpdateCause(), events)
         assert [one.type for one in store.events()] == ["Mug", "Book"]
         for name in ("Mug", "mug"):
             (mug,) = store.events(name)
-            assert mug == Event(2, "addition", "Mug", (None, box))
+            assert mug == Event(version=2, **addition("Mug").model_dump())
 
 
 def test_what_a_restored_version_undid_is_told(folder: Path) -> None:
-    box = [[0.0, 0.0, 0.0], [0.1, 0.1, 0.2]]
     with MapStore(folder, writable=True) as store:
-        store.commit(store.read(), {}, [Event(0, "addition", "Mug", (None, box))])
+        store.commit(store.read(), UpdateCause(), [addition("Mug")])
         store.restore(1)
-        store.commit(store.read(), {}, [Event(0, "addition", "Book", (None, box))])
+        store.commit(store.read(), UpdateCause(), [addition("Book")])
 
         def told(before: int, after: int) -> list[list[str]]:
             return [[one.type for one in own] for own in store.events_between(before, after)]
@@ -147,13 +158,13 @@ def test_what_a_restored_version_undid_is_told(folder: Path) -> None:
         assert told(2, 1) == [[], ["Mug"]]
         assert told(1, 3) == [[], []]
         assert told(2, 4) == [["Book"], ["Mug"]]
-        assert [one.number for one in store.way_to(4)] == [1, 3, 4]
+        assert [one.number for one in store.lineage(4)] == [1, 3, 4]
 
 
 def test_readers_see_what_was_there_while_one_writes(folder: Path) -> None:
     with MapStore(folder) as reader, MapStore(folder, writable=True) as writer:
         before = reader.read()
-        writer.commit(edited(before, 1, 100), {})
+        writer.commit(edited(before, 1, 100), UpdateCause())
         assert_same(reader.read(1), before)
         assert reader.version().number == 2
 
@@ -165,25 +176,25 @@ def test_a_version_that_is_compacted_meanwhile_is_read(
     read = Blobs.read
     with MapStore(folder) as reader:
 
-        def compacted_first(self: Blobs, key: str, size: int) -> dict[str, np.ndarray]:
+        def compacted_first(self: Blobs, blob: Blob) -> dict[str, np.ndarray]:
             monkeypatch.setattr(Blobs, "read", read)
             with MapStore(folder, writable=True) as writer:
                 writer.compact(1)
-            return read(self, key, size)
+            return read(self, blob)
 
         monkeypatch.setattr(Blobs, "read", compacted_first)
         assert_same(reader.read(5), maps[-1])
 
-        def compacted_then(self: Blobs, key: str, size: int) -> None:
+        def compacted_then(self: Blobs, blob: Blob) -> None:
             monkeypatch.setattr(Blobs, "verify", verify)
             with MapStore(folder, writable=True) as writer:
-                writer.commit(edited(maps[-1], 9, writer.version().next_id), {})
+                writer.commit(edited(maps[-1], 9, writer.version().next_id), UpdateCause())
                 writer.compact(1)
-            verify(self, key, size)
+            verify(self, blob)
 
         verify = Blobs.verify
         monkeypatch.setattr(Blobs, "verify", compacted_then)
-        assert reader.problems() == []
+        assert reader.find_problems() == []
 
 
 @pytest.mark.parametrize("loss", ["file", "name"])
@@ -211,9 +222,12 @@ def test_nothing_is_removed_where_a_file_is_missing(folder: Path, loss: str) -> 
 @pytest.mark.parametrize(
     "harm",
     [
-        "UPDATE versions SET kind = 'apdate'",
+        "UPDATE versions SET parent = 2 WHERE number = 2",
         "UPDATE versions SET time_s = 1e300",
         "UPDATE versions SET cause = '[]'",
+        "UPDATE versions SET cause = json_set(cause, '$.kind', 'apdate')",
+        "UPDATE versions SET cause = json_set(cause, '$.mood', 'good')",
+        "UPDATE rejections SET cause = json_set(cause, '$.record.rejected', NULL)",
         f"UPDATE versions SET cause = '{'[' * 100_000}'",
         "UPDATE events SET kind = 'edition'",
         "UPDATE events SET boxes = '[null, [[0, 0, 0]]]'",
@@ -222,15 +236,14 @@ def test_nothing_is_removed_where_a_file_is_missing(folder: Path, loss: str) -> 
     ],
 )
 def test_what_makes_no_sense_in_the_index_is_damage(folder: Path, harm: str) -> None:
-    box = [[0.0, 0.0, 0.0], [0.1, 0.1, 0.2]]
     with MapStore(folder, writable=True) as store:
-        store.commit(store.read(), {}, [Event(0, "addition", "Mug", (None, box))])
-        store.add_rejection({})
+        store.commit(store.read(), UpdateCause(), [addition("Mug")])
+        store.add_rejection(REJECTED)
     with sqlite3.connect(folder / INDEX) as index:
         index.execute(harm)
     with (
         MapStore(folder) as store,
-        pytest.raises(ValueError, match=r"versions\.sqlite: it is damaged: .*from a backup"),
+        pytest.raises(ValueError, match=r"versions\.sqlite: damaged: .*from a backup"),
     ):
         store.versions(), store.events(), store.rejections()
 
@@ -253,7 +266,7 @@ def test_damage_is_named_and_nothing_else_is_lost(folder: Path, harm: str) -> No
     if harm == "delete":
         path.unlink()
     with MapStore(folder) as store:
-        (problem,) = store.problems()
+        (problem,) = store.find_problems()
         assert problem.startswith("version 2: ")
         assert path.name in problem
         with pytest.raises((OSError, ValueError), match=path.name):
@@ -268,7 +281,7 @@ def test_a_whole_store_has_no_problem(folder: Path) -> None:
     grown(folder, 3)
     seen: list[int] = []
     with MapStore(folder) as store:
-        assert store.problems(lambda: seen.append(1)) == []
+        assert store.find_problems(lambda: seen.append(1)) == []
     assert len(seen) == 4
 
 
@@ -276,7 +289,7 @@ def test_a_newer_schema_is_named(folder: Path) -> None:
     connection = sqlite3.connect(folder / INDEX)
     connection.execute("PRAGMA user_version = 99")
     connection.close()
-    with pytest.raises(ValueError, match=f"{INDEX}: its schema is version 99, this gslts reads 1"):
+    with pytest.raises(ValueError, match=f"{INDEX}: its schema is version 99, this gslts reads 2"):
         MapStore(folder)
 
 
@@ -293,10 +306,10 @@ def test_what_a_stopped_commit_left_is_removed(folder: Path) -> None:
     part.write_bytes(b"half")
     with MapStore(folder, writable=True) as store:
         assert not part.exists()
-        unknown, size = store._blobs.write({"x": np.zeros(9)})
-        assert store.collect_garbage() == size
-        assert unknown not in list(store._blobs)
-        assert store.problems() == []
+        unknown = store._blobs.write({"x": np.zeros(9)})
+        assert store.collect_garbage() == unknown.size
+        assert unknown.key not in list(store._blobs)
+        assert store.find_problems() == []
         assert_same(store.read(), maps[-1])
 
 
@@ -306,8 +319,8 @@ def test_old_versions_are_forgotten_but_for_what_is_known_of_them(folder: Path) 
         store.restore(3)  # Version 10, which stands on one that is forgotten.
         before = store.versions()
         assert store.compact(3) > 0
-        assert [replace(one, delta=None) for one in store.versions()] == [
-            replace(one, delta=None) for one in before
+        assert [one.model_copy(update={"delta": None}) for one in store.versions()] == [
+            one.model_copy(update={"delta": None}) for one in before
         ]
         for number, expected in ((8, maps[7]), (9, maps[8]), (10, maps[2])):
             assert_same(store.read(number), expected)
@@ -316,19 +329,19 @@ def test_old_versions_are_forgotten_but_for_what_is_known_of_them(folder: Path) 
                 store.read(number)
         with pytest.raises(ValueError, match="version 2 was compacted"):
             store.restore(2)
-        assert store.problems() == []
+        assert store.find_problems() == []
         assert store.compact(3) == 0
-        store.commit(edited(store.read(), 99, store.version().next_id), {})
+        store.commit(edited(store.read(), 99, store.version().next_id), UpdateCause())
         with pytest.raises(ValueError, match="keep must be positive"):
             store.compact(0)
 
 
 def test_snapshots_keep_the_way_to_a_version_short(tmp_path: Path) -> None:
-    MapStore.create(tmp_path, random_map(30), {})
+    MapStore.create(tmp_path, random_map(30), ROOM)
     maps = grown(tmp_path, 30)
     with MapStore(tmp_path) as store:
         snapshots = store._index.snapshots()
-        ways = [len(store._way_to(one.number, snapshots)[1]) for one in store.versions()]
+        ways = [len(store._reconstruction(one.number, snapshots)[1]) for one in store.versions()]
         assert max(ways) < 12
         for number, expected in enumerate(maps, start=1):
             assert_same(store.read(number), expected)
@@ -349,12 +362,12 @@ def test_a_clock_that_goes_back_is_told(
     with MapStore(folder, writable=True) as store:
         version = store.restore(1)
     assert version.number == 3
-    assert "behind that of version 2" in caplog.text
+    assert "s behind version 2" in caplog.text
 
 
 def test_a_delta_of_another_map_is_rejected() -> None:
     base = random_map(5)
     nothing = base.select(np.zeros(0, np.int64))
     gone = Delta(np.array([9], np.uint64), nothing, nothing)
-    with pytest.raises(ValueError, match="a Gaussian that is not there"):
-        after_all(base, [gone])
+    with pytest.raises(ValueError, match="a Gaussian that does not exist"):
+        apply_deltas(base, [gone])

@@ -37,7 +37,7 @@ def test_each_frame_is_asked_about_in_each_way(done: Path) -> None:
     for one in records(done / "all.json"):
         asked.setdefault((one["part"], one["frame"]), set()).add(one["variant"])
     expected = {
-        "kept aside": {OURS, *ABLATION},
+        "held-out": {OURS, *ABLATION},
         "as mapped": {OURS, *ABLATION, *TRADE},
         "three changes": {OURS, *ABLATION},
         "another home": {OURS},
@@ -45,7 +45,7 @@ def test_each_frame_is_asked_about_in_each_way(done: Path) -> None:
     for (part, _), variants in asked.items():
         assert variants == expected[part]
     names = {part: sorted(name for own, name in asked if own == part) for part in expected}
-    assert names["kept aside"] == [f"bedroom_3/kept_{k:05}" for k in range(0, 32, 8)]
+    assert names["held-out"] == [f"bedroom_3/kept_{k:05}" for k in range(0, 32, 8)]
     assert names["as mapped"] == [f"bedroom_3/visit_{k:02}" for k in range(4)]
     assert names["three changes"] == [f"bedroom_3/changed_{k:02}" for k in range(4)]
     assert names["another home"] == [f"{home}/visit_0{k}" for home in STRANGERS for k in range(2)]
@@ -65,7 +65,7 @@ def test_only_frames_of_the_home_are_judged_by_a_true_pose(done: Path) -> None:
 
 
 def test_frames_are_found_even_in_a_rough_map(done: Path) -> None:
-    ours = json.loads((done / "all.json").read_text())["summary"][OURS]["own home"]
+    ours = json.loads((done / "all.json").read_text())["summary"]["variants"][OURS]["own home"]
     assert ours["located"]["far"] >= 4
     assert ours["tracked"]["far"] >= 4
 
@@ -73,7 +73,7 @@ def test_frames_are_found_even_in_a_rough_map(done: Path) -> None:
 def test_tables_and_picture(done: Path) -> None:
     text = (done / "stdout").read_text()
     assert (
-        "4 frames kept aside, 4 of homes as mapped, 4 after three changes, 4 of other homes" in text
+        "4 held-out frames, 4 of homes as mapped, 4 after three changes, 4 of other homes" in text
     )
     assert text.count("\n| bedroom | 4 |") == 7
     assert text.count("\n| without depth | 12 |") == 1
@@ -95,9 +95,9 @@ def test_an_interrupted_run_goes_on(done: Path) -> None:
     assert sorted((done / "work" / "maps").iterdir()) == maps
 
 
-def test_frames_kept_aside_are_those_that_the_map_was_made_without(done: Path) -> None:
+def test_held_out_frames_are_those_that_the_map_was_made_without(done: Path) -> None:
     (map_cameras,) = (done / "work" / "maps").glob("bedroom_3_*/cameras.json")
-    kept = {one["frame"] for one in records(done / "all.json") if one["part"] == "kept aside"}
+    kept = {one["frame"] for one in records(done / "all.json") if one["part"] == "held-out"}
     assert not {one.partition("kept_")[2] for one in kept} & set(
         json.loads(map_cameras.read_text())
     )
@@ -119,13 +119,13 @@ def test_a_recorded_room(done: Path) -> None:
     assert [one["id"] for one in found] == [f"{k:05}" for k in range(1, 32, FOLDS)]
     content = json.loads((done / "room.json").read_text())
     assert content["errors"] == {}
-    assert content["room"]["corrected"]["far"] >= 2
-    assert content["room"]["given"]["far"] >= 2
+    assert content["summary"]["corrected"]["far"] >= 2
+    assert content["summary"]["given"]["far"] >= 2
     (made_of,) = (done / "work" / "maps").glob("*_without_1_*/cameras.json")
     assert not set(json.loads(made_of.read_text())) & {one["id"] for one in found}
     assert "| by the given poses | 4 |" in process.stdout
     again = gslts(*run, cwd=done)
-    assert again.stdout == process.stdout, "the same table, to the last time"
+    assert again.stdout.splitlines()[-5:] == process.stdout.splitlines()[-5:], "the same table"
 
 
 @pytest.mark.parametrize(

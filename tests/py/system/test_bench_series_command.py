@@ -9,8 +9,8 @@ from bench_settings import SETTINGS
 from command import gslts
 from drawn import assert_drawn
 
-from gslts_bench.series.benchmark import ANEW, BEFORE, MAPS, UPDATED
-from gslts_bench.series.report import GAIN
+from gslts_bench.series.run import BEFORE, MAPS, REBUILT, UPDATED
+from gslts_bench.series.tables import GAIN
 
 SMALL = ("--room", "kitchen", "--seeds", "3:4", "--changes", "4", "--every", "2")
 RUN = ("bench", "series", *SMALL, "--size", "240x180", "--frames", "32", *SETTINGS)
@@ -33,14 +33,15 @@ def found(folder: Path) -> dict[str, Any]:
 
 
 def test_each_change_goes_on_from_the_map_after_the_one_before(done: Path) -> None:
-    steps = found(done)["steps"]
-    assert [one["id"] for one in steps] == [f"kitchen_3/00{number}" for number in range(1, 5)]
+    records = found(done)["records"]
+    assert [one["id"] for one in records[:-1]] == [f"kitchen_3/00{k}" for k in range(1, 5)]
+    steps = [one["step"] for one in records[:-1]]
     assert [one["psnr_db"] is not None for one in steps] == [False, True, False, True]
-    (end,) = found(done)["ends"]
+    end = found(done)["records"][-1]["end"]
     size = end["gaussians"][BEFORE]
     updated = 0
     for one in steps:
-        if one["changes"] == 0 or one["refused"] is not None:
+        if one["changes"] == 0 or one["rejected"] is not None:
             assert one["gaussians"] == size
         else:
             updated += 1
@@ -50,11 +51,11 @@ def test_each_change_goes_on_from_the_map_after_the_one_before(done: Path) -> No
     assert updated > 0
 
 
-def test_the_end_is_compared_with_a_map_built_anew(done: Path) -> None:
-    (end,) = found(done)["ends"]
+def test_the_end_is_compared_with_a_rebuilt_map(done: Path) -> None:
+    end = found(done)["records"][-1]["end"]
     assert set(end["psnr_db"]) == set(MAPS) == set(end["gaussians"])
     assert end["psnr_db"][UPDATED] > end["psnr_db"][BEFORE], "it was updated"
-    assert end["gaussians"][ANEW] != end["gaussians"][BEFORE], "another map"
+    assert end["gaussians"][REBUILT] != end["gaussians"][BEFORE], "another map"
     maps = sorted(path.name.rpartition("_")[0] for path in (done / "work/maps").glob("k*"))
     assert maps == ["kitchen_3", "kitchen_3_end"]
 

@@ -20,7 +20,7 @@ RUN = ("bench", "update", *SMALL, "--frames", "32", *SETTINGS, "--set", "voxel_m
 def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder in which the benchmark ran."""
     folder = tmp_path_factory.mktemp("bench")
-    outputs = ("--json", "all.json", "--pictures", "pictures", "--curve", "curve.png")
+    outputs = ("--json", "all.json", "--images", "images", "--curve", "curve.png")
     process = gslts(*RUN, *outputs, "--curve-tasks", "3", "--work", "work", cwd=folder)
     assert process.returncode == 0, process.stderr
     (folder / "stdout").write_text(process.stdout)
@@ -32,7 +32,7 @@ def records(folder: Path) -> list[dict[str, Any]]:
     return found
 
 
-def test_each_detected_change_is_updated_in_each_way(done: Path) -> None:
+def test_each_detected_change_is_updated_with_each_method(done: Path) -> None:
     by_task: dict[str, set[str]] = {}
     for one in records(done):
         by_task.setdefault(one["task"], set()).add(one["method"])
@@ -50,7 +50,7 @@ def test_records_tell_what_was_done(done: Path) -> None:
         by_method.setdefault(one["method"], []).append(one)
     for one in by_method["ours"]:
         before, after = one["gaussians"]
-        if one["refused"] is None:
+        if one["rejected"] is None:
             assert after == before - one["removed"] + one["added"]
         assert set(one["seconds"]) >= {"update", "collecting"}
     for one in by_method["no update"]:
@@ -71,12 +71,12 @@ def test_the_curve_starts_without_an_update(done: Path) -> None:
             assert one["curve"]["0"] == pytest.approx(expected)
 
 
-def test_tables_and_pictures_are_made(done: Path) -> None:
+def test_tables_and_images_are_made(done: Path) -> None:
     text = (done / "stdout").read_text()
     for name in METHODS:
         assert f"| {name} | near |" in text
     assert "PSNR against iterations" in text
-    pictures = sorted((done / "pictures").iterdir())
+    pictures = sorted((done / "images").iterdir())
     updated = {one["task"] for one in records(done) if one["method"] == "ours"}
     assert len(pictures) == len(updated)
     with Image.open(pictures[0]) as picture, Image.open(done / "curve.png") as curve:

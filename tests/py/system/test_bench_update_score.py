@@ -8,7 +8,7 @@ import pytest
 import update_room
 
 from gslts.core.camera import Camera, at_pose
-from gslts_bench.update.score import AROUND_PX, Judge, JudgedView, judged_view
+from gslts_bench.update.score import AROUND_PX, EvaluationView, Judge, evaluation_view
 from gslts_sim.task import Box, Change
 
 RED: Box = ((2.08, 1.73, 0.75), (2.32, 1.97, 1.05))
@@ -17,14 +17,14 @@ REMOVAL = Change(
 )
 
 
-def view(shift_m: float = 0.0, *, near: bool = True) -> JudgedView:
+def view(shift_m: float = 0.0, *, near: bool = True) -> EvaluationView:
     """Of the unchanged room, by a camera that is said to be elsewhere."""
     gaussian_map, _ = change_room.mapped()
     frame = update_room.robot_in(change_room.home()).observe()
     pose = frame.camera.world_from_camera
     pose[0, 3] += shift_m
     frame = replace(frame, camera=at_pose(frame.camera, pose))
-    judged = judged_view(frame, REMOVAL, gaussian_map, near=near)
+    judged = evaluation_view(frame, REMOVAL, gaussian_map, near=near)
     assert judged is not None
     return judged
 
@@ -51,7 +51,7 @@ def test_a_view_beside_the_change_is_none() -> None:
     gaussian_map, _ = change_room.mapped()
     robot = update_room.robot_in(change_room.home())
     robot.step("RotateLeft", degrees=180.0)
-    assert judged_view(robot.observe(), REMOVAL, gaussian_map, near=True) is None
+    assert evaluation_view(robot.observe(), REMOVAL, gaussian_map, near=True) is None
 
 
 def test_cameras_are_where_the_map_says() -> None:
@@ -74,7 +74,7 @@ def test_scores_are_best_for_the_picture_itself() -> None:
     assert good.ssim > bad.ssim
     assert good.flip < bad.flip
     assert good.lpips is None
-    shown = judge.shown(gaussian_map, judge.views[0], judge.views[0].camera)
+    shown = judge.render(gaussian_map, judge.views[0], judge.views[0].camera)
     perfect = Judge([replace(one, photo=shown) for one in judge.views]).scores(gaussian_map)["near"]
     assert perfect.psnr_db == pytest.approx(100)
     assert perfect.ssim == pytest.approx(1, abs=1e-5)

@@ -1,4 +1,4 @@
-"""Work by several processes: results are kept as they come, and what fails ends nothing else."""
+"""Units of work in several processes: results are kept as they come, and failures are isolated."""
 
 import json
 import os
@@ -13,7 +13,7 @@ import pytest
 from bench_units import Bar, CountingUnit
 from command import LONG_S
 
-from gslts_bench.work import kept_results, run_units
+from gslts_bench.processes import read_results, run_units
 
 
 def squares(results: list[dict]) -> dict[str, int]:
@@ -49,15 +49,15 @@ def test_a_line_that_was_cut_off_is_done_again(tmp_path: Path) -> None:
     run_units([unit], 1, Bar())
     whole = unit.results.read_bytes()
     unit.results.write_bytes(whole[:-7])
-    assert len(kept_results(unit.results)) == 4
+    assert len(read_results(unit.results)) == 4
     assert squares(run_units([unit], 1, Bar())["a"]) == expected("a")
-    assert len(kept_results(unit.results)) == 5, "the new line must not stand behind half a one"
+    assert len(read_results(unit.results)) == 5, "the new line must not stand behind half a one"
 
 
 def test_errors_are_tried_again(tmp_path: Path) -> None:
     path = tmp_path / "a.jsonl"
     path.write_text('{"id": "a/0", "error": "no luck"}\n{"id": "a/1", "square": 1}\n')
-    assert [one["id"] for one in kept_results(path)] == ["a/1"]
+    assert [one["id"] for one in read_results(path)] == ["a/1"]
 
 
 @pytest.mark.parametrize("line", ["{", "[1]", '{"square": 1}', '{"id": 1}'])
@@ -65,7 +65,7 @@ def test_other_files_are_refused(tmp_path: Path, line: str) -> None:
     path = tmp_path / "a.jsonl"
     path.write_text(f'{{"id": "a/0"}}\n{line}\n')
     with pytest.raises(ValueError, match=r"a\.jsonl: line 2 is no result"):
-        kept_results(path)
+        read_results(path)
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def test_a_unit_that_fails_ends_no_other(
     assert squares(found["a"]) == expected("a", 2)
     assert squares(found["b"]) == expected("b")
     assert bar.n == bar.total == 10
-    assert squares(kept_results(units[0].results)) == expected("a", 2)
+    assert squares(read_results(units[0].results)) == expected("a", 2)
 
 
 PROGRAM = """
@@ -94,7 +94,7 @@ import sys
 from pathlib import Path
 sys.path.insert(0, {support!r})
 from bench_units import Bar, CountingUnit
-from gslts_bench.work import run_units
+from gslts_bench.processes import run_units
 if __name__ == "__main__":
     # What a shell runs in the background ignores it from the start.
     signal.signal(signal.SIGINT, signal.default_int_handler)

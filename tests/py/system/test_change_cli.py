@@ -26,7 +26,7 @@ def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     change_room.write_room_map(folder / "map")
     home = change_room.home().without(["Box|1"])
     capture(Controller(home, **SIZE, noise="kinect"), LOOKS, folder / "visit")
-    # The paper's rule needs the depth at one pixel, which noise may take away.
+    # The rule of GS-LTS needs the depth at one pixel, which noise may take away.
     capture(Controller(home, **SIZE), LOOKS, folder / "clean")
     for visit in ("visit", "clean"):
         dark = folder / visit / "images" / "00002.png"
@@ -43,7 +43,7 @@ def test_it_tells_what_changed_in_each_frame(workplace: Path) -> None:
     for name, line in zip(("00000", "00001"), lines, strict=False):
         assert line.startswith(f"{name}: removal at (2.")
         assert line.endswith(tuple(f"confidence {k / 100:.2f}" for k in range(101)))
-    assert lines[2] == "00002: unreliable: the picture is black"
+    assert lines[2] == "00002: unreliable: the image is black"
 
 
 def test_json_and_pictures_of_one_frame(workplace: Path, tmp_path: Path) -> None:
@@ -67,7 +67,7 @@ def test_json_and_pictures_of_one_frame(workplace: Path, tmp_path: Path) -> None
 
 
 def test_all_frames_in_json_are_one_object_a_line(workplace: Path) -> None:
-    arguments = ("--halvings", "0", "--json", "--strategy", "paper")
+    arguments = ("--halvings", "0", "--json", "--strategy", "gs_lts")
     done = gslts("detect", "map", "clean", *arguments, cwd=workplace)
     assert done.returncode == 0, done.stderr
     told = [json.loads(line) for line in done.stdout.splitlines()]
@@ -78,7 +78,7 @@ def test_all_frames_in_json_are_one_object_a_line(workplace: Path) -> None:
         assert change["kind"] == "removal"
         assert np.hypot(*(np.array(change["point_m"]) - (2.2, 1.85, 0.9))[:2]) < 0.3
         assert change["box_before_m"] is change["box_after_m"] is None
-    assert told[2]["unreliable"] == "the picture is black"
+    assert told[2]["unreliable"] == "the image is black"
 
 
 def test_frames_come_in_the_order_in_which_they_are_asked_for(workplace: Path) -> None:

@@ -9,7 +9,8 @@ from change_room import BLUE, LOOKS, YELLOW, see, thing
 
 from gslts.change.changes import Change
 from gslts.change.config import DetectionConfig
-from gslts.change.detector import MOST_CAMERAS, ChangeDetector, Detection, evenly
+from gslts.change.constants import MAX_CAMERAS
+from gslts.change.detector import ChangeDetector, Detection, choose_evenly
 from gslts.change.overlay import COLORS, overlay
 from gslts.core.camera import Camera, at_pose, camera_from_fov, look_at
 from gslts.core.frame import RgbdFrame
@@ -64,7 +65,7 @@ def test_an_added_object_is_found(look: object, noise: str) -> None:
     assert after is not None
     assert change.boxes[0] is None
     # It is where the photograph is yellow: red and green, and not blue.
-    red, green, blue = detection.photo.transpose(2, 0, 1)
+    red, green, blue = detection.observed_rgb.transpose(2, 0, 1)
     yellow = (red > 2 * blue) & (green > 2 * blue) & (red > 0.2)
     assert (after & yellow).sum() > 0.6 * after.sum()
 
@@ -78,8 +79,8 @@ def test_a_removed_object_is_found(look: object, noise: str) -> None:
     before, after = change.masks
     assert after is None
     assert before is not None
-    assert detection.render is not None
-    red, green, blue = detection.render.transpose(2, 0, 1)
+    assert detection.rendered_rgb is not None
+    red, green, blue = detection.rendered_rgb.transpose(2, 0, 1)
     assert (before & (red > 2 * blue) & (red > 2 * green)).sum() > 0.6 * before.sum()
 
 
@@ -134,8 +135,8 @@ def test_boxes_are_around_the_object() -> None:
     assert (high - low)[[0, 2]] == pytest.approx([0.24, 0.3], abs=0.1)
 
 
-def test_the_paper_tells_one_change_a_frame() -> None:
-    config = replace(change_room.CONFIG, strategy="paper")
+def test_gs_lts_finds_one_change_per_frame() -> None:
+    config = replace(change_room.CONFIG, strategy="gs_lts")
     detector = ChangeDetector(change_room.mapped()[0], config)
     for home, kind, point in (
         (added(change_room.home()), "addition", FREE_M),
@@ -163,7 +164,7 @@ def test_results_are_the_same_for_any_number_of_threads() -> None:
         for side in (0, 1):
             np.testing.assert_array_equal(a.masks[side], b.masks[side])
             np.testing.assert_array_equal(a.boxes[side], b.boxes[side])
-    for name in ("photo", "render", "pixel", "feature", "combined"):
+    for name in ("observed_rgb", "rendered_rgb", "pixel_mask", "feature_mask", "combined_mask"):
         np.testing.assert_array_equal(getattr(one, name), getattr(two, name), err_msg=name)
     np.testing.assert_array_equal(one.camera.world_from_camera, two.camera.world_from_camera)
 
@@ -228,15 +229,15 @@ def test_pictures_show_what_was_detected() -> None:
     photo, render, masks = np.split(picture, 3, axis=1)
     mask = detection.changes[0].masks[1]
     assert mask is not None
-    plain = (255 * detection.photo).round()
+    plain = (255 * detection.observed_rgb).round()
     change = photo[mask].astype(float) - plain[mask]
     towards = np.array(COLORS["addition"]) - plain[mask]
     # Somewhere inside, the picture is mixed with the colour of an addition.
     assert np.abs(change - 0.55 * towards).max(axis=1).min() < 2
-    assert np.abs(render - (255 * detection.render).round()).max() <= 1
+    assert np.abs(render - (255 * detection.rendered_rgb).round()).max() <= 1
     untouched = np.abs(photo - plain).max(axis=-1) <= 1
     assert 0.7 < untouched.mean() < 1  # All but the change, its box and its name.
-    np.testing.assert_array_equal((masks == 255).all(axis=-1), detection.combined)
+    np.testing.assert_array_equal((masks == 255).all(axis=-1), detection.combined_mask)
     lost = overlay(change_room.detector().detect(see_nothing()))
     assert lost.shape == large.shape
     assert (lost[:, 3 * 160 :] == 60).all()
@@ -248,10 +249,10 @@ def see_nothing() -> RgbdFrame:
 
 
 def test_of_many_cameras_an_even_share_counts() -> None:
-    cameras = [camera_from_fov(8 + k, 8, 1.0, np.eye(4)) for k in range(3 * MOST_CAMERAS)]
-    assert evenly(cameras[:7]) == cameras[:7]
-    assert evenly(()) == []
-    kept = [one.width for one in evenly(cameras)]
-    assert len(kept) == MOST_CAMERAS
+    cameras = [camera_from_fov(8 + k, 8, 1.0, np.eye(4)) for k in range(3 * MAX_CAMERAS)]
+    assert choose_evenly(cameras[:7], MAX_CAMERAS) == cameras[:7]
+    assert choose_evenly((), MAX_CAMERAS) == []
+    kept = [one.width for one in choose_evenly(cameras, MAX_CAMERAS)]
+    assert len(kept) == MAX_CAMERAS
     assert (kept[0], kept[-1]) == (cameras[0].width, cameras[-1].width)
     assert np.ptp(np.diff(kept)) <= 1

@@ -11,7 +11,7 @@ from change_images import texture
 from change_room import LOOKS, see
 
 from gslts.change.detector import ChangeDetector
-from gslts.change.features import FeatureExtractor, extractor_of
+from gslts.change.features import FeatureExtractor, feature_extractor
 
 PATCH = 16
 
@@ -69,7 +69,7 @@ def by_numpy(image: np.ndarray) -> np.ndarray:
 
 def test_an_onnx_encoder_gets_the_picture_as_it_is(tmp_path: Path) -> None:
     write_onnx(tmp_path / "encoder.onnx")
-    encoder = extractor_of(f"onnx:{tmp_path / 'encoder.onnx'}")
+    encoder = feature_extractor(f"onnx:{tmp_path / 'encoder.onnx'}")
     image = np.random.default_rng(1).random((64, 96, 3)).astype(np.float32)
     features = encoder(image)
     assert features.dtype == np.float32
@@ -80,7 +80,7 @@ def test_an_onnx_encoder_gets_the_picture_as_it_is(tmp_path: Path) -> None:
 
 def test_sides_that_an_onnx_encoder_leaves_open_are_those_of_sam(tmp_path: Path) -> None:
     write_onnx(tmp_path / "encoder.onnx", ("batch", 3, "height", "width"))
-    encoder = extractor_of(f"onnx:{tmp_path / 'encoder.onnx'}")
+    encoder = feature_extractor(f"onnx:{tmp_path / 'encoder.onnx'}")
     assert encoder(texture(0)).shape == (64, 64, 5)
 
 
@@ -101,19 +101,19 @@ def test_onnx_models_that_are_no_encoders_are_named(
     path = tmp_path / "encoder.onnx"
     write_onnx(path, **settings)
     with pytest.raises(ValueError, match=message) as raised:
-        extractor_of(f"onnx:{path}")
+        feature_extractor(f"onnx:{path}")
     assert str(raised.value).startswith(f"{path}: ")
 
 
 def test_onnx_files_that_are_none_are_named(tmp_path: Path) -> None:
     path = tmp_path / "encoder.onnx"
     with pytest.raises(FileNotFoundError, match=r"encoder\.onnx"):
-        extractor_of(f"onnx:{path}")
+        feature_extractor(f"onnx:{path}")
     path.write_bytes(b"no model at all")
     with pytest.raises(ValueError, match=r"encoder\.onnx: it is no ONNX model"):
-        extractor_of(f"onnx:{path}")
+        feature_extractor(f"onnx:{path}")
     with pytest.raises(IsADirectoryError):
-        extractor_of(f"onnx:{tmp_path}")
+        feature_extractor(f"onnx:{tmp_path}")
 
 
 VISION = {
@@ -162,7 +162,7 @@ def write_sam_encoder(folder: Path) -> None:
 def test_tokens_of_dinov2_lie_where_their_patches_do(tmp_path: Path) -> None:
     """The class token is left out: the features of a patch change most when that patch does."""
     write_dinov2(tmp_path)
-    encoder = extractor_of(f"transformers:{tmp_path}")
+    encoder = feature_extractor(f"transformers:{tmp_path}")
     picture = np.full((64, 64, 3), 0.5, np.float32)
     changed = picture.copy()
     changed[16:32, 48:64] = 1, 0, 0
@@ -189,7 +189,7 @@ def test_features_of_dinov2_are_its_tokens(tmp_path: Path) -> None:
 
     write_dinov2(tmp_path)
     image = np.random.default_rng(0).integers(0, 256, (64, 64, 3)).astype(np.uint8)
-    features = extractor_of(f"transformers:{tmp_path}")(image.astype(np.float32) / 255)
+    features = feature_extractor(f"transformers:{tmp_path}")(image.astype(np.float32) / 255)
     model = AutoModel.from_pretrained(tmp_path).eval()
     with torch.no_grad():
         tokens = model(pixel_values=normalized(image)).last_hidden_state
@@ -206,7 +206,7 @@ def test_features_of_sam_are_its_image_embeddings(
 
     write(tmp_path)
     image = np.random.default_rng(0).integers(0, 256, (64, 64, 3)).astype(np.uint8)
-    features = extractor_of(f"transformers:{tmp_path}")(image.astype(np.float32) / 255)
+    features = feature_extractor(f"transformers:{tmp_path}")(image.astype(np.float32) / 255)
     model = AutoModel.from_pretrained(tmp_path).eval()
     encoder = getattr(model, "vision_encoder", model)
     with torch.no_grad():
@@ -276,7 +276,7 @@ def test_damaged_models_are_named(
     write_dinov2(folder)
     spoil(folder)
     with pytest.raises(error, match=message) as raised:
-        extractor_of(f"transformers:{folder}")
+        feature_extractor(f"transformers:{folder}")
     assert str(folder) in str(raised.value)
 
 
@@ -284,12 +284,12 @@ def test_models_of_other_things_are_named(tmp_path: Path) -> None:
     from transformers import BertConfig, BertModel, CLIPConfig, CLIPModel
 
     with pytest.raises(FileNotFoundError, match=r"there is no config\.json"):
-        extractor_of(f"transformers:{tmp_path}")
+        feature_extractor(f"transformers:{tmp_path}")
     small = {"hidden_size": 8, "num_hidden_layers": 1, "num_attention_heads": 2}
     text = {**small, "vocab_size": 16, "intermediate_size": 8}
     BertModel(BertConfig(**text)).save_pretrained(tmp_path / "bert")
-    with pytest.raises(ValueError, match="bert: its configuration names no image_size"):
-        extractor_of(f"transformers:{tmp_path / 'bert'}")
+    with pytest.raises(ValueError, match="bert: its configuration lacks image_size"):
+        feature_extractor(f"transformers:{tmp_path / 'bert'}")
     both = CLIPConfig(
         text_config={**text, "eos_token_id": 1, "bos_token_id": 0, "pad_token_id": 1},
         vision_config={**VISION, "intermediate_size": 8},
@@ -297,7 +297,7 @@ def test_models_of_other_things_are_named(tmp_path: Path) -> None:
     )
     CLIPModel(both).save_pretrained(tmp_path / "clip")
     with pytest.raises(ValueError, match="clip: a CLIPModel is no encoder of images"):
-        extractor_of(f"transformers:{tmp_path / 'clip'}")
+        feature_extractor(f"transformers:{tmp_path / 'clip'}")
 
 
 @pytest.mark.parametrize("kind", ["onnx", "dinov2", "sam"])
@@ -310,10 +310,10 @@ def test_the_detector_works_with_features_of_models(tmp_path: Path, kind: str) -
     }
     write[kind](tmp_path / "encoder")
     name = f"{'onnx' if kind == 'onnx' else 'transformers'}:{tmp_path / 'encoder'}"
-    features: FeatureExtractor = extractor_of(name)
+    features: FeatureExtractor = feature_extractor(name)
     detector = ChangeDetector(change_room.mapped()[0], change_room.CONFIG, features=features)
     added = change_room.thing("Box|3", 2.6, 1.8, change_room.YELLOW, "Block|1")
     detection = detector.detect(see(change_room.home().with_object(added), LOOKS[0]))
     assert [change.kind for change in detection.changes] == ["addition"]
-    assert detection.feature is not None
-    assert detection.feature.shape == (120, 160)
+    assert detection.feature_mask is not None
+    assert detection.feature_mask.shape == (120, 160)

@@ -12,15 +12,15 @@ from change_room import LOOKS, see
 
 from gslts.core.camera import Camera, at_pose
 from gslts.core.frame import RgbdFrame
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
 
 VIEWS = {
     "front": LOOKS[0],
     "back": LOOKS[1],
     "corner": LOOKS[2],
-    "along": Look(np.array([0.6, 2.0]), 0.0, 20.0),
-    "across": Look(np.array([4.2, 3.3]), 225.0, 20.0),
-    "wall": Look(np.array([1.0, 3.2]), 200.0, 10.0),
+    "along": Viewpoint(0.6, 2.0, 0.0, 20.0),
+    "across": Viewpoint(4.2, 3.3, 225.0, 20.0),
+    "wall": Viewpoint(1.0, 3.2, 200.0, 10.0),
 }
 
 Spoil = Callable[[RgbdFrame], RgbdFrame]
@@ -84,8 +84,8 @@ SPOILED: dict[str, tuple[Spoil, str]] = {
         "blurred",
     ),
     "smeared": (lambda one: with_rgb(one, smeared(one.rgb, 25)), "blurred"),
-    "outside": (lambda one: shifted(one, 20, 0, 0), "the map fills"),
-    "below": (lambda one: shifted(one, 0, 0, -4), "the map fills"),
+    "outside": (lambda one: shifted(one, 20, 0, 0), "the map covers"),
+    "below": (lambda one: shifted(one, 0, 0, -4), "the map covers"),
     "fx 40 % too large": (lambda one: with_focal(one, 1.4, 1), ""),
     "fx 40 % too small": (lambda one: with_focal(one, 0.6, 1), ""),
     "f 40 % too large": (lambda one: with_focal(one, 1.4, 1.4), ""),
@@ -112,9 +112,9 @@ def test_a_frame_that_tells_nothing_is_unreliable(how: str, view: str, noise: st
     assert detection.unreliable is not None
     assert re.search(reason, detection.unreliable)
     assert detection.changes == ()
-    assert detection.render is None
-    assert detection.combined is None
-    assert detection.photo.shape == (120, 160, 3)
+    assert detection.rendered_rgb is None
+    assert detection.combined_mask is None
+    assert detection.observed_rgb.shape == (120, 160, 3)
 
 
 @pytest.mark.parametrize("noise", ["none", "kinect"])

@@ -19,6 +19,7 @@ from gslts.core.gaussian_map import GaussianMap
 from gslts.semantics.files import write_autoencoder
 from gslts.semantics.source import Oracle
 from gslts.semantics.train_autoencoder import train_autoencoder
+from gslts.store.causes import SemanticsCause
 from gslts.store.map_folder import open_map, write_map_folder
 
 pytestmark = pytest.mark.smoke
@@ -116,17 +117,17 @@ def taught(tmp_path_factory: pytest.TempPathFactory) -> Path:
         sh=np.zeros((200, 1, 3), np.float32),
     )
     write_map_folder(folder, some, {"dataset": "made up"}, {})
-    setting = {
-        "source": "oracle",
-        "dataset": "made up",
-        "levels": 1,
-        "code": 8,
-        "names": names,
-        "autoencoder": write_autoencoder(autoencoder, folder),
-    }
+    cause = SemanticsCause(
+        source="oracle",
+        dataset="made up",
+        levels=1,
+        code_dims=8,
+        names=names,
+        autoencoder=write_autoencoder(autoencoder, folder),
+    )
     features = autoencoder.encode(np.repeat(Oracle().encode(["Mug"]), 200, axis=0))
     with open_map(folder, writable=True) as store:
-        store.commit_features(replace(some, features=features), setting)
+        store.commit_features(replace(some, features=features), cause)
     return folder
 
 
@@ -138,7 +139,7 @@ def test_a_query_imports_neither_models_nor_what_plots(taught: Path) -> None:
 
 def test_the_log_imports_neither_numpy_nor_the_extension(taught: Path) -> None:
     printed, modules = imported_by(COMMAND, "log", str(taught))
-    assert "with semantics of oracle" in printed
+    assert "semantic features from oracle" in printed
     assert not (HEAVY - {"pydantic"}) & modules  # Typer itself imports pydantic.
 
 

@@ -18,9 +18,9 @@ def test_home_lists_objects(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     objects = make_home("kitchen", 3, detail=0.05).objects
     lines = done.stdout.splitlines()
-    assert [line.split()[0] for line in lines] == [thing.id for thing in objects]
+    assert [line.split()[0] for line in lines] == [obj.id for obj in objects]
     movable = [line.endswith(" movable") for line in lines]
-    assert movable == [thing.movable for thing in objects]
+    assert movable == [obj.movable for obj in objects]
 
 
 def test_homes_files_tasks_and_pictures(tmp_path: Path) -> None:

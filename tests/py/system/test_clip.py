@@ -1,4 +1,4 @@
-"""SAM and CLIP as a source of meaning, with tiny models: pictures, words, masks, and queries."""
+"""The semantic source of SAM and CLIP, with tiny models: images, texts, masks and queries."""
 
 import json
 from collections.abc import Callable
@@ -19,13 +19,14 @@ from gslts.datasets import open_dataset
 from gslts.semantics.clip import ClipEncoder
 from gslts.semantics.clip_source import ClipSource
 from gslts.semantics.embed import embed_semantics
-from gslts.semantics.files import SemanticsSetting, read_semantics
+from gslts.semantics.files import read_semantics
 from gslts.semantics.map_semantics import MapSemantics
 from gslts.semantics.masks import crop_to_mask, paint_labels, suppress_duplicates
 from gslts.semantics.queries import SemanticQueries
 from gslts.semantics.registry import open_source, open_text_source
 from gslts.semantics.relevance import CANONICAL
 from gslts.semantics.sam import MaskGenerator
+from gslts.store.causes import SemanticsCause
 from gslts.store.map_folder import write_map_folder
 from gslts_sim.capture import capture
 from gslts_sim.controller import Controller
@@ -36,7 +37,7 @@ RED, BLUE = (200, 40, 30), (30, 60, 200)
 
 
 def plain(color: tuple[int, int, int]) -> np.ndarray:
-    """A picture of one colour, as CLIP takes it."""
+    """Return an image of one colour, of the size that CLIP takes."""
     return np.full((tiny_models.SIDE_PX, tiny_models.SIDE_PX, 3), color, np.uint8)
 
 
@@ -44,8 +45,8 @@ def noise(height: int, width: int) -> np.ndarray:
     return np.random.default_rng(0).integers(0, 256, (height, width, 3)).astype(np.uint8)
 
 
-def picture_by_transformers(folder: Path, rgb: np.ndarray) -> np.ndarray:
-    """[D] what transformers itself makes of a picture that is read from a file."""
+def image_by_transformers(folder: Path, rgb: np.ndarray) -> np.ndarray:
+    """Return [D] the embedding by transformers itself of an image that is read from a file."""
     import torch
     from transformers import CLIPImageProcessorPil, CLIPModel
 
@@ -60,7 +61,7 @@ def picture_by_transformers(folder: Path, rgb: np.ndarray) -> np.ndarray:
     return (found / found.norm()).numpy()
 
 
-def test_pictures_mean_what_transformers_says(tmp_path: Path) -> None:
+def test_image_embeddings_are_those_of_transformers(tmp_path: Path) -> None:
     tiny_models.write_clip(tmp_path)
     encoder = ClipEncoder(tmp_path, threads=1)
     assert (encoder.dims, encoder.side_px) == (tiny_models.DIMS, tiny_models.SIDE_PX)
@@ -69,9 +70,9 @@ def test_pictures_mean_what_transformers_says(tmp_path: Path) -> None:
     found = encoder.encode_images(pictures)
     assert found.dtype == np.float32
     np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1, rtol=1e-6)
-    expected = [picture_by_transformers(tmp_path, one) for one in pictures]
+    expected = [image_by_transformers(tmp_path, one) for one in pictures]
     np.testing.assert_allclose(found, expected, atol=1e-4)
-    # A wrong order of channels, or rows for columns, would have shown.
+    # A wrong order of channels or axes gives other embeddings.
     for wrong in (ramp[..., ::-1], ramp.transpose(1, 0, 2), ramp[::-1], ramp[:, ::-1]):
         (other,) = encoder.encode_images([np.ascontiguousarray(wrong)])
         assert np.abs(other - expected[2]).max() > 0.02
@@ -79,7 +80,7 @@ def test_pictures_mean_what_transformers_says(tmp_path: Path) -> None:
     assert encoder.encode_images([]).shape == (0, tiny_models.DIMS)
 
 
-def test_words_mean_what_transformers_says(tmp_path: Path) -> None:
+def test_text_embeddings_are_those_of_transformers(tmp_path: Path) -> None:
     import torch
     from transformers import CLIPModel, CLIPTokenizer
 
@@ -92,13 +93,13 @@ def test_words_mean_what_transformers_says(tmp_path: Path) -> None:
     with torch.no_grad():
         expected = CLIPModel.from_pretrained(tmp_path).get_text_features(**tokens).pooler_output
     np.testing.assert_allclose(found, expected / expected.norm(dim=1, keepdim=True), atol=1e-5)
-    # None depends on its neighbours, on capitals, or on what no longer fits.
+    # Batching, case and truncated ends do not change an embedding.
     np.testing.assert_array_equal(source.encode(["blue", "red"]), found[[2, 0]])
     assert source.encode(["very " * 40]).shape == (1, source.dims)
     assert source.encode([]).shape == (0, source.dims)
 
 
-def test_threads_are_given_back(tmp_path: Path) -> None:
+def test_the_number_of_threads_is_restored(tmp_path: Path) -> None:
     import torch
 
     tiny_models.write_clip(tmp_path)
@@ -108,7 +109,7 @@ def test_threads_are_given_back(tmp_path: Path) -> None:
     assert not torch.is_inference_mode_enabled()
 
 
-def test_what_a_mask_covers_is_cut_out_upright_on_black() -> None:
+def test_crops_are_centred_on_black() -> None:
     rgb = noise(9, 12)
     mask = np.zeros((9, 12), bool)
     mask[2:4, 3:7] = True
@@ -120,7 +121,7 @@ def test_what_a_mask_covers_is_cut_out_upright_on_black() -> None:
     assert crop_to_mask(rgb, mask, 32).shape == (32, 32, 3)
 
 
-def test_doubles_go_and_the_smallest_mask_is_on_top() -> None:
+def test_duplicates_are_suppressed_and_the_smallest_mask_is_on_top() -> None:
     masks = np.zeros((3, 10, 10), bool)
     masks[0, :9] = True
     masks[1] = True
@@ -137,7 +138,7 @@ def test_doubles_go_and_the_smallest_mask_is_on_top() -> None:
 
 
 def masks_by_transformers(folder: Path, rgb: np.ndarray) -> np.ndarray:
-    """[1024,3,H,W] masks at all points of the grid as transformers' own processor makes them."""
+    """Return [1024,3,H,W] masks at all points of the grid by the processor of transformers."""
     import torch
     from transformers import SamImageProcessorPil, SamModel
 
@@ -166,11 +167,11 @@ def masks_by_transformers(folder: Path, rgb: np.ndarray) -> np.ndarray:
     return masks.numpy()
 
 
-def farthest(masks: np.ndarray, known: np.ndarray) -> float:
-    """Share of pixels in which the mask that is least like any known one differs from it."""
-    one, other = (x.reshape(len(x), -1).astype(np.float32) for x in (masks, known))
-    differing = one.sum(1)[:, None] + other.sum(1) - 2 * one @ other.T
-    return float(differing.min(axis=1).max() / one.shape[1])
+def max_difference(masks: np.ndarray, known: np.ndarray) -> float:
+    """Return the largest share of pixels in which a mask differs from the nearest known one."""
+    flat, other = (x.reshape(len(x), -1).astype(np.float32) for x in (masks, known))
+    differing = flat.sum(1)[:, None] + other.sum(1) - 2 * flat @ other.T
+    return float(differing.min(axis=1).max() / flat.shape[1])
 
 
 @pytest.mark.parametrize("size", [(48, 96), (96, 60)])
@@ -180,15 +181,15 @@ def test_masks_are_those_of_transformers(tmp_path: Path, size: tuple[int, int]) 
     rgb[: size[0] // 2, : size[1] // 3] += np.array((120, 20, 0), np.uint8)
     found = MaskGenerator(tmp_path, threads=1)(rgb)
     known = masks_by_transformers(tmp_path, rgb)
-    assert [one.shape[1:] for one in found] == [size] * 3
+    assert [masks.shape[1:] for masks in found] == [size] * 3
     assert sum(map(len, found)) > 20
     wrong = masks_by_transformers(tmp_path, np.ascontiguousarray(rgb[..., ::-1]))
     for level, masks in enumerate(found):
-        assert farthest(masks, known[:, 2 - level]) < 1e-3
+        assert max_difference(masks, known[:, 2 - level]) < 1e-3
         if len(masks) > 5:
-            assert farthest(masks, wrong[:, 2 - level]) > 0.02
-    for one, other in zip(found, MaskGenerator(tmp_path, threads=1)(rgb), strict=True):
-        np.testing.assert_array_equal(one, other)
+            assert max_difference(masks, wrong[:, 2 - level]) > 0.02
+    for masks, other in zip(found, MaskGenerator(tmp_path, threads=1)(rgb), strict=True):
+        np.testing.assert_array_equal(masks, other)
 
 
 def test_a_level_without_masks_is_empty(tmp_path: Path) -> None:
@@ -208,12 +209,12 @@ def test_a_level_without_masks_is_empty(tmp_path: Path) -> None:
 
 
 def two_boxes() -> list[RgbdFrame]:
-    """A red box and a blue one as the robot sees them."""
+    """Return frames of a red box and a blue one."""
     return [change_room.see(change_room.home(), look) for look in change_room.LOOKS]
 
 
 def true_masks(frames: list[RgbdFrame]) -> Callable[[np.ndarray], list[np.ndarray]]:
-    """One level of masks, those of the simulator, in place of a SAM."""
+    """Return a mask generator with one level: the masks of the simulator."""
     known = {}
     for frame in frames:
         assert frame.labels is not None
@@ -223,8 +224,8 @@ def true_masks(frames: list[RgbdFrame]) -> Callable[[np.ndarray], list[np.ndarra
     return lambda rgb: known[rgb.tobytes()]
 
 
-def test_segments_number_what_shows(tmp_path: Path) -> None:
-    """Masks that others hide have no embedding; beyond the border of a picture there is nothing."""
+def test_segments_are_the_visible_masks(tmp_path: Path) -> None:
+    """Hidden masks have no embedding; pixels outside the mask of the frame have no label."""
     tiny_models.write_clip(tmp_path)
     encoder = ClipEncoder(tmp_path, threads=1)
     pose = look_at((0, 0, 0), (0, 1, 0))
@@ -242,17 +243,17 @@ def test_segments_number_what_shows(tmp_path: Path) -> None:
     np.testing.assert_array_equal(segments.labels, expected)
     pictures = [crop_to_mask(frame.rgb, one & seen, encoder.side_px) for one in (left, right, left)]
     np.testing.assert_array_equal(segments.embeddings, encoder.encode_images(pictures))
-    with pytest.raises(ValueError, match="without a SAM it knows words only"):
+    with pytest.raises(ValueError, match="it has no SAM to segment frames with"):
         ClipSource(encoder).segments(frame)
 
 
-def test_a_map_is_asked_for_red_and_blue(tmp_path: Path) -> None:
-    """Words are tied to what transformers makes of files, so that a wrong order would show."""
+def test_queries_for_red_and_blue_find_the_boxes(tmp_path: Path) -> None:
+    """The text embeddings are set from the image embeddings of transformers itself."""
     tiny_models.write_clip(tmp_path)
     frames = two_boxes()
     masks, *_ = true_masks(frames)(frames[0].rgb)
     shown = [
-        picture_by_transformers(tmp_path, crop_to_mask(frames[0].rgb, one, tiny_models.SIDE_PX))
+        image_by_transformers(tmp_path, crop_to_mask(frames[0].rgb, one, tiny_models.SIDE_PX))
         for one in masks
     ]
     # The boxes come last.
@@ -260,31 +261,31 @@ def test_a_map_is_asked_for_red_and_blue(tmp_path: Path) -> None:
     everything_else = sum(other)
     words = {"red": red - blue - everything_else, "blue": blue - red - everything_else}
     words |= dict.fromkeys(CANONICAL, everything_else)
-    tiny_models.teach_words(tmp_path, words)
+    tiny_models.set_text_embeddings(tmp_path, words)
     source = ClipSource(ClipEncoder(tmp_path, threads=1), true_masks(frames))
     gaussian_map, _ = change_room.mapped()
-    found = embed_semantics(gaussian_map, frames, source, code=8, threads=1)
+    found = embed_semantics(gaussian_map, frames, source, code_dims=8, threads=1)
     assert found.features.shape == (gaussian_map.size, 24)
-    taught = replace(gaussian_map, features=found.features)
-    queries = SemanticQueries(taught, found.autoencoder, source)
-    for word, place in (("red", (2.2, 1.85)), ("blue", (3.0, 1.95))):
+    with_features = replace(gaussian_map, features=found.features)
+    queries = SemanticQueries(with_features, found.autoencoder, source)
+    for word, position in (("red", (2.2, 1.85)), ("blue", (3.0, 1.95))):
         best = queries.find(word)[0]
-        np.testing.assert_allclose(best.middle[:2], place, atol=0.1)
+        np.testing.assert_allclose(best.center[:2], position, atol=0.1)
         np.testing.assert_allclose(best.high - best.low, (0.24, 0.24, 0.3), atol=0.15)
 
 
-def test_a_map_is_taught_and_asked_by_commands(
+def test_commands_add_semantics_and_answer_queries(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     tiny_models.write_clip(tmp_path / "clip")
     tiny_models.write_sam(tmp_path / "sam")
     robot = Controller(change_room.home(), **change_room.SIZE)
     capture(robot, change_room.LOOKS[:2], tmp_path / "visit")
-    cameras = {one.name: one.read().camera for one in open_dataset(tmp_path / "visit").frames}
+    cameras = {frame.name: frame.read().camera for frame in open_dataset(tmp_path / "visit").frames}
     write_map_folder(tmp_path / "map", change_room.mapped()[0], {}, cameras)
     clip, sam = ["--clip", str(tmp_path / "clip")], ["--sam", str(tmp_path / "sam")]
-    teach = ["semantics", str(tmp_path / "map"), str(tmp_path / "visit"), "--source", "clip"]
-    ask = ["query", str(tmp_path / "map"), "red", "--json"]
+    add = ["semantics", str(tmp_path / "map"), str(tmp_path / "visit"), "--source", "clip"]
+    query = ["query", str(tmp_path / "map"), "red", "--json"]
 
     def run(*arguments: str) -> str:
         result = CliRunner().invoke(app, arguments, catch_exceptions=False)
@@ -292,30 +293,30 @@ def test_a_map_is_taught_and_asked_by_commands(
         return result.stdout
 
     with pytest.raises(ValueError, match="needs both models: --clip DIR and --sam DIR"):
-        run(*teach, *clip)
-    run(*teach, *clip, *sam, "--code", "8", "--threads", "1")
-    taught = read_semantics(tmp_path / "map")
-    assert taught is not None
-    setting, _ = taught
+        run(*add, *clip)
+    run(*add, *clip, *sam, "--code-dims", "8", "--threads", "1")
+    recorded = read_semantics(tmp_path / "map")
+    assert recorded is not None
+    setting, _ = recorded
     assert (setting.source, setting.levels) == ("clip", 3)
     assert setting.models == {"clip": clip[1], "sam": sam[1]}
-    first = run(*ask)
+    first = run(*query)
     assert isinstance(json.loads(first), list)
     assert MapSemantics.of_map(tmp_path / "map") is not None
-    # Words need no SAM, and CLIP may move; without SAM, updates go on, and tell of it.
+    # Queries need no SAM, and CLIP may be moved; without SAM, updates are possible, with a warning.
     (tmp_path / "sam").rename(tmp_path / "gone")
     assert MapSemantics.of_map(tmp_path / "map") is None
-    assert "what is new will have no meaning" in caplog.text
+    assert "new objects will have no semantic features" in caplog.text
     (tmp_path / "clip").rename(tmp_path / "moved")
-    with pytest.raises(FileNotFoundError, match=r"is not there; --clip DIR tells where"):
-        run(*ask)
-    assert run(*ask, "--clip", str(tmp_path / "moved")) == first
+    with pytest.raises(FileNotFoundError, match=r"is not there; give its folder with --clip DIR"):
+        run(*query)
+    assert run(*query, "--clip", str(tmp_path / "moved")) == first
 
 
-def test_sources_are_named() -> None:
-    oracle = SemanticsSetting.model_construct(source="oracle")
+def test_bad_sources_are_rejected() -> None:
+    oracle = SemanticsCause.model_construct(source="oracle")
     assert open_text_source(oracle).dims == 512
     with pytest.raises(ValueError, match="the source oracle takes no model, got --clip"):
         open_source("oracle", {"clip": Path("clip")})
-    with pytest.raises(ValueError, match="does not tell which CLIP"):
+    with pytest.raises(ValueError, match="does not record the folder of its CLIP"):
         open_text_source(oracle.model_copy(update={"source": "clip"}))

@@ -1,4 +1,4 @@
-"""CLIP and SAM in folders that are damaged, incomplete, or a trap."""
+"""CLIP and SAM in folders that are damaged, incomplete or malicious."""
 
 import json
 import sys
@@ -37,7 +37,7 @@ def spoil_config(folder: Path) -> None:
     (folder / "config.json").write_text("[]")
 
 
-def spoil_kind(folder: Path) -> None:
+def spoil_model_type(folder: Path) -> None:
     config = json.loads((folder / "config.json").read_text())
     (folder / "config.json").write_text(json.dumps({**config, "model_type": "siglip"}))
 
@@ -82,23 +82,23 @@ BOTH = [
     (lose_config, FileNotFoundError, rf"no config\.json; .*{HOW}"),
     (lose_weights, FileNotFoundError, rf"no model\.safetensors; .*{HOW}"),
     (spoil_config, ValueError, r"config\.json is no JSON object"),
-    (spoil_kind, ValueError, r"expected a model of type \w+, got siglip"),
+    (spoil_model_type, ValueError, r"expected a model of type \w+, got siglip"),
     (widen, ValueError, r"do not fit its config\.json: \S+: expected \[.*\], got \["),
     (cut_weights, ValueError, "its weights cannot be read: .*incomplete"),
     (lose_a_weight, ValueError, r"its weights lack \w+\."),
 ]
-OF_CLIP = [
-    (lose_merges, FileNotFoundError, rf"no tokenizer\.json, nor vocab\.json .*{HOW}"),
-    (spoil_tokenizer, ValueError, "its tokenizer cannot be read"),
-    (other_tokenizer, ValueError, "its tokenizer is not that of its weights"),
+CLIP_ONLY = [
+    (lose_merges, FileNotFoundError, rf"no tokenizer\.json and no vocab\.json .*{HOW}"),
+    (spoil_tokenizer, ValueError, "the tokenizer cannot be read"),
+    (other_tokenizer, ValueError, "the tokenizer does not belong to the weights"),
 ]
 
 
 @pytest.mark.parametrize(
     ("kind", "spoil", "error", "message"),
     [
-        *(("clip", *one) for one in (*BOTH, *OF_CLIP)),
-        *(("sam", *one) for one in BOTH),
+        *(("clip", *case) for case in (*BOTH, *CLIP_ONLY)),
+        *(("sam", *case) for case in BOTH),
     ],
 )
 def test_damaged_models_are_named_in_one_line(
@@ -127,18 +127,18 @@ def test_damaged_models_are_named_in_one_line(
 def test_weights_that_are_not_finite_are_named(tmp_path: Path) -> None:
     tiny_models.write_clip(tmp_path)
     edit_weights(tmp_path, lambda weights: weights["visual_projection.weight"].fill_(np.nan))
-    with pytest.raises(ValueError, match="its weights give numbers that are not finite"):
+    with pytest.raises(ValueError, match="the weights give embeddings that are not finite"):
         ClipEncoder(tmp_path).encode_images([np.zeros((32, 32, 3), np.uint8)])
 
 
-def test_a_sam_of_other_levels_is_named(tmp_path: Path) -> None:
+def test_a_sam_with_another_number_of_levels_is_rejected(tmp_path: Path) -> None:
     tiny_models.write_sam(tmp_path, num_multimask_outputs=2)
-    with pytest.raises(ValueError, match="expected 3 masks a point, got 2"):
+    with pytest.raises(ValueError, match="expected 3 masks per point, got 2"):
         MaskGenerator(tmp_path)
 
 
 class Trap:
-    """Makes a folder when it is unpickled."""
+    """Creates a folder when it is unpickled."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -157,7 +157,7 @@ def test_pickled_weights_do_not_run(tmp_path: Path, name: str) -> None:
     torch.load(folder / name, weights_only=False)
     assert ran.exists()
     ran.rmdir()
-    # Beside safetensors it does no harm.
+    # Beside safetensors it is ignored.
     ClipEncoder(folder)
     if name == "adapter_model.bin":
         config = json.loads((folder / "config.json").read_text())
@@ -171,7 +171,7 @@ def test_pickled_weights_do_not_run(tmp_path: Path, name: str) -> None:
     assert not ran.exists()
 
 
-def test_without_transformers_it_is_told_what_to_install(
+def test_without_transformers_the_message_names_the_extra(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "transformers", None)

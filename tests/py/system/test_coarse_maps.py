@@ -10,8 +10,8 @@ from gslts._core.raster import RasterizerFloat, RenderOptions
 from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
-from gslts.localization.coarse_maps import CoarseMaps, thinned
-from gslts.localization.image_pyramid import Pictures
+from gslts.localization.coarse_maps import CoarseMaps, thin
+from gslts.localization.image_pyramid import ImagePyramid
 
 
 def volume(gaussian_map: GaussianMap) -> float:
@@ -20,7 +20,7 @@ def volume(gaussian_map: GaussianMap) -> float:
 
 def test_fewer_gaussians_fill_about_the_same_volume() -> None:
     gaussian_map = change_room.mapped()[0]
-    few = thinned(gaussian_map, 4)
+    few = thin(gaussian_map, 4)
     assert few.size == gaussian_map.size // 4
     assert few.sh_degree == 0
     assert set(few.ids) < set(gaussian_map.ids)
@@ -39,22 +39,22 @@ def test_a_small_picture_of_fewer_gaussians_is_about_the_same() -> None:
         )
         return images["rgb"]
 
-    full = rendered(maps.halved(0))
-    off = np.abs(rendered(maps.halved(1)) - full)
+    full = rendered(maps.for_level(0))
+    off = np.abs(rendered(maps.for_level(1)) - full)
     assert 0 < off.mean() < 0.05
     smaller = np.abs(rendered(_not_grown(gaussian_map)) - full)
     assert off.mean() < 0.8 * smaller.mean()
 
 
 def _not_grown(gaussian_map: GaussianMap) -> GaussianViewFloat:
-    view = gaussian_map.select(np.isin(gaussian_map.ids, thinned(gaussian_map, 2).ids)).view()
+    view = gaussian_map.select(np.isin(gaussian_map.ids, thin(gaussian_map, 2).ids)).view()
     assert isinstance(view, GaussianViewFloat)
     return view
 
 
 def test_a_picture_not_halved_is_compared_with_the_whole_map() -> None:
     gaussian_map = change_room.mapped()[0]
-    assert thinned(gaussian_map, 1) is gaussian_map
+    assert thin(gaussian_map, 1) is gaussian_map
 
 
 def test_a_large_picture_counts_in_blocks_all_over_it() -> None:
@@ -62,10 +62,10 @@ def test_a_large_picture_counts_in_blocks_all_over_it() -> None:
         fx=500, fy=500, cx=320, cy=240, width=640, height=480, world_from_camera=np.eye(4)
     )
     frame = RgbdFrame(np.zeros((480, 640, 3), np.uint8), np.ones((480, 640), np.float32), camera)
-    large = Pictures.of(frame)
-    full = large.spread(0)
+    large = ImagePyramid.of(frame)
+    full = large.used_pixels(0)
     assert full.shape == (480, 640)
     assert full.mean() == pytest.approx(0.25, abs=0.05)
     assert full[:32, :32].all()
     assert not full[:32, 32:64].any()
-    assert large.spread(1).all()
+    assert large.used_pixels(1).all()

@@ -15,9 +15,9 @@ from gslts.keeper.keeper import MapKeeper, StoppedError
 from gslts.store.map_folder import read_map, write_map_folder
 from gslts_sim.controller import Controller
 from gslts_sim.home import Home
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
 
-FAR = Look(np.array([0.75, 0.5]), 45.0, 30.0)
+FAR = Viewpoint(0.75, 0.5, 45.0, 30.0)
 
 
 @pytest.fixture
@@ -57,7 +57,7 @@ def test_what_has_moved_is_found_on_the_map_as_it_is_now(folder: Path) -> None:
         assert keeper.version.number > 1
     assert journey.status == "reached", journey.reason
     low, high = update_room.ADDED
-    boxes = [one.middle for one in navigator.queries.find("box")]
+    boxes = [one.center for one in navigator.queries.find("box")]
     assert any(((box > low) & (box < high)).all() for box in boxes)
 
 

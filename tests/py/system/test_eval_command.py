@@ -14,7 +14,7 @@ from gslts.datasets import open_dataset
 from gslts.store.map_folder import write_map_folder
 from gslts_sim.capture import capture
 from gslts_sim.controller import Controller
-from gslts_sim.viewpoints import Look
+from gslts_sim.robot_body import Viewpoint
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +53,7 @@ def test_eval_command(weights: tuple[Path, Path], tmp_path: Path) -> None:
 
 def test_eval_skips_and_tells(tmp_path: Path) -> None:
     robot = Controller(sim_scenes.simple_home(), width=64, height=48, noise="none")
-    looks = [Look(np.array([1.0, 1.0]), yaw, 20.0) for yaw in np.arange(0.0, 360.0, 20.0)]
+    looks = [Viewpoint(1.0, 1.0, yaw, 20.0) for yaw in np.arange(0.0, 360.0, 20.0)]
     capture(robot, looks, tmp_path / "set")
     frames = open_dataset(tmp_path / "set").frames
     gaussian_map = scenes.random_map(100, dtype=np.float32)

@@ -26,7 +26,7 @@ def test_export_command(tmp_path: Path) -> None:
     done = run("export", "a.ply", "new/b.splat", cwd=tmp_path)  # A plain file is a map too.
     assert done.returncode == 0, done.stderr
     assert "30 Gaussians, 960 bytes" in done.stdout
-    assert "SH degree 0, degrees to 2 do not fit" in done.stdout
+    assert "SH degree 0 only, the map has degree 2" in done.stdout
     np.testing.assert_allclose(
         np.sort(decoded(tmp_path / "new/b.splat").means[:, 0]),
         np.sort(gaussian_map.means[:, 0] + ORIGIN[0]),

@@ -9,10 +9,10 @@ import pytest
 import sim_scenes
 from videos import write
 
-from gslts.io.atomic_files import write_whole
+from gslts.io.atomic_files import write_atomic
 from gslts_sim.capture import capture
 from gslts_sim.controller import Controller
-from gslts_sim.viewpoints import Look
+from gslts_sim.robot_body import Viewpoint
 
 LIMITED = """
 import resource, signal, sys
@@ -28,7 +28,7 @@ main()
 @pytest.fixture(scope="module")
 def visit(tmp_path_factory: pytest.TempPathFactory) -> Path:
     robot = Controller(sim_scenes.simple_home(), width=64, height=48)
-    looks = [Look(np.array([1.0, 1.0]), yaw, 20.0) for yaw in np.arange(0.0, 360.0, 30.0)]
+    looks = [Viewpoint(1.0, 1.0, yaw, 20.0) for yaw in np.arange(0.0, 360.0, 30.0)]
     folder = tmp_path_factory.mktemp("visit") / "room"
     capture(robot, looks, folder)
     return folder
@@ -72,7 +72,7 @@ def test_an_error_in_writing_names_the_file(
     opened = Path.open
     monkeypatch.setattr(Path, "open", lambda _, mode: opened(Path("/dev/full"), mode))
     with pytest.raises(OSError, match=r"No space left on device: .*/file'"):
-        write_whole(path, b"new")
+        write_atomic(path, b"new")
     monkeypatch.undo()
     assert path.read_bytes() == b"old"
     assert [one.name for one in tmp_path.iterdir()] == ["file"]

@@ -13,6 +13,7 @@ import pytest
 import update_room
 from landmark_room import folder_with, found, frames
 from safetensors.numpy import load, save
+from store_maps import ORACLE
 from typer.testing import CliRunner
 
 from gslts._core import reloc
@@ -20,27 +21,25 @@ from gslts.cli import app
 from gslts.core.frame import RgbdFrame
 from gslts.io.ply import write_ply
 from gslts.localization import landmark_files
+from gslts.localization.constants import (
+    DESCRIPTOR_RADIUS_PX,
+    MAX_FILE_BYTES,
+    MAX_GAUSSIAN_DISTANCE_M,
+    SAME_LANDMARK_BITS,
+    SAME_LANDMARK_M,
+)
+from gslts.localization.landmark_extraction import extract_landmarks, gray_image
 from gslts.localization.landmark_files import (
     FOLDER,
     KEY,
-    MOST_FILE_BYTES,
     has_landmarks,
-    keep_landmarks,
     read_landmarks,
+    write_landmarks,
 )
-from gslts.localization.landmarks import (
-    BORDER_PX,
-    ON_GAUSSIAN_M,
-    SAME_BITS,
-    SAME_M,
-    Landmarks,
-    bounded,
-    distinct,
-    grey_of,
-    joined,
-    landmarks_of,
-)
-from gslts.store.map_folder import MANIFEST, open_map, read_map
+from gslts.localization.landmarks import Landmarks, concatenate, limit_size, remove_duplicates
+from gslts.store.causes import UpdateCause
+from gslts.store.manifest import MANIFEST
+from gslts.store.map_folder import open_map, read_map
 from gslts.update.publish import published
 from gslts.update.updater import Update
 from gslts_sim.physics import boxes_in_world
@@ -104,7 +103,7 @@ def test_each_is_a_corner_of_its_keyframe() -> None:
         (number,) = (k for k, one in enumerate(poses) if np.array_equal(one, pose))
         own = found().select(found().keyframes == row)
         rule = reloc.FeatureRule(count=4000)
-        pixels, looks = reloc.features_of(grey_of(frames()[number].rgb), None, rule)
+        pixels, looks = reloc.features_of(gray_image(frames()[number].rgb), None, rule)
         apart_px = np.linalg.norm(pixels_of(own, frames()[number])[:, None] - pixels, axis=2)
         same = (own.descriptors[:, None] == looks).all(axis=2)
         assert ((apart_px < 0.01) & same).any(axis=1).mean() > 0.9
@@ -115,24 +114,24 @@ def test_each_sits_on_a_gaussian() -> None:
     rows = np.searchsorted(gaussian_map.ids, found().gaussians)
     np.testing.assert_array_equal(gaussian_map.ids[rows], found().gaussians)
     apart_m = np.linalg.norm(gaussian_map.means[rows] - found().positions, axis=1)
-    assert apart_m.max() < ON_GAUSSIAN_M + 1e-5
+    assert apart_m.max() < MAX_GAUSSIAN_DISTANCE_M + 1e-5
 
 
 def test_they_do_not_depend_on_the_number_of_threads() -> None:
     gaussian_map, _ = change_room.mapped()
-    assert_same(landmarks_of(gaussian_map, frames(), threads=2), found())
+    assert_same(extract_landmarks(gaussian_map, frames(), threads=2), found())
 
 
 def test_pictures_from_one_place_are_one_keyframe() -> None:
     gaussian_map, _ = change_room.mapped()
-    one = landmarks_of(gaussian_map, frames()[:1], threads=1)
-    assert_same(landmarks_of(gaussian_map, frames()[:1] * 3, threads=1), one)
+    one = extract_landmarks(gaussian_map, frames()[:1], threads=1)
+    assert_same(extract_landmarks(gaussian_map, frames()[:1] * 3, threads=1), one)
     assert len(one.world_from_keyframe) == 1
 
 
 def test_depth_need_not_be_measured() -> None:
     blind = [replace(one, depth=np.zeros_like(one.depth)) for one in frames()]
-    landmarks = landmarks_of(change_room.mapped()[0], blind, threads=1)
+    landmarks = extract_landmarks(change_room.mapped()[0], blind, threads=1)
     assert landmarks.size > 0.5 * found().size
     assert np.quantile(off_surfaces_m(landmarks.positions), 0.95) < 0.03
 
@@ -141,7 +140,7 @@ def test_where_the_map_shows_something_else_there_are_none() -> None:
     frame = frames()[-1]
     depth = frame.depth.copy()
     depth[:, :SPLIT_PX] *= 1.2
-    landmarks = landmarks_of(change_room.mapped()[0], [replace(frame, depth=depth)], threads=1)
+    landmarks = extract_landmarks(change_room.mapped()[0], [replace(frame, depth=depth)], threads=1)
     assert landmarks.size > 20
     assert pixels_of(landmarks, frame)[:, 0].min() > SPLIT_PX - 0.01
 
@@ -151,26 +150,26 @@ def test_what_the_camera_did_not_see_is_no_part_of_a_landmark() -> None:
     mask = np.ones(frame.depth.shape, np.bool_)
     mask[:, :SPLIT_PX] = False
     seen = replace(frame, mask=mask)
-    landmarks = landmarks_of(change_room.mapped()[0], [seen], threads=1)
+    landmarks = extract_landmarks(change_room.mapped()[0], [seen], threads=1)
     assert landmarks.size > 20
-    assert pixels_of(landmarks, frame)[:, 0].min() > SPLIT_PX + BORDER_PX - 1
-    wanted = landmarks_of(change_room.mapped()[0], [frame], [mask], threads=1)
-    assert -0.01 < pixels_of(wanted, frame)[:, 0].min() - SPLIT_PX < BORDER_PX
+    assert pixels_of(landmarks, frame)[:, 0].min() > SPLIT_PX + DESCRIPTOR_RADIUS_PX - 1
+    wanted = extract_landmarks(change_room.mapped()[0], [frame], [mask], threads=1)
+    assert -0.01 < pixels_of(wanted, frame)[:, 0].min() - SPLIT_PX < DESCRIPTOR_RADIUS_PX
 
 
 def test_of_nothing_there_is_nothing() -> None:
     gaussian_map, _ = change_room.mapped()
     grey = replace(frames()[0], rgb=np.full_like(frames()[0].rgb, 90))
     for none in ([], [grey]):
-        landmarks = landmarks_of(gaussian_map, none, threads=1)
+        landmarks = extract_landmarks(gaussian_map, none, threads=1)
         assert landmarks.size == len(landmarks.world_from_keyframe) == 0
-    assert joined([]).size == 0
+    assert concatenate([]).size == 0
 
 
 def test_bytes_are_bounded_and_each_keyframe_keeps_its_share() -> None:
     gaussian_map, _ = change_room.mapped()
     for most in (found().nbytes // 2, 20_000):
-        fewer = landmarks_of(gaussian_map, frames(), most_bytes=most, threads=1)
+        fewer = extract_landmarks(gaussian_map, frames(), max_bytes=most, threads=1)
         assert 0.8 * most < fewer.nbytes <= most
         share = fewer.size / found().size
         for pose, count in zip(
@@ -178,8 +177,8 @@ def test_bytes_are_bounded_and_each_keyframe_keeps_its_share() -> None:
         ):
             (row,) = np.flatnonzero((fewer.world_from_keyframe == pose).all(axis=(1, 2)))
             assert abs((fewer.keyframes == row).sum() - share * count) < 2
-    assert bounded(found(), found().nbytes) is found()
-    assert bounded(found(), 0).size == 0
+    assert limit_size(found(), found().nbytes) is found()
+    assert limit_size(found(), 0).size == 0
 
 
 def flipped(landmarks: Landmarks, bits: int, shift_m: float) -> Landmarks:
@@ -191,11 +190,14 @@ def flipped(landmarks: Landmarks, bits: int, shift_m: float) -> Landmarks:
 
 
 def test_what_is_in_one_place_and_looks_the_same_is_one() -> None:
-    assert distinct(found()).size == found().size
-    again = flipped(found(), SAME_BITS - 1, 0.9 * SAME_M)
-    assert_same(distinct(joined([found(), again])), found())
-    for other in (flipped(found(), SAME_BITS, 0.0), flipped(found(), 0, 1.1 * SAME_M)):
-        assert distinct(joined([found(), other])).size > 1.8 * found().size
+    assert remove_duplicates(found()).size == found().size
+    again = flipped(found(), SAME_LANDMARK_BITS - 1, 0.9 * SAME_LANDMARK_M)
+    assert_same(remove_duplicates(concatenate([found(), again])), found())
+    for other in (
+        flipped(found(), SAME_LANDMARK_BITS, 0.0),
+        flipped(found(), 0, 1.1 * SAME_LANDMARK_M),
+    ):
+        assert remove_duplicates(concatenate([found(), other])).size > 1.8 * found().size
 
 
 def test_thinning_is_that_of_all_pairs() -> None:
@@ -211,17 +213,17 @@ def test_thinning_is_that_of_all_pairs() -> None:
     )
     kept: list[int] = []
     for k in range(400):
-        near = np.linalg.norm(positions[kept] - positions[k], axis=1) < SAME_M
-        if not (near & ((bits[kept] != bits[k]).sum(axis=1) < SAME_BITS)).any():
+        near = np.linalg.norm(positions[kept] - positions[k], axis=1) < SAME_LANDMARK_M
+        if not (near & ((bits[kept] != bits[k]).sum(axis=1) < SAME_LANDMARK_BITS)).any():
             kept.append(k)
     assert 150 < len(kept) < 390
-    assert_same(distinct(landmarks), landmarks.select(np.array(kept)))
+    assert_same(remove_duplicates(landmarks), landmarks.select(np.array(kept)))
 
 
 def test_each_keeps_its_keyframe() -> None:
     rows = np.arange(found().size)[::-7]
     some = found().select(rows)
-    both = joined([some, found()])
+    both = concatenate([some, found()])
     assert both.size == some.size + found().size
     for landmarks, of in ((some, rows), (both, np.concatenate([rows, np.arange(found().size)]))):
         np.testing.assert_array_equal(
@@ -229,7 +231,7 @@ def test_each_keeps_its_keyframe() -> None:
             found().world_from_keyframe[found().keyframes[of]],
         )
     ids = found().gaussians[:9]
-    living = found().living(ids)
+    living = found().of_gaussians(ids)
     assert set(living.gaussians.tolist()) == set(ids.tolist())
     assert len(living.world_from_keyframe) == len(np.unique(living.keyframes))
 
@@ -295,9 +297,10 @@ def test_they_go_with_their_gaussians_and_come_back_with_them(folder: Path) -> N
     low, high = update_room.REMOVED
     gone = ((gaussian_map.means > low - 0.01) & (gaussian_map.means < high + 0.01)).all(axis=1)
     with open_map(folder, writable=True) as store:
-        store.commit(gaussian_map.select(~gone), {})
+        store.commit(gaussian_map.select(~gone), UpdateCause())
         store.commit_features(
-            replace(store.read(), features=np.ones((store.version().gaussians, 3), np.float32)), {}
+            replace(store.read(), features=np.ones((store.version().gaussians, 3), np.float32)),
+            ORACLE,
         )
     left = read_landmarks(folder)
     assert left is not None
@@ -355,7 +358,9 @@ def test_an_update_that_shows_no_corner_brings_none(folder: Path) -> None:
     publish(folder, replace(addition(), views=tuple(views)))
     assert len(files_of(folder)) == 1
     with open_map(folder) as store:
-        assert KEY not in store.version(2).cause
+        cause = store.version(2).cause
+    assert isinstance(cause, UpdateCause)
+    assert cause.landmarks is None
     assert_same(read_landmarks(folder), found())
 
 
@@ -363,7 +368,7 @@ def test_the_landmarks_of_many_updates_are_bounded(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     publish(folder, addition())
-    monkeypatch.setattr(landmark_files, "MOST_BYTES", found().nbytes // 2)
+    monkeypatch.setattr(landmark_files, "VERSION_BYTES", found().nbytes // 2)
     fewer = read_landmarks(folder)
     assert fewer is not None
     assert 0.9 * found().nbytes // 2 < fewer.nbytes <= found().nbytes // 2
@@ -374,7 +379,7 @@ def spoilt(content: bytes, harm: str) -> bytes:
         "cut": content[:-1],
         "flip": content[:-1] + bytes([content[-1] ^ 1]),
         "empty": b"",
-        "grow": bytes(MOST_FILE_BYTES + 1),
+        "grow": bytes(MAX_FILE_BYTES + 1),
     }[harm]
 
 
@@ -483,7 +488,7 @@ def test_files_that_no_version_names_are_removed(folder: Path) -> None:
     publish(folder, addition())
     named, both = files_of(folder), read_landmarks(folder)
     assert both is not None
-    keep_landmarks(found().select(np.arange(9)), folder)  # Of a commit that was stopped.
+    write_landmarks(found().select(np.arange(9)), folder)  # Of a commit that was stopped.
     (unnamed,) = {*files_of(folder)} - {*named}
     part = folder / FOLDER / ".abc.safetensors.1.part"
     part.write_bytes(b"half")

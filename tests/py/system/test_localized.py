@@ -25,7 +25,8 @@ from gslts.core.se3 import pose_distance, rotation
 from gslts.keeper import keeper as keeper_module
 from gslts.keeper.coverage import go_to
 from gslts.keeper.keeper import MapKeeper
-from gslts.localization.localizer import NEAR_M, Localizer, in_world
+from gslts.localization.constants import TRACKING_M
+from gslts.localization.localizer import Localizer, in_world
 from gslts.localization.relocalizer import Localization, Relocalizer
 from gslts.robots.localized import LocalizedRobot
 from gslts.robots.recorded import RecordedRobot
@@ -170,7 +171,7 @@ def test_tracking_starts_where_the_odometry_leads() -> None:
     "tracked",
     [
         LOST,
-        ok(shifted(5.0 + 1.1 * NEAR_M)),
+        ok(shifted(5.0 + 1.1 * TRACKING_M)),
     ],
 )
 def test_what_is_not_there_is_looked_for_from_nothing(tracked: Localization) -> None:
@@ -245,7 +246,7 @@ def test_a_watch_looks_where_frames_were_taken() -> None:
         assert monitor.wait(LONG_S)
         (report,) = monitor.poll()
     assert report.change.kind == "removal"
-    assert (monitor.counts.looked_at, monitor.counts.unreliable) == (8, 2)
+    assert (monitor.counts.processed, monitor.counts.unreliable) == (8, 2)
 
 
 @pytest.mark.parametrize("far", [(0, 0, 0), (412_345.25, 5_432_109.5, 300)])

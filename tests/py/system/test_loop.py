@@ -12,7 +12,7 @@ from update_room import LOOP as CONFIG
 from update_room import Changing
 
 from gslts.change.changes import Change
-from gslts.change.visibility import SeenSpace
+from gslts.change.visibility import Visibility
 from gslts.core.camera import Camera, at_pose, look_at
 from gslts.core.robot import Robot
 from gslts.keeper import coverage as rounds
@@ -57,8 +57,8 @@ def test_a_round_shows_nearly_all_that_can_be_seen() -> None:
     gaussian_map, cameras = change_room.mapped()
     stops = stops_of(gaussian_map, cameras, 100)
     points = gaussian_map.means[::7]
-    seen = SeenSpace(gaussian_map, cameras.values()).shown(points, rounds.FARTHEST_M)
-    on_the_way = SeenSpace(gaussian_map, [cameras[name] for name in stops]).shown(
+    seen = Visibility(gaussian_map, cameras.values()).visible(points, rounds.FARTHEST_M)
+    on_the_way = Visibility(gaussian_map, [cameras[name] for name in stops]).shown(
         points, rounds.FARTHEST_M
     )
     assert on_the_way.any(axis=0).sum() > 0.9 * seen.any(axis=0).sum()
@@ -101,7 +101,7 @@ def test_a_round_repairs_what_changed_and_the_next_one_has_nothing_to_do(tmp_pat
         assert any(words.startswith("removal at (2.") for words in said)
         assert any(words.startswith("version 2: ") for words in said)
         with open_map(folder) as store:
-            assert store.version(2).cause["round"] == 0
+            assert store.version(2).cause.round == 0
     assert settled >= 3
 
 

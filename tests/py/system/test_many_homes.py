@@ -6,8 +6,8 @@ from pathlib import Path
 import home_checks
 
 from gslts_sim import ROOM_TYPES
-from gslts_sim.tasks import TaskMaker, homes_of, tasks_of
-from gslts_sim.trial import Setting
+from gslts_sim.change_sampler import TaskSettings
+from gslts_sim.tasks import TaskMaker, generate_tasks, homes_of
 
 
 def test_hundred_homes_of_each_type_are_sound():
@@ -19,8 +19,8 @@ def test_hundred_homes_of_each_type_are_sound():
 
 def test_every_task_of_many_homes_replays() -> None:
     """Also where the robot would stand in the way if it were there."""
-    maker = TaskMaker(Setting(width=16, height=16), 0)
-    made = list(tasks_of(["kitchen", "living_room"], Path(), 0, 48, 12, maker))
+    maker = TaskMaker(TaskSettings(width=16, height=16), 0)
+    made = list(generate_tasks(["kitchen", "living_room"], Path(), 0, 48, 12, maker))
     assert len(made) == 48
     homes = {
         source: home

@@ -213,7 +213,7 @@ def test_a_killed_run_leaves_no_map_and_goes_on(recorded: dict[str, Path], tmp_p
     assert checkpoint.exists()
     done = run(*arguments, cwd=tmp_path)
     assert done.returncode == 1
-    assert "go on with --resume, or remove it" in done.stderr
+    assert "continue it with --resume, or remove" in done.stderr
     done = run(*arguments, "--resume", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert not checkpoint.exists()

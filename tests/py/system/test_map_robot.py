@@ -1,4 +1,4 @@
-"""A robot that is in a map."""
+"""A robot in a map: it sees renderings."""
 
 import numpy as np
 import surfel_room
@@ -18,14 +18,14 @@ def robot() -> MapRobot:
     return MapRobot(room, make_semantic_map(room, BODY), BODY, CAMERA, threads=1)
 
 
-def test_it_sees_what_the_map_shows() -> None:
+def test_it_sees_renderings_of_the_map() -> None:
     frame = robot().observe()
     assert frame.rgb.shape == (120, 160, 3)
     assert (frame.depth > 0).mean() > 0.9
     assert_allclose(frame.camera.world_from_camera, CAMERA.world_from_camera)
 
 
-def test_it_goes_where_there_is_room_and_looks_where_it_is_told() -> None:
+def test_it_moves_to_free_positions_and_turns() -> None:
     one = robot()
     places = one.reachable_positions()
     assert len(places) > 500
@@ -41,7 +41,7 @@ def test_it_goes_where_there_is_room_and_looks_where_it_is_told() -> None:
     assert_allclose(ahead, [-np.cos(0.3), 0, -np.sin(0.3)], atol=1e-9)
 
 
-def test_it_does_not_move_where_there_is_no_room() -> None:
+def test_it_does_not_move_without_free_positions() -> None:
     room = surfel_room.surfel_map()
     wide = RobotBody(radius_m=2.0)
     stuck = MapRobot(room, make_semantic_map(room, wide), wide, CAMERA, threads=1)

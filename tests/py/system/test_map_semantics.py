@@ -1,4 +1,4 @@
-"""Meaning that follows a map through its changes, as a user and as the loop meet it."""
+"""Semantic features of a map: updates with changes, and commands."""
 
 import json
 from dataclasses import replace
@@ -25,6 +25,7 @@ from gslts.semantics.queries import SemanticQueries
 from gslts.semantics.refine import refine_features
 from gslts.semantics.source import Oracle
 from gslts.semantics.train_autoencoder import train_autoencoder
+from gslts.store.causes import UpdateCause
 from gslts.store.map_folder import open_map, read_map, write_map_folder
 from gslts.update.edit import near_regions
 from gslts.update.publish import published
@@ -60,27 +61,27 @@ def test_names_are_those_of_the_labels() -> None:
     assert embedded_map()[1].names == ("Block", "Box", "Floor", "Wall")
 
 
-def test_what_is_added_means_what_was_seen() -> None:
+def test_an_added_object_gets_the_features_of_the_frames() -> None:
     result = updated("addition")
     rows = new_rows(result)
     assert len(rows) > 20
     assert map_semantics().name_of(result.gaussian_map, rows) == "Box"
 
 
-def test_what_moved_is_found_where_it_is_now_and_means_what_it_did() -> None:
-    """The blue box went from (3.0, 1.95) to (2.6, 1.7), and stands beside the red one now."""
+def test_a_relocated_object_keeps_its_features_at_its_new_position() -> None:
+    """The blue box was moved from (3.0, 1.95) to (2.6, 1.7), beside the red one."""
     before = SemanticQueries(embedded_map()[0], map_semantics().autoencoder, Oracle()).find("box")
-    assert max(one.high[0] for one in before) > 3.0
+    assert max(instance.high[0] for instance in before) > 3.0
     result = updated("relocation")
     found = SemanticQueries(result.gaussian_map, map_semantics().autoencoder, Oracle()).find("box")
-    assert max(one.high[0] for one in found) == pytest.approx(2.72, abs=0.05)
-    rows = np.intersect1d(np.concatenate([one.rows for one in found]), new_rows(result))
+    assert max(instance.high[0] for instance in found) == pytest.approx(2.72, abs=0.05)
+    rows = np.intersect1d(np.concatenate([instance.rows for instance in found]), new_rows(result))
     assert len(rows) > 20
-    known = {one.tobytes() for one in embedded_map()[0].features}
-    assert all(one.tobytes() in known for one in result.gaussian_map.features[rows])
+    known = {row.tobytes() for row in embedded_map()[0].features}
+    assert all(row.tobytes() in known for row in result.gaussian_map.features[rows])
 
 
-def test_what_nobody_names_has_no_meaning_and_others_keep_theirs() -> None:
+def test_without_labels_new_objects_have_no_features_and_others_keep_theirs() -> None:
     result = updated("addition", labels=False)
     unknown = ~result.gaussian_map.features.any(axis=1)
     inside = near_regions(result.gaussian_map, [Region("after", *update_room.ADDED)], 0.01)
@@ -94,7 +95,7 @@ def test_what_nobody_names_has_no_meaning_and_others_keep_theirs() -> None:
     np.testing.assert_array_equal(result.gaussian_map.features[after], before.features[kept])
 
 
-def test_what_is_gone_is_named_by_what_it_meant(tmp_path: Path) -> None:
+def test_a_removed_object_is_named_by_its_features(tmp_path: Path) -> None:
     result = updated("removal", labels=False)
     gaussian_map, _ = embedded_map()
     write_map_folder(tmp_path / "map", gaussian_map, {}, {})
@@ -104,11 +105,11 @@ def test_what_is_gone_is_named_by_what_it_meant(tmp_path: Path) -> None:
     assert (event.kind, event.type) == ("removal", "Box")
 
 
-def test_what_is_gone_was_where_its_gaussians_were(tmp_path: Path) -> None:
+def test_the_box_of_a_removed_object_is_that_of_its_gaussians(tmp_path: Path) -> None:
     result = updated("removal", labels=False)
     (change,) = result.changes
     low, high = change.boxes[0]
-    # A look that took the wall behind the object for a part of it.
+    # A detection that includes the wall behind the object.
     longer = SimpleNamespace(
         kind=change.kind,
         confidence=change.confidence,
@@ -122,7 +123,7 @@ def test_what_is_gone_was_where_its_gaussians_were(tmp_path: Path) -> None:
     np.testing.assert_allclose(event.boxes[0], (low, high), atol=0.06)
 
 
-def test_gradient_descent_lowers_the_error() -> None:
+def test_gradient_steps_lower_the_error() -> None:
     gaussian_map, found = embedded_map()
     views = []
     for frame in frames():
@@ -132,11 +133,11 @@ def test_gradient_descent_lowers_the_error() -> None:
         views.append((frame.camera, codes[labels], labels >= 0))
 
     def error(features: np.ndarray) -> float:
-        with_them = replace(gaussian_map, features=features)
+        changed = replace(gaussian_map, features=features)
         return float(
             np.mean(
                 [
-                    np.abs(render(with_them, camera).features - wanted)[known].mean()
+                    np.abs(render(changed, camera).features - wanted)[known].mean()
                     for camera, wanted, known in views
                 ]
             )
@@ -156,35 +157,35 @@ def run(*arguments: str) -> str:
 
 
 @pytest.mark.smoke
-def test_a_map_is_taught_asked_and_drawn_by_commands(tmp_path: Path) -> None:
-    map_path, visit, picture = tmp_path / "map", tmp_path / "visit", tmp_path / "box.png"
+def test_commands_add_semantics_and_answer_queries(tmp_path: Path) -> None:
+    map_path, visit, image = tmp_path / "map", tmp_path / "visit", tmp_path / "box.png"
     capture(Controller(change_room.home(), **change_room.SIZE), looks(), visit)
-    cameras = {one.name: one.read().camera for one in open_dataset(visit).frames}
+    cameras = {frame.name: frame.read().camera for frame in open_dataset(visit).frames}
     write_map_folder(map_path, change_room.mapped()[0], {}, cameras)
-    with pytest.raises(ValueError, match=r"knows no words; gslts semantics teaches it"):
+    with pytest.raises(ValueError, match=r"has no semantic features; gslts semantics adds them"):
         run("query", str(map_path), "box")
-    told = run("semantics", str(map_path), str(visit), "--code", "8", "--threads", "1")
-    assert "is version 2 now: its Gaussians know words, after " in told
-    found = json.loads(run("query", str(map_path), "box", "--json", "--picture", str(picture)))
+    printed = run("semantics", str(map_path), str(visit), "--code-dims", "8", "--threads", "1")
+    assert "map: added semantic features as version 2, in " in printed
+    found = json.loads(run("query", str(map_path), "box", "--json", "--image", str(image)))
     assert len(found) == 2
-    assert picture.exists()
-    for one in found:
-        np.testing.assert_allclose(one["high_m"][2], change_room.BLOCK_TOP_M + 0.3, atol=0.04)
+    assert image.exists()
+    for item in found:
+        np.testing.assert_allclose(item["high_m"][2], change_room.BLOCK_TOP_M + 0.3, atol=0.04)
     assert run("query", str(map_path), "piano") == "piano: not found\n"
     assert read_semantics(Path(f"{map_path}@1")) is None
-    with pytest.raises(ValueError, match="knows no words"):
+    with pytest.raises(ValueError, match="has no semantic features"):
         run("query", f"{map_path}@1", "box")
 
 
-def test_a_map_that_has_changed_is_not_taught_what_was(tmp_path: Path) -> None:
+def test_an_updated_map_is_rejected(tmp_path: Path) -> None:
     map_path, visit = tmp_path / "map", tmp_path / "visit"
     capture(Controller(change_room.home(), **change_room.SIZE), change_room.LOOKS[:2], visit)
-    cameras = {one.name: one.read().camera for one in open_dataset(visit).frames}
+    cameras = {frame.name: frame.read().camera for frame in open_dataset(visit).frames}
     write_map_folder(map_path, change_room.mapped()[0], {}, cameras)
     fewer = read_map(map_path).select(np.arange(100, change_room.mapped()[0].size))
     with open_map(map_path, writable=True) as store:
-        store.commit(fewer, {}, [])
-    with pytest.raises(ValueError, match=r"has changed since .*gslts restore .* 1 goes back"):
+        store.commit(fewer, UpdateCause())
+    with pytest.raises(ValueError, match=r"was updated since .*gslts restore .* 1 returns"):
         run("semantics", str(map_path), str(visit))
 
 
@@ -194,17 +195,18 @@ def test_a_damaged_autoencoder_is_named(tmp_path: Path, monkeypatch: pytest.Monk
     )
     map_path, visit = tmp_path / "map", tmp_path / "visit"
     capture(Controller(change_room.home(), **change_room.SIZE), change_room.LOOKS[:2], visit)
-    cameras = {one.name: one.read().camera for one in open_dataset(visit).frames}
+    cameras = {frame.name: frame.read().camera for frame in open_dataset(visit).frames}
     write_map_folder(map_path, change_room.mapped()[0], {}, cameras)
-    run("semantics", str(map_path), str(visit), "--code", "8", "--threads", "1")
+    run("semantics", str(map_path), str(visit), "--code-dims", "8", "--threads", "1")
     assert run("verify", str(map_path)) == "2 versions are whole\n"
     (path,) = (map_path / "semantics").iterdir()
     path.write_bytes(path.read_bytes()[:-1] + b"\0")
-    with pytest.raises(ValueError, match=r"it is damaged; gslts semantics teaches the map anew"):
+    with pytest.raises(ValueError, match=r"the file is damaged; run gslts semantics"):
         run("query", str(map_path), "box")
     for what in ("damaged", "missing"):
         done = CliRunner().invoke(app, ["verify", str(map_path)])
         assert done.stderr.splitlines()[-1] == (
-            f"version 2: {path}: it is {what}; gslts semantics teaches the map anew"
+            f"version 2: {path}: the file is {what}; run gslts semantics to compute the semantic "
+            "features again"
         )
         path.unlink(missing_ok=True)

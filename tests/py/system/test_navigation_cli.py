@@ -1,4 +1,4 @@
-"""`gslts semantic-map` and `gslts go` as a user meets them, in a small room."""
+"""Commands `gslts semantic-map` and `gslts go`, in a small room."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -22,30 +22,30 @@ from gslts_sim.explore import explore
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """With a home, and a map of it that knows words."""
+    """Return a folder with a home, and a map of it with semantic features."""
     folder = tmp_path_factory.mktemp("navigation")
     home = surfel_room.home()
     write_glb(home, folder / "home.glb")
     write_glb(home.without(["Mug|1"]), folder / "without.glb")
     looks, _ = explore(home, 16)
     capture(Controller(home, width=160, height=120), looks, folder / "visit")
-    cameras = {one.name: one.read().camera for one in open_dataset(folder / "visit").frames}
+    cameras = {frame.name: frame.read().camera for frame in open_dataset(folder / "visit").frames}
     room = surfel_room.surfel_map()
     plain = replace(room, features=np.zeros((room.size, 0), np.float32))
     write_map_folder(folder / "plain", plain, {}, cameras)
     write_map_folder(folder / "map", plain, {}, cameras)
-    taught = ["semantics", str(folder / "map"), str(folder / "visit"), "--code", "8"]
-    app(taught, standalone_mode=False)
+    add = ["semantics", str(folder / "map"), str(folder / "visit"), "--code-dims", "8"]
+    app(add, standalone_mode=False)
     return folder
 
 
 @pytest.mark.smoke
-def test_a_map_becomes_a_plan(folder: Path) -> None:
+def test_a_semantic_map_is_written(folder: Path) -> None:
     layers = ("--category", "Mug", "--category", "Sofa")
     done = gslts("semantic-map", "map", *layers, "--out", "plan", cwd=folder)
     assert done.returncode == 0, done.stderr
-    told = yaml.safe_load((folder / "plan" / "map.yaml").read_text())
-    image = np.asarray(Image.open(folder / "plan" / told["image"]))
+    header = yaml.safe_load((folder / "plan" / "map.yaml").read_text())
+    image = np.asarray(Image.open(folder / "plan" / header["image"]))
     size = len(image)
     assert done.stdout == f"wrote {size} x {size} cells of 0.05 m to plan; not found: Sofa\n"
     assert set(np.unique(image)) == {0, 205, 254}
@@ -54,7 +54,9 @@ def test_a_map_becomes_a_plan(folder: Path) -> None:
     assert (np.ptp(picture, axis=2) > 100).any()
 
 
-def test_a_plain_map_has_no_words(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_map_without_semantics_has_no_categories(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(folder)
     app(["semantic-map", "plain", "--out", "obstacles"], standalone_mode=False)
     assert (folder / "obstacles" / "map.pgm").exists()
@@ -62,40 +64,40 @@ def test_a_plain_map_has_no_words(folder: Path, monkeypatch: pytest.MonkeyPatch)
         ("semantic-map", "plain", "--category", "Mug", "--out", "none"),
         ("go", "plain", "Mug", "--robot", "home.glb"),
     ):
-        with pytest.raises(ValueError, match="knows no words; gslts semantics teaches"):
+        with pytest.raises(ValueError, match="has no semantic features; gslts semantics adds"):
             app(arguments, standalone_mode=False)
     assert not (folder / "none").exists()
 
 
 @pytest.mark.smoke
-def test_the_robot_goes(folder: Path) -> None:
-    done = gslts("go", "map", "mug", "--robot", "home.glb", "--out", "way.png", cwd=folder)
+def test_a_robot_navigates_to_an_object(folder: Path) -> None:
+    done = gslts("go", "map", "mug", "--robot", "home.glb", "--out", "path.png", cwd=folder)
     assert done.returncode == 0, done.stderr
     words = done.stdout.split()
     assert words[:3] == ["reached", "the", "mug:"]
-    assert float(done.stdout.partition("stands ")[2].split()[0]) <= 1
-    assert done.stdout.endswith("; see way.png\n")
-    assert np.asarray(Image.open(folder / "way.png")).shape[1] > 300
+    assert float(done.stdout.partition("ends ")[2].split()[0]) <= 1
+    assert done.stdout.endswith("; see path.png\n")
+    assert np.asarray(Image.open(folder / "path.png")).shape[1] > 300
     done = gslts("go", "map", "sofa", "--robot", "home.glb", cwd=folder)
     assert done.returncode == 1
-    assert done.stderr == "gslts: sofa: not found: the map knows no sofa; see go.png\n"
+    assert done.stderr == "gslts: sofa: not found: the map has no sofa; see go.png\n"
 
 
-def test_a_way_is_tried_out_in_the_map(folder: Path) -> None:
+def test_without_a_robot_navigation_is_tried_in_the_map(folder: Path) -> None:
     done = gslts("go", "map", "mug", "--out", "tried.png", cwd=folder)
     assert done.returncode == 0, done.stderr
-    assert float(done.stdout.partition("stands ")[2].split()[0]) <= 1
+    assert float(done.stdout.partition("ends ")[2].split()[0]) <= 1
     assert (folder / "tried.png").exists()
     done = gslts("go", "map", "mug", "--watch", cwd=folder)
     assert done.stderr == "gslts: --watch needs a --robot: in the map, nothing changes\n"
 
 
-def test_the_robot_watches_on_its_way(folder: Path) -> None:
+def test_a_robot_detects_changes_on_its_way(folder: Path) -> None:
     done = gslts("go", "map", "mug", "--robot", "home.glb", "--watch", cwd=folder)
     assert done.returncode == 0, done.stderr
     assert "reached the mug: " in done.stdout
     assert read_state(folder / "map").round == 0
-    with open_map(folder / "map", writable=True):  # Nobody else may write meanwhile.
+    with open_map(folder / "map", writable=True):  # A second writer is rejected.
         done = gslts("go", "map", "mug", "--robot", "home.glb", "--watch", cwd=folder)
     assert done.stderr == "gslts: map: another process writes this map; wait until it ends\n"
 
@@ -104,13 +106,13 @@ def test_the_robot_watches_on_its_way(folder: Path) -> None:
     ("arguments", "message"),
     [
         (("mug", "--robot", "without.glb"), "mug: not found: no mug is where the map has one"),
-        ((" ", "--robot", "home.glb"), "TEXT: it is empty"),
+        ((" ", "--robot", "home.glb"), "TEXT: expected the name of an object"),
         (("mug", "--robot", "nowhere.glb"), "nowhere.glb"),
         (("mug", "--robot", "bathroom"), "expected one of kitchen"),
-        (("mug", "--robot", "visit/transforms.json"), "neither a day nor a task"),
+        (("mug", "--robot", "visit/transforms.json"), "neither a day nor a scene change task"),
     ],
 )
-def test_what_does_not_work_is_told(
+def test_failures_are_reported(
     folder: Path, arguments: tuple[str, ...], message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(folder)

@@ -34,13 +34,13 @@ def test_what_is_gone_is_called_what_came_there_last() -> None:
     change, views = update_room.detected("removal"), update_room.collected("removal").views
     far = [(np.array(corner) + 1).tolist() for corner in BOX]
     mug, cup, pot = (
-        Event(number, "addition", name, (None, box))
+        Event(version=number, kind="addition", type=name, boxes=(None, box))
         for number, (name, box) in enumerate([("Mug", BOX), ("Cup", BOX), ("Pot", far)], start=2)
     )
     assert type_of(change, views, []) == UNKNOWN
     assert type_of(change, views, [mug, cup, pot]) == "Cup"
     assert type_of(change, views, [pot]) == UNKNOWN
-    unknown = replace(cup, type=UNKNOWN)
+    unknown = cup.model_copy(update={"type": UNKNOWN})
     assert type_of(change, views, [mug, unknown]) == "Mug"
 
 

@@ -11,11 +11,11 @@ from gslts.core.camera import at_pose
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.se3 import pose_distance
 from gslts.localization.config import RelocalizationConfig
-from gslts.localization.landmarks import landmarks_of
+from gslts.localization.landmark_extraction import extract_landmarks
 from gslts.localization.relocalizer import Localization, Relocalizer
 from gslts_sim.explore import explore
 from gslts_sim.home import Home, HomeObject
-from gslts_sim.robot_body import Look
+from gslts_sim.robot_body import Viewpoint
 
 ELSEWHERE_M = 0.1
 CORNERS = (0, 0, -0.2), (5, 4, 2.6)
@@ -54,7 +54,7 @@ def room_with_chairs() -> Home:
 def relocalizer_of(home: Home) -> Relocalizer:
     looks = explore(home, 48)[0]
     gaussian_map: GaussianMap = change_room.map_of(home, looks)[0]
-    landmarks = landmarks_of(
+    landmarks = extract_landmarks(
         gaussian_map, [change_room.see(home, look) for look in looks[::2]], threads=1
     )
     return Relocalizer(gaussian_map, landmarks, RelocalizationConfig(threads=1))
@@ -73,7 +73,7 @@ def test_no_place_is_taken_for_another_that_looks_the_same(make) -> None:  # typ
     right = 0
     for seed in range(24):
         place = np.array([rng.uniform(0.6, 4.4), rng.choice([0.6, 3.4])])
-        look = Look(place, float(rng.uniform(0, 360)), float(rng.uniform(-20, 40)))
+        look = Viewpoint.at(place, float(rng.uniform(0, 360)), float(rng.uniform(-20, 40)))
         true = change_room.see(home, look).camera.world_from_camera
         frame = change_room.see(home, look, "kinect", seed)
         found = relocalizer.locate(replace(frame, camera=at_pose(frame.camera, np.eye(4))))

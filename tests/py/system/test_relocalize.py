@@ -17,8 +17,9 @@ from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.se3 import se3_retract, twist_of
 from gslts.localization.config import RelocalizationConfig
-from gslts.localization.landmarks import Landmarks, joined, landmarks_of
-from gslts.localization.pose_quality import fault_of_corners
+from gslts.localization.landmark_extraction import extract_landmarks
+from gslts.localization.landmarks import Landmarks, concatenate
+from gslts.localization.pose_quality import inlier_fault
 from gslts.localization.relocalizer import Localization, Relocalizer
 from gslts_sim.controller import Controller
 
@@ -101,7 +102,7 @@ def test_far_from_the_origin_of_the_world_poses_are_as_good() -> None:
         return replace(frame, camera=at_pose(frame.camera, pose))
 
     gaussian_map = replace(change_room.mapped()[0], origin=far)
-    landmarks = landmarks_of(gaussian_map, map(carried, mapped_frames()), threads=1)
+    landmarks = extract_landmarks(gaussian_map, map(carried, mapped_frames()), threads=1)
     np.testing.assert_allclose(landmarks.positions, found().positions, atol=1e-4)
     there = Relocalizer(gaussian_map, landmarks, ONE_THREAD)
     for frame in views()[:3]:
@@ -163,7 +164,7 @@ def test_a_blank_picture_without_depth_cannot_be_tracked(level: int) -> None:
     blank = replace(frame, rgb=np.full_like(frame.rgb, level), depth=np.zeros_like(frame.depth))
     result = relocalizer().track(blank, frame.camera.world_from_camera)
     assert result.status == "lost"
-    assert "leaves open where it is" in result.reason
+    assert "does not determine the pose" in result.reason
 
 
 @pytest.mark.parametrize("kind", ["removal", "addition", "relocation"])
@@ -257,7 +258,7 @@ def test_two_rooms_that_look_the_same_are_ambiguous() -> None:
     """A second copy of the room, some metres away and turned."""
     gaussian_map, landmarks = change_room.mapped()[0], found()
     twice = doubled(gaussian_map)
-    both = joined([landmarks, carried(landmarks)])
+    both = concatenate([landmarks, carried(landmarks)])
     result = Relocalizer(twice, both, ONE_THREAD).locate(views()[0])
     assert result.status == "ambiguous"
     assert len(result.others) >= 1
@@ -330,8 +331,8 @@ class FitOf:
 
 
 @pytest.mark.parametrize(("alike", "enough"), [(0.96, 10), (0.9, 20), (0.72, 30)])
-def test_the_worse_a_pose_fits_the_more_corners_it_needs(alike: float, enough: int) -> None:
+def test_the_worse_a_pose_fits_the_more_keypoints_it_needs(alike: float, enough: int) -> None:
     fit = FitOf(alike)
-    assert fault_of_corners(enough, fit, True) is None  # type: ignore[arg-type]
-    told = fault_of_corners(enough - 1, fit, True)  # type: ignore[arg-type]
-    assert told == f"only {enough - 1} corners support the best pose"
+    assert inlier_fault(enough, fit, True) is None  # type: ignore[arg-type]
+    told = inlier_fault(enough - 1, fit, True)  # type: ignore[arg-type]
+    assert told == f"only {enough - 1} keypoints support the best pose"

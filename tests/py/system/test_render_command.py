@@ -83,7 +83,7 @@ def test_a_trajectory_in_the_format_of_tum(folder: Path, gaussian_map: gslts.Gau
         apart = picture(folder / f"a/{k:05}.png").astype(int) - expected(gaussian_map, camera)
         assert np.abs(apart).max() <= 1
     depth = gslts.render(gaussian_map, cameras[0]).depth
-    scale = re.search(r"depth from (\S+) m, red, to (\S+) m, blue", done.stdout)
+    scale = re.search(r"depth from (\S+) m \(red\) to (\S+) m \(blue\)", done.stdout)
     low, high = map(float, scale.groups())
     assert depth[depth > 0].min() < low < high < depth.max()
     of_depth = picture(folder / "a/00000_depth.png")
@@ -142,7 +142,7 @@ def frames_of(path: Path) -> Any:
         (("map", "--pose", "in 0", "--trajectory", "x"), "--pose and --trajectory exclude each"),
         (("map", "--pose", "gone.json"), "gone.json"),
         (("map", "--trajectory", "gone.txt"), "gone.txt"),
-        (("bare",), "bare: it has no cameras of its own, a view must be given"),
+        (("bare",), "bare: the map has no cameras; give --pose FILE or --trajectory"),
         (("map/cameras.json",), "cameras.json: "),
         (("gone",), "gone"),
     ],

@@ -104,7 +104,7 @@ def test_a_signal_stops_it_and_it_goes_on(
     assert done.returncode == 0, done.stderr
     with open_map(workplace / new_map) as store:
         assert store.version().number == 2
-        assert store.problems() == []
+        assert store.find_problems() == []
 
 
 def test_a_run_that_was_killed_goes_on(workplace: Path, new_map: str) -> None:
@@ -116,7 +116,7 @@ def test_a_run_that_was_killed_goes_on(workplace: Path, new_map: str) -> None:
         assert killed.returncode == -signal.SIGKILL
         told = max(told, 2 if "version 2: " in killed.stdout else 1)
         with open_map(workplace / new_map) as store:
-            assert store.problems() == []
+            assert store.find_problems() == []
             assert store.version().number in (told, 2)
     done = gslts("run", new_map, "--frames", "visit", *QUICK, cwd=workplace)
     assert done.returncode == 0, done.stderr

@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from store_maps import assert_same, blobs_of, edited, grown, random_map
+from store_maps import REJECTED, addition, assert_same, blobs_of, edited, grown, random_map
 
-from gslts.io.atomic_files import write_whole
+from gslts.io.atomic_files import write_atomic
+from gslts.store.causes import UpdateCause
 from gslts.store.map_folder import open_map, read_map, write_map_folder
 from gslts.store.map_store import INDEX, MapStore
-from gslts.store.records import Event
 from gslts.store.writer_lock import LOCK
 
 FAULTS = Path(__file__).parents[3] / "benchmarks" / "faults"
@@ -126,8 +126,7 @@ def test_a_map_on_a_read_only_disk_is_read(folder: Path, failing: dict[str, str]
     done = gslts("verify", "map", cwd=folder.parent, env=env)
     if log == "incomplete":
         assert done.stderr == (
-            f"gslts: map/{LOG}: it cannot be read here; copy the map to a folder that can be "
-            "written\n"
+            f"gslts: map/{LOG}: cannot be read here; copy the map to a folder that can be written\n"
         )
     else:
         assert done.stderr == ""
@@ -155,15 +154,15 @@ def test_a_second_writer_is_told_to_wait(folder: Path) -> None:
 
 def test_a_newer_schema_is_left_as_it_is(folder: Path) -> None:
     connection = sqlite3.connect(folder / INDEX)
-    connection.execute("PRAGMA user_version = 2")
+    connection.execute("PRAGMA user_version = 3")
     connection.close()
     before = (folder / INDEX).read_bytes()
     for command in (("verify", "map"), ("restore", "map", "1")):
         done = gslts(*command, cwd=folder.parent)
         assert done.returncode == 1
         assert done.stderr == (
-            f"gslts: map/{INDEX}: its schema is version 2, this gslts reads 1; a newer gslts made "
-            "it: install that one\n"
+            f"gslts: map/{INDEX}: its schema is version 3, this gslts reads 2; a newer gslts "
+            "wrote it: install that version\n"
         )
     assert (folder / INDEX).read_bytes() == before
 
@@ -182,7 +181,7 @@ def test_each_harmed_file_is_named_with_what_to_do(folder: Path, harm: str) -> N
         if harm == "delete":
             path.unlink()
         with open_map(folder) as store:
-            (problem,) = store.problems()
+            (problem,) = store.find_problems()
             readable = 0
             for version in store.versions():
                 try:
@@ -191,11 +190,11 @@ def test_each_harmed_file_is_named_with_what_to_do(folder: Path, harm: str) -> N
                 except (OSError, ValueError) as error:
                     assert str(error) in problem  # noqa: PT017
         assert path.name in problem
-        assert "copy it from a backup, or go back to a version that is whole" in problem
+        assert "copy it from a backup, or go back to an intact version" in problem
         assert readable < 3
         path.write_bytes(content)
         with open_map(folder) as store:
-            assert store.problems() == []
+            assert store.find_problems() == []
 
 
 def test_a_version_is_read_without_a_harmed_snapshot(
@@ -208,7 +207,7 @@ def test_a_version_is_read_without_a_harmed_snapshot(
         for path in blobs_of(folder):
             if path.stem in later:
                 flip(path)
-        assert len(store.problems()) == len(later)
+        assert len(store.find_problems()) == len(later)
         for number, expected in enumerate(maps, start=1):
             assert_same(store.read(number), expected)
         newest = f"Version {len(maps)} is read without it"
@@ -217,9 +216,8 @@ def test_a_version_is_read_without_a_harmed_snapshot(
 
 def test_a_harmed_index_is_named(folder: Path) -> None:
     with open_map(folder, writable=True) as store:
-        event = Event(0, "addition", "Mug", (None, [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
-        store.commit(store.read(), {"seed": 9}, [event])
-        store.add_rejection({"seed": 10})
+        store.commit(store.read(), UpdateCause(round=9), [addition("Mug")])
+        store.add_rejection(REJECTED)
     content = (folder / INDEX).read_bytes()
     used = np.flatnonzero(np.frombuffer(content, np.uint8))  # Most of it is empty.
     rng, named = random.Random(0), 0
@@ -229,7 +227,7 @@ def test_a_harmed_index_is_named(folder: Path) -> None:
         (folder / INDEX).write_bytes(harmed)
         try:
             with open_map(folder) as store:
-                named += bool(store.problems())
+                named += bool(store.find_problems())
                 store.events(), store.rejections()
                 for version in store.versions():
                     store.read(version.number)
@@ -239,7 +237,7 @@ def test_a_harmed_index_is_named(folder: Path) -> None:
     assert named > 30
     (folder / INDEX).write_bytes(content)
     with open_map(folder) as store:
-        assert store.problems() == []
+        assert store.find_problems() == []
 
 
 def ended_process() -> int:
@@ -256,7 +254,7 @@ def test_what_a_stopped_run_left_is_removed_by_the_next(tmp_path: Path) -> None:
     left = tmp_path / f".file.{ended_process()}.part"
     left.write_bytes(b"half")
     write_map_folder(tmp_path / "map", random_map(9), {}, {})
-    write_whole(tmp_path / "file", b"whole")
+    write_atomic(tmp_path / "file", b"whole")
     names = {path.name for path in tmp_path.iterdir()}
     assert names == {"map", "file", of_another, ".map.txt.part"}
     assert_same(read_map(tmp_path / "map"), random_map(9))
@@ -272,9 +270,9 @@ def test_a_commit_goes_on_after_one_that_failed(
         after = edited(store.read(), 9, store.version().next_id)
         monkeypatch.setattr("os.fsync", fails)
         with pytest.raises(OSError, match=r"No space left on device: .*safetensors"):
-            store.commit(after, {})
+            store.commit(after, UpdateCause())
         monkeypatch.undo()
         assert store.version().number == 3
-        assert store.commit(after, {}).number == 4
+        assert store.commit(after, UpdateCause()).number == 4
         assert_same(store.read(), after)
         np.testing.assert_array_equal(store.read(3).ids, read_map(Path(f"{folder}@3")).ids)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from command import LONG_S
-from store_maps import random_map
+from store_maps import ROOM, random_map
 
 from gslts.store.map_store import MapStore
 
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.smoke
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Of a map of one version."""
-    MapStore.create(tmp_path, random_map(100), {"data set": "room"})
+    MapStore.create(tmp_path, random_map(100), ROOM)
     return tmp_path
 
 

@@ -18,7 +18,8 @@ from gslts.cli import app
 from gslts.datasets import Dataset, open_dataset
 from gslts.io.ply import write_ply
 from gslts.mapping.evaluation.held_out import Known
-from gslts.store.map_folder import read_manifest, read_map
+from gslts.store.manifest import read_manifest
+from gslts.store.map_folder import read_map
 from gslts_bench.tradeoff import mapping as tradeoff_mapping
 from gslts_bench.tradeoff.mapping import COUNTS, seconds_of, visit_of
 from gslts_bench.tradeoff.rendering import SETTINGS

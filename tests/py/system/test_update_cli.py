@@ -12,6 +12,7 @@ from PIL import Image
 from update_room import looks_at_the_change
 
 from gslts.store.camera_files import cameras_of_map
+from gslts.store.causes import UpdateCause
 from gslts.store.map_folder import open_map, read_map
 from gslts_sim.capture import capture
 
@@ -46,16 +47,20 @@ def test_recorded_frames_update_a_map(workplace: Path, updated: list[str]) -> No
     with open_map(workplace / "map") as store:
         version = store.version()
         (event,) = store.events()
-    record = version.cause["record"]
-    assert record["rejected"] is None
-    assert record["kinds"] == ["removal"]
-    assert new.size == old.size - record["removed"] + record["added"]
-    assert record["psnr_after_db"] > record["psnr_before_db"]
+    assert isinstance(version.cause, UpdateCause)
+    record = version.cause.record
+    assert record.rejected is None
+    assert record.kinds == ("removal",)
+    assert new.size == old.size - record.removed + record.added
+    assert record.psnr_before_db is not None
+    assert record.psnr_after_db is not None
+    assert record.psnr_after_db > record.psnr_before_db
     assert (event.version, event.kind) == (2, "removal")
     assert update_room.opaque_in(new, update_room.REMOVED, 0.04) == 0
     cameras = cameras_of_map(workplace / "map")
     new_views = len(cameras) - len(cameras_of_map(workplace / "map@1"))
-    assert 0 < new_views <= sum(record["views"]), "those that look from elsewhere"
+    views = record.training_views + record.validation_views
+    assert 0 < new_views <= views, "only new viewpoints"
     with Image.open(workplace / "map" / "updates" / "00002.jpg") as picture:
         assert picture.size == (3 * 160, 3 * 120)
 
@@ -65,7 +70,7 @@ def test_the_past_of_a_map_is_told(workplace: Path, updated: list[str]) -> None:
     assert updated
     printed = gslts("log", "map", cwd=workplace).stdout.splitlines()
     assert printed[0].split()[0] == "2"
-    assert "object gone from (2." in printed[1]
+    assert "object removed from (2." in printed[1]
     assert printed[-1].split()[0] == "1"
     shown = gslts("show", "map", "2", cwd=workplace).stdout
     assert '"removal"' in shown
@@ -89,9 +94,9 @@ def test_an_old_version_comes_back(workplace: Path, updated: list[str]) -> None:
     assert len(read_map(workplace / "map@2").means) != len(old.means)
     told = gslts("log", "map", "--object", "Object", cwd=workplace).stdout.splitlines()
     assert told[1].endswith("m, undone since")
-    assert "gone from" not in gslts("diff", "map", "1", str(number), cwd=workplace).stdout
+    assert "removed from" not in gslts("diff", "map", "1", str(number), cwd=workplace).stdout
     back = gslts("diff", "map", "2", str(number), cwd=workplace).stdout.splitlines()
-    assert back[1].startswith("without version 2: object gone from (2.")
+    assert back[1].startswith("without version 2: object removed from (2.")
 
 
 def test_a_picture_that_cannot_be_written_is_told(
@@ -124,7 +129,7 @@ def test_where_nothing_changed_there_is_no_new_version(workplace: Path) -> None:
         assert store.version().number == before
         assert len(store.rejections()) == 1
     printed = gslts("log", "map", cwd=workplace).stdout
-    assert "not updated: nothing changed" in printed
+    assert "update rejected: nothing changed" in printed
 
 
 @pytest.mark.parametrize(

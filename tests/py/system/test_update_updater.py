@@ -74,9 +74,9 @@ def test_the_updated_map_shows_the_change(kind: str) -> None:
     assert psnr_db(result.gaussian_map, home) > psnr_db(before, home) + 1
     assert record.removed >= (0 if kind == "addition" else 20)
     assert record.added >= (0 if kind == "removal" else 20)
-    assert record.moved > record.added
+    assert record.refined > record.added
     assert list(record.seconds) == ["collecting", "editing", "refining", "verifying"]
-    used, held_back = record.views
+    used, held_back = record.training_views, record.validation_views
     assert len(result.views) == used + held_back >= 8
     assert result.gaussian_map.size == before.size - record.removed + record.added
 

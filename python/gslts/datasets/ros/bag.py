@@ -1,4 +1,4 @@
-"""A ROS 2 bag, of which messages are read one by one."""
+"""ROS 2 bags: topics, time stamps and single messages."""
 
 from __future__ import annotations
 
@@ -12,12 +12,19 @@ from typing import Any
 
 from gslts.datasets.dataset import reason_of
 
-MOST_METADATA_BYTES = 1 << 24
+MAX_METADATA_BYTES = 1 << 24
+"""Maximum size of metadata.yaml, whose YAML parser is slow; a day of splits takes 1 MiB."""
 
 
 @dataclass(frozen=True)
-class Place:
-    """Where a message is in a bag: its topic, when it was recorded, and the time in its header."""
+class MessageKey:
+    """Identifies a message in a bag.
+
+    Args:
+        topic: Its topic.
+        recorded_ns: Time of its recording, ns.
+        time_ns: Time in its header, ns.
+    """
 
     topic: str
     recorded_ns: int
@@ -25,15 +32,15 @@ class Place:
 
 
 class Bag:
-    """A bag that is open as long as anything refers to it.
+    """Reads messages of a bag, which stays open as long as this object lives.
 
     Args:
-        path: Its folder, or a single file .mcap or .db3.
+        path: Folder of the bag, or a single file .mcap or .db3.
 
     Raises:
         ImportError: The package rosbags is missing.
-        OSError: It cannot be read.
-        ValueError: It is damaged, or a topic has messages of several types.
+        OSError: The bag cannot be read.
+        ValueError: The bag is damaged, or a topic has messages of several types.
     """
 
     def __init__(self, path: Path) -> None:
@@ -45,10 +52,10 @@ class Bag:
 
         self.path = path
         metadata = path / "metadata.yaml"
-        if path.is_dir() and metadata.stat().st_size > MOST_METADATA_BYTES:
-            raise ValueError(f"{metadata}: larger than {MOST_METADATA_BYTES >> 20} MiB")
+        if path.is_dir() and metadata.stat().st_size > MAX_METADATA_BYTES:
+            raise ValueError(f"{metadata}: larger than {MAX_METADATA_BYTES >> 20} MiB")
         self._lock = threading.Lock()
-        # Only ROS's own types are known: what a bag says about its types is never made code of.
+        # Only ROS's own types: type definitions in a bag are untrusted and would become code.
         self._types = get_typestore(Stores.ROS2_HUMBLE)
         with self._naming("the bag"):
             self._reader = Reader(path)
@@ -60,7 +67,7 @@ class Bag:
 
     @property
     def topics(self) -> dict[str, str]:
-        """The type of each topic that has messages."""
+        """Type of each topic that has messages."""
         return {
             topic: connections[0].msgtype
             for topic, connections in sorted(self._connections.items())
@@ -68,28 +75,48 @@ class Bag:
         }
 
     def first(self, topic: str) -> Any:
-        """The first message of a topic.
+        """Read the first message of a topic.
+
+        Args:
+            topic: Name of the topic.
 
         Raises:
-            ValueError: It is damaged, or there is none.
+            ValueError: The message is damaged, or the topic has none.
         """
         for _, _, message in self.messages([topic]):
             return message
         raise ValueError(f"{self.path}: {topic}: there are no messages")
 
     def messages(self, topics: Sequence[str]) -> Iterator[tuple[str, int, Any]]:
-        """All messages of some topics as they were recorded: topic, time of that in ns, message."""
+        """Yield the messages of topics in the order of their recording.
+
+        Args:
+            topics: Names of the topics.
+
+        Yields:
+            Topic, time of the recording in ns, message.
+
+        Raises:
+            ValueError: A message is damaged.
+        """
         for topic, recorded_ns, kind, raw in self._raw(topics):
             with self._naming(topic):
                 message = self._types.deserialize_cdr(raw, kind)
             yield topic, recorded_ns, message
 
-    def places(self, topics: Sequence[str]) -> dict[str, list[Place]]:
-        """Where the messages of topics are, in the order of their headers' times.
+    def keys(self, topics: Sequence[str]) -> dict[str, list[MessageKey]]:
+        """List the messages of topics without decoding them.
 
-        The messages, which must begin with a header, are not decoded.
+        Args:
+            topics: Names of the topics; their messages must begin with a header.
+
+        Returns:
+            For each topic, its messages by the time in their headers.
+
+        Raises:
+            ValueError: A message is damaged.
         """
-        found: dict[str, list[Place]] = {topic: [] for topic in topics}
+        found: dict[str, list[MessageKey]] = {topic: [] for topic in topics}
         for topic, recorded_ns, _, raw in self._raw(topics):
             if len(raw) < 12:
                 raise ValueError(f"{self.path}: {topic}: a message of {len(raw)} bytes")
@@ -97,45 +124,48 @@ class Bag:
             seconds = int.from_bytes(raw[4:8], order, signed=True)
             nanoseconds = int.from_bytes(raw[8:12], order)
             time_ns = seconds * 1_000_000_000 + nanoseconds
-            found[topic].append(Place(topic, recorded_ns, time_ns))
-        for places in found.values():
-            places.sort(key=lambda place: place.time_ns)
+            found[topic].append(MessageKey(topic, recorded_ns, time_ns))
+        for keys in found.values():
+            keys.sort(key=lambda key: key.time_ns)
         return found
 
-    def read(self, place: Place) -> Any:
-        """The message at a place.
+    def read(self, key: MessageKey) -> Any:
+        """Read a message.
+
+        Args:
+            key: From `keys`.
 
         Raises:
-            ValueError: It is damaged.
+            ValueError: The message is damaged.
         """
-        start = place.recorded_ns
-        for _, _, kind, raw in self._raw([place.topic], start, start + 1):
-            with self._naming(place.topic):
+        start = key.recorded_ns
+        for _, _, kind, raw in self._raw([key.topic], start, start + 1):
+            with self._naming(key.topic):
                 message: Any = self._types.deserialize_cdr(raw, kind)
             stamp = message.header.stamp
-            if stamp.sec * 1_000_000_000 + stamp.nanosec == place.time_ns:
+            if stamp.sec * 1_000_000_000 + stamp.nanosec == key.time_ns:
                 return message
-        raise ValueError(f"{self.path}: {place.topic}: the message at {start} ns is gone")
+        raise ValueError(f"{self.path}: {key.topic}: the message at {start} ns is gone")
 
     def _raw(
         self, topics: Sequence[str], start_ns: int | None = None, stop_ns: int | None = None
     ) -> Iterator[tuple[str, int, str, bytes]]:
-        """Topic, time of recording in ns, type and bytes of messages."""
-        connections = [one for topic in topics for one in self._connections.get(topic, [])]
-        if not connections:  # To the reader this would mean all.
+        """Yield topic, time of recording in ns, type and bytes of messages."""
+        connections = [each for topic in topics for each in self._connections.get(topic, [])]
+        if not connections:  # The reader would take an empty list for all topics.
             return
         messages = self._reader.messages(connections, start_ns, stop_ns)
         while True:
             with self._lock, self._naming(", ".join(topics)):
-                one = next(messages, None)
-            if one is None:
+                entry = next(messages, None)
+            if entry is None:
                 return
-            connection, recorded_ns, raw = one
+            connection, recorded_ns, raw = entry
             yield connection.topic, recorded_ns, connection.msgtype, raw
 
     @contextmanager
     def _naming(self, what: str) -> Iterator[None]:
-        """Makes what goes wrong say where; on damaged bags the reader raises errors of any kind."""
+        """Add the path to errors; the reader raises errors of any type on damaged bags."""
         try:
             yield
         except OSError:

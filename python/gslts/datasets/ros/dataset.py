@@ -1,4 +1,4 @@
-"""ROS 2 bags (sqlite3 or mcap): pictures with CameraInfo, and poses from tf2 or a topic."""
+"""ROS 2 bags (sqlite3 or mcap) as data sets: images with CameraInfo, poses from tf2 or a topic."""
 
 from __future__ import annotations
 
@@ -11,24 +11,31 @@ import numpy as np
 from gslts.core.camera import Camera, at_pose
 from gslts.core.frame import RgbdFrame
 from gslts.datasets.dataset import Dataset, name_of, pinhole
-from gslts.datasets.ros.bag import Bag, Place
+from gslts.datasets.ros.bag import Bag, MessageKey
 from gslts.datasets.ros.images import camera_of, depth_of, rgb_of
-from gslts.datasets.ros.poses import FrameTree, Track, plain, time_of
+from gslts.datasets.ros.poses import FrameTree, Track, frame_name, time_of
 from gslts.datasets.ros.topics import POSE_TYPES, TF, TF_STATIC, ImageTopic, choose_topics
 from gslts.datasets.undistort import Lens, undistort_depth, undistort_rgb
 
-MOST_APART_NS = 20_000_000
-"""Colours and depth that are farther apart in time do not belong together."""
+MAX_GAP_NS = 20_000_000
+"""Maximum time between a colour and a depth image of one frame: less than a frame at 30 Hz."""
 SAME_PX = 0.01
-"""Intrinsics that differ by less are the same."""
+"""Tolerance of intrinsics of one camera, px; messages store them in double precision."""
 WORLDS = ("earth", "map", "odom", "world")
-"""Frames that do not move, by REP 105 and custom; before them may stand a name of the robot."""
+"""Fixed frames by REP 105 and custom; the name of the robot may precede them."""
 FILES = (".mcap", ".db3")
+"""Endings of single files that are bags."""
 
 
 @dataclass(frozen=True, eq=False)
 class RosCamera:
-    """A camera of a bag: its intrinsics, its lens and its optical frame."""
+    """A camera of a bag.
+
+    Args:
+        camera: Intrinsics; the pose is the identity.
+        lens: Distortion; None for a pinhole.
+        frame: Name of its optical frame.
+    """
 
     camera: Camera
     lens: Lens | None
@@ -37,34 +44,34 @@ class RosCamera:
 
 @dataclass(frozen=True, eq=False)
 class RosFrame:
-    """A frame that is still in its bag.
+    """A frame in a bag, not read yet.
 
     Args:
         bag: The bag.
-        rgb: The message with the colours.
-        camera: Intrinsics and pose of the colours, without the lens.
-        lens: That distorts them; None if none does.
-        depth: The message with the depth; None if there is none.
-        depth_camera: Intrinsics and pose of the depth, without the lens; None if it is registered.
-        depth_lens: That distorts the depth; None if none does.
+        rgb: Message with the colour image.
+        camera: Intrinsics and pose of the undistorted colour image.
+        lens: Distortion of the colour image; None for a pinhole.
+        depth: Message with the depth image; None without depth.
+        depth_camera: Intrinsics and pose of the undistorted depth image; None if it is registered.
+        depth_lens: Distortion of the depth image; None for a pinhole.
     """
 
     bag: Bag
-    rgb: Place
+    rgb: MessageKey
     camera: Camera
     lens: Lens | None
-    depth: Place | None = None
+    depth: MessageKey | None = None
     depth_camera: Camera | None = None
     depth_lens: Lens | None = None
 
     @property
     def name(self) -> str:
-        """The time of the picture, s."""
+        """Time stamp of the colour image, s."""
         seconds, nanoseconds = divmod(self.rgb.time_ns, 1_000_000_000)
         return f"{seconds}.{nanoseconds:09}"
 
     def read(self) -> RgbdFrame:
-        """Reads the messages."""
+        """Read the images; see `gslts.datasets.dataset.Frame.read`."""
         rgb = self._pixels(self.rgb, self.camera, rgb_of)
         mask = None
         if self.lens is not None:
@@ -77,9 +84,9 @@ class RosFrame:
                 depth = undistort_depth(depth, depth_camera, self.depth_lens)
         return RgbdFrame(rgb, depth, self.camera, self.rgb.time_ns * 1e-9, self.depth_camera, mask)
 
-    def _pixels(self, place: Place, camera: Camera, decode: Any) -> Any:
-        where = f"{self.bag.path}: {place.topic} at {place.time_ns} ns"
-        message = self.bag.read(place)
+    def _pixels(self, key: MessageKey, camera: Camera, decode: Any) -> Any:
+        where = f"{self.bag.path}: {key.topic} at {key.time_ns} ns"
+        message = self.bag.read(key)
         try:
             pixels = decode(message)
         except ValueError as error:
@@ -87,13 +94,17 @@ class RosFrame:
         height, width = pixels.shape[:2]
         if (height, width) != (camera.height, camera.width):
             raise ValueError(
-                f"{where}: it has {width} x {height} px, expected {camera.width} x {camera.height}"
+                f"{where}: {width} x {height} px, expected {camera.width} x {camera.height} px"
             )
         return pixels
 
 
 def is_rosbag(path: Path) -> bool:
-    """Whether a path is a file of a bag, or a folder with the metadata of one."""
+    """Return True if a path is a file of a bag, or a folder with the metadata of one.
+
+    Args:
+        path: Any path.
+    """
     if path.is_file():
         return path.suffix in FILES
     metadata = path / "metadata.yaml"
@@ -104,17 +115,20 @@ def is_rosbag(path: Path) -> bool:
 
 
 def open_rosbag(path: Path) -> Dataset:
-    """Opens a bag; all colour pictures that have a pose become frames.
+    """Open a bag; all colour images that have a pose become frames.
 
-    Topics are chosen by `choose_topics`. Poses come from /tf and /tf_static where the topmost frame
-    above the camera's optical frame is a world, such as map or odom, or where there is no other
-    source; otherwise from the one topic of poses. Odometry names the frame whose pose it is, other
-    types do not: they are taken as poses of the topmost frame above the camera, usually base_link.
+    `choose_topics` chooses the topics. Poses come from /tf and /tf_static if the root above the
+    camera's optical frame is fixed, such as map or odom, or if there is no other source; otherwise
+    from the one topic of poses. Odometry names its child frame; other types do not, and are taken
+    as poses of the root above the camera, usually base_link.
+
+    Args:
+        path: Folder of the bag, or a single file .mcap or .db3.
 
     Raises:
         ImportError: The package rosbags is missing.
         OSError: The bag cannot be read.
-        ValueError: It is damaged, or topics are missing or ambiguous; the message lists them.
+        ValueError: The bag is damaged, or topics are missing or ambiguous; the message lists them.
     """
     bag = Bag(path)
     colour, depth = choose_topics(bag)
@@ -125,28 +139,30 @@ def open_rosbag(path: Path) -> Dataset:
     tree, tracks = _poses(bag)
     poses = _PoseSource(path, tree, tracks, rgb_camera.frame)
     wanted = [colour.topic] if depth is None else [colour.topic, depth.topic]
-    places = bag.places(wanted)
-    depth_places = [] if depth is None else places[depth.topic]
-    depth_times = np.array([place.time_ns for place in depth_places], np.int64)
+    keys = bag.keys(wanted)
+    depth_keys = [] if depth is None else keys[depth.topic]
+    depth_times = np.array([key.time_ns for key in depth_keys], np.int64)
 
     frames: list[RosFrame] = []
     skipped: list[str] = []
-    for place in places[colour.topic]:
-        frame = RosFrame(bag, place, rgb_camera.camera, rgb_camera.lens)
+    for key in keys[colour.topic]:
+        frame = RosFrame(bag, key, rgb_camera.camera, rgb_camera.lens)
         try:
-            camera = at_pose(rgb_camera.camera, poses.world_from_camera(place.time_ns))
-            beside = None
+            camera = at_pose(rgb_camera.camera, poses.world_from_camera(key.time_ns))
+            posed_depth_camera = None
             if depth_camera is not None and not _same_view(rgb_camera, depth_camera):
-                moved = tree.find(rgb_camera.frame, depth_camera.frame, place.time_ns)
-                beside = at_pose(depth_camera.camera, camera.world_from_camera @ moved)
+                rgb_from_depth = tree.find(rgb_camera.frame, depth_camera.frame, key.time_ns)
+                posed_depth_camera = at_pose(
+                    depth_camera.camera, camera.world_from_camera @ rgb_from_depth
+                )
             frames.append(
                 RosFrame(
                     bag,
-                    place,
+                    key,
                     camera,
                     rgb_camera.lens,
-                    None if depth is None else _nearest(depth_places, depth_times, place),
-                    beside,
+                    None if depth is None else _nearest(depth_keys, depth_times, key),
+                    posed_depth_camera,
                     rgb_camera.lens if depth_camera is None else depth_camera.lens,
                 )
             )
@@ -165,33 +181,33 @@ def _camera(bag: Bag, topic: ImageTopic) -> RosCamera:
 
 
 def _same_view(first: RosCamera, second: RosCamera) -> bool:
-    """Whether two cameras without their lenses are one, so that their pixels belong together."""
+    """Return True if two undistorted cameras have the same pixels."""
     a, b = first.camera, second.camera
-    apart = np.subtract((a.fx, a.fy, a.cx, a.cy), (b.fx, b.fy, b.cx, b.cy))
+    difference = np.subtract((a.fx, a.fy, a.cx, a.cy), (b.fx, b.fy, b.cx, b.cy))
     same_size = (a.width, a.height) == (b.width, b.height)
-    return first.frame == second.frame and same_size and bool(np.abs(apart).max() < SAME_PX)
+    return first.frame == second.frame and same_size and bool(np.abs(difference).max() < SAME_PX)
 
 
-def _nearest(places: list[Place], times: Any, wanted: Place) -> Place:
-    """The depth next in time; `times` are those of `places`, in ns and in order."""
+def _nearest(keys: list[MessageKey], times: Any, wanted: MessageKey) -> MessageKey:
+    """Return the message nearest in time; `times` are those of `keys`, in ns, ascending."""
     after = int(np.searchsorted(times, wanted.time_ns))
-    near = places[max(after - 1, 0) : after + 1]
-    best = min(near, key=lambda place: abs(place.time_ns - wanted.time_ns), default=None)
-    if best is None or abs(best.time_ns - wanted.time_ns) > MOST_APART_NS:
-        raise ValueError(f"there is no depth within {MOST_APART_NS / 1e9:g} s")
+    near = keys[max(after - 1, 0) : after + 1]
+    best = min(near, key=lambda key: abs(key.time_ns - wanted.time_ns), default=None)
+    if best is None or abs(best.time_ns - wanted.time_ns) > MAX_GAP_NS:
+        raise ValueError(f"there is no depth within {MAX_GAP_NS / 1e9:g} s")
     return best
 
 
 @dataclass(frozen=True)
 class _PoseTopic:
-    """Poses of a frame, "" if it is not named."""
+    """Poses of a frame; its name is "" where the type of the messages does not name it."""
 
     child: str
     track: Track
 
 
 def _poses(bag: Bag) -> tuple[FrameTree, dict[str, _PoseTopic]]:
-    """Everything that the bag says about where something is."""
+    """Read all transforms and all topics of poses."""
     tree = FrameTree()
     tracks: dict[str, _PoseTopic] = {}
     kinds = bag.topics
@@ -202,14 +218,14 @@ def _poses(bag: Bag) -> tuple[FrameTree, dict[str, _PoseTopic]]:
                 tree.add(transform, fixed=topic == TF_STATIC)
             continue
         pose = message.pose if kinds[topic].endswith("/PoseStamped") else message.pose.pose
-        child = plain(getattr(message, "child_frame_id", ""))
-        one = tracks.setdefault(topic, _PoseTopic(child, Track()))
-        one.track.add(time_of(message.header), pose.position, pose.orientation)
+        child = frame_name(getattr(message, "child_frame_id", ""))
+        poses = tracks.setdefault(topic, _PoseTopic(child, Track()))
+        poses.track.add(time_of(message.header), pose.position, pose.orientation)
     return tree, tracks
 
 
 class _PoseSource:
-    """Where a camera is, from tf2 or from a topic of poses."""
+    """Finds poses of a camera in tf2 or in a topic of poses."""
 
     def __init__(
         self, path: Path, tree: FrameTree, topics: dict[str, _PoseTopic], frame: str
@@ -225,16 +241,22 @@ class _PoseSource:
             return
         if len(topics) != 1:
             raise ValueError(
-                f"{path}: no world is above {frame} in {TF}, and there are "
-                f"{', '.join(topics) or 'no topics'} with poses, where one is expected"
+                f"{path}: no fixed frame ({', '.join(WORLDS)}) is above {frame} in {TF}; then one "
+                f"topic with poses is needed, and there are {', '.join(topics) or 'none'}"
             )
         (self._topic,) = topics.values()
 
     def world_from_camera(self, time_ns: int) -> Any:
-        """[4,4] at a time.
+        """Return the pose of the camera at a time.
+
+        Args:
+            time_ns: Time in the header of its image, ns.
+
+        Returns:
+            [4,4] world_from_camera, m.
 
         Raises:
-            ValueError: It is not known.
+            ValueError: The pose is not known at that time.
         """
         if self._topic is None:
             return self._tree.find(self._top, self._frame, time_ns)

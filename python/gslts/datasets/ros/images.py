@@ -1,4 +1,4 @@
-"""Pictures and cameras of ROS messages."""
+"""Images and cameras from ROS messages."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ from gslts.types import Floats32
 Bytes = NDArray[np.uint8]
 
 DEPTH_ENCODINGS = ("16UC1", "mono16", "32FC1")
+"""Encodings of depth images (REP 118)."""
 MILLIMETRE = 0.001
-"""Unit of depth of whole numbers (REP 118), m."""
+"""Unit of integer depth (REP 118), m."""
 
 _COLOUR_CHANNELS = {
     "rgb8": (3, [0, 1, 2]),
@@ -26,23 +27,35 @@ _COLOUR_CHANNELS = {
     "bgra8": (4, [2, 1, 0]),
     "mono8": (1, [0, 0, 0]),
 }
-"""Bytes a pixel, and where red, green and blue are in them."""
+"""Bytes per pixel, and the indices of red, green and blue among them."""
 _COEFFICIENTS = {"plumb_bob": (4, 5), "rational_polynomial": (8,), "equidistant": (4,)}
+"""Numbers of coefficients of each supported distortion model of CameraInfo."""
 _COMPRESSED_DEPTH_HEADER = struct.Struct("<iff")
+"""Format, and quantisation parameters a and b, of compressed_depth_image_transport."""
 
 
 def encoding_of(message: Any) -> str:
-    """How an Image or CompressedImage encodes its pixels: "16UC1" or the like, or "jpeg"."""
+    """Return the encoding of an image message, such as "16UC1" or "jpeg".
+
+    Args:
+        message: An Image or CompressedImage.
+    """
     if hasattr(message, "encoding"):
         return str(message.encoding)
     return str(message.format).split(";", maxsplit=1)[0].strip()
 
 
 def rgb_of(message: Any) -> Bytes:
-    """[H,W,3] uint8 of an Image or CompressedImage.
+    """Decode a colour or grey image.
+
+    Args:
+        message: An Image or CompressedImage.
+
+    Returns:
+        [H,W,3] uint8 sRGB.
 
     Raises:
-        ValueError: It is damaged, or of another encoding.
+        ValueError: The message is damaged, or its encoding is not supported.
     """
     if hasattr(message, "encoding"):
         if message.encoding not in _COLOUR_CHANNELS:
@@ -54,15 +67,21 @@ def rgb_of(message: Any) -> Bytes:
 
 
 def depth_of(message: Any) -> Floats32:
-    """[H,W] float32 m of an Image, or of a CompressedImage with PNG; 0 means no measurement.
+    """Decode a depth image.
+
+    Args:
+        message: An Image, or a CompressedImage with a PNG.
+
+    Returns:
+        [H,W] float32 depth, m; 0 means no measurement.
 
     Raises:
-        ValueError: It is damaged, or of another encoding.
+        ValueError: The message is damaged, or its encoding is not supported.
     """
     encoding = encoding_of(message)
     if hasattr(message, "encoding"):
         if encoding not in DEPTH_ENCODINGS:
-            raise ValueError(f"the encoding {encoding} is no depth")
+            raise ValueError(f"the encoding {encoding} is not one of depth")
         order = ">" if message.is_bigendian else "<"
         kind = np.dtype(f"{order}f4" if encoding == "32FC1" else f"{order}u2")
         steps = _rows(message, kind, 1)[..., 0]
@@ -75,7 +94,7 @@ def depth_of(message: Any) -> Floats32:
 
 
 def _compressed_depth(message: Any, encoding: str) -> Floats32:
-    """Of ROS's compressed_depth_image_transport: a header of 12 bytes, and a PNG."""
+    """Decode a message of compressed_depth_image_transport: a 12-byte header and a PNG."""
     if "rvl" in message.format.lower():
         raise ValueError(f"the format {message.format!r} is not supported")
     data = bytes(message.data)
@@ -86,12 +105,12 @@ def _compressed_depth(message: Any, encoding: str) -> Floats32:
     if encoding != "32FC1":
         return steps * np.float32(MILLIMETRE)
     with np.errstate(divide="ignore", invalid="ignore"):
-        depth = np.float32(a) / (steps - np.float32(b))  # It is the inverse that has equal steps.
+        depth = np.float32(a) / (steps - np.float32(b))  # Inverse depth is quantised evenly.
     return np.where((steps > 0) & np.isfinite(depth) & (depth > 0), depth, np.float32(0))
 
 
 def _rows(message: Any, kind: np.dtype[Any], channels: int) -> NDArray[Any]:
-    """[H,W,C] pixels of an Image, whose rows may be longer than what they hold."""
+    """Return the pixels [H,W,C] of an Image, whose rows may be padded."""
     height, width, step = int(message.height), int(message.width), int(message.step)
     data = np.asarray(message.data, np.uint8)
     if not 0 < height * width <= MAX_PIXELS:
@@ -99,18 +118,15 @@ def _rows(message: Any, kind: np.dtype[Any], channels: int) -> NDArray[Any]:
     used = width * channels * kind.itemsize
     if step < used or len(data) < height * step:
         raise ValueError(
-            f"{len(data)} bytes in rows of {step} are no {width} x {height} px {message.encoding}"
+            f"{len(data)} bytes in rows of {step} are too few for {width} x {height} px "
+            f"{message.encoding}"
         )
     rows = np.ascontiguousarray(data[: height * step].reshape(height, step)[:, :used])
     return rows.view(kind).reshape(height, width, channels)
 
 
 def _decoded(data: Any, mode: str) -> NDArray[Any]:
-    """The pixels of a picture's file, in a mode of Pillow.
-
-    Raises:
-        ValueError: It is damaged, too large or of another format.
-    """
+    """Decode a JPEG or PNG in a mode of Pillow."""
     from PIL import Image, UnidentifiedImageError
 
     try:
@@ -119,20 +135,23 @@ def _decoded(data: Any, mode: str) -> NDArray[Any]:
                 raise ValueError(f"{image.width} x {image.height} px are more than {MAX_PIXELS}")
             return np.asarray(image.convert(mode))
     except UnidentifiedImageError:
-        raise ValueError("it is neither JPEG nor PNG") from None
+        raise ValueError("the image is neither JPEG nor PNG") from None
     except Exception as error:  # Pillow raises errors of any kind for damage.
-        raise ValueError(f"its picture cannot be read: {reason_of(error)}") from None
+        raise ValueError(f"the image cannot be read: {reason_of(error)}") from None
 
 
 def camera_of(info: Any, rectified: bool) -> tuple[tuple[float, ...], tuple[int, int], Lens | None]:
-    """Of a CameraInfo: (fx, fy, cx, cy) px, (width, height) px, and the lens.
+    """Read intrinsics, image size and lens from a CameraInfo.
 
     Args:
         info: The message.
-        rectified: Whether the pictures are rectified already: then P counts and not K, D.
+        rectified: True if the images are rectified: then P is used instead of K and D.
+
+    Returns:
+        (fx, fy, cx, cy) px, (width, height) px, and the lens.
 
     Raises:
-        ValueError: The lens is of a kind that is not supported, or only a part of it is shown.
+        ValueError: The distortion model, binning or a region of interest is not supported.
     """
     if info.binning_x > 1 or info.binning_y > 1 or info.roi.x_offset or info.roi.y_offset:
         raise ValueError("binning and regions of interest are not supported")
@@ -144,7 +163,7 @@ def camera_of(info: Any, rectified: bool) -> tuple[tuple[float, ...], tuple[int,
     elif not rectified:
         lens = _lens(str(info.distortion_model), info.d.tolist())
     fx, fy, cx, cy = values
-    # ROS counts from the middle of the first pixel, this project from its corner.
+    # Pixel centres: whole numbers in ROS, +0.5 in this project.
     return (fx, fy, cx + 0.5, cy + 0.5), (int(info.width), int(info.height)), lens
 
 
@@ -153,10 +172,10 @@ def _lens(model: str, coefficients: list[float]) -> Lens | None:
         return None
     if model not in _COEFFICIENTS:
         raise ValueError(f"the distortion model {model[:40]!r} is not supported")
-    most = max(_COEFFICIENTS[model])
-    if any(coefficients[most:]):
-        raise ValueError(f"the distortion model {model} has more than {most} coefficients")
-    coefficients = coefficients[:most]
+    maximum = max(_COEFFICIENTS[model])
+    if any(coefficients[maximum:]):
+        raise ValueError(f"the distortion model {model} has more than {maximum} coefficients")
+    coefficients = coefficients[:maximum]
     if len(coefficients) not in _COEFFICIENTS[model]:
         raise ValueError(f"the distortion model {model} has {len(coefficients)} coefficients")
     return lens_or_none(coefficients, fisheye=model == "equidistant")

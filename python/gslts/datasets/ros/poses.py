@@ -1,4 +1,4 @@
-"""Moving and fixed frames of ROS (tf2): where one is in another at a time."""
+"""Coordinate frames of ROS (tf2): the transform between two of them at a time."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.datasets.poses import between, inverse, pose_of
+from gslts.datasets.poses import interpolate_pose, inverse, pose_from_quat
 from gslts.types import Floats
 
-MOST_APART_NS = 100_000_000
-"""Poses that are farther apart in time say nothing about what is between them."""
-MOST_LINKS = 100
-"""Longer chains of frames are loops."""
+MAX_GAP_NS = 100_000_000
+"""Maximum time between two poses to interpolate; odometry comes at 20 Hz or more."""
+MAX_LINKS = 100
+"""Maximum depth of the tree of frames; longer chains are loops."""
 
 
 @dataclass
 class Track:
-    """A pose at some times.
+    """Poses of one frame over time.
 
     Attributes:
-        times_ns: Whole numbers, in any order.
+        times_ns: Time stamps, in any order.
         numbers: For each, x y z, m, and the quaternion x y z w.
     """
 
@@ -31,28 +31,40 @@ class Track:
     _sorted: tuple[NDArray[np.int64], Floats] | None = None
 
     def add(self, time_ns: int, translation: Any, rotation: Any) -> None:
-        """Adds a pose of two ROS messages with x y z and x y z w."""
+        """Add a pose.
+
+        Args:
+            time_ns: Its time, ns.
+            translation: ROS message with x y z, m.
+            rotation: ROS message with x y z w.
+        """
         self.times_ns.append(time_ns)
         numbers = [getattr(translation, name) for name in "xyz"]
         self.numbers.append((*numbers, *(getattr(rotation, name) for name in "xyzw")))
         self._sorted = None
 
     def at(self, time_ns: int) -> Floats:
-        """[4,4] between the two neighbours in time.
+        """Interpolate the pose between its two neighbours in time.
+
+        Args:
+            time_ns: Time, ns.
+
+        Returns:
+            [4,4] rigid transform.
 
         Raises:
-            ValueError: They are too far apart, or there is none on one side, or one is no pose.
+            ValueError: A neighbour is missing or damaged, or they are too far apart in time.
         """
         times, numbers = self._in_order()
         after = int(np.searchsorted(times, time_ns))
         if after < len(times) and times[after] == time_ns:
             return _pose(numbers[after])
-        if after in (0, len(times)) or times[after] - times[after - 1] > MOST_APART_NS:
+        if after in (0, len(times)) or times[after] - times[after - 1] > MAX_GAP_NS:
             raise ValueError(
-                f"there are no two poses around it at most {MOST_APART_NS / 1e9:g} s apart"
+                f"there are no two poses around it at most {MAX_GAP_NS / 1e9:g} s apart"
             )
         share = (time_ns - times[after - 1]) / (times[after] - times[after - 1])
-        return between(_pose(numbers[after - 1]), _pose(numbers[after]), float(share))
+        return interpolate_pose(_pose(numbers[after - 1]), _pose(numbers[after]), float(share))
 
     def _in_order(self) -> tuple[NDArray[np.int64], Floats]:
         if self._sorted is None:
@@ -63,63 +75,82 @@ class Track:
 
 def _pose(numbers: Floats) -> Floats:
     x, y, z, w = numbers[3:]
-    return pose_of((w, x, y, z), numbers[:3])
+    return pose_from_quat((w, x, y, z), numbers[:3])
 
 
 class FrameTree:
-    """Which frame hangs at which, and where.
+    """Tree of coordinate frames, with the transform of each to its parent.
 
-    Names are taken without the slash that old bags have before them.
+    Names are used without the leading slash that old bags have.
     """
 
     def __init__(self) -> None:
         self._parents: dict[str, tuple[str, Track, bool]] = {}
-        self._doubtful: dict[str, str] = {}
+        self._conflicts: dict[str, str] = {}
 
     def add(self, transform: Any, fixed: bool) -> None:
-        """Adds a TransformStamped.
+        """Add a transform.
 
         Args:
-            transform: The message.
-            fixed: Whether it holds for all times, as those of /tf_static.
+            transform: A TransformStamped.
+            fixed: True if it holds for all times, as those of /tf_static.
         """
         header = transform.header
-        child = plain(transform.child_frame_id)
-        parent = plain(header.frame_id)
-        at, track, was_fixed = self._parents.setdefault(child, (parent, Track(), fixed))
-        if (at, was_fixed) != (parent, fixed):
-            self._doubtful[child] = (
-                f"the frame {child} hangs at {at} ({'fixed' if was_fixed else 'moving'}) and at "
-                f"{parent} ({'fixed' if fixed else 'moving'})"
+        child = frame_name(transform.child_frame_id)
+        parent = frame_name(header.frame_id)
+        known, track, was_fixed = self._parents.setdefault(child, (parent, Track(), fixed))
+        if (known, was_fixed) != (parent, fixed):
+            self._conflicts[child] = (
+                f"the frame {child} has two parents: {known} "
+                f"({'fixed' if was_fixed else 'moving'}) and {parent} "
+                f"({'fixed' if fixed else 'moving'})"
             )
             return
-        moved = transform.transform
+        pose = transform.transform
         if fixed and track.times_ns:  # The last one holds.
             track.times_ns.clear()
             track.numbers.clear()
-        track.add(0 if fixed else time_of(header), moved.translation, moved.rotation)
+        track.add(0 if fixed else time_of(header), pose.translation, pose.rotation)
 
     def ancestors(self, frame: str) -> list[str]:
-        """The frame itself, the one at which it hangs, and so on.
+        """List a frame, its parent, and so on up to the root.
+
+        Args:
+            frame: Name of the frame.
 
         Raises:
-            ValueError: They form a loop, or one hangs at several.
+            ValueError: The frames form a loop, or a frame has two parents.
         """
-        names = [plain(frame)]
+        names = [frame_name(frame)]
         while names[-1] in self._parents:
-            if names[-1] in self._doubtful:
-                raise ValueError(self._doubtful[names[-1]])
+            if names[-1] in self._conflicts:
+                raise ValueError(self._conflicts[names[-1]])
             names.append(self._parents[names[-1]][0])
-            if len(names) > MOST_LINKS:
+            if len(names) > MAX_LINKS:
                 raise ValueError(f"the frames above {frame} form a loop")
         return names
 
     def moves(self, frame: str) -> bool:
-        """Whether a frame moves in the topmost one above it."""
+        """Return True if a frame moves relative to the root above it.
+
+        Args:
+            frame: Name of the frame.
+
+        Raises:
+            ValueError: See `ancestors`.
+        """
         return any(not self._parents[name][2] for name in self.ancestors(frame)[:-1])
 
     def find(self, target: str, source: str, time_ns: int) -> Floats:
-        """[4,4] target_from_source at a time.
+        """Return the transform between two frames at a time.
+
+        Args:
+            target: Name of a frame.
+            source: Name of a frame.
+            time_ns: Time, ns.
+
+        Returns:
+            [4,4] target_from_source, m.
 
         Raises:
             ValueError: The frames are not connected, or their poses at that time are not known.
@@ -131,7 +162,7 @@ class FrameTree:
         return inverse(self._up(targets, shared, time_ns)) @ self._up(sources, shared, time_ns)
 
     def _up(self, names: list[str], top: str, time_ns: int) -> Floats:
-        """[4,4] top_from_frame of the first of some ancestors."""
+        """Return top_from_frame [4,4] for the first of some ancestors."""
         pose = np.eye(4)
         for name in names[: names.index(top)]:
             parent, track, fixed = self._parents[name]
@@ -142,12 +173,20 @@ class FrameTree:
         return pose
 
 
-def plain(frame: str) -> str:
-    """The name of a frame without a slash before it."""
+def frame_name(frame: str) -> str:
+    """Return the name of a frame without a leading slash.
+
+    Args:
+        frame: Name as in a message.
+    """
     return str(frame).removeprefix("/")
 
 
 def time_of(header: Any) -> int:
-    """Time of a message's header, ns."""
+    """Return the time stamp of a header, ns.
+
+    Args:
+        header: A std_msgs Header.
+    """
     stamp = header.stamp
     return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)

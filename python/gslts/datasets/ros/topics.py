@@ -1,4 +1,4 @@
-"""Which topics of a bag are the colours and the depth of a camera."""
+"""Choice of the topics of a bag that hold the colour and depth images of one camera."""
 
 from __future__ import annotations
 
@@ -6,30 +6,33 @@ from dataclasses import dataclass
 
 from gslts.datasets.ros.bag import Bag
 from gslts.datasets.ros.images import DEPTH_ENCODINGS, encoding_of
-from gslts.datasets.ros.poses import plain
+from gslts.datasets.ros.poses import frame_name
 
 TF, TF_STATIC = "/tf", "/tf_static"
+"""Topics of moving and of fixed transforms (tf2)."""
 IMAGE_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+"""Message types of images."""
 POSE_TYPES = (
     "geometry_msgs/msg/PoseStamped",
     "geometry_msgs/msg/PoseWithCovarianceStamped",
     "nav_msgs/msg/Odometry",
 )
+"""Message types of poses."""
 REGISTERED = ("aligned_depth_to_color", "depth_registered", "registered")
-"""Parts of the names of depth that is in the view of the colours already."""
+"""Parts of topic names by which the drivers mark depth registered to the colour image."""
 
 
 @dataclass(frozen=True)
 class ImageTopic:
-    """A topic with pictures.
+    """A topic with images.
 
     Attributes:
         topic: Its name.
-        base: Its name without the ending of a compressed one.
+        base: Its name without the ending of a compressed topic.
         kind: "depth", "colour" or "grey".
-        info: The topic of its CameraInfo; None if there is none.
-        frame: Optical frame of the first picture.
-        compressed: Whether it has CompressedImage.
+        info: Topic of its CameraInfo; None if there is none.
+        frame: Optical frame of the first image.
+        compressed: True if the messages are CompressedImage.
     """
 
     topic: str
@@ -41,34 +44,41 @@ class ImageTopic:
 
     @property
     def rectified(self) -> bool:
-        """Whether its lens has been corrected, which ROS tells by the name."""
+        """True if the images are rectified, which ROS says by the name of the topic."""
         return self.base.rpartition("/")[2].startswith("image_rect")
 
     @property
     def registered(self) -> bool:
-        """Whether it is depth in the view of the colours, by its name."""
+        """True if the name marks depth registered to the colour image."""
         return any(part in self.base for part in REGISTERED)
 
 
 def choose_topics(bag: Bag) -> tuple[ImageTopic, ImageTopic | None]:
-    """The colours, and the depth if there is any.
+    """Choose the topics of the colour image and of the depth image.
 
-    Colours are preferred to grey pictures, registered depth to any other, rectified pictures to
-    others of the same camera, and pictures to compressed ones. Colours need a CameraInfo in their
+    Colour is preferred to grey, registered depth to other depth, rectified images to others of the
+    same camera, and raw images to compressed ones. Colour images need a CameraInfo in their
     namespace, and so does depth that is not registered.
 
+    Args:
+        bag: The bag.
+
+    Returns:
+        Topic of the colour image, and of the depth image; None without depth.
+
     Raises:
-        ValueError: There are none, or those of several cameras; the message lists the topics.
+        ValueError: There is no colour image, or several cameras; the message lists the topics.
     """
     images = [_image_topic(bag, topic) for topic, kind in bag.topics.items() if kind in IMAGE_TYPES]
-    with_info = [one for one in images if one.info is not None]
-    colours = [one for one in with_info if one.kind == "colour"]
-    colour = _one(bag, colours or [one for one in with_info if one.kind == "grey"], "colours")
+    with_info = [image for image in images if image.info is not None]
+    colours = [image for image in with_info if image.kind == "colour"]
+    greys = [image for image in with_info if image.kind == "grey"]
+    colour = _best(bag, colours or greys, "colour images")
     if colour is None:
-        raise _error(bag, "there are no colour pictures with a CameraInfo beside them")
-    depths = [one for one in images if one.kind == "depth"]
-    registered = [one for one in depths if one.registered]
-    depth = _one(bag, registered or depths, "depth")
+        raise _error(bag, "there are no colour images with a CameraInfo beside them")
+    depths = [image for image in images if image.kind == "depth"]
+    registered = [image for image in depths if image.registered]
+    depth = _best(bag, registered or depths, "depth images")
     if depth is not None and depth.info is None and not depth.registered:
         raise _error(bag, f"there is no CameraInfo beside {depth.topic}")
     return colour, depth
@@ -90,17 +100,19 @@ def _image_topic(bag: Bag, topic: str) -> ImageTopic:
         base=base,
         kind=kind,
         info=info if bag.topics.get(info) == "sensor_msgs/msg/CameraInfo" else None,
-        frame=plain(message.header.frame_id),
+        frame=frame_name(message.header.frame_id),
         compressed=compressed,
     )
 
 
-def _one(bag: Bag, topics: list[ImageTopic], what: str) -> ImageTopic | None:
-    """The best of the topics of one camera; None of none."""
-    if len({one.base.rpartition("/")[0] for one in topics}) > 1:
-        names = ", ".join(one.topic for one in topics)
+def _best(bag: Bag, images: list[ImageTopic], what: str) -> ImageTopic | None:
+    """Return the best of the topics of one camera; None for an empty list."""
+    if len({image.base.rpartition("/")[0] for image in images}) > 1:
+        names = ", ".join(image.topic for image in images)
         raise _error(bag, f"several cameras have {what}: {names}")
-    return min(topics, key=lambda one: (not one.rectified, one.compressed, one.topic), default=None)
+    return min(
+        images, key=lambda each: (not each.rectified, each.compressed, each.topic), default=None
+    )
 
 
 def _error(bag: Bag, reason: str) -> ValueError:

@@ -9,7 +9,7 @@ import numpy as np
 
 from gslts.core.gaussian_map import FloatArray, GaussianMap
 from gslts.core.se3 import se3_retract, twist_of
-from gslts.localization.alignment import aligned
+from gslts.localization.alignment import align_pose
 from gslts.mapping.observation import Observation
 from gslts.rendering.losses import apply_exposure, fit_exposure
 from gslts.rendering.metrics import psnr_db, ssim
@@ -134,7 +134,7 @@ def refine_pose(
 ) -> Observation:
     """The observation at the pose nearby where the map fits it best."""
     frames = [observation.rgbd(level) for level in POSE_LEVELS]
-    return replace(observation, pose=aligned(gaussian_map, frames, POSE_STEPS, threads=threads))
+    return replace(observation, pose=align_pose(gaussian_map, frames, POSE_STEPS, threads=threads))
 
 
 def shown(images: Images, observation: Observation, threads: int = 0) -> FloatArray:

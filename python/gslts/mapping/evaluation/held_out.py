@@ -14,7 +14,8 @@ from gslts.mapping.frames import ShowFrames, require_memory, usable
 from gslts.mapping.lenses import Lenses
 from gslts.mapping.observation import Observation
 from gslts.store.camera_files import cameras_of_map
-from gslts.store.map_folder import camera_of, folder_of, read_manifest
+from gslts.store.manifest import read_manifest, split_version
+from gslts.store.map_folder import camera_from_json
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +38,7 @@ class Known:
             OSError: A file cannot be read.
             ValueError: A file is damaged.
         """
-        folder, _ = folder_of(path)
+        folder, _ = split_version(path)
         if not folder.is_dir():
             return cls({})
         manifest, cameras = read_manifest(folder), cameras_of_map(path)
@@ -141,4 +142,4 @@ def _shrunk(one: Observation) -> Observation:
 
 
 def _lenses(plain: Mapping[str, Any]) -> Lenses:
-    return Lenses(camera_of(plain["color"]), camera_of(plain["depth"]))
+    return Lenses(camera_from_json(plain["color"]), camera_from_json(plain["depth"]))

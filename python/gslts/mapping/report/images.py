@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.io.images import Picture
+from gslts.io.images import RgbImage
 from gslts.mapping.report.data import CurvePoint
 
 WIDTH_PX, QUALITY = 320, 85
@@ -39,12 +39,12 @@ def smaller(picture: NDArray[Any]) -> NDArray[Any]:
     return picture[np.ix_(rows, columns)]
 
 
-def jpeg_of(picture: Picture) -> str:
+def jpeg_of(picture: RgbImage) -> str:
     """A picture as the address of an <img>."""
     return _encoded(picture, "JPEG", quality=QUALITY, optimize=True)
 
 
-def png_of(picture: Picture) -> str:
+def png_of(picture: RgbImage) -> str:
     """The same without loss, for what is small or plain."""
     return _encoded(picture, "PNG", optimize=True)
 
@@ -110,7 +110,7 @@ def _svg(figure: Any) -> str:
     return _address("image/svg+xml", buffer.getvalue())
 
 
-def _encoded(picture: Picture, kind: str, **options: Any) -> str:
+def _encoded(picture: RgbImage, kind: str, **options: Any) -> str:
     from PIL import Image
 
     buffer = io.BytesIO()

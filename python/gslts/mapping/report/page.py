@@ -12,9 +12,9 @@ from gslts.io.html_page import bullets, number, pairs_table, plots, section, tab
 from gslts.io.images import (
     DEPTH_COLORS,
     ERROR_COLORS,
-    depth_picture,
+    depth_image,
     depth_range,
-    error_picture,
+    error_image,
     legend,
 )
 from gslts.mapping.report.data import MOST_VIEWS, CurvePoint, ReportData, View
@@ -114,15 +114,15 @@ def _view(view: View) -> str:
     ):
         raise ValueError(f"write_report: the pictures of view {view.name!r} differ in size")
     comparable = np.where(mask[..., None], view.render, view.photo)
-    error = error_picture(comparable, view.photo, ERROR_SHOWN)
+    error = error_image(comparable, view.photo, ERROR_SHOWN)
     measured, rendered = (smaller(one) for one in (view.measured_depth, view.rendered_depth))
     range_m = depth_range(measured if (measured > 0).any() else rendered)
     figures = (
         ("photograph", smaller(view.photo)),
         ("rendering", smaller(view.render)),
         ("error", smaller(error)),
-        ("measured depth", depth_picture(measured, range_m)),
-        ("rendered depth", depth_picture(rendered, range_m)),
+        ("measured depth", depth_image(measured, range_m)),
+        ("rendered depth", depth_image(rendered, range_m)),
     )
     name = escape(view.name)
     shown = "\n".join(

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from gslts.core.gaussian_map import FloatArray
 from gslts.core.se3 import twist_of
-from gslts.localization.landmark_files import KEY, digest_of, keep_landmarks
-from gslts.localization.landmarks import landmarks_of
+from gslts.localization.landmark_extraction import extract_landmarks
+from gslts.localization.landmark_files import KEY, landmarks_digest, write_landmarks
 from gslts.mapping.engine import MappingResult
 from gslts.mapping.evaluation.evaluate import Quality, shown
 from gslts.mapping.lenses import Lenses
@@ -21,7 +21,7 @@ from gslts.mapping.report.data import ReportData, View
 from gslts.mapping.report.page import write_report
 from gslts.rendering.metrics import psnr_db
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
-from gslts.store.map_folder import plain_camera, write_map_folder
+from gslts.store.map_folder import camera_to_json, write_map_folder
 
 
 def write_result(folder: Path, result: MappingResult, dataset: str) -> None:
@@ -36,16 +36,16 @@ def write_result(folder: Path, result: MappingResult, dataset: str) -> None:
         OSError: It cannot be written, or is there already.
     """
     frames = (one.rgbd() for one in result.training.values())
-    landmarks = landmarks_of(result.gaussian_map, frames, threads=result.config.threads)
+    landmarks = extract_landmarks(result.gaussian_map, frames, threads=result.config.threads)
 
     def finish(part: Path) -> None:
-        keep_landmarks(landmarks, part)
+        write_landmarks(landmarks, part)
         write_report(part / "report.html", report_of(result, dataset))
 
     write_map_folder(
         folder,
         result.gaussian_map,
-        {**manifest_of(result, dataset), KEY: digest_of(landmarks)},
+        {**manifest_of(result, dataset), KEY: landmarks_digest(landmarks)},
         {name: one.camera() for name, one in result.training.items()},
         finish,
     )
@@ -174,7 +174,7 @@ def _found(result: MappingResult) -> Lenses:
 
 
 def _plain(lenses: Lenses) -> dict[str, Any]:
-    return {"color": plain_camera(lenses.color), "depth": plain_camera(lenses.depth)}
+    return {"color": camera_to_json(lenses.color), "depth": camera_to_json(lenses.depth)}
 
 
 def _bytes(rgb: FloatArray) -> NDArray[np.uint8]:

@@ -87,12 +87,12 @@ def _make_bed(scene: Scene, head: int) -> HomeObject | None:
 def _on_night_table(scene: Scene, table: HomeObject) -> None:
     rng = scene.rng
     scene.put(scene.build(electronics.desk_lamp), table, (-0.3, 0.3), (0.5, 1), (-0.2, 0.2))
-    things: list[Builder] = [
+    objs: list[Builder] = [
         electronics.alarm_clock, stationery.book, electronics.cell_phone, tableware.mug,
         decoration.tissue_box, tableware.cup,
     ]  # fmt: skip
-    for index in rng.permutation(len(things))[:3]:
-        scene.put(scene.build(things[int(index)]), table, y=(-1, 0.6))
+    for index in rng.permutation(len(objs))[:3]:
+        scene.put(scene.build(objs[int(index)]), table, y=(-1, 0.6))
     scene.put(scene.build(stationery.book), table, near_z=0.14)
 
 
@@ -107,13 +107,13 @@ def _along_walls(scene: Scene, foot: int, window_side: int, door_side: int) -> N
         side = scene.sides[number]
         along = float((dresser.world_from_object[:2, 3] - side.start) @ side.along)
         scene.hang(scene.build(decoration.mirror), number, along, 1.05)
-        things: list[Builder] = [
+        objs: list[Builder] = [
             decoration.vase, stationery.carton, decoration.candle, bedding.towel, tableware.bowl,
             decoration.house_plant, stationery.key_chain, electronics.alarm_clock, stationery.book,
             decoration.statue, stationery.credit_card,
         ]  # fmt: skip
-        for index in rng.permutation(len(things))[:5]:
-            scene.put(scene.build(things[int(index)]), dresser)
+        for index in rng.permutation(len(objs))[:5]:
+            scene.put(scene.build(objs[int(index)]), dresser)
     desk = scene.stand_somewhere(
         scene.build(tables.desk), [window_side, foot, door_side], front=0.6
     )
@@ -127,11 +127,11 @@ def _along_walls(scene: Scene, foot: int, window_side: int, door_side: int) -> N
         scene.stand_somewhere(scene.build(seating.arm_chair), walls, 0.1, 0.3)
 
 
-def _against(scene: Scene, number: int, thing: HomeObject) -> float:
+def _against(scene: Scene, number: int, obj: HomeObject) -> float:
     """How far a thing's back is from a wall that it could stand against, m."""
     side = scene.sides[number]
-    facing = thing.world_from_object[:2, :2] @ np.array([0.0, -1.0])
-    out = float((thing.world_from_object[:2, 3] - side.start) @ side.inward)
+    facing = obj.world_from_object[:2, :2] @ np.array([0.0, -1.0])
+    out = float((obj.world_from_object[:2, 3] - side.start) @ side.inward)
     return out if facing @ side.inward > 0.9 else np.inf
 
 
@@ -147,12 +147,12 @@ def _set_desk(scene: Scene, desk: HomeObject) -> None:
             break
     scene.put(scene.build(electronics.laptop), desk, (-0.5, 0.1), (-0.2, 0.3), (-0.2, 0.2))
     scene.put(scene.build(electronics.desk_lamp), desk, (0.7, 1), (0.5, 1))
-    things: list[Builder] = [
+    objs: list[Builder] = [
         stationery.book, stationery.pencil_cup, stationery.pen, tableware.mug, stationery.newspaper,
         electronics.cell_phone, stationery.book, stationery.credit_card,
     ]  # fmt: skip
-    for index in rng.permutation(len(things))[:5]:
-        scene.put(scene.build(things[int(index)]), desk)
+    for index in rng.permutation(len(objs))[:5]:
+        scene.put(scene.build(objs[int(index)]), desk)
 
 
 def _lay_out_small_things(scene: Scene, bed: HomeObject | None) -> None:
@@ -163,14 +163,14 @@ def _lay_out_small_things(scene: Scene, bed: HomeObject | None) -> None:
             scene.build(decoration.teddy_bear), bed, (-0.7, 0.7), (-0.6, 0.1), (-0.6, 0.6), 0.525
         )
         scene.put(scene.build(bedding.towel), bed, (-0.8, 0.8), (-0.9, -0.5), near_z=0.525)
-    for shelf in [thing for thing in scene.objects if thing.type == "Shelf"]:
+    for shelf in [obj for obj in scene.objects if obj.type == "Shelf"]:
         for builder in (stationery.book_row, decoration.house_plant, decoration.vase):
             scene.put(scene.build(builder), shelf, turn=(0, 0))
-    for pane in [thing for thing in scene.objects if thing.type == "Window"]:
+    for pane in [obj for obj in scene.objects if obj.type == "Window"]:
         scene.put(scene.build(decoration.house_plant), pane, y=(-1, -0.9), near_z=0.0)
     for builder in (decoration.dumbbell, decoration.dumbbell, decoration.basket_ball):
         if rng.random() < 0.7:
             scene.stand_somewhere(scene.build(builder), [0, 1, 2, 3], 0.05, 0.0)
-    tops = [thing for thing in scene.objects if thing.type == "Wardrobe"]
+    tops = [obj for obj in scene.objects if obj.type == "Wardrobe"]
     for wardrobe in tops:
         scene.put(scene.build(stationery.carton), wardrobe)

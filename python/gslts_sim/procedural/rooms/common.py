@@ -113,8 +113,8 @@ def hang_somewhere(
     scene: Scene, builder: Builder, numbers: list[int], bottom: float, *args: float
 ) -> bool:
     """Hangs a thing on the first of some walls that has room; whether one had."""
-    thing = scene.build(builder, *args)
-    half = float(thing.box_in_world[1, 0])
+    obj = scene.build(builder, *args)
+    half = float(obj.box_in_world[1, 0])
     for number in numbers:
         length = scene.sides[number].length
         if length < 2 * half + 0.4:
@@ -122,6 +122,6 @@ def hang_somewhere(
         middle = length / 2
         places = np.arange(half + 0.15, length - half - 0.15, 0.15)
         for along in places[np.argsort(np.abs(places - middle), kind="stable")]:
-            if scene.hang(thing, number, float(along), bottom, margin=GAP_M):
+            if scene.hang(obj, number, float(along), bottom, margin=GAP_M):
                 return True
     return False

@@ -112,10 +112,10 @@ def _fit_units(
         if width < 0.12:
             continue
         if unit in builders:
-            thing = scene.build(builders[unit])
+            obj = scene.build(builders[unit])
         else:
-            thing = scene.build(kitchen.sink if unit == "sink" else kitchen.counter_top, width)
-        placed = scene.stand(thing, main, middle, front=0.75)
+            obj = scene.build(kitchen.sink if unit == "sink" else kitchen.counter_top, width)
+        placed = scene.stand(obj, main, middle, front=0.75)
         if placed is None:
             continue
         units.append(placed)
@@ -168,11 +168,11 @@ def _outside(left: float, right: float, low: float, high: float) -> list[tuple[f
 
 def _fixed(scene: Scene, builder: Builder, parent: HomeObject, x: float, y: float) -> None:
     """Puts something at a given place on its parent, m from the parent's middle."""
-    thing = scene.build(builder)
+    obj = scene.build(builder)
     at = parent.world_from_object.copy()
     local = np.array([x, y, parent.boxes[:, 1, 2].max(), 1.0])
     at[:3, 3] = np.round((parent.world_from_object @ local)[:3], 6)
-    scene.add(thing, at, parent.id)
+    scene.add(obj, at, parent.id)
 
 
 def _dine(scene: Scene, main: int) -> HomeObject | None:
@@ -243,7 +243,7 @@ def _lay_out_small_things(scene: Scene, units: list[HomeObject], table: HomeObje
                 break
     for unit in units:
         if unit.type == "Stove":
-            burners = [thing for thing in scene.objects if thing.type == "StoveBurner"]
+            burners = [obj for obj in scene.objects if obj.type == "StoveBurner"]
             cookware: list[Builder] = [tableware.pan, tableware.pot, electronics.kettle]
             for k, builder in zip(rng.permutation(len(burners)), cookware, strict=False):
                 scene.put(scene.build(builder), burners[k], turn=(-2.6, -0.6))
@@ -270,10 +270,10 @@ def _lay_out_small_things(scene: Scene, units: list[HomeObject], table: HomeObje
         food.jar, tableware.mug, tableware.bowl, stationery.book_row, decoration.vase, food.jar,
         tableware.bottle, decoration.house_plant, tableware.cup, food.cereal_box,
     ]  # fmt: skip
-    for shelf in [thing for thing in scene.objects if thing.type == "Shelf"]:
+    for shelf in [obj for obj in scene.objects if obj.type == "Shelf"]:
         for index in rng.permutation(len(shelved))[:4]:
             scene.put(scene.build(shelved[int(index)]), shelf, turn=(-0.2, 0.2))
-    for pane in [thing for thing in scene.objects if thing.type == "Window"]:
+    for pane in [obj for obj in scene.objects if obj.type == "Window"]:
         scene.put(scene.build(decoration.house_plant), pane, y=(-1, -0.9), near_z=0.0)
 
 

@@ -177,8 +177,8 @@ def _fill_bookcase(scene: Scene, case: HomeObject) -> None:
         for x in ((-1, -0.9), (0.9, 1)):
             if rng.random() < 0.75:
                 row = float(rng.uniform(0.22, 0.42)) * width
-                thing = scene.build(stationery.book_row, row)
-                scene.put(thing, case, x, (-0.4, 0), (0, 0), float(z))
+                obj = scene.build(stationery.book_row, row)
+                scene.put(obj, case, x, (-0.4, 0), (0, 0), float(z))
         if rng.random() < 0.6:
             extra = scene.build(extras[int(rng.integers(len(extras)))])
             scene.put(extra, case, turn=(-0.2, 0.2), near_z=float(z))
@@ -208,9 +208,9 @@ def _lay_out_small_things(
         ]  # fmt: skip
         for index in rng.permutation(len(beside))[:3]:
             scene.put(scene.build(beside[int(index)]), stand)
-    for pane in [thing for thing in scene.objects if thing.type == "Window"]:
+    for pane in [obj for obj in scene.objects if obj.type == "Window"]:
         scene.put(scene.build(decoration.house_plant), pane, y=(-1, -0.9), near_z=0.0)
-    for shelf in [thing for thing in scene.objects if thing.type == "Shelf"]:
+    for shelf in [obj for obj in scene.objects if obj.type == "Shelf"]:
         for builder in (stationery.book_row, decoration.vase, decoration.candle, decoration.statue):
             scene.put(scene.build(builder), shelf, turn=(0, 0))
     if rng.random() < 0.5:

@@ -8,7 +8,7 @@
 namespace gslts::detect {
 
 /// Where a photo and a rendering differ, named as in GS-LTS, sec. III-C. The thresholds are not in
-/// the paper; these serve its rule best in simulated homes: benchmarks/README.md.
+/// the paper; these serve its rule best in simulated homes: benchmarks/results/detection.md.
 struct MaskRule {
   double tau_gs = 0.15;    ///< Sum over the channels of absolute differences, 0 to 3.
   double tau_feat = 0.95;  ///< Cosine of the features below which they differ.

@@ -60,7 +60,7 @@ std::array<double, kFeatures> features_of(const Surface& surface);
 
 /// 0 to 1: how likely a surface is that of an object that changed.
 ///
-/// Logistic regression over surfaces found in simulated homes: benchmarks/README.md.
+/// Logistic regression over surfaces found in simulated homes: benchmarks/results/detection.md.
 double certainty(const Surface& surface);
 
 /// What `likeness` weighs: how far histograms and areas are apart.

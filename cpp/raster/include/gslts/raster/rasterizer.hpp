@@ -14,7 +14,7 @@ namespace gslts::raster {
 
 /// How to render. The defaults are those of 3DGS (Kerbl et al. 2023) but for the near plane and
 /// alpha_min, which is 1/255 there: half of it brings the image 5 dB nearer to the exact one for 4
-/// % of the time (benchmarks/README.md).
+/// % of the time (benchmarks/results/rasterizer.md).
 struct RenderOptions {
   std::array<double, 3> background{0.0, 0.0, 0.0};  ///< RGB behind the Gaussians.
   double near_m = 0.05;  ///< Gaussians with centre depth z <= near_m are not seen, m. > 0

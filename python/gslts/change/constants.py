@@ -1,0 +1,75 @@
+"""Constants of change detection; tuned on development homes (seeds below 5,000) unless noted."""
+
+from __future__ import annotations
+
+MAX_HALVINGS = 2
+"""Maximum halvings of the sides of a frame; its pose is aligned from that resolution on. At a
+quarter of 640 x 480, 60 % of single changes are right; at half, 95 %
+(benchmarks/results/detection.md)."""
+
+ALIGN_STEPS = 3
+"""Gauss-Newton steps of the pose alignment at each resolution."""
+POSE_STDS = (0.01, 0.0087)
+"""Standard deviations of a robot's pose, m and rad (half a degree): the prior of the alignment."""
+MAX_CORRECTION_M, MAX_CORRECTION_RAD = 0.25, 0.15
+"""Maximum correction of a pose, m and rad; 25 or 17 times its standard deviation. A frame that
+needs more is unreliable: the alignment has found another optimum, or the pose is no prior."""
+
+NEAR_SIGMAS = 6.0
+"""Culls Gaussians within so many of their standard deviations of the camera plane: the affine
+projection is invalid there. In a view along a near wall, 75 % of the depths were within 2 % of
+the truth; with 3 sigma 62 %, without culling 15 %."""
+MAX_CAMERAS = 200
+"""Maximum number of training cameras used for visibility. Bounds cost as updates add cameras; 200
+matches the maps on which the confidence model was fitted."""
+
+# Frames that are too poor to compare.
+MIN_MEASURED_SHARE = 0.1
+"""Minimum share of pixels with a depth."""
+BLACK, WHITE = 0.03, 0.98
+"""Brightness, 0 to 1, below and above which a pixel is clipped."""
+MAX_CLIPPED_SHARE = 0.6
+"""Maximum share of pixels that are black, or white."""
+MIN_KNOWN_SHARE = 0.4
+"""Minimum share of the view that the map must cover."""
+MIN_SHARPNESS_RATIO = 0.15
+"""Minimum variance of second differences of the frame, relative to the rendering, along rows and
+columns: motion blur removes one of them."""
+SIMILAR = 0.75
+"""Minimum cosine of the features of one surface in two images."""
+MAX_DISSIMILAR_SHARE = 0.25
+"""Maximum share of the known view with dissimilar features; changed objects cover less."""
+MAX_CHANGED_SHARE = 0.4
+"""Maximum share of the known view covered by changes; if more differs, the pose or the map is
+wrong."""
+DEPTH_TOLERANCE = 0.06
+"""Maximum difference of measured and rendered depth on one surface, relative to the depth."""
+MIN_AGREEING_SHARE = 0.5
+"""Minimum share of measured depths within `DEPTH_TOLERANCE` of the map; changed objects cover
+less than the rest."""
+
+# Exposure of a frame in which something changed.
+EXPOSURE_REFITS = 2
+"""Number of fits without outliers after the first one."""
+OUTLIER_FACTOR = 2.5
+"""Errors above so many times the median error are outliers."""
+MIN_OUTLIER_ERROR = 0.02
+"""Floor of the median error, 0 to 1, about the noise of a sensor: without it, a nearly perfect fit
+would reject good pixels."""
+
+# Oriented gradients.
+ORIENTATIONS = 8
+"""Number of gradient orientations over 2 pi, as in DAISY (Tola et al. 2010)."""
+POOLING_SIGMAS = (0.006, 0.02)
+"""Standard deviations of the Gaussian pooling, relative to the width of the image."""
+GRADIENT_FLOOR = 0.02
+"""Constant feature, brightness per pixel: gradients well below it, the noise of a sensor, do not
+change the cosine of plain surfaces."""
+
+# Visibility.
+VISIBILITY_WIDTH_PX = 160
+"""Width of the depth images of the training cameras: a pixel is about 2 cm at 3 m."""
+MAX_PROJECTIONS = 1 << 18
+"""Points times cameras projected at a time; bounds the memory at tens of MB."""
+SURFACE_MARGIN_M, SURFACE_MARGIN_SHARE = 0.03, 0.02
+"""A point within so many m, plus so much of its depth, of a rendered surface is on it."""

@@ -1,0 +1,96 @@
+"""Changes from compared images, by our rule on surfaces of objects and by the rule of GS-LTS."""
+
+from __future__ import annotations
+
+from gslts._core import detect as _core
+from gslts.change.changes import Box, Change, Kind
+from gslts.types import Bools, Ints32
+
+KINDS: dict[_core.ChangeType, Kind] = {
+    _core.ChangeType.ADDITION: "addition",
+    _core.ChangeType.REMOVAL: "removal",
+    _core.ChangeType.RELOCATION: "relocation",
+}
+"""Kinds by their C++ enumerator."""
+
+
+def object_changes(
+    surfaces: list[_core.Surface], labels: Ints32, rule: _core.ObjectRule
+) -> tuple[Change, ...]:
+    """Return the changes that explain the surfaces of one image, by falling confidence.
+
+    Args:
+        surfaces: Surfaces visible in only one of map and frame.
+        labels: [H,W] label of the surface at each pixel, 0 for none.
+        rule: Thresholds.
+
+    Raises:
+        ValueError: A threshold is out of range.
+    """
+    return tuple(
+        _change(found, (_mask(labels, found.before), _mask(labels, found.after)))
+        for found in _core.changes_of(surfaces, rule)
+    )
+
+
+def relocation_of(removal: Change, addition: Change, rule: _core.ObjectRule) -> Change | None:
+    """Join a removal and an addition, possibly of two frames, if they are one moved object.
+
+    Args:
+        removal: First end, with its surface.
+        addition: Second end, with its surface.
+        rule: Thresholds.
+
+    Returns:
+        The relocation; None if the ends are not alike, or a surface is unknown.
+
+    Raises:
+        ValueError: A threshold is out of range.
+    """
+    if removal.before is None or addition.after is None:
+        return None
+    found = _core.changes_of([removal.before, addition.after], rule)
+    if len(found) != 1 or found[0].type != _core.ChangeType.RELOCATION:
+        return None
+    return _change(found[0], (removal.masks[0], addition.masks[1]))
+
+
+def gs_lts_change(found: _core.PaperChange, labels: Ints32) -> Change:
+    """Convert a change found by the rule of GS-LTS (sec. III-C); it has no boxes.
+
+    Args:
+        found: Result of the rule.
+        labels: [H,W] label of the mask component at each pixel, 0 for none.
+    """
+    mask = labels == found.first.label
+    if found.second is not None:
+        mask |= labels == found.second.label
+    kind = KINDS[found.type]
+    return Change(
+        kind=kind,
+        confidence=1.0,
+        point=found.point_in_world,
+        masks=(None if kind == "addition" else mask, None if kind == "removal" else mask),
+    )
+
+
+def _change(found: _core.ObjectChange, masks: tuple[Bools | None, Bools | None]) -> Change:
+    visible = found.after if found.after is not None else found.before
+    assert visible is not None  # Each change has one of them.
+    return Change(
+        kind=KINDS[found.type],
+        confidence=found.confidence,
+        point=visible.point,
+        boxes=(_box(found.before), _box(found.after)),
+        masks=masks,
+        before=found.before,
+        after=found.after,
+    )
+
+
+def _box(surface: _core.Surface | None) -> Box | None:
+    return None if surface is None else (surface.low, surface.high)
+
+
+def _mask(labels: Ints32, surface: _core.Surface | None) -> Bools | None:
+    return None if surface is None else labels == surface.label

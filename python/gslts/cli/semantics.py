@@ -1,0 +1,73 @@
+"""Command `gslts semantics`."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gslts.cli.arguments import MapFolder
+from gslts.cli.mapping import Dataset, Threads
+
+# Imports of commands are inside the functions, so that `gslts --help` answers at once.
+
+
+class Source(StrEnum):
+    """Semantic sources."""
+
+    ORACLE = "oracle"
+    CLIP = "clip"
+
+
+def semantics(
+    map_path: MapFolder,
+    dataset: Dataset,
+    source: Annotated[
+        Source,
+        typer.Option(help="oracle: ground-truth labels of the dataset; clip: SAM and CLIP."),
+    ] = Source.ORACLE,
+    clip: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="CLIP of transformers: config, safetensors, tokenizer."),
+    ] = None,
+    sam: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="SAM of transformers: config, safetensors.")
+    ] = None,
+    code_dims: Annotated[
+        int, typer.Option(min=8, max=64, help="Length of the semantic feature of a Gaussian.")
+    ] = 32,
+    refine: Annotated[
+        int, typer.Option(min=0, help="Gradient steps after the closed-form solution.")
+    ] = 0,
+    threads: Threads = 0,
+) -> None:
+    """Add semantic features to a map, from the frames it was made from.
+
+    Example: gslts semantics out/map out/day/before
+
+    Example: gslts semantics out/map out/visit --source clip --clip models/clip --sam models/sam
+    """
+    import time
+
+    from tqdm import tqdm
+
+    from gslts.semantics.add_semantics import add_semantics
+
+    models = {name: folder for name, folder in (("clip", clip), ("sam", sam)) if folder}
+    start_s = time.perf_counter()
+    version = add_semantics(
+        map_path,
+        dataset,
+        source.value,
+        models,
+        code_dims=code_dims,
+        refine=refine,
+        threads=threads,
+        progress=lambda frames: tqdm(frames, desc="semantics", unit="frame", disable=None),
+    )
+    typer.echo(
+        f"{map_path}: added semantic features as version {version.number}, in "
+        f"{time.perf_counter() - start_s:.0f} s"
+    )

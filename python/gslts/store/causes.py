@@ -1,0 +1,278 @@
+"""Typed causes: why a version of a map exists, or why an update was rejected.
+
+The index stores a cause as one JSON object. Its `kind` selects the model, and its `schema_version`
+the layout. This module does not import NumPy, because `gslts log` reads causes and must start fast.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    FiniteFloat,
+    JsonValue,
+    TypeAdapter,
+    ValidationError,
+    model_validator,
+)
+
+ChangeKind = Literal["addition", "removal", "relocation"]
+Count = Annotated[int, Field(ge=0)]
+Number = Annotated[int, Field(ge=1)]
+Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+Point = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+Box = tuple[Point, Point]
+"""Lower and upper corner of an axis-aligned box in the world frame, m."""
+Row = tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat]
+
+
+class Record(BaseModel):
+    """Base of all records of a store: immutable, and unknown fields are an error."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class CameraRecord(Record):
+    """A pinhole camera in JSON.
+
+    Attributes:
+        fx, fy, cx, cy: Focal lengths and principal point, px.
+        width, height: Image size, px.
+        world_from_camera: [4,4] rigid transform, m, camera axes of OpenCV.
+    """
+
+    fx: FiniteFloat
+    fy: FiniteFloat
+    cx: FiniteFloat
+    cy: FiniteFloat
+    width: Number
+    height: Number
+    world_from_camera: tuple[Row, Row, Row, Row]
+
+
+class UpdateFrame(CameraRecord):
+    """Camera of a frame that an update used.
+
+    Attributes:
+        new_viewpoint: True if no earlier frame of the map has a similar pose; only such cameras
+            become training cameras of the map.
+    """
+
+    new_viewpoint: bool
+
+
+class ChangeRecord(Record):
+    """An object change as the detector reported it.
+
+    Attributes:
+        kind: Type of the change.
+        confidence: Calibrated probability that the change is real, 0 to 1.
+        boxes: Box of the object before and after the change; None where there is no object.
+    """
+
+    kind: ChangeKind
+    confidence: FiniteFloat
+    boxes: tuple[Box | None, Box | None]
+
+
+class UpdateRecord(Record):
+    """Record of an update: timings, counts, and the reason if it was rejected.
+
+    Attributes:
+        rejected: Reason for leaving the map unchanged; None if the update was accepted.
+        kinds: Types of the changes to be made.
+        training_views, validation_views: Number of views used for the update, and of views held
+            out to accept or reject it.
+        skipped: Reasons for skipping other frames.
+        removed, added, refined: Number of Gaussians.
+        iterations: Refinement steps.
+        psnr_before_db, psnr_after_db: PSNR around the change in the validation views; None without
+            such a view.
+        seconds: Run time of each stage, s.
+    """
+
+    rejected: str | None = None
+    kinds: tuple[ChangeKind, ...] = ()
+    training_views: Count = 0
+    validation_views: Count = 0
+    skipped: tuple[str, ...] = ()
+    removed: Count = 0
+    added: Count = 0
+    refined: Count = 0
+    iterations: Count = 0
+    psnr_before_db: FiniteFloat | None = None
+    psnr_after_db: FiniteFloat | None = None
+    seconds: dict[str, FiniteFloat] = {}
+
+
+class _Cause(Record):
+    """Fields of every cause.
+
+    Attributes:
+        schema_version: Layout of the cause.
+    """
+
+    schema_version: Literal[1] = 1
+
+
+class MappingCause(_Cause):
+    """The first version, made by mapping a recording.
+
+    Attributes:
+        dataset: Name of the recording; None if unknown.
+    """
+
+    kind: Literal["mapping"] = "mapping"
+    dataset: str | None = None
+
+
+class ImportCause(_Cause):
+    """The first version, imported from a file of another program.
+
+    Attributes:
+        file: Name of the file.
+    """
+
+    kind: Literal["import"] = "import"
+    file: str
+
+
+class UpdateCause(_Cause):
+    """A version that shows object changes.
+
+    Attributes:
+        round: Round of the robot, counted from 0; None outside of rounds.
+        changes: Changes that the new version shows.
+        record: Timings and counts.
+        config: Settings of the update, `UpdateConfig` in JSON.
+        frames: Cameras of the collected frames.
+        landmarks: SHA-256 of the file of landmarks that the update added; None if it added none.
+    """
+
+    kind: Literal["update"] = "update"
+    round: Count | None = None
+    changes: tuple[ChangeRecord, ...] = ()
+    record: UpdateRecord = UpdateRecord()
+    config: dict[str, JsonValue] = {}
+    frames: tuple[UpdateFrame, ...] = ()
+    landmarks: Sha256 | None = None
+
+
+class RejectedUpdateCause(_Cause):
+    """An update that was tried and left the map unchanged.
+
+    Attributes:
+        round: Round of the robot, counted from 0; None outside of rounds.
+        changes: Changes that the map does not show.
+        record: Timings, counts, and the reason.
+    """
+
+    kind: Literal["rejected update"] = "rejected update"
+    round: Count | None = None
+    changes: tuple[ChangeRecord, ...] = ()
+    record: UpdateRecord
+
+    @model_validator(mode="after")
+    def _has_reason(self) -> Self:
+        if self.record.rejected is None:
+            raise ValueError("record.rejected: a rejected update needs a reason")
+        return self
+
+    @property
+    def reason(self) -> str:
+        """Reason for leaving the map unchanged."""
+        return self.record.rejected or ""
+
+
+class RestoreCause(_Cause):
+    """An old version that became the newest one again.
+
+    Attributes:
+        version: Number of the restored version.
+    """
+
+    kind: Literal["restore"] = "restore"
+    version: Number
+
+
+class SemanticsCause(_Cause):
+    """A version with new semantic features.
+
+    Attributes:
+        source: Model that gave the embeddings.
+        dataset: Recording that the features were computed from.
+        levels: Levels of masks; each has its own code.
+        code_dims: Length of a code.
+        names: Words that the source knows; empty for an open vocabulary.
+        models: Folder of the weights of each model.
+        autoencoder: SHA-256 of the file of the autoencoder.
+    """
+
+    kind: Literal["semantics"] = "semantics"
+    source: Literal["oracle", "clip"]
+    dataset: str
+    levels: Annotated[int, Field(ge=1, le=3)]
+    code_dims: Annotated[int, Field(ge=8, le=64)]
+    names: tuple[str, ...]
+    models: dict[str, str] = {}
+    autoencoder: Sha256
+
+
+VersionCause = Annotated[
+    MappingCause | ImportCause | UpdateCause | RestoreCause | SemanticsCause,
+    Field(discriminator="kind"),
+]
+_VERSION_CAUSE: TypeAdapter[VersionCause] = TypeAdapter(VersionCause)
+
+
+def version_cause_from_json(text: str) -> VersionCause:
+    """Parse the cause of a version.
+
+    Args:
+        text: One JSON object.
+
+    Returns:
+        The cause.
+
+    Raises:
+        ValueError: The text is no cause that this version of gslts knows; one line says why.
+    """
+    try:
+        return _VERSION_CAUSE.validate_json(text)
+    except ValidationError as error:
+        raise ValueError(f"cause: {first_problem(error)}") from None
+
+
+def rejected_cause_from_json(text: str) -> RejectedUpdateCause:
+    """Parse the cause of a rejected update.
+
+    Args:
+        text: One JSON object.
+
+    Returns:
+        The cause.
+
+    Raises:
+        ValueError: The text is no such cause; one line says why.
+    """
+    try:
+        return RejectedUpdateCause.model_validate_json(text)
+    except ValidationError as error:
+        raise ValueError(f"cause: {first_problem(error)}") from None
+
+
+def first_problem(error: ValidationError) -> str:
+    """Describe the first problem of a validation error in one line.
+
+    Args:
+        error: From pydantic.
+
+    Returns:
+        The path of the field, and the message.
+    """
+    first = error.errors(include_url=False, include_input=False, include_context=False)[0]
+    field = ".".join(str(part) for part in first["loc"])
+    return f"{field}: {first['msg']}" if field else first["msg"]

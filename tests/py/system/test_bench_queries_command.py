@@ -1,0 +1,60 @@
+"""`gslts bench queries` as a user meets it, in one small home."""
+
+import json
+from pathlib import Path
+
+import pytest
+from bench_settings import SETTINGS
+from command import gslts
+from PIL import Image
+
+from gslts_bench.queries.run import CATEGORIES, OURS, TRADE
+
+SMALL = ("--room", "bedroom", "--seeds", "3:4", "--size", "240x180", "--frames", "32")
+RUN = ("bench", "queries", *SMALL, *SETTINGS, "--set", "voxel_m=0.05")
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder in which the benchmark ran."""
+    folder = tmp_path_factory.mktemp("bench")
+    process = gslts(
+        *RUN, "--json", "all.json", "--trade", "trade.png", "--work", "work", cwd=folder
+    )
+    assert process.returncode == 0, process.stderr
+    (folder / "stdout").write_text(process.stdout)
+    return folder
+
+
+def test_every_object_of_a_category_is_asked_for(done: Path) -> None:
+    told = json.loads((done / "all.json").read_text())
+    assert {one["variant"] for one in told["records"]} == {OURS, *TRADE}
+    things = json.loads(next((done / "work/recordings").glob("*/objects.json")).read_text())
+    expected = sorted(one["objectId"] for one in things if one["objectType"] in CATEGORIES)
+    assert expected
+    for one in told["records"]:
+        assert sorted(found["object_id"] for found in one["found"]) == expected
+        assert len(one["query_s"]) == len(CATEGORIES)
+        assert one["absent"][1] == len(CATEGORIES) - len({name.split("|")[0] for name in expected})
+    bytes_of = {one["variant"]: one["feature_bytes"] for one in told["records"]}
+    assert bytes_of["d = 64"] == 8 * bytes_of["d = 8"]
+
+
+def test_a_bed_is_found_even_in_a_rough_map(done: Path) -> None:
+    found = json.loads((done / "all.json").read_text())["summary"][OURS]["categories"]
+    assert found["Bed"]["mIoU"] > 0.5
+
+
+def test_tables_and_picture(done: Path) -> None:
+    text = (done / "stdout").read_text()
+    assert "| GS-LTS (GT), as printed |" in text
+    assert text.count("\n| d = ") == 4
+    with Image.open(done / "trade.png") as picture:
+        assert picture.size[0] > 900
+
+
+def test_an_interrupted_run_goes_on(done: Path) -> None:
+    before = json.loads((done / "all.json").read_text())
+    process = gslts(*RUN, "--json", "again.json", "--trade", "t.png", "--work", "work", cwd=done)
+    assert process.returncode == 0, process.stderr
+    assert json.loads((done / "again.json").read_text())["records"] == before["records"]
