@@ -31,6 +31,11 @@ double support_of(const Camera& camera, const Eigen::Isometry3d& camera_from_wor
 
 /// Finds the pose (camera_from_world) with the greatest total support, and refines it over its
 /// inliers. The same matches always give the same pose.
+///
+/// OpenCV's USAC knows no depth. In its place (30 views of a simulated kitchen, 6 of another home),
+/// MAGSAC found the same places with median errors of 6.5, 9.6 and 7.4 mm before the refinement by
+/// rendering instead of 6.2, 8.7 and 8.1 mm, in 0.4 to 1.3 s instead of 0.05 s; with an inner local
+/// optimisation, 7.1, 9.9 and 7.4 mm in 0.08 s. Without depth it was slower, too, and no better.
 /// @return  Nothing if no pose has enough inliers.
 std::optional<Eigen::Isometry3d> ransac(const Camera& camera, const MatchSet& matches,
                                         const RansacRule& rule);
