@@ -23,7 +23,7 @@ bench:  ## Build and run the benchmarks
 fuzz:  ## Feed the PLY reader malformed files for 10 minutes
 	@scripts/fuzz
 
-lint:  ## Check formatting, style, types, layers and stubs
+lint:  ## Check formatting, style, types, layers, docstrings and stubs
 	@scripts/lint
 
 format:  ## Format the sources and regenerate the stubs

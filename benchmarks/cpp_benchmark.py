@@ -1,4 +1,4 @@
-"""Runs the C++ benchmark and reads what it measured."""
+"""Runs the C++ benchmark and reads its results."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Timing:
-    """Milliseconds a call, over repetitions of which each is a mean over many calls."""
+    """Milliseconds per call over repetitions, each a mean over many calls."""
 
     case: str
-    """forward, forward_backward, region_..., float64_..., or a piece of training"""
+    """forward, forward_backward, region_..., float64_..., or a part of training"""
     workload: str
     sh_degree: int
     threads: int
@@ -34,19 +34,19 @@ class Timing:
 
 @dataclass(frozen=True)
 class CppResults:
-    """One run of the benchmark with one instruction set."""
+    """Run of the benchmark with one instruction set."""
 
     simd_target: str
     build: dict[str, str]
     fma_lanes_per_s: dict[int, float]
-    """Most that all threads together reached, by number of threads."""
+    """Maximum rate of all threads together, by number of threads."""
     timings: list[Timing]
 
 
 def run_timings(
     binary: Path, workloads: Path, simd: str, filter_regex: str, repetitions: int, seconds: float
 ) -> CppResults:
-    """Runs the selected benchmarks; their progress goes to stderr.
+    """Run the selected benchmarks; their progress goes to stderr.
 
     Args:
         binary: `gslts_raster_benchmark`.
@@ -73,7 +73,7 @@ def run_timings(
 
 
 def read_results(report: dict[str, Any]) -> CppResults:
-    """Reads the JSON of Google Benchmark."""
+    """Read the JSON of Google Benchmark."""
     context = report["context"]
     repetitions: dict[str, list[dict[str, Any]]] = defaultdict(list)
     for run in report["benchmarks"]:
@@ -99,7 +99,7 @@ def read_results(report: dict[str, Any]) -> CppResults:
 
 
 def fma_rate(run: dict[str, Any]) -> float:
-    """Multiply-adds a second; on one thread, a second of processor time.
+    """Read multiply-adds per second; on one thread, per second of processor time.
 
     Other programs must not lower the peak, because the targets would grow with it.
     """
@@ -108,7 +108,7 @@ def fma_rate(run: dict[str, Any]) -> float:
 
 
 def read_timing(name: str, runs: list[dict[str, Any]]) -> Timing:
-    """Reads the repetitions of a benchmark named case/workload/sh:degree/threads:n/real_time."""
+    """Read the repetitions of a benchmark named case/workload/sh:degree/threads:n/real_time."""
     case, workload, sh_degree, threads, _ = name.split("/")
     times = [run["real_time"] for run in runs]
     return Timing(
@@ -128,7 +128,7 @@ def read_timing(name: str, runs: list[dict[str, Any]]) -> Timing:
 def run_memory(
     binary: Path, workloads: Path, name: str, sh_degree: int, threads: int
 ) -> dict[str, Any]:
-    """Measures the memory of one render and its backward pass in a fresh process."""
+    """Measure the memory of one render and its backward pass in a fresh process."""
     command = [
         str(binary),
         f"--workloads={workloads}",

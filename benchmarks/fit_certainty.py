@@ -3,9 +3,9 @@
     python benchmarks/fit_certainty.py --seeds 5:12 --unchanged DATASET
 
 records, maps and changes homes as `gslts bench detect` does, and prints what belongs into
-cpp/detect/certainty.cpp and cpp/detect/likeness.cpp, with the loss (nats an answer) in homes that
-were left out of the fit. What is found in a real visit in which nothing changed, if one is given,
-is all wrong. Seeds from 10,000 up are kept for evaluation.
+cpp/detect/certainty.cpp and cpp/detect/likeness.cpp, with the loss (nats per answer) in homes that
+were left out of the fit. Everything found in a real visit without changes, if one is given, counts
+as an error. Seeds of test homes are rejected.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from tqdm import tqdm
 from unchanged_benchmark import visits_of
 
@@ -27,28 +26,28 @@ from gslts.change.detector import ChangeDetector, Detection
 from gslts.datasets import open_dataset
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
+from gslts.types import Floats
 from gslts_bench.detection.cases import Case, counts_of, make_cases, take_frame
 from gslts_bench.detection.truth import Truth
-from gslts_bench.homes import BenchHome, HomeSetup, default_state, homes_of
-
-Floats = NDArray[np.float64]
+from gslts_bench.homes import BenchHome, HomeSetup, default_state, homes_of, split_of
 
 RULE = ObjectRule(certain=0, alike=1)
-"""Reports each surface by itself, however unlikely."""
+"""Rule that reports each surface by itself, whatever its confidence."""
 HALVINGS = (0, 1, 2)
-"""Frames of homes are looked at in all resolutions, so that weights do not depend on it."""
+"""Resolutions of the frames of homes, so that weights do not depend on it."""
 NEAR_M = 0.05
-"""So near to the box of an object that changed, a surface is its."""
+"""Maximum distance of a surface from the box of the changed object that it belongs to."""
 NEGATIVES = 40
-"""Pairs of surfaces of different objects for each of the same object, at most."""
+"""Maximum number of pairs of different objects per pair of the same object."""
 RIDGE = 1e-3
-"""Of the squares of the weights of features that vary by one."""
+"""Weight of the squared weights of features with unit variance."""
 ROUNDS = 50
+"""Number of Newton iterations."""
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A surface in an image of some width, and the object whose it is; None if it is an error."""
+    """A surface in an image of some width, and its object; None if it is an error."""
 
     home: str
     case: str
@@ -58,7 +57,7 @@ class Found:
 
     @property
     def before(self) -> bool:
-        """Whether it is seen in the map."""
+        """True if it is a surface of the map."""
         return self.surface.side == Side.BEFORE
 
 
@@ -68,12 +67,12 @@ class Questions:
 
     features: Floats
     answers: Floats
-    homes: NDArray[np.str_]
+    homes: np.ndarray[tuple[int], np.dtype[np.str_]]
     weights: Floats
 
 
 def found_in(home: str, case: Case, detection: Detection) -> Iterator[Found]:
-    """What a detector that reports everything found in a case."""
+    """Yield the surfaces that a detector found in a case, with their objects."""
     for surface in _surfaces_of(detection):
         owner = _owner(surface, case.truths)
         yield Found(home, case.name, detection.camera.width, surface, owner)
@@ -97,7 +96,7 @@ def _owner(surface: Surface, truths: Iterable[Truth]) -> str | None:
 
 
 def certainty_questions(found: Sequence[Found]) -> Questions:
-    """Whether each surface is that of an object that changed."""
+    """Ask for each surface whether it belongs to a changed object."""
     return Questions(
         features=np.array([features_of(one.surface) for one in found]),
         answers=np.array([one.object_id is not None for one in found], np.float64),
@@ -107,7 +106,7 @@ def certainty_questions(found: Sequence[Found]) -> Questions:
 
 
 def likeness_questions(found: Sequence[Found], rng: np.random.Generator) -> Questions:
-    """Whether two surfaces of one home are one object, both answers weighing as much."""
+    """Ask for pairs of surfaces of a home whether they are one object, with balanced weights."""
     ends: dict[tuple[str, str, int, str, bool], Found] = {}
     for one in found:
         if one.object_id is not None:
@@ -136,8 +135,8 @@ def likeness_questions(found: Sequence[Found], rng: np.random.Generator) -> Ques
     )
 
 
-def fitted(questions: Questions) -> Floats:
-    """[F+1] weights of the features, and an offset: logistic regression by Newton's method."""
+def fit(questions: Questions) -> Floats:
+    """Fit weights and an offset [F+1] by logistic regression with Newton's method."""
     mean, spread = questions.features.mean(axis=0), questions.features.std(axis=0) + 1e-9
     features = _with_one((questions.features - mean) / spread)
     ridge = np.full(features.shape[1], RIDGE * questions.weights.sum())
@@ -154,7 +153,7 @@ def fitted(questions: Questions) -> Floats:
 
 
 def answers_of_others(questions: Questions) -> Floats:
-    """[N] what the weights of all other homes answer in each."""
+    """Answer [N] the questions of each home with the weights of all other homes."""
     answers = np.zeros(len(questions.answers))
     for home in np.unique(questions.homes):
         own = questions.homes == home
@@ -164,24 +163,24 @@ def answers_of_others(questions: Questions) -> Floats:
             questions.homes[~own],
             questions.weights[~own],
         )
-        answers[own] = _logistic(_with_one(questions.features[own]) @ fitted(others))
+        answers[own] = _logistic(_with_one(questions.features[own]) @ fit(others))
     return answers
 
 
 def loss(questions: Questions, answers: Floats) -> float:
-    """Mean of -log of what was given to what is true."""
+    """Return the mean negative log-likelihood of the true answers, nats."""
     given = np.where(questions.answers > 0, answers, 1 - answers)
     return float(np.average(-np.log(given + 1e-9), weights=questions.weights))
 
 
-def tell(title: str, questions: Questions) -> None:
-    """Prints weights, and how well they do in homes they have not seen."""
+def report(title: str, questions: Questions) -> None:
+    """Print weights and their loss in homes that were left out."""
     answers = answers_of_others(questions)
     right = np.average((answers > 0.5) == (questions.answers > 0), weights=questions.weights)
     known = questions.answers > 0
     print(f"{title}: {known.sum()} yes, {(~known).sum()} no")
     print(f"  in homes left out: loss {loss(questions, answers):.4f}, right {100 * right:.1f} %")
-    *weights, offset = fitted(questions)
+    *weights, offset = fit(questions)
     print(f"  offset {offset:.3f}, weights {', '.join(f'{weight:.3f}' for weight in weights)}")
 
 
@@ -200,9 +199,9 @@ def _found_in_homes(homes: Iterable[BenchHome], tasks: int, count: int) -> Itera
         cameras = cameras_of_map(folder).values()
         detectors = [
             ChangeDetector(
-                gaussian_map, DetectionConfig(halvings=one, objects=RULE), cameras=cameras
+                gaussian_map, DetectionConfig(halvings=halvings, objects=RULE), cameras=cameras
             )
-            for one in HALVINGS
+            for halvings in HALVINGS
         ]
         cases = make_cases(bench, counts)
         before = default_state(cases.home, cases.initial_actions)
@@ -215,29 +214,29 @@ def _found_in_homes(homes: Iterable[BenchHome], tasks: int, count: int) -> Itera
 def _found_unchanged(dataset: Path) -> Iterator[Found]:
     for visit in visits_of(open_dataset(dataset), "fast"):
         detector = visit.detector(DetectionConfig(objects=RULE))
-        for name, frame in visit.unknown.items():
+        for name, frame in visit.held_out.items():
             detection = detector.detect(frame)
             for surface in _surfaces_of(detection):
                 yield Found(str(dataset), name, detection.camera.width, surface, None)
 
 
 def main() -> None:
-    """Prints both."""
+    """Fit and print both models."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", default="5:12", help="A:B, without B")
-    parser.add_argument("--tasks", type=int, default=525, help="single changes in all")
+    parser.add_argument("--seeds", default="5:12", help="A:B, without B, of one split")
+    parser.add_argument("--tasks", type=int, default=525, help="number of single changes")
     parser.add_argument("--work", type=Path, default=Path("out/bench"))
-    parser.add_argument("--unchanged", type=Path, help="data set of one visit")
+    parser.add_argument("--unchanged", type=Path, help="data set of a visit without changes")
     arguments = parser.parse_args()
     first, end = map(int, arguments.seeds.split(":"))
-    if end > 10_000:
-        parser.error("seeds from 10,000 up are kept for evaluation")
+    if split_of(range(first, end)) == "test":
+        parser.error("--seeds: homes of the test split must not be fitted to")
     homes = homes_of(range(first, end), (), HomeSetup(), arguments.work)
     found = list(_found_in_homes(homes, arguments.tasks, len(homes)))
-    tell("likeness", likeness_questions(found, np.random.default_rng(0)))
+    report("likeness", likeness_questions(found, np.random.default_rng(0)))
     if arguments.unchanged is not None:
         found += _found_unchanged(arguments.unchanged)
-    tell("certainty", certainty_questions(found))
+    report("certainty", certainty_questions(found))
 
 
 if __name__ == "__main__":

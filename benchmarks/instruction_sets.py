@@ -1,8 +1,8 @@
-"""Compares what a map, its changes and an update are with AVX-512 and as if there were AVX2 only.
+"""Compares a map, its changes and an update with AVX-512 and with AVX2.
 
 Runs `gslts map`, `detect` and `update` on one input several times: as the machine is, twice; with
-every library restricted to AVX2; and with one library at a time restricted, which tells whose
-results differ. Needs a machine with AVX-512; two short recordings, before and after a change:
+every library restricted to AVX2; and with one library restricted at a time, which shows whose
+results differ. Needs a machine with AVX-512 and two short recordings, before and after a change:
 
     gslts sim tasks living_room --count 3 --out out/tasks
     gslts sim replay out/tasks/0001_*.json --out out/before --frames 40
@@ -34,24 +34,24 @@ AVX2_ONLY = {
     "torch": {"ATEN_CPU_CAPABILITY": "avx2", "ONEDNN_MAX_CPU_ISA": "AVX2"},
     "glibc": {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX512F,-AVX512VL,-AVX512BW,-AVX512DQ"},
 }
-"""What restricts each library to AVX2, by environment variables."""
+"""Environment variables that restrict each library to AVX2."""
 
 
 def runs() -> dict[str, dict[str, str]]:
-    """Returns the environments to compare, by name; the first is the machine as it is."""
+    """Return the environments to compare, by name; the first is the machine as it is."""
     everything = {name: value for one in AVX2_ONLY.values() for name, value in one.items()}
     return {"as it is": {}, "again": {}, "all": everything, **AVX2_ONLY}
 
 
 def digest(*arrays: np.ndarray) -> str:
-    """Returns a short hash of the bits of arrays."""
+    """Return a short hash of the bits of arrays."""
     return hashlib.sha256(
         b"".join(np.ascontiguousarray(one).tobytes() for one in arrays)
     ).hexdigest()[:12]
 
 
 def pipeline(before: Path, after: Path, out: Path, variables: dict[str, str]) -> dict[str, str]:
-    """Makes a map, detects changes and updates it; returns the hash of each result."""
+    """Make a map, detect changes and update it; return the hash of each result."""
     environment = {**os.environ, **variables}
 
     def gslts(*words: str | Path) -> str:
@@ -79,14 +79,14 @@ def pipeline(before: Path, after: Path, out: Path, variables: dict[str, str]) ->
 
 
 def main() -> None:
-    """Runs the pipelines and prints which results equal those of the machine as it is."""
+    """Run the pipelines and print which results equal those of the machine as it is."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
     parser.add_argument("before", type=Path)
     parser.add_argument("after", type=Path)
     parser.add_argument("--json", type=Path)
-    parser.add_argument("--only", nargs="*", choices=list(runs()), help="of the environments")
+    parser.add_argument("--only", nargs="*", choices=list(runs()), help="environments to run")
     args = parser.parse_args()
     results: dict[str, dict[str, str]] = {}
     for name in tqdm(args.only or runs(), unit="run"):

@@ -1,4 +1,4 @@
-"""Times gslts as a Python program calls it, through numpy and through PyTorch."""
+"""Times of gslts as Python programs call it, through NumPy and through PyTorch."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from gslts.core.gaussian_map import SH_C0
 from gslts_bench.synthetic_rooms import NEAR_M, Room, make_room
 
 Calls = dict[str, Callable[[], object]]
-"""What to time, by case: forward, and forward with backward, on one thread with SH degree 0."""
+"""Functions by case: forward, and forward with backward, on one thread with SH degree 0."""
 
 
 def ms_a_call(call: Callable[[], object], least_seconds: float) -> tuple[float, float]:
-    """Mean wall-clock and processor time, ms, over as many calls as fill the given time."""
+    """Return mean wall-clock and processor time, ms, over the calls that fill the given time."""
     calls, start, cpu_start = 0, time.perf_counter(), time.thread_time()
     while True:
         call()
@@ -30,7 +30,7 @@ def ms_a_call(call: Callable[[], object], least_seconds: float) -> tuple[float, 
 
 
 def image_gradients(room: Room) -> dict[str, NDArray[np.float32]]:
-    """Of a loss that depends on colour, depth and alpha."""
+    """Make gradients of a loss that depends on colour, depth and alpha."""
     rng = np.random.default_rng(1)
     size = (room.camera.height, room.camera.width)
     return {
@@ -41,7 +41,7 @@ def image_gradients(room: Room) -> dict[str, NDArray[np.float32]]:
 
 
 def numpy_calls(room: Room) -> Calls:
-    """`gslts.Rasterizer`, doing the work of the C++ benchmark."""
+    """Make calls of `gslts.Rasterizer` with the work of the C++ benchmark."""
     import gslts
 
     full, camera = room.gaussian_map, room.camera
@@ -66,7 +66,7 @@ def numpy_calls(room: Room) -> Calls:
 
 
 def torch_calls(room: Room) -> Calls:
-    """`gslts.torch.rasterization`: colours and alpha as trainers ask for them, but no depth."""
+    """Make calls of `gslts.torch.rasterization` for colours and alpha, without depth."""
     import torch
 
     from gslts.torch import rasterization
@@ -107,7 +107,7 @@ def torch_calls(room: Room) -> Calls:
 def run_timings(
     make_calls: Callable[[Room], Calls], names: list[str], repetitions: int, seconds: float
 ) -> list[Timing]:
-    """Times the calls for each workload on one thread, where their overhead weighs most."""
+    """Time the calls for each workload on one thread, where overhead matters most."""
     timings = []
     for name in names:
         for case, call in make_calls(make_room(name)).items():

@@ -1,4 +1,4 @@
-"""The results as markdown tables."""
+"""Tables of the rasterizer's benchmark."""
 
 from __future__ import annotations
 
@@ -8,39 +8,23 @@ from typing import Any
 from cpp_benchmark import CppResults, Timing
 from targets import Verdict, simd_family
 
-
-def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A markdown table; all columns but the first are numbers."""
-    lines = [header, ["---"] + ["---:"] * (len(header) - 1), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+from gslts_bench.tables import Table
 
 
-def machine_lines(
-    machine: dict[str, Any], source: dict[str, Any], runs: Sequence[CppResults]
-) -> str:
-    """What was measured, where and when."""
-    caches = ", ".join(f"{name} {size}" for name, size in machine["caches"].items())
-    changed = ", with uncommitted changes" if source["changed_since"] else ""
+def build_table(runs: Sequence[CppResults]) -> Table:
+    """Tabulate compiler and multiply-add peaks."""
     build = runs[0].build
-    lines = [
-        f"- {machine['cpu']}, {machine['cores']} cores, {caches}; "
-        f"{machine['memory_bytes'] / 2**30:.0f} GiB; {machine['system']}",
-        f"- {build['compiler']}, {build['build_type']}, flags {build['flags']}",
-        f"- commit {source['commit'] or 'none'}{changed}, {source['date']}",
-        f"- load average before the run: {machine['load_average_1min']:.2f}",
-    ]
+    rows = [["compiler", f"{build['compiler']}, {build['build_type']}, {build['flags']}"]]
     for run in runs:
-        peaks = ", ".join(
-            f"{threads} thread(s) {rate / 1e9:.0f} G lanes/s"
-            for threads, rate in sorted(run.fma_lanes_per_s.items())
-        )
         family = simd_family(run.simd_target)
-        lines.append(f"- float multiply-add peak, {family} ({run.simd_target}): {peaks}")
-    return "\n".join(lines)
+        for threads, rate in sorted(run.fma_lanes_per_s.items()):
+            name = f"float multiply-add peak, {family}, {threads} thread(s)"
+            rows.append([name, f"{rate / 1e9:.0f} G lanes/s"])
+    return Table("Build", ["", ""], rows)
 
 
-def timing_table(timings: Sequence[Timing]) -> str:
-    """All timings of one run."""
+def timing_table(run: CppResults) -> Table:
+    """Tabulate all timings of one run, ms."""
     rows = [
         [
             f"{t.case} {t.workload}",
@@ -51,13 +35,20 @@ def timing_table(timings: Sequence[Timing]) -> str:
             f"{t.max_ms:.2f}",
             f"{t.median_cpu_ms:.2f}",
         ]
-        for t in timings
+        for t in run.timings
     ]
-    return table(["", "SH", "threads", "median ms", "min", "max", "CPU of caller"], rows)
+    header = ["", "SH", "threads", "median ms", "min", "max", "CPU of caller"]
+    return Table(f"Times, {simd_family(run.simd_target)}", header, rows)
 
 
-def python_table(python: Sequence[Timing], cpp: Sequence[Timing]) -> str:
-    """Python calls beside the same work in C++, one thread, SH degree 0."""
+def python_table(title: str, python: Sequence[Timing], cpp: Sequence[Timing]) -> Table:
+    """Tabulate Python calls beside the same work in C++, one thread, SH degree 0.
+
+    Args:
+        title: Heading.
+        python: Timings of the calls; empty if they were not measured.
+        cpp: Timings of the C++ benchmark.
+    """
     same_work = {(t.case, t.workload): t for t in cpp if (t.sh_degree, t.threads) == (0, 1)}
     rows = []
     for t in python:
@@ -71,11 +62,12 @@ def python_table(python: Sequence[Timing], cpp: Sequence[Timing]) -> str:
                 f"{t.median_cpu_ms - in_cpp.median_cpu_ms:+.2f}",
             ]
         )
-    return table(["", "Python ms", "C++ ms", "difference", "in CPU time"], rows)
+    header = ["", "Python ms", "C++ ms", "difference", "in CPU time"]
+    return Table(title, header, rows, "" if rows else "Not measured.")
 
 
-def memory_table(memory: Sequence[dict[str, Any]]) -> str:
-    """Peak memory and its parts."""
+def memory_table(memory: Sequence[dict[str, Any]]) -> Table:
+    """Tabulate peak memory and its parts."""
     rows = []
     for use in memory:
         peak, returned = use["peak_bytes"], use["returned_bytes"]
@@ -91,11 +83,11 @@ def memory_table(memory: Sequence[dict[str, Any]]) -> str:
             ]
         )
     header = ["", "peak MB", "of it results", "of it working", "bound", "B/visible", "B/pixel"]
-    return table(header, rows)
+    return Table("Memory", header, rows)
 
 
-def verdict_table(verdicts: Sequence[Verdict]) -> str:
-    """Every target with what was measured."""
+def verdict_table(verdicts: Sequence[Verdict]) -> Table:
+    """Tabulate all targets with the measured values."""
     rows = [
         [
             v.what,
@@ -105,4 +97,4 @@ def verdict_table(verdicts: Sequence[Verdict]) -> str:
         ]
         for v in verdicts
     ]
-    return table(["", "measured", "target", ""], rows)
+    return Table("Targets", ["", "measured", "target", ""], rows)

@@ -1,6 +1,6 @@
-"""Measures gslts on the fixed workloads and sets the results beside the targets.
+"""Measures the rasterizer on fixed workloads and compares the results with the targets.
 
-Writes build/bench/results.json and prints markdown tables; progress goes to stderr.
+Writes build/bench/results.json and prints Markdown tables; progress goes to stderr.
 
     python benchmarks/run.py            # some minutes; leave the machine alone meanwhile
     python benchmarks/run.py --quick    # S and M, two short repetitions: to see that all works
@@ -24,24 +24,25 @@ import targets
 from cpp_benchmark import Timing
 from workloads import FOLDER, REPOSITORY, workload_path, write_workload
 
-from gslts_bench.provenance import describe_commit, describe_machine
+from gslts_bench.provenance import describe_run
 from gslts_bench.synthetic_rooms import SIZES, make_room
+from gslts_bench.tables import result_markdown
 
 BUILD = REPOSITORY / "build" / "bench"
 BINARY = BUILD / "benchmarks" / "gslts_raster_benchmark"
 MIN_REPETITIONS = 9
-"""Fewer say little about the median on a machine with other work."""
+"""Minimum number of repetitions: fewer give no stable median on a machine with other work."""
 BUSY_LOAD = 0.5
 """Load average above which other programs disturb the measurement."""
 
 
 def note(message: str) -> None:
-    """Tells the user what is going on."""
+    """Print a message to stderr."""
     print(message, file=sys.stderr, flush=True)
 
 
 def write_missing_workloads(names: list[str]) -> None:
-    """Generates the files that are not older than the generator."""
+    """Generate the workloads that are missing or older than the generator."""
     generator = Path(__file__).with_name("workloads.py").stat().st_mtime
     for name in names:
         path = workload_path(name)
@@ -50,15 +51,14 @@ def write_missing_workloads(names: list[str]) -> None:
             write_workload(make_room(name), path)
 
 
-def measure(args: argparse.Namespace) -> tuple[dict[str, Any], str]:
-    """Runs everything; returns the results as JSON values and as markdown."""
+def measure(args: argparse.Namespace) -> dict[str, Any]:
+    """Run all benchmarks; return the result as JSON values with tables."""
     names = ["S", "M"] if args.quick else list(SIZES)
     repetitions, seconds = (2, 0.05) if args.quick else (args.repetitions, 0.3)
-    machine, source = describe_machine(), describe_commit(REPOSITORY)
-    if machine["load_average_1min"] > BUSY_LOAD:
-        note(
-            f"warning: the load average is {machine['load_average_1min']:.2f}; close other programs"
-        )
+    origin = describe_run()
+    load = origin["machine"]["load_average_1min"]
+    if load > BUSY_LOAD:
+        note(f"warning: the load average is {load:.2f}; close other programs")
     write_missing_workloads(names)
 
     any_name = f"({'|'.join(names)})"
@@ -91,19 +91,18 @@ def measure(args: argparse.Namespace) -> tuple[dict[str, Any], str]:
     verdicts += targets.speedup_verdicts(native) + targets.region_verdicts(native)
     verdicts += targets.training_verdicts(native) + targets.torch_verdicts(in_torch, native)
     verdicts += targets.memory_verdicts(memory)
-    sections = {
-        "Machine": report.machine_lines(machine, source, runs),
-        "Targets": report.verdict_table(verdicts),
-        **{f"Times, {run.simd_target}": report.timing_table(run.timings) for run in runs},
-        "Python calls": report.python_table(python, native.timings) if python else "not measured",
-        "PyTorch calls": report.python_table(in_torch, native.timings)
-        if in_torch
-        else "not measured",
-        "Memory": report.memory_table(memory),
-    }
-    results = {
-        "source": source,
-        "machine": machine,
+    tables = [
+        report.build_table(runs),
+        report.verdict_table(verdicts),
+        *(report.timing_table(run) for run in runs),
+        report.python_table("Python calls", python, native.timings),
+        report.python_table("PyTorch calls", in_torch, native.timings),
+        report.memory_table(memory),
+    ]
+    return {
+        "title": "Rasterizer",
+        **origin,
+        "tables": [asdict(table) for table in tables],
         "quick": args.quick,
         "cpp": [asdict(run) for run in runs],
         "python": [asdict(timing) for timing in python],
@@ -111,11 +110,10 @@ def measure(args: argparse.Namespace) -> tuple[dict[str, Any], str]:
         "memory": memory,
         "targets": [{**asdict(verdict), "met": verdict.met} for verdict in verdicts],
     }
-    return results, "\n\n".join(f"## {title}\n\n{text}" for title, text in sections.items())
 
 
 def main() -> None:
-    """Command line."""
+    """Measure, print the tables and write the JSON."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="a short run without L; not a result")
     parser.add_argument("--repetitions", type=int, default=MIN_REPETITIONS, help="at least 9")
@@ -128,10 +126,10 @@ def main() -> None:
         sys.exit(
             f"run.py: {args.binary} does not exist; build it with `cmake --build --preset bench`"
         )
-    results, markdown = measure(args)
+    result = measure(args)
     args.out.parent.mkdir(parents=True, exist_ok=True)
-    args.out.write_text(json.dumps(results, indent=2) + "\n")
-    print(markdown)
+    args.out.write_text(json.dumps(result, indent=2) + "\n")
+    print(result_markdown(result))
     note(f"wrote {args.out}")
 
 

@@ -1,13 +1,13 @@
-"""How often an update settles a change: the detector sees nothing there, and no version follows.
+"""Rate of settled updates: the detector reports nothing there, and no further version follows.
 
     python benchmarks/settled_benchmark.py                        # 20 seeds, 3 kinds, 2 rooms
     python benchmarks/settled_benchmark.py --seeds 0:4 --rooms block
 
-A robot goes a round after a change and keeps the map up to date. Then (a) the detector compares the
-map with new frames that look at the place, and (b) the robot goes a second round. The seed of a
-case decides the noise of all frames after the mapping, and where an object comes to stand; each
-room is mapped several times with other noise, and its cases take these maps in turn. The rooms are
-small and plain, and so are the images: a case takes some seconds.
+A robot runs a round after a change and updates the map. Then (a) the detector compares the map with
+new frames of the region, and (b) the robot runs a second round. The seed of a case selects the
+noise of all frames after the mapping, and the new position of an object. Each room is mapped
+several times with different noise, and the cases use these maps in turn. Rooms and images are
+small: a case takes some seconds.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from tqdm import tqdm
 from gslts.change.config import DetectionConfig
 from gslts.change.detector import ChangeDetector
 from gslts.datasets import open_dataset
-from gslts.keeper.keeper import LoopConfig, MapKeeper
+from gslts.keeper.keeper import KeeperConfig, MapKeeper
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.engine import make_map
 from gslts.rendering.metrics import psnr_from_mse_db
@@ -44,14 +44,15 @@ from gslts_sim.mesh import Surface
 from gslts_sim.robot_body import Viewpoint
 
 KINDS = ("removal", "addition", "relocation")
+"""Types of changes."""
 WIDTH, HEIGHT = 160, 120
-"""Of the images, px."""
-FRAMES, STOPS = 48, 8
-"""Of the recording that is mapped, and of a round, at most."""
-VIEWS, AWAY_M = 6, 1.3
-"""New frames that look at the place of a change, from all around it and so far away."""
+"""Size of the images, px."""
+MAX_FRAMES, MAX_VIEWPOINTS = 48, 8
+"""Maximum number of frames of the recording, and of viewpoints of a round."""
+VIEWS, DISTANCE_M = 6, 1.3
+"""Number of new frames around a change, and their distance, m."""
 NEAR_M = 0.15
-"""A report so near to the place of an object counts as one at that place."""
+"""Maximum distance from the box of an object to a report of it, m."""
 MAPPING = MappingConfig(
     iterations=500,
     patience=1.0,
@@ -65,62 +66,64 @@ MAPPING = MappingConfig(
 )
 UPDATE = UpdateConfig(
     collect=CollectConfig(distance_m=1.0),
-    edit=EditConfig(voxel_m=0.02),  # Such small images do not resolve more.
-    refine=RefineConfig(around_px=15),
+    edit=EditConfig(voxel_m=0.02),  # Small images do not resolve more.
+    refine=RefineConfig(margin_px=15),
     threads=1,
 )
 SQUARE_M, SQUARES = 0.25, 20
-"""Of the random colours of walls and floor."""
+"""Edge of the squares of random colours on walls and floor, m, and their number per period."""
 
 Box = tuple[tuple[float, float, float], tuple[float, float, float]]
+"""Lower and upper corner, m."""
 
 
 @dataclass(frozen=True)
-class Place:
-    """A room with a block in it, on which two things stand and a third one has room.
+class Layout:
+    """A room with a block, on which two objects stand and a third one has space.
 
     Attributes:
-        size: Of the room, m.
-        block: Its lower and upper corner, m.
-        things: Where the things stand on it, x and y of their middles, m.
-        free: Box on the block where the middle of another one may be, x and y, m.
-        thing: Its size, m.
+        size: Size of the room, m.
+        block: Lower and upper corner of the block, m.
+        positions: Centres of the two objects on the block, x and y, m.
+        free: Box on the block for the centre of a third object, x and y, m.
+        object_size: Size of an object, m.
     """
 
     size: tuple[float, float, float]
     block: Box
-    things: tuple[tuple[float, float], tuple[float, float]]
+    positions: tuple[tuple[float, float], tuple[float, float]]
     free: tuple[tuple[float, float], tuple[float, float]]
-    thing: tuple[float, float, float]
+    object_size: tuple[float, float, float]
 
     def box_at(self, x: float, y: float) -> Box:
-        """Corners of a thing with its middle at a place."""
-        (width, depth, height), z = self.thing, self.block[1][2]
+        """Return the box of an object with its centre at a position."""
+        (width, depth, height), z = self.object_size, self.block[1][2]
         low = (x - width / 2, y - depth / 2, z)
         return low, (x + width / 2, y + depth / 2, z + height)
 
 
-PLACES = {
-    "block": Place(
+LAYOUTS = {
+    "block": Layout(
         size=(5.0, 4.0, 2.6),
         block=((2.0, 1.5, 0.0), (3.2, 2.3, 0.75)),
-        things=((2.2, 1.85), (3.0, 1.95)),
+        positions=((2.2, 1.85), (3.0, 1.95)),
         free=((2.55, 1.66), (2.65, 2.1)),
-        thing=(0.24, 0.24, 0.3),
+        object_size=(0.24, 0.24, 0.3),
     ),
-    "sideboard": Place(  # It stands at a wall, so that things have no back that can be seen.
+    "sideboard": Layout(  # At a wall, so that the backs of objects are never visible.
         size=(4.4, 4.8, 2.5),
         block=((3.8, 1.4, 0.0), (4.4, 3.2, 0.6)),
-        things=((4.1, 1.65), (4.05, 2.95)),
+        positions=((4.1, 1.65), (4.05, 2.95)),
         free=((4.0, 2.1), (4.2, 2.5)),
-        thing=(0.3, 0.2, 0.22),
+        object_size=(0.3, 0.2, 0.22),
     ),
 }
 RED, BLUE, YELLOW = (200, 40, 30), (30, 60, 200), (230, 200, 30)
+"""Colours of the objects, sRGB."""
 
 
 def box_object(name: str, box: Box, texture: np.ndarray, *, inward: bool = False) -> HomeObject:
-    """A box, or the walls around it, in squares of the colours [H,W,3] of a texture."""
+    """Return a box, or the walls around it, with a texture [H,W,3]."""
     corners = np.array(box)
     middle = np.array([*corners.mean(axis=0)[:2], corners[0, 2]])
     corners = corners - middle
@@ -155,25 +158,25 @@ def box_object(name: str, box: Box, texture: np.ndarray, *, inward: bool = False
 
 
 def squares(seed: int, darkest: int) -> np.ndarray:
-    """Squares of random colours, no two places of which look the same."""
+    """Return a texture of squares in random colours, without repetition."""
     colors = np.random.default_rng(seed).integers(darkest, 220, (SQUARES, SQUARES, 3))
     return colors.astype(np.uint8).repeat(16, 0).repeat(16, 1)
 
 
-def thing(place: Place, name: str, x: float, y: float, color: Sequence[int]) -> HomeObject:
-    """A thing of one colour on the block."""
+def make_object(layout: Layout, name: str, x: float, y: float, color: Sequence[int]) -> HomeObject:
+    """Return an object of one colour on the block."""
     plain = np.full((4, 4, 3), color, np.uint8)
-    return replace(box_object(name, place.box_at(x, y), plain), movable=True, parent="Block|1")
+    return replace(box_object(name, layout.box_at(x, y), plain), movable=True, parent="Block|1")
 
 
-def home_of(place: Place) -> Home:
-    """The room as it is mapped."""
-    (x, y, z), first = place.size, 100 * list(PLACES.values()).index(place)
-    # The walls go on below the floor, or two surfaces would be in one place.
+def home_of(layout: Layout) -> Home:
+    """Return the room as it is mapped."""
+    (x, y, z), first = layout.size, 100 * list(LAYOUTS.values()).index(layout)
+    # The walls extend below the floor, so that no two surfaces coincide.
     walls = box_object("Wall|1", ((0, 0, -0.2), (x, y, z)), squares(first, 40), inward=True)
     floor = box_object("Floor|1", ((0, 0, -0.1), (x, y, 0)), squares(first + 1, 90))
-    block = box_object("Block|1", place.block, squares(first + 2, 110))
-    (red, blue) = place.things
+    block = box_object("Block|1", layout.block, squares(first + 2, 110))
+    (red, blue) = layout.positions
     return Home(
         name="settled",
         rooms=(Room("kitchen", np.array([[0, 0, 0], [x, y, z]])),),
@@ -181,8 +184,8 @@ def home_of(place: Place) -> Home:
             walls,
             replace(floor, receptacle=True),
             replace(block, receptacle=True, parent="Floor|1"),
-            thing(place, "Box|1", *red, RED),
-            thing(place, "Box|2", *blue, BLUE),
+            make_object(layout, "Box|1", *red, RED),
+            make_object(layout, "Box|2", *blue, BLUE),
         ),
         lights=(
             AreaLight(
@@ -196,85 +199,89 @@ def home_of(place: Place) -> Home:
     )
 
 
-def changed(place: Place, kind: str, seed: int) -> tuple[Home, list[Box]]:
-    """The room after a change, and where something was or is now that was not."""
-    home = home_of(place)
-    to = np.random.default_rng(seed).uniform(*place.free).tolist()
+def change_home(layout: Layout, kind: str, seed: int) -> tuple[Home, list[Box]]:
+    """Return the room after a change, and the boxes of removed and added objects."""
+    home = home_of(layout)
+    to = np.random.default_rng(seed).uniform(*layout.free).tolist()
     if kind == "removal":
-        return home.without(["Box|1"]), [place.box_at(*place.things[0])]
+        return home.without(["Box|1"]), [layout.box_at(*layout.positions[0])]
     if kind == "addition":
-        new = thing(place, "Box|3", *to, YELLOW)
-        return replace(home, objects=(*home.objects, new)), [place.box_at(*to)]
+        new = make_object(layout, "Box|3", *to, YELLOW)
+        return replace(home, objects=(*home.objects, new)), [layout.box_at(*to)]
     rest = home.without(["Box|2"])
-    moved = replace(rest, objects=(*rest.objects, thing(place, "Box|2", *to, BLUE)))
-    return moved, [place.box_at(*place.things[1]), place.box_at(*to)]
+    moved = replace(rest, objects=(*rest.objects, make_object(layout, "Box|2", *to, BLUE)))
+    return moved, [layout.box_at(*layout.positions[1]), layout.box_at(*to)]
 
 
 def robot_in(home: Home, seed: int) -> Controller:
-    """A robot with a noisy camera."""
+    """Return a robot with a noisy camera."""
     return Controller(home, width=WIDTH, height=HEIGHT, noise="kinect", seed=seed)
 
 
-def looks_at(box: Box, robot: Controller) -> list[Viewpoint]:
-    """Looks at the middle of a box from all around, as far as the robot can stand there."""
+def viewpoints_around(box: Box, robot: Controller) -> list[Viewpoint]:
+    """Return viewpoints that face a box from all sides that the robot can reach."""
     middle = np.mean(box, axis=0)
     eye_m = float(robot.observe().camera.world_from_camera[2, 3])
     places = robot.reachable_positions()
     chosen = set()
     for turn_rad in 2 * np.pi * np.arange(VIEWS) / VIEWS + 0.2:
-        wanted = middle[:2] + AWAY_M * np.array([np.cos(turn_rad), np.sin(turn_rad)])
+        wanted = middle[:2] + DISTANCE_M * np.array([np.cos(turn_rad), np.sin(turn_rad)])
         metres = np.linalg.norm(places - wanted, axis=1)
-        if metres.min() < AWAY_M / 2:
+        if metres.min() < DISTANCE_M / 2:
             chosen.add(int(np.argmin(metres)))
-    looks = []
+    viewpoints = []
     for x, y in places[sorted(chosen)]:
-        way = middle[:2] - (x, y)
-        down_deg = np.degrees(np.arctan2(eye_m - middle[2], np.linalg.norm(way)))
-        yaw_deg = np.degrees(np.arctan2(way[1], way[0]))
-        looks.append(Viewpoint(x, y, float(yaw_deg), float(down_deg)))
-    return looks
+        direction = middle[:2] - (x, y)
+        down_deg = np.degrees(np.arctan2(eye_m - middle[2], np.linalg.norm(direction)))
+        yaw_deg = np.degrees(np.arctan2(direction[1], direction[0]))
+        viewpoints.append(Viewpoint(x, y, float(yaw_deg), float(down_deg)))
+    return viewpoints
 
 
 def write_map(home: Home, seed: int, folder: Path) -> None:
-    """Maps a home with the noise of a seed, unless that was done before."""
+    """Map a home with the noise of a seed, unless the map exists."""
     if folder.exists():
         return
     with TemporaryDirectory() as visit:
-        capture(robot_in(home, seed), explore(home, FRAMES)[0], Path(visit) / "visit")
+        capture(robot_in(home, seed), explore(home, MAX_FRAMES)[0], Path(visit) / "visit")
         result = make_map(open_dataset(Path(visit) / "visit"), MAPPING)
-    cameras = {name: one.camera() for name, one in result.training.items()}
+    cameras = {name: frame.camera() for name, frame in result.training.items()}
     write_map_folder(folder, result.gaussian_map, {"dataset": "visit"}, cameras)
 
 
 def is_at(point: np.ndarray, boxes: Sequence[Any]) -> bool:
-    """Whether a point (3,) is in a box, or near it."""
+    """Return whether a point (3,) is in or near a box."""
     corners = [np.array(box) for box in boxes]
     return any(((point >= low - NEAR_M) & (point <= high + NEAR_M)).all() for low, high in corners)
 
 
-def run_case(place: Place, kind: str, seed: int, made: Path) -> dict[str, Any]:
-    """What two rounds do after a change."""
-    home, boxes = changed(place, kind, seed)
-    config = LoopConfig(stops=STOPS, detection=DetectionConfig(halvings=0), update=UPDATE)
-    said: list[str] = []
+def run_case(layout: Layout, kind: str, seed: int, made: Path) -> dict[str, Any]:
+    """Run two rounds after a change, and return the results."""
+    home, boxes = change_home(layout, kind, seed)
+    config = KeeperConfig(
+        max_viewpoints=MAX_VIEWPOINTS, detection=DetectionConfig(halvings=0), update=UPDATE
+    )
+    log: list[str] = []
     start_s = time.process_time()
     with TemporaryDirectory() as name:
         folder = Path(name) / "map"
         shutil.copytree(made, folder)
-        with MapKeeper(folder, config, say=said.append) as keeper:
+        with MapKeeper(folder, config, log=log.append) as keeper:
             keeper.go_round(robot_in(home, 1_000_000 + seed))
-            first, rest = keeper.version.number, len(said)
+            first, rest = keeper.version.number, len(log)
             cameras = cameras_of_map(folder).values()
             detector = ChangeDetector(keeper.gaussian_map, config.detection, cameras=cameras)
             robot = robot_in(home, 2_000_000 + seed)
-            told: list[float | None] = []
+            confidences: list[float | None] = []
             errors = []
-            for look in [look for box in boxes for look in looks_at(box, robot)]:
-                robot.go(look)
+            for viewpoint in [
+                viewpoint for box in boxes for viewpoint in viewpoints_around(box, robot)
+            ]:
+                robot.go(viewpoint)
                 frame = robot.observe()
                 found = detector.detect(frame).changes
-                own = [one.confidence for one in found if is_at(one.point, boxes)]
-                told.append(max(own, default=None))
+                own = [change.confidence for change in found if is_at(change.point, boxes)]
+                confidences.append(max(own, default=None))
                 rgb = render(keeper.gaussian_map, frame.camera).rgb.clip(0, 1)
                 errors.append(float(np.mean((rgb - frame.rgb / 255) ** 2)))
             keeper.go_round(robot_in(home, 3_000_000 + seed))
@@ -283,9 +290,9 @@ def run_case(place: Place, kind: str, seed: int, made: Path) -> dict[str, Any]:
             known, late = (
                 [
                     box
-                    for one in store.events()
-                    if low < one.version <= high
-                    for box in one.boxes
+                    for event in store.events()
+                    if low < event.version <= high
+                    for box in event.boxes
                     if box
                 ]
                 for low, high in ((1, first), (first, second))
@@ -293,35 +300,35 @@ def run_case(place: Place, kind: str, seed: int, made: Path) -> dict[str, Any]:
     return {
         "kind": kind,
         "seed": seed,
-        "made": all(any(is_at(np.mean(one, axis=0), [box]) for one in known) for box in boxes),
+        "made": all(any(is_at(np.mean(other, axis=0), [box]) for other in known) for box in boxes),
         "versions": [first, second],
-        "reports": told,
+        "reports": confidences,
         "anew": [is_at(np.mean(box, axis=0), boxes) for box in late],
         "psnr_db": psnr_from_mse_db(float(np.mean(errors))),
-        "said": [said[:rest], said[rest:]],
+        "log": [log[:rest], log[rest:]],
         "cpu_s": round(time.process_time() - start_s, 1),
     }
 
 
 def summary(cases: Sequence[dict[str, Any]]) -> list[str]:
-    """A markdown table with a row for each room and kind, and one for all."""
+    """Return a markdown table with a row for each room and kind, and a last one for all."""
     groups: dict[tuple[str, str], list[dict[str, Any]]] = {}
-    for one in cases:
-        groups.setdefault((one["room"], one["kind"]), []).append(one)
+    for case in cases:
+        groups.setdefault((case["room"], case["kind"]), []).append(case)
     lines = [
         "| room | change | updated | views without a report there | cases without one "
         "| second rounds without a version there | without any | PSNR |",
         "| --- | --- | --: | --: | --: | --: | --: | --: |",
     ]
     for (room, kind), own in [*groups.items(), (("all", ""), list(cases))]:
-        # Where a change was not found in the first round, nothing can be settled.
-        made = [one for one in own if one["made"]]
-        views = [report is None for one in made for report in one["reports"]]
-        silent = [all(report is None for report in one["reports"]) for one in made]
-        still = [one["versions"][0] == one["versions"][1] for one in made]
-        kept = [not any(one["anew"]) for one in made]
-        shares = " | ".join(share(one) for one in (views, silent, kept, still))
-        psnr_db = np.mean([one["psnr_db"] for one in own])
+        # A change that the first round did not integrate cannot be settled.
+        made = [case for case in own if case["made"]]
+        views = [report is None for case in made for report in case["reports"]]
+        silent = [all(report is None for report in case["reports"]) for case in made]
+        still = [case["versions"][0] == case["versions"][1] for case in made]
+        kept = [not any(case["anew"]) for case in made]
+        shares = " | ".join(share(answers) for answers in (views, silent, kept, still))
+        psnr_db = np.mean([case["psnr_db"] for case in own])
         lines.append(
             f"| {room} | {kind} | {len(made)} of {len(own)} | {shares} | {psnr_db:.2f} dB |"
         )
@@ -329,20 +336,20 @@ def summary(cases: Sequence[dict[str, Any]]) -> list[str]:
 
 
 def share(answers: Sequence[bool]) -> str:
-    """How many of some answers are yes, and their share."""
+    """Return the number and the share of true values."""
     if not answers:
         return "-"
     return f"{sum(answers)} of {len(answers)} ({100 * np.mean(answers):.0f} %)"
 
 
 def main() -> None:
-    """Measures all cases and prints the shares."""
+    """Run all cases, and print the rates."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--rooms", nargs="+", default=list(PLACES), choices=PLACES)
+    parser.add_argument("--rooms", nargs="+", default=list(LAYOUTS), choices=LAYOUTS)
     parser.add_argument("--kinds", nargs="+", default=list(KINDS), choices=KINDS)
-    parser.add_argument("--seeds", default="0:20", help="first and last but one, of the noise")
-    parser.add_argument("--maps", type=int, default=4, help="of a room, with other noise")
-    parser.add_argument("--work", type=Path, default=Path("out/settled"), help="keeps the maps")
+    parser.add_argument("--seeds", default="0:20", help="FIRST:END of the noise")
+    parser.add_argument("--maps", type=int, default=4, help="maps per room, with different noise")
+    parser.add_argument("--work", type=Path, default=Path("out/settled"), help="folder of the maps")
     parser.add_argument("--out", type=Path, default=Path("out/settled.json"))
     given = parser.parse_args()
     seeds = range(*map(int, given.seeds.split(":")))
@@ -350,8 +357,8 @@ def main() -> None:
     cases: list[dict[str, Any]] = []
     for seed, room, kind in tqdm(wanted, desc="cases"):
         made = given.work / f"{room}_{seed % given.maps}"
-        write_map(home_of(PLACES[room]), seed % given.maps, made)
-        cases.append({"room": room, **run_case(PLACES[room], kind, seed, made)})
+        write_map(home_of(LAYOUTS[room]), seed % given.maps, made)
+        cases.append({"room": room, **run_case(LAYOUTS[room], kind, seed, made)})
         given.out.parent.mkdir(parents=True, exist_ok=True)
         given.out.write_text(json.dumps(cases, indent=1) + "\n")
     print("\n".join(summary(cases)))

@@ -1,7 +1,7 @@
-"""How fast a map with a long past opens, and what its versions take on the disk.
+"""Time to open a map with a long history, and disk space of its versions.
 
 Makes a map of random Gaussians and commits updates, each of which removes, adds and changes as many
-as those of a small object do.
+Gaussians as a small object has.
 """
 
 import argparse
@@ -21,10 +21,11 @@ from gslts.store.causes import UpdateCause, UpdateFrame
 from gslts.store.map_folder import camera_to_json, open_map, read_map, write_map_folder
 
 ARRAYS = ("means", "quats", "log_scales", "logit_opacities", "sh", "features")
+"""Arrays of a map, besides ids."""
 
 
 def random_map(rng: np.random.Generator, count: int, first_id: int) -> GaussianMap:
-    """Gaussians of a map with colours of degree 1."""
+    """Return a map of random Gaussians with spherical harmonics of degree 1."""
     return GaussianMap(
         means=rng.normal(size=(count, 3)).astype(np.float32),
         quats=rng.normal(size=(count, 4)).astype(np.float32),
@@ -37,8 +38,8 @@ def random_map(rng: np.random.Generator, count: int, first_id: int) -> GaussianM
     )
 
 
-def updated(rng: np.random.Generator, before: GaussianMap, touched: int, first: int) -> GaussianMap:
-    """A map after an update: a third of what it touches each goes, comes and changes."""
+def update(rng: np.random.Generator, before: GaussianMap, touched: int, first: int) -> GaussianMap:
+    """Remove, add and change a third of the touched Gaussians each."""
     third = touched // 3
     start = int(rng.integers(before.size - 2 * third))
     kept = np.ones(before.size, bool)
@@ -61,27 +62,27 @@ def camera(rng: np.random.Generator) -> Camera:
 
 
 def seconds(work: object, times: int = 5) -> float:
-    """Median of the time that something takes."""
-    took = []
+    """Return the median run time, s."""
+    durations_s = []
     for _ in range(times):
         start_s = time.perf_counter()
         work()  # type: ignore[operator]
-        took.append(time.perf_counter() - start_s)
-    return float(np.median(took))
+        durations_s.append(time.perf_counter() - start_s)
+    return float(np.median(durations_s))
 
 
 def size_of(folder: Path) -> int:
-    """Bytes of all files in it."""
+    """Return the size of all files in a folder, bytes."""
     return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
 
 
 def main() -> None:
-    """Measures, and prints JSON."""
+    """Measure, and print JSON."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--gaussians", type=int, default=500_000)
     parser.add_argument("--versions", type=int, default=1000)
-    parser.add_argument("--touched", type=int, default=3000, help="Gaussians of an update")
-    parser.add_argument("--views", type=int, default=12, help="frames of an update")
+    parser.add_argument("--touched", type=int, default=3000, help="Gaussians per update")
+    parser.add_argument("--views", type=int, default=12, help="frames per update")
     given = parser.parse_args()
     rng = np.random.default_rng(0)
     with TemporaryDirectory(dir=os.environ.get("TMPDIR")) as temporary:
@@ -89,24 +90,24 @@ def main() -> None:
         gaussian_map = random_map(rng, given.gaussians, 0)
         cameras = {f"{k:05}": camera(rng) for k in range(200)}
         write_map_folder(folder, gaussian_map, {"dataset": "random"}, cameras)
-        at_first = size_of(folder)
+        first_bytes = size_of(folder)
         bytes_each = gaussian_map.nbytes / gaussian_map.size
-        committing = []
+        commit_s = []
         with open_map(folder, writable=True) as store:
             for _ in tqdm(range(given.versions - 1), desc="committing"):
                 newest = store.version()
-                gaussian_map = updated(rng, gaussian_map, given.touched, newest.next_id)
+                gaussian_map = update(rng, gaussian_map, given.touched, newest.next_id)
                 frames = [
                     UpdateFrame(**camera_to_json(camera(rng)), new_viewpoint=k == 0)
                     for k in range(given.views)
                 ]
                 start_s = time.perf_counter()
                 store.commit(gaussian_map, UpdateCause(frames=tuple(frames)))
-                committing.append(time.perf_counter() - start_s)
-        grown = (size_of(folder) - at_first) / (given.versions - 1)
+                commit_s.append(time.perf_counter() - start_s)
+        bytes_per_update = (size_of(folder) - first_bytes) / (given.versions - 1)
         with open_map(folder) as store:
             newest = store.version().number
-            told = {
+            results = {
                 "gaussians": gaussian_map.size,
                 "versions": newest,
                 "open and read the newest, s": seconds(lambda: read_map(folder)),
@@ -115,11 +116,11 @@ def main() -> None:
                     k: seconds(lambda k=k: store.read(k), 3)
                     for k in range(1, newest + 1, max(1, newest // 8))
                 },
-                "commit, s": [float(np.median(committing)), max(committing)],
-                "bytes an update": grown,
-                "of the Gaussians touched": grown / (given.touched * bytes_each),
+                "commit, s": [float(np.median(commit_s)), max(commit_s)],
+                "bytes an update": bytes_per_update,
+                "of the Gaussians touched": bytes_per_update / (given.touched * bytes_each),
             }
-    print(json.dumps(told, indent=1))
+    print(json.dumps(results, indent=1))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The targets, each with what was measured beside it. README.md explains where they come from."""
+"""Targets of the rasterizer beside measured values; results/rasterizer.md explains them."""
 
 from __future__ import annotations
 
@@ -7,36 +7,37 @@ from dataclasses import dataclass
 
 from cpp_benchmark import CppResults, Timing
 
-# Milliseconds on one core, SH degree 0, with AVX-512 on a core of the reference peak.
 AVX512_MS = {
     "forward": {"S": 3.0, "M": 12.0, "L": 55.0},
     "forward_backward": {"S": 8.0, "M": 30.0, "L": 135.0},
 }
-# Likewise, of the pieces of training, by number of threads.
+"""Maximum ms on one core, SH degree 0, with AVX-512 on a core of the reference peak."""
 TRAINING_MS = {
     ("photometric_loss", 1): {"S": 0.8, "M": 2.5, "L": 10.0},
     ("train", 1): {"M": 35.0},
     ("train", 2): {"M": 20.0},
 }
-# Float multiply-adds a second of a core of the machine on which the targets were set.
+"""The same of parts of training, by number of threads."""
 REFERENCE_LANES_PER_S = {"AVX-512": 119e9, "AVX2": 59.5e9}
+"""Float multiply-adds per second of a core of the machine on which the targets were set."""
 SLOWDOWN = {"AVX-512": 1.0, "AVX2": 1.6}
+"""Maximum ratio of times to those with AVX-512."""
 MAX_LIFT_SHARE = 3.0
-"""Time to lift 32 channels over that of a forward pass."""
+"""Maximum ratio of back-projecting 32 channels to a forward pass."""
 MAX_ADAM_NS = 5.0
-"""Nanoseconds of Adam a parameter touched."""
+"""Maximum time of Adam per parameter of a visible Gaussian."""
 PARAMETERS_SH0 = 14
-"""Of a Gaussian with SH degree 0."""
+"""Number of parameters of a Gaussian with SH degree 0."""
 MAX_REGION_FIT_S = 1.0
-"""250 training iterations on a tenth of the pixels of M."""
+"""Maximum time of 250 training steps on a tenth of the pixels of M."""
 MIN_SPEEDUP = 1.8
-"""Of two threads over one."""
+"""Minimum speed-up of two threads."""
 MAX_REGION_SHARE = 0.15
-"""Time for a tenth of the pixels over that for all."""
+"""Maximum ratio of the time for a tenth of the pixels to that for all."""
 
 
 MAX_TORCH_RATIO = 1.25
-"""Time of the same view through PyTorch over that in C++."""
+"""Maximum ratio of the time through PyTorch to that in C++."""
 
 
 @dataclass(frozen=True)
@@ -48,21 +49,21 @@ class Verdict:
     target: float
     unit: str
     at_least: bool = False
-    """Whether the value must reach the target instead of staying within it."""
+    """True if the value must reach the target instead of staying within it."""
 
     @property
     def met(self) -> bool:
-        """Whether the target is met."""
+        """True if the target is met."""
         return self.measured >= self.target if self.at_least else self.measured <= self.target
 
 
 def simd_family(simd_target: str) -> str:
-    """The instruction set as the targets name it."""
+    """Return the name of an instruction set in the targets."""
     return {"avx512": "AVX-512", "avx2": "AVX2"}.get(simd_target, simd_target)
 
 
 def find(timings: Sequence[Timing], case: str, workload: str, threads: int = 1) -> float | None:
-    """Median milliseconds with SH degree 0, if it was measured."""
+    """Return the median with SH degree 0, ms; None if it was not measured."""
     for timing in timings:
         if (timing.case, timing.workload, timing.sh_degree, timing.threads) == (
             case,
@@ -75,7 +76,7 @@ def find(timings: Sequence[Timing], case: str, workload: str, threads: int = 1) 
 
 
 def time_verdicts(results: CppResults) -> list[Verdict]:
-    """Times against targets scaled to this core's peak."""
+    """Compare times with targets scaled to this core's peak."""
     family = simd_family(results.simd_target)
     if family not in SLOWDOWN or 1 not in results.fma_lanes_per_s:
         return []
@@ -95,7 +96,7 @@ def time_verdicts(results: CppResults) -> list[Verdict]:
 
 
 def speedup_verdicts(results: CppResults) -> list[Verdict]:
-    """Two threads over one."""
+    """Compare two threads with one."""
     verdicts = []
     for case in AVX512_MS:
         for workload in ("M", "L"):
@@ -107,7 +108,7 @@ def speedup_verdicts(results: CppResults) -> list[Verdict]:
 
 
 def region_verdicts(results: CppResults) -> list[Verdict]:
-    """A masked tenth of the pixels over the full image."""
+    """Compare a masked tenth of the pixels with the full image."""
     verdicts = []
     for case, targets in AVX512_MS.items():
         for workload in targets:
@@ -120,7 +121,7 @@ def region_verdicts(results: CppResults) -> list[Verdict]:
 
 
 def training_verdicts(results: CppResults) -> list[Verdict]:
-    """Lifting and Adam by what they touch, and a local fit."""
+    """Compare back-projection, Adam and a local fit with their targets."""
     verdicts = []
     for workload in ("S", "M", "L"):
         forward = find(results.timings, "forward", workload)
@@ -132,7 +133,7 @@ def training_verdicts(results: CppResults) -> list[Verdict]:
         visible = next((t.visible for t in results.timings if t.workload == workload), 0)
         if adam and visible:
             nanoseconds = 1e6 * adam / (visible * PARAMETERS_SH0)
-            what = f"Adam a parameter: {workload}"
+            what = f"Adam per parameter: {workload}"
             verdicts.append(Verdict(what, nanoseconds, MAX_ADAM_NS, "ns"))
     for threads in (1, 2):
         iteration = find(results.timings, "region_train", "M", threads)
@@ -143,7 +144,7 @@ def training_verdicts(results: CppResults) -> list[Verdict]:
 
 
 def torch_verdicts(timings: Sequence[Timing], results: CppResults) -> list[Verdict]:
-    """PyTorch over C++ on M, one thread."""
+    """Compare PyTorch with C++ on M, one thread."""
     verdicts = []
     for case in AVX512_MS:
         torch, cpp = find(timings, case, "M"), find(results.timings, case, "M")
@@ -155,7 +156,7 @@ def torch_verdicts(timings: Sequence[Timing], results: CppResults) -> list[Verdi
 
 
 def memory_verdicts(memory: Sequence[dict[str, float]]) -> list[Verdict]:
-    """Peak memory, results included, against 300 bytes a visible Gaussian and 64 a pixel."""
+    """Compare peak memory with 300 bytes per visible Gaussian and 64 per pixel."""
     return [
         Verdict(
             f"memory: {use['workload']}, SH {use['sh']}, {use['threads']} thread(s)",

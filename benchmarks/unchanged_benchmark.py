@@ -1,10 +1,10 @@
-"""How often changes are reported in a real visit in which nothing changed.
+"""Counts false reports of changes in a real visit in which nothing changed.
 
     python benchmarks/unchanged_benchmark.py DATASET --preset fast
 
-maps the visit eight times, each time without other frames (every eighth is kept aside), and shows
-these to the detectors: most frames of the visit are judged once, by a map that does not know them.
-What people or screens do in it counts as false too.
+maps the visit eight times, each time without other frames (every eighth is held out), and runs the
+detectors on these: most frames of the visit are used once, with a map made without them. Changes by
+people or screens in the visit count as false too.
 """
 
 from __future__ import annotations
@@ -27,48 +27,48 @@ from gslts.mapping.config import PRESETS
 from gslts.mapping.engine import make_map
 from gslts_bench.detection.variants import STRATEGIES
 
-KEPT_ASIDE = 8
-"""Each of so many frames; see `gslts.mapping.frames.every_eighth`."""
+FOLDS = 8
+"""Number of maps; see `gslts.mapping.frames.split_held_out`."""
 
 
 @dataclass(frozen=True, eq=False)
 class Visit:
-    """A map, the cameras that it was made from, and frames that it does not know, by name."""
+    """A map, its training cameras, and frames that were held out of it, by name."""
 
     gaussian_map: GaussianMap
     cameras: list[Camera]
-    unknown: dict[str, RgbdFrame]
+    held_out: dict[str, RgbdFrame]
 
     def detector(self, config: DetectionConfig) -> ChangeDetector:
-        """Looks for changes against the map."""
+        """Return a detector for the map."""
         return ChangeDetector(self.gaussian_map, config, cameras=self.cameras)
 
 
 def visits_of(dataset: Dataset, preset: str) -> Iterator[Visit]:
-    """The visit in all the ways in which frames can be kept aside."""
+    """Yield the visit in all folds."""
     frames = {frame.name: frame for frame in dataset.frames}
-    for first in tqdm(range(KEPT_ASIDE), desc="maps"):
+    for first in tqdm(range(FOLDS), desc="maps"):
         part = replace(dataset, frames=dataset.frames[first:])
         result = make_map(part, PRESETS[preset].model_copy(update={"variant_steps": 0}))
-        cameras = [one.camera() for one in result.training.values()]
+        cameras = [frame.camera() for frame in result.training.values()]
         yield Visit(
             result.gaussian_map, cameras, {name: frames[name].read() for name in result.held_out}
         )
 
 
 def main() -> None:
-    """Prints how many frames have reports."""
+    """Print how many frames have reports."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("dataset", type=Path)
     parser.add_argument("--preset", default="fast", choices=sorted(PRESETS))
     arguments = parser.parse_args()
-    compared = {name: one for name, one in STRATEGIES.items() if not one.locate}
+    compared = {name: variant for name, variant in STRATEGIES.items() if not variant.locate}
     frames, reports, unreliable = 0, Counter[str](), Counter[str]()
     for visit in visits_of(open_dataset(arguments.dataset), arguments.preset):
-        frames += len(visit.unknown)
+        frames += len(visit.held_out)
         for name, variant in compared.items():
             detector = visit.detector(variant.config)
-            for frame in visit.unknown.values():
+            for frame in visit.held_out.values():
                 detection = detector.detect(frame)
                 reports[name] += bool(detection.changes)
                 unreliable[name] += detection.unreliable is not None

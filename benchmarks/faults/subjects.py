@@ -1,6 +1,6 @@
-"""What is disturbed: programs that write maps, and what must be true after them, however they end.
+"""Programs that write maps, and the checks of their maps after any end.
 
-A subject works in a folder of its own.
+A subject works in its own folder.
 """
 
 from __future__ import annotations
@@ -15,10 +15,11 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Protocol
 
-# Children need not import what is imported here.
-import made_up
 import matplotlib.backends.backend_svg  # noqa: F401
-from disturbed import Outcome, disturbed
+
+# Modules that are imported here are not imported by the children.
+import synthetic_versions
+from fault_injection import Outcome, run_disturbed
 
 import gslts.mapping.engine
 import gslts.mapping.report.page
@@ -36,8 +37,9 @@ from gslts.store.map_store import BLOBS, INDEX
 from gslts.store.writer_lock import LOCK
 
 MAP = "map"
+"""Name of the map in the folder of a subject."""
 OWN_FILES = {MANIFEST, CAMERAS, BLOBS, INDEX, f"{INDEX}-wal", f"{INDEX}-shm", LOCK}
-"""Of every map; what begins with a dot is not looked at by anything."""
+"""Files of every map; names that begin with a dot are ignored by all programs."""
 
 
 class Subject(Protocol):
@@ -46,66 +48,77 @@ class Subject(Protocol):
     name: str
 
     def prepare(self, folder: Path, *, fresh: bool) -> None:
-        """Makes what a run starts from.
+        """Make the input of a run.
 
         Args:
-            folder: Where it works.
-            fresh: Whether nothing of an earlier run may be left.
+            folder: Of the subject.
+            fresh: Remove everything of earlier runs.
         """
 
     def run(self) -> None:
-        """Runs in the folder, as a process of its own."""
+        """Run in the folder, as a child process."""
 
     def problems(self, folder: Path, outcome: Outcome) -> list[str]:
-        """What is wrong after a run, in one line each."""
+        """Check the map after a run.
+
+        Args:
+            folder: Of the subject.
+            outcome: Of the run.
+
+        Returns:
+            One line per problem.
+        """
 
 
 class Commits:
-    """`made_up.py`, which commits some versions more.
+    """`synthetic_versions.py`, which commits versions.
 
     Args:
-        more: So many.
+        more: Number of versions per run.
     """
 
     name = "commits"
-    MOST = 60
+    MAX_VERSIONS = 60
 
     def __init__(self, more: int) -> None:
         self._more = more
 
     def prepare(self, folder: Path, *, fresh: bool) -> None:
-        """A map that has few versions enough."""
+        """Make a map with few versions."""
         path = folder / MAP
-        if fresh or not path.exists() or newest_of(path) > self.MOST:
-            emptied(folder)
-            made_up.write_first(path)
+        if fresh or not path.exists() or newest_of(path) > self.MAX_VERSIONS:
+            empty(folder)
+            synthetic_versions.write_first(path)
 
     def run(self) -> None:
-        """Goes on from the newest version."""
-        sys.argv = ["made_up.py", MAP, "--more", str(self._more)]
-        made_up.main()
+        """Continue from the newest version."""
+        sys.argv = ["synthetic_versions.py", MAP, "--more", str(self._more)]
+        synthetic_versions.main()
 
     def problems(self, folder: Path, outcome: Outcome) -> list[str]:
-        """Every version is what was known in advance, and those that were told are there."""
-        path, told = folder / MAP, [int(line) for line in outcome.out.split()]
-        found = wrong_of_map(path, told, lambda number: digest(made_up.map_of(number)))
+        """Check that every version is as expected, and that all reported versions exist."""
+        path, reported = folder / MAP, [int(line) for line in outcome.stdout.split()]
+        found = check_map(
+            path, reported, lambda number: digest(synthetic_versions.expected_map(number))
+        )
         if found:
             return found
-        newest, state = newest_of(path), path / made_up.STATE
+        newest, state = newest_of(path), path / synthetic_versions.STATE
         if state.exists() and json.loads(state.read_text())["version"] > newest:
-            found.append(f"{state.name} tells of a version that is not there")
+            found.append(f"{state.name} names a version that does not exist")
         with open_map(path) as store:
             known = [event.version for event in store.events()]
-        updates = [one for one in range(2, newest + 1) if made_up.restored_by(one) is None]
+        restored = synthetic_versions.restored_version
+        updates = [number for number in range(2, newest + 1) if restored(number) is None]
         if known != updates:
-            found.append(f"of versions {updates}, {known} tell what became of objects")
-        if told and outcome.failures == 1 and newest != told[0] + self._more - 1:
-            found.append("it did not go on after an error that passed")
-        return found + foreign_in(path, {made_up.STATE})
+            found.append(f"versions {updates} are updates, but {known} have object changes")
+        if reported and outcome.failures == 1 and newest != reported[0] + self._more - 1:
+            found.append("it did not continue after an error that passed")
+        return found + foreign_in(path, {synthetic_versions.STATE})
 
 
 class NewMap:
-    """A command that makes a map: it is there whole or not at all, and may be made again.
+    """A command that makes a map: it is complete or does not exist, and can be made again.
 
     Args:
         name: Of the subject.
@@ -118,39 +131,39 @@ class NewMap:
         self._expected: str | None = None
 
     def prepare(self, folder: Path, *, fresh: bool) -> None:
-        """An empty folder, but for what stopped runs left there that nothing looks at."""
+        """Empty the folder, except for hidden remains of killed runs."""
         for path in folder.iterdir():
             if fresh or not path.name.startswith("."):
-                removed(path)
+                remove(path)
         if self._expected is None:
             self._again(folder)
             self._expected = digest_of(folder / MAP)
-            emptied(folder)
+            empty(folder)
 
     def run(self) -> None:
-        """A checkpoint is written as often as can be."""
+        """Write checkpoints as often as possible."""
         gslts.mapping.engine.SAVE_EVERY_S = 0.0
         resumed = ["--resume"] if Path(f"{MAP}.checkpoint.npz").exists() else []
         sys.argv = ["gslts", *self._arguments, *resumed]
         main()
 
     def problems(self, folder: Path, outcome: Outcome) -> list[str]:
-        """The map is there and the same as ever, or is when the command is run again."""
+        """Check that the map is as expected, or is after the command is run again."""
         path = folder / MAP
         found = foreign_in(folder, {MAP, f"{MAP}.checkpoint.npz"})
         if outcome.code == 0 and not path.exists():
-            found.append("it ended well, and there is no map")
+            found.append("it succeeded without a map")
         if not path.exists() and not found:
             found += self._again(folder)
         if not found:
-            found += wrong_of_map(path, [1], lambda _: self._expected or "")
+            found += check_map(path, [1], lambda _: self._expected or "")
             found += foreign_in(path, {"report.html", LANDMARKS})
         return found
 
     def _again(self, folder: Path) -> list[str]:
-        done = disturbed(folder, self.run)
+        done = run_disturbed(folder, self.run)
         if done.code != 0:
-            return [f"it cannot be run again: {done.told}"]
+            return [f"it cannot be run again: {done.summary}"]
         left = [path.name for path in folder.iterdir() if path.name != MAP]
         return [f"run again, it leaves {left}"] if left else []
 
@@ -160,42 +173,42 @@ class Command:
 
     Args:
         given: The map.
-        arguments: Of the command, with {map} where the map is named; with paths that are absolute.
-        told: Finds the numbers of versions in what it prints when they are committed.
+        arguments: Of the command, with {map} for the map, and with absolute paths.
+        reported: Regular expression of the version numbers that it prints after commits.
     """
 
     name = "command"
 
-    def __init__(self, given: Path, arguments: Sequence[str], told: str) -> None:
+    def __init__(self, given: Path, arguments: Sequence[str], reported: str) -> None:
         self._given = given
         self._arguments = [one.replace("{map}", MAP) for one in arguments]
-        self._told = re.compile(told)
+        self._reported = re.compile(reported)
         self._known: dict[int, str] = {}
 
     def prepare(self, folder: Path, *, fresh: bool) -> None:
-        """A copy of the map, or what an earlier run left of it."""
+        """Copy the map, or continue with what an earlier run left."""
         if fresh or not (folder / MAP).exists():
-            emptied(folder)
+            empty(folder)
             shutil.copytree(self._given, folder / MAP)
             self._known = {}
 
     def run(self) -> None:
-        """Becomes the command."""
+        """Replace the process by the command."""
         os.execvp(self._arguments[0], self._arguments)
 
     def problems(self, folder: Path, outcome: Outcome) -> list[str]:
-        """Versions that were there once are still there, and those that were told are."""
-        told = [int(one[1]) for one in self._told.finditer(outcome.out)]
-        return wrong_of_map(
+        """Check that no version is lost, and that all reported versions exist."""
+        reported = [int(one[1]) for one in self._reported.finditer(outcome.stdout)]
+        return check_map(
             folder / MAP,
-            [*told, *self._known],
+            [*reported, *self._known],
             lambda number: self._known.get(number),
             self._known.__setitem__,
         )
 
 
 class Rounds(Command):
-    """`gslts run` of a day in which two objects change.
+    """`gslts run` of a day with two object changes.
 
     Args:
         inputs: From `write_home`.
@@ -209,31 +222,34 @@ class Rounds(Command):
         super().__init__(inputs / "home", arguments, r"(?m)^version (\d+): ")
 
     def run(self) -> None:
-        """Goes on where the one before was killed."""
+        """Continue where the previous run was killed."""
         sys.argv = ["gslts", *self._arguments]
         main()
 
     def problems(self, folder: Path, outcome: Outcome) -> list[str]:
-        """Once it ends well, the day is over."""
+        """Check that all rounds are done after a success."""
         found = super().problems(folder, outcome)
         if outcome.code == 0 and (days := read_state(folder / MAP).round) != 2:
             found.append(f"it ended after {days} of 2 rounds")
         return found
 
 
-def wrong_of_map(
+def check_map(
     path: Path,
     needed: Iterable[int],
     expected: Callable[[int], str | None],
-    found_out: Callable[[int, str], None] = lambda *_: None,
+    on_version: Callable[[int, str], None] = lambda *_: None,
 ) -> list[str]:
-    """What is wrong with a map.
+    """Check a map.
 
     Args:
         path: Its folder.
-        needed: Versions that it must hold.
-        expected: The digest of a version; None if it is not known.
-        found_out: Is told of those that are there.
+        needed: Numbers of versions that it must hold.
+        expected: Returns the digest of a version; None if it is unknown.
+        on_version: Called with number and digest of each version.
+
+    Returns:
+        One line per problem.
     """
     wrong = []
     try:
@@ -242,13 +258,13 @@ def wrong_of_map(
             numbers = [version.number for version in store.versions()]
             if numbers != list(range(1, len(numbers) + 1)):
                 wrong.append(f"its versions are {numbers}")
-            wrong += [f"version {one} is lost" for one in needed if one not in numbers]
+            wrong += [f"version {number} is lost" for number in needed if number not in numbers]
             for version in store.versions():
                 gaussian_map = store.read(version.number)
                 is_, should_be = digest(gaussian_map), expected(version.number)
                 if gaussian_map.size != version.gaussians or should_be not in (None, is_):
-                    wrong.append(f"version {version.number} is another one")
-                found_out(version.number, is_)
+                    wrong.append(f"version {version.number} differs")
+                on_version(version.number, is_)
         open_map(path, writable=True).close()
     except Exception as error:
         wrong.append(f"{type(error).__name__}: {error}")
@@ -256,7 +272,7 @@ def wrong_of_map(
 
 
 def digest(gaussian_map: GaussianMap) -> str:
-    """The same for maps that are the same bit by bit."""
+    """Return a digest of all bits of a map."""
     content = hashlib.sha256()
     for name, array in map_to_arrays(gaussian_map).items():
         content.update(f"{name} {array.dtype} {array.shape}".encode() + array.tobytes())
@@ -264,19 +280,19 @@ def digest(gaussian_map: GaussianMap) -> str:
 
 
 def digest_of(path: Path) -> str:
-    """Of the newest version of a map."""
+    """Return the digest of the newest version of a map."""
     with open_map(path) as store:
         return digest(store.read())
 
 
 def newest_of(path: Path) -> int:
-    """The number of the newest version of a map."""
+    """Return the number of the newest version of a map."""
     with open_map(path) as store:
         return store.version().number
 
 
 def foreign_in(folder: Path, known: set[str]) -> list[str]:
-    """What nobody should have put there."""
+    """Return the unexpected files of a folder."""
     return [
         f"{path.name} is there"
         for path in sorted(folder.iterdir())
@@ -284,14 +300,14 @@ def foreign_in(folder: Path, known: set[str]) -> list[str]:
     ]
 
 
-def emptied(folder: Path) -> None:
-    """Leaves nothing in a folder."""
+def empty(folder: Path) -> None:
+    """Empty a folder."""
     for path in folder.iterdir():
-        removed(path)
+        remove(path)
 
 
-def removed(path: Path) -> None:
-    """Removes a file or a folder."""
+def remove(path: Path) -> None:
+    """Remove a file or a folder."""
     if path.is_dir():
         shutil.rmtree(path)
     else:
@@ -299,28 +315,28 @@ def removed(path: Path) -> None:
 
 
 def write_inputs(visit: Path, ply: Path) -> None:
-    """A tiny data set and a PLY file, to make maps of."""
-    write_ply(made_up.map_of(1), ply)
+    """Write a tiny recording and a PLY file."""
+    write_ply(synthetic_versions.expected_map(1), ply)
     size = ["--frames", "12", "--width", "64", "--height", "48"]
-    prepared(visit.parent, ["sim", "capture", "kitchen", "0", "--out", str(visit), *size])
+    run_command(visit.parent, ["sim", "capture", "kitchen", "0", "--out", str(visit), *size])
 
 
 def write_home(inputs: Path) -> None:
-    """A small day and a rough map of the home before it."""
+    """Write a small day, and a rough map of the home before it."""
     size = ["--frames", "60", "--width", "240", "--height", "180", "--changes", "2"]
-    prepared(inputs, ["sim", "day", "living_room", "7", "--out", str(inputs / "day"), *size])
+    run_command(inputs, ["sim", "day", "living_room", "7", "--out", str(inputs / "day"), *size])
     rough = ["--preset", "fast", "--iterations", "300", "--set", "variant_steps=0"]
     before, home = str(inputs / "day" / "before"), str(inputs / "home")
-    prepared(inputs, ["map", before, "--out", home, *rough])
+    run_command(inputs, ["map", before, "--out", home, *rough])
 
 
-def prepared(folder: Path, arguments: Sequence[str]) -> None:
-    """Runs a command that nobody disturbs."""
+def run_command(folder: Path, arguments: Sequence[str]) -> None:
+    """Run a command without faults."""
 
     def run() -> None:
         sys.argv = ["gslts", *arguments]
         main()
 
-    done = disturbed(folder, run)
+    done = run_disturbed(folder, run)
     if done.code != 0:
-        raise RuntimeError(f"there is nothing to disturb: gslts {arguments[0]} {done.told}")
+        raise RuntimeError(f"the input cannot be made: gslts {arguments[0]} {done.summary}")

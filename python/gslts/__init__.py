@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from gslts.semantics.queries import SemanticQueries
     from gslts.store.map_folder import open_map, read_map
     from gslts.store.map_store import MapStore
+    from gslts.update.pipeline import update_map
 
     __version__: str
 
@@ -55,6 +56,7 @@ __all__ = [
     "read_map",
     "read_ply",
     "render",
+    "update_map",
     "write_ply",
 ]
 
@@ -84,6 +86,7 @@ _MODULE_OF = {
     "read_map": "gslts.store.map_folder",
     "read_ply": "gslts.io.ply",
     "render": "gslts.rendering.rasterizer",
+    "update_map": "gslts.update.pipeline",
     "write_ply": "gslts.io.ply",
 }
 

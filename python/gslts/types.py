@@ -9,6 +9,7 @@ Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
 Ints = NDArray[np.int64]
 Ints32 = NDArray[np.int32]
+UInts32 = NDArray[np.uint32]
 Indices = NDArray[np.intp]
 """Row numbers, such as those of np.flatnonzero."""
 Bools = NDArray[np.bool_]

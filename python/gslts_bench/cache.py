@@ -87,7 +87,7 @@ def source_files(*names: str, without: tuple[str, ...] = ()) -> list[Path]:
             left += [
                 file
                 for name in imported
-                if not any(name == one or name.startswith(f"{one}.") for one in skipped)
+                if not any(name == skip or name.startswith(f"{skip}.") for skip in skipped)
                 and (file := _file_of(name)) is not None
             ]
     return sorted(found)

@@ -1,4 +1,4 @@
-"""A day in the life of a map: a home is furnished and mapped, changes, and the map keeps up."""
+"""Demonstration: a simulated home is mapped, changes for a day, and the map is kept up to date."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gslts.datasets import open_dataset
 from gslts.io.atomic_files import empty_folder, write_atomic
 from gslts.io.html_page import number, plots, section, table
 from gslts.keeper.history_page import write_history
-from gslts.keeper.keeper import LoopConfig, MapKeeper
+from gslts.keeper.keeper import KeeperConfig, MapKeeper
 from gslts.localization.config import RelocalizationConfig
 from gslts.localization.relocalizer import Relocalizer
 from gslts.localization.side_by_side import side_by_side
@@ -45,22 +45,25 @@ from gslts_sim.home_source import HomeSource
 from gslts_sim.task import Box, Change
 
 ROOM, SEED, CHANGES = "living_room", 7, 6
+"""Home of the demonstration, and number of its changes."""
+EVENING_FRAMES = 12
+"""Number of frames recorded after the day, for detection against the map of the morning."""
 FOUND_M = 0.15
-"""An object was found if the middle of a box that is known is in the true one, or that near."""
+"""Maximum distance of a known box's centre from the true box of a change that was found."""
 
 Bar = Callable[[Iterable[Any], str], Iterable[Any]]
-"""Shows how far a stage is, which is named."""
+"""Wraps items to show the progress of a stage, which is named."""
 
 
 @dataclass(frozen=True)
 class Scale:
-    """How much is done.
+    """Size of the demonstration.
 
     Attributes:
-        width, height: Of the images, px.
-        frames: Of the recording, at most.
-        mapping: Of the home.
-        iterations: Of a refinement, at most.
+        width, height: Size of the images, px.
+        frames: Maximum number of frames of the recording.
+        mapping: Settings of the mapping.
+        iterations: Maximum number of iterations of a refinement.
         new_views: Number of viewpoints that judge the map at the end.
     """
 
@@ -80,25 +83,24 @@ QUICK = Scale(
     iterations=100,
     new_views=10,
 )
+"""Scale of `gslts demo --quick`."""
 
 
-def live_a_day(
-    out: Path, scale: Scale, *, threads: int, bar: Bar, say: Callable[[str], None]
-) -> Path:
-    """Furnishes a home, maps it, and keeps the map up to date for a day.
+def run_day(out: Path, scale: Scale, *, threads: int, bar: Bar, say: Callable[[str], None]) -> Path:
+    """Map a home and keep the map up to date for a day.
 
     Args:
-        out: New or empty folder: gets day.json, before/, map/ and report.html.
-        scale: How much is done.
-        threads: 0 means one a hardware thread.
+        out: New or empty folder: gets day.json, before/, map/, after/ and report.html.
+        scale: Size of the demonstration.
+        threads: 0 means one per hardware thread.
         bar: Shows progress.
-        say: Is told what was done, in words.
+        say: Receives messages.
 
     Returns:
-        The report.
+        File of the report.
 
     Raises:
-        OSError: Something cannot be written.
+        OSError: A file cannot be written.
         ValueError: The folder is not empty.
     """
     empty_folder(out)
@@ -119,7 +121,7 @@ def live_a_day(
     count = capture(robot, bar(looks, "recording"), out / "before")
     note("recording")
     say(f"recorded {count} frames of a {ROOM.replace('_', ' ')}")
-    say(f"mapped it: {_mapped(out, scale, threads, bar)}")
+    say(f"mapped it: {_make_map(out, scale, threads, bar)}")
     note("mapping")
     add_semantics(
         out / "map",
@@ -127,30 +129,32 @@ def live_a_day(
         threads=threads,
         progress=lambda frames: bar(frames, "semantics"),
     )
-    say("taught it the words of the simulator")
-    note("teaching it words")
+    say("added semantics from the simulator's labels")
+    note("adding semantics")
     update = UpdateConfig(threads=threads, refine=RefineConfig(iterations=scale.iterations))
-    config = LoopConfig(update=update)
-    with MapKeeper(out / "map", config, say=lambda words: say(f"  {words}")) as keeper:
+    config = KeeperConfig(update=update)
+    with MapKeeper(out / "map", config, log=lambda words: say(f"  {words}")) as keeper:
         for gone, happened in enumerate(bar(day.rounds, "rounds"), start=1):
-            for one in happened:
-                say(f"{one.change.kind} of {one.change.object_id}")
+            for event in happened:
+                say(f"{event.change.kind} of {event.change.object_id}")
             keeper.go_round(day.robot(home, gone))
+    evening = looks[:: max(1, len(looks) // EVENING_FRAMES)]
+    capture(day.robot(home, len(day.rounds)), evening, out / "after")
     note("keeping it up to date")
     report = out / "report.html"
     with open_map(out / "map") as store:
         events = store.events()
-        walk = _walk(out / "map", day.robot(home, len(day.rounds)), _moved(day, home, events), say)
+        walk = _walk(
+            out / "map", day.robot(home, len(day.rounds)), _relocated_type(day, home, events), say
+        )
         note("a query and a walk")
         state = day.state(home, len(day.rounds))
         frames = new_frames(state, day.sensor, SEED, scale.new_views)
         sections = [
-            section("What really changed", _truth(day, events)),
-            section("To an object that was moved", walk),
-            section(
-                "Where a picture was taken", _found_again(out / "map", frames[0], threads, say)
-            ),
-            section("How well the map shows the home at the end", _quality(out, frames)),
+            section("True changes", _truth(day, events)),
+            section("Path to a relocated object", walk),
+            section("Localization of an image", _localize(out / "map", frames[0], threads, say)),
+            section("Quality of the map at the end", _quality(out, frames)),
             section("Seconds", table(("", "s"), [(k, f"{v:.0f}") for k, v in seconds.items()])),
         ]
         write_history(report, store, f"A day in a {ROOM.replace('_', ' ')}", sections)
@@ -158,7 +162,12 @@ def live_a_day(
 
 
 def was_found(change: Change, events: Sequence[Event]) -> bool:
-    """Whether what is known of objects tells of a change, each of its ends in the right place."""
+    """Return whether events of the store show a change, each of its ends at the right position.
+
+    Args:
+        change: The true change.
+        events: Events of the store.
+    """
     for side, box in enumerate((change.box_before, change.box_after)):
         boxes = [event.boxes[side] for event in events]
         known = [np.mean(known, axis=0) for known in boxes if known is not None]
@@ -172,7 +181,7 @@ def _is_in(point: Floats, box: Box) -> bool:
     return bool(np.all((point >= low - FOUND_M) & (point <= high + FOUND_M)))
 
 
-def _mapped(out: Path, scale: Scale, threads: int, bar: Bar) -> str:
+def _make_map(out: Path, scale: Scale, threads: int, bar: Bar) -> str:
     dataset = open_dataset(out / "before")
     config = scale.mapping.model_copy(update={"threads": threads})
     shares = iter(bar(range(100), "mapping"))
@@ -189,37 +198,39 @@ def _mapped(out: Path, scale: Scale, threads: int, bar: Bar) -> str:
     return summary_of(result)
 
 
-def _moved(day: Day, home: Home, events: Sequence[Event]) -> str:
-    """The type of an object that was relocated: of one that was found, and is the only such one."""
-    changes = [one.change for happened in day.rounds for one in happened]
-    types = [thing.type for thing in day.state(home, len(day.rounds)).home.objects]
-    moved = [one for one in changes if one.kind == "relocation"]
-    best = max(moved, key=lambda one: (was_found(one, events), -types.count(one.object_type)))
+def _relocated_type(day: Day, home: Home, events: Sequence[Event]) -> str:
+    """Return the type of a relocated object, if possible one that was found and is unique."""
+    changes = [event.change for happened in day.rounds for event in happened]
+    types = [known.type for known in day.state(home, len(day.rounds)).home.objects]
+    moved = [change for change in changes if change.kind == "relocation"]
+    best = max(
+        moved, key=lambda change: (was_found(change, events), -types.count(change.object_type))
+    )
     return best.object_type
 
 
 def _walk(folder: Path, robot: Controller, name: str, say: Callable[[str], None]) -> str:
-    """Asks the map for an object and sends the robot there; both as pictures."""
+    """Ask the map for an object and send the robot there; return both as images."""
     semantics, gaussian_map = MapSemantics.of_map(folder), read_map(folder)
-    assert semantics is not None  # It was taught.
+    assert semantics is not None  # They were added above.
     navigator = Navigator(gaussian_map, semantics.autoencoder, semantics.source, categories=[name])
     found = navigator.queries.find(name)
-    pictures = []
+    images = []
     if found:
         x, y, z = found[0].center
         say(f"asked for the {name}: at ({x:.2f}, {y:.2f}, {z:.2f}) m")
         cameras = list(cameras_of_map(folder).values())
         fits = navigator.queries.relevance(name)
-        pictures.append((f"{name}: found", draw_query(gaussian_map, fits, found, cameras)))
+        images.append((f"{name}: found", draw_query(gaussian_map, fits, found, cameras)))
     journey = navigator.go(robot, name)
     told = f"{journey.status}: {journey.reason}"
     if journey.distance_m is not None:
         told = f"{journey.length_m:.1f} m walked, stands {journey.distance_m:.1f} m from it"
     say(f"went to the {name}: {told}")
-    pictures.append(
-        (f"The way to it: {told}", draw_semantic_map(navigator.semantic_map, journey.path))
+    images.append(
+        (f"The path to it: {told}", draw_semantic_map(navigator.semantic_map, journey.path))
     )
-    return plots(*((words, png_of(one)) for words, one in pictures)) + table(
+    return plots(*((words, png_of(image)) for words, image in images)) + table(
         (), [(f"{name}, {journey.status}", told)]
     )
 
@@ -228,40 +239,40 @@ def _truth(day: Day, events: Sequence[Event]) -> str:
     rows = [
         (
             str(number_of_round),
-            one.change.kind,
-            one.change.object_type,
-            "yes" if was_found(one.change, events) else "no",
+            event.change.kind,
+            event.change.object_type,
+            "yes" if was_found(event.change, events) else "no",
         )
         for number_of_round, happened in enumerate(day.rounds)
-        for one in happened
+        for event in happened
     ]
     return table(("before round", "change", "object", "found and repaired"), rows)
 
 
-def _found_again(folder: Path, frame: RgbdFrame, threads: int, say: Callable[[str], None]) -> str:
-    """Asks the map where a picture was taken, of which it is told nothing."""
+def _localize(folder: Path, frame: RgbdFrame, threads: int, say: Callable[[str], None]) -> str:
+    """Localize a frame in the map without a prior."""
     start_s = time.perf_counter()
     relocalizer = Relocalizer.of_map(folder, RelocalizationConfig(threads=threads))
-    found = relocalizer.locate(frame)
+    found = relocalizer.localize(frame)
     took = f"after {time.perf_counter() - start_s:.1f} s"
     pose = found.world_from_camera
     if pose is None:
-        say(f"asked where a picture was taken: {found.status}: {found.reason}, {took}")
+        say(f"localized an image: {found.status}: {found.reason}, {took}")
         return table((), [(found.status, found.reason)])
     metres, turn_rad = pose_distance(frame.camera.world_from_camera, pose)
     off = f"{1000 * metres:.0f} mm and {np.degrees(turn_rad):.2f} degrees off"
-    say(f"asked where a picture was taken: {found.status}, {off}, {took}")
-    picture = png_of(side_by_side(relocalizer.gaussian_map, frame, pose, threads))
-    return plots(("The picture, and the map from where it was found", picture)) + table(
+    say(f"localized an image: {found.status}, {off}, {took}")
+    image = png_of(side_by_side(relocalizer.gaussian_map, frame, pose, threads))
+    return plots(("The image, and the map from its pose", image)) + table(
         (), [(found.status, f"{off}, {took}")]
     )
 
 
 def _quality(out: Path, frames: Sequence[RgbdFrame]) -> str:
     maps = {"as mapped in the morning": "map@1", "as it is in the evening": "map"}
-    rows = [
-        (words, f"{one.size:,}", number(mean_psnr_db(one, frames)))
-        for words, one in ((words, read_map(out / path)) for words, path in maps.items())
-    ]
+    rows = []
+    for words, path in maps.items():
+        known = read_map(out / path)
+        rows.append((words, f"{known.size:,}", number(mean_psnr_db(known, frames))))
     head = ("map", "Gaussians", f"PSNR of {len(frames)} new viewpoints, dB")
     return table(head, rows)

@@ -194,7 +194,9 @@ def split_of(seeds: range) -> str:
     for name, split in SPLITS.items():
         if seeds[0] in split and seeds[-1] in split:
             return name
-    splits = ", ".join(f"{name} {one[0]} to {one[-1]}" for name, one in SPLITS.items())
+    splits = ", ".join(
+        f"{name} {seeds_of[0]} to {seeds_of[-1]}" for name, seeds_of in SPLITS.items()
+    )
     raise ValueError(
         f"--seeds: {seeds[0]} to {seeds[-1]} are not of one split, and results of different splits "
         f"belong in different tables; the splits are {splits}"
@@ -202,7 +204,11 @@ def split_of(seeds: range) -> str:
 
 
 def source_of(task: Task) -> HomeSource:
-    """Return where the home of a bench's task comes from, which is always a seed."""
+    """Return where the home of a bench's task comes from, which is always a seed.
+
+    Args:
+        task: Task from `BenchHome.tasks`.
+    """
     assert isinstance(task.home, HomeSource)
     return task.home
 

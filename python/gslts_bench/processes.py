@@ -145,7 +145,11 @@ def read_results(path: Path | None) -> list[Result]:
 
 
 def message_of(error: Exception) -> str:
-    """Format an error in one line, with its type."""
+    """Format an error in one line, with its type.
+
+    Args:
+        error: The error.
+    """
     return " ".join(f"{type(error).__name__}: {error}".split())
 
 

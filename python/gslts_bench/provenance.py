@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+import shlex
 import subprocess
 import sys
 from datetime import UTC, datetime
@@ -24,7 +25,7 @@ def describe_run() -> dict[str, Any]:
     from gslts._core import simd
 
     return {
-        "command": " ".join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+        "command": shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),
         **describe_commit(Path(__file__).parent),
         "machine": {**describe_machine(), "instruction_set": simd.target()},
         "versions": library_versions(),

@@ -31,6 +31,10 @@ class BenchRecord(BaseModel):
     id: str
     error: str | None = None
 
+    def as_json(self) -> dict[str, Any]:
+        """Return the record as JSON values for the result of a run."""
+        return self.model_dump(mode="json")
+
 
 class Subject(Protocol):
     """A home or a recorded room, whose maps a benchmark works on.
@@ -53,6 +57,7 @@ class Subject(Protocol):
 
 R = TypeVar("R", bound=BenchRecord)
 S = TypeVar("S", bound=Subject)
+"""Types of a benchmark's records and subjects."""
 
 
 @dataclass(frozen=True)
@@ -81,15 +86,28 @@ class BenchUnit(Generic[R, S]):
         raise NotImplementedError
 
     def run(self, done: frozenset[str], add: Add) -> None:
-        """Compute the results that are missing; see `Unit`."""
+        """Compute the results that are missing; see `Unit`.
+
+        Args:
+            done: Ids of the results of earlier runs.
+            add: Receives each new result.
+        """
         raise NotImplementedError
 
     def is_asked(self, record: R) -> bool:  # noqa: ARG002
-        """Return whether this run asks for a record; a file may hold more than it does."""
+        """Return whether this run asks for a record; a file may hold more than it does.
+
+        Args:
+            record: A record in the file of results.
+        """
         return True
 
     def count_missing(self, records: Sequence[R]) -> int:  # noqa: ARG002
-        """Return how many of the cases that were asked for do not exist."""
+        """Return how many of the cases that were asked for do not exist.
+
+        Args:
+            records: Records that are asked for, with errors.
+        """
         return 0
 
     @property
@@ -109,12 +127,19 @@ class BenchUnit(Generic[R, S]):
         return self.bench.work / self.topic / f"{self.name}_{digest(key)}.jsonl"
 
     def image(self, case: str) -> Path:
-        """Return the file for an image of a case, beside the results."""
+        """Return the file for an image of a case, beside the results.
+
+        Args:
+            case: Name of the case.
+        """
         assert self.results is not None
         return self.results.with_suffix("") / f"{case.replace('/', '_')}.png"
 
     def record_of(self, result: Result) -> R:
         """Validate a result.
+
+        Args:
+            result: JSON values of a result.
 
         Raises:
             ValueError: It is no record of this benchmark.
@@ -217,11 +242,15 @@ class Benchmark(Generic[R]):
             "summary": outcome.summary,
             "errors": outcome.errors,
             "missing": outcome.missing,
-            "records": [record.model_dump(mode="json") for record in outcome.records],
+            "records": [record.as_json() for record in outcome.records],
         }
 
     def markdown(self, result: dict[str, Any]) -> str:
-        """Format a result from `result` for people."""
+        """Format a result from `result` for people.
+
+        Args:
+            result: From `result`.
+        """
         return f"## {self.title}\n\n{result_markdown(result)}"
 
 

@@ -1,4 +1,4 @@
-"""Synthetic rooms S, M and L, the same on every machine: what the benchmarks render.
+"""Synthetic rooms S, M and L of the benchmarks, the same on every machine.
 
 A room of 6 x 5 x 3 m. 70 % of the Gaussians lie on walls, floor and ceiling, 30 % on 15 boxes and
 ellipsoids inside, spread by area, with 3 mm of noise along the normal. Each is a disc: lognormal
@@ -19,20 +19,27 @@ from gslts.core.gaussian_map import SH_C0, GaussianMap
 from gslts.types import Floats
 
 SEED = 0
+"""Seed of all randomness; another one would change all results."""
 ROOM_M = np.array([6.0, 5.0, 3.0])
+"""Size of the room."""
 ROOM_SHARE = 0.7
+"""Share of the Gaussians on walls, floor and ceiling; the others are on objects."""
 OBJECTS = 15
+"""Number of objects."""
 NORMAL_NOISE_M = 0.003
+"""Standard deviation of the noise along the normal."""
 EYE, TARGET = np.array([1.0, 0.9, 1.5]), np.array([6.0, 5.0, 1.2])
+"""Position of the camera and the point that it looks at, m."""
 HORIZONTAL_FOV_RAD = np.pi / 2
+"""Horizontal field of view of the camera."""
 
 NEAR_M = 0.2
 """Near plane with which the rooms are rendered."""
 
-# Chosen so that what is visible comes near the counts in benchmarks/workload_counts.py.
 OBJECT_HALF_SIZE_M = (0.15, 0.5)
+"""Range of half sizes, chosen for the counts in benchmarks/workload_counts.py."""
 OBJECT_CLEARANCE_M = 1.5
-"""Least distance of an object's centre from the camera."""
+"""Minimum distance of an object's centre from the camera, chosen for the same counts."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +56,7 @@ SIZES = {
     "M": Size(200_000, 640, 480),
     "L": Size(1_000_000, 1000, 1000),
 }
+"""Sizes of the rooms by name."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +70,17 @@ class Room:
 def sample_box(
     rng: np.random.Generator, n: int, center: Floats, half: Floats
 ) -> tuple[Floats, Floats]:
-    """Points [n,3] on the faces of a box, by area, and their outward normals [n,3]."""
+    """Sample points on the faces of a box, by area.
+
+    Args:
+        rng: Source of all randomness.
+        n: Number of points.
+        center: (3,) centre, m.
+        half: (3,) half sizes, m.
+
+    Returns:
+        Points [n,3], m, and outward normals [n,3].
+    """
     face_areas = np.array([half[1] * half[2], half[0] * half[2], half[0] * half[1]])
     axis = rng.choice(3, n, p=face_areas / face_areas.sum())
     sign = rng.choice([-1.0, 1.0], n)
@@ -76,7 +94,14 @@ def sample_box(
 def sample_ellipsoid(
     rng: np.random.Generator, n: int, center: Floats, half: Floats
 ) -> tuple[Floats, Floats]:
-    """Points [n,3] on an ellipsoid, uniform in direction, and their outward normals [n,3]."""
+    """Sample points on an ellipsoid, uniform in direction; see `sample_box`.
+
+    Args:
+        rng: Source of all randomness.
+        n: Number of points.
+        center: (3,) centre, m.
+        half: (3,) half sizes, m.
+    """
     directions = rng.normal(size=(n, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     normals = directions / half
@@ -84,7 +109,11 @@ def sample_ellipsoid(
 
 
 def place_objects(rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Centres [OBJECTS,3] and half sizes [OBJECTS,3] of boxes inside the room."""
+    """Draw centres and half sizes [OBJECTS,3] of boxes inside the room, m.
+
+    Args:
+        rng: Source of all randomness.
+    """
     halves = rng.uniform(*OBJECT_HALF_SIZE_M, (OBJECTS, 3))
     centers = np.empty((OBJECTS, 3))
     for i, half in enumerate(halves):
@@ -95,7 +124,12 @@ def place_objects(rng: np.random.Generator) -> tuple[Floats, Floats]:
 
 
 def sample_surfaces(rng: np.random.Generator, n: int) -> tuple[Floats, Floats]:
-    """Points [n,3] and normals [n,3] of the whole scene, the room before the objects."""
+    """Sample points [n,3], m, and normals [n,3] of the whole scene, the room first.
+
+    Args:
+        rng: Source of all randomness.
+        n: Number of points.
+    """
     centers, halves = place_objects(rng)
     on_room = round(ROOM_SHARE * n)
     parts = [sample_box(rng, on_room, ROOM_M / 2, ROOM_M / 2)]
@@ -111,7 +145,12 @@ def sample_surfaces(rng: np.random.Generator, n: int) -> tuple[Floats, Floats]:
 
 
 def disc_quats(rng: np.random.Generator, normals: Floats) -> Floats:
-    """Rotations [N,4] wxyz that take z to the normal, after a random turn about z."""
+    """Draw rotations [N,4] wxyz that take z to normals [N,3], after a random turn about z.
+
+    Args:
+        rng: Source of all randomness.
+        normals: Unit normals [N,3].
+    """
     nx, ny, nz = normals.T
     align = np.stack([1 + nz, -ny, nx, np.zeros_like(nz)], axis=1)
     align[nz < -1 + 1e-9] = (0, 1, 0, 0)
@@ -123,10 +162,16 @@ def disc_quats(rng: np.random.Generator, normals: Floats) -> Floats:
 
 
 def make_room(name: str) -> Room:
-    """Room S, M or L with SH degree 3.
+    """Make room S, M or L with SH degree 3.
+
+    Args:
+        name: A name in `SIZES`.
+
+    Returns:
+        Map and camera.
 
     Raises:
-        ValueError: There is no room of that name.
+        ValueError: The room does not exist.
     """
     if name not in SIZES:
         raise ValueError(f"make_room: name must be one of {', '.join(SIZES)}, got {name!r}")

@@ -9,7 +9,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Table:
-    """One table of a result; also kept in its JSON.
+    """Table of a result; also kept in its JSON.
 
     Attributes:
         title: Heading; empty for none.
@@ -45,7 +45,11 @@ def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def tables_markdown(tables: Iterable[Table]) -> str:
-    """Format tables one below the other."""
+    """Format tables one below the other.
+
+    Args:
+        tables: The tables.
+    """
     return "\n\n".join(table.markdown() for table in tables)
 
 
@@ -68,7 +72,8 @@ def result_markdown(result: dict[str, Any]) -> str:
     ]
     if result.get("split"):
         first, end = result["seeds"]
-        lines.append(f"Homes with seeds {first} to {end - 1}: {result['split']} split.")
+        seeds = f"seed {first}" if end - first == 1 else f"seeds {first} to {end - 1}"
+        lines.append(f"Homes with {seeds}: {result['split']} split.")
     if result.get("cases"):
         lines.append(result["cases"])
     tables = tables_markdown(Table(**table) for table in result["tables"])
@@ -76,15 +81,31 @@ def result_markdown(result: dict[str, Any]) -> str:
 
 
 def share(count: int, of: int) -> str:
-    """Format a share, such as `91.0 % (273 of 300)`; `-` of nothing."""
+    """Format a share, such as `91.0 % (273 of 300)`; `-` of nothing.
+
+    Args:
+        count: Number of counted cases.
+        of: Number of all cases.
+    """
     return f"{100 * count / of:.1f} % ({count} of {of})" if of else "-"
 
 
 def mean(total: float, of: int) -> str:
-    """Format a mean with two digits; `-` of nothing."""
+    """Format a mean with two digits; `-` of nothing.
+
+    Args:
+        total: Sum of the values.
+        of: Number of values.
+    """
     return f"{total / of:.2f}" if of else "-"
 
 
 def number(value: float | None, digits: int, unit: str = "") -> str:
-    """Format a number with its unit; `-` for None."""
+    """Format a number with its unit; `-` for None.
+
+    Args:
+        value: The number.
+        digits: Number of digits.
+        unit: Unit behind the number; empty for none.
+    """
     return "-" if value is None else f"{value:.{digits}f}{f' {unit}' if unit else ''}"

@@ -12,7 +12,7 @@ from pydantic import Field, FiniteFloat, TypeAdapter, ValidationError
 from gslts_sim import changes
 from gslts_sim.changes import ChangeError
 from gslts_sim.home import Home, HomeObject
-from gslts_sim.physics import OrientedBoxes
+from gslts_sim.oriented_boxes import OrientedBoxes
 from gslts_sim.strict_model import StrictModel
 
 ObjectId = Annotated[str, Field(min_length=1, max_length=1000)]
@@ -114,6 +114,7 @@ AnyAction = Annotated[
 ]
 
 _ADAPTER: TypeAdapter[AnyAction] = TypeAdapter(AnyAction)
+"""Validator of actions."""
 
 
 @dataclass(frozen=True, eq=False)

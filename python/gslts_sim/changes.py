@@ -8,11 +8,10 @@ import numpy as np
 
 from gslts.types import Floats
 from gslts_sim.home import Home, HomeObject, pose, yaw_of
+from gslts_sim.oriented_boxes import OrientedBoxes, collides
 from gslts_sim.physics import (
     MIN_SUPPORTED_FRACTION,
-    OrientedBoxes,
     boxes_in_world,
-    collides,
     collisions,
     footprint,
     resting_poses,

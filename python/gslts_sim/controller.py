@@ -28,21 +28,14 @@ from gslts_sim.actions import (
 from gslts_sim.changes import ChangeError
 from gslts_sim.event import Event, Palette, make_event, xyz
 from gslts_sim.home import Home, pose
-from gslts_sim.physics import OrientedBoxes
+from gslts_sim.oriented_boxes import OrientedBoxes
 from gslts_sim.raycast import RayCaster
-from gslts_sim.robot_body import (
-    BODY_HEIGHT_M,
-    BODY_RADIUS_M,
-    FOV_RAD,
-    HORIZON_DEG,
-    Viewpoint,
-    floor_of,
-    robot_camera,
-)
+from gslts_sim.robot_body import BODY, FOV_RAD, HORIZON_DEG, Viewpoint, robot_camera
 from gslts_sim.sensor import Sensor, SensorNoise
-from gslts_sim.walkable import STEP_M
+from gslts_sim.walkable import floor_of
 
 _MOVES_DEG = {"MoveAhead": 0.0, "MoveLeft": 90.0, "MoveBack": 180.0, "MoveRight": -90.0}
+"""Direction of each step relative to the robot's yaw, degrees."""
 
 
 class ActionError(Exception):
@@ -263,9 +256,9 @@ class Controller:
 
     def _body(self) -> OrientedBoxes:
         """Return the box that the robot fills."""
-        low = float(self.home.space.box[0, 2]) + STEP_M
-        radius = BODY_RADIUS_M
-        box = np.array([(-radius, -radius, 0.0), (radius, radius, BODY_HEIGHT_M)])
+        low = float(self.home.space.box[0, 2]) + BODY.step_m
+        radius = BODY.radius_m
+        box = np.array([(-radius, -radius, 0.0), (radius, radius, BODY.height_m)])
         x, y = self._position.tolist()
         return OrientedBoxes.from_object(box[None], pose(x, y, low, 0.0))
 

@@ -22,7 +22,7 @@ PAIR_INTERVAL = 3
 
 
 class ChangeEvent(StrictModel):
-    """One change of a day.
+    """Change of a home in a day.
 
     Args:
         actions: That make the change.

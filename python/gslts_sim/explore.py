@@ -15,7 +15,8 @@ from gslts.types import Floats, Ints
 from gslts_sim.actions import GRID_M
 from gslts_sim.home import Home
 from gslts_sim.ray_scene import RayScene
-from gslts_sim.robot_body import Viewpoint, floor_of, robot_camera
+from gslts_sim.robot_body import Viewpoint, robot_camera
+from gslts_sim.walkable import floor_of
 
 CELL_M = 0.1
 """Edge of the cells that surfaces are divided into, m; coverage is counted in cells."""

@@ -9,7 +9,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from gslts_sim.gltf.file import FILE_BYTES
+from gslts_sim.gltf.file import MAX_FILE_BYTES
 from gslts_sim.gltf.load import load_home
 from gslts_sim.home import Home
 from gslts_sim.procedural.homes import ROOM_TYPES, make_home
@@ -47,6 +47,9 @@ class HomeSource(StrictModel):
 
     def load(self, _folder: Path) -> Home:
         """Generate the home.
+
+        Args:
+            _folder: Ignored; as in `FileSource.load`.
 
         Raises:
             ValueError: It cannot be generated, or its digest differs.
@@ -133,8 +136,8 @@ def _glb(path: Path) -> Path:
         raise ValueError(f"{path}: tasks need a .glb file, which holds all of its home")
     if not path.is_file():
         raise FileNotFoundError(f"{path}: there is no such file")
-    if path.stat().st_size > FILE_BYTES:
-        raise ValueError(f"{path}: larger than {FILE_BYTES >> 20} MiB")
+    if path.stat().st_size > MAX_FILE_BYTES:
+        raise ValueError(f"{path}: larger than {MAX_FILE_BYTES >> 20} MiB")
     return path
 
 

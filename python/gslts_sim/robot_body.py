@@ -1,4 +1,4 @@
-"""The simulated robot's body: its size, the floor it can use, and the pose of its camera."""
+"""The simulated robot: its size, and the pose of its camera."""
 
 from __future__ import annotations
 
@@ -7,16 +7,14 @@ from pydantic import ConfigDict, FiniteFloat
 from pydantic.dataclasses import dataclass
 
 from gslts.core.camera import Camera, camera_from_fov, look_at
+from gslts.core.robot_body import RobotBody
 from gslts.types import Floats
 from gslts_sim.home import Home
-from gslts_sim.walkable import WalkableFloor, walkable_floor
 
 HORIZON_DEG = (-30.0, 60.0)
 """Range of the camera's angle below the horizon, degrees, as in AI2-THOR."""
-BODY_RADIUS_M = 0.2
-"""Radius of the upright cylinder that must stay free of obstacles, m; a typical service robot."""
-BODY_HEIGHT_M = 1.2
-"""Height of that cylinder, m; objects that hang higher are no obstacles."""
+BODY = RobotBody(radius_m=0.2, height_m=1.2, step_m=0.02)
+"""Size of the simulated robot, a typical service robot that drives over rugs."""
 CAMERA_HEIGHT_M = 1.5
 """Height of the camera above the floor, m; the camera mast is thinner than the body."""
 FOV_RAD = np.pi / 2
@@ -85,12 +83,3 @@ def camera_direction(yaw_rad: float, down_rad: float) -> Floats:
     """
     cosine = np.cos(down_rad)
     return np.array([np.cos(yaw_rad) * cosine, np.sin(yaw_rad) * cosine, -np.sin(down_rad)])
-
-
-def floor_of(home: Home) -> WalkableFloor:
-    """Return the floor that the robot can use.
-
-    Args:
-        home: With all its objects.
-    """
-    return walkable_floor(home, home.space, BODY_RADIUS_M, BODY_HEIGHT_M)

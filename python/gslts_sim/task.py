@@ -79,7 +79,7 @@ class ViewpointSets(StrictModel):
 
 
 class Task(StrictModel):
-    """One change of one home, and the viewpoints that see it.
+    """Change of a home, and the viewpoints that see it.
 
     Args:
         schema_version: Version of the JSON schema.

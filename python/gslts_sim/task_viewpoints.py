@@ -9,9 +9,10 @@ import numpy as np
 from gslts.types import Floats
 from gslts_sim.actions import GRID_M
 from gslts_sim.home import Home
-from gslts_sim.robot_body import Viewpoint, floor_of
+from gslts_sim.robot_body import Viewpoint
 from gslts_sim.task import VIEWPOINTS, ViewpointSets
 from gslts_sim.viewpoints import SIZE_PX, ObjectVisibility, camera_positions, viewpoint_towards
+from gslts_sim.walkable import floor_of
 
 NEAR_M = 1.75
 """Distance between the camera and the changed object below which a test viewpoint is near, m."""

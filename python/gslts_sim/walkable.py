@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gslts.core.robot_body import RobotBody
 from gslts.types import Bools, Floats
 from gslts_sim.home import Home, Room
-from gslts_sim.physics import OrientedBoxes, boxes_in_world
+from gslts_sim.oriented_boxes import OrientedBoxes
+from gslts_sim.physics import boxes_in_world
+from gslts_sim.robot_body import BODY
 
-STEP_M = 0.02
-"""Maximum height that the robot drives over, such as rugs, m."""
 WALL_M = 0.3
 """Maximum gap between two rooms in which the floor continues, m: a thick inner wall. Wider passages
 need a floor, which is a room, of their own."""
@@ -103,9 +104,9 @@ class WalkableFloor:
 
 
 def walkable_floor(
-    home: Home, room: Room, radius_m: float = 0.2, height_m: float = 1.2, cell_m: float = 0.05
+    home: Home, room: Room, body: RobotBody = BODY, cell_m: float = 0.05
 ) -> WalkableFloor:
-    """Compute the floor grid of an upright cylinder.
+    """Compute the floor that a robot can use.
 
     There is floor in the home's rooms, and between two of them that are at most WALL_M apart along
     x or y. The robot stays as far from the edge of the floor as from a wall, to half a cell.
@@ -113,8 +114,7 @@ def walkable_floor(
     Args:
         home: With all its objects.
         room: One of its rooms, or `home.space` for all rooms on the lowest level.
-        radius_m: Of the robot, m.
-        height_m: Of the robot, m; objects that hang higher are no obstacles.
+        body: Size of the robot.
         cell_m: Edge of the cells of the grid, m.
     """
     lower, upper = room.box[0, :2], room.box[1, :2]
@@ -123,10 +123,10 @@ def walkable_floor(
     every = OrientedBoxes.concatenate([boxes_in_world(obj) for obj in home.objects])
     low, high = every.bounds
     floor = room.box[0, 2]
-    obstacles = (low[:, 2] < floor + height_m) & (high[:, 2] > floor + STEP_M)
+    obstacles = (low[:, 2] < floor + body.height_m) & (high[:, 2] > floor + body.step_m)
     distance = np.full(shape, np.inf)
     for k in np.flatnonzero(obstacles):
-        _lower_distances(distance, every, int(k), origin, cell_m, radius_m)
+        _lower_distances(distance, every, int(k), origin, cell_m, body.radius_m)
     rows, columns = np.indices(shape)
     to_wall = np.minimum.reduce(
         [
@@ -136,20 +136,31 @@ def walkable_floor(
             upper[1] - origin[1] - rows * cell_m,
         ]
     )
-    inside = _in_rooms(home, room, shape, cell_m)
+    inside = _in_rooms(home, room, shape, cell_m, body.step_m)
     free = inside & (distance > 0)
-    standing = (distance >= radius_m) & (to_wall >= radius_m)
-    standing &= ~_dilate(~inside, radius_m / cell_m, half=0.5)
+    standing = (distance >= body.radius_m) & (to_wall >= body.radius_m)
+    standing &= ~_dilate(~inside, body.radius_m / cell_m, half=0.5)
     largest = _largest_component(standing)
-    reached = _dilate(largest, radius_m / cell_m)
+    reached = _dilate(largest, body.radius_m / cell_m)
     return WalkableFloor(origin, cell_m, free, standing, largest, reached)
 
 
-def _in_rooms(home: Home, around: Room, shape: tuple[int, ...], cell_m: float) -> Bools:
+def floor_of(home: Home) -> WalkableFloor:
+    """Compute the floor of a home that the simulated robot can use.
+
+    Args:
+        home: With all its objects.
+    """
+    return walkable_floor(home, home.space)
+
+
+def _in_rooms(
+    home: Home, around: Room, shape: tuple[int, ...], cell_m: float, step_m: float
+) -> Bools:
     """Return the cells whose centres are in a room as low as `around`, or in a wall between two."""
     inside = np.zeros(shape, np.bool_)
     for room in home.rooms:
-        if abs(room.box[0, 2] - around.box[0, 2]) <= STEP_M:
+        if abs(room.box[0, 2] - around.box[0, 2]) <= step_m:
             first, last = np.rint((room.box[:, :2] - around.box[0, :2]) / cell_m).astype(int)
             (x0, y0), (x1, y1) = np.maximum((first, np.maximum(last, first + 1)), 0)
             inside[y0:y1, x0:x1] = True

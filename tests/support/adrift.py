@@ -1,4 +1,4 @@
-"""A robot whose odometry is off, and what finds it in the map of the room of `change_room`."""
+"""A robot with drifting odometry, and its localizer in the map of `change_room`."""
 
 import json
 import shutil
@@ -18,15 +18,15 @@ from gslts.localization.relocalizer import Relocalizer
 
 TURN_RAD = float(np.deg2rad(10))
 ODOMETRY_FROM_WORLD = np.eye(4)
-"""30 cm and 10 degrees."""
+"""Drift of the odometry: 30 cm and 10 degrees."""
 ODOMETRY_FROM_WORLD[:3, :3] = rotation(np.array([0, 0, TURN_RAD]))
 ODOMETRY_FROM_WORLD[:3, 3] = (0.24, -0.18, 0.0)
 CONFIG = RelocalizationConfig(halvings=0, threads=1)
-"""Pictures are small already."""
+"""Full resolution, as the images are small already."""
 
 
 class Adrift:
-    """A robot in the world of its odometry, which may count from far away."""
+    """A robot in the world of its odometry, whose origin may be far away."""
 
     def __init__(self, robot: Robot, far: tuple[float, float, float] = (0, 0, 0)) -> None:
         self.robot = robot
@@ -57,17 +57,17 @@ def relocalizer() -> Relocalizer:
 
 
 def localizer() -> Localizer:
-    """That has found nothing yet."""
+    """Return a localizer without a localized frame."""
     return Localizer(relocalizer())
 
 
 def write_room_map(folder: Path) -> Path:
-    """The map of the room with landmarks."""
+    """Write the map of the room with landmarks."""
     return folder_with(found(), folder)
 
 
 def set_adrift(visit: Path, to: Path) -> None:
-    """The recording of a robot whose odometry was off."""
+    """Copy a recording with drifting odometry."""
     shutil.copytree(visit, to)
     path = to / "transforms.json"
     content = json.loads(path.read_text())

@@ -40,7 +40,7 @@ class CountingUnit:
 
 
 class Bar:
-    """What is used of tqdm's bar."""
+    """Stand-in for tqdm's bar."""
 
     def __init__(self) -> None:
         self.total, self.n = 0.0, 0.0

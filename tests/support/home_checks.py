@@ -20,7 +20,7 @@ def complaints(room_type: str, seed: int) -> list[str]:
     movable = sum(obj.movable for obj in home.objects)
     if movable < 10:
         found.append(f"only {movable} movable objects")
-    share = walkable_floor(home, home.rooms[0], radius_m=0.2, height_m=1.2).reached_fraction
+    share = walkable_floor(home, home.rooms[0]).reached_fraction
     if share < 0.6:
         found.append(f"the robot reaches only {share:.2f} of the free floor")
     return [f"{home.name}: {complaint}" for complaint in found]

@@ -15,7 +15,7 @@ from gslts.store.map_folder import write_map_folder
 
 @cache
 def frames() -> tuple[RgbdFrame, ...]:
-    """Of the room as it is mapped, with perfect depth."""
+    """Return frames of the mapped room with perfect depth."""
     looks = [*looks_all_around("change_room", change_room.home(), 24), *change_room.LOOKS]
     return tuple(change_room.see(change_room.home(), look) for look in looks)
 
@@ -27,7 +27,7 @@ def found() -> Landmarks:
 
 
 def folder_with(landmarks: Landmarks, path: Path) -> Path:
-    """The folder of a map of the room, as `gslts map` writes it."""
+    """Write a map folder of the room as `gslts map` does."""
     gaussian_map, cameras = change_room.mapped()
 
     def finish(part: Path) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from gslts.core.gaussian_map import GaussianMap
-from gslts.mapping.density.control import joined
+from gslts.mapping.density.control import join
 from gslts.store.causes import (
     MappingCause,
     RejectedUpdateCause,
@@ -21,7 +21,7 @@ from gslts.store.records import ObjectEvent
 ROOM = MappingCause(dataset="room")
 REJECTED = RejectedUpdateCause(record=UpdateRecord(rejected="no view shows it"))
 ORACLE = SemanticsCause(
-    source="oracle", dataset="room", levels=1, code=8, names=("Mug",), autoencoder=64 * "0"
+    source="oracle", dataset="room", levels=1, code_dims=8, names=("Mug",), autoencoder=64 * "0"
 )
 BOX = ((0.0, 0.0, 0.0), (0.1, 0.1, 0.2))
 
@@ -56,7 +56,7 @@ def edited(before: GaussianMap, seed: int, next_id: int) -> GaussianMap:
     means = kept.means.copy()
     means[rng.random(kept.size) < 0.2] += np.float32(0.5)
     new = replace(random_map(7, seed), origin=before.origin)
-    return joined(replace(kept, means=means), new, next_id)
+    return join(replace(kept, means=means), new, next_id)
 
 
 def assert_same(one: GaussianMap, other: GaussianMap) -> None:

@@ -1,4 +1,4 @@
-"""Changes of the room of `change_room`, what a robot collects of them, and updates of its map."""
+"""Changes of the room of `change_room`, the views a robot collects, and updates of its map."""
 
 from dataclasses import replace
 from functools import cache
@@ -12,10 +12,10 @@ from gslts.change.changes import Change
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
-from gslts.keeper.keeper import LoopConfig
+from gslts.keeper.keeper import KeeperConfig
 from gslts.update.config import CollectConfig, EditConfig, RefineConfig, UpdateConfig
-from gslts.update.updater import Update, update
-from gslts.update.view_collection import Collection, collect
+from gslts.update.integrate import UpdateResult, integrate_changes
+from gslts.update.view_collection import Collection, collect_views
 from gslts_sim.controller import Controller
 from gslts_sim.home import Home, HomeObject
 from gslts_sim.robot_body import Viewpoint
@@ -23,24 +23,24 @@ from gslts_sim.robot_body import Viewpoint
 Kind = Literal["removal", "addition", "relocation"]
 COLLECT = CollectConfig(distance_m=1.0)
 SMALL = EditConfig(voxel_m=0.02)
-"""Pictures of 160 px do not resolve more."""
+"""Images of 160 px do not resolve more."""
 UPDATE = UpdateConfig(
-    collect=COLLECT, edit=SMALL, refine=RefineConfig(iterations=60, around_px=15), threads=1
+    collect=COLLECT, edit=SMALL, refine=RefineConfig(iterations=60, margin_px=15), threads=1
 )
-LOOP = LoopConfig(
-    stops=8,
+LOOP = KeeperConfig(
+    max_viewpoints=8,
     detection=change_room.CONFIG,
     update=UpdateConfig(
         collect=COLLECT,
         edit=SMALL,
-        refine=RefineConfig(iterations=30, around_px=15),
+        refine=RefineConfig(iterations=30, margin_px=15),
         threads=1,
     ),
 )
 REMOVED = (np.array([2.08, 1.73, 0.75]), np.array([2.32, 1.97, 1.05]))
-"""Corners of the red box that goes."""
+"""Corners of the red box that is removed."""
 ADDED = (np.array([2.48, 1.58, 0.75]), np.array([2.72, 1.82, 1.05]))
-"""And of the yellow one that comes."""
+"""Corners of the yellow box that is added."""
 
 
 def yellow() -> HomeObject:
@@ -60,7 +60,7 @@ def changed_home(kind: Kind) -> Home:
 
 
 def robot_in(home: Home, noise: str = "none") -> Controller:
-    """A robot that looks at the block."""
+    """Return a robot that faces the block."""
     robot = Controller(home, **SIZE, noise=noise)
     robot.go(LOOKS[0])
     return robot
@@ -68,7 +68,7 @@ def robot_in(home: Home, noise: str = "none") -> Controller:
 
 @cache
 def detected(kind: Kind) -> Change:
-    """What the first frame tells."""
+    """Return the change that the first frame shows."""
     change = change_room.detector().detect(robot_in(changed_home(kind)).observe()).changes[0]
     assert change.kind == kind
     return change
@@ -76,8 +76,10 @@ def detected(kind: Kind) -> Change:
 
 @cache
 def collected(kind: Kind) -> Collection:
-    """Return what a robot collects around the change; made once a process."""
-    found = collect(robot_in(changed_home(kind)), change_room.detector(), [detected(kind)], COLLECT)
+    """Return the views that a robot collects around the change; made once per process."""
+    found = collect_views(
+        robot_in(changed_home(kind)), change_room.detector(), [detected(kind)], COLLECT
+    )
     assert found.changes == (detected(kind),)
     return found
 
@@ -85,14 +87,14 @@ def collected(kind: Kind) -> Collection:
 def opaque_in(
     gaussian_map: GaussianMap, box: tuple[np.ndarray, np.ndarray], margin_m: float
 ) -> int:
-    """How many Gaussians that can be seen have their centres in a box, but for a margin."""
+    """Return the number of visible Gaussians with their centres in a box without its margin."""
     low, high = box[0] + margin_m, box[1] - margin_m
     inside = ((gaussian_map.means > low) & (gaussian_map.means < high)).all(axis=1)
     return int((inside & (gaussian_map.logit_opacities > np.log(0.05 / 0.95))).sum())
 
 
 class Changing:
-    """A robot in a home that becomes another one after some frames."""
+    """A robot in a home that changes after some frames."""
 
     def __init__(self, first: Home, then: Home, frames: int) -> None:
         self._robots, self._left = [robot_in(one) for one in (first, then)], frames
@@ -115,15 +117,15 @@ class Changing:
         return second.move_towards(position, yaw_rad, pitch_rad) and arrived
 
 
-def run_update(robot: Robot, kind: str = "removal", change: Change | None = None) -> Update:
+def run_update(robot: Robot, kind: str = "removal", change: Change | None = None) -> UpdateResult:
     """Update the map of the room for a change, by default the one that is detected first."""
     return run_updates(robot, [change or detected(kind)])
 
 
-def run_updates(robot: Robot, changes: list[Change]) -> Update:
+def run_updates(robot: Robot, changes: list[Change]) -> UpdateResult:
     """Update the map of the room for several changes."""
     gaussian_map, cameras = change_room.mapped()
-    return update(
+    return integrate_changes(
         gaussian_map,
         list(cameras.values()),
         changes,
@@ -133,18 +135,18 @@ def run_updates(robot: Robot, changes: list[Change]) -> Update:
     )
 
 
-def looks_at_the_change() -> list[Viewpoint]:
-    """First some at once, so that the change is believed, then all around."""
+def viewpoints_of_the_change() -> list[Viewpoint]:
+    """Return viewpoints that confirm the change by several frames, then others all around."""
     found = collected("removal")
-    looks = []
+    viewpoints = []
     for view in (*found.views[:1] * 4, *found.views):
         pose = view.camera.world_from_camera
         x, y, z = pose[:3, 2]
-        looks.append(
-            Viewpoint(
+        viewpoints.append(
+            Viewpoint.at(
                 np.round(pose[:2, 3] / 0.25) * 0.25,
                 float(np.rad2deg(np.arctan2(y, x))),
                 float(np.rad2deg(np.arcsin(-z))),
             )
         )
-    return looks
+    return viewpoints

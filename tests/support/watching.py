@@ -1,4 +1,4 @@
-"""Detectors and clocks for tests of a standing watch, which nothing but the test moves on."""
+"""Detectors and clocks for tests of the monitor, driven by the test alone."""
 
 import threading
 
@@ -7,7 +7,7 @@ from gslts.change.monitor import ChangeMonitor
 from gslts.core.frame import RgbdFrame
 
 LONG_S = 60.0
-"""More than anything here takes: a test that waits so long has failed."""
+"""Timeout of a test, s; nothing here takes as long."""
 
 
 class Clock:
@@ -21,7 +21,7 @@ class Clock:
 
 
 class Gated:
-    """A detector that looks at a frame only when it is let through."""
+    """A detector that processes a frame only when the test lets it through."""
 
     def __init__(self, detector: ChangeDetector) -> None:
         self._detector, self.config = detector, detector.config
@@ -35,17 +35,17 @@ class Gated:
             self._done.release()
 
     def let_through(self) -> None:
-        """Let one frame through and wait until it was looked at."""
+        """Let one frame through and wait until it was processed."""
         self._allowed.release()
         assert self._done.acquire(timeout=LONG_S)
 
     def open(self, frames: int) -> None:
-        """Let so many further frames through, now or later."""
+        """Let a number of further frames through, now or later."""
         self._allowed.release(frames)
 
 
 def close(monitor: ChangeMonitor) -> None:
-    """Close a monitor; fail, rather than wait for ever, if that does not end."""
+    """Close a monitor; fail if that does not end in time."""
     closing = threading.Thread(target=monitor.close, daemon=True)
     closing.start()
     closing.join(LONG_S)

@@ -21,7 +21,7 @@ SIDES: tuple[Side, Side] = ("before", "after")
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """One object that was added, removed or moved.
+    """Added, removed or moved object.
 
     A plain value: any detector can construct one for `ChangeMonitor` and `gslts.update`. Pairs
     hold the value before and after the change; an addition has no value before, a removal none

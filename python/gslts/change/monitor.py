@@ -103,8 +103,8 @@ class ChangeMonitor:
     Args:
         detector: Detector for the current version of the map.
         config: Settings; None means the defaults.
-        locate: Corrects the pose of each frame first, such as
-            `gslts.localization.localizer.Localizer.located`; None keeps the pose of the frame.
+        localize: Corrects the pose of each frame first, such as
+            `gslts.localization.localizer.Localizer.localize_frame`; None keeps its pose.
         clock: Returns the time, s, by which the rate is kept.
     """
 
@@ -113,11 +113,11 @@ class ChangeMonitor:
         detector: ChangeDetector,
         config: MonitorConfig | None = None,
         *,
-        locate: Callable[[RgbdFrame], RgbdFrame] | None = None,
+        localize: Callable[[RgbdFrame], RgbdFrame] | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.config = MonitorConfig() if config is None else config
-        self._detector, self._locate, self._clock = detector, locate, clock
+        self._detector, self._localize, self._clock = detector, localize, clock
         self._frames: deque[RgbdFrame] = deque(maxlen=self.config.queue)
         self._candidates: list[_Candidate] = []
         self._reports: deque[Report] = deque()
@@ -261,8 +261,8 @@ class ChangeMonitor:
                 frame, detector = self._frames.popleft(), self._detector
             next_s = self._clock() + 1 / self.config.rate_hz
             try:
-                if self._locate is not None:
-                    frame = self._locate(frame)
+                if self._localize is not None:
+                    frame = self._localize(frame)
                 self._add(detector, frame, detector.detect(frame))
             except Exception as error:  # Raised in the thread of the caller.
                 with self._changed:

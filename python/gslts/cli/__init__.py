@@ -11,7 +11,7 @@ import typer
 
 from gslts.cli import history, mapping, navigation, output
 from gslts.cli.detect import detect
-from gslts.cli.locate import locate
+from gslts.cli.localize import localize
 from gslts.cli.query import query
 from gslts.cli.run import run
 from gslts.cli.semantics import semantics
@@ -29,7 +29,7 @@ app.command("map")(mapping.make)
 app.command("eval")(mapping.judge)
 app.command("render")(output.render)
 app.command("export")(output.export)
-app.command("locate")(locate)
+app.command("localize")(localize)
 app.command("detect")(detect)
 app.command("update")(update)
 app.command("run")(run)
@@ -74,11 +74,14 @@ def describe(
         ),
     ] = False,
 ) -> None:
-    """Photorealistic, semantic 3D Gaussian maps that keep themselves up to date."""
+    """Photorealistic, semantic 3D Gaussian maps that robots keep up to date by themselves.
+
+    Example: gslts map RECORDING --out out/map
+    """
 
 
 def main() -> None:
-    """Runs a command; what goes wrong ends in one line and a non-zero exit."""
+    """Run a command; an error is one line on stderr and a non-zero exit status."""
     try:
         if os.environ.get("GSLTS_SIMD"):
             from gslts._core import simd

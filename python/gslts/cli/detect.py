@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gslts.cli.locate import Locate, localizer_of
+from gslts.cli.localize import Localize, localizer_of
 from gslts.cli.mapping import Dataset, Map, Threads
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def detect(
         int,
         typer.Option(min=0, max=2, help="Halvings of the sides of a frame before the comparison."),
     ] = 1,
-    locate: Locate = False,
+    localize: Localize = False,
     threads: Threads = 0,
 ) -> None:
     """Detect object changes by comparing RGB-D frames with a map.
@@ -68,13 +68,13 @@ def detect(
     from gslts.io.atomic_files import empty_folder
 
     config = DetectionConfig(strategy=strategy.value, halvings=halvings, threads=threads)
-    opened = open_dataset(dataset, posed=not locate)
+    opened = open_dataset(dataset, posed=not localize)
     known = {entry.name: entry for entry in opened.frames}
     for name in frame or []:
         if name not in known:
             raise ValueError(f"{dataset}: there is no frame {name!r}")
     detector = ChangeDetector.of_map(map_path, config, features=feature_extractor(features))
-    localizer = localizer_of(map_path, threads) if locate else None
+    localizer = localizer_of(map_path, threads) if localize else None
     if out is not None:
         empty_folder(out)
     for reason in opened.skipped:
@@ -83,7 +83,9 @@ def detect(
     for number, name in enumerate(tqdm(names, desc="detecting", unit="frame", disable=None)):
         try:
             read = known[name].read()
-            detection = detector.detect(read if localizer is None else localizer.located(read))
+            detection = detector.detect(
+                read if localizer is None else localizer.localize_frame(read)
+            )
         except (OSError, ValueError) as error:  # A damaged file does not stop the others.
             reason = " ".join(str(error).split())
             typer.echo(json.dumps(_plain(name, (), reason)) if as_json else _line(name, (), reason))

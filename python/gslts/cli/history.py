@@ -1,4 +1,4 @@
-"""The commands that tell of the versions of a map: log, show, diff, restore, verify, gc, import."""
+"""Commands for the versions of a map: log, show, diff, restore, verify, gc, import."""
 
 from __future__ import annotations
 
@@ -14,78 +14,49 @@ from gslts.cli.mapping import BAR, Threads
 if TYPE_CHECKING:
     from gslts.store.causes import Record
     from gslts.store.delta import Delta
+    from gslts.store.history import History
     from gslts.store.records import Version
 
-# What a command needs is imported inside it, so that `gslts --help` answers at once.
+# Imports are inside the commands, so that `gslts --help` starts fast.
 
 Folder = Annotated[Path, typer.Argument(metavar="MAP", help="Folder of a map.")]
-Number = Annotated[int, typer.Argument(min=1, help="Of a version, as gslts log tells it.")]
+Number = Annotated[int, typer.Argument(min=1, help="Number of a version, from gslts log.")]
 
 
 def log(
     map_path: Folder,
     object_type: Annotated[
-        str | None, typer.Option("--object", help="What became of objects of this type alone.")
+        str | None, typer.Option("--object", help="Only changes of objects of this type.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     html: Annotated[
-        Path | None, typer.Option(help="Write all of it, with pictures, as one page here.")
+        Path | None, typer.Option(help="Write the whole history with images to this page.")
     ] = None,
 ) -> None:
-    """List the versions of a map, the newest first, and what became of objects.
+    """List the versions of a map, newest first, with the object changes and rejected updates.
 
-    Any command takes an old version of a map as MAP@NUMBER, such as out/map@2.
+    Every command takes an old version of a map as MAP@NUMBER, such as out/map@2.
 
     Example: gslts log out/map
     """
-    from gslts.store.describe import describe_event, describe_rejection, format_time
     from gslts.store.history import open_history
 
     if html is not None and (as_json or object_type is not None):
-        raise ValueError("--html tells everything: give it without --object and --json")
+        raise ValueError("--html writes the whole history: give it without --object and --json")
     with open_history(map_path) as store:
-        versions, events, rejections = (
-            store.versions(),
-            store.events(object_type),
-            store.rejections(),
-        )
-        standing = store.lineage_numbers()
         if html is not None:
             from gslts.keeper.history_page import write_history
 
             write_history(html, store)
             typer.echo(f"wrote {html}")
-            return
-    if as_json:
-        records: dict[str, Sequence[Record]] = {
-            "versions": versions,
-            "events": events,
-            "rejections": rejections,
-        }
-        content = {
-            name: [record.model_dump(mode="json") for record in part]
-            for name, part in records.items()
-        }
-        typer.echo(json.dumps(content, indent=1))
-        return
-    for version in reversed(versions):
-        if object_type is None:
-            for rejection in rejections:
-                if rejection.version == version.number:
-                    when = format_time(rejection.time_s)
-                    typer.echo(f"        {when}  {describe_rejection(rejection)}")
-        own = [event for event in events if event.version == version.number]
-        if object_type is None or own:
-            typer.echo(_line(version))
-        for event in own:
-            undone = "" if event.version in standing else ", undone since"
-            typer.echo(f"        {describe_event(event)}{undone}")
-    if object_type is not None and not events:
-        typer.echo(f"nothing is known of a {object_type}")
+        elif as_json:
+            typer.echo(_history_json(store, object_type))
+        else:
+            _print_history(store, object_type)
 
 
 def show(map_path: Folder, number: Number) -> None:
-    """Tell all that is known of a version: why it is, how it was made, and what it cost.
+    """Show the record of a version: its cause, settings, timings and counts.
 
     Example: gslts show out/map 2
     """
@@ -95,13 +66,13 @@ def show(map_path: Folder, number: Number) -> None:
 
     with open_history(map_path) as store:
         version = store.version(number)
-        events = [one for one in store.events() if one.version == number]
+        events = [event for event in store.events() if event.version == number]
     typer.echo(_line(version))
     for event in events:
         typer.echo(f"        {describe_event(event)}")
-    picture = update_image_path(map_path, number)
-    if picture.exists():
-        typer.echo(f"        picture: {picture}")
+    image = update_image_path(map_path, number)
+    if image.exists():
+        typer.echo(f"        image: {image}")
     typer.echo(version.cause.model_dump_json(indent=1))
 
 
@@ -114,7 +85,7 @@ def diff(
     ] = None,
     threads: Threads = 0,
 ) -> None:
-    """Name and draw what differs between two versions.
+    """Compare two versions: Gaussians, object changes, and an image.
 
     Example: gslts diff out/map 1 3 --out out/diff.png
     """
@@ -124,25 +95,25 @@ def diff(
     from gslts.store.delta import compare_by_ids
     from gslts.store.describe import describe_event
     from gslts.store.map_folder import open_map
-    from gslts.update.report_image import difference_picture
+    from gslts.update.report_image import draw_difference
 
     with open_map(map_path) as store:
         maps = store.read(before), store.read(after)
-        done, undone = store.events_between(before, after)
-    typer.echo(_counts(compare_by_ids(*maps)))
-    for event in done:
+        only_after, only_before = store.events_between(before, after)
+    typer.echo(_describe_delta(compare_by_ids(*maps)))
+    for event in only_after:
         typer.echo(f"version {event.version}: {describe_event(event)}")
-    for event in reversed(undone):
+    for event in reversed(only_before):
         typer.echo(f"without version {event.version}: {describe_event(event)}")
     if out is not None:
-        picture = difference_picture(*maps, list(cameras_of_map(map_path).values()), threads)
+        image = draw_difference(*maps, list(cameras_of_map(map_path).values()), threads)
         out.parent.mkdir(parents=True, exist_ok=True)
-        Image.fromarray(picture).save(out)
+        Image.fromarray(image).save(out)
         typer.echo(f"wrote {out}")
 
 
 def restore(map_path: Folder, number: Number) -> None:
-    """Make an old version the newest one again; what came after it stays in the past.
+    """Make an old version the newest one again; later versions stay in the history.
 
     Example: gslts restore out/map 2
     """
@@ -154,7 +125,7 @@ def restore(map_path: Folder, number: Number) -> None:
 
 
 def verify(map_path: Folder) -> None:
-    """Check every file of every version against its checksum, with landmarks and what words mean.
+    """Check every file of every version against its checksum, with landmarks and semantics.
 
     Example: gslts verify out/map
     """
@@ -173,17 +144,17 @@ def verify(map_path: Folder) -> None:
         typer.echo(problem, err=True)
     if problems:
         raise RuntimeError(f"{map_path}: {len(problems)} problem(s), named above")
-    typer.echo(f"{len(versions)} versions are whole")
+    typer.echo(f"{len(versions)} versions are intact")
 
 
 def gc(
     map_path: Folder,
     keep: Annotated[
         int | None,
-        typer.Option(min=1, help="Forget the Gaussians of all but so many of the newest versions."),
+        typer.Option(min=1, help="Remove the Gaussians of all but this many newest versions."),
     ] = None,
 ) -> None:
-    """Remove files that no version needs, and old versions if that is wished; the log stays whole.
+    """Remove files that no version needs, and old versions on request; the log stays complete.
 
     Example: gslts gc out/map --keep 100
     """
@@ -193,14 +164,14 @@ def gc(
     with open_map(map_path, writable=True) as store:
         freed = store.collect_garbage() if keep is None else store.compact(keep)
         freed += remove_unneeded_landmarks(store)
-    typer.echo(f"{freed} bytes are free again")
+    typer.echo(f"{freed} bytes freed")
 
 
 def import_ply(
-    ply: Annotated[Path, typer.Argument(metavar="PLY", help="Of 3DGS, of any program.")],
-    out: Annotated[Path, typer.Option(help="Folder of the map; must not be there yet.")],
+    ply: Annotated[Path, typer.Argument(metavar="PLY", help="3DGS file of any program.")],
+    out: Annotated[Path, typer.Option(help="New folder of the map.")],
 ) -> None:
-    """Make a map of a PLY file of 3DGS, with a past of its own from now on.
+    """Make a map with versions from a PLY file of 3DGS.
 
     Example: gslts import point_cloud.ply --out out/map
     """
@@ -213,14 +184,46 @@ def import_ply(
     typer.echo(f"wrote {out}: {gaussian_map.size} Gaussians")
 
 
+def _history_json(store: History, object_type: str | None) -> str:
+    records: dict[str, Sequence[Record]] = {
+        "versions": store.versions(),
+        "events": store.events(object_type),
+        "rejections": store.rejections(),
+    }
+    content = {
+        name: [record.model_dump(mode="json") for record in part] for name, part in records.items()
+    }
+    return json.dumps(content, indent=1)
+
+
+def _print_history(store: History, object_type: str | None) -> None:
+    from gslts.store.describe import describe_event, describe_rejection, format_time
+
+    events, lineage = store.events(object_type), store.lineage_numbers()
+    rejections = store.rejections() if object_type is None else []
+    for version in reversed(store.versions()):
+        for rejection in rejections:
+            if rejection.version == version.number:
+                when = format_time(rejection.time_s)
+                typer.echo(f"        {when}  {describe_rejection(rejection)}")
+        own = [event for event in events if event.version == version.number]
+        if object_type is None or own:
+            typer.echo(_line(version))
+        for event in own:
+            undone = "" if event.version in lineage else ", undone since"
+            typer.echo(f"        {describe_event(event)}{undone}")
+    if object_type is not None and not events:
+        typer.echo(f"the history has no change of an object of type {object_type}")
+
+
 def _line(version: Version) -> str:
     from gslts.store.describe import describe_version, format_time
 
     return f"{version.number:6}  {format_time(version.time_s)}  {describe_version(version)}"
 
 
-def _counts(delta: Delta) -> str:
+def _describe_delta(delta: Delta) -> str:
     return (
-        f"{len(delta.removed)} Gaussians are gone, {delta.added.size} are new, "
-        f"{delta.changed.size} are other ones"
+        f"{len(delta.removed)} Gaussians removed, {delta.added.size} added, "
+        f"{delta.changed.size} changed"
     )

@@ -45,7 +45,7 @@ def make(
         float | None,
         typer.Option(
             min=1,
-            help="Time for reading and optimising, s, instead of --iterations; the evaluation "
+            help="Time for reading and optimization, s, instead of --iterations; the evaluation "
             "comes after it.",
         ),
     ] = None,
@@ -68,7 +68,10 @@ def make(
     ] = False,
     threads: Threads = 0,
 ) -> None:
-    """Make a map from posed RGB-D frames; every eighth frame is held out to evaluate it.
+    """Make a map of posed RGB-D frames.
+
+    Every 8th frame is held out from training: alternately a test frame, on which quality is
+    reported, and a validation frame, which ends the optimization.
 
     The folder of the map holds the Gaussians, a manifest, the corrected cameras and report.html.
     During the run, OUT.checkpoint.npz holds the state for --resume.
@@ -137,7 +140,7 @@ def judge(
     dataset: Dataset,
     every: Annotated[
         int | None,
-        typer.Option(min=1, help="Use every n-th frame instead of the held-out frames."),
+        typer.Option(min=1, help="Use every n-th frame instead of the test frames."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     threads: Threads = 0,
@@ -148,10 +151,11 @@ def judge(
         Path | None, typer.Option(help="alex.pth of the package lpips, for LPIPS.")
     ] = None,
 ) -> None:
-    """Evaluate a map on frames that it was not made from, with the exposure of each frame fitted.
+    """Evaluate a map on its test frames: frames that neither trained nor validated it.
 
-    Reports three results: at the given poses, at poses corrected like those of neighbouring
-    training frames, and at poses refined against the map. Frames that cannot be used are skipped.
+    Figures are given for poses of the data set, for poses corrected by those of neighbouring
+    training frames, and for poses refined against the map; the exposure of each frame is fitted.
+    Frames that cannot be used are skipped.
 
     Example: gslts eval out/map out/kitchen_3
     """
@@ -160,25 +164,26 @@ def judge(
     from tqdm import tqdm
 
     from gslts.datasets import open_dataset
-    from gslts.mapping.evaluation.assess import assess
     from gslts.mapping.evaluation.evaluate import evaluate_held_out
-    from gslts.mapping.evaluation.held_out import Known, held_out_of
+    from gslts.mapping.evaluation.held_out import TrainingRecord, read_test_frames
+    from gslts.mapping.evaluation.rendering import evaluate_rendering
     from gslts.rendering.metrics import Lpips
     from gslts.store.map_folder import read_map
 
     weights = both_weights(lpips_backbone, lpips_heads)
     lpips = None if weights is None else Lpips(*weights)
     gaussian_map = read_map(map_path)
-    observations, neighbours, skipped = held_out_of(
+    frames, skipped = read_test_frames(
         open_dataset(dataset),
-        Known.of(map_path),
+        TrainingRecord.read(map_path),
         every,
         lambda frames: tqdm(frames, desc="reading", unit="frame", disable=None),
     )
     for reason in skipped:
         typer.echo(f"skipped {reason}", err=True)
-    quality, _ = evaluate_held_out(gaussian_map, observations, neighbours, threads)
-    rest = assess(gaussian_map, [one.rgbd() for one in observations], lpips, threads)
+    quality, _ = evaluate_held_out(gaussian_map, frames, threads)
+    rgbd = [frame.rgbd() for frame in frames.observations.values()]
+    rest = evaluate_rendering(gaussian_map, rgbd, lpips, threads)
     per_gaussian = gaussian_map.nbytes / max(1, gaussian_map.size)
     if as_json:
         sizes = {
@@ -188,13 +193,13 @@ def judge(
         }
         typer.echo(json.dumps({**asdict(quality), **asdict(rest), **sizes, "skipped": skipped}))
         return
-    for name, way in asdict(quality).items():
-        if way is not None:
-            depth_m = way["depth_l1_m"]
-            depth = "" if depth_m is None else f", depth {100 * depth_m:.2f} cm off"
+    for name, figures in asdict(quality).items():
+        if figures is not None:
+            depth_m = figures["depth_l1_m"]
+            depth = "" if depth_m is None else f", depth error {100 * depth_m:.2f} cm"
             typer.echo(
-                f"{way['frames']} frames, poses {name.replace('_', ' ')}: {way['psnr_db']:.2f} dB, "
-                f"SSIM {way['ssim']:.3f}{depth}"
+                f"{figures['frames']} frames, poses {name.replace('_', ' ')}: "
+                f"{figures['psnr_db']:.2f} dB, SSIM {figures['ssim']:.3f}{depth}"
             )
     typer.echo(
         f"{gaussian_map.size} Gaussians in {gaussian_map.nbytes} bytes, {per_gaussian:.1f} each; "

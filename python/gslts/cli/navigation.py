@@ -13,7 +13,8 @@ from gslts.cli.mapping import BAR
 
 if TYPE_CHECKING:
     from gslts.core.robot import Robot
-    from gslts.navigation.navigator import NavigationResult, Navigator
+    from gslts.navigation.navigator import Navigator
+    from gslts.navigation.trip import NavigationResult
 
 # Imports of commands are inside the functions, so that `gslts --help` answers at once.
 
@@ -100,8 +101,9 @@ def go(
     """
     from tqdm import tqdm
 
-    from gslts.navigation.navigator import MAX_MOVES, Navigator
+    from gslts.navigation.navigator import Navigator
     from gslts.navigation.semantic_map_files import draw_semantic_map, write_png
+    from gslts.navigation.trip import MAX_MOVES
     from gslts.robots.sources import open_robot
 
     if not text.strip():
@@ -151,7 +153,7 @@ def _go_and_watch(
     from gslts.semantics.files import require_semantics
 
     require_semantics(map_path)
-    with MapKeeper(map_path, say=tqdm.write) as keeper:
+    with MapKeeper(map_path, log=tqdm.write) as keeper:
         if keeper.semantics is None:
             raise ValueError(f"{map_path}: --watch needs the models of the semantics of the map")
         return run_errand(keeper, keeper.semantics, robot, text, on_move)

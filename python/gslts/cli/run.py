@@ -11,19 +11,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gslts.cli.locate import Locate, localizer_of, read_frames
+from gslts.cli.localize import Localize, localizer_of, read_frames
 from gslts.cli.mapping import BAR, Threads
 
 if TYPE_CHECKING:
     from gslts.core.camera import Camera
     from gslts.core.robot import Robot
+    from gslts.keeper.keeper import KeeperConfig
     from gslts.localization.localizer import Localizer
     from gslts.robots.sources import RobotSource
 
-    Walk = Callable[[int], tuple[Robot, Mapping[str, Camera] | None]]
-    """The robot of a round, and from where it is to look if that is known."""
+    RoundOf = Callable[[int], tuple[Robot, Mapping[str, Camera] | None]]
+    """Returns the robot of a round, and its viewpoints if they are given."""
 
-# What a command needs is imported inside it, so that `gslts --help` answers at once.
+# Imports are inside the command, so that `gslts --help` starts fast.
 
 
 def run(
@@ -37,74 +38,76 @@ def run(
         typer.Option(metavar="DATASET", help="Recorded frames: one round, in their order."),
     ] = None,
     rounds: Annotated[
-        int | None, typer.Option(min=1, help="How many; as many as the day has, if not given.")
+        int | None,
+        typer.Option(min=1, help="Number of rounds; by default as many as the day has."),
     ] = None,
-    iterations: Annotated[int, typer.Option(min=0, help="Of a refinement, at most.")] = 250,
-    locate: Locate = False,
+    iterations: Annotated[
+        int, typer.Option(min=0, help="Maximum number of refinement steps.")
+    ] = 250,
+    localize: Localize = False,
     threads: Threads = 0,
 ) -> None:
-    """Go rounds through a home, and keep its map up to date.
+    """Run rounds through a home, and keep its map up to date.
 
-    Where something looks changed, the robot looks again; what is certain is looked at closely and
-    becomes a version of the map (gslts log), or is deferred to a later round. Ctrl-C or SIGTERM
-    stops at the next safe point; the same command goes on there, also after a crash.
+    Where a change is suspected, the robot observes again. A confirmed change becomes a version of
+    the map (gslts log), or is deferred to a later round. Ctrl-C or SIGTERM stops after the present
+    transaction; the same command continues there, also after a crash.
 
     Example: gslts run out/map --robot out/day/day.json
     """
     from tqdm import tqdm
 
-    from gslts.change.config import DetectionConfig
-    from gslts.keeper.keeper import LoopConfig, MapKeeper, StoppedError
-    from gslts.localization.config import RelocalizationConfig
+    from gslts.keeper.keeper import MapKeeper, StoppedError
     from gslts.robots.sources import open_robot
-    from gslts.update.config import UpdateConfig
 
     if robot is not None and frames is None:
         opened = open_robot(robot)
-        walk, most, source = _of_a_robot(opened), opened.rounds, opened.digest
+        round_of, available, source = _rounds_of_robot(opened), opened.rounds, opened.digest
     elif frames is not None and robot is None:
-        localizer = localizer_of(map_path, threads) if locate else None
-        walk, most = _of_a_recording(frames, localizer), None
+        localizer = localizer_of(map_path, threads) if localize else None
+        round_of, available = _rounds_of_recording(frames, localizer), None
         source = str(frames.resolve())
     else:
         raise ValueError("give either --robot or --frames")
-    update = UpdateConfig(threads=threads)
-    refine = update.refine.model_copy(update={"iterations": iterations})
-    config = LoopConfig(
-        detection=DetectionConfig(threads=threads),
-        update=update.model_copy(update={"refine": refine}),
-        # Frames of a recording are where they were found already.
-        locate=RelocalizationConfig(threads=threads) if locate and robot is not None else None,
-    )
-    with stopped_by_signals() as came, tqdm(desc="starting", bar_format=BAR, disable=None) as bar:
+    # Frames of a recording are localized when they are read.
+    config = _config(iterations, threads, relocalize=localize and robot is not None)
+    with stop_signals() as received, tqdm(desc="starting", bar_format=BAR, disable=None) as bar:
 
-        def tell(stage: str) -> None:
-            left = len(keeper.state.left or ())
+        def on_progress(stage: str) -> None:
+            left = len(keeper.state.remaining or ())
             bar.total = max(bar.total or 0, left)
             bar.n = bar.total - left
             bar.set_postfix_str(stage)
 
-        def say(words: str) -> None:
-            tqdm.write(words)
-            sys.stdout.flush()  # What a log tells must have happened, and the other way round.
+        def log(line: str) -> None:
+            tqdm.write(line)
+            sys.stdout.flush()  # A reader of the log sees a version as soon as it exists.
 
-        with MapKeeper(map_path, config, stopping=lambda: bool(came), tell=tell, say=say) as keeper:
-            first = keeper.rounds_of(source)
-            last = first + (rounds or 1) if rounds or most is None else max(first, most)
+        with MapKeeper(
+            map_path,
+            config,
+            should_stop=lambda: bool(received),
+            progress=on_progress,
+            log=log,
+        ) as keeper:
+            first = keeper.begin_source(source)
+            last = first + (rounds or 1)
+            if rounds is None and available is not None:
+                last = max(first, available)
             try:
                 for number in range(first, last):
                     bar.set_description(f"round {number}", refresh=False)
                     bar.reset(total=0)
-                    keeper.go_round(*walk(number))
+                    keeper.go_round(*round_of(number))
             except StoppedError:
                 raise RuntimeError(
-                    f"stopped in round {keeper.state.round}; the same command goes on there"
+                    f"stopped in round {keeper.state.round}; the same command continues there"
                 ) from None
             version = keeper.version
     deferred = keeper.state.deferred
-    for one in deferred:
-        x, y, z = one.point
-        typer.echo(f"deferred: {one.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m: {one.reason}")
+    for change in deferred:
+        x, y, z = change.point
+        typer.echo(f"deferred: {change.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m: {change.reason}")
     typer.echo(
         f"{last - first} round(s); {map_path} is version {version.number} now, {len(deferred)} "
         f"deferred; see gslts log {map_path}"
@@ -112,31 +115,48 @@ def run(
 
 
 @contextmanager
-def stopped_by_signals() -> Iterator[list[int]]:
-    """Collects SIGINT and SIGTERM; each ends the program only if it comes a second time."""
-    came: list[int] = []
+def stop_signals() -> Iterator[list[int]]:
+    """Collect SIGINT and SIGTERM; a second one of the same kind ends the program.
+
+    Yields:
+        Numbers of the signals received so far.
+    """
+    received: list[int] = []
 
     def note(number: int, _: object) -> None:
-        came.append(number)
-        signal.signal(number, before[number])
+        received.append(number)
+        signal.signal(number, previous[number])
 
-    before: dict[int, Any] = {}
+    previous: dict[int, Any] = {}
     for number in (int(signal.SIGINT), int(signal.SIGTERM)):
-        before[number] = signal.signal(number, note)
+        previous[number] = signal.signal(number, note)
     try:
-        yield came
+        yield received
     finally:
-        for number, handler in before.items():
+        for number, handler in previous.items():
             signal.signal(number, handler)
 
 
-def _of_a_robot(source: RobotSource) -> Walk:
-    """The robot of each round, which meets the changes up to that round."""
+def _config(iterations: int, threads: int, *, relocalize: bool) -> KeeperConfig:
+    from gslts.change.config import DetectionConfig
+    from gslts.keeper.keeper import KeeperConfig
+    from gslts.localization.config import RelocalizationConfig
+    from gslts.update import RefineConfig, UpdateConfig
+
+    return KeeperConfig(
+        detection=DetectionConfig(threads=threads),
+        update=UpdateConfig(refine=RefineConfig(iterations=iterations), threads=threads),
+        relocalization=RelocalizationConfig(threads=threads) if relocalize else None,
+    )
+
+
+def _rounds_of_robot(source: RobotSource) -> RoundOf:
+    """Return the robot of each round, in a home with the changes up to that round."""
     return lambda number: (source.robot(number + 1), None)
 
 
-def _of_a_recording(path: Path, localizer: Localizer | None) -> Walk:
-    """A robot that replays frames, from where they were taken."""
+def _rounds_of_recording(path: Path, localizer: Localizer | None) -> RoundOf:
+    """Return a robot that replays frames, and their cameras as viewpoints."""
     from gslts.robots.recorded import RecordedRobot
 
     read = read_frames(path, localizer)

@@ -1,1 +1,1 @@
-"""Keeps a map up to date: rounds of a robot, watch for changes, updates, history."""
+"""Map keeper: a robot patrols a home, and its map follows the changes."""

@@ -1,4 +1,4 @@
-"""From where a robot on its rounds sees all of a map."""
+"""Viewpoints from which a robot sees all of a map, and a short path through them."""
 
 from __future__ import annotations
 
@@ -11,27 +11,32 @@ from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
 
-POINTS = 4000
-"""Gaussians that stand for all."""
-LEAST_OPACITY = 0.5
-FARTHEST_M = 2.5
-"""What is farther away is not looked at closely enough to see a cup."""
-ENOUGH = 0.95
-"""Share of what can be seen that a round must show."""
+MAX_POINTS = 4000
+"""Approximate number of Gaussians that represent the map."""
+MIN_OPACITY = 0.5
+"""Minimum opacity of a Gaussian that counts as a surface."""
+MAX_DEPTH_M = 2.5
+"""Maximum depth at which a viewpoint covers a surface, m: farther away, a cup has too few pixels to
+be detected."""
+MIN_COVERAGE = 0.95
+"""Share of the visible surfaces that a round must cover."""
 METRES_PER_RAD = 0.5
-"""What a turn counts against a way, when the next stop is chosen."""
+"""Cost of a turn when the next viewpoint is chosen, m/rad."""
 
 
-def stops_of(
-    gaussian_map: GaussianMap, cameras: Mapping[str, Camera], most: int, threads: int = 0
+def plan_viewpoints(
+    gaussian_map: GaussianMap, cameras: Mapping[str, Camera], max_viewpoints: int, threads: int = 0
 ) -> tuple[str, ...]:
-    """Names of viewpoints that show the map, in the order of a short way.
+    """Choose viewpoints that cover a map.
 
     Args:
         gaussian_map: float32.
-        cameras: Where it was made from, by name, at least one: there a robot can be.
-        most: Stops, at most.
-        threads: 0 means one a hardware thread.
+        cameras: Training cameras of the map by name, at least one: a robot can stand there.
+        max_viewpoints: Maximum number of viewpoints.
+        threads: 0 uses all hardware threads.
+
+    Returns:
+        Names of the viewpoints in the order of a short path.
 
     Raises:
         ValueError: There is no camera.
@@ -39,23 +44,32 @@ def stops_of(
     Source: greedy maximum coverage, Nemhauser, Wolsey and Fisher 1978.
     """
     if not cameras:
-        raise ValueError("stops_of: nothing is known of where the map was made from")
+        raise ValueError("plan_viewpoints: cameras: the map has no training cameras")
     names = list(cameras)
-    solid = np.flatnonzero(gaussian_map.logit_opacities > _logit(LEAST_OPACITY))
-    rows = solid[:: max(1, len(solid) // POINTS)]
+    min_logit = float(np.log(MIN_OPACITY / (1 - MIN_OPACITY)))
+    solid = np.flatnonzero(gaussian_map.logit_opacities > min_logit)
+    rows = solid[:: max(1, len(solid) // MAX_POINTS)]
     points = gaussian_map.means[rows] + gaussian_map.origin
-    shown = Visibility(gaussian_map, cameras.values(), threads).visible(points, FARTHEST_M)
-    left = shown.any(axis=0)
-    enough = (1 - ENOUGH) * left.sum()
+    visible = Visibility(gaussian_map, cameras.values(), threads).visible(points, MAX_DEPTH_M)
+    uncovered = visible.any(axis=0)
+    enough = (1 - MIN_COVERAGE) * uncovered.sum()
     chosen: list[int] = []
-    while len(chosen) < most and left.sum() > enough:
-        chosen.append(int(np.argmax((shown & left).sum(axis=1))))
-        left &= ~shown[chosen[-1]]
-    return _short_way([names[row] for row in chosen or [0]], cameras)
+    while len(chosen) < max_viewpoints and uncovered.sum() > enough:
+        chosen.append(int(np.argmax((visible & uncovered).sum(axis=1))))
+        uncovered &= ~visible[chosen[-1]]
+    return _short_path([names[row] for row in chosen or [0]], cameras)
 
 
 def go_to(robot: Robot, camera: Camera) -> bool:
-    """Sends a robot to where a camera was; whether it arrived."""
+    """Move a robot to the pose of a camera.
+
+    Args:
+        robot: To move.
+        camera: Its pose in the world frame.
+
+    Returns:
+        True if the robot arrived.
+    """
     pose = camera.world_from_camera
     x, y, z = pose[:3, 2]
     return robot.move_towards(
@@ -63,17 +77,13 @@ def go_to(robot: Robot, camera: Camera) -> bool:
     )
 
 
-def _short_way(names: list[str], cameras: Mapping[str, Camera]) -> tuple[str, ...]:
-    """From the first one always to the nearest that is left."""
-    way, left = names[:1], names[1:]
+def _short_path(names: list[str], cameras: Mapping[str, Camera]) -> tuple[str, ...]:
+    """Return the names in the order of the nearest neighbour, starting with the first one."""
+    path, left = names[:1], names[1:]
     while left:
-        here = cameras[way[-1]].world_from_camera
+        here = cameras[path[-1]].world_from_camera
         poses = np.array([cameras[name].world_from_camera for name in left])
         metres = np.linalg.norm(poses[:, :3, 3] - here[:3, 3], axis=1)
         turns_rad = np.arccos(np.clip(poses[:, :3, 2] @ here[:3, 2], -1, 1))
-        way.append(left.pop(int(np.argmin(metres + METRES_PER_RAD * turns_rad))))
-    return tuple(way)
-
-
-def _logit(share: float) -> float:
-    return float(np.log(share / (1 - share)))
+        path.append(left.pop(int(np.argmin(metres + METRES_PER_RAD * turns_rad))))
+    return tuple(path)

@@ -1,25 +1,25 @@
-"""Errands that a robot runs while its map is watched, and repaired on the way."""
+"""Object navigation while the keeper watches for changes and updates the map."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gslts.core.frame import RgbdFrame
 from gslts.core.robot import Robot
 from gslts.keeper.keeper import MapKeeper
-from gslts.navigation.navigator import NavigationResult, Navigator
+from gslts.navigation.navigator import Navigator
+from gslts.navigation.trip import NavigationResult
 from gslts.semantics.map_semantics import MapSemantics
+from gslts.types import Floats
 
-MOST_TRIES = 3
+MAX_ATTEMPTS = 3
+"""Maximum number of paths planned for one errand: the object may have been moved."""
 
 
 class WatchedRobot:
-    """A robot on an errand, itself a `Robot`: what it sees is watched for changes.
+    """A `Robot` whose frames are watched for changes.
 
-    Before it moves on, what is certain to have changed is repaired, for which it leaves its way.
+    Before it moves on, confirmed changes are integrated into the map, for which it leaves its path.
 
     Args:
         robot: In the home of the map.
@@ -30,24 +30,33 @@ class WatchedRobot:
         self._robot, self._keeper = robot, keeper
 
     def observe(self) -> RgbdFrame:
-        """What the camera sees now, which the keeper sees too."""
+        """Take a frame, and pass it to the keeper."""
         frame = self._robot.observe()
         self._keeper.watch(frame)
         return frame
 
-    def pose(self) -> NDArray[np.float64]:
+    def pose(self) -> Floats:
         """Return [4,4] world_from_camera that the robot believes, m."""
         return self._robot.pose()
 
-    def reachable_positions(self) -> NDArray[np.float64]:
-        """[P,2] as those of the robot."""
+    def reachable_positions(self) -> Floats:
+        """Return [P,2] positions that the robot can reach, x and y in the world, m."""
         return self._robot.reachable_positions()
 
     def move_towards(
-        self, position: NDArray[np.float64], yaw_rad: float, pitch_rad: float | None = None
+        self, position: Floats, yaw_rad: float, pitch_rad: float | None = None
     ) -> bool:
-        """As `Robot.move_towards`, once what has changed is repaired."""
-        self._keeper.attend(self._robot)
+        """Integrate confirmed changes, then move as `Robot.move_towards`.
+
+        Args:
+            position: (2,) x and y in the world, m.
+            yaw_rad: Final direction of the camera about the z axis, rad.
+            pitch_rad: Final angle of the camera below the horizon, rad; None keeps the current one.
+
+        Returns:
+            True if the robot arrived.
+        """
+        self._keeper.integrate_reported(self._robot)
         return self._robot.move_towards(position, yaw_rad, pitch_rad)
 
 
@@ -56,36 +65,35 @@ def run_errand(
     semantics: MapSemantics,
     robot: Robot,
     text: str,
-    tell: Callable[[], None] = lambda: None,
+    on_move: Callable[[], None] = lambda: None,
 ) -> tuple[Navigator, NavigationResult]:
-    """Lets a robot go to the nearest thing that fits a text, and keep the map up to date meanwhile.
+    """Move a robot to the nearest object that fits a text, and update the map on the way.
 
-    Where it did not get there and the map is another one by now, it tries again with that: what it
-    came for may have moved.
+    If the robot does not reach it and the map was updated meanwhile, a new path is planned.
 
     Args:
         keeper: Of the map.
         semantics: Of the map.
         robot: In the home.
-        text: Such as "sofa".
-        tell: Is told of each move.
+        text: Query such as "sofa".
+        on_move: Called after each move.
 
     Returns:
-        What led the robot at last, and how that went.
+        The last navigator and its result.
 
     Raises:
-        StoppedError: As the keeper was wished to.
+        StoppedError: A stop was requested.
         OSError: The map cannot be written.
         ValueError: The text is empty.
     """
     watched = WatchedRobot(robot, keeper)
-    for _ in range(MOST_TRIES):
+    for _ in range(MAX_ATTEMPTS):
         version = keeper.version.number
         navigator = Navigator(
             keeper.gaussian_map, semantics.autoencoder, semantics.source, categories=[text]
         )
-        journey = navigator.go(watched, text, tell)
-        keeper.attend(robot)
-        if journey.status == "reached" or keeper.version.number == version:
+        result = navigator.go(watched, text, on_move)
+        keeper.integrate_reported(robot)
+        if result.status == "reached" or keeper.version.number == version:
             break
-    return navigator, journey
+    return navigator, result

@@ -1,4 +1,4 @@
-"""The past of a map as one HTML page that needs nothing else."""
+"""HTML page of the history of a map, in one self-contained file."""
 
 from __future__ import annotations
 
@@ -21,73 +21,72 @@ from gslts.store.records import Event, Rejection, Version
 
 
 def write_history(
-    path: Path, store: History, title: str | None = None, more: Sequence[str] = ()
+    path: Path, store: History, title: str | None = None, sections: Sequence[str] = ()
 ) -> None:
-    """Writes the page, which is there whole or not at all.
+    """Write the page, atomically.
 
     Args:
         path: Of the page.
-        store: Whose past it is.
+        store: History of the map.
         title: Of the page; None means the name of the folder.
-        more: Sections that come first, from `gslts.io.html_page.section`.
+        sections: Further sections that come first, from `gslts.io.html_page.section`.
 
     Raises:
-        OSError: It cannot be written.
-        ValueError: The index is damaged.
+        OSError: The page cannot be written.
+        ValueError: The history is damaged.
     """
     versions, events, rejections = store.versions(), store.events(), store.rejections()
-    updates = [one for one in versions if one.kind == "update"]
+    updates = [version for version in versions if isinstance(version.cause, UpdateCause)]
     summary = (
-        f"{len(versions)} versions: {len(updates)} updates, {len(rejections)} rejected; "
+        f"{len(versions)} versions: {len(updates)} updates, {len(rejections)} rejected updates; "
         f"{versions[-1].gaussians:,} Gaussians now, {versions[0].gaussians:,} at first"
     )
-    sections = [
-        *more,
-        section("What happened", _timeline(versions, events)),
-        section("What was left as it was", bullets([_rejection(one) for one in rejections])),
-        section("Before and after", _pictures(store.folder, updates, events)),
+    parts = [
+        *sections,
+        section("Versions", _timeline(versions, events)),
+        section("Rejected updates", bullets([_describe(rejection) for rejection in rejections])),
+        section("Before and after", _images(store.folder, updates, events)),
     ]
-    write_page(path, title or store.folder.resolve().name, summary, sections)
+    write_page(path, title or store.folder.resolve().name, summary, parts)
 
 
 def _timeline(versions: Sequence[Version], events: Sequence[Event]) -> str:
-    head = ("version", "time", "round", "what", "Gaussians touched", "around it, dB", "seconds")
-    return table(head, [_row(one, events) for one in versions])
+    head = ("version", "time", "round", "changes", "Gaussians changed", "PSNR, dB", "seconds")
+    return table(head, [_row(version, events) for version in versions])
 
 
 def _row(version: Version, events: Sequence[Event]) -> list[str]:
     cause = version.cause if isinstance(version.cause, UpdateCause) else None
     record = UpdateRecord() if cause is None else cause.record
     psnr = [number(value) for value in (record.psnr_before_db, record.psnr_after_db)]
-    seconds = [f"{name} {value:.1f}" for name, value in record.seconds.items()]
     return [
         str(version.number),
         format_time(version.time_s),
         "" if cause is None or cause.round is None else str(cause.round),
-        _what(version, events),
+        _changes(version, events),
         f"{version.touched:,}",
         " to ".join(psnr) if cause else "",
-        ", ".join(seconds),
+        ", ".join(f"{stage} {value:.1f}" for stage, value in record.seconds.items()),
     ]
 
 
-def _what(version: Version, events: Sequence[Event]) -> str:
-    told = [describe_event(one) for one in events if one.version == version.number]
-    return "; ".join(told) or describe_version(version)
+def _changes(version: Version, events: Sequence[Event]) -> str:
+    own = [describe_event(event) for event in events if event.version == version.number]
+    return "; ".join(own) or describe_version(version)
 
 
-def _rejection(rejection: Rejection) -> str:
+def _describe(rejection: Rejection) -> str:
     kinds = ", ".join(change.kind for change in rejection.cause.changes)
     when = format_time(rejection.time_s)
     return f"{when}, version {rejection.version}: {kinds} {describe_rejection(rejection)}"
 
 
-def _pictures(folder: Path, updates: Sequence[Version], events: Sequence[Event]) -> str:
+def _images(folder: Path, updates: Sequence[Version], events: Sequence[Event]) -> str:
     parts = []
     for version in updates:
         path = update_image_path(folder, version.number)
         if path.exists():
-            title = escape(f"Version {version.number}: {_what(version, events)}")
+            title = escape(f"Version {version.number}: {_changes(version, events)}")
             address = f"data:image/jpeg;base64,{b64encode(path.read_bytes()).decode()}"
             parts.append(f'<h3>{title}</h3>\n<img class=wide alt="{title}" src="{address}">')
     return "\n".join(parts)

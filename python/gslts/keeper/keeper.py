@@ -1,4 +1,4 @@
-"""Rounds through a home, on which its map is kept up to date."""
+"""Long-term operation: rounds through a home, on which the map follows the changes."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from pathlib import Path
 from gslts.change.changes import Change
 from gslts.change.config import DetectionConfig
 from gslts.change.detector import ChangeDetector
-from gslts.change.monitor import ChangeMonitor, MonitorConfig
+from gslts.change.monitor import ChangeMonitor, MonitorConfig, latest_changes
 from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
-from gslts.keeper.coverage import go_to, stops_of
-from gslts.keeper.schedule import defer, next_changes
-from gslts.keeper.state import LoopState, read_state, write_state
+from gslts.keeper.coverage import go_to, plan_viewpoints
+from gslts.keeper.schedule import defer, select_changes
+from gslts.keeper.state import KeeperState, read_state, write_state
 from gslts.localization.config import RelocalizationConfig
 from gslts.localization.landmark_files import require_landmarks
 from gslts.localization.localizer import Localizer
@@ -27,98 +27,108 @@ from gslts.store.camera_files import cameras_of_map, cameras_of_update
 from gslts.store.map_folder import open_map
 from gslts.store.records import Version
 from gslts.update.config import UpdateConfig
-from gslts.update.publish import published
-from gslts.update.updater import Update, update
+from gslts.update.integrate import UpdateResult, integrate_changes
+from gslts.update.publish import publish
+
+
+def _unthrottled() -> MonitorConfig:
+    """Return settings of a monitor that processes every frame: the robot waits for its result."""
+    return MonitorConfig(rate_hz=1e6)
 
 
 @dataclass(frozen=True)
-class LoopConfig:
-    """How a robot goes its rounds.
+class KeeperConfig:
+    """Settings of the rounds.
 
     Attributes:
-        stops: Of a round, at most.
-        looks: At one stop, while something is suspected, at most.
-        watch: When a change is believed.
-        detection: Of changes.
-        update: Of the map.
-        locate: How the robot finds out where in the map it is; None means that its odometry tells.
+        max_viewpoints: Maximum number of viewpoints in a round.
+        max_frames: Maximum number of frames at one viewpoint, while a change is not confirmed.
+        monitor: Settings of the confirmation of changes.
+        detection: Settings of the change detection.
+        update: Settings of updates.
+        relocalization: Localize the robot in the map by its frames; None uses its odometry.
+
+    Raises:
+        ValueError: A number is not positive.
     """
 
-    stops: int = 40
-    looks: int = 4
-    # The robot waits for what the watch says.
-    watch: MonitorConfig = field(default_factory=lambda: MonitorConfig(rate_hz=1e6))
+    max_viewpoints: int = 40
+    max_frames: int = 4
+    monitor: MonitorConfig = field(default_factory=_unthrottled)
     detection: DetectionConfig = field(default_factory=DetectionConfig)
     update: UpdateConfig = field(default_factory=UpdateConfig)
-    locate: RelocalizationConfig | None = None
+    relocalization: RelocalizationConfig | None = None
 
     def __post_init__(self) -> None:
-        if self.stops < 1 or self.looks < 1:
-            raise ValueError("LoopConfig: stops and looks must be positive")
+        for name in ("max_viewpoints", "max_frames"):
+            if getattr(self, name) < 1:
+                raise ValueError(
+                    f"KeeperConfig: {name} must be positive, got {getattr(self, name)}"
+                )
 
 
 class StoppedError(Exception):
-    """Somebody wants the robot to stop; what it was about to do is done at the next start."""
+    """A stop was requested. The next run continues with the same viewpoint."""
 
 
 class MapKeeper:
-    """Keeps one map up to date; a context manager, which is its only writer.
+    """Keeps one map up to date. A context manager, and the only writer of the map.
 
     Args:
-        folder: Of the map.
+        folder: Folder of the map.
         config: Settings; None means the defaults.
-        stopping: Whether to stop at the next safe point.
-        tell: Is told of each step of what takes long.
-        say: Is told what was found and done, in words.
+        should_stop: Polled between transactions; True stops the run.
+        progress: Called with the name of each step that takes long.
+        log: Called with one line of text for each event.
 
     Raises:
         OSError: The map cannot be read, or another process writes it.
-        ValueError: It is no map with versions, what is known of its rounds is damaged, or the robot
-            is to be located and the map has no landmarks.
+        ValueError: The folder holds no map, the state is damaged, or the robot should be localized
+            and the map has no landmarks.
     """
 
     def __init__(
         self,
         folder: Path,
-        config: LoopConfig | None = None,
+        config: KeeperConfig | None = None,
         *,
-        stopping: Callable[[], bool] = lambda: False,
-        tell: Callable[[str], None] = lambda _: None,
-        say: Callable[[str], None] = lambda _: None,
+        should_stop: Callable[[], bool] = lambda: False,
+        progress: Callable[[str], None] = lambda _: None,
+        log: Callable[[str], None] = lambda _: None,
     ) -> None:
-        self._folder, self._config = folder, LoopConfig() if config is None else config
-        self._stopping, self._tell, self._say = stopping, tell, say
+        self._folder, self._config = folder, KeeperConfig() if config is None else config
+        self._should_stop, self._progress, self._log = should_stop, progress, log
         self._store = open_map(folder, writable=True)
         try:
             self.state = read_state(folder)
             self._map = self._store.read()
             self._cameras = cameras_of_map(folder)
             self._semantics = MapSemantics.of_map(folder, self._config.update.threads)
-            self._detector = self._detector_of_map()
+            self._detector = self._new_detector()
             self._localizer = None
-            if self._config.locate is not None:
-                self._localizer = Localizer(self._relocalizer_of_map())
-            self._watch = ChangeMonitor(self._detector, self._config.watch)
+            if self._config.relocalization is not None:
+                self._localizer = Localizer(self._new_relocalizer())
+            self._monitor = ChangeMonitor(self._detector, self._config.monitor)
         except BaseException:
             self._store.close()
             raise
-        self._last: RgbdFrame | None = None
+        self._last_frame: RgbdFrame | None = None
 
     def __enter__(self) -> MapKeeper:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._watch.close()
+        self._monitor.close()
         self._store.close()
 
     @property
     def version(self) -> Version:
-        """The newest one."""
+        """Newest version of the map."""
         return self._store.version()
 
     @property
     def gaussian_map(self) -> GaussianMap:
-        """Of the newest version."""
+        """Gaussians of the newest version."""
         return self._map
 
     @property
@@ -127,176 +137,182 @@ class MapKeeper:
         return self._semantics
 
     def watch(self, frame: RgbdFrame) -> None:
-        """Looks for changes in what a robot sees on an errand."""
-        self._watch.offer(frame)
-        self._watch.wait()
+        """Look for changes in a frame, and wait for the result.
 
-    def attend(self, robot: Robot) -> None:
-        """Repairs what is certain to have changed, for which the robot goes there.
+        Args:
+            frame: RGB-D frame that a robot observed.
+        """
+        self._monitor.offer(frame)
+        self._monitor.wait()
+
+    def integrate_reported(self, robot: Robot) -> None:
+        """Integrate the confirmed changes into the map; the robot collects views of them.
 
         Args:
             robot: In the home.
 
         Raises:
-            StoppedError: As `stopping` wished.
-            OSError: Something cannot be written; the map is that of its newest version.
+            StoppedError: A stop was requested.
+            OSError: A file cannot be written; the map is that of its newest version.
         """
-        self._repair(robot, self._reported())
+        self._integrate(robot, self._reported_changes())
 
-    def rounds_of(self, source: str) -> int:
-        """How many rounds of a source of frames are done; those of another one begin anew.
+    def begin_source(self, source: str) -> int:
+        """Continue the rounds of a source of frames; another source starts with its first round.
+
+        Args:
+            source: Name of the source, such as the path of a recording.
+
+        Returns:
+            Number of its complete rounds.
 
         Raises:
             OSError: The state cannot be written.
         """
         if self.state.source != source:
-            self._become(source=source, of_source=0, left=None)
-        return self.state.of_source
+            self._set_state(source=source, source_rounds=0, remaining=None)
+        return self.state.source_rounds
 
     def go_round(self, robot: Robot, viewpoints: Mapping[str, Camera] | None = None) -> None:
-        """Goes on with the round, or begins one, and repairs what changed on the way.
+        """Continue the present round or start a new one, and integrate changes on the way.
 
         Args:
-            robot: In the home.
-            viewpoints: Where to look from, in this order, by name; None means some of those that
-                the map was made from, which show it. Where the robot cannot go now, it does not
-                look.
+            robot: In the home. Viewpoints that it does not reach are skipped.
+            viewpoints: Cameras to visit in this order, by name; None means some training cameras
+                that cover the map.
 
         Raises:
-            StoppedError: As `stopping` wished; the state is that of the last stop.
-            OSError: Something cannot be written; the map is that of its newest version.
+            StoppedError: A stop was requested; the state is that of the last viewpoint.
+            OSError: A file cannot be written; the map is that of its newest version.
         """
-        known = self._cameras if viewpoints is None else viewpoints
+        cameras = self._cameras if viewpoints is None else viewpoints
         if self._localizer is not None:
             robot = LocalizedRobot(robot, self._localizer)
-        self._watch.publish(self._detector)  # What is deferred may be reported again.
-        if self.state.left is None:
-            threads = self._config.update.threads
-            self._become(
-                left=tuple(viewpoints)
-                if viewpoints is not None
-                else stops_of(self._map, known, self._config.stops, threads)
-            )
-        while self.state.left:
-            name = self.state.left[0]
-            self._pause()
-            if name in known and go_to(robot, known[name]):
-                self._tell(name)
-                self._repair(robot, self._seen(robot))
-            self._become(left=self.state.left[1:])
-        # What was deferred and due, and was not seen again, is no more.
-        deferred = tuple(one for one in self.state.deferred if one.until > self.state.round)
-        self._become(
-            left=None,
-            round=self.state.round + 1,
-            of_source=self.state.of_source + 1,
+        self._monitor.publish(self._detector)  # Deferred changes may be reported again.
+        if self.state.remaining is None:
+            self._set_state(remaining=self._plan() if viewpoints is None else tuple(viewpoints))
+        while self.state.remaining:
+            name = self.state.remaining[0]
+            self._stop_if_requested()
+            if name in cameras and go_to(robot, cameras[name]):
+                self._progress(name)
+                self._integrate(robot, self._observe(robot))
+            self._set_state(remaining=self.state.remaining[1:])
+        # A deferred change that was due and was not detected again no longer exists.
+        number = self.state.round
+        deferred = tuple(change for change in self.state.deferred if change.retry_round > number)
+        self._set_state(
+            remaining=None,
+            round=number + 1,
+            source_rounds=self.state.source_rounds + 1,
             deferred=deferred,
         )
 
-    def _seen(self, robot: Robot) -> list[Change]:
-        """Looks until it is certain what has changed."""
-        for _ in range(self._config.looks):
-            frame = robot.observe()
-            if frame is self._last:  # Of a recording, which has no other one.
-                break
-            self._last = frame
-            self.watch(frame)
-            if not self._watch.is_pending:
-                break
-        return self._reported()
+    def _plan(self) -> tuple[str, ...]:
+        threads = self._config.update.threads
+        return plan_viewpoints(self._map, self._cameras, self._config.max_viewpoints, threads)
 
-    def _reported(self) -> list[Change]:
-        """What is certain since it was asked last."""
-        reports = self._watch.poll()
-        replaced = {report.replaces for report in reports}
-        changes = [report.change for report in reports if report.number not in replaced]
+    def _observe(self, robot: Robot) -> list[Change]:
+        """Observe until changes are confirmed or discarded, and return the confirmed ones."""
+        for _ in range(self._config.max_frames):
+            frame = robot.observe()
+            if frame is self._last_frame:  # A recording has no other frame here.
+                break
+            self._last_frame = frame
+            self.watch(frame)
+            if not self._monitor.is_pending:
+                break
+        return self._reported_changes()
+
+    def _reported_changes(self) -> list[Change]:
+        """Return the changes that were confirmed since the last call, without deferred ones."""
+        changes = latest_changes(self._monitor.poll())
         return [change for change in changes if not self._is_deferred(change)]
 
-    def _repair(self, robot: Robot, waiting: list[Change]) -> None:
-        """Works off what waits, the most certain and nearest first."""
+    def _integrate(self, robot: Robot, waiting: list[Change]) -> None:
+        """Integrate changes, the most confident and nearest first."""
         while waiting:
-            self._pause()
-            place = robot.pose()[:2, 3]
-            changes = next_changes(waiting, place)
-            waiting = [one for one in waiting if all(one is not other for other in changes)]
+            self._stop_if_requested()
+            changes = select_changes(waiting, robot.pose()[:2, 3])
+            waiting = [w for w in waiting if all(w is not change for change in changes)]
             for change in changes:
                 x, y, z = change.point
-                self._say(f"{change.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m")
+                self._log(f"{change.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m")
             self._update(robot, changes)
 
     def _update(self, robot: Robot, changes: list[Change]) -> None:
-        """Publishes a version that shows the changes, or defers them."""
+        """Publish a version that shows the changes, or defer them."""
 
-        def tell(stage: str) -> None:
-            self._pause()
-            self._tell(stage)
+        def on_progress(stage: str) -> None:
+            self._stop_if_requested()
+            self._progress(stage)
 
-        config = self._config.update
-        result = update(
+        config, cameras = self._config.update, list(self._cameras.values())
+        result = integrate_changes(
             self._map,
-            list(self._cameras.values()),
+            cameras,
             changes,
             robot,
             config,
             detector=self._detector,
             first_id=self._store.version().next_id,
             semantics=self._semantics,
-            tell=tell,
+            progress=on_progress,
         )
-        version = published(
-            self._store,
-            self._map,
-            self._cameras.values(),
-            result,
-            config,
-            self.state.round,
-            self._semantics,
+        version = publish(
+            self._store, self._map, cameras, result, config, self.state.round, self._semantics
         )
-        self._defer(result)
+        self._defer_rejected(result)
         if version is None:
             return
-        self._say(f"version {version.number}: {version.gaussians} Gaussians")
-        self._map = result.gaussian_map
-        self._cameras |= cameras_of_update(version)
-        self._detector = self._detector_of_map()
-        self._watch.publish(self._detector)
-        if self._localizer is not None:
-            self._localizer.publish(self._relocalizer_of_map())
+        self._log(f"version {version.number}: {version.gaussians} Gaussians")
+        self._use_map(result.gaussian_map, version)
         deferred = tuple(
-            one
-            for one in self.state.deferred
-            if not any(one.is_of(change) for change in result.changes)
+            change
+            for change in self.state.deferred
+            if not any(change.matches(integrated) for integrated in result.changes)
         )
-        self._become(deferred=deferred)
+        self._set_state(deferred=deferred)
 
-    def _defer(self, result: Update) -> None:
-        """What the map does not show is tried again later."""
+    def _use_map(self, gaussian_map: GaussianMap, version: Version) -> None:
+        """Detect and localize with a new version of the map."""
+        self._map = gaussian_map
+        self._cameras |= cameras_of_update(version)
+        self._detector = self._new_detector()
+        self._monitor.publish(self._detector)
+        if self._localizer is not None:
+            self._localizer.publish(self._new_relocalizer())
+
+    def _defer_rejected(self, result: UpdateResult) -> None:
+        """Defer the changes that the map does not show."""
         deferred = self.state.deferred
-        for change, why in result.left:
-            deferred = defer(deferred, change, why, self.state.round)
-            self._say(f"{change.kind} left as it is for now: {why}")
-        if result.left:
-            self._become(deferred=deferred)
+        for change, reason in result.rejected_changes:
+            deferred = defer(deferred, change, reason, self.state.round)
+            self._log(f"{change.kind} deferred: {reason}")
+        if result.rejected_changes:
+            self._set_state(deferred=deferred)
 
     def _is_deferred(self, change: Change) -> bool:
+        number = self.state.round
         return any(
-            one.is_of(change) and one.until > self.state.round for one in self.state.deferred
+            deferred.matches(change) and deferred.retry_round > number
+            for deferred in self.state.deferred
         )
 
-    def _detector_of_map(self) -> ChangeDetector:
+    def _new_detector(self) -> ChangeDetector:
         return ChangeDetector(self._map, self._config.detection, cameras=self._cameras.values())
 
-    def _relocalizer_of_map(self) -> Relocalizer:
+    def _new_relocalizer(self) -> Relocalizer:
         landmarks = require_landmarks(self._folder, self._map)
-        return Relocalizer(self._map, landmarks, self._config.locate)
+        return Relocalizer(self._map, landmarks, self._config.relocalization)
 
-    def _become(self, **changed: object) -> None:
-        """Another state, on the disk before it is believed."""
-        state = LoopState.model_validate({**self.state.model_dump(), **changed})
+    def _set_state(self, **changed: object) -> None:
+        """Change the state, on disk first."""
+        state = KeeperState.model_validate({**self.state.model_dump(), **changed})
         write_state(state, self._folder)
         self.state = state
 
-    def _pause(self) -> None:
-        """A safe point: nothing is half done that anybody would miss."""
-        if self._stopping():
+    def _stop_if_requested(self) -> None:
+        """Raise StoppedError if a stop was requested. Called only between transactions."""
+        if self._should_stop():
             raise StoppedError

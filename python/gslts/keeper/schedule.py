@@ -1,4 +1,4 @@
-"""Which change is looked at next, and which ones have to wait."""
+"""Order in which detected changes are integrated, and changes that are deferred to later rounds."""
 
 from __future__ import annotations
 
@@ -12,25 +12,26 @@ from gslts.change.changes import Change, Kind
 from gslts.types import Floats
 from gslts.update.region import Region, regions_of
 
-TOGETHER_M = 1.0
-"""Changes nearer to each other are repaired by one update: each would see the other one."""
-HALF_M = 2.0
-"""So far away a change counts half as much as here."""
-NEAR_M = 0.3
-"""Within this distance, changes of one kind are the same one."""
-MOST_WAIT = 16
-"""Rounds until a change is tried again, at most."""
+MAX_GROUP_GAP_M = 1.0
+"""Maximum gap between the regions of changes that one update integrates, m. Views of one would also
+show the other."""
+HALF_WORTH_M = 2.0
+"""Distance from the robot at which a change counts half as much, m."""
+SAME_CHANGE_M = 0.3
+"""Maximum distance between two reports of the same change, m."""
+MAX_DELAY_ROUNDS = 16
+"""Maximum delay of a deferred change, rounds. The delay doubles with each attempt."""
 
 
 class DeferredChange(BaseModel):
-    """A change that could not be repaired.
+    """A change that could not be integrated, and is tried again in a later round.
 
     Attributes:
-        kind: Of the change.
-        point: (3,) where it is, in the world, m.
-        reason: Why the map stayed as it was.
-        tries: How often it was tried.
-        until: From this round on it is tried again, if it is still seen.
+        kind: Type of the change.
+        point: (3,) position in the world frame, m.
+        reason: Reason for rejecting the update.
+        attempts: Number of updates that were tried.
+        retry_round: First round in which it is tried again, if it is still detected.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -38,49 +39,74 @@ class DeferredChange(BaseModel):
     kind: Kind
     point: tuple[FiniteFloat, FiniteFloat, FiniteFloat]
     reason: str
-    tries: Annotated[int, Field(ge=1)]
-    until: Annotated[int, Field(ge=0)]
+    attempts: Annotated[int, Field(ge=1)]
+    retry_round: Annotated[int, Field(ge=0)]
 
-    def is_of(self, change: Change) -> bool:
-        """Whether a change is this one."""
-        near = float(np.linalg.norm(change.point - np.array(self.point))) <= NEAR_M
-        return near and change.kind == self.kind
+    def matches(self, change: Change) -> bool:
+        """Return whether a detected change is this one.
+
+        Args:
+            change: As detected.
+        """
+        distance_m = float(np.linalg.norm(change.point - np.array(self.point)))
+        return distance_m <= SAME_CHANGE_M and change.kind == self.kind
 
 
-def next_changes(waiting: Sequence[Change], place: Floats) -> list[Change]:
-    """The change whose turn it is, and those that are repaired together with it.
+def select_changes(waiting: Sequence[Change], position: Floats) -> list[Change]:
+    """Select the most confident and nearest change, and those near it.
 
     Args:
         waiting: At least one.
-        place: (2,) where the robot is, x and y in the world, m.
+        position: (2,) position of the robot, x and y in the world frame, m.
+
+    Returns:
+        Changes that one update integrates.
     """
 
     def worth(change: Change) -> float:
-        return change.confidence / (1 + float(np.linalg.norm(change.point[:2] - place)) / HALF_M)
+        distance_m = float(np.linalg.norm(change.point[:2] - position))
+        return change.confidence / (1 + distance_m / HALF_WORTH_M)
 
     first = max(waiting, key=worth)
-    return [one for one in waiting if one is first or _apart_m(one, first) <= TOGETHER_M]
+    return [
+        change for change in waiting if change is first or _gap_m(change, first) <= MAX_GROUP_GAP_M
+    ]
 
 
 def defer(
-    deferred: Sequence[DeferredChange], change: Change, reason: str, number: int
+    deferred: Sequence[DeferredChange], change: Change, reason: str, number_of_round: int
 ) -> tuple[DeferredChange, ...]:
-    """What is deferred after a change could not be repaired in a round; longer with each try."""
-    tries = 1 + max((one.tries for one in deferred if one.is_of(change)), default=0)
+    """Defer a change.
+
+    Args:
+        deferred: Changes that are deferred already.
+        change: Change that could not be integrated.
+        reason: Reason for rejecting the update.
+        number_of_round: Present round.
+
+    Returns:
+        All deferred changes.
+    """
+    others = tuple(other for other in deferred if not other.matches(change))
+    attempts = 1 + max((other.attempts for other in deferred if other.matches(change)), default=0)
+    delay = min(2 ** (attempts - 1), MAX_DELAY_ROUNDS)
     x, y, z = change.point.tolist()
-    until = number + min(2 ** (tries - 1), MOST_WAIT)
-    new = DeferredChange(kind=change.kind, point=(x, y, z), reason=reason, tries=tries, until=until)
-    return (*(one for one in deferred if not one.is_of(change)), new)
-
-
-def _apart_m(one: Change, other: Change) -> float:
-    """Between the nearest points of what belongs to both, m."""
-    return min(
-        (_gap_m(region, near) for region in regions_of(one) for near in regions_of(other)),
-        default=np.inf,
+    new = DeferredChange(
+        kind=change.kind,
+        point=(x, y, z),
+        reason=reason,
+        attempts=attempts,
+        retry_round=number_of_round + delay,
     )
+    return (*others, new)
 
 
-def _gap_m(one: Region, other: Region) -> float:
-    gap = np.maximum(0, np.maximum(one.low - other.high, other.low - one.high))
+def _gap_m(first: Change, second: Change) -> float:
+    """Return the distance between the nearest regions of two changes, m."""
+    pairs = ((a, b) for a in regions_of(first) for b in regions_of(second))
+    return min((_region_gap_m(a, b) for a, b in pairs), default=np.inf)
+
+
+def _region_gap_m(first: Region, second: Region) -> float:
+    gap = np.maximum(0, np.maximum(first.low - second.high, second.low - first.high))
     return float(np.linalg.norm(gap))

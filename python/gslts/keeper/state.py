@@ -1,4 +1,4 @@
-"""How far a robot has come with its rounds, in a file beside the map."""
+"""Progress of the rounds of a robot, in a file in the folder of the map."""
 
 from __future__ import annotations
 
@@ -9,24 +9,27 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from gslts.io.atomic_files import write_atomic
 from gslts.keeper.schedule import DeferredChange
+from gslts.store.causes import first_problem
 
-STATE = "loop.json"
+STATE = "keeper.json"
+"""File name in the folder of the map."""
 MAX_BYTES = 1 << 26
+"""Bounds the memory for a hostile file."""
 
 
-class LoopState(BaseModel):
-    """Where the robot is, which is all that a run that was killed needs to go on.
+class KeeperState(BaseModel):
+    """Progress of the rounds: all that a killed run needs to continue.
 
-    What it had seen but not repaired is seen again, where it can look once more: of a recording,
-    each frame is looked at once a round.
+    A change that was detected but not integrated is detected again, where the robot can observe it
+    again: of a recording, each frame is processed once per round.
 
     Attributes:
-        round: Number of the round, from 0 on.
-        source: Whose rounds these are, such as those of one recording; "" where nobody tells.
-        of_source: How many rounds of it are done.
-        left: Names of the viewpoints that it has still to go to in this round; None before its
-            start.
-        deferred: Changes that could not be repaired.
+        schema_version: Layout of the file.
+        round: Number of the round, counted from 0.
+        source: Name of the source of frames; "" if unknown.
+        source_rounds: Number of complete rounds of this source.
+        remaining: Viewpoints that are left in this round; None before it starts.
+        deferred: Changes that could not be integrated.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -34,37 +37,45 @@ class LoopState(BaseModel):
     schema_version: Literal[1] = 1
     round: Annotated[int, Field(ge=0)] = 0
     source: str = ""
-    of_source: Annotated[int, Field(ge=0)] = 0
-    left: tuple[str, ...] | None = None
+    source_rounds: Annotated[int, Field(ge=0)] = 0
+    remaining: tuple[str, ...] | None = None
     deferred: tuple[DeferredChange, ...] = ()
 
 
-def read_state(folder: Path) -> LoopState:
-    """The state in the folder of a map; that of a beginning if there is none.
+def read_state(folder: Path) -> KeeperState:
+    """Read the state from the folder of a map.
+
+    Args:
+        folder: Folder of the map.
+
+    Returns:
+        The state; the initial one if there is no file.
 
     Raises:
-        OSError: It cannot be read.
-        ValueError: It is damaged.
+        OSError: The file cannot be read.
+        ValueError: The file is damaged.
     """
     path = folder / STATE
     if not path.exists():
-        return LoopState()
+        return KeeperState()
     with path.open("rb") as file:
         content = file.read(MAX_BYTES)
     try:
-        return LoopState.model_validate_json(content)
+        return KeeperState.model_validate_json(content)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = ".".join(str(part) for part in first["loc"]) or "file"
         raise ValueError(
-            f"{path}: {where}: {first['msg']}; without this file, rounds begin anew"
+            f"{path}: {first_problem(error)}; remove the file to start the rounds anew"
         ) from None
 
 
-def write_state(state: LoopState, folder: Path) -> None:
-    """Writes it, all or nothing.
+def write_state(state: KeeperState, folder: Path) -> None:
+    """Write the state to the folder of a map, atomically.
+
+    Args:
+        state: To write.
+        folder: Folder of the map.
 
     Raises:
-        OSError: It cannot be written.
+        OSError: The file cannot be written.
     """
     write_atomic(folder / STATE, (state.model_dump_json(indent=1) + "\n").encode())

@@ -76,10 +76,10 @@ class Alignment:
 
 def align(
     camera: Camera,
-    rgb: FloatArray,
-    depth: FloatArray,
-    photo: FloatArray,
-    measured: FloatArray,
+    rendered_rgb: FloatArray,
+    rendered_depth: FloatArray,
+    observed_rgb: FloatArray,
+    observed_depth: FloatArray,
     *,
     mask: Bools | None = None,
     exposure: Exposure | None = None,
@@ -93,12 +93,12 @@ def align(
 
     Args:
         camera: Camera of the rendering.
-        rgb: [H,W,3] rendered colours, float32 or float64, as all other images.
-        depth: [H,W] rendered depth, z, m.
-        photo: [H,W,3] observed colours.
-        measured: [H,W] observed depth, m; 0 where there is none.
+        rendered_rgb: [H,W,3] colours, float32 or float64, as all other images.
+        rendered_depth: [H,W] z, m.
+        observed_rgb: [H,W,3] colours of the frame.
+        observed_depth: [H,W] z, m; 0 where there is none.
         mask: [H,W] pixels that count; None means all.
-        exposure: Exposure applied to `rgb` first; None means none.
+        exposure: Exposure applied to `rendered_rgb` first; None means none.
         threads: Number of threads; 0 means one per hardware thread.
 
     Returns:
@@ -109,13 +109,13 @@ def align(
 
     Source: Kerl et al. 2013, Dense Visual SLAM for RGB-D Cameras.
     """
-    function = _core.align_float if rgb.dtype == np.float32 else _core.align_double
+    function = _core.align_float if rendered_rgb.dtype == np.float32 else _core.align_double
     hessian, right, depth_hessian, depth_right = function(
         camera,
-        rgb,
-        depth,
-        photo,
-        measured,
+        rendered_rgb,
+        rendered_depth,
+        observed_rgb,
+        observed_depth,
         mask=mask,
         exposure=Exposure() if exposure is None else exposure,
         threads=threads,
@@ -187,16 +187,17 @@ def align_pose(
     prior = np.full(6, 1e-6) if stds is None else CORRELATED_PIXELS / np.repeat(stds, 3) ** 2
     for frame in frames:
         camera = frame.camera if pose is None else at_pose(frame.camera, pose)
-        photo, measured = frame.rgb.astype(np.float32) / np.float32(255), np.nan_to_num(frame.depth)
+        observed_rgb = frame.rgb.astype(np.float32) / np.float32(255)
+        observed_depth = np.nan_to_num(frame.depth)
         for _ in range(steps):
             images = rasterizer.forward(gaussian_map, camera, options)
-            exposure = fit_exposure(images.rgb, photo, mask=frame.mask, threads=threads)
+            exposure = fit_exposure(images.rgb, observed_rgb, mask=frame.mask, threads=threads)
             alignment = align(
                 camera,
                 images.rgb,
                 images.depth,
-                photo,
-                measured,
+                observed_rgb,
+                observed_depth,
                 mask=frame.mask,
                 exposure=exposure,
                 threads=threads,

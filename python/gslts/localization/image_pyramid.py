@@ -14,7 +14,7 @@ from gslts.types import Bools, Floats32
 
 @dataclass(frozen=True, eq=False)
 class ImagePyramid:
-    """One frame at full size, and halved as long as it stays large enough.
+    """Frame at full size, and halved as long as it stays large enough.
 
     Attributes:
         frames: Registered frames, the finest first.

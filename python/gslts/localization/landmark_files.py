@@ -37,7 +37,9 @@ REPAIR = "copy it from a backup, or make the map again with gslts map"
 """Next step for error messages about a missing or damaged file."""
 
 _DIGEST = re.compile("[0-9a-f]{64}")
+"""A SHA-256 in hexadecimal digits."""
 _ARRAYS = tuple(field.name for field in fields(Landmarks))
+"""Names of the arrays in a file."""
 
 
 def write_landmarks(landmarks: Landmarks, folder: Path) -> str:

@@ -48,13 +48,13 @@ class Localizer:
         """
         self._relocalizer = relocalizer
 
-    def locate(self, frame: RgbdFrame) -> Localization:
+    def localize(self, frame: RgbdFrame) -> Localization:
         """Localize the next frame.
 
         Args:
             frame: Its pose is that of the odometry; without odometry, all frames have the same.
         """
-        found = self._track(frame) or self._relocalizer.locate(frame)
+        found = self._track(frame) or self._relocalizer.localize(frame)
         if found.status == "ok":
             assert found.world_from_camera is not None
             camera_from_odometry = np.linalg.inv(frame.camera.world_from_camera)
@@ -62,17 +62,17 @@ class Localizer:
             self._found_at = frame.camera.world_from_camera[:3, 3]
         return found
 
-    def located(self, frame: RgbdFrame) -> RgbdFrame:
+    def localize_frame(self, frame: RgbdFrame) -> RgbdFrame:
         """Return the next frame at its pose in the map.
 
         Args:
-            frame: As for `locate`.
+            frame: As for `localize`.
 
         Returns:
             The frame at its localized pose. If it is lost or ambiguous, it is at the predicted
             pose, without depth and with a fault, so that nothing is concluded from it.
         """
-        found = self.locate(frame)
+        found = self.localize(frame)
         placed = frame
         if self._world_from_odometry is not None:
             placed = in_world(frame, self._world_from_odometry)

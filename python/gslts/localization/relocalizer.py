@@ -125,7 +125,7 @@ class Relocalizer:
         """The map in which images are localized."""
         return self._map
 
-    def locate(self, frame: RgbdFrame) -> Localization:
+    def localize(self, frame: RgbdFrame) -> Localization:
         """Localize a frame without a prior.
 
         Args:

@@ -1,1 +1,1 @@
-"""The Gaussian Mapping Engine: from posed RGB-D frames to a map."""
+"""Gaussian Mapping Engine: from posed RGB-D frames to a map."""

@@ -1,4 +1,4 @@
-"""How a map is made: settings of the mapping engine."""
+"""Settings of the mapping engine and its presets."""
 
 from __future__ import annotations
 
@@ -8,51 +8,54 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 Share = Annotated[float, Field(ge=0, le=1)]
-LeastOpacity = Annotated[float, Field(ge=0, lt=1)]
+Opacity = Annotated[float, Field(ge=0, lt=1)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Rate = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=0)]
 
 USUAL_EXTENT_M = 2.0
-"""Of the cameras in a room: what lengths and rates of the settings are meant for."""
+"""Extent of the cameras in a room, m, for which lengths and rates of the defaults are chosen; those
+of photographs without a metric scale are multiplied by their extent over this one."""
 
 
 class MappingConfig(BaseModel):
-    """Settings of one run; defaults are those of the preset `balanced`.
+    """Settings of one run of the mapping engine; the defaults are those of the preset `balanced`.
 
     Attributes:
-        iterations: Steps of the optimisation, each with one frame.
-        patience: Share of the schedule in which frames kept aside must gain at full resolution,
-            or it ends; 1 means that it never does before its time.
-        rough_epochs: Visits of each frame before that, at a quarter of the resolution and with
-            Gaussians of twice the size, which only correct poses and lenses.
-        budget_s: Instead of a number of steps, the time for reading, seeding and optimising;
-            comparing sizes and judging come after it. The map is then not the same each time.
-        max_gaussians: No more than so many; None means no limit.
-        voxel_m: Edge of the voxels of which each that was measured twice seeds a Gaussian, m.
-        seed_contrast: Where colours change by less over larger voxels, these have one Gaussian.
-        sh_degree: Of the spherical harmonics, at first.
-        max_sh_degree: Up to which it may rise at the end, where that lowers the held-out error.
-        variant_steps: With which half and double as many Gaussians, and the next SH degree, are
-            refined for comparison; 0 means that they are not tried.
-        coarse_share: Share of the iterations at half the resolution.
-        growth: Share by which Gaussians become more, by splitting where the images want it.
-        fill_holes: Whether Gaussians are put where no depth was measured.
-        refine_poses: Whether poses are corrected along the way.
-        refine_lenses: Whether focal lengths and the place of the depth lens are, too.
-        pose_std_m: How far given positions are expected to be off, m.
-        pose_std_rad: How far given rotations are expected to be off, rad.
-        dssim_weight: Of 1 - SSIM against L1 of the colours.
-        depth_weight: Of the relative error of the depth.
-        opacity_weight: Of 1 - alpha, which closes holes.
-        min_opacity: Fainter Gaussians are removed.
-        max_scale_m: Standard deviations are kept below.
-        means_rate, quats_rate, log_scales_rate, logit_opacities_rate, sh_rate: Of Adam, at the
-            start.
-        means_left: Share of the first rate that is left at the end.
-        rates_left: The same for all others.
-        seed: Of the order of the frames.
-        threads: 0 means one a hardware thread.
+        iterations: Number of optimization steps; each step fits one frame.
+        patience: Share of the schedule in which the validation PSNR must rise at full resolution;
+            otherwise optimization ends early. 1 turns this off.
+        rough_epochs: Epochs of a first optimization of poses and lenses, at a quarter of the
+            resolution and with Gaussians of twice the size.
+        budget_s: Time limit for reading, seeding and optimizing, s; replaces `iterations`. Size
+            comparison and evaluation come on top. The result then depends on the machine.
+        max_gaussians: Maximum number of Gaussians; None means no limit.
+        voxel_m: Edge of the voxels that seed one Gaussian each, m.
+        seed_contrast: Colour contrast (of 1) below which a larger voxel seeds one Gaussian.
+        sh_degree: Degree of the spherical harmonics during optimization.
+        max_sh_degree: Degree up to which harmonics are added at the end, if that raises the
+            validation PSNR.
+        variant_steps: Refinement steps of each variant (half and double the number of Gaussians,
+            next SH degree); 0 turns the comparison off.
+        coarse_share: Share of the schedule at half resolution.
+        growth: Relative growth of the number of Gaussians by splitting.
+        fill_holes: Whether Gaussians are added where no depth was measured.
+        refine_poses: Whether camera poses are refined.
+        refine_lenses: Whether focal lengths, principal point and the pose of the depth lens are
+            refined.
+        pose_std_m: Prior standard deviation of the given camera positions, m.
+        pose_std_rad: Prior standard deviation of the given rotations, rad.
+        dssim_weight: Weight of 1 - SSIM against L1 of the colours.
+        depth_weight: Weight of the relative depth error.
+        opacity_weight: Weight of 1 - alpha, which closes holes.
+        min_opacity: Gaussians with a lower opacity are pruned.
+        max_scale_m: Maximum standard deviation of a Gaussian, m.
+        means_rate, quats_rate, log_scales_rate, logit_opacities_rate, sh_rate: Learning rates of
+            Adam at the start.
+        means_left: Share of means_rate that is left at the end (exponential decay).
+        rates_left: The same share for all other rates.
+        seed: Seed of the order of the frames and of random backgrounds.
+        threads: Number of threads; 0 means all.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -77,7 +80,7 @@ class MappingConfig(BaseModel):
     dssim_weight: Share = 0.2
     depth_weight: Rate = 0.5
     opacity_weight: Rate = 0.01
-    min_opacity: LeastOpacity = 0.02
+    min_opacity: Opacity = 0.02
     max_scale_m: Positive = 0.3
     means_rate: Rate = 2e-3
     quats_rate: Rate = 3e-2
@@ -90,15 +93,14 @@ class MappingConfig(BaseModel):
     threads: Count = 0
 
     def for_photographs(self, extent_m: float) -> MappingConfig:
-        """The settings where no depth says where surfaces are, nor how long a metre is.
+        """Return settings for images without depth, which have no metric scale either.
 
-        Gaussians must travel farther and keep their shape longer, and what hangs in the air is
-        faint. Poses are those of structure from motion, better than a young map could tell, and
-        there is no depth lens.
+        Gaussians must move farther and should keep their shape longer, and floaters are faint.
+        Poses are kept: those of structure from motion are better than an early map can refine.
 
         Args:
-            extent_m: Of the cameras, in the unit of their poses; lengths go by it (Kerbl et al.
-                2023 scale the rate of the means by it).
+            extent_m: Extent of the cameras, in the unit of their poses; scales all lengths (Kerbl
+                et al. 2023 scale the rate of the means by it).
         """
         size = extent_m / USUAL_EXTENT_M
         return self.model_copy(
@@ -116,10 +118,13 @@ class MappingConfig(BaseModel):
         )
 
     def with_settings(self, settings: Sequence[str]) -> MappingConfig:
-        """Other values for some settings, such as "voxel_m=0.02".
+        """Return a copy with other values.
+
+        Args:
+            settings: Each NAME=VALUE, such as "voxel_m=0.02".
 
         Raises:
-            ValueError: There is no such setting, or the value is none for it.
+            ValueError: A name is unknown or a value is out of range.
         """
         values = self.model_dump()
         for setting in settings:
@@ -134,7 +139,11 @@ class MappingConfig(BaseModel):
             raise ValueError(f"{first['loc'][0]}={first['input']}: {first['msg']}") from None
 
     def same_map(self, other: MappingConfig) -> bool:
-        """Whether both make the same map of the same frames."""
+        """Return whether both make the same map of the same frames.
+
+        Args:
+            other: Settings to compare with; the number of threads does not matter.
+        """
         return self == other.model_copy(update={"threads": self.threads})
 
 
@@ -150,4 +159,5 @@ PRESETS = {
     "balanced": MappingConfig(),
     "best": MappingConfig(iterations=20_000, coarse_share=0.65, variant_steps=300),
 }
-"""Speed against accuracy, in three steps."""
+"""Speed against accuracy, in three steps. `fast` takes larger Gaussians and half the steps,
+`best` 2.5 times the steps."""

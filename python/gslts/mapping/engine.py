@@ -1,4 +1,8 @@
-"""The way from a data set to a map: read, find poses and lenses, seed, optimise, judge."""
+"""Mapping engine: from a data set to a map, in the stages read, initialize, optimize, evaluate.
+
+Training frames make the map. Validation frames end the optimization early and choose the degree of
+the spherical harmonics. The quality that is reported is that of the test frames alone.
+"""
 
 from __future__ import annotations
 
@@ -10,49 +14,53 @@ from gslts.datasets import Dataset
 from gslts.mapping.checkpoint import Checkpoint
 from gslts.mapping.clock import Clock
 from gslts.mapping.config import MappingConfig
-from gslts.mapping.density.control import greatest_weights
+from gslts.mapping.density.control import max_weights
 from gslts.mapping.evaluation.evaluate import (
-    HeldOut,
+    HeldOutQuality,
     evaluate,
     evaluate_held_out,
-    near_by,
     refine_pose,
 )
-from gslts.mapping.evaluation.variants import Variant, chosen_of, variants_of
-from gslts.mapping.frames import ShowFrames, Visit, every_eighth
-from gslts.mapping.initialize import Start, start_of
+from gslts.mapping.evaluation.variants import Variant, choose_variant, make_variants
+from gslts.mapping.frames import FrameSplit, ShowFrames, split_held_out
+from gslts.mapping.initialize import Start, initialize
 from gslts.mapping.lenses import Lenses
 from gslts.mapping.observation import Observation
 from gslts.mapping.optimize import Optimizer, Progress, Schedule
 from gslts.mapping.report.data import CurvePoint
 
-JUDGED_TIMES = 20
-"""How often in the course of the optimisation the frames kept aside are looked at."""
-LEAST_GAIN_DB = 0.02
-"""What frames kept aside must gain, or the optimisation ends; see `MappingConfig.patience`."""
+VALIDATIONS = 20
+"""Number of validations in the course of the optimization. Each costs one rendering per validation
+frame at half resolution; more would end the optimization more exactly."""
+MIN_GAIN_DB = 0.02
+"""Validation PSNR that must be gained for the optimization to go on; see `MappingConfig.patience`.
+Repeated validations of a converged map differ by less."""
 SAVE_EVERY_S = 20.0
-"""So much work is lost at most if the machine stops."""
-NOISE = 0.02
-"""Of a camera's colours, of 1: a Gaussian that never has a greater share in a pixel goes."""
+"""Interval of checkpoints, s: the most work that a crash loses."""
+MIN_WEIGHT = 0.02
+"""Gaussians whose blending weight is lower in every pixel of all training frames are pruned: they
+change colours by less than the noise of a camera."""
 
 ShowProgress = Callable[[Progress], None]
 
 
 @dataclass(frozen=True, eq=False)
 class MappingResult:
-    """A map, and what was found out on the way.
+    """A map, and the record of how it was made.
 
     Attributes:
-        config: What it was made with: the settings that fit these frames.
+        config: Settings as adapted to the data set.
         gaussian_map: float32.
-        training: The frames learned from, by name.
-        held_out: Those kept aside, by name, at refined poses.
-        quality: Judged by those.
-        given_lenses: Of the data set.
-        curve: Of the optimisation.
-        variants: The map and others, such as with half as many Gaussians.
-        seeds: Gaussians at its start.
-        seconds: By stage.
+        training: Training frames by name, at refined poses.
+        held_out: Validation and test frames by name, at poses refined against the map.
+        validation: Names of the frames that ended the optimization and chose the variant.
+        test: Names of the frames that `quality` is measured on.
+        quality: Quality on the test frames.
+        given_lenses: Lenses by the data set.
+        curve: One point per epoch of the optimization.
+        variants: The map itself, with other numbers of Gaussians and of the next SH degree.
+        seeds: Number of Gaussians at the start.
+        seconds: Time by stage, s.
         skipped: Frames that could not be used, and why.
     """
 
@@ -60,7 +68,9 @@ class MappingResult:
     gaussian_map: GaussianMap
     training: dict[str, Observation]
     held_out: dict[str, Observation]
-    quality: HeldOut
+    validation: tuple[str, ...]
+    test: tuple[str, ...]
+    quality: HeldOutQuality
     given_lenses: Lenses
     curve: tuple[CurvePoint, ...]
     variants: tuple[Variant, ...]
@@ -70,8 +80,8 @@ class MappingResult:
 
     @property
     def used_s(self) -> float:
-        """Seconds that making it took, without the judging."""
-        return sum(seconds for stage, seconds in self.seconds.items() if stage != "judging")
+        """Time without the evaluation, s."""
+        return sum(seconds for stage, seconds in self.seconds.items() if stage != "evaluation")
 
 
 def make_map(
@@ -83,88 +93,115 @@ def make_map(
     show_frames: ShowFrames = iter,
     report: ShowProgress = lambda _: None,
 ) -> MappingResult:
-    """Makes a map of a data set; the same for any number of threads.
+    """Make a map of a data set; bit-identical for any number of threads.
+
+    Every 8th frame is held out from training: alternately for test and for validation.
 
     Args:
-        dataset: At least ten frames, two of which judge.
+        dataset: At least ten frames: eight for training, one each for validation and test.
         config: Settings.
-        resume: Where an earlier run of the same data set stopped; without a budget in seconds, the
+        resume: Checkpoint of an interrupted run of the same data set; without a time budget, the
             map becomes what it would have become.
-        save: Is given a checkpoint now and then.
-        show_frames: Shows how far the reading is.
-        report: Is told after each step of the optimisation.
+        save: Called with a checkpoint every `SAVE_EVERY_S`.
+        show_frames: Shows the progress of reading.
+        report: Called after each step of the optimization.
 
     Raises:
         ValueError: Too few frames can be read, no surface was measured by two of them, or the
-            checkpoint is not of this data set or not of these settings.
+            checkpoint is of another data set or of other settings.
     """
     clock = Clock(config.budget_s, {} if resume is None else resume.seconds)
-    visit = Visit.of(dataset, lambda frame: Observation.of(frame.read()), every_eighth, show_frames)
-    observations = list(visit.training.values())
+    split = FrameSplit.read(
+        dataset, lambda frame: Observation.of(frame.read()), split_held_out, show_frames
+    )
+    observations = list(split.training.values())
     given = observations[0].lenses
-    config = _fitting(config, visit, given)
+    config = _adapt(config, split, given)
     clock.note("reading")
     if resume is None:
-        start, curve = start_of(dataset, observations, config, clock), []
+        start, curve = initialize(dataset, observations, config, clock), []
     else:
-        start, curve = _resumed(resume, dataset, visit, config), list(resume.curve)
+        start, curve = _resume(resume, dataset, split, config), list(resume.curve)
     optimizer = _optimizer(start, observations, given, config, clock)
     if resume is not None:
         resume.restore_optimizer(optimizer)
-    while optimizer.share < 1 and not _settled(curve, config.patience):
-        curve.append(_epoch(optimizer, visit, curve, clock, report))
-        if save is not None and clock.since_saved_s() > SAVE_EVERY_S:
-            stages = clock.with_current("optimising")
-            names = (*visit.training, *visit.held_out)
-            save(Checkpoint.of(optimizer, config, names, tuple(curve), start.seeds, stages))
-            clock.saved()
+    while optimizer.share < 1 and not has_converged(curve, config.patience):
+        curve.append(_run_epoch(optimizer, split, curve, clock, report))
+        if save is not None and clock.since_checkpoint_s() > SAVE_EVERY_S:
+            stages = clock.with_current("optimization")
+            save(Checkpoint.of(optimizer, config, split.names, tuple(curve), start.seeds, stages))
+            clock.note_checkpoint()
     gaussian_map = optimizer.adam.map
-    weights = greatest_weights(gaussian_map, observations, config.threads)
-    gaussian_map = gaussian_map.select(weights > NOISE)
-    clock.note("optimising")
+    weights = max_weights(gaussian_map, observations, config.threads)
+    gaussian_map = gaussian_map.select(weights > MIN_WEIGHT)
+    clock.note("optimization")
+    return _evaluated(gaussian_map, config, split, given, curve, start.seeds, clock)
+
+
+def _evaluated(
+    gaussian_map: GaussianMap,
+    config: MappingConfig,
+    split: FrameSplit,
+    given: Lenses,
+    curve: Sequence[CurvePoint],
+    seeds: int,
+    clock: Clock,
+) -> MappingResult:
+    """Choose the variant by the validation frames, and measure the quality on the test frames."""
     variants: list[Variant] = []
     if config.variant_steps > 0:
-        near = _near(visit)
-        fitted = [refine_pose(gaussian_map, one, config.threads) for one in near]
-        variants = variants_of(gaussian_map, observations, fitted, config)
-        gaussian_map = chosen_of(variants).gaussian_map
-        clock.note("comparing sizes")
-    quality, refined = evaluate_held_out(
-        gaussian_map, list(visit.held_out.values()), visit.neighbours, config.threads
-    )
-    clock.note("judging")
+        validation = _refined_validation(gaussian_map, split, config)
+        observations = list(split.training.values())
+        variants = make_variants(gaussian_map, observations, list(validation.values()), config)
+        gaussian_map = choose_variant(variants).gaussian_map
+        clock.note("variants")
+    quality, test = evaluate_held_out(gaussian_map, split.test, config.threads)
+    refined = {**test, **_refined_validation(gaussian_map, split, config)}
+    clock.note("evaluation")
     return MappingResult(
         config=config,
         gaussian_map=gaussian_map,
-        training=dict(visit.training),
-        held_out=dict(zip(visit.held_out, refined, strict=True)),
+        training=dict(split.training),
+        held_out={name: refined[name] for name in split.names if name in refined},
+        validation=tuple(split.validation.observations),
+        test=tuple(test),
         quality=quality,
         given_lenses=given,
         curve=tuple(curve),
         variants=tuple(variants),
-        seeds=start.seeds,
+        seeds=seeds,
         seconds=clock.stages,
-        skipped=visit.skipped,
+        skipped=split.skipped,
     )
 
 
-def _fitting(config: MappingConfig, visit: Visit, given: Lenses) -> MappingConfig:
-    """Only what can be found out from these frames."""
-    frames = [*visit.training.values(), *visit.held_out.values()]
-    if not all(one.lenses.alike(given) for one in frames):
-        # Each sensor would have to be corrected by itself, from a part of the frames.
+def _refined_validation(
+    gaussian_map: GaussianMap, split: FrameSplit, config: MappingConfig
+) -> dict[str, Observation]:
+    starts = split.validation.by_neighbours()
+    refined = [refine_pose(gaussian_map, frame, config.threads) for frame in starts]
+    return dict(zip(split.validation.observations, refined, strict=True))
+
+
+def _adapt(config: MappingConfig, split: FrameSplit, given: Lenses) -> MappingConfig:
+    """Turn off what these frames do not determine."""
+    frames = [*split.training.values(), *split.held_out]
+    if not all(frame.lenses.is_close(given) for frame in frames):
+        # Each sensor would have to be refined by itself, from a part of the frames.
         config = config.model_copy(update={"refine_lenses": False})
-    return config if visit.has_depth else config.for_photographs(visit.extent_m)
+    return config if split.has_depth else config.for_photographs(split.extent_m)
 
 
-def _resumed(resume: Checkpoint, dataset: Dataset, visit: Visit, config: MappingConfig) -> Start:
-    same_frames = resume.frames == (*visit.training, *visit.held_out)
+def _resume(
+    resume: Checkpoint, dataset: Dataset, split: FrameSplit, config: MappingConfig
+) -> Start:
+    same_frames = resume.frames == split.names
     if not same_frames or not resume.config.same_map(config):
         what = "settings" if same_frames else "frames"
         raise ValueError(f"{dataset.name}: the checkpoint is of other {what}")
-    resume.restore_observations(list(visit.training.values()))
+    resume.restore_observations(list(split.training.values()))
     if config.refine_lenses:
-        _follow(visit.held_out.values(), resume.lenses)
+        _set_lenses(split.held_out, resume.lenses)
     return Start(resume.gaussian_map, resume.seeds, resume.pose_stds)
 
 
@@ -176,15 +213,15 @@ def _optimizer(
     clock: Clock,
 ) -> Optimizer:
     levels = ((config.coarse_share, 1), (float("inf"), 0))
-    schedule = Schedule(config.iterations, levels, clock.times_s("optimising"))
+    schedule = Schedule(config.iterations, levels, clock.times_s("optimization"))
     found = {"pose_std_m": start.pose_stds[0], "pose_std_rad": start.pose_stds[1]}
     config = config.model_copy(update=found)
     return Optimizer(start.gaussian_map, observations, given, config, schedule)
 
 
-def _epoch(
+def _run_epoch(
     optimizer: Optimizer,
-    visit: Visit,
+    split: FrameSplit,
     curve: Sequence[CurvePoint],
     clock: Clock,
     report: ShowProgress,
@@ -198,37 +235,37 @@ def _epoch(
     optimizer.run_epoch(watch)
     config = optimizer.config
     if config.refine_lenses:
-        _follow(visit.held_out.values(), optimizer.observations[0].lenses)
-    held_out_db = None
-    if optimizer.share >= sum(p.held_out_psnr_db is not None for p in curve) / JUDGED_TIMES:
-        held_out_db = evaluate(optimizer.adam.map, _near(visit), config.threads, level=1).psnr_db
+        _set_lenses(split.held_out, optimizer.observations[0].lenses)
+    validation_db = None
+    if optimizer.share >= sum(p.validation_psnr_db is not None for p in curve) / VALIDATIONS:
+        frames = split.validation.by_neighbours()
+        validation_db = evaluate(optimizer.adam.map, frames, config.threads, level=1).psnr_db
     return CurvePoint(
         seconds=clock.seconds(),
         iteration=optimizer.iteration,
         level=optimizer.schedule.level(optimizer.share),
         training_psnr_db=sum(psnrs_db) / max(1, len(psnrs_db)),
-        held_out_psnr_db=held_out_db,
+        validation_psnr_db=validation_db,
         gaussians=optimizer.adam.map.size,
     )
 
 
-def _settled(curve: Sequence[CurvePoint], patience: float) -> bool:
-    """Whether frames kept aside no longer gain, at the full resolution."""
-    looks = max(1, round(patience * JUDGED_TIMES))
-    looks_db = [
-        p.held_out_psnr_db for p in curve if p.level == 0 and p.held_out_psnr_db is not None
+def has_converged(curve: Sequence[CurvePoint], patience: float) -> bool:
+    """Return whether the validation PSNR stopped rising at full resolution.
+
+    Args:
+        curve: Points of the optimization so far.
+        patience: Share of the schedule in which it must rise by `MIN_GAIN_DB`.
+    """
+    count = max(1, round(patience * VALIDATIONS))
+    psnrs_db = [
+        p.validation_psnr_db for p in curve if p.level == 0 and p.validation_psnr_db is not None
     ]
-    if len(looks_db) <= looks:
+    if len(psnrs_db) <= count:
         return False
-    return max(looks_db[-looks:]) < max(looks_db[:-looks]) + LEAST_GAIN_DB
+    return max(psnrs_db[-count:]) < max(psnrs_db[:-count]) + MIN_GAIN_DB
 
 
-def _near(visit: Visit) -> list[Observation]:
-    """Frames kept aside, where their neighbours say that they were taken."""
-    return [near_by(*pair) for pair in zip(visit.held_out.values(), visit.neighbours, strict=True)]
-
-
-def _follow(held_out: Iterable[Observation], lenses: Lenses) -> None:
-    """Gives frames of the same sensor its corrected lenses."""
-    for one in held_out:
-        one.set_lenses(lenses)
+def _set_lenses(frames: Iterable[Observation], lenses: Lenses) -> None:
+    for frame in frames:
+        frame.set_lenses(lenses)

@@ -1,4 +1,8 @@
-"""The frames of a data set, read: those that a map learns from, and those that judge it."""
+"""Frames of a data set in memory, split into training, validation and test frames.
+
+Training frames make the map. Validation frames end the optimization early and choose between
+variants (see `gslts.mapping.engine`). Test frames do neither: only they are reported.
+"""
 
 from __future__ import annotations
 
@@ -8,109 +12,171 @@ from itertools import pairwise
 
 import numpy as np
 
+from gslts.core.se3 import se3_retract, twist_of
 from gslts.datasets import Dataset, Frame
 from gslts.mapping.config import USUAL_EXTENT_M
 from gslts.mapping.memory import free_memory_bytes
 from gslts.mapping.observation import BYTES_PER_PIXEL, Observation
 
 HELD_OUT_EVERY = 8
-"""Every eighth frame judges the map and is not learned from."""
-MOST_BAD_SHARE = 0.2
-"""With more unreadable frames, something is wrong with the data set and not with a frame."""
+"""Every 8th frame is held out from training, as usual for 3DGS (Kerbl et al. 2023)."""
+MIN_TRAINING_FRAMES = 8
+"""Fewer training frames make no map worth an evaluation."""
+MAX_BAD_SHARE = 0.2
+"""Maximum share of unusable frames; with more, the data set as a whole is at fault."""
 
 ShowFrames = Callable[[Sequence[Frame]], Iterable[Frame]]
+Split = Callable[[Sequence[str]], tuple[Sequence[int], Sequence[int]]]
+"""Chooses validation and test frames: indices of both into the names of all usable frames."""
 
 
 @dataclass(frozen=True, eq=False)
-class Visit:
-    """Frames of one data set in their order, by name.
+class HeldOutFrames:
+    """Frames that a map was not trained on, of one purpose: validation or test.
 
     Attributes:
-        training: To learn from.
-        held_out: To judge by.
-        neighbours: For each of these, those of `training` right before and after it.
+        observations: By name, in the order of the data set.
+        neighbours: For each of them, the training frames right before and after it.
+    """
+
+    observations: Mapping[str, Observation]
+    neighbours: Sequence[Sequence[Observation]]
+
+    def by_neighbours(self) -> list[Observation]:
+        """Return the frames that have neighbours, their given poses corrected as those were.
+
+        This corrects the pose without any pixel of the frame itself.
+        """
+        corrected = []
+        for observation, neighbours in zip(
+            self.observations.values(), self.neighbours, strict=True
+        ):
+            if neighbours:
+                twist = np.mean([twist_of(near.correction) for near in neighbours], axis=0)
+                corrected.append(observation.at_pose(se3_retract(observation.given_pose, twist)))
+        return corrected
+
+
+@dataclass(frozen=True, eq=False)
+class FrameSplit:
+    """Usable frames of one data set by purpose.
+
+    Attributes:
+        names: All frames in the order of the data set.
+        training: Frames to train on, by name, in that order.
+        validation: Frames that end the optimization and choose between variants.
+        test: Frames to report on.
         skipped: Frames that cannot be used, and why.
     """
 
+    names: tuple[str, ...]
     training: Mapping[str, Observation]
-    held_out: Mapping[str, Observation]
-    neighbours: Sequence[Sequence[Observation]]
+    validation: HeldOutFrames
+    test: HeldOutFrames
     skipped: tuple[str, ...]
 
     @classmethod
-    def of(
+    def read(
         cls,
         dataset: Dataset,
         observe: Callable[[Frame], Observation],
-        judging: Callable[[Sequence[str]], Iterable[int]],
+        split: Split,
         show_frames: ShowFrames = iter,
-    ) -> Visit:
-        """Reads all frames.
+    ) -> FrameSplit:
+        """Read all frames of a data set.
 
         Args:
-            dataset: Where they are.
-            observe: Reads one.
-            judging: Which of them are held out, given their names.
-            show_frames: Shows how far the reading is.
+            dataset: Data set to read.
+            observe: Reads one frame.
+            split: Chooses validation and test frames; all others are training frames.
+            show_frames: Shows the progress of reading.
 
         Raises:
-            ValueError: Too many frames cannot be used, those that are left are too few, or there is
-                no memory for them.
+            ValueError: Too many frames cannot be used, too few are left, or memory is too small.
         """
         require_memory(dataset.name, dataset.frames)
-        frames, bad = usable(dataset, observe, show_frames)
+        frames, bad = read_usable(dataset, observe, show_frames)
         names = list(frames)
-        aside = [names[k] for k in judging(names)]
-        training = {name: one for name, one in frames.items() if name not in set(aside)}
-        if len(training) < HELD_OUT_EVERY:
+        validation, test = ([names[k] for k in rows] for rows in split(names))
+        held_out = {*validation, *test}
+        training = {name: frame for name, frame in frames.items() if name not in held_out}
+        if len(training) < MIN_TRAINING_FRAMES:
             why = f"; {bad[0]}" if bad else ""
             raise ValueError(
-                f"{dataset.name}: {len(frames)} frames are too few to make and judge a map{why}"
+                f"{dataset.name}: {len(frames)} frames are too few to make and test a map{why}"
             )
-        after = dict(pairwise(names))
-        before = {b: a for a, b in pairwise(names)}
-        return cls(
-            training=training,
-            held_out={name: frames[name] for name in aside},
-            neighbours=[
-                [
-                    training[near]
-                    for near in (before.get(name), after.get(name))
-                    if near is not None and near in training
-                ]
-                for name in aside
-            ],
-            skipped=bad,
-        )
+        beside = neighbours_of(names)
+
+        def held(chosen: Sequence[str]) -> HeldOutFrames:
+            return HeldOutFrames(
+                {name: frames[name] for name in chosen},
+                [[training[near] for near in beside[name] if near in training] for name in chosen],
+            )
+
+        return cls(tuple(names), training, held(validation), held(test), bad)
+
+    @property
+    def held_out(self) -> list[Observation]:
+        """Validation and test frames."""
+        return [*self.validation.observations.values(), *self.test.observations.values()]
 
     @property
     def has_depth(self) -> bool:
-        """Whether any frame to learn from measured some."""
-        return any(one.measured[0].any() for one in self.training.values())
+        """True if any training frame has measured depth."""
+        return any(frame.has_depth for frame in self.training.values())
 
     @property
     def extent_m(self) -> float:
-        """How far cameras are from their middle at most, with a tenth more, as in 3DGS; above 0."""
-        centres = np.array([one.given_pose[:3, 3] for one in self.training.values()])
+        """Radius of the training cameras around their mean plus a tenth, as in 3DGS; above 0."""
+        centres = np.array([frame.given_pose[:3, 3] for frame in self.training.values()])
         farthest_m = float(np.linalg.norm(centres - centres.mean(axis=0), axis=1).max())
         return 1.1 * farthest_m or USUAL_EXTENT_M
 
 
-def usable(
-    dataset: Dataset, observe: Callable[[Frame], Observation], show_frames: ShowFrames = iter
-) -> tuple[dict[str, Observation], tuple[str, ...]]:
-    """Reads all frames.
+def split_held_out(names: Sequence[str]) -> tuple[range, range]:
+    """Hold out every 8th frame: alternately for test and for validation.
 
     Args:
-        dataset: Where they are.
-        observe: Reads one.
-        show_frames: Shows how far the reading is.
+        names: Usable frames in the order of the data set.
 
     Returns:
-        Those that can be used, by name, and why others cannot.
+        Indices of the validation frames and of the test frames.
+    """
+    held_out = range(0, len(names), HELD_OUT_EVERY)
+    return held_out[1::2], held_out[::2]
+
+
+def neighbours_of(names: Sequence[str]) -> dict[str, list[str]]:
+    """Return the names before and after each name.
+
+    Args:
+        names: Frames in the order of the data set.
+    """
+    beside: dict[str, list[str]] = {name: [] for name in names}
+    for before, after in pairwise(names):
+        beside[before].append(after)
+        beside[after].append(before)
+    return beside
+
+
+def read_usable(
+    dataset: Dataset, observe: Callable[[Frame], Observation], show_frames: ShowFrames = iter
+) -> tuple[dict[str, Observation], tuple[str, ...]]:
+    """Read all frames that can be used.
+
+    A frame is left out if it cannot be read, if another frame has its name, or if it has no depth
+    in a data set where nearly all frames have some.
+
+    Args:
+        dataset: Data set to read.
+        observe: Reads one frame.
+        show_frames: Shows the progress of reading.
+
+    Returns:
+        Usable frames by name, and for the others the reason.
 
     Raises:
-        ValueError: The others are too many.
+        ValueError: Too many frames cannot be used.
     """
     frames: dict[str, Observation] = {}
     bad = list(dataset.skipped)
@@ -122,24 +188,28 @@ def usable(
         except (OSError, ValueError) as error:
             bad.append(f"{frame.name}: {error}")
     total = len(dataset.frames) + len(dataset.skipped)
-    if len(bad) > MOST_BAD_SHARE * total:
+    if len(bad) > MAX_BAD_SHARE * total:
         raise ValueError(
             f"{dataset.name}: {len(bad)} of {total} frames cannot be used, such as {bad[0]}"
         )
-    blind = [name for name, one in frames.items() if not one.measured[0].any()]
-    # Where many are without depth, the rest of them is worth more than nothing.
-    if len(bad) + len(blind) <= MOST_BAD_SHARE * total:
-        for name in blind:
+    without_depth = [name for name, frame in frames.items() if not frame.has_depth]
+    # If many frames have no depth, their colours are worth more than nothing.
+    if len(bad) + len(without_depth) <= MAX_BAD_SHARE * total:
+        for name in without_depth:
             bad.append(f"{name}: depth is measured nowhere")
             del frames[name]
     return frames, tuple(bad)
 
 
 def require_memory(dataset: str, frames: Sequence[Frame]) -> None:
-    """Better to say so at once than to be killed in the middle.
+    """Check that all frames fit into memory, before any is read.
+
+    Args:
+        dataset: Name of the data set, for the message.
+        frames: Frames to be kept in memory.
 
     Raises:
-        ValueError: There is not enough to keep all frames in it.
+        ValueError: They do not fit.
     """
     sizes = (frame.camera.width * frame.camera.height for frame in frames)
     needed, free = BYTES_PER_PIXEL * sum(sizes), free_memory_bytes()
@@ -148,8 +218,3 @@ def require_memory(dataset: str, frames: Sequence[Frame]) -> None:
             f"{dataset}: {len(frames)} frames take {needed / 2**30:.1f} GiB of memory "
             f"and {free / 2**30:.1f} are free: take fewer, such as one in {-(-needed // free)}"
         )
-
-
-def every_eighth(names: Sequence[str]) -> range:
-    """Which frames judge a map that is made."""
-    return range(0, len(names), HELD_OUT_EVERY)

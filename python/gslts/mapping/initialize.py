@@ -1,4 +1,4 @@
-"""Where the optimisation starts: rough poses, the trust in given ones, the first Gaussians."""
+"""Initialization of the optimization: rough poses, their uncertainty, and the first Gaussians."""
 
 from __future__ import annotations
 
@@ -18,32 +18,35 @@ from gslts.mapping.observation import LEVELS, Observation
 from gslts.mapping.optimize import Optimizer, Schedule
 from gslts.mapping.seeding.depth_seeds import seed_from_depth
 from gslts.mapping.seeding.point_seeds import random_points_in_view, seed_from_points
-from gslts.mapping.seeding.triangulate import triangulated
+from gslts.mapping.seeding.triangulate import triangulate
 from gslts.types import Floats
 
 ROUGH_WIDTH_PX = 160
-"""Rough poses are found in images of at least this width."""
-ROUGH_BUDGET = 0.2
-"""Share of the time that is left which rough poses may take."""
-AVERAGED = 12.0
-"""So many more facts about the map are the poses of frames whose errors are their own."""
-LEAST_POINTS, RANDOM_POINTS = 100, 30_000
-"""With fewer points, photographs without depth start from so many random ones."""
+"""Minimum width of the images in which rough poses are found, px: the coarsest level that is not
+narrower is used."""
+ROUGH_BUDGET_SHARE = 0.2
+"""Share of the remaining time budget that rough poses may take."""
+AVERAGED_FRAMES = 12.0
+"""Number of frames over which independent pose errors average out in the map: the weight of given
+poses grows by it where neighbouring errors are uncorrelated."""
+MIN_POINTS, RANDOM_POINTS = 100, 30_000
+"""Minimum number of triangulated points of images without depth, and number of random points that
+replace them otherwise."""
 FAR_M = 1000.0
-"""Maps of cameras that are farther from the world's origin get one of their own: float32 resolves
-0.1 mm there."""
-LEAST_POSE_STD_M, LEAST_POSE_STD_RAD = 0.001, 0.0005
-"""No pose is better known than this."""
+"""Distance of the cameras from the world's origin, m, beyond which a map gets an origin of its own:
+float32 resolves 0.1 mm there."""
+MIN_POSE_STD_M, MIN_POSE_STD_RAD = 0.001, 0.0005
+"""Minimum standard deviation of given poses, m and rad: keeps the prior finite for exact poses."""
 
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """What the optimisation starts from.
+    """Initial state of the optimization.
 
     Attributes:
         gaussian_map: float32.
-        seeds: Gaussians at the very start.
-        pose_stds: How far given poses are off, m and rad.
+        seeds: Number of its Gaussians; a checkpoint keeps it while the map grows.
+        pose_stds: Standard deviations of the given poses, m and rad.
     """
 
     gaussian_map: GaussianMap
@@ -51,22 +54,25 @@ class Start:
     pose_stds: tuple[float, float]
 
 
-def start_of(
+def initialize(
     dataset: Dataset, observations: Sequence[Observation], config: MappingConfig, clock: Clock
 ) -> Start:
-    """Corrects poses and lenses roughly, and seeds Gaussians where surfaces were measured.
+    """Refine poses and lenses roughly, and seed Gaussians on measured surfaces.
+
+    Without depth, Gaussians are seeded at the points of the data set, or at triangulated or random
+    points.
 
     Args:
-        dataset: Its points are taken if it has no depth; else they are triangulated, or random.
-        observations: Frames to learn from; those of one sensor share their lenses.
+        dataset: Data set of the frames.
+        observations: Training frames; poses and lenses are refined in place.
         config: Settings.
-        clock: Is told how long it took.
+        clock: Notes the stages.
 
     Raises:
         ValueError: No surface was measured by two frames.
     """
     if config.refine_poses and config.rough_epochs > 0:
-        _find_rough_poses(observations, config, clock)
+        _refine_roughly(observations, config, clock)
         clock.note("rough poses")
     start = _first_gaussians(dataset, observations, config)
     clock.note("seeding")
@@ -78,41 +84,41 @@ def _first_gaussians(
 ) -> GaussianMap:
     origin = _origin(observations)
     frames = _frames(observations, origin)
-    if any(one.measured[0].any() for one in observations):
+    if any(observation.has_depth for observation in observations):
         seeds = seed_from_depth(
             frames,
             config.voxel_m,
             config.seed_contrast,
             sh_degree=config.sh_degree,
-            most=config.max_gaussians,
+            max_gaussians=config.max_gaussians,
         )
         return replace(seeds, origin=origin)
     if dataset.points is None:
-        cloud = triangulated(frames)
+        cloud = triangulate(frames)
     else:
         cloud = PointCloud(dataset.points.points - origin, dataset.points.colors)
-    if len(cloud.points) < LEAST_POINTS:
+    if len(cloud.points) < MIN_POINTS:
         cloud = random_points_in_view(frames, RANDOM_POINTS, config.seed)
     seeds = seed_from_points(cloud, frames, config.sh_degree, config.max_gaussians)
     return replace(seeds, origin=origin)
 
 
 def _origin(observations: Sequence[Observation]) -> Floats:
-    """(3,) m of the map: the world's, or whole metres in the middle of cameras far from that."""
-    middle = np.mean([one.given_pose[:3, 3] for one in observations], axis=0)
+    """Return the origin (3,) of the map, m: the world's, or whole metres amid far cameras."""
+    middle = np.mean([frame.given_pose[:3, 3] for frame in observations], axis=0)
     return np.rint(middle) if np.linalg.norm(middle) > FAR_M else np.zeros(3)
 
 
 def _frames(observations: Sequence[Observation], origin: Floats) -> list[RgbdFrame]:
-    """In a frame that starts there."""
-    frames = (one.rgbd() for one in observations)
+    """Return the frames in the frame of the map's origin."""
+    frames = (observation.rgbd() for observation in observations)
     return [replace(frame, camera=shift_origin(frame.camera, origin)) for frame in frames]
 
 
-def _find_rough_poses(
+def _refine_roughly(
     observations: Sequence[Observation], config: MappingConfig, clock: Clock
 ) -> None:
-    """Corrects poses and lenses with a coarse map, so that the seeds of the fine one are sharp."""
+    """Refine poses and lenses with a coarse map, so that the fine map is seeded sharply."""
     given = observations[0].lenses
     level = 0
     while level + 1 < LEVELS and given.color.width >> (level + 1) >= ROUGH_WIDTH_PX:
@@ -122,7 +128,7 @@ def _find_rough_poses(
     seeds = seed_from_depth(frames, 2 * config.voxel_m, config.seed_contrast)
     seeds = replace(seeds, origin=origin)
     iterations = config.rough_epochs * len(observations)
-    times_s = clock.times_s("rough poses", ROUGH_BUDGET)
+    times_s = clock.times_s("rough poses", ROUGH_BUDGET_SHARE)
     schedule = Schedule(iterations, ((float("inf"), level),), times_s)
     rough = config.model_copy(update={"growth": 0.0})
     optimizer = Optimizer(seeds, observations, given, rough, schedule)
@@ -131,19 +137,19 @@ def _find_rough_poses(
 
 
 def _pose_stds(observations: Sequence[Observation], config: MappingConfig) -> tuple[float, float]:
-    """How far given poses are off, m and rad, as far as the rough ones tell.
+    """Estimate the standard deviations of the given poses, m and rad, from the rough corrections.
 
-    Errors of their own of many frames average out in the map, so that given poses are worth more
-    together than alone; errors that neighbours share, as of a drift, do not.
+    Independent errors of many frames average out in the map, so that given poses together weigh
+    more than alone; errors that neighbours share, such as drift, do not.
     """
-    twists = np.array([twist_of(one.correction) for one in observations])
+    twists = np.array([twist_of(frame.correction) for frame in observations])
     stds = []
     for part in np.split(twists, 2, axis=1):
         squares = (part**2).sum(axis=1)
         shared = (part[1:] * part[:-1]).sum() / max(float(squares.sum()), 1e-12)
         own = 1 - float(np.clip(shared, 0, 1))
-        stds.append(float(np.sqrt(squares.mean() / 3 / (1 + AVERAGED * own))))
+        stds.append(float(np.sqrt(squares.mean() / 3 / (1 + AVERAGED_FRAMES * own))))
     return (
-        min(max(stds[0], LEAST_POSE_STD_M), config.pose_std_m),
-        min(max(stds[1], LEAST_POSE_STD_RAD), config.pose_std_rad),
+        min(max(stds[0], MIN_POSE_STD_M), config.pose_std_m),
+        min(max(stds[1], MIN_POSE_STD_RAD), config.pose_std_rad),
     )

@@ -1,4 +1,4 @@
-"""How much memory there is."""
+"""Free memory of the machine."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ import re
 from pathlib import Path
 
 MEMINFO = Path("/proc/meminfo")
+"""Source of the free memory; absent on systems other than Linux."""
 
 
 def free_memory_bytes() -> int | None:
-    """What programs may still take without swapping; None where the system does not tell."""
+    """Return the memory that can be allocated without swapping, bytes; None if unknown."""
     try:
         free_kib = re.search(r"^MemAvailable: *(\d+) kB$", MEMINFO.read_text(), re.MULTILINE)
     except OSError:

@@ -1,4 +1,4 @@
-"""Optimisation of a map against observations."""
+"""Optimization of Gaussians, poses, lenses and exposures against the training frames."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gslts.core.camera import shift_origin
-from gslts.core.gaussian_map import SH_C0, GaussianMap
-from gslts.core.se3 import fit_rigid_motion, se3_retract, twist_of
+from gslts.core.camera import Camera, shift_origin
+from gslts.core.gaussian_map import GaussianMap
+from gslts.core.se3 import se3_retract, twist_of
 from gslts.localization.alignment import (
     Alignment,
     NormalEquations,
@@ -18,11 +18,12 @@ from gslts.localization.alignment import (
 from gslts.localization.constants import CORRELATED_PIXELS, DEPTH_WEIGHT
 from gslts.mapping import clock
 from gslts.mapping.config import MappingConfig
-from gslts.mapping.density.control import joined, split
-from gslts.mapping.gauge import move_map
-from gslts.mapping.lenses import Lenses, after_step, corrected_lenses, pose_step
+from gslts.mapping.density.control import join, split
+from gslts.mapping.exposures import fold_mean_exposure, is_plausible
+from gslts.mapping.gauge import restore_gauge
+from gslts.mapping.lenses import Lenses, after_step, pose_step, refine_lenses
 from gslts.mapping.observation import Observation
-from gslts.mapping.seeding.hole_seeds import seeds_in_holes
+from gslts.mapping.seeding.hole_seeds import seed_holes
 from gslts.rendering.adam import Adam, AdamRates
 from gslts.rendering.losses import (
     Exposure,
@@ -32,31 +33,32 @@ from gslts.rendering.losses import (
     photometric_loss,
 )
 from gslts.rendering.metrics import psnr_db
-from gslts.rendering.rasterizer import Images, Rasterizer, RenderOptions
-from gslts.types import Floats32
+from gslts.rendering.rasterizer import Gradients, Images, Rasterizer, RenderOptions
+from gslts.types import Bools, Floats32
 
 HOLE_EPOCHS = (1, 4)
 """Epochs in which holes are filled: once the poses are roughly right, and once more."""
 LENS_EPOCHS = (1, 2, 3, 4, 5, 6, 8, 12, 16, 24, 32, 48, 64)
-"""Epochs after which lenses are corrected; all depth has to be registered anew each time."""
+"""Epochs after which lenses are refined; ever more rarely, as all depth is registered anew."""
 GROWTH_SHARES = (0.1, 0.6)
-"""Of the schedule, when Gaussians are split: poses are roughly right, and there is time left."""
-LEAST_SPLIT = 0.15
-"""Of a voxel: standard deviation of the smallest Gaussians that are split."""
-SHOWN_PIXELS = (slice(None, None, 4), slice(None, None, 4))
-"""Of which the PSNR of the progress is made."""
+"""Shares of the schedule between which Gaussians are split: poses are roughly right by then, and
+time is left to fit the halves."""
+MIN_SPLIT_VOXELS = 0.15
+"""Smallest standard deviation of a Gaussian that is split, in voxels."""
+PROGRESS_PIXELS = (slice(None, None, 4), slice(None, None, 4))
+"""Pixels of which the PSNR of the progress is computed: every 4th in each direction, for speed."""
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How far an optimisation is.
+    """State of an optimization after a step.
 
     Attributes:
-        iteration: Steps done.
-        share: Of the schedule, 0 to 1.
-        loss: Of the colours, in the last step.
-        psnr_db: Of a part of the pixels, in the last step.
-        gaussians: In the map.
+        iteration: Number of steps.
+        share: Share of the schedule, 0 to 1.
+        loss: Colour loss of the last step.
+        psnr_db: PSNR of `PROGRESS_PIXELS` in the last step, dB.
+        gaussians: Number of Gaussians.
     """
 
     iteration: int
@@ -68,13 +70,12 @@ class Progress:
 
 @dataclass(frozen=True)
 class Schedule:
-    """What an optimisation does when.
+    """Length of an optimization, and its resolutions.
 
     Attributes:
-        iterations: Steps at most.
-        levels: Shares of the schedule, and the resolution that is used up to each.
-        times_s: By `gslts.mapping.clock.now_s`, when it starts and when it ends, in the place of
-            a number of steps; None means no such limit.
+        iterations: Number of steps.
+        levels: Pairs (share of the schedule, resolution used up to it), ascending.
+        times_s: Start and end by `gslts.mapping.clock.now_s`, s; they replace the number of steps.
     """
 
     iterations: int
@@ -82,19 +83,42 @@ class Schedule:
     times_s: tuple[float, float] | None = None
 
     def level(self, share: float) -> int:
-        """Of the images."""
+        """Return the resolution at a share of the schedule.
+
+        Args:
+            share: 0 to 1.
+        """
         return next(level for until, level in self.levels if share < until)
+
+
+@dataclass(frozen=True, eq=False)
+class _Target:
+    """Images of one observation at one resolution, and the camera there."""
+
+    camera: Camera
+    rgb: Floats32
+    depth: Floats32
+    mask: Bools | None
+
+    @classmethod
+    def of(cls, observation: Observation, level: int) -> _Target:
+        return cls(
+            camera=observation.camera(level),
+            rgb=observation.color(level),
+            depth=observation.depth(level),
+            mask=observation.mask(level),
+        )
 
 
 class Optimizer:
     """Fits a map to observations, step by step.
 
     Args:
-        gaussian_map: Where to start, float32.
-        observations: To be fitted; poses, lenses and exposures are corrected in place.
-        given: The lenses as the data set says.
+        gaussian_map: Initial map, float32.
+        observations: Training frames; their poses, lenses and exposures are refined in place.
+        given: Lenses by the data set.
         config: Settings.
-        schedule: What is done when.
+        schedule: Length and resolutions.
     """
 
     def __init__(
@@ -111,21 +135,25 @@ class Optimizer:
         self.iteration = self.epoch = 0
         self.rng = np.random.default_rng(config.seed)
         self._rasterizer = Rasterizer(np.float32)
-        self._strains: Floats32 | None = None  # [N] of `abs_dL_dmeans2d` in this epoch
+        self._strains: Floats32 | None = None  # [N] sum of `abs_dL_dmeans2d` over this epoch
 
     @property
     def share(self) -> float:
-        """Of the schedule that is done."""
+        """Share of the schedule that is done; above 1 once its time is over."""
         if self.schedule.times_s is None:
             return self.iteration / self.schedule.iterations
         start_s, end_s = self.schedule.times_s
         return (clock.now_s() - start_s) / max(1e-3, end_s - start_s)
 
     def run_epoch(self, report: Callable[[Progress], None]) -> None:
-        """Visits each observation once, or fewer at the end of the schedule."""
+        """Visit each observation once, or fewer at the end of the schedule.
+
+        Args:
+            report: Called after each step.
+        """
         start = self.share
-        for one in self.observations:
-            one.look = None
+        for observation in self.observations:
+            observation.alignment = None
         if self.config.growth > 0 and GROWTH_SHARES[0] <= start < GROWTH_SHARES[1]:
             self._strains = np.zeros(self.adam.map.size, np.float32)
         for index in self.rng.permutation(len(self.observations)):
@@ -138,103 +166,122 @@ class Optimizer:
         self._end_epoch()
 
     def step(self, observation: Observation, share: float) -> Progress:
-        """Fits the map to one observation, at a share of the schedule."""
+        """Fit the map to one observation.
+
+        Args:
+            observation: One of the training frames.
+            share: Share of the schedule that is done.
+
+        Returns:
+            The state after the step.
+        """
         config, threads = self.config, self.config.threads
         level = self.schedule.level(share)
-        photo, mask = observation.photo(level), observation.mask(level)
-        measured, camera = observation.depth(level), observation.camera(level)
-        # Dark colours must not be made of missing Gaussians: what is behind is never the same.
+        target = _Target.of(observation, level)
+        # A random background keeps dark colours from being made of missing Gaussians.
         options = RenderOptions(threads=threads, background=self.rng.random(3).tolist())
-        images = self._rasterizer.forward(self.adam.map, camera, options)
-        exposure = _sane(fit_exposure(images.rgb, photo, mask=mask, threads=threads))
-        observation.exposure = exposure
+        images = self._rasterizer.forward(self.adam.map, target.camera, options)
+        exposure = fit_exposure(images.rgb, target.rgb, mask=target.mask, threads=threads)
+        observation.exposure_rejected = not is_plausible(exposure)
+        observation.exposure = Exposure() if observation.exposure_rejected else exposure
+        loss, gradients = self._gradients(images, target, observation.exposure)
+        self.adam.step(gradients, self._rates(share), threads=threads)
+        if config.refine_poses and self.epoch > 0:
+            self._refine_pose(observation, images, target, level)
+        if config.fill_holes and self.epoch in HOLE_EPOCHS:
+            self._fill_holes(observation, images, target, level)
+        self.iteration += 1
+        rendered = apply_exposure(images.rgb[PROGRESS_PIXELS], observation.exposure)
+        return Progress(
+            iteration=self.iteration,
+            share=self.share,
+            loss=loss,
+            psnr_db=psnr_db(rendered, target.rgb[PROGRESS_PIXELS]),
+            gaussians=self.adam.map.size,
+        )
+
+    def _gradients(
+        self, images: Images, target: _Target, exposure: Exposure
+    ) -> tuple[float, Gradients]:
+        """Return the colour loss and the gradients of the whole loss."""
+        config, threads, mask = self.config, self.config.threads, target.mask
         color = photometric_loss(
             images.rgb,
-            photo,
+            target.rgb,
             mask=mask,
             dssim_weight=config.dssim_weight,
             exposure=exposure,
             threads=threads,
         )
-        depth = depth_loss(images.depth, measured, mask=mask, relative=True, threads=threads)
-        of_alpha = np.float32(-config.opacity_weight / images.alpha.size)
+        depth = depth_loss(images.depth, target.depth, mask=mask, relative=True, threads=threads)
+        dL_dalpha = np.float32(-config.opacity_weight / images.alpha.size)
         gradients = self._rasterizer.backward(
             dL_drgb=color.dL_drgb,
             dL_ddepth=depth.dL_ddepth * np.float32(config.depth_weight),
-            dL_dalpha=np.full(images.alpha.shape, of_alpha) if mask is None else mask * of_alpha,
+            dL_dalpha=np.full(images.alpha.shape, dL_dalpha) if mask is None else mask * dL_dalpha,
             statistics=self._strains is not None,
         )
         if self._strains is not None:
-            assert gradients.abs_dL_dmeans2d is not None  # They were asked for.
+            assert gradients.abs_dL_dmeans2d is not None  # Requested by `statistics`.
             self._strains[gradients.rows] += np.linalg.norm(gradients.abs_dL_dmeans2d, axis=1)
-        self.adam.step(gradients, self._rates(share), threads=threads)
-        if config.refine_poses and self.epoch > 0:
-            alignment = align(
-                camera,
-                images.rgb,
-                images.depth,
-                photo,
-                measured,
-                mask=mask,
-                exposure=exposure,
-                threads=threads,
-            )
-            self._refine_pose(observation, alignment.at_full_size(1 << level))
-        if config.fill_holes and self.epoch in HOLE_EPOCHS:
-            self._fill_holes(observation, images, level)
-        self.iteration += 1
-        shown = apply_exposure(images.rgb[SHOWN_PIXELS], exposure)
-        return Progress(
-            iteration=self.iteration,
-            share=self.share,
-            loss=color.value,
-            psnr_db=psnr_db(shown, photo[SHOWN_PIXELS]),
-            gaussians=self.adam.map.size,
-        )
+        return color.value, gradients
 
-    def _refine_pose(self, observation: Observation, alignment: Alignment) -> None:
-        """One Gauss-Newton step, held near the given pose."""
+    def _refine_pose(
+        self, observation: Observation, images: Images, target: _Target, level: int
+    ) -> None:
+        """Take one Gauss-Newton step of the pose, with the given pose as a prior."""
+        alignment = align(
+            target.camera,
+            images.rgb,
+            images.depth,
+            target.rgb,
+            target.depth,
+            mask=target.mask,
+            exposure=observation.exposure,
+            threads=self.config.threads,
+        ).at_full_size(1 << level)
         stds = np.repeat([self.config.pose_std_m, self.config.pose_std_rad, 1], (3, 3, 4))
-        prior = (np.arange(10) < 6) * CORRELATED_PIXELS / stds**2
-        off = np.concatenate([-twist_of(observation.correction), np.zeros(4)])
-        prior_equations = NormalEquations(np.diag(prior), prior * off)
+        weights = (np.arange(10) < 6) * CORRELATED_PIXELS / stds**2
+        offset = np.concatenate([-twist_of(observation.correction), np.zeros(4)])
+        prior = NormalEquations(np.diag(weights), weights * offset)
         depth = alignment.depth
         weak = NormalEquations(DEPTH_WEIGHT * depth.hessian, DEPTH_WEIGHT * depth.right)
-        twist = pose_step(Alignment(alignment.color, weak + prior_equations))
-        observation.pose = se3_retract(observation.pose, twist)
-        whole = Alignment(alignment.color, depth + prior_equations)
-        observation.look = after_step(whole, twist)
+        twist = pose_step(Alignment(alignment.color, weak + prior))
+        observation.world_from_camera = se3_retract(observation.world_from_camera, twist)
+        observation.alignment = after_step(Alignment(alignment.color, depth + prior), twist)
 
-    def _fill_holes(self, observation: Observation, images: Images, level: int) -> None:
+    def _fill_holes(
+        self, observation: Observation, images: Images, target: _Target, level: int
+    ) -> None:
         exposure, old = observation.exposure, self.adam.map
-        gain, offset = (np.array(one, np.float32) for one in (exposure.gain, exposure.offset))
-        colors = ((observation.photo(level) - offset) / gain).clip(0, 1)
+        gain, offset = (np.array(part, np.float32) for part in (exposure.gain, exposure.offset))
+        colors = ((target.rgb - offset) / gain).clip(0, 1)
         camera = shift_origin(observation.camera(level), old.origin)
-        new = seeds_in_holes(camera, images, colors, observation.depth(level), old.sh_degree)
-        most = self.config.max_gaussians
-        if new is not None and (most is None or old.size + new.size <= most):
+        new = seed_holes(camera, images, colors, observation.depth(level), old.sh_degree)
+        limit = self.config.max_gaussians
+        if new is not None and (limit is None or old.size + new.size <= limit):
             rows = np.concatenate([np.arange(old.size), np.full(new.size, -1)])
-            self.adam = self.adam.edited(joined(old, new), rows)
+            self.adam = self.adam.edit(join(old, new), rows)
             if self._strains is not None:
                 self._strains = np.concatenate([self._strains, np.zeros(new.size, np.float32)])
 
     def _grow(self, strains: Floats32, share: float) -> None:
-        """Splits those that the images pull at from all sides (AbsGS, Ye et al. 2024).
+        """Split the Gaussians with the greatest gradients (AbsGS, Ye et al. 2024).
 
         Args:
-            strains: [N] summed over views.
-            share: Of the schedule that passed meanwhile.
+            strains: [N] sums of absolute gradients over the frames of the epoch.
+            share: Share of the schedule that passed in the epoch.
         """
         old, config = self.adam.map, self.config
         first, last = GROWTH_SHARES
         count = int(old.size * ((1 + config.growth) ** (share / (last - first)) - 1))
         if config.max_gaussians is not None:
             count = min(count, config.max_gaussians - old.size)
-        wide = old.log_scales.max(axis=1) > np.log(LEAST_SPLIT * config.voxel_m)
+        wide = old.log_scales.max(axis=1) > np.log(MIN_SPLIT_VOXELS * config.voxel_m)
         rows = np.flatnonzero(wide & (strains > 0))
         rows = np.sort(rows[np.argsort(-strains[rows], kind="stable")[: max(0, count)]])
-        came_from = np.concatenate([np.arange(old.size), np.full(rows.size, -1)])
-        self.adam = self.adam.edited(split(old, rows), came_from)
+        old_rows = np.concatenate([np.arange(old.size), np.full(rows.size, -1)])
+        self.adam = self.adam.edit(split(old, rows), old_rows)
         self._strains = None
 
     def _rates(self, share: float) -> AdamRates:
@@ -250,53 +297,26 @@ class Optimizer:
         )
 
     def _end_epoch(self) -> None:
-        kept = np.flatnonzero(self.adam.map.logit_opacities > _logit(self.config.min_opacity))
-        cleaned = self._with_mean_exposure(self.adam.map.select(kept))
-        if self.config.refine_lenses and self.epoch in LENS_EPOCHS:
-            self._correct_lenses()
-        if self.config.refine_poses:
-            cleaned = self._anchored(cleaned)
-        self.adam = self.adam.edited(cleaned, kept)
+        """Prune, clamp scales, and fix what the images leave free: exposure and gauge."""
+        config, observations = self.config, self.observations
+        kept = np.flatnonzero(self.adam.map.logit_opacities > _logit(config.min_opacity))
+        gaussians = fold_mean_exposure(self.adam.map.select(kept), observations)
+        max_log_scale = np.float32(np.log(config.max_scale_m))
+        gaussians = replace(gaussians, log_scales=np.minimum(gaussians.log_scales, max_log_scale))
+        if config.refine_lenses and self.epoch in LENS_EPOCHS:
+            self._refine_lenses()
+        if config.refine_poses:
+            gaussians = restore_gauge(gaussians, observations)
+        self.adam = self.adam.edit(gaussians, kept)
         self.epoch += 1
 
-    def _with_mean_exposure(self, old: GaussianMap) -> GaussianMap:
-        """The map with the mean exposure of the observations, which keep what differs from it."""
-        gains = np.array([one.exposure.gain for one in self.observations])
-        offsets = np.array([one.exposure.offset for one in self.observations])
-        gain, offset = gains.mean(axis=0), offsets.mean(axis=0)
-        sh = old.sh * gain.astype(np.float32)
-        sh[:, 0] += ((0.5 * gain + offset - 0.5) / SH_C0).astype(np.float32)
-        for one, of_gain, of_offset in zip(self.observations, gains, offsets, strict=True):
-            ratio = of_gain / gain
-            one.exposure = Exposure(gain=ratio, offset=of_offset - ratio * offset)
-        greatest = np.float32(np.log(self.config.max_scale_m))
-        return replace(old, log_scales=np.minimum(old.log_scales, greatest), sh=sh)
-
-    def _anchored(self, old: GaussianMap) -> GaussianMap:
-        """The map, and with it all observations, back where the given poses put them."""
-        poses = np.array([one.pose for one in self.observations])
-        given = np.array([one.given_pose for one in self.observations])
-        from_cameras = old.means + (old.origin - poses[:, :3, 3].mean(axis=0))
-        arm_m = float(np.median(np.linalg.norm(from_cameras, axis=1)))
-        motion = fit_rigid_motion(poses, given, arm_m)
-        for one in self.observations:
-            one.pose = motion @ one.pose
-        return move_map(old, motion)
-
-    def _correct_lenses(self) -> None:
-        looks = [one.look for one in self.observations if one.look is not None]
-        if len(looks) < len(self.observations):
+    def _refine_lenses(self) -> None:
+        alignments = [o.alignment for o in self.observations if o.alignment is not None]
+        if len(alignments) < len(self.observations):
             return
-        lenses = corrected_lenses(self.observations[0].lenses, self.given, looks)
-        for one in self.observations:
-            one.set_lenses(lenses)
-
-
-def _sane(exposure: Exposure) -> Exposure:
-    """The fit, unless the image could not tell."""
-    gain, offset = np.array(exposure.gain), np.array(exposure.offset)
-    good = (gain > 0.3).all() and (gain < 3).all() and (np.abs(offset) < 0.5).all()
-    return exposure if good else Exposure()
+        lenses = refine_lenses(self.observations[0].lenses, self.given, alignments)
+        for observation in self.observations:
+            observation.set_lenses(lenses)
 
 
 def _logit(share: float) -> float:

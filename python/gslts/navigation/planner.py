@@ -179,7 +179,7 @@ def _simplify(grid: Grid, free: Bools, points: Floats) -> list[Floats]:
     corners, at = [points[0]], 0
     while at < len(points) - 1:
         low, high = at + 1, len(points) - 1
-        while low < high:  # Bisection: nearly always, the first so many points have free lines.
+        while low < high:  # Bisection: free lines nearly always end at one point.
             middle = (low + high + 1) // 2
             if is_line_free(grid, free, points[at], points[middle]):
                 low = middle

@@ -27,7 +27,7 @@ MIN_FLOOR_SHARE = 0.3
 MIN_LEVEL_COSINE = 0.8
 """Minimum cosine of the angle between the normal of a horizontal surface and the vertical."""
 DENSE_SQUARE_M, MIN_DENSE_POINTS = 0.25, 30
-"""Squares of this edge with so many points count for the extent of the map; others are stray
+"""Squares of this edge with this many points count for the extent of the map; others are stray
 Gaussians."""
 
 

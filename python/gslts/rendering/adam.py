@@ -1,4 +1,4 @@
-"""Adam over the parameters of a map: how a map is fitted to images."""
+"""Adam optimizer over the parameters of a map."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gslts._core.optim import AdamDouble, AdamFloat, AdamOptions, AdamRates
 from gslts.core.gaussian_map import FloatArray, GaussianMap
 from gslts.rendering.rasterizer import Gradients
+from gslts.types import Ints, UInts32
 
 __all__ = ["Adam", "AdamOptions", "AdamRates", "AdamState"]
 
@@ -18,38 +18,39 @@ _OPTIMIZERS: dict[np.dtype[Any], type[AdamFloat] | type[AdamDouble]] = {
     np.dtype(np.float32): AdamFloat,
     np.dtype(np.float64): AdamDouble,
 }
+"""Optimizer of the core by dtype of the map."""
 
 
 @dataclass(frozen=True, eq=False)
 class AdamState:
-    """All that Adam remembers of N Gaussians.
+    """Moments of N Gaussians.
 
     A row holds the moments of a Gaussian's P = 11 + 3 K + D parameters: mean, quaternion, log
     scales, logit opacity, SH, features.
 
     Attributes:
-        first: [N,P] running means of the gradients, of the map's dtype.
+        first: [N,P] running means of the gradients, in the dtype of the map.
         second: [N,P] running means of their squares.
-        steps: [N] uint32, steps that each Gaussian took part in.
+        steps: [N] number of steps that each Gaussian took part in.
     """
 
     first: FloatArray
     second: FloatArray
-    steps: NDArray[np.uint32]
+    steps: UInts32
 
 
 class Adam:
-    """Adam (Kingma & Ba 2015) over the parameters of a map.
+    """Minimizes a loss over the parameters of a map with Adam (Kingma & Ba 2015).
 
     A step touches only the Gaussians that have a gradient, and corrects the bias of their moments
-    by the number of steps that each took part in: every Gaussian moves as if an Adam of its own had
-    seen just those steps. With a gradient for all, this is the usual Adam. Results are
-    bit-identical for any thread count.
+    by the number of steps that each took part in, as if each Gaussian had an Adam of its own. With
+    a gradient for all Gaussians this is the usual Adam. Results are bit-identical for any number of
+    threads.
 
     Args:
-        gaussian_map: Where to start; it is copied.
-        options: The constants of Adam; None means `AdamOptions()`.
-        state: To go on from, exactly; None means before the first step.
+        gaussian_map: Initial map; it is copied.
+        options: Constants of Adam; None means `AdamOptions()`.
+        state: Moments to continue from exactly; None means those before the first step.
 
     Raises:
         ValueError: An option is out of range, or the state is not of this map.
@@ -81,28 +82,28 @@ class Adam:
 
     @property
     def map(self) -> GaussianMap:
-        """The map as it is now: one object, whose numbers move with every step.
+        """Current map, a view of the optimizer's memory that changes with every step.
 
-        `map.astype(map.dtype)` is a copy that stays.
+        `map.astype(map.dtype)` is an independent copy.
         """
         return self._map
 
     @property
     def state(self) -> AdamState:
-        """A copy of the moments; `Adam(adam.map, options, state=adam.state)` goes on exactly."""
+        """Copy of the moments; `Adam(adam.map, options, state=adam.state)` continues exactly."""
         return AdamState(*self._core.state())
 
     def step(self, gradients: Gradients, rates: AdamRates, *, threads: int = 0) -> None:
-        """Moves the Gaussians at `gradients.rows`.
+        """Take one step with the Gaussians at `gradients.rows`.
 
         Args:
-            gradients: Of a loss to be made smaller, from `Rasterizer.backward`.
+            gradients: Gradients of the loss, from `Rasterizer.backward`.
             rates: Learning rates.
-            threads: 0 means one a hardware thread.
+            threads: Number of threads; 0 means all.
 
         Raises:
             ValueError: The gradients do not fit the map, their rows do not ascend, a rate is
-                negative or a gradient is not finite; then nothing has changed.
+                negative or a gradient is not finite; nothing is changed then.
         """
         self._core.step(
             rows=gradients.rows,
@@ -116,16 +117,15 @@ class Adam:
             threads=threads,
         )
 
-    def edited(self, gaussian_map: GaussianMap, rows: NDArray[np.int64]) -> Adam:
-        """Goes on with an edited map, to which the moments of the Gaussians that stayed move along.
+    def edit(self, gaussian_map: GaussianMap, rows: Ints) -> Adam:
+        """Return an optimizer of an edited map with the moments of the Gaussians that are kept.
 
         Args:
-            gaussian_map: The edited map, with the same SH degree and number of features.
-            rows: [M] int64, where each of its Gaussians was in this map; -1 for a new one, which
-                starts without moments.
+            gaussian_map: Edited map, with the same SH degree and number of features.
+            rows: [M] row of each of its Gaussians in this map; -1 for a new one, without moments.
 
         Raises:
-            ValueError: There is no such row, or `rows` does not fit the map.
+            ValueError: A row does not exist, or `rows` does not fit the map.
         """
         state = AdamState(*self._core.select(rows))
         return Adam(gaussian_map, self._options, state=state)

@@ -1,4 +1,4 @@
-"""A smooth way around a scene, along cameras that have seen it."""
+"""Smooth closed camera path around a scene, through cameras that have seen it."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from gslts.core.se3 import rotation_of_quat
 from gslts.types import Floats
 
 SECTORS = 12
-"""Directions from the middle in which a camera is looked for."""
-LEAST = 0.3
-"""Length below which the direction of a sum of unit vectors means nothing."""
+"""Number of sectors around the middle, each with one key camera: more make the path longer."""
+MIN_LENGTH = 0.3
+"""Minimum length of a mean of unit vectors whose direction is used."""
 M_PER_RAD = 1.0
-"""Turning by a radian takes as long as going so far."""
+"""Distance that takes as long as a rotation by one radian, m: the pace of the path."""
 
 
 def orbit(cameras: Sequence[Camera], count: int) -> list[Camera]:
-    """A closed way, at even pace, through those cameras that look most at the middle.
+    """Return cameras on a closed path, at even pace, that looks inward.
 
-    Of the cameras in each sector around their mean place, the one is taken that looks most towards
-    it: a robot looks at all sides, and who walks around a room wants to see what is inside.
+    In each sector around the mean position, the path passes the camera that looks most towards the
+    middle: recordings look to all sides, but a viewer wants to see the inside.
 
     Args:
-        cameras: At least one; the intrinsics of the first are those of the result.
-        count: Of the cameras on the way.
+        cameras: At least one; the first gives the intrinsics.
+        count: Number of cameras on the path.
 
     Raises:
         ValueError: There is no camera.
@@ -35,19 +35,19 @@ def orbit(cameras: Sequence[Camera], count: int) -> list[Camera]:
         raise ValueError("orbit: there is no camera")
     poses = np.stack([camera.world_from_camera for camera in cameras])
     up, keys = -poses[:, :3, 1].mean(axis=0), _keys(poses)
-    places, quats = keys[:, :3, 3], _aligned(np.stack([_quat(key[:3, :3]) for key in keys]))
+    positions, quats = keys[:, :3, 3], _aligned(np.stack([_quat(key[:3, :3]) for key in keys]))
     turns_rad = 2 * np.arccos(np.abs((quats * np.roll(quats, -1, axis=0)).sum(axis=1)).clip(0, 1))
-    apart_m = np.linalg.norm(np.roll(places, -1, axis=0) - places, axis=1)
-    ends = np.concatenate([[0], np.cumsum(apart_m + M_PER_RAD * turns_rad + 1e-9)])
+    steps_m = np.linalg.norm(np.roll(positions, -1, axis=0) - positions, axis=1)
+    ends = np.concatenate([[0], np.cumsum(steps_m + M_PER_RAD * turns_rad + 1e-9)])
     wanted = np.interp(np.arange(count) * ends[-1] / count, ends, np.arange(len(ends)))
-    rows = np.column_stack([places, quats])
-    # Back at the start a quaternion may have changed its sign.
+    rows = np.column_stack([positions, quats])
+    # After one round the quaternion may have the other sign.
     sign = 1.0 if quats[-1] @ quats[0] >= 0 else -1.0
     return [at_pose(cameras[0], _pose(_spline(rows, at, sign), up)) for at in wanted]
 
 
 def _keys(poses: Floats) -> Floats:
-    """[K,4,4] of [N,4,4], by the direction from the middle."""
+    """Return key poses [K,4,4] of poses [N,4,4], one per sector around the middle."""
     outward = poses[:, :2, 3] - poses[:, :2, 3].mean(axis=0)
     sectors = np.floor(SECTORS * (np.arctan2(outward[:, 1], outward[:, 0]) / (2 * np.pi) + 0.5))
     inward = -(poses[:, :2, 2] * outward).sum(axis=1) / (np.linalg.norm(outward, axis=1) + 0.1)
@@ -60,7 +60,7 @@ def _keys(poses: Floats) -> Floats:
 
 
 def _spline(rows: Floats, at: float, sign: float) -> Floats:
-    """Catmull-Rom spline through rows (place, quaternion), closed; `at` counts rows."""
+    """Interpolate rows (position, quaternion) by a closed Catmull-Rom spline; `at` counts rows."""
     start = int(at)
     four = []
     for number in range(start - 1, start + 3):
@@ -80,7 +80,7 @@ def _spline(rows: Floats, at: float, sign: float) -> Floats:
 
 
 def _aligned(quats: Floats) -> Floats:
-    """The same rotations, each quaternion on the side of the one before."""
+    """Flip signs of quaternions so that each is nearest to the one before."""
     for row in range(1, len(quats)):
         if quats[row] @ quats[row - 1] < 0:
             quats[row] *= -1
@@ -88,7 +88,7 @@ def _aligned(quats: Floats) -> Floats:
 
 
 def _quat(turn: Floats) -> Floats:
-    """(4,) wxyz of a rotation [3,3]: an eigenvector, as of Bar-Itzhack (2000)."""
+    """Return the quaternion (4,) wxyz of a rotation [3,3] (Bar-Itzhack 2000)."""
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = turn
     symmetric = np.array(
         [
@@ -103,15 +103,15 @@ def _quat(turn: Floats) -> Floats:
 
 
 def _pose(row: Floats, up: Floats) -> Floats:
-    """[4,4] with a level horizon: on the way from one view to another, the spline leans over.
+    """Return a pose [4,4] with a level horizon; the spline alone would roll between keys.
 
     Args:
-        row: Place and quaternion.
-        up: (3,) mean of the cameras' directions up; shorter the less they agree.
+        row: Position and quaternion.
+        up: (3,) mean of the cameras' up directions; the shorter the less they agree.
     """
     turn, length = rotation_of_quat(row[3:]), float(np.linalg.norm(up))
-    right = turn[:, 0] - (turn[:, 0] @ up) * up / max(length, LEAST) ** 2
-    if min(length, float(np.linalg.norm(right))) > LEAST:
+    right = turn[:, 0] - (turn[:, 0] @ up) * up / max(length, MIN_LENGTH) ** 2
+    if min(length, float(np.linalg.norm(right))) > MIN_LENGTH:
         right /= np.linalg.norm(right)
         forward = turn[:, 2] - (turn[:, 2] @ right) * right
         forward /= np.linalg.norm(forward)

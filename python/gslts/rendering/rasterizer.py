@@ -1,4 +1,4 @@
-"""Rendering of a map as a camera sees it, and the gradients of the rendering."""
+"""Rasterizer of Gaussian maps and its gradients (3D Gaussian splatting, Kerbl et al. 2023)."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from gslts._core.map import scatter_rows_double, scatter_rows_float, scatter_row
 from gslts._core.raster import RasterizerDouble, RasterizerFloat, RenderOptions
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import FloatArray, GaussianMap
+from gslts.types import Bools, Floats, UInts32
 
 __all__ = ["Gradients", "Images", "LiftedFeatures", "Rasterizer", "RenderOptions", "render"]
 
@@ -21,16 +22,18 @@ _RASTERIZERS: dict[np.dtype[Any], type[RasterizerFloat] | type[RasterizerDouble]
     np.dtype(np.float32): RasterizerFloat,
     np.dtype(np.float64): RasterizerDouble,
 }
+"""Rasterizer of the core by dtype of the map."""
 _SCATTER_ROWS: dict[np.dtype[Any], Callable[..., NDArray[Any]]] = {
     np.dtype(np.float32): scatter_rows_float,
     np.dtype(np.float64): scatter_rows_double,
     np.dtype(np.uint32): scatter_rows_uint32,
 }
+"""Function of the core by dtype of the values."""
 
 
 @dataclass(frozen=True, eq=False)
 class Images:
-    """Rendered images, of the map's dtype. w_i = alpha_i prod_{j<i} (1 - alpha_j) at a pixel.
+    """Rendered images in the dtype of the map; w_i = alpha_i prod_{j<i} (1 - alpha_j) at a pixel.
 
     Attributes:
         rgb: [H,W,3] sum w_i c_i + (1 - alpha) background; linear in the map's colours, not clipped.
@@ -53,7 +56,7 @@ class Gradients:
     All other Gaussians of the map have gradient zero.
 
     Attributes:
-        rows: [V] uint32, rows of the map, ascending.
+        rows: [V] rows of the map, ascending.
         dL_dmeans: [V,3].
         dL_dquats: [V,4].
         dL_dlog_scales: [V,3].
@@ -63,28 +66,31 @@ class Gradients:
         dL_dtwist: (6,) float64, gradient with respect to xi = (rho, phi), translation (m) before
             rotation (rad), both in the camera frame, of world_from_camera @ exp(xi) at xi = 0.
         abs_dL_dmeans2d: [V,2] sum of |dL/dmean2d| over the pixels at which the Gaussian was
-            blended, per px (AbsGS, Ye et al. 2024). This and the next only on request.
-        max_weights: [V] greatest blend weight w.
+            blended, per px (AbsGS, Ye et al. 2024). This and the following on request only.
+        max_weights: [V] maximum blend weight w.
         pixel_counts: [V] uint32, number of pixels at which the Gaussian was blended.
     """
 
-    rows: NDArray[np.uint32]
+    rows: UInts32
     dL_dmeans: FloatArray
     dL_dquats: FloatArray
     dL_dlog_scales: FloatArray
     dL_dlogit_opacities: FloatArray
     dL_dsh: FloatArray
     dL_dfeatures: FloatArray
-    dL_dtwist: NDArray[np.float64]
+    dL_dtwist: Floats
     abs_dL_dmeans2d: FloatArray | None = None
     max_weights: FloatArray | None = None
-    pixel_counts: NDArray[np.uint32] | None = None
+    pixel_counts: UInts32 | None = None
 
     def dense(self, size: int) -> Gradients:
-        """The same gradients with a row for each of the map's `size` Gaussians, zero if unseen.
+        """Return the gradients with a row for every Gaussian, zero if not in view.
+
+        Args:
+            size: Number of Gaussians of the map.
 
         Raises:
-            ValueError: `size` is that of a smaller map.
+            ValueError: `size` is too small for `rows`.
         """
         arrays = {field.name: getattr(self, field.name) for field in fields(self)}
         per_gaussian = {
@@ -98,27 +104,27 @@ class Gradients:
 
 @dataclass(frozen=True, eq=False)
 class LiftedFeatures:
-    """A feature image carried back to the V Gaussians in view; w_p is a blend weight at pixel p.
+    """Feature image back-projected to the V Gaussians in view; w_p is a blend weight at pixel p.
 
-    Over several views, add up both sums: their quotient is the mean feature of a Gaussian.
+    Over several views, sum both: their quotient is the mean feature of a Gaussian.
 
     Attributes:
-        rows: [V] uint32, rows of the map, ascending.
+        rows: [V] rows of the map, ascending.
         weighted_features: [V,D] sum_p w_p S_p.
         weights: [V] sum_p w_p.
     """
 
-    rows: NDArray[np.uint32]
+    rows: UInts32
     weighted_features: FloatArray
     weights: FloatArray
 
 
 class Rasterizer:
-    """Renders maps and differentiates the rendering (3D Gaussian splatting, Kerbl et al. 2023).
+    """Renders maps and differentiates the rendering.
 
-    One object holds the working memory of one rendering: `backward` differentiates the last
-    `forward`, and both reuse the memory of the call before. Each thread needs its own object; the
-    GIL is free while it works. Results are bit-identical for any thread count.
+    An object holds the memory of one rendering: `backward` differentiates the last `forward`, and
+    both reuse the memory of the call before. Each thread needs its own object; the
+    GIL is released. Results are bit-identical for any thread count.
 
     Args:
         dtype: float32, the fast kernel, or float64, the same algorithm without approximations.
@@ -129,7 +135,7 @@ class Rasterizer:
         if self.dtype not in _RASTERIZERS:
             raise ValueError(f"dtype: expected float32 or float64, got {self.dtype}")
         self._core = _RASTERIZERS[self.dtype]()
-        self._view: Any = None  # of the map of the last forward
+        self._view: Any = None  # View of the map of the last forward.
 
     def forward(
         self,
@@ -137,17 +143,17 @@ class Rasterizer:
         camera: Camera,
         options: RenderOptions | None = None,
         *,
-        mask: NDArray[np.bool_] | None = None,
+        mask: Bools | None = None,
     ) -> Images:
-        """Renders one view.
+        """Render a map.
 
         Args:
-            gaussian_map: Map of this rasterizer's dtype. It is kept for `backward`.
-            camera: Where to render from.
-            options: How to render; None means `RenderOptions()`.
-            mask: [H,W] bool, pixels wanted; None means all. Pixels not wanted come back as zero in
-                every image and take no part in the gradients, and the work is proportional to the
-                4x4 blocks that the mask touches.
+            gaussian_map: Map of this rasterizer's dtype; kept for `backward`.
+            camera: Camera at world_from_camera.
+            options: Options; None means `RenderOptions()`.
+            mask: [H,W] pixels to render; None means all. Other pixels are zero in every image and
+                have no part in the gradients; the time is proportional to the 4x4 blocks that the
+                mask touches.
 
         Raises:
             ValueError: The map has another dtype, the mask another shape or dtype, or an option is
@@ -177,18 +183,18 @@ class Rasterizer:
         dL_dfeatures: FloatArray | None = None,
         statistics: bool = False,
     ) -> Gradients:
-        """Gradients of the last `forward`; the arrays of its map must be unchanged since.
+        """Compute the gradients of the last `forward`; its map must be unchanged since.
 
         Args:
             dL_drgb: [H,W,3] gradient of the loss with respect to `Images.rgb`, of this
-                rasterizer's dtype; None, here and below, means that the loss ignores that image.
+                rasterizer's dtype; None, here and below, if the loss does not depend on the image.
             dL_ddepth: [H,W].
             dL_dalpha: [H,W].
             dL_dfeatures: [H,W,D].
             statistics: Also fill abs_dL_dmeans2d, max_weights and pixel_counts.
 
         Raises:
-            RuntimeError: There was no forward.
+            RuntimeError: There was no `forward`.
             ValueError: An array has a wrong shape or dtype or holds a number that is not finite.
         """
         if self._view is None:
@@ -204,17 +210,18 @@ class Rasterizer:
         return Gradients(**gradients)
 
     def lift(self, features: FloatArray) -> LiftedFeatures:
-        """Lifts a feature image of the view of the last `forward` onto the Gaussians.
+        """Back-project a feature image from the camera of the last `forward` to the Gaussians.
 
-        This is the transpose of rendering features, and needs none in the map.
+        This is the transpose of rendering features; the map needs no features.
 
         Args:
-            features: S [H,W,D] of this rasterizer's dtype; pixels that the mask of the forward does
-                not want do not count and may hold anything.
+            features: S [H,W,D] of this rasterizer's dtype; pixels outside the mask of the forward
+                do not count and may hold anything.
 
         Raises:
-            RuntimeError: There was no forward.
-            ValueError: The array has a wrong shape or dtype or a wanted number is not finite.
+            RuntimeError: There was no `forward`.
+            ValueError: The array has a wrong shape or dtype, or a number inside the mask is not
+                finite.
         """
         if self._view is None:
             raise RuntimeError("Rasterizer.lift: there was no forward")
@@ -226,18 +233,34 @@ def render(
     camera: Camera,
     options: RenderOptions | None = None,
     *,
-    mask: NDArray[np.bool_] | None = None,
+    mask: Bools | None = None,
 ) -> Images:
-    """Renders one view of a map; the arguments and errors are those of `Rasterizer.forward`."""
+    """Render a map once; see `Rasterizer.forward`.
+
+    Args:
+        gaussian_map: float32 or float64.
+        camera: Camera at world_from_camera.
+        options: Options; None means `RenderOptions()`.
+        mask: [H,W] pixels to render; None means all.
+
+    Raises:
+        ValueError: The mask has the wrong shape or dtype, or an option is out of range.
+    """
     return Rasterizer(gaussian_map.dtype).forward(gaussian_map, camera, options, mask=mask)
 
 
-def scatter_rows(rows: NDArray[np.uint32], values: NDArray[Any], size: int) -> NDArray[Any]:
-    """[size,...] zeros but for `values` [V,...] at `rows` [V], which ascend."""
+def scatter_rows(rows: UInts32, values: NDArray[Any], size: int) -> NDArray[Any]:
+    """Return zeros [size,...] with values at some rows.
+
+    Args:
+        rows: [V] ascending.
+        values: [V,...].
+        size: Number of rows of the result.
+    """
     table = _contiguous(values.reshape(len(rows), prod(values.shape[1:])))
     return _SCATTER_ROWS[values.dtype](rows, table, size).reshape(size, *values.shape[1:])
 
 
 def _contiguous(array: Any) -> Any:
-    """The array, copied if it is not C-contiguous and aligned; the core checks all else."""
+    """Copy an array that is not C-contiguous and aligned; the core checks all else."""
     return None if array is None else np.require(array, requirements=["C", "ALIGNED"])

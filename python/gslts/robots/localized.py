@@ -28,13 +28,13 @@ class LocalizedRobot:
         self._localized: WeakKeyDictionary[RgbdFrame, RgbdFrame] = WeakKeyDictionary()
 
     def observe(self) -> RgbdFrame:
-        """Take a frame and localize it; see `Localizer.located`.
+        """Take a frame and localize it; see `Localizer.localize_frame`.
 
         Each frame of a recording is localized once, so that its replay is the same object again.
         """
         frame = self._robot.observe()
         if frame not in self._localized:
-            self._localized[frame] = self._localizer.located(frame)
+            self._localized[frame] = self._localizer.localize_frame(frame)
         return self._localized[frame]
 
     def pose(self) -> Floats:

@@ -51,8 +51,8 @@ class Categories:
             OSError: A file cannot be read.
             ValueError: The map has no semantic features, or a file is damaged.
         """
-        setting, autoencoder = require_semantics(path)
-        return cls(tuple(names), autoencoder, open_text_source(setting, clip, threads))
+        cause, autoencoder = require_semantics(path)
+        return cls(tuple(names), autoencoder, open_text_source(cause, clip, threads))
 
 
 def classify_gaussians(

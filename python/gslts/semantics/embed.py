@@ -63,19 +63,7 @@ def embed_semantics(
         ValueError: There is no frame, the source cannot segment one, or `code_dims` is out of
             range.
     """
-    cameras: list[Camera] = []
-    labels: list[Ints32] = []
-    embeddings: list[Floats32] = []
-    names: set[str] = set()
-    rows = 0
-    for frame in frames:
-        segments = source.segments(frame)
-        known = segments.labels >= 0
-        cameras.append(frame.camera)
-        labels.append(np.where(known, segments.labels + rows, -1).astype(np.int32))
-        embeddings.append(segments.embeddings)
-        names.update(segments.names)
-        rows += len(segments.embeddings)
+    cameras, labels, embeddings, names = _segment_frames(frames, source)
     if not cameras:
         raise ValueError("embed_semantics: frames: expected at least one, got none")
     distinct, row_of = np.unique(np.concatenate(embeddings), axis=0, return_inverse=True)
@@ -89,6 +77,26 @@ def embed_semantics(
     return SemanticFeatures(
         np.concatenate(features, axis=1), autoencoder, tuple(sorted(names)) or NOUNS
     )
+
+
+def _segment_frames(
+    frames: Iterable[RgbdFrame], source: SemanticSource
+) -> tuple[list[Camera], list[Ints32], list[Floats32], set[str]]:
+    """Segment frames; labels are rows of the concatenated embeddings."""
+    cameras: list[Camera] = []
+    labels: list[Ints32] = []
+    embeddings: list[Floats32] = []
+    names: set[str] = set()
+    rows = 0
+    for frame in frames:
+        segments = source.segments(frame)
+        known = segments.labels >= 0
+        cameras.append(frame.camera)
+        labels.append(np.where(known, segments.labels + rows, -1).astype(np.int32))
+        embeddings.append(segments.embeddings)
+        names.update(segments.names)
+        rows += len(segments.embeddings)
+    return cameras, labels, embeddings, names
 
 
 @dataclass(frozen=True, eq=False)

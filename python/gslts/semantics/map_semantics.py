@@ -58,14 +58,14 @@ class MapSemantics:
         found = read_semantics(path)
         if found is None:
             return None
-        setting, autoencoder = found
-        models = {name: Path(folder) for name, folder in setting.models.items()}
+        cause, autoencoder = found
+        models = {name: Path(folder) for name, folder in cause.models.items()}
         try:
-            source = open_source(setting.source, models, threads)
+            source = open_source(cause.source, models, threads)
         except (ImportError, FileNotFoundError) as error:
             _logger.warning("%s: new objects will have no semantic features: %s", path, error)
             return None
-        return cls(source, autoencoder, setting.names)
+        return cls(source, autoencoder, cause.names)
 
     def update_features(
         self,

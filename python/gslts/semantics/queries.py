@@ -29,8 +29,8 @@ MIN_OPACITY = 0.3
 LINK_M = 0.07
 """Radius of DBSCAN: distance up to which matching Gaussians belong to one object."""
 MIN_NEIGHBOURS, LINK_SPACINGS = 4, 3.0
-"""Weight of a core point of DBSCAN; in a coarse map, the radius is so many times the median
-distance to the third neighbour."""
+"""Weight of a core point of DBSCAN; in a coarse map, the radius is a multiple of the median
+distance to the third neighbour, given by the second value."""
 FLANN_KDTREE_SINGLE = 4
 """FLANN's exact k-d tree; OpenCV has no Python name for it."""
 MIN_GAUSSIANS = 12
@@ -122,8 +122,8 @@ class SemanticQueries:
             OSError: A file cannot be read.
             ValueError: The map has no semantic features, or a file is damaged.
         """
-        setting, autoencoder = require_semantics(path)
-        return cls(read_map(path), autoencoder, open_text_source(setting, clip, threads))
+        cause, autoencoder = require_semantics(path)
+        return cls(read_map(path), autoencoder, open_text_source(cause, clip, threads))
 
     def relevance(self, text: str) -> Floats32:
         """Compute the relevance of all Gaussians to a text.

@@ -1,4 +1,4 @@
-"""Semantic sources by name, and from the record of a map; models are loaded only when needed."""
+"""Semantic sources by name, and by the cause of a version; models are loaded only when needed."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from gslts.store.causes import SemanticsCause
 
 
 def open_text_source(
-    setting: SemanticsCause, clip: Path | None = None, threads: int = 0
+    cause: SemanticsCause, clip: Path | None = None, threads: int = 0
 ) -> SemanticSource:
     """Open the source of a map for text queries only: of the models, CLIP is enough.
 
     Args:
-        setting: Record of the semantics of the map.
-        clip: Folder of CLIP; None takes the one in the record.
+        cause: Cause of the version that added the semantic features.
+        clip: Folder of CLIP; None for the recorded one.
         threads: For the model; 0 uses the default of torch.
 
     Returns:
@@ -24,11 +24,11 @@ def open_text_source(
     Raises:
         ImportError: transformers is missing.
         OSError: A folder or file is missing.
-        ValueError: The record names no CLIP, or the weights are damaged.
+        ValueError: No folder of CLIP is recorded, or the weights are damaged.
     """
-    if setting.source == "oracle":
+    if cause.source == "oracle":
         return Oracle()
-    recorded = setting.models.get("clip")
+    recorded = cause.models.get("clip")
     folder = clip or (Path(recorded) if recorded else None)
     if folder is None:
         raise ValueError("the map does not record the folder of its CLIP: give --clip DIR")

@@ -29,3 +29,4 @@ NOUNS = tuple(
     .replace("\n    ", " ")
     .split(", ")
 )
+"""Nouns whose embeddings are added to the training set of the autoencoder."""

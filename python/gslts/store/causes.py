@@ -226,6 +226,7 @@ VersionCause = Annotated[
     Field(discriminator="kind"),
 ]
 _VERSION_CAUSE: TypeAdapter[VersionCause] = TypeAdapter(VersionCause)
+"""Parser of `VersionCause`."""
 
 
 def version_cause_from_json(text: str) -> VersionCause:

@@ -12,8 +12,7 @@ FORMAT, FORMAT_VERSION = "gslts-map", 2
 MANIFEST, CAMERAS = "manifest.json", "cameras.json"
 """File names in the folder."""
 MAX_MANIFEST_BYTES = 16 << 20
-"""Bounds the memory for a hostile file. A manifest takes 1 kB a frame: 16 MiB is enough for 16,000
-frames, more than any mapping run can hold in memory."""
+"""Bounds the memory for a hostile file; a manifest of 1,000 frames takes less than 1 MB."""
 VERSION_PATH = re.compile(r"(.+)@(\d{1,9})")
 """Path of a version: the folder, `@`, and the number."""
 

@@ -1,23 +1,22 @@
-"""Differentiable rendering for PyTorch: `rasterization` takes the place of gsplat's on the CPU.
+"""Differentiable rendering for PyTorch on the CPU: `rasterization`, a replacement for gsplat's.
 
-Names, order, shapes and meanings of the arguments are those of gsplat 1.5. A program changes its
-import:
+Names, order, shapes and semantics of the arguments are those of gsplat 1.5. Only the import of a
+program changes:
 
     from gslts.torch import rasterization  # instead of: from gsplat import rasterization
 
-The images are those of gsplat but for rounding and these differences:
+The images equal those of gsplat up to rounding, with these differences:
 
 * Alpha is at most 0.99, as in 3DGS (Kerbl et al. 2023), where gsplat allows 0.999.
-* A Gaussian with z equal to `near_plane` is not seen; in gsplat it is.
-* A quaternion shorter than 1e-12 stands for no rotation; in gsplat it yields NaN.
-* What is not finite, and an opacity outside of [0, 1], is an error.
-* The rotations in `viewmats` are replaced by the nearest ones, and the gradient with respect to
-  `viewmats` is that of the result: it is tangent to the rigid transforms, where gsplat's treats
-  the entries as independent. For every pose that is a function of parameters, both lead to the
-  same gradient of the parameters.
-* `meta` holds the sizes only. gsplat's densification strategies need more of it.
+* A Gaussian with z equal to `near_plane` is culled; gsplat renders it.
+* A quaternion shorter than 1e-12 is the identity; gsplat returns NaN.
+* Values that are not finite, and opacities outside [0, 1], are errors.
+* The rotations in `viewmats` are projected to the nearest rotation matrices. The gradient with
+  respect to `viewmats` is tangent to the rigid transforms, whereas gsplat treats the entries as
+  independent. Both give the same gradient of the parameters of a pose.
+* `meta` has the sizes only; gsplat's densification strategies need more.
 
-Options that gsplat has and this module has not raise NotImplementedError; see `rasterization`.
+Options of gsplat that are not supported raise NotImplementedError; see `rasterization`.
 """
 
 try:

@@ -1,4 +1,4 @@
-"""The function that stands in for gsplat's."""
+"""Replacement for `rasterization` of gsplat."""
 
 from __future__ import annotations
 
@@ -17,9 +17,13 @@ from gslts.torch.view import rasterize_view
 
 RENDER_MODES = ("RGB", "D", "ED", "RGB+D", "RGB+ED")
 RASTERIZE_MODES = ("classic", "antialiased")
-FAR_PLANE_M = 1e10  # gsplat's default: beyond all that is ever rendered.
-SH_BASES = (1, 4, 9, 16)  # Of the degrees 0 to 3.
-ALPHA_MIN = 1 / 255  # gsplat's.
+"""Modes of gsplat."""
+FAR_PLANE_M = 1e10
+"""Default of gsplat, m: there is no far plane."""
+SH_BASES = (1, 4, 9, 16)
+"""Number of spherical harmonics of the degrees 0 to 3."""
+MIN_ALPHA = 1 / 255
+"""Alpha below which a Gaussian is not blended, that of gsplat."""
 
 
 def rasterization(
@@ -58,37 +62,38 @@ def rasterization(
     rolling_shutter: str | Enum = "GLOBAL",
     viewmats_rs: Tensor | None = None,
 ) -> tuple[Tensor, Tensor, dict[str, Any]]:
-    """Renders N Gaussians as C cameras see them (3D Gaussian splatting, Kerbl et al. 2023).
+    """Render N Gaussians from C cameras (3D Gaussian splatting, Kerbl et al. 2023).
 
-    All tensors are float32, the fast kernel, or float64, all of one dtype, and on the CPU. Leading
-    dimensions `...` are a batch of scenes. Differentiable once with respect to `means`, `quats`,
-    `scales`, `opacities`, `colors`, `viewmats` and `backgrounds`. It uses `torch.get_num_threads()`
-    threads; the results do not depend on their number.
+    All tensors have one dtype, float32 (the fast kernel) or float64, and are on the CPU. Leading
+    dimensions `...` are a batch of scenes. The result is differentiable once with respect to
+    `means`, `quats`, `scales`, `opacities`, `colors`, `viewmats` and `backgrounds`. It does not
+    depend on the number of threads, `torch.get_num_threads()`.
 
     Args:
         means: [..., N, 3] centres, world frame, m.
-        quats: [..., N, 4] wxyz, rotations from the Gaussian's axes to the world's; of any length.
+        quats: [..., N, 4] wxyz, rotations from the axes of the Gaussian to the world; of any
+            length.
         scales: [..., N, 3] standard deviations, m.
         opacities: [..., N] in [0, 1].
-        colors: [..., N, D] or, by camera, [..., C, N, D], any numbers in any number of channels; if
-            `sh_degree` is given, [..., N, K, 3] or [..., C, N, K, 3], spherical harmonics, colour =
+        colors: [..., N, D] or, per camera, [..., C, N, D], any values in any number of channels;
+            with `sh_degree`, spherical harmonics [..., N, K, 3] or [..., C, N, K, 3], colour =
             max(0, 0.5 + SH).
         viewmats: [..., C, 4, 4] rigid, x_in_camera = viewmat @ x_in_world; OpenCV axes.
         Ks: [..., C, 3, 3] intrinsics without skew, px.
         width: Of the images, px.
         height: Of the images, px.
-        near_plane: Gaussians with centre depth z <= near_plane are not seen, m. > 0
-        far_plane: 1e10 or more, which means none.
-        radius_clip: 0, which means none.
+        near_plane: Gaussians with centre depth z <= near_plane are culled, m. > 0
+        far_plane: 1e10 or more: no far plane.
+        radius_clip: 0: no Gaussian is culled by its radius.
         eps2d: Variance added to each projected covariance, px^2. >= 0
-        sh_degree: Degree of the spherical harmonics used, 0 to 3; None means plain colours.
-        packed: Ignored, as are `tile_size`, `channel_chunk` and `segmented`: in gsplat, they trade
-            memory for speed.
+        sh_degree: Degree of the spherical harmonics to use, 0 to 3; None for plain colours.
+        packed: Ignored, as `tile_size`, `channel_chunk` and `segmented`, which trade memory for
+            speed in gsplat.
         tile_size: Ignored.
-        backgrounds: [..., C, D] colours behind the Gaussians; None means 0. Depth has none.
-        render_mode: What to render: "RGB", the colours, sum w_i c_i; "D", the accumulated depth,
-            sum w_i z_i; "ED", the expected depth, sum w_i z_i / sum w_i, 0 where nothing was
-            blended; or colours with one of these as their last channel.
+        backgrounds: [..., C, D] colours behind the Gaussians; None for 0. Depth has no background.
+        render_mode: "RGB": colours, sum w_i c_i; "D": accumulated depth, sum w_i z_i; "ED":
+            expected depth, sum w_i z_i / sum w_i, 0 where alpha is 0; "RGB+D", "RGB+ED": colours
+            with depth as the last channel.
         sparse_grad: False.
         absgrad: False.
         rasterize_mode: "antialiased" scales opacity by sqrt(det(cov2d) / det(cov2d + eps2d I))
@@ -104,20 +109,20 @@ def rasterization(
         tangential_coeffs: None.
         thin_prism_coeffs: None.
         ftheta_coeffs: None.
-        rolling_shutter: "GLOBAL", or a member of that name of any enumeration.
+        rolling_shutter: "GLOBAL", or an enumeration member of that name.
         viewmats_rs: None.
 
     Returns:
-        The images [..., C, height, width, X], with X = D, 1 or D + 1 channels, alpha [..., C,
-        height, width, 1], and a dictionary with the integers `width`, `height`, `n_cameras` = C and
+        Images [..., C, height, width, X] with X = D, 1 or D + 1 channels; alpha [..., C, height,
+        width, 1]; and a dictionary of the integers `width`, `height`, `n_cameras` = C and
         `n_batches`, the product of the leading dimensions.
 
     Raises:
-        NotImplementedError: An option has a value that is not listed above, or `Ks` needs a
+        NotImplementedError: An option has a value that is not listed above, or `Ks` requires a
             gradient.
-        TypeError: An argument is no tensor, or a size no integer.
-        ValueError: A tensor has another shape, dtype or device, a number in it is not finite or out
-            of range, a viewmat is not rigid, or `backward` got a gradient that is not finite.
+        TypeError: An argument is not a tensor, or a size is not an integer.
+        ValueError: A tensor has a wrong shape, dtype or device, a value is not finite or is out of
+            range, a viewmat is not rigid, or `backward` got a gradient that is not finite.
     """
     require_supported(
         far_plane=(far_plane, far_plane >= FAR_PLANE_M),
@@ -164,7 +169,7 @@ def rasterization(
         sh_degree=sh_degree,
     )
     batch, size, cameras = means.shape[:-2], means.shape[-2], viewmats.shape[-3]
-    if only_depth:  # Which is an image without colour channels, and a depth.
+    if only_depth:  # An image without colour channels, and depth.
         colors, sh_degree, backgrounds = means.new_zeros((*batch, size, 0)), None, None
     elif sh_degree is not None and colors.shape[-2] not in SH_BASES:
         colors = colors[..., : (sh_degree + 1) ** 2, :]
@@ -176,47 +181,76 @@ def rasterization(
         eps2d_px2=eps2d,
         antialias=rasterize_mode == "antialiased",
         surface_depth=False,  # As in gsplat.
-        alpha_min=ALPHA_MIN,
+        alpha_min=MIN_ALPHA,
         threads=torch.get_num_threads(),
     )
 
-    def by_view(tensor: Tensor, *, has_camera: bool) -> list[Tensor]:
-        """The part of each view: all cameras of the first scene, then those of the next."""
-        parts = _split(tensor, len(batch) + has_camera)
-        return parts if has_camera else [part for part in parts for _ in range(cameras)]
-
-    images, depths, alphas = zip(
-        *map(
-            rasterize_view,
-            *(by_view(tensor, has_camera=False) for tensor in (means, quats, scales, opacities)),
-            by_view(colors, has_camera=colors.ndim > len(batch) + (2 if sh_degree is None else 3)),
-            by_view(viewmats, has_camera=True),
-            by_view(Ks, has_camera=True),
-            repeat(index(width)),
-            repeat(index(height)),
-            repeat(options),
-        ),
-        strict=True,
+    image, depth, alpha = _render_views(
+        (means, quats, scales, opacities),
+        colors,
+        viewmats,
+        Ks,
+        (index(width), index(height)),
+        options,
+        colors_by_camera=colors.ndim > len(batch) + (2 if sh_degree is None else 3),
     )
-    image, alpha = (_join(parts, (*batch, cameras)) for parts in (images, alphas))
     if backgrounds is not None:
         image = image + (1 - alpha) * backgrounds[..., None, None, :]
     if render_mode != "RGB":
-        depth = _join(depths, (*batch, cameras))
         depth = depth if render_mode.endswith("ED") else depth * alpha
         image = torch.cat([image, depth], dim=-1)
     meta = {"width": width, "height": height, "n_cameras": cameras, "n_batches": prod(batch)}
     return image, alpha, meta
 
 
+def _render_views(
+    shared: tuple[Tensor, ...],
+    colors: Tensor,
+    viewmats: Tensor,
+    Ks: Tensor,
+    size: tuple[int, int],
+    options: RenderOptions,
+    *,
+    colors_by_camera: bool,
+) -> tuple[Tensor, ...]:
+    """Render all cameras of all scenes; return images, expected depths and alphas.
+
+    Args:
+        shared: Tensors that all cameras of a scene share.
+        colors: As of `rasterization`.
+        viewmats: As of `rasterization`.
+        Ks: As of `rasterization`.
+        size: Width and height, px.
+        options: Of the rasterizer.
+        colors_by_camera: True if `colors` has a dimension of cameras.
+    """
+    batch, cameras = viewmats.shape[:-3], viewmats.shape[-3]
+
+    def by_view(tensor: Tensor, *, by_camera: bool) -> list[Tensor]:
+        """Split by view: all cameras of the first scene, then those of the next."""
+        parts = _split(tensor, len(batch) + by_camera)
+        return parts if by_camera else [part for part in parts for _ in range(cameras)]
+
+    views = map(
+        rasterize_view,
+        *(by_view(tensor, by_camera=False) for tensor in shared),
+        by_view(colors, by_camera=colors_by_camera),
+        by_view(viewmats, by_camera=True),
+        by_view(Ks, by_camera=True),
+        *(repeat(length) for length in size),
+        repeat(options),
+    )
+    return tuple(_join(parts, (*batch, cameras)) for parts in zip(*views, strict=True))
+
+
 def _split(tensor: Tensor, dims: int) -> list[Tensor]:
-    """The parts of a tensor along its first `dims` dimensions."""
-    if prod(tensor.shape[:dims]) == 1:  # Merely a view, so that its gradient is not copied.
+    """Split a tensor along its first `dims` dimensions."""
+    if prod(tensor.shape[:dims]) == 1:  # A view of the tensor, so that its gradient is not copied.
         return [tensor.reshape(tensor.shape[dims:])]
     return list(tensor.flatten(0, dims - 1).unbind())
 
 
 def _join(parts: tuple[Tensor, ...], shape: tuple[int, ...]) -> Tensor:
-    """The parts as one tensor, along new first dimensions of the given shape."""
+    """Stack parts along new first dimensions of the given shape."""
     joined = parts[0] if len(parts) == 1 else torch.stack(parts)
     return joined.reshape(*shape, *parts[0].shape)

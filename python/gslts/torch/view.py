@@ -1,4 +1,4 @@
-"""One view as a function of tensors that PyTorch can differentiate."""
+"""Rendering of one view as a differentiable function of PyTorch."""
 
 from __future__ import annotations
 
@@ -6,20 +6,22 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-# The core itself: a `GaussianMap` would look at all numbers, which the rasterizer does anyway.
+# The core itself: a `GaussianMap` would check all values, as the rasterizer does anyway.
 from gslts._core.map import GaussianViewDouble, GaussianViewFloat
 from gslts._core.raster import RasterizerDouble, RasterizerFloat, RenderOptions
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import SH_C0, FloatArray
 from gslts.rendering.rasterizer import scatter_rows
 from gslts.torch.checks import require_finite
+from gslts.types import Floats
 
-MIN_SCALE_M = 1e-30  # Stands for a scale of 0, which has no logarithm.
-RIGID_TOLERANCE = 1e-3  # Of the singular values of a rotation; poses kept in float32 pass.
+MIN_SCALE_M = 1e-30
+"""Replaces a scale of 0, which has no logarithm, m."""
+RIGID_TOLERANCE = 1e-3
+"""Maximum error of the singular values of a rotation; poses stored in float32 pass."""
 
 
 def rasterize_view(
@@ -34,10 +36,25 @@ def rasterize_view(
     height: int,
     options: RenderOptions,
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Renders one view; the arguments are those of `rasterization` without leading dimensions.
+    """Render one view; the tensors are those of `rasterization` without leading dimensions.
+
+    Args:
+        means: [N,3] world, m.
+        quats: [N,4] wxyz.
+        scales: [N,3] m.
+        opacities: [N] in [0, 1].
+        colors: [N,D], or [N,K,3] spherical harmonics.
+        viewmat: [4,4] camera_from_world, rigid.
+        K: [3,3] intrinsics, px.
+        width: Of the image, px.
+        height: Of the image, px.
+        options: Of the rasterizer.
 
     Returns:
         Colours on black [H,W,D], expected depth [H,W,1] and alpha [H,W,1].
+
+    Raises:
+        ValueError: The viewmat is not rigid, or a value is not finite.
     """
     camera = _camera_of(viewmat, K, width, height)
     color, depth, alpha = _RasterizeView.apply(  # type: ignore[no-untyped-call]
@@ -47,10 +64,10 @@ def rasterize_view(
 
 
 class _RasterizeView(torch.autograd.Function):
-    """`rasterize_view` with its gradients.
+    """Autograd function of `rasterize_view`.
 
-    Each call has a rasterizer of its own, which waits for the backward pass: several forwards may
-    come before it. That costs no time, as the core recycles the memory of those before.
+    Each call keeps a rasterizer of its own for the backward pass, so that several forward passes
+    may come first. This costs no time, as the core reuses the memory of earlier ones.
     """
 
     @staticmethod
@@ -61,17 +78,17 @@ class _RasterizeView(torch.autograd.Function):
         scales: Tensor,
         opacities: Tensor,
         colors: Tensor,
-        viewmat: Tensor,  # noqa: ARG004  # `camera` has its numbers; it is here for its gradient.
+        viewmat: Tensor,  # noqa: ARG004  # For its gradient; `camera` has its values.
         camera: Camera,
         options: RenderOptions,
     ) -> tuple[Tensor, ...]:
-        """Renders; depth and alpha are [H,W]."""
+        """Render colours [H,W,D], depth [H,W] and alpha [H,W]."""
         rasterizer: Any = RasterizerDouble() if means.dtype == torch.float64 else RasterizerFloat()
         gaussians = _gaussians_of(means, quats, scales, opacities, colors)
         try:
             images = rasterizer.forward(gaussians, camera=camera, options=options, mask=None)
         except ValueError:
-            # A number is not finite, in an array that the caller knows by another name.
+            # Name an array that is not finite as the caller does.
             require_finite(means=means, quats=quats, scales=scales, colors=colors)
             raise
         ctx.set_materialize_grads(False)
@@ -85,7 +102,7 @@ class _RasterizeView(torch.autograd.Function):
     def backward(
         ctx: Any, dL_dcolor: Tensor | None, dL_ddepth: Tensor | None, dL_dalpha: Tensor | None
     ) -> tuple[Tensor | None, ...]:
-        """None stands for a gradient that is zero or not needed."""
+        """Compute the gradients of the inputs; None for those that are 0 or not needed."""
         _, _, scales, opacities, colors = ctx.saved_tensors
         role = _role_of(colors)
         gradients = ctx.rasterizer.backward(
@@ -97,15 +114,15 @@ class _RasterizeView(torch.autograd.Function):
             statistics=False,
         )
 
-        def dense(argument: int, seen: FloatArray) -> Any:
-            """The gradient of all Gaussians: zero for those not seen; None if not needed."""
+        def dense(argument: int, rendered: FloatArray) -> Any:
+            """Return the gradient of all Gaussians: 0 for culled ones; None if not needed."""
             if not ctx.needs_input_grad[argument]:
                 return None
-            return torch.from_numpy(scatter_rows(gradients["rows"], seen, len(scales)))
+            return torch.from_numpy(scatter_rows(gradients["rows"], rendered, len(scales)))
 
         dL_dscales = dense(2, gradients["dL_dlog_scales"])
         if dL_dscales is not None:
-            # d log|s| / ds = 1 / s. The images depend on s^2, which has no slope where s is 0.
+            # d log|s| / ds = 1 / s. The images depend on s^2, whose derivative is 0 at s = 0.
             dL_dscales.div_(scales).masked_fill_(scales == 0, 0)
         dL_dopacities = dense(3, gradients["dL_dlogit_opacities"])
         if dL_dopacities is not None:
@@ -128,7 +145,7 @@ class _RasterizeView(torch.autograd.Function):
 
 
 def _role_of(colors: Tensor) -> str:
-    """What the colours of a view become in the map; RGB as SH of degree 0 is faster to blend."""
+    """Return the map attribute for colours; RGB as SH of degree 0 is faster to blend."""
     if colors.ndim == 3:
         return "sh"
     return "rgb" if colors.shape[1] == 3 else "features"
@@ -137,7 +154,7 @@ def _role_of(colors: Tensor) -> str:
 def _gaussians_of(
     means: Tensor, quats: Tensor, scales: Tensor, opacities: Tensor, colors: Tensor
 ) -> GaussianViewDouble | GaussianViewFloat:
-    """Of the stored values whose activated ones these are; without a copy where none is needed."""
+    """Convert activated to stored values; without a copy where possible."""
     role = _role_of(colors)
     if role == "features":
         sh, features = means.new_zeros((len(means), 1, 3)), colors
@@ -157,17 +174,17 @@ def _gaussians_of(
 
 
 def _off_bounds(opacities: Tensor) -> Tensor:
-    """Keeps opacities off 0 and 1, whose logits are infinite, by half the rounding of 1."""
+    """Clamp opacities away from 0 and 1, whose logits are infinite, by half an epsilon."""
     margin = torch.finfo(opacities.dtype).eps / 2
     return opacities.clamp(margin, 1 - margin)
 
 
 def _camera_of(viewmat: Tensor, K: Tensor, width: int, height: int) -> Camera:
-    """The camera of a view, its rotation the one nearest to the viewmat's.
+    """Make the camera of a view, with the rotation nearest to that of the viewmat.
 
     Raises:
-        ValueError: The viewmat is further than RIGID_TOLERANCE from rigid, or K is not of the form
-            ((fx, 0, cx), (0, fy, cy), (0, 0, 1)).
+        ValueError: The viewmat differs by more than RIGID_TOLERANCE from a rigid one, or K is not
+            of the form ((fx, 0, cx), (0, fy, cy), (0, 0, 1)).
     """
     camera_from_world = _numpy(viewmat).astype(np.float64)
     rotation, is_rigid = np.eye(3), bool(np.isfinite(camera_from_world).all())
@@ -189,8 +206,8 @@ def _camera_of(viewmat: Tensor, K: Tensor, width: int, height: int) -> Camera:
     )
 
 
-def _viewmat_gradient(camera: Camera, dL_dtwist: NDArray[np.float64]) -> NDArray[np.float64]:
-    """[4,4] gradient G with respect to the viewmat V, tangent to the rigid transforms at V.
+def _viewmat_gradient(camera: Camera, dL_dtwist: Floats) -> Floats:
+    """Compute the [4,4] gradient G of the viewmat V, tangent to the rigid transforms at V.
 
     With V = (R, t), world_from_camera exp(xi) has the viewmat exp(-xi) V, which moves by
     dR = -[phi]x R and dt = -rho - phi x t. Every tangent is some ([a]x R, b). The one for which
@@ -207,5 +224,5 @@ def _viewmat_gradient(camera: Camera, dL_dtwist: NDArray[np.float64]) -> NDArray
 
 
 def _numpy(tensor: Tensor | None) -> Any:
-    """The tensor as a C-contiguous array, sharing its memory if it can; None stays None."""
+    """Return a tensor as a C-contiguous array, without a copy if possible; None for None."""
     return None if tensor is None else tensor.detach().contiguous().numpy()

@@ -1,4 +1,4 @@
-"""How a map is updated: settings of the Active Scene Updater."""
+"""Settings of the Active Scene Updater, one model per stage."""
 
 from __future__ import annotations
 
@@ -10,13 +10,15 @@ from gslts.mapping.config import Count, Positive, Rate, Share
 
 
 class CollectConfig(BaseModel):
-    """From where a robot looks at a change.
+    """Settings of the data collection around a region.
 
     Attributes:
-        steps: K of the paper: so many steps along the tangent, half of them to either side.
-        step_m: Least length of a step; longer ones where the robot can go farther around.
-        distance_m: From the middle of the region to the camera, on the floor, at first.
-        held_back: Every so manieth view is kept to judge the update.
+        steps: Number of steps along the tangent, K of GS-LTS: half of them to the left, then K to
+            the right.
+        step_m: Minimum length of a step, m; the steps are longer where the robot can move farther
+            around the region.
+        distance_m: Initial distance of the camera from the centre of the region on the floor, m.
+        validation_every: One of this many views is held out to accept or reject the update.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -24,28 +26,27 @@ class CollectConfig(BaseModel):
     steps: Annotated[int, Field(ge=2, le=100)] = 8
     step_m: Positive = 0.35
     distance_m: Positive = 1.2
-    held_back: Annotated[int, Field(ge=2)] = 4
+    validation_every: Annotated[int, Field(ge=2)] = 4
 
 
 class EditConfig(BaseModel):
-    """How Gaussians are removed and added before the refinement.
+    """Settings of the pre-editing.
 
     Attributes:
-        vote_share: rho of the paper: the share of views in whose masks a Gaussian must lie to be
-            removed.
-        visible_votes: Whether a Gaussian counts only in views where it is not hidden in the map;
-            otherwise in all, as printed.
-        carve: Whether what views see through is removed.
-        sweep: Whether what is left in the midst of removed Gaussians is removed too.
-        only_missing: Whether points are made only where the map, once Gaussians were removed, does
-            not show what was measured.
-        flat: Whether new Gaussians lie flat on the measured surface; otherwise they have the shape
-            of the nearest one, and are as dense.
-        observed_colors: Whether they have the colour of the photographs; otherwise that of the
-            nearest one, or of the object that was moved.
-        voxel_m: Edge of the voxels that seed a flat Gaussian each, m.
-        contrast: Where colours change by less over larger voxels, these seed one.
-        margin_m: How far beyond the boxes of a change it may reach, m.
+        vote_share: Share of the views in whose masks a Gaussian must lie to be removed, rho of
+            GS-LTS.
+        visible_votes: Count only views in which the map does not occlude the Gaussian; GS-LTS
+            counts all views.
+        carve: Also remove Gaussians that the views see through.
+        sweep: Also remove Gaussians whose neighbours were removed.
+        only_missing: Add Gaussians only where the map does not show the measured surface.
+        flat: Add flat Gaussians on the measured surface; GS-LTS copies shape and density of the
+            nearest Gaussian.
+        observed_colors: Use the observed colours; GS-LTS copies those of the nearest Gaussian, or
+            of the relocated object.
+        voxel_m: Edge of the voxels that seed one flat Gaussian each, m.
+        contrast: Maximum change of colour, 0 to 1, over a larger voxel that seeds one Gaussian.
+        margin_m: Distance from the regions up to which the edit may reach, m.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -70,29 +71,29 @@ GS_LTS = EditConfig(
     flat=False,
     observed_colors=False,
 )
-"""The pre-editing as printed in GS-LTS, sec. III-D."""
+"""Pre-editing of GS-LTS, sec. III-D, without our corrections."""
 
 
 class RefineConfig(BaseModel):
-    """How edited Gaussians, and those around them, are fitted to the views.
+    """Settings of the refinement.
 
     Attributes:
-        iterations: At most.
-        scope: "region" renders and moves only what is near the change; "map" all, as plain
-            fine-tuning does.
-        reach_m: Gaussians so near to the boxes of the change may move.
-        around_px: So many pixels around what changed are fitted.
-        remembered: Old views that are kept as they were, at most.
-        new_visits: New views are fitted so often for each time that old ones are.
-        patience: The refinement ends when the error fell by less than `least_gain` in so many
-            rounds of all views.
-        least_gain: Share of the error.
-        dssim_weight: Of 1 - SSIM against L1 of the colours.
-        depth_weight: Of the relative error of the depth.
-        means_rate, quats_rate, log_scales_rate, logit_opacities_rate, sh_rate: Of Adam, at the
-            start.
-        rates_left: Share of them that is left at the end.
-        seed: Of the order of the views.
+        iterations: Maximum number of steps.
+        scope: "region" renders and fits only what is near the change; "map" fits all Gaussians, as
+            plain fine-tuning does.
+        reach_m: Maximum distance from a region to a Gaussian that may change, m.
+        margin_px: Margin around the regions in which pixels are compared, px.
+        replay_views: Maximum number of training cameras of the map whose rendering before the edit
+            is fitted too.
+        new_visits: Steps on each new view per step on an old one.
+        patience: Number of rounds of all views,
+        min_gain: in which the loss must fall by this share; otherwise the refinement ends.
+        dssim_weight: Weight of 1 - SSIM against L1 of the colours.
+        depth_weight: Weight of the relative error of the depth.
+        means_rate, quats_rate, log_scales_rate, logit_opacities_rate, sh_rate: Initial learning
+            rates of Adam.
+        final_rate_share: Final learning rates as a share of the initial ones.
+        seed: Seed of the order of the views and of the background.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -100,11 +101,11 @@ class RefineConfig(BaseModel):
     iterations: Count = 250
     scope: Literal["region", "map"] = "region"
     reach_m: Rate = 0.45
-    around_px: Count = 80
-    remembered: Count = 20
+    margin_px: Count = 80
+    replay_views: Count = 20
     new_visits: Annotated[int, Field(ge=1, le=100)] = 2
     patience: Annotated[int, Field(ge=1)] = 2
-    least_gain: Rate = 0.01
+    min_gain: Rate = 0.01
     dssim_weight: Share = 0.2
     depth_weight: Rate = 0.2
     means_rate: Rate = 1e-3
@@ -112,15 +113,18 @@ class RefineConfig(BaseModel):
     log_scales_rate: Rate = 3e-2
     logit_opacities_rate: Rate = 6e-2
     sh_rate: Rate = 2e-2
-    rates_left: Share = 0.05
+    final_rate_share: Share = 0.05
     seed: Count = 0
 
 
 class UpdateConfig(BaseModel):
-    """Settings of the stages of an update.
+    """Settings of an update.
 
     Attributes:
-        threads: 0 means one a hardware thread.
+        collect: Of the data collection.
+        edit: Of the pre-editing.
+        refine: Of the refinement.
+        threads: 0 uses all hardware threads.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")

@@ -1,4 +1,4 @@
-"""Whether views show that something changed at a place."""
+"""Decision whether the collected views confirm a detected change."""
 
 from __future__ import annotations
 
@@ -12,93 +12,107 @@ from gslts.change.changes import Change
 from gslts.change.detector import Detection
 from gslts.core.frame import RgbdFrame
 from gslts.update.region import Region
-from gslts.update.views import View, masks_of
+from gslts.update.views import View, region_masks
 
-Answer = Literal["shown", "not shown", "not known"]
+Verdict = Literal["shown", "not shown", "unknown"]
 
-INSIDE = 0.06
-"""Share of the image's width by which the middle of a region must lie within it."""
-HIDDEN_M = 0.15
-"""What is measured so much before a region hides it."""
-LEAST_VIEWS = 2
-MOST_LOG_ODDS = 3.0
-"""Of a change, by one view: 20 to 1 for it at most, and as much against it where nothing is seen.
-What all views tell is their sum; as they share the errors of the map, none may decide alone."""
-LEAST_MEASURED = 0.1
-"""Share of what changed in which depth must be measured."""
+BORDER_SHARE = 0.06
+"""Margin between the centre of a region and the border of the image, as a share of its width."""
+OCCLUSION_M = 0.15
+"""A surface this much nearer than the region occludes it, m."""
+MIN_VIEWS = 2
+"""Minimum number of views of a region. One view cannot separate a change from an error of depth."""
+MAX_LOG_ODDS = 3.0
+"""Bound of the evidence of one view, log-odds (20 to 1). Views share the errors of the map, so no
+single view may outvote all others."""
+MIN_MEASURED_SHARE = 0.1
+"""Minimum share of changed pixels with measured depth; glass and mirrors have less."""
 
 
-def shows(frame: RgbdFrame, region: Region) -> bool:
-    """Whether the middle of a region is in a frame and nothing is before it."""
+def is_visible(frame: RgbdFrame, region: Region) -> bool:
+    """Return whether a frame shows the centre of a region.
+
+    Args:
+        frame: RGB-D frame.
+        region: Region of a change.
+
+    Returns:
+        True if the centre is inside of the image and nothing measured occludes it.
+    """
     camera = frame.camera
-    middle = region.middle_in(camera)
-    if middle is None:
+    center = region.project_center(camera)
+    if center is None:
         return False
-    u, v, z = middle
-    margin = INSIDE * camera.width
+    u, v, z = center
+    margin = BORDER_SHARE * camera.width
     if not (margin <= u < camera.width - margin and margin <= v < camera.height - margin):
         return False
     depth = frame.registered().depth[int(v), int(u)]
-    reach_m = HIDDEN_M + 0.5 * float(np.linalg.norm(region.high - region.low))
-    return not bool(0 < depth < z - reach_m)
+    margin_m = OCCLUSION_M + 0.5 * float(np.linalg.norm(region.high - region.low))
+    return not bool(0 < depth < z - margin_m)
 
 
-def shown_of(
+def confirm(
     change: Change,
     regions: Sequence[Region],
-    seen: Sequence[tuple[View, Detection]],
+    views: Sequence[tuple[View, Detection]],
     skipped: Sequence[str],
 ) -> Change | str:
-    """What views show of a change, or why it is none.
+    """Confirm a change by the collected views.
 
-    An object that moved is only new, or only gone, if views of its other place show no change.
+    A relocation becomes an addition or a removal if the views show that one end did not change.
 
     Args:
         change: As detected.
-        regions: Where it is to be seen.
-        seen: Views of these and of other places, and what was detected in them.
-        skipped: Why other frames do not count.
+        regions: Its regions.
+        views: Views of these and of other regions, with their detections.
+        skipped: Reasons for skipping other frames.
+
+    Returns:
+        The confirmed change, or the reason for rejecting it.
     """
     if not regions:
-        return "its place is not known"
-    answers = [_judged(region, seen, skipped) for region in regions]
-    shown = [region for region, (what, _) in zip(regions, answers, strict=True) if what == "shown"]
+        return "its region is unknown"
+    verdicts = [_judge(region, views, skipped) for region in regions]
+    shown = [
+        region for region, (verdict, _) in zip(regions, verdicts, strict=True) if verdict == "shown"
+    ]
     if len(shown) == len(regions):
         return change
-    if shown and not any(what == "not known" for what, _ in answers):
+    if shown and not any(verdict == "unknown" for verdict, _ in verdicts):
         return change.end(shown[0].side)
-    return next(why for what, why in answers if what != "shown")
+    return next(reason for verdict, reason in verdicts if verdict != "shown")
 
 
-def _judged(
-    region: Region, seen: Sequence[tuple[View, Detection]], skipped: Sequence[str]
-) -> tuple[Answer, str]:
-    """Whether views show a change at a place, and why if they do not."""
-    own = [(view, detection) for view, detection in seen if shows(view.frame, region)]
-    if len(own) < LEAST_VIEWS:
-        why = skipped[0] if skipped else "the robot offers no other frame"
-        return "not known", f"{len(own)} view(s) show the change, {LEAST_VIEWS} are needed: {why}"
+def _judge(
+    region: Region, views: Sequence[tuple[View, Detection]], skipped: Sequence[str]
+) -> tuple[Verdict, str]:
+    """Return whether views show a change in a region, and the reason if not."""
+    own = [(view, detection) for view, detection in views if is_visible(view.frame, region)]
+    if len(own) < MIN_VIEWS:
+        reason = skipped[0] if skipped else "the robot offers no other frame"
+        return "unknown", f"{len(own)} view(s) show the change, {MIN_VIEWS} are needed: {reason}"
     log_odds = [_log_odds(region, detection) for _, detection in own]
     if sum(log_odds) <= 0:
-        showing = sum(one > 0 for one in log_odds)
-        what = "something gone" if region.side == "before" else "something new"
-        return "not shown", f"only {showing} of {len(own)} views show {what} there"
-    masks = []
+        count = sum(value > 0 for value in log_odds)
+        what = "a removed object" if region.side == "before" else "an added object"
+        return "not shown", f"only {count} of {len(own)} views show {what} there"
+    changed = measured = 0
     for view, detection in own:
-        before, after = masks_of(detection, view.changed.shape, [region])
-        masks.append(before if region.side == "before" else after)
-    changed = sum(int(mask.sum()) for mask in masks)
-    measured = sum(
-        int(np.count_nonzero(view.depth[mask])) for (view, _), mask in zip(own, masks, strict=True)
-    )
-    if measured < LEAST_MEASURED * changed:
+        before, after = region_masks(detection, view.changed.shape, [region])
+        mask = before if region.side == "before" else after
+        changed += int(mask.sum())
+        measured += int(np.count_nonzero(view.depth[mask]))
+    if measured < MIN_MEASURED_SHARE * changed:
         share = 100 * measured / changed
-        return "not known", f"depth is measured in {share:.0f} % of what changed"
+        return "unknown", f"depth is measured in {share:.0f} % of the changed pixels"
     return "shown", ""
 
 
 def _log_odds(region: Region, detection: Detection) -> float:
-    """How likely one view makes a change at a region, as the logarithm of the odds, bounded."""
-    certainties = [_core.certainty(one) for one in detection.surfaces if region.is_of(one)]
-    certainty = np.clip(max(certainties, default=0.0), 1e-9, 1 - 1e-9)
-    return float(np.clip(np.log(certainty / (1 - certainty)), -MOST_LOG_ODDS, MOST_LOG_ODDS))
+    """Return the bounded log-odds of a change in a region, from one view."""
+    confidences = [
+        _core.certainty(surface) for surface in detection.surfaces if region.matches(surface)
+    ]
+    confidence = np.clip(max(confidences, default=0.0), 1e-9, 1 - 1e-9)
+    return float(np.clip(np.log(confidence / (1 - confidence)), -MAX_LOG_ODDS, MAX_LOG_ODDS))

@@ -1,4 +1,4 @@
-"""What an object that changed is called, where frames or the past of a map know it."""
+"""Type of a changed object, such as "Mug": from labels of frames, the history, or semantics."""
 
 from __future__ import annotations
 
@@ -10,61 +10,65 @@ import numpy as np
 from gslts.change.changes import Change
 from gslts.store.records import Event
 from gslts.update.region import Region
-from gslts.update.views import View, near_region
+from gslts.update.views import View, pixels_in_region
 
 UNKNOWN = "object"
+"""Type of an object that nothing names."""
 MARGIN_M = 0.02
-"""So far beyond the box of what is new its pixels may lie."""
-LEAST_SHARE = 0.5
-"""Of the pixels that are told apart, which must agree."""
-NEAR_M = 0.15
-"""An object that is gone stood where it was last seen, or that near."""
+"""Margin around the box of an added object in which its pixels lie, m."""
+MIN_LABEL_SHARE = 0.5
+"""Minimum share of the labelled pixels that agree on a type."""
+MAX_DISTANCE_M = 0.15
+"""Maximum distance from a removed object to the position where the history has it, m."""
 
 
-def type_of(
+def object_type(
     change: Change,
     views: Iterable[View],
     events: Sequence[Event],
-    named: Callable[[Region], str | None] = lambda _: None,
+    name_region: Callable[[Region], str | None] = lambda _: None,
 ) -> str:
-    """The type of an object, such as "Mug"; "object" where nobody knows it.
+    """Return the type of a changed object.
 
     Args:
         change: Of the object.
-        views: Around it, after the change; their frames may have labels.
-        events: What became of objects before, the first one first.
-        named: What the Gaussians of the map mean that vanished from a region.
+        views: After the change; their frames may have labels.
+        events: History of the map, oldest first.
+        name_region: Returns what the removed Gaussians of a region are.
+
+    Returns:
+        A type such as "Mug"; "object" if nothing names it.
     """
     before, after = change.boxes
-    seen = None if after is None else _seen(Region("after", *after), views)
-    if seen is None and before is not None:
+    name = None if after is None else _labelled_type(Region("after", *after), views)
+    if name is None and before is not None:
         region = Region("before", *before)
-        seen = _known(region, events) or named(region)
-    return seen or UNKNOWN
+        name = _type_in_history(region, events) or name_region(region)
+    return name or UNKNOWN
 
 
-def _seen(region: Region, views: Iterable[View]) -> str | None:
-    """What most pixels of what is new show."""
+def _labelled_type(region: Region, views: Iterable[View]) -> str | None:
+    """Return the type of most labelled pixels of an added object."""
     votes: Counter[str] = Counter()
     for view in views:
         labels = view.frame.labels
         if labels is not None:
-            new = view.after & near_region(view.depth, view.camera, region, MARGIN_M)
-            rows, counts = np.unique(labels.instances[new], return_counts=True)
-            for row, count in zip(rows.tolist(), counts.tolist(), strict=True):
-                if row >= 0:
-                    votes[labels.types[row]] += count
+            added = view.after & pixels_in_region(view.depth, view.camera, region, MARGIN_M)
+            instances, counts = np.unique(labels.instances[added], return_counts=True)
+            for instance, count in zip(instances.tolist(), counts.tolist(), strict=True):
+                if instance >= 0:
+                    votes[labels.types[instance]] += count
     if not votes:
         return None
     name, count = votes.most_common(1)[0]
-    return name if count >= LEAST_SHARE * votes.total() else None
+    return name if count >= MIN_LABEL_SHARE * votes.total() else None
 
 
-def _known(region: Region, events: Sequence[Event]) -> str | None:
-    """What came to a place last."""
+def _type_in_history(region: Region, events: Sequence[Event]) -> str | None:
+    """Return the type of the last object that was added or moved to a region."""
     for event in reversed(events):
         if event.type != UNKNOWN and event.boxes[1] is not None:
-            middle = np.mean(event.boxes[1], axis=0)
-            if region.contains(middle, NEAR_M):
+            center = np.mean(event.boxes[1], axis=0)
+            if region.contains(center, MAX_DISTANCE_M):
                 return event.type
     return None

@@ -1,166 +1,137 @@
-"""The last stage of an update: what came of it becomes a version of the map, or is told."""
+"""Publication of an update: a new version of the map on disk, or the record of its rejection."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from io import BytesIO
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
-from gslts.change.changes import Change
 from gslts.core.camera import Camera, new_viewpoints
 from gslts.core.gaussian_map import GaussianMap
 from gslts.io.atomic_files import write_atomic
 from gslts.localization.landmark_extraction import extract_landmarks
 from gslts.localization.landmark_files import has_landmarks, write_landmarks
 from gslts.semantics.map_semantics import MapSemantics
-from gslts.store.causes import (
-    ChangeRecord,
-    RejectedUpdateCause,
-    UpdateCause,
-    UpdateFrame,
-    UpdateRecord,
-)
+from gslts.store.causes import RejectedUpdateCause, UpdateCause, UpdateFrame, UpdateRecord
 from gslts.store.manifest import update_image_path
 from gslts.store.map_folder import camera_to_json
 from gslts.store.map_store import MapStore
-from gslts.store.records import ObjectEvent, Version
+from gslts.store.records import Version
 from gslts.update.config import UpdateConfig
-from gslts.update.edit import near_regions
-from gslts.update.object_types import type_of
-from gslts.update.region import Region
-from gslts.update.report_image import update_picture
-from gslts.update.updater import Update
+from gslts.update.integrate import UpdateResult
+from gslts.update.object_events import change_record, object_events
+from gslts.update.report_image import draw_update
 
-PICTURE_PX, QUALITY = 1200, 85
-"""Greatest side of a picture, and how well it is kept: it should not outweigh the version."""
-LEAST_GONE, STRAYS = 20, 0.02
-"""So many Gaussians tell where something was, and such a share of them may lie beside it."""
-LANDMARK_BYTES = 32 << 10
-"""Of the landmarks that an update brings, at most: about 500, as many as a picture of it shows."""
+MAX_IMAGE_PX, JPEG_QUALITY = 1200, 85
+"""Longest side of the image of an update, px, and its quality: the image takes fewer bytes than the
+version."""
+MAX_LANDMARK_BYTES = 32 << 10
+"""Maximum size of the landmarks of one update, bytes: about 500 landmarks, as many as one image of
+it shows."""
 
 
-def published(
+def publish(
     store: MapStore,
     before: GaussianMap,
     cameras: Iterable[Camera],
-    result: Update,
+    result: UpdateResult,
     config: UpdateConfig,
     number_of_round: int | None = None,
     semantics: MapSemantics | None = None,
 ) -> Version | None:
-    """Adds a version of an updated map, and a picture of it; of what stays as it was, only why.
+    """Commit an accepted update with its image, or record a rejected one.
 
-    A map with landmarks gets those of what is new, too.
+    Landmarks of added objects are written if the map has landmarks.
 
     Args:
         store: Writable.
-        before: Its newest version, which was updated.
-        cameras: That it was made from.
+        before: Newest version of the map.
+        cameras: Training cameras of the map.
         result: Of the update.
-        config: It was made with.
+        config: Settings of the update.
         number_of_round: Round of the robot, counted from 0; None outside of rounds.
-        semantics: Of the map; names the objects that are gone.
+        semantics: Of the map; names removed objects.
+
+    Returns:
+        The new version; None if the update was rejected.
 
     Raises:
-        OSError: It cannot be written; then the newest version is what it was, or only the picture
-            is missing.
-        ValueError: What is known of the map is damaged.
+        OSError: A file cannot be written. Then the newest version is still the old one, or only the
+            image is missing, as the message says.
+        ValueError: The history of the map is damaged.
     """
-    if result.record.rejected is not None:
-        changes = tuple(_record_of(change) for change, _ in result.left)
+    if result.rejected is not None:
+        changes = tuple(change_record(change) for change, _ in result.rejected_changes)
         store.add_rejection(
             RejectedUpdateCause(round=number_of_round, changes=changes, record=result.record)
         )
         return None
-    seen_from = [view.camera for view in result.views]
-    frames = tuple(
-        UpdateFrame(**camera_to_json(camera), new_viewpoint=new)
-        for camera, new in zip(seen_from, new_viewpoints(cameras, seen_from), strict=True)
-    )
-    digest = None
-    if has_landmarks(store.folder):
-        used = result.views[: result.record.training_views]
-        landmarks = extract_landmarks(
-            result.gaussian_map,
-            [view.frame for view in used],
-            [view.changed for view in used],
-            max_bytes=LANDMARK_BYTES,
-            threads=config.threads,
-        )
-        # Views from all sides also see more of what was there before.
-        new = ~np.isin(landmarks.gaussians, before.ids)
-        landmarks = landmarks.select(np.flatnonzero(new))
-        if landmarks.size:
-            digest = write_landmarks(landmarks, store.folder)
-    standing = store.lineage_numbers()  # What others brought was undone by a restore.
-    past = [event for event in store.events() if event.version in standing]
-
-    vanished = ~np.isin(before.ids, result.gaussian_map.ids)
-
-    def gone_from(region: Region) -> NDArray[np.intp]:
-        return np.flatnonzero(vanished & near_regions(before, [region], 0.0))
-
-    def named(region: Region) -> str | None:
-        return None if semantics is None else semantics.name_of(before, gone_from(region))
-
-    def boxes(change: Change) -> tuple[Any, Any]:
-        """What is gone is where its Gaussians were: a look may take for it what is behind."""
-        first, after = _boxes(change)
-        if change.boxes[0] is None:
-            return first, after
-        rows = gone_from(Region("before", *change.boxes[0]))
-        if len(rows) >= LEAST_GONE:
-            centres = before.means[rows] + before.origin
-            first = np.quantile(centres, (STRAYS, 1 - STRAYS), axis=0).tolist()
-        return first, after
-
-    events = [
-        ObjectEvent(kind=one.kind, type=type_of(one, result.views, past, named), boxes=boxes(one))
-        for one in result.changes
-    ]
     cause = UpdateCause(
         round=number_of_round,
-        changes=tuple(_record_of(change) for change in result.changes),
+        changes=tuple(change_record(change) for change in result.changes),
         record=result.record,
         config=config.model_dump(mode="json"),
-        frames=frames,
-        landmarks=digest,
+        frames=_frame_records(cameras, [view.camera for view in result.views]),
+        landmarks=_write_landmarks(store, before, result, config.threads),
     )
-    version = store.commit(result.gaussian_map, cause, events)
-    for change, why in result.left:
+    lineage = store.lineage_numbers()  # A restore undid the events of other versions.
+    events = [event for event in store.events() if event.version in lineage]
+    version = store.commit(
+        result.gaussian_map, cause, object_events(before, result, events, semantics)
+    )
+    for change, reason in result.rejected_changes:
         store.add_rejection(
             RejectedUpdateCause(
                 round=number_of_round,
-                changes=(_record_of(change),),
-                record=UpdateRecord(rejected=why),
+                changes=(change_record(change),),
+                record=UpdateRecord(rejected=reason),
             )
         )
-    picture = Image.fromarray(
-        update_picture(before, result.gaussian_map, result.views, config.threads)
+    _write_image(store, version, before, result, config.threads)
+    return version
+
+
+def _frame_records(known: Iterable[Camera], cameras: list[Camera]) -> tuple[UpdateFrame, ...]:
+    return tuple(
+        UpdateFrame(**camera_to_json(camera), new_viewpoint=new)
+        for camera, new in zip(cameras, new_viewpoints(known, cameras), strict=True)
     )
-    picture.thumbnail((PICTURE_PX, PICTURE_PX))
-    path = update_image_path(store.folder, version.number)
+
+
+def _write_landmarks(
+    store: MapStore, before: GaussianMap, result: UpdateResult, threads: int
+) -> str | None:
+    """Write the landmarks of new Gaussians, and return the SHA-256 of the file; None if none."""
+    if not has_landmarks(store.folder):
+        return None
+    training = result.views[: result.record.training_views]
+    landmarks = extract_landmarks(
+        result.gaussian_map,
+        [view.frame for view in training],
+        [view.changed for view in training],
+        max_bytes=MAX_LANDMARK_BYTES,
+        threads=threads,
+    )
+    # The views also show landmarks of old Gaussians, which the map has already.
+    new = ~np.isin(landmarks.gaussians, before.ids)
+    landmarks = landmarks.select(np.flatnonzero(new))
+    return write_landmarks(landmarks, store.folder) if landmarks.size else None
+
+
+def _write_image(
+    store: MapStore, version: Version, before: GaussianMap, result: UpdateResult, threads: int
+) -> None:
+    """Write the image of an update: frames, and the map before and after."""
+    image = Image.fromarray(draw_update(before, result.gaussian_map, result.views, threads))
+    image.thumbnail((MAX_IMAGE_PX, MAX_IMAGE_PX))
     content = BytesIO()
-    picture.save(content, "JPEG", quality=QUALITY)
+    image.save(content, "JPEG", quality=JPEG_QUALITY)
+    path = update_image_path(store.folder, version.number)
     try:
         path.parent.mkdir(exist_ok=True)
         write_atomic(path, content.getvalue())
     except OSError as error:
-        now = f"{store.folder} is version {version.number} now, but without a picture"
-        raise OSError(f"{now}: {error}") from error
-    return version
-
-
-def _record_of(change: Change) -> ChangeRecord:
-    return ChangeRecord(kind=change.kind, confidence=change.confidence, boxes=_boxes(change))
-
-
-def _boxes(change: Change) -> tuple[Any, Any]:
-    before, after = (
-        None if box is None else [corner.tolist() for corner in box] for box in change.boxes
-    )
-    return before, after
+        state = f"{store.folder} is version {version.number} now, but without an image"
+        raise OSError(f"{state}: {error}") from error

@@ -1,4 +1,4 @@
-"""Pictures of two versions of a map, and of what a robot saw between them."""
+"""Images that compare two versions of a map with each other, and with the observed frames."""
 
 from __future__ import annotations
 
@@ -13,62 +13,68 @@ from gslts.rendering.losses import apply_exposure
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.update.views import View
 
-VIEWS = 3
-"""Rows of a picture, at most."""
-LOOKED_AT = 60
-"""Cameras that are tried for the difference of two maps, at most."""
+MAX_ROWS = 3
+"""Maximum number of rows of an image."""
+MAX_CAMERAS = 60
+"""Maximum number of cameras that are rendered to find where two maps differ most."""
 WHITE = (255, 255, 255)
+"""Colour of the captions."""
 
 
-def update_picture(
+def draw_update(
     before: GaussianMap, after: GaussianMap, views: Sequence[View], threads: int = 0
 ) -> RgbImage:
-    """The photograph, the map before and the map after, side by side; a row for each of some views.
+    """Draw the observed frame, the map before and the map after side by side.
 
     Args:
         before: float32.
         after: float32.
-        views: At least one; some of those of the first one's size, spread evenly, are shown.
-        threads: 0 means one a hardware thread.
+        views: At least one. Some of the size of the first one are drawn, evenly spaced.
+        threads: 0 uses all hardware threads.
+
+    Returns:
+        [H,W,3] uint8 sRGB; one row per view.
     """
     rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
     rows = []
     views = [view for view in views if view.frame.rgb.shape == views[0].frame.rgb.shape]
-    for number in np.unique(np.linspace(0, len(views) - 1, VIEWS).astype(int)):
-        view = views[number]
+    for index in np.unique(np.linspace(0, len(views) - 1, MAX_ROWS).astype(int)):
+        view = views[index]
         tiles = [view.frame.rgb.copy()]
         for gaussian_map in (before, after):
             rgb = rasterizer.forward(gaussian_map, view.camera, options).rgb
             tiles.append(to_rgb8(apply_exposure(rgb, view.exposure)))
-        for tile, words in zip(tiles, ("seen", "map before", "map after"), strict=True):
-            draw_text(tile, words, (8, 20), WHITE)
+        for tile, caption in zip(tiles, ("observed", "map before", "map after"), strict=True):
+            draw_text(tile, caption, (8, 20), WHITE)
         rows.append(np.concatenate(tiles, axis=1))
     return np.concatenate(rows)
 
 
-def difference_picture(
+def draw_difference(
     before: GaussianMap, after: GaussianMap, cameras: Sequence[Camera], threads: int = 0
 ) -> RgbImage:
-    """Both maps and where they differ, side by side, from the cameras that see most of it.
+    """Draw both maps and their difference side by side, from the cameras that see most of it.
 
     Args:
         before: float32.
         after: float32.
         cameras: At least one.
-        threads: 0 means one a hardware thread.
+        threads: 0 uses all hardware threads.
+
+    Returns:
+        [H,W,3] uint8 sRGB; one row per camera.
 
     Raises:
         ValueError: There is no camera.
     """
     if not cameras:
-        raise ValueError("difference_picture: there is no camera to look from")
+        raise ValueError("draw_difference: cameras: expected at least one, got none")
     rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
     rows = []
-    step = max(1, len(cameras) // LOOKED_AT)
-    for camera in cameras[::step]:
-        was, is_ = (rasterizer.forward(one, camera, options).rgb for one in (before, after))
-        apart = np.abs(is_ - was).max(axis=2, keepdims=True).repeat(3, axis=2)
-        rows.append((float(apart.mean()), np.concatenate([was, is_, apart], axis=1)))
-    best = sorted(rows, key=lambda row: -row[0])[:VIEWS]
-    width = best[0][1].shape[1]
-    return np.concatenate([to_rgb8(one) for _, one in best if one.shape[1] == width])
+    for camera in cameras[:: max(1, len(cameras) // MAX_CAMERAS)]:
+        old, new = (rasterizer.forward(m, camera, options).rgb for m in (before, after))
+        difference = np.abs(new - old).max(axis=2, keepdims=True).repeat(3, axis=2)
+        row = np.concatenate([old, new, difference], axis=1)
+        rows.append((float(difference.mean()), row))
+    best = [row for _, row in sorted(rows, key=lambda pair: -pair[0])[:MAX_ROWS]]
+    return np.concatenate([to_rgb8(row) for row in best if row.shape[1] == best[0].shape[1]])

@@ -1,4 +1,4 @@
-"""Whether an update made the map better, by views that it was not made from."""
+"""Verification of an update by views that were held out of it."""
 
 from __future__ import annotations
 
@@ -11,61 +11,70 @@ from gslts.change.detector import ChangeDetector
 from gslts.core.gaussian_map import GaussianMap
 from gslts.rendering.losses import apply_exposure
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
-from gslts.update.refine import around
 from gslts.update.region import NEAR_M, Region
+from gslts.update.targets import region_pixels
 from gslts.update.views import View
 
-AROUND_PX = 20
-"""Around the boxes of the change, where the map is compared with views held back."""
+MARGIN_PX = 20
+"""Margin around the regions in which the map is compared with validation views, px."""
 
 
-def split_held_back(views: Sequence[View], every: int) -> tuple[list[View], list[View]]:
-    """Views to update with, and those to judge by: of each `every` the middle one.
+def split_views(views: Sequence[View], every: int) -> tuple[list[View], list[View]]:
+    """Split views into training and validation views.
 
     Args:
         views: In the order in which they were taken.
-        every: At least 2. Of fewer views, the last but one is held back.
+        every: At least 2; the middle one of each `every` views is a validation view. Of fewer
+            views, it is the last but one.
+
+    Returns:
+        Training views, and validation views.
     """
-    chosen = {k for k in range(len(views)) if k % every == every // 2}
-    if not chosen and len(views) > 1:
-        chosen = {len(views) - 2}
-    used = [view for k, view in enumerate(views) if k not in chosen]
-    return used, [view for k, view in enumerate(views) if k in chosen]
+    rows = {row for row in range(len(views)) if row % every == every // 2}
+    if not rows and len(views) > 1:
+        rows = {len(views) - 2}
+    training = [view for row, view in enumerate(views) if row not in rows]
+    return training, [view for row, view in enumerate(views) if row in rows]
 
 
-def error_around(
+def error_in_regions(
     gaussian_map: GaussianMap, views: Sequence[View], regions: Sequence[Region], threads: int = 0
 ) -> float | None:
-    """Mean squared error of the colours around a change, 0 to 1; None where no view shows it.
+    """Compute the mean squared error of the colours around some regions.
 
     Args:
         gaussian_map: float32.
-        views: Of the change.
-        regions: Where it is.
-        threads: 0 means one a hardware thread.
+        views: Validation views.
+        regions: Regions of the changes.
+        threads: 0 uses all hardware threads.
+
+    Returns:
+        Error of sRGB colours, 0 to 1; None if no view shows a region.
     """
     rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
     total, count = 0.0, 0
     for view in views:
-        mask = around(view, regions, AROUND_PX)
+        mask = region_pixels(view, regions, MARGIN_PX)
         images = rasterizer.forward(gaussian_map, view.camera, options, mask=mask)
-        photo = view.frame.rgb[mask].astype(np.float32) / np.float32(255)
-        shown = apply_exposure(images.rgb[mask], view.exposure).clip(0, 1)
-        total += float(np.sum((shown - photo) ** 2, dtype=np.float64))
-        count += photo.size
+        observed = view.frame.rgb[mask].astype(np.float32) / np.float32(255)
+        rendered = apply_exposure(images.rgb[mask], view.exposure).clip(0, 1)
+        total += float(np.sum((rendered - observed) ** 2, dtype=np.float64))
+        count += observed.size
     return total / count if count else None
 
 
-def doubt_left(detector: ChangeDetector, views: Sequence[View], regions: Sequence[Region]) -> float:
-    """The greatest certainty with which a detector sees a change at some regions in any view.
+def remaining_confidence(
+    detector: ChangeDetector, views: Sequence[View], regions: Sequence[Region]
+) -> float:
+    """Return the highest confidence with which a detector still sees a change in some regions.
 
     Args:
         detector: Of the updated map.
         views: Of the changes.
-        regions: Where they were.
+        regions: Regions of the changes.
 
     Returns:
-        0 to 1; likely changes count as well as unlikely ones, which the detector does not report.
+        0 to 1, also of changes that are too unlikely to be reported.
     """
     found = [
         certainty(surface)

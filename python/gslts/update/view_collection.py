@@ -1,29 +1,25 @@
-"""Views around a change: the rule-based policy of GS-LTS, sec. III-D.
+"""Active data collection: views around the detected changes, and the changes that they confirm.
 
-The robot faces the region, goes along the tangent of a circle around it to the left and to the
-right, and aims and ranges anew after each step.
+Source: GS-LTS, sec. III-D, Active Data Collection.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-
-import numpy as np
+from itertools import islice
 
 from gslts.change.changes import Change
 from gslts.change.detector import ChangeDetector, Detection
-from gslts.core.frame import RgbdFrame
 from gslts.core.robot import Robot
-from gslts.types import Bools, Floats
 from gslts.update.config import CollectConfig
-from gslts.update.evidence import shown_of, shows
-from gslts.update.extent import extended
+from gslts.update.evidence import confirm
+from gslts.update.extent import extend_regions
 from gslts.update.region import Region, regions_of
-from gslts.update.views import View, aligned_view, masks_of, view_of
+from gslts.update.tour import Tour
+from gslts.update.views import View, align_view, region_masks, view_from_detection
 
-LEAST_DISTANCE_M, MOST_DISTANCE_M = 0.7, 2.5
-"""On the floor. Nearer, a camera measures no depth; farther, it sees too little."""
+DetectedView = tuple[View, Detection]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,191 +28,96 @@ class Collection:
 
     Attributes:
         views: In the order in which they were taken.
-        changes: What the views show of those that were detected.
-        regions_of_each: Of each of these changes, as the views show them.
-        left: Changes that the views do not show, and why.
-        skipped: Why other frames do not count.
+        changes: Changes that the views confirm.
+        regions_by_change: Regions of each of these changes, as the views show them.
+        rejected: Changes that the views do not confirm, with the reasons.
+        skipped: Reasons for skipping other frames.
     """
 
     views: tuple[View, ...]
     changes: tuple[Change, ...]
-    regions_of_each: tuple[tuple[Region, ...], ...]
-    left: tuple[tuple[Change, str], ...]
+    regions_by_change: tuple[tuple[Region, ...], ...]
+    rejected: tuple[tuple[Change, str], ...]
     skipped: tuple[str, ...]
 
     @property
     def regions(self) -> tuple[Region, ...]:
-        """Of all changes that the views show."""
-        return tuple(region for own in self.regions_of_each for region in own)
+        """Regions of all confirmed changes."""
+        return tuple(region for regions in self.regions_by_change for region in regions)
 
 
-def collect(
+def collect_views(
     robot: Robot,
     detector: ChangeDetector,
     changes: Sequence[Change],
     config: CollectConfig,
     *,
     threads: int = 0,
-    tell: Callable[[], None] = lambda: None,
+    progress: Callable[[], None] = lambda: None,
 ) -> Collection:
-    """Lets a robot look at each region of some changes from all sides that it can reach.
+    """Move a robot around each changed region, and confirm the changes by the frames.
 
     Args:
-        robot: Somewhere near.
-        detector: Of the map as it is.
+        robot: Near the regions.
+        detector: Of the map before the update.
         changes: As detected.
         config: Settings.
-        threads: 0 means one a hardware thread.
-        tell: Is told of each step.
+        threads: 0 uses all hardware threads.
+        progress: Called after each step of the robot.
 
     Returns:
-        What it saw; no view where no place is reachable that shows a region.
+        The views and the confirmed changes; no view if no position around a region is reachable.
     """
-    first = [region for change in changes for region in regions_of(change)]
-    tour = _Tour(robot, detector, first, config, tell)
-    for number in range(len(first)):
-        tour.go_around(number)
-    seen = []
-    for frame, detection in tour.seen:
-        view = view_of(detection, frame, tour.regions)
-        if view is not None:
-            # What is left as it was changes all the same: no pose must be fitted to it.
-            view = aligned_view(view, detector.gaussian_map, threads)
-        if view is None:
-            tour.skipped.append("a frame fits the map at another place")
-        else:
-            seen.append((view, detection))
-    waiting = list(tour.regions)
-    shown: list[tuple[Change, tuple[Region, ...]]] = []
-    left: list[tuple[Change, str]] = []
-    for change in changes:
-        own = [waiting.pop(0) for _ in regions_of(change)]
-        found = shown_of(change, own, seen, tour.skipped)
-        if isinstance(found, str):
-            left.append((change, found))
-        else:
-            sides = [region.side for region in regions_of(found)]
-            shown.append((found, tuple(region for region in own if region.side in sides)))
-    regions = [region for _, own in shown for region in own]
-    views = []
-    for view, detection in seen:
-        before, after = masks_of(detection, view.changed.shape, regions)
-        views.append(replace(view, before=before, after=after))
-    grown, larger = extended(regions, views)
-    waiting = list(grown)
+    regions = [region for change in changes for region in regions_of(change)]
+    tour = Tour(robot, detector, regions, config, progress)
+    for index in range(len(regions)):
+        tour.visit(index)
+    views = _align(tour, detector, threads)
+    confirmed, rejected = _confirm(changes, tour, views)
+    regions = [region for _, own in confirmed for region in own]
+    masked = []
+    for view, detection in views:
+        before, after = region_masks(detection, view.changed.shape, regions)
+        masked.append(replace(view, before=before, after=after))
+    grown, masked_views = extend_regions(regions, masked)
+    remaining = iter(grown)
     return Collection(
-        views=larger,
-        changes=tuple(change for change, _ in shown),
-        regions_of_each=tuple(tuple(waiting.pop(0) for _ in own) for _, own in shown),
-        left=tuple(left),
+        views=masked_views,
+        changes=tuple(change for change, _ in confirmed),
+        regions_by_change=tuple(tuple(islice(remaining, len(own))) for _, own in confirmed),
+        rejected=tuple(rejected),
         skipped=tuple(tour.skipped),
     )
 
 
-class _Tour:
-    """A robot on its way around some regions."""
-
-    def __init__(
-        self,
-        robot: Robot,
-        detector: ChangeDetector,
-        regions: list[Region],
-        config: CollectConfig,
-        tell: Callable[[], None],
-    ) -> None:
-        self.regions = regions
-        self.seen: list[tuple[RgbdFrame, Detection]] = []
-        self.skipped: list[str] = []
-        self._robot, self._detector, self._config, self._tell = robot, detector, config, tell
-        self._frames = [robot.observe()]
-
-    def go_around(self, number: int) -> None:
-        """K/2 steps to the left, K to the right; where one side ends, the other goes on.
-
-        The steps are so long that the views show all sides that can be reached: what no view shows
-        of an object would be missing from the map, and be reported as a change once it is seen.
-        """
-        places = self._robot.reachable_positions()
-        config = self._config
-        region = self.regions[number]
-        first = _bearing(self._frames[-1].camera.world_from_camera[:2, 3] - region.middle[:2])
-        step_rad = config.step_m / config.distance_m
-        step_rad = max(step_rad, _reachable_rad(places, region, step_rad) / (config.steps + 1))
-        most_steps = int(np.pi / step_rad)
-        left = range(config.steps // 2 + 1)
-        right = range(-1, -most_steps - 1, -1)
-        rest = range(config.steps // 2 + 1, most_steps + 1)
-        taken: list[int] = []
-        views = 0
-        for step in (*left, *right, *rest):
-            if views > config.steps:
-                return
-            place = self._place(number, places, taken, first + step * step_rad)
-            if place is not None:
-                taken.append(place)
-                views += self._look_from(places[place], number)
-                self._tell()
-        if not taken:
-            self.skipped.append("no place around it is reachable")
-
-    def _place(self, number: int, places: Floats, taken: list[int], bearing: float) -> int | None:
-        """A place in a direction from the region that was not visited yet, at a good distance."""
-        region, config = self.regions[number], self._config
-        metres, bearings = _seen_from_region(places, region)
-        off_rad = np.abs((bearings - bearing + np.pi) % (2 * np.pi) - np.pi)
-        fits = _fits(metres) & (off_rad <= config.step_m / config.distance_m)
-        fits[taken] = False
-        if not fits.any():
-            return None
-        wanted_m = max(config.distance_m, float(np.linalg.norm(region.high - region.low)))
-        off_m = np.hypot(metres - wanted_m, metres * off_rad)
-        return int(np.argmin(np.where(fits, off_m, np.inf)))
-
-    def _look_from(self, place: Floats, number: int) -> bool:
-        """Whether a place is reached from which a frame shows the region."""
-        region = self.regions[number]
-        way = region.middle[:2] - place
-        eye_m = float(self._frames[-1].camera.world_from_camera[2, 3])
-        pitch_rad = float(np.arctan2(eye_m - region.middle[2], np.linalg.norm(way)))
-        if not self._robot.move_towards(place, _bearing(way), pitch_rad):
-            self.skipped.append(f"the robot did not reach ({place[0]:.2f}, {place[1]:.2f})")
-            return False
-        frame = self._robot.observe()
-        if any(frame is other for other in self._frames):  # Of a recording.
-            return False
-        self._frames.append(frame)
-        name = f"frame {len(self._frames)}"
-        if not shows(frame, region):
-            self.skipped.append(f"{name}: it does not show the {region.side} region")
-            return False
-        detection = self._detector.detect(frame)
-        if detection.unreliable is not None:
-            self.skipped.append(f"{name}: {detection.unreliable}")
-            return False
-        self.seen.append((frame, detection))
-        for k, one in enumerate(self.regions):
-            self.regions[k] = one.with_surfaces(filter(one.is_of, detection.surfaces))
-        return True
+def _align(tour: Tour, detector: ChangeDetector, threads: int) -> list[DetectedView]:
+    """Return the views of a tour, aligned with the map; notes those that cannot be aligned."""
+    views = []
+    for frame, detection in tour.frames:
+        view = view_from_detection(detection, frame, tour.regions)
+        if view is not None:
+            view = align_view(view, detector.gaussian_map, threads)
+        if view is None:
+            tour.skipped.append("a frame fits the map at another pose")
+        else:
+            views.append((view, detection))
+    return views
 
 
-def _bearing(way: Floats) -> float:
-    return float(np.arctan2(way[1], way[0]))
-
-
-def _seen_from_region(places: Floats, region: Region) -> tuple[Floats, Floats]:
-    """[P] distances, m, and bearings, rad, of places [P,2] from the middle of a region."""
-    ways = places - region.middle[:2]
-    return np.linalg.norm(ways, axis=1), np.arctan2(ways[:, 1], ways[:, 0])
-
-
-def _fits(metres: Floats) -> Bools:
-    """[P] whether a camera at such distances sees a region well."""
-    return np.asarray((metres >= LEAST_DISTANCE_M) & (metres <= MOST_DISTANCE_M), np.bool_)
-
-
-def _reachable_rad(places: Floats, region: Region, sector_rad: float) -> float:
-    """Sum of the sectors around a region in which there is a position [P,2], rad."""
-    metres, bearings = _seen_from_region(places, region)
-    sectors = int(np.ceil(2 * np.pi / sector_rad))
-    taken = np.unique(((bearings[_fits(metres)] + np.pi) / (2 * np.pi) * sectors).astype(int))
-    return 2 * np.pi * len(taken) / sectors
+def _confirm(
+    changes: Sequence[Change], tour: Tour, views: Sequence[DetectedView]
+) -> tuple[list[tuple[Change, tuple[Region, ...]]], list[tuple[Change, str]]]:
+    """Return the confirmed changes with their regions, and the rejected ones with the reasons."""
+    remaining = iter(tour.regions)
+    confirmed: list[tuple[Change, tuple[Region, ...]]] = []
+    rejected: list[tuple[Change, str]] = []
+    for change in changes:
+        regions = list(islice(remaining, len(regions_of(change))))
+        result = confirm(change, regions, views, tour.skipped)
+        if isinstance(result, str):
+            rejected.append((change, result))
+        else:
+            sides = [region.side for region in regions_of(result)]
+            own = tuple(region for region in regions if region.side in sides)
+            confirmed.append((result, own))
+    return confirmed, rejected

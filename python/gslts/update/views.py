@@ -1,4 +1,4 @@
-"""What a frame shows of a change."""
+"""A frame of a change, aligned with the map: masks of what was removed and added."""
 
 from __future__ import annotations
 
@@ -18,12 +18,13 @@ from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.types import Bools, Floats32
 from gslts.update.region import Region
 
-LEAST_ALPHA = 0.5
-"""Where the map is less opaque, it shows no surface."""
+MIN_ALPHA = 0.5
+"""Minimum opacity of a rendered pixel that shows a surface."""
 ALIGN_STEPS = 3
-"""Of the pose, at half and at full resolution."""
-MOST_ALIGNED_M = 0.1
-"""A pose that this moves farther from the one at which the change was detected is not trusted."""
+"""Gauss-Newton steps of the pose at half and at full resolution."""
+MAX_ALIGNMENT_M = 0.1
+"""Maximum distance between the pose of the detection and the aligned pose, m. A larger one means
+that the view has too little texture to align it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,141 +32,157 @@ class View:
     """A frame that was compared with the map.
 
     Attributes:
-        frame: Registered, at the corrected pose.
-        exposure: From the map's colours to those of the frame.
-        rendered: [H,W] depth of the map, m; 0 where it shows nothing.
-        shown: [H,W,3] its colours, sRGB, 0 to 1.
-        before: [H,W] where the map shows what is gone.
-        after: [H,W] where the frame shows what is new.
+        frame: Registered RGB-D frame at the aligned pose.
+        exposure: Maps rendered colours to the colours of the frame.
+        rendered_depth: [H,W] float32 depth of the map, m; 0 where it shows no surface.
+        rendered_rgb: [H,W,3] float32 colours of the map, sRGB, 0 to 1.
+        before: [H,W] bool, pixels where the map shows a removed object.
+        after: [H,W] bool, pixels where the frame shows an added object.
     """
 
     frame: RgbdFrame
     exposure: Exposure
-    rendered: Floats32
-    shown: Floats32
+    rendered_depth: Floats32
+    rendered_rgb: Floats32
     before: Bools
     after: Bools
 
     @property
     def camera(self) -> Camera:
-        """Of the colours, at the corrected pose."""
+        """Camera of the colours at the aligned pose."""
         return self.frame.camera
 
     @property
     def changed(self) -> Bools:
-        """[H,W] where something is gone or new."""
+        """[H,W] pixels of removed or added objects: M_comb of GS-LTS."""
         return self.before | self.after
 
     @property
     def depth(self) -> Floats32:
-        """[H,W] m; 0 where there is no measurement."""
+        """[H,W] measured depth, m; 0 where there is no measurement."""
         depth: Floats32 = np.nan_to_num(self.frame.depth)
         return depth
 
     @property
     def colors(self) -> Floats32:
-        """[H,W,3] sRGB, 0 to 1, as the map would have to show them."""
+        """[H,W,3] sRGB, 0 to 1, at the exposure of the map."""
         gain, offset = (
-            np.array(one, np.float32) for one in (self.exposure.gain, self.exposure.offset)
+            np.array(value, np.float32) for value in (self.exposure.gain, self.exposure.offset)
         )
-        photo = self.frame.rgb.astype(np.float32) / np.float32(255)
-        colors: Floats32 = (photo - offset) / gain
+        observed = self.frame.rgb.astype(np.float32) / np.float32(255)
+        colors: Floats32 = (observed - offset) / gain
         return colors
 
 
-def view_of(detection: Detection, frame: RgbdFrame, regions: Iterable[Region]) -> View | None:
-    """What a frame shows of some regions, but for what the map does; None where it is unreliable.
+def view_from_detection(
+    detection: Detection, frame: RgbdFrame, regions: Iterable[Region]
+) -> View | None:
+    """Return the view of a frame, still without a rendering of the map.
 
     Args:
         detection: Of the frame.
-        frame: What a robot saw.
-        regions: Where something changed.
+        frame: RGB-D frame.
+        regions: Regions of the changes.
+
+    Returns:
+        The view at the pose of the detection; None if the detection is unreliable.
     """
     if detection.labels is None:
         return None
     whole = frame.registered()
     camera = at_pose(whole.camera, detection.camera.world_from_camera)
-    before, after = masks_of(detection, whole.rgb.shape[:2], list(regions))
-    moved = replace(whole, camera=camera)
-    unknown, black = (np.zeros(one.shape, np.float32) for one in (whole.depth, whole.rgb))
-    return View(moved, detection.exposure, unknown, black, before, after)
+    before, after = region_masks(detection, whole.rgb.shape[:2], list(regions))
+    no_depth, no_rgb = (np.zeros(image.shape, np.float32) for image in (whole.depth, whole.rgb))
+    whole = replace(whole, camera=camera)
+    return View(whole, detection.exposure, no_depth, no_rgb, before, after)
 
 
-def masks_of(
+def region_masks(
     detection: Detection, shape: tuple[int, ...], regions: Sequence[Region]
 ) -> tuple[Bools, Bools]:
-    """[H,W] where the map shows what is gone, and where a frame shows what is new.
+    """Return the masks of removed and added objects in a frame.
 
     Args:
         detection: Of the frame, with labels.
-        shape: Of the frame, (H, W).
-        regions: Where something changed.
+        shape: (H, W) of the frame.
+        regions: Regions of the changes.
+
+    Returns:
+        [H,W] bool for "before", and [H,W] bool for "after".
     """
     assert detection.labels is not None
     masks = []
     for side in ("before", "after"):
         own = [region for region in regions if region.side == side]
         labels = [
-            one.label for one in detection.surfaces if any(region.is_of(one) for region in own)
+            surface.label
+            for surface in detection.surfaces
+            if any(region.matches(surface) for region in own)
         ]
-        masks.append(_enlarged(np.isin(detection.labels, labels), shape))
+        masks.append(_upscale(np.isin(detection.labels, labels), shape))
     before, after = masks
     return before, after
 
 
-def aligned_view(view: View, gaussian_map: GaussianMap, threads: int = 0) -> View | None:
-    """The view at the pose where the map fits it best at full resolution, and what the map shows.
+def align_view(view: View, gaussian_map: GaussianMap, threads: int = 0) -> View | None:
+    """Align a view with the map at full resolution, and render the map there.
 
-    None where that pose is far from the one given: then too little in the view tells it.
-
-    Changes are looked for in smaller images, whose poses are off by more than new Gaussians may be.
+    Changes are detected in small images, whose poses are less accurate than new Gaussians must be.
 
     Args:
-        view: Of the map before anything is edited.
-        gaussian_map: float32.
-        threads: 0 means one a hardware thread.
+        view: From `view_from_detection`.
+        gaussian_map: float32, before any edit.
+        threads: 0 uses all hardware threads.
+
+    Returns:
+        The view at the aligned pose, with rendered images; None if that pose is far from the pose
+        of the detection.
     """
     whole = view.frame
-    same = ~view.changed if whole.mask is None else whole.mask & ~view.changed
-    frame = RgbdFrame(whole.rgb, whole.depth, whole.camera, mask=same)
+    unchanged = ~view.changed if whole.mask is None else whole.mask & ~view.changed
+    frame = RgbdFrame(whole.rgb, whole.depth, whole.camera, mask=unchanged)
     pose = align_pose(gaussian_map, [frame.halved(), frame], ALIGN_STEPS, threads=threads)
-    if not np.linalg.norm(pose[:3, 3] - whole.camera.world_from_camera[:3, 3]) < MOST_ALIGNED_M:
+    if not np.linalg.norm(pose[:3, 3] - whole.camera.world_from_camera[:3, 3]) < MAX_ALIGNMENT_M:
         return None
     camera = at_pose(whole.camera, pose)
-    moved = replace(whole, camera=camera)
-    # A wall beside the camera would become fog before what is behind: as if something was gone.
+    # Without this limit, a wall beside the camera is rendered as fog before the scene.
     options = RenderOptions(near_sigmas=NEAR_SIGMAS, threads=threads)
     images = Rasterizer(np.float32).forward(gaussian_map, camera, options)
-    rendered = np.where(images.alpha >= LEAST_ALPHA, images.depth, 0).astype(np.float32)
-    shown = np.asarray(images.rgb, np.float32)
-    return replace(view, frame=moved, rendered=rendered, shown=shown)
+    depth = np.where(images.alpha >= MIN_ALPHA, images.depth, 0).astype(np.float32)
+    rgb = np.asarray(images.rgb, np.float32)
+    return replace(
+        view, frame=replace(whole, camera=camera), rendered_depth=depth, rendered_rgb=rgb
+    )
 
 
-def near_region(depth: Floats32, camera: Camera, region: Region, margin_m: float) -> Bools:
-    """[H,W] where a surface is in the box of a region, or that near to it.
+def pixels_in_region(depth: Floats32, camera: Camera, region: Region, margin_m: float) -> Bools:
+    """Return the pixels whose surface lies in a region.
 
     Args:
-        depth: [H,W] m; 0 where there is none.
-        camera: Of it.
-        region: Whose box it is.
-        margin_m: How near.
+        depth: [H,W] m; 0 where there is no surface.
+        camera: Of the depth image.
+        region: The box.
+        margin_m: Enlarges the box on all sides, m.
+
+    Returns:
+        [H,W] bool.
     """
-    near: Bools = np.zeros(depth.shape, np.bool_)
-    rectangle = region.grown(margin_m).rectangle(camera, 0)
+    mask: Bools = np.zeros(depth.shape, np.bool_)
+    rectangle = region.expand(margin_m).project_box(camera, 0)
     if rectangle is None:
-        return near
+        return mask
     x0, y0, x1, y1 = rectangle
     part = depth[y0:y1, x0:x1]
     rows, columns = np.indices(part.shape)
-    places = np.column_stack([columns.ravel() + x0 + 0.5, rows.ravel() + y0 + 0.5])
-    points = unproject(camera, places, part.ravel().astype(np.float64))
-    near[y0:y1, x0:x1] = region.contains(points, margin_m).reshape(part.shape) & (part > 0)
-    return near
+    pixels = np.column_stack([columns.ravel() + x0 + 0.5, rows.ravel() + y0 + 0.5])
+    points = unproject(camera, pixels, part.ravel().astype(np.float64))
+    mask[y0:y1, x0:x1] = region.contains(points, margin_m).reshape(part.shape) & (part > 0)
+    return mask
 
 
-def _enlarged(mask: Bools, shape: tuple[int, ...]) -> Bools:
-    """A mask of an image whose sides were halved, at the size of the whole."""
+def _upscale(mask: Bools, shape: tuple[int, ...]) -> Bools:
+    """Enlarge a mask of a halved image to the size of the full image."""
     scale = shape[0] // mask.shape[0]
     large = mask.repeat(scale, axis=0).repeat(scale, axis=1)
-    missing = [(0, whole - part) for whole, part in zip(shape, large.shape, strict=True)]
+    missing = [(0, full - part) for full, part in zip(shape, large.shape, strict=True)]
     return np.pad(large, missing)

@@ -219,7 +219,9 @@ def relocalize(
     ablation: Ablation = False,
     trade: Annotated[
         Path | None,
-        typer.Option(help="Also measure other resolutions, corners and iterations; PNG of a plot."),
+        typer.Option(
+            help="Also measure other resolutions, keypoints and iterations; PNG of a plot."
+        ),
     ] = None,
     real: Annotated[
         Path | None,

@@ -14,9 +14,9 @@ from gslts.cli.mapping import Threads
 
 
 def demo(
-    out: Annotated[Path, typer.Option(help="Folder for it all; new or empty.")] = Path("demo"),
+    out: Annotated[Path, typer.Option(help="New or empty folder for all results.")] = Path("demo"),
     quick: Annotated[
-        bool, typer.Option("--quick", help="Smaller pictures and shorter refinements.")
+        bool, typer.Option("--quick", help="Smaller images and shorter refinements.")
     ] = False,
     threads: Threads = 0,
 ) -> None:
@@ -26,12 +26,12 @@ def demo(
     """
     from tqdm import tqdm
 
-    from gslts_bench.demo import QUICK, Scale, live_a_day
+    from gslts_bench.demo import QUICK, Scale, run_day
 
     def bar(items: Iterable[Any], stage: str) -> Iterable[Any]:
         shown: Iterable[Any] = tqdm(items, desc=stage, leave=False, disable=None)
         return shown
 
     scale = QUICK if quick else Scale()
-    report = live_a_day(out, scale, threads=threads, bar=bar, say=tqdm.write)
+    report = run_day(out, scale, threads=threads, bar=bar, say=tqdm.write)
     typer.echo(f"look at {report.resolve()}")

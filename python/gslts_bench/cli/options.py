@@ -188,10 +188,15 @@ def on_homes(**defaults: Any) -> Callable[[Callable[..., None]], Callable[..., N
 
 
 KEYWORD = inspect.Parameter.KEYWORD_ONLY
+"""Kind of the parameters of commands, which typer passes by name."""
 
 
 def progress_bar(doing: str) -> tqdm[Any]:
-    """Return a bar of results, whose total comes later."""
+    """Return a bar of results, whose total comes later.
+
+    Args:
+        doing: Description of the bar.
+    """
     from tqdm import tqdm
 
     return tqdm(total=1, desc=doing, bar_format=BAR, smoothing=0.05, disable=None)

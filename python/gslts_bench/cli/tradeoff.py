@@ -28,39 +28,43 @@ class RoomName(StrEnum):
 
 
 def tradeoff(
-    out: Annotated[Path, typer.Option(help="Folder for tables and pictures.")],
+    out: Annotated[Path, typer.Option(help="Folder for tables and plots.")],
     mapped: Annotated[
         Path | None, typer.Argument(metavar="MAP", help="Folder of a map, or a .ply file of 3DGS.")
     ] = None,
     dataset: Annotated[
         Path | None,
-        typer.Argument(metavar="DATASET", help="That it was made from, as for gslts map."),
+        typer.Argument(metavar="DATASET", help="Data set that it was made from, as for gslts map."),
     ] = None,
     seconds: Annotated[
-        str, typer.Option(help="Times in which maps of DATASET are made, with commas between.")
+        str, typer.Option(help="Budgets of maps of DATASET, separated by commas.")
     ] = "10,20,45,90",
-    preset: Annotated[Preset, typer.Option(help="Of the maps of DATASET.")] = Preset.BALANCED,
+    preset: Annotated[
+        Preset, typer.Option(help="Preset of the maps of DATASET.")
+    ] = Preset.BALANCED,
     scene: Annotated[RoomName, typer.Option(help="Synthetic room to render.")] = RoomName.M,
     threads: Annotated[
         int | None,
         typer.Option(
             min=0,
-            help="0 means one a hardware thread. Without it, maps are made with all of them and "
+            help="0 means one per hardware thread. By default, maps are made with all of them and "
             "rendering is measured on one.",
         ),
     ] = None,
-    rounds: Annotated[int, typer.Option(min=1, help="Times each setting is measured.")] = 15,
+    rounds: Annotated[
+        int, typer.Option(min=1, help="Number of times each setting is measured.")
+    ] = 15,
     map_path: Annotated[
         Path | None, typer.Option("--map", help="A map to render instead: its folder or .ply file.")
     ] = None,
     pose: output.Pose = None,
 ) -> None:
-    """Measure what time, Gaussians and each knob of the renderer cost and bring.
+    """Measure accuracy against time, number of Gaussians and settings of the renderer.
 
-    Given MAP and DATASET, maps are made afresh in several times, and the map is refined with an
-    eighth to double as many Gaussians; frames kept aside judge them all. Knobs of the renderer are
-    measured on a map from the view of --pose, or from that of its first camera; without any map, in
-    a synthetic room.
+    Given MAP and DATASET, maps are made from scratch in several budgets, and the map is refined
+    with an eighth to double as many Gaussians; all are evaluated on test frames. Settings of the
+    renderer are measured on a map from --pose, or from its first camera; without any map, in a
+    synthetic room.
 
     Example: gslts tradeoff --scene M --out out/tradeoff
 
@@ -72,22 +76,24 @@ def tradeoff(
     if mapped is not None:
         if dataset is None or map_path is not None:
             raise ValueError("give MAP and DATASET, or --map alone")
-        _against_mapping(mapped, dataset, out, _budgets(seconds), preset, threads, rounds, pose)
+        _measure_mapping(mapped, dataset, out, _budgets(seconds), preset, threads, rounds, pose)
         return
-    one = 1 if threads is None else threads
+    render_threads = 1 if threads is None else threads
     if map_path is not None:
         gaussian_map, camera = read_map(map_path), output.find_camera(map_path, pose)
         title, stem = f"Map {map_path}", f"tradeoff_{map_path.resolve().stem}"
-        _against_knobs(gaussian_map, camera, title, out, stem, one, rounds)
+        _measure_rendering(gaussian_map, camera, title, out, stem, render_threads, rounds)
     elif pose is not None:
         raise ValueError("--pose is for maps: give --map")
     else:
         room, title = make_room(scene), f"Room {scene}"
         stem = f"tradeoff_{scene}"
-        _against_knobs(room.gaussian_map, room.camera, title, out, stem, one, rounds, NEAR_M)
+        _measure_rendering(
+            room.gaussian_map, room.camera, title, out, stem, render_threads, rounds, NEAR_M
+        )
 
 
-def _against_knobs(
+def _measure_rendering(
     gaussian_map: GaussianMap,
     camera: Camera,
     title: str,
@@ -97,7 +103,7 @@ def _against_knobs(
     rounds: int,
     near_m: float | None = None,
 ) -> None:
-    """Measures the renderer, and writes a table and a picture."""
+    """Measure the renderer, and write a table and a plot."""
     from tqdm import tqdm
 
     from gslts.rendering.rasterizer import RenderOptions
@@ -125,7 +131,7 @@ def _against_knobs(
     typer.echo(f"wrote {csv_path} and {plot_path}")
 
 
-def _against_mapping(
+def _measure_mapping(
     map_path: Path,
     dataset: Path,
     out: Path,
@@ -135,40 +141,42 @@ def _against_mapping(
     rounds: int,
     pose: str | None,
 ) -> None:
-    """Measures renderer and mapping; the table grows with each result."""
+    """Measure renderer and mapping; the table grows with each result."""
     import json
     from dataclasses import asdict
 
     from tqdm import tqdm
 
-    from gslts import __version__
     from gslts.datasets import open_dataset
     from gslts.io.atomic_files import empty_folder
     from gslts.mapping.config import PRESETS
-    from gslts.mapping.evaluation.held_out import Known
+    from gslts.mapping.evaluation.held_out import TrainingRecord
     from gslts.store.manifest import read_manifest, split_version
     from gslts.store.map_folder import read_map
+    from gslts_bench.provenance import describe_run
     from gslts_bench.tradeoff import mapping as bench
     from gslts_bench.tradeoff.mapping_plot import write_plot
     from gslts_bench.tradeoff.rendering import write_csv
 
-    gaussian_map, known, opened = read_map(map_path), Known.of(map_path), open_dataset(dataset)
+    gaussian_map, opened = read_map(map_path), open_dataset(dataset)
     folder, _ = split_version(map_path)
     made_in_s = bench.seconds_of(read_manifest(folder)) if folder.is_dir() else None
-    visit = bench.visit_of(
-        opened, known, lambda frames: tqdm(frames, desc="reading", unit="frame", disable=None)
+    split = bench.split_of(
+        opened,
+        TrainingRecord.read(map_path),
+        lambda frames: tqdm(frames, desc="reading", unit="frame", disable=None),
     )
-    covered = bench.covered(gaussian_map, visit, threads or 0)
-    if covered < bench.LEAST_COVERED:
+    opacity = bench.mean_opacity(gaussian_map, split, threads or 0)
+    if opacity < bench.MIN_OPACITY:
         raise ValueError(
-            f"{map_path}: it fills {100 * covered:.0f} % of the frames of {opened.name}, they do "
-            "not belong together"
+            f"{map_path}: it fills {100 * opacity:.0f} % of the frames of {opened.name}; give the "
+            "data set that it was made from"
         )
-    first = next(iter(visit.training.values()))
+    first = next(iter(split.training.values()))
     camera = output.find_camera(map_path, pose) if pose else first.camera()
     empty_folder(out)
-    stem, one = "tradeoff_renderer", 1 if threads is None else threads
-    _against_knobs(gaussian_map, camera, f"Map {map_path}", out, stem, one, rounds)
+    stem, render_threads = "tradeoff_renderer", 1 if threads is None else threads
+    _measure_rendering(gaussian_map, camera, f"Map {map_path}", out, stem, render_threads, rounds)
 
     config = PRESETS[preset].model_copy(update={"threads": threads or 0})
     csv_path, json_path, plot_path = (
@@ -184,46 +192,46 @@ def _against_mapping(
             bar.write(_line(point))
             bar.update()
 
-        add(bench.itself(gaussian_map, visit, made_in_s, config.threads))
-        for point in bench.against_count(gaussian_map, visit, config):
+        add(bench.measure_map(gaussian_map, split, made_in_s, config.threads))
+        for point in bench.measure_counts(gaussian_map, split, config):
             add(point)
-        del visit  # Maps made afresh read the frames for themselves.
-        for point in bench.against_time(opened, config, budgets_s):
+        del split  # Maps from scratch read the frames themselves.
+        for point in bench.measure_budgets(opened, config, budgets_s):
             add(point)
-    told = {
-        "gslts": __version__,
+    result = {
+        **describe_run(),
         "map": str(map_path),
         "dataset": opened.name,
         "preset": preset.value,
         "config": config.model_dump(),
         "points": [asdict(point) for point in points],
     }
-    json_path.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+    json_path.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     write_plot(points, f"Maps of {opened.name}, preset {preset}; the map is {map_path}", plot_path)
     typer.echo(f"wrote {csv_path}, {json_path} and {plot_path}")
 
 
 def _line(point: MappingPoint) -> str:
-    """A result, for people."""
+    """Format a result in one line."""
     spent = [] if point.seconds is None else [f"{point.seconds:.1f} s"]
     spent += [] if point.steps is None else [f"{point.steps} steps"]
-    ways = {
+    psnrs_db = {
         "as given": point.given_psnr_db,
         "by neighbours": point.by_neighbours_psnr_db,
         "refined": point.refined_psnr_db,
     }
-    found = ", ".join(f"{way} {db:.2f} dB" for way, db in ways.items() if db is not None)
+    found = ", ".join(f"{poses} {db:.2f} dB" for poses, db in psnrs_db.items() if db is not None)
     return ", ".join([f"{point.name}: {point.gaussians} Gaussians", *spent]) + f"; {found}"
 
 
 def _budgets(seconds: str) -> list[float]:
-    """Of the option --seconds, the shortest first."""
+    """Parse the option --seconds, the shortest first."""
     try:
         budgets_s = sorted(float(part) for part in seconds.split(","))
     except ValueError:
         budgets_s = []
     if not budgets_s or not all(1 <= budget_s < float("inf") for budget_s in budgets_s):
         raise ValueError(
-            f"--seconds: expected numbers of at least 1 with commas between, got {seconds!r}"
+            f"--seconds: expected numbers of at least 1, separated by commas, got {seconds!r}"
         )
     return budgets_s

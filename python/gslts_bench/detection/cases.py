@@ -24,13 +24,14 @@ from gslts_sim.task import Task
 
 Part = Literal["single", "pair", "triple", "unchanged"]
 PARTS: tuple[Part, ...] = ("single", "pair", "triple", "unchanged")
+"""Parts of the benchmark: one, two, three or no objects changed."""
 
 MIN_TASKS = 12
 """Minimum number of tasks made for a home: pairs and triples are combined from them."""
 
 
 class Case(BaseModel):
-    """One frame, and the changes that should be found in it.
+    """A frame and the changes that should be found in it.
 
     Attributes:
         name: Name in its home, such as `single_03`.
@@ -150,7 +151,14 @@ def take_frame(case: Case, before: SceneState, bench: BenchHome) -> RgbdFrame:
 def take_frames(
     case: Case, before: SceneState, bench: BenchHome, viewpoints: Iterable[Viewpoint]
 ) -> list[RgbdFrame]:
-    """Take frames of a case from other viewpoints, in this order; see `take_frame`."""
+    """Take frames of a case from other viewpoints, in this order; see `take_frame`.
+
+    Args:
+        case: Case of the home.
+        before: Default state of the home.
+        bench: The home.
+        viewpoints: Viewpoints of the robot.
+    """
     state = before
     for action in case.actions:
         state = state.apply(action)

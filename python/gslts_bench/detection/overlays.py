@@ -53,7 +53,7 @@ class OverlayUnit:
         return len(self.chosen)
 
     def run(self, _done: frozenset[str], add: Add) -> None:
-        """Detect once more in the chosen cases, and write the overlays; see `Unit`."""
+        """Detect once more in the chosen cases, and write the overlays. See `Unit`."""
         home_cases = self.unit.cases()
         cases = {f"{self.name}/{case.name}": case for case in home_cases.cases}
         before = default_state(home_cases.home, home_cases.initial_actions)
@@ -90,7 +90,7 @@ def draw(
     work = [
         OverlayUnit(unit, own, folder)
         for unit in units
-        if (own := tuple(one for one in chosen if one.case.startswith(f"{unit.name}/")))
+        if (own := tuple(record for record in chosen if record.case.startswith(f"{unit.name}/")))
     ]
     found = run_units(work, jobs, bar)
     return {name: own[-1]["error"] for name, own in found.items() if own and "error" in own[-1]}
@@ -114,7 +114,11 @@ def choose(records: Iterable[Record], variant: str) -> list[Record]:
 
 
 def file_stem(record: Record) -> str:
-    """Name a record's image by what happened, what was reported, and whether that is right."""
+    """Name a record's image by what happened, what was reported, and whether that is right.
+
+    Args:
+        record: A record without error.
+    """
     happened = [f"{truth.change.kind}-{truth.change.object_type}" for truth in record.truths]
     counts = Counter(report.kind for report in record.reports)
     said = [f"{count}-{kind}" for kind, count in counts.items()] or [NONE]

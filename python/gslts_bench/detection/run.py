@@ -53,7 +53,11 @@ class Report(BaseModel):
 
     @classmethod
     def of(cls, change: Change) -> Report:
-        """Take what a change is judged by."""
+        """Take what a change is judged by.
+
+        Args:
+            change: The detected change.
+        """
         x, y, z = change.point.tolist()
         return cls(kind=change.kind, confidence=change.confidence, point_m=(x, y, z))
 
@@ -84,7 +88,7 @@ class Record(BenchRecord):
 
 @dataclass(frozen=True)
 class DetectUnit(BenchUnit[Record, BenchHome]):
-    """One home.
+    """Work on one home.
 
     Attributes:
         counts: Number of cases.
@@ -117,20 +121,26 @@ class DetectUnit(BenchUnit[Record, BenchHome]):
         return {"cases": self.cases_of}
 
     def variants(self, part: Part) -> tuple[str, ...]:
-        """Return the detectors that see the cases of a part."""
+        """Return the detectors that see the cases of a part.
+
+        Args:
+            part: Part of the benchmark.
+        """
         watching = (WATCH,) if part in ("single", "unchanged") else ()
         return (*(VARIANTS if self.trade and part == "single" else STRATEGIES), *watching)
 
     def is_asked(self, record: Record) -> bool:
-        """Return whether this run asks for the detector of a record."""
+        """Return whether this run asks for the detector of a record. See `BenchUnit`."""
         return record.variant in self.variants(record.part)
 
     def count_missing(self, records: Sequence[Record]) -> int:
-        """Return how many single changes the home did not give."""
-        return self.counts.single - len({one.case for one in records if one.part == "single"})
+        """Return how many single changes the home did not give. See `BenchUnit`."""
+        return self.counts.single - len(
+            {record.case for record in records if record.part == "single"}
+        )
 
     def run(self, done: frozenset[str], add: Add) -> None:
-        """Run the detectors that have not seen a case yet; see `Unit`."""
+        """Run the detectors that have not seen a case yet. See `Unit`."""
         home_cases = self.cases()
         left = {
             case: [name for name in self.variants(case.part) if self._id(case, name) not in done]
@@ -214,14 +224,22 @@ class Detectors:
         self._relocalizer = Relocalizer(self._map, landmarks, RelocalizationConfig(threads=1))
 
     def of(self, variant: str) -> ChangeDetector:
-        """Return the detector of a name in `VARIANTS`."""
+        """Return the detector of a name in `VARIANTS`.
+
+        Args:
+            variant: Name of the variant.
+        """
         if variant not in self._detectors:
             self._detectors[variant] = VARIANTS[variant].detector(self._map, self._cameras)
         return self._detectors[variant]
 
     def localize(self, frame: RgbdFrame) -> RgbdFrame:
-        """Return a frame with the pose that the map gives it, without a prior."""
-        return Localizer(self._relocalizer).located(frame)
+        """Return a frame with the pose that the map gives it, without a prior.
+
+        Args:
+            frame: Frame to localize.
+        """
+        return Localizer(self._relocalizer).localize_frame(frame)
 
 
 class _Clock:

@@ -11,7 +11,7 @@ from gslts_bench.detection.run import Record, Report
 from gslts_sim.task import Change
 
 REGION_M = 1.0
-"""Maximum distance of a report from the centre of the changed object's box, as in GS-LTS."""
+"""Maximum distance of a report from the centre of the changed object's box."""
 SIZES_PX = (500, 2000, 8000)
 """Edges between the rows of the table of object sizes."""
 NONE, UNRELIABLE = "none", "unreliable"
@@ -19,7 +19,12 @@ NONE, UNRELIABLE = "none", "unreliable"
 
 
 def in_region(report: Report, change: Change) -> bool:
-    """Return whether a report is near where the object of a change was or is."""
+    """Return whether a report is near where the object of a change was or is.
+
+    Args:
+        report: A report.
+        change: The change.
+    """
     boxes = [np.array(box) for box in (change.box_before, change.box_after) if box is not None]
     middles = np.stack([box.mean(axis=0) for box in boxes])
     metres = np.linalg.norm(middles - np.array(report.point_m), axis=1)
@@ -27,12 +32,22 @@ def in_region(report: Report, change: Change) -> bool:
 
 
 def fits(report: Report, change: Change) -> bool:
-    """Return whether type and region of a report are those of a change."""
+    """Return whether type and region of a report are those of a change.
+
+    Args:
+        report: A report.
+        change: The change.
+    """
     return report.kind == change.kind and in_region(report, change)
 
 
 def count_matches(reports: Sequence[Report], changes: Sequence[Change]) -> int:
-    """Count changes with a report that fits, each report used once, in the best assignment."""
+    """Count changes with a report that fits, each report used once, in the best assignment.
+
+    Args:
+        reports: Reports of one frame.
+        changes: Changes in view.
+    """
     if not changes:
         return 0
     first, rest = changes[0], changes[1:]
@@ -69,7 +84,11 @@ class SingleScore:
 
     @classmethod
     def of(cls, record: Record) -> SingleScore:
-        """Score the record of a single change."""
+        """Score the record of a single change.
+
+        Args:
+            record: Record without error.
+        """
         (truth,) = record.truths
         change, reports = truth.change, record.reports
         found = any(fits(report, change) for report in reports)
@@ -104,7 +123,11 @@ class SeveralScore:
 
     @classmethod
     def of(cls, records: Iterable[Record]) -> SeveralScore:
-        """Score records."""
+        """Score records.
+
+        Args:
+            records: Records without error.
+        """
         changes = found = reported = frames = 0
         for record in records:
             frames += 1
@@ -115,7 +138,11 @@ class SeveralScore:
 
 
 def is_right(record: Record) -> bool:
-    """Return whether a record has all changes and no others; of one change, whether it is first."""
+    """Return whether a record has all changes and no others; of one change, whether it is first.
+
+    Args:
+        record: Record without error.
+    """
     if record.part == "single":
         return SingleScore.of(record).right
     score = SeveralScore.of([record])
@@ -123,7 +150,11 @@ def is_right(record: Record) -> bool:
 
 
 def size_name(size_px: int) -> str:
-    """Return the row of an object's size in tables."""
+    """Return the row of an object's size in tables.
+
+    Args:
+        size_px: Pixels of the object.
+    """
     below = [edge for edge in SIZES_PX if edge <= size_px]
     above = [edge for edge in SIZES_PX if edge > size_px]
     if not below:
@@ -132,3 +163,4 @@ def size_name(size_px: int) -> str:
 
 
 SIZE_NAMES = tuple(size_name(edge) for edge in (0, *SIZES_PX))
+"""Rows of the table of object sizes."""

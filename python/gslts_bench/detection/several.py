@@ -11,7 +11,7 @@ from gslts_bench.detection.truth import Truth, in_view_px
 from gslts_sim.actions import GRID_M, ChangeAction, SceneState
 from gslts_sim.changes import ChangeError
 from gslts_sim.ray_scene import RayScene
-from gslts_sim.robot_body import Viewpoint, floor_of
+from gslts_sim.robot_body import Viewpoint
 from gslts_sim.task import Task
 from gslts_sim.task_viewpoints import (
     FIRST_VIEW_FRACTION,
@@ -20,6 +20,7 @@ from gslts_sim.task_viewpoints import (
     VIEW_DISTANCE_M,
 )
 from gslts_sim.viewpoints import SIZE_PX, ObjectVisibility, camera_positions, viewpoint_towards
+from gslts_sim.walkable import floor_of
 
 TRIES_PER_CASE = 40
 """Maximum number of sets of changes tried per set that is wanted."""
@@ -50,7 +51,12 @@ class SeveralMaker:
         self._scene = RayScene(before.home)
 
     def make(self, size: int, count: int) -> Iterator[Several]:
-        """Yield up to `count` different sets of `size` changes."""
+        """Yield up to `count` different sets of `size` changes.
+
+        Args:
+            size: Number of changes of a set.
+            count: Maximum number of sets.
+        """
         known: set[frozenset[int]] = set()
         made = 0
         for _ in range(TRIES_PER_CASE * count):

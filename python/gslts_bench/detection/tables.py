@@ -24,6 +24,7 @@ from gslts_bench.tables import Table, mean, number, share
 from gslts_sim.tasks import KINDS
 
 SAID = (*KINDS, NONE, UNRELIABLE)
+"""Columns of the table of reports."""
 
 
 def summarize(records: Sequence[Record]) -> dict[str, Any]:
@@ -102,7 +103,11 @@ def summary(records: Iterable[Record], variant: str) -> dict[str, Any]:
 
 
 def confusion(singles: Iterable[SingleScore]) -> dict[str, dict[str, int]]:
-    """Count how often each type of change was reported as each type, as none or not at all."""
+    """Count how often each type of change was reported as each type, as none or not at all.
+
+    Args:
+        singles: Scores of frames with one change.
+    """
     counts = Counter((score.kind, score.said) for score in singles)
     return {kind: {said: counts[kind, said] for said in SAID} for kind in KINDS}
 
@@ -134,6 +139,7 @@ def tabulate(found: Mapping[str, Any]) -> list[Table]:
 
 
 BENCHMARK = Benchmark("Change detection", "detecting", summarize, tabulate)
+"""The benchmark of change detection."""
 
 
 def _by(

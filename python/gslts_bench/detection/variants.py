@@ -25,7 +25,7 @@ class NoFeatures:
 
 @dataclass(frozen=True)
 class Variant:
-    """One detector, which runs on one thread, as its time is that of one core.
+    """Change detector that runs on one thread, as its time is that of one core.
 
     Attributes:
         config: Settings.
@@ -38,7 +38,12 @@ class Variant:
     locate: bool = False
 
     def detector(self, gaussian_map: GaussianMap, cameras: Iterable[Camera]) -> ChangeDetector:
-        """Make the detector for a map and the cameras that it was made from."""
+        """Make the detector for a map and the cameras that it was made from.
+
+        Args:
+            gaussian_map: The map, float32.
+            cameras: Cameras that it was made from.
+        """
         return ChangeDetector(gaussian_map, self.config, features=self.features, cameras=cameras)
 
 
@@ -73,3 +78,4 @@ TRADE = {
 """Variants of `objects` for speed against accuracy: by resolution, features and alignment of the
 pose."""
 VARIANTS = {**STRATEGIES, **TRADE}
+"""All detectors by name."""

@@ -9,8 +9,9 @@ import numpy as np
 from gslts.types import Floats
 from gslts_sim.actions import GRID_M
 from gslts_sim.home import Home
-from gslts_sim.robot_body import Viewpoint, floor_of
+from gslts_sim.robot_body import Viewpoint
 from gslts_sim.sensor import SensorNoise
+from gslts_sim.walkable import floor_of
 
 VISIT_POSITION_M, VISIT_ROTATION_DEG = 0.01, 0.5
 """Root mean square error of position and rotation in visits of unchanged homes."""
@@ -45,7 +46,11 @@ def draw_visit(home: Home, rng: np.random.Generator) -> Visit:
 
 
 def visit_noise(noise: SensorNoise) -> SensorNoise:
-    """Return a sensor's noise with the pose error of visits of unchanged homes."""
+    """Return a sensor's noise with the pose error of visits of unchanged homes.
+
+    Args:
+        noise: The sensor's noise.
+    """
     return replace(
         noise,
         position_std_m=VISIT_POSITION_M / np.sqrt(3),

@@ -16,11 +16,15 @@ WATCH = "watching"
 WATCHED = "objects"
 """The detector of `VARIANTS` that sees each frame."""
 TURNS_DEG = (-10.0, -6.0, -2.0, 2.0, 6.0, 10.0)
-"""Directions of the frames, from that of a single frame: steps of 4° keep the change in view."""
+"""Directions of the frames, from that of a single frame, in steps of 4°."""
 
 
 def turn_views(viewpoint: Viewpoint) -> list[Viewpoint]:
-    """Return the viewpoints of a robot that turns on the spot past a viewpoint."""
+    """Return the viewpoints of a robot that turns on the spot past a viewpoint.
+
+    Args:
+        viewpoint: Viewpoint of a single frame.
+    """
     return [
         replace(viewpoint, yaw_deg=(viewpoint.yaw_deg + turn_deg) % 360) for turn_deg in TURNS_DEG
     ]

@@ -31,7 +31,7 @@ MIN_PATH_M = 0.5
 
 @dataclass(frozen=True)
 class Episode:
-    """One task.
+    """Task of a robot: go to an object of a category.
 
     Attributes:
         name: Home and number.

@@ -17,7 +17,7 @@ from gslts.semantics.map_semantics import MapSemantics
 from gslts.semantics.source import Oracle
 from gslts.store.camera_files import cameras_of_map
 from gslts.update.config import UpdateConfig
-from gslts.update.updater import update
+from gslts.update.integrate import integrate_changes
 from gslts_bench.detection.run import Report
 from gslts_bench.detection.score import fits
 from gslts_bench.homes import BenchHome, even_shares
@@ -40,7 +40,7 @@ NOT_UPDATED = "not updated"
 
 @dataclass(frozen=True)
 class RelocatedUnit(BenchUnit[Record, BenchHome]):
-    """One home, in which objects are relocated one at a time.
+    """Work on one home, in which objects are relocated one at a time.
 
     Attributes:
         tasks: Number of relocations, of objects that are the only ones of their type.
@@ -62,11 +62,11 @@ class RelocatedUnit(BenchUnit[Record, BenchHome]):
         return self.tasks * WALKS
 
     def is_asked(self, record: Record) -> bool:
-        """Return whether this run asks for the object of a record."""
+        """Return whether this run asks for the object of a record. See `BenchUnit`."""
         return int(record.id.split("/")[1].removeprefix("moved_")) < self.tasks
 
     def run(self, done: frozenset[str], add: Add) -> None:
-        """Go to the relocated objects that are missing; see `Unit`."""
+        """Go to the relocated objects that are missing. See `Unit`."""
         tasks = self.bench.tasks(TASKS_PER_RELOCATION * self.tasks)
         home = tasks[0].home.load(Path())
         known, cameras = read_semantic_map(self.bench), cameras_of_map(self.bench.map())
@@ -156,7 +156,7 @@ def _update(
     changes = detector.detect(robot.observe()).changes
     if not changes or not fits(Report.of(changes[0]), task.change):
         return None
-    result = update(
+    result = integrate_changes(
         known.gaussian_map,
         cameras,
         changes[:1],
@@ -165,4 +165,4 @@ def _update(
         detector=detector,
         semantics=MapSemantics(Oracle(), known.autoencoder, ()),
     )
-    return None if result.record.rejected is not None else result.gaussian_map
+    return None if result.rejected is not None else result.gaussian_map

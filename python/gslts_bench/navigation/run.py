@@ -54,13 +54,21 @@ class Record(BenchRecord):
 
     @classmethod
     def of(cls, episode: Episode) -> Record:
-        """Make the record of an episode that has not begun."""
+        """Make the record of an episode that has not begun.
+
+        Args:
+            episode: The episode.
+        """
         return cls(
             id=episode.name,
             room_type=episode.room_type,
             category=episode.category,
             shortest_m=episode.shortest_m,
         )
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the record with its SPL as JSON values."""
+        return {**super().as_json(), "spl": self.spl}
 
     @property
     def spl(self) -> float:
@@ -69,13 +77,13 @@ class Record(BenchRecord):
 
     @property
     def is_relocated(self) -> bool:
-        """Whether the object was relocated after mapping."""
+        """True if the object was relocated after mapping."""
         return "/moved_" in self.id
 
 
 @dataclass(frozen=True)
 class NavigateUnit(BenchUnit[Record, BenchHome]):
-    """One home.
+    """Work on one home.
 
     Attributes:
         episodes: Number of episodes.
@@ -92,11 +100,11 @@ class NavigateUnit(BenchUnit[Record, BenchHome]):
         return self.episodes
 
     def is_asked(self, record: Record) -> bool:
-        """Return whether this run asks for the episode of a record."""
+        """Return whether this run asks for the episode of a record. See `BenchUnit`."""
         return int(record.id.rpartition("/")[2]) < self.episodes
 
     def run(self, done: frozenset[str], add: Add) -> None:
-        """Run the episodes that are missing; see `Unit`."""
+        """Run the episodes that are missing. See `Unit`."""
         bench = self.bench
         if all(f"{self.name}/{number:03}" in done for number in range(self.episodes)):
             return

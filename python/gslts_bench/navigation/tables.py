@@ -37,15 +37,19 @@ def summarize(records: Sequence[Record]) -> dict[str, Any]:
     statuses = sorted({record.status for record in own})
     return {
         "rooms": {
-            **{room: _numbers([one for one in own if one.room_type == room]) for room in rooms},
+            **{
+                room: _numbers([record for record in own if record.room_type == room])
+                for room in rooms
+            },
             OVERALL: _numbers(own),
         },
         "far": _numbers([record for record in own if record.shortest_m >= FAR_M]),
         "categories": {
-            name: _numbers([one for one in own if one.category == name]) for name in categories
+            name: _numbers([record for record in own if record.category == name])
+            for name in categories
         },
         "moved": {**_numbers(updated), "relocations": relocations} if moved else None,
-        "statuses": {name: sum(one.status == name for one in own) for name in statuses},
+        "statuses": {name: sum(record.status == name for record in own) for name in statuses},
     }
 
 
@@ -70,6 +74,7 @@ def tabulate(found: Mapping[str, Any]) -> list[Table]:
 
 
 BENCHMARK = Benchmark("Navigation to objects", "navigating", summarize, tabulate)
+"""The benchmark of navigation."""
 
 
 def _numbers(records: Sequence[Record]) -> dict[str, Any]:
@@ -77,7 +82,9 @@ def _numbers(records: Sequence[Record]) -> dict[str, Any]:
         "episodes": len(records),
         "successes": sum(record.success for record in records),
         "spl": float(np.mean([record.spl for record in records])) if records else None,
-        "shortest_m": float(np.mean([one.shortest_m for one in records])) if records else None,
+        "shortest_m": float(np.mean([record.shortest_m for record in records]))
+        if records
+        else None,
     }
 
 

@@ -9,12 +9,13 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from gslts.navigation.navigator import SUCCESS_DISTANCE_M
+from gslts.navigation.trip import SUCCESS_DISTANCE_M
 from gslts.types import Floats, Ints, Ints32
 from gslts_sim.actions import GRID_M
 from gslts_sim.home import Home, HomeObject
 from gslts_sim.ray_scene import RayScene
-from gslts_sim.robot_body import CAMERA_HEIGHT_M, HORIZON_DEG, Viewpoint, floor_of, robot_camera
+from gslts_sim.robot_body import CAMERA_HEIGHT_M, HORIZON_DEG, Viewpoint, robot_camera
+from gslts_sim.walkable import floor_of
 
 MIN_SHARE = 3e-4
 """Minimum share of the pixels that show a visible object: 23 of 320 x 240."""
@@ -47,7 +48,12 @@ class Truth:
         self._scene = RayScene(home)
 
     def is_straight(self, start: Floats, end: Floats) -> bool:
-        """Return whether the straight line between two positions (2,), x and y, m, is free."""
+        """Return whether the straight line between two positions (2,), x and y, m, is free.
+
+        Args:
+            start: First position (2,), m.
+            end: Second position (2,), m.
+        """
         count = int(np.linalg.norm(end - start) / STRIDE_M) + 2
         points = start + np.linspace(0, 1, count)[:, None] * (end - start)
         return all(self.floor.is_free(point) for point in points)
@@ -94,7 +100,11 @@ class Truth:
         return metres
 
     def goals(self, category: str) -> list[int]:
-        """Return the numbers of the positions within 1 m of an object of a category that see it."""
+        """Return the numbers of the positions within 1 m of an object of a category that see it.
+
+        Args:
+            category: Type of object.
+        """
         found = set()
         for row, known in enumerate(self.home.objects):
             if known.type == category:

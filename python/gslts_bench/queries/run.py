@@ -51,7 +51,11 @@ class Variant:
     frames_share: float = 1.0
 
     def home(self, bench: BenchHome) -> BenchHome:
-        """Return a home with the recording of this variant."""
+        """Return a home with the recording of this variant.
+
+        Args:
+            bench: The home with the settings of the run.
+        """
         setup = bench.setup
         setup = replace(
             setup,
@@ -118,7 +122,7 @@ class Record(BenchRecord):
 
 @dataclass(frozen=True)
 class QueryUnit(BenchUnit[Record, BenchHome]):
-    """One home.
+    """Work on one home.
 
     Attributes:
         variants: Settings of its maps, by name.
@@ -135,11 +139,11 @@ class QueryUnit(BenchUnit[Record, BenchHome]):
         return len(self.variants)
 
     def is_asked(self, record: Record) -> bool:
-        """Return whether this run asks for the variant of a record."""
+        """Return whether this run asks for the variant of a record. See `BenchUnit`."""
         return record.variant in self.variants
 
     def run(self, done: frozenset[str], add: Add) -> None:
-        """Make the semantic maps that are missing, and ask them; see `Unit`."""
+        """Make the semantic maps that are missing, and ask them. See `Unit`."""
         for name, variant in self.variants.items():
             key = f"{self.name}: {name}"
             if key not in done:
@@ -199,7 +203,12 @@ def best_ious(boxes: list[Floats], instances: list[Instance]) -> list[float]:
 
 
 def iou_of(a: Floats, b: Floats) -> float:
-    """Return the intersection over union of two boxes [2,3], each a lower and an upper corner."""
+    """Return the intersection over union of two boxes [2,3], each a lower and an upper corner.
+
+    Args:
+        a: Lower and upper corner, m.
+        b: The same of the other box, m.
+    """
     common = np.prod(np.maximum(0, np.minimum(a[1], b[1]) - np.maximum(a[0], b[0])))
     union = np.prod(a[1] - a[0]) + np.prod(b[1] - b[0]) - common
     return float(common / union) if union > 0 else 0.0

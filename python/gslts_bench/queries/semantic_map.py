@@ -39,7 +39,11 @@ class SemanticMap:
 
 
 def mapped_frames(bench: BenchHome) -> Iterator[RgbdFrame]:
-    """Read the frames that the map of a home was made from, with the poses that mapping found."""
+    """Read the frames that the map of a home was made from, with the poses that mapping found.
+
+    Args:
+        bench: The home.
+    """
     cameras = cameras_of_map(bench.map())
     for frame in open_dataset(bench.recording()).frames:
         if frame.name in cameras:

@@ -88,6 +88,7 @@ def tabulate(found: Mapping[str, Any]) -> list[Table]:
 
 
 BENCHMARK = Benchmark("Queries", "asking", summarize, tabulate)
+"""The benchmark of queries."""
 
 
 def _variants(found: Mapping[str, Any]) -> Table:

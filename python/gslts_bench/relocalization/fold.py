@@ -14,7 +14,7 @@ from typing import Any
 
 from gslts.datasets import Frame
 from gslts.localization.relocalizer import Relocalizer
-from gslts.mapping.evaluation.held_out import Known
+from gslts.mapping.evaluation.held_out import TrainingRecord
 from gslts.types import Floats
 from gslts_bench.processes import Add
 from gslts_bench.relocalization.room import FOLDS, RecordedRoom, transfer
@@ -68,7 +68,7 @@ class RoomFold:
 
 @dataclass(frozen=True)
 class FoldUnit(BenchUnit[RoomRecord, RoomFold]):
-    """One fold of a room."""
+    """Work on one fold of a room."""
 
     topic = "relocalize"
     record = RoomRecord
@@ -84,13 +84,16 @@ class FoldUnit(BenchUnit[RoomRecord, RoomFold]):
         return len(self.frames)
 
     def run(self, done: frozenset[str], add: Add) -> None:
-        """Localize the frames that are missing, but for those that mapping cannot use."""
+        """Localize the frames that are missing, but for those that mapping cannot use.
+
+        See `Unit`.
+        """
         frames = [frame for frame in self.frames if frame.name not in done]
         if not frames:
             return
         room, fold = self.bench.room, self.bench.fold
         folder = room.map(fold)
-        known, relocalizer = Known.of(folder), Relocalizers(folder).of(OURS)
+        known, relocalizer = TrainingRecord.read(folder), Relocalizers(folder).of(OURS)
         in_map = {name: camera.world_from_camera for name, camera in known.cameras.items()}
         corrected = transfer(room.corrected(), in_map)
         for frame in frames:
@@ -117,12 +120,12 @@ def units_of(room: RecordedRoom, folds: Sequence[int]) -> list[FoldUnit]:
 
 
 def _localize(
-    frame: Frame, known: Known, relocalizer: Relocalizer, corrected: Mapping[str, Floats]
+    frame: Frame, known: TrainingRecord, relocalizer: Relocalizer, corrected: Mapping[str, Floats]
 ) -> dict[str, Any]:
     """Localize a frame and judge the answer; return fields of `RoomRecord`."""
     observation = known.observe(frame)  # With the lenses that mapping found.
     rgbd = observation.rgbd()
-    answer = TimedAnswer.of(lambda: relocalizer.locate(rgbd))
+    answer = TimedAnswer.of(lambda: relocalizer.localize(rgbd))
     return {
         "given": answer.judge(observation.given_pose),
         "corrected": answer.judge(corrected[frame.name]),

@@ -20,11 +20,13 @@ from gslts_bench.homes import BenchHome, default_state, source_of
 from gslts_sim import ROOM_TYPES
 from gslts_sim.actions import SceneState
 from gslts_sim.home import Home
-from gslts_sim.robot_body import Viewpoint, floor_of, robot_camera
+from gslts_sim.robot_body import Viewpoint, robot_camera
 from gslts_sim.task import Task
+from gslts_sim.walkable import floor_of
 
 Part = Literal["held-out", "as mapped", "three changes", "another home"]
 PARTS: tuple[Part, ...] = ("held-out", "as mapped", "three changes", "another home")
+"""Parts of the benchmark, by where frames are taken."""
 
 CHANGES = 3
 """Number of changes that are in view at once."""
@@ -51,7 +53,11 @@ class Batch:
     foreign: bool
 
     def part(self, case: Case) -> Part:
-        """Return the part of the benchmark that a case belongs to."""
+        """Return the part of the benchmark that a case belongs to.
+
+        Args:
+            case: One of `cases`.
+        """
         if self.foreign:
             return "another home"
         return "as mapped" if case.part == "unchanged" else "three changes"
@@ -94,7 +100,11 @@ def batches_of(bench: BenchHome, views: int) -> Iterator[Batch]:
 
 
 def other_homes(bench: BenchHome) -> tuple[BenchHome, BenchHome]:
-    """Return a home of another room type, and one of the same type, which is more similar."""
+    """Return a home of another room type, and one of the same type, which is more similar.
+
+    Args:
+        bench: The home.
+    """
     types = list(ROOM_TYPES)
     next_type = types[(types.index(bench.room_type) + 1) % len(types)]
     # Seeds go in pairs, which keeps them in one split.

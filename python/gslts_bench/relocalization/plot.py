@@ -15,6 +15,7 @@ from gslts_bench.relocalization.tables import ALL, of_knob
 from gslts_bench.relocalization.variants import KNOBS, OURS, VARIANTS, knob_name
 
 PANELS = {"mm": "median error of the position, mm", "deg": "median error of the rotation, °"}
+"""Label of each panel by key of `scores`."""
 
 
 def write_plot(found: Mapping[str, Any], title: str, path: Path) -> None:

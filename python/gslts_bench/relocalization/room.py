@@ -88,11 +88,19 @@ class RecordedRoom:
         }
 
     def mapped_of(self, fold: int) -> dict[str, Any]:
-        """Return the JSON values that decide the map without a fold."""
+        """Return the JSON values that decide the map without a fold.
+
+        Args:
+            fold: Number of the first held-out frame, 0 to 7.
+        """
         return {**self.corrected_of, "without": [fold, FOLDS]}
 
     def map(self, fold: int) -> Path:
-        """Return the folder of the map without every eighth frame from `fold` on; make it once."""
+        """Return the folder of the map without every eighth frame from `fold` on; make it once.
+
+        Args:
+            fold: Number of the first held-out frame, 0 to 7.
+        """
 
         def make(folder: Path) -> None:
             dataset = self.dataset
@@ -113,7 +121,7 @@ class RecordedRoom:
             result = make_map(self.dataset, self._config)
             every = {**result.training, **result.held_out}
             folder.mkdir()
-            poses = {name: found.pose.tolist() for name, found in every.items()}
+            poses = {name: found.world_from_camera.tolist() for name, found in every.items()}
             write_atomic(folder / POSES, (json.dumps(poses) + "\n").encode())
 
         folder = cached_folder(self.work / "poses" / self.name, self.corrected_of, make)
@@ -149,10 +157,15 @@ def transfer(poses: Mapping[str, Floats], known: Mapping[str, Floats]) -> dict[s
 def content_digest(path: Path) -> str:
     """Compute the SHA-256 of a file, or of all files of a folder with their paths in it.
 
+    Args:
+        path: File or folder.
+
     Raises:
         OSError: A file cannot be read.
     """
-    files = sorted(one for one in path.rglob("*") if one.is_file()) if path.is_dir() else [path]
+    files = (
+        sorted(child for child in path.rglob("*") if child.is_file()) if path.is_dir() else [path]
+    )
     result = hashlib.sha256()
     for source in files:
         with source.open("rb") as file:

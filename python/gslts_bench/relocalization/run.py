@@ -48,7 +48,7 @@ class Record(BenchRecord):
 
 @dataclass(frozen=True)
 class RelocalizeUnit(BenchUnit[Record, BenchHome]):
-    """One home.
+    """Work on one home.
 
     Attributes:
         views: Maximum number of frames per part.
@@ -74,11 +74,15 @@ class RelocalizeUnit(BenchUnit[Record, BenchHome]):
         return {"views": self.views}
 
     def is_asked(self, record: Record) -> bool:
-        """Return whether this run asks for the variant of a record."""
+        """Return whether this run asks for the variant of a record. See `BenchUnit`."""
         return record.variant in self.variants(record.part)
 
     def variants(self, part: Part) -> tuple[str, ...]:
-        """Return the variants that localize the frames of a part."""
+        """Return the variants that localize the frames of a part.
+
+        Args:
+            part: Part of the benchmark.
+        """
         own = part != "another home"
         return (
             OURS,
@@ -87,9 +91,11 @@ class RelocalizeUnit(BenchUnit[Record, BenchHome]):
         )
 
     def run(self, done: frozenset[str], add: Add) -> None:
-        """Localize the frames that are missing; see `Unit`."""
+        """Localize the frames that are missing. See `Unit`."""
         left = {
-            view: [one for one in self.variants(view.part) if _id(view, one) not in done]
+            view: [
+                variant for variant in self.variants(view.part) if _id(view, variant) not in done
+            ]
             for view in views_of(self.bench, self.views)
         }
         if not any(left.values()):
@@ -113,7 +119,14 @@ class RelocalizeUnit(BenchUnit[Record, BenchHome]):
 def units_of(
     homes: Sequence[BenchHome], views: int, *, ablation: bool, trade: bool
 ) -> list[RelocalizeUnit]:
-    """List the work in homes; for the arguments see `RelocalizeUnit`."""
+    """List the work in homes; for the arguments see `RelocalizeUnit`.
+
+    Args:
+        homes: The homes.
+        views: Maximum number of frames per part.
+        ablation: Whether the variants of `ABLATION` are measured too.
+        trade: Whether the variants of `TRADE` are measured too.
+    """
     return [RelocalizeUnit(home, views, ablation, trade) for home in homes]
 
 
@@ -129,7 +142,11 @@ class Relocalizers:
         self._relocalizers: dict[str, Relocalizer] = {}
 
     def of(self, variant: str) -> Relocalizer:
-        """Return the relocalizer of a name in `VARIANTS`."""
+        """Return the relocalizer of a name in `VARIANTS`.
+
+        Args:
+            variant: Name of the variant.
+        """
         if variant not in self._relocalizers:
             config = VARIANTS[variant]
             self._relocalizers[variant] = Relocalizer(self._map, self._landmarks, config)
@@ -144,7 +161,7 @@ def _localize(
 ) -> dict[str, Any]:
     """Localize a frame and judge the answers; return fields of `Record`."""
     relocalizer, (frame, true) = relocalizers.of(variant), take()
-    located = TimedAnswer.of(lambda: relocalizer.locate(frame))
+    located = TimedAnswer.of(lambda: relocalizer.localize(frame))
     if view.is_foreign:
         return {"located": located.judge(None)}
     if variant != OURS:

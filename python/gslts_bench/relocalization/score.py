@@ -31,12 +31,22 @@ class PoseError(BaseModel):
 
     @classmethod
     def of(cls, pose: Floats, true: Floats) -> PoseError:
-        """Compare two poses world_from_camera [4,4]."""
+        """Compare two poses world_from_camera [4,4].
+
+        Args:
+            pose: Answered world_from_camera [4,4].
+            true: True world_from_camera [4,4].
+        """
         metres, turn_rad = pose_distance(pose, true)
         return cls(m=metres, deg=float(np.rad2deg(turn_rad)))
 
     def within(self, m: float, deg: float) -> bool:
-        """Return whether the error is at most so large."""
+        """Return whether the error is at most so large.
+
+        Args:
+            m: Maximum translation, m.
+            deg: Maximum rotation, degrees.
+        """
         return self.m <= m and self.deg <= deg
 
 
@@ -77,13 +87,21 @@ class TimedAnswer:
 
     @classmethod
     def of(cls, ask: Callable[[], Localization]) -> TimedAnswer:
-        """Ask and measure the time."""
+        """Ask and measure the time.
+
+        Args:
+            ask: Localizes a frame.
+        """
         start_s, start_cpu_s = time.perf_counter(), time.process_time()
         found = ask()
         return cls(found, time.perf_counter() - start_s, time.process_time() - start_cpu_s)
 
     def judge(self, true: Floats | None) -> Answer:
-        """Judge by the true pose [4,4]; None if the frame is not in this map."""
+        """Judge by the true pose [4,4]; None if the frame is not in this map.
+
+        Args:
+            true: True world_from_camera [4,4]; None if unknown.
+        """
         found, fit, normalized = self.found, self.found.fit, None
         if true is not None and found.world_from_camera is not None:
             assert found.covariance is not None  # It comes with the pose.
@@ -116,7 +134,12 @@ def normalized_error(pose: Floats, covariance: Floats, true: Floats) -> float:
 
 
 def start_near(true: Floats, rng: np.random.Generator) -> Floats:
-    """Draw a pose [4,4] at `MOVED_M` and `MOVED_DEG` from the true one."""
+    """Draw a pose [4,4] at `MOVED_M` and `MOVED_DEG` from the true one.
+
+    Args:
+        true: True world_from_camera [4,4].
+        rng: Source of all randomness.
+    """
     along, about = rng.normal(size=(2, 3))
     motion = np.eye(4)
     motion[:3, :3] = rotation(np.deg2rad(MOVED_DEG) * about / np.linalg.norm(about))
@@ -145,25 +168,25 @@ def scores(answers: Sequence[Answer]) -> dict[str, Any]:
     ]
     return {
         "frames": len(answers),
-        "ok": sum(one.status == "ok" for one in answers),
-        "ambiguous": sum(one.status == "ambiguous" for one in answers),
-        "lost": sum(one.status == "lost" for one in answers),
-        **_error_scores([one.off for one in answers]),
-        "coarse": _error_scores([one.coarse for one in answers]),
+        "ok": sum(answer.status == "ok" for answer in answers),
+        "ambiguous": sum(answer.status == "ambiguous" for answer in answers),
+        "lost": sum(answer.status == "lost" for answer in answers),
+        **_error_scores([answer.off for answer in answers]),
+        "coarse": _error_scores([answer.coarse for answer in answers]),
         "wrong_ok": right.count(False),
         "normalized": _finite(np.mean, errors),
-        "s": _finite(np.median, [one.s for one in answers]),
-        "cpu_s": _finite(np.median, [one.cpu_s for one in answers]),
+        "s": _finite(np.median, [answer.s for answer in answers]),
+        "cpu_s": _finite(np.median, [answer.cpu_s for answer in answers]),
     }
 
 
 def _error_scores(offs: Sequence[PoseError | None]) -> dict[str, Any]:
     """Count near poses and take medians of all; a missing pose counts as infinitely far."""
     return {
-        "near": sum(one is not None and one.within(*NEAR) for one in offs),
-        "far": sum(one is not None and one.within(*FAR) for one in offs),
-        "mm": _finite(np.median, [np.inf if one is None else 1000 * one.m for one in offs]),
-        "deg": _finite(np.median, [np.inf if one is None else one.deg for one in offs]),
+        "near": sum(error is not None and error.within(*NEAR) for error in offs),
+        "far": sum(error is not None and error.within(*FAR) for error in offs),
+        "mm": _finite(np.median, [np.inf if error is None else 1000 * error.m for error in offs]),
+        "deg": _finite(np.median, [np.inf if error is None else error.deg for error in offs]),
     }
 
 

@@ -30,7 +30,9 @@ TRACKED_HEADER = (
 )
 """The squared error is in units of the returned covariance, so that it should be about 1."""
 LOCATED_HEADER = (*TRACKED_HEADER, "keypoints alone: 5 cm, 5°", "keypoints alone: median")
+"""Columns of localized frames; the last two are of the pose before refinement."""
 TRUTHS = {"given": "by the given poses", "corrected": "by poses corrected in a map of all frames"}
+"""Rows of a recorded room by field of `RoomRecord`."""
 
 Row = Callable[[str, Mapping[str, Any]], list[str]]
 
@@ -69,14 +71,14 @@ def _by_part(records: Sequence[Record]) -> dict[str, Any]:
 
 def _by_room_type(records: Sequence[Record]) -> dict[str, Any]:
     types = sorted({record.room_type for record in records})
-    groups = {name: [one for one in records if one.room_type == name] for name in types}
+    groups = {name: [record for record in records if record.room_type == name] for name in types}
     return {name: _numbers(some) for name, some in {**groups, ALL: records}.items()}
 
 
 def _numbers(records: Sequence[Record]) -> dict[str, Any]:
     return {
-        "located": scores([one.located for one in records if one.located is not None]),
-        "tracked": scores([one.tracked for one in records if one.tracked is not None]),
+        "located": scores([record.located for record in records if record.located is not None]),
+        "tracked": scores([record.tracked for record in records if record.tracked is not None]),
     }
 
 
@@ -106,6 +108,7 @@ def tabulate(found: Mapping[str, Any]) -> list[Table]:
 
 
 BENCHMARK = Benchmark("Relocalization in simulated homes", "localizing", summarize, tabulate)
+"""The benchmark of relocalization in homes."""
 
 
 def summarize_room(records: Iterable[RoomRecord]) -> dict[str, Any]:
@@ -126,7 +129,11 @@ def summarize_room(records: Iterable[RoomRecord]) -> dict[str, Any]:
 
 
 def tabulate_room(found: Mapping[str, Any]) -> list[Table]:
-    """Make the table of a recorded room from `summarize_room`."""
+    """Make the table of a recorded room from `summarize_room`.
+
+    Args:
+        found: From `summarize_room`.
+    """
     rows = [located_row(words, found[truth]) for truth, words in TRUTHS.items()]
     note = f"Each frame in a map made without it; {found['maps']} map(s)."
     return [Table("", LOCATED_HEADER, rows, note)]
@@ -135,10 +142,16 @@ def tabulate_room(found: Mapping[str, Any]) -> list[Table]:
 ROOM_BENCHMARK = Benchmark(
     "Relocalization in a recorded room", "localizing", summarize_room, tabulate_room
 )
+"""The benchmark of relocalization in a recorded room."""
 
 
 def of_knob(found: Mapping[str, Any], knob: str) -> dict[int, Any]:
-    """Return the numbers of frames of all homes as mapped, by value of one of `KNOBS`."""
+    """Return the numbers of frames of all homes as mapped, by value of one of `KNOBS`.
+
+    Args:
+        found: From `summarize`.
+        knob: One of `KNOBS`.
+    """
     names = {value: knob_name(knob, value) for value in KNOBS[knob]}
     variants = found["variants"]
     return {
@@ -149,7 +162,12 @@ def of_knob(found: Mapping[str, Any], knob: str) -> dict[int, Any]:
 
 
 def located_row(name: str, numbers: Mapping[str, Any]) -> list[str]:
-    """Format a row of `LOCATED_HEADER` from `scores`."""
+    """Format a row of `LOCATED_HEADER` from `scores`.
+
+    Args:
+        name: Text of the first column.
+        numbers: From `scores`.
+    """
     coarse = numbers["coarse"]
     far = _percent(coarse["far"], numbers["frames"])
     return [*_tracked_row(name, numbers), far, _median(coarse)]
@@ -195,3 +213,4 @@ HEADERS: dict[Row, tuple[str, ...]] = {
     _tracked_row: TRACKED_HEADER,
     _foreign_row: FOREIGN_HEADER,
 }
+"""Header by formatter of a row."""

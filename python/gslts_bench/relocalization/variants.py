@@ -24,7 +24,12 @@ KNOBS = {
 
 
 def knob_name(knob: str, value: int) -> str:
-    """Name the variant with a value of one of `KNOBS`; `OURS` for the default's value."""
+    """Name the variant with a value of one of `KNOBS`; `OURS` for the default's value.
+
+    Args:
+        knob: One of `KNOBS`.
+        value: Value of the setting.
+    """
     return OURS if getattr(_config({}), knob) == value else f"{knob} = {value}"
 
 
@@ -33,10 +38,13 @@ def _config(changes: dict[str, Any]) -> RelocalizationConfig:
 
 
 ABLATION = {name: _config(changes) for name, changes in LEFT_OUT.items()}
+"""Variants with parts left out."""
 TRADE = {
     knob_name(knob, value): _config({knob: value})
     for knob, values in KNOBS.items()
     for value in values
     if knob_name(knob, value) != OURS
 }
+"""Variants with another value of a setting."""
 VARIANTS = {OURS: _config({}), **ABLATION, **TRADE}
+"""All variants by name."""

@@ -8,7 +8,7 @@ from functools import cache, partial
 
 from gslts.core.frame import RgbdFrame
 from gslts.datasets import Frame, open_dataset
-from gslts.mapping.frames import every_eighth
+from gslts.mapping.frames import HELD_OUT_EVERY
 from gslts.types import Floats
 from gslts_bench.detection.cases import Case
 from gslts_bench.homes import BenchHome
@@ -19,7 +19,7 @@ from gslts_sim.capture import true_poses
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One frame, taken when it is asked for.
+    """A frame that is taken when it is asked for.
 
     Attributes:
         frame: Home where it is taken and its name there, such as `kitchen_3/visit_07`.
@@ -35,7 +35,7 @@ class View:
 
     @property
     def is_foreign(self) -> bool:
-        """Whether it is taken in another home than that of the map."""
+        """True if it is taken in another home than that of the map."""
         return self.part == "another home"
 
 
@@ -63,7 +63,7 @@ def _held_out(bench: BenchHome, count: int) -> Iterator[View]:
     """Yield the frames of the recording that are held out of the map."""
     folder = bench.recording()
     frames, true = open_dataset(folder).frames, true_poses(folder)
-    for number in list(every_eighth([frame.name for frame in frames]))[:count]:
+    for number in range(0, len(frames), HELD_OUT_EVERY)[:count]:
         frame = frames[number]
         take = partial(_read, frame, true[frame.name])
         yield View(f"{bench.name}/kept_{frame.name}", "held-out", number, take)

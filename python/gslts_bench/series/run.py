@@ -20,7 +20,7 @@ from gslts.rendering.metrics import psnr_db
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
 from gslts.update.config import UpdateConfig
-from gslts.update.updater import update
+from gslts.update.integrate import integrate_changes
 from gslts_bench.detection.run import Report
 from gslts_bench.detection.score import fits
 from gslts_bench.detection.visits import draw_visit
@@ -88,7 +88,7 @@ class Record(BenchRecord):
 
 @dataclass(frozen=True)
 class SeriesUnit(BenchUnit[Record, BenchHome]):
-    """One home.
+    """Work on one home.
 
     Attributes:
         changes: Number of changes in a row.
@@ -112,7 +112,7 @@ class SeriesUnit(BenchUnit[Record, BenchHome]):
         return self.changes + 1
 
     def run(self, done: frozenset[str], add: Add) -> None:  # noqa: ARG002
-        """Apply one change after another; see `Unit`."""
+        """Apply one change after another. See `Unit`."""
         folder = self.bench.map()
         first = read_map(folder)
         updated = first
@@ -123,12 +123,12 @@ class SeriesUnit(BenchUnit[Record, BenchHome]):
             robot = task.start(home, changed=True)
             detector = ChangeDetector(updated, cameras=cameras)
             found = detector.detect(robot.observe()).changes
-            result = update(
+            result = integrate_changes(
                 updated, cameras, found, robot, UpdateConfig(threads=1), detector=detector
             )
             seconds = result.record.seconds
             updated = result.gaussian_map
-            if result.record.rejected is None:  # As `gslts update` does.
+            if result.rejected is None:  # As `gslts update` does.
                 seen_from = [view.camera for view in result.views]
                 cameras += compress(seen_from, new_viewpoints(cameras, seen_from))
             frames = []
@@ -139,7 +139,7 @@ class SeriesUnit(BenchUnit[Record, BenchHome]):
                 object_type=task.change.object_type,
                 detected=any(fits(Report.of(change), task.change) for change in found),
                 changes=len(found),
-                rejected=result.record.rejected if found else None,
+                rejected=result.rejected if found else None,
                 gaussians=updated.size,
                 seconds=seconds.get("editing", 0.0) + seconds.get("refining", 0.0),
                 psnr_db=mean_psnr_db(updated, frames) if frames else None,
@@ -186,7 +186,12 @@ def new_frames(
 
 
 def mean_psnr_db(gaussian_map: GaussianMap, frames: Sequence[RgbdFrame]) -> float:
-    """Average the PSNR of frames, with cameras aligned with the map and fitted exposures, dB."""
+    """Average the PSNR of frames, with cameras aligned with the map and fitted exposures, dB.
+
+    Args:
+        gaussian_map: The map, float32.
+        frames: Noise-free frames with nearly right poses.
+    """
     psnrs_db = []
     for frame in frames:
         _, exposure, rgb = align_with_map(frame, gaussian_map)

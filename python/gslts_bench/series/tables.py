@@ -15,7 +15,9 @@ from gslts_bench.series.run import BEFORE, MAPS, REBUILT, UPDATED, Record
 from gslts_bench.tables import Table, share
 
 GAIN, GROWTH = "PSNR, updated minus rebuilt", "Gaussians, updated against before"
+"""Rows of the table that have a target."""
 TARGETS = {GAIN: "-0.5 dB", GROWTH: "+10 %"}
+"""Target by row."""
 
 
 def summarize(records: Sequence[Record]) -> dict[str, Any]:
@@ -53,6 +55,7 @@ def tabulate(found: Mapping[str, Any]) -> list[Table]:
 
 
 BENCHMARK = Benchmark("Many changes in a row", "updating", summarize, tabulate)
+"""The benchmark of many changes in a row."""
 
 
 def _column(steps: Sequence[Mapping[str, Any]], end: Mapping[str, Any]) -> dict[str, str]:
@@ -60,7 +63,7 @@ def _column(steps: Sequence[Mapping[str, Any]], end: Mapping[str, Any]) -> dict[
     psnr_db, gaussians = end["psnr_db"], end["gaussians"]
     growth = gaussians[UPDATED] / gaussians[BEFORE] - 1
     return {
-        "detected in the first frame": share(sum(one["detected"] for one in steps), len(steps)),
+        "detected in the first frame": share(sum(step["detected"] for step in steps), len(steps)),
         "left without an update": share(idle, len(steps)),
         "edit and refinement, median": f"{np.median([step['seconds'] for step in steps]):.1f} s",
         **{f"PSNR of new viewpoints, {name}": f"{psnr_db[name]:.2f} dB" for name in MAPS},

@@ -1,8 +1,8 @@
-"""What time and Gaussians buy: the accuracy of maps of one data set, by frames kept aside.
+"""Accuracy of maps of one data set against time and number of Gaussians, by test frames.
 
-Against time, a map is made afresh for each budget, because a schedule that is cut short shows less
-than one of that length. Against their number, the Gaussians of a finished map are made fewer or
-more, and all are refined for as many steps.
+Against time, a map is made from scratch for each budget, as a schedule that is cut short is worse
+than one of that length. Against their number, the Gaussians of a finished map are reduced or split,
+and all are refined for the same number of steps.
 """
 
 from __future__ import annotations
@@ -17,37 +17,37 @@ import numpy as np
 from gslts.core.gaussian_map import GaussianMap
 from gslts.datasets import Dataset
 from gslts.mapping.config import MappingConfig
-from gslts.mapping.density.control import split
+from gslts.mapping.density.control import split as split_gaussians
 from gslts.mapping.engine import make_map
-from gslts.mapping.evaluation.evaluate import HeldOut, evaluate_held_out
-from gslts.mapping.evaluation.held_out import Known, judging
-from gslts.mapping.evaluation.variants import fewer, refined
-from gslts.mapping.frames import ShowFrames, Visit
+from gslts.mapping.evaluation.evaluate import HeldOutQuality, evaluate_held_out
+from gslts.mapping.evaluation.held_out import TrainingRecord
+from gslts.mapping.evaluation.variants import merge_to, refine_map
+from gslts.mapping.frames import FrameSplit, HeldOutFrames, ShowFrames
 from gslts.mapping.observation import LEVELS
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 
 COUNTS = {"an eighth": 0.125, "a quarter": 0.25, "half": 0.5, "as many": 1.0, "double": 2.0}
-"""Numbers of Gaussians that are tried, as shares of those of the map."""
-LEAST_STEPS, LEAST_VISITS = 300, 2
-"""Maps of other sizes are refined for so many steps, and until each frame was seen so often."""
-LEAST_COVERED = 0.5
-"""A map that fills less of the frames is of another place, or in another world frame."""
+"""Numbers of Gaussians that are compared, as shares of those of the map."""
+MIN_STEPS, MIN_VISITS = 300, 2
+"""Minimum number of refinement steps of other sizes, in all and per frame."""
+MIN_OPACITY = 0.5
+"""Minimum mean opacity in the frames; below, map and data set are of different rooms or worlds."""
 
 
 @dataclass(frozen=True)
 class MappingPoint:
-    """How good one map is, and what it took.
+    """Accuracy and cost of one map.
 
     Attributes:
         kind: "map" for the map itself, "gaussians" for one refined with more or fewer of them,
-            "time" for one made afresh.
-        name: "the map", what share of its Gaussians (of `COUNTS`), or the budget ("10 s").
-        seconds: For reading, seeding and optimising; None if the map does not tell or was refined
-            from another one.
-        steps: Of its optimisation or refinement; None if the map does not tell.
-        gaussians: How many it has.
-        given_psnr_db, by_neighbours_psnr_db, refined_psnr_db: Of the frames kept aside, in the
-            three ways of `gslts.mapping.evaluation.evaluate.HeldOut`.
+            "time" for one made from scratch.
+        name: "the map", the share of its Gaussians (of `COUNTS`), or the budget ("10 s").
+        seconds: Time of reading, seeding and optimization; None if unknown or refined from another
+            map.
+        steps: Steps of its optimization or refinement; None if unknown.
+        gaussians: Number of Gaussians.
+        given_psnr_db, by_neighbours_psnr_db, refined_psnr_db: PSNR of test frames at the three
+            poses of `gslts.mapping.evaluation.evaluate.HeldOutQuality`.
     """
 
     kind: str
@@ -60,66 +60,94 @@ class MappingPoint:
     refined_psnr_db: float
 
 
-def visit_of(dataset: Dataset, known: Known, show_frames: ShowFrames = iter) -> Visit:
-    """The frames of a data set, as a map knows them.
+def split_of(
+    dataset: Dataset, record: TrainingRecord, show_frames: ShowFrames = iter
+) -> FrameSplit:
+    """Read the frames of a data set and split them as when a map was made.
+
+    Args:
+        dataset: The data set of the map.
+        record: Record of the map.
+        show_frames: Wraps the frames to show progress.
 
     Raises:
-        ValueError: They are too few, or none of them can judge the map.
+        ValueError: There are too few frames, or no test frame.
     """
-    visit = Visit.of(dataset, known.observe, lambda names: judging(names, known), show_frames)
-    if not visit.held_out:
-        raise ValueError(f"{dataset.name}: the map was made from all of its frames")
-    if not known.cameras:  # Nothing was corrected that neighbours could tell of.
-        visit = replace(visit, neighbours=[[] for _ in visit.held_out])
-    return visit
+    split = FrameSplit.read(dataset, record.observe, record.split, show_frames)
+    test = split.test.observations
+    if not test:
+        raise ValueError(
+            f"{dataset.name}: there is no test frame: the map was made from all of its frames"
+        )
+    if not record.cameras:  # Without refined poses, neighbours do not tell a correction.
+        split = replace(split, test=HeldOutFrames(test, [[] for _ in test]))
+    return split
 
 
-def covered(gaussian_map: GaussianMap, visit: Visit, threads: int) -> float:
-    """The mean opacity of a map in the frames that it was made from, 0 to 1."""
+def mean_opacity(gaussian_map: GaussianMap, split: FrameSplit, threads: int) -> float:
+    """Return the mean opacity of a map in the frames that it was made from, 0 to 1.
+
+    Args:
+        gaussian_map: The map, float32.
+        split: Frames of the data set.
+        threads: 0 means one per hardware thread.
+    """
     rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
-    coarse = (one.camera(LEVELS - 1) for one in visit.training.values())
+    coarse = (frame.camera(LEVELS - 1) for frame in split.training.values())
     images = (rasterizer.forward(gaussian_map, camera, options) for camera in coarse)
     return float(np.mean([image.alpha.mean() for image in images]))
 
 
-def itself(
-    gaussian_map: GaussianMap, visit: Visit, seconds: float | None, threads: int
+def measure_map(
+    gaussian_map: GaussianMap, split: FrameSplit, seconds: float | None, threads: int
 ) -> MappingPoint:
-    """The map as it is."""
-    quality = _judged(gaussian_map, visit, threads)
+    """Measure the map as it is.
+
+    Args:
+        gaussian_map: The map, float32.
+        split: Frames of the data set.
+        seconds: Time in which it was made, s; None if unknown.
+        threads: 0 means one per hardware thread.
+    """
+    quality = _evaluate(gaussian_map, split, threads)
     return _point("map", "the map", seconds, None, gaussian_map.size, quality)
 
 
-def against_count(
-    gaussian_map: GaussianMap, visit: Visit, config: MappingConfig
+def measure_counts(
+    gaussian_map: GaussianMap, split: FrameSplit, config: MappingConfig
 ) -> Iterator[MappingPoint]:
-    """An eighth, a quarter, half, as many and double as many Gaussians, refined alike.
+    """Measure the map with each share of `COUNTS` of its Gaussians, refined alike.
 
     Args:
         gaussian_map: A finished map, float32.
-        visit: Of the data set that it was made from.
+        split: Frames of the data set that it was made from.
         config: Rates and losses of the refinement.
     """
-    training = list(visit.training.values())
-    steps = max(LEAST_STEPS, LEAST_VISITS * len(training))
-    if not visit.has_depth:
-        config = config.for_photographs(visit.extent_m)
+    training = list(split.training.values())
+    steps = max(MIN_STEPS, MIN_VISITS * len(training))
+    if not split.has_depth:
+        config = config.for_photographs(split.extent_m)
     config = config.model_copy(update={"variant_steps": steps})
     for name, share in COUNTS.items():
         if share > 1:
-            start = split(gaussian_map, np.arange(gaussian_map.size))
+            start = split_gaussians(gaussian_map, np.arange(gaussian_map.size))
         else:
             count = max(1, int(share * gaussian_map.size))
-            start = fewer(gaussian_map, count, training, config.threads)
-        finished = refined(start, training, config)
-        quality = _judged(finished, visit, config.threads)
+            start = merge_to(gaussian_map, count, training, config.threads)
+        finished = refine_map(start, training, config)
+        quality = _evaluate(finished, split, config.threads)
         yield _point("gaussians", name, None, steps, finished.size, quality)
 
 
-def against_time(
+def measure_budgets(
     dataset: Dataset, config: MappingConfig, budgets_s: Iterable[float]
 ) -> Iterator[MappingPoint]:
-    """Maps made afresh, each with a whole schedule of that length.
+    """Make a map from scratch for each budget, with a schedule of that length, and measure it.
+
+    Args:
+        dataset: The data set.
+        config: Settings of the mapping.
+        budgets_s: Budgets.
 
     Raises:
         ValueError: No map can be made of the data set; see `make_map`.
@@ -133,19 +161,22 @@ def against_time(
 
 
 def seconds_of(manifest: Mapping[str, Any]) -> float | None:
-    """How long a map was made, as its folder tells; None if it does not."""
+    """Return the time in which a map was made, by its manifest; None if that does not say.
+
+    Args:
+        manifest: Manifest of the map.
+    """
     stages = manifest.get("seconds")
     if not isinstance(stages, dict):
         return None
-    seconds = [s for stage, s in stages.items() if stage != "judging"]
+    seconds = [s for stage, s in stages.items() if stage != "evaluation"]
     if not all(isinstance(s, int | float) and isfinite(s) and s >= 0 for s in seconds):
         return None
     return float(sum(seconds)) or None
 
 
-def _judged(gaussian_map: GaussianMap, visit: Visit, threads: int) -> HeldOut:
-    held_out = list(visit.held_out.values())
-    return evaluate_held_out(gaussian_map, held_out, visit.neighbours, threads)[0]
+def _evaluate(gaussian_map: GaussianMap, split: FrameSplit, threads: int) -> HeldOutQuality:
+    return evaluate_held_out(gaussian_map, split.test, threads)[0]
 
 
 def _point(
@@ -154,7 +185,7 @@ def _point(
     seconds: float | None,
     steps: int | None,
     gaussians: int,
-    quality: HeldOut,
+    quality: HeldOutQuality,
 ) -> MappingPoint:
     by_neighbours = quality.by_neighbours
     return MappingPoint(

@@ -1,4 +1,4 @@
-"""The picture of what time and Gaussians buy."""
+"""Plot of the accuracy of maps against time and number of Gaussians."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter, NullLocat
 
 from gslts_bench.tradeoff.mapping import MappingPoint
 
-WAYS = {
+POSES = {
     "refined_psnr_db": ("poses refined", "o", "C0"),
     "by_neighbours_psnr_db": ("poses corrected by neighbours", "s", "C1"),
     "given_psnr_db": ("poses as given", "D", "C2"),
 }
-"""For each field of a point, its name, marker and colour."""
+"""Name, marker and colour of each field of a point."""
 TICKS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
-"""Of each decade."""
+"""Marks in each decade of an axis."""
 
 
 def write_plot(points: Sequence[MappingPoint], title: str, path: Path) -> None:
-    """PSNR of frames kept aside against time, and against the number of Gaussians, as a PNG.
+    """Plot PSNR of test frames against time and number of Gaussians, as a PNG.
 
     Args:
-        points: Of all kinds; the map itself once.
-        title: Stands above.
-        path: Where to write.
+        points: Points of all kinds; the map itself once.
+        title: Title of the figure.
+        path: File to write.
     """
     figure = Figure(figsize=(13, 6), layout="constrained")
     FigureCanvasAgg(figure)
@@ -40,10 +40,10 @@ def write_plot(points: Sequence[MappingPoint], title: str, path: Path) -> None:
     sized = [point for point in points if point.kind == "gaussians"]
 
     seconds = [point.seconds or 0.0 for point in timed]
-    for field, (way, marker, color) in WAYS.items():
+    for field, (label, marker, color) in POSES.items():
         y_db = [getattr(point, field) for point in timed]
         if None not in y_db:
-            of_time.plot(seconds, y_db, f"{marker}-", color=color, label=way)
+            of_time.plot(seconds, y_db, f"{marker}-", color=color, label=label)
         of_map = getattr(itself, field)
         if itself.seconds is not None and of_map is not None:
             _star(of_time, [itself.seconds], [of_map], color)
@@ -52,12 +52,12 @@ def write_plot(points: Sequence[MappingPoint], title: str, path: Path) -> None:
     if itself.seconds is not None:
         _star(of_time, [], [], "white", "the map, as it is")
     of_time.set(
-        title="maps made afresh, and their Gaussians",
+        title="maps made from scratch, and their Gaussians",
         xlabel="time to make the map, s",
-        ylabel="PSNR of frames kept aside, dB",
+        ylabel="PSNR of test frames, dB",
     )
 
-    way, marker, color = WAYS["refined_psnr_db"]
+    _, marker, color = POSES["refined_psnr_db"]
     y_db = [point.refined_psnr_db for point in sized]
     counts = [point.gaussians for point in sized]
     of_count.plot(
@@ -73,7 +73,7 @@ def write_plot(points: Sequence[MappingPoint], title: str, path: Path) -> None:
     of_count.set(
         title="the map, refined with fewer or more Gaussians",
         xlabel="Gaussians",
-        ylabel="PSNR of frames kept aside, dB",
+        ylabel="PSNR of test frames, dB",
     )
 
     for axes in (of_time, of_count):
@@ -89,12 +89,12 @@ def write_plot(points: Sequence[MappingPoint], title: str, path: Path) -> None:
 def _star(
     axes: Axes, x: Sequence[float], y: Sequence[float], color: str, label: str | None = None
 ) -> None:
-    """Marks the map, or only its entry in the legend."""
+    """Mark the map, or only its entry in the legend."""
     axes.plot(x, y, "*", color=color, markeredgecolor="black", markersize=14, label=label)
 
 
 def _note(axes: Axes, x: Sequence[float], y: Sequence[float], words: Sequence[str]) -> None:
-    """Words above the points of a line, on the side where it does not come from above."""
+    """Write words above the points of a line, on the side where it does not come from above."""
     for i, text in enumerate(words):
         side = 1 if i > 0 and y[i] < y[i - 1] else -1
         axes.annotate(

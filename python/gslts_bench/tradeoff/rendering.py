@@ -1,7 +1,7 @@
-"""What each knob of the renderer costs in time and in accuracy, on a map and a camera.
+"""Time and accuracy of each setting of the renderer, on a map and a camera.
 
 The exact image is rendered in float64 without any cut-off: no alpha is too small and no pixel ends
-before its last Gaussian. Every other setting changes one knob of the default.
+before its last Gaussian. Each setting changes one option of the default.
 """
 
 from __future__ import annotations
@@ -28,17 +28,18 @@ if TYPE_CHECKING:
 
 
 TIME_RESOLUTION = 0.03
-"""Relative difference of two times below which machines with other work do not tell them apart."""
+"""Relative difference of times that a machine with other work does not resolve."""
 PSNR_RESOLUTION_DB = 0.1
+"""Difference of PSNR below which two settings count as equally accurate."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """One way to render: the default but for one knob.
+    """Settings of the renderer: the default but for one option.
 
     Attributes:
-        knob: What is turned.
-        value: To what, for people.
+        knob: Name of the option.
+        value: Its value, as text.
         options: Arguments of `RenderOptions`.
         dtype: float32 or float64.
         shrink: Both sides of the image are rendered at 1 / shrink of their size and interpolated.
@@ -52,7 +53,9 @@ class Setting:
 
 
 DEFAULT = Setting("default", "")
+"""Default of the renderer."""
 EXACT = Setting("exact", "", {"alpha_min": 1e-30, "transmittance_min": 0.0}, np.float64)
+"""Reference without cut-offs."""
 SETTINGS = (
     DEFAULT,
     *(
@@ -73,6 +76,7 @@ SETTINGS = (
         {"alpha_min": 1e-30, "transmittance_min": 0.0, "exp_degree": 5},
     ),
 )
+"""Settings that are compared; each but the default changes one option."""
 
 
 @dataclass(frozen=True)
@@ -80,13 +84,13 @@ class Point:
     """Time and error of one setting.
 
     Attributes:
-        knob, value: The setting.
+        knob, value: See `Setting`.
         forward_ms: Median time of an image.
         forward_backward_ms: Median time of an image and its gradients.
-        psnr_db: Of the colours against the exact image, for a peak of 1.
-        max_error: Greatest error of a colour.
+        psnr_db: PSNR of the colours against the exact image, for a peak of 1.
+        max_error: Maximum error of a colour.
         gradient_error: |g - exact| / |exact| of the gradient of the mean squared colour; the
-            greatest over means, quaternions, log scales, logit opacities and SH.
+            maximum over means, quaternions, log scales, logit opacities and SH.
         on_front: Whether no other setting is better in time or accuracy without being worse in the
             other.
     """
@@ -103,7 +107,7 @@ class Point:
 
 @dataclass(frozen=True)
 class _View:
-    """A map in both precisions before a camera, and what all settings share."""
+    """A map in both precisions and a camera, shared by all settings."""
 
     maps: dict[Any, GaussianMap]  # by dtype
     rasterizers: dict[Any, Rasterizer]
@@ -113,7 +117,7 @@ class _View:
 
 
 class _Job:
-    """The rendering of a view with one setting."""
+    """Renders a view with one setting."""
 
     def __init__(self, view: _View, setting: Setting) -> None:
         self.map, self.rasterizer = view.maps[setting.dtype], view.rasterizers[setting.dtype]
@@ -123,22 +127,22 @@ class _Job:
         self.columns = _interpolation(view.camera.width, self.camera.width)
 
     def forward(self) -> FloatArray:
-        """The colours, with the pixels of the setting."""
+        """Render the colours with the pixels of the setting."""
         return self.rasterizer.forward(self.map, self.camera, self.options).rgb
 
     def backward(self, dL_drgb: FloatArray) -> Gradients:
-        """The gradients of the last forward."""
+        """Return the gradients of the last forward."""
         return self.rasterizer.backward(dL_drgb=dL_drgb)
 
-    def enlarged(self, rgb: FloatArray) -> FloatArray:
-        """The colours interpolated to the size of the view."""
+    def enlarge(self, rgb: FloatArray) -> FloatArray:
+        """Interpolate colours to the size of the view."""
         if len(self.rows) == len(rgb):
             return rgb
         enlarged: Floats = np.einsum("yr,rcd,xc->yxd", self.rows, rgb, self.columns, optimize=True)
         return enlarged
 
-    def shrunk(self, dL_drgb: Floats) -> FloatArray:
-        """The gradient with respect to the colours before they were interpolated."""
+    def shrink(self, dL_drgb: Floats) -> FloatArray:
+        """Return the gradient with respect to the colours before interpolation."""
         if self.camera.height < len(dL_drgb):
             dL_drgb = np.einsum("yr,yxd,xc->rcd", self.rows, dL_drgb, self.columns, optimize=True)
         return dL_drgb.astype(self.map.dtype)
@@ -154,20 +158,23 @@ def measure(
     settings: Sequence[Setting] = SETTINGS,
     progress: Callable[[Iterable[int]], Iterable[int]] = iter,
 ) -> list[Point]:
-    """Renders and differentiates with every setting, and compares with the exact rendering.
+    """Render and differentiate with every setting, and compare with the exact rendering.
 
     All settings are measured in each round, in an order of its own, so that other work on the
-    machine troubles all alike: a time is the median, over the rounds, of its ratio to the geometric
+    machine affects all alike: a time is the median, over the rounds, of its ratio to the geometric
     mean of the round, times the median of those means.
 
     Args:
-        gaussian_map: What to render.
-        camera: From where.
+        gaussian_map: Map to render.
+        camera: Camera of the view.
         near_m: Near plane, m.
-        threads: 0 means one a hardware thread.
-        rounds: Times that every setting is measured.
-        settings: What to compare.
-        progress: Wraps the rounds, to show how far they are.
+        threads: 0 means one per hardware thread.
+        rounds: Number of times that every setting is measured.
+        settings: Settings to compare.
+        progress: Wraps the rounds to show progress.
+
+    Returns:
+        A point for each setting.
 
     Raises:
         ValueError: The map is empty or shows nothing to the camera, the image is too small to be
@@ -193,12 +200,12 @@ def measure(
     for round_ in progress(range(rounds)):
         for i in rng.permutation(len(settings)):
             job = _Job(view, settings[i])
-            by_rgb = job.shrunk(dL_drgb)
+            by_rgb = job.shrink(dL_drgb)
             # Not timed: the setting before had other needs of memory.
             rgb, gradients = job.forward(), job.backward(by_rgb)
             if round_ == 0:
                 errors[i] = _errors(
-                    job.enlarged(rgb), exact, gradients, exact_gradients, gaussian_map.size
+                    job.enlarge(rgb), exact, gradients, exact_gradients, gaussian_map.size
                 )
             start = time.perf_counter()
             job.forward()
@@ -222,11 +229,14 @@ def measure(
 
 
 def pareto_front(ms: Floats, psnr: Floats) -> NDArray[np.bool_]:
-    """Whether no other point is better in one of both and no worse in the other.
+    """Find points such that no other point is better in one criterion and no worse in the other.
 
     Args:
         ms: [N] times.
-        psnr: [N] accuracies, dB. What is better by less than the resolutions above is not better.
+        psnr: [N] accuracies, dB. Differences below the resolutions above do not count.
+
+    Returns:
+        [N] bool.
     """
     faster = ms[:, None] < (1 - TIME_RESOLUTION) * ms
     as_fast = ms[:, None] <= ms
@@ -237,7 +247,12 @@ def pareto_front(ms: Floats, psnr: Floats) -> NDArray[np.bool_]:
 
 
 def write_csv(points: Sequence[DataclassInstance], path: Path) -> None:
-    """One line a point, of at least one, with the names of its fields on top."""
+    """Write points as CSV with the names of their fields on top.
+
+    Args:
+        points: At least one.
+        path: File to write.
+    """
     with path.open("w", newline="") as file:
         writer = csv.DictWriter(file, [column.name for column in fields(points[0])])
         writer.writeheader()
@@ -246,7 +261,7 @@ def write_csv(points: Sequence[DataclassInstance], path: Path) -> None:
 
 
 def _interpolation(fine: int, coarse: int) -> Floats:
-    """[fine,coarse] linear interpolation between pixel centres, constant beyond the outermost."""
+    """Return a matrix [fine,coarse] of linear interpolation between pixel centres."""
     at = np.clip((np.arange(fine) + 0.5) * coarse / fine - 0.5, 0, coarse - 1)
     left = np.minimum(at.astype(int), max(coarse - 2, 0))
     weights = np.zeros((fine, coarse))
@@ -262,7 +277,7 @@ def _errors(
     exact_gradients: Gradients,
     size: int,
 ) -> tuple[float, float, float]:
-    """PSNR, greatest error of a colour, and greatest relative error of the gradient of a group."""
+    """Return PSNR, maximum error of a colour and maximum relative error of a group's gradient."""
     found, wanted = gradients.dense(size), exact_gradients.dense(size)
     of_gradients = []
     for name in ("dL_dmeans", "dL_dquats", "dL_dlog_scales", "dL_dlogit_opacities", "dL_dsh"):

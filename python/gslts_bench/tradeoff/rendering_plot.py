@@ -1,4 +1,4 @@
-"""The picture of a trade-off between speed and accuracy."""
+"""Plot of the speed of rendering against its accuracy."""
 
 from __future__ import annotations
 
@@ -12,16 +12,14 @@ from matplotlib.ticker import ScalarFormatter
 
 from gslts_bench.tradeoff.rendering import Point
 
-MARKERS = "osD^vP*X"
-
 
 def write_plot(points: Sequence[Point], title: str, path: Path) -> None:
-    """Time against PSNR, and time with gradients against their error, as a PNG.
+    """Plot PSNR against time, and the error of gradients against time with them, as a PNG.
 
     Args:
         points: From `measure`; the default is the first.
-        title: Stands above.
-        path: Where to write.
+        title: Title of the figure.
+        path: File to write.
     """
     figure = Figure(figsize=(13, 6), layout="constrained")
     FigureCanvasAgg(figure)
@@ -58,7 +56,7 @@ def _draw(axes: Axes, points: Sequence[Point], x: Sequence[float], y: Sequence[f
         axes.plot(
             [x[i] for i in of_knob],
             [y[i] for i in of_knob],
-            MARKERS[number % len(MARKERS)],
+            "osD^vP*X"[number % 8],
             color=f"C{number}",
             label=knob,
         )

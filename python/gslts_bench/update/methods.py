@@ -14,9 +14,10 @@ from gslts.core.gaussian_map import GaussianMap
 from gslts.store.causes import UpdateRecord
 from gslts.update.config import GS_LTS, EditConfig, RefineConfig, UpdateConfig
 from gslts.update.edit import Edit, pre_edit
-from gslts.update.refine import Refined, Watch, refine, targets_of
-from gslts.update.updater import updated_with
-from gslts.update.verify import split_held_back
+from gslts.update.integrate import integrate_views
+from gslts.update.refine import OnStep, Refinement, refine
+from gslts.update.targets import view_targets
+from gslts.update.verify import split_views
 from gslts.update.view_collection import Collection
 
 PLAIN = RefineConfig(
@@ -29,7 +30,7 @@ PLAIN = RefineConfig(
     log_scales_rate=5e-3,
     logit_opacities_rate=5e-2,
     sh_rate=2.5e-3,
-    rates_left=1.0,
+    final_rate_share=1.0,
 )
 """Fine-tuning of the whole map with the loss and the rates of 3DGS (Kerbl et al. 2023), whose rate
 of the means, 1.6e-4 times the extent of the cameras, is taken for an extent of 3 m."""
@@ -37,12 +38,12 @@ of the means, 1.6e-4 times the extent of the cameras, is taken for an extent of 
 
 @dataclass(frozen=True)
 class Method:
-    """One method.
+    """Method of updating a map.
 
     Attributes:
         edit: Settings of the edit; None leaves the Gaussians as they are.
         refine: Settings of the refinement; None leaves the map as it is.
-        whole: Whether it is all of `gslts.update.updater`, with old views and verification.
+        whole: Whether it is all of `gslts.update.integrate`, with old views and verification.
     """
 
     edit: EditConfig | None
@@ -51,6 +52,7 @@ class Method:
 
 
 OURS = UpdateConfig()
+"""Settings of our method."""
 
 
 def _without(**settings: object) -> Method:
@@ -74,7 +76,9 @@ ABLATION: dict[str, Method] = {
     "all measured is added": _without(only_missing=False),
     "shapes inherited": _without(flat=False),
     "colours inherited": _without(observed_colors=False),
-    "no old views": Method(OURS.edit, OURS.refine.model_copy(update={"remembered": 0}), whole=True),
+    "no old views": Method(
+        OURS.edit, OURS.refine.model_copy(update={"replay_views": 0}), whole=True
+    ),
     "no refinement": Method(
         OURS.edit, OURS.refine.model_copy(update={"iterations": 0}), whole=True
     ),
@@ -91,7 +95,7 @@ def update_with(
     *,
     iterations: int | None = None,
     threads: int = 1,
-    watch: Watch = lambda *_: None,
+    on_step: OnStep = lambda *_: None,
 ) -> tuple[GaussianMap, UpdateRecord | None]:
     """Update a map with a method.
 
@@ -102,7 +106,7 @@ def update_with(
         found: Frames of the change; all methods use the same.
         iterations: Number of iterations instead of the method's.
         threads: 0 means one per hardware thread.
-        watch: Receives the steps of the refinement.
+        on_step: Called after each step of the refinement.
 
     Returns:
         The updated map, and the record of a method that writes one.
@@ -119,20 +123,22 @@ def update_with(
             detector = ChangeDetector(
                 gaussian_map, DetectionConfig(threads=threads), cameras=cameras
             )
-        return updated_with(gaussian_map, cameras, found, config, detector=detector, watch=watch)
-    used, _ = split_held_back(found.views, OURS.collect.held_back)
+        return integrate_views(
+            gaussian_map, cameras, found, config, detector=detector, on_step=on_step
+        )
+    used, _ = split_views(found.views, OURS.collect.validation_every)
     edit = Edit(gaussian_map, np.zeros(gaussian_map.size, np.bool_), 0)
     if method.edit is not None:
-        edit = pre_edit(gaussian_map, used, found.regions_of_each, method.edit, threads=threads)
-    refined = Refined(edit.gaussian_map, 0, ())
+        edit = pre_edit(gaussian_map, used, found.regions_by_change, method.edit, threads=threads)
+    refined = Refinement(edit.gaussian_map, 0, ())
     if method.refine is not None:
         config_of = method.refine.model_copy(update=steps)
         refined = refine(
             edit.gaussian_map,
-            targets_of(used, found.regions, config_of),
+            view_targets(used, found.regions, config_of),
             np.ones(edit.gaussian_map.size, np.bool_),
             config_of,
             threads=threads,
-            watch=watch,
+            on_step=on_step,
         )
     return refined.gaussian_map, None

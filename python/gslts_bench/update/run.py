@@ -19,7 +19,7 @@ from gslts.rendering.metrics import Lpips
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
 from gslts.update.config import CollectConfig
-from gslts.update.view_collection import Collection, collect
+from gslts.update.view_collection import Collection, collect_views
 from gslts_bench.detection.run import Report
 from gslts_bench.detection.score import fits
 from gslts_bench.homes import BenchHome, even_shares
@@ -39,7 +39,7 @@ CURVE_OF = ("plain fine-tuning", "ours")
 NOT_DETECTED = "not detected"
 """Method of the record of a change that was not detected."""
 MIN_TASKS = 12
-"""Minimum number of tasks made for a home, so that the first do not depend on their number."""
+"""Minimum number of tasks made for a home, of which the first are used."""
 
 
 class Record(BenchRecord):
@@ -79,7 +79,7 @@ class Record(BenchRecord):
 
 @dataclass(frozen=True)
 class UpdateUnit(BenchUnit[Record, BenchHome]):
-    """One home.
+    """Work on one home.
 
     Attributes:
         tasks: Number of tasks.
@@ -115,15 +115,15 @@ class UpdateUnit(BenchUnit[Record, BenchHome]):
         return {**METHODS, **(ABLATION if self.ablation else {})}
 
     def is_asked(self, record: Record) -> bool:
-        """Return whether this run asks for the task of a record."""
+        """Return whether this run asks for the task of a record. See `BenchUnit`."""
         return int(record.task.rpartition("/")[2]) < self.tasks
 
     def count_missing(self, records: Sequence[Record]) -> int:
-        """Return how many tasks the home did not give."""
+        """Return how many tasks the home did not give. See `BenchUnit`."""
         return self.tasks - len({record.task for record in records})
 
     def run(self, done: frozenset[str], add: Add) -> None:
-        """Update the map with each task and method that is missing; see `Unit`."""
+        """Update the map with each task and method that is missing. See `Unit`."""
         tasks = self.bench.tasks(max(MIN_TASKS, self.tasks))[: self.tasks]
         ground = _Ground.of(self.bench.map(), tasks[0].home.load(Path()), self.lpips)
         for number, task in enumerate(tasks):
@@ -160,7 +160,9 @@ class UpdateUnit(BenchUnit[Record, BenchHome]):
             add(_record(name, task, NOT_DETECTED).model_dump(mode="json"))
             return
         start_s = time.perf_counter()
-        found = collect(robot, ground.detector, [change], CollectConfig(), threads=self.threads)
+        found = collect_views(
+            robot, ground.detector, [change], CollectConfig(), threads=self.threads
+        )
         collecting_s = time.perf_counter() - start_s
         judge = Judge(ground.evaluation_views(task), ground.lpips)
         maps: dict[str, GaussianMap] = {}
@@ -275,7 +277,7 @@ def _curve(
         points[name] = (psnrs_db["near"], psnrs_db["far"])
 
     def run(iterations: int, marks: Sequence[int] = (), suffix: str = "") -> GaussianMap:
-        def watch(step: int, current: Any) -> None:
+        def on_step(step: int, current: Any) -> None:
             if step in marks:
                 note(f"{step}{suffix}", current())
 
@@ -285,7 +287,7 @@ def _curve(
             ground.cameras,
             found,
             iterations=iterations,
-            watch=watch,
+            on_step=on_step,
         )
         return result
 

@@ -94,7 +94,7 @@ def evaluation_view(
     for box in (change.box_before, change.box_after):
         if box is not None:
             region = Region("after", np.array(box[0]), np.array(box[1]))
-            rectangle = region.rectangle(frame.camera, AROUND_PX)
+            rectangle = region.project_box(frame.camera, AROUND_PX)
             crops += [] if rectangle is None else [rectangle]
     if not crops:
         return None
@@ -140,7 +140,11 @@ class Judge:
         self._rasterizer, self._options = Rasterizer(np.float32), RenderOptions(threads=1)
 
     def scores(self, gaussian_map: GaussianMap) -> dict[str, Score]:
-        """Score a map at the near and at the far viewpoints."""
+        """Score a map at the near and at the far viewpoints.
+
+        Args:
+            gaussian_map: The map, float32.
+        """
         return {
             name: _mean(
                 [self._score(gaussian_map, view) for view in self.views if view.near == near]
@@ -149,7 +153,11 @@ class Judge:
         }
 
     def psnrs_db(self, gaussian_map: GaussianMap) -> dict[str, float]:
-        """Return the PSNR of the crops at the near and at the far viewpoints, dB."""
+        """Return the PSNR of the crops at the near and at the far viewpoints, dB.
+
+        Args:
+            gaussian_map: The map, float32.
+        """
         return {
             name: float(
                 np.mean(
@@ -166,7 +174,13 @@ class Judge:
         }
 
     def render(self, gaussian_map: GaussianMap, view: EvaluationView, camera: Camera) -> Floats32:
-        """Render a map from a camera with the exposure of a test image; [H,W,3] sRGB, 0 to 1."""
+        """Render a map from a camera with the exposure of a test image; [H,W,3] sRGB, 0 to 1.
+
+        Args:
+            gaussian_map: The map, float32.
+            view: Test viewpoint.
+            camera: Camera to render from.
+        """
         rgb = self._rasterizer.forward(gaussian_map, camera, self._options).rgb
         return np.asarray(apply_exposure(rgb, view.exposure).clip(0, 1), np.float32)
 

@@ -48,16 +48,20 @@ def tabulate(found: Mapping[str, Any]) -> list[Table]:
         found: From `summarize`.
     """
     methods: Mapping[str, Any] = found["methods"]
-    tables = [_overview(found), _scores({one: methods[one] for one in METHODS if one in methods})]
-    if any(one in methods for one in ABLATION):
-        rows = [OURS, *(one for one in ABLATION if one in methods)]
-        tables += [_ablation({one: methods[one] for one in rows})]
+    tables = [
+        _overview(found),
+        _scores({name: methods[name] for name in METHODS if name in methods}),
+    ]
+    if any(name in methods for name in ABLATION):
+        rows = [OURS, *(name for name in ABLATION if name in methods)]
+        tables += [_ablation({name: methods[name] for name in rows})]
     if any(found["curves"].values()):
         tables += [_curve_table(found["curves"])]
     return tables
 
 
 BENCHMARK = Benchmark("Updates after a change", "updating", summarize, tabulate)
+"""The benchmark of updates."""
 
 
 def _numbers(records: Iterable[Record], method: str) -> dict[str, Any]:
@@ -105,7 +109,7 @@ def _details(records: Iterable[Record]) -> dict[str, Any]:
     growths = [record.gaussians[1] / record.gaussians[0] - 1 for record in done]
     return {
         "rejected": [len(own) - len(done), len(own)],
-        "reasons": sorted({one.rejected.partition(":")[0] for one in own if one.rejected}),
+        "reasons": sorted({record.rejected.partition(":")[0] for record in own if record.rejected}),
         "seconds": {name: _median([record.seconds[name] for record in done]) for name in stages},
         "slowest_s": max(edit_s),
         "growth": float(np.mean(growths)),

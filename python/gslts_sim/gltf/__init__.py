@@ -1,1 +1,1 @@
-"""Homes in glTF files."""
+"""Reading and writing of homes as glTF files."""

@@ -1,4 +1,4 @@
-"""Objects from meshes that say no more than their type: frames, boxes, and what carries what."""
+"""Objects from typed meshes: their frames, boxes, roles and parents."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from gslts_sim.mesh import Surface
 from gslts_sim.physics import SUPPORT_M, support_below
 
 BUILDING = frozenset({"Floor", "Ceiling", "Wall", "Window", "Door", "Doorway", "Room", "Stairs"})
-"""Types that nothing carries."""
+"""Types of the building, which have no parent."""
 FIXED = BUILDING | {
     *("Backsplash", "CeilingLamp", "Clock", "Curtains", "Faucet", "LightSwitch", "Mirror"),
     *("Outlet", "Painting", "Picture", "Radiator", "Shelf", "Sink", "StoveBurner", "Switch"),
 }
-"""Types that are never carried about, however small."""
+"""Types that are never movable, however small."""
 RECEPTACLES = frozenset(
     {
         *("ArmChair", "Bed", "Bench", "Bowl", "Box", "Cabinet", "Chair", "CoffeeTable"),
@@ -27,30 +27,35 @@ RECEPTACLES = frozenset(
         *("ShelvingUnit", "SideTable", "Sink", "Sofa", "Stool", "StoveBurner", "TVStand", "Tray"),
     }
 )
-"""Types that carry things, however small."""
-MOVABLE_EDGE_M, MOVABLE_VOLUME_M3 = 0.6, 0.05
-"""People carry about what is smaller than both."""
-RECEPTACLE_AREA_M2 = 0.04
-"""A level top of so much can carry things: a stack of books has less, a stool more."""
+"""Types that carry objects, however small."""
+MAX_MOVABLE_EDGE_M, MAX_MOVABLE_VOLUME_M3 = 0.6, 0.05
+"""Maximum longest side, m, and volume of the bounding box, m^3, of movable objects."""
+MIN_RECEPTACLE_AREA_M2 = 0.04
+"""Minimum area of a level top that carries objects, m^2: a stack of books has less, a stool
+more."""
 UPRIGHT = 1e-4
-"""Sine of the tilt up to which an axis of a node is vertical."""
+"""Maximum sine of the tilt of an axis of a node that counts as vertical."""
 
 
 def type_of(name: str) -> str:
-    """The type in a node's name: that before `|`, without the number that Blender adds."""
+    """Return the type in a node's name: the part before `|`, without the number of Blender.
+
+    Args:
+        name: Such as `Mug.001|2`.
+    """
     return re.sub(r"\.\d{3,}$", "", name).split("|")[0] or name
 
 
 def place_object(
     object_id: str, kind: str, world_from_node: Floats, surfaces: list[Surface]
 ) -> HomeObject:
-    """An object with its own frame and boxes, movable and a receptacle by its type and shape.
+    """Make an object with its own frame and boxes; its type and shape decide about its role.
 
     Args:
         object_id: Its id.
         kind: Its type.
-        world_from_node: [4,4] float64: of its node; its turn about the vertical is kept.
-        surfaces: At their places in the world.
+        world_from_node: [4,4] float64 of its node; the yaw is kept.
+        surfaces: With vertices in the world, m.
 
     Raises:
         ValueError: All triangles are degenerate.
@@ -59,7 +64,7 @@ def place_object(
     turned = [surface.vertices @ turn for surface in surfaces]
     every = np.concatenate(turned)
     low, high = every.min(axis=0), every.max(axis=0)
-    # To the micrometre, as the shapes of `make_home`: the last bits depend on the machine.
+    # Rounded to the micrometre, as in `make_home`: the last bits depend on the machine.
     origin = np.round([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]], 6)
     surfaces = [
         replace(surface, vertices=np.round(vertices - origin, 6) + 0.0)
@@ -73,7 +78,7 @@ def place_object(
     world_from_object = np.eye(4)
     world_from_object[:3, :3], world_from_object[:3, 3] = turn, turn @ origin
     size = high - low
-    small = bool(size.max() < MOVABLE_EDGE_M and size.prod() < MOVABLE_VOLUME_M3)
+    small = bool(size.max() < MAX_MOVABLE_EDGE_M and size.prod() < MAX_MOVABLE_VOLUME_M3)
     furniture = not small and kind not in FIXED
     return HomeObject(
         id=object_id,
@@ -87,7 +92,7 @@ def place_object(
 
 
 def _turn(linear: Floats) -> Floats:
-    """[3,3] rotation about the vertical of a node whose one axis is vertical; else the identity."""
+    """Return the yaw rotation [3,3] of a node with a vertical axis; else the identity."""
     axes = linear / np.maximum(np.linalg.norm(linear, axis=0), 1e-12)
     upright = np.abs(np.abs(axes[2]) - 1) < UPRIGHT**2
     level = np.abs(axes[2]) < UPRIGHT
@@ -100,17 +105,24 @@ def _turn(linear: Floats) -> Floats:
 
 
 def _has_level_top(corners: Floats) -> bool:
-    """Whether faces [F,3,3] that look up and are level at one height have a large area."""
+    """Return whether the level, upward faces among [F,3,3] at one height have a large area."""
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     level = (np.ptp(corners[:, :, 2], axis=1) < SUPPORT_M) & (normals[:, 2] > 0)
     heights = np.round(corners[level, :, 2].mean(axis=1) / SUPPORT_M).astype(np.int64)
     _, group = np.unique(heights, return_inverse=True)
     areas = np.bincount(group, normals[level, 2] / 2, 1)
-    return bool(areas.max() >= RECEPTACLE_AREA_M2)
+    return bool(areas.max() >= MIN_RECEPTACLE_AREA_M2)
 
 
 def with_parents(home: Home) -> Home:
-    """The home whose objects have what they stand on as their parents."""
+    """Set the parents of the objects of a home to the objects that they stand on.
+
+    Args:
+        home: Its parents are ignored.
+
+    Returns:
+        The home with parents.
+    """
     bounds = np.stack([obj.box_in_world for obj in home.objects])
     parents: dict[str, str | None] = {}
     for obj, box in zip(home.objects, bounds, strict=True):
@@ -128,7 +140,7 @@ def with_parents(home: Home) -> Home:
 
 
 def _stands_above(upper: str, lower: str, parents: dict[str, str | None]) -> bool:
-    """Whether an object stands, at last, on another or is it: thin cloths may seem to in turn."""
+    """Return whether an object is or stands, directly or not, on another; avoids cycles."""
     at: str | None = upper
     while at is not None and at != lower:
         at = parents.get(at)

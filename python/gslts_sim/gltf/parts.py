@@ -1,8 +1,8 @@
-"""The triangles of a glTF file, placed by trimesh.
+"""Surfaces of the nodes of a glTF file, decoded by trimesh.
 
-trimesh unpacks arrays and multiplies the nodes' transforms. It gets a tree with only what is used,
-with names that tell where it comes from: left alone, it takes memory for whatever a file declares,
-reads all images, names nodes at random and leaves out what sparse and normalised arrays mean.
+trimesh unpacks the accessors and multiplies the nodes' transforms. It gets a reduced JSON with only
+what is used, under names that identify the source: given the file itself, it allocates whatever a
+file declares, reads all images, names nodes at random and ignores sparse and normalised accessors.
 """
 
 from __future__ import annotations
@@ -14,36 +14,36 @@ from typing import Any
 
 import numpy as np
 
-from gslts.types import Floats
+from gslts.types import Bytes, Floats, Floats32, Ints
 from gslts_sim.gltf.colour import BaseColour, Textures, palette
 from gslts_sim.gltf.file import GltfFile, Tree, as_list, is_count
 from gslts_sim.mesh import Surface
 
-CORNERS = 15_000_000
-"""Vertices, and corners of triangles, of all nodes: some GB of memory in all."""
-
-FARTHEST_M = 10_000.0
-"""From the origin; single precision, in which rays are cast, is exact to a millimetre there."""
-
+MAX_CORNERS = 15_000_000
+"""Maximum number of vertices and corners of triangles of all nodes; they take some GB of memory."""
+MAX_DISTANCE_M = 10_000.0
+"""Maximum coordinate of a vertex, m; rays are cast in single precision, which has a resolution of a
+millimetre there."""
 SIZES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
-"""Bytes of glTF's component types."""
-HIGHEST = {5120: 127, 5121: 255, 5122: 32767, 5123: 65535, 5125: 2**32 - 1}
-"""Integers that stand for 1 in normalised arrays."""
+"""Size of glTF's component types, bytes."""
+MAX_VALUES = {5120: 127, 5121: 255, 5122: 32767, 5123: 65535, 5125: 2**32 - 1}
+"""Integer that represents 1 in normalised accessors, by component type."""
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+"""Number of components of glTF's accessor types."""
 TRIANGLES, STRIP, FAN = 4, 5, 6
-
+"""Modes of glTF's primitives."""
 Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
-"""From glTF's axes, where y is up, to ours."""
+"""Rotation [4,4] from glTF's axes, where y is up, to the world."""
 
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """A node that the scene shows.
+    """A node of the default scene.
 
     Args:
         index: In the file.
-        world_from_node: [4,4] float64, any affine transform; z is up in the world.
-        surfaces: What its mesh looks like, the vertices in the world; none without a mesh.
+        world_from_node: [4,4] float64, any affine transform, m.
+        surfaces: Of its mesh, the vertices in the world; none without a mesh.
     """
 
     index: int
@@ -52,7 +52,17 @@ class Node:
 
 
 def read_nodes(file: GltfFile) -> list[Node]:
-    """The nodes of the scene, parents before their children, in the order of the file."""
+    """Read the nodes of the default scene.
+
+    Args:
+        file: The glTF file.
+
+    Returns:
+        Nodes, parents before their children, in the order of the file.
+
+    Raises:
+        BadFileError: A part of it is damaged or not supported.
+    """
     import trimesh
 
     order = _depth_first(file)
@@ -67,12 +77,12 @@ def read_nodes(file: GltfFile) -> list[Node]:
     except MemoryError:
         raise
     except Exception as error:
-        file.refuse(f"trimesh cannot read it: {type(error).__name__}: {error}")
+        file.reject(f"trimesh cannot read it: {type(error).__name__}: {error}")
     textures = Textures(file)
     nodes = []
     for node in order:
         if not np.isfinite(placed[node]).all():
-            file.refuse(f"{file.label(node)}: its transform is not finite")
+            file.reject(f"{file.label(node)}: its transform is not finite")
         try:
             surfaces = tuple(
                 outline.surface(name, scene.geometry[name], placed[node], textures)
@@ -80,7 +90,7 @@ def read_nodes(file: GltfFile) -> list[Node]:
             )
         except ValueError as error:
             message = str(error).removeprefix(f"load_home: {file.path}: ")
-            file.refuse(f"{file.label(node)}: {message}")
+            file.reject(f"{file.label(node)}: {message}")
         nodes.append(Node(node, placed[node], surfaces))
     return nodes
 
@@ -95,7 +105,7 @@ def _depth_first(file: GltfFile) -> list[int]:
 
 
 class _Outline:
-    """The tree that trimesh gets, in the making."""
+    """Builder of the reduced JSON for trimesh."""
 
     def __init__(self, file: GltfFile) -> None:
         self.file = file
@@ -103,12 +113,12 @@ class _Outline:
         self._accessors: list[Tree] = []
         self._rows: dict[int, int] = {}
         self._meshes: dict[str, Tree] = {}
-        self._looks: dict[str, BaseColour] = {}
+        self._colours: dict[str, BaseColour] = {}
         self._views: dict[str, dict[str, int]] = {}
         self._corners = 0
 
     def tree(self, order: list[int]) -> Tree:
-        """The whole; nodes bear their numbers as names, each primitive is a mesh."""
+        """Return the reduced JSON: nodes are named by their index, each primitive is a mesh."""
         nodes = self.file.items("nodes")
         kept = ("children", "matrix", "translation", "rotation", "scale")
         return {
@@ -127,7 +137,7 @@ class _Outline:
         }
 
     def add_node(self, node: int) -> list[str]:
-        """Adds the mesh of a node, if any; returns the names of its primitives."""
+        """Add the mesh of a node, if any, and return the names of its primitives."""
         index = self.file.items("nodes")[node].get("mesh")
         if index is None:
             return []
@@ -135,65 +145,67 @@ class _Outline:
         for k, primitive in enumerate(as_list(self.file.item("meshes", index).get("primitives"))):
             mode = primitive.get("mode", TRIANGLES)
             if mode == FAN:
-                self.file.refuse(f"{self.file.label(node)}: triangle fans are not supported")
+                self.file.reject(f"{self.file.label(node)}: triangle fans are not supported")
             if mode in (TRIANGLES, STRIP):
                 names.append(f"{index}.{k}")
                 try:
                     self._add_primitive(names[-1], primitive)
                 except ValueError as error:
                     message = str(error).removeprefix(f"load_home: {self.file.path}: ")
-                    self.file.refuse(f"{self.file.label(node)}: {message}")
+                    self.file.reject(f"{self.file.label(node)}: {message}")
         if not names:
-            self.file.refuse(f"{self.file.label(node)}: its mesh has no triangles")
+            self.file.reject(f"{self.file.label(node)}: its mesh has no triangles")
         return names
 
     def _add_primitive(self, name: str, primitive: Tree) -> None:
         attributes = primitive["attributes"]
-        look = BaseColour.of(self.file, primitive.get("material"))
+        colour = BaseColour.from_material(self.file, primitive.get("material"))
         wanted = {"POSITION": attributes.get("POSITION")}
-        if look.image is not None:
-            wanted["_UV"] = attributes.get(f"TEXCOORD_{look.uv_set}")
+        if colour.image is not None:
+            wanted["_UV"] = attributes.get(f"TEXCOORD_{colour.uv_set}")
         wanted["_COLOR"] = attributes.get("COLOR_0")
         kinds = {"POSITION": ("VEC3",), "_UV": ("VEC2",), "_COLOR": ("VEC3", "VEC4")}
         if wanted["POSITION"] is None:
-            self.file.refuse("a primitive has no POSITION")
+            self.file.reject("a primitive has no POSITION")
         result: Tree = {
             "mode": primitive.get("mode", TRIANGLES),
             "attributes": {
-                key: self._add_array(index, kinds[key])
+                key: self._add_accessor(index, kinds[key])
                 for key, index in wanted.items()
                 if index is not None
             },
         }
         if "indices" in primitive:
-            result["indices"] = self._add_array(primitive["indices"], ("SCALAR",))
+            result["indices"] = self._add_accessor(primitive["indices"], ("SCALAR",))
         counts = [self.file.item("accessors", i)["count"] for i in wanted.values() if i is not None]
         if len(set(counts)) > 1:
-            self.file.refuse(f"the arrays of a primitive have {counts} entries")
+            self.file.reject(f"the arrays of a primitive have {counts} entries")
         indices = primitive.get("indices", wanted["POSITION"])
         self._corners += counts[0] + self.file.item("accessors", indices)["count"]
-        if self._corners > CORNERS:
-            self.file.refuse(f"the scene has more than {CORNERS} vertices and corners of triangles")
+        if self._corners > MAX_CORNERS:
+            self.file.reject(
+                f"the scene has more than {MAX_CORNERS} vertices and corners of triangles"
+            )
         self._meshes[name] = {"name": name, "primitives": [result]}
-        self._looks[name] = look
+        self._colours[name] = colour
 
-    def _add_array(self, index: Any, kinds: tuple[str, ...]) -> int:
-        """Adds an accessor after a check that its buffer holds what it declares."""
+    def _add_accessor(self, index: Any, kinds: tuple[str, ...]) -> int:
+        """Add an accessor after a check that its buffer holds what it declares."""
         accessor = self.file.item("accessors", index)
         count, size = accessor.get("count"), SIZES.get(accessor.get("componentType", 0))
         offset = accessor.get("byteOffset", 0)
         if accessor.get("type") not in kinds or size is None or not is_count(count) or count == 0:
-            self.file.refuse(f"accessors[{index}] is not a list of {' or '.join(kinds)}")
+            self.file.reject(f"accessors[{index}] is not a list of {' or '.join(kinds)}")
         if "sparse" in accessor or "bufferView" not in accessor:
-            self.file.refuse(f"accessors[{index}] is sparse or has no data, not supported")
+            self.file.reject(f"accessors[{index}] is sparse or has no data, not supported")
         view = accessor["bufferView"]
         data = self.file.view(view)
         row = size * WIDTHS[accessor["type"]]
         stride = self.file.item("bufferViews", view).get("byteStride", row)
         if not is_count(stride) or stride < row or not is_count(offset):
-            self.file.refuse(f"accessors[{index}]: rows of {row} bytes, {stride} apart")
+            self.file.reject(f"accessors[{index}]: rows of {row} bytes, {stride} apart")
         if offset + (count - 1) * stride + row > len(data):
-            self.file.refuse(
+            self.file.reject(
                 f"accessors[{index}] says {count} entries, its {len(data)} bytes hold fewer"
             )
         if index not in self._rows:
@@ -216,48 +228,50 @@ class _Outline:
         return self._views[name]["buffer"]
 
     def _unpacked(self, values: Any, index: int) -> Floats:
-        """Numbers of an accessor as trimesh gives them, with normalised ones brought to 1."""
+        """Return the values of an accessor from those of trimesh, normalised if declared so."""
         accessor = self.file.item("accessors", index)
         numbers = np.array(values, np.float64)
-        if accessor.get("normalized") and accessor["componentType"] in HIGHEST:
-            numbers = np.maximum(numbers / HIGHEST[accessor["componentType"]], -1)
+        if accessor.get("normalized") and accessor["componentType"] in MAX_VALUES:
+            numbers = np.maximum(numbers / MAX_VALUES[accessor["componentType"]], -1)
         return numbers
 
     def surface(self, name: str, mesh: Any, world_from_node: Floats, textures: Textures) -> Surface:
-        """A primitive at its place in the world."""
+        """Return the surface of a primitive, its vertices in the world."""
         mesh_index, k = map(int, name.split("."))
         attributes = self.file.items("meshes")[mesh_index]["primitives"][k]["attributes"]
         local = self._unpacked(mesh.vertices, attributes["POSITION"])
         if not np.isfinite(local).all():
             row = int(np.flatnonzero(~np.isfinite(local).all(axis=1))[0])
-            self.file.refuse(f"vertex {row} is {local[row].tolist()}")
+            self.file.reject(f"vertex {row} is {local[row].tolist()}")
         faces = np.array(mesh.faces)
         if len(faces) == 0:
-            self.file.refuse("its mesh has no triangles")
+            self.file.reject("its mesh has no triangles")
         if faces.min() < 0 or faces.max() >= len(local):
-            self.file.refuse(f"a triangle has vertex {faces.max()} of {len(local)}")
+            self.file.reject(f"a triangle has vertex {faces.max()} of {len(local)}")
         if np.linalg.det(world_from_node[:3, :3]) < 0:
             faces = faces[:, ::-1]  # A mirror turns triangles inside out.
-        look = self._looks[name]
-        image, factor = look.image, look.factor
+        texture, uvs = self._appearance(name, mesh, faces, attributes, textures)
+        vertices = local @ world_from_node[:3, :3].T + world_from_node[:3, 3]
+        if np.abs(vertices).max() > MAX_DISTANCE_M:
+            self.file.reject(f"a vertex is over {MAX_DISTANCE_M:.0f} m from the origin")
+        return Surface(vertices, faces.astype(np.int32), uvs, texture)
+
+    def _appearance(
+        self, name: str, mesh: Any, faces: Ints, attributes: Tree, textures: Textures
+    ) -> tuple[Bytes, Floats32]:
+        """Return the texture of a primitive, and the texture coordinates of its corners."""
+        colour = self._colours[name]
+        factor = colour.factor
         uvs = np.zeros((len(faces), 3, 2), np.float32)
         if "_UV" in mesh.vertex_attributes:
-            raw = self._unpacked(
-                mesh.vertex_attributes["_UV"], attributes[f"TEXCOORD_{look.uv_set}"]
-            )
-            uv = raw @ look.uv_from_raw[:, :2].T + look.uv_from_raw[:, 2]
+            accessor = attributes[f"TEXCOORD_{colour.uv_set}"]
+            raw = self._unpacked(mesh.vertex_attributes["_UV"], accessor)
+            uv = raw @ colour.uv_from_raw[:, :2].T + colour.uv_from_raw[:, 2]
             uvs = uv.astype(np.float32)[faces]
-        texture = None
         if "_COLOR" in mesh.vertex_attributes:
             colours = self._unpacked(mesh.vertex_attributes["_COLOR"], attributes["COLOR_0"])
             of_faces = colours[faces, :3].mean(axis=1)
-            if image is None:
-                texture, uvs = palette(of_faces * factor)
-            else:
-                factor = factor * of_faces.mean(axis=0)
-        if texture is None:
-            texture = textures.tinted(image, factor)
-        vertices = local @ world_from_node[:3, :3].T + world_from_node[:3, 3]
-        if np.abs(vertices).max() > FARTHEST_M:
-            self.file.refuse(f"a vertex is over {FARTHEST_M:.0f} m from the origin")
-        return Surface(vertices, faces.astype(np.int32), uvs, texture)
+            if colour.image is None:
+                return palette(of_faces * factor)
+            factor = factor * of_faces.mean(axis=0)
+        return textures.tint(colour.image, factor), uvs

@@ -1,4 +1,4 @@
-"""`write_glb`: a home as a file that viewers of glTF show and `load_home` reads."""
+"""Writing of homes as GLB files, which glTF viewers show and `load_home` reads."""
 
 from __future__ import annotations
 
@@ -15,10 +15,14 @@ from gslts_sim.mesh import Surface
 
 
 def write_glb(home: Home, path: str | os.PathLike[str]) -> None:
-    """Writes a home as a GLB with one named node per object.
+    """Write a home atomically as a GLB with one named node per object.
 
-    `extras` tell the type, whether it is movable or a receptacle and, on a floor, the type of the
-    room. Boxes, parents and lights are not written. The file appears whole or not at all.
+    `extras` hold the type, whether it is movable or a receptacle and, on a floor, the type of the
+    room. Boxes, parents and lights are not written.
+
+    Args:
+        home: The home.
+        path: Of the file.
 
     Raises:
         OSError: The file cannot be written.
@@ -55,7 +59,7 @@ def _extras(home: Home, obj: HomeObject) -> dict[str, Any]:
 
 
 def _mesh(surface: Surface, materials: dict[int, Any]) -> Any:
-    """The surface for trimesh; a vertex has one place in the texture there, v pointing up."""
+    """Return a surface for trimesh, with one texture coordinate per vertex, v pointing up."""
     import trimesh
     from PIL import Image
 

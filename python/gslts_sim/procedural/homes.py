@@ -1,4 +1,4 @@
-"""`make_home`: a furnished room from its type and a seed."""
+"""Generation of furnished rooms from a seed."""
 
 from __future__ import annotations
 
@@ -12,22 +12,24 @@ from gslts_sim.procedural.scene import Scene
 from gslts_sim.walkable import walkable_floor
 
 ROOM_TYPES = {"kitchen": kitchen, "living_room": living_room, "bedroom": bedroom}
-
-LEAST_MOVABLE = 10
-LEAST_REACHED_SHARE = 0.62
-"""Of the free floor, for a robot of 0.2 m radius and 1.2 m height."""
-
-ATTEMPTS = 20
+"""Module that furnishes each type of room."""
+MIN_MOVABLE = 10
+"""Minimum number of movable objects of an accepted room."""
+MIN_REACHED_FRACTION = 0.62
+"""Minimum fraction of the free floor that a robot of 0.2 m radius and 1.2 m height reaches."""
+MAX_ATTEMPTS = 20
+"""Maximum number of rooms that are generated until one is accepted."""
 AMBIENT = (0.38, 0.38, 0.39)
+"""Ambient light, linear RGB."""
 
 
 def make_home(room_type: str, seed: int, *, detail: float = 1.0) -> Home:
-    """A furnished room; the same for the same arguments, bit for bit.
+    """Generate a furnished room; bit-identical for the same arguments.
 
     Args:
         room_type: `kitchen`, `living_room` or `bedroom`.
         seed: 0 to 2^63 - 1.
-        detail: Scale of the resolution of textures; shapes and places do not depend on it.
+        detail: Scale of the resolution of textures; shapes and poses do not depend on it.
 
     Raises:
         ValueError: There is no such room type, or the seed is not such a number.
@@ -38,18 +40,18 @@ def make_home(room_type: str, seed: int, *, detail: float = 1.0) -> Home:
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
         raise ValueError(f"make_home: seed: expected an int from 0 to 2^63 - 1, got {seed!r}")
     plan = ROOM_TYPES[room_type]
-    for attempt in range(ATTEMPTS):
+    for attempt in range(MAX_ATTEMPTS):
         kit = Kit((int(seed), list(ROOM_TYPES).index(room_type), attempt), detail)
         scene = Scene(kit, room_type, plan.draw_size(kit.rng))
         plan.furnish(scene)
         home = scene.home(f"{room_type} {seed}", np.array(AMBIENT))
-        if _is_good(home):
+        if _is_accepted(home):
             return home
-    raise AssertionError(f"make_home: {room_type} {seed}: no good room in {ATTEMPTS} attempts")
+    raise AssertionError(f"make_home: {room_type} {seed}: no room accepted in {MAX_ATTEMPTS} tries")
 
 
-def _is_good(home: Home) -> bool:
+def _is_accepted(home: Home) -> bool:
     movable = sum(obj.movable for obj in home.objects)
-    if movable < LEAST_MOVABLE or problems(home):
+    if movable < MIN_MOVABLE or problems(home):
         return False
-    return walkable_floor(home, home.rooms[0]).reached_fraction >= LEAST_REACHED_SHARE
+    return walkable_floor(home, home.rooms[0]).reached_fraction >= MIN_REACHED_FRACTION

@@ -1,4 +1,4 @@
-"""The colours in which things are printed."""
+"""Colours of prints."""
 
 from __future__ import annotations
 
@@ -14,5 +14,9 @@ BLACK: Colour = (0.08, 0.08, 0.09)
 
 
 def ink(rng: Rng) -> Colour:
-    """One of the printer's colours."""
+    """Draw one of the printer's colours.
+
+    Args:
+        rng: Random stream.
+    """
     return INKS[int(rng.integers(len(INKS)))]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gslts.types import Bools
 from gslts_sim.procedural.noise import Colour, Image
 
 # Five rows of three dots; each octal digit is a row.
@@ -19,8 +19,15 @@ _ROWS = {
 }  # fmt: skip
 
 
-def letters(text: str) -> NDArray[np.bool_]:
-    """[5, 4 n - 1] bool: where the ink of one line of text is."""
+def letters(text: str) -> Bools:
+    """Return the dots of a line of text.
+
+    Args:
+        text: Capital letters, figures and signs of `_ROWS`.
+
+    Returns:
+        [5, 4 n - 1] bool, True where there is ink.
+    """
     dots = np.zeros((5, 4 * len(text)), np.bool_)
     for i, character in enumerate(text):
         for row, digit in enumerate(_ROWS[character]):
@@ -32,14 +39,21 @@ def letters(text: str) -> NDArray[np.bool_]:
 def write(
     image: Image, text: str, corners: tuple[float, float, float, float], colour: Colour
 ) -> None:
-    """Writes a line into a rectangle (left, top, right, bottom, each 0 to 1), as large as fits."""
+    """Write a line of text into a rectangle, as large as it fits.
+
+    Args:
+        image: [h,w,3] float32, changed in place.
+        text: Capital letters, figures and signs of `_ROWS`.
+        corners: Left, top, right and bottom, each 0 to 1.
+        colour: sRGB.
+    """
     h, w = image.shape[:2]
     left, top, right, bottom = corners
     dots = letters(text)
     room_down, room_across = (bottom - top) * h, (right - left) * w
     scale = int(min(room_down / 5, room_across / dots.shape[1]))
     if scale < 1:
-        return  # Too small to be read, as on a real thing far away.
+        return  # Too small to be read.
     ink = dots.repeat(scale, axis=0).repeat(scale, axis=1)
     y = round(top * h + (room_down - ink.shape[0]) / 2)
     x = round(left * w + (room_across - ink.shape[1]) / 2)
@@ -53,7 +67,15 @@ def write_lines(
     lines: int,
     colour: Colour,
 ) -> None:
-    """Fills a rectangle with lines of marks that look like small print."""
+    """Fill a rectangle with lines of marks that look like small print.
+
+    Args:
+        image: [h,w,3] float32, changed in place.
+        rng: Random stream.
+        corners: Left, top, right and bottom, each 0 to 1.
+        lines: Their number.
+        colour: sRGB.
+    """
     h, w = image.shape[:2]
     left, top, right, bottom = corners
     x0, x1 = round(left * w), round(right * w)

@@ -1,4 +1,4 @@
-"""What builders of things work with: materials, the style of a home, and models made of parts."""
+"""Materials, the style of a home, and models made of parts."""
 
 from __future__ import annotations
 
@@ -9,37 +9,37 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts.types import Floats
+from gslts.types import Bytes, Floats
 from gslts_sim.home import HomeObject
 from gslts_sim.mesh import Surface
 from gslts_sim.procedural.noise import Colour, Image, Rng, to_bytes
 from gslts_sim.procedural.shapes import Mesh
 
 TEXTURE_STREAM = 1
-"""Key that keeps the random streams of textures apart from those of shapes and places."""
+"""Key that separates the random streams of textures from those of shapes and poses."""
 
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """A texture and how much it covers.
+    """A texture and its size.
 
     Args:
         texture: [h,w,3] uint8, sRGB.
-        size_m: Width and height of one repeat.
-        fitted: It starts where the texture coordinates of each part do, as a print must.
-        emission: Radiance of a white texel while a light of the thing is on.
+        size_m: Width and height of one repeat, m.
+        fitted: It starts at the origin of the texture coordinates of each part, as a print must.
+        emission: Radiance of a white texel while a light of the object is on.
     """
 
-    texture: NDArray[np.uint8]
+    texture: Bytes
     size_m: tuple[float, float]
     fitted: bool
     emission: float = 0.0
 
 
 class Kit:
-    """What the things of one home are made from: a random stream, its style and materials.
+    """Source of the objects of one home: a random stream, a style and materials.
 
-    Textures come from streams of their own, so that their resolution never changes a shape.
+    Textures have random streams of their own, so that their resolution never changes a shape.
 
     Args:
         seed: Key of the random streams.
@@ -48,7 +48,7 @@ class Kit:
 
     def __init__(self, seed: tuple[int, ...], detail: float = 1.0) -> None:
         self.rng = np.random.default_rng(seed)
-        self.style = Style.drawn(self.rng)
+        self.style = Style.sample(self.rng)
         self._seed, self._detail = seed, detail
         self._materials: dict[tuple[Any, ...], Material] = {}
         self._prints = 0
@@ -56,32 +56,39 @@ class Kit:
     def material(
         self, draw: Callable[..., Image], size_m: float, px: int, *args: Any, **kwargs: Any
     ) -> Material:
-        """A material that repeats, the same whenever it is asked for with the same arguments.
+        """Return a repeating material; the same for the same arguments.
 
         Args:
             draw: Function of `textures`.
-            size_m: Width and height that one repeat covers.
+            size_m: Width and height of one repeat, m.
             px: Width and height of the texture.
             *args: Passed to `draw`.
             **kwargs: Passed to `draw`.
         """
         key = (draw.__name__, size_m, px, *args, *sorted(kwargs.items()))
         if key not in self._materials:
-            texture = self._drawn(draw, (px, px), *args, **kwargs)
+            texture = self._draw(draw, (px, px), *args, **kwargs)
             self._materials[key] = Material(texture, (size_m, size_m), fitted=False)
         return self._materials[key]
 
-    def printed(
+    def print_material(
         self, draw: Callable[..., Image], size_m: tuple[float, float], px: int, *args: Any
     ) -> Material:
-        """A new material that fits one side of width and height `size_m`; `px` on the longer."""
+        """Draw a new material that fits one side exactly.
+
+        Args:
+            draw: Function of `prints` or `textures`.
+            size_m: Width and height of the side, m.
+            px: Pixels of the longer side.
+            *args: Passed to `draw`.
+        """
         scale = px / max(size_m)
         shape = (max(8, round(size_m[1] * scale)), max(8, round(size_m[0] * scale)))
-        return Material(self._drawn(draw, shape, *args), size_m, fitted=True)
+        return Material(self._draw(draw, shape, *args), size_m, fitted=True)
 
-    def _drawn(
+    def _draw(
         self, draw: Callable[..., Image], shape: tuple[int, int], *args: Any, **kwargs: Any
-    ) -> NDArray[np.uint8]:
+    ) -> Bytes:
         self._prints += 1
         stream = np.random.default_rng((*self._seed, TEXTURE_STREAM, self._prints))
         h, w = (max(32, round(length * self._detail)) for length in shape)
@@ -120,7 +127,7 @@ FRONTS: tuple[Colour, ...] = (
 
 @dataclass(frozen=True)
 class Style:
-    """Choices that make the things of one home look as if chosen together."""
+    """Colours and motifs that all objects of one home share."""
 
     wood: tuple[Colour, Colour]
     second_wood: tuple[Colour, Colour]
@@ -134,8 +141,12 @@ class Style:
     motif: int
 
     @classmethod
-    def drawn(cls, rng: Rng) -> Style:
-        """A style by chance; its two woods, fabrics and accents differ."""
+    def sample(cls, rng: Rng) -> Style:
+        """Sample a style; its two woods, fabrics and accents differ.
+
+        Args:
+            rng: Random stream.
+        """
         woods = rng.permutation(len(WOODS))
         fabrics, accents = rng.permutation(len(FABRICS)), rng.permutation(len(ACCENTS))
         return cls(
@@ -154,12 +165,12 @@ class Style:
 
 @dataclass
 class Model:
-    """A thing in the making, in a frame with z up, its front towards -y.
+    """Builder of an object, in a frame with z up, its front towards -y.
 
     Args:
         type: Such as `Mug`.
         movable: Whether people carry it about.
-        receptacle: Whether other things may stand on it or in it.
+        receptacle: Whether other objects may stand on it or in it.
     """
 
     type: str
@@ -176,14 +187,26 @@ class Model:
         *,
         solid: bool = True,
     ) -> None:
-        """Adds a part, shifted to a place; a solid one fills the box around it."""
-        part = mesh.moved(*at)
+        """Add a part.
+
+        Args:
+            mesh: Its shape.
+            material: Of the part.
+            at: Shift of the shape, m.
+            solid: Add the box around it to the boxes of the model, too.
+        """
+        part = mesh.translate(*at)
         self._parts.append((part, material))
         if solid:
             self.fills(part.vertices.min(axis=0), part.vertices.max(axis=0))
 
     def fills(self, lower: NDArray[Any] | Any, upper: NDArray[Any] | Any) -> None:
-        """Adds a box to those that decide what collides and what can stand on it."""
+        """Add a box to those that decide about collisions and support.
+
+        Args:
+            lower: (3,) lower corner, m.
+            upper: (3,) upper corner, m.
+        """
         self._boxes.append(np.array([lower, upper], np.float64))
 
     @property
@@ -200,7 +223,13 @@ class Model:
         return size
 
     def object(self, object_id: str, world_from_object: Floats, parent: str | None) -> HomeObject:
-        """The finished thing, the middle of its bottom as its origin."""
+        """Return the finished object, its origin in the middle of its underside.
+
+        Args:
+            object_id: Its id.
+            world_from_object: [4,4] float64 pose, m.
+            parent: Id of the receptacle that it stands on.
+        """
         lower, upper = self.bounds
         origin = np.array([(lower[0] + upper[0]) / 2, (lower[1] + upper[1]) / 2, lower[2]])
         groups: dict[int, list[tuple[Mesh, Material]]] = {}
@@ -210,7 +239,7 @@ class Model:
             id=object_id,
             type=self.type,
             surfaces=tuple(_surface(parts, origin) for parts in groups.values()),
-            boxes=_rounded(np.array(self._boxes) - origin),
+            boxes=_round(np.array(self._boxes) - origin),
             world_from_object=world_from_object,
             movable=self.movable,
             receptacle=self.receptacle,
@@ -219,7 +248,7 @@ class Model:
 
 
 def _surface(parts: list[tuple[Mesh, Material]], origin: Floats) -> Surface:
-    """The parts of one material; repeating textures start elsewhere on every part."""
+    """Return the surface of the parts of one material; textures start elsewhere on every part."""
     material = parts[0][1]
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh, _ in parts])
     shifts = (np.arange(len(parts))[:, None] * (0.377, 0.619)) % 1
@@ -228,7 +257,7 @@ def _surface(parts: list[tuple[Mesh, Material]], origin: Floats) -> Surface:
     uvs = [m.uvs_m / material.size_m + s for (m, _), s in zip(parts, shifts, strict=True)]
     faces = [m.faces + start for (m, _), start in zip(parts, starts, strict=False)]
     return Surface(
-        vertices=_rounded(np.concatenate([mesh.vertices for mesh, _ in parts]) - origin),
+        vertices=_round(np.concatenate([mesh.vertices for mesh, _ in parts]) - origin),
         faces=np.concatenate(faces).astype(np.int32),
         uvs=np.round(np.concatenate(uvs), 6).astype(np.float32),
         texture=material.texture,
@@ -236,6 +265,6 @@ def _surface(parts: list[tuple[Mesh, Material]], origin: Floats) -> Surface:
     )
 
 
-def _rounded(lengths_m: Floats) -> Floats:
-    """To the micrometre, so that the last bits of sines do not depend on the machine."""
+def _round(lengths_m: Floats) -> Floats:
+    """Round to the micrometre: the last bits of sines depend on the machine."""
     return np.round(lengths_m, 6) + 0.0

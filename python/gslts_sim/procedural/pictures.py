@@ -1,7 +1,10 @@
-"""Pictures: what hangs on walls, and what windows and mirrors show.
+"""Pictures for walls, and the images that windows and mirrors show.
 
-Each function draws an image [h,w,3] that does not repeat, from a random stream and a shape (h, w)
-in px.
+Each function draws an image [h,w,3] that does not repeat.
+
+Args of all functions:
+    rng: Random stream.
+    shape: (h, w), px.
 """
 
 from __future__ import annotations
@@ -20,16 +23,16 @@ from gslts_sim.procedural.noise import (
     lattice,
     octaves,
     plain,
-    shaded,
+    shade,
     spot,
-    tinted,
+    tint,
 )
 
 Shape = tuple[int, int]
 
 
 def landscape(rng: Rng, shape: Shape) -> Image:
-    """Hills one behind the other under a sky with a sun."""
+    """Draw hills one behind the other under a sky with a sun. See `pictures`."""
     down, _ = coordinates(shape)
     sky, haze = (
         ((0.45, 0.66, 0.88), (0.97, 0.86, 0.7))
@@ -50,14 +53,14 @@ def landscape(rng: Rng, shape: Shape) -> Image:
         below = down > ridge[None, :]
         t = np.float32(k / 4)
         hill = plain(shape, tuple(np.array([0.55, 0.66, 0.76]) * (1 - t) + near * t))
-        hill = shaded(hill, octaves(rng, shape, (24, 12), 3), 0.35)
+        hill = shade(hill, octaves(rng, shape, (24, 12), 3), 0.35)
         image = np.where(below[:, :, None], hill, image)
-    return shaded(image, lattice(rng, shape, (shape[0] // 3, shape[1] // 3)), 0.12)
+    return shade(image, lattice(rng, shape, (shape[0] // 3, shape[1] // 3)), 0.12)
 
 
 def abstract(rng: Rng, shape: Shape) -> Image:
-    """Rectangles, discs and brush strokes."""
-    image = shaded(plain(shape, PAPER), octaves(rng, shape, (8, 8), 4), 0.12)
+    """Draw rectangles, discs and brush strokes. See `pictures`."""
+    image = shade(plain(shape, PAPER), octaves(rng, shape, (8, 8), 4), 0.12)
     for _ in range(7):
         x, y = rng.uniform(0.05, 0.6, 2)
         fill(image, (x, y, x + rng.uniform(0.1, 0.35), y + rng.uniform(0.1, 0.35)), ink(rng))
@@ -68,14 +71,14 @@ def abstract(rng: Rng, shape: Shape) -> Image:
         x = rng.uniform(0.1, 0.9)
         fill(image, (x, 0.04, x + 0.015, 0.96), BLACK)
     strokes = lattice(rng, shape, (shape[0] // 2, 12))
-    return shaded(image, strokes, 0.2)
+    return shade(image, strokes, 0.2)
 
 
 def still_life(rng: Rng, shape: Shape) -> Image:
-    """A vase with flowers on a table."""
+    """Draw a vase with flowers on a table. See `pictures`."""
     down, _ = coordinates(shape)
     wall, cloth = ink(rng), ink(rng)
-    image = shaded(plain(shape, tinted(wall, 0.4, 0.5)), octaves(rng, shape, (6, 6), 4), 0.3)
+    image = shade(plain(shape, tint(wall, 0.4, 0.5)), octaves(rng, shape, (6, 6), 4), 0.3)
     image = np.where((down > 0.72)[:, :, None], np.array(cloth, np.float32), image).astype(
         np.float32
     )
@@ -85,16 +88,16 @@ def still_life(rng: Rng, shape: Shape) -> Image:
         at = 0.5 + 0.3 * (rng.random() + rng.random() - 1), 0.36 + 0.2 * (2 * rng.random() - 1)
         spot(image, at, (0.05, 0.04), (0.2, 0.42, 0.2) if rng.random() < 0.4 else ink(rng))
         spot(image, at, (0.015, 0.012), (0.95, 0.85, 0.4))
-    return shaded(image, octaves(rng, shape, (32, 32), 2), 0.25)
+    return shade(image, octaves(rng, shape, (32, 32), 2), 0.25)
 
 
 def picture(rng: Rng, shape: Shape) -> Image:
-    """What hangs on a wall."""
+    """Draw one of the three kinds of pictures for walls. See `pictures`."""
     return (landscape, abstract, still_life)[int(rng.integers(3))](rng, shape)
 
 
 def outdoors(rng: Rng, shape: Shape) -> Image:
-    """What a window shows: sky, houses, trees and a lawn."""
+    """Draw the view out of a window: sky, houses, trees and a lawn. See `pictures`."""
     down, _ = coordinates(shape)
     clouds = contrast(octaves(rng, shape, (5, 2), 4), 2.5)
     image = blend((0.55, 0.76, 0.97), (1, 1, 1), clouds * np.clip(1.3 - 1.5 * down, 0, 1))
@@ -114,16 +117,22 @@ def outdoors(rng: Rng, shape: Shape) -> Image:
         spot(image, at, (radius, radius * 0.9), (0.3 * green, 0.52 * green, 0.24 * green))
     lawn = blend((0.36, 0.56, 0.28), (0.52, 0.7, 0.38), octaves(rng, shape, (32, 16), 3))
     image = np.where((down > 0.76)[:, :, None], lawn, image)
-    image = shaded(image, octaves(rng, shape, (48, 48), 2), 0.16)
+    image = shade(image, octaves(rng, shape, (48, 48), 2), 0.16)
     result: Image = np.minimum(image * np.float32(1.08) + np.float32(0.04), 1)
     return result
 
 
 def reflection(rng: Rng, shape: Shape, wall: Colour) -> Image:
-    """What a mirror shows: a wall, a bright window and a floor, out of focus."""
+    """Draw a mirror's image: a wall, a bright window and a floor, out of focus.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+        wall: Colour of the wall, sRGB.
+    """
     down, _ = coordinates(shape)
-    image = shaded(plain(shape, wall), octaves(rng, shape, (3, 3), 3), 0.3)
+    image = shade(plain(shape, wall), octaves(rng, shape, (3, 3), 3), 0.3)
     image = np.where((down > 0.8)[:, :, None], np.array((0.5, 0.4, 0.3), np.float32), image)
     spot(image, (0.35, 0.35), (0.2, 0.2), (0.96, 0.98, 1.0))
     spot(image, (0.75, 0.66), (0.2, 0.14), ink(rng))
-    return shaded(image.astype(np.float32), octaves(rng, shape, (24, 24), 2), 0.06)
+    return shade(image.astype(np.float32), octaves(rng, shape, (24, 24), 2), 0.06)

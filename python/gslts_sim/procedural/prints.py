@@ -1,6 +1,10 @@
-"""Printed and displayed things: images that fit one side exactly and do not repeat.
+"""Images of printed surfaces and displays, which fit one side exactly and do not repeat.
 
-Each function draws an image [h,w,3] from a random stream and a shape (h, w) in px.
+Each function draws an image [h,w,3].
+
+Args of all functions:
+    rng: Random stream.
+    shape: (h, w), px.
 """
 
 from __future__ import annotations
@@ -22,9 +26,9 @@ from gslts_sim.procedural.noise import (
     lattice,
     octaves,
     plain,
-    shaded,
+    shade,
     spot,
-    tinted,
+    tint,
     wave,
 )
 from gslts_sim.procedural.pictures import landscape
@@ -42,9 +46,9 @@ def _title(rng: Rng) -> str:
 
 
 def book_cover(rng: Rng, shape: Shape) -> Image:
-    """A cover: cloth, a title, an author and a vignette."""
+    """Draw a cover: cloth, a title, an author and a vignette. See `prints`."""
     colour, second = ink(rng), ink(rng)
-    image = shaded(plain(shape, colour), octaves(rng, shape, (16, 16), 3, 0.7), 0.2)
+    image = shade(plain(shape, colour), octaves(rng, shape, (16, 16), 3, 0.7), 0.2)
     kind = int(rng.integers(3))
     if kind == 0:
         fill(image, (0.1, 0.38, 0.9, 0.8), second)
@@ -58,11 +62,17 @@ def book_cover(rng: Rng, shape: Shape) -> Image:
     fill(image, (0.06, 0.1, 0.94, 0.3), PAPER)
     write(image, _title(rng), (0.1, 0.13, 0.9, 0.27), BLACK)
     write(image, _title(rng), (0.2, 0.86, 0.8, 0.93), PAPER)
-    return shaded(image, grain(rng, shape), 0.06)
+    return shade(image, grain(rng, shape), 0.06)
 
 
 def book_spines(rng: Rng, shape: Shape, count: int) -> Image:
-    """The spines of `count` books that stand side by side."""
+    """Draw the spines of books that stand side by side.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+        count: Number of books.
+    """
     h, w = shape
     image = plain(shape, BLACK)
     edges = np.concatenate([[0], np.cumsum(rng.uniform(0.6, 1.4, count))])
@@ -80,13 +90,20 @@ def book_spines(rng: Rng, shape: Shape, count: int) -> Image:
             write(turned, _title(rng), (0.0, 0.15, 1.0, 0.85), second)
             spine[:] = np.rot90(turned)
         image[:, max(0, x1 - 1) : x1] = BLACK
-    return shaded(image, octaves(rng, shape, (32, 32), 2), 0.12)
+    return shade(image, octaves(rng, shape, (32, 32), 2), 0.12)
 
 
 def package(rng: Rng, shape: Shape, name: str, colour: Colour) -> Image:
-    """The front of a box or a bottle's label: brand, picture, small print."""
+    """Draw the front of a box or a bottle's label: brand, picture, small print.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+        name: Brand, in capital letters.
+        colour: sRGB.
+    """
     second = ink(rng)
-    image = shaded(plain(shape, colour), octaves(rng, shape, (6, 6), 4), 0.12)
+    image = shade(plain(shape, colour), octaves(rng, shape, (6, 6), 4), 0.12)
     fill(image, (0.0, 0.0, 1.0, 0.05), second)
     fill(image, (0.0, 0.95, 1.0, 1.0), second)
     fill(image, (0.05, 0.1, 0.95, 0.36), PAPER)
@@ -99,11 +116,11 @@ def package(rng: Rng, shape: Shape, name: str, colour: Colour) -> Image:
     bars = rng.random(12) < 0.5
     for k in np.flatnonzero(bars):
         fill(image, (0.7 + 0.02 * k, 0.8, 0.71 + 0.02 * k, 0.92), BLACK)
-    return shaded(image, grain(rng, shape), 0.05)
+    return shade(image, grain(rng, shape), 0.05)
 
 
 def desktop(rng: Rng, shape: Shape) -> Image:
-    """A computer's screen: wallpaper, windows with text, a bar."""
+    """Draw a computer's screen: wallpaper, windows with text, a bar. See `prints`."""
     image = landscape(rng, shape) * np.float32(0.9)
     for left, top in ((0.06, 0.1), (0.42, 0.3)):
         fill(image, (left, top, left + 0.48, top + 0.5), (0.96, 0.96, 0.97))
@@ -116,7 +133,7 @@ def desktop(rng: Rng, shape: Shape) -> Image:
 
 
 def broadcast(rng: Rng, shape: Shape) -> Image:
-    """A television's picture: news above a banner."""
+    """Draw a television's picture: news above a banner. See `prints`."""
     image = landscape(rng, shape) * np.float32(0.85)
     spot(image, (0.3, 0.62), (0.13, 0.3), ink(rng))
     spot(image, (0.3, 0.34), (0.055, 0.13), (0.85, 0.65, 0.52))
@@ -128,21 +145,27 @@ def broadcast(rng: Rng, shape: Shape) -> Image:
 
 
 def keyboard(rng: Rng, shape: Shape, body: Colour) -> Image:
-    """Keys in five rows above a touch pad."""
-    image = shaded(plain(shape, body), grain(rng, shape), 0.06)
+    """Draw keys in five rows above a touch pad.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+        body: Colour around the keys, sRGB.
+    """
+    image = shade(plain(shape, body), grain(rng, shape), 0.06)
     for row in range(5):
         for column in range(13):
             x, y = 0.06 + column * 0.068, 0.06 + row * 0.105
             width = 0.058 if row < 4 or not 3 <= column <= 7 else 0.068
             fill(image, (x, y, x + width, y + 0.085), (0.13, 0.13, 0.15))
             fill(image, (x + 0.018, y + 0.03, x + 0.034, y + 0.055), (0.75, 0.75, 0.78))
-    fill(image, (0.34, 0.64, 0.68, 0.94), tinted(body, 0.85))
+    fill(image, (0.34, 0.64, 0.68, 0.94), tint(body, 0.85))
     return image
 
 
 def remote(rng: Rng, shape: Shape) -> Image:
-    """A remote control's buttons, tall as it lies."""
-    image = shaded(plain(shape, (0.14, 0.14, 0.16)), grain(rng, shape), 0.1)
+    """Draw a remote control's buttons, tall as it lies. See `prints`."""
+    image = shade(plain(shape, (0.14, 0.14, 0.16)), grain(rng, shape), 0.1)
     spot(image, (0.25, 0.06), (0.1, 0.025), (0.85, 0.15, 0.12))
     for row in range(6):
         for column in range(3):
@@ -159,7 +182,7 @@ def remote(rng: Rng, shape: Shape) -> Image:
 
 
 def phone(rng: Rng, shape: Shape) -> Image:
-    """A telephone's screen with icons."""
+    """Draw a telephone's screen with icons. See `prints`."""
     image = landscape(rng, shape)
     for row in range(5):
         for column in range(4):
@@ -173,8 +196,8 @@ def phone(rng: Rng, shape: Shape) -> Image:
 
 
 def clock_face(rng: Rng, shape: Shape) -> Image:
-    """A dial with marks and hands."""
-    image = shaded(plain(shape, PAPER), octaves(rng, shape, (8, 8), 3), 0.06)
+    """Draw a dial with marks and hands. See `prints`."""
+    image = shade(plain(shape, PAPER), octaves(rng, shape, (8, 8), 3), 0.06)
     spot(image, (0.5, 0.5), (0.5, 0.5), BLACK)
     spot(image, (0.5, 0.5), (0.45, 0.45), (0.97, 0.96, 0.92))
     # The twelve directions, without trigonometry: (1, 0), (0.866, 0.5), (0.5, 0.866) turned.
@@ -188,16 +211,22 @@ def clock_face(rng: Rng, shape: Shape) -> Image:
 
 
 def digits(rng: Rng, shape: Shape, colour: Colour) -> Image:
-    """A dark display with a time."""
-    image = shaded(plain(shape, (0.06, 0.06, 0.07)), grain(rng, shape), 0.3)
+    """Draw a dark display with a time.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+        colour: Of the digits, sRGB.
+    """
+    image = shade(plain(shape, (0.06, 0.06, 0.07)), grain(rng, shape), 0.3)
     time = f"{int(rng.integers(10, 24))}:{int(rng.integers(10, 60))}"
     write(image, time, (0.08, 0.15, 0.92, 0.85), colour)
     return image
 
 
 def newspaper(rng: Rng, shape: Shape) -> Image:
-    """A front page: headline, columns and a photograph."""
-    image = shaded(plain(shape, (0.9, 0.88, 0.82)), octaves(rng, shape, (8, 8), 4), 0.06)
+    """Draw a front page: headline, columns and a photograph. See `prints`."""
+    image = shade(plain(shape, (0.9, 0.88, 0.82)), octaves(rng, shape, (8, 8), 4), 0.06)
     write(image, "THE DAILY", (0.05, 0.03, 0.95, 0.14), BLACK)
     fill(image, (0.05, 0.155, 0.95, 0.165), BLACK)
     for column in range(3):
@@ -212,8 +241,8 @@ def newspaper(rng: Rng, shape: Shape) -> Image:
 
 
 def card(rng: Rng, shape: Shape) -> Image:
-    """A bank card."""
-    image = shaded(plain(shape, ink(rng)), octaves(rng, shape, (4, 4), 4), 0.4)
+    """Draw a bank card. See `prints`."""
+    image = shade(plain(shape, ink(rng)), octaves(rng, shape, (4, 4), 4), 0.4)
     fill(image, (0.08, 0.35, 0.24, 0.55), (0.85, 0.72, 0.35))
     write(image, "4929 1306", (0.08, 0.6, 0.92, 0.76), PAPER)
     write(image, "BANK", (0.55, 0.08, 0.93, 0.26), PAPER)
@@ -221,10 +250,10 @@ def card(rng: Rng, shape: Shape) -> Image:
 
 
 def carton(rng: Rng, shape: Shape) -> Image:
-    """Cardboard with tape and a shipping label."""
+    """Draw cardboard with tape and a shipping label. See `prints`."""
     waves = lattice(rng, shape, (4, shape[1] // 2))
-    image = shaded(plain(shape, (0.72, 0.55, 0.37)), waves, 0.1)
-    image = shaded(image, octaves(rng, shape, (6, 6), 4), 0.16)
+    image = shade(plain(shape, (0.72, 0.55, 0.37)), waves, 0.1)
+    image = shade(image, octaves(rng, shape, (6, 6), 4), 0.16)
     fill(image, (0.44, 0.0, 0.56, 1.0), (0.84, 0.74, 0.52))
     fill(image, (0.08, 0.5, 0.4, 0.86), PAPER)
     write_lines(image, rng, (0.11, 0.55, 0.37, 0.82), 6, BLACK)
@@ -233,9 +262,16 @@ def carton(rng: Rng, shape: Shape) -> Image:
 
 
 def plate_rings(rng: Rng, shape: Shape, colour: Colour, second: Colour) -> Image:
-    """Glaze of a turned thing: a band of marks between rings, inside and outside."""
+    """Draw a glaze for a lathe: bands of marks between rings, inside and outside.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+        colour: sRGB.
+        second: Of the marks, sRGB.
+    """
     down, across = coordinates(shape)
-    image = shaded(plain(shape, colour), octaves(rng, shape, (6, 6), 4), 0.09)
+    image = shade(plain(shape, colour), octaves(rng, shape, (6, 6), 4), 0.09)
     band, lines = np.zeros(shape, bool), np.zeros((shape[0], 1), bool)
     for middle in (rng.uniform(0.2, 0.32), rng.uniform(0.66, 0.72)):
         from_middle = np.abs(down - middle)

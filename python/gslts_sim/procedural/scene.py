@@ -1,18 +1,17 @@
-"""A room in the making: what stands where, what still fits, and how things are placed."""
+"""A room that is being furnished: collision-free placement of its objects."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from gslts.types import Floats
 from gslts_sim.home import AreaLight, Home, HomeObject, Room, pose
+from gslts_sim.oriented_boxes import OrientedBoxes, collides
 from gslts_sim.physics import (
-    OrientedBoxes,
     boxes_in_world,
-    collides,
     collision_free,
     footprint,
     supported_fraction,
@@ -20,74 +19,43 @@ from gslts_sim.physics import (
 from gslts_sim.procedural.catalog import building
 from gslts_sim.procedural.catalog.building import Opening
 from gslts_sim.procedural.model import Kit, Model
+from gslts_sim.procedural.sides import Side, sides
 
 Builder = Callable[..., Model]
 Span = tuple[float, float]
 
-TRIES, BATCH = 24, 6
-"""Places that are tried for a small thing before it is left out, and how many at once."""
-
-CARRIED_SHARE = 0.8
-"""Share of their footprint that lies on what they stand on; more than just holds."""
-
-LEAST_TOP_M2 = 0.004
-"""Smaller faces carry nothing."""
-
+MAX_TRIES, BATCH = 24, 6
+"""Maximum number of poses that are tried for a small object, and their number at once."""
+MIN_SUPPORTED_FRACTION = 0.8
+"""Minimum supported fraction of a footprint; more than `physics` asks for."""
+MIN_TOP_M2 = 0.004
+"""Minimum area of a face that carries objects, m^2."""
 GAP_M = 0.1
-"""Distance between things that hang on a wall side by side."""
-
+"""Minimum distance between objects that hang on a wall, m."""
 EDGE_M = 0.015
-"""Small things keep this distance from the edge of what they stand on."""
-
-
-@dataclass(frozen=True, eq=False)
-class Side:
-    """A wall as furniture sees it.
-
-    Args:
-        start: (2,) m: its left corner, for who looks at it from inside.
-        along: (2,) unit vector to the right.
-        inward: (2,) unit vector into the room.
-        length: m.
-        yaw_rad: Turns a thing's back to the wall.
-    """
-
-    start: Floats
-    along: Floats
-    inward: Floats
-    length: float
-    yaw_rad: float
-
-    def point(self, along_m: float, out_m: float) -> Floats:
-        """(2,) m: `along_m` from the left corner and `out_m` off the wall."""
-        at: Floats = self.start + self.along * along_m + self.inward * out_m
-        return at
-
-
-def sides(width: float, depth: float) -> tuple[Side, ...]:
-    """The walls of a room: north (y = depth), east, south and west, as many as 0 to 3."""
-    quarter = np.pi / 2
-    return (
-        Side(np.array([0, depth]), np.array([1.0, 0]), np.array([0, -1.0]), width, 0.0),
-        Side(np.array([width, depth]), np.array([0, -1.0]), np.array([-1.0, 0]), depth, -quarter),
-        Side(np.array([width, 0.0]), np.array([-1.0, 0]), np.array([0, 1.0]), width, 2 * quarter),
-        Side(np.array([0.0, 0.0]), np.array([0, 1.0]), np.array([1.0, 0]), depth, quarter),
-    )
+"""Minimum distance of small objects from the edge of their receptacle, m."""
 
 
 def tops_m(obj: HomeObject) -> Floats:
-    """Heights in its own frame at which other things can stand on a thing, rising, m."""
+    """Return the heights at which objects can stand on an object.
+
+    Args:
+        obj: A receptacle.
+
+    Returns:
+        [K] float64 in its own frame, rising, m.
+    """
     areas = np.prod(obj.boxes[:, 1, :2] - obj.boxes[:, 0, :2], axis=1)
-    heights: Floats = np.unique(obj.boxes[areas > LEAST_TOP_M2][:, 1, 2])
+    heights: Floats = np.unique(obj.boxes[areas > MIN_TOP_M2][:, 1, 2])
     return heights
 
 
 def _top_near(obj: HomeObject, z: float) -> Floats:
-    """The box [2,3] around those whose top is nearest to a height."""
+    """Return the box [2,3] around the boxes whose top is nearest to a height."""
     heights = tops_m(obj)
     height = heights[np.abs(np.minimum(z, heights[-1]) - heights).argmin()]
     areas = np.prod(obj.boxes[:, 1, :2] - obj.boxes[:, 0, :2], axis=1)
-    boxes = obj.boxes[(obj.boxes[:, 1, 2] == height) & (areas > LEAST_TOP_M2)]
+    boxes = obj.boxes[(obj.boxes[:, 1, 2] == height) & (areas > MIN_TOP_M2)]
     return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
 
 
@@ -113,12 +81,23 @@ class Scene:
     # What is there.
 
     def build(self, builder: Builder, *args: float | str) -> HomeObject:
-        """A thing in its own frame, not yet placed; its id is its type."""
+        """Build an object in its own frame; its id is its type until it is added.
+
+        Args:
+            builder: Function of the catalogue.
+            *args: Passed to `builder`.
+        """
         model = builder(self.kit, *args)
         return model.object(model.type, np.eye(4), None)
 
     def add(self, obj: HomeObject, at: Floats, parent: str | None) -> HomeObject:
-        """Puts a thing somewhere, unchecked, and numbers it."""
+        """Add an object without a check, and number it.
+
+        Args:
+            obj: The object.
+            at: [4,4] float64 world_from_object, m.
+            parent: Id of the receptacle that it stands on.
+        """
         number = 1 + sum(other.type == obj.type for other in self.objects)
         placed = replace(obj, id=f"{obj.type}|{number}", world_from_object=at, parent=parent)
         self.objects.append(placed)
@@ -126,7 +105,11 @@ class Scene:
         return placed
 
     def undo(self, count: int) -> None:
-        """Takes back what was added last."""
+        """Remove the objects that were added last.
+
+        Args:
+            count: Number of objects.
+        """
         boxes = sum(len(obj.boxes) for obj in self.objects[-count:])
         del self.objects[-count:]
         self._obstacles = self._obstacles[: len(self._obstacles) - boxes]
@@ -134,12 +117,12 @@ class Scene:
     def fits(
         self, boxes: Floats, at: Floats, *, on_floor: bool = False, in_the_way: bool = False
     ) -> bool:
-        """Whether a place is free.
+        """Return whether a pose is free.
 
         Args:
-            boxes: [B,2,3] of what is to stand or hang there, in its own frame, m.
-            at: Its `world_from_object`.
-            on_floor: It must be inside the room and off what is kept free.
+            boxes: [B,2,3] float64, of an object, in its own frame, m.
+            at: [4,4] float64 world_from_object, m.
+            on_floor: It must be inside the room and off the floor that is kept free.
             in_the_way: It may stand where the floor is kept free, as chairs do.
         """
         oriented = OrientedBoxes.from_object(boxes, at)
@@ -154,12 +137,23 @@ class Scene:
         return not any(collides(oriented, kept) for kept in self._kept_free)
 
     def keep_free(self, x: Span, y: Span) -> None:
-        """Keeps furniture off a part of the floor (m)."""
+        """Keep furniture off a rectangle of the floor.
+
+        Args:
+            x: Range, m.
+            y: Range, m.
+        """
         box = np.array([[[x[0], y[0], 0.03], [x[1], y[1], 2.0]]])
         self._kept_free.append(OrientedBoxes.from_object(box, np.eye(4)))
 
     def keep_free_at(self, side: Side, along: Span, out: Span) -> None:
-        """Keeps furniture off a part of the floor, told from a wall (m)."""
+        """Keep furniture off a rectangle of the floor at a wall.
+
+        Args:
+            side: The wall.
+            along: Range from the left corner, m.
+            out: Range off the wall, m.
+        """
         corners = np.stack([side.point(along[0], out[0]), side.point(along[1], out[1])])
         low, high = corners.min(axis=0), corners.max(axis=0)
         self.keep_free((low[0], high[0]), (low[1], high[1]))
@@ -167,7 +161,12 @@ class Scene:
     # The shell.
 
     def shell(self, openings: dict[int, list[Opening]], accent: int) -> None:
-        """Floor, walls with these openings (by number of the side), and ceiling."""
+        """Add floor, walls and ceiling.
+
+        Args:
+            openings: Holes in the walls, by the number of the wall.
+            accent: Number of the wall with the accent material; -1 for none.
+        """
         width, depth, height = self.size
         floor = self.build(building.floor, width, depth, self.room_type)
         self.add(floor, pose(width / 2, depth / 2, -building.THICKNESS_M, 0), None)
@@ -199,16 +198,19 @@ class Scene:
         *,
         before_opening: bool = False,
     ) -> HomeObject | None:
-        """Fixes a thing to a wall, if there is room.
+        """Fix an object to a wall, if there is room.
 
         Args:
             obj: Object with its back towards +y.
             number: Of the wall.
-            along: Where its middle is to be, from the left corner, m.
+            along: Of its middle from the left corner, m.
             z: Height of its underside, m.
-            into_m: How deep it reaches into the wall.
-            margin: Distance that is kept to what is beside, above and below it, m.
+            into_m: Depth to which it reaches into the wall, m.
+            margin: Minimum distance to other objects beside, above and below it, m.
             before_opening: It may hang before a window or a door.
+
+        Returns:
+            The object; None if there is no room.
         """
         side = self.sides[number]
         at = self._at(side, along, obj.box_in_world[1, 1] - into_m, z)
@@ -231,14 +233,17 @@ class Scene:
         gap: float = 0.0,
         front: float = 0.0,
     ) -> HomeObject | None:
-        """Stands a thing against a wall, if there is room.
+        """Place an object against a wall, if there is room.
 
         Args:
             obj: Object with its back towards +y.
             number: Of the wall.
-            along: Where its middle is to be, from the left corner, m.
+            along: Of its middle from the left corner, m.
             gap: Between its back and the wall, m, beside the skirting board.
             front: Depth of the floor before it that is kept free, m.
+
+        Returns:
+            The object; None if there is no room.
         """
         side = self.sides[number]
         half_width, half_depth = obj.box_in_world[1, :2]
@@ -261,7 +266,18 @@ class Scene:
         front: float = 0.5,
         step: float = 0.1,
     ) -> HomeObject | None:
-        """Stands a thing against the first of some walls that has room, anywhere along it."""
+        """Place an object against the first of some walls that has room, anywhere along it.
+
+        Args:
+            obj: Object with its back towards +y.
+            numbers: Of the walls, in this order.
+            gap: Between its back and the wall, m, beside the skirting board.
+            front: Depth of the floor before it that is kept free, m.
+            step: Of the positions that are tried, m.
+
+        Returns:
+            The object; None if there is no room.
+        """
         half_width = float(obj.box_in_world[1, 0])
         for number in numbers:
             free = self.sides[number].length - 2 * half_width
@@ -284,15 +300,18 @@ class Scene:
         *,
         in_the_way: bool = False,
     ) -> HomeObject | None:
-        """Stands a thing anywhere on the floor, or on a rug, if there is room.
+        """Place an object anywhere on the floor, or on a rug, if there is room.
 
         Args:
-            obj: What stands there.
+            obj: The object.
             x: m.
             y: m.
-            yaw_rad: About the vertical.
+            yaw_rad: About the vertical, rad.
             parent: Id of the floor or of the rug.
             in_the_way: It may stand where the floor is kept free, as chairs do.
+
+        Returns:
+            The object; None if there is no room.
         """
         at = pose(x, y, self._top(parent), yaw_rad)
         in_the_way = in_the_way or parent != "Floor|1"
@@ -308,7 +327,7 @@ class Scene:
     def __getitem__(self, object_id: str) -> HomeObject:
         return next(obj for obj in self.objects if obj.id == object_id)
 
-    # Small things.
+    # Small objects.
 
     def put(
         self,
@@ -319,22 +338,25 @@ class Scene:
         turn: Span = (-0.3, 0.3),
         near_z: float | None = None,
     ) -> HomeObject | None:
-        """Puts a thing on another, if there is room.
+        """Put an object on another one, if there is room.
 
         Args:
-            obj: What is put.
-            parent: What it stands on.
-            x: Where, as shares -1 to 1 of the width over which it could move.
-            y: The same for the depth; -1 is the front.
-            turn: Its turn against the parent, rad.
-            near_z: Height of the top that is meant, in the frame of the parent, roughly; the
-                highest if None, m.
+            obj: The object.
+            parent: Its receptacle.
+            x: Range of positions, from -1 to 1 over the width in which it can move.
+            y: Range of positions over the depth; -1 is the front.
+            turn: Range of its yaw relative to the parent, rad.
+            near_z: Approximate height of the face, in the frame of the parent, m; None for the
+                highest.
+
+        Returns:
+            The object; None if there is no room.
         """
         top = _top_near(parent, np.inf if near_z is None else near_z)
         yaw = float(np.arctan2(parent.world_from_object[1, 0], parent.world_from_object[0, 0]))
         half = obj.box_in_world[1, :2]
         carriers, foot = boxes_in_world(parent), footprint(obj.boxes)[0, :2]
-        for _ in range(TRIES // BATCH):
+        for _ in range(MAX_TRIES // BATCH):
             angles = self.rng.uniform(*turn, BATCH)
             shares = np.stack([self.rng.uniform(*x, BATCH), self.rng.uniform(*y, BATCH)], axis=1)
             cosine, sine = np.abs(np.cos(angles))[:, None], np.abs(np.sin(angles))[:, None]
@@ -343,7 +365,7 @@ class Scene:
             local = np.ones((BATCH, 4))
             local[:, :2] = top[:, :2].mean(axis=0) + room * shares
             local[:, 2] = top[1, 2]
-            # The middle of what it stands with, not that of handles and spouts, comes there.
+            # The middle of its footprint comes there, not that of handles and spouts.
             turned = np.stack([np.cos(angles), np.sin(angles)], axis=1)
             local[:, 0] -= turned @ (foot * (1, -1))
             local[:, 1] -= turned @ foot[::-1]
@@ -355,7 +377,7 @@ class Scene:
                     for (px, py, pz), facing in zip(points.tolist(), facings, strict=True)
                 ]
             )
-            good = supported_fraction(obj.boxes, poses, carriers) >= CARRIED_SHARE
+            good = supported_fraction(obj.boxes, poses, carriers) >= MIN_SUPPORTED_FRACTION
             if good.any():
                 poses = poses[good]
                 free = collision_free(obj.boxes, poses, self._obstacles)
@@ -366,7 +388,14 @@ class Scene:
     # Light.
 
     def ceiling_light(self, x: float, y: float, side: float, radiance: Floats) -> None:
-        """A flat lamp under the ceiling and its light."""
+        """Add a flat lamp with its light under the ceiling.
+
+        Args:
+            x: m.
+            y: m.
+            side: Edge, m.
+            radiance: (3,) float64, linear RGB.
+        """
         lamp = self.build(building.ceiling_lamp, side)
         height = self.size[2]
         z = height - float(lamp.box_in_world[1, 2])
@@ -380,7 +409,12 @@ class Scene:
         self.add(replace(lamp, lights=(light,)), pose(x, y, z, 0), "Ceiling|1")
 
     def home(self, name: str, ambient: Floats) -> Home:
-        """What has been made."""
+        """Return the finished home.
+
+        Args:
+            name: For people.
+            ambient: (3,) float64, linear RGB.
+        """
         width, depth, height = self.size
         room = Room(self.room_type, np.array([[0.0, 0.0, 0.0], [width, depth, height]]))
         return Home(name, (room,), tuple(self.objects), tuple(self.lights), ambient)

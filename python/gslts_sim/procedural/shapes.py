@@ -1,4 +1,4 @@
-"""Shapes that things are made of: closed meshes with texture coordinates in metres.
+"""Closed meshes of simple shapes, with texture coordinates in metres.
 
 Every shape stands on z = 0 with its middle at x = y = 0; its front looks towards -y. Faces are
 counter-clockwise seen from outside. Texture coordinates start at the upper left corner of a side,
@@ -12,11 +12,10 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from gslts.types import Floats
+from gslts.types import Floats, Ints, Ints32
 
-Ints = NDArray[np.int32]
 Point = tuple[float, float, float]
 
 
@@ -31,15 +30,26 @@ class Mesh:
     """
 
     vertices: Floats
-    faces: Ints
+    faces: Ints32
     uvs_m: Floats
 
-    def moved(self, x: float = 0, y: float = 0, z: float = 0) -> Mesh:
-        """The mesh, shifted (m)."""
+    def translate(self, x: float = 0, y: float = 0, z: float = 0) -> Mesh:
+        """Return the mesh, shifted.
+
+        Args:
+            x: m.
+            y: m.
+            z: m.
+        """
         return Mesh(self.vertices + np.array([x, y, z]), self.faces, self.uvs_m)
 
-    def turned(self, axis: str, angle_rad: float) -> Mesh:
-        """The mesh, turned about the x, y or z axis through its origin."""
+    def rotate(self, axis: str, angle_rad: float) -> Mesh:
+        """Return the mesh, rotated about an axis through its origin.
+
+        Args:
+            axis: `x`, `y` or `z`.
+            angle_rad: rad.
+        """
         first, second = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
         cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
         vertices = self.vertices.copy()
@@ -47,17 +57,32 @@ class Mesh:
         vertices[:, second] = sine * self.vertices[:, first] + cosine * self.vertices[:, second]
         return Mesh(vertices, self.faces, self.uvs_m)
 
-    def scaled(self, x: float = 1, y: float = 1, z: float = 1) -> Mesh:
-        """The mesh, stretched by positive factors; its texture stretches along."""
+    def scale(self, x: float = 1, y: float = 1, z: float = 1) -> Mesh:
+        """Return the mesh, scaled; its texture is stretched, too.
+
+        Args:
+            x: Positive.
+            y: Positive.
+            z: Positive.
+        """
         return Mesh(self.vertices * (x, y, z), self.faces, self.uvs_m)
 
-    def textured_from(self, u_m: float, v_m: float) -> Mesh:
-        """The mesh, its texture starting elsewhere."""
+    def shift_texture(self, u_m: float, v_m: float) -> Mesh:
+        """Return the mesh with shifted texture coordinates.
+
+        Args:
+            u_m: m.
+            v_m: m.
+        """
         return Mesh(self.vertices, self.faces, self.uvs_m + np.array([u_m, v_m]))
 
 
-def joined(meshes: Sequence[Mesh]) -> Mesh:
-    """Several meshes as one."""
+def join(meshes: Sequence[Mesh]) -> Mesh:
+    """Return several meshes as one.
+
+    Args:
+        meshes: At least one.
+    """
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes[:-1]])
     return Mesh(
         np.concatenate([mesh.vertices for mesh in meshes]),
@@ -72,8 +97,8 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
 _U_AXIS, _V_AXIS = np.array([1, 0, 0]), np.array([2, 2, 1])
 
 
-def _projected(vertices: Floats, faces: Ints, along: int | None) -> Mesh:
-    """A mesh whose texture is projected along the nearest axis of each triangle.
+def _project_texture(vertices: Floats, faces: Ints32, along: int | None) -> Mesh:
+    """Return a mesh whose texture is projected along the nearest axis of each triangle.
 
     Args:
         vertices: [V,3] float64, m.
@@ -111,31 +136,38 @@ def _projected(vertices: Floats, faces: Ints, along: int | None) -> Mesh:
 
 
 def _cross(first: Floats, second: Floats) -> Floats:
-    """Cross products [N,3], for few rows several times as fast as numpy's."""
+    """Compute cross products [N,3]; for few rows several times as fast as numpy's."""
     x, y, z = first.T
     a, b, c = second.T
     return np.stack([y * c - z * b, z * a - x * c, x * b - y * a], axis=1)
 
 
 @cache
-def _unit_box(along: int | None) -> tuple[Floats, Ints, Floats, NDArray[np.intp]]:
-    """A box of size 1, its texture coordinates [12,3,2], and the axis [12,2] that each follows."""
+def _unit_box(along: int | None) -> tuple[Floats, Ints32, Floats, Ints]:
+    """Return a unit box: vertices, faces, uvs [12,3,2] and the axes [12,2] that they follow."""
     vertices = np.array([[x, y, z] for z in (0, 1) for y in (-0.5, 0.5) for x in (-0.5, 0.5)])
     quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
-    mesh = _projected(vertices, _split(np.array(quads)), along)
+    mesh = _project_texture(vertices, _split(np.array(quads)), along)
     # In a box of sizes 1, 2 and 3 each coordinate tells which axis it follows.
-    longer = _projected(vertices * (1, 2, 3), mesh.faces, along)
+    longer = _project_texture(vertices * (1, 2, 3), mesh.faces, along)
     return vertices, mesh.faces, mesh.uvs_m, longer.uvs_m.max(axis=1).round().astype(int) - 1
 
 
-def _split(quads: ArrayLike) -> Ints:
-    """Triangles [2Q,3] of quads [Q,4]."""
+def _split(quads: ArrayLike) -> Ints32:
+    """Split quads [Q,4] into triangles [2Q,3]."""
     corners = np.asarray(quads, np.int32)
     return np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
 
 
 def box(width: float, depth: float, height: float, *, upright: bool = False) -> Mesh:
-    """A box, m; its grain runs along the longest edge unless prints must stay upright."""
+    """Make a box on the x-y plane, centred in x and y.
+
+    Args:
+        width: Along x, m.
+        depth: Along y, m.
+        height: Along z, m.
+        upright: Keep prints upright; else the grain runs along the longest edge.
+    """
     size = np.array([width, depth, height])
     vertices, faces, uvs, axes = _unit_box(None if upright else int(size.argmax()))
     return Mesh(vertices * size, faces, uvs * size[axes][:, None, :])
@@ -144,7 +176,7 @@ def box(width: float, depth: float, height: float, *, upright: bool = False) -> 
 def cushion(
     width: float, depth: float, height: float, radius: float, puff: float = 0.0, steps: int = 3
 ) -> Mesh:
-    """A box with round edges.
+    """Make a box with round edges.
 
     Args:
         width: Along x, m.
@@ -159,10 +191,10 @@ def cushion(
     # tan spreads the facets evenly over the angle.
     edge = radius * np.tan(np.linspace(0, np.pi / 4, steps + 1))
     vertices: list[Floats] = []
-    quads: list[Ints] = []
+    quads: list[Ints32] = []
     for axis in range(3):
         first, second = (axis + 1) % 3, (axis + 2) % 3
-        u, v = (_spaced(half[k] - radius, edge, 7 if puff else 2) for k in (first, second))
+        u, v = (_spacing(half[k] - radius, edge, 7 if puff else 2) for k in (first, second))
         for sign in (-1.0, 1.0):
             start = np.int32(sum(len(points) for points in vertices))
             block = np.empty((len(u), len(v), 3))
@@ -181,24 +213,24 @@ def cushion(
         points[:, 0] *= 1 - 0.08 * puff * (1 - y**2)
         points[:, 1] *= 1 - 0.08 * puff * (1 - x**2)
     points[:, 2] -= points[:, 2].min()
-    return _projected(points, _split(np.concatenate(quads)), None)
+    return _project_texture(points, _split(np.concatenate(quads)), None)
 
 
-def _spaced(flat_half: float, edge: Floats, count: int) -> Floats:
-    """Coordinates across a side: `count` in its middle, and the two round edges."""
+def _spacing(flat_half: float, edge: Floats, count: int) -> Floats:
+    """Return the coordinates across a side: `count` in its middle, and the two round edges."""
     middle = np.linspace(-flat_half, flat_half, count)
     return np.concatenate([-flat_half - edge[:0:-1], middle, flat_half + edge[1:]])
 
 
-def _grid_quads(rows: int, columns: int, *, flip: bool = False) -> Ints:
-    """Quads of a grid [rows,columns] of vertices; normals are cross(row step, column step)."""
+def _grid_quads(rows: int, columns: int, *, flip: bool = False) -> Ints32:
+    """Return the quads of a grid [rows,columns]; normals are cross(row step, column step)."""
     index = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
     corners = [index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]]
     return np.stack([c.ravel() for c in (corners[::-1] if flip else corners)], axis=1)
 
 
 def lathe(profile: ArrayLike, segments: int = 32) -> Mesh:
-    """A profile turned about the z axis.
+    """Rotate a profile about the z axis.
 
     Args:
         profile: [K,2] float, m: radius and z, from the lower middle around the outside to the upper
@@ -233,36 +265,55 @@ def lathe(profile: ArrayLike, segments: int = 32) -> Mesh:
 
 
 def cylinder(radius: float, height: float, top_radius: float | None = None, n: int = 24) -> Mesh:
-    """A cylinder or a cone's frustum, m, with `n` facets; the ends are textured as flat discs."""
+    """Make a cylinder or a frustum of a cone; the ends are textured as flat discs.
+
+    Args:
+        radius: Of the bottom, m.
+        height: Along z, m.
+        top_radius: m; None for a cylinder.
+        n: Number of facets.
+    """
     top = radius if top_radius is None else top_radius
     side = lathe([(radius, 0), (top, height)], n)
-    ends = [disc(top, n).moved(z=height)] if top > 0 else []
-    return joined([side, *ends, _flipped(disc(radius, n))])
+    ends = [disc(top, n).translate(z=height)] if top > 0 else []
+    return join([side, *ends, _flip(disc(radius, n))])
 
 
 def disc(radius: float, n: int = 32) -> Mesh:
-    """A flat disc at z = 0 that looks up."""
+    """Make a flat disc at z = 0 that faces up.
+
+    Args:
+        radius: m.
+        n: Number of facets.
+    """
     angles = np.linspace(0, 2 * np.pi, n, endpoint=False)
     rim = np.stack([np.cos(angles), np.sin(angles), np.zeros(n)], axis=1) * radius
     index = np.arange(n)
     faces = np.stack([np.full(n, n), index, (index + 1) % n], axis=1).astype(np.int32)
-    return _projected(np.concatenate([rim, np.zeros((1, 3))]), faces, None)
+    return _project_texture(np.concatenate([rim, np.zeros((1, 3))]), faces, None)
 
 
-def _flipped(mesh: Mesh) -> Mesh:
+def _flip(mesh: Mesh) -> Mesh:
     return Mesh(mesh.vertices, mesh.faces[:, ::-1], mesh.uvs_m[:, ::-1])
 
 
 def ellipsoid(width: float, depth: float, height: float, segments: int = 20) -> Mesh:
-    """An ellipsoid of these diameters, m."""
+    """Make an ellipsoid that stands on the x-y plane.
+
+    Args:
+        width: Along x, m.
+        depth: Along y, m.
+        height: Along z, m.
+        segments: Number of facets around.
+    """
     angles = np.linspace(-np.pi / 2, np.pi / 2, segments // 2 + 1)
     profile = np.stack([np.cos(angles), 1 + np.sin(angles)], axis=1) / 2 * height
     profile[[0, -1], 0] = 0
-    return lathe(profile, segments).scaled(width / height, depth / height)
+    return lathe(profile, segments).scale(width / height, depth / height)
 
 
 def tube(path: ArrayLike, radius: float, n: int = 10) -> Mesh:
-    """A round rod along a path.
+    """Make a round rod along a path.
 
     Args:
         path: [K,3] float, m; neighbours differ.
@@ -299,11 +350,11 @@ def tube(path: ArrayLike, radius: float, n: int = 10) -> Mesh:
             np.stack([last, end + index[0], end + following[0]], axis=1),
         ]
     ).astype(np.int32)
-    return _projected(vertices, faces, int(np.ptp(points, axis=0).argmax()))
+    return _project_texture(vertices, faces, int(np.ptp(points, axis=0).argmax()))
 
 
 def sheet(front: ArrayLike, thickness: float, height: float) -> Mesh:
-    """An upright sheet whose front follows a curve, such as a curtain.
+    """Make an upright sheet whose front follows a curve, such as a curtain.
 
     Args:
         front: [K,2] float, m: x and y, x rising.
@@ -329,7 +380,7 @@ def sheet(front: ArrayLike, thickness: float, height: float) -> Mesh:
 
 
 def prism(outline: ArrayLike, depth: float) -> Mesh:
-    """A convex outline in the x-z plane, counter-clockwise seen from the front, given a depth.
+    """Extrude a convex outline in the x-z plane, counter-clockwise seen from the front.
 
     Args:
         outline: [K,2] float, m: x and z.
@@ -345,11 +396,11 @@ def prism(outline: ArrayLike, depth: float) -> Mesh:
     fan = np.stack([np.zeros(count - 2, np.int64), index[1:-1], index[2:]], axis=1)
     sides = _split(np.stack([index, index + count, following + count, following], axis=1))
     faces = np.concatenate([fan, fan[:, ::-1] + count, sides]).astype(np.int32)
-    return _projected(vertices.reshape(-1, 3), faces, None)
+    return _project_texture(vertices.reshape(-1, 3), faces, None)
 
 
 def leaf(length: float, width: float, bend_rad: float, thickness: float = 0.002) -> Mesh:
-    """A leaf that grows from the origin along +x and bends down.
+    """Make a leaf that grows from the origin along +x and bends down.
 
     Args:
         length: m.

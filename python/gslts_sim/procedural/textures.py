@@ -1,7 +1,11 @@
-"""Natural and woven surfaces: images that repeat without seams.
+"""Textures of natural and woven surfaces, which repeat without seams.
 
-Each function draws an image [h,w,3] from a random stream, a shape (h, w) in px and colours; u runs
-along the grain.
+Each function draws an image [h,w,3]; u runs along the grain.
+
+Args of all functions:
+    rng: Random stream.
+    shape: (h, w), px.
+    colour, second, dark, light: Colours of the surface, sRGB, 0 to 1.
 """
 
 from __future__ import annotations
@@ -22,8 +26,8 @@ from gslts_sim.procedural.noise import (
     lattice,
     octaves,
     plain,
-    shaded,
-    tinted,
+    shade,
+    tint,
     wave,
 )
 
@@ -31,25 +35,33 @@ Shape = tuple[int, int]
 
 
 def wood(rng: Rng, shape: Shape, dark: Colour, light: Colour) -> Image:
-    """Sawn wood: bent year rings and fine pores, both along u."""
+    """Draw sawn wood: bent year rings and fine pores, both along u. See `textures`."""
     down, _ = coordinates(shape)
     warp = lattice(rng, shape, (3, 1)) + 0.35 * lattice(rng, shape, (7, 3))
     rings = wave(down * 10 + warp * 3)
     fibres = lattice(rng, shape, (max(2, shape[0] // 3), 5))
     pores = contrast(lattice(rng, shape, (shape[0], 24)), 3)
     tone = contrast(0.36 * rings + 0.4 * fibres + 0.24 * octaves(rng, shape, (5, 1), 3), 1.3)
-    return shaded(blend(dark, light, tone), pores, 0.06)
+    return shade(blend(dark, light, tone), pores, 0.06)
 
 
 def painted_wood(rng: Rng, shape: Shape, colour: Colour) -> Image:
-    """Painted wood: brush marks along u and slight blotches."""
+    """Draw painted wood: brush marks along u and slight blotches. See `textures`."""
     marks = lattice(rng, shape, (max(2, shape[0] // 2), 9))
     blotches = octaves(rng, shape, (6, 6), 4)
-    return shaded(shaded(plain(shape, colour), marks, 0.045), contrast(blotches, 1.5), 0.04)
+    return shade(shade(plain(shape, colour), marks, 0.045), contrast(blotches, 1.5), 0.04)
 
 
 def planks(rng: Rng, shape: Shape, dark: Colour, light: Colour, rows: int = 8) -> Image:
-    """A floor of boards, two a row, each cut from another place of the wood."""
+    """Draw a floor of boards, two per row, each cut from another part of the wood.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+        dark: Of the dark parts, sRGB.
+        light: Of the light parts, sRGB.
+        rows: Number of rows.
+    """
     h, w = shape
     image = wood(rng, shape, dark, light)
     edges = np.round(np.arange(rows + 1) * h / rows).astype(int)
@@ -69,7 +81,10 @@ def planks(rng: Rng, shape: Shape, dark: Colour, light: Colour, rows: int = 8) -
 
 
 def herringbone(rng: Rng, shape: Shape, dark: Colour, light: Colour) -> Image:
-    """Parquet in zigzag: blocks five times as long as wide, laid at right angles."""
+    """Draw parquet in zigzag: blocks five times as long as wide, laid at right angles.
+
+    See `textures`.
+    """
     h, w = shape
     along_u = wood(rng, shape, dark, light)
     along_v = np.ascontiguousarray(wood(rng, (w, h), dark, light).transpose(1, 0, 2))
@@ -103,7 +118,7 @@ def tiles(
     checkered: bool = False,
     joint: Colour = (0.72, 0.7, 0.67),
 ) -> Image:
-    """Glazed tiles with joints.
+    """Draw glazed tiles with joints.
 
     Args:
         rng: Random stream.
@@ -124,7 +139,7 @@ def tiles(
     clouds = octaves(rng, shape, (count[0] * 2, count[1] * 2), 4)
     if checkered:
         even = ((row + column) % 2 == 0).astype(np.float32)
-        image = shaded(blend(second, colour, even), clouds, 0.12)
+        image = shade(blend(second, colour, even), clouds, 0.12)
     else:
         image = blend(colour, second, contrast(clouds, 1.6))
     tones = rng.uniform(-1, 1, (count[0], count[1])).astype(np.float32)
@@ -135,20 +150,28 @@ def tiles(
         np.minimum(u - np.floor(u), 1 - (u - np.floor(u))) * (shape[1] / count[1]),
     )
     width = max(1.0, min(shape[0] / count[0], shape[1] / count[1]) * 0.022)
-    rough = shaded(plain(shape, joint), grain(rng, shape), 0.12)
+    rough = shade(plain(shape, joint), grain(rng, shape), 0.12)
     return blend(rough, image, np.clip(to_joint / width - 0.5, 0, 1).astype(np.float32))
 
 
 def plaster(rng: Rng, shape: Shape, colour: Colour) -> Image:
-    """Painted plaster: roller marks and faint clouds."""
+    """Draw painted plaster: roller marks and faint clouds. See `textures`."""
     relief = octaves(rng, shape, (shape[0] // 8, shape[1] // 8), 3, 0.7)
     clouds = octaves(rng, shape, (3, 3), 4)
-    image = shaded(plain(shape, colour), contrast(relief, 1.5), 0.09)
-    return shaded(image, clouds, 0.05)
+    image = shade(plain(shape, colour), contrast(relief, 1.5), 0.09)
+    return shade(image, clouds, 0.05)
 
 
 def wallpaper(rng: Rng, shape: Shape, colour: Colour, ink: Colour, motif: int) -> Image:
-    """Printed paper; motif 0 is stripes, 1 sprigs, 2 lattice and 3 medallions."""
+    """Draw printed paper.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+        colour: sRGB.
+        ink: Colour of the print, sRGB.
+        motif: 0 for stripes, 1 sprigs, 2 lattice and 3 medallions.
+    """
     down, across = coordinates(shape)
     v, u = np.broadcast_arrays(down, across)
     mask: NDArray[np.floating]
@@ -170,13 +193,21 @@ def wallpaper(rng: Rng, shape: Shape, colour: Colour, ink: Colour, motif: int) -
         y, x = v * 4 - row - 0.5, (u * 4 + 0.5 * (row % 2)) % 1 - 0.5
         radius = (x * x * 1.7 + y * y) * 4
         mask = ((radius < 0.75) & (wave(radius * 3.2) > 0.5)) * 0.8
-    paper = shaded(plain(shape, colour), octaves(rng, shape, (32, 32), 3, 0.7), 0.07)
+    paper = shade(plain(shape, colour), octaves(rng, shape, (32, 32), 3, 0.7), 0.07)
     worn = 0.8 + 0.2 * lattice(rng, shape, (64, 64))
     return blend(paper, ink, mask.astype(np.float32) * worn)
 
 
-def woven(rng: Rng, shape: Shape, colour: Colour, second: Colour, threads: int = 64) -> Image:
-    """Cloth whose warp and weft differ in colour from thread to thread."""
+def weave(rng: Rng, shape: Shape, colour: Colour, second: Colour, threads: int = 64) -> Image:
+    """Draw cloth whose warp and weft differ in colour from thread to thread.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+        colour: sRGB.
+        second: Second colour, sRGB.
+        threads: Number of threads across.
+    """
     down, across = coordinates(shape)
     count = min(threads, shape[0] // 2)
     v, u = np.broadcast_arrays(down * count, across * count)
@@ -186,16 +217,25 @@ def woven(rng: Rng, shape: Shape, colour: Colour, second: Colour, threads: int =
     slub = octaves(rng, shape, (8, 8), 4)
     profile = np.where(over, wave(v + 0.5), wave(u + 0.5)).astype(np.float32)
     image = blend(colour, second, contrast(0.55 * tone + 0.45 * slub, 1.6))
-    return shaded(image, profile, 0.13)
+    return shade(image, profile, 0.13)
 
 
-def patterned(
+def pattern(
     rng: Rng, shape: Shape, colour: Colour, second: Colour, third: Colour, motif: int
 ) -> Image:
-    """Cloth; motif 0 is stripes, 1 plaid, 2 dots, 3 zigzag, 4 flowers and 5 leaves in rows."""
+    """Draw patterned cloth.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+        colour: sRGB.
+        second: Second colour, sRGB.
+        third: Third colour, sRGB.
+        motif: 0 for stripes, 1 plaid, 2 dots, 3 zigzag, 4 flowers and 5 leaves in rows.
+    """
     down, across = coordinates(shape)
     v, u = np.broadcast_arrays(down, across)
-    ground = woven(rng, shape, colour, tinted(colour, 0.9), 96)
+    ground = weave(rng, shape, colour, tint(colour, 0.9), 96)
     if motif == 0:
         first, other = wave(u * 6) > 0.6, wave(u * 6 + 0.5) > 0.92
     elif motif == 1:
@@ -220,12 +260,20 @@ def patterned(
         first = np.abs(x) < 0.42 * (0.25 - y * y) * 4 * (0.4 + 0.6 * (y < 0.1))
         other = np.abs(x) < 0.04
     worn = (0.85 + 0.15 * grain(rng, shape)).astype(np.float32)
-    image = blend(ground, shaded(plain(shape, second), grain(rng, shape), 0.12), first * worn)
+    image = blend(ground, shade(plain(shape, second), grain(rng, shape), 0.12), first * worn)
     return blend(image, third, other * worn)
 
 
 def rug(rng: Rng, shape: Shape, colour: Colour, second: Colour, third: Colour) -> Image:
-    """A knotted rug that is symmetric about its middle, with borders and a medallion."""
+    """Draw a knotted rug that is symmetric about its middle, with borders and a medallion.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+        colour: sRGB.
+        second: Second colour, sRGB.
+        third: Third colour, sRGB.
+    """
     h, w = shape
     half = (h // 2, w // 2)
     down, across = coordinates(half)
@@ -260,60 +308,76 @@ def rug(rng: Rng, shape: Shape, colour: Colour, second: Colour, third: Colour) -
     full = np.concatenate([full, full[:, ::-1]], axis=1)
     full = np.pad(full, ((0, h - len(full)), (0, w - full.shape[1]), (0, 0)), mode="edge")
     knots = contrast(lattice(rng, shape, (h // 2, w // 2)), 1.5)
-    return shaded(shaded(full, knots, 0.16), octaves(rng, shape, (6, 6), 3), 0.1)
+    return shade(shade(full, knots, 0.16), octaves(rng, shape, (6, 6), 3), 0.1)
 
 
 def stone(rng: Rng, shape: Shape, colour: Colour, second: Colour, *, veined: bool) -> Image:
-    """Marble with veins, or granite with speckles."""
+    """Draw marble with veins, or granite with speckles.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+        colour: sRGB.
+        second: Second colour, sRGB.
+        veined: Draw marble.
+    """
     clouds = octaves(rng, shape, (3, 3), 5)
     if veined:
         vein = np.abs(octaves(rng, shape, (2, 2), 5, 0.6) - 0.5)
         t = np.clip(1 - vein * 16, 0, 1) * 0.8 + contrast(clouds, 1.5) * 0.25
-        return shaded(blend(colour, second, np.clip(t, 0, 1)), grain(rng, shape), 0.03)
+        return shade(blend(colour, second, np.clip(t, 0, 1)), grain(rng, shape), 0.03)
     specks = lattice(rng, shape, (shape[0] // 3, shape[1] // 3))
     t = contrast(0.6 * specks + 0.4 * grain(rng, shape), 3.5)
-    return shaded(blend(colour, second, t), clouds, 0.12)
+    return shade(blend(colour, second, t), clouds, 0.12)
 
 
 def metal(rng: Rng, shape: Shape, colour: Colour) -> Image:
-    """Brushed metal: long scratches along u."""
+    """Draw brushed metal: long scratches along u. See `textures`."""
     scratches = lattice(rng, shape, (shape[0], 6))
     smudges = octaves(rng, shape, (5, 5), 4)
-    return shaded(shaded(plain(shape, colour), scratches, 0.1), smudges, 0.06)
+    return shade(shade(plain(shape, colour), scratches, 0.1), smudges, 0.06)
 
 
-def speckled(rng: Rng, shape: Shape, colour: Colour, second: Colour, share: float) -> Image:
-    """A glaze, enamel or skin with dots of a second colour on clouds."""
-    image = shaded(plain(shape, colour), octaves(rng, shape, (4, 4), 4), 0.12)
+def speckles(rng: Rng, shape: Shape, colour: Colour, second: Colour, share: float) -> Image:
+    """Draw a glaze, enamel or skin with dots of a second colour on clouds.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+        colour: sRGB.
+        second: Second colour, sRGB.
+        share: Fraction that the dots cover.
+    """
+    image = shade(plain(shape, colour), octaves(rng, shape, (4, 4), 4), 0.12)
     dots = lattice(rng, shape, (shape[0] // 5, shape[1] // 5))
     edge = np.clip((dots - (1 - share)) * 8, 0, 1)
     return blend(image, second, edge)
 
 
 def leather(rng: Rng, shape: Shape, colour: Colour) -> Image:
-    """Leather: wrinkled cells and worn places."""
+    """Draw leather: wrinkled cells and worn areas. See `textures`."""
     wrinkles = 2 * np.abs(octaves(rng, shape, (24, 24), 2) - 0.5)
-    image = shaded(plain(shape, colour), contrast(1 - wrinkles, 1.2), 0.16)
-    return shaded(image, octaves(rng, shape, (3, 3), 3), 0.2)
+    image = shade(plain(shape, colour), contrast(1 - wrinkles, 1.2), 0.16)
+    return shade(image, octaves(rng, shape, (3, 3), 3), 0.2)
 
 
 def fur(rng: Rng, shape: Shape, colour: Colour, second: Colour) -> Image:
-    """Plush or grass: short strands."""
+    """Draw plush or grass: short strands. See `textures`."""
     strands = lattice(rng, shape, (shape[0] // 6, shape[1] // 2))
     tufts = octaves(rng, shape, (8, 8), 3)
     return blend(colour, second, contrast(0.6 * strands + 0.4 * tufts, 1.8))
 
 
 def crust(rng: Rng, shape: Shape, colour: Colour, second: Colour) -> Image:
-    """Baked or grown: blotches with bright flecks."""
+    """Draw baked or grown: blotches with bright flecks. See `textures`."""
     blotches = contrast(octaves(rng, shape, (5, 5), 4, 0.6), 2)
     image = blend(colour, second, blotches)
     flecks = np.clip((lattice(rng, shape, (shape[0] // 4, shape[1] // 4)) - 0.85) * 8, 0, 1)
     return blend(image, (0.96, 0.88, 0.72), 0.7 * flecks)
 
 
-def ripened(rng: Rng, shape: Shape, colour: Colour, second: Colour) -> Image:
-    """Fruit skin: one side redder, fine streaks along v, and dots."""
+def fruit_skin(rng: Rng, shape: Shape, colour: Colour, second: Colour) -> Image:
+    """Draw fruit skin: one side redder, fine streaks along v, and dots. See `textures`."""
     flush = octaves(rng, shape, (2, 3), 3)
     streaks = lattice(rng, shape, (3, shape[1] // 3))
     image = blend(colour, second, contrast(0.75 * flush + 0.25 * streaks, 1.8))
@@ -321,23 +385,23 @@ def ripened(rng: Rng, shape: Shape, colour: Colour, second: Colour) -> Image:
     return blend(image, (0.97, 0.9, 0.7), np.clip((dots - 0.9) * 6, 0, 0.7))
 
 
-def streaked(rng: Rng, shape: Shape, colour: Colour, second: Colour) -> Image:
-    """A leaf: streaks along v."""
+def streaks(rng: Rng, shape: Shape, colour: Colour, second: Colour) -> Image:
+    """Draw a leaf: streaks along v. See `textures`."""
     streaks = octaves(rng, shape, (2, shape[1] // 8), 3, 0.7)
     return blend(colour, second, contrast(streaks, 2))
 
 
 def wicker(rng: Rng, shape: Shape, colour: Colour) -> Image:
-    """Plaited willow."""
+    """Draw plaited willow. See `textures`."""
     down, across = coordinates(shape)
     v, u = np.broadcast_arrays(down * 16, across * 8)
     over = (np.floor(v) + np.floor(u)) % 2 == 0
     profile = np.where(over, wave(u + 0.5) * 0.6 + 0.4, 0.35) * np.sqrt(wave(v + 0.5))
-    image = shaded(plain(shape, colour), lattice(rng, shape, (16, 32)), 0.2)
+    image = shade(plain(shape, colour), lattice(rng, shape, (16, 32)), 0.2)
     return image * (0.45 + 0.6 * profile).astype(np.float32)[:, :, None]
 
 
 def bricks(rng: Rng, shape: Shape, colour: Colour, second: Colour) -> Image:
-    """A brick wall."""
+    """Draw a brick wall. See `textures`."""
     image = tiles(rng, shape, colour, second, (12, 4), bond=True, joint=(0.78, 0.75, 0.7))
-    return shaded(image, grain(rng, shape), 0.12)
+    return shade(image, grain(rng, shape), 0.12)

@@ -146,7 +146,7 @@ class ThorRobot:
         return self._controller.step(action=action, **arguments)
 
     def _reachable_points(self) -> Floats:
-        """[P,3] in the world, m."""
+        """Return the reachable positions [P,3] in the world, m."""
         metadata = self._controller.step(action="GetReachablePositions").metadata
         if not metadata["lastActionSuccess"]:
             raise RuntimeError(f"ThorRobot: GetReachablePositions: {metadata['errorMessage']}")

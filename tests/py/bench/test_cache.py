@@ -1,4 +1,4 @@
-"""What was made before is found again by everything that made it, and is whole."""
+"""Cache of folders: keys hold everything that decides the content, and folders are complete."""
 
 import json
 from concurrent.futures import ThreadPoolExecutor
@@ -63,22 +63,22 @@ OTHER_RESULTS = {
 
 
 @pytest.mark.parametrize("what", OTHER_RECORDINGS)
-def test_what_made_a_recording_decides_its_key(what: str) -> None:
+def test_settings_of_a_recording_decide_its_key(what: str) -> None:
     assert digest(OTHER_RECORDINGS[what].recorded_of) != digest(HOME.recorded_of)
 
 
 @pytest.mark.parametrize("what", OTHER_MAPS)
-def test_what_made_a_map_decides_its_key(what: str) -> None:
+def test_settings_of_a_map_decide_its_key(what: str) -> None:
     assert digest(OTHER_MAPS[what].mapped_of) != digest(HOME.mapped_of)
 
 
 @pytest.mark.parametrize("what", OTHER_RESULTS)
-def test_what_decides_results_decides_their_file(what: str) -> None:
+def test_settings_of_detection_decide_the_file_of_results(what: str) -> None:
     assert OTHER_RESULTS[what].results != UNIT.results
 
 
 @pytest.mark.parametrize("what", OTHER_RELOCALIZATIONS)
-def test_what_decides_where_frames_are_found_decides_their_file(what: str) -> None:
+def test_settings_of_relocalization_decide_the_file_of_results(what: str) -> None:
     assert OTHER_RELOCALIZATIONS[what].results != RELOCALIZE_UNIT.results
 
 
@@ -92,7 +92,7 @@ def test_code_decides_the_file_of_results(unit: BenchUnit) -> None:
     assert other.results != UNIT.results
 
 
-def test_what_decides_nothing_does_not_count() -> None:
+def test_settings_without_effect_do_not_change_keys() -> None:
     threads = PRESETS["fast"].model_copy(update={"threads": 7})
     assert with_setup(mapping=threads).mapped_of == HOME.mapped_of
     assert with_setup(mapping=PRESETS["best"]).recorded_of == HOME.recorded_of
@@ -174,7 +174,7 @@ def test_a_folder_is_made_once(tmp_path: Path) -> None:
     assert cached_folder(tmp_path / "maps" / "kitchen_3", {"seed": 4}, make) != first
 
 
-def test_what_was_half_made_does_not_count(tmp_path: Path) -> None:
+def test_an_unfinished_folder_is_made_again(tmp_path: Path) -> None:
     def stopped(folder: Path) -> None:
         folder.mkdir()
         (folder / "half").touch()

@@ -84,7 +84,7 @@ def test_another_type_is_wrong() -> None:
     assert (score.said, score.extra) == ("addition", 1)
 
 
-def test_the_most_certain_report_counts() -> None:
+def test_the_most_confident_report_counts() -> None:
     wrong, right = report("addition", BEFORE, 0.9), report("removal", BEFORE, 0.8)
     score = single("removal", wrong, right)
     assert (score.right, score.found, score.said, score.extra) == (False, True, "addition", 1)
@@ -93,7 +93,7 @@ def test_the_most_certain_report_counts() -> None:
     assert (twice.right, twice.extra) == (True, 1), "one change is told once"
 
 
-def test_nothing_said_is_none_or_unreliable() -> None:
+def test_no_report_is_none_or_unreliable() -> None:
     assert single("removal").said == NONE
     silent = single("removal", unreliable="the image is black")
     assert (silent.said, silent.right, silent.found, silent.extra) == (UNRELIABLE, False, False, 0)
@@ -144,7 +144,7 @@ def test_sizes_fall_into_rows(size_px: int, name: str) -> None:
     assert size_name(size_px) == name
 
 
-def test_the_confusion_is_by_what_happened() -> None:
+def test_the_confusion_is_by_true_type() -> None:
     scores = [
         single("removal", report("removal", AFTER)),
         single("removal", report("addition", BEFORE)),

@@ -42,7 +42,7 @@ def told(said: list[Any]) -> tuple[str | None, list[Change]]:
     return watch(Script(said), [FRAME] * len(said))  # type: ignore[arg-type]
 
 
-def test_the_robot_turns_past_the_look() -> None:
+def test_the_robot_turns_past_the_viewpoint() -> None:
     look = Viewpoint(1.0, 2.0, 5.0, 20.0)
     looks = turn_views(look)
     assert len(looks) == len(TURNS_DEG)
@@ -53,13 +53,13 @@ def test_the_robot_turns_past_the_look() -> None:
         np.testing.assert_array_equal(one.position, look.position)
 
 
-def test_what_is_seen_often_enough_is_told() -> None:
+def test_changes_in_enough_frames_are_reported() -> None:
     often, once = removal(0.0, 0.8), removal(3.0, 1.0)
     assert told([[often], [], [often, once], [often], [], []]) == (None, [often])
     assert told([[often], [], [once], [often], [], []]) == (None, [])
 
 
-def test_the_most_certain_comes_first() -> None:
+def test_the_most_confident_change_comes_first() -> None:
     one, other = removal(0.0, 0.6), removal(3.0, 0.9)
     assert told([[one, other]] * 3) == (None, [other, one])
 
@@ -70,6 +70,6 @@ def test_a_watch_without_a_reliable_frame_is_unreliable() -> None:
     assert told(["dark", [change], [change], [change]]) == (None, [change])
 
 
-def test_a_frame_that_cannot_be_looked_at_is_told() -> None:
+def test_a_frame_that_fails_raises() -> None:
     with pytest.raises(RuntimeError, match="it has stopped: out of memory"):
         told([[], MemoryError("out of memory"), []])

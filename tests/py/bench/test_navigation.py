@@ -1,4 +1,4 @@
-"""`gslts bench navigate`: scores by hand, and what is true of a home."""
+"""Scores and ground truth of `gslts bench navigate`."""
 
 from functools import cache
 
@@ -77,7 +77,7 @@ def truth() -> Truth:
     return Truth(surfel_room.home())
 
 
-def test_ways_are_those_of_dijkstra() -> None:
+def test_paths_are_those_of_dijkstra() -> None:
     places, goals = truth().positions, [0, 7]
     apart = np.linalg.norm(places[:, None] - places, axis=2)
     starts, ends = np.nonzero((apart > 0) & (apart < 0.36))
@@ -91,7 +91,7 @@ def test_ways_are_those_of_dijkstra() -> None:
     assert np.isinf(truth().metres_to([])).all()
 
 
-def test_goals_are_near_and_see_the_thing() -> None:
+def test_goals_are_near_and_see_the_object() -> None:
     places, mug = truth().positions, surfel_room.home()["Mug|1"]
     goals = truth().goals("Mug")
     assert goals
@@ -114,7 +114,7 @@ def test_distances_are_to_the_outline_however_it_is_turned() -> None:
     np.testing.assert_allclose(floor_distances_m(turned, places), expected, atol=1e-6)
 
 
-def test_success_needs_a_thing_that_is_near_and_in_view() -> None:
+def test_success_needs_an_object_that_is_near_and_in_view() -> None:
     robot = Controller(surfel_room.home(), width=160, height=120)
 
     def ends(x: float, y: float, yaw_deg: float, category: str = "Mug") -> bool:

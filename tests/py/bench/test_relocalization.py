@@ -21,7 +21,8 @@ from gslts_bench.relocalization.frames import (
 )
 from gslts_bench.relocalization.room import RecordedRoom, content_digest, transfer
 from gslts_sim import make_home
-from gslts_sim.robot_body import Viewpoint, floor_of
+from gslts_sim.robot_body import Viewpoint
+from gslts_sim.walkable import floor_of
 
 BENCH = BenchHome(
     "bedroom", 3, HomeSetup(frames=16, width=160, height=120, code={"sim": 0}), Path()
@@ -69,7 +70,7 @@ def test_other_homes_are_of_another_type_and_of_the_same() -> None:
     assert (last[1].seed, first[1].seed) == (9998, 10001), "in the same split"
 
 
-def test_looks_nearby_are_from_where_a_robot_can_stand() -> None:
+def test_viewpoints_nearby_are_reachable() -> None:
     home, rng = make_home("bedroom", 3, detail=0.05), np.random.default_rng(0)
     floor = floor_of(home)
     look = Viewpoint.at(floor.grid_positions(0.25)[7], 350.0, 20.0)
@@ -92,7 +93,7 @@ def test_more_visits_begin_with_the_same_ones() -> None:
         assert np.linalg.norm(grid - place, axis=1).min() > 1e-6, "recorded from a grid"
 
 
-def test_changes_are_looked_at_from_several_places() -> None:
+def test_changes_have_several_viewpoints() -> None:
     found = make_cases(BENCH, 0, VIEWS_PER_SET + 1)
     assert [one.name for one in found.cases] == [
         f"changed_{k:02}" for k in range(VIEWS_PER_SET + 1)

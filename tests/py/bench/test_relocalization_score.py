@@ -57,7 +57,7 @@ RECORDS = [
 ]
 
 
-def test_how_far_a_pose_is_off() -> None:
+def test_the_error_of_a_pose() -> None:
     off = PoseError.of(pose(0.03, 20), pose(0.0, 17))
     assert (off.m, off.deg) == pytest.approx((0.03, 3))
     assert off.within(0.031, 3.1)
@@ -66,7 +66,7 @@ def test_how_far_a_pose_is_off() -> None:
     assert PoseError.of(pose(), pose(0, 180)).deg == pytest.approx(180)
 
 
-def test_errors_in_units_of_what_was_told() -> None:
+def test_errors_in_units_of_the_covariance() -> None:
     true, found = pose(0.02, 30), pose(0.0, 30)
     covariance = np.diag([0.01**2] * 3 + [0.005**2] * 3)
     assert normalized_error(found, covariance, true) == pytest.approx(2**2 / 6)
@@ -94,7 +94,7 @@ def test_tracking_starts_so_far_from_the_truth() -> None:
     assert np.abs(starts[0] - starts[2]).max() > 1e-3
 
 
-def test_what_was_said_is_judged_by_the_truth() -> None:
+def test_answers_are_judged_by_the_true_pose() -> None:
     found = Localization(
         status="ok",
         reason="",
@@ -117,7 +117,7 @@ def test_what_was_said_is_judged_by_the_truth() -> None:
     assert (lost.status, lost.reason, lost.off, lost.coarse) == ("lost", "dark", None, None)
 
 
-def test_what_is_lost_is_infinitely_far() -> None:
+def test_lost_frames_are_infinitely_far() -> None:
     answers = [one.located for one in RECORDS[:4] if one.located is not None]
     found = scores(answers)
     assert {key: found[key] for key in ("frames", "ok", "ambiguous", "lost")} == {

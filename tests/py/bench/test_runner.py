@@ -75,7 +75,7 @@ def outcome(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[list[Unit]
     return units, BENCHMARK.measure(units, 1, Bar())
 
 
-def test_records_errors_and_missing_cases_are_told_apart(outcome: tuple[list[Unit], Any]) -> None:
+def test_records_errors_and_missing_cases_are_separate(outcome: tuple[list[Unit], Any]) -> None:
     _, found = outcome
     assert [record.id for record in found.records] == ["a/0", "b/0"]
     assert found.errors == {"a/1": "ValueError: no", "b": "OSError: gone"}
@@ -100,7 +100,7 @@ def test_a_result_says_how_it_was_made(outcome: tuple[list[Unit], Any]) -> None:
     assert "|  | sum |\n| :-- | --: |\n| all | 13 |\n\nA note." in text
 
 
-def test_what_is_no_record_is_named(tmp_path: Path) -> None:
+def test_a_damaged_result_is_named(tmp_path: Path) -> None:
     unit = Unit(Home("a", tmp_path))
     with pytest.raises(ValueError, match=r"a_.*\.jsonl: a/0: this is no result"):
         unit.record_of({"id": "a/0", "square": "four"})

@@ -1,4 +1,4 @@
-"""The rules of `gslts._core.detect` on images made by hand: a wall 2 m ahead, and boxes."""
+"""Rules of `gslts._core.detect` on images made by hand: a wall 2 m ahead, and boxes."""
 
 from typing import Any
 
@@ -24,12 +24,12 @@ def found(
 
 
 def at(row: float, column: float, depth_m: float) -> np.ndarray:
-    """(3,) in the world, of a place in the image; (0.5, 0.5) is the middle of the first pixel."""
+    """Unproject a pixel to (3,) in the world, m; (0.5, 0.5) is the middle of the first pixel."""
     x, y = (column - CAMERA.cx) / CAMERA.fx, (row - CAMERA.cy) / CAMERA.fy
     return POSE[:3, :3] @ (np.array([x, y, 1]) * depth_m) + POSE[:3, 3]
 
 
-def test_nothing_changed_is_nothing_found() -> None:
+def test_equal_images_have_no_change() -> None:
     changes, labels = found(blank())
     assert changes == []
     assert labels.shape == (HEIGHT, WIDTH)
@@ -78,7 +78,7 @@ def test_boxes_of_other_colours_are_two_changes() -> None:
     assert sorted(np.unique(labels)) == [0, 1, 2]
 
 
-def test_what_the_map_never_saw_has_not_changed() -> None:
+def test_unknown_parts_of_the_map_have_not_changed() -> None:
     images = blank()
     put(images, "after", (40, 90))
     images["alpha"][30:80, 80:120] = 0.5
@@ -99,7 +99,7 @@ def test_without_depth_there_is_no_step(missing: float) -> None:
     depth_m=st.floats(1.0, 1.7),
     side=st.sampled_from(["before", "after"]),
 )
-def test_a_shift_of_both_images_shifts_what_is_found(
+def test_a_shift_of_both_images_shifts_the_changes(
     corner: tuple[int, int], shift: tuple[int, int], depth_m: float, side: str
 ) -> None:
     here, there = blank(), blank()
@@ -128,7 +128,7 @@ def test_a_shift_of_both_images_shifts_what_is_found(
     columns=st.integers(6, 40),
     depth_m=st.floats(0.8, 1.6),
 )
-def test_before_and_after_exchanged_exchange_what_is_found(
+def test_swapped_images_swap_additions_and_removals(
     rows: int, columns: int, depth_m: float
 ) -> None:
     images = blank()
@@ -149,7 +149,7 @@ def test_before_and_after_exchanged_exchange_what_is_found(
     np.testing.assert_allclose(one[0].after.point, other[0].before.point, atol=0.02)
 
 
-def test_masks_are_those_of_the_paper_with_the_sense_of_features_reversed() -> None:
+def test_masks_are_those_of_gs_lts_with_the_reversed_feature_test() -> None:
     """The paper prints M_feat = (similarity > tau_feat), which marks what did not change."""
     images = blank()
     images["photo"][20:40, 20:60] += 0.1  # 0.3 over the channels.
@@ -190,7 +190,7 @@ def test_specks_are_cleaned_and_cracks_closed() -> None:
     assert not raw[50].any()
 
 
-def by_the_paper(images: dict[str, np.ndarray], rule: PaperRule | None = None) -> Any:
+def by_gs_lts(images: dict[str, np.ndarray], rule: PaperRule | None = None) -> Any:
     views = core.Views(camera=CAMERA, **images)
     masks = core.masks_of(views, MaskRule())
     return core.paper_change(views, masks, PaperRule() if rule is None else rule)
@@ -199,10 +199,10 @@ def by_the_paper(images: dict[str, np.ndarray], rule: PaperRule | None = None) -
 @pytest.mark.parametrize(
     ("side", "kind"), [("after", ChangeType.ADDITION), ("before", ChangeType.REMOVAL)]
 )
-def test_the_paper_tells_what_was_added_from_what_was_removed(side: str, kind: ChangeType) -> None:
+def test_gs_lts_tells_additions_from_removals(side: str, kind: ChangeType) -> None:
     images = blank()
     put(images, side, (40, 90))
-    change, labels = by_the_paper(images)
+    change, labels = by_gs_lts(images)
     assert change.type == kind
     assert change.second is None
     assert (change.first.u, change.first.v) == pytest.approx((100, 52), abs=0.1)
@@ -211,16 +211,16 @@ def test_the_paper_tells_what_was_added_from_what_was_removed(side: str, kind: C
     assert (labels == change.first.label).sum() == change.first.area
 
 
-def test_the_papers_relocation_lies_between_both_regions() -> None:
+def test_gs_lts_puts_a_relocation_between_both_regions() -> None:
     images = blank()
     put(images, "before", (40, 40))
     put(images, "after", (40, 80))
-    change, _ = by_the_paper(images)
+    change, _ = by_gs_lts(images)
     assert change.type == ChangeType.RELOCATION
     np.testing.assert_allclose(change.point_in_world, at(52, 70, 1.6), atol=0.005)
-    far, _ = by_the_paper(images, PaperRule(tau_d=0.2))
+    far, _ = by_gs_lts(images, PaperRule(tau_d=0.2))
     assert far.type != ChangeType.RELOCATION
-    assert by_the_paper(images, PaperRule(tau_change=0.2))[0] is None
+    assert by_gs_lts(images, PaperRule(tau_change=0.2))[0] is None
 
 
 @pytest.mark.parametrize("name", ["photo", "rgb", "measured", "rendered", "alpha", "similarity"])
@@ -274,8 +274,8 @@ def test_views_keep_their_arrays_alive() -> None:
     assert not arrays["pixel"].any()
 
 
-def test_masks_of_another_size_are_refused() -> None:
-    """They would be read beyond their end."""
+def test_masks_of_another_size_are_rejected() -> None:
+    """The kernel would read beyond their end."""
     views = core.Views(camera=CAMERA, **blank())
     small = Camera(fx=10, fy=10, cx=4, cy=3, width=8, height=6, world_from_camera=np.eye(4))
     few = {name: np.ascontiguousarray(image[:6, :8]) for name, image in blank().items()}
@@ -288,7 +288,7 @@ def test_masks_of_another_size_are_refused() -> None:
         core.paper_change(views, masks, PaperRule())
 
 
-def test_certainty_is_the_confidence_of_a_change() -> None:
+def test_confidence_of_a_change_is_that_of_its_surface() -> None:
     images = blank()
     put(images, "after", (40, 30))
     ((change,), _) = found(images)
@@ -301,8 +301,8 @@ def test_certainty_is_the_confidence_of_a_change() -> None:
     assert change.after.sights is None
 
 
-def test_sights_change_the_certainty() -> None:
-    """What appears where the map's cameras saw a surface is rather an error of the map."""
+def test_visibility_changes_the_confidence() -> None:
+    """An addition where training cameras saw a surface is rather an error of the map."""
     images = blank()
     put(images, "after", (40, 30))
     ((change,), _) = found(images)
@@ -314,7 +314,7 @@ def test_sights_change_the_certainty() -> None:
     assert core.certainty(surface) < free
 
 
-def test_likeness_compares_colours() -> None:
+def test_the_match_score_compares_colours() -> None:
     ends = []
     for side, color in (
         ("before", (0.9, 0.2, 0.1)),

@@ -1,4 +1,4 @@
-"""Settings of the detection."""
+"""Settings of change detection."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from gslts.change.config import DetectionConfig
 
 @pytest.mark.parametrize("strategy", ["objects", "gs_lts"])
 @pytest.mark.parametrize("halvings", [0, 1, 2])
-def test_settings_in_range_are_taken(strategy: Any, halvings: int) -> None:
+def test_settings_in_range_are_accepted(strategy: Any, halvings: int) -> None:
     config = DetectionConfig(strategy=strategy, halvings=halvings)
     assert (config.strategy, config.halvings) == (strategy, halvings)
 

@@ -1,4 +1,4 @@
-"""Exposure between a map and a photograph of which a part changed."""
+"""Exposure between a map and a frame in which a part changed."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ KNOWN = np.ones((HEIGHT, WIDTH), np.bool_)
 
 
 def room(seed: int = 0) -> np.ndarray:
-    """[H,W,3] squares of 6 px in random colours."""
+    """Return [H,W,3] squares of 6 px in random colours."""
     rng = np.random.default_rng(seed)
     squares = rng.uniform(0.1, 0.8, (HEIGHT // 6, WIDTH // 6, 3)).astype(np.float32)
     return squares.repeat(6, 0).repeat(6, 1)
@@ -25,7 +25,7 @@ def photo_of(rgb: np.ndarray) -> np.ndarray:
 
 
 def error(exposure: Exposure) -> float:
-    """The greatest by which gains and offsets are wrong."""
+    """Return the maximum error of gains and offsets."""
     return max(
         np.abs(np.subtract(exposure.gain, GAIN)).max(),
         np.abs(np.subtract(exposure.offset, OFFSET)).max(),
@@ -33,15 +33,15 @@ def error(exposure: Exposure) -> float:
 
 
 @pytest.mark.parametrize("color", [(0.95, 0.1, 0.05), (0.02, 0.02, 0.02), (0.9, 0.9, 0.9)])
-def test_what_changed_does_not_count(color: tuple[float, float, float]) -> None:
+def test_changed_pixels_do_not_count(color: tuple[float, float, float]) -> None:
     rgb = room()
     photo = photo_of(rgb)
-    photo[:, : WIDTH // 5] = color  # 20 % of the picture.
+    photo[:, : WIDTH // 5] = color  # 20 % of the image.
     assert error(robust_exposure(rgb, photo, KNOWN)) < 0.02
     assert error(fit_exposure(rgb, photo)) > 0.1
 
 
-def test_what_the_map_does_not_know_does_not_count() -> None:
+def test_unknown_pixels_do_not_count() -> None:
     rgb = room()
     photo = photo_of(rgb)
     known = KNOWN.copy()
@@ -58,7 +58,7 @@ def test_clipped_colours_do_not_count() -> None:
     assert error(robust_exposure(rgb, photo, KNOWN)) < 0.02
 
 
-def test_without_anything_to_compare_nothing_is_corrected() -> None:
+def test_without_known_pixels_exposure_is_the_identity() -> None:
     rgb = room()
     exposure = robust_exposure(rgb, photo_of(rgb), ~KNOWN)
     assert exposure.gain == pytest.approx((1, 1, 1))

@@ -1,4 +1,4 @@
-"""Features of images: what changes them and what does not, and models from files."""
+"""Dense features: invariance to light, position, and models from files."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from gslts.change.features import OrientedGradients, feature_extractor, similari
 
 HEIGHT, WIDTH = 90, 120
 BORDER_PX = 16
-"""Farther than the features look."""
+"""Margin larger than the neighbourhoods of the features, px."""
 
 
 def likeness(one: np.ndarray, other: np.ndarray, halvings: int = 1) -> np.ndarray:
@@ -19,14 +19,14 @@ def likeness(one: np.ndarray, other: np.ndarray, halvings: int = 1) -> np.ndarra
 halved = pytest.mark.parametrize("halvings", [0, 1])
 
 
-def test_plain_pictures_are_alike() -> None:
+def test_plain_images_are_similar() -> None:
     dark, bright = (np.full((HEIGHT, WIDTH, 3), value, np.float32) for value in (0.1, 0.9))
     np.testing.assert_allclose(likeness(dark, bright), 1, atol=1e-6)
 
 
 @halved
-def test_features_go_with_the_picture(halvings: int) -> None:
-    """By 5 and -9 of their own pixels."""
+def test_features_move_with_the_image(halvings: int) -> None:
+    """Shift by 5 and -9 cells."""
     features = OrientedGradients(halvings)
     picture = texture(0)
     moved = features(np.roll(picture, (5 << halvings, -9 << halvings), axis=(0, 1)))
@@ -38,8 +38,8 @@ def test_features_go_with_the_picture(halvings: int) -> None:
     assert np.abs(moved - features(picture))[inner].max() > 0.01
 
 
-def test_they_are_those_of_the_halved_picture() -> None:
-    """Each of its pixels is the mean of 2 x 2; of an odd side the features still fill it all."""
+def test_halved_features_are_those_of_the_halved_image() -> None:
+    """Each pixel of the halved image is the mean of 2 x 2; odd sides are covered too."""
     rng = np.random.default_rng(0)
     picture = rng.random((HEIGHT, WIDTH, 3), np.float32)
     blocks = picture.reshape(HEIGHT // 2, 2, WIDTH // 2, 2, 3).mean(axis=(1, 3))
@@ -51,8 +51,8 @@ def test_they_are_those_of_the_halved_picture() -> None:
 
 
 @halved
-def test_they_lie_where_the_picture_changed(halvings: int) -> None:
-    """A square of 8 x 8 px: what it changes is around its middle, and as far on either side."""
+def test_features_change_where_the_image_does(halvings: int) -> None:
+    """A square of 8 x 8 px changes features symmetrically around its middle."""
     picture = texture(0)
     changed = picture.copy()
     changed[40:48, 64:72] = 1
@@ -68,15 +68,15 @@ def test_they_lie_where_the_picture_changed(halvings: int) -> None:
 
 
 @halved
-def test_light_hardly_changes_them(halvings: int) -> None:
+def test_light_hardly_changes_features(halvings: int) -> None:
     picture = texture(0)
     assert likeness(picture, 0.7 * picture + np.float32(0.1), halvings).min() > 0.97
     assert likeness(picture, picture, halvings).min() > 1 - 1e-5
 
 
 @halved
-def test_another_texture_changes_them(halvings: int) -> None:
-    """Stripes are two pixels of the features wide: narrower ones are gone when halved."""
+def test_another_texture_changes_features(halvings: int) -> None:
+    """Stripes are two cells wide: narrower ones vanish in the halved image."""
     assert np.median(likeness(texture(0), texture(1), halvings)) < 0.85
     on = np.arange(max(HEIGHT, WIDTH)) % (4 << halvings) < 2 << halvings
     stripes = np.zeros((HEIGHT, WIDTH, 3), np.float32)
@@ -95,8 +95,8 @@ def test_a_step_from_dark_to_bright_is_not_the_opposite_one(halvings: int) -> No
     assert likeness(step, step[:, ::-1], halvings)[HEIGHT // 2, WIDTH // 2] < 0.1
 
 
-def test_coarse_features_lie_where_they_were_computed() -> None:
-    """One cell of 3 x 4 differs; its middle in the large image is where they differ most."""
+def test_coarse_features_are_resized_in_place() -> None:
+    """A cell of 3 x 4 differs; the minimum of the large image is at its middle."""
     one = np.ones((3, 4, 2), np.float32)
     other = one.copy()
     other[2, 1] = 1, -1
@@ -109,7 +109,7 @@ def test_coarse_features_lie_where_they_were_computed() -> None:
     np.testing.assert_array_equal(alike[:15], 1)
 
 
-def test_features_of_nothing_are_alike_to_nothing() -> None:
+def test_zero_features_have_no_similarity() -> None:
     nothing = np.zeros((2, 2, 3), np.float32)
     np.testing.assert_array_equal(similarity(nothing, nothing + 1, 2, 2), 0)
 

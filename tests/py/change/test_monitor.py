@@ -1,4 +1,4 @@
-"""Standing watch: what is believed, what is counted, and how it ends."""
+"""The change monitor: confirmation over several frames, counts of frames, and its end."""
 
 import threading
 import tracemalloc
@@ -31,7 +31,7 @@ def frame(time_s: float) -> RgbdFrame:
 
 
 class Stub:
-    """A detector that finds what it is told at the time of the frame."""
+    """A detector that returns scripted changes by the time of the frame."""
 
     def __init__(self, found: Found) -> None:
         self.found = found
@@ -45,7 +45,7 @@ class Stub:
 
 
 def watched(found: Found, frames: int, config: MonitorConfig = FAST) -> tuple[list, ChangeMonitor]:
-    """All reports of so many frames, each looked at."""
+    """Process a number of frames and return all reports."""
     reports = []
     with ChangeMonitor(Stub(found), config) as monitor:
         for k in range(frames):
@@ -55,7 +55,7 @@ def watched(found: Found, frames: int, config: MonitorConfig = FAST) -> tuple[li
     return reports, monitor
 
 
-def test_a_change_is_reported_once_it_was_seen_often_enough() -> None:
+def test_a_change_is_reported_when_enough_frames_show_it() -> None:
     reports, monitor = watched(lambda _: [change(1.0)], 20)
     (report,) = reports
     assert report.number == 1
@@ -65,14 +65,14 @@ def test_a_change_is_reported_once_it_was_seen_often_enough() -> None:
     assert monitor.counts.dropped == monitor.counts.unreliable == 0
 
 
-def test_it_is_reported_as_last_seen() -> None:
+def test_it_is_reported_as_last_observed() -> None:
     reports, _ = watched(lambda t: [change(1.0 + 0.1 * t, confidence=0.1 * t)], 3)
     assert reports[0].change.point[0] == pytest.approx(1.2)
     assert reports[0].change.confidence == pytest.approx(0.2)
 
 
 def test_a_glitch_is_never_reported() -> None:
-    """In one frame, in two of six, or each time somewhere else."""
+    """Test a change in one frame, in two of six, and at ever new positions."""
     assert watched(lambda t: [change(1.0)] if t == 7 else [], 30)[0] == []
     assert watched(lambda t: [change(1.0)] if t % 3 == 0 else [], 30)[0] == []
     assert watched(lambda t: [change(t)], 30)[0] == []
@@ -81,13 +81,13 @@ def test_a_glitch_is_never_reported() -> None:
 
 
 def test_one_frame_counts_once() -> None:
-    """Three sightings beside each other in one frame are not three frames."""
+    """Three near observations in one frame are not three frames."""
     both = [change(1.0), change(1.1), change(1.2)]
     assert watched(lambda t: both if t == 3 else [], 10)[0] == []
     assert len(watched(lambda t: both if t in (3, 4, 5) else [], 10)[0]) == 1
 
 
-def test_changes_apart_are_several() -> None:
+def test_distant_changes_are_several() -> None:
     both = [change(1.0), change(2.0), change(1.0, "removal")]
     reports, _ = watched(lambda _: both, 10)
     assert [one.number for one in reports] == [1, 2, 3]
@@ -103,7 +103,7 @@ def boxes(
     after: tuple[int, int] | None = None,
     color: tuple[float, float, float] = RED,
 ) -> list[Change]:
-    """What an image tells in which a red box vanished here, and one of a colour appeared there."""
+    """Return the changes if a red box is removed and one of some colour is added."""
     images = blank()
     if before is not None:
         put(images, "before", before, color=RED)
@@ -113,7 +113,7 @@ def boxes(
 
 
 HERE, THERE, BEYOND = (40, 20), (40, 100), (80, 60)
-"""First rows and columns of boxes that are farther apart than sightings of one change."""
+"""First rows and columns of boxes farther apart than observations of one change."""
 
 
 @pytest.mark.parametrize("removal_first", [True, False])
@@ -132,6 +132,14 @@ def test_ends_of_different_frames_are_one_relocation(removal_first: bool) -> Non
     np.testing.assert_array_equal(second.change.point, addition.point)
 
 
+def test_an_end_of_a_plain_relocation_is_not_reported_beside_it() -> None:
+    """Changes of another detector have boxes and no surfaces."""
+    before, after = (tuple(np.array([x, -0.1, h]) for h in (0.9, 1.1)) for x in (1.0, 3.0))
+    whole = Change("relocation", 0.9, np.array([3.0, 0.0, 1.0]), (before, after))
+    reports, _ = watched(lambda t: [whole] if t < 3 else [change(1.0, "removal")], 10)
+    assert [report.change.kind for report in reports] == ["relocation"]
+
+
 def test_unlike_ends_of_different_frames_are_two_changes() -> None:
     (removal,) = boxes(before=HERE)
     for addition in (*boxes(after=THERE, color=BLUE), change(5.0), gs_lts_change_at("after")):
@@ -140,13 +148,13 @@ def test_unlike_ends_of_different_frames_are_two_changes() -> None:
         assert [one.replaces for one in reports] == [None, None]
 
 
-def test_an_end_that_is_not_confirmed_is_none() -> None:
+def test_an_unconfirmed_end_joins_no_relocation() -> None:
     (removal,), (addition,) = boxes(before=HERE), boxes(after=THERE)
     reports, _ = watched(lambda t: [removal if t in (0, 1) else addition], 20)
     assert [(one.change.kind, one.replaces) for one in reports] == [("addition", None)]
 
 
-def test_an_end_that_was_resolved_is_none() -> None:
+def test_a_resolved_end_joins_no_relocation() -> None:
     (removal,), (addition,) = boxes(before=HERE), boxes(after=THERE)
     with ChangeMonitor(Stub(lambda t: [removal if t < 5 else addition]), FAST) as monitor:
         reports = []
@@ -163,7 +171,7 @@ def test_an_end_that_was_resolved_is_none() -> None:
 
 
 def test_one_end_belongs_to_one_relocation() -> None:
-    """Of two boxes like the one that is gone, the second is new."""
+    """If two boxes like the removed one appear, the second one is an addition."""
     (removal,), (one,), (other,) = boxes(before=HERE), boxes(after=THERE), boxes(after=BEYOND)
     assert np.linalg.norm(one.point - other.point) > FAST.near_m
     seen = (removal, one, other)
@@ -176,7 +184,7 @@ def test_one_end_belongs_to_one_relocation() -> None:
 
 
 def test_a_relocation_whose_ends_were_joined_is_not_reported_again() -> None:
-    """Later both ends are in one frame."""
+    """Later frames show both ends at once."""
     seen = (*boxes(before=HERE), *boxes(after=THERE), *boxes(before=HERE, after=THERE))
     assert [one.kind for one in seen] == ["removal", "addition", "relocation"]
     reports, _ = watched(lambda t: [seen[int(t) // 5]], 15)
@@ -186,13 +194,13 @@ def test_a_relocation_whose_ends_were_joined_is_not_reported_again() -> None:
     ]
 
 
-def test_frames_in_which_it_is_hidden_do_not_matter() -> None:
+def test_frames_without_the_change_may_lie_between() -> None:
     reports, _ = watched(lambda t: [change(1.0)] if t % 2 == 0 else [], 10)
     (report,) = reports
     assert report.times_s == (0.0, 2.0, 4.0)
 
 
-def test_resolved_it_may_be_reported_again() -> None:
+def test_a_resolved_change_may_be_reported_again() -> None:
     with ChangeMonitor(Stub(lambda _: [change(1.0), change(5.0)]), FAST) as monitor:
 
         def seen(times: range) -> list:
@@ -211,7 +219,7 @@ def test_resolved_it_may_be_reported_again() -> None:
         assert second.number == 2
 
 
-def test_a_new_map_starts_anew() -> None:
+def test_a_new_map_forgets_old_observations() -> None:
     old, new = Stub(lambda _: [change(1.0)]), Stub(lambda _: [change(2.0)])
     with ChangeMonitor(old, FAST) as monitor:
         for k in range(2):
@@ -227,7 +235,7 @@ def test_a_new_map_starts_anew() -> None:
     assert old.times == [0.0, 1.0]
 
 
-def test_what_is_being_looked_at_when_the_map_changes_is_not_counted() -> None:
+def test_a_frame_in_process_when_the_map_changes_does_not_count() -> None:
     started, go_on = threading.Event(), threading.Event()
 
     class Slow(Stub):
@@ -247,7 +255,7 @@ def test_what_is_being_looked_at_when_the_map_changes_is_not_counted() -> None:
         assert monitor.counts.processed == 1
 
 
-def test_a_detector_that_fails_is_an_error_and_no_silence() -> None:
+def test_a_failure_of_the_detector_is_raised() -> None:
     def fail(_: float) -> list[Change]:
         raise ValueError("the camera melted")
 
@@ -264,8 +272,8 @@ def test_a_detector_that_fails_is_an_error_and_no_silence() -> None:
         monitor.poll()  # It is not forgotten.
 
 
-def test_it_stops_in_the_middle_of_a_pause() -> None:
-    """That would never end, as the clock stands still."""
+def test_close_ends_a_pause() -> None:
+    """The pause would never end, as the clock stands still."""
     before = threading.active_count()
     detector = Gated(Stub(lambda _: []))
     monitor = ChangeMonitor(detector, MonitorConfig(rate_hz=0.01, queue=3), clock=Clock())
@@ -284,7 +292,7 @@ def test_it_stops_in_the_middle_of_a_pause() -> None:
 
 
 def test_it_keeps_to_its_rate_and_to_the_newest_frames() -> None:
-    """Of four frames that come one is looked at, the older one of the two that wait."""
+    """The rate allows one of four frames: the older one of the two that wait."""
     stub, clock = Stub(lambda _: []), Clock()
     detector = Gated(stub)
     config = MonitorConfig(rate_hz=1024, queue=2)
@@ -299,7 +307,7 @@ def test_it_keeps_to_its_rate_and_to_the_newest_frames() -> None:
 
 
 def test_under_load_memory_stays_and_nothing_confirmed_is_lost() -> None:
-    """1,000 frames come twice as fast as they can be looked at; something changes every 100."""
+    """1,000 frames come twice as fast as they can be processed; a change comes every 100."""
     count, lasting = 1000, 100
     stub = Stub(lambda t: [change(float(int(t) // lasting))])
     detector = Gated(stub)

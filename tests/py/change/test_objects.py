@@ -1,4 +1,4 @@
-"""What is told of surfaces: how certain a change must be, and which ends are one relocation."""
+"""Changes from surfaces: confidence thresholds, and ends joined to relocations."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def one_box(
     depth_m: float = 1.6,
     camera: Camera = CAMERA,
 ) -> Change:
-    """What an image in which only a box has changed tells."""
+    """Return the change in an image in which only a box changed."""
     images = blank()
     put(images, side, (40, 20 if side == "before" else 100), size, depth_m, color)
     (change,) = changes_in(images, camera=camera)
@@ -29,7 +29,7 @@ def one_box(
 
 
 def doubtful() -> Images:
-    """A map that is 3 cm off, and a little brighter."""
+    """Return images of a map that is 3 cm off and a little brighter."""
     images = blank()
     images["rendered"] += np.float32(0.03)
     images["rgb"] += np.float32(0.03)
@@ -37,7 +37,7 @@ def doubtful() -> Images:
 
 
 def several() -> Images:
-    """Boxes of all colours, from one that stands out to some that are hardly nearer."""
+    """Return images with boxes of all colours, from a distinct one to barely visible ones."""
     images = doubtful()
     put(images, "after", (60, 60), (24, 20), 1.6, (0.9, 0.9, 0.0))
     put(images, "before", (10, 60), (24, 20), 1.94, (0.1, 0.9, 0.1))
@@ -47,23 +47,23 @@ def several() -> Images:
     return images
 
 
-def test_nothing_less_certain_than_asked_is_told() -> None:
+def test_changes_below_the_confidence_threshold_are_left_out() -> None:
     images = several()
     everything = changes_in(images, ObjectRule(certain=0))
-    certainties = [one.confidence for one in everything]
-    assert len(certainties) == 5
-    assert certainties == sorted(certainties, reverse=True)
-    assert certainties[-1] < 0.7 < 0.95 < certainties[0] < 1
-    for certain in (0.2, 0.5, 0.7, 0.9, 0.99, *certainties, 1.0):
+    confidences = [one.confidence for one in everything]
+    assert len(confidences) == 5
+    assert confidences == sorted(confidences, reverse=True)
+    assert confidences[-1] < 0.7 < 0.95 < confidences[0] < 1
+    for certain in (0.2, 0.5, 0.7, 0.9, 0.99, *confidences, 1.0):
         some = changes_in(images, ObjectRule(certain=certain))
-        assert [one.confidence for one in some] == [one for one in certainties if one >= certain]
+        assert [one.confidence for one in some] == [one for one in confidences if one >= certain]
         for one, other in zip(some, everything, strict=False):
             assert one.kind == other.kind
             np.testing.assert_array_equal(one.point, other.point)
 
 
 def test_one_end_makes_the_other_more_likely() -> None:
-    """What is hardly nearer is told if something like it is surely somewhere else."""
+    """A barely visible end is reported if a similar object is distinct elsewhere."""
     strict, muted = ObjectRule(certain=0.97), (0.7, 0.4, 0.3)
     alone, unlike, alike = doubtful(), doubtful(), doubtful()
     for images in (alone, unlike, alike):
@@ -80,7 +80,7 @@ def test_one_end_makes_the_other_more_likely() -> None:
     assert relocation.confidence >= 0.97
 
 
-def test_a_change_has_the_surfaces_and_the_masks_of_its_times() -> None:
+def test_a_change_has_surfaces_and_masks_before_and_after() -> None:
     images = blank()
     put(images, "before", (40, 20))
     put(images, "after", (50, 100))
@@ -111,8 +111,8 @@ def test_a_change_has_the_surfaces_and_the_masks_of_its_times() -> None:
     np.testing.assert_array_equal(removal.point, removal.before.point)
 
 
-def test_alike_ends_of_two_frames_are_a_relocation() -> None:
-    """They may be of two cameras: the same box is fewer pixels from farther away."""
+def test_similar_ends_of_two_frames_are_a_relocation() -> None:
+    """The cameras may differ: the same box covers fewer pixels at a larger distance."""
     removal = one_box("before", depth_m=1.2, size=(32, 24))
     addition = one_box("after", depth_m=1.6, size=(24, 18), camera=ELSEWHERE)
     whole = relocation_of(removal, addition, RULE)
@@ -130,7 +130,7 @@ def test_alike_ends_of_two_frames_are_a_relocation() -> None:
     assert whole.masks[1] is addition.masks[1]
 
 
-def test_unlike_ends_are_no_relocation() -> None:
+def test_different_ends_are_no_relocation() -> None:
     removal, addition = one_box("before"), one_box("after")
     assert relocation_of(removal, addition, RULE) is not None
     assert relocation_of(removal, one_box("after", BLUE), RULE) is None
@@ -139,14 +139,14 @@ def test_unlike_ends_are_no_relocation() -> None:
     assert relocation_of(removal, one_box("after", (0.8, 0.5, 0.1)), ObjectRule(alike=0.9)) is None
 
 
-def test_ends_are_one_of_each_time() -> None:
+def test_a_relocation_needs_a_removal_and_an_addition() -> None:
     removal, addition = one_box("before"), one_box("after")
     assert relocation_of(addition, removal, RULE) is None
     assert relocation_of(removal, removal, RULE) is None
     assert relocation_of(addition, addition, RULE) is None
 
 
-def test_changes_gs_lts_change_at_have_no_ends_to_be_joined() -> None:
+def test_changes_of_gs_lts_have_no_surfaces_to_join() -> None:
     removal, addition = gs_lts_change_at("before"), gs_lts_change_at("after")
     assert (removal.kind, addition.kind) == ("removal", "addition")
     assert removal.boxes == addition.boxes == (None, None)

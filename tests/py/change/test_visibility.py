@@ -1,4 +1,4 @@
-"""What cameras looked through and what they saw: a wall 2 m ahead of one made by hand."""
+"""Visibility counts for a wall 2 m ahead, made by hand."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from gslts.core.gaussian_map import GaussianMap
 WALL_Y_M = 2.0
 FIRST_Y_M = (WALL_Y_M - SURFACE_MARGIN_M) / (1 + SURFACE_MARGIN_SHARE)
 LAST_Y_M = (WALL_Y_M + SURFACE_MARGIN_M) / (1 - SURFACE_MARGIN_SHARE)
-"""Between these a point is on the wall."""
+"""Depths between which a point is on the wall, m."""
 CAMERA = Camera(
     fx=100,
     fy=120,
@@ -25,7 +25,7 @@ CAMERA = Camera(
 
 
 def wall(low_x: float = -2.0, high_x: float = 2.0) -> GaussianMap:
-    """Opaque flat Gaussians in the plane y = 2 m, from z = 0 to 2 m."""
+    """Return opaque flat Gaussians in the plane y = 2 m, from z = 0 to 2 m."""
     x, z = np.meshgrid(np.arange(low_x, high_x, 0.05), np.arange(0, 2, 0.05))
     means = np.stack([x.ravel(), np.full(x.size, WALL_Y_M), z.ravel()], axis=1)
     quats = np.zeros((x.size, 4))
@@ -40,7 +40,7 @@ def wall(low_x: float = -2.0, high_x: float = 2.0) -> GaussianMap:
 
 
 def counts_at(space: Visibility, *points: tuple[float, float, float]) -> list[tuple[int, int]]:
-    """How many cameras looked through each point, and how many saw a surface there."""
+    """Return for each point how many cameras saw through it and how many saw a surface."""
     sights = space.counts(np.array(points, np.float64).reshape(-1, 3))
     assert sights.through.shape == sights.on.shape == (len(points),)
     return list(zip(sights.through.tolist(), sights.on.tolist(), strict=True))
@@ -77,7 +77,7 @@ BEFORE, ON, UNSEEN = (1, 0), (0, 1), (0, 0)
         ((0.0, WALL_Y_M, -0.05), UNSEEN),
     ],
 )
-def test_what_stands_before_a_surface_is_looked_through_and_the_surface_is_seen(
+def test_cameras_see_through_points_before_a_surface(
     point: tuple[float, float, float], expected: tuple[int, int]
 ) -> None:
     assert counts_at(Visibility(wall(), [CAMERA]), point) == [expected]
@@ -85,7 +85,7 @@ def test_what_stands_before_a_surface_is_looked_through_and_the_surface_is_seen(
 
 @pytest.mark.parametrize("distance_m", [0.6, 1.0, 1.7])
 def test_the_margin_grows_with_the_distance(distance_m: float) -> None:
-    """From nearer to the wall, less before and behind it may be the wall."""
+    """A camera nearer to the wall has a smaller margin."""
     eye = np.array([0.0, WALL_Y_M - distance_m, 1.0])
     nearer = Visibility(wall(), [at_pose(CAMERA, look_at(eye, np.array([0.0, WALL_Y_M, 1.0])))])
     first = WALL_Y_M - distance_m + (distance_m - SURFACE_MARGIN_M) / (1 + SURFACE_MARGIN_SHARE)
@@ -95,15 +95,15 @@ def test_the_margin_grows_with_the_distance(distance_m: float) -> None:
     assert counts_at(nearer, *points) == [BEFORE, ON, ON, UNSEEN]
 
 
-def test_where_the_map_shows_nothing_nothing_is_known() -> None:
-    """Through a hole in the wall nobody knows how far the camera saw."""
+def test_cameras_do_not_see_through_holes_of_the_map() -> None:
+    """Behind a hole in the wall, the range of the camera is unknown."""
     half = Visibility(wall(high_x=0.0), [CAMERA])
     places = ((-0.3, 1.0, 1.0), (0.3, 1.0, 1.0), (-0.3, WALL_Y_M, 1.0), (0.3, WALL_Y_M, 1.0))
     assert counts_at(half, *places) == [BEFORE, UNSEEN, ON, UNSEEN]
 
 
 def test_each_camera_counts_each_point() -> None:
-    """One at the wall's left, one at its right, one beside both, and one that turned away."""
+    """Test cameras at the left, at the right and in the middle of the wall, and one turned away."""
     left, right = (
         at_pose(CAMERA, look_at(np.array([x, 0.0, 1.0]), np.array([x, 1.0, 1.0])))
         for x in (-0.5, 0.5)
@@ -125,7 +125,7 @@ def test_each_camera_counts_each_point() -> None:
     assert counts_at(Visibility(wall(), [away]), *points) == [UNSEEN] * len(points)
 
 
-def test_a_point_may_be_looked_through_by_one_camera_and_seen_by_another() -> None:
+def test_one_camera_may_see_through_a_point_and_another_see_it() -> None:
     """From 2.5 m away a point 9 cm off the wall is clear of it, and from 9 m it is not."""
     far, behind = (
         at_pose(CAMERA, look_at(np.array([0.0, y, 1.0]), np.array([0.0, WALL_Y_M, 1.0])))
@@ -136,8 +136,8 @@ def test_a_point_may_be_looked_through_by_one_camera_and_seen_by_another() -> No
     assert counts_at(space, *points) == [(2, 0), (1, 1), (0, 3), (1, 0)]
 
 
-def test_cameras_of_any_size_tell_the_same() -> None:
-    """Depth images that are kept are 160 px wide, and all that is counted in pixels goes along."""
+def test_counts_do_not_depend_on_the_image_size() -> None:
+    """Depth images are 160 px wide whatever the camera."""
     large = Camera(
         fx=300,
         fy=360,
@@ -168,13 +168,13 @@ def test_cameras_are_read_once() -> None:
     assert counts_at(space) == []
 
 
-def test_without_cameras_nothing_is_known() -> None:
+def test_without_cameras_all_counts_are_zero() -> None:
     nobody = Visibility(wall(), [])
     assert not nobody.has_cameras
     assert counts_at(nobody, (0.0, 1.0, 1.0), (0.0, WALL_Y_M, 1.0)) == [UNSEEN, UNSEEN]
 
 
-def test_many_points_are_looked_at_a_few_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_many_points_are_tested_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     points = np.random.default_rng(0).uniform((-1, 0.5, 0), (1, 2.5, 2), (500, 3))
     space = Visibility(wall(), [CAMERA, at_pose(CAMERA, look_at((0.5, 0.2, 1), (0, 2, 1)))])
     once, shown = space.counts(points), space.visible(points, 1.9)

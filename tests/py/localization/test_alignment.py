@@ -1,4 +1,4 @@
-"""Alignment of a camera: its equations hold for the true change, and lead to it."""
+"""Direct image alignment: its equations hold for the true change and lead to it."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from gslts.core.camera import at_pose
 from gslts.core.se3 import fit_rigid_motion, se3_retract, twist_of
 from gslts.localization.alignment import NormalEquations, align
 from gslts.mapping.gauge import move_map
-from gslts.mapping.lenses import Lenses, after_step, corrected_lenses, pose_step
+from gslts.mapping.lenses import Lenses, after_step, pose_step, refine_lenses
 from gslts.rendering.losses import Exposure
 from gslts_bench.synthetic_rooms import make_room
 
@@ -32,7 +32,7 @@ def start() -> Camera:
 
 
 def changed(camera: Camera, change: np.ndarray) -> Camera:
-    """By (rho, phi, log fx, log fy, cx, cy)."""
+    """Change a camera by (rho, phi, log fx, log fy, cx, cy)."""
     return camera_at(
         move(camera, change[:6]).world_from_camera,
         fx=camera.fx * np.exp(change[6]),
@@ -48,7 +48,7 @@ def solved(equations: NormalEquations) -> np.ndarray:
 
 @pytest.mark.parametrize("parameter", range(10))
 def test_the_equations_hold_for_a_small_change(parameter: int) -> None:
-    """Photograph and depth as a camera with the change sees them, rendering without it."""
+    """Observe with the changed camera and render with the original one."""
     change = np.zeros(10)
     change[parameter] = 0.05 if parameter >= 8 else 3e-4
     rendered, seen = look(start()), look(changed(start(), change))
@@ -82,7 +82,7 @@ def test_exposure_is_applied_to_the_rendering() -> None:
     assert np.abs(equal.color.right).max() < 1e-6
 
 
-def test_gross_differences_edges_holes_and_masked_pixels_do_not_count() -> None:
+def test_outliers_edges_holes_and_masked_pixels_do_not_count() -> None:
     rgb, depth = look(start())
     photo, measured = rgb.copy(), 1.01 * depth
     mask = np.zeros(depth.shape, bool)
@@ -108,7 +108,7 @@ def test_gross_differences_edges_holes_and_masked_pixels_do_not_count() -> None:
     assert rim.hessian[0, 0] > 0
 
 
-def test_the_same_for_any_number_of_threads() -> None:
+def test_results_do_not_depend_on_the_number_of_threads() -> None:
     rendered = [image.astype(np.float32) for image in look(start())]
     seen = [image.astype(np.float32) for image in look(move(start(), np.full(6, 0.01)))]
     one, three = (align(start(), *rendered, *seen, threads=threads) for threads in (1, 3))
@@ -120,7 +120,7 @@ def test_the_same_for_any_number_of_threads() -> None:
         np.testing.assert_allclose(first.right, getattr(exact, kind).right, rtol=2e-2, atol=0.5)
 
 
-def test_images_that_do_not_fit_are_refused() -> None:
+def test_images_that_do_not_fit_are_rejected() -> None:
     rgb, depth = look(start())
     with pytest.raises(
         ValueError, match=r"measured: expected .* \(120, 160\), got .* \(119, 160\)"
@@ -130,8 +130,8 @@ def test_images_that_do_not_fit_are_refused() -> None:
         align(start(), rgb, depth, rgb.astype(np.float32), depth)
 
 
-def test_lenses_come_out_although_all_poses_are_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Colours tell the focal length, colours against depth how the two lenses stand."""
+def test_intrinsics_are_found_although_all_poses_are_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Colour determines the focal length, colour and depth the pose between both cameras."""
     monkeypatch.setattr(mapping_lenses, "CORRELATED_PIXELS", 0.01)  # Nothing is known before.
     rng = np.random.default_rng(0)
     true_color = camera_at(np.eye(4))
@@ -159,7 +159,7 @@ def test_lenses_come_out_although_all_poses_are_wrong(monkeypatch: pytest.Monkey
             twist = pose_step(alignment)
             guesses[k] = move(camera, twist).world_from_camera
             looks.append(after_step(alignment, twist))
-        lenses = corrected_lenses(lenses, given, looks)
+        lenses = refine_lenses(lenses, given, looks)
     assert lenses.color.fx == pytest.approx(150.0, abs=0.05)
     assert lenses.color.fy == pytest.approx(152.0, abs=0.05)
     assert lenses.color.cx == pytest.approx(83.0, abs=0.05)

@@ -23,7 +23,7 @@ def test_positive_systems_are_solved(size: int, columns: int | None) -> None:
     np.testing.assert_array_equal(right, given[1])
 
 
-def test_what_equations_do_not_fix_stays_zero() -> None:
+def test_undetermined_unknowns_stay_zero() -> None:
     rows = RNG.normal(size=(4, 6))
     matrix, right = rows.T @ rows, rows.T @ RNG.normal(size=4)
     found = solve_positive(matrix, right)
@@ -33,7 +33,7 @@ def test_what_equations_do_not_fix_stays_zero() -> None:
 
 
 @pytest.mark.parametrize("shape", [(3,), (7, 3), (2, 5, 3), (0, 3)])
-def test_points_are_carried_there_and_back(shape: tuple[int, ...]) -> None:
+def test_points_are_transformed_and_back(shape: tuple[int, ...]) -> None:
     pose, points = POSES[0], RNG.normal(size=shape)
     there = transform(pose, points)
     np.testing.assert_allclose(there, points @ pose[:3, :3].T + pose[:3, 3], atol=1e-12)

@@ -8,7 +8,7 @@ from gslts._core.reloc import CloudRule, Registration, register_clouds
 
 
 def corner(count: int, seed: int) -> np.ndarray:
-    """[count,3] float32: a floor and two walls of 2 m, measured to 3 mm."""
+    """Return [count,3] float32 points of a floor and two walls of 2 m, with 3 mm noise."""
     random = np.random.default_rng(seed)
     points = random.uniform(0, 2, (count, 3))
     points[np.arange(count), random.integers(0, 3, count)] = 0
@@ -16,7 +16,7 @@ def corner(count: int, seed: int) -> np.ndarray:
 
 
 def motion() -> np.ndarray:
-    """[4,4]: 3 degrees and 5 cm."""
+    """Return a motion [4,4] of 3 degrees and 5 cm."""
     matrix = np.eye(4)
     matrix[:3, :3] = Rotation.from_rotvec([1, -2, 2], degrees=True).as_matrix()
     matrix[:3, 3] = 0.03, 0.04, -0.01
@@ -32,7 +32,7 @@ def registered(source: np.ndarray, target: np.ndarray, guess: np.ndarray) -> Reg
 
 
 @pytest.mark.parametrize("start", ["from afar", "from there"])
-def test_a_corner_is_brought_onto_itself(start: str) -> None:
+def test_a_corner_is_registered_with_itself(start: str) -> None:
     expected = motion()
     guess = np.eye(4) if start == "from afar" else expected
     found = registered(corner(4000, 1), moved(corner(6000, 2), expected), guess)
@@ -47,14 +47,14 @@ def test_a_corner_is_brought_onto_itself(start: str) -> None:
     assert np.degrees(turn.magnitude()) < 0.2
 
 
-def test_of_few_points_the_guess_comes_back() -> None:
+def test_with_few_points_the_guess_is_returned() -> None:
     few = np.zeros((0, 3), np.float32)
     found = registered(few, corner(100, 1), motion())
     assert (found.converged, found.overlap, found.rms_m) == (False, 0, 0)
     np.testing.assert_array_equal(found.target_from_source, motion())
 
 
-def test_a_rule_holds_what_it_was_given() -> None:
+def test_a_rule_keeps_its_settings() -> None:
     rule = CloudRule(voxel_m=0.1, max_distance_m=0.3, neighbours=8, iterations=5)
     assert (rule.voxel_m, rule.max_distance_m) == (0.1, 0.3)
     assert (rule.neighbours, rule.iterations) == (8, 5)

@@ -1,4 +1,4 @@
-"""Where Gaussians become more, and which ones nobody would miss."""
+"""Splitting of Gaussians during the optimization, and their weights in images."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 import gslts
 from gslts.core.frame import RgbdFrame
 from gslts.mapping.config import MappingConfig
-from gslts.mapping.density.control import greatest_weights, split
+from gslts.mapping.density.control import max_weights, split
 from gslts.mapping.observation import Observation
 from gslts.mapping.optimize import Optimizer, Schedule
 from gslts.mapping.seeding.depth_seeds import flat_gaussians
@@ -29,9 +29,13 @@ def grey_wall() -> gslts.GaussianMap:
     return flat_gaussians(points, normals, colors, np.full(len(points), 0.1), 0.8, 0)
 
 
-def grown(growth: float, most: int | None = None, steps: int = 60) -> gslts.GaussianMap:
+def grown(growth: float, max_gaussians: int | None = None, steps: int = 60) -> gslts.GaussianMap:
     config = MappingConfig(
-        growth=growth, max_gaussians=most, voxel_m=0.1, refine_poses=False, refine_lenses=False
+        growth=growth,
+        max_gaussians=max_gaussians,
+        voxel_m=0.1,
+        refine_poses=False,
+        refine_lenses=False,
     )
     observation = half_striped()
     schedule = Schedule(steps, ((float("inf"), 0),))
@@ -41,7 +45,7 @@ def grown(growth: float, most: int | None = None, steps: int = 60) -> gslts.Gaus
     return optimizer.adam.map
 
 
-def test_gaussians_are_split_where_there_is_something_to_see() -> None:
+def test_gaussians_are_split_where_there_is_texture() -> None:
     start, end = grey_wall(), grown(1.0)
     assert end.size == pytest.approx(2 * start.size, rel=0.05)
     new = end.means[end.ids >= start.size]
@@ -54,12 +58,12 @@ def test_an_epoch_beyond_the_end_of_the_growth_adds_no_more() -> None:
     assert grown(1.0, steps=2).size == pytest.approx(2**0.2 * grey_wall().size, rel=0.01)
 
 
-def test_no_more_are_split_than_are_wanted() -> None:
-    most = grey_wall().size + 50
-    assert grown(1.0, most).size == most
+def test_the_maximum_number_is_kept() -> None:
+    max_gaussians = grey_wall().size + 50
+    assert grown(1.0, max_gaussians).size == max_gaussians
 
 
-def test_halves_stand_beside_the_centre_along_the_longest_axis() -> None:
+def test_halves_are_beside_the_centre_along_the_longest_axis() -> None:
     quarter_turn = [np.sqrt(0.5), 0, 0, np.sqrt(0.5)]  # About z: x becomes y.
     rng = np.random.default_rng(0)
     three = gslts.GaussianMap(
@@ -83,7 +87,7 @@ def test_halves_stand_beside_the_centre_along_the_longest_axis() -> None:
         np.testing.assert_array_equal(new, old[[0, 1, 2, 1]])
 
 
-def test_who_is_hidden_has_no_weight() -> None:
+def test_hidden_gaussians_have_no_weight() -> None:
     three = gslts.GaussianMap(
         means=np.array([[0, 0, 0.5], [0, 0, 0.8], [0, 0, -1]]),
         quats=np.tile([1.0, 0, 0, 0], (3, 1)),
@@ -91,7 +95,7 @@ def test_who_is_hidden_has_no_weight() -> None:
         logit_opacities=np.array([9.0, 9.0, 9.0]),
         sh=np.zeros((3, 1, 3)),
     ).astype(np.float32)
-    weights = greatest_weights(three, [half_striped()])
+    weights = max_weights(three, [half_striped()])
     assert weights[0] > 0.95
     assert 0 < weights[1] < 0.05
     assert weights[2] == 0

@@ -1,4 +1,4 @@
-"""First Gaussians from depth, and the correction of poses."""
+"""Seeds from depth and in holes, and the alignment of poses with them."""
 
 from dataclasses import replace
 
@@ -13,8 +13,8 @@ from gslts.core.camera import at_pose
 from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import se3_retract, twist_of
 from gslts.localization.alignment import align
-from gslts.mapping.seeding.depth_seeds import LEAST_HITS, flat_gaussians, seed_from_depth
-from gslts.mapping.seeding.hole_seeds import interpolated, seeds_in_holes
+from gslts.mapping.seeding.depth_seeds import MIN_HITS, flat_gaussians, seed_from_depth
+from gslts.mapping.seeding.hole_seeds import fill_zeros, seed_holes
 from gslts_bench.synthetic_rooms import make_room
 from gslts_sim.controller import Controller
 
@@ -32,7 +32,7 @@ def frames() -> list:
 
 
 def distance_to_surfaces(points: np.ndarray) -> np.ndarray:
-    """Of points to the nearest wall of the room or side of the block."""
+    """Return distances of points from the nearest wall of the room or side of the block."""
     room = np.stack([points, np.array([5, 4, 2.6]) - points]).min(axis=0).min(axis=1)
     low, high = np.array([2.0, 1.5, 0]), np.array([3.2, 2.3, 0.75])
     outside = np.maximum(np.maximum(low - points, points - high), 0)
@@ -63,7 +63,7 @@ def test_points_lie_on_surfaces_and_normals_look_at_the_camera(frames: list) -> 
 
 @pytest.mark.parametrize("step", [1, 2, 3])
 def test_voxels_are_those_of_numpy(frames: list, step: int) -> None:
-    """Of noisy depth with holes, random colours and a mask."""
+    """Noisy depth with holes, random colours and a mask."""
     generator = np.random.default_rng(5)
     noisy = []
     for frame in frames:
@@ -89,7 +89,7 @@ def test_voxels_are_those_of_numpy(frames: list, step: int) -> None:
 def test_seeds_are_those_of_voxels_seen_twice(frames: list) -> None:
     edge_m = 0.0731
     expected = surface_oracle.fused(frames, edge_m, 2).values()
-    sums = np.array([sums for sums, hits in expected if hits >= LEAST_HITS])
+    sums = np.array([sums for sums, hits in expected if hits >= MIN_HITS])
     spacing_m = np.full(len(sums), edge_m)
     means = sums / sums[:, :1]
     flats = flat_gaussians(means[:, 1:4], means[:, 4:7], means[:, 7:10], spacing_m, 0.8, 0)
@@ -116,7 +116,7 @@ def test_seeds_are_flat_on_the_surfaces_and_as_dense_as_voxels(frames: list) -> 
     assert (seeds.log_scales[:, 2] < seeds.log_scales[:, 0]).all()
 
 
-def test_seeds_look_like_what_was_seen(frames: list) -> None:
+def test_seeds_render_like_the_frames(frames: list) -> None:
     seeds = seed_from_depth(frames, 0.08)
     images = gslts.render(seeds, frames[0].camera)
     seen = images.alpha > 0.7
@@ -126,17 +126,17 @@ def test_seeds_look_like_what_was_seen(frames: list) -> None:
     assert np.median(np.abs(images.rgb - rgb)[seen]) < 0.05
 
 
-def test_what_one_frame_saw_is_no_seed(frames: list) -> None:
-    assert LEAST_HITS == 2
-    with pytest.raises(ValueError, match="no surface was measured by enough frames"):
+def test_points_of_a_single_frame_are_not_seeded(frames: list) -> None:
+    assert MIN_HITS == 2
+    with pytest.raises(ValueError, match="no surface was measured by 2 frames"):
         seed_from_depth(frames[:1], VOXEL_M)
     turned = Controller(sim_scenes.simple_home(), width=160, height=120)
     turned.act("Teleport", position={"x": 1.0, "y": 1.0}, rotation=210.0, horizon=20.0)
-    with pytest.raises(ValueError, match="no surface was measured by enough frames"):
+    with pytest.raises(ValueError, match="no surface was measured by 2 frames"):
         seed_from_depth([frames[0], turned.observe()], VOXEL_M)
 
 
-def test_plain_surfaces_take_few(frames: list) -> None:
+def test_plain_surfaces_take_few_seeds(frames: list) -> None:
     fine = seed_from_depth(frames, VOXEL_M)
     few = seed_from_depth(frames, VOXEL_M, contrast=0.5)
     assert few.size < 0.3 * fine.size
@@ -156,14 +156,14 @@ def test_colours_keep_surfaces_fine(frames: list) -> None:
     assert seed_from_depth(checked, VOXEL_M, contrast=0.5).size > 0.9 * fine.size
 
 
-@pytest.mark.parametrize("most", [1500, 100])
-def test_no_more_seeds_than_wanted(frames: list, most: int) -> None:
-    assert seed_from_depth(frames, VOXEL_M).size > most
-    seeds = seed_from_depth(frames, VOXEL_M, most=most)
-    assert 0.5 * most < seeds.size <= most
+@pytest.mark.parametrize("max_gaussians", [1500, 100])
+def test_the_maximum_number_of_seeds_is_kept(frames: list, max_gaussians: int) -> None:
+    assert seed_from_depth(frames, VOXEL_M).size > max_gaussians
+    seeds = seed_from_depth(frames, VOXEL_M, max_gaussians=max_gaussians)
+    assert 0.5 * max_gaussians < seeds.size <= max_gaussians
 
 
-def test_pixels_that_were_not_seen_give_no_points(frames: list) -> None:
+def test_pixels_outside_the_mask_give_no_points(frames: list) -> None:
     mask = np.zeros((120, 160), bool)
     mask[:, :80] = True
     one = frames[0]
@@ -172,7 +172,7 @@ def test_pixels_that_were_not_seen_give_no_points(frames: list) -> None:
     assert 0 < counts[0] < 0.6 * counts[1]
 
 
-def test_arrays_of_any_order_are_frames(frames: list) -> None:
+def test_arrays_of_any_memory_order_are_accepted(frames: list) -> None:
     turned = [
         RgbdFrame(
             np.asfortranarray(frame.rgb),
@@ -186,7 +186,7 @@ def test_arrays_of_any_order_are_frames(frames: list) -> None:
     np.testing.assert_array_equal(one.means, other.means)
 
 
-def test_bad_arrays_and_voxels_are_named(frames: list) -> None:
+def test_bad_arrays_and_voxels_are_rejected(frames: list) -> None:
     with pytest.raises(ValueError, match="edge_m must be positive and finite, got 0"):
         seed_from_depth(frames, 0.0)
     with pytest.raises(ValueError, match="a point is too far from the first camera"):
@@ -212,7 +212,7 @@ def test_holes_are_filled_at_the_depth_around_them(frames: list) -> None:
     torn = seeds.select(~hole)
     images = gslts.render(torn, one.camera)
     measured = np.zeros_like(one.depth)
-    new = seeds_in_holes(one.camera, images, one.rgb / 255, measured, 0)
+    new = seed_holes(one.camera, images, one.rgb / 255, measured, 0)
     assert new is not None
     columns, rows, z = project(one.camera, new.means.astype(np.float64))
     inside = (np.abs(columns - 80) < 16) & (np.abs(rows - 100) < 11)
@@ -221,17 +221,17 @@ def test_holes_are_filled_at_the_depth_around_them(frames: list) -> None:
     assert np.median(np.abs(z[inside] - at) / at) < 0.08
     whole = gslts.render(seeds, one.camera)
     closed = replace(whole, alpha=np.maximum(whole.alpha, 0.4))
-    assert seeds_in_holes(one.camera, closed, one.rgb / 255, one.depth, 0) is None
+    assert seed_holes(one.camera, closed, one.rgb / 255, one.depth, 0) is None
 
 
-def test_gaps_are_filled_from_all_sides() -> None:
+def test_zeros_are_filled_from_all_sides() -> None:
     known = np.zeros((33, 47))
     known[:, 0], known[:, -1] = 1.0, 3.0
-    filled = interpolated(known)
+    filled = fill_zeros(known)
     assert filled.min() == 1.0
     assert filled.max() == 3.0
     assert filled[:, 3].max() < 1.5 < 2.5 < filled[:, -4].min()
-    np.testing.assert_array_equal(interpolated(np.full((5, 7), 2.0)), 2.0)
+    np.testing.assert_array_equal(fill_zeros(np.full((5, 7), 2.0)), 2.0)
 
 
 def project(camera: gslts.Camera, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -245,8 +245,8 @@ def motion(start: gslts.Camera, end: gslts.Camera) -> np.ndarray:
 
 
 @pytest.mark.parametrize("axis", range(6))
-def test_poses_return_from_a_wrong_start(axis: int) -> None:
-    """By 1 cm or half a degree, along and about each axis."""
+def test_poses_converge_from_a_wrong_start(axis: int) -> None:
+    """Off by 1 cm or half a degree, along and about each axis."""
     room = make_room("S")
     truth = room.camera
     photo = gslts.render(room.gaussian_map, truth)

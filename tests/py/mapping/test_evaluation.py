@@ -1,6 +1,6 @@
-"""Frames that judge a map: those that cannot be used are skipped as when a map is made."""
+"""Splits into training, validation and test frames, and test frames of a finished map."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,14 +9,14 @@ import scenes
 
 from gslts.core.frame import RgbdFrame
 from gslts.datasets import Dataset
-from gslts.mapping.evaluation.held_out import Known, held_out_of, judging
-from gslts.mapping.frames import Visit, every_eighth
+from gslts.mapping.evaluation.held_out import TrainingRecord, read_test_frames
+from gslts.mapping.frames import FrameSplit, split_held_out
 from gslts.mapping.observation import Observation
 
 COUNT = 30
 
 
-class Seen:
+class MemoryFrame:
     """A frame in memory, with depth 1 m or none; or one that cannot be read."""
 
     def __init__(self, number: int, *, blind: bool = False, torn: bool = False) -> None:
@@ -30,24 +30,54 @@ class Seen:
         return RgbdFrame(np.zeros((12, 16, 3), np.uint8), depth, self.camera)
 
 
-def seen(*, torn: Sequence[int] = (), blind: Sequence[int] = (), count: int = COUNT) -> Dataset:
-    frames = [Seen(k, torn=k in torn, blind=k in blind) for k in range(count)]
+def dataset_of(
+    *, torn: Sequence[int] = (), blind: Sequence[int] = (), count: int = COUNT
+) -> Dataset:
+    frames = [MemoryFrame(k, torn=k in torn, blind=k in blind) for k in range(count)]
     return Dataset("set", tuple(frames), ("early: no pose",))
 
 
-def known_of(dataset: Dataset) -> Known:
-    """Of a map that was made from it."""
-    visit = Visit.of(dataset, lambda frame: Observation.of(frame.read()), every_eighth)
-    return Known({name: one.camera() for name, one in visit.training.items()})
+def split_of(dataset: Dataset) -> FrameSplit:
+    return FrameSplit.read(dataset, lambda frame: Observation.of(frame.read()), split_held_out)
 
 
-def places(observations: Sequence[Observation]) -> list[int]:
-    """The number of each frame, by where it was taken."""
-    cameras = [Seen(k).camera.world_from_camera for k in range(COUNT)]
+def record_of(dataset: Dataset) -> TrainingRecord:
+    """Record of a map that was made from a data set."""
+    split = split_of(dataset)
+    return TrainingRecord(
+        {name: frame.camera() for name, frame in split.training.items()},
+        frozenset(split.validation.observations),
+    )
+
+
+def numbers(observations: Iterable[Observation]) -> list[int]:
+    """Find the number of each frame by its given pose."""
+    cameras = [MemoryFrame(k).camera.world_from_camera for k in range(COUNT)]
     return [
-        next(k for k in range(COUNT) if np.array_equal(cameras[k], one.given))
+        next(k for k in range(COUNT) if np.array_equal(cameras[k], one.given_world_from_depth))
         for one in observations
     ]
+
+
+@pytest.mark.parametrize("count", [10, 17, 30, 125])
+def test_each_frame_has_one_purpose(count: int) -> None:
+    names = [f"{k:03}" for k in range(count)]
+    validation, test = (set(part) for part in split_held_out(names))
+    assert validation
+    assert test
+    assert not validation & test
+    assert validation | test == set(range(0, count, 8))
+    assert 0 <= len(test) - len(validation) <= 1
+
+
+def test_neighbours_are_training_frames() -> None:
+    split = split_of(dataset_of())
+    assert list(split.names) == [f"{k:02}" for k in range(COUNT)]
+    for held_out, frames in ((split.test, [0, 16]), (split.validation, [8, 24])):
+        assert numbers(held_out.observations.values()) == frames
+        wanted = [[k for k in (frame - 1, frame + 1) if k >= 0] for frame in frames]
+        assert [numbers(near) for near in held_out.neighbours] == wanted
+    assert not {"00", "08", "16", "24"} & set(split.training)
 
 
 @pytest.mark.parametrize(
@@ -58,62 +88,67 @@ def places(observations: Sequence[Observation]) -> list[int]:
         ((7, 16), ()),
         ((), (16,)),
         ((3,), (9, 15, 17)),
-        ((3,), range(0, COUNT, 3)),  # So many are worth more than nothing.
+        ((3,), range(0, COUNT, 3)),  # With so many, the rest is worth more than nothing.
         ((), range(COUNT)),
     ],
 )
-def test_the_frames_are_those_that_judged_when_the_map_was_made(
-    torn: Sequence[int], blind: Sequence[int]
-) -> None:
-    dataset = seen(torn=torn, blind=blind)
-    known = known_of(dataset)
-    visit = Visit.of(dataset, known.observe, lambda names: judging(names, known))
-    observations, neighbours, skipped = held_out_of(dataset, known)
-    assert places(observations) == places(list(visit.held_out.values()))
-    assert [places(near) for near in neighbours] == [places(near) for near in visit.neighbours]
-    assert skipped == visit.skipped
+def test_frames_are_those_of_the_mapping_run(torn: Sequence[int], blind: Sequence[int]) -> None:
+    dataset = dataset_of(torn=torn, blind=blind)
+    made = split_of(dataset)
+    record = record_of(dataset)
+    again = FrameSplit.read(dataset, record.observe, record.split)
+    test, skipped = read_test_frames(dataset, record)
+    for split in (made, again):
+        assert list(test.observations) == list(split.test.observations)
+        assert numbers(test.observations.values()) == numbers(split.test.observations.values())
+        assert [numbers(near) for near in test.neighbours] == [
+            numbers(near) for near in split.test.neighbours
+        ]
+        assert skipped == split.skipped
+    assert list(again.validation.observations) == list(made.validation.observations)
     bad = len(torn) + (len(blind) if len(blind) < 10 else 0)
     assert len(skipped) == 1 + bad
-    assert len(observations) == len(range(0, COUNT - bad, 8))
+    assert len(test.observations) == len(range(0, COUNT - bad, 16))
 
 
-def test_a_plain_map_is_judged_past_bad_frames() -> None:
+def test_a_plain_map_is_tested_past_bad_frames() -> None:
     for bad in ({"torn": [8]}, {"blind": [8]}):
-        observations, neighbours, skipped = held_out_of(seen(**bad), Known({}), 2)
-        assert places(observations) == [0, 2, 4, 6, *range(9, COUNT, 2)]
-        assert neighbours == [[]] * len(observations)
+        test, skipped = read_test_frames(dataset_of(**bad), TrainingRecord(), 2)
+        frames = list(test.observations.values())
+        assert numbers(frames) == [0, 2, 4, 6, *range(9, COUNT, 2)]
+        assert test.neighbours == [[]] * len(frames)
         assert [reason.split(":")[0] for reason in skipped] == ["early", "08"]
-    assert all(one.rgb[0].shape == (12, 16, 3) for one in observations)
+        assert all(frame.rgb[0].shape == (12, 16, 3) for frame in frames)
 
 
-def test_a_neighbour_torn_since_is_none() -> None:
-    known = known_of(seen())
-    _, neighbours, skipped = held_out_of(seen(torn=[7]), known)
-    assert [places(near) for near in neighbours] == [[1], [6, 9], [15, 17], [23, 25]]
-    assert skipped[1:] == ("07: 07.png: it is torn",)
+def test_a_neighbour_torn_since_is_left_out() -> None:
+    record = record_of(dataset_of())
+    test, skipped = read_test_frames(dataset_of(torn=[15]), record)
+    assert [numbers(near) for near in test.neighbours] == [[1], [14, 17]]
+    assert skipped[1:] == ("15: 15.png: it is torn",)
 
 
-def test_of_one_name_the_first_frame_counts() -> None:
-    frames = seen().frames
-    twice = Dataset("set", (*frames, Seen(8), frames[3]))
-    observations, _, skipped = held_out_of(twice, known_of(seen()))
-    assert places(observations) == [0, 8, 16, 24]
-    assert skipped == tuple(f"{name}: there is another frame of that name" for name in ("08", "03"))
+def test_of_equal_names_the_first_frame_counts() -> None:
+    frames = dataset_of().frames
+    twice = Dataset("set", (*frames, MemoryFrame(16), frames[3]))
+    test, skipped = read_test_frames(twice, record_of(dataset_of()))
+    assert numbers(test.observations.values()) == [0, 16]
+    assert skipped == tuple(f"{name}: there is another frame of that name" for name in ("16", "03"))
 
 
 def test_too_many_bad_frames_are_an_error() -> None:
-    known = known_of(seen())
+    record = record_of(dataset_of())
     with pytest.raises(ValueError, match="set: 7 of 31 frames cannot be used, such as early: no"):
-        held_out_of(seen(torn=range(8, 14)), known)
-    with pytest.raises(ValueError, match=r"all of its frames that can be used; 24: 24.png: it is"):
-        held_out_of(seen(torn=[0, 8, 16, 24]), known)
-    everything = Known({one.name: one.camera for one in seen().frames})
-    with pytest.raises(ValueError, match="set: the map was made from all of its frames"):
-        held_out_of(replace(seen(), skipped=()), everything)
+        read_test_frames(dataset_of(torn=range(12, 18)), record)
+    with pytest.raises(ValueError, match=r"all of its frames that can be used; 16: 16.png: it is"):
+        read_test_frames(dataset_of(torn=[0, 16]), record)
+    everything = TrainingRecord({frame.name: frame.camera for frame in dataset_of().frames})
+    with pytest.raises(ValueError, match="set: there is no test frame: the map was made from all"):
+        read_test_frames(replace(dataset_of(), skipped=()), everything)
 
 
-def test_more_frames_than_memory_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_more_frames_than_memory_are_rejected(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gslts.mapping.frames.free_memory_bytes", lambda: 10_000)
     with pytest.raises(ValueError, match=r"set: 30 frames take .* such as one in 9$"):
-        held_out_of(seen(), Known({}), every=1)
-    assert len(held_out_of(seen(), Known({}), every=10)[0]) == 3
+        read_test_frames(dataset_of(), TrainingRecord(), every=1)
+    assert len(read_test_frames(dataset_of(), TrainingRecord(), every=10)[0].observations) == 3

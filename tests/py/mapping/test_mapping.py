@@ -1,4 +1,4 @@
-"""Settings of mapping, and folders of maps."""
+"""Settings of the mapping engine, and folders of maps."""
 
 import json
 from pathlib import Path
@@ -12,7 +12,7 @@ from gslts.store.manifest import read_manifest
 from gslts.store.map_folder import read_map, write_map_folder
 
 
-def test_presets_differ_in_what_they_cost() -> None:
+def test_presets_differ_in_cost() -> None:
     assert PRESETS["fast"].iterations < PRESETS["balanced"].iterations < PRESETS["best"].iterations
     with pytest.raises(ValueError, match="voxel"):
         MappingConfig(voxel_m=0)
@@ -46,7 +46,7 @@ def test_settings_are_checked() -> None:
             config.with_settings([setting])
 
 
-def test_map_folders_come_back(tmp_path: Path) -> None:
+def test_map_folder_round_trip(tmp_path: Path) -> None:
     camera = gslts.camera_from_fov(8, 6, 1.0, np.eye(4))
     write_map_folder(tmp_path / "map", small_map(), {"dataset": "x"}, {"a": camera})
     gaussian_map, manifest = read_map(tmp_path / "map"), read_manifest(tmp_path / "map")
@@ -55,11 +55,11 @@ def test_map_folders_come_back(tmp_path: Path) -> None:
     cameras = json.loads((tmp_path / "map" / "cameras.json").read_text())
     assert cameras["a"]["world_from_camera"] == np.eye(4).tolist()
     assert [path.name for path in tmp_path.iterdir()] == ["map"]
-    with pytest.raises(FileExistsError, match="map is there already"):
+    with pytest.raises(FileExistsError, match="map exists already"):
         write_map_folder(tmp_path / "map", small_map(), {}, {})
 
 
-def test_nothing_half_written_looks_like_a_map(tmp_path: Path) -> None:
+def test_a_failed_write_leaves_no_map(tmp_path: Path) -> None:
     with pytest.raises(TypeError):
         write_map_folder(tmp_path / "map", small_map(), {"bad": object()}, {})
     assert list(tmp_path.iterdir()) == []
@@ -74,7 +74,7 @@ def test_nothing_half_written_looks_like_a_map(tmp_path: Path) -> None:
         ('{"format": "gslts-map", "version": 3}', "version is 3, this gslts reads 2"),
     ],
 )
-def test_folders_that_are_no_maps_are_named(tmp_path: Path, manifest: str, message: str) -> None:
+def test_folders_that_are_no_maps_are_rejected(tmp_path: Path, manifest: str, message: str) -> None:
     write_map_folder(tmp_path / "map", small_map(), {}, {})
     (tmp_path / "map" / "manifest.json").write_text(manifest)
     with pytest.raises(ValueError, match=message):

@@ -1,4 +1,4 @@
-"""Neighbours that become one."""
+"""Merging of neighbouring Gaussians."""
 
 import numpy as np
 import oracle
@@ -7,7 +7,7 @@ import pytest
 from gslts.core.camera import Camera, look_at
 from gslts.core.gaussian_map import SH_C0, GaussianMap
 from gslts.mapping.density.control import axes_of
-from gslts.mapping.density.merge import merged
+from gslts.mapping.density.merge import merge
 from gslts.mapping.seeding.depth_seeds import flat_gaussians
 from gslts.rendering.metrics import psnr_from_mse_db
 from gslts.rendering.rasterizer import render
@@ -29,7 +29,7 @@ def opacities(gaussian_map: GaussianMap) -> np.ndarray:
 
 
 def random_pair(rng: np.random.Generator) -> GaussianMap:
-    """Faint ones, so that what they cover fits into one without widening it."""
+    """Make faint Gaussians, so that their area fits into one without widening it."""
     return GaussianMap(
         means=rng.normal(0, 0.1, (2, 3)),
         quats=rng.normal(size=(2, 4)),
@@ -46,9 +46,9 @@ def random_pair(rng: np.random.Generator) -> GaussianMap:
 def test_moments_are_those_of_the_mixture(seed: int) -> None:
     rng = np.random.default_rng(seed)
     pair, weights = random_pair(rng), rng.uniform(1, 5, 2)
-    one = merged(pair, 1, weights)
+    one = merge(pair, 1, weights)
     share = weights / weights.sum()
-    # The straightforward way: moments about the origin.
+    # Directly: moments about the origin.
     mean = sum(share[k] * pair.means[k] for k in (0, 1))
     squares = sum(
         share[k] * (covars(pair)[k] + np.outer(pair.means[k], pair.means[k])) for k in (0, 1)
@@ -64,7 +64,7 @@ def test_moments_are_those_of_the_mixture(seed: int) -> None:
     assert (one.origin == pair.origin).all()
 
 
-def test_without_weights_what_covers_more_counts_more_and_the_area_is_kept() -> None:
+def test_without_weights_area_is_the_weight_and_is_kept() -> None:
     points = np.array([[0, 0, 0], [0.1, 0, 0.0]])
     small, large = (
         flats(points, np.tile([0, 0, 1.0], (2, 1)), np.full((2, 3), 0.5), opacity=0.3, spacing_m=s)
@@ -75,7 +75,7 @@ def test_without_weights_what_covers_more_counts_more_and_the_area_is_kept() -> 
         for name in ("means", "quats", "log_scales", "logit_opacities", "sh")
     }
     pair = GaussianMap(**arrays)
-    one = merged(pair, 1)
+    one = merge(pair, 1)
     assert one.means[0, 0] == pytest.approx(0.1 * 4 / 5, rel=1e-5)
     assert one.ids[0] == 1
 
@@ -86,18 +86,18 @@ def test_without_weights_what_covers_more_counts_more_and_the_area_is_kept() -> 
     assert covered(one) == pytest.approx(covered(pair), rel=1e-5)
 
 
-def test_two_equal_ones_at_one_place_become_that_one() -> None:
+def test_two_equal_gaussians_merge_to_the_same() -> None:
     twins = flats(np.ones((2, 3)), np.tile([0, 1.0, 1], (2, 1)), np.full((2, 3), 0.3), opacity=0.6)
-    one = merged(twins, 1)
+    one = merge(twins, 1)
     np.testing.assert_allclose(one.means[0], twins.means[0], rtol=1e-6)
     np.testing.assert_allclose(covars(one)[0], covars(twins)[0], atol=1e-9)
     np.testing.assert_allclose(one.sh[0], twins.sh[0], rtol=1e-6)
     assert opacities(one)[0] == pytest.approx(1 - 0.4**2), "what shines through both"
 
 
-def test_what_is_not_seen_leaves_no_trace() -> None:
+def test_unseen_gaussians_leave_no_trace() -> None:
     pair = random_pair(np.random.default_rng(1))
-    one = merged(pair, 1, np.array([0.0, 3.0]))
+    one = merge(pair, 1, np.array([0.0, 3.0]))
     np.testing.assert_allclose(one.means[0], pair.means[1], atol=1e-12)
     np.testing.assert_allclose(covars(one)[0], covars(pair)[1], rtol=1e-9)
     np.testing.assert_allclose(opacities(one)[0], opacities(pair)[1], rtol=1e-9)
@@ -105,7 +105,7 @@ def test_what_is_not_seen_leaves_no_trace() -> None:
 
 
 def test_plain_neighbours_merge_before_colours_and_edges() -> None:
-    """Pairs far from each other: one alike, one of two colours, one around an edge, one stepped."""
+    """Distant pairs: equal, of two colours, around an edge, and stepped."""
     points = np.array([[0, 0, 0], [0.1, 0, 0.0]])
     up = np.tile([0, 0, 1.0], (2, 1))
     gray = np.full((2, 3), 0.5)
@@ -114,7 +114,7 @@ def test_plain_neighbours_merge_before_colours_and_edges() -> None:
     pairs = [(points, up, gray), (points, up, other), (points, turned, gray), (step, up, gray)]
     shifted = [(p + np.array([10.0 * k, 0, 0]), n, c) for k, (p, n, c) in enumerate(pairs)]
     whole = flats(*(np.concatenate(part) for part in zip(*shifted, strict=True)))
-    left = merged(whole, 7)
+    left = merge(whole, 7)
     assert sorted({*range(8)} - {*left.ids.tolist()}) in ([0], [1])
     assert {*left.ids.tolist()} > {2, 3, 4, 5, 6, 7}
 
@@ -141,7 +141,7 @@ def test_a_plain_wall_looks_the_same_with_half(plain: GaussianMap) -> None:
         squares = (render(half, camera).rgb - render(plain, camera).rgb) ** 2
         return psnr_from_mse_db(float(squares.mean()))
 
-    half = merged(plain, plain.size // 2)
+    half = merge(plain, plain.size // 2)
     assert half.size == plain.size // 2
     good_db = error_db(half)
     assert good_db > 28
@@ -165,9 +165,9 @@ def test_a_plain_wall_looks_the_same_with_half(plain: GaussianMap) -> None:
 
 
 @pytest.mark.parametrize("count", [899, 450, 100, 7, 1])
-def test_the_count_is_met_and_the_map_is_sound(plain: GaussianMap, count: int) -> None:
+def test_the_count_is_met_and_the_map_is_valid(plain: GaussianMap, count: int) -> None:
     weights = np.random.default_rng(3).uniform(0, 9, plain.size)
-    left = merged(plain, count, weights)
+    left = merge(plain, count, weights)
     assert left.size == count
     assert left.dtype == plain.dtype
     assert len({*left.ids.tolist()}) == count
@@ -179,13 +179,13 @@ def test_the_count_is_met_and_the_map_is_sound(plain: GaussianMap, count: int) -
     thinnest = axes[np.arange(count), left.log_scales.argmin(axis=1)]
     assert (np.abs(thinnest[:, 2]) > 0.99).all(), "still flat on the wall"
     assert (weights == np.random.default_rng(3).uniform(0, 9, plain.size)).all()
-    again = merged(plain, count, weights)
+    again = merge(plain, count, weights)
     for name in ("means", "quats", "log_scales", "logit_opacities", "sh", "ids"):
         assert getattr(left, name).tobytes() == getattr(again, name).tobytes()
 
 
-def test_what_did_not_merge_keeps_every_bit(plain: GaussianMap) -> None:
-    left = merged(plain, plain.size - 1)
+def test_unmerged_gaussians_keep_every_bit(plain: GaussianMap) -> None:
+    left = merge(plain, plain.size - 1)
     same = [
         np.array_equal(left.log_scales[k], plain.log_scales[int(row)])
         for k, row in enumerate(left.ids)
@@ -193,15 +193,15 @@ def test_what_did_not_merge_keeps_every_bit(plain: GaussianMap) -> None:
     assert sum(same) == plain.size - 2
 
 
-def test_a_map_that_is_small_enough_stays(plain: GaussianMap) -> None:
-    assert merged(plain, plain.size) is plain
+def test_a_map_that_is_small_enough_is_unchanged(plain: GaussianMap) -> None:
+    assert merge(plain, plain.size) is plain
     empty = plain.select(np.zeros(0, np.int64))
-    assert merged(empty, 0) is empty
+    assert merge(empty, 0) is empty
 
 
-def test_all_at_one_place_and_of_no_size() -> None:
+def test_gaussians_at_one_position_and_of_no_size() -> None:
     many = flats(np.zeros((50, 3)), np.tile([0, 0, 1.0], (50, 1)), np.full((50, 3), 0.5))
-    assert merged(many, 3, np.zeros(50)).size == 3
+    assert merge(many, 3, np.zeros(50)).size == 3
     tiny = GaussianMap(
         means=many.means,
         quats=many.quats,
@@ -209,19 +209,19 @@ def test_all_at_one_place_and_of_no_size() -> None:
         logit_opacities=np.full(50, -80, np.float32),
         sh=many.sh,
     )
-    assert merged(tiny, 3).size == 3
+    assert merge(tiny, 3).size == 3
 
 
 def test_bad_arguments(plain: GaussianMap) -> None:
     with pytest.raises(ValueError, match=r"count: expected at least 1, got 0"):
-        merged(plain, 0)
+        merge(plain, 0)
     with pytest.raises(ValueError, match=r"weights: expected \[900\], got \(3,\)"):
-        merged(plain, 10, np.ones(3))
+        merge(plain, 10, np.ones(3))
     for bad in (-1.0, np.nan, np.inf):
-        with pytest.raises(ValueError, match="weights: one is negative or not finite"):
-            merged(plain, 10, np.full(900, bad))
+        with pytest.raises(ValueError, match="weights: expected finite values of at least 0"):
+            merge(plain, 10, np.full(900, bad))
 
 
 def test_colours_are_harmonics_of_0_5_and_more(plain: GaussianMap) -> None:
-    one = merged(plain, 1)
+    one = merge(plain, 1)
     np.testing.assert_allclose(0.5 + SH_C0 * one.sh[0, 0], [0.7, 0.5, 0.3], atol=1e-3)

@@ -1,4 +1,4 @@
-"""First Gaussians from points, and from nothing but pictures."""
+"""Seeds from points, for images without depth."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ from gslts.mapping.seeding.point_seeds import (
     seed_from_points,
     spacing,
 )
-from gslts.mapping.seeding.triangulate import triangulated
+from gslts.mapping.seeding.triangulate import triangulate
 from gslts.rendering.rasterizer import Rasterizer
 
 
@@ -26,7 +26,7 @@ def frames() -> list[RgbdFrame]:
 
 
 def seen(camera: Camera, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Columns and rows [P,2] of points, and whether they are in the picture."""
+    """Return columns and rows [P,2] of points, and which are in the image."""
     pose = camera.world_from_camera
     in_camera = (points - pose[:3, 3]) @ pose[:3, :3]
     x = camera.fx * in_camera[:, 0] / in_camera[:, 2] + camera.cx
@@ -40,7 +40,7 @@ def colors_of(gaussian_map: GaussianMap) -> np.ndarray:
 
 
 def test_spacing_is_the_mean_distance_to_the_next_three() -> None:
-    """Against all distances, far from the origin."""
+    """Compared with all distances, far from the origin."""
     points = np.random.default_rng(0).normal((1e5, -2e5, 30), 1, (500, 3))
     distances = np.sort(np.linalg.norm(points[:, None] - points, axis=2), axis=1)
     np.testing.assert_allclose(spacing(points), distances[:, 1:4].mean(axis=1), atol=1e-5)
@@ -50,10 +50,10 @@ def test_spacing_is_the_mean_distance_to_the_next_three() -> None:
     assert len(spacing(points[:0])) == 0
 
 
-def test_no_view_stays_empty_and_colours_are_those_of_the_pictures(
+def test_no_cell_is_empty_and_colours_are_those_of_the_images(
     frames: list[RgbdFrame],
 ) -> None:
-    cloud = triangulated(frames)
+    cloud = triangulate(frames)
     seeds = seed_from_points(cloud, frames, sh_degree=1)
     assert seeds.sh.shape == (seeds.size, 4, 3)
     assert not seeds.sh[:, 1:].any()
@@ -68,8 +68,8 @@ def test_no_view_stays_empty_and_colours_are_those_of_the_pictures(
         assert error.mean() < 0.06
 
 
-def test_what_one_picture_fills_the_next_ones_know(frames: list[RgbdFrame]) -> None:
-    cloud = triangulated(frames)
+def test_cells_filled_by_one_image_are_known_to_the_next(frames: list[RgbdFrame]) -> None:
+    cloud = triangulate(frames)
     once = seed_from_points(cloud, frames).size
     assert seed_from_points(cloud, [*frames, *frames]).size == once
     of_one = seed_from_points(cloud, frames[:1]).size
@@ -79,14 +79,14 @@ def test_what_one_picture_fills_the_next_ones_know(frames: list[RgbdFrame]) -> N
     assert np.median(blob_room.from_planes(added)) < 0.1
 
 
-def test_scales_are_kept_within_what_the_nearest_picture_resolves(
+def test_scales_are_bounded_by_the_resolution_of_the_nearest_image(
     frames: list[RgbdFrame],
 ) -> None:
     camera = frames[0].camera
     pose = camera.world_from_camera
     middle = pose[:3, 3] + 2 * pose[:3, 2]
     least_m, most_m = (limit * 2 / camera.fx for limit in SCALE_RANGE_PX)
-    for count in (1, 5):  # Alone it would be endless, and five at one place have no size.
+    for count in (1, 5):  # A single point has no spacing, five at one position a spacing of 0.
         cloud = PointCloud(np.tile(middle, (count, 1)), np.full((count, 3), 128, np.uint8))
         scales_m = np.exp(seed_from_points(cloud, frames[:1]).log_scales)
         assert (scales_m == scales_m[:, :1]).all(), "they are round"
@@ -131,7 +131,7 @@ def test_random_points_are_seen_twice_and_have_the_colours_there(
     assert len(random_points_in_view(frames[:1], 50).points) == 50
 
 
-def test_points_that_no_picture_sees_are_refused(frames: list[RgbdFrame]) -> None:
+def test_points_that_no_image_sees_are_rejected(frames: list[RgbdFrame]) -> None:
     pose = frames[0].camera.world_from_camera
     behind = PointCloud((pose[:3, 3] - 5 * pose[:3, 2])[None], np.zeros((1, 3), np.uint8))
     nothing = PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))

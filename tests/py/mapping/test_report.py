@@ -1,4 +1,4 @@
-"""The page of a mapping run: what stands in it, that it needs nothing else, and how large it is."""
+"""Report of a mapping run: content, self-containedness and size of the page."""
 
 import base64
 import io
@@ -16,8 +16,8 @@ from PIL import Image
 from gslts.core.frame import RgbdFrame
 from gslts.io.images import error_image
 from gslts.mapping.observation import Observation
-from gslts.mapping.report.images import smaller
-from gslts.mapping.report.page import MOST_VIEWS, CurvePoint, ReportData, View, write_report
+from gslts.mapping.report.images import shrink
+from gslts.mapping.report.page import MAX_VIEWS, CurvePoint, ReportData, View, write_report
 from gslts.mapping.report.summary import _views
 
 VOID = {"meta", "img", "br", "link", "input", "hr"}
@@ -25,7 +25,7 @@ EVIL = "<script>alert('x')</script>&\"><img src=http://a.example/b>"
 
 
 class Page(HTMLParser):
-    """A second reader: texts, pictures, and whether each element ends where it should."""
+    """Independent reader of a page: texts, images, and whether all elements are closed."""
 
     def __init__(self, path: Path) -> None:
         super().__init__()
@@ -84,7 +84,7 @@ REPORT = ReportData(
         "given poses": {"PSNR, dB": 27.541, "LPIPS": float("nan")},
         "poses refined": {"PSNR, dB": 29.1, "SSIM": 0.8},
     },
-    gaussians_needed=[("half", 50_000, 26.5), ("chosen", 100_000, 27.5)],
+    variants=[("half", 50_000, 26.5), ("chosen", 100_000, 27.5)],
     curve=[CurvePoint(s, 4 * s, 0, 20 + 0.1 * s, 19.0 if s else None, 1000 * s) for s in range(9)],
     views=[view()],
     findings={"intrinsics": "fx 320 px"},
@@ -101,7 +101,7 @@ def written(tmp_path: Path, report: ReportData) -> Page:
     return Page(tmp_path / "report.html")
 
 
-def test_everything_stands_in_the_page(tmp_path: Path) -> None:
+def test_the_page_holds_all_parts(tmp_path: Path) -> None:
     page = written(tmp_path, REPORT)
     text = " ".join(page.texts)
     for part in ("kitchen", "All is well", "00008", "23.46 dB", "00007: it is torn"):
@@ -111,7 +111,7 @@ def test_everything_stands_in_the_page(tmp_path: Path) -> None:
     assert ["poses refined", "29.1", "-", "0.8"] in page.rows
     assert ["half", "50,000", "26.5"] in page.rows
     assert ["shift, cm", "2", "6"] in page.rows
-    assert ["turn, degrees", "2", "2.5"] in page.rows
+    assert ["rotation, degrees", "2", "2.5"] in page.rows
     assert ["intrinsics", "fx 320 px"] in page.rows
     assert ["iterations", "1200"] in page.rows
     assert sum(source.startswith("data:image/svg+xml;base64,") for source in page.sources) == 4
@@ -121,7 +121,7 @@ def test_everything_stands_in_the_page(tmp_path: Path) -> None:
     assert "url(" not in (tmp_path / "report.html").read_text()
 
 
-def test_pictures_are_those_of_the_view(tmp_path: Path) -> None:
+def test_images_are_those_of_the_view(tmp_path: Path) -> None:
     shown = written(tmp_path, REPORT).pictures()[2:]  # After two legends.
     photo, render, error, measured, rendered = (np.asarray(one.convert("RGB")) for one in shown)
     assert photo.shape == (48, 64, 3)
@@ -135,7 +135,7 @@ def test_pictures_are_those_of_the_view(tmp_path: Path) -> None:
     assert both < 4, "both depths have the same scale"
 
 
-def test_what_the_camera_did_not_see_is_no_error(tmp_path: Path) -> None:
+def test_pixels_outside_the_mask_are_no_errors(tmp_path: Path) -> None:
     seen = np.ones((48, 64), np.bool_)
     seen[:, 32:] = False
     report = replace(REPORT, views=[view(mask=seen)])
@@ -143,11 +143,11 @@ def test_what_the_camera_did_not_see_is_no_error(tmp_path: Path) -> None:
     assert error[:, :28].mean() > 60
     assert error[:, 40:].max() < 16
     bad = view("odd", mask=seen[1:])
-    with pytest.raises(ValueError, match="the pictures of view 'odd' differ in size"):
+    with pytest.raises(ValueError, match="the images of view 'odd' differ in size"):
         write_report(tmp_path / "report.html", replace(REPORT, views=[bad]))
 
 
-def test_views_of_a_result_tell_what_the_camera_saw() -> None:
+def test_views_of_a_result_have_the_mask() -> None:
     camera = scenes.orbit_camera(64, 48)
     seen = np.ones((48, 64), np.bool_)
     seen[:20] = False
@@ -157,13 +157,14 @@ def test_views_of_a_result_tell_what_the_camera_saw() -> None:
         )
         result = SimpleNamespace(
             held_out={"00": Observation.of(frame)},
+            test=("00",),
             gaussian_map=scenes.random_map(50, dtype=np.float32),
         )
         (shown,) = _views(result, 1)
         assert shown.mask is mask
 
 
-def test_errors_are_bright_and_equal_pictures_black() -> None:
+def test_errors_are_bright_and_equal_images_black() -> None:
     picture = np.full((4, 4, 3), 100, np.uint8)
     black = error_image(picture, picture, 0.2)
     assert black.max() < 8
@@ -177,12 +178,12 @@ def test_errors_are_bright_and_equal_pictures_black() -> None:
     )
 
 
-def test_what_comes_from_outside_is_only_text(tmp_path: Path) -> None:
+def test_foreign_names_are_escaped(tmp_path: Path) -> None:
     report = ReportData(
         title=EVIL,
         summary=EVIL,
         metrics={EVIL: {EVIL: 1.0}},
-        gaussians_needed=[(EVIL, 1, 1.0)],
+        variants=[(EVIL, 1, 1.0)],
         views=[view(EVIL)],
         findings={EVIL: EVIL},
         skipped=[EVIL, "\udcff"],
@@ -201,8 +202,8 @@ def test_an_empty_report_has_no_empty_sections(tmp_path: Path) -> None:
     assert page.sources == []
 
 
-def test_pages_can_be_sent(tmp_path: Path) -> None:
-    """Large noisy pictures are made smaller, and some of many views are shown."""
+def test_the_size_of_the_page_is_bounded(tmp_path: Path) -> None:
+    """Large noisy images are shrunk, and some of many views are shown."""
     rng = np.random.default_rng(0)
     tiles = rng.integers(60, 200, (30, 40, 3)).repeat(16, 0).repeat(16, 1)
     noisy = (tiles + rng.normal(0, 15, tiles.shape)).clip(0, 255).astype(np.uint8)
@@ -213,34 +214,34 @@ def test_pages_can_be_sent(tmp_path: Path) -> None:
         "measured_depth": depth,
         "rendered_depth": depth,
     }
-    views = [view(f"view {k}", **shape) for k in range(2 * MOST_VIEWS + 1)]
+    views = [view(f"view {k}", **shape) for k in range(2 * MAX_VIEWS + 1)]
     page = written(tmp_path, replace(REPORT, views=views))
     text = " ".join(page.texts)
     assert "25 of 51 are shown" in text
     assert "view 0" in text
     assert "view 50" in text
     shown = page.pictures()[2:]
-    assert len(shown) == 5 * MOST_VIEWS
+    assert len(shown) == 5 * MAX_VIEWS
     assert {picture.size for picture in shown} == {(320, 240)}
 
 
-def test_smaller_depths_are_depths_that_were_there() -> None:
+def test_shrunk_depths_are_measured_depths() -> None:
     depth = np.zeros((10, 960), np.float32)
     depth[:, 480:] = 2
-    small = smaller(depth)
+    small = shrink(depth)
     assert small.shape == (3, 320)
     assert set(np.unique(small)) == {0, 2}
     assert (small[:, 160:] == 2).all()
     assert (small[:, :160] == 0).all()
     colors = np.zeros((3, 640, 3), np.uint8)
     colors[:, 1::2] = 200
-    assert np.abs(smaller(colors).astype(int) - 100).max() <= 1, "colours are averaged"
-    assert smaller(colors[:, :320]).shape == (3, 320, 3)
+    assert np.abs(shrink(colors).astype(int) - 100).max() <= 1, "colours are averaged"
+    assert shrink(colors[:, :320]).shape == (3, 320, 3)
 
 
-def test_views_of_unequal_pictures_are_named(tmp_path: Path) -> None:
+def test_views_of_unequal_images_are_rejected(tmp_path: Path) -> None:
     bad = view("odd", rendered_depth=np.zeros((48, 63), np.float32))
-    with pytest.raises(ValueError, match="the pictures of view 'odd' differ in size"):
+    with pytest.raises(ValueError, match="the images of view 'odd' differ in size"):
         write_report(tmp_path / "report.html", replace(REPORT, views=[bad]))
     assert list(tmp_path.iterdir()) == []
 

@@ -1,4 +1,4 @@
-"""Points from posed pictures without depth."""
+"""Keypoints, matches, tracks and triangulated points of posed images."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -14,9 +14,9 @@ from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import rotation
 from gslts.datasets import open_dataset
 from gslts.mapping.seeding import sift
-from gslts.mapping.seeding.matching import WIDEST_VIEW_RAD, Matches, pairs, tracks
-from gslts.mapping.seeding.sift import FROM_MASK_PX, features
-from gslts.mapping.seeding.triangulate import triangulated
+from gslts.mapping.seeding.matching import MAX_VIEW_ANGLE_RAD, Matches, build_tracks, choose_pairs
+from gslts.mapping.seeding.sift import MASK_MARGIN_PX, detect_keypoints
+from gslts.mapping.seeding.triangulate import triangulate
 from gslts_sim.capture import capture
 from gslts_sim.controller import Controller
 from gslts_sim.explore import explore
@@ -44,24 +44,24 @@ def shifted(frame: RgbdFrame, by_px: float) -> RgbdFrame:
 
 
 @pytest.mark.parametrize("longest_px", [240, 239], ids=["full", "halved"])
-def test_features_are_where_the_spots_are(longest_px: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sift, "LONGEST_SIDE_PX", longest_px)
+def test_keypoints_are_at_the_spots(longest_px: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sift, "MAX_SIDE_PX", longest_px)
     frame = blob_room.frame(blob_room.camera_at((0.5, 0.8, 1.4), 0.5))
     camera = frame.camera
     pose = camera.world_from_camera
     in_camera = (blob_room.SPOTS[0] - pose[:3, 3]) @ pose[:3, :3]
     spots = in_camera[:, :2] / in_camera[:, 2:] * (camera.fx, camera.fy) + (camera.cx, camera.cy)
-    places = features(frame).places
+    places = detect_keypoints(frame).positions
     off = places[:, None] - spots
     nearest = off[np.arange(len(off)), np.linalg.norm(off, axis=2).argmin(axis=1)]
     own = nearest[np.abs(nearest).max(axis=1) < 1]
     assert len(own) > 50
-    # Where spots overlap the features are elsewhere, in all directions alike.
+    # Where spots overlap, keypoints are off in all directions alike.
     assert np.abs(np.median(own, axis=0)).max() < 0.12
 
 
-def test_points_lie_on_the_surfaces_where_the_features_are(frames: list[RgbdFrame]) -> None:
-    cloud = triangulated(frames)
+def test_points_lie_on_surfaces_at_keypoints(frames: list[RgbdFrame]) -> None:
+    cloud = triangulate(frames)
     assert len(cloud.points) > 100
     off = blob_room.from_planes(cloud.points)
     assert np.median(off) < 5e-3
@@ -75,21 +75,21 @@ def test_points_lie_on_the_surfaces_where_the_features_are(frames: list[RgbdFram
     assert agree[own].mean() > 0.9
 
 
-def test_half_a_pixel_and_the_wrong_hand_would_show(frames: list[RgbdFrame]) -> None:
-    """The bounds above are such that either mistake breaks them."""
-    cloud = triangulated([shifted(frame, 0.5) for frame in frames])
+def test_half_a_pixel_and_the_wrong_handedness_fail(frames: list[RgbdFrame]) -> None:
+    """Either mistake exceeds the bounds of the tests above."""
+    cloud = triangulate([shifted(frame, 0.5) for frame in frames])
     assert np.median(blob_room.from_planes(cloud.points)) > 0.01
-    cloud = triangulated([replace(frame, rgb=frame.rgb[:, ::-1].copy()) for frame in frames])
+    cloud = triangulate([replace(frame, rgb=frame.rgb[:, ::-1].copy()) for frame in frames])
     assert len(cloud.points) < 50 or np.median(blob_room.from_planes(cloud.points)) > 0.1
 
 
 def test_two_pictures_are_enough(frames: list[RgbdFrame]) -> None:
-    cloud = triangulated([frames[0], frames[5]])
+    cloud = triangulate([frames[0], frames[5]])
     assert len(cloud.points) > 15
     assert np.median(blob_room.from_planes(cloud.points)) < 0.02
-    assert len(triangulated(frames[:1]).points) == 0
-    assert len(triangulated([]).points) == 0
-    assert len(triangulated([frames[0], frames[0]]).points) == 0, "there is no baseline"
+    assert len(triangulate(frames[:1]).points) == 0
+    assert len(triangulate([]).points) == 0
+    assert len(triangulate([frames[0], frames[0]]).points) == 0, "there is no baseline"
 
 
 def test_poses_may_be_a_little_off(frames: list[RgbdFrame]) -> None:
@@ -100,8 +100,8 @@ def test_poses_may_be_a_little_off(frames: list[RgbdFrame]) -> None:
         pose[:3, 3] += 0.01 * rng.standard_normal(3)
         pose[:3, :3] = pose[:3, :3] @ rotation(0.005 * rng.standard_normal(3))
         moved.append(replace(frame, camera=at_pose(frame.camera, pose)))
-    cloud = triangulated(moved)
-    assert len(cloud.points) > 0.5 * len(triangulated(frames).points)
+    cloud = triangulate(moved)
+    assert len(cloud.points) > 0.5 * len(triangulate(frames).points)
     assert np.median(blob_room.from_planes(cloud.points)) < 0.05
 
 
@@ -112,21 +112,21 @@ def test_what_a_mask_hides_gives_no_points(frames: list[RgbdFrame]) -> None:
         replace(frame, rgb=np.where(mask[..., None], frame.rgb, 0).astype(np.uint8), mask=mask)
         for frame in frames
     ]
-    columns, rows = features(masked[0]).places.T
+    columns, rows = detect_keypoints(masked[0]).positions.T
     assert len(columns) > 30
-    assert columns.min() > 60 + FROM_MASK_PX - 1
-    assert columns.max() < 220 - FROM_MASK_PX + 1
-    assert rows.min() > 20 + FROM_MASK_PX - 1
-    assert rows.max() < 160 - FROM_MASK_PX + 1
-    assert np.median(blob_room.from_planes(triangulated(masked).points)) < 5e-3
+    assert columns.min() > 60 + MASK_MARGIN_PX - 1
+    assert columns.max() < 220 - MASK_MARGIN_PX + 1
+    assert rows.min() > 20 + MASK_MARGIN_PX - 1
+    assert rows.max() < 160 - MASK_MARGIN_PX + 1
+    assert np.median(blob_room.from_planes(triangulate(masked).points)) < 5e-3
     nothing = [replace(frame, mask=np.zeros_like(mask)) for frame in frames]
-    assert len(triangulated(nothing).points) == 0
+    assert len(triangulate(nothing).points) == 0
 
 
 def test_nothing_comes_of_white_walls(frames: list[RgbdFrame]) -> None:
     white = [replace(frame, rgb=np.full_like(frame.rgb, 230)) for frame in frames]
-    assert len(triangulated(white).points) == 0
-    assert len(triangulated([*white[:4], *frames[4:]]).points) > 10
+    assert len(triangulate(white).points) == 0
+    assert len(triangulate([*white[:4], *frames[4:]]).points) > 10
 
 
 def test_threads_change_nothing(frames: list[RgbdFrame]) -> None:
@@ -135,7 +135,7 @@ def test_threads_change_nothing(frames: list[RgbdFrame]) -> None:
         clouds = []
         for count in (1, 4):
             cv2.setNumThreads(count)
-            clouds.append(triangulated(frames))
+            clouds.append(triangulate(frames))
     finally:
         cv2.setNumThreads(threads)
     assert clouds[0].points.tobytes() == clouds[1].points.tobytes()
@@ -166,7 +166,7 @@ def test_points_of_a_simulated_visit(
         RgbdFrame(frame.rgb, np.zeros(frame.rgb.shape[:2], np.float32), frame.camera)
         for frame in frames
     ]
-    points = triangulated(blind).points
+    points = triangulate(blind).points
     assert len(points) > 300
     room = np.abs(np.stack([points, np.array([5, 4, 2.6]) - points])).min(axis=(0, 2))
     low, high = np.array([2.0, 1.5, 0]), np.array([3.2, 2.3, 0.75])
@@ -184,8 +184,8 @@ def test_partners_look_the_same_way_from_elsewhere() -> None:
         return at_pose(blob_room.camera_at((0, 0, 1)), look_at(np.array(place, float), target))
 
     line = [camera((0.1 * k, 0, 1), 0.0) for k in range(40)]
-    others = [camera((0.5, 0, 1), 1.2 * WIDEST_VIEW_RAD), camera((0.5, 0, 1), 0.1)]
-    found = pairs([*line, *others])
+    others = [camera((0.5, 0, 1), 1.2 * MAX_VIEW_ANGLE_RAD), camera((0.5, 0, 1), 0.1)]
+    found = choose_pairs([*line, *others])
     assert all(i < j for i, j in found)
     assert len(set(found)) == len(found) < 9 * 41
     partners = {j for i, j in found if i == 0}
@@ -193,7 +193,7 @@ def test_partners_look_the_same_way_from_elsewhere() -> None:
     assert max(partners) >= 38, "a far one"
     assert 40 not in {j for pair in found for j in pair}, "it looks elsewhere"
     assert (5, 41) not in found, "it stands at the same place"
-    assert pairs([]) == [] == pairs(line[:1])
+    assert choose_pairs([]) == [] == choose_pairs(line[:1])
 
 
 def test_tracks_join_pictures_and_leave_out_what_contradicts_itself() -> None:
@@ -208,9 +208,9 @@ def test_tracks_join_pictures_and_leave_out_what_contradicts_itself() -> None:
         matches(1, 2, (0, 0, 0.5), (2, 2, 0.5)),
     ]
     np.testing.assert_array_equal(
-        tracks([4, 3, 3], table, 1.0),
+        build_tracks([4, 3, 3], table, 1.0),
         [[0, 0, 0], [0, 1, 0], [0, 2, 0], [1, 1, 2], [1, 2, 2]],
     )
-    assert len(tracks([4, 3, 3], table, 4.0)) == 7
-    assert tracks([0, 0], [], 1.0).shape == (0, 3)
-    assert tracks([], [], 1.0).shape == (0, 3)
+    assert len(build_tracks([4, 3, 3], table, 4.0)) == 7
+    assert build_tracks([0, 0], [], 1.0).shape == (0, 3)
+    assert build_tracks([], [], 1.0).shape == (0, 3)

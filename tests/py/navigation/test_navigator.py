@@ -10,7 +10,8 @@ import surfel_room
 from gslts.core.camera import at_pose
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
-from gslts.navigation.navigator import MAX_MOVES, SUCCESS_DISTANCE_M, NavigationResult, Navigator
+from gslts.navigation.navigator import Navigator
+from gslts.navigation.trip import MAX_MOVES, SUCCESS_DISTANCE_M, NavigationResult
 from gslts.robots.recorded import RecordedRobot
 from gslts.semantics.source import Oracle
 from gslts_bench.navigation.truth import Truth, floor_distances_m, succeeds

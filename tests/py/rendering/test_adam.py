@@ -1,4 +1,4 @@
-"""Adam against PyTorch's, and the map that it moves."""
+"""Adam compared with that of PyTorch, and its map."""
 
 import numpy as np
 import pytest
@@ -40,7 +40,7 @@ def random_gradients(gaussian_map: gslts.GaussianMap, rows: list[int], seed: int
 
 
 @pytest.mark.parametrize(("dtype", "tolerance"), [(np.float32, 2e-5), (np.float64, 1e-12)])
-def test_moves_as_the_optimizer_of_pytorch(dtype: type, tolerance: float) -> None:
+def test_steps_are_those_of_pytorch(dtype: type, tolerance: float) -> None:
     start = scenes.random_map(7, sh_degree=2, feature_dims=3, dtype=dtype)
     names = ("means", "quats", "log_scales", "logit_opacities", "features")
     parameters = {name: torch.tensor(getattr(start, name)) for name in names}
@@ -68,7 +68,7 @@ def test_moves_as_the_optimizer_of_pytorch(dtype: type, tolerance: float) -> Non
     np.testing.assert_allclose(adam.map.sh, sh, rtol=0, atol=tolerance)
 
 
-def test_the_map_moves_and_its_start_stays() -> None:
+def test_the_map_changes_and_its_start_does_not() -> None:
     start = scenes.random_map(5, dtype=np.float32)
     before = start.means.copy()
     adam = gslts.Adam(start)
@@ -89,7 +89,7 @@ def test_the_map_outlives_the_optimizer() -> None:
     np.testing.assert_array_equal(means, start.means)
 
 
-def test_goes_on_from_its_state_exactly() -> None:
+def test_continues_from_its_state_exactly() -> None:
     start = scenes.random_map(6, sh_degree=1, dtype=np.float32)
     adam = gslts.Adam(start)
     for seed in range(4):
@@ -105,18 +105,18 @@ def test_goes_on_from_its_state_exactly() -> None:
     assert adam.state.steps.tolist() == [8, 4, 4, 0, 0, 8]
 
 
-def test_moments_move_along_with_an_edit() -> None:
+def test_an_edit_keeps_moments() -> None:
     start = scenes.random_map(4, dtype=np.float32)
     adam = gslts.Adam(start)
     adam.step(random_gradients(start, [0, 1, 2], 0), RATES)
-    edited = adam.edited(scenes.random_map(3, dtype=np.float32), np.array([2, -1, 0]))
+    edited = adam.edit(scenes.random_map(3, dtype=np.float32), np.array([2, -1, 0]))
     assert edited.map.size == 3
     assert edited.state.steps.tolist() == [1, 0, 1]
     np.testing.assert_array_equal(edited.state.first[[0, 2]], adam.state.first[[2, 0]])
     assert not edited.state.second[1].any()
 
 
-def test_errors_name_what_is_wrong() -> None:
+def test_errors_name_the_argument() -> None:
     start = scenes.random_map(3, dtype=np.float32)
     adam = gslts.Adam(start)
     with pytest.raises(ValueError, match=r"rows\[1\] is 3"):
@@ -131,5 +131,5 @@ def test_errors_name_what_is_wrong() -> None:
     with pytest.raises(ValueError, match=r"first: expected .*\(4, \*\), got float32 \(3, 14\)"):
         gslts.Adam(scenes.random_map(4, dtype=np.float32), state=adam.state)
     with pytest.raises(ValueError, match=r"rows\[0\] is 3"):
-        adam.edited(start.select(np.array([0])), np.array([3]))
+        adam.edit(start.select(np.array([0])), np.array([3]))
     assert adam.state.steps.tolist() == [0, 0, 0]

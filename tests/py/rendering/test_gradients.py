@@ -1,4 +1,4 @@
-"""The gradients against finite differences in float64, and against each other."""
+"""Gradients compared with finite differences in float64, and with each other."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ SMOOTH = {"alpha_min": 1e-30, "transmittance_min": 0.0}
 
 
 def loss_of(images: Images, weights: dict[str, Any]) -> float:
-    """The scalar whose gradient with respect to the images is `weights`."""
+    """Return the scalar whose gradient with respect to the images is `weights`."""
     return sum(
         float(np.sum(getattr(images, name.removeprefix("dL_d")) * weight))
         for name, weight in weights.items()
@@ -123,7 +123,7 @@ def test_gradients_where_the_jacobian_is_clamped():
     assert_gradients_are_finite_differences(gaussians, camera, options)
 
 
-def test_gradients_with_the_usual_thresholds():
+def test_gradients_with_default_thresholds():
     gaussians = scenes.random_map(60, seed=3, sh_degree=1, feature_dims=2)
     camera = scenes.orbit_camera()
     clear = oracle.render(gaussians, camera).margin > 1e-3  # Nothing flips here.
@@ -197,7 +197,7 @@ def test_no_image_gradient_gives_zeros():
         assert not getattr(gradients, f"dL_d{name}").any()
 
 
-def test_pixels_not_wanted_take_no_part():
+def test_pixels_outside_the_mask_take_no_part():
     gaussians, camera = scenes.random_map(80, feature_dims=2), scenes.orbit_camera()
     rng = np.random.default_rng(0)
     mask = rng.random((camera.height, camera.width)) < 0.3

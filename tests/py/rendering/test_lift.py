@@ -1,4 +1,4 @@
-"""Lifting against the dense matrix of blend weights."""
+"""Back-projection of features compared with the dense matrix of blend weights."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ import gslts
 
 
 def weight_matrix(gaussian_map: gslts.GaussianMap, camera: gslts.Camera) -> np.ndarray:
-    """[H*W,N]: what renders when Gaussian i has the i-th unit vector as its feature."""
+    """Return [H*W,N]: the rendering when Gaussian i has the i-th unit vector as its feature."""
     arrays = ("means", "quats", "log_scales", "logit_opacities", "sh", "origin")
     unit = gslts.GaussianMap(
         **{name: getattr(gaussian_map, name) for name in arrays},
@@ -64,7 +64,7 @@ def test_a_constant_image_lifts_to_the_constant() -> None:
     )
 
 
-def test_errors_name_what_is_wrong() -> None:
+def test_errors_name_the_argument() -> None:
     rasterizer = gslts.Rasterizer(np.float32)
     features = np.zeros((38, 53, 2), np.float32)
     with pytest.raises(RuntimeError, match=r"Rasterizer\.lift: there was no forward"):

@@ -1,4 +1,4 @@
-"""Losses against plain numpy."""
+"""Losses compared with plain NumPy."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def images(dtype: Any, height: int = 40, width: int = 50) -> tuple[Image, Image]
 
 
 def window_means(image: Image, wanted: Image) -> Image:
-    """Means of the wanted pixels under the 11 x 11 Gaussian window around each."""
+    """Return means of pixels in the mask under the 11 x 11 Gaussian window around each."""
     weights = np.exp(-0.5 * (np.arange(-5, 6) / 1.5) ** 2)
 
     def sums(values: Image) -> Image:
@@ -90,7 +90,7 @@ def test_exposure_is_numpys_least_squares_fit() -> None:
     assert eval(repr(found), {"Exposure": gslts.losses.Exposure}) == found
 
 
-def test_depth_loss_counts_what_was_measured_and_rendered() -> None:
+def test_depth_loss_counts_measured_and_rendered_pixels() -> None:
     depth = np.array([[2.0, 0.0, 1.0], [1.0, 3.0, 4.0]], np.float32)
     target = np.array([[1.5, 2.0, 0.0], [np.nan, 4.0, 7.0]], np.float32)
     mask = np.array([[True, True, True], [True, True, False]])
@@ -100,7 +100,7 @@ def test_depth_loss_counts_what_was_measured_and_rendered() -> None:
     np.testing.assert_array_equal(loss.dL_ddepth, [[0.5, 0, 0], [0, -0.5, 0]])
 
 
-def test_bad_input_is_named() -> None:
+def test_bad_input_is_rejected() -> None:
     rgb, target = images(np.float32, 6, 7)
     with pytest.raises(ValueError, match=r"photometric_loss: rgb: expected float32 or float64"):
         gslts.losses.photometric_loss(rgb.astype(np.float16), target)

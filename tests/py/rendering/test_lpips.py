@@ -1,4 +1,4 @@
-"""LPIPS against the layers written out one by one."""
+"""LPIPS compared with its layers written out."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +11,7 @@ from lpips_files import dim_map, frames_of, write_weights
 from torch import nn
 from torch.nn import functional
 
-from gslts.mapping.evaluation.assess import assess
+from gslts.mapping.evaluation.rendering import evaluate_rendering
 from gslts.rendering.metrics import MIN_SIDE_PX, Lpips
 
 
@@ -20,14 +20,14 @@ def weights(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     return write_weights(tmp_path_factory.mktemp("weights"))
 
 
-def pictures() -> tuple[np.ndarray, np.ndarray]:
+def images() -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(0)
     first = rng.random((61, 83, 3)).astype(np.float32)
     return first, (0.7 * first + 0.3 * rng.random(first.shape)).astype(np.float32)
 
 
 def by_hand(first: np.ndarray, second: np.ndarray, weights: tuple[Path, Path]) -> float:
-    """As the authors' code computes it: torchvision's layers, a convolution for each head."""
+    """Compute LPIPS as the authors do: layers of torchvision, a convolution for each head."""
     backbone, heads = (torch.load(path) for path in weights)
     alexnet = nn.Sequential(
         nn.Conv2d(3, 64, kernel_size=11, stride=4, padding=2), nn.ReLU(), nn.MaxPool2d(3, 2),
@@ -58,7 +58,7 @@ def by_hand(first: np.ndarray, second: np.ndarray, weights: tuple[Path, Path]) -
 
 
 def test_distances_are_those_of_the_layers(weights: tuple[Path, Path]) -> None:
-    first, second = pictures()
+    first, second = images()
     lpips = Lpips(*weights)
     distance = lpips.distance(first, second)
     assert distance == pytest.approx(by_hand(first, second, weights), rel=1e-5)
@@ -72,7 +72,7 @@ def test_distances_are_those_of_the_layers(weights: tuple[Path, Path]) -> None:
     assert wide == lpips.distance((3 * first - 1).clip(0, 1), second)
 
 
-def test_pictures_must_fit(weights: tuple[Path, Path]) -> None:
+def test_sizes_of_images_are_checked(weights: tuple[Path, Path]) -> None:
     lpips = Lpips(*weights)
     least = np.zeros((MIN_SIDE_PX, MIN_SIDE_PX, 3))
     assert lpips.distance(least, least) == 0
@@ -82,7 +82,7 @@ def test_pictures_must_fit(weights: tuple[Path, Path]) -> None:
         lpips.distance(least, np.zeros((40, 40, 3)))
 
 
-def test_files_that_are_no_weights_are_named(weights: tuple[Path, Path], tmp_path: Path) -> None:
+def test_files_that_are_no_weights_are_rejected(weights: tuple[Path, Path], tmp_path: Path) -> None:
     backbone, heads = weights
     with pytest.raises(FileNotFoundError, match=r"gone\.pth"):
         Lpips(tmp_path / "gone.pth", heads)
@@ -112,7 +112,7 @@ def test_files_that_are_no_weights_are_named(weights: tuple[Path, Path], tmp_pat
 
 
 class Runs:
-    """Makes a file when it is unpickled without care."""
+    """Creates a file if it is unpickled unsafely."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -121,22 +121,24 @@ class Runs:
         return Path.touch, (self.path,)
 
 
-def test_assessments_fit_the_exposure(weights: tuple[Path, Path]) -> None:
+def test_the_exposure_is_fitted(weights: tuple[Path, Path]) -> None:
     gaussian_map, lpips = dim_map(), Lpips(*weights)
-    found = assess(gaussian_map, frames_of(gaussian_map, 0.7), lpips)
-    other = assess(
+    found = evaluate_rendering(gaussian_map, frames_of(gaussian_map, 0.7), lpips)
+    other = evaluate_rendering(
         gaussian_map, frames_of(scenes.random_map(150, seed=5, dtype=np.float32), 1.0), lpips
     )
     assert found.lpips is not None
     assert other.lpips is not None
     assert found.lpips < 0.05 * other.lpips
     assert found.render_ms > 0
-    assert assess(gaussian_map, frames_of(gaussian_map, 1.0)).lpips is None
+    assert evaluate_rendering(gaussian_map, frames_of(gaussian_map, 1.0)).lpips is None
     with pytest.raises(ValueError, match="there is no frame"):
-        assess(gaussian_map, [])
+        evaluate_rendering(gaussian_map, [])
 
 
-def test_what_the_camera_did_not_see_is_not_assessed(weights: tuple[Path, Path]) -> None:
+def test_pixels_outside_the_mask_do_not_count(
+    weights: tuple[Path, Path],
+) -> None:
     gaussian_map, lpips = dim_map(), Lpips(*weights)
     whole = frames_of(gaussian_map, 0.7)
     seen = np.ones((60, 80), np.bool_)
@@ -144,9 +146,11 @@ def test_what_the_camera_did_not_see_is_not_assessed(weights: tuple[Path, Path])
     black = [np.where(seen[..., None], frame.rgb, 0) for frame in whole]
     masked = [replace(frame, rgb=rgb, mask=seen) for frame, rgb in zip(whole, black, strict=True)]
     without = [replace(frame, mask=None) for frame in masked]
-    found, wrong = (assess(gaussian_map, frames, lpips).lpips for frames in (masked, without))
+    found, wrong = (
+        evaluate_rendering(gaussian_map, frames, lpips).lpips for frames in (masked, without)
+    )
     assert found is not None
     assert wrong is not None
     assert found < 0.05 * wrong
     nothing = [replace(frame, mask=np.zeros_like(seen)) for frame in masked]
-    assert assess(gaussian_map, nothing, lpips).lpips == 0
+    assert evaluate_rendering(gaussian_map, nothing, lpips).lpips == 0

@@ -1,4 +1,4 @@
-"""Numbers at the edges of what a map may hold give finite images and gradients."""
+"""Extreme values of a map give finite images and gradients."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The images against the numpy oracle, and against what can be worked out by hand."""
+"""Images compared with the NumPy oracle and with hand-computed values."""
 
 import threading
 
@@ -96,7 +96,7 @@ def test_gaussian_behind_the_camera_is_not_seen(x):
     assert not gslts.render(ball, gslts.camera_from_fov(20, 20, 1.0, pose)).alpha.any()
 
 
-def test_near_plane_is_where_the_options_say():
+def test_near_plane_follows_the_options():
     camera = gslts.camera_from_fov(9, 9, 1.0, gslts.look_at((-0.5, 0, 0), (0, 0, 0)))
     ball = scenes.single_gaussian()
     assert gslts.render(ball, camera, gslts.RenderOptions(near_m=0.49)).alpha.any()
@@ -144,7 +144,7 @@ def test_mask_need_not_be_contiguous():
     np.testing.assert_array_equal(masked.rgb, np.where(mask.T[..., None], full.rgb, 0))
 
 
-def test_rasterizer_starts_every_view_afresh():
+def test_rasterizer_keeps_no_state_between_views():
     rasterizer = gslts.Rasterizer(np.float64)
     views = [
         (scenes.random_map(300, sh_degree=2), scenes.orbit_camera(150, 90)),

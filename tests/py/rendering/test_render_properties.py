@@ -1,4 +1,4 @@
-"""What must hold for any scene."""
+"""Properties of renderings of any scene."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ from gslts.rendering.rasterizer import Gradients
 
 @st.composite
 def views(draw: st.DrawFn) -> tuple[gslts.GaussianMap, gslts.Camera, gslts.RenderOptions]:
-    """A map in float64, a camera outside or inside of it, and options."""
+    """Draw a map in float64, a camera outside or inside of it, and options."""
     gaussians = scenes.random_map(
         draw(st.integers(0, 60)),
         seed=draw(st.integers(0, 10_000)),
@@ -115,7 +115,7 @@ def test_thread_count_changes_no_bit(view):
 def test_order_of_the_rows_changes_nothing(view, random):
     gaussians, camera, options = view
     order = np.array(random.sample(range(gaussians.size), gaussians.size), np.int64)
-    # Of equal depths the order of the rows decides, rightly.
+    # Of equal depths the order of the rows decides, by definition.
     z = (gaussians.means - camera.world_from_camera[:3, 3]) @ camera.world_from_camera[:3, 2]
     first = np.unique(z.astype(np.float32), return_index=True)[1]
     gaussians = gaussians.select(np.sort(first))

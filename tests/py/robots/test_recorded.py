@@ -1,4 +1,4 @@
-"""A recorded data set behind the protocol of robots."""
+"""A recorded data set as a robot."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from gslts_sim.controller import Controller
 
 @pytest.fixture(scope="module")
 def visit() -> list:
-    """Frames from two places, in four directions each."""
+    """Return frames at two positions, in four directions each."""
     robot = Controller(sim_scenes.simple_home(), width=32, height=24)
     frames = []
     for x in (1.0, 4.0):
@@ -21,21 +21,21 @@ def visit() -> list:
     return frames
 
 
-def test_it_goes_to_the_frame_of_that_place_and_direction(visit: list) -> None:
+def test_it_moves_to_the_frame_with_the_nearest_position_and_direction(visit: list) -> None:
     robot: Robot = RecordedRobot(visit)
     assert robot.observe() is visit[0]
     np.testing.assert_allclose(robot.reachable_positions(), [[1.0, 1.0], [4.0, 1.0]])
-    for number, (place, yaw_rad) in {
+    for number, (position, yaw_rad) in {
         6: ((4.2, 1.1), np.pi),
         2: ((0.8, 1.3), -np.pi + 0.2),
         5: ((3.7, 0.8), np.pi / 2 + 2 * np.pi),
     }.items():
-        assert robot.move_towards(np.array(place), yaw_rad)
+        assert robot.move_towards(np.array(position), yaw_rad)
         assert robot.observe() is visit[number]
         np.testing.assert_array_equal(robot.pose(), visit[number].camera.world_from_camera)
 
 
-def test_of_frames_at_a_place_the_pitch_decides() -> None:
+def test_among_frames_at_one_position_the_pitch_decides() -> None:
     robot = Controller(sim_scenes.simple_home(), width=32, height=24)
     frames = []
     for horizon in (-30.0, 0.0, 30.0):
@@ -47,7 +47,7 @@ def test_of_frames_at_a_place_the_pitch_decides() -> None:
         assert recorded.observe() is frames[number]
 
 
-def test_without_frames_there_is_no_robot() -> None:
+def test_no_frames_are_rejected() -> None:
     with pytest.raises(
         ValueError, match="RecordedRobot: frames: expected at least one frame, got none"
     ):

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from gltf_files import box
 
-from gslts_sim.gltf.boxes import MOST_BOXES, TOUCH_M, filling_boxes
+from gslts_sim.gltf.boxes import MAX_BOXES, filling_boxes
+from gslts_sim.gltf.voxels import TOUCH_M
 
 
 def covered(boxes: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -107,7 +108,7 @@ def test_sphere_is_filled_without_bias():
         [np.stack(t, axis=2).reshape(-1, 3, 3) for t in ((a, b, c), (a, c, d))]
     )
     boxes = filling_boxes(corners)
-    assert len(boxes) <= MOST_BOXES
+    assert len(boxes) <= MAX_BOXES
     volume = (boxes[:, 1] - boxes[:, 0]).prod(axis=1).sum()
     assert volume == pytest.approx(4 / 3 * np.pi * 0.15**3, rel=0.15)
     assert boxes[:, 0].min() == pytest.approx(-0.15)

@@ -10,7 +10,7 @@ from gslts.core.robot import Robot
 from gslts.core.se3 import pose_distance
 from gslts_sim import make_home
 from gslts_sim.controller import Controller
-from gslts_sim.robot_body import BODY_RADIUS_M, CAMERA_HEIGHT_M
+from gslts_sim.robot_body import BODY, CAMERA_HEIGHT_M
 
 
 @pytest.fixture
@@ -67,8 +67,8 @@ def test_reachable_positions_are_those_of_the_free_floor(controller: Controller)
     outside = np.maximum(np.abs(places - (2.6, 1.9)) - (0.6, 0.4), 0)
     gap = np.linalg.norm(outside, axis=1)
     to_wall = np.minimum(places, (5, 4) - places).min(axis=1)
-    assert gap.min() >= BODY_RADIUS_M - 0.05
-    assert to_wall.min() >= BODY_RADIUS_M - 0.05
+    assert gap.min() >= BODY.radius_m - 0.05
+    assert to_wall.min() >= BODY.radius_m - 0.05
     # The grid has 19 x 15 points inside the walls; the block and its margin take 7 x 5 at most.
     assert 19 * 15 - 7 * 5 <= len(places) <= 19 * 15 - 4 * 3
     assert all(go(controller, "Teleport", position=p) for p in result[:: len(result) // 5])

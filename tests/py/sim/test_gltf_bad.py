@@ -56,14 +56,14 @@ def test_any_wrong_byte_is_refused_or_read(tmp_path):
 @pytest.mark.parametrize(
     ("change", "match"),
     [
-        (lambda data: b"glTX" + data[4:], "it is no glTF"),
+        (lambda data: b"glTX" + data[4:], "it is not a glTF"),
         (lambda data: data[:4] + struct.pack("<I", 1) + data[8:], "glTF 1, not 2"),
         (lambda data: data[:8] + struct.pack("<I", 2**32 - 1) + data[12:], "4294967295 bytes"),
         (lambda data: data[:12] + struct.pack("<I", 2**32 - 1) + data[16:], "is not its JSON"),
         (lambda data: data[:16] + b"BIN\0" + data[20:], "is not its JSON"),
-        (lambda _: b"", "it is no glTF"),
-        (lambda _: b"ply\nformat ascii 1.0\n", "it is no glTF"),
-        (lambda _: b"[" * 100_000, "it is no glTF"),
+        (lambda _: b"", "it is not a glTF"),
+        (lambda _: b"ply\nformat ascii 1.0\n", "it is not a glTF"),
+        (lambda _: b"[" * 100_000, "it is not a glTF"),
         (lambda _: b"[1, 2]", "asset.version is None"),
         (lambda _: b'{"asset": {"version": "1.0"}}', "asset.version is '1.0'"),
         (lambda _: b'{"asset": {"version": "2.0", "x": NaN}}', "NaN is not a number"),
@@ -219,12 +219,12 @@ def test_limits(tmp_path, monkeypatch):
     path = quad(four_colours()).write(tmp_path / "large.glb")
     load_home(path)
     for module, name, value, match in (
-        (gltf_file, "FILE_BYTES", 500, "larger than 500"),
-        (gltf_file, "JSON_BYTES", 100, "JSON has .* more than 100"),
-        (gltf_file, "NODES", 0, "1 nodes, more than 0"),
-        (gltf_parts, "CORNERS", 11, "more than 11 vertices"),
-        (gltf_colour, "TEXTURE_PX", 1, "2 x 2 pixels"),
-        (gltf_colour, "ALL_TEXTURES_PX", 3, "over 3 pixels"),
+        (gltf_file, "MAX_FILE_BYTES", 500, "larger than 500"),
+        (gltf_file, "MAX_JSON_BYTES", 100, "JSON has .* more than 100"),
+        (gltf_file, "MAX_NODES", 0, "1 nodes, more than 0"),
+        (gltf_parts, "MAX_CORNERS", 11, "more than 11 vertices"),
+        (gltf_colour, "MAX_TEXTURE_PX", 1, "2 x 2 pixels"),
+        (gltf_colour, "MAX_TOTAL_PX", 3, "over 3 pixels"),
     ):
         with monkeypatch.context() as limit:
             limit.setattr(module, name, value)
@@ -257,7 +257,7 @@ def test_one_mesh_at_many_nodes_counts_each_time(tmp_path, monkeypatch):
     mesh = file.mesh(file.primitive(CUBE))
     for k in range(4):
         file.node(name=f"A{k}", mesh=mesh)
-    monkeypatch.setattr(gltf_parts, "CORNERS", 4 * 72 - 1)
+    monkeypatch.setattr(gltf_parts, "MAX_CORNERS", 4 * 72 - 1)
     assert_refused(file.write(tmp_path / "many.glb"), "vertices and corners")
 
 

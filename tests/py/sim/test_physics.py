@@ -3,15 +3,14 @@
 import numpy as np
 import pytest
 
+from gslts.core.robot_body import RobotBody
 from gslts_sim.home import Home, HomeObject, Room
 from gslts_sim.mesh import Surface
+from gslts_sim.oriented_boxes import OrientedBoxes, collides, overlap_m
 from gslts_sim.physics import (
-    OrientedBoxes,
     boxes_in_world,
-    collides,
     collisions,
     hangs_on,
-    overlap_m,
     problems,
     resting_poses,
     stands_on,
@@ -236,7 +235,7 @@ def test_rugs_and_what_hangs_high_are_no_obstacles():
     rug = obj("Rug|1", (2, 2, 0.01), (2, 1.5, 0))
     shelf = obj("Shelf|1", (2, 0.3, 0.1), (2, 0.15, 1.3))
     assert walkable_floor(home_of(rug, shelf), room()).free.all()
-    assert not walkable_floor(home_of(rug, shelf), room(), height_m=1.4).free.all()
+    assert not walkable_floor(home_of(rug, shelf), room(), RobotBody(height_m=1.4)).free.all()
 
 
 def test_a_room_without_free_floor():

@@ -13,7 +13,7 @@ from gslts_sim.procedural.shapes import (
     cylinder,
     disc,
     ellipsoid,
-    joined,
+    join,
     lathe,
     leaf,
     prism,
@@ -83,8 +83,8 @@ def test_a_disc_looks_up():
 
 def test_moving_turning_and_joining():
     post = box(0.1, 0.1, 1)
-    lying = post.turned("y", np.pi / 2)
+    lying = post.rotate("y", np.pi / 2)
     np.testing.assert_allclose(np.ptp(lying.vertices, axis=0), [1, 0.1, 0.1], atol=1e-12)
-    both: Mesh = joined([post, lying.moved(z=2)])
+    both: Mesh = join([post, lying.translate(z=2)])
     assert len(both.faces) == 24
     assert both.vertices[:, 2].max() == pytest.approx(2.05)

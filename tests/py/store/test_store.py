@@ -1,4 +1,4 @@
-"""Versions of a map: they come back bit by bit, and nothing of them is lost."""
+"""Versions of a map: bit-identical reading, atomic commits, damage and garbage."""
 
 import sqlite3
 from dataclasses import replace
@@ -19,7 +19,7 @@ from store_maps import (
     random_map,
 )
 
-from gslts.mapping.density.control import joined
+from gslts.mapping.density.control import join
 from gslts.store.blobs import Blobs
 from gslts.store.causes import UpdateCause
 from gslts.store.delta import Delta, apply_deltas, compare_by_ids, compute_delta
@@ -29,12 +29,12 @@ from gslts.store.records import Blob, Event, ObjectEvent
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Of a map of one version."""
+    """Return the folder of a map with one version."""
     MapStore.create(tmp_path, random_map(100), ROOM)
     return tmp_path
 
 
-def test_every_version_comes_back_bit_by_bit(folder: Path) -> None:
+def test_every_version_is_read_bit_identically(folder: Path) -> None:
     maps = grown(folder, 12)
     with MapStore(folder) as store:
         assert [one.number for one in store.versions()] == list(range(1, 14))
@@ -45,7 +45,7 @@ def test_every_version_comes_back_bit_by_bit(folder: Path) -> None:
         assert store.version().cause == UpdateCause(round=12)
 
 
-def test_a_delta_leads_from_map_to_map() -> None:
+def test_applying_a_delta_gives_the_next_map() -> None:
     before = random_map(50)
     after = edited(before, 1, 50)
     delta = compute_delta(before, after)
@@ -57,25 +57,25 @@ def test_a_delta_leads_from_map_to_map() -> None:
     assert_same(apply_deltas(before, [nothing]), before)
 
 
-def test_negative_zero_is_not_zero() -> None:
+def test_negative_zero_differs_from_zero() -> None:
     before = replace(random_map(3), logit_opacities=np.zeros(3, np.float32))
     after = replace(before, logit_opacities=-before.logit_opacities)
     assert compute_delta(before, after).changed.size == 3
 
 
-def test_a_map_may_become_empty_and_full_again(folder: Path) -> None:
+def test_a_map_can_become_empty_and_grow_again(folder: Path) -> None:
     with MapStore(folder, writable=True) as store:
         first = store.read()
         empty = first.select(np.zeros(0, np.int64))
         store.commit(empty, UpdateCause())
-        again = joined(empty, random_map(5), store.version().next_id)
+        again = join(empty, random_map(5), store.version().next_id)
         store.commit(again, UpdateCause())
         assert_same(store.read(2), empty)
         assert_same(store.read(3), again)
-        assert int(again.ids[0]) == 100, "ids of what is gone are not used again"
+        assert int(again.ids[0]) == 100, "ids of removed Gaussians are not reused"
 
 
-def test_an_old_version_is_restored_as_a_new_one(folder: Path) -> None:
+def test_restoring_adds_a_version(folder: Path) -> None:
     maps = grown(folder, 3)
     with MapStore(folder, writable=True) as store:
         version = store.restore(2)
@@ -89,7 +89,7 @@ def test_an_old_version_is_restored_as_a_new_one(folder: Path) -> None:
     assert_same(maps[3].select(np.isin(maps[3].ids, found.added.ids)), found.added)
 
 
-def test_features_of_another_length_make_a_version(folder: Path) -> None:
+def test_features_of_another_length_are_committed(folder: Path) -> None:
     maps = grown(folder, 2)
     embedded = replace(maps[-1], features=np.ones((maps[-1].size, 5), np.float32))
     with MapStore(folder, writable=True) as store:
@@ -134,7 +134,7 @@ def test_another_map_is_rejected(folder: Path, edit: object, message: str) -> No
         assert len(store.versions()) == 1
 
 
-def test_objects_are_told(folder: Path) -> None:
+def test_object_changes_are_recorded(folder: Path) -> None:
     book = ObjectEvent(kind="removal", type="Book", boxes=(BOX, None))
     events = [addition("Mug"), book]
     with MapStore(folder, writable=True) as store:
@@ -145,23 +145,23 @@ def test_objects_are_told(folder: Path) -> None:
             assert mug == Event(version=2, **addition("Mug").model_dump())
 
 
-def test_what_a_restored_version_undid_is_told(folder: Path) -> None:
+def test_object_changes_between_versions_follow_the_lineage(folder: Path) -> None:
     with MapStore(folder, writable=True) as store:
         store.commit(store.read(), UpdateCause(), [addition("Mug")])
         store.restore(1)
         store.commit(store.read(), UpdateCause(), [addition("Book")])
 
-        def told(before: int, after: int) -> list[list[str]]:
+        def types(before: int, after: int) -> list[list[str]]:
             return [[one.type for one in own] for own in store.events_between(before, after)]
 
-        assert told(1, 2) == [["Mug"], []]
-        assert told(2, 1) == [[], ["Mug"]]
-        assert told(1, 3) == [[], []]
-        assert told(2, 4) == [["Book"], ["Mug"]]
+        assert types(1, 2) == [["Mug"], []]
+        assert types(2, 1) == [[], ["Mug"]]
+        assert types(1, 3) == [[], []]
+        assert types(2, 4) == [["Book"], ["Mug"]]
         assert [one.number for one in store.lineage(4)] == [1, 3, 4]
 
 
-def test_readers_see_what_was_there_while_one_writes(folder: Path) -> None:
+def test_readers_and_one_writer_work_at_the_same_time(folder: Path) -> None:
     with MapStore(folder) as reader, MapStore(folder, writable=True) as writer:
         before = reader.read()
         writer.commit(edited(before, 1, 100), UpdateCause())
@@ -169,7 +169,7 @@ def test_readers_see_what_was_there_while_one_writes(folder: Path) -> None:
         assert reader.version().number == 2
 
 
-def test_a_version_that_is_compacted_meanwhile_is_read(
+def test_a_version_is_read_while_the_store_is_compacted(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     maps = grown(folder, 4)
@@ -198,8 +198,8 @@ def test_a_version_that_is_compacted_meanwhile_is_read(
 
 
 @pytest.mark.parametrize("loss", ["file", "name"])
-def test_nothing_is_removed_where_a_file_is_missing(folder: Path, loss: str) -> None:
-    """It may be the one that a damaged index means."""
+def test_garbage_is_kept_if_a_file_is_missing(folder: Path, loss: str) -> None:
+    """Any file may be the one that a damaged index means."""
     grown(folder, 1)
     with MapStore(folder) as store:
         delta = store.version(2).delta
@@ -235,7 +235,7 @@ def test_nothing_is_removed_where_a_file_is_missing(folder: Path, loss: str) -> 
         "UPDATE rejections SET time_s = -1",
     ],
 )
-def test_what_makes_no_sense_in_the_index_is_damage(folder: Path, harm: str) -> None:
+def test_invalid_values_in_the_index_are_damage(folder: Path, harm: str) -> None:
     with MapStore(folder, writable=True) as store:
         store.commit(store.read(), UpdateCause(), [addition("Mug")])
         store.add_rejection(REJECTED)
@@ -249,7 +249,7 @@ def test_what_makes_no_sense_in_the_index_is_damage(folder: Path, harm: str) -> 
 
 
 @pytest.mark.parametrize("harm", ["flip", "cut", "grow", "delete"])
-def test_damage_is_named_and_nothing_else_is_lost(folder: Path, harm: str) -> None:
+def test_a_damaged_file_is_named_and_other_versions_stay_readable(folder: Path, harm: str) -> None:
     maps = grown(folder, 1)
     with MapStore(folder) as store:
         delta = store.version(2).delta
@@ -277,7 +277,7 @@ def test_damage_is_named_and_nothing_else_is_lost(folder: Path, harm: str) -> No
         assert_same(store.read(), maps[0])
 
 
-def test_a_whole_store_has_no_problem(folder: Path) -> None:
+def test_an_intact_store_has_no_problem(folder: Path) -> None:
     grown(folder, 3)
     seen: list[int] = []
     with MapStore(folder) as store:
@@ -294,13 +294,13 @@ def test_a_newer_schema_is_named(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"no database" * 100])
-def test_another_file_is_no_index(folder: Path, content: bytes) -> None:
+def test_another_file_is_rejected_as_index(folder: Path, content: bytes) -> None:
     (folder / INDEX).write_bytes(content)
     with pytest.raises(ValueError, match=INDEX):
         MapStore(folder)
 
 
-def test_what_a_stopped_commit_left_is_removed(folder: Path) -> None:
+def test_remains_of_an_interrupted_commit_are_removed(folder: Path) -> None:
     maps = grown(folder, 1)
     part = blobs_of(folder)[0].parent / ".abc.safetensors.1.part"
     part.write_bytes(b"half")
@@ -313,10 +313,10 @@ def test_what_a_stopped_commit_left_is_removed(folder: Path) -> None:
         assert_same(store.read(), maps[-1])
 
 
-def test_old_versions_are_forgotten_but_for_what_is_known_of_them(folder: Path) -> None:
+def test_compaction_keeps_the_records_of_old_versions(folder: Path) -> None:
     maps = grown(folder, 8)
     with MapStore(folder, writable=True) as store:
-        store.restore(3)  # Version 10, which stands on one that is forgotten.
+        store.restore(3)  # Version 10; its parent is compacted.
         before = store.versions()
         assert store.compact(3) > 0
         assert [one.model_copy(update={"delta": None}) for one in store.versions()] == [
@@ -336,13 +336,13 @@ def test_old_versions_are_forgotten_but_for_what_is_known_of_them(folder: Path) 
             store.compact(0)
 
 
-def test_snapshots_keep_the_way_to_a_version_short(tmp_path: Path) -> None:
+def test_snapshots_bound_the_number_of_deltas(tmp_path: Path) -> None:
     MapStore.create(tmp_path, random_map(30), ROOM)
     maps = grown(tmp_path, 30)
     with MapStore(tmp_path) as store:
         snapshots = store._index.snapshots()
-        ways = [len(store._reconstruction(one.number, snapshots)[1]) for one in store.versions()]
-        assert max(ways) < 12
+        lengths = [len(store._reconstruction(one.number, snapshots)[1]) for one in store.versions()]
+        assert max(lengths) < 12
         for number, expected in enumerate(maps, start=1):
             assert_same(store.read(number), expected)
     deltas = sum(one.delta.size for one in store_versions(tmp_path) if one.delta is not None)
@@ -354,7 +354,7 @@ def store_versions(folder: Path) -> list:
         return store.versions()
 
 
-def test_a_clock_that_goes_back_is_told(
+def test_a_clock_that_goes_back_is_logged(
     folder: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     grown(folder, 1)

@@ -1,4 +1,4 @@
-"""`gslts bench detect` as a user meets it, in one small home: made once, stopped, spoilt."""
+"""The command `gslts bench detect` on one small home: run once, interrupted, with damaged files."""
 
 import json
 import shutil
@@ -52,7 +52,7 @@ def copied(done: Path, tmp_path: Path) -> Path:
 
 
 def lines(folder: Path) -> list[dict[str, Any]]:
-    """What was kept, without the times, which differ."""
+    """Return the kept results without times, which differ."""
     (path,) = (folder / "work" / "detect").iterdir()
     results = [json.loads(line) for line in path.read_text().splitlines()]
     return [{key: value for key, value in one.items() if key not in TIMES} for one in results]
@@ -192,7 +192,7 @@ def test_the_trade_is_measured_and_drawn(copied: Path) -> None:
         (("--images", "full"), "full is not empty"),
     ],
 )
-def test_bad_input_is_refused_in_one_line(
+def test_bad_input_is_rejected_in_one_line(
     tmp_path: Path, arguments: tuple[str, ...], message: str
 ) -> None:
     (tmp_path / "full").mkdir()
@@ -205,7 +205,7 @@ def test_bad_input_is_refused_in_one_line(
 
 
 def test_single_cases_are_tasks(done: Path) -> None:
-    """What is shown is what `Task.start` shows, to the last bit."""
+    """Frames are those of `Task.start`, to the last bit."""
     cases = cases_in(done)
     tasks: list[Task] = BENCH.tasks(12)
     home = cases.home.load(Path())

@@ -1,4 +1,4 @@
-"""`gslts bench navigate` as a user meets it, in one small home."""
+"""The command `gslts bench navigate` on one small home."""
 
 import json
 from collections.abc import Callable

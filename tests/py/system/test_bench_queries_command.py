@@ -1,4 +1,4 @@
-"""`gslts bench queries` as a user meets it, in one small home."""
+"""The command `gslts bench queries` on one small home."""
 
 import json
 from pathlib import Path
@@ -45,7 +45,7 @@ def test_a_bed_is_found_even_in_a_rough_map(done: Path) -> None:
     assert found["Bed"]["mIoU"] > 0.5
 
 
-def test_tables_and_picture(done: Path) -> None:
+def test_tables_and_plot(done: Path) -> None:
     text = (done / "stdout").read_text()
     assert "| GS-LTS (GT), as printed |" in text
     assert text.count("\n| d = ") == 4

@@ -1,4 +1,4 @@
-"""`gslts bench relocalize` as a user meets it, in one small home."""
+"""The command `gslts bench relocalize` on one small home."""
 
 import json
 from pathlib import Path
@@ -32,7 +32,7 @@ def records(path: Path) -> list[dict[str, Any]]:
     return found
 
 
-def test_each_frame_is_asked_about_in_each_way(done: Path) -> None:
+def test_each_frame_is_localized_with_each_variant(done: Path) -> None:
     asked: dict[tuple[str, str], set[str]] = {}
     for one in records(done / "all.json"):
         asked.setdefault((one["part"], one["frame"]), set()).add(one["variant"])
@@ -70,7 +70,7 @@ def test_frames_are_found_even_in_a_rough_map(done: Path) -> None:
     assert ours["tracked"]["far"] >= 4
 
 
-def test_tables_and_picture(done: Path) -> None:
+def test_tables_and_plot(done: Path) -> None:
     text = (done / "stdout").read_text()
     assert (
         "4 held-out frames, 4 of homes as mapped, 4 after three changes, 4 of other homes" in text
@@ -136,7 +136,7 @@ def test_a_recorded_room(done: Path) -> None:
         (("--real", "nowhere"), "there is no such file"),
     ],
 )
-def test_what_does_not_fit_together(
+def test_incompatible_options_are_rejected(
     tmp_path: Path, arguments: tuple[str, ...], message: str
 ) -> None:
     process = gslts("bench", "relocalize", *arguments, cwd=tmp_path)

@@ -1,4 +1,4 @@
-"""`gslts bench series` as a user meets it, in one small home."""
+"""The command `gslts bench series` on one small home."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""`gslts bench update` as a user meets it, in one small home."""
+"""The command `gslts bench update` on one small home."""
 
 import json
 from pathlib import Path
@@ -44,7 +44,7 @@ def test_each_detected_change_is_updated_with_each_method(done: Path) -> None:
         assert methods == {*METHODS, *curves}
 
 
-def test_records_tell_what_was_done(done: Path) -> None:
+def test_records_hold_counts_and_times(done: Path) -> None:
     by_method: dict[str, list[dict[str, Any]]] = {}
     for one in records(done):
         by_method.setdefault(one["method"], []).append(one)
@@ -84,7 +84,7 @@ def test_tables_and_images_are_made(done: Path) -> None:
         assert curve.size[0] > 500
 
 
-def test_what_was_done_is_not_done_again(done: Path) -> None:
+def test_finished_results_are_reused(done: Path) -> None:
     (kept,) = (done / "work" / "update").glob("*.jsonl")
     before = kept.read_bytes()
     process = gslts(*RUN, "--work", "work", "--json", "again.json", cwd=done)

@@ -1,4 +1,4 @@
-"""How updated maps are judged."""
+"""Scores of updated maps at test viewpoints."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ REMOVAL = Change(
 
 
 def view(shift_m: float = 0.0, *, near: bool = True) -> EvaluationView:
-    """Of the unchanged room, by a camera that is said to be elsewhere."""
+    """Return a viewpoint of the unchanged room with a shifted camera."""
     gaussian_map, _ = change_room.mapped()
     frame = update_room.robot_in(change_room.home()).observe()
     pose = frame.camera.world_from_camera
@@ -64,7 +64,7 @@ def test_cameras_are_where_the_map_says() -> None:
     assert score.psnr_db > score.true_pose_db + 1
 
 
-def test_scores_are_best_for_the_picture_itself() -> None:
+def test_scores_are_best_for_the_image_itself() -> None:
     gaussian_map, _ = change_room.mapped()
     judge = Judge([view(), view(near=False)])
     good = judge.scores(gaussian_map)["near"]
@@ -82,7 +82,7 @@ def test_scores_are_best_for_the_picture_itself() -> None:
     assert judge.psnrs_db(gaussian_map)["near"] == pytest.approx(good.psnr_db)
 
 
-def test_what_changes_beside_the_crops_counts_outside() -> None:
+def test_changes_beside_the_crops_count_outside() -> None:
     gaussian_map, _ = change_room.mapped()
     judge = Judge([view(), view(near=False)])
     before = judge.scores(gaussian_map)["near"]

@@ -1,4 +1,4 @@
-"""The command `gslts detect`, as a user meets it."""
+"""The command `gslts detect` end to end."""
 
 import json
 import shutil
@@ -21,7 +21,7 @@ MAP_AND_VISIT = ("detect", "map", "visit", "--halvings", "0")
 
 @pytest.fixture(scope="module")
 def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A map, and a visit of the room after the red box was taken away; its last frame is dark."""
+    """Return a map and a visit after the removal of the red box; its last frame is dark."""
     folder = tmp_path_factory.mktemp("detect")
     change_room.write_room_map(folder / "map")
     home = change_room.home().without(["Box|1"])
@@ -35,7 +35,7 @@ def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.smoke
-def test_it_tells_what_changed_in_each_frame(workplace: Path) -> None:
+def test_it_prints_the_changes_of_each_frame(workplace: Path) -> None:
     done = gslts(*MAP_AND_VISIT, "--threads", "1", cwd=workplace)
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
@@ -46,8 +46,8 @@ def test_it_tells_what_changed_in_each_frame(workplace: Path) -> None:
     assert lines[2] == "00002: unreliable: the image is black"
 
 
-def test_json_and_pictures_of_one_frame(workplace: Path, tmp_path: Path) -> None:
-    arguments = ("--frame", "00001", "--json", "--out", tmp_path / "pictures")
+def test_json_and_images_of_one_frame(workplace: Path, tmp_path: Path) -> None:
+    arguments = ("--frame", "00001", "--json", "--out", tmp_path / "images")
     done = gslts(*MAP_AND_VISIT, *arguments, cwd=workplace)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
@@ -60,13 +60,13 @@ def test_json_and_pictures_of_one_frame(workplace: Path, tmp_path: Path) -> None
     assert np.shape(change["box_before_m"]) == (2, 3)
     assert change["pixels"][0] > 25
     assert change["pixels"][1] == 0
-    (picture,) = (tmp_path / "pictures").iterdir()
-    assert picture.name == "00000_00001.png"
-    with Image.open(picture) as image:
-        assert image.size == (9 * SIZE["width"], 3 * SIZE["height"])  # Enlarged to be read.
+    (image_path,) = (tmp_path / "images").iterdir()
+    assert image_path.name == "00000_00001.png"
+    with Image.open(image_path) as image:
+        assert image.size == (9 * SIZE["width"], 3 * SIZE["height"])  # Enlarged for its text.
 
 
-def test_all_frames_in_json_are_one_object_a_line(workplace: Path) -> None:
+def test_json_has_one_object_per_line(workplace: Path) -> None:
     arguments = ("--halvings", "0", "--json", "--strategy", "gs_lts")
     done = gslts("detect", "map", "clean", *arguments, cwd=workplace)
     assert done.returncode == 0, done.stderr
@@ -81,7 +81,7 @@ def test_all_frames_in_json_are_one_object_a_line(workplace: Path) -> None:
     assert told[2]["unreliable"] == "the image is black"
 
 
-def test_frames_come_in_the_order_in_which_they_are_asked_for(workplace: Path) -> None:
+def test_frames_come_in_the_given_order(workplace: Path) -> None:
     done = gslts(*MAP_AND_VISIT, "--frame", "00002", "--frame", "00000", cwd=workplace)
     assert done.returncode == 0, done.stderr
     assert [line.split(":")[0] for line in done.stdout.splitlines()] == ["00002", "00000"]
@@ -111,9 +111,7 @@ def test_a_ply_file_is_a_map_without_cameras(workplace: Path) -> None:
         (("map", "visit", "--features", "transformers:map"), "map: there is no config.json"),
     ],
 )
-def test_what_cannot_be_done_is_said_in_one_line(
-    workplace: Path, arguments: tuple[str, ...], message: str
-) -> None:
+def test_errors_take_one_line(workplace: Path, arguments: tuple[str, ...], message: str) -> None:
     before = sorted(workplace.rglob("*"))
     done = gslts("detect", *arguments, cwd=workplace)
     assert done.returncode == 1
@@ -124,7 +122,7 @@ def test_what_cannot_be_done_is_said_in_one_line(
     assert sorted(workplace.rglob("*")) == before
 
 
-def test_a_damaged_frame_ends_nothing(workplace: Path, tmp_path: Path) -> None:
+def test_a_damaged_frame_does_not_stop_the_others(workplace: Path, tmp_path: Path) -> None:
     shutil.copytree(workplace / "visit", tmp_path / "visit")
     damaged = tmp_path / "visit" / "images" / "00000.png"
     damaged.write_bytes(damaged.read_bytes()[:300])
@@ -136,7 +134,7 @@ def test_a_damaged_frame_ends_nothing(workplace: Path, tmp_path: Path) -> None:
     assert lines[1].startswith("00001: removal")
 
 
-def test_cameras_that_are_damaged_are_named(workplace: Path, tmp_path: Path) -> None:
+def test_damaged_cameras_are_named(workplace: Path, tmp_path: Path) -> None:
     change_room.write_room_map(tmp_path / "map")
     (tmp_path / "map" / "cameras.json").write_text('{"00000": {"fx": 1}}')
     done = gslts("detect", tmp_path / "map", "visit", cwd=workplace)

@@ -1,6 +1,7 @@
-"""Changes of a simulated room, from a frame and a map to what changed and where."""
+"""Change detection in a simulated room, from frame and map to changes."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import change_room
 import numpy as np
@@ -21,7 +22,7 @@ pytestmark = pytest.mark.smoke
 
 NEAR_M = 0.3
 RED_M, BLUE_M, FREE_M = (2.2, 1.85, 0.9), (3.0, 1.95, 0.9), (2.6, 1.85, 0.9)
-"""Middles of the boxes on the block, and of a place between them."""
+"""Middles of the boxes on the block, and a free position between them, m."""
 
 looks = pytest.mark.parametrize("look", LOOKS, ids=["front", "back", "corner"])
 noises = pytest.mark.parametrize("noise", ["none", "kinect"])
@@ -39,19 +40,19 @@ def moved(home: Home) -> Home:
     return place(home, "Box|1", np.array([2.6, 1.85, change_room.BLOCK_TOP_M]))
 
 
-def told(changes: tuple[Change, ...]) -> list[tuple[str, np.ndarray]]:
+def summary(changes: tuple[Change, ...]) -> list[tuple[str, np.ndarray]]:
     return [(one.kind, one.point) for one in changes]
 
 
 def require(detection: Detection, *expected: tuple[str, tuple[float, float, float]]) -> None:
-    """These changes and no others, each within 0.3 m."""
+    """Require these changes and no others, each within 0.3 m."""
     assert detection.unreliable is None
     assert sorted(one.kind for one in detection.changes) == sorted(kind for kind, _ in expected)
     for kind, point in expected:
         distances = [
             np.linalg.norm(one.point - point) for one in detection.changes if one.kind == kind
         ]
-        assert min(distances) < NEAR_M, told(detection.changes)
+        assert min(distances) < NEAR_M, summary(detection.changes)
 
 
 @looks
@@ -64,7 +65,7 @@ def test_an_added_object_is_found(look: object, noise: str) -> None:
     assert before is None
     assert after is not None
     assert change.boxes[0] is None
-    # It is where the photograph is yellow: red and green, and not blue.
+    # It is where the frame is yellow: red and green, and not blue.
     red, green, blue = detection.observed_rgb.transpose(2, 0, 1)
     yellow = (red > 2 * blue) & (green > 2 * blue) & (red > 0.2)
     assert (after & yellow).sum() > 0.6 * after.sum()
@@ -98,7 +99,7 @@ def test_a_moved_object_is_found_at_both_ends(look: object, noise: str) -> None:
 
 @looks
 @noises
-def test_an_unchanged_room_gives_nothing(look: object, noise: str) -> None:
+def test_an_unchanged_room_has_no_change(look: object, noise: str) -> None:
     for seed in range(3):
         frame = see(change_room.home(), look, noise, seed)
         require(change_room.detector().detect(frame))
@@ -117,14 +118,14 @@ def test_two_changes_at_once_are_both_found(look: object, noise: str) -> None:
     require(detection, ("removal", RED_M), ("removal", BLUE_M))
 
 
-def test_something_new_on_the_floor_is_found() -> None:
+def test_an_addition_on_the_floor_is_found() -> None:
     home = change_room.home().with_object(thing("Box|3", 1.4, 2.0, BLUE, "Floor|1"))
     for look in LOOKS:
         require(change_room.detector().detect(see(home, look)), ("addition", (1.4, 2.0, 0.15)))
 
 
 def test_boxes_are_around_the_object() -> None:
-    """What is seen of a box of 0.24 x 0.24 x 0.3 m, give or take 6 cm."""
+    """The visible part of a box of 0.24 x 0.24 x 0.3 m is measured to 6 cm."""
     changed = see(added(change_room.home()), LOOKS[0])
     (change,) = change_room.detector().detect(changed).changes
     box = change.boxes[1]
@@ -169,7 +170,7 @@ def test_results_are_the_same_for_any_number_of_threads() -> None:
     np.testing.assert_array_equal(one.camera.world_from_camera, two.camera.world_from_camera)
 
 
-def test_the_most_certain_come_first() -> None:
+def test_changes_come_by_falling_confidence() -> None:
     home = added(change_room.home()).without(["Box|1", "Box|2"])
     for look in LOOKS:
         detection = change_room.detector().detect(see(home, look))
@@ -190,15 +191,15 @@ def test_a_pose_that_is_a_little_off_is_corrected() -> None:
     assert np.linalg.norm(corrected - true) < 0.5 * np.linalg.norm(off[:3, 3] - true)
 
 
-def test_what_a_mask_hides_has_not_changed() -> None:
+def test_masked_pixels_have_not_changed() -> None:
     frame = see(removed(change_room.home()), LOOKS[0])
     mask = np.ones((120, 160), np.bool_)
     mask[:75, 40:] = False  # The block's top, and all behind it, right of the corner.
     require(change_room.detector().detect(replace(frame, mask=mask)))
 
 
-def test_what_no_camera_saw_is_not_new() -> None:
-    """Without a camera that looked through the place, what stands there may always have."""
+def test_an_object_in_unseen_space_is_no_addition() -> None:
+    """If no training camera saw through the space, the object may have been there before."""
     gaussian_map, _ = change_room.mapped()
     frame = see(added(change_room.home()), LOOKS[0])
     # In a corner of the room, looking into it.
@@ -209,7 +210,18 @@ def test_what_no_camera_saw_is_not_new() -> None:
     require(ChangeDetector(gaussian_map, change_room.CONFIG).detect(frame), ("addition", FREE_M))
 
 
-def test_frames_that_are_too_small_or_maps_of_doubles_are_refused() -> None:
+def test_a_detector_of_a_map_folder_knows_its_training_cameras(tmp_path: Path) -> None:
+    change_room.write_room_map(tmp_path / "map")
+    detector = ChangeDetector.of_map(tmp_path / "map", change_room.CONFIG)
+    frame = see(removed(change_room.home()), LOOKS[0], "kinect")
+    found, expected = (one.detect(frame).changes for one in (detector, change_room.detector()))
+    assert [change.confidence for change in found] == [change.confidence for change in expected]
+    require(detector.detect(frame), ("removal", RED_M))
+    with pytest.raises(OSError, match="gone"):
+        ChangeDetector.of_map(str(tmp_path / "gone"))
+
+
+def test_tiny_frames_and_double_maps_are_rejected() -> None:
     gaussian_map, _ = change_room.mapped()
     camera = Camera(fx=2, fy=2, cx=1, cy=1, width=2, height=2, world_from_camera=np.eye(4))
     tiny = RgbdFrame(np.zeros((2, 2, 3), np.uint8), np.ones((2, 2), np.float32), camera)
@@ -220,19 +232,19 @@ def test_frames_that_are_too_small_or_maps_of_doubles_are_refused() -> None:
         ChangeDetector(doubles)
 
 
-def test_pictures_show_what_was_detected() -> None:
+def test_the_overlay_shows_the_detection() -> None:
     detection = change_room.detector().detect(see(added(change_room.home()), LOOKS[0]))
     large = overlay(detection)
     assert large.shape == (3 * 120, 3 * 3 * 160, 3)  # Three times as large.
     assert large.dtype == np.uint8
-    picture = large[1::3, 1::3]  # The middle of each pixel.
-    photo, render, masks = np.split(picture, 3, axis=1)
+    small = large[1::3, 1::3]  # The middle of each pixel.
+    photo, render, masks = np.split(small, 3, axis=1)
     mask = detection.changes[0].masks[1]
     assert mask is not None
     plain = (255 * detection.observed_rgb).round()
     change = photo[mask].astype(float) - plain[mask]
     towards = np.array(COLORS["addition"]) - plain[mask]
-    # Somewhere inside, the picture is mixed with the colour of an addition.
+    # Somewhere inside, the image is mixed with the colour of an addition.
     assert np.abs(change - 0.55 * towards).max(axis=1).min() < 2
     assert np.abs(render - (255 * detection.rendered_rgb).round()).max() <= 1
     untouched = np.abs(photo - plain).max(axis=-1) <= 1
@@ -248,7 +260,7 @@ def see_nothing() -> RgbdFrame:
     return replace(frame, depth=0 * frame.depth)
 
 
-def test_of_many_cameras_an_even_share_counts() -> None:
+def test_many_cameras_are_thinned_evenly() -> None:
     cameras = [camera_from_fov(8 + k, 8, 1.0, np.eye(4)) for k in range(3 * MAX_CAMERAS)]
     assert choose_evenly(cameras[:7], MAX_CAMERAS) == cameras[:7]
     assert choose_evenly((), MAX_CAMERAS) == []

@@ -1,4 +1,4 @@
-"""Features by models: encoders in ONNX files, and models of transformers in folders."""
+"""Features from models: ONNX files and folders of transformers."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -17,7 +17,7 @@ PATCH = 16
 
 
 def patch_weights(depth: int = 5) -> np.ndarray:
-    """[D,3,16,16] of an encoder that is one layer."""
+    """Return the weights [D,3,16,16] of an encoder of one layer."""
     rng = np.random.default_rng(0)
     return rng.normal(0, 0.1, (depth, 3, PATCH, PATCH)).astype(np.float32)
 
@@ -30,7 +30,7 @@ def write_onnx(
     flat: bool = False,
     half: bool = False,
 ) -> None:
-    """An encoder [1,3,H,W] to [1,5,H/16,W/16] such as EfficientSAM's, only smaller."""
+    """Return an encoder from [1,3,H,W] to [1,5,H/16,W/16], like a small EfficientSAM."""
     from onnx import TensorProto, checker, helper, numpy_helper, save_model
 
     kind = TensorProto.FLOAT16 if half else TensorProto.FLOAT
@@ -61,24 +61,24 @@ def write_onnx(
 
 
 def by_numpy(image: np.ndarray) -> np.ndarray:
-    """[h,w,5] what that encoder gives for an image [H,W,3] of its own size."""
+    """Return [h,w,5] the output of that encoder for an image [H,W,3] of its own size."""
     height, width = image.shape[:2]
     patches = image.reshape(height // PATCH, PATCH, width // PATCH, PATCH, 3)
     return np.einsum("aibjc,dcij->abd", patches, patch_weights())
 
 
-def test_an_onnx_encoder_gets_the_picture_as_it_is(tmp_path: Path) -> None:
+def test_an_onnx_encoder_gets_the_image_unchanged(tmp_path: Path) -> None:
     write_onnx(tmp_path / "encoder.onnx")
     encoder = feature_extractor(f"onnx:{tmp_path / 'encoder.onnx'}")
     image = np.random.default_rng(1).random((64, 96, 3)).astype(np.float32)
     features = encoder(image)
     assert features.dtype == np.float32
     np.testing.assert_allclose(features, by_numpy(image), atol=1e-4)
-    # A picture of another size is resized first.
+    # An image of another size is resized first.
     assert encoder(texture(0)).shape == (4, 6, 5)
 
 
-def test_sides_that_an_onnx_encoder_leaves_open_are_those_of_sam(tmp_path: Path) -> None:
+def test_open_sides_of_an_onnx_encoder_are_those_of_sam(tmp_path: Path) -> None:
     write_onnx(tmp_path / "encoder.onnx", ("batch", 3, "height", "width"))
     encoder = feature_extractor(f"onnx:{tmp_path / 'encoder.onnx'}")
     assert encoder(texture(0)).shape == (64, 64, 5)
@@ -95,7 +95,7 @@ def test_sides_that_an_onnx_encoder_leaves_open_are_those_of_sam(tmp_path: Path)
         ({"flat": True}, r"expected features \[1,D,h,w\], got \[1, 120\]"),
     ],
 )
-def test_onnx_models_that_are_no_encoders_are_named(
+def test_onnx_models_other_than_encoders_are_named(
     tmp_path: Path, settings: dict, message: str
 ) -> None:
     path = tmp_path / "encoder.onnx"
@@ -105,7 +105,7 @@ def test_onnx_models_that_are_no_encoders_are_named(
     assert str(raised.value).startswith(f"{path}: ")
 
 
-def test_onnx_files_that_are_none_are_named(tmp_path: Path) -> None:
+def test_files_other_than_onnx_are_named(tmp_path: Path) -> None:
     path = tmp_path / "encoder.onnx"
     with pytest.raises(FileNotFoundError, match=r"encoder\.onnx"):
         feature_extractor(f"onnx:{path}")
@@ -159,8 +159,8 @@ def write_sam_encoder(folder: Path) -> None:
     write_sam(folder, encoder_only=True)
 
 
-def test_tokens_of_dinov2_lie_where_their_patches_do(tmp_path: Path) -> None:
-    """The class token is left out: the features of a patch change most when that patch does."""
+def test_tokens_of_dinov2_are_those_of_their_patches(tmp_path: Path) -> None:
+    """Without the class token: a patch changes its own features most."""
     write_dinov2(tmp_path)
     encoder = feature_extractor(f"transformers:{tmp_path}")
     picture = np.full((64, 64, 3), 0.5, np.float32)
@@ -174,7 +174,7 @@ def test_tokens_of_dinov2_lie_where_their_patches_do(tmp_path: Path) -> None:
 
 
 def normalized(image: np.ndarray) -> Any:
-    """[1,3,H,W] as published for DINOv2 and SAM: x / 255, then mean and deviation of ImageNet."""
+    """Normalize to [1,3,H,W] as published for DINOv2 and SAM, with ImageNet statistics."""
     import torch
 
     pixels = torch.from_numpy(image).permute(2, 0, 1)[None] / 255
@@ -280,7 +280,7 @@ def test_damaged_models_are_named(
     assert str(folder) in str(raised.value)
 
 
-def test_models_of_other_things_are_named(tmp_path: Path) -> None:
+def test_models_without_images_are_named(tmp_path: Path) -> None:
     from transformers import BertConfig, BertModel, CLIPConfig, CLIPModel
 
     with pytest.raises(FileNotFoundError, match=r"there is no config\.json"):
@@ -302,7 +302,7 @@ def test_models_of_other_things_are_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", ["onnx", "dinov2", "sam"])
 def test_the_detector_works_with_features_of_models(tmp_path: Path, kind: str) -> None:
-    """Random encoders still see the box that stands there now."""
+    """Random encoders still detect an added box."""
     write: dict[str, Callable[[Path], None]] = {
         "onnx": write_onnx,
         "dinov2": write_dinov2,

@@ -1,4 +1,4 @@
-"""Standing watch with the real detector under load."""
+"""The change monitor with the real detector under load."""
 
 import change_room
 import numpy as np
@@ -11,7 +11,7 @@ from gslts.core.frame import RgbdFrame
 
 
 def test_under_load_with_the_real_detector() -> None:
-    """A box goes while frames come faster than they can be looked at; it comes back later."""
+    """A box is removed, and comes back, while frames come faster than they are processed."""
     full, empty = change_room.home(), change_room.home().without(["Box|1"])
     views = [
         [see(home, look, "kinect", seed) for seed in range(2) for look in LOOKS]
@@ -21,7 +21,7 @@ def test_under_load_with_the_real_detector() -> None:
     with ChangeMonitor(detector, MonitorConfig(rate_hz=1e6)) as monitor:
 
         def watch(frames: list[RgbdFrame], count: int) -> list[Report]:
-            """Offer frames in turn, two for each that is looked at; return what is reported."""
+            """Offer two frames for each one that is processed; return the reports."""
             for k in range(count):
                 monitor.offer(frames[k % len(frames)])
                 if k % 2:

@@ -1,4 +1,4 @@
-"""Frames that tell nothing say so, and report no change."""
+"""Unreliable frames are reported as such, without changes."""
 
 import re
 from collections.abc import Callable
@@ -35,7 +35,7 @@ def with_rgb(frame: RgbdFrame, rgb: np.ndarray) -> RgbdFrame:
 
 
 def with_focal(frame: RgbdFrame, fx: float, fy: float) -> RgbdFrame:
-    """With focal lengths that are wrong by a factor."""
+    """Scale the focal lengths."""
     one = frame.camera
     camera = Camera(
         fx=fx * one.fx,
@@ -50,14 +50,14 @@ def with_focal(frame: RgbdFrame, fx: float, fy: float) -> RgbdFrame:
 
 
 def shifted(frame: RgbdFrame, *metres: float) -> RgbdFrame:
-    """At a place that is wrong."""
+    """Shift the position of a frame."""
     pose = frame.camera.world_from_camera.copy()
     pose[:3, 3] += metres
     return replace(frame, camera=at_pose(frame.camera, pose))
 
 
 def turned(frame: RgbdFrame, degrees: float) -> RgbdFrame:
-    """With a wrong yaw."""
+    """Turn the yaw of a frame."""
     pose = frame.camera.world_from_camera.copy()
     cosine, sine = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
     pose[:3, :3] = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]]) @ pose[:3, :3]
@@ -65,7 +65,7 @@ def turned(frame: RgbdFrame, degrees: float) -> RgbdFrame:
 
 
 def smeared(rgb: np.ndarray, length_px: int) -> np.ndarray:
-    """By a turn of the camera about the vertical."""
+    """Blur as by a turn of the camera about the vertical axis."""
     return cv2.filter2D(rgb, -1, np.full((1, length_px), 1 / length_px))
 
 
@@ -105,7 +105,7 @@ SPOILED: dict[str, tuple[Spoil, str]] = {
 @pytest.mark.parametrize("noise", ["none", "kinect"])
 @pytest.mark.parametrize("view", VIEWS)
 @pytest.mark.parametrize("how", SPOILED)
-def test_a_frame_that_tells_nothing_is_unreliable(how: str, view: str, noise: str) -> None:
+def test_a_spoiled_frame_is_unreliable(how: str, view: str, noise: str) -> None:
     spoil, reason = SPOILED[how]
     frame = spoil(see(change_room.home(), VIEWS[view], noise, seed=3))
     detection = change_room.detector().detect(frame)

@@ -297,9 +297,9 @@ def test_commands_add_semantics_and_answer_queries(
     run(*add, *clip, *sam, "--code-dims", "8", "--threads", "1")
     recorded = read_semantics(tmp_path / "map")
     assert recorded is not None
-    setting, _ = recorded
-    assert (setting.source, setting.levels) == ("clip", 3)
-    assert setting.models == {"clip": clip[1], "sam": sam[1]}
+    cause, _ = recorded
+    assert (cause.source, cause.levels) == ("clip", 3)
+    assert cause.models == {"clip": clip[1], "sam": sam[1]}
     first = run(*query)
     assert isinstance(json.loads(first), list)
     assert MapSemantics.of_map(tmp_path / "map") is not None

@@ -1,4 +1,4 @@
-"""Maps of fewer, larger Gaussians for pictures of few pixels."""
+"""Maps of fewer, larger Gaussians for coarse images."""
 
 import change_room
 import numpy as np
@@ -27,7 +27,7 @@ def test_fewer_gaussians_fill_about_the_same_volume() -> None:
     assert volume(few) == pytest.approx(volume(gaussian_map), rel=0.15)
 
 
-def test_a_small_picture_of_fewer_gaussians_is_about_the_same() -> None:
+def test_a_coarse_image_of_fewer_gaussians_is_about_the_same() -> None:
     gaussian_map = change_room.mapped()[0]
     look = looks_all_around("change_room", change_room.home(), 9)[0]
     frame = change_room.see(change_room.home(), look).halved()
@@ -52,12 +52,12 @@ def _not_grown(gaussian_map: GaussianMap) -> GaussianViewFloat:
     return view
 
 
-def test_a_picture_not_halved_is_compared_with_the_whole_map() -> None:
+def test_a_full_image_is_compared_with_the_full_map() -> None:
     gaussian_map = change_room.mapped()[0]
     assert thin(gaussian_map, 1) is gaussian_map
 
 
-def test_a_large_picture_counts_in_blocks_all_over_it() -> None:
+def test_a_large_image_is_compared_in_spread_blocks() -> None:
     camera = Camera(
         fx=500, fy=500, cx=320, cy=240, width=640, height=480, world_from_camera=np.eye(4)
     )

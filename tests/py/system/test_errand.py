@@ -1,4 +1,4 @@
-"""A robot that keeps the map up to date while it runs an errand."""
+"""Object navigation while the map is kept up to date."""
 
 from pathlib import Path
 
@@ -22,7 +22,7 @@ FAR = Viewpoint(0.75, 0.5, 45.0, 30.0)
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Of a map that knows words."""
+    """Return the folder of a map with semantics."""
     gaussian_map, _ = embedded_map()
     write_map_folder(tmp_path / "map", gaussian_map, {}, change_room.mapped()[1])
     return tmp_path / "map"
@@ -35,40 +35,40 @@ def robot_in(home: Home) -> Controller:
 
 
 @pytest.mark.smoke
-def test_what_changed_on_the_way_is_repaired_and_the_robot_gets_there(folder: Path) -> None:
+def test_a_change_on_the_path_is_integrated_and_the_robot_arrives(folder: Path) -> None:
     said: list[str] = []
     moves: list[int] = []
     home = update_room.changed_home("removal")
-    with MapKeeper(folder, LOOP, say=said.append) as keeper:
-        _, journey = run_errand(
+    with MapKeeper(folder, LOOP, log=said.append) as keeper:
+        _, result = run_errand(
             keeper, map_semantics(), robot_in(home), "block", lambda: moves.append(1)
         )
-        assert (journey.status, journey.reason) == ("reached", "")
+        assert (result.status, result.reason) == ("reached", "")
         assert keeper.version.number > 1
     assert said[0].startswith("removal at (2.")
     assert update_room.opaque_in(read_map(folder), update_room.REMOVED, 0.04) == 0
-    assert len(moves) == len(journey.path) - 1
+    assert len(moves) == len(result.path) - 1
 
 
-def test_what_has_moved_is_found_on_the_map_as_it_is_now(folder: Path) -> None:
+def test_a_relocated_object_is_found_in_the_updated_map(folder: Path) -> None:
     home = update_room.changed_home("relocation").without(["Box|1"])
     with MapKeeper(folder, LOOP) as keeper:
-        navigator, journey = run_errand(keeper, map_semantics(), robot_in(home), "box")
+        navigator, result = run_errand(keeper, map_semantics(), robot_in(home), "box")
         assert keeper.version.number > 1
-    assert journey.status == "reached", journey.reason
+    assert result.status == "reached", result.reason
     low, high = update_room.ADDED
-    boxes = [one.center for one in navigator.queries.find("box")]
+    boxes = [found.center for found in navigator.queries.find("box")]
     assert any(((box > low) & (box < high)).all() for box in boxes)
 
 
-def test_without_a_change_the_map_stays_as_it_is(folder: Path) -> None:
+def test_without_a_change_the_map_is_unchanged(folder: Path) -> None:
     with MapKeeper(folder, LOOP) as keeper:
-        _, journey = run_errand(keeper, map_semantics(), robot_in(change_room.home()), "block")
-        assert journey.status == "reached"
+        _, result = run_errand(keeper, map_semantics(), robot_in(change_room.home()), "block")
+        assert result.status == "reached"
         assert keeper.version.number == 1
 
 
-def test_a_robot_that_is_to_stop_does_not_move_on(folder: Path) -> None:
+def test_a_stopped_robot_does_not_move(folder: Path) -> None:
     moves = []
 
     class Robot(Controller):
@@ -78,7 +78,7 @@ def test_a_robot_that_is_to_stop_does_not_move_on(folder: Path) -> None:
 
     robot = Robot(update_room.changed_home("removal"), **change_room.SIZE)
     robot.go(change_room.LOOKS[0])
-    with MapKeeper(folder, LOOP, stopping=lambda: True) as keeper:
+    with MapKeeper(folder, LOOP, should_stop=lambda: True) as keeper:
         watched = WatchedRobot(robot, keeper)
         for _ in range(3):
             watched.observe()

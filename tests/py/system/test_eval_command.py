@@ -1,4 +1,4 @@
-"""`gslts eval`, as a user meets it."""
+"""Command `gslts eval`."""
 
 import json
 from pathlib import Path
@@ -51,7 +51,7 @@ def test_eval_command(weights: tuple[Path, Path], tmp_path: Path) -> None:
     assert "alexnet.pth: there is no tensor lin0.model.1.weight" in done.stderr
 
 
-def test_eval_skips_and_tells(tmp_path: Path) -> None:
+def test_eval_skips_bad_frames_and_reports_them(tmp_path: Path) -> None:
     robot = Controller(sim_scenes.simple_home(), width=64, height=48, noise="none")
     looks = [Viewpoint(1.0, 1.0, yaw, 20.0) for yaw in np.arange(0.0, 360.0, 20.0)]
     capture(robot, looks, tmp_path / "set")

@@ -1,4 +1,4 @@
-"""A disk that is full: one clear line, and nothing that looks finished."""
+"""Full disks: one clear line, and no incomplete output."""
 
 import subprocess
 import sys
@@ -57,7 +57,7 @@ def test_map_on_a_full_disk(tmp_path: Path, visit: Path, limit: int | None, file
     assert "Traceback" not in done.stderr
     (line,) = done.stderr.splitlines()
     assert line.startswith("gslts: ")
-    assert "made" in line, "it tells what could not be written"
+    assert "made" in line, "the message names the file"
     assert file in line
     assert any(words in line for words in ("large", "File too", "disk I/O error"))
     assert list(tmp_path.iterdir()) == []
@@ -75,7 +75,7 @@ def test_an_error_in_writing_names_the_file(
         write_atomic(path, b"new")
     monkeypatch.undo()
     assert path.read_bytes() == b"old"
-    assert [one.name for one in tmp_path.iterdir()] == ["file"]
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
 VIDEO_LIMITED = """
@@ -89,7 +89,7 @@ write(Path("a.mp4"), 100)
 
 
 @pytest.mark.parametrize("share", [0, 0.01, 0.5, 0.99, 0.9987])
-def test_a_video_on_a_full_disk_leaves_what_was_there(tmp_path: Path, share: float) -> None:
+def test_a_video_on_a_full_disk_keeps_the_old_file(tmp_path: Path, share: float) -> None:
     write(tmp_path / "a.mp4", 100)
     limit = int(share * (tmp_path / "a.mp4").stat().st_size)
     (tmp_path / "a.mp4").write_bytes(b"old")

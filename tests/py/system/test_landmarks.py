@@ -1,4 +1,4 @@
-"""Landmarks: where they are, and how they live with the versions of a map."""
+"""Landmarks: their positions, and their files along the versions of a map."""
 
 import hashlib
 import json
@@ -40,8 +40,8 @@ from gslts.localization.landmarks import Landmarks, concatenate, limit_size, rem
 from gslts.store.causes import UpdateCause
 from gslts.store.manifest import MANIFEST
 from gslts.store.map_folder import open_map, read_map
-from gslts.update.publish import published
-from gslts.update.updater import Update
+from gslts.update.integrate import UpdateResult
+from gslts.update.publish import publish
 from gslts_sim.physics import boxes_in_world
 
 ARRAYS = ("positions", "descriptors", "keyframes", "world_from_keyframe", "gaussians")
@@ -64,7 +64,7 @@ def assert_same(one: Landmarks | None, other: Landmarks) -> None:
 
 
 def off_surfaces_m(points: np.ndarray) -> np.ndarray:
-    """[P] distances to the nearest side of any box of the room."""
+    """Return [P] distances to the nearest face of any box of the room, m."""
     off = []
     for thing in change_room.home().objects:
         boxes = boxes_in_world(thing)
@@ -76,7 +76,7 @@ def off_surfaces_m(points: np.ndarray) -> np.ndarray:
 
 
 def pixels_of(landmarks: Landmarks, frame: RgbdFrame) -> np.ndarray:
-    """[L,2] where they are in a picture."""
+    """Return [L,2] pixels of landmarks in an image."""
     camera, pose = frame.camera, frame.camera.world_from_camera
     x, y, z = ((landmarks.positions - pose[:3, 3]) @ pose[:3, :3]).T
     assert (z > 0).all()
@@ -84,7 +84,7 @@ def pixels_of(landmarks: Landmarks, frame: RgbdFrame) -> np.ndarray:
 
 
 def in_box(landmarks: Landmarks, box: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-    """[L] which are in a box, or nearly."""
+    """Return [L] True for landmarks in or near a box."""
     points = landmarks.positions
     return ((points > box[0] - 0.02) & (points < box[1] + 0.02)).all(axis=1)
 
@@ -97,7 +97,7 @@ def test_landmarks_are_on_the_surfaces() -> None:
     assert off_m.max() < 0.1
 
 
-def test_each_is_a_corner_of_its_keyframe() -> None:
+def test_each_landmark_is_a_keypoint_of_its_keyframe() -> None:
     poses = [one.camera.world_from_camera for one in frames()]
     for row, pose in enumerate(found().world_from_keyframe):
         (number,) = (k for k, one in enumerate(poses) if np.array_equal(one, pose))
@@ -109,7 +109,7 @@ def test_each_is_a_corner_of_its_keyframe() -> None:
         assert ((apart_px < 0.01) & same).any(axis=1).mean() > 0.9
 
 
-def test_each_sits_on_a_gaussian() -> None:
+def test_each_landmark_is_near_its_gaussian() -> None:
     gaussian_map, _ = change_room.mapped()
     rows = np.searchsorted(gaussian_map.ids, found().gaussians)
     np.testing.assert_array_equal(gaussian_map.ids[rows], found().gaussians)
@@ -117,12 +117,12 @@ def test_each_sits_on_a_gaussian() -> None:
     assert apart_m.max() < MAX_GAUSSIAN_DISTANCE_M + 1e-5
 
 
-def test_they_do_not_depend_on_the_number_of_threads() -> None:
+def test_landmarks_do_not_depend_on_the_number_of_threads() -> None:
     gaussian_map, _ = change_room.mapped()
     assert_same(extract_landmarks(gaussian_map, frames(), threads=2), found())
 
 
-def test_pictures_from_one_place_are_one_keyframe() -> None:
+def test_frames_from_one_pose_are_one_keyframe() -> None:
     gaussian_map, _ = change_room.mapped()
     one = extract_landmarks(gaussian_map, frames()[:1], threads=1)
     assert_same(extract_landmarks(gaussian_map, frames()[:1] * 3, threads=1), one)
@@ -136,7 +136,7 @@ def test_depth_need_not_be_measured() -> None:
     assert np.quantile(off_surfaces_m(landmarks.positions), 0.95) < 0.03
 
 
-def test_where_the_map_shows_something_else_there_are_none() -> None:
+def test_there_are_none_where_map_and_depth_disagree() -> None:
     frame = frames()[-1]
     depth = frame.depth.copy()
     depth[:, :SPLIT_PX] *= 1.2
@@ -145,7 +145,7 @@ def test_where_the_map_shows_something_else_there_are_none() -> None:
     assert pixels_of(landmarks, frame)[:, 0].min() > SPLIT_PX - 0.01
 
 
-def test_what_the_camera_did_not_see_is_no_part_of_a_landmark() -> None:
+def test_descriptors_do_not_reach_beyond_the_mask() -> None:
     frame = frames()[-1]
     mask = np.ones(frame.depth.shape, np.bool_)
     mask[:, :SPLIT_PX] = False
@@ -157,7 +157,7 @@ def test_what_the_camera_did_not_see_is_no_part_of_a_landmark() -> None:
     assert -0.01 < pixels_of(wanted, frame)[:, 0].min() - SPLIT_PX < DESCRIPTOR_RADIUS_PX
 
 
-def test_of_nothing_there_is_nothing() -> None:
+def test_no_frames_give_no_landmarks() -> None:
     gaussian_map, _ = change_room.mapped()
     grey = replace(frames()[0], rgb=np.full_like(frames()[0].rgb, 90))
     for none in ([], [grey]):
@@ -166,7 +166,7 @@ def test_of_nothing_there_is_nothing() -> None:
     assert concatenate([]).size == 0
 
 
-def test_bytes_are_bounded_and_each_keyframe_keeps_its_share() -> None:
+def test_the_size_is_limited_evenly_over_keyframes() -> None:
     gaussian_map, _ = change_room.mapped()
     for most in (found().nbytes // 2, 20_000):
         fewer = extract_landmarks(gaussian_map, frames(), max_bytes=most, threads=1)
@@ -182,14 +182,14 @@ def test_bytes_are_bounded_and_each_keyframe_keeps_its_share() -> None:
 
 
 def flipped(landmarks: Landmarks, bits: int, shift_m: float) -> Landmarks:
-    """The same, seen a little differently."""
+    """Return the same landmarks with a few other bits and positions."""
     one = np.unpackbits(landmarks.descriptors, axis=1)
     one[:, :bits] ^= 1
     positions = landmarks.positions + np.float32([0, 0, shift_m])
     return replace(landmarks, positions=positions, descriptors=np.packbits(one, axis=1))
 
 
-def test_what_is_in_one_place_and_looks_the_same_is_one() -> None:
+def test_duplicates_are_removed() -> None:
     assert remove_duplicates(found()).size == found().size
     again = flipped(found(), SAME_LANDMARK_BITS - 1, 0.9 * SAME_LANDMARK_M)
     assert_same(remove_duplicates(concatenate([found(), again])), found())
@@ -200,7 +200,7 @@ def test_what_is_in_one_place_and_looks_the_same_is_one() -> None:
         assert remove_duplicates(concatenate([found(), other])).size > 1.8 * found().size
 
 
-def test_thinning_is_that_of_all_pairs() -> None:
+def test_duplicates_are_those_of_all_pairs() -> None:
     rng = np.random.default_rng(0)
     positions = rng.uniform(-0.05, 0.05, (400, 3)).astype(np.float32)
     bits = rng.integers(0, 2, (3, 256))[rng.integers(0, 3, 400)] ^ (rng.random((400, 256)) < 0.055)
@@ -220,7 +220,7 @@ def test_thinning_is_that_of_all_pairs() -> None:
     assert_same(remove_duplicates(landmarks), landmarks.select(np.array(kept)))
 
 
-def test_each_keeps_its_keyframe() -> None:
+def test_selected_landmarks_keep_their_keyframes() -> None:
     rows = np.arange(found().size)[::-7]
     some = found().select(rows)
     both = concatenate([some, found()])
@@ -256,7 +256,7 @@ def test_each_keeps_its_keyframe() -> None:
         ("gaussians", np.zeros((), np.uint64)),
     ],
 )
-def test_what_cannot_be_is_rejected(name: str, array: np.ndarray) -> None:
+def test_invalid_arrays_are_rejected(name: str, array: np.ndarray) -> None:
     one = {
         "positions": np.zeros((1, 3), np.float32),
         "descriptors": np.zeros((1, 32), np.uint8),
@@ -270,7 +270,7 @@ def test_what_cannot_be_is_rejected(name: str, array: np.ndarray) -> None:
         Landmarks(**{**one, name: array})
 
 
-def test_landmarks_come_back(folder: Path) -> None:
+def test_landmarks_are_read_as_written(folder: Path) -> None:
     assert has_landmarks(folder)
     assert_same(read_landmarks(folder), found())
     assert_same(read_landmarks(Path(f"{folder}@1")), found())
@@ -288,11 +288,11 @@ def test_a_map_without_landmarks_has_none(tmp_path: Path) -> None:
     assert read_landmarks(tmp_path / "map") is None
     write_ply(gaussian_map, tmp_path / "map.ply")
     assert read_landmarks(tmp_path / "map.ply") is None
-    publish(tmp_path / "map", addition())
+    publish_update(tmp_path / "map", addition())
     assert not (tmp_path / "map" / FOLDER).exists()
 
 
-def test_they_go_with_their_gaussians_and_come_back_with_them(folder: Path) -> None:
+def test_landmarks_are_removed_and_restored_with_their_gaussians(folder: Path) -> None:
     gaussian_map = read_map(folder)
     low, high = update_room.REMOVED
     gone = ((gaussian_map.means > low - 0.01) & (gaussian_map.means < high + 0.01)).all(axis=1)
@@ -316,19 +316,19 @@ def test_they_go_with_their_gaussians_and_come_back_with_them(folder: Path) -> N
 
 
 @cache
-def addition() -> Update:
+def addition() -> UpdateResult:
     home = update_room.changed_home("addition")
     return update_room.run_update(update_room.robot_in(home), "addition")
 
 
-def publish(folder: Path, result: Update) -> None:
+def publish_update(folder: Path, result: UpdateResult) -> None:
     gaussian_map, cameras = change_room.mapped()
     with open_map(folder, writable=True) as store:
-        assert published(store, gaussian_map, cameras.values(), result, update_room.UPDATE)
+        assert publish(store, gaussian_map, cameras.values(), result, update_room.UPDATE)
 
 
-def test_an_update_brings_landmarks_of_what_is_new(folder: Path) -> None:
-    publish(folder, addition())
+def test_an_update_adds_landmarks_of_new_gaussians(folder: Path) -> None:
+    publish_update(folder, addition())
     both = read_landmarks(folder)
     assert both is not None
     assert len(files_of(folder)) == 2
@@ -350,12 +350,12 @@ def test_an_update_brings_landmarks_of_what_is_new(folder: Path) -> None:
     assert_same(read_landmarks(folder), both)
 
 
-def test_an_update_that_shows_no_corner_brings_none(folder: Path) -> None:
+def test_an_update_without_keypoints_adds_none(folder: Path) -> None:
     views = [
         replace(one, frame=replace(one.frame, rgb=np.full_like(one.frame.rgb, 90)))
         for one in addition().views
     ]
-    publish(folder, replace(addition(), views=tuple(views)))
+    publish_update(folder, replace(addition(), views=tuple(views)))
     assert len(files_of(folder)) == 1
     with open_map(folder) as store:
         cause = store.version(2).cause
@@ -364,10 +364,10 @@ def test_an_update_that_shows_no_corner_brings_none(folder: Path) -> None:
     assert_same(read_landmarks(folder), found())
 
 
-def test_the_landmarks_of_many_updates_are_bounded(
+def test_the_landmarks_of_many_updates_are_limited(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    publish(folder, addition())
+    publish_update(folder, addition())
     monkeypatch.setattr(landmark_files, "VERSION_BYTES", found().nbytes // 2)
     fewer = read_landmarks(folder)
     assert fewer is not None
@@ -384,14 +384,14 @@ def spoilt(content: bytes, harm: str) -> bytes:
 
 
 def one_array(dtype: str, shape: str) -> bytes:
-    """A file of safetensors of one array without a number."""
+    """Return a safetensors file with one empty array."""
     entry = f'{{"dtype":"{dtype}","shape":{shape},"data_offsets":[0,0]}}'
     header = f'{{"gaussians":{entry}}}'.encode()
     return len(header).to_bytes(8, "little") + header
 
 
 def arrays(**others: np.ndarray) -> bytes:
-    """A file of landmarks, with other arrays."""
+    """Return a landmark file with other arrays."""
     return save({**{name: getattr(found(), name) for name in ARRAYS}, **others})
 
 
@@ -411,7 +411,7 @@ WRONG: dict[str, Callable[[], bytes]] = {
 
 
 def harmed(content: bytes, folder: Path) -> Path:
-    """Lets a map name a file by what is in it."""
+    """Make the manifest of a map name a file."""
     for path in files_of(folder):
         path.unlink()
     digest = hashlib.sha256(content).hexdigest()
@@ -423,7 +423,7 @@ def harmed(content: bytes, folder: Path) -> Path:
 
 
 def told(folder: Path) -> str:
-    """What is said of a file that is read, and by gslts verify."""
+    """Return the messages of reading a file and of gslts verify."""
     with pytest.raises((OSError, ValueError)) as error:
         read_landmarks(folder)
     message = str(error.value)
@@ -466,15 +466,15 @@ def test_a_file_of_something_else_is_named(folder: Path, what: str) -> None:
 
 
 @pytest.mark.parametrize("name", [5, "../../secret", "ab" * 33, "x" * 64, {}])
-def test_what_names_no_file_is_told(folder: Path, name: object) -> None:
+def test_a_wrong_digest_in_the_manifest_is_named(folder: Path, name: object) -> None:
     manifest = json.loads((folder / MANIFEST).read_text())
     (folder / MANIFEST).write_text(json.dumps({**manifest, KEY: name}))
     assert told(folder).startswith(f"{folder / MANIFEST}: landmarks: expected a SHA-256, got ")
 
 
-def test_damage_of_an_update_is_named_and_earlier_versions_are_whole(folder: Path) -> None:
+def test_damage_of_an_update_leaves_earlier_versions_readable(folder: Path) -> None:
     (base,) = files_of(folder)
-    publish(folder, addition())
+    publish_update(folder, addition())
     (path,) = {*files_of(folder)} - {base}
     path.write_bytes(path.read_bytes()[:-1])
     done = CliRunner().invoke(app, ["verify", str(folder)])
@@ -485,7 +485,7 @@ def test_damage_of_an_update_is_named_and_earlier_versions_are_whole(folder: Pat
 
 
 def test_files_that_no_version_names_are_removed(folder: Path) -> None:
-    publish(folder, addition())
+    publish_update(folder, addition())
     named, both = files_of(folder), read_landmarks(folder)
     assert both is not None
     write_landmarks(found().select(np.arange(9)), folder)  # Of a commit that was stopped.
@@ -495,9 +495,9 @@ def test_files_that_no_version_names_are_removed(folder: Path) -> None:
     size = unnamed.stat().st_size
     for freed in (size, 0):
         done = CliRunner().invoke(app, ["gc", str(folder)], catch_exceptions=False)
-        assert done.stdout == f"{freed} bytes are free again\n"
+        assert done.stdout == f"{freed} bytes freed\n"
         assert files_of(folder) == named
     assert CliRunner().invoke(app, ["gc", str(folder), "--keep", "1"]).exit_code == 0
     assert_same(read_landmarks(folder), both)
     done = CliRunner().invoke(app, ["verify", str(folder)])
-    assert done.stdout == "2 versions are whole\n"
+    assert done.stdout == "2 versions are intact\n"

@@ -1,4 +1,4 @@
-"""Frames and robots at the poses that a map gives them, and what is concluded from them."""
+"""Localized frames and robots, and changes detected from them."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -34,11 +34,11 @@ from gslts.store.map_folder import read_map
 from gslts_sim.controller import Controller
 
 WELL_M, WELL_RAD = 0.03, np.deg2rad(1)
-"""How well such small pictures are found, at worst."""
+"""Maximum error of a pose of such small images, m and rad."""
 
 
 def afar(frame: RgbdFrame) -> RgbdFrame:
-    """As a robot whose odometry is off has it."""
+    """Return a frame as a robot with drifting odometry delivers it."""
     return in_world(frame, ODOMETRY_FROM_WORLD)
 
 
@@ -47,7 +47,7 @@ def black(frame: RgbdFrame) -> RgbdFrame:
 
 
 def elsewhere() -> RgbdFrame:
-    """A room that the map does not show."""
+    """Return a frame of a room that is not in the map."""
     return Controller(sim_scenes.simple_home(), **SIZE).observe()
 
 
@@ -62,18 +62,18 @@ def detected(frame: RgbdFrame) -> Detection:
 
 
 class Scripted:
-    """Finds what it is told, and notes how it was asked."""
+    """A relocalizer with scripted results that records its calls."""
 
-    def __init__(self, tracked: Localization, located: Localization) -> None:
-        self.tracked, self.located, self.asked = tracked, located, []
+    def __init__(self, tracked: Localization, localized: Localization) -> None:
+        self.tracked, self.localized, self.asked = tracked, localized, []
 
     def track(self, _: RgbdFrame, world_from_camera: np.ndarray) -> Localization:
         self.asked.append(world_from_camera)
         return self.tracked
 
-    def locate(self, _: RgbdFrame) -> Localization:
+    def localize(self, _: RgbdFrame) -> Localization:
         self.asked.append(None)
-        return self.located
+        return self.localized
 
 
 LOST = Localization("lost", "no luck")
@@ -90,16 +90,16 @@ def shifted(x: float) -> np.ndarray:
 
 
 def at(x: float) -> RgbdFrame:
-    """A frame whose odometry says that it is at x."""
+    """Return a frame at x in the odometry."""
     frame = elsewhere()
     return replace(frame, camera=at_pose(frame.camera, shifted(x)))
 
 
 @pytest.mark.parametrize("look", LOOKS)
-def test_a_frame_is_found_whatever_its_pose_says(look: object) -> None:
+def test_a_frame_is_localized_whatever_its_odometry(look: object) -> None:
     true = see(change_room.home(), look, "kinect")
     localizer = adrift.localizer()
-    found = localizer.located(afar(true))
+    found = localizer.localize_frame(afar(true))
     assert found.fault is None
     assert_there(found, true)
     assert found.depth is true.depth
@@ -108,8 +108,8 @@ def test_a_frame_is_found_whatever_its_pose_says(look: object) -> None:
     )
 
 
-def test_poses_written_with_few_digits_stay_rigid_one_after_the_other() -> None:
-    """A camera may be off by a millionth; what two of them come to is off by more."""
+def test_chains_of_rounded_poses_stay_rigid() -> None:
+    """A camera may be off by a millionth; products of cameras would be off by more."""
     frame = change_room.see(change_room.home(), change_room.LOOKS[0])
     sheared = np.eye(4)
     sheared[0, 1] = 9e-7
@@ -119,47 +119,47 @@ def test_poses_written_with_few_digits_stay_rigid_one_after_the_other() -> None:
     np.testing.assert_allclose(turned @ turned.T, np.eye(3), rtol=0, atol=1e-12)
 
 
-def test_depth_of_a_lens_of_its_own_comes_along() -> None:
+def test_a_separate_depth_camera_moves_along() -> None:
     frame = see(change_room.home(), LOOKS[0])
     beside = at_pose(frame.camera, frame.camera.world_from_camera @ shifted(0.03))
-    found = adrift.localizer().located(afar(replace(frame, depth_camera=beside)))
+    found = adrift.localizer().localize_frame(afar(replace(frame, depth_camera=beside)))
     color, depth = found.camera.world_from_camera, found.depth_camera.world_from_camera
     np.testing.assert_allclose(np.linalg.inv(color) @ depth, shifted(0.03), atol=1e-9)
 
 
 @pytest.mark.smoke
-def test_a_robot_that_was_found_is_tracked_by_its_odometry() -> None:
-    """Also over ways on which the picture alone would not be found again so."""
+def test_a_localized_robot_is_tracked_by_its_odometry() -> None:
+    """Tracking needs the odometry between distant views."""
     localizer = adrift.localizer()
-    first = localizer.locate(afar(see(change_room.home(), LOOKS[0])))
+    first = localizer.localize(afar(see(change_room.home(), LOOKS[0])))
     assert first.inliers > 0
     true = see(change_room.home(), LOOKS[1])
-    tracked = localizer.locate(afar(true))
+    tracked = localizer.localize(afar(true))
     assert (tracked.status, tracked.inliers) == ("ok", 0)
     metres, _ = pose_distance(tracked.world_from_camera, true.camera.world_from_camera)
     assert metres < WELL_M
 
 
-def test_a_robot_that_was_carried_away_is_found_again() -> None:
+def test_a_kidnapped_robot_is_relocalized() -> None:
     localizer = adrift.localizer()
     here, there = (see(change_room.home(), look) for look in LOOKS[:2])
-    localizer.locate(afar(here))
+    localizer.localize(afar(here))
     # The odometry has not noticed.
     carried = replace(there, camera=afar(here).camera)
-    found = localizer.locate(carried)
+    found = localizer.localize(carried)
     assert (found.status, found.inliers > 0) == ("ok", True)
     metres, turn_rad = pose_distance(found.world_from_camera, there.camera.world_from_camera)
     assert metres < WELL_M
     assert turn_rad < WELL_RAD
 
 
-def test_tracking_starts_where_the_odometry_leads() -> None:
+def test_tracking_starts_at_the_predicted_pose() -> None:
     relocalizer = Scripted(ok(shifted(5.02)), ok(shifted(4.0)))
     localizer = Localizer(relocalizer)
     assert localizer.world_from_odometry is None
-    localizer.locate(at(1.0))
+    localizer.localize(at(1.0))
     np.testing.assert_allclose(localizer.world_from_odometry, shifted(3.0))
-    found = localizer.located(at(2.0))
+    found = localizer.localize_frame(at(2.0))
     first, second = relocalizer.asked
     assert first is None
     np.testing.assert_allclose(second, shifted(5.0))
@@ -174,11 +174,11 @@ def test_tracking_starts_where_the_odometry_leads() -> None:
         ok(shifted(5.0 + 1.1 * TRACKING_M)),
     ],
 )
-def test_what_is_not_there_is_looked_for_from_nothing(tracked: Localization) -> None:
+def test_failed_tracking_is_followed_by_relocalization(tracked: Localization) -> None:
     relocalizer = Scripted(tracked, ok(shifted(4.0)))
     localizer = Localizer(relocalizer)
-    localizer.locate(at(1.0))
-    assert localizer.locate(at(2.0)) is relocalizer.located
+    localizer.localize(at(1.0))
+    assert localizer.localize(at(2.0)) is relocalizer.localized
     assert [one is None for one in relocalizer.asked] == [True, False, True]
     np.testing.assert_allclose(localizer.world_from_odometry, shifted(2.0))
 
@@ -187,17 +187,17 @@ def test_what_is_not_there_is_looked_for_from_nothing(tracked: Localization) -> 
     "unsure",
     [LOST, replace(ok(shifted(9.0)), status="ambiguous", reason="no luck")],
 )
-def test_what_is_uncertain_is_where_the_odometry_leads_and_has_a_fault(
+def test_an_uncertain_frame_keeps_the_predicted_pose_and_has_a_fault(
     unsure: Localization,
 ) -> None:
     relocalizer = Scripted(LOST, unsure)
     localizer = Localizer(relocalizer)
-    unknown = localizer.located(at(1.0))
+    unknown = localizer.localize_frame(at(1.0))
     np.testing.assert_array_equal(unknown.camera.world_from_camera, shifted(1.0))
-    relocalizer.located = ok(shifted(4.0))
-    assert localizer.located(at(1.0)).fault is None
-    relocalizer.located = unsure
-    expected = localizer.located(at(2.0))
+    relocalizer.localized = ok(shifted(4.0))
+    assert localizer.localize_frame(at(1.0)).fault is None
+    relocalizer.localized = unsure
+    expected = localizer.localize_frame(at(2.0))
     np.testing.assert_allclose(expected.camera.world_from_camera, shifted(5.0))
     np.testing.assert_allclose(localizer.world_from_odometry, shifted(3.0))
     for one in (unknown, expected):
@@ -207,8 +207,8 @@ def test_what_is_uncertain_is_where_the_odometry_leads_and_has_a_fault(
 
 
 @pytest.mark.parametrize("spoilt", [lambda: black(see(change_room.home(), LOOKS[0])), elsewhere])
-def test_nothing_is_concluded_from_a_frame_that_is_lost(spoilt: Callable[[], RgbdFrame]) -> None:
-    found = adrift.localizer().located(spoilt())
+def test_a_lost_frame_has_no_changes(spoilt: Callable[[], RgbdFrame]) -> None:
+    found = adrift.localizer().localize_frame(spoilt())
     assert found.fault.startswith("lost: ")
     detection = detected(found)
     assert detection.unreliable == found.fault
@@ -221,26 +221,26 @@ def test_changes_are_detected_as_with_true_poses(kind: update_room.Kind) -> None
     for look in LOOKS:
         true = see(update_room.changed_home(kind), look)
         assert detected(afar(true)).unreliable is not None
-        expected, found = detected(true), detected(localizer.located(afar(true)))
+        expected, found = detected(true), detected(localizer.localize_frame(afar(true)))
         assert found.unreliable is None
         assert [one.kind for one in found.changes] == [one.kind for one in expected.changes]
         for one, other in zip(found.changes, expected.changes, strict=True):
             np.testing.assert_allclose(one.point, other.point, atol=0.05)
 
 
-def test_a_black_picture_without_depth_is_not_tracked() -> None:
+def test_a_black_image_without_depth_is_not_tracked() -> None:
     localizer = adrift.localizer()
     frame = afar(see(change_room.home(), LOOKS[0]))
-    assert localizer.locate(frame).status == "ok"
+    assert localizer.localize(frame).status == "ok"
     nothing = replace(black(frame), depth=np.zeros_like(frame.depth))
-    assert localizer.locate(nothing).status == "lost"
+    assert localizer.localize(nothing).status == "lost"
 
 
-def test_a_watch_looks_where_frames_were_taken() -> None:
+def test_the_monitor_localizes_frames() -> None:
     changed = [see(update_room.changed_home("removal"), look) for look in (*LOOKS, *LOOKS)]
     config = MonitorConfig(rate_hz=1e6, queue=9)
-    located = adrift.localizer().located
-    with ChangeMonitor(change_room.detector(), config, locate=located) as monitor:
+    localize_frame = adrift.localizer().localize_frame
+    with ChangeMonitor(change_room.detector(), config, localize=localize_frame) as monitor:
         for frame in (afar(changed[0]), black(changed[0]), elsewhere(), *map(afar, changed[1:])):
             monitor.offer(frame)
         assert monitor.wait(LONG_S)
@@ -250,7 +250,7 @@ def test_a_watch_looks_where_frames_were_taken() -> None:
 
 
 @pytest.mark.parametrize("far", [(0, 0, 0), (412_345.25, 5_432_109.5, 300)])
-def test_a_robot_goes_to_where_the_map_says(far: tuple[float, float, float]) -> None:
+def test_a_robot_moves_to_positions_of_the_map(far: tuple[float, float, float]) -> None:
     robot = update_room.robot_in(change_room.home())
     localized: Robot = LocalizedRobot(Adrift(robot, far), adrift.localizer())
     np.testing.assert_allclose(
@@ -270,7 +270,7 @@ def test_a_robot_goes_to_where_the_map_says(far: tuple[float, float, float]) -> 
     assert turn_rad < WELL_RAD
 
 
-def test_a_recorded_frame_is_looked_for_once() -> None:
+def test_a_recorded_frame_is_localized_once() -> None:
     frames = [see(change_room.home(), look) for look in LOOKS[:2]]
     relocalizer = Scripted(LOST, ok(frames[0].camera.world_from_camera))
     robot = LocalizedRobot(RecordedRobot(frames), Localizer(relocalizer))
@@ -285,7 +285,7 @@ def test_a_recorded_frame_is_looked_for_once() -> None:
     assert len(relocalizer.asked) == 2
 
 
-def test_the_odometry_of_a_robot_that_was_never_found_is_believed() -> None:
+def test_without_any_localization_the_odometry_is_used() -> None:
     robot = Controller(sim_scenes.simple_home(), **SIZE)
     localized = LocalizedRobot(robot, adrift.localizer())
     np.testing.assert_array_equal(localized.pose(), robot.pose())
@@ -298,7 +298,7 @@ def test_the_odometry_of_a_robot_that_was_never_found_is_believed() -> None:
     np.testing.assert_allclose(np.arctan2(pose[1, 2], pose[0, 2]), 0.5)
 
 
-def test_a_robot_whose_odometry_is_off_keeps_a_map_up_to_date(
+def test_a_robot_with_drift_keeps_a_map_up_to_date(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = adrift.write_room_map(tmp_path / "map")
@@ -313,7 +313,7 @@ def test_a_robot_whose_odometry_is_off_keeps_a_map_up_to_date(
         return Relocalizer(gaussian_map, *rest)
 
     monkeypatch.setattr(keeper_module, "Relocalizer", noted)
-    with MapKeeper(folder, replace(LOOP, locate=adrift.CONFIG)) as keeper:
+    with MapKeeper(folder, replace(LOOP, relocalization=adrift.CONFIG)) as keeper:
         keeper.go_round(robot)
         assert keeper.version.number > 1
         versions = keeper.version.number
@@ -331,19 +331,19 @@ def test_a_robot_whose_odometry_is_off_keeps_a_map_up_to_date(
 
 def test_a_robot_in_another_home_changes_nothing(tmp_path: Path) -> None:
     folder = adrift.write_room_map(tmp_path / "map")
-    with MapKeeper(folder, replace(LOOP, stops=3, locate=adrift.CONFIG)) as keeper:
+    with MapKeeper(folder, replace(LOOP, max_viewpoints=3, relocalization=adrift.CONFIG)) as keeper:
         keeper.go_round(Controller(sim_scenes.simple_home(), **SIZE))
         assert keeper.version.number == 1
         assert keeper.state.deferred == ()
 
 
-def test_where_a_map_has_no_landmarks_is_said_before_a_round(tmp_path: Path) -> None:
+def test_missing_landmarks_are_named_before_a_round(tmp_path: Path) -> None:
     change_room.write_room_map(tmp_path / "map")
     with pytest.raises(ValueError, match="map: it has no landmarks; gslts map makes maps that do"):
-        MapKeeper(tmp_path / "map", replace(LOOP, locate=adrift.CONFIG))
+        MapKeeper(tmp_path / "map", replace(LOOP, relocalization=adrift.CONFIG))
 
 
-def test_poses_are_apart_by_metres_and_radians() -> None:
+def test_the_distance_of_poses_is_in_metres_and_radians() -> None:
     turned = shifted(0.2)
     turned[:3, :3] = rotation(np.array([0, 0.3, 0]))
     assert pose_distance(np.eye(4), turned) == pytest.approx((0.2, 0.3))

@@ -1,4 +1,4 @@
-"""Rounds on which a map is kept up to date."""
+"""Rounds of a robot that keeps a map up to date."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,10 +16,10 @@ from gslts.change.visibility import Visibility
 from gslts.core.camera import Camera, at_pose, look_at
 from gslts.core.robot import Robot
 from gslts.keeper import coverage as rounds
-from gslts.keeper.coverage import go_to, stops_of
+from gslts.keeper.coverage import go_to, plan_viewpoints
 from gslts.keeper.keeper import MapKeeper, StoppedError
-from gslts.keeper.schedule import MOST_WAIT, DeferredChange, defer, next_changes
-from gslts.keeper.state import STATE, LoopState, read_state, write_state
+from gslts.keeper.schedule import MAX_DELAY_ROUNDS, DeferredChange, defer, select_changes
+from gslts.keeper.state import STATE, KeeperState, read_state, write_state
 from gslts.store.map_folder import open_map, read_map
 from gslts_sim.controller import Controller
 
@@ -30,8 +30,8 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path / "map"
 
 
-def keeper_of(folder: Path, **told: Callable[..., object]) -> MapKeeper:
-    return MapKeeper(folder, CONFIG, **told)  # type: ignore[arg-type]
+def keeper_of(folder: Path, **callbacks: Callable[..., object]) -> MapKeeper:
+    return MapKeeper(folder, CONFIG, **callbacks)  # type: ignore[arg-type]
 
 
 def robot_of(kind: update_room.Kind) -> Controller:
@@ -39,40 +39,35 @@ def robot_of(kind: update_room.Kind) -> Controller:
 
 
 def change_at(x: float, y: float, confidence: float) -> Change:
-    """A removal of what was at a place of the floor."""
+    """Return the removal of an object at a position on the floor."""
     found = update_room.detected("removal")
-    before = found.before
-    assert before is not None
-
-    way = np.array([x - 2.2, y - 1.85, 0])
-
-    class Moved:
-        low, high = before.low + way, before.high + way
-
-    point = (Moved.low + Moved.high) / 2
-    return replace(found, confidence=confidence, point=point, before=Moved())  # type: ignore[arg-type]
+    box = found.boxes[0]
+    assert box is not None
+    offset = np.array([x - 2.2, y - 1.85, 0])
+    low, high = box[0] + offset, box[1] + offset
+    return replace(found, confidence=confidence, point=(low + high) / 2, boxes=((low, high), None))
 
 
-def test_a_round_shows_nearly_all_that_can_be_seen() -> None:
+def test_planned_viewpoints_cover_the_map() -> None:
     gaussian_map, cameras = change_room.mapped()
-    stops = stops_of(gaussian_map, cameras, 100)
+    stops = plan_viewpoints(gaussian_map, cameras, 100)
     points = gaussian_map.means[::7]
-    seen = Visibility(gaussian_map, cameras.values()).visible(points, rounds.FARTHEST_M)
-    on_the_way = Visibility(gaussian_map, [cameras[name] for name in stops]).shown(
-        points, rounds.FARTHEST_M
+    seen = Visibility(gaussian_map, cameras.values()).visible(points, rounds.MAX_DEPTH_M)
+    covered = Visibility(gaussian_map, [cameras[name] for name in stops]).visible(
+        points, rounds.MAX_DEPTH_M
     )
-    assert on_the_way.any(axis=0).sum() > 0.9 * seen.any(axis=0).sum()
-    assert len(set(stops)) == len(stops) < len(cameras) / 2, "few of them do"
-    assert len(stops_of(gaussian_map, cameras, 3)) == 3
+    assert covered.any(axis=0).sum() > 0.9 * seen.any(axis=0).sum()
+    assert len(set(stops)) == len(stops) < len(cameras) / 2, "few viewpoints suffice"
+    assert len(plan_viewpoints(gaussian_map, cameras, 3)) == 3
 
 
-def test_nothing_is_known_of_where_a_map_was_made() -> None:
+def test_planning_without_cameras_is_rejected() -> None:
     gaussian_map, _ = change_room.mapped()
-    with pytest.raises(ValueError, match="nothing is known of where the map was made"):
-        stops_of(gaussian_map, {}, 3)
+    with pytest.raises(ValueError, match="the map has no training cameras"):
+        plan_viewpoints(gaussian_map, {}, 3)
 
 
-def test_a_robot_goes_to_where_a_camera_was() -> None:
+def test_robot_moves_to_the_pose_of_a_camera() -> None:
     robot = robot_of("removal")
     eye, target = np.array([1.5, 0.5, 1.5]), np.array([2.5, 1.5, 0.8])
     wanted = at_pose(robot.observe().camera, look_at(eye, target))
@@ -82,20 +77,20 @@ def test_a_robot_goes_to_where_a_camera_was() -> None:
     assert np.allclose(there[:3, 2], wanted.world_from_camera[:3, 2], atol=1e-6)
 
 
-def test_a_round_repairs_what_changed_and_the_next_one_has_nothing_to_do(tmp_path: Path) -> None:
-    """With most noise: the map of the room has errors of its own, which may be found late."""
+def test_a_round_integrates_a_change_and_the_next_one_finds_none(tmp_path: Path) -> None:
+    """With strong noise, errors of the map itself may be found in a later round."""
     home, settled = update_room.changed_home("removal"), 0
     for seed in range(4):
         folder = tmp_path / str(seed)
         change_room.write_room_map(folder)
         said: list[str] = []
-        with keeper_of(folder, say=said.append) as keeper:
+        with keeper_of(folder, log=said.append) as keeper:
             keeper.go_round(Controller(home, **change_room.SIZE, noise="kinect", seed=seed))
             first = keeper.version.number
             assert first > 1
             assert update_room.opaque_in(read_map(folder), update_room.REMOVED, 0.04) == 0
             assert keeper.state == read_state(folder)
-            assert keeper.state.round == keeper.state.of_source == 1
+            assert keeper.state.round == keeper.state.source_rounds == 1
             keeper.go_round(Controller(home, **change_room.SIZE, noise="kinect", seed=seed + 10))
             settled += keeper.version.number == first
         assert any(words.startswith("removal at (2.") for words in said)
@@ -106,14 +101,14 @@ def test_a_round_repairs_what_changed_and_the_next_one_has_nothing_to_do(tmp_pat
 
 
 @pytest.mark.smoke
-def test_who_stops_it_and_goes_on_gets_the_same_map(folder: Path, tmp_path: Path) -> None:
+def test_a_stopped_and_continued_round_gives_the_same_map(folder: Path, tmp_path: Path) -> None:
     change_room.write_room_map(tmp_path / "other")
     with keeper_of(tmp_path / "other") as keeper:
         keeper.go_round(robot_of("addition"))
     stops = 0
-    for calls in (1, 9, 30, 10_000):  # Safe points until somebody wants it to stop.
+    for calls in (1, 9, 30, 10_000):  # Number of polls before the stop.
         left = iter(range(calls))
-        with keeper_of(folder, stopping=lambda left=left: next(left, None) is None) as keeper:
+        with keeper_of(folder, should_stop=lambda left=left: next(left, None) is None) as keeper:
             try:
                 keeper.go_round(robot_of("addition"))
             except StoppedError:
@@ -127,26 +122,26 @@ def test_who_stops_it_and_goes_on_gets_the_same_map(folder: Path, tmp_path: Path
         assert np.array_equal(getattr(one, name), getattr(other, name)), name
 
 
-def test_a_change_that_cannot_be_repaired_is_deferred_and_tried_again(folder: Path) -> None:
-    looks = CONFIG.looks
+def test_a_change_that_cannot_be_integrated_is_deferred_and_retried(folder: Path) -> None:
+    frames = CONFIG.max_frames
 
     def restless() -> Robot:  # The box is back as soon as the robot comes near.
-        return Changing(update_room.changed_home("removal"), change_room.home(), looks)
+        return Changing(update_room.changed_home("removal"), change_room.home(), frames)
 
     said: list[str] = []
     start = {"start": at_the_block()}
-    with keeper_of(folder, say=said.append) as keeper:
+    with keeper_of(folder, log=said.append) as keeper:
         keeper.go_round(restless(), start)
         assert keeper.version.number == 1
         (deferred,) = keeper.state.deferred
-        assert (deferred.kind, deferred.tries, deferred.until) == ("removal", 1, 1)
+        assert (deferred.kind, deferred.attempts, deferred.retry_round) == ("removal", 1, 1)
         assert deferred.reason in said[-1]
         keeper.go_round(restless(), start)
         (deferred,) = keeper.state.deferred
-        assert (deferred.tries, deferred.until) == (2, 3)
+        assert (deferred.attempts, deferred.retry_round) == (2, 3)
         tried = len(said)
         keeper.go_round(restless(), start)
-        assert len(said) == tried, "its time has not come"
+        assert len(said) == tried, "the change is deferred"
         assert keeper.state.deferred == (deferred,)
         keeper.go_round(robot_of("removal"), start)
         assert keeper.state.deferred == ()
@@ -155,33 +150,33 @@ def test_a_change_that_cannot_be_repaired_is_deferred_and_tried_again(folder: Pa
         assert len(store.rejections()) == 2
 
 
-def test_what_was_deferred_and_is_not_seen_again_is_forgotten(folder: Path) -> None:
+def test_a_deferred_change_that_is_not_detected_again_is_forgotten(folder: Path) -> None:
     deferred = DeferredChange(
-        kind="removal", point=(2.2, 1.8, 0.9), reason="no view", tries=1, until=0
+        kind="removal", point=(2.2, 1.8, 0.9), reason="no view", attempts=1, retry_round=0
     )
-    write_state(LoopState(deferred=(deferred,)), folder)
+    write_state(KeeperState(deferred=(deferred,)), folder)
     with keeper_of(folder) as keeper:
         keeper.go_round(update_room.robot_in(change_room.home()), {"start": at_the_block()})
         assert keeper.state.deferred == ()
 
 
-def test_the_most_certain_and_nearest_change_comes_first_with_what_is_beside_it() -> None:
+def test_the_most_confident_and_nearest_change_is_selected_with_its_neighbors() -> None:
     near, far, sure = change_at(1, 1, 0.5), change_at(4, 3, 0.5), change_at(4, 3.5, 1.0)
-    place = np.array([0.5, 0.5])
-    assert next_changes([far, near], place) == [near]
-    assert next_changes([near, far, sure], place) == [near]
-    assert next_changes([far, sure], place) == [far, sure]
-    assert next_changes([change_at(1, 1, 0.1), sure], place) == [sure]
+    position = np.array([0.5, 0.5])
+    assert select_changes([far, near], position) == [near]
+    assert select_changes([near, far, sure], position) == [near]
+    assert select_changes([far, sure], position) == [far, sure]
+    assert select_changes([change_at(1, 1, 0.1), sure], position) == [sure]
 
 
-def test_the_wait_grows_with_each_try() -> None:
+def test_the_delay_doubles_with_each_attempt() -> None:
     deferred: tuple[DeferredChange, ...] = ()
     number = 0
     for wait in (1, 2, 4, 8, 16, 16):
         deferred = defer(deferred, change_at(1, 1, 0.5), "why", number)
-        assert [one.until for one in deferred] == [number + wait]
+        assert [change.retry_round for change in deferred] == [number + wait]
         number += wait
-    assert wait == MOST_WAIT
+    assert wait == MAX_DELAY_ROUNDS
     assert len(defer(deferred, change_at(3, 3, 0.5), "why", 0)) == 2
 
 
@@ -196,9 +191,9 @@ def test_the_wait_grows_with_each_try() -> None:
 )
 def test_a_damaged_state_is_named(folder: Path, content: str, message: str) -> None:
     (folder / STATE).write_text(content)
-    with pytest.raises(ValueError, match=f"{STATE}: .*{message}.*; without this file, rounds"):
+    with pytest.raises(ValueError, match=f"{STATE}: .*{message}.*; remove the file to start"):
         keeper_of(folder)
-    with open_map(folder, writable=True) as store:  # It was given free.
+    with open_map(folder, writable=True) as store:  # The lock was released.
         assert store.version().number == 1
 
 

@@ -1,4 +1,4 @@
-"""Maps are made of simulated visits, as the engine and as `gslts map` make them."""
+"""Maps of simulated recordings, made by the engine and by `gslts map`."""
 
 import json
 import signal
@@ -22,11 +22,12 @@ from gslts.datasets import Dataset, Frame, open_dataset
 from gslts.localization.landmark_files import read_landmarks
 from gslts.mapping.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from gslts.mapping.config import MappingConfig
-from gslts.mapping.engine import MappingResult, _settled, make_map
+from gslts.mapping.engine import MappingResult, has_converged, make_map
 from gslts.mapping.evaluation.evaluate import Quality, evaluate
-from gslts.mapping.evaluation.variants import LEAST_GAIN_DB, chosen_of
+from gslts.mapping.evaluation.variants import MIN_GAIN_DB, choose_variant
 from gslts.mapping.memory import free_memory_bytes
 from gslts.mapping.observation import Observation
+from gslts.mapping.optimize import Progress
 from gslts.mapping.report.data import CurvePoint
 from gslts.mapping.report.summary import summary_of
 from gslts.rendering.losses import fit_exposure
@@ -36,7 +37,7 @@ from gslts_sim.capture import capture
 from gslts_sim.controller import Controller
 from gslts_sim.explore import explore
 
-# Pictures are of 160 px: Gaussians of 5 cm are a few pixels wide there.
+# Images are 160 px wide: Gaussians of 5 cm are a few pixels wide there.
 CONFIG = MappingConfig(
     iterations=500,
     patience=1.0,
@@ -50,7 +51,7 @@ MAP_ARRAYS = ("means", "quats", "log_scales", "logit_opacities", "sh", "ids")
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """A visit of a room with the errors of a real camera, and the same without."""
+    """Record a room with the errors of a real camera, and without."""
     folders = {}
     home = textured_home()
     looks, _ = explore(home, 60)
@@ -60,40 +61,90 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return folders
 
 
-def judged(result: MappingResult, folder: Path) -> Quality:
-    """By the clean pictures of the frames that were kept aside."""
+def quality_of(result: MappingResult, folder: Path) -> Quality:
+    """Evaluate a map on the held-out frames of a recording without noise, at true poses."""
     frames = open_dataset(folder).frames[::8]
     return evaluate(result.gaussian_map, [Observation.of(frame.read()) for frame in frames])
 
 
 @pytest.mark.smoke
-def test_a_map_shows_what_was_kept_aside(recorded: dict[str, Path]) -> None:
+def test_a_map_shows_held_out_frames(recorded: dict[str, Path]) -> None:
+    """Means over three seeds: PSNR of single runs has a standard deviation of 0.1 dB."""
     dataset = open_dataset(recorded["kinect"])
-    seen = []
-    result = make_map(dataset, CONFIG, report=seen.append)
-    assert [progress.iteration for progress in seen] == list(range(1, CONFIG.iterations + 1))
-    assert seen[-1].share == 1
-    assert result.skipped == ()
-    assert list(result.held_out) == [frame.name for frame in dataset.frames[::8]]
-    quality = judged(result, recorded["none"])
-    assert quality.frames == 8
-    assert quality.psnr_db > 29
-    assert quality.depth_l1_m < 0.04
-    curve = [p.held_out_psnr_db for p in result.curve if p.held_out_psnr_db is not None]
-    assert curve[-1] > curve[0]
-    assert result.curve[-1].training_psnr_db > result.curve[0].training_psnr_db + 2
+    seeds = [CONFIG.model_copy(update={"seed": seed}) for seed in range(3)]
+    results = [make_map(dataset, config) for config in seeds]
+    qualities = [quality_of(result, recorded["none"]) for result in results]
+    psnr_db = np.mean([quality.psnr_db for quality in qualities])
+    # 12 seeds gave 28.8 to 29.3 dB and 1.9 to 2.1 cm; with poses as given 27.8 to 28.2 dB.
+    assert psnr_db > 28.5
+    assert np.mean([quality.depth_l1_m for quality in qualities]) < 0.03
     fixed = make_map(dataset, CONFIG.model_copy(update={"refine_poses": False}))
-    assert quality.psnr_db > judged(fixed, recorded["none"]).psnr_db + 0.2
-    ways = result.quality
-    assert ways.by_neighbours is not None
-    assert ways.refined.psnr_db > ways.by_neighbours.psnr_db
+    assert psnr_db > quality_of(fixed, recorded["none"]).psnr_db + 0.5
+    for result in results:
+        quality = result.quality
+        assert quality.by_neighbours is not None
+        assert quality.refined.psnr_db > quality.by_neighbours.psnr_db + 1
+        curve = [p.validation_psnr_db for p in result.curve if p.validation_psnr_db is not None]
+        assert curve[-1] > curve[0] + 1
+        assert result.curve[-1].training_psnr_db > result.curve[0].training_psnr_db + 4
 
 
-def test_exposures_stay_out_of_the_map(recorded: dict[str, Path]) -> None:
+def test_each_frame_has_one_purpose(recorded: dict[str, Path]) -> None:
+    dataset = open_dataset(recorded["kinect"])
+    steps: list[Progress] = []
+    config = CONFIG.model_copy(update={"iterations": 60})
+    result = make_map(dataset, config, report=steps.append)
+    names = [frame.name for frame in dataset.frames]
+    assert list(result.held_out) == names[::8]
+    assert list(result.test) == names[::16]
+    assert list(result.validation) == names[8::16]
+    assert list(result.training) == [name for name in names if name not in names[::8]]
+    assert result.skipped == ()
+    qualities = (result.quality.given, result.quality.by_neighbours, result.quality.refined)
+    assert [quality.frames for quality in qualities if quality is not None] == [
+        len(result.test)
+    ] * 3
+    assert [progress.iteration for progress in steps] == list(range(1, config.iterations + 1))
+    assert steps[-1].share == 1
+
+
+def test_test_frames_have_no_part_in_the_map(recorded: dict[str, Path]) -> None:
+    """Other colours in a test frame change its PSNR and nothing else; in others, they do."""
+    plain = open_dataset(recorded["kinect"])
+    config = CONFIG.model_copy(update={"iterations": 150, "patience": 0.1, "variant_steps": 20})
+
+    def map_with_mirrored(number: int | None) -> MappingResult:
+        frames = tuple(
+            Mirrored(frame) if k == number else frame for k, frame in enumerate(plain.frames)
+        )
+        return make_map(Dataset("mirrored", frames), config)
+
+    result, test, validation = (map_with_mirrored(number) for number in (None, 16, 24))
+    require_same(result, test)
+    assert [p.validation_psnr_db for p in test.curve] == [
+        p.validation_psnr_db for p in result.curve
+    ]
+    assert [v.psnr_db for v in test.variants] == [v.psnr_db for v in result.variants]
+    assert test.quality.given.psnr_db < result.quality.given.psnr_db
+    assert [v.psnr_db for v in validation.variants] != [v.psnr_db for v in result.variants]
+
+
+class Mirrored:
+    """A frame with mirrored colours."""
+
+    def __init__(self, frame: Frame) -> None:
+        self.name, self.camera, self._frame = frame.name, frame.camera, frame
+
+    def read(self) -> RgbdFrame:
+        frame = self._frame.read()
+        return replace(frame, rgb=frame.rgb[:, ::-1].copy())
+
+
+def test_exposures_are_not_in_the_map(recorded: dict[str, Path]) -> None:
     plain = open_dataset(recorded["none"])
 
     class Exposed:
-        """A frame that is darker than it was."""
+        """A frame with another gain."""
 
         def __init__(self, frame: Frame, gain: float) -> None:
             self.name, self.camera = frame.name, frame.camera
@@ -113,11 +164,11 @@ def test_exposures_stay_out_of_the_map(recorded: dict[str, Path]) -> None:
     for frame in plain.frames[::8]:
         clean = Observation.of(frame.read())
         images = gslts.render(result.gaussian_map, clean.camera())
-        gains.append(np.mean(fit_exposure(images.rgb, clean.photo()).gain))
+        gains.append(np.mean(fit_exposure(images.rgb, clean.color()).gain))
     assert np.std(gains) < 0.03 * np.mean(gains), "the map is exposed alike everywhere"
     steady = make_map(Dataset("dark", tuple(Exposed(one, 0.6) for one in plain.frames)), CONFIG)
-    best_db = judged(steady, recorded["none"]).psnr_db
-    assert judged(result, recorded["none"]).psnr_db > best_db - 0.5
+    best_db = quality_of(steady, recorded["none"]).psnr_db
+    assert quality_of(result, recorded["none"]).psnr_db > best_db - 0.5
 
 
 def test_corrected_poses_are_nearer_to_the_truth(recorded: dict[str, Path]) -> None:
@@ -129,18 +180,19 @@ def test_corrected_poses_are_nearer_to_the_truth(recorded: dict[str, Path]) -> N
         return np.median([np.abs(twist_of(motion)) for motion in motions], axis=0)
 
     before = error({name: one.given_pose for name, one in result.training.items()})
-    after = error({name: one.pose for name, one in result.training.items()})
-    # At 160 pixels a side, a shift of 3 mm is seen by a few tenths of a pixel.
+    after = error({name: one.world_from_camera for name, one in result.training.items()})
+    # At 160 px a shift of 3 mm moves the image by a few tenths of a pixel.
     assert after[:3].mean() < before[:3].mean()
     assert after[3:].mean() < 0.75 * before[3:].mean()
-    # The map as a whole stays where the poses put it.
+    # The map as a whole is not moved.
     shifts = [
-        one.pose[:3, 3] - true[n].world_from_camera[:3, 3] for n, one in result.training.items()
+        one.world_from_camera[:3, 3] - true[n].world_from_camera[:3, 3]
+        for n, one in result.training.items()
     ]
     assert np.abs(np.mean(shifts, axis=0)).max() < 0.003
 
 
-def test_the_same_for_any_number_of_threads(recorded: dict[str, Path]) -> None:
+def test_the_number_of_threads_changes_nothing(recorded: dict[str, Path]) -> None:
     dataset = open_dataset(recorded["kinect"])
     maps = [
         make_map(dataset, CONFIG.model_copy(update={"iterations": 120, "threads": threads}))
@@ -154,11 +206,11 @@ def require_same(first: MappingResult, second: MappingResult) -> None:
         one, other = (getattr(result.gaussian_map, name) for result in (first, second))
         assert one.tobytes() == other.tobytes(), name
     for one, other in zip(first.training.values(), second.training.values(), strict=True):
-        np.testing.assert_array_equal(one.pose, other.pose)
+        np.testing.assert_array_equal(one.world_from_camera, other.world_from_camera)
         assert one.lenses == other.lenses
 
 
-def test_a_run_goes_on_exactly_where_it_stopped(
+def test_a_resumed_run_makes_the_same_map(
     recorded: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("gslts.mapping.engine.SAVE_EVERY_S", 0.0)
@@ -185,7 +237,7 @@ def test_a_run_goes_on_exactly_where_it_stopped(
         make_map(open_dataset(recorded["none"]), config, resume=replace(start, frames=("a",)))
 
 
-def test_damaged_checkpoints_are_named(recorded: dict[str, Path], tmp_path: Path) -> None:
+def test_damaged_checkpoints_are_rejected(recorded: dict[str, Path], tmp_path: Path) -> None:
     saved = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("gslts.mapping.engine.SAVE_EVERY_S", 0.0)
@@ -196,11 +248,11 @@ def test_damaged_checkpoints_are_named(recorded: dict[str, Path], tmp_path: Path
     content = path.read_bytes()
     for torn in (b"", content[:1000], content[:-100], content.replace(b"gslts-", b"other-")):
         path.write_bytes(torn)
-        with pytest.raises(ValueError, match="it is no checkpoint of a map"):
+        with pytest.raises(ValueError, match="not a checkpoint of a map"):
             read_checkpoint(path)
 
 
-def test_a_killed_run_leaves_no_map_and_goes_on(recorded: dict[str, Path], tmp_path: Path) -> None:
+def test_a_killed_run_can_be_resumed(recorded: dict[str, Path], tmp_path: Path) -> None:
     arguments = ["map", recorded["kinect"], "--out", "map", "--preset", "fast"]
     arguments += ["--iterations", "150", "--threads", "1"]
     save_often = "import gslts.mapping.engine as engine; engine.SAVE_EVERY_S = 0.0\n"
@@ -230,12 +282,12 @@ def test_budgets_are_kept(recorded: dict[str, Path], monkeypatch: pytest.MonkeyP
     dataset = open_dataset(recorded["kinect"])
     config = CONFIG.model_copy(update={"budget_s": 6.0, "max_gaussians": 500})
     result = make_map(dataset, config)
-    spent_s = sum(s for stage, s in result.seconds.items() if stage != "judging")
+    spent_s = sum(s for stage, s in result.seconds.items() if stage != "evaluation")
     assert 5.9 < spent_s < 6.5
     assert 250 < result.gaussian_map.size <= 500
 
 
-def test_few_bad_frames_are_skipped_and_many_stop(recorded: dict[str, Path]) -> None:
+def test_few_bad_frames_are_skipped_and_many_are_an_error(recorded: dict[str, Path]) -> None:
     dataset = open_dataset(recorded["none"])
 
     class Bad:
@@ -258,7 +310,7 @@ def test_few_bad_frames_are_skipped_and_many_stop(recorded: dict[str, Path]) -> 
     assert len(make_map(Dataset("least", dataset.frames[:10]), config).held_out) == 2
 
 
-def test_frames_that_no_memory_holds_are_refused(
+def test_more_frames_than_memory_are_rejected(
     recorded: dict[str, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert 1 << 20 < free_memory_bytes() < 1 << 50
@@ -268,18 +320,18 @@ def test_frames_that_no_memory_holds_are_refused(
         make_map(open_dataset(recorded["none"]), CONFIG)
 
 
-def test_the_end_comes_when_nothing_is_gained() -> None:
-    def curve(*held_out_db: float | None, level: int = 0) -> list[CurvePoint]:
-        return [CurvePoint(0.0, 0, level, 0.0, each, 0) for each in held_out_db]
+def test_optimization_ends_when_validation_gains_nothing() -> None:
+    def curve(*validation_db: float | None, level: int = 0) -> list[CurvePoint]:
+        return [CurvePoint(0.0, 0, level, 0.0, each, 0) for each in validation_db]
 
     rising = [20.0, 20.1, 20.2, 20.3, 20.4, 20.5]
-    assert not _settled(curve(*rising), 0.2)
-    assert _settled(curve(*rising, 20.5, None, 20.4, 20.51, 20.3), 0.2)
-    assert not _settled(curve(*rising, 20.5, None, 20.4, 20.51, 20.3), 0.25)
-    assert not _settled(curve(*rising, 20.5, 20.4, 20.53, 20.3), 0.2)
-    assert not _settled(curve(*rising, 20.5, 20.4), 0.2)
-    assert not _settled(curve(*rising, 20.5, 20.4, 20.51, 20.3, level=1), 0.2)
-    assert not _settled(curve(*[20.0] * 20), 1.0)
+    assert not has_converged(curve(*rising), 0.2)
+    assert has_converged(curve(*rising, 20.5, None, 20.4, 20.51, 20.3), 0.2)
+    assert not has_converged(curve(*rising, 20.5, None, 20.4, 20.51, 20.3), 0.25)
+    assert not has_converged(curve(*rising, 20.5, 20.4, 20.53, 20.3), 0.2)
+    assert not has_converged(curve(*rising, 20.5, 20.4), 0.2)
+    assert not has_converged(curve(*rising, 20.5, 20.4, 20.51, 20.3, level=1), 0.2)
+    assert not has_converged(curve(*[20.0] * 20), 1.0)
 
 
 @pytest.mark.smoke
@@ -287,7 +339,7 @@ def test_the_commands(recorded: dict[str, Path], tmp_path: Path) -> None:
     arguments = ("map", recorded["kinect"], "--iterations", "30", "--preset", "fast")
     done = run(*arguments, "--out", "map", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert "8 frames kept aside" in done.stdout
+    assert "4 test frames" in done.stdout
     page = (tmp_path / "map" / "report.html").read_text()
     assert "poses corrected by neighbours" in page
     manifest = json.loads((tmp_path / "map" / "manifest.json").read_text())
@@ -296,13 +348,13 @@ def test_the_commands(recorded: dict[str, Path], tmp_path: Path) -> None:
     assert landmarks.size > 300
     poses = [camera.world_from_camera for camera in cameras.values()]
     for pose in landmarks.world_from_keyframe:
-        assert any(np.allclose(pose, one) for one in poses), "of a frame kept aside"
-    assert run("verify", "map", cwd=tmp_path).stdout == "1 versions are whole\n"
+        assert any(np.allclose(pose, one) for one in poses), "of a held-out frame"
+    assert run("verify", "map", cwd=tmp_path).stdout == "1 versions are intact\n"
     done = run("eval", "map", recorded["kinect"], "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     again = json.loads(done.stdout)
-    for way in ("given", "by_neighbours", "refined"):
-        assert again[way] == pytest.approx(manifest["held_out"][way], rel=1e-5)
+    for poses in ("given", "by_neighbours", "refined"):
+        assert again[poses] == pytest.approx(manifest["test"][poses], rel=1e-5)
     done = run("eval", "map", recorded["none"], "--json", cwd=tmp_path)
     assert json.loads(done.stdout)["refined"]["ssim"] > again["refined"]["ssim"], "without noise"
     assert run("export", "map", "room.ply", cwd=tmp_path).returncode == 0
@@ -326,7 +378,7 @@ def test_the_commands(recorded: dict[str, Path], tmp_path: Path) -> None:
     assert not (tmp_path / "other").exists()
 
 
-def test_sizes_are_compared_and_harmonics_rise_only_for_a_gain(recorded: dict[str, Path]) -> None:
+def test_variants_are_compared_on_validation_frames(recorded: dict[str, Path]) -> None:
     config = CONFIG.model_copy(update={"variant_steps": 60})
     result = make_map(open_dataset(recorded["kinect"]), config)
     chosen, half, double, harmonics = result.variants
@@ -337,16 +389,16 @@ def test_sizes_are_compared_and_harmonics_rise_only_for_a_gain(recorded: dict[st
         < 0.05 * double.gaussian_map.size
     )
     assert half.psnr_db < chosen.psnr_db
-    gains = harmonics.psnr_db > chosen.psnr_db + LEAST_GAIN_DB
+    gains = harmonics.psnr_db > chosen.psnr_db + MIN_GAIN_DB
     assert result.gaussian_map.sh_degree == (1 if gains else 0)
-    better = replace(harmonics, psnr_db=chosen.psnr_db + 2 * LEAST_GAIN_DB)
-    assert chosen_of([chosen, half, better]) is better
-    worse = replace(harmonics, psnr_db=chosen.psnr_db + 0.5 * LEAST_GAIN_DB)
-    assert chosen_of([chosen, half, worse]) is chosen
+    better = replace(harmonics, psnr_db=chosen.psnr_db + 2 * MIN_GAIN_DB)
+    assert choose_variant([chosen, half, better]) is better
+    worse = replace(harmonics, psnr_db=chosen.psnr_db + 0.5 * MIN_GAIN_DB)
+    assert choose_variant([chosen, half, worse]) is chosen
 
 
 class Photograph:
-    """A frame in memory, without depth, in a world of which so many units are a metre."""
+    """A frame in memory without depth, in a world with a number of units per metre."""
 
     def __init__(self, number: int, camera: gslts.Camera, units: float = 1.0) -> None:
         self.name, self._camera = f"{number:02}", camera
@@ -358,7 +410,7 @@ class Photograph:
         return replace(blob_room.frame(self._camera), camera=self.camera)
 
 
-def test_photographs_alone_make_a_map() -> None:
+def test_images_without_depth_make_a_map() -> None:
     cameras = blob_room.cameras(16)
     frames = [Photograph(k, camera) for k, camera in enumerate(cameras)]
     result = make_map(Dataset("photographs", tuple(frames)), CONFIG)
@@ -368,7 +420,7 @@ def test_photographs_alone_make_a_map() -> None:
     images, depth = gslts.render(result.gaussian_map, camera), analytic_room.look(camera)[1]
     assert (images.alpha > 0.5).mean() > 0.95
     assert np.median(np.abs(images.depth - depth) / depth) < 0.05
-    assert "with refined ones, no depth measured;" in summary_of(result)
+    assert "with refined poses, no depth measured;" in summary_of(result)
     # Structure from motion has a unit of its own.
     frames = [Photograph(k, camera, units=20.0) for k, camera in enumerate(cameras)]
     large = make_map(Dataset("photographs", tuple(frames)), CONFIG)
@@ -379,7 +431,7 @@ def test_photographs_alone_make_a_map() -> None:
 
 
 class Far:
-    """A frame somewhere else in the world."""
+    """A frame at another position in the world."""
 
     def __init__(self, frame: Frame, shift_m: np.ndarray) -> None:
         self.name, self._frame, self._shift_m = frame.name, frame, shift_m
@@ -393,9 +445,13 @@ def test_a_room_far_from_the_origin_is_mapped_as_well(recorded: dict[str, Path])
     near = open_dataset(recorded["kinect"])
     shift_m = np.array([4.5e5, 5.2e6, 400.0])  # As in UTM, where float32 resolves half a metre.
     far = replace(near, frames=tuple(Far(frame, shift_m) for frame in near.frames))
-    config = CONFIG.model_copy(update={"iterations": 200, "fill_holes": True})
-    here, there = make_map(near, config), make_map(far, config)
-    assert np.abs(there.gaussian_map.origin - shift_m).max() < 10
-    assert np.abs(there.gaussian_map.means).max() < 20
-    assert there.gaussian_map.size == pytest.approx(here.gaussian_map.size, rel=0.02)
-    assert there.quality.refined.psnr_db > here.quality.refined.psnr_db - 0.3
+    gains_db = []
+    for seed in range(2):
+        config = CONFIG.model_copy(update={"iterations": 200, "fill_holes": True, "seed": seed})
+        here, there = make_map(near, config), make_map(far, config)
+        assert np.abs(there.gaussian_map.origin - shift_m).max() < 10
+        assert np.abs(there.gaussian_map.means).max() < 20
+        assert there.gaussian_map.size == pytest.approx(here.gaussian_map.size, rel=0.02)
+        gains_db.append(there.quality.refined.psnr_db - here.quality.refined.psnr_db)
+    # Of single runs: standard deviation 0.08 dB over 8 seeds.
+    assert np.mean(gains_db) > -0.3

@@ -10,6 +10,7 @@ import yaml
 from command import gslts
 from PIL import Image
 
+from gslts import Navigator, SemanticQueries
 from gslts.cli import app
 from gslts.datasets import open_dataset
 from gslts.keeper.state import read_state
@@ -81,6 +82,16 @@ def test_a_robot_navigates_to_an_object(folder: Path) -> None:
     done = gslts("go", "map", "sofa", "--robot", "home.glb", cwd=folder)
     assert done.returncode == 1
     assert done.stderr == "gslts: sofa: not found: the map has no sofa; see go.png\n"
+
+
+def test_queries_and_navigators_read_map_folders(folder: Path) -> None:
+    (mug,) = SemanticQueries.of_map(folder / "map").find("mug")
+    np.testing.assert_allclose(mug.center, (2.275, 1.475, 0.825), atol=0.1)
+    navigator = Navigator.of_map(folder / "map", categories=["Mug"])
+    assert navigator.semantic_map.category("Mug").any()
+    for of_map in (SemanticQueries.of_map, Navigator.of_map):
+        with pytest.raises(ValueError, match="has no semantic features; gslts semantics adds"):
+            of_map(folder / "plain")
 
 
 def test_without_a_robot_navigation_is_tried_in_the_map(folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""What objects are called that came, went or moved."""
+"""Types of changed objects, from labels and from the history."""
 
 from dataclasses import replace
 
@@ -8,13 +8,13 @@ import update_room
 
 from gslts.core.frame import Labels, RgbdFrame
 from gslts.store.records import Event
-from gslts.update.object_types import UNKNOWN, type_of
+from gslts.update.object_types import UNKNOWN, object_type
 
 BOX = [corner.tolist() for corner in update_room.REMOVED]
 
 
 def views_with(types: dict[str, str]) -> list:
-    """Those of the yellow box that came, whose objects are called otherwise."""
+    """Return the views of the added yellow box with other types in the labels."""
     views = []
     for view in update_room.collected("addition").views:
         labels = view.frame.labels
@@ -24,33 +24,33 @@ def views_with(types: dict[str, str]) -> list:
     return views
 
 
-def test_what_is_new_is_called_what_frames_show() -> None:
+def test_an_added_object_has_the_type_of_its_labels() -> None:
     change = update_room.detected("addition")
-    assert type_of(change, update_room.collected("addition").views, []) == "Box"
-    assert type_of(change, views_with({"Box": "Mug"}), []) == "Mug"
+    assert object_type(change, update_room.collected("addition").views, []) == "Box"
+    assert object_type(change, views_with({"Box": "Mug"}), []) == "Mug"
 
 
-def test_what_is_gone_is_called_what_came_there_last() -> None:
+def test_a_removed_object_has_the_type_of_the_last_addition() -> None:
     change, views = update_room.detected("removal"), update_room.collected("removal").views
     far = [(np.array(corner) + 1).tolist() for corner in BOX]
     mug, cup, pot = (
         Event(version=number, kind="addition", type=name, boxes=(None, box))
         for number, (name, box) in enumerate([("Mug", BOX), ("Cup", BOX), ("Pot", far)], start=2)
     )
-    assert type_of(change, views, []) == UNKNOWN
-    assert type_of(change, views, [mug, cup, pot]) == "Cup"
-    assert type_of(change, views, [pot]) == UNKNOWN
+    assert object_type(change, views, []) == UNKNOWN
+    assert object_type(change, views, [mug, cup, pot]) == "Cup"
+    assert object_type(change, views, [pot]) == UNKNOWN
     unknown = cup.model_copy(update={"type": UNKNOWN})
-    assert type_of(change, views, [mug, unknown]) == "Mug"
+    assert object_type(change, views, [mug, unknown]) == "Mug"
 
 
-def test_nobody_knows_without_labels() -> None:
+def test_without_labels_the_type_is_unknown() -> None:
     change = update_room.detected("addition")
     views = [
         replace(view, frame=replace(view.frame, labels=None))
         for view in update_room.collected("addition").views
     ]
-    assert type_of(change, views, []) == UNKNOWN
+    assert object_type(change, views, []) == UNKNOWN
 
 
 @pytest.mark.parametrize(
@@ -62,12 +62,12 @@ def test_nobody_knows_without_labels() -> None:
         (np.full((2, 2), -2, np.int32), r"Labels: instances: must be in -1\.\.0"),
     ],
 )
-def test_bad_labels_are_refused(instances: np.ndarray, message: str) -> None:
+def test_bad_labels_are_rejected(instances: np.ndarray, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         Labels(instances, ("Mug",))
 
 
-def test_labels_are_as_large_as_the_frame() -> None:
+def test_labels_have_the_size_of_the_frame() -> None:
     frame = update_room.collected("addition").views[0].frame
     labels = Labels(np.zeros((2, 2), np.int32), ("Mug",))
     with pytest.raises(ValueError, match=r"RgbdFrame: labels: expected \(120, 160\), got \(2, 2\)"):

@@ -1,4 +1,4 @@
-"""Homes in which several places look the same: a pose may be unknown there, but never wrong."""
+"""Homes with repeated views: a pose may be ambiguous or lost there, but never wrong."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ from gslts_sim.robot_body import Viewpoint
 
 ELSEWHERE_M = 0.1
 CORNERS = (0, 0, -0.2), (5, 4, 2.6)
-"""Of the walls of a room, which go on below its floor."""
+"""Height of the walls of a room, which reach below its floor, m."""
 
 
 def room(walls: HomeObject, floor: HomeObject, *objects: HomeObject) -> Home:
@@ -29,7 +29,7 @@ def room(walls: HomeObject, floor: HomeObject, *objects: HomeObject) -> Home:
 
 
 def tiled_room() -> Home:
-    """Its walls and its floor look the same each half metre, but for a red box."""
+    """Return a room whose texture repeats each half metre, with one red box."""
     walls = change_room.tiled("Wall|1", *CORNERS, 0, 40, inward=True, period=2)
     floor = change_room.tiled("Floor|1", (0, 0, -0.1), (5, 4, 0), 1, 90, period=2)
     block = change_room.tiled("Block|1", (2.0, 1.5, 0), (3.2, 2.3, 0.75), 2, 110, period=2)
@@ -38,7 +38,7 @@ def tiled_room() -> Home:
 
 
 def room_with_chairs() -> Home:
-    """Between plain walls stand two chairs, each as good as the other."""
+    """Return a room with plain walls and two equal chairs."""
     white, grey = (np.full((4, 4, 3), level, np.uint8) for level in (190, 120))
     walls = sim_scenes.box_object("Wall|1", *CORNERS, white, inward=True)
     floor = sim_scenes.box_object("Floor|1", (0, 0, -0.1), (5, 4, 0), grey)
@@ -66,7 +66,7 @@ def off_m(found: Localization, true: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("make", [tiled_room, room_with_chairs])
-def test_no_place_is_taken_for_another_that_looks_the_same(make) -> None:  # type: ignore[no-untyped-def]
+def test_no_pose_is_confused_with_one_of_the_same_view(make) -> None:  # type: ignore[no-untyped-def]
     home = make()
     relocalizer = relocalizer_of(home)
     rng = np.random.default_rng(5)
@@ -76,7 +76,7 @@ def test_no_place_is_taken_for_another_that_looks_the_same(make) -> None:  # typ
         look = Viewpoint.at(place, float(rng.uniform(0, 360)), float(rng.uniform(-20, 40)))
         true = change_room.see(home, look).camera.world_from_camera
         frame = change_room.see(home, look, "kinect", seed)
-        found = relocalizer.locate(replace(frame, camera=at_pose(frame.camera, np.eye(4))))
+        found = relocalizer.localize(replace(frame, camera=at_pose(frame.camera, np.eye(4))))
         if found.status == "ok":
             assert off_m(found, true) < ELSEWHERE_M, f"look {seed}"
             right += 1

@@ -1,4 +1,4 @@
-"""Where in a map a picture was taken, with an honest status."""
+"""Relocalization of single images, and its status."""
 
 from dataclasses import replace
 from functools import cache
@@ -25,7 +25,7 @@ from gslts_sim.controller import Controller
 
 ONE_THREAD = RelocalizationConfig(threads=1)
 AWAY = np.array([[0, -1, 0, 7.0], [1, 0, 0, -3], [0, 0, 1, 0], [0, 0, 0, 1]])
-"""A motion of the world: a quarter of a turn, and some metres."""
+"""A rigid motion of the world: a quarter turn and some metres."""
 
 
 @cache
@@ -35,7 +35,7 @@ def relocalizer() -> Relocalizer:
 
 @cache
 def views() -> tuple[RgbdFrame, ...]:
-    """Of the room as it was mapped, with the noise of a Kinect; poses are the true ones."""
+    """Return frames of the mapped room with the noise of a Kinect, at their true poses."""
     looks = looks_all_around("change_room", change_room.home(), 9)
     frames = []
     for seed, look in enumerate(looks):
@@ -46,7 +46,7 @@ def views() -> tuple[RgbdFrame, ...]:
 
 
 def off(result: Localization, frame: RgbdFrame) -> tuple[float, float]:
-    """By how many metres and degrees."""
+    """Return the error of a pose, m and degrees."""
     assert result.world_from_camera is not None
     twist = twist_of(np.linalg.inv(result.world_from_camera) @ frame.camera.world_from_camera)
     return float(np.linalg.norm(twist[:3])), float(np.degrees(np.linalg.norm(twist[3:])))
@@ -57,10 +57,10 @@ def without_pose(frame: RgbdFrame) -> RgbdFrame:
 
 
 @pytest.mark.smoke
-def test_views_are_located_from_nothing() -> None:
+def test_views_are_localized_without_a_prior() -> None:
     errors = []
     for frame in views():
-        result = relocalizer().locate(without_pose(frame))
+        result = relocalizer().localize(without_pose(frame))
         assert result.status == "ok", result.reason
         assert result.inliers >= 10
         assert result.fit is not None
@@ -72,10 +72,10 @@ def test_views_are_located_from_nothing() -> None:
     assert max(degrees for _, degrees in errors) < 1.0
 
 
-def test_covariance_is_that_of_the_errors() -> None:
+def test_the_covariance_matches_the_errors() -> None:
     squares = []
     for frame in views():
-        result = relocalizer().locate(frame)
+        result = relocalizer().localize(frame)
         assert result.world_from_camera is not None
         assert result.covariance is not None
         np.testing.assert_allclose(result.covariance, result.covariance.T, rtol=1e-6)
@@ -85,11 +85,11 @@ def test_covariance_is_that_of_the_errors() -> None:
     assert 0.2 < np.mean(squares) < 5
 
 
-def test_the_pose_of_the_frame_does_not_count() -> None:
+def test_the_pose_of_the_frame_is_not_used() -> None:
     frame = views()[0]
-    one = relocalizer().locate(without_pose(frame))
+    one = relocalizer().localize(without_pose(frame))
     elsewhere = se3_retract(frame.camera.world_from_camera, np.full(6, 0.5))
-    other = relocalizer().locate(replace(frame, camera=at_pose(frame.camera, elsewhere)))
+    other = relocalizer().localize(replace(frame, camera=at_pose(frame.camera, elsewhere)))
     np.testing.assert_array_equal(one.world_from_camera, other.world_from_camera)
 
 
@@ -106,7 +106,7 @@ def test_far_from_the_origin_of_the_world_poses_are_as_good() -> None:
     np.testing.assert_allclose(landmarks.positions, found().positions, atol=1e-4)
     there = Relocalizer(gaussian_map, landmarks, ONE_THREAD)
     for frame in views()[:3]:
-        result, near = there.locate(without_pose(frame)), relocalizer().locate(frame)
+        result, near = there.localize(without_pose(frame)), relocalizer().localize(frame)
         assert result.status == near.status == "ok"
         assert abs(off(result, carried(frame))[0] - off(near, frame)[0]) < 1e-3
         assert result.coarse is not None
@@ -117,19 +117,19 @@ def test_far_from_the_origin_of_the_world_poses_are_as_good() -> None:
 def test_any_number_of_threads_gives_the_same_pose() -> None:
     gaussian_map = change_room.mapped()[0]
     two = Relocalizer(gaussian_map, found(), RelocalizationConfig(threads=2))
-    one, other = relocalizer().locate(views()[1]), two.locate(views()[1])
+    one, other = relocalizer().localize(views()[1]), two.localize(views()[1])
     np.testing.assert_array_equal(one.world_from_camera, other.world_from_camera)
     np.testing.assert_array_equal(one.covariance, other.covariance)
 
 
 def test_colours_alone_are_enough() -> None:
     frame = replace(views()[0], depth=np.zeros_like(views()[0].depth))
-    result = relocalizer().locate(frame)
+    result = relocalizer().localize(frame)
     assert result.status == "ok", result.reason
     assert off(result, frame)[0] < 0.05
 
 
-def test_tracking_comes_back_from_centimetres() -> None:
+def test_tracking_corrects_centimetres() -> None:
     rng = np.random.default_rng(0)
     lost = 0
     for frame in views():
@@ -144,7 +144,7 @@ def test_tracking_comes_back_from_centimetres() -> None:
     assert lost <= 1
 
 
-def test_tracking_from_another_place_is_lost() -> None:
+def test_tracking_from_a_distant_pose_is_lost() -> None:
     frame = views()[0]
     start = frame.camera.world_from_camera.copy()
     start[:3, :3] = start[:3, :3] @ np.diag([-1.0, 1, -1])  # Looks behind itself.
@@ -158,8 +158,8 @@ def test_tracking_from_another_place_is_lost() -> None:
 
 
 @pytest.mark.parametrize("level", [0, 180, 255])
-def test_a_blank_picture_without_depth_cannot_be_tracked(level: int) -> None:
-    """An exposure of no contrast makes any view of it."""
+def test_a_blank_image_without_depth_is_lost(level: int) -> None:
+    """An exposure without contrast would explain any view."""
     frame = views()[0]
     blank = replace(frame, rgb=np.full_like(frame.rgb, level), depth=np.zeros_like(frame.depth))
     result = relocalizer().track(blank, frame.camera.world_from_camera)
@@ -168,11 +168,11 @@ def test_a_blank_picture_without_depth_cannot_be_tracked(level: int) -> None:
 
 
 @pytest.mark.parametrize("kind", ["removal", "addition", "relocation"])
-def test_what_changed_since_does_not_matter(kind: update_room.Kind) -> None:
+def test_changes_of_the_room_do_not_matter(kind: update_room.Kind) -> None:
     home = update_room.changed_home(kind)
     for look in change_room.LOOKS:
         frame = change_room.see(home, look)
-        result = relocalizer().locate(without_pose(frame))
+        result = relocalizer().localize(without_pose(frame))
         assert result.status == "ok", result.reason
         assert off(result, frame)[0] < 0.03
 
@@ -195,20 +195,20 @@ def textureless(frame: RgbdFrame) -> RgbdFrame:
 
 
 @pytest.mark.parametrize("harmed", [black, saturated, noise, textureless])
-def test_what_shows_nothing_of_the_map_is_lost(harmed) -> None:  # type: ignore[no-untyped-def]
-    result = relocalizer().locate(harmed(views()[0]))
+def test_images_without_the_map_are_lost(harmed) -> None:  # type: ignore[no-untyped-def]
+    result = relocalizer().localize(harmed(views()[0]))
     assert result.status == "lost"
     assert result.reason
     assert result.world_from_camera is None
 
 
-def test_a_large_picture_is_found_by_blocks_of_it() -> None:
-    """Of 640 x 480: four resolutions, of which the map is thinned for three."""
+def test_a_large_image_is_localized_by_blocks() -> None:
+    """Four resolutions of 640 x 480, three of them with thinned maps."""
     robot = Controller(change_room.home(), width=640, height=480)
     for look in looks_all_around("change_room", change_room.home(), 3):
         robot.go(look)
         frame = robot.observe()
-        result = relocalizer().locate(without_pose(frame))
+        result = relocalizer().localize(without_pose(frame))
         assert result.status == "ok", result.reason
         assert off(result, frame)[0] < 0.02
         twist = np.array([0.03, -0.03, 0.02, 0.02, -0.02, 0.01])
@@ -218,23 +218,23 @@ def test_a_large_picture_is_found_by_blocks_of_it() -> None:
         assert off(tracked, frame)[0] < 0.02
 
 
-def test_a_blurred_picture_is_found_or_lost_but_never_elsewhere() -> None:
+def test_a_blurred_image_is_never_at_a_wrong_pose() -> None:
     found = []
     for frame in views():
         rgb = cv2.GaussianBlur(frame.rgb, (0, 0), 2.0)  # Of 160 columns: a smear of 8 at 640.
-        result = relocalizer().locate(replace(frame, rgb=rgb))
+        result = relocalizer().localize(replace(frame, rgb=rgb))
         if result.world_from_camera is not None:
             found.append(off(result, frame)[0])
     assert found
     assert max(found) < 0.06
 
 
-def test_depth_that_saturates_is_no_error() -> None:
-    """65.535 m, the most that 16 bits of millimetres hold, in a third of the picture."""
+def test_saturated_depth_is_ignored() -> None:
+    """65.535 m, the maximum of 16-bit millimetres, in a third of the image."""
     frame = views()[0]
     depth = frame.depth.copy()
     depth[:, : depth.shape[1] // 3] = 65.535
-    result = relocalizer().locate(replace(frame, depth=depth))
+    result = relocalizer().localize(replace(frame, depth=depth))
     assert result.status == "ok", result.reason
     assert off(result, frame)[0] < 0.05
 
@@ -251,15 +251,15 @@ def test_wrong_intrinsics_are_not_ok() -> None:
         height=camera.height,
         world_from_camera=camera.world_from_camera,
     )
-    assert relocalizer().locate(replace(frame, camera=wrong)).status == "lost"
+    assert relocalizer().localize(replace(frame, camera=wrong)).status == "lost"
 
 
-def test_two_rooms_that_look_the_same_are_ambiguous() -> None:
-    """A second copy of the room, some metres away and turned."""
+def test_two_equal_rooms_are_ambiguous() -> None:
+    """Add a second copy of the room, some metres away and turned."""
     gaussian_map, landmarks = change_room.mapped()[0], found()
     twice = doubled(gaussian_map)
     both = concatenate([landmarks, carried(landmarks)])
-    result = Relocalizer(twice, both, ONE_THREAD).locate(views()[0])
+    result = Relocalizer(twice, both, ONE_THREAD).localize(views()[0])
     assert result.status == "ambiguous"
     assert len(result.others) >= 1
     places = [result.world_from_camera, *result.others]
@@ -298,31 +298,31 @@ def carried(landmarks: Landmarks) -> Landmarks:
     )
 
 
-def test_a_map_without_landmarks_tracks_and_says_why_it_does_not_locate() -> None:
+def test_a_map_without_landmarks_tracks_only() -> None:
     bare = Relocalizer(change_room.mapped()[0], None, ONE_THREAD)
-    result = bare.locate(views()[0])
+    result = bare.localize(views()[0])
     assert result.status == "lost"
     assert "no landmarks" in result.reason
     assert bare.track(views()[0], views()[0].camera.world_from_camera).status == "ok"
 
 
-def test_an_empty_map_is_no_place() -> None:
+def test_an_empty_map_localizes_nothing() -> None:
     gaussian_map = change_room.mapped()[0]
     empty = gaussian_map.select(np.zeros(gaussian_map.size, np.bool_))
     result = Relocalizer(empty, None, ONE_THREAD).track(
         views()[0], views()[0].camera.world_from_camera
     )
     assert result.status == "lost"
-    assert "fills 0 %" in result.reason
+    assert "covers 0 %" in result.reason
 
 
-def test_a_map_in_double_is_refused() -> None:
+def test_a_double_map_is_rejected() -> None:
     with pytest.raises(ValueError, match="must be float32, got float64"):
         Relocalizer(change_room.mapped()[0].astype(np.float64), None)
 
 
 class FitOf:
-    """Of a picture that is all known and measured."""
+    """Agreement of an image that is known and measured everywhere."""
 
     known = measured = 1.0
 
@@ -331,7 +331,7 @@ class FitOf:
 
 
 @pytest.mark.parametrize(("alike", "enough"), [(0.96, 10), (0.9, 20), (0.72, 30)])
-def test_the_worse_a_pose_fits_the_more_keypoints_it_needs(alike: float, enough: int) -> None:
+def test_a_lower_score_needs_more_keypoints(alike: float, enough: int) -> None:
     fit = FitOf(alike)
     assert inlier_fault(enough, fit, True) is None  # type: ignore[arg-type]
     told = inlier_fault(enough - 1, fit, True)  # type: ignore[arg-type]

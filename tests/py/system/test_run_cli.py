@@ -7,29 +7,29 @@ import change_room
 import pytest
 import update_room
 from command import gslts, stopped_at
-from update_room import looks_at_the_change
+from update_room import viewpoints_of_the_change
 
-from gslts.keeper.state import LoopState, read_state, write_state
+from gslts.keeper.state import KeeperState, read_state, write_state
 from gslts.store.map_folder import open_map, read_map
 from gslts_sim.capture import capture
 
 QUICK = ("--iterations", "20", "--threads", "1")
 FSYNCS = (1, 3, 9, 7, 5, 6)
-"""Calls at which runs are killed in turn: while states, a version and its picture are kept."""
+"""Calls at which runs are killed in turn: while states, a version and its image are written."""
 
 
 @pytest.fixture(scope="module")
 def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A visit after the red box was taken away."""
+    """Return a folder with a recording after the red box was removed."""
     folder = tmp_path_factory.mktemp("run")
     home = update_room.changed_home("removal")
-    capture(update_room.robot_in(home), looks_at_the_change(), folder / "visit")
+    capture(update_room.robot_in(home), viewpoints_of_the_change(), folder / "visit")
     return folder
 
 
 @pytest.fixture
 def new_map(workplace: Path, request: pytest.FixtureRequest) -> str:
-    """Its name."""
+    """Return the name of a new map."""
     name = f"map_of_{request.node.name}"
     change_room.write_room_map(workplace / name)
     return name
@@ -50,7 +50,7 @@ def test_a_recording_updates_a_map(workplace: Path, new_map: str) -> None:
     done = gslts("log", new_map, "--html", str(page), cwd=workplace)
     assert done.returncode == 0, done.stderr
     text = page.read_text()
-    assert "object gone from (2." in text
+    assert "object removed from (2." in text
     assert text.count('src="data:image/jpeg') == 1
 
 
@@ -72,7 +72,7 @@ def test_a_simulated_day(workplace: Path, new_map: str) -> None:
     ]
     assert read_state(workplace / new_map).round == 2
     done = gslts("run", new_map, "--robot", "day/day.json", *QUICK, cwd=workplace)
-    assert done.stdout.startswith("0 round(s)"), "the day is over"
+    assert done.stdout.startswith("0 round(s)"), "all rounds of the day are done"
     day = workplace / "day" / "day.json"
     day.with_name("next.json").write_text(day.read_text() + "\n")  # Another one.
     done = gslts("run", new_map, "--robot", "day/next.json", *QUICK, cwd=workplace)
@@ -80,17 +80,17 @@ def test_a_simulated_day(workplace: Path, new_map: str) -> None:
     assert read_state(workplace / new_map).round == 4
 
 
-def test_what_is_left_of_another_recording_is_forgotten(workplace: Path, new_map: str) -> None:
-    state = LoopState(round=3, source="another one", of_source=2, left=("nowhere",))
+def test_another_recording_starts_with_its_first_round(workplace: Path, new_map: str) -> None:
+    state = KeeperState(round=3, source="another one", source_rounds=2, remaining=("nowhere",))
     write_state(state, workplace / new_map)
     done = gslts("run", new_map, "--frames", "visit", *QUICK, cwd=workplace)
     assert done.stdout.splitlines()[-1].startswith(f"1 round(s); {new_map} is version 2 now")
     after = read_state(workplace / new_map)
-    assert (after.round, after.of_source) == (4, 1)
+    assert (after.round, after.source_rounds) == (4, 1)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_stops_it_and_it_goes_on(
+def test_a_signal_stops_the_run_and_the_next_one_continues(
     workplace: Path, new_map: str, number: signal.Signals
 ) -> None:
     at_the_first_state = stopped_at("gslts.keeper.keeper:write_state", 1, number)
@@ -98,7 +98,7 @@ def test_a_signal_stops_it_and_it_goes_on(
     done = gslts(*arguments, cwd=workplace, before=at_the_first_state)
     assert done.returncode == 1
     last = done.stderr.splitlines()[-1]
-    assert last == "gslts: stopped in round 0; the same command goes on there"
+    assert last == "gslts: stopped in round 0; the same command continues there"
     assert "Traceback" not in done.stderr
     done = gslts("run", new_map, "--frames", "visit", *QUICK, cwd=workplace)
     assert done.returncode == 0, done.stderr
@@ -107,8 +107,8 @@ def test_a_signal_stops_it_and_it_goes_on(
         assert store.find_problems() == []
 
 
-def test_a_run_that_was_killed_goes_on(workplace: Path, new_map: str) -> None:
-    """It is killed whenever it has written so many files, all of which it brings to the disk."""
+def test_a_killed_run_continues(workplace: Path, new_map: str) -> None:
+    """Kill each run after a number of calls of fsync."""
     arguments = ("run", new_map, "--frames", "visit", *QUICK)
     told = 1
     for files in FSYNCS:
@@ -145,7 +145,7 @@ def test_bad_input_is_named_in_one_line(
     assert message in line
 
 
-def test_a_second_writer_has_to_wait(workplace: Path, new_map: str) -> None:
+def test_a_second_writer_is_rejected(workplace: Path, new_map: str) -> None:
     with open_map(workplace / new_map, writable=True):
         done = gslts("run", new_map, "--frames", "visit", *QUICK, cwd=workplace)
     assert done.returncode == 1

@@ -1,4 +1,4 @@
-"""Maps outlast killed processes, failing disks and bad input: one clear line, nothing else lost."""
+"""Durability of maps under killed processes, failing disks and damaged files."""
 
 import errno
 import os
@@ -25,11 +25,11 @@ FAULTS = Path(__file__).parents[3] / "benchmarks" / "faults"
 LOG = f"{INDEX}-wal"
 COMPILER = pytest.mark.skipif(shutil.which("cc") is None, reason="no compiler of C")
 MEMORY = Path("/dev/shm")
-"""What is killed need not wait for a disk where this is: what it wrote outlasts it here, too."""
+"""Folder in memory: files survive a killed process there as well, and writes are fast."""
 
 
 def disturb(*arguments: str, folder: Path) -> list[str]:
-    """Runs the script of faults, which must find no problem; the last row of what it prints."""
+    """Run the fault benchmark without a problem, and return the last row of its table."""
     place = MEMORY if os.access(MEMORY, os.W_OK) else folder
     done = subprocess.run(
         [sys.executable, FAULTS / "fault_benchmark.py", *arguments],
@@ -43,7 +43,7 @@ def disturb(*arguments: str, folder: Path) -> list[str]:
 
 
 @pytest.mark.parametrize(("subject", "moments"), [("commits", 20), ("import", 8), ("map", 3)])
-def test_killed_at_any_moment(tmp_path: Path, subject: str, moments: int) -> None:
+def test_maps_survive_kills_at_any_time(tmp_path: Path, subject: str, moments: int) -> None:
     given = ("--subjects", subject, "--moments", str(moments))
     name, runs, killed, failed, ended, problems = disturb("kill", *given, folder=tmp_path)
     assert (name, killed, failed, problems) == (subject, str(moments), "0", "0")
@@ -52,7 +52,9 @@ def test_killed_at_any_moment(tmp_path: Path, subject: str, moments: int) -> Non
 
 @COMPILER
 @pytest.mark.parametrize(("subject", "runs"), [("commits", None), ("import", 12), ("map", 3)])
-def test_each_write_fails_once(tmp_path: Path, subject: str, runs: int | None) -> None:
+def test_maps_survive_a_failure_of_each_write(
+    tmp_path: Path, subject: str, runs: int | None
+) -> None:
     given = ["--subjects", subject, "--more", "1"]
     if runs is not None:
         given += ["--runs", str(runs)]
@@ -63,7 +65,7 @@ def test_each_write_fails_once(tmp_path: Path, subject: str, runs: int | None) -
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Of a map of three versions."""
+    """Return the folder of a map with three versions."""
     path = tmp_path / "map"
     write_map_folder(path, random_map(100), {"dataset": "room"}, {})
     grown(path, 2)
@@ -72,7 +74,7 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def failing(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """An environment in which nothing can be written to a folder, named as FAULT_FOLDER."""
+    """Return an environment in which no write below FAULT_FOLDER succeeds."""
     library = tmp_path_factory.mktemp("shim") / "failing_writes.so"
     source = FAULTS / "failing_writes.c"
     command = ["cc", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC", "-o", library, source]
@@ -95,8 +97,8 @@ def gslts(
     )
 
 
-def left_by_a_killed_writer(folder: Path) -> None:
-    """A further version, which is in the log alone."""
+def add_version_in_log(folder: Path) -> None:
+    """Add a version that is only in the write-ahead log, as a killed writer leaves it."""
     child = os.fork()
     if child == 0:
         store = MapStore(folder, writable=True)
@@ -111,14 +113,14 @@ def test_a_map_on_a_full_disk_is_read(folder: Path, failing: dict[str, str]) -> 
     env = {**failing, "FAULT_FOLDER": str(folder.resolve()), "FAULT_ERRNO": str(errno.ENOSPC)}
     for at in (2, 5):  # The files that SQLite puts there.
         done = gslts("verify", "map", cwd=folder.parent, env={**env, "FAULT_AT": str(at)})
-        assert (done.stdout, done.stderr) == ("3 versions are whole\n", "")
+        assert (done.stdout, done.stderr) == ("3 versions are intact\n", "")
 
 
 @COMPILER
 @pytest.mark.parametrize("log", ["none", "left", "incomplete"])
 def test_a_map_on_a_read_only_disk_is_read(folder: Path, failing: dict[str, str], log: str) -> None:
     if log != "none":
-        left_by_a_killed_writer(folder)
+        add_version_in_log(folder)
     if log == "incomplete":
         (folder / f"{INDEX}-shm").unlink()
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
@@ -130,7 +132,7 @@ def test_a_map_on_a_read_only_disk_is_read(folder: Path, failing: dict[str, str]
         )
     else:
         assert done.stderr == ""
-        assert done.stdout == f"{3 if log == 'none' else 4} versions are whole\n"
+        assert done.stdout == f"{3 if log == 'none' else 4} versions are intact\n"
     rejected = gslts("restore", "map", "1", cwd=folder.parent, env=env)
     assert rejected.returncode == 1
     assert rejected.stderr == (
@@ -142,7 +144,7 @@ def test_a_map_on_a_read_only_disk_is_read(folder: Path, failing: dict[str, str]
         assert store.version().number == (3 if log == "none" else 4)
 
 
-def test_a_second_writer_is_told_to_wait(folder: Path) -> None:
+def test_a_second_writer_is_rejected(folder: Path) -> None:
     with open_map(folder, writable=True):
         done = gslts("restore", "map", "1", cwd=folder.parent)
         assert done.returncode == 1
@@ -152,7 +154,7 @@ def test_a_second_writer_is_told_to_wait(folder: Path) -> None:
         assert store.version().number == 3
 
 
-def test_a_newer_schema_is_left_as_it_is(folder: Path) -> None:
+def test_a_newer_schema_is_not_modified(folder: Path) -> None:
     connection = sqlite3.connect(folder / INDEX)
     connection.execute("PRAGMA user_version = 3")
     connection.close()
@@ -168,17 +170,17 @@ def test_a_newer_schema_is_left_as_it_is(folder: Path) -> None:
 
 
 def flip(path: Path) -> None:
-    """One bit of a file."""
+    """Flip one bit of a file."""
     content = path.read_bytes()
     path.write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
 
 
-@pytest.mark.parametrize("harm", ["flip", "delete"])
-def test_each_harmed_file_is_named_with_what_to_do(folder: Path, harm: str) -> None:
+@pytest.mark.parametrize("damage", ["flip", "delete"])
+def test_each_damaged_file_is_named_with_the_next_step(folder: Path, damage: str) -> None:
     for path in blobs_of(folder):
         content = path.read_bytes()
         flip(path)
-        if harm == "delete":
+        if damage == "delete":
             path.unlink()
         with open_map(folder) as store:
             (problem,) = store.find_problems()
@@ -197,7 +199,7 @@ def test_each_harmed_file_is_named_with_what_to_do(folder: Path, harm: str) -> N
             assert store.find_problems() == []
 
 
-def test_a_version_is_read_without_a_harmed_snapshot(
+def test_a_version_is_read_without_a_damaged_snapshot(
     folder: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     maps = [read_map(Path(f"{folder}@{number}")) for number in (1, 2, 3)] + grown(folder, 20)[1:]
@@ -214,7 +216,7 @@ def test_a_version_is_read_without_a_harmed_snapshot(
         assert newest in caplog.text
 
 
-def test_a_harmed_index_is_named(folder: Path) -> None:
+def test_a_damaged_index_is_named(folder: Path) -> None:
     with open_map(folder, writable=True) as store:
         store.commit(store.read(), UpdateCause(round=9), [addition("Mug")])
         store.add_rejection(REJECTED)
@@ -222,9 +224,9 @@ def test_a_harmed_index_is_named(folder: Path) -> None:
     used = np.flatnonzero(np.frombuffer(content, np.uint8))  # Most of it is empty.
     rng, named = random.Random(0), 0
     for _ in range(300):
-        harmed = bytearray(content)
-        harmed[rng.choice(used)] ^= 1 << rng.randrange(8)
-        (folder / INDEX).write_bytes(harmed)
+        damaged = bytearray(content)
+        damaged[rng.choice(used)] ^= 1 << rng.randrange(8)
+        (folder / INDEX).write_bytes(damaged)
         try:
             with open_map(folder) as store:
                 named += bool(store.find_problems())
@@ -246,7 +248,7 @@ def ended_process() -> int:
     return child.pid
 
 
-def test_what_a_stopped_run_left_is_removed_by_the_next(tmp_path: Path) -> None:
+def test_remains_of_a_killed_run_are_removed_by_the_next(tmp_path: Path) -> None:
     of_this, of_another = f".map.{os.getpid()}.part", f".map.{os.getppid()}.part"
     for name in (of_this, f".map.{ended_process()}.part", of_another, ".map.txt.part"):
         (tmp_path / name).mkdir()
@@ -260,7 +262,7 @@ def test_what_a_stopped_run_left_is_removed_by_the_next(tmp_path: Path) -> None:
     assert_same(read_map(tmp_path / "map"), random_map(9))
 
 
-def test_a_commit_goes_on_after_one_that_failed(
+def test_a_commit_succeeds_after_a_failed_one(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fails(_: int) -> None:

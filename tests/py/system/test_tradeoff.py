@@ -68,7 +68,7 @@ def test_errors_are_those_of_the_images() -> None:
     assert point.max_error == pytest.approx(np.abs(rgb - exact).max())
 
 
-def test_the_front_is_what_nothing_dominates() -> None:
+def test_the_front_holds_points_that_none_dominates() -> None:
     ms = np.array([10.0, 5.0, 12.0, 10.1, 20.0])
     psnr = np.array([60.0, 40.0, 59.0, 60.05, 80.0])
     # The fourth differs from the first by less than can be told.
@@ -79,9 +79,7 @@ def test_the_front_is_what_nothing_dominates() -> None:
     ]
 
 
-def test_the_command_writes_table_and_picture(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_command_writes_table_and_plot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(SIZES, "S", type(SIZES["S"])(2000, 64, 48))
     result = CliRunner().invoke(
         app, ["tradeoff", "--scene", "S", "--rounds", "1", "--out", str(tmp_path / "new")]

@@ -1,4 +1,4 @@
-"""What time and Gaussians buy: figures of a small room, files and the command."""
+"""Accuracy against time and number of Gaussians: figures of a small room, files and the command."""
 
 import csv
 import json
@@ -17,11 +17,11 @@ from typer.testing import CliRunner, Result
 from gslts.cli import app
 from gslts.datasets import Dataset, open_dataset
 from gslts.io.ply import write_ply
-from gslts.mapping.evaluation.held_out import Known
+from gslts.mapping.evaluation.held_out import TrainingRecord
 from gslts.store.manifest import read_manifest
 from gslts.store.map_folder import read_map
 from gslts_bench.tradeoff import mapping as tradeoff_mapping
-from gslts_bench.tradeoff.mapping import COUNTS, seconds_of, visit_of
+from gslts_bench.tradeoff.mapping import COUNTS, seconds_of, split_of
 from gslts_bench.tradeoff.rendering import SETTINGS
 from gslts_sim.capture import capture
 from gslts_sim.controller import Controller
@@ -52,13 +52,13 @@ def paths(tmp_path_factory: pytest.TempPathFactory) -> Paths:
     call("map", visit, "--iterations", 200, *preset, "--out", made)
     arguments = (made, visit, "--seconds", "2,1", "--rounds", 1, *preset, "--out", out)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tradeoff_mapping, "LEAST_STEPS", STEPS)
+        patch.setattr(tradeoff_mapping, "MIN_STEPS", STEPS)
         make_mapping_tick(patch, 0.02)
         return Paths(visit, made, out, call("tradeoff", *arguments).output)
 
 
 def call(*arguments: str | Path | float) -> Result:
-    """Of the command, which succeeds."""
+    """Outputs of the command, which succeeds."""
     result = CliRunner().invoke(app, [str(argument) for argument in arguments])
     assert result.exit_code == 0, (result.output, result.exception)
     return result
@@ -84,10 +84,10 @@ def test_there_is_a_row_for_each_map(paths: Paths) -> None:
 def test_the_map_itself_is_judged_as_when_it_was_made(paths: Paths) -> None:
     row, manifest = rows_of(paths.out)[0], read_manifest(paths.map)
     for way in ("given", "by_neighbours", "refined"):
-        wanted = manifest["held_out"][way]["psnr_db"]
+        wanted = manifest["test"][way]["psnr_db"]
         assert float(row[f"{way}_psnr_db"]) == pytest.approx(wanted, abs=1e-5)
     assert int(row["gaussians"]) == manifest["gaussians"]
-    spent = {stage: s for stage, s in manifest["seconds"].items() if stage != "judging"}
+    spent = {stage: s for stage, s in manifest["seconds"].items() if stage != "evaluation"}
     assert float(row["seconds"]) == pytest.approx(sum(spent.values()))
 
 
@@ -109,7 +109,7 @@ def test_more_time_is_used_for_more_steps(paths: Paths) -> None:
     assert int(short["steps"]) < int(long["steps"])
 
 
-def test_pictures_and_the_table_of_the_renderer(paths: Paths) -> None:
+def test_plots_and_the_table_of_the_renderer(paths: Paths) -> None:
     assert sorted(path.name for path in paths.out.iterdir()) == [
         "tradeoff_mapping.csv",
         "tradeoff_mapping.json",
@@ -128,8 +128,8 @@ def test_a_plain_file_is_judged_without_neighbours(
     paths: Paths, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     make_mapping_tick(monkeypatch, 0.02)
-    monkeypatch.setattr(tradeoff_mapping, "LEAST_STEPS", 5)
-    monkeypatch.setattr(tradeoff_mapping, "LEAST_VISITS", 0)
+    monkeypatch.setattr(tradeoff_mapping, "MIN_STEPS", 5)
+    monkeypatch.setattr(tradeoff_mapping, "MIN_VISITS", 0)
     write_ply(read_map(paths.map), tmp_path / "any.ply")
     common = ("--seconds", 1, "--rounds", 1, "--preset", "fast", "--out", tmp_path / "out")
     call("tradeoff", tmp_path / "any.ply", paths.visit, *common)
@@ -153,30 +153,37 @@ def test_frames_are_chosen_as_when_the_map_was_made(paths: Paths) -> None:
     dataset = open_dataset(paths.visit)
     torn = Torn(dataset.frames[0])
     worse = replace(dataset, frames=(dataset.frames[0], torn, *dataset.frames))
-    for known in (Known.of(paths.map), Known({})):
-        visit = visit_of(worse, known)
-        assert (len(visit.training), len(visit.held_out)) == (35, 5)
-        assert list(visit.held_out)[1] == dataset.frames[8].name
-        assert list(visit.training)[6:8] == [dataset.frames[k].name for k in (7, 9)]
-    corrected = visit_of(worse, Known.of(paths.map))
-    assert [len(near) for near in corrected.neighbours] == [1, 2, 2, 2, 2]
+    names = [frame.name for frame in dataset.frames]
+    for record, test in (
+        (TrainingRecord.read(paths.map), names[::16]),
+        (TrainingRecord(), names[::8]),
+    ):
+        split = split_of(worse, record)
+        assert list(split.test.observations) == test
+        assert [*split.test.observations, *split.validation.observations] == [
+            *test,
+            *(name for name in names[::8] if name not in test),
+        ]
+        assert list(split.training)[6:8] == [names[7], names[9]]
+    corrected = split_of(worse, TrainingRecord.read(paths.map))
+    assert [len(near) for near in corrected.test.neighbours] == [1, 2, 2]
     assert all(
         np.abs(one.correction - np.eye(4)).max() > 1e-5 for one in corrected.training.values()
     )
     everything = {frame.name: frame.camera for frame in dataset.frames}
     with pytest.raises(ValueError, match="the map was made from all of its frames"):
-        visit_of(dataset, Known(everything))
+        split_of(dataset, TrainingRecord(everything))
 
 
 def test_too_few_frames_say_what_happened_to_the_others(paths: Paths) -> None:
     frames = open_dataset(paths.visit).frames
     few = Dataset("few", (*frames[:8], Torn(frames[0])))
     with pytest.raises(ValueError, match=r"few: 8 frames are too few .*; torn: torn.png: it is"):
-        visit_of(few, Known({}))
+        split_of(few, TrainingRecord())
 
 
 def test_a_map_tells_how_long_it_was_made() -> None:
-    assert seconds_of({"seconds": {"reading": 1, "optimising": 2.5, "judging": 9.0}}) == 3.5
+    assert seconds_of({"seconds": {"reading": 1, "optimization": 2.5, "evaluation": 9.0}}) == 3.5
     for other in ({}, {"seconds": 3}, {"seconds": {}}, {"seconds": {"reading": "1"}}):
         assert seconds_of(other) is None
     assert seconds_of({"seconds": {"reading": float("nan")}}) is None
@@ -212,7 +219,7 @@ def into_a_file(paths: Paths, folder: Path) -> list[str | Path]:
         (lambda p, _: [p.visit, p.visit], "manifest.json"),
         (into_a_full_folder, "is not empty"),
         (into_a_file, "File exists"),
-        (elsewhere, "far.ply: it fills 0 % of the frames of visit, they do not belong together"),
+        (elsewhere, " % of the frames of visit; give the data set"),
     ],
 )
 def test_refusals(
@@ -232,6 +239,6 @@ def test_a_refusal_is_one_line(paths: Paths, tmp_path: Path) -> None:
     done = run("tradeoff", paths.map, paths.visit, "--seconds", "x", "--out", "o", cwd=tmp_path)
     assert done.returncode == 1
     assert done.stderr == (
-        "gslts: --seconds: expected numbers of at least 1 with commas between, got 'x'\n"
+        "gslts: --seconds: expected numbers of at least 1, separated by commas, got 'x'\n"
     )
     assert list(tmp_path.iterdir()) == []

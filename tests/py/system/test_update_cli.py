@@ -6,10 +6,11 @@ from pathlib import Path
 import change_room
 import numpy as np
 import pytest
+import sim_scenes
 import update_room
 from command import gslts
 from PIL import Image
-from update_room import looks_at_the_change
+from update_room import viewpoints_of_the_change
 
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.causes import UpdateCause
@@ -19,20 +20,20 @@ from gslts_sim.capture import capture
 
 @pytest.fixture(scope="module")
 def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A map, a visit after the red box was taken away, and one in which nothing changed."""
+    """Return a folder with a map, a recording after a removal, and one without a change."""
     folder = tmp_path_factory.mktemp("update")
     change_room.write_room_map(folder / "map")
     for name, home in (
         ("visit", update_room.changed_home("removal")),
         ("same", change_room.home()),
     ):
-        capture(update_room.robot_in(home), looks_at_the_change(), folder / name)
+        capture(update_room.robot_in(home), viewpoints_of_the_change(), folder / name)
     return folder
 
 
 @pytest.fixture(scope="module")
 def updated(workplace: Path) -> list[str]:
-    """What was printed when the map was updated."""
+    """Return the output of the first update."""
     given = ("--iterations", "40", "--threads", "1")
     done = gslts("update", "map", "--frames", "visit", *given, cwd=workplace)
     assert done.returncode == 0, done.stderr
@@ -66,7 +67,7 @@ def test_recorded_frames_update_a_map(workplace: Path, updated: list[str]) -> No
 
 
 @pytest.mark.smoke
-def test_the_past_of_a_map_is_told(workplace: Path, updated: list[str]) -> None:
+def test_the_history_is_printed(workplace: Path, updated: list[str]) -> None:
     assert updated
     printed = gslts("log", "map", cwd=workplace).stdout.splitlines()
     assert printed[0].split()[0] == "2"
@@ -76,14 +77,14 @@ def test_the_past_of_a_map_is_told(workplace: Path, updated: list[str]) -> None:
     assert '"removal"' in shown
     assert "updates/00002.jpg" in shown
     apart = gslts("diff", "map", "1", "2", "--out", "apart.png", cwd=workplace).stdout
-    assert "Gaussians are gone" in apart
+    assert "Gaussians removed" in apart
     with Image.open(workplace / "apart.png") as picture:
         assert picture.size[0] == 3 * 160
-    assert gslts("verify", "map", cwd=workplace).stdout == "2 versions are whole\n"
-    assert gslts("gc", "map", cwd=workplace).stdout == "0 bytes are free again\n"
+    assert gslts("verify", "map", cwd=workplace).stdout == "2 versions are intact\n"
+    assert gslts("gc", "map", cwd=workplace).stdout == "0 bytes freed\n"
 
 
-def test_an_old_version_comes_back(workplace: Path, updated: list[str]) -> None:
+def test_an_old_version_is_restored(workplace: Path, updated: list[str]) -> None:
     assert updated
     done = gslts("restore", "map", "1", cwd=workplace)
     assert done.returncode == 0, done.stderr
@@ -92,14 +93,14 @@ def test_an_old_version_comes_back(workplace: Path, updated: list[str]) -> None:
     old, new = read_map(workplace / "map@1"), read_map(workplace / f"map@{number}")
     np.testing.assert_array_equal(old.means, new.means)
     assert len(read_map(workplace / "map@2").means) != len(old.means)
-    told = gslts("log", "map", "--object", "Object", cwd=workplace).stdout.splitlines()
-    assert told[1].endswith("m, undone since")
+    printed = gslts("log", "map", "--object", "Object", cwd=workplace).stdout.splitlines()
+    assert printed[1].endswith("m, undone since")
     assert "removed from" not in gslts("diff", "map", "1", str(number), cwd=workplace).stdout
     back = gslts("diff", "map", "2", str(number), cwd=workplace).stdout.splitlines()
     assert back[1].startswith("without version 2: object removed from (2.")
 
 
-def test_a_picture_that_cannot_be_written_is_told(
+def test_an_image_that_cannot_be_written_is_reported(
     workplace: Path, updated: list[str], tmp_path: Path
 ) -> None:
     assert updated
@@ -112,24 +113,34 @@ def test_a_picture_that_cannot_be_written_is_told(
     done = gslts("update", "map", "--frames", workplace / "visit", *given, cwd=tmp_path)
     assert done.returncode == 1
     assert done.stderr.splitlines()[-1].startswith(
-        f"gslts: map is version {number} now, but without a picture: "
+        f"gslts: map is version {number} now, but without an image: "
     )
     assert "map/updates" in done.stderr
     with open_map(tmp_path / "map") as store:
         assert store.version().number == number
 
 
-def test_where_nothing_changed_there_is_no_new_version(workplace: Path) -> None:
+def test_without_a_change_the_map_is_unchanged(workplace: Path) -> None:
     with open_map(workplace / "map") as store:
-        before = store.version().number
+        before = store.versions()
     done = gslts("update", "map", "--frames", "same", cwd=workplace)
-    assert done.returncode == 1
-    assert done.stderr.splitlines()[-1] == ("gslts: map stays as it is: nothing changed")
+    assert (done.returncode, done.stdout) == (0, "map is unchanged: no change was detected\n")
     with open_map(workplace / "map") as store:
-        assert store.version().number == before
-        assert len(store.rejections()) == 1
+        assert store.versions() == before
+        assert store.rejections() == []
+
+
+def test_frames_of_another_home_are_rejected(workplace: Path) -> None:
+    elsewhere = sim_scenes.simple_home()
+    capture(
+        update_room.robot_in(elsewhere), viewpoints_of_the_change()[:3], workplace / "elsewhere"
+    )
+    done = gslts("update", "map", "--frames", "elsewhere", cwd=workplace)
+    assert done.returncode == 1
+    line = done.stderr.splitlines()[-1]
+    assert line.startswith("gslts: map is unchanged, the update was rejected: none of 3 frames can")
     printed = gslts("log", "map", cwd=workplace).stdout
-    assert "update rejected: nothing changed" in printed
+    assert "update rejected: none of 3 frames can be compared with the map" in printed
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The way of a robot around a change."""
+"""Collection of views around a change."""
 
 from dataclasses import replace
 
@@ -12,9 +12,9 @@ from gslts.core.frame import RgbdFrame
 from gslts.core.robot import Robot
 from gslts.robots.recorded import RecordedRobot
 from gslts.update.config import CollectConfig
-from gslts.update.evidence import shows
+from gslts.update.evidence import is_visible
 from gslts.update.region import Region
-from gslts.update.view_collection import collect
+from gslts.update.view_collection import collect_views
 from gslts_sim.controller import Controller
 
 REGION = Region("before", *REMOVED)
@@ -24,8 +24,8 @@ def moved_region(by: np.ndarray) -> Region:
     return Region("before", REGION.low + by, REGION.high + by)
 
 
-class Watched:
-    """A robot whose ways are noted, and of which some fail."""
+class Recorder:
+    """A robot that notes its commands, and cannot reach positions beyond an obstacle."""
 
     def __init__(self, robot: Controller, blocked: float = np.inf) -> None:
         self.robot, self.blocked = robot, blocked
@@ -38,8 +38,8 @@ class Watched:
         return self.robot.pose()
 
     def reachable_positions(self) -> np.ndarray:
-        places = self.robot.reachable_positions()
-        return places[places[:, 0] < self.blocked]
+        positions = self.robot.reachable_positions()
+        return positions[positions[:, 0] < self.blocked]
 
     def move_towards(
         self, position: np.ndarray, yaw_rad: float, pitch_rad: float | None = None
@@ -50,29 +50,29 @@ class Watched:
         return self.robot.move_towards(position, yaw_rad, pitch_rad)
 
 
-def watched(blocked: float = np.inf) -> Watched:
-    return Watched(update_room.robot_in(update_room.changed_home("removal")), blocked)
+def recorder(blocked: float = np.inf) -> Recorder:
+    return Recorder(update_room.robot_in(update_room.changed_home("removal")), blocked)
 
 
-def around(robot: Robot, config: CollectConfig = COLLECT) -> tuple[int, np.ndarray]:
-    """How many views there are, and their bearings from the change in the order of the way."""
-    found = collect(robot, change_room.detector(), [update_room.detected("removal")], config)
+def collect_around(robot: Robot, config: CollectConfig = COLLECT) -> tuple[int, np.ndarray]:
+    """Return the number of views, and their bearings from the change in their order."""
+    found = collect_views(robot, change_room.detector(), [update_room.detected("removal")], config)
     eyes = np.array([view.camera.world_from_camera[:2, 3] for view in found.views])
-    ways = eyes.reshape(-1, 2) - REGION.middle[:2]
+    ways = eyes.reshape(-1, 2) - REGION.center[:2]
     return len(found.views), np.arctan2(ways[:, 1], ways[:, 0])
 
 
-def test_it_goes_left_then_right_and_looks_at_the_change() -> None:
-    robot = watched()
-    count, bearings = around(robot)
+def test_robot_moves_left_then_right_and_faces_the_region() -> None:
+    robot = recorder()
+    count, bearings = collect_around(robot)
     assert count == COLLECT.steps + 1
     turns = (bearings - bearings[0] + np.pi) % (2 * np.pi) - np.pi
     left = COLLECT.steps // 2
     assert turns[left] == max(turns) > 0.5
     assert (turns[left + 1 :] < 0).all()
     gaps = np.diff(np.sort([*bearings, bearings.min() + 2 * np.pi]))
-    assert gaps.max() < np.pi / 3, "no side is left out"
-    middle = update_room.collected("removal").regions[0].middle
+    assert gaps.max() < np.pi / 3, "all sides are covered"
+    middle = update_room.collected("removal").regions[0].center
     for x, y, yaw_rad, pitch_rad in robot.asked:
         way = middle[:2] - (x, y)
         assert np.cos(yaw_rad - np.arctan2(way[1], way[0])) > np.cos(0.2)
@@ -80,7 +80,7 @@ def test_it_goes_left_then_right_and_looks_at_the_change() -> None:
         assert 0.7 <= np.hypot(*way) < 1.6
 
 
-def test_views_see_the_change_and_know_where_it_is() -> None:
+def test_views_show_the_change_and_its_region() -> None:
     found = update_room.collected("removal")
     (region,) = found.regions
     assert region.side == "before"
@@ -90,60 +90,60 @@ def test_views_see_the_change_and_know_where_it_is() -> None:
         assert view.before.sum() > 50
         assert not view.after.any()
         assert view.before.shape == view.frame.depth.shape
-        x0, y0, x1, y1 = region.rectangle(view.camera, 4)
+        x0, y0, x1, y1 = region.project_box(view.camera, 4)
         assert view.before[y0:y1, x0:x1].sum() == view.before.sum()
 
 
-def test_where_one_side_is_blocked_it_goes_on_at_the_other() -> None:
-    count, bearings = around(watched(blocked=2.3))
-    free, _ = around(watched())
+def test_a_blocked_side_gives_more_steps_to_the_other() -> None:
+    count, bearings = collect_around(recorder(blocked=2.3))
+    free, _ = collect_around(recorder())
     assert 4 <= count <= free
     assert (np.cos(bearings) < 0.4).all()  # Nowhere right of the obstacle.
 
 
-def test_views_that_suffice_are_enough() -> None:
-    count, _ = around(watched(), CollectConfig(steps=2, distance_m=1.0))
+def test_collection_ends_after_the_configured_steps() -> None:
+    count, _ = collect_around(recorder(), CollectConfig(steps=2, distance_m=1.0))
     assert count == 3
 
 
-def test_without_a_place_to_go_there_is_no_view() -> None:
-    count, _ = around(watched(blocked=-1.0))
+def test_without_reachable_positions_there_is_no_view() -> None:
+    count, _ = collect_around(recorder(blocked=-1.0))
     assert count == 0
 
 
-def test_what_hides_a_site_or_leaves_it_out_is_no_view_of_it() -> None:
+def test_occluded_or_outside_regions_are_not_visible() -> None:
     frame = update_room.robot_in(update_room.changed_home("removal")).observe()
-    assert shows(frame, REGION)
+    assert is_visible(frame, REGION)
     near = np.full_like(frame.depth, 0.3)
-    assert not shows(replace(frame, depth=near), REGION)
-    assert shows(replace(frame, depth=np.zeros_like(near)), REGION)  # Unknown depth.
+    assert not is_visible(replace(frame, depth=near), REGION)
+    assert is_visible(replace(frame, depth=np.zeros_like(near)), REGION)  # Unknown depth.
     behind = moved_region(-np.array([0, 5, 0]))
     beside = moved_region(np.array([3, 0, 0]))
-    assert not shows(frame, behind)
-    assert not shows(frame, beside)
+    assert not is_visible(frame, behind)
+    assert not is_visible(frame, beside)
 
 
-def test_a_recording_offers_what_it_has() -> None:
-    robot = watched()
+def test_each_frame_of_a_recording_is_used_once() -> None:
+    robot = recorder()
     changes = [update_room.detected("removal")]
-    collect(robot, change_room.detector(), changes, COLLECT)
+    collect_views(robot, change_room.detector(), changes, COLLECT)
     frames = []
     for x, y, yaw_rad, pitch_rad in robot.asked[:5]:
         assert robot.move_towards(np.array([x, y]), yaw_rad, pitch_rad)
         frames.append(robot.observe())
     recorded = RecordedRobot([robot.observe(), *frames])
-    found = collect(recorded, change_room.detector(), changes, COLLECT)
+    found = collect_views(recorded, change_room.detector(), changes, COLLECT)
     assert 3 <= len(found.views) <= 6
     assert len({view.frame.time_s for view in found.views}) == len(found.views)
 
 
 @pytest.mark.parametrize("pixels", [0, 7])
-def test_a_site_beside_the_image_has_no_rectangle(pixels: int) -> None:
+def test_a_region_outside_of_the_image_has_no_rectangle(pixels: int) -> None:
     camera = update_room.robot_in(change_room.home()).observe().camera
     beside = moved_region(np.array([9, 0, 0]))
     behind = moved_region(-np.array([0, 5, 0]))
-    assert beside.rectangle(camera, pixels) is None
-    assert behind.rectangle(camera, pixels) is None
-    x0, y0, x1, y1 = REGION.rectangle(camera, pixels)
+    assert beside.project_box(camera, pixels) is None
+    assert behind.project_box(camera, pixels) is None
+    x0, y0, x1, y1 = REGION.project_box(camera, pixels)
     assert 0 <= x0 < x1 <= camera.width
     assert 0 <= y0 < y1 <= camera.height

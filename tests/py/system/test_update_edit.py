@@ -1,4 +1,4 @@
-"""Which Gaussians an edit removes and adds."""
+"""Pre-editing: the Gaussians that it removes and adds."""
 
 from dataclasses import replace
 
@@ -12,7 +12,8 @@ from gslts._core import edit as core
 from gslts.core.gaussian_map import GaussianMap
 from gslts.rendering.rasterizer import render
 from gslts.update.config import GS_LTS, EditConfig
-from gslts.update.edit import Edit, pre_edit, removed_by
+from gslts.update.edit import Edit, pre_edit
+from gslts.update.selection import select_removed
 from gslts.update.views import View
 
 
@@ -22,7 +23,7 @@ def edited(kind: str, config: EditConfig = SMALL, **settings: object) -> Edit:
     return pre_edit(
         gaussian_map,
         found.views,
-        found.regions_of_each,
+        found.regions_by_change,
         config.model_copy(update=settings),
         threads=1,
     )
@@ -32,7 +33,7 @@ def removed(**settings: object) -> np.ndarray:
     found = update_room.collected("removal")
     gaussian_map, _ = change_room.mapped()
     config = SMALL.model_copy(update=settings)
-    return removed_by(gaussian_map, found.views, found.regions, config)
+    return select_removed(gaussian_map, found.views, found.regions, config)
 
 
 def in_box(gaussian_map: GaussianMap, box: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
@@ -45,8 +46,8 @@ def new_of(edit: Edit) -> GaussianMap:
     return edit.gaussian_map.select(rows >= rows.size - edit.added)
 
 
-def off_m(gaussian_map: GaussianMap, views: tuple[View, ...]) -> float:
-    """Share of what changed in which the map is more than 5 cm off."""
+def wrong_depth_share(gaussian_map: GaussianMap, views: tuple[View, ...]) -> float:
+    """Return the share of changed pixels with an error of depth above 5 cm."""
     shares = []
     for view in views:
         depth = render(gaussian_map, view.camera).depth
@@ -55,17 +56,19 @@ def off_m(gaussian_map: GaussianMap, views: tuple[View, ...]) -> float:
     return float(np.mean(shares))
 
 
-def test_a_removal_leaves_nothing_in_the_emptied_space() -> None:
+def test_removal_empties_the_space_of_the_object() -> None:
     before, _ = change_room.mapped()
     assert update_room.opaque_in(before, REMOVED, -0.03) > 20
     after = edited("removal").gaussian_map
     assert update_room.opaque_in(after, REMOVED, 0.03) == 0
     views = update_room.collected("removal").views
-    assert off_m(before, views) > 0.9
-    assert off_m(after, views) < 0.35  # Its outline is a pixel or two wide, of a hundred.
+    assert wrong_depth_share(before, views) > 0.9
+    assert (
+        wrong_depth_share(after, views) < 0.35
+    )  # Its outline is a pixel or two wide, of a hundred.
 
 
-def test_what_did_not_change_stays_as_it_is() -> None:
+def test_unchanged_gaussians_are_bit_identical() -> None:
     before, _ = change_room.mapped()
     edit = edited("removal")
     after = edit.gaussian_map
@@ -76,7 +79,7 @@ def test_what_did_not_change_stays_as_it_is() -> None:
     assert in_box(before, REMOVED)[edit.removed].mean() > 0.95
 
 
-def test_an_addition_shows_the_object_in_its_colour() -> None:
+def test_addition_shows_the_object_in_its_color() -> None:
     edit = edited("addition")
     assert edit.removed.sum() <= 3
     new = new_of(edit)
@@ -84,7 +87,7 @@ def test_an_addition_shows_the_object_in_its_colour() -> None:
     colors = 0.5 + 0.28209479 * new.sh[:, 0]
     red, green, blue = np.median(colors, axis=0)
     assert min(red, green) > 3 * blue
-    assert off_m(edit.gaussian_map, update_room.collected("addition").views) < 0.35
+    assert wrong_depth_share(edit.gaussian_map, update_room.collected("addition").views) < 0.35
 
 
 def test_new_gaussians_lie_flat_on_the_measured_surface() -> None:
@@ -96,18 +99,18 @@ def test_new_gaussians_lie_flat_on_the_measured_surface() -> None:
     assert np.median(to_sides) < 0.01
 
 
-def test_a_relocation_is_gone_here_and_there() -> None:
+def test_relocation_removes_at_the_source_and_adds_at_the_destination() -> None:
     edit = edited("relocation")
     source = (np.array([2.88, 1.83, 0.75]), np.array([3.12, 2.07, 1.05]))
     assert update_room.opaque_in(edit.gaussian_map, source, 0.03) == 0
     assert update_room.opaque_in(edit.gaussian_map, ADDED, -0.03) > 20
 
 
-def test_gs_lts_hidden_gaussians_are_voted_away_as_well() -> None:
-    """In views from one side, that is what is behind."""
+def test_gs_lts_also_votes_for_occluded_gaussians() -> None:
+    """In views from one side, these are the Gaussians behind the object."""
     found, (before, _) = update_room.collected("removal"), change_room.mapped()
     visible, gs_lts = (
-        removed_by(before, found.views[:4], found.regions, config)
+        select_removed(before, found.views[:4], found.regions, config)
         for config in (SMALL.model_copy(update={"carve": False, "sweep": False}), GS_LTS)
     )
     assert visible.any()
@@ -116,7 +119,7 @@ def test_gs_lts_hidden_gaussians_are_voted_away_as_well() -> None:
     assert behind.sum() > 2 * (visible & ~in_box(before, REMOVED)).sum()
 
 
-def test_carving_removes_what_views_see_through() -> None:
+def test_carving_removes_gaussians_that_views_see_through() -> None:
     gaussian_map, _ = change_room.mapped()
     found = update_room.collected("removal")
     # Dust in the air where the box was, which no mask shows.
@@ -135,12 +138,12 @@ def test_carving_removes_what_views_see_through() -> None:
     blind = [replace(view, before=np.zeros_like(view.before)) for view in found.views]
     for carve in (True, False):
         config = SMALL.model_copy(update={"carve": carve, "sweep": False})
-        gone = removed_by(dusty, blind, found.regions, config)
+        gone = select_removed(dusty, blind, found.regions, config)
         assert gone[-3:].all() == carve
         assert gone.any() == carve
 
 
-def test_sweeping_removes_what_is_left_amid_the_removed() -> None:
+def test_sweeping_removes_gaussians_amid_removed_ones() -> None:
     gaussian_map, _ = change_room.mapped()
     found = update_room.collected("removal")
     gone = removed(carve=False, sweep=False)
@@ -151,16 +154,16 @@ def test_sweeping_removes_what_is_left_amid_the_removed() -> None:
     means[left], means[beside] = middle, (1.98, middle[1], 0.75)
     spread = replace(gaussian_map, means=means)
     config = SMALL.model_copy(update={"carve": False})
-    without = removed_by(
+    without = select_removed(
         spread, found.views, found.regions, config.model_copy(update={"sweep": False})
     )
-    swept = removed_by(spread, found.views, found.regions, config)
+    swept = select_removed(spread, found.views, found.regions, config)
     assert swept[left]
     assert not without[left]
     assert not swept[beside]
 
 
-def test_gs_lts_new_gaussians_are_like_the_nearest() -> None:
+def test_gs_lts_new_gaussians_inherit_from_the_nearest() -> None:
     edit = edited("addition", GS_LTS)
     assert edit.added > 5
     kept, _ = change_room.mapped()
@@ -177,7 +180,7 @@ def test_gs_lts_new_gaussians_are_like_the_nearest() -> None:
         assert among[k, :k].min() >= max(0.01, spacing[k]) - 1e-5
 
 
-def test_gs_lts_a_moved_object_has_the_colours_that_it_had() -> None:
+def test_gs_lts_relocated_object_keeps_its_colors() -> None:
     edit = edited("relocation", GS_LTS)
     before, _ = change_room.mapped()
     new = new_of(edit)
@@ -192,7 +195,7 @@ BLUE_BOX = (np.array([2.88, 1.83, 0.75]), np.array([3.12, 2.07, 1.05]))
 
 
 def known_boxes() -> GaussianMap:
-    """The room with a meaning of the blue box, and one of all else."""
+    """Return the map with semantic features of the blue box, and others of all else."""
     gaussian_map, _ = change_room.mapped()
     features = np.zeros((gaussian_map.size, 2), np.float32)
     features[:, 0] = 1
@@ -203,7 +206,7 @@ def known_boxes() -> GaussianMap:
 @pytest.mark.parametrize("kind", ["addition", "relocation", "removal"])
 def test_features_are_those_of_the_object(kind: str) -> None:
     found = update_room.collected(kind)
-    edit = pre_edit(known_boxes(), found.views, found.regions_of_each, SMALL, threads=1)
+    edit = pre_edit(known_boxes(), found.views, found.regions_by_change, SMALL, threads=1)
     new = new_of(edit)
     there = in_box(new, ADDED)
     expected = {"addition": (0, 0), "relocation": (0, 5), "removal": (1, 0)}[kind]
@@ -211,11 +214,11 @@ def test_features_are_those_of_the_object(kind: str) -> None:
     np.testing.assert_array_equal(np.median(chosen, axis=0), expected)
 
 
-def test_what_is_added_does_not_mean_what_is_removed() -> None:
-    """One box goes while another one comes, which are two changes."""
+def test_added_object_does_not_inherit_features_of_a_removed_one() -> None:
+    """A removal and an addition of other boxes are two changes."""
     gone, come = (update_room.collected(kind) for kind in ("removal", "addition"))
     views = (*gone.views, *come.views)
-    regions = (*gone.regions_of_each, *come.regions_of_each)
+    regions = (*gone.regions_by_change, *come.regions_by_change)
     edit = pre_edit(known_boxes(), views, regions, SMALL, threads=1)
     assert edit.removed.sum() > 20
     there = in_box(new_of(edit), ADDED)
@@ -223,7 +226,7 @@ def test_what_is_added_does_not_mean_what_is_removed() -> None:
     assert not new_of(edit).features[there].any()
 
 
-def test_only_what_is_missing_is_added() -> None:
+def test_only_missing_surfaces_get_new_gaussians() -> None:
     assert edited("removal").added < edited("removal", only_missing=False).added
 
 
@@ -239,7 +242,7 @@ def test_nothing_is_added_behind_what_the_map_shows() -> None:
     # The box stays in the map, before the table that is measured.
     blind = [replace(view, before=np.zeros_like(view.before)) for view in found.views]
     config = SMALL.model_copy(update={"carve": False, "sweep": False})
-    edit = pre_edit(gaussian_map, blind, found.regions_of_each, config, threads=1)
+    edit = pre_edit(gaussian_map, blind, found.regions_by_change, config, threads=1)
     assert not edit.removed.any()
     assert under_the_box(edit) == 0
 
@@ -247,13 +250,13 @@ def test_nothing_is_added_behind_what_the_map_shows() -> None:
 @pytest.mark.parametrize(
     "switch", ["visible_votes", "sweep", "only_missing", "flat", "observed_colors"]
 )
-def test_each_switch_makes_another_map(switch: str) -> None:
+def test_each_setting_changes_the_map(switch: str) -> None:
     before, _ = change_room.mapped()
     differs = False
     for kind in ("removal", "addition"):
         views = update_room.collected(kind).views
         edit, usual = edited(kind, **{switch: False}), edited(kind)
-        assert off_m(edit.gaussian_map, views) < 0.7 * off_m(before, views)
+        assert wrong_depth_share(edit.gaussian_map, views) < 0.7 * wrong_depth_share(before, views)
         differs |= edit.removed.sum() != usual.removed.sum() or edit.added != usual.added
         differs |= not np.array_equal(new_of(edit).sh, new_of(usual).sh)
     assert differs
@@ -264,7 +267,7 @@ def test_edits_are_the_same_for_any_number_of_threads() -> None:
     gaussian_map, _ = change_room.mapped()
     one, two = (
         pre_edit(
-            gaussian_map, found.views, found.regions_of_each, SMALL, threads=threads
+            gaussian_map, found.views, found.regions_by_change, SMALL, threads=threads
         ).gaussian_map
         for threads in (1, 2)
     )
@@ -280,7 +283,7 @@ def test_a_map_may_have_its_origin_anywhere() -> None:
         gaussian_map, means=(gaussian_map.means - origin).astype(np.float32), origin=origin
     )
     here, there = (
-        pre_edit(one, found.views, found.regions_of_each, SMALL, threads=1)
+        pre_edit(one, found.views, found.regions_by_change, SMALL, threads=1)
         for one in (gaussian_map, moved)
     )
     assert here.added == pytest.approx(there.added, rel=0.06)
@@ -301,27 +304,27 @@ def test_ids_of_removed_gaussians_are_not_used_again() -> None:
     last = replace(last, ids=np.arange(last.size, dtype=np.uint64))
     found = update_room.collected("removal")
     config = SMALL.model_copy(update={"only_missing": False})
-    edit = pre_edit(last, found.views, found.regions_of_each, config, threads=1)
+    edit = pre_edit(last, found.views, found.regions_by_change, config, threads=1)
     assert edit.removed[-1]
     assert edit.added > 0
     assert new_of(edit).ids.min() == last.size
 
 
-def test_a_map_of_which_nothing_would_be_left_is_rejected() -> None:
+def test_removing_all_gaussians_is_rejected() -> None:
     gaussian_map, _ = change_room.mapped()
     found = update_room.collected("removal")
     only = gaussian_map.select(removed())
-    with pytest.raises(ValueError, match="all of it would be removed"):
-        pre_edit(only, found.views, found.regions_of_each, SMALL)
+    with pytest.raises(ValueError, match="all Gaussians would be removed"):
+        pre_edit(only, found.views, found.regions_by_change, SMALL)
 
 
-def test_without_a_view_there_is_no_edit() -> None:
+def test_editing_without_views_is_rejected() -> None:
     gaussian_map, _ = change_room.mapped()
-    with pytest.raises(ValueError, match="pre_edit: views: there is none"):
-        pre_edit(gaussian_map, [], update_room.collected("removal").regions_of_each, SMALL)
+    with pytest.raises(ValueError, match="pre_edit: views: expected at least one, got none"):
+        pre_edit(gaussian_map, [], update_room.collected("removal").regions_by_change, SMALL)
 
 
-def test_without_depth_nothing_is_added() -> None:
+def test_views_without_depth_add_nothing() -> None:
     found = update_room.collected("addition")
     views = [
         replace(view, frame=replace(view.frame, depth=np.zeros_like(view.frame.depth)))
@@ -329,15 +332,15 @@ def test_without_depth_nothing_is_added() -> None:
     ]
     gaussian_map, _ = change_room.mapped()
     for config in (SMALL, GS_LTS):
-        edit = pre_edit(gaussian_map, views, found.regions_of_each, config)
+        edit = pre_edit(gaussian_map, views, found.regions_by_change, config)
         assert edit.added == 0
 
 
-def test_a_map_in_double_is_rejected() -> None:
+def test_a_float64_map_is_rejected() -> None:
     found = update_room.collected("removal")
     gaussian_map, _ = change_room.mapped()
     with pytest.raises(ValueError, match="expected float32, got float64"):
-        pre_edit(gaussian_map.astype(np.float64), found.views, found.regions_of_each, GS_LTS)
+        pre_edit(gaussian_map.astype(np.float64), found.views, found.regions_by_change, GS_LTS)
 
 
 def test_arrays_of_the_core_are_checked() -> None:

@@ -1,4 +1,4 @@
-"""`gslts.torch.rasterization` against a plain PyTorch rasterizer, and as PyTorch's citizen."""
+"""`gslts.torch.rasterization` against a plain PyTorch rasterizer, and its behaviour in autograd."""
 
 import enum
 import inspect
@@ -37,9 +37,9 @@ def make_arguments(
     sh_degree: int = 0,
     dtype: torch.dtype = torch.float64,
 ) -> dict[str, Any]:
-    """Arguments for `rasterization`: a scene of `scenes` as gsplat takes it.
+    """Return arguments of `rasterization` for a scene of `scenes`.
 
-    Colours are spherical harmonics if `channels` is None, else any numbers around 0.
+    Colours are spherical harmonics if `channels` is None, else any values around 0.
     """
     gaussians = scenes.random_map(size, seed=seed, sh_degree=sh_degree, feature_dims=channels or 0)
     views = [scenes.orbit_camera(WIDTH, HEIGHT, angle_rad=0.3 + 0.5 * i) for i in range(cameras)]
@@ -59,7 +59,7 @@ def make_arguments(
 
 
 def requiring_gradients(arguments: dict[str, Any]) -> dict[str, Any]:
-    """The same, each differentiable tensor a new leaf that requires its gradient."""
+    """Return a copy in which each differentiable tensor is a leaf that requires a gradient."""
     return {
         name: value.detach().clone().requires_grad_() if name in DIFFERENTIABLE else value
         for name, value in arguments.items()
@@ -67,7 +67,7 @@ def requiring_gradients(arguments: dict[str, Any]) -> dict[str, Any]:
 
 
 def gradients_of(arguments: dict[str, Any], *outputs: Tensor, seed: int = 0) -> dict[str, Tensor]:
-    """Gradients of a loss that weighs all numbers of the outputs at random."""
+    """Return the gradients of a loss, a random linear combination of all outputs."""
     generator = torch.Generator().manual_seed(seed)
     loss = sum(
         (output * torch.randn(output.shape, generator=generator, dtype=torch.float64)).sum()
@@ -81,7 +81,7 @@ def gradients_of(arguments: dict[str, Any], *outputs: Tensor, seed: int = 0) -> 
 def render_with_oracle(
     arguments: dict[str, Any], render_mode: str = "RGB", rasterize_mode: str = "classic"
 ) -> tuple[Tensor, Tensor]:
-    """What `rasterization` should return for one scene, with colours that all cameras share."""
+    """Return the expected images and alphas of one scene whose cameras share the colours."""
     shared = dict(arguments)
     viewmats, Ks, backgrounds = (shared.pop(k, None) for k in ("viewmats", "Ks", "backgrounds"))
     images, alphas = [], []
@@ -99,7 +99,7 @@ def render_with_oracle(
 
 
 def tangent_part(gradient: Tensor, viewmats: Tensor) -> Tensor:
-    """The part of [C,4,4] gradients along which the viewmats stay rigid."""
+    """Project [C,4,4] gradients to the tangent space of rigid viewmats."""
     rotations = viewmats[:, :3, :3]
     product = gradient[:, :3, :3] @ rotations.mT
     result = torch.zeros_like(gradient)
@@ -115,7 +115,7 @@ def assert_same(actual: Tensor, expected: Tensor, name: str, tolerance: float = 
 
 
 def assert_like_oracle(arguments: dict[str, Any], **options: Any) -> None:
-    """Images and all gradients."""
+    """Compare images and all gradients with the oracle."""
     ours, theirs = requiring_gradients(arguments), requiring_gradients(arguments)
     image, alpha, _ = rasterization(**ours, **options)
     expected = render_with_oracle(theirs, **options)
@@ -174,7 +174,7 @@ def test_limits_of_the_activations_are_those_of_the_oracle():
     assert_like_oracle(arguments)
 
 
-def test_rows_of_the_transforms_gradient_that_are_constant_are_zero():
+def test_gradient_of_the_constant_row_of_viewmats_is_zero():
     arguments = requiring_gradients(make_arguments())
     gradients = gradients_of(arguments, rasterization(**arguments)[0])
     assert gradients["viewmats"][:, :3].any()
@@ -229,7 +229,7 @@ def test_float32_is_like_float64():
         assert (actual - expected).norm() < 2e-3 * expected.norm(), name
 
 
-def test_batches_are_their_parts():
+def test_a_batch_equals_its_scenes():
     scenes_ = [make_arguments(seed=seed, cameras=3) for seed in range(4)]
     for scene, seed in zip(scenes_, range(4), strict=True):
         scene["backgrounds"] = torch.full((3, 3), 0.1 * seed, dtype=torch.float64)
@@ -283,7 +283,7 @@ def test_two_forwards_before_a_backward():
 
 
 @pytest.mark.parametrize("wanted", DIFFERENTIABLE)
-def test_only_the_gradients_asked_for_are_given(wanted):
+def test_only_requested_gradients_are_computed(wanted):
     arguments = make_arguments() | {"backgrounds": torch.ones(1, 3, dtype=torch.float64)}
     assert not rasterization(**arguments)[0].requires_grad
     everything = requiring_gradients(arguments)
@@ -296,14 +296,14 @@ def test_only_the_gradients_asked_for_are_given(wanted):
     assert all(arguments[name].grad is None for name in DIFFERENTIABLE if name != wanted)
 
 
-def test_depth_does_not_touch_the_colors():
+def test_depth_has_no_gradient_of_colors():
     arguments = requiring_gradients(make_arguments())
     rasterization(**arguments, render_mode="ED")[0].sum().backward()
     assert arguments["colors"].grad is None
     assert arguments["means"].grad.any()
 
 
-def test_graph_is_used_up_by_its_backward():
+def test_a_second_backward_is_rejected():
     arguments = requiring_gradients(make_arguments())
     loss = rasterization(**arguments)[0].sum()
     loss.backward(retain_graph=True)
@@ -314,7 +314,7 @@ def test_graph_is_used_up_by_its_backward():
         loss.backward()
 
 
-def test_second_derivative_is_refused():
+def test_second_derivative_is_rejected():
     arguments = requiring_gradients(make_arguments())
     loss = rasterization(**arguments)[0].square().sum()
     (gradient,) = torch.autograd.grad(loss, arguments["means"], create_graph=True)
@@ -322,7 +322,7 @@ def test_second_derivative_is_refused():
         gradient.sum().backward()
 
 
-def test_change_in_place_before_the_backward_is_noticed():
+def test_change_in_place_before_the_backward_is_rejected():
     arguments = requiring_gradients(make_arguments())
     loss = rasterization(**arguments)[0].sum()
     with torch.no_grad():
@@ -331,7 +331,7 @@ def test_change_in_place_before_the_backward_is_noticed():
         loss.backward()
 
 
-def test_memory_layout_does_not_matter():
+def test_memory_layout_does_not_change_results():
     arguments = requiring_gradients(make_arguments())
     image, _, _ = rasterization(**arguments)
     scattered = {
@@ -343,7 +343,7 @@ def test_memory_layout_does_not_matter():
     assert torch.equal(image, same)
 
 
-def test_threads_do_not_matter():
+def test_threads_do_not_change_results():
     threads = torch.get_num_threads()
     arguments = requiring_gradients(make_arguments(300))
     results = []
@@ -376,7 +376,7 @@ def test_signature_is_that_of_gsplat():
     assert required == GSPLAT_PARAMETERS[:9]
 
 
-def test_options_that_steer_memory_are_ignored():
+def test_memory_options_are_ignored():
     arguments = make_arguments()
     steered = rasterization(**arguments, packed=False, tile_size=8, channel_chunk=2, segmented=True)
     assert torch.equal(rasterization(**arguments)[0], steered[0])
@@ -414,13 +414,13 @@ def test_global_shutter_of_any_enumeration_is_accepted():
         ("viewmats_rs", torch.zeros(1, 4, 4)),
     ],
 )
-def test_unsupported_option_is_named_with_its_value(name, value):
+def test_unsupported_option_is_rejected(name, value):
     shown = r"a tensor \(" if isinstance(value, Tensor) else repr(value)
     with pytest.raises(NotImplementedError, match=f"^rasterization: {name}={shown}.* supported$"):
         rasterization(**make_arguments(), **{name: value})
 
 
-def test_gradient_of_the_intrinsics_is_refused():
+def test_gradient_of_the_intrinsics_is_rejected():
     arguments = make_arguments()
     arguments["Ks"].requires_grad_()
     with pytest.raises(NotImplementedError, match="Ks"):
@@ -438,7 +438,7 @@ def rejects(match: str, **changes: Any) -> None:
 @pytest.mark.parametrize(
     "name", ["means", "quats", "scales", "opacities", "colors", "viewmats", "Ks", "backgrounds"]
 )
-def test_wrong_tensor_is_named(name):
+def test_wrong_tensor_is_rejected(name):
     arguments = make_arguments() | {"backgrounds": torch.ones(1, 3, dtype=torch.float64)}
     good = arguments[name]
     for wrong in (good[..., :-1], good[None, None], torch.zeros((), dtype=good.dtype)):
@@ -461,27 +461,27 @@ def test_wrong_tensor_is_named(name):
         ("viewmats", (0, 4, 4)),
     ],
 )
-def test_wrong_shape_is_named(name, shape):
+def test_wrong_shape_is_rejected(name, shape):
     changes = {name: torch.zeros(shape, dtype=torch.float64)}
     if shape[0] == 0:
         changes["Ks"] = torch.zeros(0, 3, 3, dtype=torch.float64)
     rejects(rf"^{name}: expected", **changes)
 
 
-def test_too_few_spherical_harmonics_are_named():
+def test_too_few_spherical_harmonics_are_rejected():
     rejects("^colors: expected .*4 spherical", sh_degree=1, colors=torch.zeros(50, 1, 3).double())
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("name", ["means", "quats", "scales", "colors"])
-def test_number_that_is_not_finite_is_named(name, value):
+def test_value_that_is_not_finite_is_rejected(name, value):
     tensor = make_arguments()[name]
     tensor[3, 1] = value
     rejects(f"^{name}: expected finite numbers, got {value}$", **{name: tensor})
 
 
 @pytest.mark.parametrize("value", [-0.1, 1.1, np.nan])
-def test_opacity_out_of_range_is_named(value):
+def test_opacity_out_of_range_is_rejected(value):
     opacities = make_arguments()["opacities"]
     opacities[7] = value
     rejects(rf"^opacities: expected numbers in \[0, 1\], got .*{value}", opacities=opacities)
@@ -500,16 +500,16 @@ def test_opacity_out_of_range_is_named(value):
         ("height", 65537),
     ],
 )
-def test_option_out_of_range_is_named(name, value):
+def test_option_out_of_range_is_rejected(name, value):
     rejects(name, **{name: value})
 
 
-def test_size_that_is_no_integer_is_refused():
+def test_size_that_is_not_an_integer_is_rejected():
     with pytest.raises(TypeError, match="integer"):
         rasterization(**make_arguments() | {"width": 31.0})
 
 
-def test_poses_nearly_rigid_are_taken_for_the_nearest_rigid_ones():
+def test_nearly_rigid_poses_are_projected_to_rigid_ones():
     arguments = make_arguments(dtype=torch.float32)
     image, _, _ = rasterization(**arguments)
     noise = torch.randn(1, 3, 3, generator=torch.Generator().manual_seed(0))
@@ -519,27 +519,27 @@ def test_poses_nearly_rigid_are_taken_for_the_nearest_rigid_ones():
 
 
 @pytest.mark.parametrize("factor", [1.01, -1.0, np.nan])
-def test_pose_that_is_not_rigid_is_named(factor):
+def test_pose_that_is_not_rigid_is_rejected(factor):
     viewmats = make_arguments()["viewmats"]
     viewmats[:, :3, :3] *= factor
     rejects("^viewmats: expected a rigid transform, got", viewmats=viewmats)
 
 
 @pytest.mark.parametrize("entry", [(0, 1), (1, 0), (2, 0), (2, 2)])
-def test_intrinsics_of_another_form_are_named(entry):
+def test_intrinsics_of_another_form_are_rejected(entry):
     Ks = make_arguments()["Ks"]
     Ks[0][entry] = 0.5
     rejects("^Ks: expected", Ks=Ks)
 
 
-def test_gradient_that_is_not_finite_is_refused():
+def test_gradient_that_is_not_finite_is_rejected():
     arguments = requiring_gradients(make_arguments())
     image, _, _ = rasterization(**arguments)
     with pytest.raises(ValueError, match="dL_drgb"):
         (image * np.nan).sum().backward()
 
 
-def test_without_torch_the_error_says_what_to_install(monkeypatch):
+def test_without_torch_the_message_names_the_extra(monkeypatch):
     for name in [name for name in sys.modules if name.startswith("gslts.torch")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "torch", None)

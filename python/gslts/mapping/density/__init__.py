@@ -1,1 +1,1 @@
-"""Number of Gaussians: split, merge, prune."""
+"""Density control: split, merge and join Gaussians, and weigh them by what images show."""

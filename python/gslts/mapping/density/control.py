@@ -1,4 +1,4 @@
-"""How many Gaussians there are: joined, split, and those that nobody would miss."""
+"""Join maps, split Gaussians, and compute their blending weights in images."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from numpy.typing import NDArray
 from gslts.core.gaussian_map import GaussianMap
 from gslts.mapping.observation import Observation
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
+from gslts.types import Floats, Floats32, Ints
 
 SPLIT_OFFSET, SPLIT_SHRINK = 0.7, 1.6
-"""Halves of a Gaussian stand so many standard deviations off its centre, and are narrower by that
-(3DGS, Kerbl et al. 2023, sec. 5.2, shrinks by 1.6)."""
+"""Offset of the halves of a split Gaussian in standard deviations, and the factor by which they are
+narrower (1.6 as in 3DGS, Kerbl et al. 2023, sec. 5.2)."""
 
 
-def joined(old: GaussianMap, new: GaussianMap, first_id: int | None = None) -> GaussianMap:
-    """Both, the new Gaussians last.
+def join(old: GaussianMap, new: GaussianMap, first_id: int | None = None) -> GaussianMap:
+    """Join two maps, the new Gaussians last.
 
     Args:
-        old: Of any size.
-        new: In the frame of the old map.
-        first_id: The new Gaussians get this id and those after it; None means those after the
-            greatest of the old map.
+        old: Gives the origin.
+        new: Gaussians in the frame of the old map.
+        first_id: First id of the new Gaussians; None means the one after the greatest old id.
     """
     first = first_id
     if first is None:
@@ -42,12 +42,12 @@ def joined(old: GaussianMap, new: GaussianMap, first_id: int | None = None) -> G
     )
 
 
-def split(gaussian_map: GaussianMap, rows: NDArray[np.int64]) -> GaussianMap:
-    """These Gaussians become two halves along their longest axes.
+def split(gaussian_map: GaussianMap, rows: Ints) -> GaussianMap:
+    """Split Gaussians into two halves along their longest axes.
 
     Args:
         gaussian_map: Any map.
-        rows: [M] int64, none twice; one half stays there, the other comes last, with a new id.
+        rows: [M] distinct rows; one half stays there, the other comes last, with a new id.
     """
     parents = gaussian_map.select(rows)
     each, longest = np.arange(parents.size), parents.log_scales.argmax(axis=1)
@@ -58,12 +58,16 @@ def split(gaussian_map: GaussianMap, rows: NDArray[np.int64]) -> GaussianMap:
     means[rows] += offset
     log_scales[rows, longest] -= np.log(SPLIT_SHRINK)
     others = replace(parents, means=parents.means - offset, log_scales=log_scales[rows])
-    return joined(replace(gaussian_map, means=means, log_scales=log_scales), others)
+    return join(replace(gaussian_map, means=means, log_scales=log_scales), others)
 
 
 def axes_of(quats: NDArray[Any]) -> NDArray[Any]:
-    """[N,3,3] for quaternions [N,4] the three axes of each, one a row."""
-    w, x, y, z = (quats / _lengths(quats)).T
+    """Return the axes [N,3,3] of rotations, one axis per row.
+
+    Args:
+        quats: [N,4] wxyz, of any length but 0.
+    """
+    w, x, y, z = (quats / np.linalg.norm(quats, axis=1, keepdims=True)).T
     return np.stack(
         [
             np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], axis=1),
@@ -74,41 +78,49 @@ def axes_of(quats: NDArray[Any]) -> NDArray[Any]:
     )
 
 
-def greatest_weights(
+def max_weights(
     gaussian_map: GaussianMap, observations: Iterable[Observation], threads: int = 0
-) -> NDArray[np.float32]:
-    """[N] the greatest share that each Gaussian has in any pixel of the observations.
+) -> Floats32:
+    """Compute the maximum blending weight of each Gaussian over all pixels of all frames.
 
-    A pixel changes by at most that share of the difference of two colours if the Gaussian goes.
-    They are looked at with half their resolution.
+    Without a Gaussian no pixel changes by more than its weight times the difference of two colours.
+
+    Args:
+        gaussian_map: float32.
+        observations: Frames, rendered at half resolution.
+        threads: Number of threads; 0 means all.
+
+    Returns:
+        [N] 0 to 1.
     """
     rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
-    greatest = np.zeros(gaussian_map.size, np.float32)
-    for one in observations:
-        images = rasterizer.forward(gaussian_map, one.camera(1), options)
+    largest = np.zeros(gaussian_map.size, np.float32)
+    for observation in observations:
+        images = rasterizer.forward(gaussian_map, observation.camera(1), options)
         seen = rasterizer.backward(dL_dalpha=np.zeros_like(images.alpha), statistics=True)
         weights = seen.max_weights
-        assert weights is not None  # They were asked for.
-        greatest[seen.rows] = np.maximum(greatest[seen.rows], weights)
-    return greatest
+        assert weights is not None  # Requested by `statistics`.
+        largest[seen.rows] = np.maximum(largest[seen.rows], weights)
+    return largest
 
 
 def total_weights(
     gaussian_map: GaussianMap, observations: Iterable[Observation], threads: int = 0
-) -> NDArray[np.float64]:
-    """[N] in how many pixels of the observations each Gaussian is seen, as a sum of shares.
+) -> Floats:
+    """Compute the sum of the blending weights of each Gaussian over all pixels of all frames.
 
-    They are looked at with half their resolution.
+    Args:
+        gaussian_map: float32.
+        observations: Frames, rendered at half resolution.
+        threads: Number of threads; 0 means all.
+
+    Returns:
+        [N] pixels.
     """
     rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
     total = np.zeros(gaussian_map.size)
-    for one in observations:
-        images = rasterizer.forward(gaussian_map, one.camera(1), options)
+    for observation in observations:
+        images = rasterizer.forward(gaussian_map, observation.camera(1), options)
         seen = rasterizer.lift(np.zeros((*images.alpha.shape, 1), np.float32))
         total[seen.rows] += seen.weights
     return total
-
-
-def _lengths(vectors: NDArray[np.floating]) -> NDArray[np.floating]:
-    lengths: NDArray[np.floating] = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return lengths

@@ -1,57 +1,50 @@
-"""Fewer Gaussians: neighbours become one where that is seen least."""
+"""Merge neighbouring Gaussians where that changes the images least."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gslts.core.gaussian_map import SH_C0, GaussianMap
+from gslts.core.gaussian_map import SH_C0, FloatArray, GaussianMap
 from gslts.mapping.density.control import axes_of
 from gslts.mapping.density.mixture import Splats, mixture
 from gslts.mapping.seeding.point_seeds import nearest
-from gslts.types import Floats
-
-Rows = NDArray[np.int64]
+from gslts.types import Bools, Floats, Ints
 
 NEIGHBOURS = 8
-"""Of each Gaussian, with which it may become one."""
+"""Nearest Gaussians that each may merge with."""
 ROUND_SHARE = 0.5
-"""Of the pairs that no other pair hinders, the cheapest are taken: the others may find better
-partners in what these have become."""
-LEAST_VARIANCE_M2 = 1e-14
-"""Below, roundoff."""
+"""Share of the independent pairs, cheapest first, that is merged per round: the others may find
+better partners among the merged."""
+MIN_VARIANCE_M2 = 1e-14
+"""Minimum variance of a merged Gaussian, m2; smaller ones are rounding errors."""
 CHUNK = 1 << 14
-"""Pairs at a time, so that their matrices stay in the cache."""
+"""Pairs per batch, so that their matrices stay in the cache; changes speed only."""
 
 
-def merged(
-    gaussian_map: GaussianMap, count: int, weights: NDArray[np.floating] | None = None
-) -> GaussianMap:
-    """The map with neighbours merged until so many Gaussians are left.
+def merge(gaussian_map: GaussianMap, count: int, weights: FloatArray | None = None) -> GaussianMap:
+    """Merge pairs of neighbours until a number of Gaussians is left.
 
-    In each of several rounds a Gaussian becomes one with at most one other, the pairs first whose
-    merging changes least of what is seen. The new one has the mean, the covariance and the mean
-    colours and features of the two, an opacity that covers the same area, and the id and the place
-    of the one of which more is seen.
+    In each of several rounds a Gaussian merges with at most one other, cheapest pairs first. The
+    merged Gaussian has the mean, covariance, mean colours and mean features of the two, an opacity
+    that covers the same area, and the id and row of the one of greater weight.
 
     Args:
-        gaussian_map: Any.
-        count: At least 1, unless the map is empty. A map that has no more stays as it is.
-        weights: [N] in how many pixels each is seen, summed over shares of pixels: what is not seen
-            merges without a trace. By default, each m2 of a surface is worth the same.
+        gaussian_map: Any map.
+        count: Number of Gaussians left, at least 1 unless the map is empty. A map that has no more
+            is returned unchanged.
+        weights: [N] sums of blending weights over all pixels: unseen Gaussians merge at no cost.
+            None weighs each m2 of a surface equally.
 
     Raises:
-        ValueError: There is no such count, or weights are not [N], finite and not negative.
+        ValueError: count is too small, or weights are not [N], finite and not negative.
     """
     if count < min(1, gaussian_map.size):
-        raise ValueError(f"merged: count: expected at least 1, got {count}")
+        raise ValueError(f"merge: count: expected at least 1, got {count}")
     if weights is not None:
         if weights.shape != (gaussian_map.size,):
-            raise ValueError(
-                f"merged: weights: expected [{gaussian_map.size}], got {weights.shape}"
-            )
+            raise ValueError(f"merge: weights: expected [{gaussian_map.size}], got {weights.shape}")
         if not (np.isfinite(weights).all() and (weights >= 0).all()):
-            raise ValueError("merged: weights: one is negative or not finite")
+            raise ValueError("merge: weights: expected finite values of at least 0")
     if gaussian_map.size <= count:
         return gaussian_map
     splats = _splats_of(gaussian_map, weights)
@@ -59,25 +52,25 @@ def merged(
     return _map_of(gaussian_map, splats, left, changed)
 
 
-def _splats_of(gaussian_map: GaussianMap, weights: NDArray[np.floating] | None) -> Splats:
+def _splats_of(gaussian_map: GaussianMap, weights: FloatArray | None) -> Splats:
     size = gaussian_map.size
     axes = axes_of(gaussian_map.quats.astype(np.float64))
     scaled = axes * np.exp(gaussian_map.log_scales.astype(np.float64))[:, :, None]
     opacities = 1 / (1 + np.exp(-gaussian_map.logit_opacities.astype(np.float64)))
     sh, features = gaussian_map.sh.reshape(size, -1), gaussian_map.features
-    # All are copies, which change from round to round.
+    # Copies, which change from round to round.
     return Splats.of(
         gaussian_map.means.astype(np.float64),
         scaled.transpose(0, 2, 1) @ scaled,
         opacities,
-        None if weights is None else weights.astype(np.float64),
+        None if weights is None else np.array(weights, np.float64),
         SH_C0 * sh.astype(np.float64),
         features.astype(np.float64),
     )
 
 
-def _reduce(splats: Splats, count: int) -> tuple[Rows, Rows]:
-    """Merges in place; returns the rows that are left, and those of them that have changed."""
+def _reduce(splats: Splats, count: int) -> tuple[Ints, Ints]:
+    """Merge in place; return the rows that are left, and those of them that have changed."""
     size = len(splats.means)
     left, changed = np.ones(size, np.bool_), np.zeros(size, np.bool_)
     pairs, costs = np.zeros((0, 2), np.int64), np.zeros(0)
@@ -87,7 +80,7 @@ def _reduce(splats: Splats, count: int) -> tuple[Rows, Rows]:
             pairs = rows[_near_pairs(splats.means[rows])]
             costs = _costs(splats, pairs)
         order = np.argsort(costs, kind="stable")
-        free = order[_unhindered(pairs[order], size)]
+        free = order[_independent(pairs[order], size)]
         first, second = pairs[free[: min(surplus, int(np.ceil(ROUND_SHARE * len(free))))]].T
         heavier = splats.weights[first] >= splats.weights[second]
         kept, gone = np.where(heavier, first, second), np.where(heavier, second, first)
@@ -106,8 +99,8 @@ def _reduce(splats: Splats, count: int) -> tuple[Rows, Rows]:
     return np.flatnonzero(left), np.flatnonzero(left & changed)
 
 
-def _near_pairs(points: Floats) -> Rows:
-    """[P,2] neighbours, each pair once, the lower row first."""
+def _near_pairs(points: Floats) -> Ints:
+    """Return pairs [P,2] of neighbours, each once, lower row first."""
     neighbours = nearest(points, min(NEIGHBOURS + 1, len(points)))[0]
     rows = np.repeat(np.arange(len(points)), neighbours.shape[1])
     pairs = np.sort(np.column_stack([rows, neighbours.ravel()]), axis=1)
@@ -117,7 +110,7 @@ def _near_pairs(points: Floats) -> Rows:
     return np.column_stack(np.divmod(keys, len(points)))
 
 
-def _costs(splats: Splats, pairs: Rows) -> Floats:
+def _costs(splats: Splats, pairs: Ints) -> Floats:
     parts = [
         mixture(splats.take(part[:, 0]), splats.take(part[:, 1])).costs
         for part in np.split(pairs, range(CHUNK, len(pairs), CHUNK))
@@ -125,8 +118,8 @@ def _costs(splats: Splats, pairs: Rows) -> Floats:
     return np.concatenate(parts)
 
 
-def _unhindered(pairs: Rows, size: int) -> NDArray[np.bool_]:
-    """[P] whether no pair before has one of the two."""
+def _independent(pairs: Ints, size: int) -> Bools:
+    """Return which pairs [P] share no Gaussian with an earlier pair."""
     ranks = np.arange(len(pairs))
     best = np.full(size, len(pairs))
     for side in (0, 1):
@@ -134,7 +127,7 @@ def _unhindered(pairs: Rows, size: int) -> NDArray[np.bool_]:
     return np.asarray((best[pairs] == ranks[:, None]).all(axis=1))
 
 
-def _merge(splats: Splats, kept: Rows, gone: Rows) -> None:
+def _merge(splats: Splats, kept: Ints, gone: Ints) -> None:
     a, b = splats.take(kept), splats.take(gone)
     both = mixture(a, b)
     of_a, of_b = both.shares[:, None], 1 - both.shares[:, None]
@@ -151,15 +144,15 @@ def _merge(splats: Splats, kept: Rows, gone: Rows) -> None:
     )
 
 
-def _map_of(gaussian_map: GaussianMap, splats: Splats, left: Rows, changed: Rows) -> GaussianMap:
-    """What did not change keeps its numbers to the last bit."""
+def _map_of(gaussian_map: GaussianMap, splats: Splats, left: Ints, changed: Ints) -> GaussianMap:
+    """Return the map of the rows left; unchanged Gaussians keep their values to the last bit."""
     new = splats.take(changed)
     variances, axes = np.linalg.eigh(new.covars)
-    axes[:, :, 0] *= np.linalg.det(axes)[:, None]  # A rotation, and no reflection.
+    axes[:, :, 0] *= np.linalg.det(axes)[:, None]  # A rotation, not a reflection.
     arrays = {
         "means": new.means,
         "quats": _quats_of(axes),
-        "log_scales": 0.5 * np.log(np.maximum(variances, LEAST_VARIANCE_M2)),
+        "log_scales": 0.5 * np.log(np.maximum(variances, MIN_VARIANCE_M2)),
         "logit_opacities": np.log(new.opacities / (1 - new.opacities)),
         "sh": (new.colors / SH_C0).reshape(-1, *gaussian_map.sh.shape[1:]),
         "features": new.features,
@@ -172,7 +165,7 @@ def _map_of(gaussian_map: GaussianMap, splats: Splats, left: Rows, changed: Rows
 
 
 def _quats_of(axes: Floats) -> Floats:
-    """[N,4] unit quaternions, wxyz, of rotations [N,3,3] (Shepperd 1978)."""
+    """Return unit quaternions [N,4] wxyz of rotations [N,3,3] (Shepperd 1978)."""
     xx, yy, zz = axes[:, 0, 0], axes[:, 1, 1], axes[:, 2, 2]
     # 4 q q^T: each of its rows is a multiple of the quaternion, and the longest is exact.
     w = [1 + xx + yy + zz, axes[:, 2, 1] - axes[:, 1, 2], axes[:, 0, 2] - axes[:, 2, 0]]

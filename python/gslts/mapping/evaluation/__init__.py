@@ -1,1 +1,1 @@
-"""Accuracy of a map on frames it was not made from."""
+"""Accuracy of a map on validation and test frames."""

@@ -1,33 +1,33 @@
-"""How well a map shows frames that it was not made from."""
+"""PSNR, SSIM and depth error of a map on frames that it was not trained on."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from gslts.core.gaussian_map import FloatArray, GaussianMap
-from gslts.core.se3 import se3_retract, twist_of
 from gslts.localization.alignment import align_pose
+from gslts.mapping.frames import HeldOutFrames
 from gslts.mapping.observation import Observation
 from gslts.rendering.losses import apply_exposure, fit_exposure
 from gslts.rendering.metrics import psnr_db, ssim
 from gslts.rendering.rasterizer import Images, Rasterizer, RenderOptions
 
 POSE_LEVELS, POSE_STEPS = (1, 0), 4
-"""Resolutions at which a pose is refined, and how many steps each takes."""
+"""Resolutions at which a pose is refined, coarse to fine, and Gauss-Newton steps at each."""
 
 
 @dataclass(frozen=True)
 class Quality:
-    """Means over frames, with the exposure of each fitted.
+    """Means over frames, with the exposure of each frame fitted.
 
     Attributes:
-        frames: How many were compared.
-        psnr_db: Of the colours.
+        frames: Number of frames.
+        psnr_db: PSNR of the colours, dB.
         ssim: Structural similarity of the colours.
-        depth_l1_m: Of the depth where it was measured; None without any.
+        depth_l1_m: Mean absolute depth error where depth was measured, m; None without depth.
     """
 
     frames: int
@@ -37,17 +37,17 @@ class Quality:
 
 
 @dataclass(frozen=True)
-class HeldOut:
-    """Three ways to judge a map by frames that it was not made from.
+class HeldOutQuality:
+    """Quality on held-out frames, for three choices of their poses.
 
-    Poses of a real data set err by centimetres, and the map is in the frame of the corrected ones:
-    judged with the given poses, a sharp map looks worse than a blurred one.
+    Given poses of real data err by centimetres, and the map lies in the frame of the refined ones:
+    at given poses, a sharp map looks worse than a blurred one.
 
     Attributes:
-        given: With the poses of the data set.
-        by_neighbours: With these moved as the frames before and after were, which uses nothing of
-            the frame itself; None if its neighbours are not known.
-        refined: With the poses fitted to the map, which is a little optimistic.
+        given: At the poses of the data set.
+        by_neighbours: At these, corrected by the mean correction of the training frames before and
+            after, which uses no pixel of the frame itself; None if no neighbour is known.
+        refined: At poses aligned with the map, which is slightly optimistic.
     """
 
     given: Quality
@@ -58,86 +58,90 @@ class HeldOut:
 def evaluate(
     gaussian_map: GaussianMap, observations: Sequence[Observation], threads: int = 0, level: int = 0
 ) -> Quality:
-    """Renders the map at the observations' poses and compares.
+    """Compare renderings with frames at the current poses of these.
 
     Args:
         gaussian_map: float32.
-        observations: At least one.
-        threads: 0 means one a hardware thread.
-        level: Of the resolution.
+        observations: At least one frame.
+        threads: Number of threads; 0 means all.
+        level: Resolution; 0 is the full one.
 
     Raises:
-        ValueError: There is no observation.
+        ValueError: There is no frame.
     """
     if not observations:
         raise ValueError("evaluate: there is no frame")
     rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
-    psnrs_db, ssims, depth_l1_m = [], [], []
-    for one in observations:
-        images = rasterizer.forward(gaussian_map, one.camera(level), options)
-        photo, mask, measured = one.photo(level), one.mask(level), one.depth(level)
+    psnrs_db, ssims, depth_errors_m = [], [], []
+    for observation in observations:
+        images = rasterizer.forward(gaussian_map, observation.camera(level), options)
+        photo, mask = observation.color(level), observation.mask(level)
         exposure = fit_exposure(images.rgb, photo, mask=mask, threads=threads)
         psnrs_db.append(psnr_db(apply_exposure(images.rgb, exposure), photo, mask))
         ssims.append(ssim(images.rgb, photo, mask, exposure=exposure, threads=threads))
+        measured = observation.depth(level)
         both = (measured > 0) & (images.depth > 0)
         if both.any():
-            depth_l1_m.append(np.abs(images.depth - measured)[both].mean())
+            depth_errors_m.append(np.abs(images.depth - measured)[both].mean())
     return Quality(
         frames=len(psnrs_db),
         psnr_db=float(np.mean(psnrs_db)),
         ssim=float(np.mean(ssims)),
-        depth_l1_m=float(np.mean(depth_l1_m)) if depth_l1_m else None,
+        depth_l1_m=float(np.mean(depth_errors_m)) if depth_errors_m else None,
     )
 
 
 def evaluate_held_out(
-    gaussian_map: GaussianMap,
-    observations: Sequence[Observation],
-    neighbours: Sequence[Sequence[Observation]],
-    threads: int = 0,
-) -> tuple[HeldOut, list[Observation]]:
-    """Judges in all three ways.
+    gaussian_map: GaussianMap, frames: HeldOutFrames, threads: int = 0
+) -> tuple[HeldOutQuality, dict[str, Observation]]:
+    """Evaluate a map at given, corrected and refined poses.
 
     Args:
         gaussian_map: float32.
-        observations: That the map was not made from; at least one.
-        neighbours: For each, those of the frames next to it that the map was made from.
-        threads: 0 means one a hardware thread.
+        frames: Frames that the map was not trained on; at least one.
+        threads: Number of threads; 0 means all.
 
     Returns:
-        The judgement, and the observations at their refined poses.
+        The quality, and the frames at refined poses by name.
+
+    Raises:
+        ValueError: There is no frame.
     """
-    given = [replace(one, pose=one.given_pose) for one in observations]
-    moved_along = [
-        near_by(one, near) for one, near in zip(observations, neighbours, strict=True) if near
-    ]
-    starts = moved_along if len(moved_along) == len(observations) else given
-    refined = [refine_pose(gaussian_map, one, threads) for one in starts]
-    return (
-        HeldOut(
-            given=evaluate(gaussian_map, given, threads),
-            by_neighbours=evaluate(gaussian_map, moved_along, threads) if moved_along else None,
-            refined=evaluate(gaussian_map, refined, threads),
-        ),
-        refined,
+    given = [frame.at_pose(frame.given_pose) for frame in frames.observations.values()]
+    corrected = frames.by_neighbours()
+    starts = corrected if len(corrected) == len(given) else given
+    refined = [refine_pose(gaussian_map, frame, threads) for frame in starts]
+    quality = HeldOutQuality(
+        given=evaluate(gaussian_map, given, threads),
+        by_neighbours=evaluate(gaussian_map, corrected, threads) if corrected else None,
+        refined=evaluate(gaussian_map, refined, threads),
     )
-
-
-def near_by(observation: Observation, neighbours: Sequence[Observation]) -> Observation:
-    """The observation, its given pose corrected as those of its neighbours were on average."""
-    twist = np.mean([twist_of(near.correction) for near in neighbours], axis=0)
-    return replace(observation, pose=se3_retract(observation.given_pose, twist))
+    return quality, dict(zip(frames.observations, refined, strict=True))
 
 
 def refine_pose(
     gaussian_map: GaussianMap, observation: Observation, threads: int = 0
 ) -> Observation:
-    """The observation at the pose nearby where the map fits it best."""
+    """Return an observation at the nearby pose that fits the map best.
+
+    Args:
+        gaussian_map: float32.
+        observation: Frame at its initial pose.
+        threads: Number of threads; 0 means all.
+    """
     frames = [observation.rgbd(level) for level in POSE_LEVELS]
-    return replace(observation, pose=align_pose(gaussian_map, frames, POSE_STEPS, threads=threads))
+    return observation.at_pose(align_pose(gaussian_map, frames, POSE_STEPS, threads=threads))
 
 
-def shown(images: Images, observation: Observation, threads: int = 0) -> FloatArray:
-    """[H,W,3] what the map shows, as the photograph was exposed."""
-    photo, mask = observation.photo(), observation.mask()
-    return apply_exposure(images.rgb, fit_exposure(images.rgb, photo, mask=mask, threads=threads))
+def rgb_as_exposed(images: Images, observation: Observation, threads: int = 0) -> FloatArray:
+    """Return rendered colours [H,W,3] with the exposure of a photograph fitted.
+
+    Args:
+        images: Rendered at the pose of the observation, in full resolution.
+        observation: The photograph.
+        threads: Number of threads; 0 means all.
+    """
+    exposure = fit_exposure(
+        images.rgb, observation.color(), mask=observation.mask(), threads=threads
+    )
+    return apply_exposure(images.rgb, exposure)

@@ -1,16 +1,23 @@
-"""Which frames of a data set can judge a map, and what is known about them."""
+"""Test frames of a finished map: frames of a data set that neither trained nor validated it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from gslts.core.camera import Camera
 from gslts.datasets import Dataset, Frame
-from gslts.mapping.frames import ShowFrames, require_memory, usable
+from gslts.mapping.frames import (
+    HELD_OUT_EVERY,
+    HeldOutFrames,
+    ShowFrames,
+    neighbours_of,
+    read_usable,
+    require_memory,
+)
 from gslts.mapping.lenses import Lenses
 from gslts.mapping.observation import Observation
 from gslts.store.camera_files import cameras_of_map
@@ -19,20 +26,25 @@ from gslts.store.map_folder import camera_from_json
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
-    """What the folder of a map tells besides the Gaussians; nothing for a plain PLY file.
+class TrainingRecord:
+    """Frames and lenses that a map was made with; empty for a plain PLY file.
 
     Attributes:
-        cameras: Of the frames that the map was made from, as corrected, by name.
-        lenses: As given and as found, if they are known.
+        cameras: Refined cameras of the training frames, by name.
+        validation: Names of the validation frames.
+        lenses: Given and refined lenses, if they are known.
     """
 
-    cameras: Mapping[str, Camera]
+    cameras: Mapping[str, Camera] = field(default_factory=dict)
+    validation: frozenset[str] = frozenset()
     lenses: tuple[Lenses, Lenses] | None = None
 
     @classmethod
-    def of(cls, path: Path) -> Known:
-        """Reads it.
+    def read(cls, path: Path) -> TrainingRecord:
+        """Read the record of a map.
+
+        Args:
+            path: Folder of the map, or a PLY file.
 
         Raises:
             OSError: A file cannot be read.
@@ -40,83 +52,111 @@ class Known:
         """
         folder, _ = split_version(path)
         if not folder.is_dir():
-            return cls({})
+            return cls()
         manifest, cameras = read_manifest(folder), cameras_of_map(path)
+        validation = manifest.get("validation_frames", [])
+        if not isinstance(validation, list) or not all(isinstance(n, str) for n in validation):
+            raise ValueError(f"{path}: validation_frames of the manifest: expected a list of names")
         if "lenses" not in manifest:
-            return cls(cameras)
+            return cls(cameras, frozenset(validation))
         try:
-            lenses = tuple(_lenses(manifest["lenses"][kind]) for kind in ("given", "found"))
+            given, found = (_lenses(manifest["lenses"][kind]) for kind in ("given", "found"))
         except (KeyError, TypeError, ValueError) as error:
             raise ValueError(f"{path}: lenses of the manifest: {error}") from None
-        return cls(cameras, (lenses[0], lenses[1]))
+        return cls(cameras, frozenset(validation), (given, found))
 
     def observe(self, frame: Frame) -> Observation:
-        """Reads a frame; of the sensor that the map was made with, lenses and pose are corrected.
+        """Read a frame with the refined lenses (if its sensor is the same) and refined pose.
+
+        Args:
+            frame: Of the data set of the map, or of another one of the same scene.
 
         Raises:
             OSError: A file cannot be read.
             ValueError: A file is damaged.
         """
-        one = Observation.of(frame.read())
-        if self.lenses is not None and one.lenses.alike(self.lenses[0]):
-            one.set_lenses(self.lenses[1])
-        one.pose = one.given_pose
+        observation = Observation.of(frame.read())
+        if self.lenses is not None and observation.lenses.is_close(self.lenses[0]):
+            observation.set_lenses(self.lenses[1])
         if frame.name in self.cameras:
-            one.pose = self.cameras[frame.name].world_from_camera
-        return one
+            return observation.at_pose(self.cameras[frame.name].world_from_camera)
+        return observation.at_pose(observation.given_pose)
+
+    def split(self, names: Sequence[str]) -> tuple[list[int], list[int]]:
+        """Return the validation and the test frames, as indices of names.
+
+        Args:
+            names: Usable frames in the order of the data set.
+        """
+        validation = [k for k, name in enumerate(names) if name in self.validation]
+        return validation, self.choose_test(names)
+
+    def choose_test(self, names: Sequence[str], every: int | None = None) -> list[int]:
+        """Return the test frames, as indices of names.
+
+        Args:
+            names: Usable frames in the order of the data set.
+            every: Take every n-th frame; None means the frames that neither trained nor validated
+                the map, or every 8th if the map knows none of the frames.
+        """
+        used = self.cameras.keys() | self.validation
+        chosen = [k for k, name in enumerate(names) if name not in used]
+        if every is not None or len(chosen) == len(names):
+            chosen = list(range(0, len(names), every or HELD_OUT_EVERY))
+        return chosen
 
 
-def held_out_of(
-    dataset: Dataset, known: Known, every: int | None = None, show_frames: ShowFrames = iter
-) -> tuple[list[Observation], list[list[Observation]], tuple[str, ...]]:
-    """Frames to judge by, and for each its neighbours that the map was made from.
+def read_test_frames(
+    dataset: Dataset,
+    record: TrainingRecord,
+    every: int | None = None,
+    show_frames: ShowFrames = iter,
+) -> tuple[HeldOutFrames, tuple[str, ...]]:
+    """Read the test frames of a map and their neighbours among the training frames.
 
-    Frames that cannot be used are left out, as in mapping; see `gslts.mapping.frames.usable`.
+    Frames that cannot be used are left out, as in mapping; see `read_usable`.
 
     Args:
-        dataset: The one that the map was made from, or another one of the same scene.
-        known: Of the map.
-        every: Use every so manieth frame; None means those that the map was not made from, or
-            every eighth if it knows none of them.
-        show_frames: Shows how far the reading is, if all frames have to be looked at.
+        dataset: Data set of the map, or another one of the same scene.
+        record: Record of the map.
+        every: See `TrainingRecord.choose_test`.
+        show_frames: Shows the progress of reading, if all frames must be read.
 
     Returns:
-        The frames, their neighbours, and what cannot be used and why.
+        The test frames, and for each frame that cannot be used the reason.
 
     Raises:
-        ValueError: There is no frame, or too many cannot be used.
+        ValueError: There is no test frame, or too many frames cannot be used.
     """
-    frames = {frame.name: frame for frame in dataset.frames[::-1]}  # Of one name, the first.
+    frames = {frame.name: frame for frame in dataset.frames[::-1]}  # Of equal names, the first.
     skipped = dataset.skipped
-    wanted = _wanted([frame.name for frame in dataset.frames], known, every)
+    wanted = _wanted([frame.name for frame in dataset.frames], record, every)
     require_memory(dataset.name, [frames[name] for name in _all(wanted)])
-    read = None if len(frames) < len(dataset.frames) else _read(wanted, frames, known)
+    read = None if len(frames) < len(dataset.frames) else _read(wanted, frames, record)
     if read is None:
-        # Only all frames tell whether too many are bad, and which good ones are side by side.
-        looks, skipped = usable(dataset, lambda one: _shrunk(known.observe(one)), show_frames)
-        wanted = _wanted(list(looks), known, every)
-        read = {name: known.observe(frames[name]) for name in _all(wanted)}
+        # Only all frames tell whether too many are bad, and which good ones are neighbours.
+        usable, skipped = read_usable(
+            dataset, lambda frame: _without_images(record.observe(frame)), show_frames
+        )
+        wanted = _wanted(list(usable), record, every)
+        read = {name: record.observe(frames[name]) for name in _all(wanted)}
     if not wanted:
         why = f" that can be used; {skipped[-1]}" if skipped else ""
-        raise ValueError(f"{dataset.name}: the map was made from all of its frames{why}")
+        raise ValueError(
+            f"{dataset.name}: there is no test frame: the map was made from all of its frames{why}"
+        )
     neighbours = [[read[name] for name in near] for near in wanted.values()]
-    return [read[name] for name in wanted], neighbours, skipped
+    return HeldOutFrames({name: read[name] for name in wanted}, neighbours), skipped
 
 
-def judging(names: Sequence[str], known: Known, every: int | None = None) -> list[int]:
-    """Which of these frames judge the map; see `held_out_of`."""
-    chosen = [k for k, name in enumerate(names) if name not in known.cameras]
-    if every is not None or len(chosen) == len(names):
-        chosen = list(range(0, len(names), every or 8))
-    return chosen
-
-
-def _wanted(names: Sequence[str], known: Known, every: int | None) -> dict[str, list[str]]:
-    """The frames that judge, and for each its neighbours that the map was made from."""
-    beside = {k: (*names[max(0, k - 1) : k], *names[k + 1 : k + 2]) for k in range(len(names))}
+def _wanted(
+    names: Sequence[str], record: TrainingRecord, every: int | None
+) -> dict[str, list[str]]:
+    """Return the test frames, and for each its neighbours among the training frames."""
+    beside = neighbours_of(names)
     return {
-        names[k]: [name for name in beside[k] if name in known.cameras]
-        for k in judging(names, known, every)
+        names[k]: [name for name in beside[names[k]] if name in record.cameras]
+        for k in record.choose_test(names, every)
     }
 
 
@@ -125,20 +165,20 @@ def _all(wanted: Mapping[str, Sequence[str]]) -> set[str]:
 
 
 def _read(
-    wanted: Mapping[str, Sequence[str]], frames: Mapping[str, Frame], known: Known
+    wanted: Mapping[str, Sequence[str]], frames: Mapping[str, Frame], record: TrainingRecord
 ) -> dict[str, Observation] | None:
-    """The frames by name; None if one cannot be read, or only some have depth."""
+    """Read frames by name; None if one cannot be read, or only some have depth."""
     try:
-        read = {name: known.observe(frames[name]) for name in _all(wanted)}
+        read = {name: record.observe(frames[name]) for name in _all(wanted)}
     except (OSError, ValueError):
         return None
-    with_depth = {bool(one.measured[0].any()) for one in read.values()}
-    return None if len(with_depth) > 1 else read
+    return None if len({frame.has_depth for frame in read.values()}) > 1 else read
 
 
-def _shrunk(one: Observation) -> Observation:
-    """All that tells whether it can be used: there may be no memory for the pictures of all."""
-    return replace(one, rgb=(), measured=(one.measured[0].max(keepdims=True),), masks=None)
+def _without_images(observation: Observation) -> Observation:
+    """Drop the images, but not whether there is depth: memory may not hold those of all frames."""
+    depth = observation.raw_depth[0].max(keepdims=True)
+    return replace(observation, rgb=(), raw_depth=(depth,), masks=None)
 
 
 def _lenses(plain: Mapping[str, Any]) -> Lenses:

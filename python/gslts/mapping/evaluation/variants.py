@@ -1,4 +1,4 @@
-"""Whether a map has too many Gaussians or too few: what others would give after the same work."""
+"""Variants of a finished map: half and double the Gaussians, and the next SH degree."""
 
 from __future__ import annotations
 
@@ -10,26 +10,27 @@ import numpy as np
 from gslts.core.gaussian_map import GaussianMap
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.density.control import split, total_weights
-from gslts.mapping.density.merge import merged
+from gslts.mapping.density.merge import merge
 from gslts.mapping.evaluation.evaluate import evaluate
 from gslts.mapping.observation import Observation
 from gslts.mapping.optimize import Optimizer, Schedule
 
-LEAST_GAIN_DB = 0.05
-"""A higher SH degree must lower the error by as much to be worth three times the numbers."""
-EMPHASIS = 1.4
-"""Power of the pixels in which a Gaussian is seen, as its weight in merging, found by trial: of
-maps from thinned seeds, 1 loses up to 0.1 dB more; of others, it makes no difference."""
+MIN_GAIN_DB = 0.05
+"""Validation PSNR that a higher SH degree must gain, dB: it multiplies the memory of the colours
+by two to four."""
+WEIGHT_POWER = 1.4
+"""Exponent of the total blending weight as the cost of merging a Gaussian. Fitted: on maps from
+thinned seeds 1 loses up to 0.1 dB; on other maps it makes no difference."""
 
 
 @dataclass(frozen=True, eq=False)
 class Variant:
-    """A map, refined for as many steps as all others.
+    """A map after as many refinement steps as all other variants.
 
     Attributes:
-        name: Such as "half".
+        name: "chosen" for the map itself, "half", "double" or "SH degree 1".
         gaussian_map: After refinement.
-        psnr_db: Of the frames kept aside.
+        psnr_db: PSNR on the validation frames, dB.
     """
 
     name: str
@@ -37,23 +38,26 @@ class Variant:
     psnr_db: float
 
 
-def variants_of(
+def make_variants(
     gaussian_map: GaussianMap,
     observations: Sequence[Observation],
-    held_out: Sequence[Observation],
+    validation: Sequence[Observation],
     config: MappingConfig,
 ) -> list[Variant]:
-    """The map itself ("chosen"), merged to half, split to double, and of the next SH degree.
+    """Refine a map, its half, its double and its next SH degree for the same number of steps.
 
     Args:
-        gaussian_map: A finished map.
-        observations: To refine with; they stay as they are.
-        held_out: To judge by, at good poses.
-        config: Its `variant_steps` are done for each.
+        gaussian_map: Finished map.
+        observations: Training frames; they are not changed.
+        validation: Validation frames, at refined poses.
+        config: Settings, among them `variant_steps`.
+
+    Returns:
+        The map itself first.
     """
     changes: dict[str, Callable[[GaussianMap], GaussianMap]] = {
         "chosen": lambda old: old,
-        "half": lambda old: fewer(old, max(1, old.size // 2), observations, config.threads),
+        "half": lambda old: merge_to(old, max(1, old.size // 2), observations, config.threads),
         "double": lambda old: split(old, np.arange(old.size)),
     }
     degree = gaussian_map.sh_degree + 1
@@ -61,48 +65,70 @@ def variants_of(
         changes[f"SH degree {degree}"] = lambda old: with_sh_degree(old, degree)
     variants = []
     for name, change in changes.items():
-        changed = refined(change(gaussian_map), observations, config)
-        quality = evaluate(changed, held_out, config.threads)
+        changed = refine_map(change(gaussian_map), observations, config)
+        quality = evaluate(changed, validation, config.threads)
         variants.append(Variant(name, changed, quality.psnr_db))
     return variants
 
 
-def fewer(
+def merge_to(
     gaussian_map: GaussianMap, count: int, observations: Sequence[Observation], threads: int = 0
 ) -> GaussianMap:
-    """Neighbours are merged until so many are left, first where the observations see least."""
+    """Merge Gaussians until a number is left, first where the training frames see least.
+
+    Args:
+        gaussian_map: float32.
+        count: Number of Gaussians that are left, at least 1.
+        observations: Training frames.
+        threads: Number of threads; 0 means all.
+    """
     weights = total_weights(gaussian_map, observations, threads)
-    return merged(gaussian_map, count, weights**EMPHASIS)
+    return merge(gaussian_map, count, weights**WEIGHT_POWER)
 
 
-def chosen_of(variants: Sequence[Variant]) -> Variant:
-    """The map itself, or the one of a higher SH degree if that lowers the error."""
+def choose_variant(variants: Sequence[Variant]) -> Variant:
+    """Return the map itself, or the one of a higher SH degree if it gains `MIN_GAIN_DB`.
+
+    Args:
+        variants: See `make_variants`.
+    """
     chosen = variants[0]
     for other in variants[1:]:
         higher = other.gaussian_map.sh_degree > chosen.gaussian_map.sh_degree
-        if higher and other.psnr_db > chosen.psnr_db + LEAST_GAIN_DB:
+        if higher and other.psnr_db > chosen.psnr_db + MIN_GAIN_DB:
             chosen = other
     return chosen
 
 
 def with_sh_degree(gaussian_map: GaussianMap, degree: int) -> GaussianMap:
-    """The same look with room for more harmonics, which are 0."""
+    """Return a map of a higher SH degree that looks the same.
+
+    Args:
+        gaussian_map: Any map.
+        degree: At least that of the map; new coefficients are 0.
+    """
     sh = np.zeros((gaussian_map.size, (degree + 1) ** 2, 3), gaussian_map.dtype)
     sh[:, : gaussian_map.sh.shape[1]] = gaussian_map.sh
     return replace(gaussian_map, sh=sh)
 
 
-def refined(
+def refine_map(
     gaussian_map: GaussianMap, observations: Sequence[Observation], config: MappingConfig
 ) -> GaussianMap:
-    """After `variant_steps` with the rates of the end of the schedule; poses are fixed."""
+    """Return a map after `variant_steps` steps at the final learning rates, poses fixed.
+
+    Args:
+        gaussian_map: float32.
+        observations: Training frames; they are not changed.
+        config: Settings of the map.
+    """
     late = config.rates_left
     gentle = config.model_copy(
         update={
             "refine_poses": False,
             "refine_lenses": False,
             "growth": 0.0,
-            "fill_holes": False,  # They would give back what was taken.
+            "fill_holes": False,  # It would undo the change of the number.
             "means_rate": config.means_rate * config.means_left,
             "quats_rate": config.quats_rate * late,
             "log_scales_rate": config.log_scales_rate * late,
@@ -112,7 +138,7 @@ def refined(
             "rates_left": 1.0,
         }
     )
-    copies = [replace(one) for one in observations]
+    copies = [replace(observation) for observation in observations]
     schedule = Schedule(config.variant_steps, ((float("inf"), 0),))
     optimizer = Optimizer(gaussian_map, copies, copies[0].lenses, gentle, schedule)
     while optimizer.share < 1:

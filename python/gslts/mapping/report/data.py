@@ -1,4 +1,4 @@
-"""What the report of a run of the mapping engine shows."""
+"""Content of the report of a mapping run."""
 
 from __future__ import annotations
 
@@ -6,72 +6,71 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
+from gslts.types import Bools, Bytes, Floats32
 
-MOST_VIEWS = 25
-"""More make the page too large to send."""
+MAX_VIEWS = 25
+"""Maximum number of views on the page: more make it too large to send by mail."""
 
 
 @dataclass(frozen=True)
 class CurvePoint:
-    """Where the optimisation was at some time.
+    """State of the optimization after an epoch.
 
     Attributes:
-        seconds: Since it started.
-        iteration: Steps done.
-        level: Of the images that come next; 0 is the full resolution.
-        training_psnr_db: Of the frames learned from.
-        held_out_psnr_db: Of frames kept aside; None if they were not looked at.
-        gaussians: In the map.
+        seconds: Time since the start of the run, s.
+        iteration: Number of steps.
+        level: Resolution of the next epoch; 0 is the full one.
+        training_psnr_db: Mean PSNR of the training frames in the epoch, dB.
+        validation_psnr_db: PSNR of the validation frames, dB; None without a validation.
+        gaussians: Number of Gaussians.
     """
 
     seconds: float
     iteration: int
     level: int
     training_psnr_db: float
-    held_out_psnr_db: float | None
+    validation_psnr_db: float | None
     gaussians: int
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A frame kept aside, and the map from there.
+    """A test frame beside the rendering of the map.
 
     Attributes:
-        name: Of the frame.
-        photo: [H,W,3] uint8.
-        render: [H,W,3] uint8, with the exposure of the photograph.
-        measured_depth: [H,W], m; 0 or NaN where there is no measurement.
-        rendered_depth: [H,W], m.
-        psnr_db: Of the rendering.
-        mask: [H,W] bool, True where the colour camera saw something; None means everywhere.
+        name: Name of the frame.
+        photo: [H,W,3] photograph.
+        render: [H,W,3] rendering with the exposure of the photograph.
+        measured_depth: [H,W] m; 0 or NaN is no measurement.
+        rendered_depth: [H,W] m.
+        psnr_db: PSNR of the rendering, dB.
+        mask: [H,W] True where the colour camera saw something; None means everywhere.
     """
 
     name: str
-    photo: NDArray[np.uint8]
-    render: NDArray[np.uint8]
-    measured_depth: NDArray[np.float32]
-    rendered_depth: NDArray[np.float32]
+    photo: Bytes
+    render: Bytes
+    measured_depth: Floats32
+    rendered_depth: Floats32
     psnr_db: float
-    mask: NDArray[np.bool_] | None = None
+    mask: Bools | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class ReportData:
-    """What the page shows; what is empty is left out.
+    """Content of the page; empty parts are left out.
 
     Attributes:
-        title: Such as the name of the data set.
+        title: Heading, such as the name of the data set.
         summary: One line.
-        metrics: Numbers by name, by the way in which frames kept aside are judged ("given poses").
-        gaussians_needed: For maps of several sizes the name ("half"), the number of Gaussians and
-            the PSNR in dB.
-        curve: In the order of time.
-        views: Frames kept aside; of more than MOST_VIEWS, some are shown.
-        findings: About the camera and the data set, by name.
-        pose_shifts_m: How far each pose was corrected.
-        pose_turns_rad: By what angle.
+        metrics: Figures on test frames by name, for each choice of poses ("poses as given").
+        variants: Name ("half"), number of Gaussians and validation PSNR (dB) of each variant.
+        curve: Course of the optimization.
+        views: Test frames; of more than MAX_VIEWS, some are shown.
+        frames: Names of frames by purpose ("test", "validation").
+        findings: Findings about the camera and the data set, by name.
+        pose_shifts_m: Correction of each training pose, m.
+        pose_turns_rad: Angle of each correction, rad.
         skipped: Frames that were not used, and why.
         config: All settings.
     """
@@ -79,9 +78,10 @@ class ReportData:
     title: str
     summary: str
     metrics: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    gaussians_needed: Sequence[tuple[str, int, float]] = ()
+    variants: Sequence[tuple[str, int, float]] = ()
     curve: Sequence[CurvePoint] = ()
     views: Sequence[View] = ()
+    frames: Mapping[str, Sequence[str]] = field(default_factory=dict)
     findings: Mapping[str, str] = field(default_factory=dict)
     pose_shifts_m: Sequence[float] = ()
     pose_turns_rad: Sequence[float] = ()

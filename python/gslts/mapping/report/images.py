@@ -1,4 +1,4 @@
-"""Pictures inside an HTML page: as addresses that hold the data themselves."""
+"""Images and plots of the report, as data URLs."""
 
 from __future__ import annotations
 
@@ -8,67 +8,91 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gslts.io.images import RgbImage
 from gslts.mapping.report.data import CurvePoint
+from gslts.types import Floats
 
-WIDTH_PX, QUALITY = 320, 85
+WIDTH_PX, JPEG_QUALITY = 320, 85
+"""Maximum width of images on the page, px, and their JPEG quality."""
 INK = "#808080"
-"""Readable on white and on black."""
-TRAINING, HELD_OUT, GAUSSIANS = "#3b82c4", "#d9822b", "#4c9a5b"
+"""Colour of axes and texts: readable on white and on black."""
+TRAINING, VALIDATION, GAUSSIANS = "#3b82c4", "#d9822b", "#4c9a5b"
+"""Colours of the curves."""
 
 
-def smaller(picture: NDArray[Any]) -> NDArray[Any]:
-    """A picture or a depth image, at most WIDTH_PX wide.
+def shrink(image: Any) -> Any:
+    """Shrink a colour or depth image to at most WIDTH_PX.
 
-    Colours are averaged over what becomes one pixel; of depths one is taken, because the mean of
-    two surfaces, or of a surface and no measurement, is a depth that nothing has.
+    Colours are averaged; of depths the nearest is taken, as the mean of two surfaces, or of a
+    surface and no measurement, is a depth that nothing has.
+
+    Args:
+        image: [H,W,3] uint8 or [H,W] depth.
+
+    Returns:
+        [h,w,3] or [h,w] of the same dtype.
     """
     from PIL import Image
 
-    height, width = picture.shape[:2]
+    height, width = image.shape[:2]
     if width <= WIDTH_PX:
-        return picture
+        return image
     new_height = max(1, round(height * WIDTH_PX / width))
-    if picture.ndim == 3:
-        image = Image.fromarray(picture).resize((WIDTH_PX, new_height), Image.Resampling.BOX)
-        return np.asarray(image)
+    if image.ndim == 3:
+        size = (WIDTH_PX, new_height)
+        return np.asarray(Image.fromarray(image).resize(size, Image.Resampling.BOX))
     rows = ((np.arange(new_height) + 0.5) * height / new_height).astype(int)
     columns = ((np.arange(WIDTH_PX) + 0.5) * width / WIDTH_PX).astype(int)
-    return picture[np.ix_(rows, columns)]
+    return image[np.ix_(rows, columns)]
 
 
-def jpeg_of(picture: RgbImage) -> str:
-    """A picture as the address of an <img>."""
-    return _encoded(picture, "JPEG", quality=QUALITY, optimize=True)
+def jpeg_of(image: RgbImage) -> str:
+    """Encode an image as a data URL of JPEG.
+
+    Args:
+        image: [H,W,3].
+    """
+    return _encoded(image, "JPEG", quality=JPEG_QUALITY, optimize=True)
 
 
-def png_of(picture: RgbImage) -> str:
-    """The same without loss, for what is small or plain."""
-    return _encoded(picture, "PNG", optimize=True)
+def png_of(image: RgbImage) -> str:
+    """Encode an image as a data URL of PNG, for small or plain images.
+
+    Args:
+        image: [H,W,3].
+    """
+    return _encoded(image, "PNG", optimize=True)
 
 
 def psnr_svg(curve: Sequence[CurvePoint]) -> str:
-    """PSNR of both kinds of frames over seconds."""
+    """Plot the PSNR of training and validation frames over time; return a data URL.
+
+    Args:
+        curve: Course of the optimization.
+    """
     figure, axes = _axes("s", "PSNR, dB")
     seconds = [point.seconds for point in curve]
     psnr_db = [point.training_psnr_db for point in curve]
-    axes.plot(seconds, psnr_db, color=TRAINING, label="frames learned from")
-    held_out = [
-        (point.seconds, point.held_out_psnr_db)
+    axes.plot(seconds, psnr_db, color=TRAINING, label="training frames")
+    validation = [
+        (point.seconds, point.validation_psnr_db)
         for point in curve
-        if point.held_out_psnr_db is not None
+        if point.validation_psnr_db is not None
     ]
-    if held_out:
-        times, values = zip(*held_out, strict=True)
-        axes.plot(times, values, "o-", color=HELD_OUT, markersize=3, label="frames kept aside")
+    if validation:
+        times, values = zip(*validation, strict=True)
+        axes.plot(times, values, "o-", color=VALIDATION, markersize=3, label="validation frames")
     axes.legend(loc="lower right", frameon=False, labelcolor=INK)
     return _svg(figure)
 
 
 def size_svg(curve: Sequence[CurvePoint]) -> str:
-    """Number of Gaussians over seconds."""
+    """Plot the number of Gaussians over time; return a data URL.
+
+    Args:
+        curve: Course of the optimization.
+    """
     figure, axes = _axes("s", "Gaussians")
     seconds = [point.seconds for point in curve]
     axes.plot(seconds, [point.gaussians for point in curve], color=GAUSSIANS)
@@ -76,8 +100,13 @@ def size_svg(curve: Sequence[CurvePoint]) -> str:
     return _svg(figure)
 
 
-def histogram_svg(values: NDArray[np.float64], name: str) -> str:
-    """How many poses were corrected by how much."""
+def histogram_svg(values: Floats, name: str) -> str:
+    """Plot the histogram of the corrections of poses; return a data URL.
+
+    Args:
+        values: [F] sizes of the corrections.
+        name: Label of the axis, with the unit.
+    """
     figure, axes = _axes(name, "poses")
     axes.hist(values, bins=30, range=(0, max(float(values.max()), 1e-3)), color=TRAINING)
     return _svg(figure)
@@ -105,16 +134,16 @@ def _svg(figure: Any) -> str:
     from matplotlib import rc_context
 
     buffer = io.BytesIO()
-    with rc_context({"svg.hashsalt": "gslts"}):  # The same names in every run.
+    with rc_context({"svg.hashsalt": "gslts"}):  # Ids are the same in every run.
         figure.savefig(buffer, format="svg", metadata={"Date": None})
     return _address("image/svg+xml", buffer.getvalue())
 
 
-def _encoded(picture: RgbImage, kind: str, **options: Any) -> str:
+def _encoded(image: RgbImage, kind: str, **options: Any) -> str:
     from PIL import Image
 
     buffer = io.BytesIO()
-    Image.fromarray(picture).save(buffer, format=kind, **options)
+    Image.fromarray(image).save(buffer, format=kind, **options)
     return _address(f"image/{kind.lower()}", buffer.getvalue())
 
 

@@ -1,4 +1,4 @@
-"""What a run of the mapping engine found out, as one HTML page that needs nothing else."""
+"""Report of a mapping run as one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -17,36 +17,41 @@ from gslts.io.images import (
     error_image,
     legend,
 )
-from gslts.mapping.report.data import MOST_VIEWS, CurvePoint, ReportData, View
+from gslts.mapping.report.data import MAX_VIEWS, CurvePoint, ReportData, View
 from gslts.mapping.report.images import (
     histogram_svg,
     jpeg_of,
     png_of,
     psnr_svg,
+    shrink,
     size_svg,
-    smaller,
 )
 
 __all__ = ["CurvePoint", "ReportData", "View", "write_report"]
 
-ERROR_SHOWN = 0.2
-"""Difference of the colours, of 1, that is drawn brightest."""
+MAX_ERROR = 0.2
+"""Colour difference (of 1) that is drawn brightest in error images."""
 
 
 def write_report(path: Path, report: ReportData) -> None:
-    """Writes the page, which is there whole or not at all.
+    """Write the page atomically.
+
+    Args:
+        path: HTML file.
+        report: Content.
 
     Raises:
-        OSError: It cannot be written.
-        ValueError: The pictures of a view differ in size.
+        OSError: The file cannot be written.
+        ValueError: The images of a view differ in size.
     """
     sections = [
-        section("How well it shows frames kept aside", _metrics(report.metrics)),
-        section("How many Gaussians are needed", _sizes(report.gaussians_needed)),
-        section("How it learned", _curves(report.curve)),
-        section("What was found about the camera", _findings(report)),
-        section("Frames kept aside", _views(report.views)),
-        section("Frames that were not used", bullets(report.skipped)),
+        section("Quality on test frames", _metrics(report.metrics)),
+        section("Variants, compared on validation frames", _variants(report.variants)),
+        section("Optimization", _curves(report.curve)),
+        section("Camera and poses", _findings(report)),
+        section("Test frames", _views(report.views)),
+        section("Held-out frames", pairs_table(_joined(report.frames))),
+        section("Skipped frames", bullets(report.skipped)),
         section("Settings", pairs_table(report.config)),
     ]
     write_page(path, report.title, report.summary, sections)
@@ -54,13 +59,19 @@ def write_report(path: Path, report: ReportData) -> None:
 
 def _metrics(metrics: Mapping[str, Mapping[str, float]]) -> str:
     names = list(dict.fromkeys(name for values in metrics.values() for name in values))
-    rows = [[way, *(number(values.get(name)) for name in names)] for way, values in metrics.items()]
+    rows = [
+        [poses, *(number(values.get(name)) for name in names)] for poses, values in metrics.items()
+    ]
     return table(["", *names], rows)
 
 
-def _sizes(sizes: Sequence[tuple[str, int, float]]) -> str:
-    rows = [[name, f"{count:,}", number(psnr_db)] for name, count, psnr_db in sizes]
-    return table(["", "Gaussians", "PSNR, dB"], rows)
+def _variants(variants: Sequence[tuple[str, int, float]]) -> str:
+    rows = [[name, f"{count:,}", number(psnr_db)] for name, count, psnr_db in variants]
+    return table(["", "Gaussians", "validation PSNR, dB"], rows)
+
+
+def _joined(frames: Mapping[str, Sequence[str]]) -> dict[str, str]:
+    return {purpose: ", ".join(names) for purpose, names in frames.items()}
 
 
 def _curves(curve: Sequence[CurvePoint]) -> str:
@@ -76,13 +87,13 @@ def _findings(report: ReportData) -> str:
     if shifts_cm.size and turns_deg.size:
         rows = [
             [name, number(float(np.median(values))), number(float(values.max()))]
-            for name, values in (("shift, cm", shifts_cm), ("turn, degrees", turns_deg))
+            for name, values in (("shift, cm", shifts_cm), ("rotation, degrees", turns_deg))
         ]
-        parts.append(table(["corrections of poses", "median", "greatest"], rows))
+        parts.append(table(["corrections of poses", "median", "maximum"], rows))
         parts.append(
             plots(
                 ("Histogram of the shifts", histogram_svg(shifts_cm, "shift, cm")),
-                ("Histogram of the turns", histogram_svg(turns_deg, "turn, degrees")),
+                ("Histogram of the rotations", histogram_svg(turns_deg, "rotation, degrees")),
             )
         )
     return "\n".join(part for part in parts if part)
@@ -91,13 +102,13 @@ def _findings(report: ReportData) -> str:
 def _views(views: Sequence[View]) -> str:
     if not views:
         return ""
-    chosen = np.unique(np.linspace(0, len(views) - 1, min(len(views), MOST_VIEWS)).astype(int))
+    chosen = np.unique(np.linspace(0, len(views) - 1, min(len(views), MAX_VIEWS)).astype(int))
     left_out = f" {len(chosen)} of {len(views)} are shown." if len(chosen) < len(views) else ""
     error, depth = (png_of(legend(colors)) for colors in (ERROR_COLORS, DEPTH_COLORS))
     legends = (
         "<p>The exposure of the photograph is applied to the rendering."
         f"{left_out}</p>\n"
-        f'<p>Error: 0 <img class=legend alt="black to yellow" src="{error}"> {ERROR_SHOWN:g} of '
+        f'<p>Error: 0 <img class=legend alt="black to yellow" src="{error}"> {MAX_ERROR:g} of '
         "the whole range, mean of the channels; 0 where the camera saw nothing.<br>\n"
         f'Depth: near <img class=legend alt="red to blue" src="{depth}"> far; grey where there is '
         "none.</p>"
@@ -109,26 +120,26 @@ def _view(view: View) -> str:
     size = view.photo.shape[:2]
     mask = np.ones(size, np.bool_) if view.mask is None else view.mask
     if any(
-        picture.shape[:2] != size
-        for picture in (view.render, view.measured_depth, view.rendered_depth, mask)
+        image.shape[:2] != size
+        for image in (view.render, view.measured_depth, view.rendered_depth, mask)
     ):
-        raise ValueError(f"write_report: the pictures of view {view.name!r} differ in size")
+        raise ValueError(f"write_report: the images of view {view.name!r} differ in size")
     comparable = np.where(mask[..., None], view.render, view.photo)
-    error = error_image(comparable, view.photo, ERROR_SHOWN)
-    measured, rendered = (smaller(one) for one in (view.measured_depth, view.rendered_depth))
+    error = error_image(comparable, view.photo, MAX_ERROR)
+    measured, rendered = (shrink(depth) for depth in (view.measured_depth, view.rendered_depth))
     range_m = depth_range(measured if (measured > 0).any() else rendered)
     figures = (
-        ("photograph", smaller(view.photo)),
-        ("rendering", smaller(view.render)),
-        ("error", smaller(error)),
+        ("photograph", shrink(view.photo)),
+        ("rendering", shrink(view.render)),
+        ("error", shrink(error)),
         ("measured depth", depth_image(measured, range_m)),
         ("rendered depth", depth_image(rendered, range_m)),
     )
     name = escape(view.name)
     shown = "\n".join(
-        f'<figure><img loading=lazy alt="{caption} of {name}" src="{jpeg_of(picture)}">'
+        f'<figure><img loading=lazy alt="{caption} of {name}" src="{jpeg_of(image)}">'
         f"<figcaption>{caption}</figcaption></figure>"
-        for caption, picture in figures
+        for caption, image in figures
     )
     scale = f"depth {range_m[0]:.2f} to {range_m[1]:.2f} m"
     title = f"<h3>{name} <span>{number(view.psnr_db)} dB, {scale}</span></h3>"

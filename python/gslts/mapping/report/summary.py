@@ -1,4 +1,4 @@
-"""What is told about a finished run: the folder of the map, the report and one line."""
+"""Results of a mapping run: folder of the map, manifest, report and a one-line summary."""
 
 from __future__ import annotations
 
@@ -8,34 +8,34 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gslts.core.gaussian_map import FloatArray
 from gslts.core.se3 import twist_of
 from gslts.localization.landmark_extraction import extract_landmarks
 from gslts.localization.landmark_files import KEY, landmarks_digest, write_landmarks
 from gslts.mapping.engine import MappingResult
-from gslts.mapping.evaluation.evaluate import Quality, shown
+from gslts.mapping.evaluation.evaluate import Quality, rgb_as_exposed
 from gslts.mapping.lenses import Lenses
 from gslts.mapping.report.data import ReportData, View
 from gslts.mapping.report.page import write_report
 from gslts.rendering.metrics import psnr_db
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.store.map_folder import camera_to_json, write_map_folder
+from gslts.types import Bytes, Floats
 
 
 def write_result(folder: Path, result: MappingResult, dataset: str) -> None:
-    """Writes the folder of a map with landmarks and its report; it is there whole or not at all.
+    """Write the folder of a map with landmarks and report atomically.
 
     Args:
-        folder: Must not be there yet.
-        result: What to write.
-        dataset: Its name.
+        folder: New folder; must not exist.
+        result: Result of `make_map`.
+        dataset: Name of the data set.
 
     Raises:
-        OSError: It cannot be written, or is there already.
+        OSError: The folder cannot be written, or exists.
     """
-    frames = (one.rgbd() for one in result.training.values())
+    frames = (frame.rgbd() for frame in result.training.values())
     landmarks = extract_landmarks(result.gaussian_map, frames, threads=result.config.threads)
 
     def finish(part: Path) -> None:
@@ -46,23 +46,35 @@ def write_result(folder: Path, result: MappingResult, dataset: str) -> None:
         folder,
         result.gaussian_map,
         {**manifest_of(result, dataset), KEY: landmarks_digest(landmarks)},
-        {name: one.camera() for name, one in result.training.items()},
+        {name: frame.camera() for name, frame in result.training.items()},
         finish,
     )
 
 
 def manifest_of(result: MappingResult, dataset: str) -> dict[str, Any]:
-    """What stands beside the Gaussians, in values of JSON."""
+    """Return the manifest of a map, in values of JSON.
+
+    Args:
+        result: Result of `make_map`.
+        dataset: Name of the data set.
+    """
     return {
         "gslts": metadata.version("gslts"),
         "dataset": dataset,
         "origin": result.gaussian_map.origin.tolist(),
         "config": result.config.model_dump(),
         "lenses": {"given": _plain(result.given_lenses), "found": _plain(_found(result))},
-        "held_out": asdict(result.quality),
+        "test": asdict(result.quality),
+        "test_frames": list(result.test),
+        "validation_frames": list(result.validation),
+        "exposures_rejected": _exposures_rejected(result),
         "variants": [
-            {"name": one.name, "gaussians": one.gaussian_map.size, "psnr_db": one.psnr_db}
-            for one in result.variants
+            {
+                "name": variant.name,
+                "gaussians": variant.gaussian_map.size,
+                "validation_psnr_db": variant.psnr_db,
+            }
+            for variant in result.variants
         ],
         "seeds": result.seeds,
         "seconds": result.seconds,
@@ -71,46 +83,57 @@ def manifest_of(result: MappingResult, dataset: str) -> dict[str, Any]:
 
 
 def summary_of(result: MappingResult) -> str:
-    """One line."""
+    """Summarize a result in one line.
+
+    Args:
+        result: Result of `make_map`.
+    """
     quality = result.quality
-    ways = [f"{quality.given.psnr_db:.1f} dB"]
+    psnrs = [f"{quality.given.psnr_db:.1f} dB"]
     if quality.by_neighbours is not None:
-        ways.append(f"{quality.by_neighbours.psnr_db:.1f} with poses corrected by neighbours")
-    ways.append(f"{quality.refined.psnr_db:.1f} with refined ones")
+        psnrs.append(f"{quality.by_neighbours.psnr_db:.1f} with poses corrected by neighbours")
+    psnrs.append(f"{quality.refined.psnr_db:.1f} with refined poses")
     depth_m = quality.refined.depth_l1_m
-    depth = ", no depth measured" if depth_m is None else f", depth {100 * depth_m:.1f} cm off"
-    sizes = "".join(
-        f"; {one.name} as many: {one.psnr_db - result.variants[0].psnr_db:+.2f} dB"
-        for one in result.variants
-        if one.name in ("half", "double")
+    depth = ", no depth measured" if depth_m is None else f", depth error {100 * depth_m:.1f} cm"
+    changes = "".join(
+        f"; {variant.name} as many: {variant.psnr_db - result.variants[0].psnr_db:+.2f} dB"
+        for variant in result.variants
+        if variant.name in ("half", "double")
     )
     return (
         f"{result.gaussian_map.size} Gaussians in {result.used_s:.0f} s; "
-        f"{quality.refined.frames} frames kept aside: {', '.join(ways)}{depth}{sizes}; "
+        f"{quality.refined.frames} test frames: {', '.join(psnrs)}{depth}{changes}; "
         f"{len(result.skipped)} frames skipped"
     )
 
 
 def report_of(result: MappingResult, dataset: str) -> ReportData:
-    """The pages that people look at."""
+    """Return the content of the report.
+
+    Args:
+        result: Result of `make_map`.
+        dataset: Name of the data set.
+    """
     quality = result.quality
-    ways = {
+    by_poses = {
         "poses as given": quality.given,
         "poses corrected by neighbours": quality.by_neighbours,
         "poses refined": quality.refined,
     }
-    corrections = np.array([twist_of(one.correction) for one in result.training.values()])
+    corrections = np.array([twist_of(frame.correction) for frame in result.training.values()])
     return ReportData(
         title=f"Map of {dataset}",
         summary=summary_of(result),
-        metrics={name: _metrics(one) for name, one in ways.items() if one is not None},
-        gaussians_needed=[
-            (one.name, one.gaussian_map.size, one.psnr_db) for one in result.variants
-        ],
+        metrics={
+            poses: _metrics(figures) for poses, figures in by_poses.items() if figures is not None
+        },
+        variants=[(v.name, v.gaussian_map.size, v.psnr_db) for v in result.variants],
         curve=result.curve,
         views=_views(result, result.config.threads),
+        frames={"test": result.test, "validation": result.validation},
         findings={
             **_lens_findings(result),
+            **_exposure_findings(result),
             **{f"seconds for {stage}": f"{s:.1f}" for stage, s in result.seconds.items()},
         },
         pose_shifts_m=np.linalg.norm(corrections[:, :3], axis=1).tolist(),
@@ -130,18 +153,19 @@ def _metrics(quality: Quality) -> dict[str, float]:
 def _views(result: MappingResult, threads: int) -> list[View]:
     rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
     views = []
-    for name, one in result.held_out.items():
-        images = rasterizer.forward(result.gaussian_map, one.camera(), options)
-        rgb = shown(images, one, threads)
+    for name in result.test:
+        frame = result.held_out[name]
+        images = rasterizer.forward(result.gaussian_map, frame.camera(), options)
+        rgb = rgb_as_exposed(images, frame, threads)
         views.append(
             View(
                 name=name,
-                photo=one.rgb[0],
+                photo=frame.rgb[0],
                 render=_bytes(rgb),
-                measured_depth=one.depth(),
+                measured_depth=frame.depth(),
                 rendered_depth=images.depth.astype(np.float32),
-                psnr_db=psnr_db(rgb, one.photo(), one.mask()),
-                mask=one.mask(),
+                psnr_db=psnr_db(rgb, frame.color(), frame.mask()),
+                mask=frame.mask(),
             )
         )
     return views
@@ -160,12 +184,23 @@ def _lens_findings(result: MappingResult) -> dict[str, str]:
         "colour camera, px": intrinsics,
         "depth lens from the colour camera, mm": f"{_three(1e3 * twist[:3])} (given "
         f"{_three(1e3 * before[:3])})",
-        "depth lens turned by, mrad": f"{_three(1e3 * twist[3:])} (given "
+        "depth lens rotated by, mrad": f"{_three(1e3 * twist[3:])} (given "
         f"{_three(1e3 * before[3:])})",
     }
 
 
-def _three(numbers: NDArray[np.float64]) -> str:
+def _exposures_rejected(result: MappingResult) -> list[str]:
+    return [name for name, frame in result.training.items() if frame.exposure_rejected]
+
+
+def _exposure_findings(result: MappingResult) -> dict[str, str]:
+    rejected = _exposures_rejected(result)
+    if not rejected:
+        return {}
+    return {"exposure not determined, none applied": ", ".join(rejected)}
+
+
+def _three(numbers: Floats) -> str:
     return ", ".join(f"{number:.1f}" for number in numbers)
 
 
@@ -177,5 +212,5 @@ def _plain(lenses: Lenses) -> dict[str, Any]:
     return {"color": camera_to_json(lenses.color), "depth": camera_to_json(lenses.depth)}
 
 
-def _bytes(rgb: FloatArray) -> NDArray[np.uint8]:
+def _bytes(rgb: FloatArray) -> Bytes:
     return (rgb.clip(0, 1) * 255 + 0.5).astype(np.uint8)

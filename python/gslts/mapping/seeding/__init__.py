@@ -1,1 +1,1 @@
-"""First Gaussians of a map: from depth, from triangulated points, in holes of the depth."""
+"""Seeding of Gaussians: from depth, from triangulated points, and in holes of the depth."""

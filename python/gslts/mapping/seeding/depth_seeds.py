@@ -1,4 +1,4 @@
-"""First Gaussians from depth: flat ones on the surfaces that were measured."""
+"""Seeds from depth: flat Gaussians on measured surfaces, larger ones where colours are plain."""
 
 from __future__ import annotations
 
@@ -6,38 +6,40 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gslts._core.fusion import SurfaceVoxels
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import SH_C0, GaussianMap
-from gslts.mapping.density.control import joined
-from gslts.types import Floats
+from gslts.mapping.density.control import join
+from gslts.types import Bools, Floats, Ints
 
 PIXEL_STEP = 2
-"""Every second pixel each way: neighbours fall into the same voxel anyway."""
-LEAST_HITS = 2
-"""Frames that must have seen a voxel: what only one saw is mostly noise."""
+"""Every 2nd row and column is used: its neighbours fall into the same voxel anyway."""
+MIN_HITS = 2
+"""Minimum number of frames that measured a voxel: points of a single frame are mostly noise."""
 ALONG, ACROSS = 0.6, 0.2
-"""Standard deviations along the surface and across it, in distances to the next Gaussian."""
+"""Standard deviations along and across the surface, in units of the distance to the next
+Gaussian: narrower ones leave gaps, wider ones blur."""
 OPACITY = 0.8
+"""Opacity of seeds on measured surfaces; below 1, so that gradients can raise and lower it."""
 COARSER_LEVELS = 3
-"""Plain surfaces get Gaussians of up to 2^3 times the size."""
-LEAST_CONTRAST, MOST_CONTRAST = 0.02, 2.0
-"""Between no brightness that is ever plain, and any."""
-FLAT = 0.97
-"""Least length of the mean of unit normals within a voxel, to count as flat: a turn of 20 degrees
-between its halves."""
+"""Levels of coarser voxels: plain surfaces get Gaussians of up to 2^3 times the size."""
+MIN_CONTRAST, MAX_CONTRAST = 0.02, 2.0
+"""Range of the contrast when it is raised to meet a maximum number of Gaussians: below the first no
+surface is plain, above the second all are."""
+MIN_FLATNESS = 0.97
+"""Minimum length of the mean of unit normals in a voxel that counts as flat: 0.97 is an angle of
+about 28 degrees between the normals of two halves."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Voxels:
-    """Sums over the points of voxels, ordered as by `SurfaceVoxels`."""
+    """Sums over the points in each of V voxels, ordered as by `SurfaceVoxels`."""
 
-    keys: NDArray[np.int64]  # Shifted right by 3, that of the voxel of twice the edge around it.
+    keys: Ints  # [V]; shifted right by 3, the key of the enclosing voxel of twice the edge.
     sums: Floats  # [V,11]: count, point, normal, colour, squared detail
 
-    def select(self, rows: NDArray[np.bool_]) -> _Voxels:
+    def select(self, rows: Bools) -> _Voxels:
         return _Voxels(self.keys[rows], self.sums[rows])
 
 
@@ -47,53 +49,58 @@ def seed_from_depth(
     contrast: float = 0.0,
     *,
     sh_degree: int = 0,
-    most: int | None = None,
-    least_hits: int = LEAST_HITS,
+    max_gaussians: int | None = None,
+    min_hits: int = MIN_HITS,
     pixel_step: int = PIXEL_STEP,
 ) -> GaussianMap:
-    """One Gaussian for each voxel that enough frames measured, larger ones on plain surfaces.
+    """Seed one Gaussian per voxel that enough frames measured, larger ones on plain surfaces.
 
     Args:
-        frames: With registered depth, and poses that are roughly right.
-        voxel_m: Edge of the smallest voxels.
-        contrast: Where colours change by less than this over a voxel of twice, four or eight times
-            the edge, and the surface is flat, one Gaussian serves all of it; 0 means nowhere.
-        sh_degree: Of the map; all but the constant harmonic start at 0.
-        most: If there would be more Gaussians, the contrast is raised, and if that is not enough,
-            every so manieth one is left out.
-        least_hits: Frames that must have measured a voxel.
-        pixel_step: Of every so many rows and columns one is looked at; surfaces narrower than twice
-            that are not found.
+        frames: Registered depth at roughly correct poses.
+        voxel_m: Edge of the smallest voxels, m.
+        contrast: Colour change (of 1) over a voxel of 2, 4 or 8 times the edge below which a flat
+            surface gets a single Gaussian there; 0 means nowhere.
+        sh_degree: SH degree of the map; all but the constant coefficients are 0.
+        max_gaussians: Maximum number of Gaussians; to meet it, contrast is raised, then Gaussians
+            are left out evenly.
+        min_hits: Minimum number of frames that measured a voxel.
+        pixel_step: Every n-th row and column is used; surfaces narrower than 2 n px are missed.
+
+    Returns:
+        float32 map.
 
     Raises:
-        ValueError: No voxel was measured so often, or a point is kilometres away.
+        ValueError: No voxel was measured by enough frames, or a point is kilometres away.
     """
-    voxels = _fused(frames, SurfaceVoxels(voxel_m, pixel_step), least_hits)
+    voxels = _fused(frames, SurfaceVoxels(voxel_m, pixel_step), min_hits)
     levels = _levels(voxels, voxel_m, contrast)
-    while most is not None and _size(levels) > most and contrast < MOST_CONTRAST:
-        contrast = max(1.25 * contrast, LEAST_CONTRAST)
+    while max_gaussians is not None and _size(levels) > max_gaussians and contrast < MAX_CONTRAST:
+        contrast = max(1.25 * contrast, MIN_CONTRAST)
         levels = _levels(voxels, voxel_m, contrast)
     *finer, coarsest = (
         _with_edge(level, voxel_m * 2**k, sh_degree) for k, level in enumerate(levels)
     )
     seeds = coarsest
     for part in finer:
-        seeds = joined(seeds, part)
-    if most is not None and seeds.size > most:
-        seeds = seeds.select(np.linspace(0, seeds.size - 1, most).astype(np.int64))
+        seeds = join(seeds, part)
+    if max_gaussians is not None and seeds.size > max_gaussians:
+        seeds = seeds.select(np.linspace(0, seeds.size - 1, max_gaussians).astype(np.int64))
     return seeds
 
 
-def _fused(frames: Iterable[RgbdFrame], surfaces: SurfaceVoxels, least_hits: int) -> _Voxels:
-    """Those that enough frames have seen."""
+def _fused(frames: Iterable[RgbdFrame], surfaces: SurfaceVoxels, min_hits: int) -> _Voxels:
+    """Return the voxels that enough frames have measured."""
     for frame in frames:
         mask = None if frame.mask is None else np.ascontiguousarray(frame.mask)
         depth, rgb = np.ascontiguousarray(frame.depth), np.ascontiguousarray(frame.rgb)
         surfaces.add(depth, rgb, frame.camera, mask)
     keys, sums, hits = surfaces.voxels()
-    kept = hits >= least_hits
+    kept = hits >= min_hits
     if not kept.any():
-        raise ValueError("seed_from_depth: no surface was measured by enough frames")
+        raise ValueError(
+            f"seed_from_depth: no surface was measured by {min_hits} frames: check that frames "
+            "overlap and that poses and depth have one scale"
+        )
     return _Voxels(keys, sums).select(kept)
 
 
@@ -102,7 +109,7 @@ def _size(levels: list[_Voxels]) -> int:
 
 
 def _levels(voxels: _Voxels, voxel_m: float, contrast: float) -> list[_Voxels]:
-    """The voxels that become Gaussians, of the given edge, twice, four and eight times that."""
+    """Return the voxels that become Gaussians, of 1, 2, 4 and 8 times the edge."""
     levels = []
     for k in range(1, COARSER_LEVELS + 1):
         stays, voxels = _split_plain(voxels, voxel_m * 2**k, contrast)
@@ -111,14 +118,14 @@ def _levels(voxels: _Voxels, voxel_m: float, contrast: float) -> list[_Voxels]:
 
 
 def _split_plain(voxels: _Voxels, edge_m: float, contrast: float) -> tuple[_Voxels, _Voxels]:
-    """Voxels that must stay, and those of the given edge that replace all others."""
+    """Split voxels into those that stay, and coarser ones of an edge that replace the others."""
     parents = voxels.keys >> 3
-    starts = np.flatnonzero(np.diff(parents, prepend=-1))  # The parts of a voxel stand together.
+    starts = np.flatnonzero(np.diff(parents, prepend=-1))  # Parts of a voxel are consecutive.
     sums = np.add.reduceat(voxels.sums, starts, axis=0)
     lengths = np.linalg.norm(voxels.sums[:, 4:7], axis=1)
     turning = np.linalg.norm(sums[:, 4:7], axis=1) / np.add.reduceat(lengths, starts)
     detail = np.sqrt(sums[:, 10] / sums[:, 0])
-    plain = (detail * edge_m < contrast) & (turning > FLAT)
+    plain = (detail * edge_m < contrast) & (turning > MIN_FLATNESS)
     stays = np.repeat(~plain, np.diff(starts, append=len(parents)))
     return voxels.select(stays), _Voxels(parents[starts], sums).select(plain)
 
@@ -138,15 +145,18 @@ def flat_gaussians(
     opacity: float,
     sh_degree: int,
 ) -> GaussianMap:
-    """Gaussians that close a surface.
+    """Make flat Gaussians that cover a surface.
 
     Args:
-        points: [N,3] on it, m.
+        points: [N,3] on the surface, m.
         normals: [N,3] of any length.
         colors: [N,3] sRGB, 0 to 1.
-        spacing_m: [N] distance to the next points.
-        opacity: Of all.
-        sh_degree: Of the map; all but the constant harmonic are 0.
+        spacing_m: [N] distance to the next points, m.
+        opacity: Opacity of all.
+        sh_degree: SH degree of the map; all but the constant coefficients are 0.
+
+    Returns:
+        float32 map.
     """
     size = len(points)
     sh = np.zeros((size, (sh_degree + 1) ** 2, 3), np.float32)
@@ -162,7 +172,7 @@ def flat_gaussians(
 
 
 def _quats_towards(normals: Floats) -> Floats:
-    """[N,4] wxyz: rotations that turn z to normals of any length."""
+    """Return quaternions [N,4] wxyz that turn z to normals [N,3] of any length."""
     unit = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
     quats = np.column_stack([1 + unit[:, 2], -unit[:, 1], unit[:, 0], np.zeros(len(unit))])
     opposite = quats[:, 0] < 1e-6

@@ -1,4 +1,4 @@
-"""Which points of posed pictures are pictures of one point of the scene."""
+"""Matching of keypoints between posed images, and tracks of them over all images."""
 
 from __future__ import annotations
 
@@ -6,54 +6,57 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gslts.core.camera import Camera
-from gslts.mapping.seeding.sift import Features
-from gslts.types import Floats
-
-Integers = NDArray[np.intp]
+from gslts.mapping.seeding.sift import Keypoints
+from gslts.types import Floats, Ints
 
 PARTNERS = 8
-"""Pictures that each one is matched with."""
-WIDEST_VIEW_RAD = np.deg2rad(45)
-"""Between viewing directions; beyond, SIFT finds little again."""
-SAME_PLACE = 1e-3
-"""Of the median distance between cameras: nearer ones have no baseline."""
-RATIO = 0.8
-"""Of the distances to the best and the second-best descriptor (Lowe 2004)."""
-WIDEST_BAND_PX = 12.0
-"""From the epipolar line. Poses that are off by 1 cm and half a degree move it by 7 px."""
+"""Number of images that each one is matched with; the time of matching is proportional to it."""
+MAX_VIEW_ANGLE_RAD = np.deg2rad(45)
+"""Maximum angle between viewing directions of a pair; beyond, SIFT matches little."""
+MIN_BASELINE_SHARE = 1e-3
+"""Minimum distance of a pair, relative to the median distance between cameras."""
+MAX_RATIO = 0.8
+"""Maximum ratio of the distances to the best and second-best descriptor (Lowe 2004)."""
+MAX_EPIPOLAR_PX = 12.0
+"""Maximum distance from the epipolar line, px. A pose off by 1 cm and 0.5 degrees moves it 7 px."""
 
 
 @dataclass(frozen=True, eq=False)
 class Matches:
-    """Features of two pictures that look alike and lie where the poses allow it.
+    """Matched keypoints of two images that agree with the poses.
 
     Attributes:
-        pair: Numbers of the pictures.
-        rows: [M,2] of the features in them.
-        distances_px: [M] from the epipolar line in the second picture.
+        pair: Indices of the images.
+        rows: [M,2] rows of the keypoints in each.
+        distances_px: [M] distances from the epipolar line in the second image, px.
     """
 
     pair: tuple[int, int]
-    rows: Integers
+    rows: Ints
     distances_px: Floats
 
 
-def pairs(cameras: Sequence[Camera]) -> list[tuple[int, int]]:
-    """Pairs (i, j), i < j, that may see the same from places apart.
+def choose_pairs(cameras: Sequence[Camera]) -> list[tuple[int, int]]:
+    """Choose pairs of cameras that may see the same surface across a baseline.
 
-    The scale of the scene is not known, and cameras may be dense as in a film or few: the partners
-    of each are near ones and ever farther ones, out of all that look the same way.
+    As the scale is unknown, and cameras may be dense or sparse, the partners of each camera are at
+    geometrically growing ranks of distance among those with a similar viewing direction.
+
+    Args:
+        cameras: Cameras of all images.
+
+    Returns:
+        Pairs of indices (i, j), i < j, ascending.
     """
     if len(cameras) < 2:
         return []
     centres = np.array([camera.world_from_camera[:3, 3] for camera in cameras])
     views = np.array([camera.world_from_camera[:3, 2] for camera in cameras])
-    alike = views @ views.T > np.cos(WIDEST_VIEW_RAD)
+    alike = views @ views.T > np.cos(MAX_VIEW_ANGLE_RAD)
     apart = np.linalg.norm(centres[:, None] - centres, axis=2)
-    alike &= apart > SAME_PLACE * np.median(apart)
+    alike &= apart > MIN_BASELINE_SHARE * np.median(apart)
     found = set()
     for i in range(len(cameras)):
         partners = np.flatnonzero(alike[i])
@@ -65,10 +68,18 @@ def pairs(cameras: Sequence[Camera]) -> list[tuple[int, int]]:
     return sorted(found)
 
 
-def matched(pair: tuple[int, int], cameras: Sequence[Camera], found: Sequence[Features]) -> Matches:
-    """Features that are each other's best, clearly better than all others, and near the line."""
-    first, second = (found[row] for row in pair)
-    if len(first.places) < 2 or len(second.places) < 2:
+def match(
+    pair: tuple[int, int], cameras: Sequence[Camera], keypoints: Sequence[Keypoints]
+) -> Matches:
+    """Match the keypoints of two images: mutual nearest, ratio test, epipolar distance.
+
+    Args:
+        pair: Indices of the images.
+        cameras: Cameras of all images.
+        keypoints: Keypoints of all images.
+    """
+    first, second = (keypoints[row] for row in pair)
+    if len(first.positions) < 2 or len(second.positions) < 2:
         return Matches(pair, np.zeros((0, 2), np.intp), np.zeros(0))
     a, b = first.descriptors, second.descriptors
     unlike = a @ (-2 * b).T
@@ -78,19 +89,22 @@ def matched(pair: tuple[int, int], cameras: Sequence[Camera], found: Sequence[Fe
     least = unlike[i, best]
     good = least == unlike.min(axis=0)[best]
     unlike[i, best] = np.inf
-    good &= least < RATIO**2 * unlike.min(axis=1)
+    good &= least < MAX_RATIO**2 * unlike.min(axis=1)
     rows = np.column_stack([i, best])[good]
-    away_px = _from_epipolar_lines(
-        cameras[pair[0]], cameras[pair[1]], first.places[rows[:, 0]], second.places[rows[:, 1]]
+    distances_px = _epipolar_distances_px(
+        cameras[pair[0]],
+        cameras[pair[1]],
+        first.positions[rows[:, 0]],
+        second.positions[rows[:, 1]],
     )
-    near = away_px <= WIDEST_BAND_PX
-    return Matches(pair, rows[near], away_px[near])
+    near = distances_px <= MAX_EPIPOLAR_PX
+    return Matches(pair, rows[near], distances_px[near])
 
 
-def _from_epipolar_lines(
+def _epipolar_distances_px(
     first: Camera, second: Camera, in_first: Floats, in_second: Floats
 ) -> Floats:
-    """[M] px in the second picture, of its points [M,2] from the lines of those of the first."""
+    """Return distances [M] of points [M,2] in the second image from the lines of the first."""
     second_from_first = np.linalg.inv(second.world_from_camera) @ first.world_from_camera
     x, y, z = second_from_first[:3, 3]
     across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
@@ -103,21 +117,25 @@ def _from_epipolar_lines(
 
 
 def intrinsics(camera: Camera) -> Floats:
-    """[3,3] that takes points of the camera frame to homogeneous px."""
+    """Return the intrinsic matrix [3,3], from the camera frame to homogeneous px.
+
+    Args:
+        camera: Any camera.
+    """
     return np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
 
 
-def tracks(sizes: Sequence[int], matches: Sequence[Matches], tolerance_px: float) -> Integers:
-    """Features that are joined by matches, over all pictures.
+def build_tracks(sizes: Sequence[int], matches: Sequence[Matches], tolerance_px: float) -> Ints:
+    """Join matches into tracks: keypoints of one point of the scene over all images.
 
     Args:
-        sizes: Numbers of features of the pictures.
-        matches: Of pairs of them.
-        tolerance_px: Matches farther from the epipolar line are not used.
+        sizes: Numbers of keypoints of the images.
+        matches: Matches of all pairs.
+        tolerance_px: Maximum distance from the epipolar line, px.
 
     Returns:
-        [K,3]: number of the track, picture, feature; by tracks, at least two pictures each. Where a
-        track has several features in a picture, they are left out.
+        [K,3] track, image, keypoint, ascending; each track in at least two images. If a track has
+        several keypoints in an image, these are left out.
     """
     firsts = np.concatenate([[0], np.cumsum(sizes)])
     parents = list(range(int(firsts[-1])))
@@ -128,18 +146,18 @@ def tracks(sizes: Sequence[int], matches: Sequence[Matches], tolerance_px: float
             node = parents[node]
         return node
 
-    for one in matches:
-        near = one.rows[one.distances_px <= tolerance_px] + firsts[list(one.pair)]
+    for found in matches:
+        near = found.rows[found.distances_px <= tolerance_px] + firsts[list(found.pair)]
         for a, b in near.tolist():
             parents[root(a)] = root(b)
     roots = np.array([root(node) for node in range(len(parents))], np.intp)
-    pictures = np.repeat(np.arange(len(sizes)), sizes)
-    members = np.column_stack([roots, pictures, np.arange(len(roots)) - firsts[pictures]])
+    images = np.repeat(np.arange(len(sizes)), sizes)
+    members = np.column_stack([roots, images, np.arange(len(roots)) - firsts[images]])
     members = members[np.lexsort(members.T[::-1])]
     _, back, counts = np.unique(members[:, :2], axis=0, return_inverse=True, return_counts=True)
     members = members[counts[back.ravel()] == 1]
     _, back, counts = np.unique(members[:, 0], return_inverse=True, return_counts=True)
     members = members[counts[back] >= 2]
     members[:, 0] = np.unique(members[:, 0], return_inverse=True)[1]
-    result: Integers = members
+    result: Ints = members
     return result

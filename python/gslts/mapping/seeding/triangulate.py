@@ -1,4 +1,4 @@
-"""Points of the scene from posed pictures without depth."""
+"""Triangulation of scene points from posed images without depth."""
 
 from __future__ import annotations
 
@@ -6,106 +6,107 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
 from gslts.datasets.dataset import PointCloud
-from gslts.mapping.seeding.matching import Integers, intrinsics, matched, pairs, tracks
-from gslts.mapping.seeding.sift import features
-from gslts.types import Floats
+from gslts.mapping.seeding.matching import build_tracks, choose_pairs, intrinsics, match
+from gslts.mapping.seeding.sift import detect_keypoints
+from gslts.types import Bools, Floats, Ints
 
 TOLERANCE_PX = (1.0, 9.0)
-"""Of epipolar and reprojection errors: where the poses are right, and at most."""
-OUTLIERS = 3.0
-"""Times the median error of the matches: what is farther off is wrong, not just imprecise."""
-LEAST_PARALLAX_RAD = np.deg2rad(1.5)
-"""Between the rays of a point."""
-UNCERTAINTY = 0.04
-"""Of the distance of a point, that it may move by where the pictures move by a pixel."""
+"""Range of the tolerance of epipolar and reprojection errors, px: for exact poses, and at most."""
+OUTLIER_FACTOR = 3.0
+"""Tolerance relative to the median epipolar distance of all matches: more is an outlier."""
+MIN_PARALLAX_RAD = np.deg2rad(1.5)
+"""Minimum angle between rays of a point."""
+MAX_RELATIVE_STD = 0.04
+"""Maximum shift of a point for an error of one pixel, relative to its distance."""
 STEPS = 3
-"""Of Gauss and Newton; the midpoint that they start from is near."""
+"""Number of Gauss-Newton steps; they start near the solution, at the midpoint of the rays."""
 
 
-def triangulated(frames: Sequence[RgbdFrame]) -> PointCloud:
-    """Points that several of the frames see; deterministic.
+def triangulate(frames: Sequence[RgbdFrame]) -> PointCloud:
+    """Triangulate points that at least two frames see.
+
+    The tolerance of reprojection errors follows from the epipolar errors of all matches, which show
+    how far the poses are off.
 
     Args:
-        frames: With poses that are roughly right; their depth is not looked at. How far the poses
-            are off is told by the matches, and so many px a point may be off.
+        frames: Images at roughly correct poses; depth is not used.
 
     Returns:
-        Maybe nothing, as from pictures without texture.
+        Points and colours, possibly none, such as from images without texture; deterministic.
 
     Source: SIFT, Lowe 2004; structure from known poses, Hartley and Zisserman, Multiple View
     Geometry, chapter 12.
     """
     cameras = [frame.camera for frame in frames]
-    found = [features(frame) for frame in frames]
-    matches = [matched(pair, cameras, found) for pair in pairs(cameras)]
-    errors_px = np.concatenate([np.zeros(1), *(one.distances_px for one in matches)])
-    tolerance_px = float(np.clip(OUTLIERS * np.median(errors_px), *TOLERANCE_PX))
-    members = tracks([len(one.places) for one in found], matches, tolerance_px)
+    keypoints = [detect_keypoints(frame) for frame in frames]
+    matches = [match(pair, cameras, keypoints) for pair in choose_pairs(cameras)]
+    errors_px = np.concatenate([np.zeros(1), *(found.distances_px for found in matches)])
+    tolerance_px = float(np.clip(OUTLIER_FACTOR * np.median(errors_px), *TOLERANCE_PX))
+    members = build_tracks([len(found.positions) for found in keypoints], matches, tolerance_px)
     if len(members) == 0:
         return PointCloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8))
-    places = np.array([found[picture].places[row] for _, picture, row in members])
-    colors = np.array([found[picture].colors[row] for _, picture, row in members])
-    sights = _Sights.of(cameras, members[:, 1], places, _starts(members[:, 0]))
-    points, good = _solved(sights, tolerance_px)
-    means = sights.sums(colors.astype(np.float64)) / sights.counts[:, None]
+    positions = np.array([keypoints[image].positions[row] for _, image, row in members])
+    colors = np.array([keypoints[image].colors[row] for _, image, row in members])
+    observed = _Observations.of(cameras, members[:, 1], positions, _starts(members[:, 0]))
+    points, good = _solve(observed, tolerance_px)
+    means = observed.sums(colors.astype(np.float64)) / observed.counts[:, None]
     return PointCloud(points[good], means[good].round().astype(np.uint8))
 
 
 @dataclass(frozen=True, eq=False)
-class _Sights:
-    """K places in pictures where one of T points each was seen, ordered by points."""
+class _Observations:
+    """K image positions of T points, ordered by points."""
 
     centres: Floats  # [K,3] of the cameras, m
     camera_from_world: Floats  # [K,3,3]
     intrinsics: Floats  # [K,3,3]
-    places: Floats  # [K,2] px
-    starts: Integers  # [T] the first of each point
+    positions: Floats  # [K,2] px
+    starts: Ints  # [T] first row of each point
 
     @staticmethod
     def of(
-        cameras: Sequence[Camera], pictures: Integers, places: Floats, starts: Integers
-    ) -> _Sights:
-        poses = np.array([camera.world_from_camera for camera in cameras])[pictures]
-        inside = np.array([intrinsics(camera) for camera in cameras])[pictures]
+        cameras: Sequence[Camera], images: Ints, positions: Floats, starts: Ints
+    ) -> _Observations:
+        poses = np.array([camera.world_from_camera for camera in cameras])[images]
+        inside = np.array([intrinsics(camera) for camera in cameras])[images]
         turns = poses[:, :3, :3].transpose(0, 2, 1)
-        return _Sights(poses[:, :3, 3], turns, inside, places, starts)
+        return _Observations(poses[:, :3, 3], turns, inside, positions, starts)
 
     @property
-    def counts(self) -> Integers:
-        """[T] of each point."""
-        return np.diff(np.append(self.starts, len(self.places)))
+    def counts(self) -> Ints:
+        """Number [T] of observations of each point."""
+        return np.diff(np.append(self.starts, len(self.positions)))
 
     def sums(self, values: Floats) -> Floats:
-        """[T,...] over the sights of each point, of [K,...]."""
+        """Return sums [T,...] of values [K,...] over the observations of each point."""
         result: Floats = np.add.reduceat(values, self.starts, axis=0)
         return result
 
     def directions(self) -> Floats:
-        """[K,3] unit vectors in the world from the cameras to the points."""
-        homogeneous = np.column_stack([self.places, np.ones(len(self.places))])[..., None]
+        """Return unit vectors [K,3] in the world frame from the cameras to the points."""
+        homogeneous = np.column_stack([self.positions, np.ones(len(self.positions))])[..., None]
         rays = np.linalg.inv(self.intrinsics) @ homogeneous
         in_world = (self.camera_from_world.transpose(0, 2, 1) @ rays)[..., 0]
         result: Floats = in_world / np.linalg.norm(in_world, axis=1, keepdims=True)
         return result
 
-    def selected(self, kept: NDArray[np.bool_]) -> _Sights:
-        """Some of the sights [K], of the points that keep any."""
+    def select(self, kept: Bools) -> _Observations:
+        """Return some of the observations [K], of the points that keep any."""
         of_point = np.repeat(np.arange(len(self.starts)), self.counts)[kept]
-        return _Sights(
+        return _Observations(
             self.centres[kept],
             self.camera_from_world[kept],
             self.intrinsics[kept],
-            self.places[kept],
+            self.positions[kept],
             _starts(of_point),
         )
 
-    def projected(self, points: Floats) -> tuple[Floats, Floats, Floats]:
-        """Of points [T,3]: errors [K,2], px; their derivatives [K,2,3], px/m; depths [K], m."""
+    def project(self, points: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return errors [K,2] px, derivatives [K,2,3] px/m and depths [K] m of points [T,3]."""
         away = np.repeat(points, self.counts, axis=0) - self.centres
         in_camera = (self.camera_from_world @ away[..., None])[..., 0]
         depth = in_camera[:, 2]
@@ -114,59 +115,63 @@ class _Sights:
         per_camera = self.intrinsics[:, :2].copy()
         per_camera[:, :, 2] -= seen
         jacobian = per_camera @ self.camera_from_world / safe[..., None]
-        return seen - self.places, jacobian, depth
+        return seen - self.positions, jacobian, depth
 
 
-def _solved(sights: _Sights, tolerance_px: float) -> tuple[Floats, NDArray[np.bool_]]:
-    """Points [T,3], and which of them [T] are good."""
-    points = _least_squares(sights)
-    # One wrong match must not cost a point that many pictures see.
-    agree = np.linalg.norm(sights.projected(points)[0], axis=1) <= tolerance_px
-    good = sights.sums(agree.astype(np.float64)) >= 2
-    kept = agree & np.repeat(good, sights.counts)
+def _solve(observed: _Observations, tolerance_px: float) -> tuple[Floats, Bools]:
+    """Return points [T,3], and which of them [T] are accepted."""
+    points = _least_squares(observed)
+    # One wrong match must not cost a point that many images see.
+    agree = np.linalg.norm(observed.project(points)[0], axis=1) <= tolerance_px
+    good = observed.sums(agree.astype(np.float64)) >= 2
+    kept = agree & np.repeat(good, observed.counts)
     if kept.any():
-        sights = sights.selected(kept)
-        points[good] = _least_squares(sights)
-        good[good] = _trusted(sights, points[good], tolerance_px)
+        observed = observed.select(kept)
+        points[good] = _least_squares(observed)
+        good[good] = _accept(observed, points[good], tolerance_px)
     return points, good
 
 
-def _trusted(sights: _Sights, points: Floats, tolerance_px: float) -> NDArray[np.bool_]:
-    """[T] whether all sights agree on a point, and from places apart."""
-    error, jacobian, depth = sights.projected(points)
+def _accept(observed: _Observations, points: Floats, tolerance_px: float) -> Bools:
+    """Return which points [T] have small errors, enough parallax and a small covariance."""
+    error, jacobian, depth = observed.project(points)
     fits = (np.linalg.norm(error, axis=1) <= tolerance_px) & (depth > 0)
-    directions = sights.directions()
-    middle = sights.sums(directions)
+    directions = observed.directions()
+    middle = observed.sums(directions)
     middle /= np.linalg.norm(middle, axis=1, keepdims=True)
-    cosines = (directions * np.repeat(middle, sights.counts, axis=0)).sum(axis=1)
-    wide = np.minimum.reduceat(cosines, sights.starts) < np.cos(0.5 * LEAST_PARALLAX_RAD)
-    hessian = sights.sums(jacobian.transpose(0, 2, 1) @ jacobian)
-    stiffness = np.linalg.eigvalsh(hessian)[:, 0]  # (px/m)^2 in the direction least certain
-    nearest = np.minimum.reduceat(depth, sights.starts)
-    sure = stiffness * (UNCERTAINTY * nearest) ** 2 > 1
-    result: NDArray[np.bool_] = np.logical_and.reduceat(fits, sights.starts) & wide & sure
+    cosines = (directions * np.repeat(middle, observed.counts, axis=0)).sum(axis=1)
+    wide = np.minimum.reduceat(cosines, observed.starts) < np.cos(0.5 * MIN_PARALLAX_RAD)
+    hessian = observed.sums(jacobian.transpose(0, 2, 1) @ jacobian)
+    stiffness = np.linalg.eigvalsh(hessian)[:, 0]  # (px/m)^2 along the least certain direction
+    nearest = np.minimum.reduceat(depth, observed.starts)
+    sure = stiffness * (MAX_RELATIVE_STD * nearest) ** 2 > 1
+    result: Bools = np.logical_and.reduceat(fits, observed.starts) & wide & sure
     return result
 
 
-def _least_squares(sights: _Sights) -> Floats:
-    """[T,3] of least reprojection errors, from the points nearest to the rays."""
-    directions = sights.directions()
+def _least_squares(observed: _Observations) -> Floats:
+    """Return points [T,3] of least reprojection error, starting at the midpoints of the rays."""
+    directions = observed.directions()
     across = np.eye(3) - directions[:, :, None] * directions[:, None]
-    points = _solution(sights.sums(across), sights.sums(across @ sights.centres[..., None]))
+    points = _solve_regularized(
+        observed.sums(across), observed.sums(across @ observed.centres[..., None])
+    )
     for _ in range(STEPS):
-        error, jacobian, _ = sights.projected(points)
+        error, jacobian, _ = observed.project(points)
         turned = jacobian.transpose(0, 2, 1)
-        points -= _solution(sights.sums(turned @ jacobian), sights.sums(turned @ error[..., None]))
+        points -= _solve_regularized(
+            observed.sums(turned @ jacobian), observed.sums(turned @ error[..., None])
+        )
     return points
 
 
-def _solution(matrices: Floats, right: Floats) -> Floats:
-    """[T,3] of [T,3,3] and [T,3,1]; with so little added that parallel rays have one, too."""
+def _solve_regularized(matrices: Floats, right: Floats) -> Floats:
+    """Solve systems [T,3,3] x = [T,3,1], slightly regularized for parallel rays."""
     small = 1e-9 * matrices.trace(axis1=1, axis2=2)
     solution = np.linalg.solve(matrices + small[:, None, None] * np.eye(3), right)
     return np.asarray(solution[..., 0], np.float64)
 
 
-def _starts(numbers: Integers) -> Integers:
-    """Where the numbers, which ascend, change."""
+def _starts(numbers: Ints) -> Ints:
+    """Return the rows at which ascending numbers change."""
     return np.flatnonzero(np.append(True, numbers[1:] != numbers[:-1]))

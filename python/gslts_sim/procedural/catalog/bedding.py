@@ -1,4 +1,4 @@
-"""Beds and what lies on them."""
+"""Beds and bedding."""
 
 from __future__ import annotations
 
@@ -12,13 +12,18 @@ from gslts_sim.procedural.shapes import box, cushion
 
 
 def bed(kit: Kit, width: float = 0.0) -> Model:
-    """A bed with a headboard, a mattress and a blanket, its head towards +y."""
+    """Build a bed with a headboard, a mattress and a blanket, its head towards +y.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+        width: Along x, m; 0 draws one.
+    """
     width = width or float(kit.rng.choice([1.0, 1.4, 1.6]))
     model = Model("Bed", receptacle=True)
     wood, length = materials.wood(kit), 2.0
     legs(model, width, length, 0.12, 0.07, wood)
     model.add(box(width + 0.04, length, 0.16), wood, (0, 0, 0.12))
-    linen = kit.material(textures.woven, 0.32, 384, (0.93, 0.92, 0.89), (0.82, 0.82, 0.82), 128)
+    linen = kit.material(textures.weave, 0.32, 384, (0.93, 0.92, 0.89), (0.82, 0.82, 0.82), 128)
     model.add(cushion(width, length - 0.04, 0.22, 0.06), linen, (0, 0, 0.28))
     cover = kit.style.motif % 2
     cloth = materials.print_cloth(kit, cover)
@@ -38,13 +43,13 @@ def bed(kit: Kit, width: float = 0.0) -> Model:
             model.add(panel, materials.second_wood(kit), (x, board - 0.033, 0.58), solid=False)
     else:
         model.add(box(width + 0.04, 0.05, 0.5), wood, (0, board, 0))
-        padded = cushion(width + 0.04, 0.6, 0.1, 0.045).turned("x", np.pi / 2)
+        padded = cushion(width + 0.04, 0.6, 0.1, 0.045).rotate("x", np.pi / 2)
         model.add(padded, materials.second_fabric(kit), (0, board + 0.05, 0.8))
     return model
 
 
 def pillow(kit: Kit) -> Model:
-    """A bed pillow that lies flat."""
+    """Build a bed pillow that lies flat. See `catalog`."""
     model = Model("Pillow", movable=True)
     cloth = materials.print_cloth(kit, int(kit.rng.integers(3)))
     model.add(cushion(0.6, 0.4, 0.13, 0.06, 0.7), cloth)
@@ -52,16 +57,16 @@ def pillow(kit: Kit) -> Model:
 
 
 def throw_pillow(kit: Kit) -> Model:
-    """A square scatter cushion that leans back; a `Pillow` too."""
+    """Build a square scatter cushion that leans back, as a `Pillow`. See `catalog`."""
     model = Model("Pillow", movable=True)
     side = float(kit.rng.uniform(0.34, 0.4))
     cloth = materials.print_cloth(kit, int(kit.rng.integers(4)))
-    model.add(cushion(side, side, 0.13, 0.06, 0.75).turned("x", np.pi / 2 - 0.3), cloth)
+    model.add(cushion(side, side, 0.13, 0.06, 0.75).rotate("x", np.pi / 2 - 0.3), cloth)
     return model
 
 
 def towel(kit: Kit) -> Model:
-    """A folded towel or blanket."""
+    """Build a folded towel or blanket. See `catalog`."""
     model = Model("Cloth", movable=True)
     cloth = materials.print_cloth(kit, int(kit.rng.integers(4)))
     for k in range(3):

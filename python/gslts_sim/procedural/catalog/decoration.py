@@ -1,4 +1,4 @@
-"""What makes a room homely."""
+"""Plants, pictures, mirrors, toys and other decoration."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gslts_sim.procedural.shapes import (
     cushion,
     cylinder,
     ellipsoid,
-    joined,
+    join,
     lathe,
     leaf,
     sheet,
@@ -23,7 +23,7 @@ from gslts_sim.procedural.shapes import (
 
 
 def vase(kit: Kit) -> Model:
-    """A vase with a few stems."""
+    """Build a vase with a few stems. See `catalog`."""
     model = Model("Vase", movable=True)
     height = float(kit.rng.uniform(0.16, 0.26))
     profile = np.array(
@@ -41,11 +41,11 @@ def vase(kit: Kit) -> Model:
     ) * (height * 0.55, height)
     length = float(np.linalg.norm(np.diff(profile, axis=0), axis=1).sum())
     around = 2 * np.pi * float(profile[:, 0].max())
-    glaze = kit.printed(
+    glaze = kit.print_material(
         prints.plate_rings, (around, length), 192, (0.85, 0.8, 0.7), kit.style.accent
     )
     model.add(lathe(profile, 28), glaze)
-    green = kit.material(textures.streaked, 0.1, 96, (0.2, 0.36, 0.16), (0.36, 0.52, 0.26))
+    green = kit.material(textures.streaks, 0.1, 96, (0.2, 0.36, 0.16), (0.36, 0.52, 0.26))
     bloom = materials.fleck(kit, ink(kit.rng), (0.95, 0.8, 0.4), 0.2)
     stems = int(kit.rng.integers(0, 6))
     for k in range(stems):
@@ -59,13 +59,18 @@ def vase(kit: Kit) -> Model:
 
 
 def house_plant(kit: Kit, height: float = 0.0) -> Model:
-    """A plant in a pot: small ones are for sills and tables, tall ones for the floor."""
+    """Build a plant in a pot: small ones are for sills and tables, tall ones for the floor.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+        height: Along z, m; 0 draws a small one.
+    """
     height = height or float(kit.rng.uniform(0.25, 0.36))
     model = Model("HousePlant", movable=True)
     pot = min(0.16, 0.1 + 0.05 * height) if height > 0.5 else 0.065
     clay = materials.fleck(kit, (0.68, 0.38, 0.26), (0.8, 0.55, 0.42), 0.3)
     soil = materials.fleck(kit, (0.2, 0.14, 0.1), (0.36, 0.27, 0.2), 0.5)
-    green = kit.material(textures.streaked, 0.12, 192, (0.14, 0.34, 0.14), (0.4, 0.58, 0.28))
+    green = kit.material(textures.streaks, 0.12, 192, (0.14, 0.34, 0.14), (0.4, 0.58, 0.28))
     rim = pot * 1.6
     profile = [
         (0, 0),
@@ -84,9 +89,9 @@ def house_plant(kit: Kit, height: float = 0.0) -> Model:
         share = (k + 1) / count
         z = rim + (height - rim) * share * 0.85
         length = (height - rim) * (0.44 if height > 0.5 else 0.6) * (1.15 - 0.5 * share)
-        blade = leaf(length, length * 0.42, 1.5 - 0.5 * share).turned("y", -0.85 - 0.3 * share)
-        blades.append(blade.turned("z", angle).moved(z=z - 0.04))
-    foliage = joined(blades)
+        blade = leaf(length, length * 0.42, 1.5 - 0.5 * share).rotate("y", -0.85 - 0.3 * share)
+        blades.append(blade.rotate("z", angle).translate(z=z - 0.04))
+    foliage = join(blades)
     model.add(foliage, green, solid=False)
     stem = tube([(0, 0, rim - 0.02), (0.01, 0, height * 0.85)], 0.006 + 0.004 * (height > 0.5), 8)
     model.add(stem, green, solid=False)
@@ -97,7 +102,7 @@ def house_plant(kit: Kit, height: float = 0.0) -> Model:
 
 
 def painting(kit: Kit) -> Model:
-    """A framed picture."""
+    """Build a framed picture. See `catalog`."""
     model = Model("Painting")
     width = float(kit.rng.uniform(0.45, 0.95))
     height = width * float(kit.rng.choice([0.7, 0.8, 1.25]))
@@ -105,35 +110,42 @@ def painting(kit: Kit) -> Model:
     wood = materials.second_wood(kit)
     model.add(frame(width, height, border, 0.03), wood)
     size = (width - 2 * border, height - 2 * border)
-    canvas = kit.printed(pictures.picture, size, 448)
+    canvas = kit.print_material(pictures.picture, size, 448)
     model.add(box(size[0], 0.015, size[1], upright=True), canvas, (0, 0.0075, border), solid=False)
     return model
 
 
 def mirror(kit: Kit) -> Model:
-    """A mirror in a frame; its glass shows a soft reflection of a room."""
+    """Build a mirror in a frame; its glass shows a soft reflection of a room. See `catalog`."""
     model = Model("Mirror")
     width, height, border = 0.55, 0.95, 0.05
     model.add(frame(width, height, border, 0.03), materials.wood(kit))
     size = (width - 2 * border, height - 2 * border)
-    glass = kit.printed(pictures.reflection, size, 256, kit.style.wall)
+    glass = kit.print_material(pictures.reflection, size, 256, kit.style.wall)
     model.add(box(size[0], 0.012, size[1], upright=True), glass, (0, 0.009, border), solid=False)
     return model
 
 
 def wall_clock(kit: Kit) -> Model:
-    """A round clock on a wall."""
+    """Build a round clock on a wall. See `catalog`."""
     model = Model("Clock")
-    rim = cylinder(0.15, 0.035, n=36).turned("x", np.pi / 2).moved(0, 0.0175, 0.15)
+    rim = cylinder(0.15, 0.035, n=36).rotate("x", np.pi / 2).translate(0, 0.0175, 0.15)
     model.add(rim, materials.second_wood(kit))
-    dial = kit.printed(prints.clock_face, (0.28, 0.28), 192)
-    face = cylinder(0.14, 0.004, n=36).turned("x", np.pi / 2).moved(0, -0.0165, 0.15)
+    dial = kit.print_material(prints.clock_face, (0.28, 0.28), 192)
+    face = cylinder(0.14, 0.004, n=36).rotate("x", np.pi / 2).translate(0, -0.0165, 0.15)
     model.add(face, dial, solid=False)
     return model
 
 
 def curtains(kit: Kit, width: float, side: float, height: float) -> Model:
-    """A rod with two curtains drawn aside, `side` wide each."""
+    """Build a rod with two curtains drawn aside.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+        width: Of the rod, m.
+        side: Width of each curtain, m.
+        height: Along z, m.
+    """
     model = Model("Curtains")
     cloth = materials.second_fabric(kit) if kit.style.motif % 2 else materials.print_cloth(kit, 0)
     x = np.linspace(0, side, 36)
@@ -153,7 +165,7 @@ def curtains(kit: Kit, width: float, side: float, height: float) -> Model:
 
 
 def candle(kit: Kit) -> Model:
-    """A candle on a dish."""
+    """Build a candle on a dish. See `catalog`."""
     model = Model("Candle", movable=True)
     model.add(
         lathe([(0, 0), (0.05, 0), (0.055, 0.012), (0, 0.008)], 20),
@@ -172,7 +184,7 @@ def candle(kit: Kit) -> Model:
 
 
 def statue(kit: Kit) -> Model:
-    """A turned figure of stone."""
+    """Build a turned figure of stone. See `catalog`."""
     model = Model("Statue", movable=True)
     marble = kit.material(
         textures.stone, 0.2, 256, (0.82, 0.8, 0.76), (0.45, 0.43, 0.42), veined=True
@@ -195,7 +207,7 @@ def statue(kit: Kit) -> Model:
 
 
 def teddy_bear(kit: Kit) -> Model:
-    """A teddy bear that sits."""
+    """Build a teddy bear that sits. See `catalog`."""
     model = Model("TeddyBear", movable=True)
     plush = kit.material(textures.fur, 0.12, 192, (0.46, 0.29, 0.15), (0.72, 0.5, 0.3))
     pale = kit.material(textures.fur, 0.12, 128, (0.75, 0.6, 0.42), (0.9, 0.78, 0.6))
@@ -215,7 +227,7 @@ def teddy_bear(kit: Kit) -> Model:
 
 
 def basket_ball(kit: Kit) -> Model:
-    """A ball with seams."""
+    """Build a ball with seams. See `catalog`."""
     model = Model("BasketBall", movable=True)
     skin = materials.fleck(kit, (0.8, 0.42, 0.16), (0.62, 0.3, 0.1), 0.5)
     dark = materials.plastic(kit, materials.BLACK)
@@ -225,21 +237,21 @@ def basket_ball(kit: Kit) -> Model:
     # The seams stand out by half a millimetre, but not below.
     ring = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1) * (side / 2 - 0.0025)
     seam = tube(ring, 0.003, 6)
-    for mesh in (seam, seam.turned("x", np.pi / 2), seam.turned("y", np.pi / 2)):
+    for mesh in (seam, seam.rotate("x", np.pi / 2), seam.rotate("y", np.pi / 2)):
         model.add(mesh, dark, (0, 0, side / 2 + 0.0005))
     return model
 
 
 def dumbbell(kit: Kit) -> Model:
-    """A dumbbell with hexagonal heads."""
+    """Build a dumbbell with hexagonal heads. See `catalog`."""
     model = Model("Dumbbell", movable=True)
     rubber = materials.fleck(kit, (0.16, 0.16, 0.18), (0.34, 0.34, 0.36), 0.35)
     label = materials.plastic(kit, kit.style.accent)
     half = 0.048 * np.sqrt(3) / 2
     for x in (-1, 1):
-        head = cylinder(0.048, 0.075, n=6).turned("y", np.pi / 2).turned("x", np.pi / 6)
+        head = cylinder(0.048, 0.075, n=6).rotate("y", np.pi / 2).rotate("x", np.pi / 6)
         model.add(head, rubber, (x * 0.095 - 0.0375, 0, half))
-        cap = cylinder(0.026, 0.002, n=18).turned("y", x * np.pi / 2)
+        cap = cylinder(0.026, 0.002, n=18).rotate("y", x * np.pi / 2)
         model.add(cap, label, (x * 0.1325, 0, half), solid=False)
     grip = tube([(-0.06, 0, half), (0.06, 0, half)], 0.015, 14)
     model.add(grip, materials.metal(kit))
@@ -247,24 +259,24 @@ def dumbbell(kit: Kit) -> Model:
 
 
 def watering_can(kit: Kit) -> Model:
-    """A watering can."""
+    """Build a watering can. See `catalog`."""
     model = Model("WateringCan", movable=True)
     tin = materials.fleck(kit, kit.style.second_accent, (0.9, 0.9, 0.85), 0.1)
     model.add(lathe([(0, 0), (0.08, 0), (0.08, 0.14), (0.07, 0.15), (0, 0.145)], 24), tin)
     model.add(tube([(0.07, 0, 0.05), (0.15, 0, 0.13), (0.19, 0, 0.17)], 0.012, 10), tin)
     model.add(
-        cylinder(0.014, 0.03, 0.03, n=14).turned("y", 0.9), tin, (0.185, 0, 0.165), solid=False
+        cylinder(0.014, 0.03, 0.03, n=14).rotate("y", 0.9), tin, (0.185, 0, 0.165), solid=False
     )
-    handle = ring_handle(0.06, 0.007, 0.06).turned("y", -np.pi / 2)
+    handle = ring_handle(0.06, 0.007, 0.06).rotate("y", -np.pi / 2)
     model.add(handle, tin, (0, 0, 0.14), solid=False)
     model.fills((-0.06, -0.008, 0.14), (0.06, 0.008, 0.21))
     return model
 
 
 def tissue_box(kit: Kit) -> Model:
-    """A box of tissues, one of them pulled out."""
+    """Build a box of tissues, one of them pulled out. See `catalog`."""
     model = Model("TissueBox", movable=True)
     model.add(box(0.23, 0.12, 0.08), materials.print_cloth(kit, 4))
     paper = materials.fleck(kit, (0.95, 0.95, 0.93), (0.86, 0.87, 0.88), 0.4)
-    model.add(joined([cushion(0.07, 0.012, 0.05, 0.005).turned("z", 0.3)]), paper, (0, 0, 0.08))
+    model.add(cushion(0.07, 0.012, 0.05, 0.005).rotate("z", 0.3), paper, (0, 0, 0.08))
     return model

@@ -9,18 +9,18 @@ from gslts_sim.procedural.catalog import materials
 from gslts_sim.procedural.inks import ink
 from gslts_sim.procedural.model import Kit, Model
 from gslts_sim.procedural.noise import Colour
-from gslts_sim.procedural.shapes import box, cushion, cylinder, ellipsoid, joined, lathe, tube
+from gslts_sim.procedural.shapes import box, cushion, cylinder, ellipsoid, lathe, tube
 
 
 def bread(kit: Kit) -> Model:
-    """A loaf with cuts across its crust."""
+    """Build a loaf with cuts across its crust. See `catalog`."""
     model = Model("Bread", movable=True)
     crust = kit.material(textures.crust, 0.2, 256, (0.55, 0.32, 0.14), (0.8, 0.55, 0.28))
     crumb = kit.material(textures.crust, 0.1, 128, (0.88, 0.75, 0.52), (0.95, 0.86, 0.66))
     length = float(kit.rng.uniform(0.24, 0.3))
     model.add(cushion(length, 0.12, 0.105, 0.05, 0.3), crust)
     for x in np.linspace(-length * 0.3, length * 0.3, 4):
-        cut = cushion(0.016, 0.075, 0.012, 0.005).turned("z", 0.35)
+        cut = cushion(0.016, 0.075, 0.012, 0.005).rotate("z", 0.35)
         model.add(cut, crumb, (float(x), 0, 0.094), solid=False)
     return model
 
@@ -28,15 +28,15 @@ def bread(kit: Kit) -> Model:
 def _fruit(
     model: Model, kit: Kit, size: tuple[float, float, float], skin: Colour, flush: Colour
 ) -> Model:
-    """A round fruit with a stalk."""
-    model.add(ellipsoid(*size), kit.material(textures.ripened, 0.3, 192, skin, flush))
+    """Build a round fruit with a stalk."""
+    model.add(ellipsoid(*size), kit.material(textures.fruit_skin, 0.3, 192, skin, flush))
     stalk = tube([(0, 0, size[2] * 0.94), (0.004, 0, size[2] * 1.15)], 0.0025, 6)
     model.add(stalk, materials.second_wood(kit), solid=False)
     return model
 
 
 def apple(kit: Kit) -> Model:
-    """An apple, red or green."""
+    """Build an apple, red or green. See `catalog`."""
     skins = (((0.7, 0.12, 0.12), (0.9, 0.62, 0.25)), ((0.5, 0.66, 0.2), (0.8, 0.82, 0.4)))
     side = float(kit.rng.uniform(0.07, 0.082))
     skin = skins[int(kit.rng.integers(2))]
@@ -44,7 +44,7 @@ def apple(kit: Kit) -> Model:
 
 
 def tomato(kit: Kit) -> Model:
-    """A tomato."""
+    """Build a tomato. See `catalog`."""
     side = float(kit.rng.uniform(0.06, 0.075))
     return _fruit(
         Model("Tomato", movable=True),
@@ -56,7 +56,7 @@ def tomato(kit: Kit) -> Model:
 
 
 def potato(kit: Kit) -> Model:
-    """A potato."""
+    """Build a potato. See `catalog`."""
     model = Model("Potato", movable=True)
     skin = kit.material(textures.crust, 0.1, 128, (0.6, 0.45, 0.27), (0.76, 0.6, 0.38))
     model.add(ellipsoid(0.1, 0.065, 0.058), skin)
@@ -64,36 +64,36 @@ def potato(kit: Kit) -> Model:
 
 
 def lettuce(kit: Kit) -> Model:
-    """A head of lettuce: leaves around a heart."""
+    """Build a head of lettuce: leaves around a heart. See `catalog`."""
     model = Model("Lettuce", movable=True)
-    green = kit.material(textures.streaked, 0.12, 192, (0.36, 0.56, 0.2), (0.72, 0.84, 0.45))
+    green = kit.material(textures.streaks, 0.12, 192, (0.36, 0.56, 0.2), (0.72, 0.84, 0.45))
     model.add(ellipsoid(0.15, 0.15, 0.12), green)
     for k in range(7):
         angle = 2 * np.pi * k / 7
-        blade = ellipsoid(0.03, 0.1, 0.11, 12).turned("x", -0.5).moved(0, 0.05, 0.012)
-        model.add(blade.turned("z", angle), green, solid=False)
+        blade = ellipsoid(0.03, 0.1, 0.11, 12).rotate("x", -0.5).translate(0, 0.05, 0.012)
+        model.add(blade.rotate("z", angle), green, solid=False)
     return model
 
 
 def cereal_box(kit: Kit) -> Model:
-    """A packet of something to eat; a `Box`."""
+    """Build a packet of food, as a `Box`. See `catalog`."""
     model = Model("Box", movable=True)
     name = ("OATS", "CORN", "RICE", "PASTA", "TEA", "COCOA")[int(kit.rng.integers(6))]
     width, depth = float(kit.rng.uniform(0.13, 0.19)), float(kit.rng.uniform(0.05, 0.07))
     height = float(kit.rng.uniform(0.19, 0.28))
-    front = kit.printed(prints.package, (width, height), 256, name, ink(kit.rng))
+    front = kit.print_material(prints.package, (width, height), 256, name, ink(kit.rng))
     model.add(box(width, depth, height, upright=True), front)
     return model
 
 
 def jar(kit: Kit) -> Model:
-    """A storage jar with a wooden lid; a `Jar`."""
+    """Build a storage jar with a wooden lid, as a `Jar`. See `catalog`."""
     model = Model("Jar", movable=True)
     name = ("SUGAR", "FLOUR", "BEANS", "NUTS")[int(kit.rng.integers(4))]
     content = materials.fleck(kit, (0.85, 0.78, 0.64), (0.6, 0.44, 0.28), 0.4)
     model.add(cylinder(0.05, 0.13, n=24), content)
-    label = kit.printed(prints.package, (0.16, 0.06), 160, name, ink(kit.rng))
+    label = kit.print_material(prints.package, (0.16, 0.06), 160, name, ink(kit.rng))
     shell = [(0.05, 0), (0.0506, 0), (0.0506, 0.06), (0.05, 0.06), (0.05, 0)]
-    model.add(joined([lathe(shell, 24)]), label, (0, 0, 0.03), solid=False)
+    model.add(lathe(shell, 24), label, (0, 0, 0.03), solid=False)
     model.add(cylinder(0.052, 0.022, n=24), materials.second_wood(kit), (0, 0, 0.13))
     return model

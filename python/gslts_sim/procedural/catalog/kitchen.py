@@ -16,7 +16,7 @@ SLAB_M, PLINTH_M = 0.04, 0.1
 
 
 def worktop(kit: Kit) -> Material:
-    """Granite, marble or wood, by the style of the home."""
+    """Return granite, marble or wood, by the style of the home. See `catalog`."""
     motif = kit.style.motif
     if motif in (0, 3):
         return materials.second_wood(kit)
@@ -30,16 +30,16 @@ def worktop(kit: Kit) -> Material:
 
 
 def fronts(kit: Kit) -> Material:
-    """Of doors and drawers: painted or of wood."""
+    """Return painted or plain wood for doors and drawers. See `catalog`."""
     if kit.style.motif % 3 == 1:
         return materials.wood(kit)
-    return materials.painted(kit, kit.style.front)
+    return materials.painted_wood(kit, kit.style.front)
 
 
 def _door(
     model: Model, kit: Kit, width: float, height: float, at: tuple[float, float, float], side: int
 ) -> None:
-    """A framed door; `side` tells where its handle is, 0 for a drawer."""
+    """Add a framed door; `side` is that of its handle, 0 for a drawer."""
     x, y, z = at
     material = fronts(kit)
     wide, high = width - 0.008, height - 0.008
@@ -56,8 +56,8 @@ def _door(
 
 
 def _carcass(model: Model, kit: Kit, width: float, height: float) -> None:
-    """The body of base units: plinth and box, below the worktop."""
-    body = materials.painted(kit, materials.WHITE)
+    """Add the body of base units: plinth and box, below the worktop."""
+    body = materials.painted_wood(kit, materials.WHITE)
     model.add(
         box(width, DEPTH_M - 0.08, PLINTH_M), materials.plastic(kit, materials.BLACK), (0, 0.03, 0)
     )
@@ -65,7 +65,12 @@ def _carcass(model: Model, kit: Kit, width: float, height: float) -> None:
 
 
 def counter_top(kit: Kit, width: float) -> Model:
-    """A run of base units under one worktop."""
+    """Build a run of base units under one worktop.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+        width: Along x, m.
+    """
     model = Model("CounterTop", receptacle=True)
     tall = HEIGHT_M - SLAB_M - PLINTH_M
     _carcass(model, kit, width, tall)
@@ -85,7 +90,12 @@ def counter_top(kit: Kit, width: float) -> Model:
 
 
 def sink(kit: Kit, width: float = 0.8) -> Model:
-    """A base unit with a steel basin, a worktop around it and a tap."""
+    """Build a base unit with a steel basin, a worktop around it and a tap.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+        width: Along x, m.
+    """
     model = Model("Sink", receptacle=True)
     bottom = HEIGHT_M - 0.2
     _carcass(model, kit, width, bottom - PLINTH_M)
@@ -115,7 +125,7 @@ def sink(kit: Kit, width: float = 0.8) -> Model:
     for edge in (-1, 1):
         model.add(box(0.56, 0.008, wall), steel, (0, y + edge * (depth / 2 - 0.004), bottom))
     # What lies behind the doors and beside the basin.
-    body = materials.painted(kit, materials.WHITE)
+    body = materials.painted_wood(kit, materials.WHITE)
     for x in (-1, 1):
         model.add(
             box(rim_x - 0.005, DEPTH_M - 0.04, top - bottom), body,
@@ -126,7 +136,7 @@ def sink(kit: Kit, width: float = 0.8) -> Model:
 
 
 def faucet(kit: Kit) -> Model:
-    """A swan-necked tap that stands behind a basin."""
+    """Build a swan-necked tap that stands behind a basin. See `catalog`."""
     model = Model("Faucet")
     steel = materials.metal(kit, (0.8, 0.81, 0.83))
     model.add(cylinder(0.025, 0.05, n=20), steel)
@@ -139,13 +149,13 @@ def faucet(kit: Kit) -> Model:
 
 
 def stove(kit: Kit) -> Model:
-    """A cooker: oven door with a window, knobs, a dark hob."""
+    """Build a cooker: oven door with a window, knobs, a dark hob. See `catalog`."""
     model = Model("Stove", receptacle=True)
     width = 0.6
     enamel = materials.metal(kit)
     dark = materials.plastic(kit, materials.BLACK)
     model.add(box(width, DEPTH_M - 0.04, HEIGHT_M - 0.02), enamel, (0, 0.01, 0))
-    hob = kit.material(textures.speckled, 0.2, 256, (0.09, 0.09, 0.1), (0.3, 0.3, 0.32), 0.16)
+    hob = kit.material(textures.speckles, 0.2, 256, (0.09, 0.09, 0.1), (0.3, 0.3, 0.32), 0.16)
     model.add(box(width, DEPTH_M - 0.03, 0.02), hob, (0, 0.015, HEIGHT_M - 0.02))
     front = -DEPTH_M / 2 + 0.02
     model.add(box(width - 0.02, 0.02, 0.5), enamel, (0, front, 0.22), solid=False)
@@ -153,13 +163,13 @@ def stove(kit: Kit) -> Model:
     model.add(box(width - 0.02, 0.02, 0.17), enamel, (0, front, 0.03), solid=False)
     bar_handle(model, enamel, (0, front - 0.008, 0.67), 0.46, level=True)
     for k in range(5):
-        knob = cylinder(0.02, 0.025, n=16).turned("x", np.pi / 2)
+        knob = cylinder(0.02, 0.025, n=16).rotate("x", np.pi / 2)
         model.add(knob, dark, (-0.2 + 0.1 * k, front + 0.01, 0.79), solid=False)
     return model
 
 
 def stove_burner(kit: Kit) -> Model:
-    """A burner with its grate."""
+    """Build a burner with its grate. See `catalog`."""
     model = Model("StoveBurner", receptacle=True)
     iron = materials.plastic(kit, (0.16, 0.16, 0.17))
     model.add(cylinder(0.045, 0.014, n=24), materials.metal(kit, (0.4, 0.4, 0.42)), solid=False)
@@ -171,7 +181,7 @@ def stove_burner(kit: Kit) -> Model:
 
 
 def fridge(kit: Kit) -> Model:
-    """A fridge with a freezer below, magnets and notes on its door."""
+    """Build a fridge with a freezer below, magnets and notes on its door. See `catalog`."""
     model = Model("Fridge", receptacle=True)
     width, depth, height = 0.62, 0.6, 1.78
     colour = materials.STEEL if kit.style.motif % 2 else materials.WHITE
@@ -186,17 +196,22 @@ def fridge(kit: Kit) -> Model:
     for _ in range(4):
         wide, tall = kit.rng.uniform(0.06, 0.13), kit.rng.uniform(0.07, 0.15)
         at = (float(kit.rng.uniform(-0.2, 0.1)), front - 0.019, float(kit.rng.uniform(1.15, 1.5)))
-        note = kit.printed(pictures.picture, (float(wide), float(tall)), 96)
+        note = kit.print_material(pictures.picture, (float(wide), float(tall)), 96)
         model.add(box(float(wide), 0.002, float(tall), upright=True), note, at, solid=False)
     return model
 
 
 def wall_cabinet(kit: Kit, width: float) -> Model:
-    """A cabinet that hangs on a wall."""
+    """Build a cabinet that hangs on a wall.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+        width: Along x, m.
+    """
     model = Model("Cabinet", receptacle=True)
     depth, height = 0.34, 0.68
     model.add(
-        box(width, depth - 0.02, height), materials.painted(kit, materials.WHITE), (0, 0.01, 0)
+        box(width, depth - 0.02, height), materials.painted_wood(kit, materials.WHITE), (0, 0.01, 0)
     )
     count = max(1, round(width / 0.45))
     wide = width / count
@@ -207,18 +222,24 @@ def wall_cabinet(kit: Kit, width: float) -> Model:
 
 
 def hood(kit: Kit) -> Model:
-    """An extractor hood."""
+    """Build an extractor hood. See `catalog`."""
     model = Model("RangeHood")
     steel = materials.metal(kit)
     model.add(box(0.6, 0.48, 0.06), steel)
-    lower = cylinder(0.42, 0.2, 0.19, n=4).turned("z", np.pi / 4)
-    model.add(lower.scaled(0.98, 0.78), steel, (0, 0, 0.06))
+    lower = cylinder(0.42, 0.2, 0.19, n=4).rotate("z", np.pi / 4)
+    model.add(lower.scale(0.98, 0.78), steel, (0, 0, 0.06))
     model.add(box(0.26, 0.24, 0.4), steel, (0, 0.12, 0.2))
     return model
 
 
 def splash_back(kit: Kit, width: float, height: float = 0.55) -> Model:
-    """Tiles on the wall above a worktop."""
+    """Build tiles on the wall above a worktop.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+        width: Along x, m.
+        height: Along z, m.
+    """
     model = Model("Backsplash")
     style = kit.style
     light: Colour = (0.93, 0.93, 0.9)

@@ -1,4 +1,4 @@
-"""What people sit on."""
+"""Chairs, sofas and other seats."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gslts_sim.procedural.shapes import box, cushion, cylinder, tube
 
 
 def chair(kit: Kit) -> Model:
-    """A dining chair with slats or a padded back."""
+    """Build a dining chair with slats or a padded back. See `catalog`."""
     model = Model("Chair", movable=True, receptacle=True)
     wood = materials.second_wood(kit)
     width, depth, seat = 0.43, 0.42, 0.45
@@ -38,7 +38,12 @@ def chair(kit: Kit) -> Model:
 
 
 def sofa(kit: Kit, width: float = 0.0) -> Model:
-    """A sofa with two or three seats."""
+    """Build a sofa with two or three seats.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+        width: Along x, m; 0 draws one.
+    """
     seats = int(kit.rng.integers(2, 4))
     width = width or 0.66 * seats + 0.34
     model = Model("Sofa", receptacle=True)
@@ -47,7 +52,7 @@ def sofa(kit: Kit, width: float = 0.0) -> Model:
 
 
 def arm_chair(kit: Kit) -> Model:
-    """An armchair in cloth or leather."""
+    """Build an armchair in cloth or leather. See `catalog`."""
     model = Model("ArmChair", movable=True, receptacle=True)
     cover = (
         kit.material(textures.leather, 0.4, 384, (0.45, 0.27, 0.16))
@@ -61,7 +66,7 @@ def arm_chair(kit: Kit) -> Model:
 def _upholstered(
     model: Model, kit: Kit, width: float, seats: int, cover: Material, arm: float
 ) -> None:
-    """Base, arms, back and a pair of cushions a seat."""
+    """Add base, arms, back and a pair of cushions per seat."""
     depth, base, seat = 0.86, 0.12, 0.43
     legs(model, width - 0.06, depth - 0.06, base, 0.05, materials.wood(kit))
     model.add(cushion(width, depth, seat - base - 0.13, 0.03), cover, (0, 0, base))
@@ -74,12 +79,12 @@ def _upholstered(
         middle = (k - (seats - 1) / 2) * inner
         pad = cushion(inner - 0.01, depth - back - 0.01, 0.15, 0.05, 0.12)
         model.add(pad, cover, (middle, -back / 2, seat - 0.15))
-        lean = cushion(inner - 0.02, 0.4, 0.17, 0.07, 0.35).turned("x", np.pi / 2 - 0.12)
+        lean = cushion(inner - 0.02, 0.4, 0.17, 0.07, 0.35).rotate("x", np.pi / 2 - 0.12)
         model.add(lean, cover, (middle, depth / 2 - back + 0.02, seat + 0.19))
 
 
 def ottoman(kit: Kit) -> Model:
-    """A padded footstool."""
+    """Build a padded footstool. See `catalog`."""
     model = Model("Ottoman", movable=True, receptacle=True)
     legs(model, 0.42, 0.42, 0.1, 0.04, materials.wood(kit))
     model.add(cushion(0.5, 0.5, 0.28, 0.05), materials.print_cloth(kit, 1), (0, 0, 0.1))
@@ -87,7 +92,7 @@ def ottoman(kit: Kit) -> Model:
 
 
 def desk_chair(kit: Kit) -> Model:
-    """An office chair on a star with castors; a `Chair` too."""
+    """Build an office chair on a star with castors, as a `Chair`. See `catalog`."""
     model = Model("Chair", movable=True, receptacle=True)
     plastic, cover = materials.plastic(kit, materials.BLACK), materials.second_fabric(kit)
     for angle in 2 * np.pi / 5 * np.arange(5) + np.pi / 2:

@@ -1,4 +1,4 @@
-"""Furniture that holds things."""
+"""Wardrobes, shelves and other storage furniture."""
 
 from __future__ import annotations
 
@@ -12,7 +12,12 @@ from gslts_sim.procedural.shapes import box, cylinder
 
 
 def dresser(kit: Kit, width: float = 0.0) -> Model:
-    """A chest of drawers in two columns."""
+    """Build a chest of drawers in two columns.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+        width: Along x, m; 0 draws one.
+    """
     width = width or float(kit.rng.choice([0.8, 1.0, 1.2]))
     model = Model("Dresser", receptacle=True)
     wood, depth, height = materials.wood(kit), 0.46, 0.85
@@ -22,7 +27,7 @@ def dresser(kit: Kit, width: float = 0.0) -> Model:
     front = (
         materials.second_wood(kit)
         if kit.style.motif < 3
-        else materials.painted(kit, kit.style.front)
+        else materials.painted_wood(kit, kit.style.front)
     )
     brass = materials.metal(kit, materials.BRASS)
     rows, gap = 4, 0.012
@@ -37,7 +42,12 @@ def dresser(kit: Kit, width: float = 0.0) -> Model:
 
 
 def wardrobe(kit: Kit, width: float = 0.0) -> Model:
-    """A wardrobe with panelled doors."""
+    """Build a wardrobe with panelled doors.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+        width: Along x, m; 0 draws one.
+    """
     width = width or float(kit.rng.choice([1.0, 1.2, 1.5]))
     model = Model("Wardrobe", receptacle=True)
     wood, depth, height = materials.wood(kit), 0.58, 2.0
@@ -60,7 +70,13 @@ def wardrobe(kit: Kit, width: float = 0.0) -> Model:
 
 
 def bookcase(kit: Kit, width: float = 0.8, height: float = 1.8) -> Model:
-    """Open shelves with a back; each board is a receptacle."""
+    """Build open shelves with a back; each board carries objects.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+        width: Along x, m.
+        height: Along z, m.
+    """
     model = Model("ShelvingUnit", receptacle=True)
     wood, depth, board = materials.wood(kit), 0.3, 0.022
     for x in (-1, 1):
@@ -75,7 +91,12 @@ def bookcase(kit: Kit, width: float = 0.8, height: float = 1.8) -> Model:
 
 
 def wall_shelf(kit: Kit, width: float = 0.8) -> Model:
-    """A board on two brackets that hangs on a wall."""
+    """Build a board on two brackets that hangs on a wall.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+        width: Along x, m.
+    """
     model = Model("Shelf", receptacle=True)
     model.add(box(width, 0.22, 0.025), materials.wood(kit), (0, 0, 0.12))
     dark = materials.metal(kit, materials.BLACK)
@@ -86,9 +107,14 @@ def wall_shelf(kit: Kit, width: float = 0.8) -> Model:
 
 
 def sideboard(kit: Kit, width: float = 1.2) -> Model:
-    """A low cupboard with doors, in living and dining rooms."""
+    """Build a low cupboard with doors, in living and dining rooms.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+        width: Along x, m.
+    """
     model = Model("Cabinet", receptacle=True)
-    wood, front = materials.wood(kit), materials.painted(kit, kit.style.front)
+    wood, front = materials.wood(kit), materials.painted_wood(kit, kit.style.front)
     depth, height = 0.42, 0.8
     legs(model, width - 0.06, depth - 0.06, 0.12, 0.04, wood)
     model.add(box(width, depth, height - 0.12), wood, (0, 0, 0.12))
@@ -104,7 +130,7 @@ def sideboard(kit: Kit, width: float = 1.2) -> Model:
 
 
 def laundry_hamper(kit: Kit) -> Model:
-    """A wicker basket with a lid."""
+    """Build a wicker basket with a lid. See `catalog`."""
     model = Model("LaundryHamper", movable=True, receptacle=True)
     willow = kit.material(textures.wicker, 0.24, 256, (0.75, 0.58, 0.36))
     model.add(cylinder(0.19, 0.5, 0.21, n=28), willow)
@@ -113,7 +139,7 @@ def laundry_hamper(kit: Kit) -> Model:
 
 
 def garbage_can(kit: Kit) -> Model:
-    """A pedal bin."""
+    """Build a pedal bin. See `catalog`."""
     model = Model("GarbageCan", movable=True)
     steel, dark = materials.metal(kit), materials.plastic(kit, materials.BLACK)
     model.add(cylinder(0.14, 0.03, n=28), dark)

@@ -8,12 +8,18 @@ from gslts_sim.procedural import textures
 from gslts_sim.procedural.catalog import materials
 from gslts_sim.procedural.catalog.parts import knob, legs
 from gslts_sim.procedural.model import Kit, Model
-from gslts_sim.procedural.noise import tinted
+from gslts_sim.procedural.noise import tint
 from gslts_sim.procedural.shapes import box, cylinder, tube
 
 
 def dining_table(kit: Kit, width: float = 1.4, depth: float = 0.85) -> Model:
-    """A rectangular table with an apron."""
+    """Build a rectangular table with an apron.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+        width: Along x, m.
+        depth: Along y, m.
+    """
     model = Model("DiningTable", receptacle=True)
     wood = materials.wood(kit)
     height, top = 0.74, 0.035
@@ -31,7 +37,12 @@ def dining_table(kit: Kit, width: float = 1.4, depth: float = 0.85) -> Model:
 
 
 def round_table(kit: Kit, radius: float = 0.5) -> Model:
-    """A round dining table on a column; its corners are left out of its boxes."""
+    """Build a round dining table on a column; its boxes leave the corners out.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+        radius: m.
+    """
     model = Model("DiningTable", receptacle=True)
     wood = materials.wood(kit)
     model.add(cylinder(radius, 0.03, n=48), wood, (0, 0, 0.71), solid=False)
@@ -44,7 +55,12 @@ def round_table(kit: Kit, radius: float = 0.5) -> Model:
 
 
 def coffee_table(kit: Kit, width: float = 1.0) -> Model:
-    """A low table with a shelf."""
+    """Build a low table with a shelf.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+        width: Along x, m.
+    """
     model = Model("CoffeeTable", receptacle=True)
     wood, depth = materials.wood(kit), 0.55
     legs(model, width, depth, 0.38, 0.05, wood)
@@ -54,7 +70,7 @@ def coffee_table(kit: Kit, width: float = 1.0) -> Model:
 
 
 def side_table(kit: Kit) -> Model:
-    """A small table with a drawer, beside a bed or a sofa."""
+    """Build a small table with a drawer, beside a bed or a sofa. See `catalog`."""
     model = Model("SideTable", receptacle=True)
     wood, side = materials.wood(kit), 0.43
     legs(model, side - 0.02, side - 0.04, 0.36, 0.035, wood)
@@ -68,7 +84,7 @@ def side_table(kit: Kit) -> Model:
 
 
 def round_side_table(kit: Kit) -> Model:
-    """A small round table on three legs."""
+    """Build a small round table on three legs. See `catalog`."""
     model = Model("SideTable", receptacle=True)
     model.add(cylinder(0.24, 0.025, n=36), materials.second_wood(kit), (0, 0, 0.5))
     dark = materials.plastic(kit, materials.BLACK)
@@ -79,9 +95,14 @@ def round_side_table(kit: Kit) -> Model:
 
 
 def desk(kit: Kit, width: float = 1.2) -> Model:
-    """A writing desk with three drawers on its right."""
+    """Build a writing desk with three drawers on its right.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+        width: Along x, m.
+    """
     model = Model("Desk", receptacle=True)
-    wood, front = materials.wood(kit), materials.painted(kit, kit.style.front)
+    wood, front = materials.wood(kit), materials.painted_wood(kit, kit.style.front)
     depth, height = 0.6, 0.72
     model.add(box(width, depth, 0.03), wood, (0, 0, height))
     model.add(box(0.03, depth - 0.04, height), wood, (-width / 2 + 0.02, 0, 0))
@@ -96,9 +117,14 @@ def desk(kit: Kit, width: float = 1.2) -> Model:
 
 
 def tv_stand(kit: Kit, width: float = 1.4) -> Model:
-    """A low board with two doors and an open middle."""
+    """Build a low board with two doors and an open middle.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+        width: Along x, m.
+    """
     model = Model("TVStand", receptacle=True)
-    wood, front = materials.wood(kit), materials.painted(kit, kit.style.front)
+    wood, front = materials.wood(kit), materials.painted_wood(kit, kit.style.front)
     depth, height = 0.42, 0.48
     legs(model, width - 0.1, depth - 0.06, 0.1, 0.04, wood)
     third = width / 3
@@ -115,11 +141,17 @@ def tv_stand(kit: Kit, width: float = 1.4) -> Model:
 
 
 def rug_like(kit: Kit, width: float, depth: float) -> Model:
-    """A rug of a given size."""
+    """Build a rug.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+        width: Along x, m.
+        depth: Along y, m.
+    """
     model = Model("Rug", receptacle=True)
     style = kit.style
-    ground = tinted(style.accent, 0.55, 0.12)
-    knotted = kit.printed(
+    ground = tint(style.accent, 0.55, 0.12)
+    knotted = kit.print_material(
         textures.rug, (width, depth), 768, ground, (0.86, 0.8, 0.68), style.second_accent
     )
     model.add(box(width, depth, 0.01, upright=True), knotted)

@@ -9,17 +9,17 @@ from gslts_sim.procedural.catalog import materials
 from gslts_sim.procedural.catalog.parts import ring_handle
 from gslts_sim.procedural.inks import ink
 from gslts_sim.procedural.model import Kit, Material, Model
-from gslts_sim.procedural.noise import tinted
+from gslts_sim.procedural.noise import tint
 from gslts_sim.procedural.shapes import box, cushion, cylinder, lathe, tube
 
 GLAZES = ((0.94, 0.92, 0.88), (0.8, 0.86, 0.88), (0.9, 0.84, 0.72), (0.42, 0.55, 0.6))
 
 
 def _glazed(kit: Kit, circumference: float, length: float, px: int = 160) -> Material:
-    """Printed earthenware for a turned thing of this circumference and length of profile, m."""
+    """Return printed earthenware for a lathe of this circumference and length of profile, m."""
     glaze = GLAZES[int(kit.rng.integers(len(GLAZES)))]
     band = ink(kit.rng)
-    return kit.printed(prints.plate_rings, (circumference, length), px, glaze, band)
+    return kit.print_material(prints.plate_rings, (circumference, length), px, glaze, band)
 
 
 def _length(profile: list[tuple[float, float]]) -> float:
@@ -27,7 +27,7 @@ def _length(profile: list[tuple[float, float]]) -> float:
 
 
 def mug(kit: Kit) -> Model:
-    """A mug with a handle."""
+    """Build a mug with a handle. See `catalog`."""
     model = Model("Mug", movable=True)
     radius, height = 0.04, float(kit.rng.uniform(0.085, 0.105))
     profile = [
@@ -46,7 +46,7 @@ def mug(kit: Kit) -> Model:
 
 
 def cup(kit: Kit) -> Model:
-    """A tea cup on its saucer."""
+    """Build a tea cup on its saucer. See `catalog`."""
     model = Model("Cup", movable=True)
     saucer = [(0, 0), (0.035, 0), (0.07, 0.012), (0.068, 0.015), (0.03, 0.006), (0, 0.006)]
     glaze = _glazed(kit, 2 * np.pi * 0.07, _length(saucer), 160)
@@ -66,7 +66,7 @@ def cup(kit: Kit) -> Model:
 
 
 def plate(kit: Kit) -> Model:
-    """A dinner plate."""
+    """Build a dinner plate. See `catalog`."""
     model = Model("Plate", movable=True, receptacle=True)
     radius = float(kit.rng.uniform(0.11, 0.135))
     profile = [
@@ -88,7 +88,7 @@ def plate(kit: Kit) -> Model:
 
 
 def _rim_boxes(outer: float, inner: float) -> list[tuple[float, float, float, float]]:
-    """Four boxes (left, front, right, rear) around a square opening."""
+    """Return four boxes (left, front, right, rear) around a square opening."""
     return [
         (-outer, -outer, outer, -inner),
         (-outer, inner, outer, outer),
@@ -98,7 +98,7 @@ def _rim_boxes(outer: float, inner: float) -> list[tuple[float, float, float, fl
 
 
 def bowl(kit: Kit) -> Model:
-    """A bowl; things may lie in it."""
+    """Build a bowl that can hold objects. See `catalog`."""
     model = Model("Bowl", movable=True, receptacle=True)
     radius, height = float(kit.rng.uniform(0.08, 0.13)), float(kit.rng.uniform(0.06, 0.08))
     profile = [
@@ -122,9 +122,9 @@ def bowl(kit: Kit) -> Model:
 
 
 def pan(kit: Kit) -> Model:
-    """A frying pan."""
+    """Build a frying pan. See `catalog`."""
     model = Model("Pan", movable=True, receptacle=True)
-    iron = kit.material(textures.speckled, 0.12, 192, (0.15, 0.15, 0.16), (0.32, 0.32, 0.33), 0.15)
+    iron = kit.material(textures.speckles, 0.12, 192, (0.15, 0.15, 0.16), (0.32, 0.32, 0.33), 0.15)
     profile = [(0, 0), (0.1, 0), (0.128, 0.045), (0.125, 0.045), (0.098, 0.004), (0, 0.004)]
     model.add(lathe(profile, 32), iron, solid=False)
     model.fills((-0.1, -0.1, 0), (0.1, 0.1, 0.006))
@@ -138,10 +138,10 @@ def pan(kit: Kit) -> Model:
 
 
 def pot(kit: Kit) -> Model:
-    """A pot with a lid and two handles."""
+    """Build a pot with a lid and two handles. See `catalog`."""
     model = Model("Pot", movable=True)
     colour = ink(kit.rng)
-    body = materials.fleck(kit, colour, tinted(colour, 1.0, 0.25), 0.12)
+    body = materials.fleck(kit, colour, tint(colour, 1.0, 0.25), 0.12)
     dark = materials.plastic(kit, materials.BLACK)
     profile = [
         (0, 0),
@@ -157,13 +157,13 @@ def pot(kit: Kit) -> Model:
         lathe([(0, 0), (0.012, 0), (0.02, 0.02), (0, 0.025)], 14), dark, (0, 0, 0.157), solid=False
     )
     for side in (0, np.pi):
-        grip = ring_handle(0.03, 0.006, 0.03).turned("x", np.pi / 2).moved(0.097, 0, 0.1)
-        model.add(grip.turned("z", side), dark)
+        grip = ring_handle(0.03, 0.006, 0.03).rotate("x", np.pi / 2).translate(0.097, 0, 0.1)
+        model.add(grip.rotate("z", side), dark)
     return model
 
 
 def bottle(kit: Kit) -> Model:
-    """A bottle with a label: oil, vinegar, juice."""
+    """Build a bottle with a label: oil, vinegar, juice. See `catalog`."""
     model = Model("Bottle", movable=True)
     glass = ((0.16, 0.3, 0.16), (0.42, 0.24, 0.1), (0.75, 0.6, 0.2), (0.5, 0.16, 0.14))
     colour = glass[int(kit.rng.integers(len(glass)))]
@@ -189,7 +189,7 @@ def bottle(kit: Kit) -> Model:
 
 
 def wine_bottle(kit: Kit) -> Model:
-    """A bottle of wine."""
+    """Build a bottle of wine. See `catalog`."""
     model = Model("WineBottle", movable=True)
     glass = materials.plastic(kit, (0.1, 0.2, 0.12))
     profile = [
@@ -207,7 +207,7 @@ def wine_bottle(kit: Kit) -> Model:
 
 
 def soap_bottle(kit: Kit) -> Model:
-    """A dispenser of soap."""
+    """Build a dispenser of soap. See `catalog`."""
     model = Model("SoapBottle", movable=True)
     colour = ink(kit.rng)
     model.add(
@@ -222,15 +222,20 @@ def soap_bottle(kit: Kit) -> Model:
 
 
 def _label(model: Model, kit: Kit, radius: float, height: float, z: float, name: str) -> None:
-    """A printed label twice around a cylinder."""
+    """Add a printed label twice around a cylinder."""
     width = np.pi * radius
-    label = kit.printed(prints.package, (width, height), 160, name, ink(kit.rng))
+    label = kit.print_material(prints.package, (width, height), 160, name, ink(kit.rng))
     shell = [(radius - 0.0005, 0), (radius, 0), (radius, height), (radius - 0.0005, height)]
     model.add(lathe([*shell, shell[0]], 24), label, (0, 0, z), solid=False)
 
 
 def shaker(kit: Kit, kind: str) -> Model:
-    """`SaltShaker` or `PepperShaker`."""
+    """Build a salt shaker or a pepper mill.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+        kind: `SaltShaker` or `PepperShaker`.
+    """
     model = Model(kind, movable=True)
     wood = materials.second_wood(kit)
     body = materials.plastic(kit, materials.WHITE) if kind == "SaltShaker" else wood
@@ -249,24 +254,24 @@ def shaker(kit: Kit, kind: str) -> Model:
 
 
 def salt_shaker(kit: Kit) -> Model:
-    """A shaker of salt."""
+    """Build a shaker of salt. See `catalog`."""
     return shaker(kit, "SaltShaker")
 
 
 def pepper_shaker(kit: Kit) -> Model:
-    """A pepper mill."""
+    """Build a pepper mill. See `catalog`."""
     return shaker(kit, "PepperShaker")
 
 
 def cutting_board(kit: Kit) -> Model:
-    """A board to cut bread on."""
+    """Build a board to cut bread on. See `catalog`."""
     model = Model("CuttingBoard", movable=True, receptacle=True)
     model.add(box(0.38, 0.26, 0.02), materials.second_wood(kit))
     return model
 
 
 def knife(kit: Kit) -> Model:
-    """A kitchen knife."""
+    """Build a kitchen knife. See `catalog`."""
     model = Model("Knife", movable=True)
     model.add(box(0.18, 0.03, 0.003), materials.metal(kit), (0.05, 0, 0.005), solid=False)
     model.add(cushion(0.11, 0.024, 0.016, 0.006), materials.second_wood(kit), (-0.09, 0, 0))
@@ -275,7 +280,7 @@ def knife(kit: Kit) -> Model:
 
 
 def spoon(kit: Kit) -> Model:
-    """A wooden spoon."""
+    """Build a wooden spoon. See `catalog`."""
     model = Model("Spoon", movable=True)
     wood = materials.second_wood(kit)
     model.add(tube([(-0.14, 0, 0.006), (0.1, 0, 0.006)], 0.006, 8), wood)
@@ -284,10 +289,10 @@ def spoon(kit: Kit) -> Model:
 
 
 def paper_towel(kit: Kit) -> Model:
-    """A roll of paper towels on its stand."""
+    """Build a roll of paper towels on its stand. See `catalog`."""
     model = Model("PaperTowelRoll", movable=True)
     paper = kit.material(
-        textures.patterned, 0.2, 256, (0.95, 0.94, 0.92), (0.72, 0.8, 0.88), (0.6, 0.7, 0.8), 2
+        textures.pattern, 0.2, 256, (0.95, 0.94, 0.92), (0.72, 0.8, 0.88), (0.6, 0.7, 0.8), 2
     )
     wood = materials.second_wood(kit)
     model.add(cylinder(0.075, 0.015, n=28), wood)
@@ -297,7 +302,7 @@ def paper_towel(kit: Kit) -> Model:
 
 
 def sponge(kit: Kit) -> Model:
-    """A washing-up sponge."""
+    """Build a washing-up sponge. See `catalog`."""
     model = Model("DishSponge", movable=True)
     yellow = materials.fleck(kit, (0.9, 0.78, 0.25), (0.7, 0.55, 0.12), 0.35)
     green = materials.fleck(kit, (0.2, 0.45, 0.25), (0.35, 0.6, 0.35), 0.4)

@@ -1,1 +1,1 @@
-"""How people furnish a kitchen, a living room and a bedroom: one file a room type."""
+"""Furnishing of a kitchen, a living room and a bedroom."""

@@ -1,4 +1,4 @@
-"""A bedroom: a bed with night tables, a wardrobe, a dresser, a desk."""
+"""Furnishing of a bedroom: a bed with night tables, a wardrobe, a dresser, a desk."""
 
 from __future__ import annotations
 
@@ -26,13 +26,21 @@ from gslts_sim.procedural.scene import Builder, Scene
 
 
 def draw_size(rng: np.random.Generator) -> tuple[float, float, float]:
-    """Width, depth and height, m."""
+    """Sample width, depth and height, m.
+
+    Args:
+        rng: Random stream.
+    """
     width, depth, height = rng.uniform(3.2, 4.8), rng.uniform(3.2, 4.6), rng.uniform(2.4, 2.75)
     return round(float(width), 2), round(float(depth), 2), round(float(height), 2)
 
 
 def furnish(scene: Scene) -> None:
-    """Fills an empty scene."""
+    """Furnish an empty room.
+
+    Args:
+        scene: The room.
+    """
     rng = scene.rng
     head = int(rng.integers(4))
     foot, left, right = ((head + k) % 4 for k in (2, 1, 3))
@@ -56,7 +64,7 @@ def furnish(scene: Scene) -> None:
 
 
 def _make_bed(scene: Scene, head: int) -> HomeObject | None:
-    """The bed with pillows, night tables beside it and a rug at its foot."""
+    """Place the bed with pillows, night tables beside it and a rug at its foot."""
     rng = scene.rng
     side = scene.sides[head]
     bed = None
@@ -97,7 +105,7 @@ def _on_night_table(scene: Scene, table: HomeObject) -> None:
 
 
 def _along_walls(scene: Scene, foot: int, window_side: int, door_side: int) -> None:
-    """Wardrobe, dresser with a mirror, desk with a chair, hamper, plant."""
+    """Place wardrobe, dresser with a mirror, desk with a chair, hamper and plant."""
     rng = scene.rng
     walls = [door_side, foot, window_side]
     scene.stand_somewhere(scene.build(storage.wardrobe), walls, front=0.55)
@@ -128,7 +136,7 @@ def _along_walls(scene: Scene, foot: int, window_side: int, door_side: int) -> N
 
 
 def _against(scene: Scene, number: int, obj: HomeObject) -> float:
-    """How far a thing's back is from a wall that it could stand against, m."""
+    """Return the distance of an object's back from a wall that it could stand against, m."""
     side = scene.sides[number]
     facing = obj.world_from_object[:2, :2] @ np.array([0.0, -1.0])
     out = float((obj.world_from_object[:2, 3] - side.start) @ side.inward)
@@ -136,7 +144,7 @@ def _against(scene: Scene, number: int, obj: HomeObject) -> float:
 
 
 def _set_desk(scene: Scene, desk: HomeObject) -> None:
-    """Computer, lamp and papers on the desk, the chair before it."""
+    """Put computer, lamp and papers on the desk, and the chair before it."""
     rng = scene.rng
     chair = scene.build(seating.desk_chair)
     yaw = float(np.arctan2(desk.world_from_object[1, 0], desk.world_from_object[0, 0]))
@@ -156,7 +164,7 @@ def _set_desk(scene: Scene, desk: HomeObject) -> None:
 
 
 def _lay_out_small_things(scene: Scene, bed: HomeObject | None) -> None:
-    """A toy on the bed, books on the shelf, weights and a ball on the floor."""
+    """Put a toy on the bed, books on the shelf, weights and a ball on the floor."""
     rng = scene.rng
     if bed:
         scene.put(

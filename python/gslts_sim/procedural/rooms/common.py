@@ -1,4 +1,4 @@
-"""What all rooms have: a door, windows with curtains, lamps under the ceiling, pictures."""
+"""Parts that all rooms have: a door, windows with curtains, ceiling lamps, pictures."""
 
 from __future__ import annotations
 
@@ -17,7 +17,15 @@ DOOR_SPACE_M = 0.95
 
 @dataclass(frozen=True)
 class WindowPlan:
-    """Where a window is: on which side, its middle along the wall, its size (m)."""
+    """Position and size of a window.
+
+    Args:
+        side: Number of the wall.
+        middle: Along the wall from its left corner, m.
+        width: m.
+        bottom: Height of its lower edge, m.
+        top: Height of its upper edge, m.
+    """
 
     side: int
     middle: float
@@ -35,7 +43,7 @@ class WindowPlan:
 def raise_shell(
     scene: Scene, door_side: int, door_at: float, windows: list[WindowPlan], accent: int
 ) -> None:
-    """Builds walls, floor, ceiling, a door and windows.
+    """Build walls, floor, ceiling, a door and windows.
 
     Args:
         scene: Still empty.
@@ -69,7 +77,7 @@ def raise_shell(
 
 
 def _daylight(scene: Scene, plan: WindowPlan) -> None:
-    """Soft light from a window, just before its pane."""
+    """Add soft light from a window, just before its pane."""
     side = scene.sides[plan.side]
     x, y = side.point(plan.middle, 0.02)
     high = plan.top - plan.bottom
@@ -85,7 +93,12 @@ def _daylight(scene: Scene, plan: WindowPlan) -> None:
 
 
 def hang_curtains(scene: Scene, plan: WindowPlan) -> None:
-    """Curtains on both sides of a window, where there is room for them."""
+    """Hang curtains on both sides of a window, where there is room for them.
+
+    Args:
+        scene: The room.
+        plan: The window.
+    """
     top = min(plan.top + 0.12, scene.size[2] - 0.06)
     length = scene.sides[plan.side].length
     width = min(plan.width + 0.62, 2 * min(plan.middle, length - plan.middle) - 0.16)
@@ -97,7 +110,12 @@ def hang_curtains(scene: Scene, plan: WindowPlan) -> None:
 
 
 def light_ceiling(scene: Scene, strength: float = 1.0) -> None:
-    """One lamp in a small room, two in a long one."""
+    """Add one ceiling lamp to a small room, two to a long one.
+
+    Args:
+        scene: The room.
+        strength: Factor of the radiance.
+    """
     width, depth, _ = scene.size
     warm = np.array([1.0, 0.94, 0.84]) * strength
     if max(width, depth) > 4.3:
@@ -112,7 +130,18 @@ def light_ceiling(scene: Scene, strength: float = 1.0) -> None:
 def hang_somewhere(
     scene: Scene, builder: Builder, numbers: list[int], bottom: float, *args: float
 ) -> bool:
-    """Hangs a thing on the first of some walls that has room; whether one had."""
+    """Hang an object on the first of some walls that has room.
+
+    Args:
+        scene: The room.
+        builder: Of the object.
+        numbers: Of the walls, in this order.
+        bottom: Height of its underside, m.
+        *args: Passed to `builder`.
+
+    Returns:
+        Whether a wall had room.
+    """
     obj = scene.build(builder, *args)
     half = float(obj.box_in_world[1, 0])
     for number in numbers:

@@ -1,4 +1,4 @@
-"""A kitchen: a fitted run of units, a table with chairs, and what is used there."""
+"""Furnishing of a kitchen: fitted units, a table with chairs, dishes and food."""
 
 from __future__ import annotations
 
@@ -30,13 +30,21 @@ WALL_UNITS_FROM_M = 1.46
 
 
 def draw_size(rng: np.random.Generator) -> tuple[float, float, float]:
-    """Width, depth and height, m."""
+    """Sample width, depth and height, m.
+
+    Args:
+        rng: Random stream.
+    """
     width, depth, height = rng.uniform(3.0, 4.6), rng.uniform(3.0, 4.8), rng.uniform(2.45, 2.8)
     return round(float(width), 2), round(float(depth), 2), round(float(height), 2)
 
 
 def furnish(scene: Scene) -> None:
-    """Fills an empty scene."""
+    """Furnish an empty room.
+
+    Args:
+        scene: The room.
+    """
     rng = scene.rng
     main = int(rng.integers(4))
     length = scene.sides[main].length
@@ -79,7 +87,7 @@ def furnish(scene: Scene) -> None:
 
 
 def _planned_run(rng: np.random.Generator, length: float) -> tuple[list[str], list[float]]:
-    """Units from left to right along the main wall and their edges, m."""
+    """Sample the units from left to right along the main wall, and their edges, m."""
     rest = length - 0.03 - SINK_M - STOVE_M - FRIDGE_M
     order = ["counter", "sink", "counter", "stove", "counter"]
     if rng.random() < 0.5:
@@ -103,7 +111,7 @@ def _middle(order: list[str], edges: list[float], unit: str) -> float:
 def _fit_units(
     scene: Scene, main: int, order: list[str], edges: list[float], window: WindowPlan
 ) -> list[HomeObject]:
-    """Base units, the wall units above them, and tiles between; returns the base units."""
+    """Place base units, the wall units above them, and tiles between; return the base units."""
     units = []
     builders: dict[str, Builder] = {"stove": kitchen.stove, "fridge": kitchen.fridge}
     hole = window.opening
@@ -140,7 +148,7 @@ def _fit_units(
 def _turn_corner(
     scene: Scene, main: int, order: list[str], window_side: int | None
 ) -> list[HomeObject]:
-    """A second run around the corner that the fridge leaves, if that wall has no window."""
+    """Place a second run around the free corner, if that wall has no window."""
     rng = scene.rng
     at_left = order[-1] == "fridge"
     number = (main + (3 if at_left else 1)) % 4
@@ -161,13 +169,13 @@ def _turn_corner(
 
 
 def _outside(left: float, right: float, low: float, high: float) -> list[tuple[float, float]]:
-    """What of a span lies outside of another, with a margin for the window's frame."""
+    """Return the parts of a span outside of another, with a margin for the window's frame."""
     parts = [(left, min(right, low - 0.02)), (max(left, high + 0.02), right)]
     return [(start, end) for start, end in parts if end - start > 0.05]
 
 
 def _fixed(scene: Scene, builder: Builder, parent: HomeObject, x: float, y: float) -> None:
-    """Puts something at a given place on its parent, m from the parent's middle."""
+    """Put an object at a given position on its parent, m from the parent's middle."""
     obj = scene.build(builder)
     at = parent.world_from_object.copy()
     local = np.array([x, y, parent.boxes[:, 1, 2].max(), 1.0])
@@ -176,7 +184,7 @@ def _fixed(scene: Scene, builder: Builder, parent: HomeObject, x: float, y: floa
 
 
 def _dine(scene: Scene, main: int) -> HomeObject | None:
-    """A table with chairs around it, in the part of the room that the units leave."""
+    """Place a table with chairs around it, in the part of the room that the units leave."""
     rng = scene.rng
     inward = scene.sides[main].inward
     width, depth, _ = scene.size
@@ -203,7 +211,7 @@ def _dine(scene: Scene, main: int) -> HomeObject | None:
 
 
 def _seat(scene: Scene, table: HomeObject) -> int:
-    """Chairs around a table, pushed in a little; returns how many found room."""
+    """Place chairs around a table, pushed in a little; return their number."""
     rng = scene.rng
     half = table.boxes[:, 1, :2].max(axis=0)
     count = 0
@@ -228,7 +236,7 @@ def _seats_along(half_width: float) -> list[float]:
 
 
 def _lay_out_small_things(scene: Scene, units: list[HomeObject], table: HomeObject | None) -> None:
-    """Devices at the back of the worktop, food and dishes where they are used."""
+    """Put devices at the back of the worktop, food and dishes where they are used."""
     rng = scene.rng
     counters = [unit for unit in units if unit.type == "CounterTop"]
     counters.sort(key=lambda unit: -float(np.ptp(unit.boxes[:, :, 0])))
@@ -278,7 +286,7 @@ def _lay_out_small_things(scene: Scene, units: list[HomeObject], table: HomeObje
 
 
 def _set_table(scene: Scene, table: HomeObject) -> None:
-    """Fruit in the middle, plates and cups before the seats."""
+    """Put fruit in the middle of the table, plates and cups before the seats."""
     rng = scene.rng
     bowl = scene.put(scene.build(tableware.bowl), table, (-0.3, 0.3), (-0.3, 0.3))
     if bowl:

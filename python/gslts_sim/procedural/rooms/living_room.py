@@ -1,4 +1,4 @@
-"""A living room: sofa and armchairs around a table, a television opposite, shelves, plants."""
+"""Furnishing of a living room: sofa and armchairs around a table, a television, shelves."""
 
 from __future__ import annotations
 
@@ -27,13 +27,21 @@ from gslts_sim.procedural.scene import Builder, Scene, tops_m
 
 
 def draw_size(rng: np.random.Generator) -> tuple[float, float, float]:
-    """Width, depth and height, m."""
+    """Sample width, depth and height, m.
+
+    Args:
+        rng: Random stream.
+    """
     width, depth, height = rng.uniform(3.7, 6.0), rng.uniform(3.7, 5.0), rng.uniform(2.45, 2.8)
     return round(float(width), 2), round(float(depth), 2), round(float(height), 2)
 
 
 def furnish(scene: Scene) -> None:
-    """Fills an empty scene."""
+    """Furnish an empty room.
+
+    Args:
+        scene: The room.
+    """
     rng = scene.rng
     screen_side = int(rng.integers(4))
     sofa_side, left, right = ((screen_side + k) % 4 for k in (2, 1, 3))
@@ -65,7 +73,7 @@ def furnish(scene: Scene) -> None:
 def _seat_before_screen(
     scene: Scene, screen_side: int, sofa_side: int
 ) -> tuple[HomeObject | None, HomeObject | None, HomeObject | None]:
-    """The board with the television, the sofa facing it, a rug and a table between."""
+    """Place the television, the sofa facing it, a rug and a table between."""
     rng = scene.rng
     side = scene.sides[screen_side]
     stand = screen = None
@@ -77,7 +85,7 @@ def _seat_before_screen(
         scene.put(screen, stand, (0, 0), (0.2, 0.3), (0, 0))
     sofa_thing = scene.build(seating.sofa)
     room_depth = scene.sides[(screen_side + 1) % 4].length
-    # In a deep room the sofa stands free, with a way behind it.
+    # In a deep room the sofa stands free, with a passage behind it.
     behind = room_depth - 0.45 - 2.6 - 0.9
     gap = behind if behind > 0.85 else 0.04
     sofa = scene.stand(sofa_thing, sofa_side, side.length - middle, gap)
@@ -116,7 +124,7 @@ def _seat_before_screen(
 
 
 def _arm_chairs(scene: Scene, table: HomeObject | None, sofa: HomeObject | None) -> None:
-    """Armchairs at the ends of the table, turned towards it."""
+    """Place armchairs at the ends of the table, turned towards it."""
     if table is None or sofa is None:
         return
     rng = scene.rng
@@ -142,7 +150,7 @@ def _arm_chairs(scene: Scene, table: HomeObject | None, sofa: HomeObject | None)
 
 
 def _along_walls(scene: Scene, numbers: list[int]) -> None:
-    """Bookcases, a sideboard, a desk, lamps and plants, wherever there is room."""
+    """Place bookcases, a sideboard, lamps and plants, wherever there is room."""
     rng = scene.rng
     walls = [int(n) for n in rng.permutation(numbers)]
     for _ in range(int(rng.integers(1, 3))):
@@ -166,7 +174,7 @@ def _along_walls(scene: Scene, numbers: list[int]) -> None:
 
 
 def _fill_bookcase(scene: Scene, case: HomeObject) -> None:
-    """Rows of books, and ornaments between them, on each board."""
+    """Put rows of books, and ornaments between them, on each board."""
     rng = scene.rng
     extras: list[Builder] = [
         decoration.vase, decoration.statue, stationery.book, stationery.carton, decoration.candle,
@@ -187,7 +195,7 @@ def _fill_bookcase(scene: Scene, case: HomeObject) -> None:
 def _lay_out_small_things(
     scene: Scene, stand: HomeObject | None, sofa: HomeObject | None, table: HomeObject | None
 ) -> None:
-    """The remote control and more on the table, pillows on the sofa, plants on the sill."""
+    """Put the remote control and more on the table, pillows on the sofa, plants on the sill."""
     rng = scene.rng
     if sofa:
         for x in ((-1, -0.85), (0.85, 1), (-0.2, 0.2))[: int(rng.integers(2, 4))]:

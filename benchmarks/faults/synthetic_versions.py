@@ -1,9 +1,9 @@
-"""Versions of a map that are known in advance, and a program that commits them.
+"""Synthetic versions of a map, known in advance, and a program that commits them.
 
-    python benchmarks/faults/made_up.py MAP --more 12
+    python benchmarks/faults/synthetic_versions.py MAP --more 12
 
-adds so many versions, as the long-term loop does, and prints the number of each when its commit has
-returned. If it fails, it tries once more, and then tells.
+adds versions as the map keeper does, and prints the number of each after its commit returned. A
+failed commit is tried once more; then the error is reported.
 """
 
 from __future__ import annotations
@@ -20,15 +20,18 @@ from numpy.typing import NDArray
 
 from gslts.core.gaussian_map import GaussianMap
 from gslts.io.atomic_files import write_atomic
-from gslts.mapping.density.control import joined
+from gslts.mapping.density.control import join
 from gslts.store.causes import UpdateCause
 from gslts.store.map_folder import open_map, write_map_folder
 from gslts.store.map_store import MapStore
 from gslts.store.records import ObjectEvent
 
 GAUSSIANS, NEW = 300, 20
-STATE = "loop.json"
-BOX = [[0.0, 0.0, 0.0], [0.1, 0.1, 0.1]]
+"""Gaussians of the first version, and new ones of each later version."""
+STATE = "keeper.json"
+"""File that is written after each commit, as the map keeper does."""
+BOX = ((0.0, 0.0, 0.0), (0.1, 0.1, 0.1))
+"""Box of every added object, m."""
 
 
 def random_map(size: int, seed: int) -> GaussianMap:
@@ -47,44 +50,44 @@ def random_map(size: int, seed: int) -> GaussianMap:
     )
 
 
-def restored_by(number: int) -> int | None:
-    """The version that a version brings back; None if it is an update."""
+def restored_version(number: int) -> int | None:
+    """Return the number of the version that a version restores; None if it is an update."""
     return number - 3 if number % 5 == 0 else None
 
 
 @cache
-def map_of(number: int) -> GaussianMap:
-    """What a version holds: of the one before, some are gone, some moved, and some are new."""
+def expected_map(number: int) -> GaussianMap:
+    """Return a version: some Gaussians of the one before are removed, some moved, some are new."""
     if number == 1:
         return random_map(GAUSSIANS, 0)
-    restored = restored_by(number)
+    restored = restored_version(number)
     if restored is not None:
-        return map_of(restored)
-    before = map_of(number - 1)
+        return expected_map(restored)
+    before = expected_map(number - 1)
     rng = np.random.default_rng(number)
     kept = before.select(np.flatnonzero(rng.random(before.size) > NEW / GAUSSIANS))
     means = kept.means.copy()
     means[rng.random(kept.size) < 0.2] += np.float32(0.5)
-    first_id = max(int(map_of(one).ids[-1]) for one in range(1, number)) + 1
-    return joined(replace(kept, means=means), random_map(NEW, number), first_id)
+    first_id = max(int(expected_map(older).ids[-1]) for older in range(1, number)) + 1
+    return join(replace(kept, means=means), random_map(NEW, number), first_id)
 
 
 def write_first(folder: Path) -> None:
-    """A map of the first version."""
-    write_map_folder(folder, map_of(1), {"dataset": "made up"}, {})
+    """Write a map with the first version."""
+    write_map_folder(folder, expected_map(1), {"dataset": "synthetic"}, {})
 
 
 def commit_next(store: MapStore, number: int) -> None:
-    restored = restored_by(number)
+    restored = restored_version(number)
     if restored is not None:
         store.restore(restored)
         return
-    event = ObjectEvent(kind="addition", type=f"Thing {number}", boxes=(None, BOX))
-    store.commit(map_of(number), UpdateCause(round=number), [event])
+    event = ObjectEvent(kind="addition", type=f"Object {number}", boxes=(None, BOX))
+    store.commit(expected_map(number), UpdateCause(round=number), [event])
 
 
 def commit_more(folder: Path, more: int) -> None:
-    """Commits so many versions; an error is raised at the end, a second one at once."""
+    """Commit versions; a first error is raised at the end, a second one immediately."""
     failed: OSError | None = None
     with open_map(folder, writable=True) as store:
         store.collect_garbage()

@@ -35,7 +35,7 @@ def test_all_units_are_done_by_so_many_processes(tmp_path: Path) -> None:
     assert bar.n == bar.total == 15
 
 
-def test_what_is_there_is_not_done_again(tmp_path: Path) -> None:
+def test_finished_results_are_not_computed_again(tmp_path: Path) -> None:
     half = run_units([CountingUnit("a", tmp_path, count=3)], 1, Bar())
     bar = Bar()
     found = run_units([CountingUnit("a", tmp_path, raises_at=1)], 1, bar)
@@ -61,7 +61,7 @@ def test_errors_are_tried_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("line", ["{", "[1]", '{"square": 1}', '{"id": 1}'])
-def test_other_files_are_refused(tmp_path: Path, line: str) -> None:
+def test_other_files_are_rejected(tmp_path: Path, line: str) -> None:
     path = tmp_path / "a.jsonl"
     path.write_text(f'{{"id": "a/0"}}\n{line}\n')
     with pytest.raises(ValueError, match=r"a\.jsonl: line 2 is no result"):

@@ -1,10 +1,10 @@
-"""The command `gslts locate`, and the option --locate of others."""
+"""The command `gslts localize`, and the option --localize of others."""
 
 from __future__ import annotations
 
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -17,6 +17,7 @@ from gslts.cli.mapping import Threads
 if TYPE_CHECKING:
     from gslts.core.camera import Camera
     from gslts.core.frame import RgbdFrame
+    from gslts.core.gaussian_map import GaussianMap
     from gslts.datasets import Dataset, Frame
     from gslts.localization.localizer import Localizer
     from gslts.localization.relocalizer import Localization, Relocalizer
@@ -27,16 +28,16 @@ if TYPE_CHECKING:
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")
 """Suffixes by which an image is told from a data set."""
 
-Locate = Annotated[
+Localize = Annotated[
     bool,
     typer.Option(
-        "--locate",
+        "--localize",
         help="Localize the frames in the map first; their poses may drift or be missing.",
     ),
 ]
 
 
-def locate(
+def localize(
     map_path: MapFolder,
     frames: Annotated[
         Path,
@@ -65,7 +66,7 @@ def locate(
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object per frame.")
     ] = False,
-    picture: Annotated[
+    out: Annotated[
         Path | None,
         typer.Option(help="PNG of the first localized frame beside the map from its pose."),
     ] = None,
@@ -80,17 +81,14 @@ def locate(
     Each is ok, ambiguous if other poses fit nearly as well, or lost. Poses of a data set serve for
     comparison only.
 
-    Example: gslts locate out/map photo.jpg --fov-deg 69 --picture out/photo.png
+    Example: gslts localize out/map photo.jpg --fov-deg 69 --out out/photo.png
 
-    Example: gslts locate out/map out/visit --track
+    Example: gslts localize out/map out/visit --track
     """
-    from PIL import Image
     from tqdm import tqdm
 
     from gslts.datasets import Dataset
     from gslts.localization.localizer import Localizer
-    from gslts.localization.relocalizer import Localization
-    from gslts.localization.side_by_side import side_by_side
 
     settings = {"threads": threads} | ({} if halvings is None else {"halvings": halvings})
     relocalizer = _relocalizer(map_path, settings)
@@ -102,35 +100,30 @@ def locate(
         raise ValueError(f"{frames}: --depth, --camera and --fov-deg are for a PNG or JPEG only")
     else:
         opened = _opened(frames, posed=False)
-    find = Localizer(relocalizer).locate if track else relocalizer.locate
+    find = Localizer(relocalizer).localize if track else relocalizer.localize
     results: list[_Result] = []
     unposed = {entry.name for entry in opened.unposed}
-    for frame in tqdm(opened.frames, desc="locating", unit="frame", disable=None):
-        start_s = time.perf_counter()
+    for entry in tqdm(opened.frames, desc="localizing", unit="frame", disable=None):
+        given = None if entry.name in unposed else entry.camera.world_from_camera
         try:
-            read = _without_pose(frame.read())
-            start_s = time.perf_counter()
-            found = find(read)
+            frame = _without_pose(entry.read())
+            result = _Result.of(entry.name, frame, find, given)
         except (OSError, ValueError) as error:  # A damaged file does not stop the others.
             if is_image:
                 raise
-            found = Localization("lost", " ".join(str(error).split()))
-        pose = None if frame.name in unposed else frame.camera.world_from_camera
-        results.append(_Result(frame.name, found, time.perf_counter() - start_s, pose))
-        typer.echo(json.dumps(results[-1].plain()) if as_json else results[-1].line())
-        if picture is not None and found.world_from_camera is not None:
-            pose = found.world_from_camera
-            beside = side_by_side(relocalizer.gaussian_map, read, pose, threads)
-            picture.parent.mkdir(parents=True, exist_ok=True)
-            Image.fromarray(beside).save(picture)
-            typer.echo(f"see {picture}", err=True)
-            picture = None
+            result = _Result.failed(entry.name, error, given)
+        results.append(result)
+        typer.echo(json.dumps(result.plain()) if as_json else result.line())
+        if out is not None and result.found.world_from_camera is not None:
+            pose = result.found.world_from_camera
+            _write_side_by_side(out, relocalizer.gaussian_map, frame, pose, threads)
+            out = None
     if not (is_image or as_json):
         typer.echo(_summary(results))
 
 
 def localizer_of(map_path: Path, threads: int) -> Localizer:
-    """Return a localizer in a map, for the option --locate.
+    """Return a localizer in a map, for the option --localize.
 
     Args:
         map_path: Map folder.
@@ -164,7 +157,7 @@ def read_frames(path: Path, localizer: Localizer | None) -> dict[str, RgbdFrame]
     read: dict[str, RgbdFrame] = {}
     opened = _opened(path, posed=localizer is None)
     for entry in tqdm(opened.frames, desc="reading", unit="frame", disable=None):
-        frame = entry.read() if localizer is None else localizer.located(entry.read())
+        frame = entry.read() if localizer is None else localizer.localize_frame(entry.read())
         if frame.fault is None:
             read[entry.name] = frame
         else:
@@ -229,6 +222,18 @@ def _lens_of_map(map_path: Path, image: Path, size: tuple[int, int]) -> Camera:
     return found
 
 
+def _write_side_by_side(
+    out: Path, gaussian_map: GaussianMap, frame: RgbdFrame, pose: Floats, threads: int
+) -> None:
+    from PIL import Image
+
+    from gslts.localization.side_by_side import side_by_side
+
+    out.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(side_by_side(gaussian_map, frame, pose, threads)).save(out)
+    typer.echo(f"see {out}", err=True)
+
+
 def _without_pose(frame: RgbdFrame) -> RgbdFrame:
     """Return a frame in the coordinates of its camera, as of a robot without odometry."""
     import numpy as np
@@ -254,6 +259,26 @@ class _Result:
     found: Localization
     seconds: float
     given: Floats | None
+
+    @classmethod
+    def of(
+        cls,
+        name: str,
+        frame: RgbdFrame,
+        find: Callable[[RgbdFrame], Localization],
+        given: Floats | None,
+    ) -> _Result:
+        """Localize a frame and measure the time."""
+        start_s = time.perf_counter()
+        found = find(frame)
+        return cls(name, found, time.perf_counter() - start_s, given)
+
+    @classmethod
+    def failed(cls, name: str, error: Exception, given: Floats | None) -> _Result:
+        """Return a lost frame that cannot be read."""
+        from gslts.localization.relocalizer import Localization
+
+        return cls(name, Localization("lost", " ".join(str(error).split())), 0.0, given)
 
     @property
     def error(self) -> tuple[float, float] | None:

@@ -14,13 +14,13 @@ CAMERA = camera_from_fov(640, 480, 1.2)
 
 
 def picture(seed: int = 0) -> np.ndarray:
-    """[240,320] uint8: squares of 16 px."""
+    """Return [240,320] uint8 squares of 16 px."""
     random = np.random.default_rng(seed)
     return np.kron(random.integers(0, 256, (15, 20)), np.ones((16, 16))).astype(np.uint8)
 
 
 def landmarks(count: int = 800) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions, descriptors and keyframes, in front of the camera at TRUTH."""
+    """Return positions, descriptors and keyframes in front of the camera at TRUTH."""
     random = np.random.default_rng(1)
     positions = (3, 0, 1) + random.uniform(-1, 1, (count, 3)) * (2, 2, 1.2)
     descriptors = random.integers(0, 256, (count, 32))
@@ -29,7 +29,7 @@ def landmarks(count: int = 800) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def seen() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pixels, descriptors and depths of the landmarks that the camera sees from TRUTH."""
+    """Return pixels, descriptors and depths of the landmarks visible from TRUTH."""
     positions, descriptors, _ = landmarks()
     x, y, z = ((positions - TRUTH[:3, 3]) @ TRUTH[:3, :3]).T
     pixels = np.stack([CAMERA.fx * x / z + CAMERA.cx, CAMERA.fy * y / z + CAMERA.cy], axis=1)
@@ -49,11 +49,11 @@ def test_features_have_pixels_and_descriptors() -> None:
     assert descriptors.dtype == np.uint8
     assert (pixels > 19).all()
     assert (pixels < (301, 221)).all()
-    # All are near the corners of the squares.
+    # All keypoints are near corners of the squares.
     assert np.median(np.abs(pixels - 16 * np.round(pixels / 16))) < 2
 
 
-def test_features_are_where_the_mask_is() -> None:
+def test_features_lie_inside_the_mask() -> None:
     mask = np.zeros((240, 320), bool)
     assert len(reloc.features_of(picture(), mask, FeatureRule())[0]) == 0
     mask[:, :160] = True
@@ -82,7 +82,7 @@ def test_landmarks_are_found_by_their_descriptors() -> None:
 
 
 @pytest.mark.parametrize("depth", [True, False])
-def test_the_pose_comes_back(depth: bool) -> None:
+def test_the_true_pose_is_found(depth: bool) -> None:
     pixels, descriptors, depths = seen()
     index = LandmarkIndex(*landmarks())
     measured = depths if depth else np.full_like(depths, np.nan)
@@ -155,7 +155,7 @@ def test_rules_keep_their_settings(rule: Any, settings: dict[str, float]) -> Non
             setattr(made, name, 1)
 
 
-def test_wrong_arrays_are_refused() -> None:
+def test_wrong_arrays_are_rejected() -> None:
     grey = picture()
     with pytest.raises(ValueError, match="grey: expected a C-contiguous uint8"):
         reloc.features_of(grey.astype(np.float32), None, FeatureRule())

@@ -1,4 +1,4 @@
-"""What else there is to say about a map: how it looks to people, and how long a rendering takes."""
+"""Rendering time of a map, and LPIPS of its renderings."""
 
 from __future__ import annotations
 
@@ -16,55 +16,55 @@ from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 
 
 @dataclass(frozen=True)
-class Assessment:
-    """Over all frames, with the exposure of each fitted and its pose as given.
+class RenderingQuality:
+    """Rendering time and LPIPS over all frames, with the exposure of each fitted.
 
     Attributes:
-        render_ms: Median time of a rendering, without gradients, on this machine.
-        lpips: Mean; None if no weights were given. Its features reach across many pixels, so that
-            none can be left out: where a frame's mask is False, the rendering takes the colours of
-            the photograph, and both are the same there.
+        render_ms: Median time of a rendering without gradients on this machine, ms.
+        lpips: Mean LPIPS; None without weights. Its features reach across many pixels, so pixels
+            outside a frame's mask cannot be left out: there the rendering takes the colours of the
+            photograph.
     """
 
     render_ms: float
     lpips: float | None
 
 
-def assess(
+def evaluate_rendering(
     gaussian_map: GaussianMap,
     frames: Iterable[RgbdFrame],
     lpips: Lpips | None = None,
     threads: int = 0,
-) -> Assessment:
-    """Renders the map where frames were taken.
+) -> RenderingQuality:
+    """Render a map at the poses of frames, measure the time and compute LPIPS.
 
     Args:
         gaussian_map: float32.
         frames: At least one.
-        lpips: The weights.
-        threads: Of the rendering; 0 means one a hardware thread.
+        lpips: LPIPS with its weights; None leaves LPIPS out.
+        threads: Number of threads; 0 means all.
 
     Raises:
-        ValueError: There is no frame, or it is too small for LPIPS.
+        ValueError: There is no frame, or a frame is too small for LPIPS.
     """
     rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
     times_s, distances = [], []
     for number, frame in enumerate(frames):
         if number == 0:
-            rasterizer.forward(gaussian_map, frame.camera, options)  # Takes the memory.
+            rasterizer.forward(gaussian_map, frame.camera, options)  # Allocates the memory.
         start = time.perf_counter()
         images = rasterizer.forward(gaussian_map, frame.camera, options)
         times_s.append(time.perf_counter() - start)
         if lpips is not None:
             photo = frame.rgb.astype(np.float32) / 255
             exposure = fit_exposure(images.rgb, photo, mask=frame.mask, threads=threads)
-            shown = apply_exposure(images.rgb, exposure)
+            rendered = apply_exposure(images.rgb, exposure)
             if frame.mask is not None:
-                shown[~frame.mask] = photo[~frame.mask]
-            distances.append(lpips.distance(shown, photo))
+                rendered[~frame.mask] = photo[~frame.mask]
+            distances.append(lpips.distance(rendered, photo))
     if not times_s:
-        raise ValueError("assess: there is no frame")
-    return Assessment(
+        raise ValueError("evaluate_rendering: there is no frame")
+    return RenderingQuality(
         render_ms=1e3 * float(np.median(times_s)),
         lpips=float(np.mean(distances)) if distances else None,
     )

@@ -1,4 +1,4 @@
-"""The command `gslts locate` and the option --locate, as a user meets them."""
+"""The command `gslts localize` and the option --localize end to end."""
 
 import json
 import re
@@ -15,7 +15,7 @@ import update_room
 from change_room import LOOKS, SIZE
 from command import gslts
 from PIL import Image
-from update_room import looks_at_the_change
+from update_room import viewpoints_of_the_change
 
 from gslts.datasets import open_dataset
 from gslts.io.ply import write_ply
@@ -27,17 +27,17 @@ PLACE = r"\((-?[\d.]+), (-?[\d.]+), (-?[\d.]+)\) m"
 SIZES = r"([\d.]+) mm(?:, \+-| and) ([\d.]+) degrees"
 LOST = "lost: too few keypoints of the image match the map"
 WELL_M = 0.06
-"""How well such small pictures are found, at half their size."""
+"""Maximum error of a pose of such small images, at half their size, m."""
 FAST = ("--halvings", "0", "--threads", "1")
 
 
 @pytest.fixture(scope="module")
 def visited(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A map, and visits after the red box was taken away, one by a robot whose odometry is off.
+    """Return a map and visits after the removal of the red box, one with drifting odometry.
 
     The last frame is black.
     """
-    folder = tmp_path_factory.mktemp("locate")
+    folder = tmp_path_factory.mktemp("localize")
     adrift.write_room_map(folder / "map")
     change_room.write_room_map(folder / "bare")
     write_ply(read_map(folder / "map"), folder / "map.ply")
@@ -70,7 +70,7 @@ def png_chunk(kind: bytes, content: bytes) -> bytes:
 
 
 def darken(visit: Path, name: str) -> None:
-    """A black picture without depth instead of one of a recording."""
+    """Replace a frame of a recording by a black one without depth."""
     for path in (visit / "images" / f"{name}.png", visit / "depth" / f"{name}.png"):
         with Image.open(path) as image:
             black = np.zeros_like(np.asarray(image))
@@ -86,8 +86,8 @@ def off_m(camera: object, place: object) -> float:
 
 
 @pytest.mark.smoke
-def test_a_picture_alone_is_found(visited: Path) -> None:
-    done = gslts("locate", "map", "visit/images/00000.png", "--threads", "1", cwd=visited)
+def test_a_single_image_is_localized(visited: Path) -> None:
+    done = gslts("localize", "map", "visit/images/00000.png", "--threads", "1", cwd=visited)
     assert done.returncode == 0, done.stderr
     (line,) = done.stdout.splitlines()
     told = re.fullmatch(rf"00000: ok at {PLACE}, \+- {SIZES}, (\d+) keypoints, [\d.]+ s", line)
@@ -100,11 +100,11 @@ def test_a_picture_alone_is_found(visited: Path) -> None:
 @pytest.mark.parametrize(
     "lens", [(), ("--camera", "camera.json"), ("--camera", "lens.json"), ("--fov-deg", "90")]
 )
-def test_json_and_a_picture(visited: Path, tmp_path: Path, lens: tuple[str, ...]) -> None:
-    picture = tmp_path / "pictures" / "beside.png"
+def test_json_and_an_image(visited: Path, tmp_path: Path, lens: tuple[str, ...]) -> None:
+    out = tmp_path / "images" / "beside.png"
     done = gslts(
-        *("locate", "map", "visit/images/00001.png", "--depth", "visit/depth/00001.png"),
-        *(*lens, *FAST, "--json", "--picture", picture),
+        *("localize", "map", "visit/images/00001.png", "--depth", "visit/depth/00001.png"),
+        *(*lens, *FAST, "--json", "--out", out),
         cwd=visited,
     )
     assert done.returncode == 0, done.stderr
@@ -121,29 +121,29 @@ def test_json_and_a_picture(visited: Path, tmp_path: Path, lens: tuple[str, ...]
     assert 0 < told["residual"] < 0.2
     assert told["others"] == []
     assert told["error_m"] is told["error_rad"] is None
-    assert done.stderr.splitlines()[-1] == f"see {picture}"
-    with Image.open(picture) as image:
+    assert done.stderr.splitlines()[-1] == f"see {out}"
+    with Image.open(out) as image:
         left, right = np.split(np.asarray(image, float), 2, axis=1)
     with Image.open(visited / "visit" / "images" / "00001.png") as image:
         np.testing.assert_array_equal(left, np.asarray(image))
     assert np.abs(left - right).mean() < 25, "the map looks like it from there"
 
 
-def test_where_a_picture_is_lost_is_an_answer(visited: Path, tmp_path: Path) -> None:
-    picture = tmp_path / "beside.png"
-    arguments = ("locate", "map", "visit/images/00003.png", "--picture", picture)
+def test_a_lost_image_is_a_result_not_an_error(visited: Path, tmp_path: Path) -> None:
+    out = tmp_path / "beside.png"
+    arguments = ("localize", "map", "visit/images/00003.png", "--out", out)
     done = gslts(*arguments, cwd=visited)
     assert done.returncode == 0, done.stderr
     assert done.stdout == f"00003: {LOST}\n"
-    assert not picture.exists()
+    assert not out.exists()
     told = json.loads(gslts(*arguments, "--json", cwd=visited).stdout)
     assert told["status"] == "lost"
     assert told["world_from_camera"] is told["covariance"] is told["residual"] is None
 
 
 @pytest.mark.parametrize("track", [(), ("--track",)])
-def test_poses_of_a_data_set_do_not_count(visited: Path, track: tuple[str, ...]) -> None:
-    done = gslts("locate", "map", "adrift", *track, *FAST, cwd=visited)
+def test_poses_of_a_data_set_are_not_used(visited: Path, track: tuple[str, ...]) -> None:
+    done = gslts("localize", "map", "adrift", *track, *FAST, cwd=visited)
     assert done.returncode == 0, done.stderr
     *frames, lost, summary = done.stdout.splitlines()
     assert len(frames) == 3
@@ -163,9 +163,9 @@ def test_poses_of_a_data_set_do_not_count(visited: Path, track: tuple[str, ...])
     )
 
 
-def test_tracking_finds_a_frame_where_the_last_one_was(visited: Path, tmp_path: Path) -> None:
+def test_tracking_starts_at_the_previous_pose(visited: Path, tmp_path: Path) -> None:
     capture(Controller(change_room.home(), **SIZE), [LOOKS[0]] * 3, tmp_path / "still")
-    done = gslts("locate", "map", tmp_path / "still", "--track", *FAST, cwd=visited)
+    done = gslts("localize", "map", tmp_path / "still", "--track", *FAST, cwd=visited)
     assert done.returncode == 0, done.stderr
     first, second, third, _ = done.stdout.splitlines()
     assert "keypoints" in first
@@ -173,11 +173,11 @@ def test_tracking_finds_a_frame_where_the_last_one_was(visited: Path, tmp_path: 
     assert ", tracked, " in third
 
 
-def test_changes_are_detected_whatever_the_odometry_says(visited: Path) -> None:
+def test_changes_are_detected_despite_drift(visited: Path) -> None:
     detect = ("detect", "map", "adrift", "--halvings", "0", "--threads", "1")
     expected = gslts("detect", "map", "visit", *detect[3:], cwd=visited).stdout.splitlines()
     blind = gslts(*detect, cwd=visited).stdout.splitlines()
-    done = gslts(*detect, "--locate", cwd=visited)
+    done = gslts(*detect, "--localize", cwd=visited)
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
     for blind_line, line, same in zip(blind[:3], lines, expected, strict=False):
@@ -191,7 +191,7 @@ def test_changes_are_detected_whatever_the_odometry_says(visited: Path) -> None:
     assert lines[3:] == [lost]
 
 
-def test_frames_without_poses_are_located_and_compared(visited: Path, tmp_path: Path) -> None:
+def test_frames_without_poses_are_localized_and_compared(visited: Path, tmp_path: Path) -> None:
     shutil.copytree(visited / "visit", tmp_path / "bare")
     file = tmp_path / "bare" / "transforms.json"
     content = json.loads(file.read_text())
@@ -201,25 +201,25 @@ def test_frames_without_poses_are_located_and_compared(visited: Path, tmp_path: 
     refused = gslts("detect", visited / "map", "bare", *FAST, cwd=tmp_path)
     assert refused.returncode == 1
     assert "0 usable frames, at least 2 are needed; 00000: it has no pose" in refused.stderr
-    found = gslts("locate", visited / "map", "bare", *FAST, cwd=tmp_path)
+    found = gslts("localize", visited / "map", "bare", *FAST, cwd=tmp_path)
     assert found.returncode == 0, found.stderr
     assert "00001: ok at (" in found.stdout
     assert "from the pose" not in found.stdout
-    done = gslts("detect", visited / "map", "bare", "--locate", *FAST, cwd=tmp_path)
+    done = gslts("detect", visited / "map", "bare", "--localize", *FAST, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "removal at (2." in done.stdout.splitlines()[1]
 
 
 @pytest.mark.parametrize("command", [("run", "--frames", "long"), ("update", "--frames", "long")])
-def test_a_recording_of_any_odometry_updates_a_map(visited: Path, command: tuple[str, ...]) -> None:
+def test_a_recording_with_drift_updates_a_map(visited: Path, command: tuple[str, ...]) -> None:
     if not (visited / "long").exists():
         robot = update_room.robot_in(update_room.changed_home("removal"))
-        capture(robot, looks_at_the_change(), visited / "true")
+        capture(robot, viewpoints_of_the_change(), visited / "true")
         adrift.set_adrift(visited / "true", visited / "long")
         darken(visited / "long", "00002")
     verb, *rest = command
     adrift.write_room_map(visited / f"map_to_{verb}")
-    quick = ("--locate", "--iterations", "20", "--threads", "1")
+    quick = ("--localize", "--iterations", "20", "--threads", "1")
     done = gslts(verb, f"map_to_{verb}", *rest, *quick, cwd=visited)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("removal at (2.")
@@ -253,10 +253,8 @@ def test_a_recording_of_any_odometry_updates_a_map(visited: Path, command: tuple
         (("map.ply", "visit"), "map.ply: it has no landmarks; gslts map makes maps that do"),
     ],
 )
-def test_what_cannot_be_done_is_said_in_one_line(
-    visited: Path, arguments: tuple[str, ...], message: str
-) -> None:
-    done = gslts("locate", *arguments, cwd=visited)
+def test_errors_take_one_line(visited: Path, arguments: tuple[str, ...], message: str) -> None:
+    done = gslts("localize", *arguments, cwd=visited)
     assert done.returncode == 1
     assert done.stdout == ""
     (line,) = done.stderr.splitlines()
@@ -265,20 +263,20 @@ def test_what_cannot_be_done_is_said_in_one_line(
 
 
 @pytest.mark.parametrize("command", [("detect",), ("run", "--frames"), ("update", "--frames")])
-def test_without_landmarks_nothing_is_located(visited: Path, command: tuple[str, ...]) -> None:
+def test_without_landmarks_nothing_is_localized(visited: Path, command: tuple[str, ...]) -> None:
     verb, *option = command
-    done = gslts(verb, "bare", *option, "visit", "--locate", cwd=visited)
+    done = gslts(verb, "bare", *option, "visit", "--localize", cwd=visited)
     assert done.returncode == 1
     (line,) = done.stderr.splitlines()
     assert line == "gslts: bare: it has no landmarks; gslts map makes maps that do"
 
 
-def test_frames_that_are_all_lost_are_no_recording(visited: Path, tmp_path: Path) -> None:
+def test_a_recording_of_lost_frames_is_an_error(visited: Path, tmp_path: Path) -> None:
     robot = Controller(change_room.home(), **SIZE)
     capture(robot, LOOKS[:2], tmp_path / "dark")
     for name in ("00000", "00001"):
         darken(tmp_path / "dark", name)
-    done = gslts("run", "map", "--frames", tmp_path / "dark", "--locate", cwd=visited)
+    done = gslts("run", "map", "--frames", tmp_path / "dark", "--localize", cwd=visited)
     assert done.returncode == 1
     message = "dark: none of its frames was localized in the map"
     assert done.stderr.splitlines()[-1].endswith(message)

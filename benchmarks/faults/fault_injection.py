@@ -1,4 +1,4 @@
-"""Runs something in a process of its own, and kills it or lets its disk fail meanwhile."""
+"""Fault injection: runs a function in a child process, and kills it or fails its writes."""
 
 from __future__ import annotations
 
@@ -15,74 +15,80 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-LONGEST_S = 900
-"""What takes longer hangs, and is ended."""
+MAX_RUN_S = 900
+"""Maximum run time, s; a longer run hangs and is ended."""
 SOURCE = Path(__file__).with_name("failing_writes.c")
+"""Library that lets system calls fail."""
+BROKEN_CODE = 70
+"""Exit status of a child that did not run the function; no command uses it."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A call that fails, of those that change files.
+    """A call that changes files and fails.
 
     Attributes:
-        at: Which one, from 1 on; 0 means that none does.
-        error: Such as ENOSPC.
-        lasts: Whether all after it fail as well.
+        at: Number of the call, counted from 1; 0 means none.
+        error: Error number such as ENOSPC.
+        persistent: All later calls fail as well.
     """
 
     at: int = 0
     error: int = errno.EIO
-    lasts: bool = False
+    persistent: bool = False
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a run.
+    """Result of a run.
 
     Attributes:
-        code: It ended with; None if it was killed.
-        out: What it printed.
-        err: What it printed as errors.
-        calls: That changed files below the folder, if the disk was watched; one in a line, with its
-            number, and FAILS behind those that failed.
-        seconds: It took.
+        code: Exit status; None if it was killed.
+        stdout: Standard output.
+        stderr: Standard error.
+        calls: Calls that changed files below the folder, if a fault was given: one line each, with
+            its number; a failed one ends with FAILS.
+        seconds: Run time, s.
     """
 
     code: int | None
-    out: str
-    err: str
+    stdout: str
+    stderr: str
     calls: list[str]
     seconds: float
 
     @property
     def failures(self) -> int:
-        """How many calls failed."""
+        """Number of failed calls."""
         return sum(call.endswith(" FAILS") for call in self.calls)
 
     @property
-    def told(self) -> str:
-        """How it ended, in a few words."""
+    def summary(self) -> str:
+        """Exit status and error output in one line."""
         end = "killed" if self.code is None else f"ended with {self.code}"
-        return f"{end}, {self.err.strip()!r}"
+        return f"{end}, {self.stderr.strip()!r}"
 
 
-def disturbed(
+def run_disturbed(
     folder: Path,
     run: Callable[[], None],
     *,
     kill_after_s: float | None = None,
     fault: Fault | None = None,
 ) -> Outcome:
-    """Runs something, in that folder.
+    """Run a function in a forked child process.
 
-    It is forked: what the caller has imported need not be imported again, and a process that is
-    killed is killed amid its work.
+    Modules that the caller imported are not imported again, so that the child is killed during its
+    work and not during imports.
 
     Args:
-        folder: Whose files are watched.
+        folder: Working directory of the child; faults apply to the files below it.
         run: Ends the process as a command does.
-        kill_after_s: When it gets SIGKILL, s after its start.
-        fault: Of the disk below the folder; needs `failing_disk`.
+        kill_after_s: Time of SIGKILL after the start, s; None means never.
+        fault: Fault of the disk; needs the environment of `failing_disk`.
+
+    Returns:
+        Exit status, output, calls and run time.
     """
     with tempfile.TemporaryDirectory() as aside:
         out, err, calls = (Path(aside) / name for name in ("out", "err", "calls"))
@@ -107,11 +113,14 @@ def disturbed(
 
 @contextmanager
 def failing_disk() -> Iterator[dict[str, str]]:
-    """The environment of a process whose disk can fail.
+    """Compile the library of faults.
+
+    Yields:
+        Environment of a process whose disk can fail.
 
     Raises:
-        OSError: There is no compiler of C, `cc`.
-        subprocess.CalledProcessError: It failed.
+        OSError: There is no C compiler `cc`.
+        subprocess.CalledProcessError: The compiler failed.
     """
     with tempfile.TemporaryDirectory() as folder:
         library = Path(folder) / "failing_writes.so"
@@ -127,7 +136,7 @@ def _environment(folder: Path, fault: Fault | None, calls: Path) -> dict[str, st
     given = {"FAULT_FOLDER": str(folder.resolve()), "FAULT_LOG": str(calls)}
     if fault.at:
         given |= {"FAULT_AT": str(fault.at), "FAULT_ERRNO": str(fault.error)}
-    if fault.lasts:
+    if fault.persistent:
         given["FAULT_LASTS"] = "1"
     return given
 
@@ -135,12 +144,12 @@ def _environment(folder: Path, fault: Fault | None, calls: Path) -> dict[str, st
 def _become(
     folder: Path, run: Callable[[], None], files: tuple[Path, Path], environment: dict[str, str]
 ) -> None:
-    """What the child does; does not return."""
-    code = 70  # Something that no command ends with.
+    """Run the function as the child process; does not return."""
+    code = BROKEN_CODE
     try:
         for descriptor, path in enumerate(files, start=1):
             os.dup2(os.open(path, os.O_WRONLY | os.O_CREAT, 0o644), descriptor)
-        signal.alarm(LONGEST_S)
+        signal.alarm(MAX_RUN_S)
         os.chdir(folder)
         os.environ.update(environment)
         run()

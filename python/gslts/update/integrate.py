@@ -1,0 +1,270 @@
+"""Active Scene Updater: integrates object changes into a map in memory.
+
+The stages are those of GS-LTS, sec. III-D: collect views, pre-edit, refine; we add a verification
+by held-out views. `gslts.update.pipeline` runs them on a map on disk.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from gslts.change.changes import Change
+from gslts.change.detector import ChangeDetector
+from gslts.core.camera import Camera
+from gslts.core.gaussian_map import GaussianMap
+from gslts.core.robot import Robot
+from gslts.rendering.metrics import psnr_from_mse_db
+from gslts.semantics.map_semantics import MapSemantics
+from gslts.store.causes import UpdateRecord
+from gslts.types import Bools
+from gslts.update.config import UpdateConfig
+from gslts.update.edit import pre_edit
+from gslts.update.refine import OnStep
+from gslts.update.region import Region
+from gslts.update.selection import gaussians_in_regions
+from gslts.update.settle import active_gaussians, refine_edit
+from gslts.update.steadiness import unsteady_share
+from gslts.update.verify import error_in_regions, split_views
+from gslts.update.view_collection import Collection, collect_views
+from gslts.update.views import View
+
+Stage = Literal["collecting", "refining"]
+Progress = Callable[[Stage], None]
+"""Called after each step of a stage that takes long."""
+
+MAX_UNSTEADY_SHARE = 0.3
+"""Maximum share of the edited Gaussians that may move during the collection: somebody uses the
+object."""
+SEMANTICS_MARGIN_M = 0.02
+"""Margin around a region in which semantic features are recomputed: the table below a removed
+object becomes visible, m."""
+
+
+@dataclass(frozen=True, eq=False)
+class UpdateResult:
+    """Result of an update of a map.
+
+    Attributes:
+        gaussian_map: Updated map, or the given one if the update was rejected.
+        changes: Changes that the map shows now; empty if the update was rejected.
+        rejected_changes: Changes that the map does not show, with the reasons.
+        record: Timings, counts, and the reason if the update was rejected.
+        views: Collected views, training views first.
+        regions: Regions of the changes.
+    """
+
+    gaussian_map: GaussianMap
+    changes: tuple[Change, ...]
+    rejected_changes: tuple[tuple[Change, str], ...]
+    record: UpdateRecord
+    views: tuple[View, ...]
+    regions: tuple[Region, ...]
+
+    @property
+    def rejected(self) -> str | None:
+        """Reason for leaving the map unchanged; None if the update was accepted."""
+        return self.record.rejected
+
+
+def integrate_changes(
+    gaussian_map: GaussianMap,
+    cameras: Sequence[Camera],
+    changes: Sequence[Change],
+    robot: Robot,
+    config: UpdateConfig | None = None,
+    *,
+    detector: ChangeDetector | None = None,
+    first_id: int | None = None,
+    semantics: MapSemantics | None = None,
+    progress: Progress = lambda _: None,
+) -> UpdateResult:
+    """Collect views of some changes with a robot, and update the map by them.
+
+    Only Gaussians near the changes are modified. A change is rejected if too few views show its
+    regions, or do not confirm it. The update is rejected if no change is left, if an object moves
+    during the collection, or if validation views do not fit better than before.
+
+    Args:
+        gaussian_map: float32.
+        cameras: Training cameras of the map.
+        changes: As detected.
+        robot: Near the changes.
+        config: Settings; None means the defaults.
+        detector: Of the map; None means one with default settings.
+        first_id: Id of the first new Gaussian; None means the next one after those of the map.
+        semantics: Of the map; new Gaussians get semantic features from the frames.
+        progress: Called after each step of the stages that take long.
+
+    Returns:
+        The updated map, or the reason for the rejection.
+
+    Raises:
+        ValueError: The map is not float32, or all Gaussians would be removed.
+    """
+    config = UpdateConfig() if config is None else config
+    detector = detector or ChangeDetector(gaussian_map, cameras=cameras)
+    clock = _Clock()
+    collection = collect_views(
+        robot,
+        detector,
+        changes,
+        config.collect,
+        threads=config.threads,
+        progress=lambda: progress("collecting"),
+    )
+    clock.stop("collecting")
+    updated, record = integrate_views(
+        gaussian_map,
+        cameras,
+        collection,
+        config,
+        detector=detector,
+        first_id=first_id,
+        on_step=lambda *_: progress("refining"),
+    )
+    record = record.model_copy(update={"seconds": {**clock.seconds, **record.seconds}})
+    training, validation = split_views(collection.views, config.collect.validation_every)
+    confirmed, rejected = collection.changes, collection.rejected
+    if record.rejected is not None:
+        rejected += tuple((change, record.rejected) for change in confirmed)
+        confirmed = ()
+    elif semantics is not None:
+        new = _needs_features(gaussian_map, updated, collection, config.edit.margin_m)
+        frames = [(view.frame, view.changed) for view in training]
+        updated = semantics.update_features(updated, new, frames, config.threads)
+    views = (*training, *validation)
+    return UpdateResult(updated, confirmed, rejected, record, views, collection.regions)
+
+
+def integrate_views(
+    gaussian_map: GaussianMap,
+    cameras: Sequence[Camera],
+    collection: Collection,
+    config: UpdateConfig,
+    *,
+    detector: ChangeDetector | None = None,
+    first_id: int | None = None,
+    on_step: OnStep = lambda *_: None,
+) -> tuple[GaussianMap, UpdateRecord]:
+    """Update a map by collected views: pre-edit, refine and verify.
+
+    Args:
+        gaussian_map: float32.
+        cameras: Training cameras of the map.
+        collection: Views of the changes.
+        config: Settings.
+        detector: Of the map; the refinement is repeated while the detector still sees a change in
+            the training views. None means one refinement.
+        first_id: Id of the first new Gaussian; None means the next one after those of the map.
+        on_step: Called after each step of the refinement.
+
+    Returns:
+        The updated map, or the given one if the update was rejected, and the record.
+
+    Raises:
+        ValueError: All Gaussians would be removed.
+    """
+    clock, threads = _Clock(), config.threads
+    regions, by_change = collection.regions, collection.regions_by_change
+    training, validation = split_views(collection.views, config.collect.validation_every)
+    record = UpdateRecord(
+        kinds=tuple(change.kind for change in collection.changes),
+        training_views=len(training),
+        validation_views=len(validation),
+        skipped=collection.skipped,
+    )
+    if not collection.changes:
+        reasons = dict.fromkeys(reason for _, reason in collection.rejected)
+        return gaussian_map, _reject(record, "; ".join(reasons) or "nothing changed", clock)
+
+    edit = pre_edit(
+        gaussian_map, training, by_change, config.edit, first_id=first_id, threads=threads
+    )
+    unsteady = unsteady_share(gaussian_map, edit, training)
+    clock.stop("editing")
+    record = record.model_copy(update={"removed": int(edit.removed.sum()), "added": edit.added})
+    if unsteady > MAX_UNSTEADY_SHARE:
+        reason = f"{100 * unsteady:.0f} % of what changed moved again during the collection"
+        return gaussian_map, _reject(record, reason, clock)
+
+    refined = refine_edit(gaussian_map, edit, cameras, training, regions, config, detector, on_step)
+    clock.stop("refining")
+
+    groups = (regions, *by_change)
+    before = [error_in_regions(gaussian_map, validation, own, threads) for own in groups]
+    after = [error_in_regions(refined.gaussian_map, validation, own, threads) for own in groups]
+    clock.stop("verifying")
+    active = active_gaussians(edit, regions, config.refine.reach_m)
+    record = record.model_copy(
+        update={
+            "refined": int(active.sum()) if refined.iterations else 0,
+            "iterations": refined.iterations,
+            "psnr_before_db": _psnr_db(before[0]),
+            "psnr_after_db": _psnr_db(after[0]),
+            "seconds": clock.seconds,
+        }
+    )
+    worse = _no_better(before, after)
+    if worse is not None:
+        return gaussian_map, _reject(record, worse, clock)
+    return refined.gaussian_map, record
+
+
+def _needs_features(
+    before: GaussianMap, updated: GaussianMap, collection: Collection, margin_m: float
+) -> Bools:
+    """Return [N] Gaussians whose semantic features are recomputed from the frames.
+
+    A relocated object keeps its features.
+    """
+    new = ~np.isin(updated.ids, before.ids)
+    new |= gaussians_in_regions(updated, collection.regions, SEMANTICS_MARGIN_M)
+    destinations = [
+        region
+        for change, regions in zip(collection.changes, collection.regions_by_change, strict=True)
+        for region in regions
+        if change.kind == "relocation" and region.side == "after"
+    ]
+    relocated = gaussians_in_regions(updated, destinations, margin_m)
+    return new & ~(relocated & updated.features.any(axis=1))
+
+
+class _Clock:
+    """Run time of each stage, s."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._last_s = time.perf_counter()
+
+    def stop(self, stage: str) -> None:
+        """Note the time since the previous stage."""
+        now_s = time.perf_counter()
+        self.seconds[stage], self._last_s = round(now_s - self._last_s, 3), now_s
+
+
+def _no_better(before: Sequence[float | None], after: Sequence[float | None]) -> str | None:
+    """Return the reason if the error of all changes, or of one, did not fall; None if it did."""
+    for old, new in zip(before, after, strict=True):
+        if old is None or new is None or not new < old:
+            return (
+                f"validation views do not fit better: {_describe(old)} before, "
+                f"{_describe(new)} after"
+            )
+    return None
+
+
+def _reject(record: UpdateRecord, reason: str, clock: _Clock) -> UpdateRecord:
+    return record.model_copy(update={"rejected": reason, "seconds": clock.seconds})
+
+
+def _psnr_db(error: float | None) -> float | None:
+    return None if error is None else psnr_from_mse_db(error)
+
+
+def _describe(error: float | None) -> str:
+    return "no view" if error is None else f"{psnr_from_mse_db(error):.2f} dB"

@@ -1,0 +1,86 @@
+"""Records of the object changes that an update integrated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gslts.change.changes import Change
+from gslts.core.gaussian_map import GaussianMap
+from gslts.semantics.map_semantics import MapSemantics
+from gslts.store.causes import Box, ChangeRecord
+from gslts.store.records import Event, ObjectEvent
+from gslts.types import Floats
+from gslts.update.integrate import UpdateResult
+from gslts.update.object_types import object_type
+from gslts.update.region import Region
+from gslts.update.selection import gaussians_in_regions
+
+MIN_REMOVED, OUTLIER_SHARE = 20, 0.02
+"""Minimum number of removed Gaussians for a box, and the quantile trimmed as outliers."""
+
+
+def object_events(
+    before: GaussianMap,
+    result: UpdateResult,
+    events: Sequence[Event],
+    semantics: MapSemantics | None = None,
+) -> list[ObjectEvent]:
+    """Return the record of each change that the updated map shows.
+
+    Args:
+        before: Map before the update.
+        result: Accepted update.
+        events: History of the map, oldest first.
+        semantics: Of the map; names removed objects.
+
+    Returns:
+        One record per change. The box of a removed object is that of its Gaussians, because a
+        detection may include the surface behind it.
+    """
+    removed = ~np.isin(before.ids, result.gaussian_map.ids)
+
+    def removed_from(region: Region) -> NDArray[np.intp]:
+        return np.flatnonzero(removed & gaussians_in_regions(before, [region], 0.0))
+
+    def name_region(region: Region) -> str | None:
+        return None if semantics is None else semantics.name_of(before, removed_from(region))
+
+    records = []
+    for change in result.changes:
+        old, new = change_boxes(change)
+        if change.boxes[0] is not None:
+            rows = removed_from(Region("before", *change.boxes[0]))
+            if len(rows) >= MIN_REMOVED:
+                centers = before.means[rows] + before.origin
+                low, high = np.quantile(centers, (OUTLIER_SHARE, 1 - OUTLIER_SHARE), axis=0)
+                old = _box(low, high)
+        name = object_type(change, result.views, events, name_region)
+        records.append(ObjectEvent(kind=change.kind, type=name, boxes=(old, new)))
+    return records
+
+
+def change_record(change: Change) -> ChangeRecord:
+    """Return the record of a detected change.
+
+    Args:
+        change: As detected.
+    """
+    return ChangeRecord(kind=change.kind, confidence=change.confidence, boxes=change_boxes(change))
+
+
+def change_boxes(change: Change) -> tuple[Box | None, Box | None]:
+    """Return the boxes of a change before and after, m; None where there is no object.
+
+    Args:
+        change: As detected.
+    """
+    before, after = (None if box is None else _box(*box) for box in change.boxes)
+    return before, after
+
+
+def _box(low: Floats, high: Floats) -> Box:
+    (x0, y0, z0), (x1, y1, z1) = low.tolist(), high.tolist()
+    return (x0, y0, z0), (x1, y1, z1)

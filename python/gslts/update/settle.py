@@ -1,0 +1,132 @@
+"""Refinement of a pre-edited map, repeated until no change is detected any more.
+
+Source: GS-LTS, sec. III-D, post-training. The repetition is ours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gslts.change.detector import ChangeDetector
+from gslts.core.camera import Camera
+from gslts.core.gaussian_map import GaussianMap
+from gslts.types import Bools
+from gslts.update.config import UpdateConfig
+from gslts.update.edit import Edit
+from gslts.update.refine import OnStep, Refinement, refine
+from gslts.update.region import Region
+from gslts.update.targets import replay_targets, view_targets
+from gslts.update.verify import remaining_confidence
+from gslts.update.views import View
+
+RADIUS_SIGMAS = 2
+"""Radius of a Gaussian, in its largest standard deviation."""
+SETTLED_SHARE = 0.5
+"""Maximum confidence of a change that may remain after the refinement, as a share of the confidence
+at which a change is reported. A margin, because later frames have other noise."""
+MAX_REPEATS = 2
+"""Maximum number of repeated refinements; each one costs as much as the first."""
+
+
+def refine_edit(
+    before: GaussianMap,
+    edit: Edit,
+    cameras: Sequence[Camera],
+    training: Sequence[View],
+    regions: Sequence[Region],
+    config: UpdateConfig,
+    detector: ChangeDetector | None,
+    on_step: OnStep,
+) -> Refinement:
+    """Refine an edited map until the detector sees no change in the training views.
+
+    Args:
+        before: Map before the edit.
+        edit: Edited map.
+        cameras: Training cameras of the map.
+        training: Training views of the changes.
+        regions: Regions of the changes.
+        config: Settings.
+        detector: Of the map before the edit; None means one refinement.
+        on_step: Called after each step.
+
+    Returns:
+        The last refinement, with the iterations of all.
+    """
+    settings = config.refine
+    active = active_gaussians(edit, regions, settings.reach_m)
+    targets = view_targets(training, regions, settings)
+    targets += replay_targets(
+        before, edit.gaussian_map, cameras, regions, settings, threads=config.threads
+    )
+
+    def refine_once(gaussian_map: GaussianMap) -> Refinement:
+        return refine(
+            gaussian_map, targets, active, settings, threads=config.threads, on_step=on_step
+        )
+
+    if detector is None:
+        return refine_once(edit.gaussian_map)
+    seen_from = [*cameras, *(view.camera for view in training)]
+
+    def confidence(gaussian_map: GaussianMap) -> float:
+        return remaining_confidence(detector.with_map(gaussian_map, seen_from), training, regions)
+
+    settled = SETTLED_SHARE * detector.config.objects.certain
+    return refine_until_settled(edit.gaussian_map, refine_once, confidence, settled)
+
+
+def refine_until_settled(
+    edited: GaussianMap,
+    refine_once: Callable[[GaussianMap], Refinement],
+    confidence: Callable[[GaussianMap], float],
+    settled: float,
+) -> Refinement:
+    """Refine a map, and repeat it while this reduces the confidence of a remaining change.
+
+    Args:
+        edited: Map after the pre-editing.
+        refine_once: One refinement.
+        confidence: Confidence with which a change is still seen in a map, 0 to 1.
+        settled: Confidence at which the refinement is not repeated.
+
+    Returns:
+        The last refinement, with the iterations of all.
+    """
+    refined = refine_once(edited)
+    remaining = confidence(refined.gaussian_map)
+    for _ in range(MAX_REPEATS):
+        if remaining <= settled:
+            break
+        more = refine_once(refined.gaussian_map)
+        refined = replace(more, iterations=refined.iterations + more.iterations)
+        previous, remaining = remaining, confidence(refined.gaussian_map)
+        if remaining >= previous:  # More refinement does not help.
+            break
+    return refined
+
+
+def active_gaussians(edit: Edit, regions: Sequence[Region], reach_m: float) -> Bools:
+    """Return the Gaussians that the refinement may change: new ones, and those near the regions.
+
+    A Gaussian that reaches farther would also change where no view of the regions sees it.
+
+    Args:
+        edit: Edited map.
+        regions: Regions of the changes.
+        reach_m: Maximum distance from a region to the far side of a Gaussian, m.
+
+    Returns:
+        [N] bool.
+    """
+    gaussian_map = edit.gaussian_map
+    centers = gaussian_map.means + gaussian_map.origin
+    radii_m = RADIUS_SIGMAS * np.exp(gaussian_map.log_scales.max(axis=1))
+    active = np.zeros(gaussian_map.size, np.bool_)
+    for region in regions:
+        active |= region.contains(centers, reach_m - radii_m[:, None])
+    active[active.size - edit.added :] = True
+    return active

@@ -1,0 +1,55 @@
+"""Changes as plain values, such as another detector constructs."""
+
+import numpy as np
+import pytest
+
+from gslts.change.changes import Change
+
+POINT = np.array([1.0, 2.0, 0.5])
+BOX = (np.array([0.8, 1.8, 0.4]), np.array([1.2, 2.2, 0.8]))
+OTHER_BOX = (np.array([2.8, 1.8, 0.4]), np.array([3.2, 2.2, 0.8]))
+MASK = np.ones((3, 4), np.bool_)
+
+
+def test_a_change_needs_kind_confidence_and_point_only() -> None:
+    change = Change("addition", 0.8, POINT)
+    assert change.boxes == change.masks == (None, None)
+    assert change.before is change.after is change.end_point("after") is None
+
+
+def test_a_relocation_of_boxes_has_two_ends() -> None:
+    whole = Change("relocation", 0.7, POINT, (BOX, OTHER_BOX), (MASK, ~MASK))
+    removal, addition = whole.end("before"), whole.end("after")
+    assert (removal.kind, addition.kind) == ("removal", "addition")
+    assert removal.boxes == (BOX, None)
+    assert addition.boxes == (None, OTHER_BOX)
+    assert removal.masks[0] is MASK
+    assert removal.masks[1] is addition.masks[0] is None
+    np.testing.assert_allclose(removal.point, (1.0, 2.0, 0.6))
+    np.testing.assert_allclose(addition.point, (3.0, 2.0, 0.6))
+    assert removal.confidence == addition.confidence == 0.7
+
+
+def test_an_end_at_an_unknown_position_is_an_error() -> None:
+    with pytest.raises(ValueError, match=r"Change\.end: the relocation has no box before"):
+        Change("relocation", 0.7, POINT).end("before")
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"kind": "move"}, "kind must be one of addition, removal, relocation, got 'move'"),
+        ({"confidence": 1.5}, r"confidence must be in \[0, 1\], got 1.5"),
+        ({"confidence": float("nan")}, r"confidence must be in \[0, 1\], got nan"),
+        ({"point": np.zeros(2)}, "point: expected three finite numbers"),
+        ({"point": np.full(3, np.nan)}, "point: expected three finite numbers"),
+        ({"boxes": (None, BOX[::-1])}, "boxes: after: low must not exceed high"),
+        ({"boxes": (None, (*BOX, POINT))}, r"boxes: after: expected \(low, high\), got 3 corners"),
+        ({"boxes": (BOX, None)}, "boxes: addition has nothing before the change"),
+        ({"masks": (MASK, None)}, "masks: addition has nothing before the change"),
+        ({"kind": "removal", "boxes": (None, BOX)}, "boxes: removal has nothing after the change"),
+    ],
+)
+def test_values_that_do_not_fit_are_named(values: dict, message: str) -> None:
+    with pytest.raises(ValueError, match=f"^Change: {message}"):
+        Change(**{"kind": "addition", "confidence": 0.5, "point": POINT, **values})
