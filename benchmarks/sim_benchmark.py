@@ -1,6 +1,6 @@
-"""How fast homes are made, looked at, recorded and changed; prints a markdown table.
+"""Time to generate, render, record and change homes; prints a markdown table.
 
-python benchmarks/sim_benchmark.py    # some seven minutes; leave the machine alone meanwhile
+python benchmarks/sim_benchmark.py    # about seven minutes, on an otherwise idle machine
 """
 
 from __future__ import annotations
@@ -23,7 +23,9 @@ from gslts_sim.task import write_task
 from gslts_sim.tasks import TaskMaker, TaskSettings
 
 SEEDS = range(5)
+"""Seeds of the homes of each room type."""
 FRAMES, TASKS, TASKS_PER_HOME = 200, 600, 12
+"""Frames of a recording, number of tasks, and maximum number of tasks per home."""
 
 
 def seconds(work: Callable[[], object]) -> float:
@@ -32,13 +34,13 @@ def seconds(work: Callable[[], object]) -> float:
     return time.perf_counter() - start
 
 
-def row(what: str, unit: str, values: list[float]) -> None:
+def row(label: str, unit: str, values: list[float]) -> None:
     low, middle, high = min(values), median(values), max(values)
-    print(f"| {what} | {middle:.3g} {unit} | {low:.3g} to {high:.3g} |", flush=True)
+    print(f"| {label} | {middle:.3g} {unit} | {low:.3g} to {high:.3g} |", flush=True)
 
 
 def frame_ms(home: Home) -> list[float]:
-    """Of views from the corners, 640 x 480, after one that does not count."""
+    """Return the times of views from the corners, 640 x 480, after a warm-up."""
     caster = RayCaster(home)
     cameras = corner_cameras(home, 640, 480)
     caster.render(cameras[0])
@@ -48,25 +50,25 @@ def frame_ms(home: Home) -> list[float]:
 def capture_s(home: Home, noise: str) -> float:
     viewpoints, _ = explore(home, FRAMES)
     robot = Controller(home, noise=noise)
-    # Where exploring needs fewer frames, some are taken twice.
+    # If exploring needs fewer frames, some are taken twice.
     viewpoints = (viewpoints * FRAMES)[:FRAMES]
     with tempfile.TemporaryDirectory() as folder:
         return seconds(lambda: capture(robot, viewpoints, Path(folder)))
 
 
 def tasks_s() -> float:
-    maker, made = TaskMaker(TaskSettings(), 0), 0
+    maker, written = TaskMaker(TaskSettings(), 0), 0
     start = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         for number in range(10 * TASKS):
             room_type = list(ROOM_TYPES)[number % len(ROOM_TYPES)]
             source = HomeSource.of_seed(room_type, number // len(ROOM_TYPES))
-            for task in maker.make(*source, min(TASKS_PER_HOME, TASKS - made)):
-                write_task(task, Path(folder) / f"{made}.json")
-                made += 1
-            if made == TASKS:
+            for task in maker.make(*source, min(TASKS_PER_HOME, TASKS - written)):
+                write_task(task, Path(folder) / f"{written}.json")
+                written += 1
+            if written == TASKS:
                 return time.perf_counter() - start
-    raise RuntimeError(f"only {made} tasks")
+    raise RuntimeError(f"only {written} of {TASKS} tasks are possible")
 
 
 def main() -> None:
@@ -80,9 +82,9 @@ def main() -> None:
         times = [seconds(lambda key=(room_type, seed): make_home(*key)) for seed in SEEDS]
         row(f"make_home, {room_type}", "s", times)
     for lights in sorted({len(home.all_lights) for home in homes.values()}):
-        those = [home for home in homes.values() if len(home.all_lights) == lights]
-        times = [ms for home in those for ms in frame_ms(home)]
-        row(f"RGB-D frame with shadows of {lights} lights, {len(those)} homes", "ms", times)
+        group = [home for home in homes.values() if len(home.all_lights) == lights]
+        times = [ms for home in group for ms in frame_ms(home)]
+        row(f"RGB-D frame with shadows of {lights} lights, {len(group)} homes", "ms", times)
     for noise in ("none", "kinect"):
         times = [capture_s(homes[room_type, 0], noise) for room_type in ROOM_TYPES]
         row(f"recording of {FRAMES} frames, noise {noise}", "s", times)

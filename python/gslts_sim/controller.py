@@ -252,7 +252,7 @@ class Controller:
             self._horizon_deg = _within_horizon(action.horizon)
         if action.rotation is not None:
             self._yaw_deg = action.rotation % 360
-        self._position, self._last_pose = position, None  # Nobody sees the way of a teleport.
+        self._position, self._last_pose = position, None  # No motion blur after a teleport.
 
     def _body(self) -> OrientedBoxes:
         """Return the box that the robot fills."""

@@ -55,13 +55,13 @@ def generate_tasks(
         ValueError: There is no such room type, a file is not a home, or the settings ask for an
             object or receptacle that a home does not have.
     """
-    made = fruitless = 0
+    done = fruitless = 0
     for source, home in homes_of(names, folder, first_seed):
-        tasks = maker.make(source, home, min(per_home, count - made))
+        tasks = maker.make(source, home, min(per_home, count - done))
         yield from tasks
-        made += len(tasks)
+        done += len(tasks)
         fruitless = 0 if tasks else fruitless + 1
-        if made == count or fruitless == MAX_FRUITLESS_HOMES:
+        if done == count or fruitless == MAX_FRUITLESS_HOMES:
             return
 
 
@@ -180,7 +180,7 @@ class TaskMaker:
         rng = self._rng_of_next_home()
         sampler = ChangeSampler(home, self._settings, rng)
         failures: Counter[Kind] = Counter()
-        made = 0
+        done = 0
         left: dict[Kind, list[HomeObject]] = {}
         for _ in range(MAX_TRIES_PER_TASK * count):
             if not any(left.values()):  # All were tried; another draw may succeed.
@@ -189,8 +189,8 @@ class TaskMaker:
                 return
             for task in self._try(source, sampler, left, failures, rng, once=True):
                 yield task
-                made += 1
-                if made == count:
+                done += 1
+                if done == count:
                     return
                 sampler = sampler.advance(task)
                 left = {}

@@ -216,7 +216,7 @@ def _flood_fill(open_cells: list[bool], start: int, width: int) -> list[int]:
     last_row = len(open_cells) - width
     open_cells[start] = False
     cells = [start]
-    for cell in cells:  # Grows on the way.
+    for cell in cells:  # Grows during the loop.
         column = cell % width
         for near, inside in (
             (cell - width, cell >= width),

@@ -10,7 +10,7 @@ from gslts_sim.home import Home, Room
 
 
 def bare_flat(*corners: tuple[float, float, float, float], blocks: tuple[tuple, ...] = ()) -> Home:
-    """Rooms from x0, y0, x1, y1, m, without walls; blocks of 1 m height stand as given."""
+    """Return rooms from x0, y0, x1, y1, m, without walls, with blocks of 1 m height."""
     rooms = tuple(
         Room("room", np.array([[x0, y0, 0], [x1, y1, 2.5]], float)) for x0, y0, x1, y1 in corners
     )
@@ -26,7 +26,7 @@ def bare_flat(*corners: tuple[float, float, float, float], blocks: tuple[tuple, 
 
 
 def furnished_flat(*made: tuple[str, int, tuple[float, float]], detail: float = 0.1) -> Home:
-    """Rooms of `make_home`, by type, seed and the place of their corner, with `|room` at ids."""
+    """Return rooms of `make_home` by type, seed and corner, with `|room` added to ids."""
     rooms, objects, lights = [], [], []
     for k, (room_type, seed, corner) in enumerate(made):
         home = make_home(room_type, seed, detail=detail)

@@ -1,4 +1,4 @@
-"""Small glTF files, written by hand so that every field can be right or wrong."""
+"""Small glTF files, written by hand so that every field can be wrong."""
 
 import io
 import json
@@ -19,7 +19,7 @@ TYPES = {
 
 
 class Gltf:
-    """A tree and its bytes in the making."""
+    """Builder of the JSON and the buffer of a file."""
 
     def __init__(self) -> None:
         self.tree: dict[str, Any] = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{}]}
@@ -62,7 +62,7 @@ class Gltf:
         return len(self.tree["meshes"]) - 1
 
     def primitive(self, corners: np.ndarray, **more: Any) -> dict[str, Any]:
-        """Triangles [F,3,3] without indices."""
+        """Return a primitive of triangles [F,3,3] without indices."""
         attributes = more.pop("attributes", {})
         points = np.asarray(corners, np.float32).reshape(-1, 3)
         return {"attributes": {"POSITION": self.array(points)} | attributes} | more
@@ -95,13 +95,13 @@ def glb(text: bytes, data: bytes) -> bytes:
 
 
 def box(low: Any, high: Any) -> np.ndarray:
-    """[12,3,3] outward triangles of a box."""
+    """Return the outward triangles [12,3,3] of a box."""
     surface = box_surface(low, high, plain(128))
     return surface.vertices[surface.faces]
 
 
 def y_up(corners: np.ndarray) -> np.ndarray:
-    """From our axes to those of glTF."""
+    """Convert from the world's axes to those of glTF."""
     return np.stack([corners[..., 0], corners[..., 2], -corners[..., 1]], axis=-1)
 
 
@@ -109,12 +109,12 @@ CUBE = y_up(box([-0.5, -0.5, -0.5], [0.5, 0.5, 0.5]))
 
 
 def sized(width: float, depth: float, height: float) -> np.ndarray:
-    """A box in glTF's axes, standing on the origin, the sizes in ours."""
+    """Return a box in glTF's axes that stands on the origin; the sizes are in the world's."""
     return y_up(box([-width / 2, -depth / 2, 0], [width / 2, depth / 2, height]))
 
 
 def flat() -> Gltf:
-    """Two rooms, nested as Blender does it: groups, a shared mesh, parents of things."""
+    """Return two rooms, nested as by Blender: groups, a shared mesh, parents of objects."""
     file = Gltf()
     wood = file.material(baseColorFactor=[0.5, 0.3, 0.2, 1])
     cup = file.mesh(file.primitive(sized(0.08, 0.08, 0.1), material=wood))
@@ -154,7 +154,7 @@ QUAD_UV = np.array([[0, 1], [1, 1], [1, 0], [0, 1], [1, 0], [0, 0]], np.float32)
 
 
 def quad(image: Image.Image | None = None, uv: np.ndarray = QUAD_UV, **look: object) -> Gltf:
-    """A square in glTF's x and y, the image upright on it."""
+    """Return a square in glTF's x and y with an upright image."""
     file = Gltf()
     attributes = {"TEXCOORD_0": file.array(uv)}
     material = file.material(image, **look)
@@ -169,5 +169,5 @@ def four_colours() -> Image.Image:
 
 
 def one(tmp_path: Path, file: Gltf) -> HomeObject:
-    """The only object of a file."""
+    """Return the only object of a file."""
     return load_home(file.write(tmp_path / "one.glb")).objects[0]

@@ -1,4 +1,4 @@
-"""Checks of homes, for processes of their own, too."""
+"""Checks of homes, importable by worker processes."""
 
 import hashlib
 
@@ -10,11 +10,11 @@ from gslts_sim.physics import problems
 from gslts_sim.walkable import walkable_floor
 
 DETAIL = 0.06
-"""Textures of few pixels: what these checks look at does not depend on them."""
+"""Scale of the texture resolution; the checks do not depend on it."""
 
 
 def complaints(room_type: str, seed: int) -> list[str]:
-    """What is wrong with a home, in words."""
+    """Return the problems of a home, in words."""
     home = make_home(room_type, seed, detail=DETAIL)
     found = problems(home) + wrong_ids(home) + wrong_meshes(home)
     movable = sum(obj.movable for obj in home.objects)
@@ -27,7 +27,7 @@ def complaints(room_type: str, seed: int) -> list[str]:
 
 
 def wrong_ids(home: Home) -> list[str]:
-    """Ids are `Type|number`, counted from 1; parents are receptacles or the building."""
+    """Return ids other than `Type|number`, and parents that are no receptacles."""
     found = []
     counts: dict[str, int] = {}
     for obj in home.objects:
@@ -40,7 +40,7 @@ def wrong_ids(home: Home) -> list[str]:
 
 
 def wrong_meshes(home: Home) -> list[str]:
-    """Closed surfaces look outward, and their boxes cover what they show."""
+    """Return surfaces that face inward, and boxes that leave parts out."""
     found = []
     for obj in home.objects:
         found += [
@@ -63,7 +63,7 @@ def signed_volume(vertices: np.ndarray, faces: np.ndarray) -> float:
 
 
 def digest(home: Home) -> str:
-    """Hash of all that a home is made of."""
+    """Compute a hash of all data of a home."""
     result = hashlib.sha256(f"{home.name} {home.ambient.tolist()}".encode())
     for obj in home.objects:
         result.update(f"{obj.id} {obj.movable} {obj.receptacle} {obj.parent}".encode())

@@ -1,4 +1,4 @@
-"""Shading of simulated frames in numpy, whole images at once: readable, and slow."""
+"""Shading of simulated frames in numpy: a readable, slow oracle."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from gslts_sim.texture_atlas import LINEAR_OF_BYTE, texture_atlas
 
 
 def radiance_of(caster: RayCaster, camera: Camera) -> np.ndarray:
-    """[H,W,3] float32, linear RGB; 0 where nothing is hit."""
+    """Return [H,W,3] float32, linear RGB; 0 where nothing is hit."""
     columns = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
     rows = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
     right, down, ahead = camera.world_from_camera[:3, :3].T
@@ -54,7 +54,7 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def _from_light(
     caster: RayCaster, light: AreaLight, points: np.ndarray, normals: np.ndarray
 ) -> np.ndarray:
-    """[H,W] light for a radiance of 1, from one of 4 x 4 points a pixel."""
+    """Return the light [H,W] for a radiance of 1, from one of 4 x 4 points per pixel."""
     cross = np.cross(light.edge_u, light.edge_v)
     area = np.linalg.norm(cross)
     row, column = np.indices(points.shape[:2]) % 4
@@ -70,7 +70,7 @@ def _from_light(
 
 
 def _average(values: np.ndarray, normals: np.ndarray, depth: np.ndarray, axis: int) -> np.ndarray:
-    """Means over -2 to 1 pixels along an axis, of one surface."""
+    """Return means over -2 to 1 pixels along an axis, within one surface."""
     values, normals, depth = (np.moveaxis(a, axis, 0) for a in (values, normals, depth))
     total, weight, size = values.copy(), np.ones(depth.shape, np.float32), len(depth)
     for shift in (-2, -1, 1):
@@ -89,7 +89,7 @@ def _average(values: np.ndarray, normals: np.ndarray, depth: np.ndarray, axis: i
 def _sampled(
     caster: RayCaster, triangles: np.ndarray, weights: np.ndarray, pixel_m: np.ndarray
 ) -> np.ndarray:
-    """[H,W,3] linear colours, between texels and between levels."""
+    """Return linear colours [H,W,3], interpolated between texels and between levels."""
     atlas = texture_atlas([s for obj in caster.home.objects for s in obj.surfaces])
     a, b, c = np.moveaxis(atlas["uvs"][triangles], -2, 0)
     uv = a + weights[..., :1] * (b - a) + weights[..., 1:] * (c - a)

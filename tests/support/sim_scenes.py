@@ -15,7 +15,7 @@ def box_surface(
     *,
     inward: bool = False,
 ) -> Surface:
-    """The faces of a box, seen from outside or, as the walls of a room, from inside."""
+    """Return the faces of a box, seen from outside or, as the walls of a room, from inside."""
     corners = np.array([low, high], np.float64)
     vertices, faces, uvs = [], [], []
     for axis in range(3):
@@ -47,7 +47,7 @@ def box_object(
     *,
     inward: bool = False,
 ) -> HomeObject:
-    """A box at its place in the world, or the walls around it, which are outside it."""
+    """Return a box in the world, or the walls around it, which are outside of it."""
     middle = np.array([0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low[2]])
     local = tuple(np.array(low) - middle), tuple(np.array(high) - middle)
     pose = np.eye(4)
@@ -62,7 +62,7 @@ def box_object(
 
 
 def _shell(low: tuple[float, ...], high: tuple[float, ...], thickness: float = 0.1) -> np.ndarray:
-    """[6,2,3] boxes around a box."""
+    """Return boxes [6,2,3] around a box."""
     boxes = np.tile(np.array([low, high]), (6, 1, 1))
     for axis in range(3):
         boxes[2 * axis, :, axis] = low[axis] - thickness, low[axis]
@@ -76,7 +76,7 @@ def plain(value: int) -> np.ndarray:
 
 
 def simple_home(*, lights: bool = True, wall: np.ndarray | None = None) -> Home:
-    """A room of 5 x 4 x 2.6 m with a block of 1.2 x 0.8 x 0.75 m in it."""
+    """Return a room of 5 x 4 x 2.6 m with a block of 1.2 x 0.8 x 0.75 m in it."""
     light = AreaLight(
         center=np.array([2.5, 2.0, 2.59]),
         edge_u=np.array([0.0, 0.6, 0.0]),
@@ -98,7 +98,7 @@ def simple_home(*, lights: bool = True, wall: np.ndarray | None = None) -> Home:
 
 
 def furnished_home(lamp: str | None = None) -> Home:
-    """`simple_home` with a floor and two mugs on the block; one may be a lamp."""
+    """Return `simple_home` with a floor and two mugs on the block; one may be a lamp."""
     home = simple_home()
     floor = box_object("Floor|1", (0, 0, -0.1), (5, 4, 0), plain(150))
     walls = replace(home["Wall|1"], boxes=np.delete(home["Wall|1"].boxes, 4, axis=0))

@@ -1,4 +1,4 @@
-"""A server of AI2-THOR with a tiny scene in the place of Unity, written from Unity's own manual."""
+"""Stand-in for Unity behind AI2-THOR's server, with a tiny scene, written from Unity's manual."""
 
 import warnings
 from typing import Any
@@ -28,7 +28,7 @@ def unity_rotation(yaw_deg: float, horizon_deg: float) -> np.ndarray:
 
 
 class UnityStandIn(Server):
-    """Shows points, each as one pixel of an object, and does what the adapter asks for."""
+    """Server that shows each point as one pixel of an object and executes actions."""
 
     server_type = "FIFO"
 
@@ -76,7 +76,7 @@ class UnityStandIn(Server):
         )
 
     def render(self) -> dict[str, np.ndarray]:
-        """Images with the bottom row first, as Unity's textures are."""
+        """Return images with the bottom row first, as Unity's textures are."""
         size = (self.height_px, self.width_px)
         color = np.zeros((*size, 3), np.uint8)
         ids = np.full((*size, 4), 255, np.uint8)
@@ -126,7 +126,7 @@ class UnityStandIn(Server):
 
 
 class StandInController(Controller):
-    """ai2thor's own controller, which talks to the stand-in."""
+    """Return ai2thor's own controller, connected to the stand-in."""
 
     def __init__(self, **arguments: Any) -> None:
         super().__init__(start_unity=False, **arguments)

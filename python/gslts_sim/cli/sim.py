@@ -155,13 +155,13 @@ def tasks(
     settings = TaskSettings(noise=noise, object_id=object_id, receptacle_id=receptacle_id)
     maker = TaskMaker(settings, first_seed)
     names = sources or list(ROOM_TYPES)
-    made = generate_tasks(names, out, first_seed, count, per_home, maker)
+    generated = generate_tasks(names, out, first_seed, count, per_home, maker)
     # Errors of the options show before anything is written.
-    first = next(made, None)
+    first = next(generated, None)
     empty_folder(out)
     written = 0
     with tqdm(total=count, desc="tasks", unit="task") as bar:
-        for task in chain([] if first is None else [first], made):
+        for task in chain([] if first is None else [first], generated):
             write_task(task, out / script_name(written, task))
             written += 1
             bar.update()
@@ -197,16 +197,16 @@ def day(
     from gslts_sim.tasks import homes_of
 
     settings = TaskSettings(noise=noise, width=width, height=height)
-    origin, found = next(homes_of([source], out, seed))
-    made = make_day(origin, found, settings, seed, changes)
+    origin, template = next(homes_of([source], out, seed))
+    sampled = make_day(origin, template, settings, seed, changes)
     empty_folder(out)
-    robot = made.robot(made.home.load(out), 0)
+    robot = sampled.robot(sampled.home.load(out), 0)
     viewpoints, _ = explore(robot.home, frames, _exploring)
     count = write(
         robot, tqdm(viewpoints, desc="before", unit="frame", disable=None), out / "before"
     )
-    write_atomic(out / "day.json", (made.model_dump_json(indent=1) + "\n").encode())
-    for number, events in enumerate(made.rounds):
+    write_atomic(out / "day.json", (sampled.model_dump_json(indent=1) + "\n").encode())
+    for number, events in enumerate(sampled.rounds):
         for event in events:
             typer.echo(f"before round {number}: {event.change.kind} of {event.change.object_id}")
     typer.echo(f"wrote {out / 'day.json'} and {count} frames to {out / 'before'}")

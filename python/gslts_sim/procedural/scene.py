@@ -78,7 +78,7 @@ class Scene:
         self._kept_free: list[OrientedBoxes] = []
         self._openings: list[OrientedBoxes] = []
 
-    # What is there.
+    # Objects.
 
     def build(self, builder: Builder, *args: float | str) -> HomeObject:
         """Build an object in its own frame; its id is its type until it is added.

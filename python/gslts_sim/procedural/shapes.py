@@ -209,7 +209,7 @@ def cushion(
     if puff:
         x, y = points[:, 0] / half[0], points[:, 1] / half[1]
         points[:, 2] *= 1 - puff + puff * (1 - x**4) * (1 - y**4)
-        # The rim of what is stuffed is drawn in between its corners.
+        # The rim of a cushion is drawn in between its corners.
         points[:, 0] *= 1 - 0.08 * puff * (1 - y**2)
         points[:, 1] *= 1 - 0.08 * puff * (1 - x**2)
     points[:, 2] -= points[:, 2].min()

@@ -125,11 +125,11 @@ def instances_of(event: Any, objects: Sequence[ThorObject]) -> Ints32:
         for (red, green, blue), name in event.color_to_object_id.items()
         if name in index_of
     }
-    codes, places = np.unique(
+    codes, indices = np.unique(
         (colors[..., 0] << 16) + (colors[..., 1] << 8) + colors[..., 2], return_inverse=True
     )
     found = np.array([index_of_code.get(int(code), -1) for code in codes], np.int32)
-    return found[places].reshape(colors.shape[:2])
+    return found[indices].reshape(colors.shape[:2])
 
 
 def _object_of(obj: Any) -> ThorObject:

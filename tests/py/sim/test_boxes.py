@@ -1,4 +1,4 @@
-"""Boxes that fill meshes, against the shapes that these are made of."""
+"""Tests of the decomposition of meshes into boxes, against known shapes."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ def covered(boxes: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 
 def assert_same_solid(boxes: np.ndarray, parts: np.ndarray) -> None:
-    """Both cover the same of a cloud of points, and the boxes do not overlap each other."""
+    """Assert that both cover the same sample points, and that the boxes do not overlap."""
     low, high = parts[:, 0].min(axis=0), parts[:, 1].max(axis=0)
     points = np.random.default_rng(0).uniform(low - 0.05, high + 0.05, (20_000, 3))
     np.testing.assert_array_equal(covered(boxes, points), covered(parts, points))
@@ -48,7 +48,7 @@ SOLIDS = {
 
 
 @pytest.mark.parametrize("name", SOLIDS)
-def test_things_made_of_boxes_come_out_exactly(name):
+def test_objects_made_of_boxes_are_exact(name):
     parts = np.array(SOLIDS[name], np.float64)
     boxes = filling_boxes(np.concatenate([box(*part) for part in parts]))
     assert_same_solid(boxes, parts)

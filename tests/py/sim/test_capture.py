@@ -1,4 +1,4 @@
-"""Recorded data sets: what is in them, that the geometry fits, and what remains of a failure."""
+"""Tests of recordings: content, geometry, and the state after a failure."""
 
 import errno
 import json
@@ -26,17 +26,17 @@ def robot(noise: str = "none") -> Controller:
 
 
 def read(folder: Path) -> tuple[dict, list[dict[str, np.ndarray]]]:
-    """A data set, as a stranger's loader would read it: checks that all is there."""
+    """Read a data set without the project's loader, and check that it is complete."""
     header = json.loads((folder / "transforms.json").read_text())
     frames = []
     for frame in header["frames"]:
-        pictures = {
+        images = {
             key: np.asarray(Image.open(folder / frame[key]))
             for key in ("file_path", "depth_file_path", "instance_file_path")
         }
-        assert all(p.shape[:2] == (header["h"], header["w"]) for p in pictures.values())
+        assert all(p.shape[:2] == (header["h"], header["w"]) for p in images.values())
         pose = np.array(frame["transform_matrix"]) @ OPENGL_FROM_OPENCV
-        frames.append({**pictures, "world_from_camera": pose})
+        frames.append({**images, "world_from_camera": pose})
     return header, frames
 
 
@@ -72,7 +72,7 @@ def test_points_of_all_frames_lie_on_the_objects(tmp_path: Path) -> None:
 
 
 def test_points_of_one_frame_are_rendered_where_the_next_one_sees_them(tmp_path: Path) -> None:
-    """The rasterizer, poses and depths read back mean the same, within half a pixel."""
+    """The rasterizer, poses and depths read back agree within half a pixel."""
     capture(robot(), LOOKS, tmp_path / "set")
     header, frames = read(tmp_path / "set")
     camera = gslts.Camera(
@@ -114,12 +114,12 @@ def test_points_of_one_frame_are_rendered_where_the_next_one_sees_them(tmp_path:
     assert checked >= 10
 
 
-def test_the_pose_is_the_one_that_the_robot_believes(tmp_path: Path) -> None:
+def test_the_recorded_pose_is_the_believed_one(tmp_path: Path) -> None:
     capture(robot("kinect"), LOOKS[:2], tmp_path / "noisy")
     capture(robot("none"), LOOKS[:2], tmp_path / "true")
     (_, noisy), (_, true) = read(tmp_path / "noisy"), read(tmp_path / "true")
-    way = noisy[0]["world_from_camera"][:3, 3] - true[0]["world_from_camera"][:3, 3]
-    assert 0 < np.linalg.norm(way) < 0.05
+    shift = noisy[0]["world_from_camera"][:3, 3] - true[0]["world_from_camera"][:3, 3]
+    assert 0 < np.linalg.norm(shift) < 0.05
     lost = [(frame["depth_file_path"] == 0).mean() for frame in (noisy[0], true[0])]
     assert lost[0] > lost[1] == 0
 
@@ -138,10 +138,10 @@ def test_true_poses_are_those_of_the_robot(tmp_path: Path) -> None:
         true_poses(tmp_path / "visit")
 
 
-def full_after(monkeypatch: pytest.MonkeyPatch, pictures: int) -> None:
-    """The disk has room for so many pictures and fills while it takes the next."""
+def full_after(monkeypatch: pytest.MonkeyPatch, images: int) -> None:
+    """Simulate a disk with room for a number of images, which fills during the next."""
     save = Image.Image.save
-    left = [pictures]
+    left = [images]
 
     def limited(self: Image.Image, path: Path, **options: object) -> None:
         if left[0] == 0:
@@ -153,12 +153,12 @@ def full_after(monkeypatch: pytest.MonkeyPatch, pictures: int) -> None:
     monkeypatch.setattr(Image.Image, "save", limited)
 
 
-@pytest.mark.parametrize("pictures", [0, 1, 4, 5, 6])
-def test_a_full_disk_leaves_whole_frames(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pictures: int
+@pytest.mark.parametrize("images", [0, 1, 4, 5, 6])
+def test_a_full_disk_leaves_complete_frames(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, images: int
 ) -> None:
-    full_after(monkeypatch, pictures)
-    whole = pictures // 3
+    full_after(monkeypatch, images)
+    whole = images // 3
     folder = tmp_path / "set"
     with pytest.raises(
         OSError, match=rf"set: No space left on device; {whole} complete frames"
@@ -173,10 +173,10 @@ def test_a_full_disk_leaves_whole_frames(
         assert not (folder / "transforms.json").exists()
 
 
-def test_frames_are_given_up_until_their_list_fits(
+def test_frames_are_dropped_until_their_list_fits(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The disk is so full that the list fits only when a frame is gone."""
+    """The list of frames fits only after a frame is removed."""
     from gslts_sim import capture as module
 
     full_after(monkeypatch, 6)
@@ -195,7 +195,7 @@ def test_frames_are_given_up_until_their_list_fits(
     assert len(list((tmp_path / "set").glob("*/*.png"))) == 3
 
 
-def test_an_interruption_leaves_whole_frames(tmp_path: Path) -> None:
+def test_an_interruption_leaves_complete_frames(tmp_path: Path) -> None:
     def interrupted():
         yield from LOOKS[:2]
         raise KeyboardInterrupt
@@ -212,7 +212,7 @@ def test_nothing_is_overwritten(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["precious"]
 
 
-def test_a_place_in_the_way_is_named(tmp_path: Path) -> None:
+def test_a_blocked_viewpoint_is_named(tmp_path: Path) -> None:
     blocked = Viewpoint(2.5, 1.9, 0.0, 0.0)
     with pytest.raises(ValueError, match=r"capture: Teleport: the robot cannot stand at \(2\.5"):
         capture(robot(), [*LOOKS[:1], blocked], tmp_path / "set")
@@ -239,7 +239,7 @@ def test_exploring_ends_when_all_is_seen(bedroom: Home) -> None:
 
 
 def test_few_views_see_most_objects(bedroom: Home) -> None:
-    """The first views are worth more than views at random."""
+    """The first views cover more than random views."""
     robot = Controller(bedroom, width=64, height=48)
     seen: set[str] = set()
     for viewpoint in explore(bedroom, 40)[0]:

@@ -1,4 +1,4 @@
-"""Changes of a home: what must stand and fit, what is refused and why, and the robot's verbs."""
+"""Tests of changes of a home: stability, collisions, rejections and the robot's actions."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ BLOCK_TOP_M = 0.75
 
 @pytest.fixture
 def home() -> Home:
-    """A block of 1.2 x 0.8 x 0.75 m on the floor of a room, with two mugs on it."""
+    """Return a room with a block of 1.2 x 0.8 x 0.75 m on the floor and two mugs on it."""
     return sim_scenes.furnished_home()
 
 
@@ -32,7 +32,7 @@ def kitchen() -> Home:
     return make_home("kitchen", 4, detail=0.05)
 
 
-def test_what_is_placed_stands_where_it_was_told(home: Home) -> None:
+def test_a_placed_object_stands_at_its_position(home: Home) -> None:
     changed = place(home, "Mug|1", np.array([2.9, 2.1, BLOCK_TOP_M + 0.05]), 90.0)
     mug = changed["Mug|1"]
     np.testing.assert_allclose(mug.world_from_object[:3, 3], [2.9, 2.1, BLOCK_TOP_M])
@@ -60,14 +60,14 @@ def test_without_a_turn_it_keeps_its_own(home: Home) -> None:
         ((np.nan, 1.9, BLOCK_TOP_M), "not finite"),
     ],
 )
-def test_what_neither_stands_nor_fits_is_refused(
+def test_unstable_or_colliding_placements_are_rejected(
     home: Home, position: tuple[float, float, float], reason: str
 ) -> None:
     with pytest.raises(ChangeError, match=reason):
         place(home, "Mug|1", np.array(position))
 
 
-def test_only_what_is_movable_and_carries_nothing_changes(home: Home) -> None:
+def test_only_movable_objects_that_carry_nothing_change(home: Home) -> None:
     with pytest.raises(ChangeError, match=r"there is no Mug\|7"):
         disable(home, "Mug|7")
     with pytest.raises(ChangeError, match=r"Wall\|1 is not movable"):
@@ -76,7 +76,7 @@ def test_only_what_is_movable_and_carries_nothing_changes(home: Home) -> None:
         disable(home, "Block|1")
 
 
-def test_what_is_gone_comes_back_to_its_place_if_that_is_free(home: Home) -> None:
+def test_a_removed_object_returns_if_its_pose_is_free(home: Home) -> None:
     mug = home["Mug|1"]
     without = disable(home, "Mug|1")
     assert "Mug|1" not in without
@@ -102,8 +102,8 @@ def test_a_lamp_takes_its_light_along() -> None:
     back = enable(without, home["Mug|1"])
     np.testing.assert_array_equal(back.all_lights[1].center, of_lamp.center)
     moved = place(home, "Mug|1", np.array([2.9, 2.1, BLOCK_TOP_M]), 90.0).all_lights[1]
-    way = moved.center - (2.9, 2.1, BLOCK_TOP_M)
-    np.testing.assert_allclose(way, of_lamp.center - (2.55, 1.75, BLOCK_TOP_M), atol=1e-9)
+    shift = moved.center - (2.9, 2.1, BLOCK_TOP_M)
+    np.testing.assert_allclose(shift, of_lamp.center - (2.55, 1.75, BLOCK_TOP_M), atol=1e-9)
     assert abs(moved.edge_u @ of_lamp.edge_u) < 1e-9, "a quarter turn"
 
 
@@ -127,7 +127,7 @@ def test_random_spawns_are_sound_and_repeat(kitchen: Home) -> None:
     )
 
 
-def test_drawn_places_repeat_as_a_script_writes_them(kitchen: Home) -> None:
+def test_sampled_placements_repeat_as_a_script_writes_them(kitchen: Home) -> None:
     rng = np.random.default_rng(0)
     drawn = 0
     for obj in kitchen.objects:
@@ -146,7 +146,7 @@ def test_drawn_places_repeat_as_a_script_writes_them(kitchen: Home) -> None:
     assert drawn >= 10
 
 
-def test_large_things_stay_on_the_floor(kitchen: Home) -> None:
+def test_large_objects_stay_on_the_floor(kitchen: Home) -> None:
     chair, mug = kitchen["Chair|1"], kitchen["Mug|1"]
     assert {other.type for other in possible_receptacles(kitchen, chair)} <= {"Floor", "Rug"}
     assert "DiningTable" in {other.type for other in possible_receptacles(kitchen, mug)}
@@ -158,7 +158,7 @@ def step(controller: Controller, action: str, **arguments: object) -> tuple[bool
     return metadata["lastActionSuccess"], metadata["errorMessage"]
 
 
-def test_the_verbs_change_what_the_robot_sees(home: Home) -> None:
+def test_actions_change_the_view_of_the_robot(home: Home) -> None:
     controller = Controller(home, width=64, height=48)
     colors = dict(controller.last_event.color_to_object_id)
     place_of_robot = {"x": 1.25, "y": 2.0}
@@ -179,7 +179,7 @@ def test_the_verbs_change_what_the_robot_sees(home: Home) -> None:
     assert problems(controller.home) == []
 
 
-def test_refused_verbs_say_why_and_change_nothing(home: Home) -> None:
+def test_rejected_actions_say_why_and_change_nothing(home: Home) -> None:
     controller = Controller(home, width=64, height=48)
     assert step(controller, "DisableObject", objectId="Block|1") == (
         False,

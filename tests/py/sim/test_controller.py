@@ -1,4 +1,4 @@
-"""The robot's verbs: where they lead, what stops them, and what they report."""
+"""Tests of the robot's actions: destinations, obstacles and reports."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ from gslts_sim.robot_body import BODY, CAMERA_HEIGHT_M
 
 @pytest.fixture
 def controller() -> Controller:
-    """In a room of 5 x 4 m with a block at 2.0..3.2 x 1.5..2.3, at (1, 1), looking along x."""
+    """Return a robot at (1, 1) in a room of 5 x 4 m with a block at 2.0..3.2 x 1.5..2.3."""
     controller = Controller(sim_scenes.simple_home(), width=64, height=48)
     assert go(controller, "Teleport", position={"x": 1.0, "y": 1.0}, rotation=0.0)
     return controller
@@ -25,31 +25,31 @@ def go(controller: Controller, action: str, **arguments: object) -> bool:
     return bool(controller.step(action, **arguments).metadata["lastActionSuccess"])
 
 
-def place(controller: Controller) -> tuple[float, float, float]:
+def position(controller: Controller) -> tuple[float, float, float]:
     agent = controller.last_event.metadata["agent"]
     return agent["position"]["x"], agent["position"]["y"], agent["rotation"]["z"]
 
 
-def test_moves_go_where_they_say(controller: Controller) -> None:
+def test_moves_end_at_their_destination(controller: Controller) -> None:
     assert go(controller, "MoveAhead")
-    assert place(controller) == pytest.approx((1.25, 1.0, 0.0))
+    assert position(controller) == pytest.approx((1.25, 1.0, 0.0))
     assert go(controller, "MoveLeft")
-    assert place(controller) == pytest.approx((1.25, 1.25, 0.0))
+    assert position(controller) == pytest.approx((1.25, 1.25, 0.0))
     assert go(controller, "RotateLeft")
-    assert place(controller) == pytest.approx((1.25, 1.25, 90.0))
+    assert position(controller) == pytest.approx((1.25, 1.25, 90.0))
     assert go(controller, "MoveAhead", moveMagnitude=0.5)
     assert go(controller, "MoveRight")
-    assert place(controller) == pytest.approx((1.5, 1.75, 90.0))
+    assert position(controller) == pytest.approx((1.5, 1.75, 90.0))
     assert go(controller, "RotateRight", degrees=45.0)
     assert go(controller, "MoveBack")
     back = 0.25 * np.sqrt(0.5)
-    assert place(controller) == pytest.approx((1.5 - back, 1.75 - back, 45.0))
+    assert position(controller) == pytest.approx((1.5 - back, 1.75 - back, 45.0))
 
 
-def test_walls_and_things_stop_the_robot(controller: Controller) -> None:
+def test_walls_and_objects_stop_the_robot(controller: Controller) -> None:
     assert go(controller, "Teleport", position={"x": 1.5, "y": 2.0})
     assert not go(controller, "MoveAhead", moveMagnitude=0.5)  # Into the block.
-    assert place(controller)[:2] == (1.5, 2.0)
+    assert position(controller)[:2] == (1.5, 2.0)
     assert "MoveAhead: the path of 0.5 m is blocked" in str(
         controller.last_event.metadata["errorMessage"]
     )
@@ -62,19 +62,19 @@ def test_walls_and_things_stop_the_robot(controller: Controller) -> None:
 
 def test_reachable_positions_are_those_of_the_free_floor(controller: Controller) -> None:
     result = controller.step("GetReachablePositions").metadata["actionReturn"]
-    places = np.array([(p["x"], p["y"]) for p in result])
-    np.testing.assert_allclose(places % 0.25, 0, atol=1e-9)
-    outside = np.maximum(np.abs(places - (2.6, 1.9)) - (0.6, 0.4), 0)
+    positions = np.array([(p["x"], p["y"]) for p in result])
+    np.testing.assert_allclose(positions % 0.25, 0, atol=1e-9)
+    outside = np.maximum(np.abs(positions - (2.6, 1.9)) - (0.6, 0.4), 0)
     gap = np.linalg.norm(outside, axis=1)
-    to_wall = np.minimum(places, (5, 4) - places).min(axis=1)
+    to_wall = np.minimum(positions, (5, 4) - positions).min(axis=1)
     assert gap.min() >= BODY.radius_m - 0.05
     assert to_wall.min() >= BODY.radius_m - 0.05
     # The grid has 19 x 15 points inside the walls; the block and its margin take 7 x 5 at most.
-    assert 19 * 15 - 7 * 5 <= len(places) <= 19 * 15 - 4 * 3
+    assert 19 * 15 - 7 * 5 <= len(positions) <= 19 * 15 - 4 * 3
     assert all(go(controller, "Teleport", position=p) for p in result[:: len(result) // 5])
 
 
-def test_the_camera_looks_where_the_robot_does(controller: Controller) -> None:
+def test_the_camera_points_along_the_robots_yaw(controller: Controller) -> None:
     def pose() -> np.ndarray:
         return np.asarray(controller.last_event.observation.camera.world_from_camera)
 
@@ -91,7 +91,7 @@ def test_the_camera_looks_where_the_robot_does(controller: Controller) -> None:
     assert controller.last_event.metadata["agent"]["cameraHorizon"] == -10
 
 
-def test_an_event_shows_and_names_what_is_seen(controller: Controller) -> None:
+def test_an_event_shows_and_names_the_visible_objects(controller: Controller) -> None:
     event = controller.step("Teleport", position={"x": 1.25, "y": 2.0}, rotation=0.0, horizon=30.0)
     assert event.frame.shape == event.instance_segmentation_frame.shape == (48, 64, 3)
     assert event.depth_frame.shape == (48, 64)
@@ -122,11 +122,11 @@ def test_an_event_shows_and_names_what_is_seen(controller: Controller) -> None:
 def test_it_is_a_robot(controller: Controller) -> None:
     robot: Robot = controller
     assert robot.observe().rgb.shape == (48, 64, 3)
-    places = robot.reachable_positions()
+    positions = robot.reachable_positions()
     assert robot.move_towards(np.array([4.1, 3.3]), np.pi / 2)
     robot.observe()
-    assert place(controller)[:2] in {tuple(p) for p in places.tolist()}
-    assert place(controller) == pytest.approx((4.0, 3.25, 90.0), abs=0.26)
+    assert position(controller)[:2] in {tuple(p) for p in positions.tolist()}
+    assert position(controller) == pytest.approx((4.0, 3.25, 90.0), abs=0.26)
     np.testing.assert_array_equal(robot.pose(), robot.observe().camera.world_from_camera)
 
 
@@ -184,18 +184,18 @@ def test_a_full_room_is_refused() -> None:
         ("Pass", {"name": "x"}, "name: Extra inputs"),
     ],
 )
-def test_arguments_that_are_none_are_named_and_change_nothing(
+def test_invalid_arguments_are_named_and_change_nothing(
     controller: Controller, action: str, arguments: dict[str, object], message: str
 ) -> None:
-    before = place(controller)
+    before = position(controller)
     with pytest.raises(ValueError, match=f"{action}: {message}") as error:
         controller.step(action, **arguments)
     assert "\n" not in str(error.value)
     controller.step("Pass")
-    assert place(controller) == before
+    assert position(controller) == before
 
 
-def test_spawns_leave_the_robot_its_place() -> None:
+def test_spawns_keep_the_robots_position_free() -> None:
     home = make_home("bedroom", 1, detail=0.05)
     for seed in range(5):
         controller = Controller(home, width=16, height=16)
@@ -205,8 +205,8 @@ def test_spawns_leave_the_robot_its_place() -> None:
         assert controller.home is not home
 
 
-def test_what_is_far_away_does_not_stand_in_the_way() -> None:
-    """Taking away a block far off joins parts of the floor to one larger than the robot's."""
+def test_a_distant_object_does_not_block_the_robot() -> None:
+    """Removing a distant block makes another part of the floor larger than the robot's."""
     home = sim_scenes.simple_home()
     walls = [
         replace(

@@ -1,4 +1,4 @@
-"""Days of a home: scripts of what changes between the rounds of a robot."""
+"""Tests of days: scripts of the changes between the rounds of a robot."""
 
 from pathlib import Path
 
@@ -24,40 +24,41 @@ def day(source_and_home: tuple[HomeSource, Home]) -> Day:
 
 
 def test_a_day_has_all_kinds_of_changes_and_two_at_once(day: Day) -> None:
-    kinds = [one.change.kind for happened in day.rounds for one in happened]
+    kinds = [event.change.kind for events in day.rounds for event in events]
     assert len(kinds) == 6
     assert set(kinds) == {"addition", "removal", "relocation"}
-    assert [len(happened) for happened in day.rounds] == [1, 1, 2, 1, 1]
+    assert [len(events) for events in day.rounds] == [1, 1, 2, 1, 1]
     pair = day.rounds[2]
     assert pair[0].change.object_id != pair[1].change.object_id
 
 
-def test_each_round_finds_what_happened_before_it(
+def test_each_round_finds_the_changes_before_it(
     day: Day, source_and_home: tuple[HomeSource, Home]
 ) -> None:
     _, home = source_and_home
-    for gone, happened in enumerate(day.rounds, start=1):
-        before, after = day.state(home, gone - 1).home, day.state(home, gone).home
-        for one in happened:
-            change = one.change
+    for rounds_over, events in enumerate(day.rounds, start=1):
+        before, after = day.state(home, rounds_over - 1).home, day.state(home, rounds_over).home
+        for event in events:
+            change = event.change
             for state, box in ((before, change.box_before), (after, change.box_after)):
                 assert (change.object_id in state) == (box is not None)
                 if box is not None:
                     assert np.allclose(state[change.object_id].box_in_world, box, atol=1e-5)
     last = day.state(home, len(day.rounds)).home
-    assert {one.id for one in day.state(home, 99).home.objects} == {one.id for one in last.objects}
+    expected = {obj.id for obj in last.objects}
+    assert {obj.id for obj in day.state(home, 99).home.objects} == expected
 
 
-def test_the_robot_sees_the_round_it_is_in(
+def test_the_robot_sees_the_state_of_its_round(
     day: Day, source_and_home: tuple[HomeSource, Home]
 ) -> None:
     _, home = source_and_home
-    robots = [day.robot(home, gone) for gone in (0, 1, 1, 2)]
-    first, one, again, two = (robot.observe().rgb for robot in robots)
+    robots = [day.robot(home, rounds_over) for rounds_over in (0, 1, 1, 2)]
+    first, changed, again, later = (robot.observe().rgb for robot in robots)
     assert first.shape == (48, 64, 3)
-    assert np.array_equal(one, again)
-    assert not np.array_equal(first, one)
-    assert not np.array_equal(one, two)
+    assert np.array_equal(changed, again)
+    assert not np.array_equal(first, changed)
+    assert not np.array_equal(changed, later)
 
 
 def test_same_seed_same_day(day: Day, source_and_home: tuple[HomeSource, Home]) -> None:
@@ -65,7 +66,7 @@ def test_same_seed_same_day(day: Day, source_and_home: tuple[HomeSource, Home]) 
     assert make_day(*source_and_home, SETTING, 21, 6) != day
 
 
-def test_days_come_back_from_files(day: Day, tmp_path: Path) -> None:
+def test_days_are_read_back_from_files(day: Day, tmp_path: Path) -> None:
     path = tmp_path / "day.json"
     path.write_text(day.model_dump_json())
     assert read_day(path) == day
@@ -79,7 +80,7 @@ def test_days_come_back_from_files(day: Day, tmp_path: Path) -> None:
         ('"noise":"kinect"', '"noise":3', "sensor.noise: Input should be a valid string"),
     ],
 )
-def test_files_that_are_no_days_are_named(
+def test_files_without_a_day_are_named(
     day: Day, tmp_path: Path, old: str, new: str, message: str
 ) -> None:
     path = tmp_path / "day.json"

@@ -1,4 +1,4 @@
-"""Homes from glTF files: what they mean, and files that are wrong."""
+"""Tests of homes from glTF files."""
 
 import os
 from dataclasses import replace
@@ -24,7 +24,7 @@ def flat_home(tmp_path) -> Home:
 
 
 def world(obj: HomeObject) -> np.ndarray:
-    """[F,3,3] its triangles in the world."""
+    """Return the triangles [F,3,3] of an object in the world."""
     corners = np.concatenate([surface.vertices[surface.faces] for surface in obj.surfaces])
     return corners @ obj.world_from_object[:3, :3].T + obj.world_from_object[:3, 3]
 
@@ -66,7 +66,7 @@ def test_turn_about_the_vertical_is_kept_and_scale_applied(flat_home):
     np.testing.assert_allclose(table.box_in_world, [[0.6, -1.4, 0], [1.4, 0.4, 0.75]], atol=1e-6)
 
 
-def test_things_stand_on_what_carries_them(flat_home):
+def test_objects_stand_on_their_parents(flat_home):
     parents = {obj.id: obj.parent for obj in flat_home.objects}
     assert parents == {
         "Floor|1": None, "Floor|2": None, "Ceiling|1": None, "Wall|1": None,

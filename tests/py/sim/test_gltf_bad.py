@@ -1,4 +1,4 @@
-"""glTF files that are wrong, too large or hostile: one line says what is the matter."""
+"""Tests of damaged, too large and hostile glTF files: each is rejected with one line."""
 
 import io
 import json
@@ -71,14 +71,14 @@ def test_any_wrong_byte_is_refused_or_read(tmp_path):
         (lambda _: b'{"asset": {"version": "2.0"}, "nodes": 3}', "nodes: expected a list"),
     ],
 )  # fmt: skip
-def test_containers_that_lie(tmp_path, change, match):
+def test_false_containers_are_rejected(tmp_path, change, match):
     path = tmp_path / "bad.glb"
     path.write_bytes(change(flat().glb()))
     assert_refused(path, match)
 
 
 def edit(*keys, value):
-    """A function that sets an entry deep in a tree."""
+    """Return a function that sets an entry deep in the JSON."""
 
     def change(file: Gltf) -> None:
         tree = file.tree
@@ -139,7 +139,7 @@ def edit(*keys, value):
         (edit("extensionsRequired", value=["EXT_meshopt_compression"]), "EXT_meshopt_compression"),
     ],
 )  # fmt: skip
-def test_trees_that_lie(tmp_path, change, match):
+def test_false_json_is_rejected(tmp_path, change, match):
     file = quad(four_colours())
     change(file)
     assert_refused(file.write(tmp_path / "bad.glb"), match)
@@ -154,7 +154,7 @@ def test_numbers_too_large_for_floats(tmp_path):
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf])
-def test_vertices_that_are_not_finite(tmp_path, wrong):
+def test_vertices_must_be_finite(tmp_path, wrong):
     file = Gltf()
     corners = CUBE.copy()
     corners[0, 1, 2] = wrong
@@ -205,7 +205,7 @@ def test_links_out_of_the_folder(tmp_path):
     assert_refused(file.write(tmp_path / "in" / "bad.glb"), "not lead into the folder")
 
 
-def test_what_is_no_file(tmp_path):
+def test_paths_without_a_file(tmp_path):
     assert_refused(tmp_path / "none.glb", "does not exist", FileNotFoundError)
     (tmp_path / "folder.glb").mkdir()
     assert_refused(tmp_path / "folder.glb", "is not a file")
@@ -262,7 +262,7 @@ def test_one_mesh_at_many_nodes_counts_each_time(tmp_path, monkeypatch):
 
 
 def test_image_that_would_be_huge(tmp_path):
-    """The size of an image is checked before its pixels are made."""
+    """The size of an image is checked before its pixels are allocated."""
     file = io.BytesIO()
     Image.new("L", (8, 8)).save(file, "PNG")
     data = bytearray(file.getvalue())

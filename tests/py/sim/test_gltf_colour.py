@@ -1,4 +1,4 @@
-"""Colours and textures of glTF files."""
+"""Tests of colours and textures of glTF files."""
 
 import base64
 import json

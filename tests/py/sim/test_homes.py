@@ -1,4 +1,4 @@
-"""Generated homes: what a person would check who walks through them."""
+"""Tests of generated homes: types, sizes, textures and reproducibility."""
 
 import functools
 
@@ -30,7 +30,7 @@ def test_types():
 
 
 @pytest.mark.parametrize("room_type", ROOM_TYPES)
-def test_what_makes_the_room(room_type):
+def test_each_room_has_its_typical_objects(room_type):
     expected = {
         "kitchen": {"CounterTop", "Sink", "Stove", "Fridge", "DiningTable", "Chair", "Cabinet"},
         "living_room": {"Sofa", "TVStand", "Television", "CoffeeTable", "RemoteControl"},

@@ -1,4 +1,4 @@
-"""Boxes that touch, overlap, stand and hang, made by hand."""
+"""Tests of collision and support, with boxes by hand."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def obj(
     yaw: float = 0.0,
     **flags: object,
 ) -> HomeObject:
-    """A box that stands at a point."""
+    """Return a box that stands at a point."""
     width, depth, height = size
     matrix = np.eye(4)
     matrix[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
@@ -188,7 +188,7 @@ def test_problems_in_words():
     ]
 
 
-def test_support_below_finds_what_carries():
+def test_support_below_finds_the_parent():
     plate = obj("Plate|1", (0.3, 0.3, 0.01), (0, 0, 0.7))
     apple = obj("Apple|1", (0.08, 0.08, 0.08), (0, 0, 0.71))
     home = home_of(TABLE, plate)
@@ -201,9 +201,9 @@ def test_resting_places_are_free_and_carried():
     vase = obj("Vase|1", (0.2, 0.2, 0.3), (0, 0, 0.7))
     mug = obj("Mug|1", (0.1, 0.1, 0.1), (5, 5, 0))
     home = home_of(TABLE, vase)
-    places = resting_poses(home, mug, TABLE, yaw_rad=0.4)
-    assert len(places) > 200
-    for at in places:
+    poses = resting_poses(home, mug, TABLE, yaw_rad=0.4)
+    assert len(poses) > 200
+    for at in poses:
         put = mug.place_at(at, "Table|1")
         assert stands_on(put, TABLE)
         assert collisions(home, put) == []
@@ -231,7 +231,7 @@ def test_walkable_floor_behind_a_gap(gap, share):
     assert floor.reached_fraction == pytest.approx(share, abs=0.03)
 
 
-def test_rugs_and_what_hangs_high_are_no_obstacles():
+def test_rugs_and_high_objects_are_no_obstacles():
     rug = obj("Rug|1", (2, 2, 0.01), (2, 1.5, 0))
     shelf = obj("Shelf|1", (2, 0.3, 0.1), (2, 0.15, 1.3))
     assert walkable_floor(home_of(rug, shelf), room()).free.all()

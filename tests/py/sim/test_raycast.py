@@ -1,4 +1,4 @@
-"""The ray caster against planes, boxes, light and textures worked out by hand."""
+"""Tests of the ray caster against analytic planes, boxes, light and textures."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ def tilted_camera(width: int = 80, height: int = 60) -> gslts.Camera:
 
 
 def unproject(camera: gslts.Camera, depth: np.ndarray) -> np.ndarray:
-    """[H,W,3] points in the world, by the conventions in the README."""
+    """Return the points [H,W,3] in the world, by the conventions in the README."""
     rows, columns = np.indices(depth.shape) + 0.5
     x = (columns - camera.cx) / camera.fx * depth
     y = (rows - camera.cy) / camera.fy * depth
@@ -30,7 +30,7 @@ def unproject(camera: gslts.Camera, depth: np.ndarray) -> np.ndarray:
 
 
 def slab_depth(camera: gslts.Camera, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Depths [H,W] at which the pixels' rays enter and leave a box; enter > leave if they miss."""
+    """Return the depths [H,W] at which rays enter and leave a box; enter > leave for a miss."""
     directions = unproject(camera, np.ones((camera.height, camera.width))) - EYE
     with np.errstate(divide="ignore"):
         a, b = (low - EYE) / directions, (high - EYE) / directions
@@ -43,7 +43,7 @@ def test_depth_and_instances_are_those_of_the_boxes() -> None:
     _, wall = slab_depth(camera, np.zeros(3), np.array([5, 4, 2.6]))
     enter, leave = slab_depth(camera, np.array([2.0, 1.5, 0]), np.array([3.2, 2.3, 0.75]))
     on_block = enter < leave
-    clear = np.abs(enter - leave) > 0.02  # A ray along an edge may go either way.
+    clear = np.abs(enter - leave) > 0.02  # A ray along an edge may hit or miss.
     expected = np.where(on_block, enter, wall)
     np.testing.assert_allclose(view.depth[clear], expected[clear], rtol=1e-4)
     np.testing.assert_array_equal(view.instances[clear], on_block[clear].astype(int))
@@ -53,7 +53,7 @@ def test_depth_and_instances_are_those_of_the_boxes() -> None:
 
 
 def test_points_of_one_view_are_seen_in_another() -> None:
-    """Unprojected depth meets depth and projection of a second camera, as in the rasterizer."""
+    """Unprojected depth agrees with depth and projection of a second camera."""
     caster = RayCaster(sim_scenes.simple_home())
     first = tilted_camera(160, 120)
     second = gslts.camera_from_fov(160, 120, 1.3, gslts.look_at((0.7, 0.4, 1.5), TARGET))
@@ -78,7 +78,7 @@ def test_nothing_is_hit_outside() -> None:
 
 
 def test_ambient_light_shows_the_texture_as_it_is() -> None:
-    """In ambient light of 1 the radiance is the texture's linear colour, whatever the filter."""
+    """In ambient light of 1 the radiance is the texture's linear colour with any filter."""
     rng = np.random.default_rng(0)
     texture = rng.integers(0, 256, (32, 64, 3), dtype=np.uint8)
     home = sim_scenes.simple_home(lights=False, wall=texture)
@@ -104,7 +104,7 @@ def test_ambient_light_shows_the_texture_as_it_is() -> None:
 
 
 def test_far_textures_are_averaged_and_not_picked() -> None:
-    """A fine checkerboard far away is grey, by the mean of its light."""
+    """A distant fine checkerboard has the mean of its light."""
     checkers = np.indices((64, 64)).sum(axis=0) % 2
     texture = np.repeat(np.where(checkers, 255, 0)[..., None], 3, axis=2).astype(np.uint8)
     home = sim_scenes.simple_home(lights=False, wall=texture)
@@ -132,7 +132,7 @@ def test_light_on_the_floor_is_that_of_the_form_factor() -> None:
     )
 
 
-def test_light_does_not_pass_through_things() -> None:
+def test_objects_block_light() -> None:
     home = sim_scenes.simple_home()
     under = sim_scenes.box_object("Lid|1", (2.0, 1.5, 2.3), (3.0, 2.5, 2.35), sim_scenes.plain(90))
     pose = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -166,7 +166,7 @@ def test_surfaces_glow_while_a_light_of_their_object_is_on() -> None:
 
 
 def tiled_home(*, lights: bool = True) -> Home:
-    """A furnished home with a lamp, a glowing block, and tiles of all levels."""
+    """Return a furnished home with a lamp, a glowing block, and tiles of all mip levels."""
     tiles = np.random.default_rng(1).integers(0, 256, (48, 80, 3), dtype=np.uint8)
     home = replace(sim_scenes.furnished_home(lamp="Mug|1"))
     walls = sim_scenes.simple_home(wall=tiles).objects[0]
@@ -190,7 +190,7 @@ def test_shading_is_that_of_numpy_bit_for_bit(size: tuple[int, int], lights: boo
 
 
 def test_shading_sees_the_edge_of_the_world() -> None:
-    """A camera outside: some rays miss."""
+    """Some rays of a camera outside miss."""
     caster = RayCaster(tiled_home())
     camera = gslts.camera_from_fov(50, 40, 1.5, gslts.look_at((8, 2, 1.5), (2.5, 2.5, 1)))
     view = caster.render(camera)
@@ -217,7 +217,7 @@ def test_bad_hits_are_named() -> None:
 
 
 def test_hits_lie_where_rays_meet_the_planes_of_their_triangles() -> None:
-    """Against a solve of three equations in double precision."""
+    """Compare with the solution of three equations in double precision."""
     rng = np.random.default_rng(0)
     corners = rng.uniform(-1, 1, (50, 3, 3)).astype(np.float32)
     hit = rng.integers(0, 50, 400).astype(np.uint32)
@@ -243,7 +243,7 @@ def test_hits_lie_where_rays_meet_the_planes_of_their_triangles() -> None:
     np.testing.assert_array_equal(found, again[1])
 
 
-def test_hits_of_triangles_that_are_not_there_are_errors() -> None:
+def test_hits_of_missing_triangles_are_errors() -> None:
     rays, corners = np.zeros((1, 6), np.float32), np.zeros((2, 3, 3), np.float32)
     with pytest.raises(ValueError, match="hit: there are 2 triangles, got 2"):
         core_sim.intersect_triangles(rays, np.array([2], np.uint32), corners, threads=1)

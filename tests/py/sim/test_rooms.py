@@ -1,4 +1,4 @@
-"""Where the robot goes in homes of several rooms."""
+"""Tests of the floor grid in homes of several rooms."""
 
 import numpy as np
 import pytest
@@ -15,11 +15,11 @@ def floor_of(home: Home) -> WalkableFloor:
     return walkable_floor(home, home.space)
 
 
-def rooms_of(home: Home, places: np.ndarray) -> np.ndarray:
-    """[P] the number of the room around each place; -1 where there is none."""
-    numbers = np.full(len(places), -1)
+def rooms_of(home: Home, positions: np.ndarray) -> np.ndarray:
+    """Return the number [P] of the room around each position; -1 for none."""
+    numbers = np.full(len(positions), -1)
     for k, room in enumerate(home.rooms):
-        inside = (room.box[0, :2] <= places) & (places <= room.box[1, :2])
+        inside = (room.box[0, :2] <= positions) & (positions <= room.box[1, :2])
         numbers[inside.all(axis=1)] = k
     return numbers
 
@@ -27,14 +27,14 @@ def rooms_of(home: Home, places: np.ndarray) -> np.ndarray:
 def test_l_shaped_flat_ends_at_its_rooms():
     home = bare_flat(*L_SHAPE)
     floor = floor_of(home)
-    places = floor.grid_positions(0.05)
-    assert set(rooms_of(home, places)) == {0, 1}
+    positions = floor.grid_positions(0.05)
+    assert set(rooms_of(home, positions)) == {0, 1}
     assert floor.free.sum() * 0.05**2 == pytest.approx(16)
     # 0.2 m from the outline, and round at the inner corner.
     area = 16 - 0.2 * 20 + 5 * 0.04 - 0.04 * np.pi / 4
     assert floor.standing.sum() * 0.05**2 == pytest.approx(area, rel=0.02)
     corner = np.array([2.0, 2.0])
-    assert np.linalg.norm(places - corner, axis=1).min() == pytest.approx(0.2, abs=0.05)
+    assert np.linalg.norm(positions - corner, axis=1).min() == pytest.approx(0.2, abs=0.05)
     assert not floor.is_free(np.array([3.5, 3.5]))
 
 
@@ -67,12 +67,12 @@ def test_diagonal_rooms_are_apart():
     assert set(rooms_of(home, floor.grid_positions(0.25))) in ({0}, {1})
     for k, middle in enumerate(([1.5, 1.5], [5.5, 5.5])):
         assert floor.is_free(np.array(middle))
-        places = floor.grid_positions(0.25, np.array(middle))
-        assert len(places) > 100
-        assert set(rooms_of(home, places)) == {k}
+        positions = floor.grid_positions(0.25, np.array(middle))
+        assert len(positions) > 100
+        assert set(rooms_of(home, positions)) == {k}
 
 
-def test_what_hangs_together_with_a_place():
+def test_reachable_component_of_a_position():
     floor = floor_of(bare_flat((0, 0, 3, 3), (4, 4, 6, 6)))
     larger, smaller = (floor.reachable_from(np.array([x, x])) for x in (1.0, 5.0))
     np.testing.assert_array_equal(larger, floor.largest)
@@ -84,12 +84,14 @@ def test_what_hangs_together_with_a_place():
     )
 
 
-@pytest.mark.parametrize("place", [(3.5, 3.5), (0.1, 1), (-50, 1), (np.nan, 1), (1e300, -np.inf)])
-def test_nothing_hangs_together_with_what_is_not_free(place):
+@pytest.mark.parametrize(
+    "position", [(3.5, 3.5), (0.1, 1), (-50, 1), (np.nan, 1), (1e300, -np.inf)]
+)
+def test_a_blocked_position_reaches_nothing(position):
     floor = floor_of(bare_flat(*DIAGONAL))
-    assert not floor.is_free(np.array(place))
-    assert not floor.reachable_from(np.array(place)).any()
-    assert floor.grid_positions(0.25, np.array(place)).shape == (0, 2)
+    assert not floor.is_free(np.array(position))
+    assert not floor.reachable_from(np.array(position)).any()
+    assert floor.grid_positions(0.25, np.array(position)).shape == (0, 2)
 
 
 def test_only_rooms_as_low_as_the_lowest_have_floor():

@@ -1,4 +1,4 @@
-"""The errors of the simulated camera have the statistics that its model names."""
+"""Tests of the simulated camera: its errors have the statistics of the noise model."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ def caster() -> RayCaster:
 
 
 def wall_camera(width: int = 200, height: int = 150, distance_m: float = 2.0) -> gslts.Camera:
-    """Sees nothing but the wall y = 0, squarely."""
+    """Return a camera that sees only the wall y = 0, perpendicularly."""
     pose = gslts.look_at((1.0, distance_m, 1.3), (1.0, 0.0, 1.3))
     return gslts.camera_from_fov(width, height, 0.4, pose)
 
@@ -120,7 +120,7 @@ def test_vignetting_takes_its_share_in_the_corners(caster: RayCaster) -> None:
     assert ratio[75, 100].mean() == pytest.approx(1.0, abs=0.02)
 
 
-def test_the_believed_pose_errs_as_told(caster: RayCaster) -> None:
+def test_the_believed_pose_has_the_errors_of_the_model(caster: RayCaster) -> None:
     noise = SensorNoise(position_std_m=0.01, rotation_std_rad=0.02)
     sensor, camera = Sensor(noise), wall_camera(8, 6)
     true_pose = camera.world_from_camera
@@ -208,7 +208,7 @@ def test_controllers_see_in_the_light_of_their_visit() -> None:
 
 
 def test_every_light_has_the_colour_of_the_standard() -> None:
-    """C++ against numpy's power, through each of its tables, beyond 0 to 1 and for no number."""
+    """Compare C++ with numpy's power, through each of its tables, outside of 0 to 1 and for NaN."""
     light = np.concatenate([np.linspace(-0.1, 1.1, 100_001), [np.nan, np.inf, -np.inf]])
     radiance = np.repeat(light[None, :, None], 3, axis=2)
     rgb = core_sim.measure_color(

@@ -1,4 +1,4 @@
-"""Shapes: closed, outward, as large as asked for, with textures in metres."""
+"""Tests of shapes: closed, outward, of the right size, with textures in metres."""
 
 from collections import Counter
 
@@ -57,7 +57,7 @@ def test_texture_is_in_metres(name):
     corners = mesh.vertices[mesh.faces]
     edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
     across = np.linalg.norm(mesh.uvs_m - np.roll(mesh.uvs_m, 1, axis=1), axis=2)
-    # Projection shortens slanted sides, and turned things stretch near their axis.
+    # Projection shortens slanted sides, and surfaces of revolution stretch near their axis.
     assert across.max() <= edges.max() * 4
 
 

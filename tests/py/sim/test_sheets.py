@@ -1,4 +1,4 @@
-"""Pictures of homes for people: sizes, rooms and odd names."""
+"""Tests of contact sheets and task sheets: sizes, rooms and unusual names."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -23,7 +23,7 @@ MATH = r"Sign $\bad{ and $5"
 
 
 def texts(home: Home, path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """All that is written on a contact sheet."""
+    """Return all texts of a contact sheet."""
     sheets: list[Figure] = []
     save = Figure.savefig
 

@@ -1,4 +1,4 @@
-"""Scene change tasks: what they promise, that they replay, and what is refused."""
+"""Tests of scene change tasks: viewpoints, replay and rejections."""
 
 import json
 from collections import Counter
@@ -26,8 +26,8 @@ def source_and_home() -> tuple[HomeSource, Home]:
 
 @pytest.fixture(scope="module")
 def tasks(source_and_home: tuple[HomeSource, Home]) -> list[Task]:
-    setting = TaskSettings(noise="kinect", width=160, height=120)
-    return TaskMaker(setting, 0).make(*source_and_home, COUNT)
+    settings = TaskSettings(noise="kinect", width=160, height=120)
+    return TaskMaker(settings, 0).make(*source_and_home, COUNT)
 
 
 @pytest.fixture
@@ -73,7 +73,7 @@ def test_a_home_without_movable_objects_gives_no_changes(
     assert list(maker.make_sequence(source, bare, 3)) == []
 
 
-def test_the_change_is_what_happens_and_is_seen(
+def test_the_change_is_made_and_seen(
     tasks: list[Task], source_and_home: tuple[HomeSource, Home]
 ) -> None:
     _, home = source_and_home
@@ -118,13 +118,13 @@ def test_test_viewpoints_see_the_change(
 
 
 def test_same_seed_same_tasks(tasks: list[Task], source_and_home: tuple[HomeSource, Home]) -> None:
-    setting = TaskSettings(noise="kinect", width=160, height=120)
-    assert TaskMaker(setting, 0).make(*source_and_home, 3) == tasks[:3]
-    assert TaskMaker(setting, 1).make(*source_and_home, 3) != tasks[:3]
+    settings = TaskSettings(noise="kinect", width=160, height=120)
+    assert TaskMaker(settings, 0).make(*source_and_home, 3) == tasks[:3]
+    assert TaskMaker(settings, 1).make(*source_and_home, 3) != tasks[:3]
 
 
 def test_scripts_replay_bit_for_bit(task_file: Path) -> None:
-    """As on another machine: from the file alone, home and all."""
+    """Replay from the file alone, as on another machine."""
 
     def pictures(*numbers: int) -> list[bytes]:
         task = read_task(task_file)
@@ -195,7 +195,7 @@ def edited(path: Path, edit: object) -> Path:
         ],
     ],
 )
-def test_files_that_are_no_tasks_are_named(task_file: Path, edit: object, message: str) -> None:
+def test_files_without_a_task_are_named(task_file: Path, edit: object, message: str) -> None:
     with pytest.raises(ValueError, match=message) as error:
         read_task(edited(task_file, edit))
     assert str(error.value).startswith(str(task_file))
@@ -284,11 +284,11 @@ def test_one_object_and_one_receptacle_can_be_asked_for(
 ) -> None:
     source, home = source_and_home
     bear = next(obj for obj in home.objects if obj.type == "TeddyBear")
-    setting = TaskSettings(width=64, height=48, object_id=bear.id, receptacle_id="Floor|1")
-    made = TaskMaker(setting, 0).make(source, home, 3)
-    assert {task.change.object_id for task in made} == {bear.id}
-    assert {task.change.kind for task in made} == {"relocation"}
-    for task in made:
+    settings = TaskSettings(width=64, height=48, object_id=bear.id, receptacle_id="Floor|1")
+    tasks = TaskMaker(settings, 0).make(source, home, 3)
+    assert {task.change.object_id for task in tasks} == {bear.id}
+    assert {task.change.kind for task in tasks} == {"relocation"}
+    for task in tasks:
         assert task.start(home, changed=True).home[bear.id].parent == "Floor|1"
 
 
@@ -308,26 +308,26 @@ def test_impossible_wishes_are_named(
 
 
 def test_later_homes_without_the_object_give_no_tasks() -> None:
-    setting = TaskSettings(width=16, height=16, object_id="Dumbbell|2")
-    maker = TaskMaker(setting, 0)
-    made = list(generate_tasks(["bedroom"], Path(), 3, 10, 2, maker))
-    seeds = {task.home.seed for task in made}
+    settings = TaskSettings(width=16, height=16, object_id="Dumbbell|2")
+    maker = TaskMaker(settings, 0)
+    tasks = list(generate_tasks(["bedroom"], Path(), 3, 10, 2, maker))
+    seeds = {task.home.seed for task in tasks}
     assert min(seeds) == 3
     assert any("there is no Dumbbell|2" in reason for reason in maker.rejected)
 
 
-def test_what_cannot_be_placed_is_counted_with_its_reason(
+def test_rejected_changes_are_counted_by_reason(
     source_and_home: tuple[HomeSource, Home],
 ) -> None:
-    """A pillow does not fit on another one's bedside table."""
+    """A second pillow does not fit on a bedside table."""
     source, home = source_and_home
     maker = TaskMaker(TaskSettings(object_id="Pillow|1", receptacle_id="SideTable|1"), 0)
     assert maker.make(source, home, 4) == []
     assert maker.rejected["no room on a SideTable for a Pillow"] > 0
 
 
-def test_what_does_not_stand_in_a_file_is_left_alone() -> None:
-    """Things that float or sink, as in many files, are no reason to fail."""
+def test_objects_of_a_file_that_stand_on_nothing_stay() -> None:
+    """Objects that float or sink, as in many files, cause no failure."""
     home = make_home("bedroom", 2, detail=0.05)
     free = [obj for obj in home.objects if obj.movable][:12]
     for obj in free:

@@ -1,4 +1,4 @@
-"""AI2-THOR's events in the project's frame, through ai2thor's own controller and event classes."""
+"""Tests of the AI2-THOR adapter, with ai2thor's own controller and event classes."""
 
 import socket
 import sys
@@ -19,7 +19,7 @@ POSES = [(0, 0), (90, 0), (180, 30), (270, -30), (37.5, 12.5), (301.25, 60)]
 
 @pytest.fixture
 def controller() -> StandInController:
-    """At (1, 0.9, -2) in Unity's frame, looking along its z; an image of 64 x 48."""
+    """Return a controller at (1, 0.9, -2) in Unity's frame, facing its z; images of 64 x 48."""
     return StandInController(scene="FloorPlan1", width=64, height=48)
 
 
@@ -29,14 +29,14 @@ def unity(controller: StandInController) -> UnityStandIn:
 
 
 def seen_at(camera: Camera, point: np.ndarray) -> np.ndarray:
-    """(3,) column and row, px, and depth, m, of a point of the world."""
+    """Return column and row, px, and depth, m, of a point in the world."""
     pose = np.asarray(camera.world_from_camera)
     x, y, z = pose[:3, :3].T @ (point - pose[:3, 3])
     return np.array([camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy, z])
 
 
 def point_ahead(unity: UnityStandIn, offset: tuple[float, float, float]) -> np.ndarray:
-    """A point of Unity's world, given in the frame of its camera: right, up, ahead."""
+    """Return a point in Unity's world, given in the frame of its camera: right, up, forward."""
     return unity.camera + unity_rotation(unity.yaw_deg, unity.horizon_deg) @ offset
 
 
@@ -189,7 +189,9 @@ def test_actions_in_unitys_frame_are_refused(controller: StandInController) -> N
         robot.step("PlaceObjectAtPoint", objectId="Mug|1", rotation=90.0)
 
 
-def test_what_an_event_lacks_is_named(controller: StandInController, unity: UnityStandIn) -> None:
+def test_missing_metadata_of_an_event_is_named(
+    controller: StandInController, unity: UnityStandIn
+) -> None:
     unity.images = ("image", "image_ids")
     with pytest.raises(ValueError, match=r"lacks the depth image: .* renderDepthImage=True"):
         frame_of(controller.step("Pass"))
@@ -211,7 +213,7 @@ class NoNetwork(socket.socket):
 
 @pytest.fixture
 def home(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    """A home without a build, a display or the network, on a machine with Vulkan."""
+    """Simulate a machine with Vulkan, without a build, a display or a network."""
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.setattr("socket.socket", NoNetwork)

@@ -1,4 +1,4 @@
-"""The commands of `gslts sim`, as a user meets them: what they write, and how they refuse."""
+"""Tests of the commands of `gslts sim`: output files and error messages."""
 
 import json
 from pathlib import Path
@@ -24,7 +24,7 @@ def test_home_lists_objects(tmp_path: Path) -> None:
 
 
 def test_homes_files_tasks_and_pictures(tmp_path: Path) -> None:
-    """From a file of a home to tasks and a picture of one."""
+    """Make tasks from the file of a home, and an image of one task."""
     write_glb(make_home("bedroom", 1, detail=0.1), tmp_path / "flat.glb")
     done = gslts("sim", "tasks", "flat.glb", "--count", "3", "--out", "tasks", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -54,7 +54,7 @@ def test_captures_are_data_sets(tmp_path: Path) -> None:
 
 
 def refused(tmp_path: Path, *arguments: str) -> str:
-    """The one line with which a command refuses; it leaves nothing behind."""
+    """Return the error line of a command; assert that it writes no file."""
     before = sorted(tmp_path.rglob("*"))
     done = gslts("sim", *arguments, cwd=tmp_path)
     assert done.returncode == 1, done.stdout + done.stderr
@@ -90,14 +90,14 @@ def test_unknown_rooms_are_named(tmp_path: Path, command: str) -> None:
     assert "'attic'" in line
 
 
-def test_seeds_that_are_none_are_named(tmp_path: Path) -> None:
+def test_invalid_seeds_are_named(tmp_path: Path) -> None:
     done = gslts("sim", "home", "kitchen", "--", "-1", cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr.splitlines()[-1].startswith("Error: Invalid value for 'seed': ")
     assert str(2**63) in refused(tmp_path, "home", "kitchen", str(2**63))
 
 
-def test_files_that_are_no_homes_are_named(tmp_path: Path) -> None:
+def test_files_without_a_home_are_named(tmp_path: Path) -> None:
     (tmp_path / "bad.glb").write_bytes(b"glTF nonsense")
     for command in ("home", "show", "capture", "tasks"):
         out = () if command == "home" else ("--out", "o")
@@ -108,13 +108,13 @@ def test_files_that_are_no_homes_are_named(tmp_path: Path) -> None:
     assert line == "gslts: bad.json: schema_version is 7, this gslts reads 1"
 
 
-def test_noise_that_is_unknown_is_named(tmp_path: Path) -> None:
+def test_unknown_noise_is_named(tmp_path: Path) -> None:
     for arguments in (("capture", "kitchen"), ("tasks", "kitchen")):
         line = refused(tmp_path, *arguments, "--noise", "loud", "--out", "o")
         assert "noise must be one of none, kinect, got 'loud'" in line
 
 
-def test_tasks_say_what_cannot_be_placed_and_why(tmp_path: Path) -> None:
+def test_tasks_name_impossible_changes_and_why(tmp_path: Path) -> None:
     arguments = ("tasks", "kitchen", "--first-seed", "4", "--out", "o")
     line = refused(tmp_path, *arguments, "--object", "Fridge|1")
     assert line == "gslts: kitchen 4: Fridge|1 is not movable"

@@ -1,4 +1,4 @@
-"""Homes of many seeds are sound, and so are tasks in them."""
+"""Tests of homes of many seeds, and of tasks in them."""
 
 import multiprocessing
 from pathlib import Path
@@ -18,7 +18,7 @@ def test_hundred_homes_of_each_type_are_sound():
 
 
 def test_every_task_of_many_homes_replays() -> None:
-    """Also where the robot would stand in the way if it were there."""
+    """Tasks replay also if the robot's start is where an object goes."""
     maker = TaskMaker(TaskSettings(width=16, height=16), 0)
     made = list(generate_tasks(["kitchen", "living_room"], Path(), 0, 48, 12, maker))
     assert len(made) == 48

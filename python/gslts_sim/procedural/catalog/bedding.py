@@ -16,7 +16,7 @@ def bed(kit: Kit, width: float = 0.0) -> Model:
 
     Args:
         kit: Materials, style and random stream of the home.
-        width: Along x, m; 0 draws one.
+        width: Along x, m; 0 samples one.
     """
     width = width or float(kit.rng.choice([1.0, 1.4, 1.6]))
     model = Model("Bed", receptacle=True)

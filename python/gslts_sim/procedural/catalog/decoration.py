@@ -63,7 +63,7 @@ def house_plant(kit: Kit, height: float = 0.0) -> Model:
 
     Args:
         kit: Materials, style and random stream of the home.
-        height: Along z, m; 0 draws a small one.
+        height: Along z, m; 0 samples a small one.
     """
     height = height or float(kit.rng.uniform(0.25, 0.36))
     model = Model("HousePlant", movable=True)
@@ -95,7 +95,7 @@ def house_plant(kit: Kit, height: float = 0.0) -> Model:
     model.add(foliage, green, solid=False)
     stem = tube([(0, 0, rim - 0.02), (0.01, 0, height * 0.85)], 0.006 + 0.004 * (height > 0.5), 8)
     model.add(stem, green, solid=False)
-    # Tips of leaves may touch what stands beside.
+    # Tips of leaves may touch other objects.
     lower, upper = foliage.vertices.min(axis=0) * 0.85, foliage.vertices.max(axis=0) * 0.85
     model.fills((*lower[:2], rim), (*upper[:2], float(foliage.vertices[:, 2].max())))
     return model

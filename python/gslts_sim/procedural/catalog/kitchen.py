@@ -124,7 +124,7 @@ def sink(kit: Kit, width: float = 0.8) -> Model:
         model.add(box(0.008, depth, wall), steel, (x * 0.276, y, bottom))
     for edge in (-1, 1):
         model.add(box(0.56, 0.008, wall), steel, (0, y + edge * (depth / 2 - 0.004), bottom))
-    # What lies behind the doors and beside the basin.
+    # Behind the doors and beside the basin.
     body = materials.painted_wood(kit, materials.WHITE)
     for x in (-1, 1):
         model.add(

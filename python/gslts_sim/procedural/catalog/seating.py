@@ -42,7 +42,7 @@ def sofa(kit: Kit, width: float = 0.0) -> Model:
 
     Args:
         kit: Materials, style and random stream of the home.
-        width: Along x, m; 0 draws one.
+        width: Along x, m; 0 samples one.
     """
     seats = int(kit.rng.integers(2, 4))
     width = width or 0.66 * seats + 0.34

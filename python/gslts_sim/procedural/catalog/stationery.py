@@ -37,7 +37,7 @@ def book_row(kit: Kit, width: float = 0.0) -> Model:
 
     Args:
         kit: Materials, style and random stream of the home.
-        width: Along x, m; 0 draws one.
+        width: Along x, m; 0 samples one.
     """
     width = width or float(kit.rng.uniform(0.18, 0.4))
     model = Model("Books")

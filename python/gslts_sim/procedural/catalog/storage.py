@@ -16,7 +16,7 @@ def dresser(kit: Kit, width: float = 0.0) -> Model:
 
     Args:
         kit: Materials, style and random stream of the home.
-        width: Along x, m; 0 draws one.
+        width: Along x, m; 0 samples one.
     """
     width = width or float(kit.rng.choice([0.8, 1.0, 1.2]))
     model = Model("Dresser", receptacle=True)
@@ -46,7 +46,7 @@ def wardrobe(kit: Kit, width: float = 0.0) -> Model:
 
     Args:
         kit: Materials, style and random stream of the home.
-        width: Along x, m; 0 draws one.
+        width: Along x, m; 0 samples one.
     """
     width = width or float(kit.rng.choice([1.0, 1.2, 1.5]))
     model = Model("Wardrobe", receptacle=True)

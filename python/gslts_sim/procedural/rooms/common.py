@@ -149,8 +149,8 @@ def hang_somewhere(
         if length < 2 * half + 0.4:
             continue
         middle = length / 2
-        places = np.arange(half + 0.15, length - half - 0.15, 0.15)
-        for along in places[np.argsort(np.abs(places - middle), kind="stable")]:
+        positions = np.arange(half + 0.15, length - half - 0.15, 0.15)
+        for along in positions[np.argsort(np.abs(positions - middle), kind="stable")]:
             if scene.hang(obj, number, float(along), bottom, margin=GAP_M):
                 return True
     return False

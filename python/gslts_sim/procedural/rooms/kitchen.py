@@ -104,8 +104,8 @@ def _planned_run(rng: np.random.Generator, length: float) -> tuple[list[str], li
 
 
 def _middle(order: list[str], edges: list[float], unit: str) -> float:
-    place = order.index(unit)
-    return (edges[place] + edges[place + 1]) / 2
+    position = order.index(unit)
+    return (edges[position] + edges[position + 1]) / 2
 
 
 def _fit_units(
@@ -216,11 +216,11 @@ def _seat(scene: Scene, table: HomeObject) -> int:
     half = table.boxes[:, 1, :2].max(axis=0)
     count = 0
     long_sides = [(x * half[0], side) for side in (-1, 1) for x in _seats_along(half[0])]
-    places = [(x, side * half[1], 0.0 if side > 0 else np.pi) for x, side in long_sides]
-    if half[0] > 0.55 or len(places) < 4:
-        places += [(half[0], 0.0, -np.pi / 2), (-half[0], 0.0, np.pi / 2)]
+    positions = [(x, side * half[1], 0.0 if side > 0 else np.pi) for x, side in long_sides]
+    if half[0] > 0.55 or len(positions) < 4:
+        positions += [(half[0], 0.0, -np.pi / 2), (-half[0], 0.0, np.pi / 2)]
     table_yaw = float(np.arctan2(table.world_from_object[1, 0], table.world_from_object[0, 0]))
-    for x, y, yaw in places[: int(rng.integers(3, 7))]:
+    for x, y, yaw in positions[: int(rng.integers(3, 7))]:
         chair = scene.build(seating.chair)
         away = np.array([x, y]) + 0.13 * np.array([np.sign(x) * (y == 0), np.sign(y)])
         local = np.array([away[0], away[1], 0.0, 1.0])
