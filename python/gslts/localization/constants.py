@@ -17,11 +17,11 @@ weight on poses corrected by the map cost 0.5 dB, in a simulated one it gained 0
 CORRELATED_REFINEMENT_PIXELS = 20.0
 """The same number for single pixels of `refine_pose`, in the covariance of a pose.
 
-The numbers differ because the units do: `align` assumes errors of grey of 0.02, so that 50 bins give
-12.5 units of information per pixel; `refine_pose` scales colours by 0.08, so that 20 pixels give 7.8.
-One value for both calibrates covariances worse: with 12.5 in place of 20, the squared error of poses
-in units of their covariance, 1 if calibrated, rises from 1.2 to 1.4 in 28 views of a kitchen. On the
-twelve homes of benchmarks/README.md, 20 gives 0.7 to 1.4."""
+The numbers differ because the units do: `align` assumes errors of grey of 0.02, so that 50 bins
+give 12.5 units of information per pixel; `refine_pose` scales colours by 0.08, so that 20 pixels
+give 7.8. One value for both calibrates covariances worse: with 12.5 in place of 20, the squared
+error of poses in units of their covariance, 1 if calibrated, rises from 1.2 to 1.4 in 28 views of a
+kitchen. On the twelve homes of benchmarks/README.md, 20 gives 0.7 to 1.4."""
 DEPTH_WEIGHT = 0.03
 """Weight of the depth residuals: their errors are the same in neighbouring pixels and frames, and
 colours must fit first. With 0.1, poses are no better; with 1, their error is three times as large
