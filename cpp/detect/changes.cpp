@@ -1,74 +1,71 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <numeric>
+#include <vector>
 
+#include "constants.hpp"
 #include "gslts/detect/objects.hpp"
-#include "rules.hpp"
 
 namespace gslts::detect {
 namespace {
 
-/// One end may be so much less certain than a change of its own must be.
-constexpr double kLeastCertain = 0.2;
-/// How much an end that may be an error counts against both being one object.
-constexpr double kDoubt = 0.5;
-
 double log_odds(double probability) { return std::log(probability / (1 - probability)); }
 
 struct Pair {
-  double odds;  ///< That they are one object, logarithmic.
+  double log_odds;  ///< That both are one object.
   std::size_t before, after;
 };
 
-/// Those that may be one object, the most alike first. One end makes the other more likely.
-std::vector<Pair> pairs_of(const std::vector<Surface>& surfaces, const ObjectRule& rule) {
+template <typename Value, typename Key>
+void sort_descending(std::vector<Value>& values, Key key) {
+  std::stable_sort(values.begin(), values.end(),
+                   [&](const Value& a, const Value& b) { return key(a) > key(b); });
+}
+
+/// Lists the pairs that may be one object, the best match first. One end makes the other more
+/// likely, so that one of both may be less certain than a change of its own must be.
+std::vector<Pair> matching_pairs(const std::vector<Surface>& surfaces,
+                                 const std::vector<double>& confidences, const ObjectRule& rule) {
   std::vector<Pair> pairs;
   for (std::size_t i = 0; i < surfaces.size(); ++i) {
     for (std::size_t j = 0; j < surfaces.size(); ++j) {
       if (surfaces[i].side != Side::kBefore || surfaces[j].side != Side::kAfter) continue;
-      const auto [least, most] = std::minmax({certainty(surfaces[i]), certainty(surfaces[j])});
-      if (most < rule.certain || least < kLeastCertain * rule.certain) continue;
-      const double alike = likeness(surfaces[i], surfaces[j]);
-      const double odds = log_odds(alike) + kDoubt * std::min(0.0, log_odds(least));
-      if (odds >= log_odds(rule.alike)) pairs.push_back({odds, i, j});
+      const auto [lower, higher] = std::minmax({confidences[i], confidences[j]});
+      if (higher < rule.min_confidence || lower < kMinEndConfidence * rule.min_confidence) continue;
+      const double odds = log_odds(match_score(surfaces[i], surfaces[j])) +
+                          kErrorWeight * std::min(0.0, log_odds(lower));
+      if (odds >= log_odds(rule.min_match_score)) pairs.push_back({odds, i, j});
     }
   }
-  std::stable_sort(pairs.begin(), pairs.end(),
-                   [](const Pair& a, const Pair& b) { return a.odds > b.odds; });
+  sort_descending(pairs, [](const Pair& pair) { return pair.log_odds; });
   return pairs;
 }
 
 }  // namespace
 
-std::vector<ObjectChange> changes_of(const std::vector<Surface>& surfaces, const ObjectRule& rule) {
-  validate(rule, "changes_of");
+std::vector<ObjectChange> classify_changes(const std::vector<Surface>& surfaces,
+                                           const ObjectRule& rule) {
+  validate(rule, "classify_changes");
+  std::vector<double> confidences;
+  for (const Surface& surface : surfaces) confidences.push_back(confidence(surface));
   std::vector<ObjectChange> changes;
   std::vector<bool> taken(surfaces.size());
-  for (const Pair& pair : pairs_of(surfaces, rule)) {
-    if (taken[pair.before] || taken[pair.after]) continue;
-    taken[pair.before] = taken[pair.after] = true;
-    const Surface &before = surfaces[pair.before], &after = surfaces[pair.after];
-    changes.push_back(
-        {ChangeType::kRelocation, std::max(certainty(before), certainty(after)), before, after});
+  for (const auto& [odds, before, after] : matching_pairs(surfaces, confidences, rule)) {
+    if (taken[before] || taken[after]) continue;
+    taken[before] = taken[after] = true;
+    changes.push_back({ChangeType::kRelocation, std::max(confidences[before], confidences[after]),
+                       surfaces[before], surfaces[after]});
   }
   for (std::size_t i = 0; i < surfaces.size(); ++i) {
-    const Surface& surface = surfaces[i];
-    if (taken[i] || certainty(surface) < rule.certain) continue;
-    if (surface.side == Side::kBefore) {
-      changes.push_back({ChangeType::kRemoval, certainty(surface), surface, std::nullopt});
+    if (taken[i] || confidences[i] < rule.min_confidence) continue;
+    if (surfaces[i].side == Side::kBefore) {
+      changes.push_back({ChangeType::kRemoval, confidences[i], surfaces[i], std::nullopt});
     } else {
-      changes.push_back({ChangeType::kAddition, certainty(surface), std::nullopt, surface});
+      changes.push_back({ChangeType::kAddition, confidences[i], std::nullopt, surfaces[i]});
     }
   }
-  std::vector<std::size_t> order(changes.size());
-  std::iota(order.begin(), order.end(), std::size_t(0));
-  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-    return changes[a].confidence > changes[b].confidence;
-  });
-  std::vector<ObjectChange> ordered;
-  for (const std::size_t k : order) ordered.push_back(changes[k]);
-  return ordered;
+  sort_descending(changes, [](const ObjectChange& change) { return change.confidence; });
+  return changes;
 }
 
 }  // namespace gslts::detect

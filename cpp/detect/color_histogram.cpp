@@ -8,14 +8,14 @@
 namespace gslts::detect {
 namespace {
 
-/// The first one for NaN.
+/// Returns the bin of a value in [low, low + 1]; the first one for NaN.
 int bin_of(float value, float low, int bins) {
-  const float place = (value - low) * float(bins);
-  return place > 0 ? int(std::min(place, float(bins - 1))) : 0;
+  const float position = (value - low) * float(bins);
+  return position > 0 ? int(std::min(position, float(bins - 1))) : 0;
 }
 
-/// Each count, half of which goes to the neighbours along an axis, `stride` apart.
-std::vector<float> smoothed_along(const std::vector<float>& counts, int bins, int stride) {
+/// Moves half of each count to the neighbours along an axis, whose bins are `stride` apart.
+std::vector<float> smooth_along(const std::vector<float>& counts, int bins, int stride) {
   std::vector<float> result(counts.size());
   for (std::size_t k = 0; k < counts.size(); ++k) {
     if (counts[k] == 0) continue;
@@ -32,16 +32,17 @@ std::vector<float> smoothed_along(const std::vector<float>& counts, int bins, in
 
 void ColorHistogram::add(const float* rgb, float weight) {
   const float red = rgb[0], green = rgb[1], blue = rgb[2];
-  const int one = bin_of(red - green, -0.5f, kOpponents);
-  const int other = bin_of((red + green) / 2 - blue, -0.5f, kOpponents);
-  const int brightness = bin_of((red + green + blue) / 3, 0, kBrightnesses);
-  counts_[std::size_t((brightness * kOpponents + one) * kOpponents + other)] += weight;
+  const int red_green = bin_of(red - green, -0.5f, kOpponentBins);
+  const int yellow_blue = bin_of((red + green) / 2 - blue, -0.5f, kOpponentBins);
+  const int brightness = bin_of((red + green + blue) / 3, 0, kBrightnessBins);
+  const int bin = (brightness * kOpponentBins + red_green) * kOpponentBins + yellow_blue;
+  counts_[std::size_t(bin)] += weight;
 }
 
-std::vector<float> ColorHistogram::smoothed() const {
-  std::vector<float> shares = smoothed_along(counts_, kBins[2], 1);
-  shares = smoothed_along(shares, kBins[1], kOpponents);
-  shares = smoothed_along(shares, kBins[0], kOpponents * kOpponents);
+std::vector<float> ColorHistogram::shares() const {
+  std::vector<float> shares = smooth_along(counts_, kOpponentBins, 1);
+  shares = smooth_along(shares, kOpponentBins, kOpponentBins);
+  shares = smooth_along(shares, kBrightnessBins, kOpponentBins * kOpponentBins);
   const float sum = std::accumulate(shares.begin(), shares.end(), 0.0f);
   for (float& share : shares) share /= sum;
   return shares;

@@ -7,9 +7,9 @@
 
 namespace gslts::detect {
 
-Components components_of(const std::uint8_t* mask, int width, int height) {
+Components connected_components(const std::uint8_t* mask, int width, int height) {
   if (width <= 0 || height <= 0) {
-    throw std::invalid_argument("components_of: the image must not be empty");
+    throw std::invalid_argument("connected_components: the image must not be empty");
   }
   const cv::Mat image(height, width, CV_8U, const_cast<std::uint8_t*>(mask));
   Components result;
@@ -17,12 +17,12 @@ Components components_of(const std::uint8_t* mask, int width, int height) {
   cv::Mat labels(height, width, CV_32S, result.labels.data()), stats, centroids;
   const int count = cv::connectedComponentsWithStats(image, labels, stats, centroids, 8, CV_32S);
   for (int label = 1; label < count; ++label) {
-    const int* of = stats.ptr<int>(label);
+    const int* stat = stats.ptr<int>(label);
     const double* centroid = centroids.ptr<double>(label);
     // OpenCV's first pixel has its centre at 0.
-    result.components.push_back({label, of[cv::CC_STAT_AREA], of[cv::CC_STAT_LEFT],
-                                 of[cv::CC_STAT_TOP], of[cv::CC_STAT_WIDTH], of[cv::CC_STAT_HEIGHT],
-                                 centroid[0] + 0.5, centroid[1] + 0.5});
+    result.components.push_back({label, stat[cv::CC_STAT_AREA], stat[cv::CC_STAT_LEFT],
+                                 stat[cv::CC_STAT_TOP], stat[cv::CC_STAT_WIDTH],
+                                 stat[cv::CC_STAT_HEIGHT], centroid[0] + 0.5, centroid[1] + 0.5});
   }
   const auto before = [](const Component& a, const Component& b) {
     return std::tuple(-a.area, a.y, a.x, a.label) < std::tuple(-b.area, b.y, b.x, b.label);

@@ -3,90 +3,100 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <opencv2/imgproc.hpp>
 
-#include "mat.hpp"
+#include "images.hpp"
 
 namespace gslts::detect {
 namespace {
 
+/// Depth of pixels without one.
 constexpr float kFar_m = std::numeric_limits<float>::max();
 
-/// Depths, with what was not measured far away.
-cv::Mat filled(const float* depth, const Camera& camera) {
+/// Copies depths; pixels without one are far away.
+cv::Mat fill_far(const float* depth, const Camera& camera) {
   cv::Mat image(camera.height, camera.width, CV_32F);
   float* pixel = image.ptr<float>();
   for (std::size_t k = 0; k < image.total(); ++k) {
-    pixel[k] = depth[k] > 0 && std::isfinite(depth[k]) ? depth[k] : kFar_m;
+    pixel[k] = has_depth(depth[k]) ? depth[k] : kFar_m;
   }
   return image;
 }
 
-cv::Mat nearest_around(const cv::Mat& depth, int reach_px) {
-  const int side = 2 * reach_px + 1;
+cv::Mat nearest_around(const cv::Mat& depth, int radius_px) {
   cv::Mat nearest;
-  cv::erode(depth, nearest, cv::Mat::ones(side, side, CV_8U));
+  cv::erode(depth, nearest, square(radius_px));
   return nearest;
 }
 
-/// How much the depth changes from pixel to pixel of a surface, m; an edge is thin.
-cv::Mat slope_of(const cv::Mat& depth) {
-  constexpr double kPerPixel = 1.0 / 8;  // Sobel's 3 x 3 kernel sums eight differences of a pixel.
-  constexpr float kSteepest = 0.05f;     // Of the depth.
-  constexpr int kWide_px = 7;            // Wider than an edge.
-  cv::Mat along_x, along_y, slope;
-  cv::Sobel(depth, along_x, CV_32F, 1, 0, 3, kPerPixel);
-  cv::Sobel(depth, along_y, CV_32F, 0, 1, 3, kPerPixel);
-  cv::magnitude(along_x, along_y, slope);
-  cv::erode(slope, slope, cv::Mat::ones(kWide_px, kWide_px, CV_8U));
-  return cv::min(slope, kSteepest * depth);
+/// Computes the change of depth from pixel to pixel along surfaces, m; thin edges do not count.
+cv::Mat surface_slope(const cv::Mat& depth) {
+  cv::Mat slope = gradient_magnitude(depth);
+  cv::erode(slope, slope, square(kSlopeWindow_px / 2));
+  return cv::min(slope, kMaxSlope * depth);
 }
 
-/// Certain pixels, without specks, and those likely ones that `reach_px` took from around them.
-Array<std::uint8_t> completed(const cv::Mat& certain, const cv::Mat& likely, int reach_px) {
-  const cv::Mat disc = cv::getStructuringElement(cv::MORPH_ELLIPSE, {3, 3});
+/// Opens the mask of certain pixels, and adds the likely ones that the search within
+/// `edge_tolerance_px` took from around them.
+Array<std::uint8_t> add_likely(const cv::Mat& certain, const cv::Mat& likely, int tolerance_px) {
   cv::Mat mask;
-  cv::morphologyEx(certain, mask, cv::MORPH_OPEN, disc);
-  const int side = 2 * (reach_px + 1) + 1;
-  cv::dilate(mask, mask, cv::Mat::ones(side, side, CV_8U));
+  cv::morphologyEx(certain, mask, cv::MORPH_OPEN, disc(1));
+  cv::dilate(mask, mask, square(tolerance_px + 1));
   cv::bitwise_and(mask, likely, mask);
-  cv::morphologyEx(mask, mask, cv::MORPH_OPEN, disc);
-  cv::morphologyEx(mask, mask, cv::MORPH_CLOSE, disc);
+  cv::morphologyEx(mask, mask, cv::MORPH_OPEN, disc(1));
+  cv::morphologyEx(mask, mask, cv::MORPH_CLOSE, disc(1));
   return array_of(mask);
 }
 
+/// Depth differences in units of the smallest that counts.
+class Steps {
+ public:
+  Steps(const Views& views, const Masks& masks, const cv::Mat& rendered_depth,
+        const ObjectRule& rule)
+      : rule_(rule),
+        focal_px_(0.5 * (views.camera.fx + views.camera.fy)),
+        slope_(surface_slope(rendered_depth)),
+        known_(image_of(masks.known, views.camera)) {}
+
+  /// Computes how much nearer one image of depths is than another; 0 where either is unknown.
+  cv::Mat between(const cv::Mat& depth, const cv::Mat& other) const {
+    cv::Mat steps(depth.size(), CV_32F);
+    for (std::size_t k = 0; k < depth.total(); ++k) {
+      const float here = depth.ptr<float>()[k], there = other.ptr<float>()[k];
+      const bool both = known_.ptr<std::uint8_t>()[k] && here < kFar_m && there < kFar_m;
+      steps.ptr<float>()[k] = both ? float((there - here) / min_step_m(here, k)) : 0;
+    }
+    return steps;
+  }
+
+  /// Finds what only one image of depths shows.
+  Array<std::uint8_t> only_in(const cv::Mat& depth, const cv::Mat& other) const {
+    const int tolerance_px = rule_.edge_tolerance_px;
+    const cv::Mat certain = between(depth, nearest_around(other, tolerance_px)) > 1;
+    return add_likely(certain, between(depth, other) > kMinJoinedStep, tolerance_px);
+  }
+
+ private:
+  double min_step_m(float depth, std::size_t k) const {
+    const double slope_m = slope_.ptr<float>()[k];
+    const double tangent = focal_px_ * slope_m / depth;  // Of the angle to the image plane.
+    return rule_.step_m * std::sqrt(1 + tangent * tangent) + rule_.step_per_m * depth * depth +
+           rule_.step_px * slope_m;
+  }
+
+  const ObjectRule& rule_;
+  double focal_px_;
+  cv::Mat slope_, known_;
+};
+
 }  // namespace
 
-DepthChange depth_change_of(const Views& views, const Masks& masks, const ObjectRule& rule) {
-  const cv::Mat seen = filled(views.measured, views.camera);
-  const cv::Mat known = filled(views.rendered, views.camera);
-  const cv::Mat slope = slope_of(known);
-  const cv::Mat usable = mask_of(masks.known, views.camera);
-  const double focal_px = 0.5 * (views.camera.fx + views.camera.fy);
-  // The least step that counts, for a surface at some depth.
-  const auto least_m = [&](float depth, std::size_t k) {
-    const double change = slope.ptr<float>()[k];  // Of the depth, from pixel to pixel.
-    const double tangent = focal_px * change / depth;
-    return rule.step_m * std::sqrt(1 + tangent * tangent) + rule.step_per_m * depth * depth +
-           rule.step_px * change;
-  };
-  // How much nearer one depth is than another, in such steps.
-  const auto steps = [&](const cv::Mat& one, const cv::Mat& other) {
-    cv::Mat image(one.size(), CV_32F);
-    for (std::size_t k = 0; k < views.size(); ++k) {
-      const float here = one.ptr<float>()[k], there = other.ptr<float>()[k];
-      const bool both = usable.ptr<std::uint8_t>()[k] && here < kFar_m && there < kFar_m;
-      image.ptr<float>()[k] = both ? float((there - here) / least_m(here, k)) : 0;
-    }
-    return image;
-  };
-  constexpr double kLikely = 0.5;
-  const auto only_in = [&](const cv::Mat& one, const cv::Mat& other) {
-    const cv::Mat certain = steps(one, nearest_around(other, rule.reach_px)) > 1;
-    return completed(certain, steps(one, other) > kLikely, rule.reach_px);
-  };
-  DepthChange change{only_in(seen, known), only_in(known, seen), Array<float>(views.size())};
-  const cv::Mat differences = cv::abs(steps(seen, known));
+DepthChange compare_depths(const Views& views, const Masks& masks, const ObjectRule& rule) {
+  const cv::Mat observed = fill_far(views.observed_depth, views.camera);
+  const cv::Mat rendered = fill_far(views.rendered_depth, views.camera);
+  const Steps steps(views, masks, rendered, rule);
+  DepthChange change{steps.only_in(observed, rendered), steps.only_in(rendered, observed),
+                     Array<float>(views.size())};
+  const cv::Mat differences = cv::abs(steps.between(observed, rendered));
   std::copy_n(differences.ptr<float>(), views.size(), change.steps.begin());
   return change;
 }

@@ -6,15 +6,17 @@
 
 namespace gslts::detect {
 
-/// [H,W] each, 1 where a surface is that only one of the two shows.
+/// [H,W] each; the masks are 255 where only one of both images has a surface.
 struct DepthChange {
-  Array<std::uint8_t> appeared;  ///< The photo's is nearer than all of the map's around it.
-  Array<std::uint8_t> vanished;  ///< The map's is nearer than all of the photo's around it.
-  Array<float> steps;  ///< Difference of depths in units of the least that counts; 0 if unknown.
+  Array<std::uint8_t> appeared;  ///< The frame's is nearer than all of the map's around it.
+  Array<std::uint8_t> vanished;  ///< The map's is nearer than all of the frame's around it.
+  Array<float> steps;  ///< Absolute difference in units of the smallest that counts; 0: unknown.
 };
 
-/// Looking at all surfaces within `reach_px` forgives edges that stand a little beside their place,
-/// and thin things that the sensor or the map does not show there.
-DepthChange depth_change_of(const Views& views, const Masks& masks, const ObjectRule& rule);
+/// Compares the depths of frame and map.
+///
+/// A surface is compared with all surfaces within `edge_tolerance_px` in the other image: that
+/// forgives misplaced edges, and thin objects that sensor or map do not show there.
+DepthChange compare_depths(const Views& views, const Masks& masks, const ObjectRule& rule);
 
 }  // namespace gslts::detect

@@ -2,13 +2,12 @@
 
 #include "gslts/detect/masks.hpp"
 #include "gslts/detect/surface.hpp"
-#include "gslts/detect/views.hpp"
-#include "surface_of.hpp"
+#include "images.hpp"
 
 namespace gslts::detect {
 
-/// What the pixels (at least one) of a surface, and those around them, tell beside steps and how
-/// many differ.
+/// Measures the evidence of a surface from its pixels (at least one) and those around them; all but
+/// `step_ratio` and `changed_share`, which are left to the caller.
 Evidence evidence_of(const Views& views, const Masks& masks, const Pixels& pixels,
                      const Surface& surface);
 

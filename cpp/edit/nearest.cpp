@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -22,10 +21,8 @@ void require_finite_rows(const float* rows, std::size_t count, const char* name)
                               std::to_string((bad - rows) / 3) + "] is not finite");
 }
 
-}  // namespace
-
-Neighbours nearest_gaussians(const GaussianView<float>& gaussians, const float* points,
-                             std::size_t count, int k) {
+void require_valid(const GaussianView<float>& gaussians, const float* points, std::size_t count,
+                   int k) {
   validate(gaussians, "nearest_gaussians");
   if (k < 1) {
     throw std::invalid_argument("nearest_gaussians: k must be at least 1, got " +
@@ -34,6 +31,13 @@ Neighbours nearest_gaussians(const GaussianView<float>& gaussians, const float* 
   if (gaussians.size == 0) throw std::invalid_argument("nearest_gaussians: there is no Gaussian");
   require_finite_rows(gaussians.means, gaussians.size, "means");
   require_finite_rows(points, count, "points");
+}
+
+}  // namespace
+
+Neighbours nearest_gaussians(const GaussianView<float>& gaussians, const float* points,
+                             std::size_t count, int k) {
+  require_valid(gaussians, points, count, k);
   const std::size_t found = std::min(std::size_t(k), gaussians.size);
   Neighbours result{int(found), Array<std::uint32_t>(count * found), Array<float>(count * found)};
   if (count == 0) return result;

@@ -107,18 +107,18 @@ class TileLists {
     }
   }
 
-  /// Counts the entries of each tile, and the gradient places of each chunk.
+  /// Counts the entries of each tile, and the gradients of each chunk.
   void count(std::size_t group) {
     TileCounts counts(band_.last_row - band_.first_row, setup_.tiles_x);
     for_each_chunk(group, [&](std::size_t chunk) {
       const SplatKey<T>* keys = splats_.keys.data() + chunk * kChunkSize;
-      std::uint32_t places = 0;
+      std::uint32_t gradients = 0;
       for (std::uint32_t i = 0; i < splats_.counts[chunk]; ++i) {
         const TileRect rect = clip(keys[i].rect, band_);
         counts.add(rect, band_.first_row);
-        places += area(rect);
+        gradients += area(rect);
       }
-      band_.first_gradients[chunk + 1] = places;
+      band_.first_gradients[chunk + 1] = gradients;
     });
     cursors_[group] = counts.counts();
     const int first_tile = band_.first_row * setup_.tiles_x;

@@ -10,7 +10,7 @@
 
 namespace gslts::raster {
 
-/// A splat in the list of a tile. Its gradient in that tile goes to place `gradient`.
+/// A splat in the list of a tile. Its gradient in that tile has the index `gradient`.
 template <typename T>
 struct TileEntry {
   std::uint32_t slot;
@@ -24,12 +24,12 @@ struct Band {
   int first_row = 0, last_row = 0;
   std::vector<std::uint32_t> offsets;  ///< [tiles + 1] first entry of each tile's list
   Array<TileEntry<T>> entries;         ///< By tile, then by slot.
-  /// [chunks + 1] first gradient place of each chunk. Splats follow in the order of their slots,
-  /// and the tiles of one splat's rectangle in the band row by row, unwanted ones included.
+  /// [chunks + 1] index of the first gradient of each chunk. Splats follow in the order of their
+  /// slots, and the tiles of one splat's rectangle in the band row by row, unwanted ones included.
   std::vector<std::uint32_t> first_gradients;
 };
 
-/// The part of a rectangle that lies in the band; empty ones have no height.
+/// Clips a rectangle to the band; one outside gets no height.
 template <typename T>
 TileRect clip(TileRect rect, const Band<T>& band) {
   rect.y0 = std::uint16_t(std::clamp<int>(rect.y0, band.first_row, band.last_row));
@@ -60,7 +60,7 @@ void for_each_tile(const TileRect& rect, const Band<T>& band, int tiles_x,
 template <typename T>
 std::vector<Band<T>> plan_bands(const Splats<T>& splats, const RenderSetup<T>& setup);
 
-/// Fills the lists of the band.
+/// Sorts the splats into the lists of the band's tiles.
 template <typename T>
 void bin_splats(const Splats<T>& splats, const RenderSetup<T>& setup, const WantedPixels& wanted,
                 Band<T>& band);

@@ -42,8 +42,8 @@ struct PixelCenters {
   static constexpr Table kCenters{};
 };
 
-/// A splat as a tile sees it: u and v are linear in the position in the tile, so their values at
-/// its corner take the place of the mean.
+/// A splat relative to a tile: u and v are linear in the position in the tile, so their values at
+/// its corner replace the mean.
 template <typename T>
 struct TileSplat {
   T corner_u, corner_v;
@@ -54,7 +54,7 @@ struct TileSplat {
   std::uint32_t gaussian;
 };
 
-/// u and v, as in `Splat`, at the corner of a tile.
+/// Computes u and v, as in `Splat`, at the corner of a tile.
 template <class D, class V = hn::Vec<D>>
 HWY_INLINE void corner_uv(D d, V mean_x, V mean_y, V uu, V uv, V vv, int tile_x, int tile_y, V& u,
                           V& v) {

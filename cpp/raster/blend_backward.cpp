@@ -177,15 +177,15 @@ HWY_INLINE void store_members(D d, const SplatSums<D>* sums, T* out) {
 
 /// Stores the sums of an entry, of which sums[i] holds those of vector i of the blocks.
 template <bool kStatistics, class D, typename T>
-HWY_INLINE void store_entry(D d, const SplatSums<D>* sums, std::size_t place,
+HWY_INLINE void store_entry(D d, const SplatSums<D>* sums, std::size_t index,
                             const EntryGradients<T>& out) {
   using S = SplatSums<D>;
-  T* entry = out.sums + place * kSumsPerEntry;
+  T* entry = out.sums + index * kSumsPerEntry;
   store_members<&S::g, &S::gu, &S::gv, &S::guu>(d, sums, entry);
   store_members<&S::guv, &S::gvv, &S::red, &S::green>(d, sums, entry + kSumUV);
   store_members<&S::blue, &S::depth, &S::depth_u, &S::depth_v>(d, sums, entry + kSumBlue);
   if (!kStatistics) return;
-  T* statistics = out.statistics + place * kStatisticsPerEntry;
+  T* statistics = out.statistics + index * kStatisticsPerEntry;
   // The third, of which there is no sum, is overwritten.
   store_members<&S::abs_x, &S::abs_y, &S::pixel_count, &S::pixel_count>(d, sums, statistics);
   auto max_weight = sums[0].max_weight;
@@ -196,11 +196,11 @@ HWY_INLINE void store_entry(D d, const SplatSums<D>* sums, std::size_t place,
 
 /// Sets the sums of an entry that touches no pixel to 0.
 template <bool kStatistics, typename T>
-void clear_entry(std::size_t place, std::size_t dims, const EntryGradients<T>& out) {
-  std::fill_n(out.sums + place * kSumsPerEntry, kSumsPerEntry, T(0));
-  std::fill_n(out.features + place * dims, dims, T(0));
+void clear_entry(std::size_t index, std::size_t dims, const EntryGradients<T>& out) {
+  std::fill_n(out.sums + index * kSumsPerEntry, kSumsPerEntry, T(0));
+  std::fill_n(out.features + index * dims, dims, T(0));
   if (kStatistics) {
-    std::fill_n(out.statistics + place * kStatisticsPerEntry, kStatisticsPerEntry, T(0));
+    std::fill_n(out.statistics + index * kStatisticsPerEntry, kStatisticsPerEntry, T(0));
   }
 }
 
@@ -209,7 +209,7 @@ void clear_entry(std::size_t place, std::size_t dims, const EntryGradients<T>& o
 template <bool kHasFeatures, bool kStatistics, int kExpDegree, typename T>
 HWY_INLINE std::uint64_t differentiate_entry(const TileTask<T>& tile, const RenderSetup<T>& setup,
                                              const Splat<T>& stored, const T* feature,
-                                             std::uint64_t blocks, std::size_t place,
+                                             std::uint64_t blocks, std::size_t index,
                                              const TilePixels<T>& pixels,
                                              const EntryGradients<T>& out) {
   const Lanes<T> d;
@@ -232,9 +232,9 @@ HWY_INLINE std::uint64_t differentiate_entry(const TileTask<T>& tile, const Rend
     }
     sums[part] = part_sums;
   }
-  store_entry<kStatistics>(d, sums, place, out);
+  store_entry<kStatistics>(d, sums, index, out);
   for (std::size_t k = 0; k < pixels.dims; ++k) {
-    out.features[place * pixels.dims + k] = sum_of_pixels(pixels.feature_sums + k * kBlockPixels);
+    out.features[index * pixels.dims + k] = sum_of_pixels(pixels.feature_sums + k * kBlockPixels);
   }
   return alive;
 }

@@ -10,7 +10,7 @@
 #include "splat.hpp"
 
 // The SIMD kernels, in the order in which a render and its backward pass call them. Each is
-// compiled for several instruction sets and picks the best that the machine has.
+// compiled for several instruction sets, and the best of the machine is called.
 
 namespace gslts::raster {
 
@@ -20,7 +20,7 @@ template <typename T>
 bool project_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup,
                    const WantedPixels& wanted, std::size_t chunk, Splats<T>& splats);
 
-/// A tile's share of the image: per block, kBlockPixels values of each of red, green, blue,
+/// Number of the sums of a tile: per block, kBlockPixels values of each of red, green, blue,
 /// sum w z, sum w, features; before the background and the division of the depth.
 constexpr std::size_t tile_sums_size(int feature_dims) {
   return std::size_t(kBlocksPerTile) * kBlockPixels * std::size_t(5 + feature_dims);
@@ -107,8 +107,8 @@ template <typename T>
 bool lift_tile(const TileTask<T>& tile, const RenderSetup<T>& setup, const Splat<T>* splats,
                const WantedPixels& wanted, const LiftChannels<T>& image, const EntryLifts<T>& out);
 
-/// Gradients of the `count` splats of a chunk from their sums, into rows first_row... of
-/// `gradients`. Adds the chunk's part of the gradient of the pose to `twist`.
+/// Computes the gradients of the `count` splats of a chunk from their sums, into rows first_row...
+/// of `gradients`. Adds the chunk's part of the gradient of the pose to `twist`.
 template <typename T>
 void project_chunk_backward(const GaussianView<T>& gaussians, const RenderSetup<T>& setup,
                             const Splat<T>* splats, std::size_t count, const T* sums,

@@ -81,9 +81,9 @@ void lift_block(const TileEntry<T>* entries, const std::uint16_t* list, std::uin
                 const EntryLifts<T>& out) {
   constexpr std::size_t kGroup = 4;  // Entries whose sums fit the registers.
   const auto row_of = [&](std::uint32_t k) HWY_ATTR {
-    const std::size_t place = entries[list[k]].gradient;
-    out.weights[place] += sum_of_pixels(weights[k]);
-    return out.features + place * stride;
+    const std::size_t index = entries[list[k]].gradient;
+    out.weights[index] += sum_of_pixels(weights[k]);
+    return out.features + index * stride;
   };
   std::uint32_t k = 0;
   for (; k + kGroup <= count; k += kGroup) {
@@ -101,9 +101,9 @@ void lift_block(const TileEntry<T>* entries, const std::uint16_t* list, std::uin
 template <typename T>
 void clear_entries(const TileTask<T>& tile, std::size_t stride, const EntryLifts<T>& out) {
   for (std::uint32_t e = 0; e < tile.count; ++e) {
-    const std::size_t place = tile.entries[e].gradient;
-    std::fill_n(out.features + place * stride, stride, T(0));
-    out.weights[place] = T(0);
+    const std::size_t index = tile.entries[e].gradient;
+    std::fill_n(out.features + index * stride, stride, T(0));
+    out.weights[index] = T(0);
   }
 }
 

@@ -13,11 +13,11 @@ template <typename T>
 void blend_band_backward(RenderState<T>& state, const GaussianView<T>& gaussians,
                          const ImageGradients<T>& image, Band<T>& band, bool statistics) {
   const RenderSetup<T>& setup = *state.setup;
-  const std::size_t places = band.first_gradients.back();
+  const std::size_t count = band.first_gradients.back();
   const int dims = image.dL_dfeatures ? setup.feature_dims : 0;
-  state.entry_sums.resize(places * kSumsPerEntry);
-  state.entry_features.resize(places * std::size_t(dims));
-  state.entry_statistics.resize(statistics ? places * kStatisticsPerEntry : 0);
+  state.entry_sums.resize(count * kSumsPerEntry);
+  state.entry_features.resize(count * std::size_t(dims));
+  state.entry_statistics.resize(statistics ? count * kStatisticsPerEntry : 0);
   const EntryGradients<T> out = {state.entry_sums.data(),
                                  dims ? state.entry_features.data() : nullptr,
                                  statistics ? state.entry_statistics.data() : nullptr};
@@ -37,21 +37,21 @@ void blend_band_backward(RenderState<T>& state, const GaussianView<T>& gaussians
   require_finite_image("backward: dL_dfeatures", image.dL_dfeatures, dims, setup, all);
 }
 
-/// Adds what the tiles of a band found for each splat of a chunk.
+/// Adds the sums of the tiles of a band to those of each splat of a chunk.
 template <typename T>
 void gather_chunk(const RenderState<T>& state, const Band<T>& band, std::size_t chunk,
                   std::size_t first_row, T* sums, Gradients<T>& gradients) {
   const std::size_t dims =
       state.entry_features.empty() ? 0 : std::size_t(state.setup->feature_dims);
-  state.for_each_place(band, chunk, [&](std::uint32_t i, std::size_t place) {
+  state.for_each_gradient(band, chunk, [&](std::uint32_t i, std::size_t index) {
     const std::size_t row = first_row + i;
-    const T* part = state.entry_sums.data() + place * kSumsPerEntry;
+    const T* part = state.entry_sums.data() + index * kSumsPerEntry;
     for (int k = 0; k < kSumsPerEntry; ++k) sums[std::size_t(i) * kSumsPerEntry + k] += part[k];
     for (std::size_t k = 0; k < dims; ++k) {
-      gradients.dL_dfeatures[row * dims + k] += state.entry_features[place * dims + k];
+      gradients.dL_dfeatures[row * dims + k] += state.entry_features[index * dims + k];
     }
     if (!state.entry_statistics.empty()) {
-      const T* statistics = state.entry_statistics.data() + place * kStatisticsPerEntry;
+      const T* statistics = state.entry_statistics.data() + index * kStatisticsPerEntry;
       gradients.abs_dL_dmeans2d[2 * row] += statistics[0];
       gradients.abs_dL_dmeans2d[2 * row + 1] += statistics[1];
       gradients.max_weights[row] = std::max(gradients.max_weights[row], statistics[2]);
@@ -60,16 +60,8 @@ void gather_chunk(const RenderState<T>& state, const Band<T>& band, std::size_t 
   });
 }
 
-}  // namespace
-
 template <typename T>
-Gradients<T> Rasterizer<T>::backward(const GaussianView<T>& gaussians,
-                                     const ImageGradients<T>& image_gradients, bool statistics) {
-  RenderState<T>& state = *state_;
-  state.require_forward_of(gaussians, "Rasterizer::backward");
-  const RenderSetup<T>& setup = *state.setup;
-  const std::vector<std::size_t> first_rows = state.first_rows();
-  const std::size_t chunks = first_rows.size() - 1, visible = first_rows.back();
+Gradients<T> allocate_gradients(const RenderSetup<T>& setup, std::size_t visible, bool statistics) {
   Gradients<T> gradients;
   gradients.sh_bases = setup.sh_bases;
   gradients.feature_dims = setup.feature_dims;
@@ -85,6 +77,20 @@ Gradients<T> Rasterizer<T>::backward(const GaussianView<T>& gaussians,
     gradients.max_weights.assign(visible, T(0));
     gradients.pixel_counts.assign(visible, 0);
   }
+  return gradients;
+}
+
+}  // namespace
+
+template <typename T>
+Gradients<T> Rasterizer<T>::backward(const GaussianView<T>& gaussians,
+                                     const ImageGradients<T>& image_gradients, bool statistics) {
+  RenderState<T>& state = *state_;
+  state.require_forward_of(gaussians, "Rasterizer::backward");
+  const RenderSetup<T>& setup = *state.setup;
+  const std::vector<std::size_t> first_rows = state.first_rows();
+  const std::size_t chunks = first_rows.size() - 1, visible = first_rows.back();
+  Gradients<T> gradients = allocate_gradients<T>(setup, visible, statistics);
   std::vector<std::array<double, 6>> twists(chunks, std::array<double, 6>{});
 
   // With one band, the rule, a chunk's sums live only while its task runs.

@@ -10,9 +10,9 @@ namespace {
 
 template <typename T>
 void lift_band(RenderState<T>& state, Band<T>& band, const LiftChannels<T>& image) {
-  const std::size_t places = band.first_gradients.back();
-  state.entry_features.resize(places * image.stride());
-  state.entry_sums.resize(places);
+  const std::size_t count = band.first_gradients.back();
+  state.entry_features.resize(count * image.stride());
+  state.entry_sums.resize(count);
   const EntryLifts<T> out = {state.entry_features.data(), state.entry_sums.data()};
   const std::size_t tiles = band.offsets.size() - 1;
   std::vector<std::uint8_t> finite(tiles, 1);
@@ -24,17 +24,17 @@ void lift_band(RenderState<T>& state, Band<T>& band, const LiftChannels<T>& imag
   require_finite_image("lift: features", image.data, int(image.dims), *state.setup, state.wanted);
 }
 
-/// Adds what the tiles of a band found for each splat of a chunk.
+/// Adds the sums of the tiles of a band to those of each splat of a chunk.
 template <typename T>
 void gather_chunk(const RenderState<T>& state, const Band<T>& band, const LiftChannels<T>& image,
                   std::size_t chunk, std::size_t first_row, LiftedFeatures<T>& lifted) {
-  state.for_each_place(band, chunk, [&](std::uint32_t i, std::size_t place) {
+  state.for_each_gradient(band, chunk, [&](std::uint32_t i, std::size_t index) {
     const std::size_t row = first_row + i;
-    const T* part = state.entry_features.data() + place * image.stride();
+    const T* part = state.entry_features.data() + index * image.stride();
     T* sum = lifted.weighted_features.data() + row * image.dims + image.first;
     for (std::size_t k = 0; k < image.count; ++k) sum[k] += part[k];
-    // Every pass over the channels finds the weights anew.
-    if (image.first == 0) lifted.weights[row] += state.entry_sums[place];
+    // Every pass over the channels sums the same weights.
+    if (image.first == 0) lifted.weights[row] += state.entry_sums[index];
   });
 }
 

@@ -13,7 +13,7 @@
 
 namespace gslts::raster {
 
-/// Working memory of the tiles of one band; the backward pass goes on from it.
+/// Working memory of the tiles of one band, which the backward pass reads.
 template <typename T>
 struct BandMemory {
   Array<std::uint64_t> blocks;         ///< [entries]
@@ -22,7 +22,7 @@ struct BandMemory {
   Array<T> sums;                       ///< Of the tiles that have entries.
 };
 
-/// The working memory of one rendering, from which its backward pass and lifting go on.
+/// Working memory of one rendering, which its backward pass and lifting read.
 template <typename T>
 struct RenderState {
   std::optional<RenderSetup<T>> setup;  ///< Of the last forward.
@@ -34,26 +34,27 @@ struct RenderState {
   Array<T> entry_sums, entry_features, entry_statistics, splat_sums;
 
   Images<T> render(const GaussianView<T>& gaussians);
-  /// Writes the images too, unless null.
+  /// Blends the splats of a band.
+  /// @param images  Receives its pixels, unless null.
   void blend_band(const GaussianView<T>& gaussians, Band<T>& band, Images<T>* images);
   TileTask<T> tile_task(Band<T>& band, std::size_t tile);
-  /// Places of the chunks in arrays of the visible Gaussians, and the number of those.
+  /// Returns the first row of each chunk in arrays of the visible Gaussians, and their number.
   std::vector<std::size_t> first_rows() const;
   /// @throws std::logic_error  naming the caller, if there was no forward.
   /// @throws std::invalid_argument  if the sizes are not those of the forward.
   void require_forward_of(const GaussianView<T>& gaussians, const char* function) const;
 
-  /// Calls visit(splat of the chunk, place) for every gradient place that the splats of a chunk
-  /// have in the wanted tiles of a band: splat by splat, tile by tile.
+  /// Calls visit(splat of the chunk, index) for every gradient that the splats of a chunk have in
+  /// the wanted tiles of a band: splat by splat, tile by tile.
   template <typename Visit>
-  void for_each_place(const Band<T>& band, std::size_t chunk, Visit visit) const {
+  void for_each_gradient(const Band<T>& band, std::size_t chunk, Visit visit) const {
     const SplatKey<T>* keys = splats.keys.data() + chunk * kChunkSize;
-    std::size_t first_place = band.first_gradients[chunk];
+    std::size_t first = band.first_gradients[chunk];
     for (std::uint32_t i = 0; i < splats.counts[chunk]; ++i) {
       const TileRect rect = clip(keys[i].rect, band);
       for_each_tile(rect, band, setup->tiles_x, wanted,
-                    [&](int, std::uint32_t rank) { visit(i, first_place + rank); });
-      first_place += area(rect);
+                    [&](int, std::uint32_t rank) { visit(i, first + rank); });
+      first += area(rect);
     }
   }
 

@@ -41,7 +41,7 @@ void validate(const RenderOptions& options) {
           "in [0, 1)", options.transmittance_min);
 }
 
-/// The binary logarithm of a positive number, the same bits on every machine: that of a C library
+/// Binary logarithm of a positive number, with the same bits on every machine; that of a C library
 /// may differ in the last one.
 double log2_of(double value) {
   int exponent = 0;
@@ -57,17 +57,11 @@ double log2_of(double value) {
   return exponent + 2 * s * series / kLn2;
 }
 
-}  // namespace
-
+/// Sets the pose. World coordinates may be huge: they meet only here, in double.
 template <typename T>
-RenderSetup<T> make_setup(const GaussianView<T>& gaussians, const Camera& camera,
-                          const RenderOptions& options) {
-  gslts::validate(camera, "Rasterizer::forward");
-  validate(options);
-  RenderSetup<T> setup;
-  // World coordinates are huge far from the world's origin: they meet only here, in double.
+void set_pose(const Camera& camera, const Eigen::Vector3d& map_origin, RenderSetup<T>& setup) {
   const Eigen::Matrix3d rotation = camera.world_from_camera.linear().transpose();
-  const Eigen::Vector3d camera_in_map = camera.world_from_camera.translation() - gaussians.origin;
+  const Eigen::Vector3d camera_in_map = camera.world_from_camera.translation() - map_origin;
   for (int i = 0; i < 3; ++i) {
     double origin_in_camera = 0;  // Summed here: Eigen's order depends on the machine.
     for (int j = 0; j < 3; ++j) {
@@ -76,8 +70,12 @@ RenderSetup<T> make_setup(const GaussianView<T>& gaussians, const Camera& camera
     }
     setup.map_origin_in_camera[i] = T(origin_in_camera);
     setup.camera_in_map[i] = T(camera_in_map(i));
-    setup.background[i] = T(options.background[i]);
   }
+}
+
+/// Sets the intrinsics and the size of the image.
+template <typename T>
+void set_projection(const Camera& camera, RenderSetup<T>& setup) {
   setup.fx = T(camera.fx);
   setup.fy = T(camera.fy);
   setup.cx = T(camera.cx);
@@ -88,6 +86,16 @@ RenderSetup<T> make_setup(const GaussianView<T>& gaussians, const Camera& camera
   setup.max_tan_x = T((camera.width - camera.cx) / camera.fx + margin_x);
   setup.min_tan_y = T(-camera.cy / camera.fy - margin_y);
   setup.max_tan_y = T((camera.height - camera.cy) / camera.fy + margin_y);
+  setup.width = camera.width;
+  setup.height = camera.height;
+  setup.tiles_x = (camera.width + kTileSize - 1) / kTileSize;
+  setup.tiles_y = (camera.height + kTileSize - 1) / kTileSize;
+  setup.region = {0, 0, camera.width, camera.height};
+}
+
+template <typename T>
+void set_options(const RenderOptions& options, RenderSetup<T>& setup) {
+  for (int i = 0; i < 3; ++i) setup.background[i] = T(options.background[i]);
   setup.min_color = options.clamp_colors ? T(0) : -std::numeric_limits<T>::infinity();
   setup.near_m = T(options.near_m);
   setup.near_variances = T(options.near_sigmas * options.near_sigmas);
@@ -98,19 +106,27 @@ RenderSetup<T> make_setup(const GaussianView<T>& gaussians, const Camera& camera
   setup.antialias = options.antialias;
   setup.surface_depth = options.surface_depth;
   setup.exp_degree = options.exp_degree;
-  const int map_degree = gaussians.sh_bases >= 16  ? 3
-                         : gaussians.sh_bases >= 9 ? 2
-                         : gaussians.sh_bases >= 4 ? 1
-                                                   : 0;
-  setup.sh_degree = std::min(map_degree, options.sh_degree);
+  setup.threads = parallel::resolve_threads(options.threads);
+}
+
+int degree_of(int sh_bases) {
+  return sh_bases >= 16 ? 3 : sh_bases >= 9 ? 2 : sh_bases >= 4 ? 1 : 0;
+}
+
+}  // namespace
+
+template <typename T>
+RenderSetup<T> make_setup(const GaussianView<T>& gaussians, const Camera& camera,
+                          const RenderOptions& options) {
+  gslts::validate(camera, "Rasterizer::forward");
+  validate(options);
+  RenderSetup<T> setup;
+  set_pose(camera, gaussians.origin, setup);
+  set_projection(camera, setup);
+  set_options(options, setup);
+  setup.sh_degree = std::min(degree_of(gaussians.sh_bases), options.sh_degree);
   setup.sh_bases = gaussians.sh_bases;
   setup.feature_dims = gaussians.feature_dims;
-  setup.width = camera.width;
-  setup.height = camera.height;
-  setup.tiles_x = (camera.width + kTileSize - 1) / kTileSize;
-  setup.tiles_y = (camera.height + kTileSize - 1) / kTileSize;
-  setup.threads = parallel::resolve_threads(options.threads);
-  setup.region = {0, 0, camera.width, camera.height};
   return setup;
 }
 

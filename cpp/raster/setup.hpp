@@ -14,7 +14,7 @@ struct Rect {
   int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
 };
 
-/// What the kernels need to know of camera, options and map: computed once in double, kept in T.
+/// Camera, options and map as the kernels need them: computed once in double, kept in T.
 template <typename T>
 struct RenderSetup {
   T camera_from_map[3][3];                       ///< Rotation.

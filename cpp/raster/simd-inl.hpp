@@ -82,7 +82,7 @@ HWY_INLINE hn::Vec<D> approximate_sqrt(D d, hn::Vec<D> x) {
   return hn::Sqrt(hn::Max(x, hn::Zero(d)));
 }
 
-/// The sum of a number for each pixel of a block.
+/// Sums one number for each pixel of a block.
 template <typename T>
 HWY_INLINE T sum_of_pixels(const T* values) {
   const Lanes<T> d;
@@ -154,7 +154,7 @@ HWY_INLINE void store_sums(D d, const hn::Vec<D>* a, const hn::Vec<D>* b, const 
 // 128-bit rows of every fourth lane and transposed within its 128-bit parts. Writing single numbers
 // to memory and reading them back as a vector would wait until all have left the store queue.
 
-/// The rows of lanes first, first + 4, ... side by side.
+/// Loads the rows of lanes first, first + 4, ... side by side.
 template <class D, class RowOf>
 HWY_INLINE hn::Vec<D> load_every_fourth(D d, RowOf row_of, std::size_t first) {
   if constexpr (hn::MaxLanes(D()) <= 4) {
@@ -191,7 +191,7 @@ HWY_INLINE void transpose_parts(D d, V* rows) {
   rows[3] = hn::BitCast(d, hn::InterleaveUpper(wide, c, e));
 }
 
-/// The columns of the four numbers at row_of(lane).
+/// Loads the columns of the four numbers at row_of(lane).
 template <class D, class RowOf>
 HWY_INLINE void load_columns(D d, RowOf row_of, hn::Vec<D>* columns) {
   using T = hn::TFromD<D>;
@@ -226,7 +226,7 @@ HWY_INLINE void store_columns(D d, const hn::Vec<D>* columns, std::size_t count,
   }
 }
 
-/// Whether n numbers are all finite.
+/// Tests whether n numbers are all finite.
 template <typename T>
 bool all_finite(const T* values, std::size_t n) {
   const Lanes<T> d;

@@ -10,9 +10,9 @@
 
 namespace gslts::raster {
 
-/// A Gaussian as the image sees it; one cache line in float.
+/// A Gaussian projected to the image; one cache line in float.
 ///
-/// Its footprint is kept as the whitening transform of the projected covariance, because sums of
+/// Its footprint is stored as the whitening transform of the projected covariance, because sums of
 /// squares neither cancel nor need a division: with d = pixel centre - mean,
 ///   u = uu d_x + uv d_y,   v = vv d_y,   log2(alpha) = log2_opacity - u^2 - v^2.
 template <typename T>
@@ -42,7 +42,7 @@ DepthBits<T> depth_bits(T depth) {
   return bits;
 }
 
-/// What the tiles' lists are made from.
+/// Key by which a splat is sorted into the lists of the tiles.
 template <typename T>
 struct SplatKey {
   TileRect rect;

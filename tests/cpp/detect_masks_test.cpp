@@ -10,8 +10,8 @@ namespace gslts::detect {
 namespace {
 
 using ::testing::Each;
-using testing::Pair;
-using In = Pair::In;
+using testing::ImagePair;
+using In = ImagePair::In;
 
 /// Thresholds that the images of these tests are far from.
 MaskRule plain_rule() {
@@ -24,47 +24,48 @@ MaskRule plain_rule() {
 
 int count(const Array<std::uint8_t>& mask) { return std::accumulate(mask.begin(), mask.end(), 0); }
 
-TEST(Masks, ChangeIsWhereColoursDifferAndFeaturesAreUnlike) {
-  Pair pair;
-  pair.put(In::kPhoto, 20, 30, 40, 20, 2.0f, 0.8f, 0.5f, 0.5f);
-  const Masks both = masks_of(pair.views(), plain_rule());
+TEST(Masks, ChangeNeedsDifferentColoursAndFeatures) {
+  ImagePair pair;
+  pair.put(In::kFrame, 20, 30, 40, 20, 2.0f, 0.8f, 0.5f, 0.5f);
+  const Masks both = compute_masks(pair.views(), plain_rule());
   EXPECT_EQ(count(both.pixel), 800);
   EXPECT_EQ(count(both.feature), 800);
   EXPECT_NEAR(count(both.combined), 800, 4);  // Corners are rounded off.
-  EXPECT_EQ(both.combined[std::size_t(40) * Pair::kWidth + 40], 1);
+  EXPECT_EQ(both.combined[std::size_t(40) * ImagePair::kWidth + 40], 1);
   pair.similarity.assign(pair.similarity.size(), 0.9f);
-  EXPECT_THAT(masks_of(pair.views(), plain_rule()).combined, Each(0));
+  EXPECT_THAT(compute_masks(pair.views(), plain_rule()).combined, Each(0));
   pair.similarity.assign(pair.similarity.size(), 0.0f);
-  pair.photo = pair.rgb;
-  EXPECT_THAT(masks_of(pair.views(), plain_rule()).combined, Each(0));
+  pair.observed_rgb = pair.rendered_rgb;
+  EXPECT_THAT(compute_masks(pair.views(), plain_rule()).combined, Each(0));
 }
 
-TEST(Masks, DifferencesOfAllChannelsAddUp) {
-  Pair pair;
-  pair.put(In::kPhoto, 20, 30, 40, 20, 2.0f, 0.6f, 0.4f, 0.6f);
+TEST(Masks, ChannelDifferencesAddUp) {
+  ImagePair pair;
+  pair.put(In::kFrame, 20, 30, 40, 20, 2.0f, 0.6f, 0.4f, 0.6f);
   MaskRule rule = plain_rule();
   rule.tau_gs = 0.29;
-  EXPECT_EQ(count(masks_of(pair.views(), rule).pixel), 800);
+  EXPECT_EQ(count(compute_masks(pair.views(), rule).pixel), 800);
   rule.tau_gs = 0.31;
-  EXPECT_EQ(count(masks_of(pair.views(), rule).pixel), 0);
+  EXPECT_EQ(count(compute_masks(pair.views(), rule).pixel), 0);
 }
 
-TEST(Masks, WhatTheMapNeverSawIsNoChange) {
-  Pair pair;
-  pair.put(In::kPhoto, 20, 30, 40, 20, 1.0f, 1, 0, 0);
+TEST(Masks, UnknownPixelsAreNoChange) {
+  ImagePair pair;
+  pair.put(In::kFrame, 20, 30, 40, 20, 1.0f, 1, 0, 0);
   pair.alpha.assign(pair.alpha.size(), 0.3f);
-  const Masks masks = masks_of(pair.views(), plain_rule());
+  const Masks masks = compute_masks(pair.views(), plain_rule());
   EXPECT_THAT(masks.combined, Each(0));
   EXPECT_THAT(masks.known, Each(0));
 }
 
-TEST(Masks, SpecksGoAndCracksClose) {
-  Pair pair;
-  pair.put(In::kPhoto, 10, 10, 1, 1, 2.0f, 1, 0, 0);
-  pair.put(In::kPhoto, 40, 40, 20, 20, 2.0f, 1, 0, 0);
-  pair.put(In::kPhoto, 40, 50, 20, 1, 2.0f, 0.5f, 0.5f, 0.5f);  // A line as before.
-  const Masks masks = masks_of(pair.views(), plain_rule());
-  const Components parts = components_of(masks.combined.data(), Pair::kWidth, Pair::kHeight);
+TEST(Masks, SpecksAreRemovedAndCracksClosed) {
+  ImagePair pair;
+  pair.put(In::kFrame, 10, 10, 1, 1, 2.0f, 1, 0, 0);
+  pair.put(In::kFrame, 40, 40, 20, 20, 2.0f, 1, 0, 0);
+  pair.put(In::kFrame, 40, 50, 20, 1, 2.0f, 0.5f, 0.5f, 0.5f);  // A line as before.
+  const Masks masks = compute_masks(pair.views(), plain_rule());
+  const Components parts =
+      connected_components(masks.combined.data(), ImagePair::kWidth, ImagePair::kHeight);
   ASSERT_EQ(parts.components.size(), 1u);
   EXPECT_NEAR(parts.components[0].area, 400, 12);  // Both halves lose corners.
 }
@@ -80,23 +81,23 @@ TEST(Components, TheLargestComesFirstWithItsCentroid) {
   fill(5, 1, 4, 3);
   mask[std::size_t(2) * 10 + 2] = 1;  // Touches the first at its corner.
   fill(0, 6, 5, 1);
-  const Components parts = components_of(mask.data(), 10, 8);
+  const Components parts = connected_components(mask.data(), 10, 8);
   ASSERT_EQ(parts.components.size(), 3u);
   EXPECT_EQ(parts.components[0].area, 12);
   EXPECT_DOUBLE_EQ(parts.components[0].u, 7.0);
   EXPECT_DOUBLE_EQ(parts.components[0].v, 2.5);
-  // Of two with five pixels, that which starts higher.
+  // Of two with five pixels, the upper one comes first.
   EXPECT_EQ(parts.components[1].y, 0);
   EXPECT_EQ(parts.components[2].y, 6);
-  for (const Component& one : parts.components) {
-    EXPECT_EQ(std::count(parts.labels.begin(), parts.labels.end(), one.label), one.area);
+  for (const Component& part : parts.components) {
+    EXPECT_EQ(std::count(parts.labels.begin(), parts.labels.end(), part.label), part.area);
   }
 }
 
 TEST(Components, AnEmptyMaskHasNone) {
   const std::vector<std::uint8_t> mask(12, 0);
-  EXPECT_TRUE(components_of(mask.data(), 4, 3).components.empty());
-  EXPECT_THROW(components_of(mask.data(), 0, 3), std::invalid_argument);
+  EXPECT_TRUE(connected_components(mask.data(), 4, 3).components.empty());
+  EXPECT_THROW(connected_components(mask.data(), 0, 3), std::invalid_argument);
 }
 
 }  // namespace

@@ -9,32 +9,37 @@
 
 namespace gslts::detect::testing {
 
-/// A plain wall 2 m in front of the camera, which a map shows exactly; tests change what they want.
-struct Pair {
+/// A plain wall 2 m in front of the camera, rendered exactly; tests change parts of it.
+struct ImagePair {
   static constexpr int kWidth = 160, kHeight = 120;
   static constexpr float kWall_m = 2.0f;
 
   Camera camera{160, 160, 80, 60, kWidth, kHeight, Eigen::Isometry3d::Identity()};
-  std::vector<float> photo = std::vector<float>(3 * kWidth * kHeight, 0.5f);
-  std::vector<float> rgb = photo;
-  std::vector<float> measured = std::vector<float>(kWidth * kHeight, kWall_m);
-  std::vector<float> rendered = measured;
+  std::vector<float> observed_rgb = std::vector<float>(3 * kWidth * kHeight, 0.5f);
+  std::vector<float> rendered_rgb = observed_rgb;
+  std::vector<float> observed_depth = std::vector<float>(kWidth * kHeight, kWall_m);
+  std::vector<float> rendered_depth = observed_depth;
   std::vector<float> alpha = std::vector<float>(kWidth * kHeight, 1.0f);
   std::vector<float> similarity = std::vector<float>(kWidth * kHeight, 1.0f);
 
   Views views() const {
-    return {camera,          photo.data(), rgb.data(),       measured.data(),
-            rendered.data(), alpha.data(), similarity.data()};
+    return {camera,
+            observed_rgb.data(),
+            rendered_rgb.data(),
+            observed_depth.data(),
+            rendered_depth.data(),
+            alpha.data(),
+            similarity.data()};
   }
 
-  enum class In { kPhoto, kMap };
+  enum class In { kFrame, kMap };
 
   /// A box facing the camera: columns [x, x + width), rows [y, y + height), at a depth, in a
   /// colour.
   void put(In where, int x, int y, int width, int height, float depth_m, float red, float green,
            float blue) {
-    std::vector<float>& colors = where == In::kPhoto ? photo : rgb;
-    std::vector<float>& depths = where == In::kPhoto ? measured : rendered;
+    std::vector<float>& colors = where == In::kFrame ? observed_rgb : rendered_rgb;
+    std::vector<float>& depths = where == In::kFrame ? observed_depth : rendered_depth;
     for (int row = y; row < y + height; ++row) {
       for (int column = x; column < x + width; ++column) {
         const std::size_t k = std::size_t(row) * kWidth + column;

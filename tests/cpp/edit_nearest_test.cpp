@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "edit_scenes.hpp"
-#include "gslts/edit/inherit.hpp"
+#include "gslts/edit/inherit_attributes.hpp"
 #include "gslts/edit/nearest.hpp"
-#include "gslts/edit/thin.hpp"
+#include "gslts/edit/thin_points.hpp"
 
 namespace gslts::edit {
 namespace {
@@ -40,7 +40,7 @@ double distance_m(const float* a, const float* b) {
       .norm();
 }
 
-TEST(Nearest, AreThoseOfExhaustiveSearch) {
+TEST(Nearest, EqualsExhaustiveSearch) {
   constexpr std::size_t kGaussians = 2000, kPoints = 300;
   const std::vector<float> centres = random_points(kGaussians, 1),
                            points = random_points(kPoints, 2);
@@ -56,15 +56,15 @@ TEST(Nearest, AreThoseOfExhaustiveSearch) {
       std::sort(expected.begin(), expected.end());
       for (std::size_t j = 0; j < std::size_t(k); ++j) {
         const std::size_t row = found.rows[q * std::size_t(k) + j];
-        const double told = double(found.distances_m[q * std::size_t(k) + j]);
-        EXPECT_NEAR(told, expected[j], 1e-6);
+        const double distance = double(found.distances_m[q * std::size_t(k) + j]);
+        EXPECT_NEAR(distance, expected[j], 1e-6);
         EXPECT_NEAR(distance_m(&points[3 * q], &centres[3 * row]), expected[j], 1e-6);
       }
     }
   }
 }
 
-TEST(Nearest, AreFewerWhereThereAreFewer) {
+TEST(Nearest, FindsFewerInASmallMap) {
   const GaussianMap map = map_of({{1, 0, 0}, {3, 0, 0}});
   const std::vector<float> point = {2.5f, 0, 0};
   const Neighbours found = nearest_gaussians(map.view(), point.data(), 1, 8);
@@ -74,7 +74,7 @@ TEST(Nearest, AreFewerWhereThereAreFewer) {
   EXPECT_TRUE(nearest_gaussians(map.view(), nullptr, 0, 3).rows.empty());
 }
 
-TEST(Nearest, OfManyEqualCentresOneIsFound) {
+TEST(Nearest, FindsOneOfManyEqualCentres) {
   const GaussianMap map = map_of(std::vector<Eigen::Vector3d>(100, {1, 2, 3}));
   const std::vector<float> point = {1, 2, 3};
   const Neighbours found = nearest_gaussians(map.view(), point.data(), 1, 1);
@@ -82,12 +82,12 @@ TEST(Nearest, OfManyEqualCentresOneIsFound) {
   EXPECT_EQ(found.distances_m[0], 0.0f);
 }
 
-TEST(Thinned, KeepsTheirDistanceAndLeavesNoGap) {
+TEST(ThinPoints, KeepsDistancesAndLeavesNoGap) {
   constexpr std::size_t kPoints = 1500;
   const std::vector<float> points = random_points(kPoints, 3);
   std::vector<float> spacing_m(kPoints);
   for (std::size_t i = 0; i < kPoints; ++i) spacing_m[i] = 0.1f + 0.3f * float(i % 7) / 7;
-  const Array<std::uint32_t> stay = thinned(points.data(), spacing_m.data(), kPoints);
+  const Array<std::uint32_t> stay = thin_points(points.data(), spacing_m.data(), kPoints);
   std::vector<std::uint32_t> expected;
   for (std::uint32_t i = 0; i < kPoints; ++i) {
     const bool free = std::all_of(expected.begin(), expected.end(), [&](std::uint32_t j) {
@@ -99,19 +99,19 @@ TEST(Thinned, KeepsTheirDistanceAndLeavesNoGap) {
   EXPECT_LT(stay.size(), kPoints * 3 / 4);
 }
 
-TEST(Thinned, TakesExtremes) {
-  EXPECT_TRUE(thinned(nullptr, nullptr, 0).empty());
+TEST(ThinPoints, AcceptsExtremes) {
+  EXPECT_TRUE(thin_points(nullptr, nullptr, 0).empty());
   const std::vector<float> same(30, 1.0f), tiny(10, 1e-30f);
-  EXPECT_THAT(thinned(same.data(), tiny.data(), 10), ElementsAre(0));
+  EXPECT_THAT(thin_points(same.data(), tiny.data(), 10), ElementsAre(0));
   const std::vector<float> apart = {0, 0, 0, 1e30f, 0, 0, -1e30f, 0, 0};
-  EXPECT_THAT(thinned(apart.data(), tiny.data(), 3), ElementsAre(0, 1, 2));
+  EXPECT_THAT(thin_points(apart.data(), tiny.data(), 3), ElementsAre(0, 1, 2));
 }
 
-TEST(Inherited, AreCopiesElsewhere) {
+TEST(InheritAttributes, CopiesAllButTheCentres) {
   const GaussianMap map = map_of({{0, 0, 0}, {1, 0, 0}, {2, 0, 0}}, {10, 0, 0});
   const std::vector<float> points = {5, 6, 7, 8, 9, 10};
   const std::vector<std::uint32_t> rows = {2, 2};
-  const GaussianMap born = inherited(map.view(), points.data(), rows.data(), 2, 42);
+  const GaussianMap born = inherit_attributes(map.view(), points.data(), rows.data(), 2, 42);
   EXPECT_EQ(born.origin, map.origin);
   EXPECT_THAT(born.means, ElementsAre(5, 6, 7, 8, 9, 10));
   EXPECT_THAT(born.ids, ElementsAre(42, 43));
@@ -127,7 +127,7 @@ TEST(Inherited, AreCopiesElsewhere) {
   same(map.logit_opacities, born.logit_opacities, 1);
   same(map.sh, born.sh, 12);
   same(map.features, born.features, 2);
-  EXPECT_EQ(inherited(map.view(), nullptr, nullptr, 0, 0).size(), 0u);
+  EXPECT_EQ(inherit_attributes(map.view(), nullptr, nullptr, 0, 0).size(), 0u);
 }
 
 TEST(EditErrors, NameWhatIsWrong) {
@@ -140,14 +140,14 @@ TEST(EditErrors, NameWhatIsWrong) {
               HasSubstr("nearest_gaussians: k must be at least 1, got 0"));
   EXPECT_THAT(message_of([&] { nearest_gaussians(map_of({}).view(), points.data(), 1, 1); }),
               HasSubstr("nearest_gaussians: there is no Gaussian"));
-  EXPECT_THAT(message_of([&] { thinned(points.data(), spacing_m.data(), 2); }),
-              HasSubstr("thinned: points[1] is not finite"));
+  EXPECT_THAT(message_of([&] { thin_points(points.data(), spacing_m.data(), 2); }),
+              HasSubstr("thin_points: points[1] is not finite"));
   const std::vector<float> twice(6, 1.0f);
-  EXPECT_THAT(message_of([&] { thinned(twice.data(), spacing_m.data(), 2); }),
-              HasSubstr("thinned: spacing_m[1] must be positive and finite, got 0"));
+  EXPECT_THAT(message_of([&] { thin_points(twice.data(), spacing_m.data(), 2); }),
+              HasSubstr("thin_points: spacing_m[1] must be positive and finite, got 0"));
   const std::vector<std::uint32_t> rows = {0, 1};
-  EXPECT_THAT(message_of([&] { inherited(map.view(), points.data(), rows.data(), 2, 0); }),
-              HasSubstr("inherited: rows[1] must be below 1, got 1"));
+  EXPECT_THAT(message_of([&] { inherit_attributes(map.view(), points.data(), rows.data(), 2, 0); }),
+              HasSubstr("inherit_attributes: rows[1] must be below 1, got 1"));
 }
 
 }  // namespace

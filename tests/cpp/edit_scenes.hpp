@@ -11,12 +11,12 @@
 
 namespace gslts::edit {
 
-/// A camera at the origin that looks along +x, as the world has z up; 64 x 48 px.
+/// A camera of 64 x 48 px at `eye`.
 inline Camera camera_at(const Eigen::Vector3d& eye, const Eigen::Vector3d& target) {
   return camera_from_fov(64, 48, 1.2, look_at(eye, target));
 }
 
-/// Gaussians with centres in the world; everything else tells them apart by their rows.
+/// Gaussians with centres in the world; all other attributes differ from row to row.
 inline GaussianMap map_of(const std::vector<Eigen::Vector3d>& centres,
                           const Eigen::Vector3d& origin = Eigen::Vector3d::Zero()) {
   GaussianMap map = make_gaussian_map<float>(centres.size(), 4, 2);
@@ -36,7 +36,7 @@ inline GaussianMap map_of(const std::vector<Eigen::Vector3d>& centres,
   return map;
 }
 
-/// What a function throws.
+/// Returns the message of what a function throws.
 template <typename Function>
 std::string message_of(Function function) {
   try {

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "edit_scenes.hpp"
-#include "gslts/edit/sightings.hpp"
+#include "gslts/edit/visibility.hpp"
 #include "gslts/edit/votes.hpp"
 
 namespace gslts::edit {
@@ -18,14 +18,14 @@ using ::testing::HasSubstr;
 
 constexpr std::size_t kPixels = 64 * 48;
 
-/// Where a point of the world is seen, in double and straight from the definition of the camera.
-struct Seen {
+/// Projects a point of the world in double, straight from the definition of the camera.
+struct Projection {
   bool inside;
   int column, row;
   double depth_m;
 };
 
-Seen seen_by(const Camera& camera, const Eigen::Vector3d& point) {
+Projection project(const Camera& camera, const Eigen::Vector3d& point) {
   const Eigen::Matrix3d rotation = camera.world_from_camera.linear();
   const Eigen::Vector3d p = rotation.transpose() * (point - camera.world_from_camera.translation());
   if (p.z() <= 0) return {false, 0, 0, p.z()};
@@ -68,27 +68,27 @@ Scene random_scene(unsigned seed, const Eigen::Vector3d& middle) {
 
 class Votings : public ::testing::TestWithParam<unsigned> {};
 
-TEST_P(Votings, AreThoseOfTheOracle) {
+TEST_P(Votings, EqualTheOracle) {
   const Eigen::Vector3d origin(100, -50, 2);
   const Scene scene = random_scene(GetParam(), origin);
   const GaussianMap map = map_of(scene.centres, origin);
   const VoteRule rule;
-  for (const bool literal : {false, true}) {
+  for (const bool as_gs_lts : {false, true}) {
     std::vector<VotingView> views;
     for (std::size_t k = 0; k < scene.cameras.size(); ++k) {
       views.push_back(
-          {scene.cameras[k], scene.masks[k].data(), literal ? nullptr : scene.depths[k].data()});
+          {scene.cameras[k], scene.masks[k].data(), as_gs_lts ? nullptr : scene.depths[k].data()});
     }
-    const Votes result = votes_of(map.view(), views, rule);
+    const Votes result = count_votes(map.view(), views, rule);
     int hidden = 0;
     for (std::size_t i = 0; i < scene.centres.size(); ++i) {
       int votes = 0, seen_in = 0;
       for (std::size_t k = 0; k < views.size(); ++k) {
-        const Seen seen = seen_by(scene.cameras[k], scene.centres[i]);
+        const Projection seen = project(scene.cameras[k], scene.centres[i]);
         if (!seen.inside) continue;
         const std::size_t p = std::size_t(seen.row * 64 + seen.column);
         const double surface_m = double(scene.depths[k][p]);
-        if (!literal && surface_m > 0 &&
+        if (!as_gs_lts && surface_m > 0 &&
             seen.depth_m > surface_m + rule.behind_m + rule.behind_share * surface_m) {
           ++hidden;
           continue;
@@ -99,24 +99,24 @@ TEST_P(Votings, AreThoseOfTheOracle) {
       EXPECT_EQ(result.votes[i], votes) << i;
       EXPECT_EQ(result.views[i], seen_in) << i;
     }
-    EXPECT_EQ(hidden > 0, !literal);
+    EXPECT_EQ(hidden > 0, !as_gs_lts);
   }
 }
 
-TEST_P(Votings, OfDepthAreThoseOfTheOracle) {
+TEST_P(Votings, VisibilityEqualsTheOracle) {
   const Scene scene = random_scene(GetParam(), {1, 2, 3});
   const GaussianMap map = map_of(scene.centres);
-  const DepthRule rule{0.3, 0.05};
+  const DepthTolerance rule{0.3, 0.05};
   std::vector<DepthView> views;
   for (std::size_t k = 0; k < scene.cameras.size(); ++k) {
     views.push_back({scene.cameras[k], scene.depths[k].data()});
   }
-  const Sightings result = sightings_of(map.view(), views, rule);
+  const VisibilityCounts result = count_visibility(map.view(), views, rule);
   int all_on = 0;
   for (std::size_t i = 0; i < scene.centres.size(); ++i) {
     int on = 0, through = 0;
     for (std::size_t k = 0; k < views.size(); ++k) {
-      const Seen seen = seen_by(scene.cameras[k], scene.centres[i]);
+      const Projection seen = project(scene.cameras[k], scene.centres[i]);
       if (!seen.inside) continue;
       const double off_m =
           double(scene.depths[k][std::size_t(seen.row * 64 + seen.column)]) - seen.depth_m;
@@ -125,8 +125,8 @@ TEST_P(Votings, OfDepthAreThoseOfTheOracle) {
       on += std::abs(off_m) <= margin_m;
       through += off_m > margin_m;
     }
-    EXPECT_EQ(result.on[i], on) << i;
-    EXPECT_EQ(result.through[i], through) << i;
+    EXPECT_EQ(result.on_surface[i], on) << i;
+    EXPECT_EQ(result.seen_through[i], through) << i;
     all_on += on;
   }
   EXPECT_GT(all_on, 0);
@@ -134,36 +134,36 @@ TEST_P(Votings, OfDepthAreThoseOfTheOracle) {
 
 INSTANTIATE_TEST_SUITE_P(Seeds, Votings, ::testing::Range(0u, 4u));
 
-TEST(Votes, TheWallBehindACupStays) {
+TEST(Votes, WallBehindACupGetsNoVotes) {
   // A cup at 1 m, a wall at 2 m behind it, and a speck of dust before both.
   const GaussianMap map = map_of({{1, 0, 0}, {2, 0, 0}, {0.5, 0, 0}});
   const Camera camera = camera_at({0, 0, 0}, {1, 0, 0});
   const std::vector<std::uint8_t> mask(kPixels, 1);
   const std::vector<float> rendered(kPixels, 1.0f);
-  const Votes literal = votes_of(map.view(), {{camera, mask.data(), nullptr}}, {});
-  EXPECT_THAT(literal.votes, ElementsAre(1, 1, 1));
-  const Votes visible = votes_of(map.view(), {{camera, mask.data(), rendered.data()}}, {});
+  const Votes as_gs_lts = count_votes(map.view(), {{camera, mask.data(), nullptr}}, {});
+  EXPECT_THAT(as_gs_lts.votes, ElementsAre(1, 1, 1));
+  const Votes visible = count_votes(map.view(), {{camera, mask.data(), rendered.data()}}, {});
   EXPECT_THAT(visible.votes, ElementsAre(1, 0, 1));
   EXPECT_THAT(visible.views, ElementsAre(1, 0, 1));
-  const std::vector<float> nothing(kPixels, 0.0f);  // The map has no surface: nothing is hidden.
-  EXPECT_THAT(votes_of(map.view(), {{camera, mask.data(), nothing.data()}}, {}).votes,
+  const std::vector<float> empty(kPixels, 0.0f);  // The map has no surface: nothing is hidden.
+  EXPECT_THAT(count_votes(map.view(), {{camera, mask.data(), empty.data()}}, {}).votes,
               ElementsAre(1, 1, 1));
 }
 
-TEST(Votes, BehindTheCameraAndBesideTheImageNobodyVotes) {
+TEST(Votes, CentresOutsideTheImageGetNoVotes) {
   const GaussianMap map = map_of({{-1, 0, 0}, {1, 5, 0}, {0, 0, 0}});
   const Camera camera = camera_at({0, 0, 0}, {1, 0, 0});
   const std::vector<std::uint8_t> mask(kPixels, 1);
-  EXPECT_THAT(votes_of(map.view(), {{camera, mask.data(), nullptr}}, {}).views,
+  EXPECT_THAT(count_votes(map.view(), {{camera, mask.data(), nullptr}}, {}).views,
               ElementsAre(0, 0, 0));
 }
 
-TEST(Votes, AreOfNoGaussiansAndOfNoViews) {
+TEST(Votes, NoGaussiansAndNoViewsAreFine) {
   const Camera camera = camera_at({0, 0, 0}, {1, 0, 0});
   const std::vector<std::uint8_t> mask(kPixels, 1);
-  EXPECT_TRUE(votes_of(map_of({}).view(), {{camera, mask.data(), nullptr}}, {}).votes.empty());
-  EXPECT_THAT(votes_of(map_of({{1, 0, 0}}).view(), {}, {}).votes, ElementsAre(0));
-  EXPECT_THAT(sightings_of(map_of({{1, 0, 0}}).view(), {}, {}).on, ElementsAre(0));
+  EXPECT_TRUE(count_votes(map_of({}).view(), {{camera, mask.data(), nullptr}}, {}).votes.empty());
+  EXPECT_THAT(count_votes(map_of({{1, 0, 0}}).view(), {}, {}).votes, ElementsAre(0));
+  EXPECT_THAT(count_visibility(map_of({{1, 0, 0}}).view(), {}, {}).on_surface, ElementsAre(0));
 }
 
 TEST(VotesErrors, NameWhatIsWrong) {
@@ -172,28 +172,28 @@ TEST(VotesErrors, NameWhatIsWrong) {
   const std::vector<std::uint8_t> mask(kPixels, 1);
   const std::vector<float> depth(kPixels, 1.0f);
   EXPECT_THAT(message_of([&] {
-                votes_of(map.view(), {{camera, nullptr, nullptr}}, {});
+                count_votes(map.view(), {{camera, nullptr, nullptr}}, {});
               }),
-              HasSubstr("votes_of: a view has no mask"));
+              HasSubstr("count_votes: a view has no mask"));
   EXPECT_THAT(message_of([&] {
-                votes_of(map.view(), {{camera, mask.data(), nullptr}}, VoteRule{-1, 0});
+                count_votes(map.view(), {{camera, mask.data(), nullptr}}, VoteRule{-1, 0});
               }),
-              HasSubstr("votes_of: behind_m must be finite and not negative, got -1"));
+              HasSubstr("count_votes: behind_m must be finite and not negative, got -1"));
   EXPECT_THAT(message_of([&] {
-                sightings_of(map.view(), {{camera, nullptr}}, {});
+                count_visibility(map.view(), {{camera, nullptr}}, {});
               }),
-              HasSubstr("sightings_of: a view has no depth"));
+              HasSubstr("count_visibility: a view has no depth"));
   const double nan = std::nan("");
   EXPECT_THAT(message_of([&] {
-                sightings_of(map.view(), {{camera, depth.data()}}, DepthRule{0, nan});
+                count_visibility(map.view(), {{camera, depth.data()}}, DepthTolerance{0, nan});
               }),
-              HasSubstr("sightings_of: margin_share must be finite and not negative, got nan"));
+              HasSubstr("count_visibility: margin_share must be finite and not negative, got nan"));
   Camera bad = camera;
   bad.fx = 0;
   EXPECT_THAT(message_of([&] {
-                votes_of(map.view(), {{bad, mask.data(), nullptr}}, {});
+                count_votes(map.view(), {{bad, mask.data(), nullptr}}, {});
               }),
-              HasSubstr("votes_of: "));
+              HasSubstr("count_votes: "));
 }
 
 }  // namespace

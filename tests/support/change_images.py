@@ -24,10 +24,10 @@ def blank() -> Images:
     depth = np.full((HEIGHT, WIDTH), WALL_M, np.float32)
     ones = np.ones((HEIGHT, WIDTH), np.float32)
     return {
-        "photo": colors,
-        "rgb": colors.copy(),
-        "measured": depth,
-        "rendered": depth.copy(),
+        "observed_rgb": colors,
+        "rendered_rgb": colors.copy(),
+        "observed_depth": depth,
+        "rendered_depth": depth.copy(),
         "alpha": ones,
         "similarity": ones.copy(),
     }
@@ -43,8 +43,8 @@ def put(
 ) -> None:
     """Draw a box that faces the camera: first row and column, and height and width, px."""
     part = (slice(corner[0], corner[0] + size[0]), slice(corner[1], corner[1] + size[1]))
-    images["photo" if side == "after" else "rgb"][part] = color
-    images["measured" if side == "after" else "rendered"][part] = depth_m
+    images["observed_rgb" if side == "after" else "rendered_rgb"][part] = color
+    images["observed_depth" if side == "after" else "rendered_depth"][part] = depth_m
     images["similarity"][part] = 0
 
 
@@ -53,7 +53,9 @@ def changes_in(
 ) -> tuple[Change, ...]:
     """Return the changes that the rules find in images."""
     views = core.Views(camera=camera, **images)
-    surfaces, labels = core.changed_surfaces(views, core.masks_of(views, MaskRule()), rule)
+    surfaces, labels = core.find_changed_surfaces(
+        views, core.compute_masks(views, MaskRule()), rule
+    )
     return object_changes(surfaces, labels, rule)
 
 
@@ -62,7 +64,7 @@ def gs_lts_change_at(side: str) -> Change:
     images = blank()
     put(images, side, (40, 20 if side == "before" else 100))
     views = core.Views(camera=CAMERA, **images)
-    found, labels = core.paper_change(views, core.masks_of(views, MaskRule()), GsLtsRule())
+    found, labels = core.detect_gs_lts(views, core.compute_masks(views, MaskRule()), GsLtsRule())
     assert found is not None
     return gs_lts_change(found, labels)
 

@@ -1,5 +1,5 @@
 """
-What changed between map and frame.
+Changes between map and frame.
 """
 from __future__ import annotations
 import collections.abc
@@ -7,16 +7,16 @@ import gslts._core.map
 import numpy
 import numpy.typing
 import typing
-__all__: list[str] = ['ChangeType', 'Component', 'Evidence', 'MaskRule', 'MaskSet', 'ObjectChange', 'ObjectRule', 'PaperChange', 'PaperRule', 'Side', 'Sights', 'Surface', 'Views', 'arrays_of', 'certainty', 'changed_surfaces', 'changes_of', 'differences_of', 'features_of', 'likeness', 'masks_of', 'paper_change']
+__all__: list[str] = ['ChangeType', 'Component', 'Evidence', 'GsLtsChange', 'GsLtsRule', 'MaskRule', 'Masks', 'ObjectChange', 'ObjectRule', 'Side', 'Surface', 'Views', 'Visibility', 'classify_changes', 'compute_masks', 'confidence', 'confidence_features', 'detect_gs_lts', 'find_changed_surfaces', 'mask_arrays', 'match_features', 'match_score']
 class MaskRule:
     """
-    Where a photo and a rendering differ (GS-LTS, sec. III-C).
+    Thresholds of the masks of GS-LTS, sec. III-C1; immutable.
     
     Args:
-        tau_gs: Sum over the channels of absolute differences, 0 to 3.
-        tau_feat: Cosine of the features below which they differ.
-        alpha_min: Where less of the map is, it was never seen.
-        clean_px: Radius by which specks are opened, and cracks closed.
+        tau_gs: Sum over the channels of absolute colour differences above which a pixel differs, 0 to 3.
+        tau_feat: Cosine of the features below which a pixel differs, -1 to 1.
+        alpha_min: Minimum opacity of the map where it is known, 0 to 1.
+        clean_px: Radius of the opening and closing of the combined mask, px.
     """
     def __init__(self, *, tau_gs: typing.SupportsFloat | typing.SupportsIndex = 0.15, tau_feat: typing.SupportsFloat | typing.SupportsIndex = 0.95, alpha_min: typing.SupportsFloat | typing.SupportsIndex = 0.7, clean_px: int = 2) -> None:
         ...
@@ -32,15 +32,15 @@ class MaskRule:
     @property
     def tau_gs(self) -> float:
         ...
-class PaperRule:
+class GsLtsRule:
     """
-    Thresholds of GS-LTS, sec. III-C.
+    Thresholds of the rule of GS-LTS, sec. III-C2; immutable.
     
     Args:
-        tau_change: Share of the image that M_comb must exceed.
-        tau_a: Area similarity of a relocation's two regions.
-        tau_d: Their distance, as a share of the width of the image.
-        epsilon: Depth difference of an addition or a removal, m.
+        tau_change: Share of the image that M_comb must exceed, 0 to 1.
+        tau_a: Minimum area similarity of a relocation's two regions, 0 to 1.
+        tau_d: Maximum distance of a relocation's two regions, as a share of the image's width.
+        epsilon: Minimum depth difference of an addition or a removal, m.
     """
     def __init__(self, *, tau_change: typing.SupportsFloat | typing.SupportsIndex = 0.0002, tau_a: typing.SupportsFloat | typing.SupportsIndex = 0.5, tau_d: typing.SupportsFloat | typing.SupportsIndex = 1.0, epsilon: typing.SupportsFloat | typing.SupportsIndex = 0.02) -> None:
         ...
@@ -58,50 +58,55 @@ class PaperRule:
         ...
 class ObjectRule:
     """
-    How changed objects are told from errors of sensor, pose and map.
+    Thresholds that separate objects that changed from errors of sensor, pose and map; immutable.
+    
+    A surface counts as nearer than that of the other image if it is so by step_m, measured across the
+    surface, plus step_per_m depth^2, plus the change of its depth within step_px pixels.
     
     Args:
-        step_m: A surface counts as nearer by so much, across it,
-        step_per_m: by so much more times the square of its depth in m,
-        step_px: and by what its depth changes within so many pixels.
-        reach_px: By which edges may be misplaced.
-        least_area_m2: Smaller surfaces, facing the camera, are no objects.
-        least_area_px: Nor are smaller parts of the image.
-        flat_area_m2: The same where colours alone differ,
-        flat_color: summed over the channels, from all that is around.
-        flat_step_m: A mean difference of depths that tells the side.
-        least_contrast: Of brightness a pixel, across the outline of a flat object.
-        alike: How likely the ends of a relocation must be one object, 0 to 1.
-        certain: Less likely changes are not reported.
+        step_m: Constant part of the step, m.
+        step_per_m: Part that grows with the square of the depth, 1/m.
+        step_px: Part for the slope of the surface, px.
+        edge_tolerance_px: By which edges may be misplaced, px.
+        min_area_m2: Minimum area of a surface, facing the camera, m^2.
+        min_area_px: Minimum area of a part of a surface, px.
+        min_flat_area_m2: Minimum area of a flat change (colours changed, but no single pixel's depth),
+            m^2.
+        min_flat_color: Minimum colour change of a flat change, summed over the channels, 0 to 3.
+        min_flat_step_m: Minimum median depth difference that tells the side of a flat change, m.
+        min_flat_contrast: Minimum difference of the brightness gradient across the outline of a flat
+            change, 1/px.
+        min_match_score: Minimum `match_score` of the two ends of a relocation, 0 to 1.
+        min_confidence: Minimum confidence of a reported change, 0 to 1.
     """
-    def __init__(self, *, step_m: typing.SupportsFloat | typing.SupportsIndex = 0.025, step_per_m: typing.SupportsFloat | typing.SupportsIndex = 0.006, step_px: typing.SupportsFloat | typing.SupportsIndex = 1.0, reach_px: int = 2, least_area_m2: typing.SupportsFloat | typing.SupportsIndex = 0.0006, least_area_px: int = 25, flat_area_m2: typing.SupportsFloat | typing.SupportsIndex = 0.0015, flat_color: typing.SupportsFloat | typing.SupportsIndex = 0.15, flat_step_m: typing.SupportsFloat | typing.SupportsIndex = 0.006, least_contrast: typing.SupportsFloat | typing.SupportsIndex = 0.03, alike: typing.SupportsFloat | typing.SupportsIndex = 0.25, certain: typing.SupportsFloat | typing.SupportsIndex = 0.5) -> None:
+    def __init__(self, *, step_m: typing.SupportsFloat | typing.SupportsIndex = 0.025, step_per_m: typing.SupportsFloat | typing.SupportsIndex = 0.006, step_px: typing.SupportsFloat | typing.SupportsIndex = 1.0, edge_tolerance_px: int = 2, min_area_m2: typing.SupportsFloat | typing.SupportsIndex = 0.0006, min_area_px: int = 25, min_flat_area_m2: typing.SupportsFloat | typing.SupportsIndex = 0.0015, min_flat_color: typing.SupportsFloat | typing.SupportsIndex = 0.15, min_flat_step_m: typing.SupportsFloat | typing.SupportsIndex = 0.006, min_flat_contrast: typing.SupportsFloat | typing.SupportsIndex = 0.03, min_match_score: typing.SupportsFloat | typing.SupportsIndex = 0.25, min_confidence: typing.SupportsFloat | typing.SupportsIndex = 0.5) -> None:
         ...
     @property
-    def alike(self) -> float:
+    def edge_tolerance_px(self) -> int:
         ...
     @property
-    def certain(self) -> float:
+    def min_area_m2(self) -> float:
         ...
     @property
-    def flat_area_m2(self) -> float:
+    def min_area_px(self) -> int:
         ...
     @property
-    def flat_color(self) -> float:
+    def min_confidence(self) -> float:
         ...
     @property
-    def flat_step_m(self) -> float:
+    def min_flat_area_m2(self) -> float:
         ...
     @property
-    def least_area_m2(self) -> float:
+    def min_flat_color(self) -> float:
         ...
     @property
-    def least_area_px(self) -> int:
+    def min_flat_contrast(self) -> float:
         ...
     @property
-    def least_contrast(self) -> float:
+    def min_flat_step_m(self) -> float:
         ...
     @property
-    def reach_px(self) -> int:
+    def min_match_score(self) -> float:
         ...
     @property
     def step_m(self) -> float:
@@ -205,6 +210,150 @@ class Side:
     @property
     def value(self) -> int:
         ...
+class Evidence:
+    """
+    Measurements that tell an object that changed from an error of sensor, pose or map; immutable.
+    
+    Args:
+        step_ratio: Median step by which the surface is nearer than that of the other image, in units of
+            the smallest that counts; of a flat surface its mean colour change in such units.
+        changed_share: Share of its pixels whose colours are not around in the other image.
+        thickness_m: Diameter of the largest disc in it, m.
+        attached_share: Share of the pixels beside it in which its depth continues.
+        residual_color: Mean colour change, summed over the channels, that more or less light does not
+            explain.
+        correlation: Of the brightness of both images, on it and beside it, -1 to 1.
+        ring_depth_m: Median absolute difference of the depths around it, m.
+        ring_color_ratio: Colour change around it, as a share of that on it.
+    """
+    def __init__(self, *, step_ratio: typing.SupportsFloat | typing.SupportsIndex = 0.0, changed_share: typing.SupportsFloat | typing.SupportsIndex = 0.0, thickness_m: typing.SupportsFloat | typing.SupportsIndex = 0.0, attached_share: typing.SupportsFloat | typing.SupportsIndex = 0.0, residual_color: typing.SupportsFloat | typing.SupportsIndex = 0.0, correlation: typing.SupportsFloat | typing.SupportsIndex = 0.0, ring_depth_m: typing.SupportsFloat | typing.SupportsIndex = 0.0, ring_color_ratio: typing.SupportsFloat | typing.SupportsIndex = 0.0) -> None:
+        ...
+    @property
+    def attached_share(self) -> float:
+        ...
+    @property
+    def changed_share(self) -> float:
+        ...
+    @property
+    def correlation(self) -> float:
+        ...
+    @property
+    def residual_color(self) -> float:
+        ...
+    @property
+    def ring_color_ratio(self) -> float:
+        ...
+    @property
+    def ring_depth_m(self) -> float:
+        ...
+    @property
+    def step_ratio(self) -> float:
+        ...
+    @property
+    def thickness_m(self) -> float:
+        ...
+class Visibility:
+    """
+    Visibility counts of a surface's samples; immutable.
+    
+    In how many training cameras of the map each sample is seen, summed over the samples.
+    
+    Args:
+        on_surface: Counts of cameras that see a surface at the sample.
+        seen_through: Counts of cameras that see a surface behind it: the sample was free space.
+        known_share: Share of the samples with at least one count, 0 to 1.
+    """
+    def __init__(self, *, on_surface: typing.SupportsFloat | typing.SupportsIndex, seen_through: typing.SupportsFloat | typing.SupportsIndex, known_share: typing.SupportsFloat | typing.SupportsIndex) -> None:
+        ...
+    @property
+    def known_share(self) -> float:
+        ...
+    @property
+    def on_surface(self) -> float:
+        ...
+    @property
+    def seen_through(self) -> float:
+        ...
+class Surface:
+    """
+    The visible surface of an object, before or after a change.
+    
+    `find_changed_surfaces` returns surfaces; a detector of your own builds them. `side`, `point`, `low`
+    and `high` say what changed and where; the rest serves `confidence` and `match_score`.
+    
+    Args:
+        side: In which image it is seen: in the map (BEFORE) or in the frame (AFTER).
+        point: (3,) float64, median of its points, world, m.
+        low: (3,) float64, lower corner of the box around most of it, world, m.
+        high: (3,) float64, upper corner.
+        label: In the image of labels; 0: in none.
+        area_px: Pixels.
+        area_m2: Area facing the camera, m^2.
+        depth_m: Median z in the camera frame, m.
+        color: (3,) float64, median, sRGB, 0 to 1.
+        step_m: Median step by which it is nearer than in the other image, m.
+        flat: It is a flat change: colours changed, but no single pixel's depth.
+        samples: [N] points (3,) of it, world, m.
+        color_histogram: Shares of colours that sum up to 1; empty: unknown, and it matches nothing.
+        evidence: Measurements on and around it; None: all are 0.
+        visibility: Visibility counts of the samples; None: unknown.
+    
+    Raises:
+        ValueError: A number is not finite, an area is negative, the box is inverted, or the histogram
+            has another length.
+    """
+    def __init__(self, *, side: Side, point: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"], low: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"], high: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"], label: int = 0, area_px: int = 0, area_m2: typing.SupportsFloat | typing.SupportsIndex = 0.0, depth_m: typing.SupportsFloat | typing.SupportsIndex = 0.0, color: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"] = (0.0, 0.0, 0.0), step_m: typing.SupportsFloat | typing.SupportsIndex = 0.0, flat: bool = False, samples: collections.abc.Sequence[typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"]] = (), color_histogram: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = (), evidence: Evidence | None = None, visibility: Visibility | None = None) -> None:
+        ...
+    @property
+    def area_m2(self) -> float:
+        ...
+    @property
+    def area_px(self) -> int:
+        ...
+    @property
+    def color(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]:
+        ...
+    @property
+    def color_histogram(self) -> list[float]:
+        ...
+    @property
+    def depth_m(self) -> float:
+        ...
+    @property
+    def evidence(self) -> Evidence:
+        ...
+    @property
+    def flat(self) -> bool:
+        ...
+    @property
+    def high(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]:
+        ...
+    @property
+    def label(self) -> int:
+        ...
+    @property
+    def low(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]:
+        ...
+    @property
+    def point(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]:
+        ...
+    @property
+    def samples(self) -> list[typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]]:
+        ...
+    @property
+    def side(self) -> Side:
+        ...
+    @property
+    def step_m(self) -> float:
+        ...
+    @property
+    def visibility(self) -> Visibility | None:
+        """
+        May be set: the map's training cameras are not known to the detection.
+        """
+    @visibility.setter
+    def visibility(self, arg0: Visibility | None) -> None:
+        ...
 class Component:
     """
     Pixels of a mask that touch each other.
@@ -212,7 +361,7 @@ class Component:
     @property
     def area(self) -> int:
         """
-        px
+        Pixels.
         """
     @property
     def label(self) -> int:
@@ -222,176 +371,43 @@ class Component:
     @property
     def u(self) -> float:
         """
-        Centroid, px; the centre of the first pixel is 0.5.
+        Column of the centroid, px; the centre of the first pixel is 0.5.
         """
     @property
     def v(self) -> float:
-        ...
-class PaperChange:
+        """
+        Row of the centroid, px.
+        """
+class GsLtsChange:
     """
-    What the rule of GS-LTS says, and why.
+    A change as the rule of GS-LTS finds it.
     """
     @property
     def first(self) -> Component:
         """
-        R_1
+        R_1.
         """
     @property
     def point_in_world(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]:
         """
-        p_world, m.
+        (3,) p_world, m.
         """
     @property
     def second(self) -> Component | None:
         """
-        R_2 of a relocation.
+        R_2 of a relocation, else None.
         """
     @property
     def type(self) -> ChangeType:
         ...
-class Evidence:
-    """
-    What tells an object that changed from an error.
-    """
-    @property
-    def around_color(self) -> float:
-        """
-        The difference in colour around it, as a share of that within.
-        """
-    @property
-    def around_m(self) -> float:
-        """
-        Median difference of the depths around it.
-        """
-    @property
-    def attached(self) -> float:
-        """
-        Share of what is beside it whose depth goes on from it.
-        """
-    @property
-    def correlation(self) -> float:
-        """
-        Of the brightness of both images, on it and beside it.
-        """
-    @property
-    def differing(self) -> float:
-        """
-        Share of its pixels whose colours are not around in the other image.
-        """
-    @property
-    def steps(self) -> float:
-        """
-        By which it is nearer, in units of the least that counts; if flat, of colour.
-        """
-    @property
-    def thickness_m(self) -> float:
-        """
-        Of the largest disc in it.
-        """
-    @property
-    def unexplained(self) -> float:
-        """
-        Mean difference in colour that more or less light does not explain.
-        """
-class Sights:
-    """
-    How the places of a surface look from where a map was made.
-    
-    Args:
-        on: How often a frame saw a surface there,
-        through: or looked through to something behind.
-        seen: Share of the places of which there is either.
-    """
-    def __init__(self, *, on: typing.SupportsFloat | typing.SupportsIndex, through: typing.SupportsFloat | typing.SupportsIndex, seen: typing.SupportsFloat | typing.SupportsIndex) -> None:
-        ...
-    @property
-    def on(self) -> float:
-        ...
-    @property
-    def seen(self) -> float:
-        ...
-    @property
-    def through(self) -> float:
-        ...
-class Surface:
-    """
-    The visible surface of an object, at one of the times.
-    """
-    @property
-    def area_m2(self) -> float:
-        """
-        Facing the camera.
-        """
-    @property
-    def area_px(self) -> int:
-        ...
-    @property
-    def color(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]:
-        """
-        (3,) median, sRGB.
-        """
-    @property
-    def depth_m(self) -> float:
-        """
-        Its median.
-        """
-    @property
-    def evidence(self) -> Evidence:
-        ...
-    @property
-    def flat(self) -> bool:
-        """
-        Whether colours alone tell of it.
-        """
-    @property
-    def high(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]:
-        ...
-    @property
-    def label(self) -> int:
-        """
-        In the image of labels.
-        """
-    @property
-    def low(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]:
-        """
-        (3,) corner of the box around most of it, world, m.
-        """
-    @property
-    def point(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]:
-        """
-        (3,) its median, in the world, m.
-        """
-    @property
-    def samples(self) -> list[typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]]:
-        """
-        [N] points (3,) of it, in the world, m.
-        """
-    @property
-    def side(self) -> Side:
-        """
-        Seen in the map (BEFORE) or in the photo (AFTER).
-        """
-    @property
-    def sights(self) -> Sights | None:
-        """
-        Of the samples; None if they are not known.
-        """
-    @sights.setter
-    def sights(self, arg0: Sights | None) -> None:
-        ...
-    @property
-    def step_m(self) -> float:
-        """
-        By which it is nearer than what is seen at the other time.
-        """
 class ObjectChange:
     """
-    An object elsewhere, new or gone.
+    An object that was added, removed or relocated.
     """
     @property
     def after(self) -> Surface | None:
         """
-        In the photo; None for a removal.
+        In the frame; None for a removal.
         """
     @property
     def before(self) -> Surface | None:
@@ -408,82 +424,147 @@ class ObjectChange:
         ...
 class Views:
     """
-    What a camera saw, and what a map shows from there.
+    A frame and a rendering of the map from the same camera.
     
     Args:
         camera: Of all images.
-        photo: [H,W,3] float32 sRGB, 0 to 1, as all others C-contiguous.
-        rgb: [H,W,3] rendered, with the exposure of the photo.
-        measured: [H,W] depth, z, m; 0 and NaN mean no measurement.
-        rendered: [H,W] depth, z, m; 0 where nothing is.
-        alpha: [H,W] opacity of the map, 0 to 1.
-        similarity: [H,W] cosine of the features of both.
+        observed_rgb: [H,W,3] float32, sRGB, 0 to 1; this and all others C-contiguous.
+        rendered_rgb: [H,W,3] float32, sRGB, with the exposure of the frame.
+        observed_depth: [H,W] float32, z in the camera frame, m; 0 and NaN: not measured.
+        rendered_depth: [H,W] float32, z in the camera frame, m; 0 where nothing is.
+        alpha: [H,W] float32, opacity of the map, 0 to 1.
+        similarity: [H,W] float32, cosine of the features of both images, -1 to 1.
     
     Raises:
-        ValueError: An array does not fit.
+        ValueError: An array has another shape, type or layout.
     """
-    def __init__(self, *, camera: gslts._core.map.Camera, photo: numpy.ndarray, rgb: numpy.ndarray, measured: numpy.ndarray, rendered: numpy.ndarray, alpha: numpy.ndarray, similarity: numpy.ndarray) -> None:
+    def __init__(self, *, camera: gslts._core.map.Camera, observed_rgb: numpy.ndarray, rendered_rgb: numpy.ndarray, observed_depth: numpy.ndarray, rendered_depth: numpy.ndarray, alpha: numpy.ndarray, similarity: numpy.ndarray) -> None:
         ...
-class MaskSet:
+class Masks:
     """
-    Where both differ; see `masks_of`.
+    Masks of one pair of images, from `compute_masks`.
     """
-def arrays_of(masks: MaskSet, camera: gslts._core.map.Camera) -> dict[str, numpy.ndarray]:
+def classify_changes(surfaces: collections.abc.Sequence[Surface], rule: ObjectRule) -> list[ObjectChange]:
     """
-    [H,W] bool each: known, pixel (M_pixel), feature (M_feat) and combined (M_comb).
-    """
-def certainty(surface: Surface) -> float:
-    """
-    0 to 1: how likely a surface is that of an object that changed.
-    """
-def changed_surfaces(views: Views, masks: MaskSet, rule: ObjectRule) -> tuple[list[Surface], numpy.typing.NDArray[numpy.int32]]:
-    """
-    What only one of map and photo shows.
+    Classify surfaces as additions, removals and relocations.
+    
+    What vanished and what appeared are one object if they match in colours and size.
+    
+    Args:
+        surfaces: Of one pair of images, or of several.
+        rule: Thresholds.
     
     Returns:
-        The surfaces, and the image [H,W] int32 of their labels; 0 where nothing changed.
+        Changes with at least `rule.min_confidence`, the highest confidence first.
     
     Raises:
-        ValueError: A setting is out of range.
+        ValueError: A threshold is out of range.
     """
-def changes_of(surfaces: collections.abc.Sequence[Surface], rule: ObjectRule) -> list[ObjectChange]:
+def compute_masks(views: Views, rule: MaskRule) -> Masks:
     """
-    The changes that explain some surfaces, the most certain first.
-    
-    What vanished and what appeared are one object if they are alike in colours and size.
-    
-    Raises:
-        ValueError: A setting is out of range.
-    """
-def differences_of(a: Surface, b: Surface) -> typing.Annotated[list[float], "FixedSize(2)"]:
-    """
-    What `likeness` weighs: how far histograms of colours, and areas, are apart.
-    """
-def features_of(surface: Surface) -> typing.Annotated[list[float], "FixedSize(15)"]:
-    """
-    What `certainty` weighs.
-    """
-def likeness(a: Surface, b: Surface) -> float:
-    """
-    0 to 1: how likely two surfaces are one object, both answers being as likely beforehand.
-    """
-def masks_of(views: Views, rule: MaskRule) -> MaskSet:
-    """
-    The dual branch of GS-LTS, sec. III-C.
+    Compute the two branches of change detection and their product.
     
     The paper prints M_feat = (similarity > tau_feat), which marks what did not change; here features
     differ where their similarity is low.
     
-    Raises:
-        ValueError: A setting is out of range.
-    """
-def paper_change(views: Views, masks: MaskSet, rule: PaperRule) -> tuple[PaperChange | None, numpy.typing.NDArray[numpy.int32]]:
-    """
-    Change type and key point as printed in GS-LTS, sec. III-C.
+    Args:
+        views: Frame and rendering.
+        rule: Thresholds.
     
     Returns:
-        The change, None if there is none, and the labels [H,W] int32 of the components.
+        The masks; `mask_arrays` converts them to numpy.
     
     Raises:
-        ValueError: A setting is out of range.
+        ValueError: A threshold is out of range.
+    
+    Source: GS-LTS, sec. III-C1, eq. 4 and 5.
+    """
+def confidence(surface: Surface) -> float:
+    """
+    Compute how likely a surface belongs to an object that changed.
+    
+    Args:
+        surface: Of either side.
+    
+    Returns:
+        Calibrated probability, 0 to 1.
+    """
+def confidence_features(surface: Surface) -> typing.Annotated[list[float], "FixedSize(15)"]:
+    """
+    Compute the numbers that `confidence` weighs.
+    
+    Args:
+        surface: Of either side.
+    
+    Returns:
+        Features of the logistic regression.
+    """
+def detect_gs_lts(views: Views, masks: Masks, rule: GsLtsRule) -> tuple[GsLtsChange | None, numpy.typing.NDArray[numpy.int32]]:
+    """
+    Predict change type and key point as printed in GS-LTS.
+    
+    Args:
+        views: Frame and rendering.
+        masks: Of the same views.
+        rule: Thresholds.
+    
+    Returns:
+        The change, None if there is none, and [H,W] int32 labels of the components of M_comb.
+    
+    Raises:
+        ValueError: A threshold is out of range, or the masks have another size.
+    
+    Source: GS-LTS, sec. III-C2, eq. 6 to 10.
+    """
+def find_changed_surfaces(views: Views, masks: Masks, rule: ObjectRule) -> tuple[list[Surface], numpy.typing.NDArray[numpy.int32]]:
+    """
+    Find the surfaces that only one of map and frame shows.
+    
+    Args:
+        views: Frame and rendering.
+        masks: Of the same views.
+        rule: Thresholds.
+    
+    Returns:
+        The surfaces, and [H,W] int32 their labels, 0 where nothing changed.
+    
+    Raises:
+        ValueError: A threshold is out of range, or the masks have another size.
+    """
+def mask_arrays(masks: Masks, camera: gslts._core.map.Camera) -> dict[str, numpy.ndarray]:
+    """
+    Copy masks to arrays.
+    
+    Args:
+        masks: From `compute_masks`.
+        camera: Of the images.
+    
+    Returns:
+        [H,W] bool by name: "known" (the map is known there), "pixel" (M_pixel), "feature" (M_feat) and
+        "combined" (M_comb).
+    
+    Raises:
+        ValueError: The masks have another size than the camera.
+    """
+def match_features(a: Surface, b: Surface) -> typing.Annotated[list[float], "FixedSize(2)"]:
+    """
+    Compute the numbers that `match_score` weighs.
+    
+    Args:
+        a: One surface.
+        b: Another surface.
+    
+    Returns:
+        Hellinger distance of the colour histograms, and absolute logarithm of the ratio of areas.
+    """
+def match_score(a: Surface, b: Surface) -> float:
+    """
+    Score how likely two surfaces are one object.
+    
+    Args:
+        a: One surface.
+        b: Another surface.
+    
+    Returns:
+        0 to 1: the probability if as many pairs are one object as are not.
     """

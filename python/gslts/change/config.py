@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
-from gslts._core.detect import MaskRule, ObjectRule
-from gslts._core.detect import PaperRule as GsLtsRule
+from gslts._core.detect import GsLtsRule, MaskRule, ObjectRule
 from gslts.change.constants import MAX_HALVINGS
 
 __all__ = ["DetectionConfig", "GsLtsRule", "MaskRule", "ObjectRule", "Strategy"]

@@ -201,19 +201,19 @@ class ChangeDetector:
             return Detection((), fault, camera, observed_rgb)
         views = _core.Views(
             camera=camera,
-            photo=observed_rgb,
-            rgb=rendered_rgb,
-            measured=observed_depth,
-            rendered=images.depth,
+            observed_rgb=observed_rgb,
+            rendered_rgb=rendered_rgb,
+            observed_depth=observed_depth,
+            rendered_depth=images.depth,
             alpha=np.ascontiguousarray(alpha),
             similarity=cosines,
         )
-        masks = _core.masks_of(views, config.masks)
+        masks = _core.compute_masks(views, config.masks)
         changes, surfaces, labels = self._changes(views, masks)
         changed = [mask for change in changes for mask in change.masks if mask is not None]
         if changed and np.any(changed, axis=0).sum() > MAX_CHANGED_SHARE * known.sum():
             return Detection((), "most of the view differs", camera, observed_rgb)
-        arrays = _core.arrays_of(masks, camera)
+        arrays = _core.mask_arrays(masks, camera)
         return Detection(
             changes=changes,
             unreliable=None,
@@ -229,24 +229,26 @@ class ChangeDetector:
         )
 
     def _changes(
-        self, views: _core.Views, masks: _core.MaskSet
+        self, views: _core.Views, masks: _core.Masks
     ) -> tuple[tuple[Change, ...], tuple[_core.Surface, ...], Ints32]:
         """Return the changes, the surfaces they come from, and the label image of either."""
         if self.config.strategy == "gs_lts":
-            change, labels = _core.paper_change(views, masks, self.config.gs_lts)
+            change, labels = _core.detect_gs_lts(views, masks, self.config.gs_lts)
             return () if change is None else (gs_lts_change(change, labels),), (), labels
-        surfaces, labels = _core.changed_surfaces(views, masks, self.config.objects)
+        surfaces, labels = _core.find_changed_surfaces(views, masks, self.config.objects)
         if self._visibility.has_cameras:
             for surface in surfaces:
-                surface.sights = self._visibility_of(surface)
+                surface.visibility = self._visibility_of(surface)
         return object_changes(surfaces, labels, self.config.objects), tuple(surfaces), labels
 
-    def _visibility_of(self, surface: _core.Surface) -> _core.Sights:
+    def _visibility_of(self, surface: _core.Surface) -> _core.Visibility:
         """Count how the training cameras saw the samples of a surface."""
         counts = self._visibility.counts(np.array(surface.samples))
         seen = counts.on + counts.through > 0
-        return _core.Sights(
-            on=counts.on.sum(), through=counts.through.sum(), seen=float(seen.mean())
+        return _core.Visibility(
+            on_surface=counts.on.sum(),
+            seen_through=counts.through.sum(),
+            known_share=float(seen.mean()),
         )
 
 

@@ -29,7 +29,7 @@ def object_changes(
     """
     return tuple(
         _change(found, (_mask(labels, found.before), _mask(labels, found.after)))
-        for found in _core.changes_of(surfaces, rule)
+        for found in _core.classify_changes(surfaces, rule)
     )
 
 
@@ -49,13 +49,13 @@ def relocation_of(removal: Change, addition: Change, rule: _core.ObjectRule) -> 
     """
     if removal.before is None or addition.after is None:
         return None
-    found = _core.changes_of([removal.before, addition.after], rule)
+    found = _core.classify_changes([removal.before, addition.after], rule)
     if len(found) != 1 or found[0].type != _core.ChangeType.RELOCATION:
         return None
     return _change(found[0], (removal.masks[0], addition.masks[1]))
 
 
-def gs_lts_change(found: _core.PaperChange, labels: Ints32) -> Change:
+def gs_lts_change(found: _core.GsLtsChange, labels: Ints32) -> Change:
     """Convert a change found by the rule of GS-LTS (sec. III-C); it has no boxes.
 
     Args:

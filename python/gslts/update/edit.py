@@ -169,8 +169,10 @@ def _inherited(kept: GaussianMap, frames: Sequence[RgbdFrame]) -> GaussianMap:
     nearest, _ = _core.nearest_gaussians(float_view(kept), points, 1)
     _, distances_m = _core.nearest_gaussians(float_view(kept), kept.means[nearest[:, 0]], 2)
     spacing_m = np.maximum(distances_m[:, -1], np.float32(FUSION_VOXEL_M))
-    rows = _core.thinned(points, spacing_m)
-    return GaussianMap(**_core.inherited(float_view(kept), points[rows], nearest[rows, 0], 0))
+    rows = _core.thin_points(points, spacing_m)
+    return GaussianMap(
+        **_core.inherit_attributes(float_view(kept), points[rows], nearest[rows, 0], 0)
+    )
 
 
 def _with_appearance(

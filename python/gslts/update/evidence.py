@@ -112,7 +112,7 @@ def _judge(
 def _log_odds(region: Region, detection: Detection) -> float:
     """Return the bounded log-odds of a change in a region, from one view."""
     confidences = [
-        _core.certainty(surface) for surface in detection.surfaces if region.matches(surface)
+        _core.confidence(surface) for surface in detection.surfaces if region.matches(surface)
     ]
     confidence = np.clip(max(confidences, default=0.0), 1e-9, 1 - 1e-9)
     return float(np.clip(np.log(confidence / (1 - confidence)), -MAX_LOG_ODDS, MAX_LOG_ODDS))

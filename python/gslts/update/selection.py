@@ -75,7 +75,7 @@ def _outvoted(
     """
     rendered = [view.rendered_depth for view in views] if config.visible_votes else None
     masks = [np.ascontiguousarray(view.before) for view in views]
-    votes, visible = _core.votes_of(
+    votes, visible = _core.count_votes(
         float_view(gaussian_map), [view.camera for view in views], masks, rendered, _core.VoteRule()
     )
     # A relocation also has views of its other region, which cannot vote.
@@ -96,7 +96,7 @@ def count_visibility(gaussian_map: GaussianMap, views: Sequence[View]) -> tuple[
         [N] int32 views with a surface at the centre, and [N] int32 views that see through it.
     """
     cameras, depths = [view.camera for view in views], [view.depth for view in views]
-    return _core.sightings_of(float_view(gaussian_map), cameras, depths, _core.DepthRule())
+    return _core.count_visibility(float_view(gaussian_map), cameras, depths, _core.DepthTolerance())
 
 
 def gaussians_in_regions(

@@ -75,7 +75,7 @@ def refine_edit(
     def confidence(gaussian_map: GaussianMap) -> float:
         return remaining_confidence(detector.with_map(gaussian_map, seen_from), training, regions)
 
-    settled = SETTLED_SHARE * detector.config.objects.certain
+    settled = SETTLED_SHARE * detector.config.objects.min_confidence
     return refine_until_settled(edit.gaussian_map, refine_once, confidence, settled)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gslts._core.detect import certainty
+from gslts._core.detect import confidence
 from gslts.change.detector import ChangeDetector
 from gslts.core.gaussian_map import GaussianMap
 from gslts.rendering.losses import apply_exposure
@@ -77,7 +77,7 @@ def remaining_confidence(
         0 to 1, also of changes that are too unlikely to be reported.
     """
     found = [
-        certainty(surface)
+        confidence(surface)
         for view in views
         for surface in detector.detect(view.frame).surfaces
         if any(region.contains(surface.point, NEAR_M) for region in regions)

@@ -93,9 +93,10 @@ def _curve(records: Iterable[Record], method: str) -> dict[str, list[float]]:
     own = [record.curve for record in records if record.method == f"curve, {method}"]
     if not own:
         return {}
-    return {mark: np.mean([curve[mark] for curve in own], axis=0).tolist() for mark in own[0]} | {
-        "tasks": [float(len(own))]
-    }
+    marks = dict.fromkeys(mark for curve in own for mark in curve)
+    points = {mark: [curve[mark] for curve in own if mark in curve] for mark in marks}
+    means = {mark: np.mean(values, axis=0).tolist() for mark, values in points.items()}
+    return means | {"tasks": [float(len(own))]}
 
 
 def _details(records: Iterable[Record]) -> dict[str, Any]:

@@ -31,8 +31,8 @@ def one_box(
 def doubtful() -> Images:
     """Return images of a map that is 3 cm off and a little brighter."""
     images = blank()
-    images["rendered"] += np.float32(0.03)
-    images["rgb"] += np.float32(0.03)
+    images["rendered_depth"] += np.float32(0.03)
+    images["rendered_rgb"] += np.float32(0.03)
     return images
 
 
@@ -49,13 +49,13 @@ def several() -> Images:
 
 def test_changes_below_the_confidence_threshold_are_left_out() -> None:
     images = several()
-    everything = changes_in(images, ObjectRule(certain=0))
+    everything = changes_in(images, ObjectRule(min_confidence=0))
     confidences = [one.confidence for one in everything]
     assert len(confidences) == 5
     assert confidences == sorted(confidences, reverse=True)
     assert confidences[-1] < 0.7 < 0.95 < confidences[0] < 1
     for certain in (0.2, 0.5, 0.7, 0.9, 0.99, *confidences, 1.0):
-        some = changes_in(images, ObjectRule(certain=certain))
+        some = changes_in(images, ObjectRule(min_confidence=certain))
         assert [one.confidence for one in some] == [one for one in confidences if one >= certain]
         for one, other in zip(some, everything, strict=False):
             assert one.kind == other.kind
@@ -64,14 +64,14 @@ def test_changes_below_the_confidence_threshold_are_left_out() -> None:
 
 def test_one_end_makes_the_other_more_likely() -> None:
     """A barely visible end is reported if a similar object is distinct elsewhere."""
-    strict, muted = ObjectRule(certain=0.97), (0.7, 0.4, 0.3)
+    strict, muted = ObjectRule(min_confidence=0.97), (0.7, 0.4, 0.3)
     alone, unlike, alike = doubtful(), doubtful(), doubtful()
     for images in (alone, unlike, alike):
         put(images, "before", (60, 10), (10, 10), 1.95, muted)
     put(unlike, "after", (60, 100), (20, 18), 1.5, BLUE)
     put(alike, "after", (60, 100), (20, 18), 1.5, muted)
     assert changes_in(alone, strict) == ()
-    (weak,) = changes_in(alone, ObjectRule(certain=0))
+    (weak,) = changes_in(alone, ObjectRule(min_confidence=0))
     assert weak.confidence < 0.97
     (addition,) = changes_in(unlike, strict)
     assert addition.kind == "addition"
@@ -136,7 +136,10 @@ def test_different_ends_are_no_relocation() -> None:
     assert relocation_of(removal, one_box("after", BLUE), RULE) is None
     small, large = one_box("before", size=(6, 5)), one_box("after", size=(60, 50))
     assert relocation_of(small, large, RULE) is None
-    assert relocation_of(removal, one_box("after", (0.8, 0.5, 0.1)), ObjectRule(alike=0.9)) is None
+    assert (
+        relocation_of(removal, one_box("after", (0.8, 0.5, 0.1)), ObjectRule(min_match_score=0.9))
+        is None
+    )
 
 
 def test_a_relocation_needs_a_removal_and_an_addition() -> None:
@@ -157,11 +160,11 @@ def test_changes_of_gs_lts_have_no_surfaces_to_join() -> None:
     assert relocation_of(one_box("before"), one_box("after"), RULE) is not None
 
 
-@pytest.mark.parametrize("name", ["certain", "alike", "flat_color"])
+@pytest.mark.parametrize("name", ["min_confidence", "min_match_score", "min_flat_color"])
 def test_thresholds_out_of_range_are_named(name: str) -> None:
     removal, addition = one_box("before"), one_box("after")
     for wrong in (-0.1, 3.1, float("nan")):
-        with pytest.raises(ValueError, match=rf"^changes_of: {name} must be in \["):
+        with pytest.raises(ValueError, match=rf"^classify_changes: {name} must be in \["):
             relocation_of(removal, addition, ObjectRule(**{name: wrong}))
-        with pytest.raises(ValueError, match=rf"^changed_surfaces: {name} must be in \["):
+        with pytest.raises(ValueError, match=rf"^find_changed_surfaces: {name} must be in \["):
             changes_in(blank(), ObjectRule(**{name: wrong}))

@@ -158,7 +158,7 @@ def test_a_home_that_fails_is_named(copied: Path) -> None:
     spoilt = gslts(*RUN, cwd=copied)
     assert spoilt.returncode == 1
     assert "kitchen_3: ValueError:" in spoilt.stderr
-    assert "it is not the manifest of a map" in spoilt.stderr
+    assert "not the manifest of a map" in spoilt.stderr
 
 
 def test_the_trade_is_measured_and_drawn(copied: Path) -> None:

@@ -349,10 +349,10 @@ def test_arrays_of_the_core_are_checked() -> None:
     camera = update_room.collected("removal").views[0].camera
     mask = np.zeros((120, 160), np.bool_)
     with pytest.raises(ValueError, match="masks: expected 1, one a camera, got 2"):
-        core.votes_of(view, [camera], [mask, mask], None, core.VoteRule())
+        core.count_votes(view, [camera], [mask, mask], None, core.VoteRule())
     with pytest.raises(ValueError, match=r"masks: expected .* bool .* \(120, 160\), got uint8"):
-        core.votes_of(view, [camera], [mask.view(np.uint8)], None, core.VoteRule())
+        core.count_votes(view, [camera], [mask.view(np.uint8)], None, core.VoteRule())
     with pytest.raises(ValueError, match="points: expected"):
         core.nearest_gaussians(view, np.zeros((2, 3)), 1)
     with pytest.raises(ValueError, match="behind_m must be finite and not negative"):
-        core.votes_of(view, [camera], [mask], None, core.VoteRule(behind_m=-1))
+        core.count_votes(view, [camera], [mask], None, core.VoteRule(behind_m=-1))

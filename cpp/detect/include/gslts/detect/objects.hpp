@@ -4,28 +4,31 @@
 #include <optional>
 #include <vector>
 
+#include "gslts/detect/gs_lts_rule.hpp"
 #include "gslts/detect/masks.hpp"
-#include "gslts/detect/paper_rule.hpp"
 #include "gslts/detect/surface.hpp"
 #include "gslts/detect/views.hpp"
 #include "gslts/map/array.hpp"
 
 namespace gslts::detect {
 
-/// How changed objects are told from errors of sensor, pose and map.
+/// Thresholds that separate objects that changed from errors of sensor, pose and map.
+///
+/// A surface counts as nearer than that of the other image if it is so by step_m, measured across
+/// the surface, plus step_per_m depth^2, plus the change of its depth within step_px pixels.
 struct ObjectRule {
-  double step_m = 0.025;         ///< A surface counts as nearer by so much, across it,
-  double step_per_m = 0.006;     ///< by so much more times the square of its depth in m,
-  double step_px = 1;            ///< and by what its depth changes within so many pixels.
-  int reach_px = 2;              ///< By which edges may be misplaced.
-  double least_area_m2 = 6e-4;   ///< Smaller surfaces, facing the camera, are no objects.
-  int least_area_px = 25;        ///< Nor are smaller parts of the image.
-  double flat_area_m2 = 1.5e-3;  ///< The same where colours alone differ,
-  double flat_color = 0.15;      ///< summed over the channels, from all that is around.
-  double flat_step_m = 0.006;    ///< A mean difference of depths that tells the side.
-  double least_contrast = 0.03;  ///< Of brightness a pixel, across the outline of a flat object.
-  double alike = 0.25;           ///< How likely the ends of a relocation must be one object.
-  double certain = 0.5;          ///< Less likely changes are not reported.
+  double step_m = 0.025;             ///< m
+  double step_per_m = 0.006;         ///< 1/m
+  double step_px = 1;                ///< px
+  int edge_tolerance_px = 2;         ///< By which edges may be misplaced, px.
+  double min_area_m2 = 6e-4;         ///< Minimum area facing the camera, m^2.
+  int min_area_px = 25;              ///< Minimum area of a part of a surface, px.
+  double min_flat_area_m2 = 1.5e-3;  ///< Minimum area of a flat change, m^2.
+  double min_flat_color = 0.15;    ///< Minimum colour change of a flat change, sum of the channels.
+  double min_flat_step_m = 0.006;  ///< Minimum median depth difference that tells its side, m.
+  double min_flat_contrast = 0.03;  ///< Minimum difference of brightness a px across its outline.
+  double min_match_score = 0.25;    ///< Minimum `match_score` of the ends of a relocation.
+  double min_confidence = 0.5;      ///< Minimum confidence of a reported change.
 };
 
 /// @throws std::invalid_argument  naming the function, if a setting is out of range.
@@ -36,26 +39,29 @@ struct Surfaces {
   Array<std::int32_t> labels;  ///< [H,W] 0 where nothing changed.
 };
 
-/// An object that is somewhere else, or is new, or is gone.
+/// An object that was added, removed or relocated.
 struct ObjectChange {
   ChangeType type;
   double confidence;              ///< 0 to 1.
   std::optional<Surface> before;  ///< In the map; not for an addition.
-  std::optional<Surface> after;   ///< In the photo; not for a removal.
+  std::optional<Surface> after;   ///< In the frame; not for a removal.
 };
 
-/// What only one of the two shows.
+/// Finds the surfaces that only one of map and frame shows.
 ///
-/// Where the photo's surface is nearer than the map's anywhere around, something appeared; where
-/// the map's is nearer, something vanished. What lies flat has colours that the other image does
-/// not show around; depth, colours or its outline tell in which image it is.
+/// Where the frame's surface is nearer than all of the map's around it, something appeared; where
+/// the map's is nearer, something vanished. A flat change (a book, a sheet) has no such step: its
+/// colours are not around in the other image, and depth, colours or outline tell in which image it
+/// lies.
 /// @param masks  Of the same views.
 /// @throws std::invalid_argument  if the camera or a setting is invalid.
-Surfaces changed_surfaces(const Views& views, const Masks& masks, const ObjectRule& rule);
+Surfaces find_changed_surfaces(const Views& views, const Masks& masks, const ObjectRule& rule);
 
-/// The changes that explain some surfaces, the most certain first: what vanished and what appeared
-/// are one object if they are alike in colours and size.
+/// Classifies surfaces as additions, removals and relocations: what vanished and what appeared are
+/// one object if they match in colours and size.
+/// @return  Changes with at least `min_confidence`, the highest confidence first.
 /// @throws std::invalid_argument  if a setting is invalid.
-std::vector<ObjectChange> changes_of(const std::vector<Surface>& surfaces, const ObjectRule& rule);
+std::vector<ObjectChange> classify_changes(const std::vector<Surface>& surfaces,
+                                           const ObjectRule& rule);
 
 }  // namespace gslts::detect

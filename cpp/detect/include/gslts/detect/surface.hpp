@@ -8,67 +8,78 @@
 
 namespace gslts::detect {
 
+/// In which of the two images a surface is seen: in the map (before) or in the frame (after).
 enum class Side { kBefore, kAfter };
 
-/// What tells an object that changed from an error of sensor, pose or map.
+/// Measurements that tell an object that changed from an error of the sensor, the pose or the map.
 struct Evidence {
-  /// By which it is nearer than what is seen at the other time, in units of the least that counts;
-  /// if flat, its difference in colour in such units.
-  double steps = 0;
-  double differing = 0;    ///< Share of its pixels whose colours are not around in the other image.
-  double thickness_m = 0;  ///< Diameter of the largest disc in it.
-  double attached = 0;     ///< Share of what is beside it whose depth goes on from it.
-  /// Mean difference in colour, summed over the channels, that more or less light does not explain.
-  double unexplained = 0;
-  /// Of the brightness of both images, on it and beside it: one surface looks alike in any light.
-  double correlation = 0;
-  double around_m = 0;      ///< Median difference of the depths around it.
-  double around_color = 0;  ///< The difference in colour around it, as a share of that within.
+  /// Median step by which the surface is nearer than that of the other image, in units of the
+  /// smallest that counts; of a flat surface its mean colour change in such units.
+  double step_ratio = 0;
+  double changed_share =
+      0;                   ///< Share of its pixels whose colours are not around in the other image.
+  double thickness_m = 0;  ///< Diameter of the largest disc in it, m.
+  double attached_share = 0;  ///< Share of the pixels beside it in which its depth continues.
+  /// Mean colour change, summed over the channels, that more or less light does not explain.
+  double residual_color = 0;
+  double correlation = 0;       ///< Of the brightness of both images, on it and beside it, -1 to 1.
+  double ring_depth_m = 0;      ///< Median absolute difference of the depths around it, m.
+  double ring_color_ratio = 0;  ///< Colour change around it, as a share of that on it.
 };
 
-/// How the places of a surface look from where the frames of the map were taken.
-struct Sights {
-  double on = 0;       ///< How often one saw a surface there,
-  double through = 0;  ///< or looked through to something behind.
-  double seen = 1;     ///< Share of the places of which there is either.
+/// Visibility counts of the sampled points of a surface: in how many training cameras of the map
+/// each is seen, summed over the points.
+struct Visibility {
+  double on_surface = 0;    ///< The camera sees a surface at the point,
+  double seen_through = 0;  ///< or a surface behind it: the point was free.
+  double known_share = 1;   ///< Share of the points with at least one count.
 };
 
-/// The visible surface of an object, at one of the times.
+/// The visible surface of an object, before or after a change.
+///
+/// Side, point and box say what changed and where; the rest serves `confidence` and `match_score`.
 struct Surface {
-  Side side = Side::kBefore;  ///< Seen in the map (before) or in the photo (after).
-  int label = 0;              ///< In the image of labels.
-  int area_px = 0;            ///< Pixels.
-  double area_m2 = 0;         ///< Facing the camera.
-  double depth_m = 0;         ///< Its median.
-  /// Its median, in the world, m.
-  Eigen::Vector3d point = Eigen::Vector3d::Zero();
-  /// Corners of the box around most of it, in the world, m.
+  Side side = Side::kBefore;
+  int label = 0;                                    ///< In the image of labels; 0: in none.
+  int area_px = 0;                                  ///< px
+  double area_m2 = 0;                               ///< Facing the camera, m^2.
+  double depth_m = 0;                               ///< Median z in the camera frame, m.
+  Eigen::Vector3d point = Eigen::Vector3d::Zero();  ///< Median, world, m.
+  /// Corners of the box around most of it, world, m.
   Eigen::Vector3d low = Eigen::Vector3d::Zero(), high = Eigen::Vector3d::Zero();
-  Eigen::Vector3d color = Eigen::Vector3d::Zero();  ///< Median, sRGB.
-  double step_m = 0;  ///< By which it is nearer than what is seen at the other time.
-  bool flat = false;  ///< Whether colours alone tell of it.
-  std::vector<Eigen::Vector3d> samples;  ///< Some of its points, in the world, m.
-  std::vector<float> colors;             ///< Histogram of its colours: `color_histogram`.
+  Eigen::Vector3d color = Eigen::Vector3d::Zero();  ///< Median, sRGB, 0 to 1.
+  double step_m = 0;  ///< Median step by which it is nearer than in the other image, m.
+  bool flat = false;  ///< It is a flat change: colours changed, but no single pixel's depth.
+  std::vector<Eigen::Vector3d> samples;  ///< Some of its points, world, m.
+  std::vector<float> color_histogram;    ///< Shares of colours that sum up to 1; empty: unknown.
   Evidence evidence;
-  std::optional<Sights> sights;  ///< Of the samples, where they are known.
+  std::optional<Visibility> visibility;  ///< Of the samples, where it is known.
 };
 
-inline constexpr std::size_t kFeatures = 15;
+/// Checks a surface that did not come from `find_changed_surfaces`.
+/// @throws std::invalid_argument  naming the function, if a number is not finite, an area is
+/// negative,
+///   the box is inverted, or the histogram has another length.
+void validate(const Surface& surface, const char* function);
 
-/// What `certainty` weighs.
-std::array<double, kFeatures> features_of(const Surface& surface);
+/// Number of the numbers that `confidence` weighs.
+inline constexpr std::size_t kConfidenceFeatures = 15;
 
-/// 0 to 1: how likely a surface is that of an object that changed.
+/// Computes the numbers that `confidence` weighs, in the order of `kConfidenceWeights`.
+std::array<double, kConfidenceFeatures> confidence_features(const Surface& surface);
+
+/// Returns how likely a surface belongs to an object that changed, 0 to 1.
 ///
 /// Logistic regression over surfaces found in simulated homes: benchmarks/results/detection.md.
-double certainty(const Surface& surface);
+double confidence(const Surface& surface);
 
-/// What `likeness` weighs: how far histograms and areas are apart.
-std::array<double, 2> differences_of(const Surface& a, const Surface& b);
+/// Computes the numbers that `match_score` weighs: the distance of the colour histograms
+/// (Hellinger), and the absolute logarithm of the ratio of the areas.
+std::array<double, 2> match_features(const Surface& a, const Surface& b);
 
-/// 0 to 1: how likely two surfaces are one object, where both answers are as likely beforehand.
+/// Scores, 0 to 1, how likely two surfaces are one object, if as many pairs are one as are not.
 ///
-/// Logistic regression like `certainty`. Parts of either may be hidden.
-double likeness(const Surface& a, const Surface& b);
+/// Logistic regression like `confidence`. Parts of either may be hidden.
+double match_score(const Surface& a, const Surface& b);
 
 }  // namespace gslts::detect

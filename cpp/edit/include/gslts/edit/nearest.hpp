@@ -8,7 +8,7 @@
 
 namespace gslts::edit {
 
-/// For Q points, the k nearest of N others, the nearest first.
+/// The k nearest Gaussians of each of Q points, the nearest first.
 struct Neighbours {
   int k = 0;
   Array<std::uint32_t> rows;  ///< [Q,k]
@@ -16,11 +16,12 @@ struct Neighbours {
 };
 
 /// Finds the Gaussians whose centres are nearest to points, exactly, with a k-d tree of FLANN.
-///
-/// @param points  [count,3] in the frame of the centres: relative to the map's origin, m.
+/// @param points  [count,3] relative to the map's origin, m.
 /// @param k  At least 1; fewer neighbours are found where there are fewer Gaussians.
 /// @throws std::invalid_argument  if k is below 1, there is no Gaussian, or a point or a centre is
 ///   not finite.
+///
+/// Source: GS-LTS, sec. III-D2, g_nn = argmin_m |mu_m - p_j|.
 Neighbours nearest_gaussians(const GaussianView<float>& gaussians, const float* points,
                              std::size_t count, int k);
 

@@ -12,15 +12,15 @@
 
 namespace gslts::raster {
 
-/// How to render. The defaults are those of 3DGS (Kerbl et al. 2023) but for the near plane and
-/// alpha_min, which is 1/255 there: half of it brings the image 5 dB nearer to the exact one for 4
-/// % of the time (benchmarks/results/rasterizer.md).
+/// Options of rendering. The defaults are those of 3DGS (Kerbl et al. 2023) but for the near plane
+/// and alpha_min, which is 1/255 there: half of it brings the image 5 dB nearer to the exact one
+/// for 4 % of the time (benchmarks/results/rasterizer.md).
 struct RenderOptions {
   std::array<double, 3> background{0.0, 0.0, 0.0};  ///< RGB behind the Gaussians.
-  double near_m = 0.05;  ///< Gaussians with centre depth z <= near_m are not seen, m. > 0
-  /// Gaussians whose depth is at most so many of its standard deviations are not seen: projection
-  /// linearises them at their centre, which fails where they reach the camera's plane, and makes
-  /// fog of a wall beside the camera (the guard band of Kerbl et al. 2023, sec. 6). >= 0
+  double near_m = 0.05;  ///< Near plane: Gaussians with centre depth z <= near_m are culled, m. > 0
+  /// Gaussians within so many standard deviations of depth of the camera are culled: the affine
+  /// projection is invalid there, and turns a wall beside the camera into fog (the guard band of
+  /// Kerbl et al. 2023, sec. 6). >= 0
   double near_sigmas = 3.0;
   int sh_degree = 3;  ///< Highest SH degree used, 0 to 3; the map's own degree caps it.
   /// Colours below 0 count as 0, as in 3DGS; if false they are kept, and `rgb` is linear in `sh`.
@@ -30,16 +30,16 @@ struct RenderOptions {
   /// Scale opacity by sqrt(det(cov2d) / det(cov2d + eps2d I)), so that small or distant Gaussians
   /// keep their energy (Mip-Splatting, Yu et al. 2024, eq. 9).
   bool antialias = false;
-  /// A Gaussian's depth at a pixel is the mean of those of its points that are seen there (RaDe-GS,
-  /// Zhang et al. 2024), so that slanted surfaces are true; if false it is that of its centre, as
-  /// in 3DGS. Where it would change by half within the footprint, that of the centre is taken, too.
+  /// A Gaussian's depth changes across its footprint as that of its visible points (RaDe-GS, Zhang
+  /// et al. 2024), so that slanted surfaces are exact; if false it is that of its centre, as in
+  /// 3DGS. Where it would change by half within the footprint, it is that of the centre, too.
   bool surface_depth = true;
-  /// A Gaussian is skipped at a pixel where its alpha is below this. In [1e-30, 0.99)
+  /// Minimum alpha of a Gaussian that is blended at a pixel. In [1e-30, 0.99)
   double alpha_min = 1.0 / 512.0;
-  /// A pixel ends before the Gaussian that would take its transmittance below this. In [0, 1)
+  /// Minimum transmittance of a pixel; it ends before the Gaussian that would leave less. In [0, 1)
   double transmittance_min = 1e-4;
-  /// Degree of the polynomial in the place of exp: 3, with an error of alpha of up to 8e-5 of it,
-  /// far below that of the cut-off, or 5, to the precision of float. Double precision always takes
+  /// Degree of the polynomial that replaces exp: 3, with a relative error of alpha of up to 8e-5,
+  /// far below that of alpha_min, or 5, to the precision of float. Double precision always takes
   /// the exact exp.
   int exp_degree = 3;
   int threads = 0;  ///< 0 means one a hardware thread. Results do not depend on it.
@@ -106,8 +106,8 @@ struct Gradients {
   GradientsView<T> view() const;
 };
 
-/// A feature image carried back to the V Gaussians that the camera sees, with w_p the blend weight
-/// of a Gaussian at pixel p. Summed over views, the quotient is the mean feature of a Gaussian.
+/// A feature image lifted to the V Gaussians that the camera sees, with w_p the blend weight of a
+/// Gaussian at pixel p. Summed over views, the quotient is the mean feature of a Gaussian.
 template <typename T>
 struct LiftedFeatures {
   Array<std::uint32_t> rows;   ///< [V] rows of the map, ascending
@@ -143,7 +143,7 @@ class Rasterizer {
   Images<T> forward(const GaussianView<T>& gaussians, const Camera& camera,
                     const RenderOptions& options = {}, const PixelMask& mask = {});
 
-  /// Gradients of the last `forward`.
+  /// Differentiates the last `forward`.
   /// @param gaussians  The same Gaussians, unchanged since.
   /// @param statistics  Also fill abs_dL_dmeans2d, max_weights and pixel_counts.
   /// @throws std::logic_error  if there was no forward.
@@ -155,7 +155,7 @@ class Rasterizer {
   /// Lifts a feature image of the view of the last `forward`: the transpose of rendering features,
   /// without the map having any.
   /// @param gaussians  The same Gaussians, unchanged since.
-  /// @param features  S [H,W,D]; what it holds at pixels that are not wanted does not count.
+  /// @param features  S [H,W,D]; pixels outside the mask are ignored.
   /// @throws std::logic_error  if there was no forward.
   /// @throws std::invalid_argument  if the sizes differ from those of the forward, dims is below 1,
   ///   or a wanted number is not finite.

@@ -12,19 +12,20 @@
 
 namespace gslts::edit {
 
-/// Where a point is seen.
+/// A projected point.
 struct Pixel {
   std::size_t index;  ///< Row by row.
   double depth_m;     ///< z of the point in the camera frame.
 };
 
-/// Projects centres of Gaussians into one image.
+/// Projects centres of Gaussians into one image: pi(T_k mu_i) of GS-LTS, eq. 11.
 class Projector {
  public:
   Projector(const Camera& camera, const Eigen::Vector3d& origin)
       : camera_(camera), camera_from_world_(camera.world_from_camera.inverse()), origin_(origin) {}
 
-  /// The pixel of a centre relative to the origin; none behind the camera and beside the image.
+  /// @param mean  Relative to the origin, m.
+  /// @return  Nothing behind the camera or outside the image.
   std::optional<Pixel> operator()(const float* mean) const {
     const Eigen::Vector3d in_world =
         origin_ + Eigen::Vector3d(double(mean[0]), double(mean[1]), double(mean[2]));
@@ -44,6 +45,15 @@ class Projector {
   Eigen::Isometry3d camera_from_world_;
   Eigen::Vector3d origin_;
 };
+
+/// Calls visit(i, pixel) for every Gaussian whose centre is in the image.
+template <typename Visit>
+void for_each_projection(const GaussianView<float>& gaussians, const Camera& camera, Visit visit) {
+  const Projector project(camera, gaussians.origin);
+  for (std::size_t i = 0; i < gaussians.size; ++i) {
+    if (const auto pixel = project(gaussians.means + 3 * i)) visit(i, *pixel);
+  }
+}
 
 /// @throws std::invalid_argument  if a number is negative or not finite.
 inline void require_margin(const char* function, const char* name, double value) {

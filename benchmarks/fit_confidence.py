@@ -1,9 +1,9 @@
-"""Fits the weights of `gslts::detect::certainty` and `likeness` to simulated changes.
+"""Fits the weights of `gslts::detect::confidence` and `match_score` to simulated changes.
 
-    python benchmarks/fit_certainty.py --seeds 5:12 --unchanged DATASET
+    python benchmarks/fit_confidence.py --seeds 5:12 --unchanged DATASET
 
 records, maps and changes homes as `gslts bench detect` does, and prints what belongs into
-cpp/detect/certainty.cpp and cpp/detect/likeness.cpp, with the loss (nats per answer) in homes that
+cpp/detect/constants.hpp, with the loss (nats per answer) in homes that
 were left out of the fit. Everything found in a real visit without changes, if one is given, counts
 as an error. Seeds of test homes are rejected.
 """
@@ -20,7 +20,7 @@ import numpy as np
 from tqdm import tqdm
 from unchanged_benchmark import visits_of
 
-from gslts._core.detect import Side, Surface, differences_of, features_of
+from gslts._core.detect import Side, Surface, confidence_features, match_features
 from gslts.change.config import DetectionConfig, ObjectRule
 from gslts.change.detector import ChangeDetector, Detection
 from gslts.datasets import open_dataset
@@ -31,7 +31,7 @@ from gslts_bench.detection.cases import Case, counts_of, make_cases, take_frame
 from gslts_bench.detection.truth import Truth
 from gslts_bench.homes import BenchHome, HomeSetup, default_state, homes_of, split_of
 
-RULE = ObjectRule(certain=0, alike=1)
+RULE = ObjectRule(min_confidence=0, min_match_score=1)
 """Rule that reports each surface by itself, whatever its confidence."""
 HALVINGS = (0, 1, 2)
 """Resolutions of the frames of homes, so that weights do not depend on it."""
@@ -95,17 +95,17 @@ def _owner(surface: Surface, truths: Iterable[Truth]) -> str | None:
     return None
 
 
-def certainty_questions(found: Sequence[Found]) -> Questions:
+def confidence_questions(found: Sequence[Found]) -> Questions:
     """Ask for each surface whether it belongs to a changed object."""
     return Questions(
-        features=np.array([features_of(one.surface) for one in found]),
+        features=np.array([confidence_features(one.surface) for one in found]),
         answers=np.array([one.object_id is not None for one in found], np.float64),
         homes=np.array([one.home for one in found]),
         weights=np.ones(len(found)),
     )
 
 
-def likeness_questions(found: Sequence[Found], rng: np.random.Generator) -> Questions:
+def match_questions(found: Sequence[Found], rng: np.random.Generator) -> Questions:
     """Ask for pairs of surfaces of a home whether they are one object, with balanced weights."""
     ends: dict[tuple[str, str, int, str, bool], Found] = {}
     for one in found:
@@ -128,7 +128,7 @@ def likeness_questions(found: Sequence[Found], rng: np.random.Generator) -> Ques
     pairs = [*same, *(others[k] for k in chosen)]
     answers = np.arange(len(pairs)) < len(same)
     return Questions(
-        features=np.array([differences_of(a.surface, b.surface) for a, b in pairs]),
+        features=np.array([match_features(a.surface, b.surface) for a, b in pairs]),
         answers=answers.astype(np.float64),
         homes=np.array([a.home for a, _ in pairs]),
         weights=np.where(answers, 1.0, len(same) / len(chosen)),
@@ -233,10 +233,10 @@ def main() -> None:
         parser.error("--seeds: homes of the test split must not be fitted to")
     homes = homes_of(range(first, end), (), HomeSetup(), arguments.work)
     found = list(_found_in_homes(homes, arguments.tasks, len(homes)))
-    report("likeness", likeness_questions(found, np.random.default_rng(0)))
+    report("match score", match_questions(found, np.random.default_rng(0)))
     if arguments.unchanged is not None:
         found += _found_unchanged(arguments.unchanged)
-    report("certainty", certainty_questions(found))
+    report("confidence", confidence_questions(found))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-#include "gslts/edit/inherit.hpp"
+#include "gslts/edit/inherit_attributes.hpp"
 
 #include <algorithm>
 #include <stdexcept>
@@ -16,13 +16,14 @@ void copy_rows(const float* from, const std::uint32_t* rows, std::size_t count, 
 
 }  // namespace
 
-GaussianMap inherited(const GaussianView<float>& gaussians, const float* points,
-                      const std::uint32_t* rows, std::size_t count, std::uint64_t first_id) {
-  validate(gaussians, "inherited");
+GaussianMap inherit_attributes(const GaussianView<float>& gaussians, const float* points,
+                               const std::uint32_t* rows, std::size_t count,
+                               std::uint64_t first_id) {
+  validate(gaussians, "inherit_attributes");
   for (std::size_t i = 0; i < count; ++i) {
     if (rows[i] >= gaussians.size) {
-      throw std::invalid_argument("inherited: rows[" + std::to_string(i) + "] must be below " +
-                                  std::to_string(gaussians.size) + ", got " +
+      throw std::invalid_argument("inherit_attributes: rows[" + std::to_string(i) +
+                                  "] must be below " + std::to_string(gaussians.size) + ", got " +
                                   std::to_string(rows[i]));
     }
   }

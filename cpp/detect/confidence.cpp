@@ -1,0 +1,58 @@
+#include <algorithm>
+#include <cmath>
+
+#include "constants.hpp"
+#include "gslts/detect/surface.hpp"
+
+namespace gslts::detect {
+namespace {
+
+/// Logarithm of the share of cameras that saw through, near a half where there are few.
+double log_seen_through(const Visibility& visibility) {
+  return std::log((visibility.seen_through + kVisibilityPrior) /
+                  (visibility.on_surface + visibility.seen_through + 2 * kVisibilityPrior));
+}
+
+Visibility visibility_of(const Surface& surface) {
+  if (surface.visibility) return *surface.visibility;
+  if (surface.side == Side::kBefore) return kTypicalBefore;
+  return surface.flat ? kTypicalFlatAfter : kTypicalAfter;
+}
+
+}  // namespace
+
+std::array<double, kConfidenceFeatures> confidence_features(const Surface& surface) {
+  const Evidence& evidence = surface.evidence;
+  const Visibility visibility = visibility_of(surface);
+  const double colors = std::min(1.0, evidence.changed_share / kFullColorChange);
+  const double seen_through = log_seen_through(visibility);
+  const double log_area = std::log(surface.area_m2 + 1e-6);
+  const double log_depth = std::log(surface.depth_m + 1e-3);
+  const bool before = surface.side == Side::kBefore, flat = surface.flat;
+  return {
+      std::log(evidence.step_ratio * (kColorlessStep + (1 - kColorlessStep) * colors) + 0.01),
+      std::max(0.0, std::log(kNearDepth_m) - log_depth),
+      std::log(surface.area_px + 1.0),
+      std::log(evidence.thickness_m + 1e-3),
+      flat ? 0 : evidence.attached_share,
+      std::log(evidence.residual_color + 0.02),
+      flat ? 0 : evidence.correlation,
+      flat ? evidence.correlation : 0,
+      std::log(evidence.ring_depth_m + 0.01),
+      flat ? evidence.ring_color_ratio : 0,
+      flat ? std::max(0.0, log_area - std::log(kMaxFlatArea_m2)) : 0,
+      visibility.known_share,
+      before ? seen_through : 0,
+      before ? 0 : seen_through,
+      before ? 1.0 : 0.0,
+  };
+}
+
+double confidence(const Surface& surface) {
+  const std::array<double, kConfidenceFeatures> features = confidence_features(surface);
+  double sum = kConfidenceOffset;
+  for (std::size_t k = 0; k < kConfidenceFeatures; ++k) sum += kConfidenceWeights[k] * features[k];
+  return 1 / (1 + std::exp(-sum));
+}
+
+}  // namespace gslts::detect

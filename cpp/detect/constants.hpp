@@ -1,0 +1,175 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+
+#include "gslts/detect/surface.hpp"
+
+// Fixed numbers of change detection. The thresholds that a user may change are in `MaskRule`,
+// `ObjectRule` and `GsLtsRule`. Values without another source were chosen on simulated homes
+// (benchmarks/results/detection.md); where it is not said what half and double of them do, it was not
+// measured.
+
+namespace gslts::detect {
+
+// Images.
+
+/// Scale of Sobel's 3 x 3 kernel, which sums eight differences of neighbouring pixels.
+constexpr double kSobelScale = 1.0 / 8;
+
+/// Minimum number of pixels of a median difference of depths; with fewer it counts as 0.
+constexpr std::size_t kMinDepthPixels = 5;
+
+// Depth steps (depth_change.cpp).
+
+/// Maximum change of depth from pixel to pixel of a surface, as a share of the depth: with a
+/// focal length of 300 px, 0.05 is a surface at 86 degrees to the image. Steeper ones are edges.
+constexpr float kMaxSlope = 0.05f;
+
+/// Side of the window, px, whose smallest slope is that of the surface: wider than an edge.
+constexpr int kSlopeWindow_px = 7;
+
+/// Depth steps of a pixel beside a certain one that count, in units of the smallest that counts
+/// alone.
+constexpr double kMinJoinedStep = 0.5;
+
+// Parts of surfaces (changed_surfaces.cpp).
+
+/// Side of the window, px, that joins parts of one object: the bars of a chair, say.
+constexpr int kJoin_px = 3;
+
+/// Maximum distance, m, of a flat surface from a raised one of which it is the shadow or a part.
+constexpr double kShadow_m = 0.15;
+
+/// Maximum distance of parts of one object: in m, and as a share of the size of the larger part, so
+/// that small objects side by side stay apart.
+constexpr double kMaxGap_m = 0.12, kMaxGapShare = 0.5;
+
+// Flat changes (flat_change.cpp).
+
+/// Maximum mean colour change around a flat object, as a share of that on it. Light that moved
+/// fades out slowly: before, four of five false reports in 72 visits were light.
+constexpr double kMaxOutlineShare = 0.5;
+
+/// Rings around a region, in px from its outline, which may be misplaced by `kOutline_px`: where an
+/// outline is looked for, and where depths around it are compared.
+constexpr int kOutline_px = 2, kOutlineRing_px = 4, kDepthRing_px = 6;
+
+/// Median difference of depths, m, beyond which a region is the rest of an object with depth.
+constexpr double kMaxFlatHeight_m = 0.1;
+
+/// Ratio of the colour changes of the two images from which the larger one tells the side.
+constexpr double kMinColorRatio = 1.3;
+
+// Surfaces (surface_of.cpp).
+
+/// Quantile of the coordinates that is trimmed at either end of the box: stray pixels of an
+/// outline.
+constexpr double kTrimmedQuantile = 0.05;
+
+/// Maximum number of points of a surface that are kept as samples: enough to tell which part of it
+/// is where.
+constexpr std::size_t kMaxSamples = 100;
+
+/// Weight of a pixel in the colour histogram besides its colour change. At the edge of a surface
+/// colours are mixed with the background, which both images show; weighing by the change reduced
+/// the loss of the match score from 0.235 to 0.220 nats.
+constexpr float kMinPixelWeight = 0.05f;
+
+/// Maximum depth of a pixel of a surface, as a share of its median depth beyond it: at an outline
+/// some pixels show the background.
+constexpr double kMaxDepthSpread = 0.25;
+
+/// Bins of the colour histogram: of either opponent axis, and, coarsely, as light and shade change
+/// it, of brightness.
+constexpr int kOpponentBins = 24, kBrightnessBins = 4;
+
+// Evidence (evidence.cpp).
+
+/// The ring around a surface in which the images are compared, px from its outline: what is nearer
+/// may be its edge.
+constexpr int kRingStart_px = 2, kRingEnd_px = 5;
+
+/// The ring in which the surface's own depth may continue, px from its outline.
+constexpr int kAttachedStart_px = 1, kAttachedEnd_px = 4;
+
+/// Maximum step to a pixel in which the depth continues: m, and share of the depth.
+constexpr double kAttachedStep_m = 0.01, kAttachedStepShare = 0.01;
+
+/// Minimum number of pixels with depth that tell whether a surface is attached; with fewer the
+/// share counts as `kUnknownAttached`.
+constexpr int kMinAttachedPixels = 4;
+constexpr double kUnknownAttached = 0.5;
+
+/// Added to colours before their ratio is taken: in the dark it tells nothing.
+constexpr double kDark = 0.02;
+
+/// Added to a colour change before it divides: a share of less tells nothing.
+constexpr double kMinColorChange = 0.05;
+
+/// Added to a product of variances before it divides.
+constexpr double kTinyVariance = 1e-12;
+
+// Confidence (confidence.cpp): see `confidence_features`. The offsets inside logarithms bound them
+// where a measurement is 0.
+
+/// Visibility counts added to either sort, so that few of them say little.
+constexpr double kVisibilityPrior = 3;
+
+/// Visibility counts taken where they are not known: typical ones of changed objects in the map, of
+/// flat ones in the frame, and of others in the frame.
+constexpr Visibility kTypicalBefore{975, 25, 1}, kTypicalFlatAfter{900, 100, 1},
+    kTypicalAfter{150, 850, 1};
+
+/// Share of pixels with changed colours that counts as all, as no object differs everywhere.
+constexpr double kFullColorChange = 0.3;
+
+/// Share of its value that a depth step keeps where no colour changed.
+constexpr double kColorlessStep = 0.3;
+
+/// Area, m^2, from which a flat surface is rather light than an object.
+constexpr double kMaxFlatArea_m2 = 0.1;
+
+/// Depth, m, below which a frame shows more detail than a map has.
+constexpr double kNearDepth_m = 0.8;
+
+/// Logistic regression found by benchmarks/fit_confidence.py on 21 simulated homes and a real room.
+constexpr double kConfidenceOffset = -7.289;
+constexpr std::array<double, kConfidenceFeatures> kConfidenceWeights{
+    1.076,    // depth step
+    -4.054,   // nearness
+    -0.373,   // area in the image
+    2.862,    // thickness
+    -4.021,   // attached share
+    0.826,    // residual colour
+    -2.231,   // correlation, raised
+    -6.450,   // correlation, flat
+    -2.522,   // depth change around
+    -10.178,  // colour change around, flat
+    -2.281,   // large area, flat
+    11.821,   // known visibility
+    -0.349,   // seen through, in the map
+    0.289,    // seen through, in the frame
+    -2.816,   // in the map
+};
+
+// Match of two surfaces (match_score.cpp), and of pairs (changes.cpp).
+
+/// Minimum ratio of the lengths of one object at both ends of a relocation.
+constexpr double kMinLengthRatio = 0.2;
+
+/// Added to areas, m^2, before their ratio is taken.
+constexpr double kTinyArea_m2 = 1e-6;
+
+/// Logistic regression found by benchmarks/fit_confidence.py: offset, and weights of the distance
+/// of the colour histograms and of the logarithm of the ratio of areas.
+constexpr double kMatchOffset = 7.146;
+constexpr std::array<double, 2> kMatchWeights{-12.015, -0.489};
+
+/// Minimum confidence of the less certain end of a relocation, as a share of `min_confidence`.
+constexpr double kMinEndConfidence = 0.2;
+
+/// Weight with which the odds that the less certain end is an error count against a match.
+constexpr double kErrorWeight = 0.5;
+
+}  // namespace gslts::detect

@@ -1,0 +1,22 @@
+#include <algorithm>
+#include <cmath>
+
+#include "color_histogram.hpp"
+#include "constants.hpp"
+#include "gslts/detect/surface.hpp"
+
+namespace gslts::detect {
+
+std::array<double, 2> match_features(const Surface& a, const Surface& b) {
+  const double log_ratio = std::log((a.area_m2 + kTinyArea_m2) / (b.area_m2 + kTinyArea_m2));
+  return {distance(a.color_histogram, b.color_histogram), std::abs(log_ratio)};
+}
+
+double match_score(const Surface& a, const Surface& b) {
+  const auto [shorter, longer] = std::minmax({(a.high - a.low).norm(), (b.high - b.low).norm()});
+  if (shorter < kMinLengthRatio * longer) return 0;
+  const auto [colors, area] = match_features(a, b);
+  return 1 / (1 + std::exp(-(kMatchOffset + kMatchWeights[0] * colors + kMatchWeights[1] * area)));
+}
+
+}  // namespace gslts::detect
