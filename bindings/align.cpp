@@ -45,7 +45,7 @@ void define_precision(py::module_& m, const std::string& suffix) {
   m.def(("align" + suffix).c_str(), &alignment_of<T>, py::arg("camera"), py::arg("rgb"),
         py::arg("depth"), py::arg("photo"), py::arg("measured"), py::kw_only(), py::arg("mask"),
         py::arg("exposure"), py::arg("threads").noconvert(),
-        "See gslts.localization.alignment.align; returns hessian and right side of colour and of "
+        "See gslts.localization.alignment.align; returns hessian and right side of colour, and of "
         "depth.");
 }
 

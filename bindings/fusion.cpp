@@ -42,34 +42,34 @@ Sums voxels_of(const SurfaceVoxels& surface) {
 
 void define_surface_voxels(py::module_& m) {
   py::class_<SurfaceVoxels>(m, "SurfaceVoxels",
-                            R"(Fuses depth images: what they measured of surfaces, in cubes.
+                            R"(Fuses depth images: sums of the measured surface points in voxels.
 
-Sums are taken in the order of the frames and of their pixels. Not to be used by two threads at once.
+Sums are taken in the order of the frames and of their pixels. Not thread-safe.
 
 Args:
-    edge_m: Of the voxels, whose corners are multiples of it.
-    pixel_step: Of every so many rows and columns one is looked at.
+    edge_m: Edge of the voxels, whose corners are multiples of it, m.
+    pixel_step: Every n-th row and column of an image is used.
 
 Raises:
     ValueError: The edge is not positive and finite, or the step is below 1.)")
       .def(py::init<double, int>(), py::arg("edge_m"), py::arg("pixel_step").noconvert())
       .def("add", &add, py::arg("depth"), py::arg("rgb"), py::arg("camera"), py::arg("mask"),
-           R"(Adds the points of an image, with normals, colours and details.
+           R"(Add the points of an image, with normals, colours and details.
 
-A pixel counts if it and its four neighbours, `pixel_step` away, are measured and no step of the
-depth parts them.
+A pixel counts if it and its four neighbours, `pixel_step` away, are measured and no edge of the
+depth separates them.
 
 Args:
     depth: [H,W] float32, z, m; 0 and NaN mean no measurement.
     rgb: [H,W,3] uint8, sRGB.
-    camera: Of both.
-    mask: [H,W] bool, False where nothing was seen; None means that all was.
+    camera: Camera of both images.
+    mask: [H,W] bool, False where pixels are invalid; None means that all are valid.
 
 Raises:
-    ValueError: An array does not fit, a depth is negative or infinite, the camera is too far from
-        the world's origin to tell voxels apart, or a point is about 2^20 voxels from the first
+    ValueError: An array does not fit, a depth is negative or infinite, the camera is farther from
+        the world's origin than 2^40 voxels, or a point is about 2^20 voxels from the first
         camera. Nothing has been added then.)")
-      .def("voxels", &voxels_of, R"(All V voxels so far, by ascending key.
+      .def("voxels", &voxels_of, R"(Return all V voxels so far, by ascending key.
 
 Returns:
     keys: [V] int64, Morton codes. A voxel of twice the edge has the keys of its eight parts, which
@@ -93,17 +93,17 @@ void define_register_depth(py::module_& m) {
         return to_numpy(std::move(registered), {camera.height, camera.width});
       },
       py::arg("depth"), py::arg("depth_camera"), py::arg("camera"),
-      R"(A depth image as another camera would have measured it.
+      R"(Register a depth image to another camera.
 
-Each measured pixel is carried over as the small patch of surface that it and its neighbours show,
-so that surfaces stay closed and planes stay planes; of several at a place the nearest counts.
+Each measured pixel is projected as a small planar patch that it and its neighbours determine, so
+that surfaces stay closed and planes stay planes; where patches overlap, the nearest one counts.
 
 Args:
     depth: [H,W] float32 of `depth_camera`, z, m; 0 and NaN mean no measurement.
-    depth_camera, camera: With poses in one common frame; only their relative pose counts.
+    depth_camera, camera: Cameras with poses in one frame; only the relative pose counts.
 
 Returns:
-    [H',W'] float32 of `camera`, z, m; 0 where nothing arrives.
+    [H',W'] float32 of `camera`, z, m; 0 where no patch is projected.
 
 Raises:
     ValueError: The image does not fit its camera.)");

@@ -59,7 +59,7 @@ Raises:
           "[4,4] float64, a copy of the pose: x_in_world = world_from_camera @ x_in_camera.")
       .def("cropped", &cropped, py::arg("x0").noconvert(), py::arg("y0").noconvert(),
            py::arg("x1").noconvert(), py::arg("y1").noconvert(),
-           R"(The same camera with a part of its image: columns [x0, x1) and rows [y0, y1).
+           R"(Crop the image of the camera to columns [x0, x1) and rows [y0, y1).
 
 What it renders is that part, but for Gaussians centred far outside it: 3DGS projects those as if
 they were at 1.3 times the edge of the view.
@@ -98,7 +98,7 @@ Raises:
       },
       py::arg("width").noconvert(), py::arg("height").noconvert(), py::arg("horizontal_fov_rad"),
       py::arg("world_from_camera") = py::none(),
-      R"(Camera with square pixels and the principal point at the image centre.
+      R"(Make a camera with square pixels and the principal point at the image centre.
 
 Args:
     width, height: Image size, px.
@@ -115,7 +115,7 @@ Raises:
         return to_numpy(look_at(eye, target, up));
       },
       py::arg("eye"), py::arg("target"), py::arg("up") = Eigen::Vector3d::UnitZ().eval(),
-      R"(Pose of a camera at `eye` that looks at `target`, its image upright with respect to `up`.
+      R"(Compute the pose of a camera that looks at a point, its image upright.
 
 Args:
     eye: (3,) camera centre in the world, m.
@@ -176,7 +176,7 @@ void define_scatter_rows(py::module_& m, const char* name) {
         return to_numpy(scatter_rows(places, from, count, columns, size), {size, columns});
       },
       py::arg("rows"), py::arg("values"), py::arg("size"),
-      "[size,K] zeros but for `values` [V,K] at `rows` [V] uint32, which ascend.");
+      "Scatter `values` [V,K] to `rows` [V] uint32, ascending, of an array of zeros [size,K].");
 }
 
 }  // namespace

@@ -120,7 +120,7 @@ class NumpyAdam {
 template <typename T>
 void define_optimizer(py::module_& m, const char* name) {
   using Class = NumpyAdam<T>;
-  py::class_<Class>(m, name, "Adam over a map of one precision; see gslts.Adam.")
+  py::class_<Class>(m, name, "Adam over a map of one precision; see gslts.rendering.adam.Adam.")
       .def(py::init<const GaussianView<T>&, const AdamOptions&>(), py::arg("gaussians"),
            py::kw_only(), py::arg("options"))
       .def(py::init<const GaussianView<T>&, const py::array&, const py::array&, const py::array&,
@@ -129,14 +129,15 @@ void define_optimizer(py::module_& m, const char* name) {
            py::arg("steps"), py::arg("options"))
       .def(
           "arrays", [](const py::object& self) { return Class::arrays(self); },
-          "The arrays of the map by name, as they are now and after every step.")
+          "Return the arrays of the map by name; they change with every step.")
       .def("step", &Class::step, py::kw_only(), py::arg("rows"), py::arg("dL_dmeans"),
            py::arg("dL_dquats"), py::arg("dL_dlog_scales"), py::arg("dL_dlogit_opacities"),
            py::arg("dL_dsh"), py::arg("dL_dfeatures"), py::arg("rates"),
-           py::arg("threads").noconvert(), "Moves the Gaussians at `rows`.")
-      .def("state", &Class::state, "Copies of the moments and steps.")
+           py::arg("threads").noconvert(), "Update the Gaussians at `rows`.")
+      .def("state", &Class::state, "Return copies of the moments and steps.")
       .def("select", &Class::select, py::arg("rows"),
-           "The state of a map whose Gaussian i was Gaussian rows[i], or is new if that is -1.");
+           "Return the state for a map whose Gaussian i was Gaussian rows[i], or is new if that is "
+           "-1.");
 }
 
 }  // namespace
@@ -160,16 +161,16 @@ Args:
 
   py::class_<AdamRates>(m, "AdamRates", R"(Learning rates by group of parameters; immutable.
 
-A group with rate 0 stays, and so do its moments.
+A group with rate 0 and its moments stay unchanged.
 
 Args:
-    means: Of the centres, m.
-    quats: Of the rotations.
-    log_scales: Of the logarithms of the scales.
-    logit_opacities: Of the logits of the opacities.
-    sh_dc: Of the three SH coefficients of degree 0.
-    sh_rest: Of all other SH coefficients.
-    features: Of the semantic features.)")
+    means: Centres, m.
+    quats: Rotations.
+    log_scales: Logarithms of the scales.
+    logit_opacities: Logits of the opacities.
+    sh_dc: The three SH coefficients of degree 0.
+    sh_rest: All other SH coefficients.
+    features: Semantic features.)")
       .def(py::init([](double means, double quats, double log_scales, double logit_opacities,
                        double sh_dc, double sh_rest, double features) {
              return AdamRates{means, quats, log_scales, logit_opacities, sh_dc, sh_rest, features};
@@ -177,14 +178,13 @@ Args:
            py::kw_only(), py::arg("means") = 0.0, py::arg("quats") = 0.0,
            py::arg("log_scales") = 0.0, py::arg("logit_opacities") = 0.0, py::arg("sh_dc") = 0.0,
            py::arg("sh_rest") = 0.0, py::arg("features") = 0.0)
-      .def_readonly("means", &AdamRates::means, "Of the centres, m.")
-      .def_readonly("quats", &AdamRates::quats, "Of the rotations.")
-      .def_readonly("log_scales", &AdamRates::log_scales, "Of the logarithms of the scales.")
-      .def_readonly("logit_opacities", &AdamRates::logit_opacities,
-                    "Of the logits of the opacities.")
-      .def_readonly("sh_dc", &AdamRates::sh_dc, "Of the SH coefficients of degree 0.")
-      .def_readonly("sh_rest", &AdamRates::sh_rest, "Of all other SH coefficients.")
-      .def_readonly("features", &AdamRates::features, "Of the semantic features.");
+      .def_readonly("means", &AdamRates::means, "Centres, m.")
+      .def_readonly("quats", &AdamRates::quats, "Rotations.")
+      .def_readonly("log_scales", &AdamRates::log_scales, "Logarithms of the scales.")
+      .def_readonly("logit_opacities", &AdamRates::logit_opacities, "Logits of the opacities.")
+      .def_readonly("sh_dc", &AdamRates::sh_dc, "SH coefficients of degree 0.")
+      .def_readonly("sh_rest", &AdamRates::sh_rest, "All other SH coefficients.")
+      .def_readonly("features", &AdamRates::features, "Semantic features.");
 
   define_optimizer<float>(m, "AdamFloat");
   define_optimizer<double>(m, "AdamDouble");

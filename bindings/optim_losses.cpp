@@ -22,7 +22,7 @@ struct ImageSize {
   int height, width;
 };
 
-/// Of an array that is checked later.
+/// Size of an array that is checked later.
 ImageSize size_of(const py::array& image) {
   if (image.ndim() < 2) return {0, 0};
   return {static_cast<int>(image.shape(0)), static_cast<int>(image.shape(1))};
@@ -102,23 +102,23 @@ py::tuple fields(const Exposure& exposure) {
 }  // namespace
 
 void define_optim_losses(py::module_ m) {
-  py::class_<Exposure>(m, "Exposure", R"(Colour correction of one photograph; immutable.
+  py::class_<Exposure>(m, "Exposure", R"(Colour correction of one image; immutable.
 
-photograph = gain * rendering + offset, for each channel.
+observed = gain * rendered + offset, for each channel.
 
 Args:
-    gain: Of red, green and blue.
-    offset: Of red, green and blue.)")
+    gain: Factors of red, green and blue.
+    offset: Offsets of red, green and blue.)")
       .def(py::init([](const std::array<double, 3>& gain, const std::array<double, 3>& offset) {
              return Exposure{gain, offset};
            }),
            py::kw_only(), py::arg("gain") = Exposure().gain, py::arg("offset") = Exposure().offset)
       .def_property_readonly(
           "gain", [](const Exposure& e) { return fields(e)[0].cast<py::tuple>(); },
-          "Of red, green and blue.")
+          "Factors of red, green and blue.")
       .def_property_readonly(
           "offset", [](const Exposure& e) { return fields(e)[1].cast<py::tuple>(); },
-          "Of red, green and blue.")
+          "Offsets of red, green and blue.")
       .def(
           "__eq__", [](const Exposure& a, const Exposure& b) { return fields(a).equal(fields(b)); },
           py::is_operator(), py::arg("other"))

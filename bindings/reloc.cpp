@@ -54,7 +54,7 @@ Array<T> copy_of(const T* elements, py::ssize_t count) {
   return Array<T>(elements, elements + count);
 }
 
-/// Those whose places do not matter are all at (0, 0).
+/// Features whose pixels are not used: all at (0, 0).
 Features features_from(const py::array& descriptors) {
   const auto* bytes = require_array<std::uint8_t>(descriptors, "descriptors", {kAnyLength, kBytes});
   const py::ssize_t count = descriptors.shape(0);
@@ -86,13 +86,13 @@ std::vector<Hypothesis> hypotheses_of(const Camera& camera, const py::array& pix
 
 void define_feature_rule(py::module_& m) {
   const FeatureRule rule;
-  py::class_<FeatureRule>(m, "FeatureRule", R"(How many features of a picture are taken, and how.
+  py::class_<FeatureRule>(m, "FeatureRule", R"(Settings of feature extraction.
 
 Args:
-    count: At most so many, spread over the picture.
-    scale_step: Between the levels of the pyramid, above 1.
-    levels: Of the pyramid, 1 to 16.
-    fast_threshold: Least difference of grey of a corner, 1 to 254.)")
+    count: Maximum number of features, spread over the image.
+    scale_step: Ratio of the sizes of neighbouring levels of the pyramid, above 1.
+    levels: Number of levels of the pyramid, 1 to 16.
+    fast_threshold: Minimum grey difference of a FAST corner, 1 to 254.)")
       .def(py::init([](int count, double scale_step, int levels, int fast_threshold) {
              return FeatureRule{count, scale_step, levels, fast_threshold};
            }),
@@ -107,52 +107,54 @@ Args:
 
 void define_hypothesis_rule(py::module_& m) {
   const HypothesisRule rule;
-  py::class_<HypothesisRule>(m, "HypothesisRule", R"(How poses are guessed from features.
+  py::class_<HypothesisRule>(m, "HypothesisRule", R"(Settings of the search for hypotheses.
 
 Args:
-    neighbours: Landmarks that a feature may be, 1 to 16.
-    most_bits: Hamming distance of what may be the same corner, 0 to 256.
-    ratio: Of the distances to the nearest landmark and to the next one that is elsewhere, for
+    neighbours: Landmarks that are considered for each feature, 1 to 16.
+    max_bits: Maximum Hamming distance of a match, 0 to 256.
+    ratio: Maximum ratio of the distances to the nearest landmark and to the next one elsewhere, for
         matches among all landmarks, above 0 and at most 1.
-    elsewhere_m: Landmarks that are nearer to each other are one corner, m.
-    keyframes: With the most votes, that are tried one by one.
-    inlier_px: Error of the reprojection of an inlier, px.
-    inlier_depth: Relative error of its depth, where it is measured.
-    least_inliers: Of a pose worth looking at, at least 4.
-    iterations: Poses that each RANSAC tries at most.)")
-      .def(py::init([](int neighbours, int most_bits, double ratio, double elsewhere_m,
-                       int keyframes, double inlier_px, double inlier_depth, int least_inliers,
+    same_landmark_m: Landmarks that are nearer to each other count as one, m.
+    keyframes: Number of keyframes that are tried one by one, by votes.
+    inlier_px: Maximum reprojection error of an inlier, px.
+    inlier_depth: Maximum relative error of its measured depth.
+    min_inliers: Minimum number of inliers of a hypothesis, at least 4.
+    iterations: Maximum number of poses that each RANSAC tries.)")
+      .def(py::init([](int neighbours, int max_bits, double ratio, double same_landmark_m,
+                       int keyframes, double inlier_px, double inlier_depth, int min_inliers,
                        int iterations) {
-             return HypothesisRule{neighbours, most_bits,    ratio,         elsewhere_m, keyframes,
-                                   inlier_px,  inlier_depth, least_inliers, iterations};
+             return HypothesisRule{neighbours,      max_bits,    ratio,
+                                   same_landmark_m, keyframes,   inlier_px,
+                                   inlier_depth,    min_inliers, iterations};
            }),
            py::kw_only(), py::arg("neighbours").noconvert() = rule.neighbours,
-           py::arg("most_bits").noconvert() = rule.most_bits, py::arg("ratio") = rule.ratio,
-           py::arg("elsewhere_m") = rule.elsewhere_m,
+           py::arg("max_bits").noconvert() = rule.max_bits, py::arg("ratio") = rule.ratio,
+           py::arg("same_landmark_m") = rule.same_landmark_m,
            py::arg("keyframes").noconvert() = rule.keyframes, py::arg("inlier_px") = rule.inlier_px,
            py::arg("inlier_depth") = rule.inlier_depth,
-           py::arg("least_inliers").noconvert() = rule.least_inliers,
+           py::arg("min_inliers").noconvert() = rule.min_inliers,
            py::arg("iterations").noconvert() = rule.iterations)
       .def_readonly("neighbours", &HypothesisRule::neighbours)
-      .def_readonly("most_bits", &HypothesisRule::most_bits)
+      .def_readonly("max_bits", &HypothesisRule::max_bits)
       .def_readonly("ratio", &HypothesisRule::ratio)
-      .def_readonly("elsewhere_m", &HypothesisRule::elsewhere_m)
+      .def_readonly("same_landmark_m", &HypothesisRule::same_landmark_m)
       .def_readonly("keyframes", &HypothesisRule::keyframes)
       .def_readonly("inlier_px", &HypothesisRule::inlier_px)
       .def_readonly("inlier_depth", &HypothesisRule::inlier_depth)
-      .def_readonly("least_inliers", &HypothesisRule::least_inliers)
+      .def_readonly("min_inliers", &HypothesisRule::min_inliers)
       .def_readonly("iterations", &HypothesisRule::iterations);
 }
 
 void define_landmark_index(py::module_& m) {
-  py::class_<LandmarkIndex>(m, "LandmarkIndex", R"(Finds landmarks by their descriptors.
+  py::class_<LandmarkIndex>(
+      m, "LandmarkIndex", R"(Approximate nearest-neighbour index of landmarks, by their descriptors.
 
-It keeps a copy of the landmarks; the same ones give the same index.
+It keeps a copy of the landmarks; the same landmarks give the same index.
 
 Args:
     positions: [L,3] float32 from the map's origin, m.
     descriptors: [L,32] uint8, ORB.
-    keyframes: [L] int32, row of the keyframe that saw it.
+    keyframes: [L] int32, index of the keyframe that saw each.
 
 Raises:
     ValueError: A position is not finite, a keyframe is negative, or an array does not fit.
@@ -162,15 +164,15 @@ Source: FLANN's multi-probe locality-sensitive hashing (Lv et al. 2007).)")
            py::arg("keyframes"))
       .def("__len__", [](const LandmarkIndex& index) { return index.landmarks().size; })
       .def("match", &match, py::arg("descriptors"), py::arg("k").noconvert(),
-           R"(The landmarks that are most like each of M features.
+           R"(Find the nearest landmarks of each of M features.
 
 Args:
     descriptors: [M,32] uint8 of the features.
-    k: How many of each, 1 to 16.
+    k: Number of landmarks per feature, 1 to 16.
 
 Returns:
-    landmarks: [M,k] int32 rows, the most like it first; -1 where fewer were found.
-    distances: [M,k] int32, bits that differ; 256 where fewer were found.
+    landmarks: [M,k] int32 rows, the nearest first; -1 where fewer were found.
+    distances: [M,k] int32, Hamming distance in bits; 256 where fewer were found.
 
 Raises:
     ValueError: k is out of range, or the array does not fit.)");
@@ -182,9 +184,9 @@ void define_hypothesis(py::module_& m) {
           "world_from_camera",
           [](const Hypothesis& hypothesis) { return to_numpy(hypothesis.world_from_camera); },
           "[4,4] float64, a copy.")
-      .def_readonly("inliers", &Hypothesis::inliers, "Corners that it explains.")
+      .def_readonly("inliers", &Hypothesis::inliers, "Number of keypoints that it explains.")
       .def_readonly("keyframe", &Hypothesis::keyframe,
-                    "Row of the keyframe that it was found with; -1 if with all of them.");
+                    "Index of the keyframe whose landmarks gave it; -1 for all landmarks.");
 }
 
 }  // namespace
@@ -195,12 +197,12 @@ void define_reloc(py::module_ m) {
   define_landmark_index(m);
   define_hypothesis(m);
   m.def("features_of", &features_of, py::arg("grey"), py::arg("mask"), py::arg("rule"),
-        R"(Corners of a picture with descriptors, the strongest of each part of it.
+        R"(Extract keypoints with descriptors, the strongest of each part of an image.
 
 Args:
     grey: [H,W] uint8.
     mask: [H,W] bool, True where features are wanted. None: everywhere.
-    rule: How many, and how.
+    rule: Settings.
 
 Returns:
     pixels: [M,2] float32, (u, v); pixel centres are at + 0.5.
@@ -212,18 +214,19 @@ Raises:
 Source: Rublee et al. 2011, ORB; spread as in Mur-Artal et al. 2015, ORB-SLAM.)");
   m.def("hypotheses_of", &hypotheses_of, py::arg("camera"), py::arg("pixels"),
         py::arg("descriptors"), py::arg("depths"), py::arg("index"), py::arg("rule"),
-        R"(Poses that a picture may have been taken from.
+        R"(Find poses from which an image may have been taken.
 
 Args:
-    camera: Its intrinsics; its pose is not used.
-    pixels: [M,2] float32 of its features.
-    descriptors: [M,32] uint8 of them.
-    depths: [M] float32 of them, z, m; 0 and NaN mean no measurement.
-    index: The landmarks of the map.
-    rule: How they are found.
+    camera: Intrinsics of the image; its pose is not used.
+    pixels: [M,2] float32, positions of its features, px.
+    descriptors: [M,32] uint8 of the features.
+    depths: [M] float32, z of the features, m; 0 and NaN mean no measurement.
+    index: Landmarks of the map.
+    rule: Settings.
 
 Returns:
-    Those with most inliers first; poses that are nearly the same only once.
+    Hypotheses by descending number of inliers, without poses within 5 cm and 3 degrees of each
+    other.
 
 Raises:
     ValueError: An array does not fit, a pixel is not finite, or the rule is out of range.

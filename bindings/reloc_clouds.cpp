@@ -24,50 +24,51 @@ Registration register_clouds(const py::array& source, const py::array& target,
 
 void define_reloc_clouds(py::module_ m) {
   const CloudRule rule;
-  py::class_<CloudRule>(m, "CloudRule", R"(How clouds are brought together.
+  py::class_<CloudRule>(m, "CloudRule", R"(Settings of the registration of two clouds.
 
 Args:
-    voxel_m: Both clouds are thinned to one point in each, m, 1e-4 to 10.
-    most_distant_m: Points that are farther apart are not paired, m, above 0 and up to 100.
-    neighbours: Of a point, that tell its plane, at least 4.
-    iterations: At most, at least 1.)")
-      .def(py::init([](double voxel_m, double most_distant_m, int neighbours, int iterations) {
-             return CloudRule{voxel_m, most_distant_m, neighbours, iterations};
+    voxel_m: Edge of the voxels that both are downsampled to, m, 1e-4 to 10.
+    max_distance_m: Maximum distance of corresponding points, m, above 0 and up to 100.
+    neighbours: Number of points that determine the plane at a point, at least 4.
+    iterations: Maximum number, at least 1.)")
+      .def(py::init([](double voxel_m, double max_distance_m, int neighbours, int iterations) {
+             return CloudRule{voxel_m, max_distance_m, neighbours, iterations};
            }),
            py::kw_only(), py::arg("voxel_m") = rule.voxel_m,
-           py::arg("most_distant_m") = rule.most_distant_m,
+           py::arg("max_distance_m") = rule.max_distance_m,
            py::arg("neighbours").noconvert() = rule.neighbours,
            py::arg("iterations").noconvert() = rule.iterations)
       .def_readonly("voxel_m", &CloudRule::voxel_m)
-      .def_readonly("most_distant_m", &CloudRule::most_distant_m)
+      .def_readonly("max_distance_m", &CloudRule::max_distance_m)
       .def_readonly("neighbours", &CloudRule::neighbours)
       .def_readonly("iterations", &CloudRule::iterations);
 
-  py::class_<Registration>(m, "Registration", "A motion that brings one cloud onto another.")
+  py::class_<Registration>(m, "Registration",
+                           "A rigid motion that registers one cloud with another.")
       .def_property_readonly(
           "target_from_source",
           [](const Registration& found) { return to_numpy(found.target_from_source); },
           "[4,4] float64, a copy: x_in_target = target_from_source @ x_in_source.")
       .def_readonly("overlap", &Registration::overlap,
-                    "Share of the thinned source points that have a partner, 0 to 1.")
+                    "Share of the downsampled source points with a correspondence, 0 to 1.")
       .def_readonly("rms_m", &Registration::rms_m,
-                    "Of their distances from the planes of their partners, m; 0 if there are none.")
+                    "RMS distance of these from the planes of the target, m; 0 if there are none.")
       .def_readonly("converged", &Registration::converged,
-                    "Whether it came to rest before the iterations ran out. False also where a "
-                    "thinned cloud has fewer points than `neighbours`: then the guess comes back, "
-                    "with no overlap.");
+                    "Whether the motion converged within the iterations. False also where a "
+                    "downsampled cloud has fewer points than `neighbours`: then the guess is "
+                    "returned, with no overlap.");
 
   m.def("register_clouds", &register_clouds, py::arg("source"), py::arg("target"), py::arg("guess"),
         py::kw_only(), py::arg("rule"),
-        R"(Brings the surfaces of one cloud onto those of another: generalised ICP.
+        R"(Register two clouds by generalised ICP, plane to plane.
 
-Along a single plane or a corridor nothing holds the clouds; there the motion stays near the guess.
+Where the clouds do not constrain the motion, such as along a wall, it stays near the guess.
 
 Args:
     source: [N,3] float32, m.
-    target: [M,3] float32, m; only what is around the source counts.
-    guess: [4,4] float64 target_from_source, some `most_distant_m` off at most.
-    rule: How it is done.
+    target: [M,3] float32, m; only points near the source are used.
+    guess: [4,4] float64 target_from_source, up to about `max_distance_m` off.
+    rule: Settings.
 
 Raises:
     ValueError: A point is not finite, the guess is not a rigid motion, the rule is out of range, or

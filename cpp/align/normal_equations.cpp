@@ -1,20 +1,16 @@
 #include "gslts/align/normal_equations.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <vector>
 
 #include "gslts/parallel/parallel_for.hpp"
+#include "robust.hpp"
+#include "surface_jacobian.hpp"
 
 namespace gslts::align {
 namespace {
 
-/// Kinect's colours are good to some 2 %, and its depth to some 1 %; what is off by more than ten
-/// and five times that belongs to another surface.
-constexpr double kGreyStd = 0.02, kGreyOutlier = 0.25;
-constexpr double kDepthStd = 0.01, kDepthOutlier = 0.05;
-/// A relative step of the depth between neighbours that ends a surface.
-constexpr double kDepthEdge = 0.05;
+/// Rows of one task.
 constexpr int kRowsPerTask = 8;
 constexpr int kParameters = 10;
 
@@ -73,20 +69,8 @@ void bin_row(const Source<T>& source, int y, Binned<T>& binned) {
   }
 }
 
-/// The upper triangle of H, row by row and padded to whole rows, and b.
 template <typename T>
-struct Sums {
-  T hessian[kParameters][kParameters] = {};
-  T right[kParameters] = {};
-
-  void add(const T (&row)[kParameters], T residual, T weight) {
-    for (int i = 0; i < kParameters; ++i) {
-      const T scaled = weight * row[i];
-      for (int j = 0; j < kParameters; ++j) hessian[i][j] += scaled * row[j];
-      right[i] += scaled * residual;
-    }
-  }
-};
+using Sums = EquationSums<T, kParameters>;
 
 template <typename T>
 void add_to(NormalEquations& equations, const Sums<T>& sums) {
@@ -96,72 +80,56 @@ void add_to(NormalEquations& equations, const Sums<T>& sums) {
   }
 }
 
-/// Derivatives of an image's value at a pixel by a twist of the camera, from `slope`, its change
-/// for a shift of the camera (the opposite of one of the point).
+/// Adds the equation of the grey of a bin.
 template <typename T>
-void write_twist(const T (&slope)[3], const T (&point)[3], T (&row)[kParameters]) {
-  for (int i = 0; i < 3; ++i) {
-    const int j = (i + 1) % 3, k = (i + 2) % 3;
-    row[i] = slope[i];
-    row[3 + i] = point[j] * slope[k] - point[k] * slope[j];
-  }
+void add_color(const Camera& camera, const Binned<T>& binned, std::size_t bin, Surface<T>& surface,
+               Sums<T>& color) {
+  const T residual = binned.photo_grey[bin] - binned.rendered_grey[bin];
+  const T weight = huber_weight(residual, kGreyStd, kGreyOutlier);
+  if (!(weight > 0)) return;
+  const auto differences =
+      central_differences(&binned.rendered_grey[bin], 1, std::ptrdiff_t(binned.width));
+  surface.set_slope(differences.right, differences.down);
+  T row[kParameters];
+  surface.write_twist(row);
+  // A longer focal length and another principal point carry the point outwards.
+  const T *point = surface.point, *slope = surface.slope;
+  row[6] = -slope[0] * point[0];
+  row[7] = -slope[1] * point[1];
+  row[8] = -slope[0] * point[2] / T(camera.fx);
+  row[9] = -slope[1] * point[2] / T(camera.fy);
+  color.add(row, residual, weight);
 }
 
-/// Huber's weight of a residual in units of its standard deviation; 0 for gross ones.
+/// Adds the equation of the depth of a bin, relative to the rendered one.
 template <typename T>
-T weight_of(T residual, double std, double outlier) {
-  const T size = std::abs(residual);
-  return size < T(outlier) ? T(1 / std) / std::max(size, T(std)) : T(0);
+void add_depth(const Binned<T>& binned, std::size_t bin, Surface<T>& surface, Sums<T>& depth) {
+  const std::ptrdiff_t width = binned.width;
+  const T z = surface.point[2], measured = binned.measured_depth[bin];
+  const T residual = (measured - z) / z;
+  const T weight = measured > 0 ? huber_weight(residual, kDepthStd, kDepthOutlier) : T(0);
+  if (!(weight > 0) || is_depth_edge(&binned.rendered_depth[bin], width)) return;
+  const auto differences = central_differences(&binned.rendered_depth[bin], 1, width);
+  surface.set_depth_slope(differences.right, differences.down, z);
+  T row[kParameters] = {};  // Depth does not depend on the intrinsics.
+  surface.write_twist(row);
+  depth.add(row, residual, weight);
 }
 
 template <typename T>
 void align_row(const Camera& camera, const Binned<T>& binned, int y, Sums<T>& color,
                Sums<T>& depth) {
-  // Focal lengths in pixels of the image for the parameters, in bins for the slopes.
   const T fx = T(camera.fx), fy = T(camera.fy);
-  const int width = binned.width;
-  for (int x = 1; x + 1 < width; ++x) {
-    const std::size_t bin = std::size_t(y) * width + x;
+  for (int x = 1; x + 1 < binned.width; ++x) {
+    const std::size_t bin = std::size_t(y) * binned.width + x;
     const T z = binned.rendered_depth[bin];
     if (!(z > 0) || !binned.wanted[bin]) continue;
-    const T point[3] = {(T(2 * x + 1) - T(camera.cx)) / fx * z,
-                        (T(2 * y + 1) - T(camera.cy)) / fy * z, z};
-    const auto slope_of = [&](const std::vector<T>& image, T(&slope)[3]) {
-      const T right = (image[bin + 1] - image[bin - 1]) / 2;
-      const T down = (image[bin + width] - image[bin - width]) / 2;
-      slope[0] = right * fx / 2 / z;
-      slope[1] = down * fy / 2 / z;
-      slope[2] = -(slope[0] * point[0] + slope[1] * point[1]) / z;
-    };
-    T slope[3], row[kParameters];
-    const T residual = binned.photo_grey[bin] - binned.rendered_grey[bin];
-    const T weight = weight_of(residual, kGreyStd, kGreyOutlier);
-    if (weight > 0) {
-      slope_of(binned.rendered_grey, slope);
-      write_twist(slope, point, row);
-      // A longer focal length and another centre carry the point outwards.
-      row[6] = -slope[0] * point[0];
-      row[7] = -slope[1] * point[1];
-      row[8] = -slope[0] * z / fx;
-      row[9] = -slope[1] * z / fy;
-      color.add(row, residual, weight);
-    }
-    const T measured = binned.measured_depth[bin];
-    const T share = (measured - z) / z;
-    const T depth_weight = measured > 0 ? weight_of(share, kDepthStd, kDepthOutlier) : T(0);
-    if (!(depth_weight > 0)) continue;
-    const std::vector<T>& rendered = binned.rendered_depth;
-    T step = 0;
-    for (const std::size_t near : {bin - 1, bin + 1, bin - width, bin + width}) {
-      step = std::max(step, std::abs(rendered[near] - z));
-    }
-    if (step > T(kDepthEdge) * z) continue;
-    slope_of(rendered, slope);
-    slope[2] -= 1;  // A point that comes nearer also changes the depth itself.
-    for (T& one : slope) one /= z;
-    write_twist(slope, point, row);
-    std::fill(row + 6, row + kParameters, T(0));
-    depth.add(row, share, depth_weight);
+    Surface<T> surface{
+        {(T(2 * x + 1) - T(camera.cx)) / fx * z, (T(2 * y + 1) - T(camera.cy)) / fy * z, z},
+        fx / 2,  // In bins.
+        fy / 2};
+    add_color(camera, binned, bin, surface, color);
+    add_depth(binned, bin, surface, depth);
   }
 }
 

@@ -5,58 +5,50 @@
 #include <cmath>
 #include <optional>
 #include <stdexcept>
-#include <string>
 #include <vector>
 
+#include "gslts/map/require.hpp"
 #include "gslts/optim/losses.hpp"
 #include "gslts/parallel/parallel_for.hpp"
+#include "robust.hpp"
+#include "surface_jacobian.hpp"
 
 namespace gslts::align {
 namespace {
 
+/// Rows of one task.
 constexpr int kRowsPerTask = 8;
-/// Differences of colours beyond which a pixel shows something else, and tells no exposure.
-constexpr double kOtherThing = 0.25;
-/// A relative step of the depth between neighbours that ends a surface.
-constexpr double kDepthEdge = 0.05;
-/// Of the pixels, for the curvature, which is smooth: each in so many columns and rows.
+/// Step of the columns and rows whose pixels give the curvature, which is smooth.
 constexpr int kCurvatureStep = 2;
 
-/// rho(s) = s / (1 + s) / 2 and twice its derivative, the weight of a squared residual.
-template <typename T>
-T rho(T s) {
-  return s / (1 + s) / 2;
-}
-
-template <typename T>
-T weight(T s) {
-  return 1 / ((1 + s) * (1 + s));
-}
-
-void require(bool holds, const char* what, double value) {
-  if (holds) return;
-  throw std::invalid_argument(std::string("ViewCost: ") + what + ", got " + std::to_string(value));
-}
-
 void validate(const CostRule& rule) {
-  require(rule.color_scale > 0 && std::isfinite(rule.color_scale), "color_scale must be positive",
-          rule.color_scale);
-  require(rule.depth_scale > 0 && std::isfinite(rule.depth_scale), "depth_scale must be positive",
-          rule.depth_scale);
-  require(rule.depth_weight >= 0 && std::isfinite(rule.depth_weight),
+  constexpr const char* kFunction = "ViewCost";
+  require(rule.color_scale > 0 && std::isfinite(rule.color_scale), kFunction,
+          "color_scale must be positive", rule.color_scale);
+  require(rule.depth_scale > 0 && std::isfinite(rule.depth_scale), kFunction,
+          "depth_scale must be positive", rule.depth_scale);
+  require(rule.depth_weight >= 0 && std::isfinite(rule.depth_weight), kFunction,
           "depth_weight must not be negative", rule.depth_weight);
-  require(rule.alpha_min > 0 && rule.alpha_min <= 1, "alpha_min must be in (0, 1]", rule.alpha_min);
+  require(rule.alpha_min > 0 && rule.alpha_min <= 1, kFunction, "alpha_min must be in (0, 1]",
+          rule.alpha_min);
 }
 
 std::uint8_t is_nonzero(std::uint8_t value) { return value != 0; }
 
-/// M' W M for the motion M = (-I | [x]x) of a point under a twist of the camera.
-Matrix6 by_twist(const Eigen::Vector3d& point, const Eigen::Matrix3d& by_point) {
-  Eigen::Matrix<double, 3, 6> motion;
-  motion << -Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Zero();
-  motion.rightCols<3>() << 0, -point.z(), point.y(), point.z(), 0, -point.x(), -point.y(),
-      point.x(), 0;
-  return motion.transpose() * by_point * motion;
+/// Weights of squared errors: the inverse squares of the scales of the loss.
+template <typename T>
+struct Scales {
+  explicit Scales(const CostRule& rule)
+      : color(T(1 / (3 * rule.color_scale * rule.color_scale))),
+        depth(T(1 / (rule.depth_scale * rule.depth_scale))),
+        depth_weight(T(rule.depth_weight)) {}
+
+  T color, depth, depth_weight;
+};
+
+template <typename T>
+T squared_norm(const std::array<T, 3>& v) {
+  return v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
 }
 
 }  // namespace
@@ -68,14 +60,14 @@ struct ViewCost<T>::State {
   CostRule rule;
   raster::Rasterizer<T> rasterizer;
   optim::Exposure exposure;
-  std::vector<std::uint8_t> known;
-  std::size_t wanted = 0;
-  std::size_t pixels = 0;
-  raster::Images<T> images;
+  std::vector<std::uint8_t> known;  ///< [H,W] 1 where a pixel counts.
+  std::size_t wanted = 0;           ///< Pixels of the mask.
+  std::size_t pixels = 0;           ///< Pixels that count.
+  raster::Images<T> images;         ///< Rendered at `rendered_at`.
   std::optional<Eigen::Matrix4d> rendered_at;
   int threads = 1;
 
-  /// Of a function of the rows, in an order that does not depend on the threads.
+  /// Sums a function of the rows, in an order that does not depend on the threads.
   template <typename Sum, typename OfRow>
   Sum sum(const OfRow& of_row) const {
     const int height = view.camera.height;
@@ -98,6 +90,7 @@ struct ViewCost<T>::State {
   std::array<T, 3> color_error(std::size_t pixel) const;
   std::optional<T> depth_error(std::size_t pixel) const;
   double cost_of_row(int y, T* dL_drgb, T* dL_ddepth) const;
+  void add_curvature(std::size_t pixel, Surface<T>& surface, EquationSums<T, 6>& sums) const;
   Matrix6 curvature_of_row(int y) const;
 };
 
@@ -112,6 +105,7 @@ void ViewCost<T>::State::render(const Eigen::Isometry3d& pose) {
   rendered_at = pose.matrix();
 }
 
+/// Difference of the colours, rendered less observed.
 template <typename T>
 std::array<T, 3> ViewCost<T>::State::color_error(std::size_t pixel) const {
   std::array<T, 3> error;
@@ -122,7 +116,7 @@ std::array<T, 3> ViewCost<T>::State::color_error(std::size_t pixel) const {
   return error;
 }
 
-/// As a share of the measured depth; none where there is none.
+/// Difference of the depths, rendered less measured, over the measured one; none without depth.
 template <typename T>
 std::optional<T> ViewCost<T>::State::depth_error(std::size_t pixel) const {
   if (view.measured == nullptr) return std::nullopt;
@@ -131,18 +125,18 @@ std::optional<T> ViewCost<T>::State::depth_error(std::size_t pixel) const {
   return (depth - measured) / measured;
 }
 
-/// Over the known pixels, twice: what shows something else tells nothing of the exposure.
+/// Fits the exposure twice over the known pixels, the second time without outliers.
 template <typename T>
 void ViewCost<T>::State::fit_exposure() {
   const int width = view.camera.width, height = view.camera.height;
-  std::vector<std::uint8_t> alike = known;
+  std::vector<std::uint8_t> inliers = known;
   for (int round = 0; round < 2; ++round) {
     exposure = optim::fit_exposure(images.rgb.data(), view.photo, width, height,
-                                   {alike.data(), width, height}, rule.render.threads);
+                                   {inliers.data(), width, height}, rule.render.threads);
     for (std::size_t pixel = 0; pixel < known.size(); ++pixel) {
       const std::array<T, 3> error = color_error(pixel);
-      const T most = std::max({std::abs(error[0]), std::abs(error[1]), std::abs(error[2])});
-      alike[pixel] = known[pixel] && most < T(kOtherThing);
+      const T greatest = std::max({std::abs(error[0]), std::abs(error[1]), std::abs(error[2])});
+      inliers[pixel] = known[pixel] && greatest < T(kGreyOutlier);
     }
   }
 }
@@ -167,9 +161,7 @@ Fit ViewCost<T>::State::fit() const {
   std::size_t alike = 0, measured = 0, near = 0;
   for (std::size_t pixel = 0; pixel < known.size(); ++pixel) {
     if (!known[pixel]) continue;
-    const std::array<T, 3> error = color_error(pixel);
-    const T square = error[0] * error[0] + error[1] * error[1] + error[2] * error[2];
-    alike += square < T(3 * rule.color_scale * rule.color_scale);
+    alike += squared_norm(color_error(pixel)) < T(3 * rule.color_scale * rule.color_scale);
     const std::optional<T> off = depth_error(pixel);
     measured += off.has_value();
     near += off && std::abs(*off) < T(rule.depth_scale);
@@ -181,76 +173,81 @@ Fit ViewCost<T>::State::fit() const {
           share(near, measured)};
 }
 
+/// Cost of a row of pixels.
+/// @param dL_drgb, dL_ddepth  [H,W,3], [H,W] gradients that are written for the row; both or none
+///   are null.
 template <typename T>
 double ViewCost<T>::State::cost_of_row(int y, T* dL_drgb, T* dL_ddepth) const {
-  const T per_color = T(1 / (3 * rule.color_scale * rule.color_scale));
-  const T per_depth = T(1 / (rule.depth_scale * rule.depth_scale));
-  const T depth_weight = T(rule.depth_weight);
+  const Scales<T> scales(rule);
   double cost = 0;
   const int width = view.camera.width;
   for (std::size_t pixel = std::size_t(y) * width; pixel < std::size_t(y + 1) * width; ++pixel) {
     if (!known[pixel]) continue;
-    const std::array<T, 3> e = color_error(pixel);
-    const T s = (e[0] * e[0] + e[1] * e[1] + e[2] * e[2]) * per_color;
-    cost += double(rho(s));
+    const std::array<T, 3> error = color_error(pixel);
+    const T s = squared_norm(error) * scales.color;
+    cost += double(geman_mcclure(s));
     const std::optional<T> off = depth_error(pixel);
-    const T s_depth = off ? *off * *off * per_depth : T(0);
-    if (off) cost += double(depth_weight * rho(s_depth));
+    const T s_depth = off ? *off * *off * scales.depth : T(0);
+    if (off) cost += double(scales.depth_weight * geman_mcclure(s_depth));
     if (dL_drgb == nullptr) continue;
     for (std::size_t c = 0; c < 3; ++c) {
-      dL_drgb[3 * pixel + c] = weight(s) * per_color * e[c] * T(exposure.gain[c]);
+      dL_drgb[3 * pixel + c] =
+          geman_mcclure_weight(s) * scales.color * error[c] * T(exposure.gain[c]);
     }
     if (off) {
-      dL_ddepth[pixel] = depth_weight * weight(s_depth) * per_depth * *off / view.measured[pixel];
+      dL_ddepth[pixel] = scales.depth_weight * geman_mcclure_weight(s_depth) * scales.depth * *off /
+                         view.measured[pixel];
     }
   }
   return cost;
 }
 
-/// Where a pixel's surface would be seen if the camera moved a little, and how its colours and
-/// depth would change: Gauss-Newton's curvature of direct image alignment (Kerl et al. 2013).
+/// Adds a pixel to the Gauss-Newton curvature: three rows of its colours and one of its depth.
+template <typename T>
+void ViewCost<T>::State::add_curvature(std::size_t pixel, Surface<T>& surface,
+                                       EquationSums<T, 6>& sums) const {
+  const Scales<T> scales(rule);
+  const std::ptrdiff_t width = view.camera.width;
+  T row[6];
+  const T color_weight =
+      geman_mcclure_weight(squared_norm(color_error(pixel)) * scales.color) * scales.color;
+  for (std::size_t c = 0; c < 3; ++c) {
+    const auto differences = central_differences(&images.rgb[3 * pixel + c], 3, 3 * width);
+    const T gain = T(exposure.gain[c]);
+    surface.set_slope(gain * differences.right, gain * differences.down);
+    surface.write_twist(row);
+    sums.add(row, T(0), color_weight);
+  }
+  const std::optional<T> off = depth_error(pixel);
+  if (!off || is_depth_edge(&images.depth[pixel], width)) return;
+  const auto differences = central_differences(&images.depth[pixel], 1, width);
+  surface.set_depth_slope(differences.right, differences.down, view.measured[pixel]);
+  surface.write_twist(row);
+  const T s_depth = *off * *off * scales.depth;
+  sums.add(row, T(0), scales.depth_weight * geman_mcclure_weight(s_depth) * scales.depth);
+}
+
 template <typename T>
 Matrix6 ViewCost<T>::State::curvature_of_row(int y) const {
   const Camera& camera = view.camera;
   const int width = camera.width;
-  const T per_color = T(1 / (3 * rule.color_scale * rule.color_scale));
-  const T per_depth = T(1 / (rule.depth_scale * rule.depth_scale));
-  Matrix6 total = Matrix6::Zero();
+  const T fx = T(camera.fx), fy = T(camera.fy);
+  EquationSums<T, 6> sums;
   const int start = 1 + (y / kCurvatureStep) % kCurvatureStep;
   for (int x = start; x + 1 < width; x += kCurvatureStep) {
     const std::size_t pixel = std::size_t(y) * width + x;
-    const std::size_t left = pixel - 1, right = pixel + 1, up = pixel - width, down = pixel + width;
-    if (!known[pixel] || !known[left] || !known[right] || !known[up] || !known[down]) continue;
-    const double z = double(images.depth[pixel]);
-    if (!(z > 0)) continue;
-    const Eigen::Vector3d point((x + 0.5 - camera.cx) / camera.fx * z,
-                                (y + 0.5 - camera.cy) / camera.fy * z, z);
-    Eigen::Matrix<double, 2, 3> pixel_by_point;
-    pixel_by_point << camera.fx / z, 0, -camera.fx * point.x() / (z * z), 0, camera.fy / z,
-        -camera.fy * point.y() / (z * z);
-    const std::array<T, 3> e = color_error(pixel);
-    const double w =
-        double(weight((e[0] * e[0] + e[1] * e[1] + e[2] * e[2]) * per_color) * per_color);
-    Eigen::Matrix2d slopes = Eigen::Matrix2d::Zero();
-    for (std::size_t c = 0; c < 3; ++c) {
-      const auto color = [&](std::size_t at) { return double(images.rgb[3 * at + c]); };
-      const Eigen::Vector2d slope(color(right) - color(left), color(down) - color(up));
-      slopes += exposure.gain[c] * exposure.gain[c] / 4 * slope * slope.transpose();
+    const T z = images.depth[pixel];
+    if (!known[pixel] || !known[pixel - 1] || !known[pixel + 1] || !known[pixel - width] ||
+        !known[pixel + width] || !(z > 0)) {
+      continue;
     }
-    Eigen::Matrix3d by_point = w * pixel_by_point.transpose() * slopes * pixel_by_point;
-    const auto depth = [&](std::size_t at) { return double(images.depth[at]); };
-    const Eigen::Vector2d depth_slope((depth(right) - depth(left)) / 2,
-                                      (depth(down) - depth(up)) / 2);
-    const std::optional<T> off = depth_error(pixel);
-    if (off && depth_slope.cwiseAbs().maxCoeff() < kDepthEdge * z) {
-      const double of_depth =
-          rule.depth_weight * double(weight(*off * *off * per_depth) * per_depth);
-      const double measured = double(view.measured[pixel]);
-      const Eigen::RowVector3d row =
-          (Eigen::RowVector3d::UnitZ() - depth_slope.transpose() * pixel_by_point) / measured;
-      by_point += of_depth * row.transpose() * row;
-    }
-    total += by_twist(point, by_point);
+    Surface<T> surface{
+        {(T(x + 0.5) - T(camera.cx)) / fx * z, (T(y + 0.5) - T(camera.cy)) / fy * z, z}, fx, fy};
+    add_curvature(pixel, surface, sums);
+  }
+  Matrix6 total;
+  for (int i = 0; i < 6; ++i) {
+    for (int j = 0; j < 6; ++j) total(i, j) = double(sums.hessian[i][j]);
   }
   return kCurvatureStep * kCurvatureStep * total;
 }
@@ -263,7 +260,7 @@ ViewCost<T>::ViewCost(const GaussianView<T>& gaussians, const RgbdView<T>& view,
   Camera camera = view.camera;
   camera.world_from_camera = world_from_camera;
   gslts::validate(camera, "ViewCost");
-  if (view.photo == nullptr) throw std::invalid_argument("ViewCost: photo: there is none");
+  if (view.photo == nullptr) throw std::invalid_argument("ViewCost: view.photo must not be null");
   state_->gaussians = gaussians;
   state_->view = view;
   state_->rule = rule;
@@ -292,18 +289,18 @@ template <typename T>
 double ViewCost<T>::at(const Eigen::Isometry3d& world_from_camera) {
   State& state = *state_;
   state.render(world_from_camera);
-  return state.sum<double>([&](int y) { return state.cost_of_row(y, nullptr, nullptr); });
+  return state.template sum<double>([&](int y) { return state.cost_of_row(y, nullptr, nullptr); });
 }
 
 template <typename T>
-Linearization ViewCost<T>::linearized(const Eigen::Isometry3d& world_from_camera) {
+Linearization ViewCost<T>::linearize(const Eigen::Isometry3d& world_from_camera) {
   State& state = *state_;
   Linearization result;
   result.curvature = curvature(world_from_camera);
   Array<T> dL_drgb(3 * state.known.size()), dL_ddepth(state.known.size());
   std::fill(dL_drgb.begin(), dL_drgb.end(), T(0));
   std::fill(dL_ddepth.begin(), dL_ddepth.end(), T(0));
-  result.cost = state.sum<double>(
+  result.cost = state.template sum<double>(
       [&](int y) { return state.cost_of_row(y, dL_drgb.data(), dL_ddepth.data()); });
   raster::ImageGradients<T> gradients;
   gradients.dL_drgb = dL_drgb.data();
@@ -319,7 +316,7 @@ Matrix6 ViewCost<T>::curvature(const Eigen::Isometry3d& world_from_camera) {
   State& state = *state_;
   state.render(world_from_camera);
   const int last = state.view.camera.height - 1;
-  return state.sum<Matrix6>([&](int y) -> Matrix6 {
+  return state.template sum<Matrix6>([&](int y) -> Matrix6 {
     const bool counts = y > 0 && y < last && y % kCurvatureStep == 0;
     return counts ? state.curvature_of_row(y) : Matrix6(Matrix6::Zero());
   });

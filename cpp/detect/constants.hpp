@@ -7,8 +7,8 @@
 
 // Fixed numbers of change detection. The thresholds that a user may change are in `MaskRule`,
 // `ObjectRule` and `GsLtsRule`. Values without another source were chosen on simulated homes
-// (benchmarks/results/detection.md); where it is not said what half and double of them do, it was not
-// measured.
+// (benchmarks/results/detection.md); where it is not said what half and double of them do, it was
+// not measured.
 
 namespace gslts::detect {
 

@@ -13,33 +13,34 @@ using Eigen::Vector3d;
 /// A relative step of the depth from pixel to pixel that ends a surface. At 640 px a plane seen at
 /// 80 degrees from its normal makes steps of 0.02.
 constexpr double kEdgeStep = 0.05;
-/// Half the side of the patch that a pixel stands for: so much more than 0.5 that no cracks open
-/// between neighbours on a bent or noisy surface.
+/// Half the side of the patch of a pixel: more than 0.5, so that no cracks open between neighbours
+/// on a bent or noisy surface.
 constexpr double kHalfSide_px = 0.55;
-/// Nearer than this a patch would fill the other image.
+/// Minimum depth of a patch in the other camera, m: nearer ones would fill the image.
 constexpr double kNear_m = 0.05;
-/// Below this share of its area in front, a patch is seen edge-on.
+/// Minimum area of a patch in the other image, px^2: smaller ones are seen edge-on.
 constexpr double kEdgeOn = 1e-6;
 
-/// A place in an image and the inverse depth there, 1/m. On a plane that is linear in the image.
-struct Seen {
+/// A pixel position and its inverse depth, 1/m, which is linear in the image of a plane.
+struct ImagePoint {
   double u, v, inverse;
 };
 
-/// Patches of surface around pixels of one camera, as another one sees them.
-class Carry {
+/// Homography of the pixels of one camera to those of another, by inverse depth.
+class Reprojection {
  public:
-  Carry(const Camera& from, const Camera& to) {
+  Reprojection(const Camera& from, const Camera& to) {
     const Eigen::Isometry3d to_from = to.world_from_camera.inverse() * from.world_from_camera;
     turn_ = intrinsics(to) * to_from.linear() * intrinsics(from).inverse();
     shift_ = intrinsics(to) * to_from.translation();
   }
 
-  /// Homogeneous place of the pixel (x, y) at an inverse depth, over its depth in the first image.
-  Vector3d place(double x, double y, double inverse) const {
+  /// Homogeneous position of the pixel (x, y) at an inverse depth, over its depth in the first
+  /// image.
+  Vector3d project(double x, double y, double inverse) const {
     return turn_ * Vector3d(x, y, 1) + shift_ * inverse;
   }
-  /// Change of `place` from one pixel to the next, where the inverse depth changes by `slope`.
+  /// Change of `project` from one pixel to the next, where the inverse depth changes by `slope`.
   Vector3d across(double slope) const { return turn_.col(0) + slope * shift_; }
   Vector3d down(double slope) const { return turn_.col(1) + slope * shift_; }
 
@@ -53,18 +54,18 @@ class Carry {
   Vector3d shift_;
 };
 
-std::optional<Seen> seen(const Vector3d& place, double inverse) {
-  if (!(inverse > 0 && place.z() > kNear_m * inverse)) return std::nullopt;
-  const double scale = 1 / place.z();
-  return Seen{place.x() * scale, place.y() * scale, inverse * scale};
+std::optional<ImagePoint> dehomogenize(const Vector3d& position, double inverse) {
+  if (!(inverse > 0 && position.z() > kNear_m * inverse)) return std::nullopt;
+  const double scale = 1 / position.z();
+  return ImagePoint{position.x() * scale, position.y() * scale, inverse * scale};
 }
 
 /// Slope of the surface from pixel to pixel, in inverse depth, from the neighbours that belong to
 /// it; `before` and `after` are 0 where nothing was measured.
 double slope(double before, double here, double after) {
-  const double most = kEdgeStep * here;
-  const bool joins_before = std::abs(here - before) <= most;
-  const bool joins_after = std::abs(after - here) <= most;
+  const double max_step = kEdgeStep * here;
+  const bool joins_before = std::abs(here - before) <= max_step;
+  const bool joins_after = std::abs(after - here) <= max_step;
   const double total = (joins_before ? here - before : 0) + (joins_after ? after - here : 0);
   return joins_before && joins_after ? 0.5 * total : total;
 }
@@ -79,23 +80,23 @@ Span centres_in(double low, double high, int length) {
   return {after(low), after(high)};
 }
 
-/// The surface at a pixel, drawn into a depth image.
+/// The planar patch of surface at a pixel, in the image of the other camera.
 class Patch {
  public:
-  /// Nothing if a part of it is behind the lens, or too near.
-  static std::optional<Patch> of(const Carry& carry, double x, double y, double inverse,
-                                 double slope_x, double slope_y) {
-    const Vector3d place = carry.place(x, y, inverse);
-    const std::optional<Seen> centre = seen(place, inverse);
+  /// Makes the patch of a pixel; nothing if a part of it is behind the camera, or too near.
+  static std::optional<Patch> of(const Reprojection& reprojection, double x, double y,
+                                 double inverse, double slope_x, double slope_y) {
+    const Vector3d position = reprojection.project(x, y, inverse);
+    const std::optional<ImagePoint> centre = dehomogenize(position, inverse);
     if (!centre) return std::nullopt;
-    // To first order, what one step across the patch and one down it change.
-    const double scale = 1 / place.z();
-    const auto step = [&](const Vector3d& of_place, double of_inverse) -> Vector3d {
-      return scale * (Vector3d(of_place.x(), of_place.y(), of_inverse) -
-                      of_place.z() * Vector3d(centre->u, centre->v, centre->inverse));
+    // Changes by one step across the patch and one down it, to first order.
+    const double scale = 1 / position.z();
+    const auto step = [&](const Vector3d& of_position, double of_inverse) -> Vector3d {
+      return scale * (Vector3d(of_position.x(), of_position.y(), of_inverse) -
+                      of_position.z() * Vector3d(centre->u, centre->v, centre->inverse));
     };
-    const Patch patch(*centre, step(carry.across(slope_x), slope_x),
-                      step(carry.down(slope_y), slope_y));
+    const Patch patch(*centre, step(reprojection.across(slope_x), slope_x),
+                      step(reprojection.down(slope_y), slope_y));
     if (patch.reach_.z() >= centre->inverse) return std::nullopt;
     return patch;
   }
@@ -106,7 +107,7 @@ class Patch {
     for (int j = rows.first; j < rows.last; ++j) {
       for (int i = columns.first; i < columns.last; ++i) {
         const double step = per_u_ * (i + 0.5 - centre_.u) + per_v_ * (j + 0.5 - centre_.v);
-        // The box holds more than the patch, which may be steep there.
+        // The bounding box is larger than the patch, which may be steep there.
         if (std::abs(step) > reach_.z()) continue;
         float& there = depth[std::size_t(j) * width + i];
         const float nearer = float(1 / (centre_.inverse + step));
@@ -117,7 +118,7 @@ class Patch {
 
  private:
   /// `across` and `down` change (u, v, inverse depth).
-  Patch(const Seen& centre, const Vector3d& across, const Vector3d& down)
+  Patch(const ImagePoint& centre, const Vector3d& across, const Vector3d& down)
       : centre_(centre), reach_(kHalfSide_px * (across.cwiseAbs() + down.cwiseAbs())) {
     const double area = across.x() * down.y() - across.y() * down.x();
     if (std::abs(area) < kEdgeOn) return;
@@ -125,7 +126,7 @@ class Patch {
     per_v_ = (down.z() * across.x() - across.z() * down.x()) / area;
   }
 
-  Seen centre_;
+  ImagePoint centre_;
   Vector3d reach_;                ///< Half the sides of the box around it.
   double per_u_ = 0, per_v_ = 0;  ///< Slopes of the inverse depth in the image.
 };
@@ -143,7 +144,7 @@ Array<double> inverse_depth(const float* depth, std::size_t size) {
 Array<float> register_depth(const float* depth, const Camera& depth_camera, const Camera& camera) {
   validate(depth_camera, "register_depth");
   validate(camera, "register_depth");
-  const Carry carry(depth_camera, camera);
+  const Reprojection reprojection(depth_camera, camera);
   const int width = depth_camera.width, height = depth_camera.height;
   const Array<double> inverse = inverse_depth(depth, std::size_t(width) * height);
   Array<float> registered(std::size_t(camera.width) * camera.height);
@@ -156,7 +157,7 @@ Array<float> register_depth(const float* depth, const Camera& depth_camera, cons
       if (row[x] == 0) continue;
       const double slope_x = slope(x > 0 ? row[x - 1] : 0, row[x], x + 1 < width ? row[x + 1] : 0);
       const double slope_y = slope(above ? above[x] : 0, row[x], below ? below[x] : 0);
-      const auto patch = Patch::of(carry, x + 0.5, y + 0.5, row[x], slope_x, slope_y);
+      const auto patch = Patch::of(reprojection, x + 0.5, y + 0.5, row[x], slope_x, slope_y);
       if (patch) patch->draw(registered, camera.width, camera.height);
     }
   }

@@ -12,16 +12,18 @@
 namespace gslts::fusion {
 namespace {
 
-/// Of each coordinate in a key: 2^21 voxels of 1 cm are 20 km.
+/// Bits of a coordinate in a key: 2^21 voxels of 1 cm are 20 km.
 constexpr int kKeyBits = 21;
 constexpr double kHalfRange = 1 << (kKeyBits - 1);
-/// The corner that voxels are counted from is a multiple of so many, so that the voxels of 2, 4,
-/// ... times the edge are the same wherever the first camera stood.
+/// Voxels are counted from a corner that is a multiple of this number, so that the voxels of 2, 4,
+/// ... times the edge do not depend on the position of the first camera.
 constexpr double kAlignment = 1024;
-/// Further from the world's origin, in voxels, a double would be coarser than 1/4096 of the edge.
-constexpr double kFarthestOrigin = 1099511627776.0;  // 2^40
+/// Maximum distance of the origin from that of the world, in voxels: beyond, a double is coarser
+/// than 1/4096 of the edge.
+constexpr double kMaxOrigin = 1099511627776.0;  // 2^40
 
-constexpr std::size_t kLeastSlots = 1024;
+/// Initial size of the hash table.
+constexpr std::size_t kMinSlots = 1024;
 
 /// Fibonacci hashing: Knuth, The Art of Computer Programming 3, section 6.4. The middle bits of the
 /// product depend on most of the key's.
@@ -42,7 +44,7 @@ std::uint64_t spread(std::uint64_t bits) {
 /// A corner of the grid near a camera.
 Eigen::Vector3d corner_near(const Eigen::Vector3d& eye, double edge_m) {
   const Eigen::Vector3d in_voxels = eye / edge_m;
-  if (in_voxels.cwiseAbs().maxCoeff() > kFarthestOrigin) {
+  if (in_voxels.cwiseAbs().maxCoeff() > kMaxOrigin) {
     std::ostringstream message;
     message << "SurfaceVoxels.add: the camera is too far from the world's origin for voxels of "
             << edge_m << " m, at (" << eye.x() << ", " << eye.y() << ", " << eye.z() << ") m";
@@ -90,7 +92,7 @@ void SurfaceVoxels::add(const float* depth, const std::uint8_t* rgb, const Camer
   Camera from_origin = camera;
   from_origin.world_from_camera.translation() -= origin;
   const Array<SurfacePoint> points = surface_points(depth, rgb, from_origin, mask, pixel_step_);
-  // All keys first, so that a point which is too far leaves no half a frame behind.
+  // All keys first: an error for a point that is too far leaves the voxels unchanged.
   Array<std::int64_t> keys(points.size());
   std::transform(points.begin(), points.end(), keys.begin(), [&](const SurfacePoint& point) {
     return key_of(point.position, origin, edge_m_);
@@ -131,7 +133,7 @@ SurfaceVoxels::Slot& SurfaceVoxels::slot_of(std::int64_t key) {
 }
 
 void SurfaceVoxels::grow() {
-  slots_ = Array<Slot>(std::max(kLeastSlots, 2 * slots_.size()), Slot{0, -1});
+  slots_ = Array<Slot>(std::max(kMinSlots, 2 * slots_.size()), Slot{0, -1});
   for (std::size_t row = 0; row < voxels_.size(); ++row) {
     slot_of(voxels_[row].key) = {voxels_[row].key, std::int64_t(row)};
   }

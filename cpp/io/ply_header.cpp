@@ -23,7 +23,7 @@ constexpr std::pair<std::string_view, Format> kFormats[] = {
     {"binary_little_endian", Format::kLittleEndian},
     {"binary_big_endian", Format::kBigEndian}};
 
-/// Of a line that is no comment: bounds the names, and with them messages.
+/// Maximum length of a line other than a comment: bounds names, and with them messages.
 constexpr std::size_t kMaxLineBytes = 256;
 
 bool is_printable(char c) { return c >= ' ' && c <= '~'; }
@@ -39,7 +39,7 @@ std::vector<std::string_view> words_of(std::string_view line) {
   return words;
 }
 
-/// Takes a header apart, line by line.
+/// Parses a header line by line.
 class HeaderParser {
  public:
   explicit HeaderParser(Input& input)
@@ -160,7 +160,8 @@ class HeaderParser {
     return known->second;
   }
 
-  /// A count that lies must not lead to an allocation.
+  /// Checks that the file is long enough for all rows, so that a wrong count leads to no
+  /// allocation.
   void require_rows_fit() const {
     // In ascii a number takes a digit and a space or a line's end, which the last may lack.
     const bool ascii = *format_ == Format::kAscii;

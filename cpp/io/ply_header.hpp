@@ -13,7 +13,7 @@
 
 namespace gslts::io {
 
-/// Of a header; some 9,000 properties fit in.
+/// Maximum size of a header; about 9,000 properties fit in.
 constexpr std::size_t kMaxHeaderBytes = Input::kBlockBytes;
 
 enum class Format { kAscii, kLittleEndian, kBigEndian };
@@ -21,9 +21,9 @@ enum class Format { kAscii, kLittleEndian, kBigEndian };
 /// A number in each row of an element, or a list of them.
 struct Property {
   std::string name;
-  Scalar type;                        ///< Of the number, or of each in the list.
-  std::optional<Scalar> length_type;  ///< Of a list's length, an integer; none for a number.
-  std::size_t line;                   ///< Where the header declares it, from 1.
+  Scalar type;                        ///< Type of the number, or of those in the list.
+  std::optional<Scalar> length_type;  ///< Type of a list's length, an integer; none for a number.
+  std::size_t line;                   ///< Line of the header that declares it, from 1.
 };
 
 struct Element {
@@ -45,10 +45,10 @@ struct Header {
 /// @throws std::runtime_error  naming the line.
 Header read_header(Input& input);
 
-/// What PLY calls the type.
+/// Returns the name of a type in PLY files.
 std::string name_of(Scalar type);
 
-/// Text of the file for a message: short, in quotes, and printable.
+/// Quotes text of the file for a message: short and printable.
 std::string quoted(std::string_view text);
 
 }  // namespace gslts::io

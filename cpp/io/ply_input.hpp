@@ -8,7 +8,7 @@
 
 namespace gslts::io {
 
-/// The bytes of a PLY file, which lie in memory or are read from the file block by block.
+/// Bytes of a PLY file, in memory or read from the file block by block.
 class Input {
  public:
   /// Few system calls, and what was read is in the cache when it is used.
@@ -21,15 +21,15 @@ class Input {
   Input(const Input&) = delete;
   Input& operator=(const Input&) = delete;
 
-  /// The bytes to come, valid until the next call: `wanted` or more, fewer only before the end.
+  /// Returns the next bytes, valid until the next call: `wanted` or more, fewer only at the end.
   /// @param wanted  At most kBlockBytes.
   /// @throws std::system_error  naming the path, if the file cannot be read.
   std::string_view ahead(std::size_t wanted);
 
-  /// Number of bytes to come.
+  /// Returns the number of bytes that are left.
   std::uint64_t remaining() const { return window_.size() + unread_; }
 
-  /// Passes over n bytes, at most `remaining()`.
+  /// Skips n bytes, at most `remaining()`.
   void skip(std::uint64_t n);
 
   /// @throws std::runtime_error  "name: what".
@@ -43,9 +43,9 @@ class Input {
   std::string name_;
   int file_ = -1;
   std::vector<char> buffer_;
-  std::string_view window_;   ///< What is in memory of the bytes to come.
+  std::string_view window_;   ///< The next bytes that are in memory.
   std::uint64_t unread_ = 0;  ///< Number of bytes of the file after those in the window.
-  std::uint64_t size_ = 0;    ///< Of the file.
+  std::uint64_t size_ = 0;    ///< Size of the file.
 };
 
 }  // namespace gslts::io

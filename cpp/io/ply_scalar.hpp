@@ -43,7 +43,7 @@ inline std::size_t size_of(Scalar type) {
   return with_zero_of(type, [](auto zero) { return sizeof(zero); });
 }
 
-/// The number stored in sizeof(T) bytes at any address, in little-endian or `big_endian` order.
+/// Loads a number from sizeof(T) bytes at any address, in little-endian or `big_endian` order.
 template <typename T>
 T load(const char* bytes, bool big_endian) {
   char ordered[sizeof(T)];
@@ -54,8 +54,8 @@ T load(const char* bytes, bool big_endian) {
   return value;
 }
 
-/// Whether `word` is a number of type T, and which. Numbers of type float are read as double first,
-/// so that those too small for a float become 0, as they do in other readers.
+/// Parses a number of type T; returns false if `word` is none. A float is read as double first, so
+/// that a number too small for a float becomes 0, as in other readers.
 template <typename T>
 bool parse_number(std::string_view word, T& value) {
   std::conditional_t<std::is_same_v<T, float>, double, T> number = 0;

@@ -23,7 +23,7 @@
 namespace gslts::io {
 namespace {
 
-/// A new file that takes the place of another once it is complete, or leaves no trace.
+/// A new file that replaces another one when it is complete, and is removed otherwise.
 class Replacement {
  public:
   explicit Replacement(const std::string& path) : path_(path), target_(path) {
@@ -80,7 +80,7 @@ class Replacement {
   bool done_ = false;
 };
 
-/// Columns before nx ny nz.
+/// Number of columns before nx ny nz.
 constexpr std::size_t kPositions = 3;
 constexpr std::size_t kNormalsBytes = 3 * sizeof(float);
 
@@ -132,7 +132,7 @@ void write_rows(std::size_t size, const std::vector<Column<const float>>& column
   }
 }
 
-/// Whether the ids are those of a file that names none.
+/// Whether the ids are 0, 1, ..., those of a file without ids.
 bool are_default(const std::uint64_t* ids, std::size_t size) {
   for (std::size_t i = 0; i < size; ++i) {
     if (ids[i] != i) return false;

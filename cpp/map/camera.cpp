@@ -1,30 +1,20 @@
 #include "gslts/map/camera.hpp"
 
-#include <Eigen/LU>
 #include <cmath>
 #include <sstream>
-#include <stdexcept>
+
+#include "gslts/map/require.hpp"
+#include "gslts/map/se3.hpp"
 
 namespace gslts {
 namespace {
 
 constexpr int kMaxImageSize = 65536;
 
-/// Allowed error of R^T R: poses that went through float or were multiplied many times pass,
-/// wrong matrices do not.
-constexpr double kRotationTolerance = 1e-6;
-
 /// Sine of the smallest angle between the view direction and `up` that still defines a horizon.
 constexpr double kMinHorizonSine = 1e-9;
 
 constexpr double kPi = 3.14159265358979323846;
-
-template <typename Value>
-[[noreturn]] void fail(const char* function, const char* what, const Value& value) {
-  std::ostringstream message;
-  message << function << ": " << what << ", got " << value;
-  throw std::invalid_argument(message.str());
-}
 
 const Eigen::IOFormat kOneLine(Eigen::StreamPrecision, Eigen::DontAlignCols, ", ", "; ", "", "",
                                "[", "]");
@@ -61,11 +51,7 @@ void validate(const Camera& camera, const char* function) {
   require_size(camera.width, function, "camera.width must be in 1..65536");
   require_size(camera.height, function, "camera.height must be in 1..65536");
   const Eigen::Matrix3d rotation = camera.world_from_camera.linear();
-  const Eigen::Matrix3d error = rotation.transpose() * rotation - Eigen::Matrix3d::Identity();
-  // NaN fails the comparison, but passes Eigen's maximum.
-  const bool orthonormal =
-      rotation.allFinite() && error.cwiseAbs().maxCoeff() <= kRotationTolerance;
-  if (!orthonormal || rotation.determinant() < 0) {
+  if (!is_rotation(rotation)) {
     fail(function, "camera.world_from_camera must hold a rotation matrix", one_line(rotation));
   }
   require_finite(camera.world_from_camera.translation(), function,
@@ -85,6 +71,15 @@ Camera camera_from_fov(int width, int height, double horizontal_fov_rad,
                       width,    height,   world_from_camera};
   validate(camera, kFunction);
   return camera;
+}
+
+Eigen::Matrix<double, 2, 3> projection_jacobian(const Camera& camera,
+                                                const Eigen::Vector3d& x_in_camera) {
+  const double z = x_in_camera.z();
+  Eigen::Matrix<double, 2, 3> jacobian;
+  jacobian << camera.fx / z, 0, -camera.fx * x_in_camera.x() / (z * z),  //
+      0, camera.fy / z, -camera.fy * x_in_camera.y() / (z * z);
+  return jacobian;
 }
 
 Camera cropped(const Camera& camera, int x0, int y0, int x1, int y1) {

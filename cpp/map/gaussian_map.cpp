@@ -7,15 +7,10 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "gslts/map/require.hpp"
+
 namespace gslts {
 namespace {
-
-template <typename Value>
-[[noreturn]] void fail(const char* function, const char* what, const Value& value) {
-  std::ostringstream message;
-  message << function << ": " << what << ", got " << value;
-  throw std::invalid_argument(message.str());
-}
 
 bool is_sh_bases(int bases) { return bases == 1 || bases == 4 || bases == 9 || bases == 16; }
 

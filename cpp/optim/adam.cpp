@@ -1,6 +1,7 @@
 #include "gslts/optim/adam.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <sstream>
@@ -13,7 +14,7 @@
 namespace gslts::optim {
 namespace {
 
-/// Gaussians moved by one task.
+/// Gaussians that one task updates.
 constexpr std::size_t kRowsPerTask = 2048;
 
 std::size_t parameter_count(int sh_bases, int feature_dims) {
@@ -54,13 +55,84 @@ struct Group {
   T rate;
 };
 
+template <typename T>
+using Groups = std::array<Group<T>, 7>;
+
+template <typename T>
+Groups<T> groups_of(BasicGaussianMap<T>& map, const raster::GradientsView<T>& gradients,
+                    const AdamRates& rates) {
+  const std::size_t bases = std::size_t(map.sh_bases), dims = std::size_t(map.feature_dims);
+  const std::size_t sh = 11, rest = 3 * bases - 3;
+  return {{{map.means.data(), gradients.dL_dmeans, 3, 0, 3, T(rates.means)},
+           {map.quats.data(), gradients.dL_dquats, 4, 3, 4, T(rates.quats)},
+           {map.log_scales.data(), gradients.dL_dlog_scales, 3, 7, 3, T(rates.log_scales)},
+           {map.logit_opacities.data(), gradients.dL_dlogit_opacities, 1, 10, 1,
+            T(rates.logit_opacities)},
+           {map.sh.data(), gradients.dL_dsh, 3 * bases, sh, 3, T(rates.sh_dc)},
+           {map.sh.data() + 3, gradients.dL_dsh + 3, 3 * bases, sh + 3, rest, T(rates.sh_rest)},
+           {map.features.data(), gradients.dL_dfeatures, dims, sh + 3 * bases, dims,
+            T(rates.features)}}};
+}
+
+/// Checks that map and gradients have the layout of the state.
+template <typename T>
+void require_layout(const AdamState<T>& state, const BasicGaussianMap<T>& map,
+                    const raster::GradientsView<T>& gradients) {
+  std::ostringstream message;
+  message << "::step: the state is of ";
+  if (map.size() != state.steps.size() || map.sh_bases != state.sh_bases ||
+      map.feature_dims != state.feature_dims) {
+    message << state.steps.size() << " Gaussians with " << state.sh_bases << " SH bases and "
+            << state.feature_dims << " features, map has " << map.size() << " with " << map.sh_bases
+            << " and " << map.feature_dims;
+    fail(message.str());
+  }
+  map.view();  // Checks the lengths of its arrays.
+  if (gradients.sh_bases != state.sh_bases || gradients.feature_dims != state.feature_dims) {
+    message << state.sh_bases << " SH bases and " << state.feature_dims
+            << " features, gradients of " << gradients.sh_bases << " and "
+            << gradients.feature_dims;
+    fail(message.str());
+  }
+}
+
+template <typename T>
+void require_rows(const raster::GradientsView<T>& gradients, std::size_t size) {
+  for (std::size_t i = 0; i < gradients.size; ++i) {
+    const std::uint32_t row = gradients.rows[i];
+    if (row < size && (i == 0 || gradients.rows[i - 1] < row)) continue;
+    std::ostringstream message;
+    message << "::step: rows must ascend and be below " << size << ", rows[" << i << "] is " << row;
+    fail(message.str());
+  }
+}
+
+void require_rates(const AdamRates& rates) {
+  for (double rate : {rates.means, rates.quats, rates.log_scales, rates.logit_opacities,
+                      rates.sh_dc, rates.sh_rest, rates.features}) {
+    if (rate >= 0 && std::isfinite(rate)) continue;
+    fail("::step: rates must not be negative, got " + std::to_string(rate));
+  }
+}
+
+template <typename T>
+void require_finite_gradients(const raster::GradientsView<T>& gradients) {
+  const std::size_t n = gradients.size;
+  require_finite("dL_dmeans", gradients.dL_dmeans, 3 * n);
+  require_finite("dL_dquats", gradients.dL_dquats, 4 * n);
+  require_finite("dL_dlog_scales", gradients.dL_dlog_scales, 3 * n);
+  require_finite("dL_dlogit_opacities", gradients.dL_dlogit_opacities, n);
+  require_finite("dL_dsh", gradients.dL_dsh, 3 * std::size_t(gradients.sh_bases) * n);
+  require_finite("dL_dfeatures", gradients.dL_dfeatures, std::size_t(gradients.feature_dims) * n);
+}
+
 }  // namespace
 
 template <typename T>
 Adam<T>::Adam(std::size_t size, int sh_bases, int feature_dims, const AdamOptions& options)
     : options_(options) {
   validate(options);
-  // Checks the two numbers.
+  // Checks both numbers.
   make_gaussian_map<T>(0, sh_bases, feature_dims);
   state_.sh_bases = sh_bases;
   state_.feature_dims = feature_dims;
@@ -98,59 +170,18 @@ void Adam<T>::extend_corrections(std::uint32_t steps) {
 template <typename T>
 void Adam<T>::step(BasicGaussianMap<T>& map, const raster::GradientsView<T>& gradients,
                    const AdamRates& rates, int threads) {
-  const std::size_t size = state_.steps.size(), visible = gradients.size;
-  const std::size_t bases = std::size_t(state_.sh_bases), dims = std::size_t(state_.feature_dims);
-  if (map.size() != size || map.sh_bases != state_.sh_bases ||
-      map.feature_dims != state_.feature_dims) {
-    std::ostringstream message;
-    message << "::step: the state is of " << size << " Gaussians with " << bases << " SH bases and "
-            << dims << " features, map has " << map.size() << " with " << map.sh_bases << " and "
-            << map.feature_dims;
-    fail(message.str());
-  }
-  map.view();  // Checks the lengths of its arrays.
-  if (gradients.sh_bases != state_.sh_bases || gradients.feature_dims != state_.feature_dims) {
-    std::ostringstream message;
-    message << "::step: the state is of " << bases << " SH bases and " << dims
-            << " features, gradients of " << gradients.sh_bases << " and "
-            << gradients.feature_dims;
-    fail(message.str());
-  }
-  for (std::size_t i = 0; i < visible; ++i) {
-    const std::uint32_t row = gradients.rows[i];
-    if (row < size && (i == 0 || gradients.rows[i - 1] < row)) continue;
-    std::ostringstream message;
-    message << "::step: rows must ascend and be below " << size << ", rows[" << i << "] is " << row;
-    fail(message.str());
-  }
-  for (double rate : {rates.means, rates.quats, rates.log_scales, rates.logit_opacities,
-                      rates.sh_dc, rates.sh_rest, rates.features}) {
-    if (!(rate >= 0 && std::isfinite(rate))) {
-      fail("::step: rates must not be negative, got " + std::to_string(rate));
-    }
-  }
-  require_finite("dL_dmeans", gradients.dL_dmeans, 3 * visible);
-  require_finite("dL_dquats", gradients.dL_dquats, 4 * visible);
-  require_finite("dL_dlog_scales", gradients.dL_dlog_scales, 3 * visible);
-  require_finite("dL_dlogit_opacities", gradients.dL_dlogit_opacities, visible);
-  require_finite("dL_dsh", gradients.dL_dsh, 3 * bases * visible);
-  require_finite("dL_dfeatures", gradients.dL_dfeatures, dims * visible);
+  require_layout(state_, map, gradients);
+  require_rows(gradients, state_.steps.size());
+  require_rates(rates);
+  require_finite_gradients(gradients);
 
-  const std::size_t sh = 11, rest = 3 * bases - 3;
-  const Group<T> groups[] = {
-      {map.means.data(), gradients.dL_dmeans, 3, 0, 3, T(rates.means)},
-      {map.quats.data(), gradients.dL_dquats, 4, 3, 4, T(rates.quats)},
-      {map.log_scales.data(), gradients.dL_dlog_scales, 3, 7, 3, T(rates.log_scales)},
-      {map.logit_opacities.data(), gradients.dL_dlogit_opacities, 1, 10, 1,
-       T(rates.logit_opacities)},
-      {map.sh.data(), gradients.dL_dsh, 3 * bases, sh, 3, T(rates.sh_dc)},
-      {map.sh.data() + 3, gradients.dL_dsh + 3, 3 * bases, sh + 3, rest, T(rates.sh_rest)},
-      {map.features.data(), gradients.dL_dfeatures, dims, sh + 3 * bases, dims, T(rates.features)}};
-  std::uint32_t most = 0;
+  const std::size_t visible = gradients.size;
+  std::uint32_t max_steps = 0;
   for (std::size_t i = 0; i < visible; ++i) {
-    most = std::max(most, state_.steps[gradients.rows[i]] + 1);
+    max_steps = std::max(max_steps, state_.steps[gradients.rows[i]] + 1);
   }
-  extend_corrections(most);
+  extend_corrections(max_steps);
+  const Groups<T> groups = groups_of(map, gradients, rates);
   const std::size_t parameters = parameter_count(state_.sh_bases, state_.feature_dims);
   const T beta1 = T(options_.beta1), beta2 = T(options_.beta2), eps = T(options_.eps);
   const std::size_t tasks = (visible + kRowsPerTask - 1) / kRowsPerTask;

@@ -22,7 +22,7 @@ void require_size(const char* function, int width, int height) {
   throw std::invalid_argument(message.str());
 }
 
-/// Rows of one task; sums over rows do not depend on the threads that way.
+/// Rows of one task; fixed, so that sums over rows do not depend on the number of threads.
 constexpr int kRowsPerTask = 16;
 
 /// Calls visit(pixel) for the index of each wanted pixel of the rows [first, last).
@@ -35,7 +35,7 @@ void for_each_wanted(const PixelMask& wanted, int width, int first, int last, Vi
   }
 }
 
-/// The sums that add(sum, first, last) makes of the rows [first, last), added up in order.
+/// Adds up, in order, the sums that add(sum, first, last) makes of the rows [first, last).
 template <typename Sum, typename Add>
 Sum sum_over_rows(int height, int threads, Add add) {
   std::vector<Sum> parts(std::size_t(height + kRowsPerTask - 1) / kRowsPerTask);
@@ -80,15 +80,10 @@ void require_finite_images(const char* function, const T* rgb, const T* target,
   require("target", target);
 }
 
-}  // namespace
-
+/// Number of wanted pixels, and means of the colours of two images.
 template <typename T>
-Exposure fit_exposure(const T* rgb, const T* target, int width, int height, const PixelMask& mask,
+ColorSums color_means(const T* rgb, const T* target, int width, int height, const PixelMask& mask,
                       int threads) {
-  const char* const function = "fit_exposure";
-  require_size(function, width, height);
-  validate(mask, width, height, function);
-  // Around the means, so that nothing cancels.
   ColorSums means =
       sum_over_rows<ColorSums>(height, threads, [&](ColorSums& sum, int first, int last) {
         for_each_wanted(mask, width, first, last, [&](std::size_t pixel) {
@@ -99,29 +94,69 @@ Exposure fit_exposure(const T* rgb, const T* target, int width, int height, cons
           }
         });
       });
+  if (means.count == 0) return means;
+  const double count = double(means.count);
+  for (std::size_t c = 0; c < 3; ++c) means.first[c] /= count, means.second[c] /= count;
+  return means;
+}
+
+/// Squares of the colours of `rgb` and their products with those of `target`, about the means.
+template <typename T>
+ColorSums color_moments(const T* rgb, const T* target, int width, int height, const PixelMask& mask,
+                        const ColorSums& means, int threads) {
+  return sum_over_rows<ColorSums>(height, threads, [&](ColorSums& sum, int first, int last) {
+    for_each_wanted(mask, width, first, last, [&](std::size_t pixel) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        const double x = double(rgb[3 * pixel + c]) - means.first[c];
+        sum.first[c] += x * x;
+        sum.second[c] += x * (double(target[3 * pixel + c]) - means.second[c]);
+      }
+    });
+  });
+}
+
+/// Writes the gradient of the task, and returns the sums of its rows, added up in order.
+template <typename T>
+PhotometricSums run_photometric(const PhotometricTask<T>& task, int threads) {
+  simd::apply_environment();
+  const int rows = task.box.y1 - task.box.y0;
+  std::vector<PhotometricSums> sums(rows);
+  const int parts = std::min(rows, parallel::resolve_threads(threads));
+  parallel::parallel_for(parts, parts, [&](std::size_t part) {
+    const int first = int(std::int64_t(rows) * std::int64_t(part) / parts);
+    const int last = int(std::int64_t(rows) * std::int64_t(part + 1) / parts);
+    photometric_rows(task, first, last, sums.data());
+  });
+  PhotometricSums total;
+  for (const PhotometricSums& row : sums) {
+    total.l1 += row.l1;
+    total.ssim += row.ssim;
+  }
+  return total;
+}
+
+}  // namespace
+
+template <typename T>
+Exposure fit_exposure(const T* rgb, const T* target, int width, int height, const PixelMask& mask,
+                      int threads) {
+  const char* const function = "fit_exposure";
+  require_size(function, width, height);
+  validate(mask, width, height, function);
+  const ColorSums means = color_means(rgb, target, width, height, mask, threads);
   Exposure exposure;
   if (means.count == 0) return exposure;
   const double count = double(means.count);
-  for (std::size_t c = 0; c < 3; ++c) means.first[c] /= count, means.second[c] /= count;
-  const double *mean_x = means.first, *mean_y = means.second;
-  const ColorSums squares =
-      sum_over_rows<ColorSums>(height, threads, [&](ColorSums& sum, int first, int last) {
-        for_each_wanted(mask, width, first, last, [&](std::size_t pixel) {
-          for (std::size_t c = 0; c < 3; ++c) {
-            const double x = double(rgb[3 * pixel + c]) - mean_x[c];
-            sum.first[c] += x * x;
-            sum.second[c] += x * (double(target[3 * pixel + c]) - mean_y[c]);
-          }
-        });
-      });
+  // Moments about the means do not cancel.
+  const ColorSums squares = color_moments(rgb, target, width, height, mask, means, threads);
   const double *variance = squares.first, *covariance = squares.second;
   for (std::size_t c = 0; c < 3; ++c) {
     if (!std::isfinite(variance[c]) || !std::isfinite(covariance[c])) {
       require_finite_images(function, rgb, target, mask, width, height);
     }
-    // A standard deviation of 1e-6 is nothing but rounding.
+    // A standard deviation of 1e-6 is rounding error.
     if (variance[c] > 1e-12 * count) exposure.gain[c] = covariance[c] / variance[c];
-    exposure.offset[c] = mean_y[c] - exposure.gain[c] * mean_x[c];
+    exposure.offset[c] = means.second[c] - exposure.gain[c] * means.first[c];
   }
   return exposure;
 }
@@ -141,7 +176,6 @@ PhotometricLoss<T> photometric_loss(const T* rgb, const T* target, int width, in
   PhotometricLoss<T> loss;
   PhotometricTask<T> task;
   task.box = bounds_of(mask, width, height);
-  const int rows = task.box.y1 - task.box.y0;
   std::size_t count = 3 * pixels;
   if (!mask.all()) {
     loss.dL_drgb.assign(3 * pixels, T(0));
@@ -152,7 +186,6 @@ PhotometricLoss<T> photometric_loss(const T* rgb, const T* target, int width, in
   }
   if (count == 0) return loss;
 
-  simd::apply_environment();
   task.rgb = rgb;
   task.target = target;
   task.width = width;
@@ -164,18 +197,7 @@ PhotometricLoss<T> photometric_loss(const T* rgb, const T* target, int width, in
   task.l1_weight = T((1 - dssim_weight) / double(count));
   task.ssim_weight = T(dssim_weight / double(count));
   task.dL_drgb = loss.dL_drgb.data();
-  std::vector<PhotometricSums> sums(rows);
-  const int parts = std::min(rows, parallel::resolve_threads(threads));
-  parallel::parallel_for(parts, parts, [&](std::size_t part) {
-    const int first = int(std::int64_t(rows) * std::int64_t(part) / parts);
-    const int last = int(std::int64_t(rows) * std::int64_t(part + 1) / parts);
-    photometric_rows(task, first, last, sums.data());
-  });
-  PhotometricSums total;
-  for (const PhotometricSums& row : sums) {
-    total.l1 += row.l1;
-    total.ssim += row.ssim;
-  }
+  const PhotometricSums total = run_photometric(task, threads);
   loss.l1 = total.l1 / double(count);
   loss.ssim = total.ssim / double(count);
   loss.value = (1 - dssim_weight) * loss.l1 + dssim_weight * (1 - loss.ssim);

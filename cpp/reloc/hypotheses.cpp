@@ -3,69 +3,63 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <numeric>
 #include <set>
-#include <sstream>
-#include <stdexcept>
 #include <utility>
 
+#include "gslts/map/require.hpp"
+#include "gslts/map/se3.hpp"
 #include "ransac.hpp"
 
 namespace gslts::reloc {
 namespace {
 
-/// Keyframes that see so many of the features at the same places look at the same part of the map.
-constexpr int kShared = 3;
-/// Poses that differ by no more are nearly the same.
+constexpr const char* kFunction = "hypotheses_of";
+
+/// Minimum number of features whose landmarks coincide in two keyframes that see the same part of
+/// the map.
+constexpr int kMinShared = 3;
+/// Maximum distance of two poses that count as one hypothesis, m and rad.
 constexpr double kSame_m = 0.05, kSame_rad = 3 * double(EIGEN_PI) / 180;
 
-template <typename Value>
-void require(bool fits, const char* what, Value value) {
-  if (fits) return;
-  std::ostringstream message;
-  message << "hypotheses_of: " << what << ", got " << value;
-  throw std::invalid_argument(message.str());
-}
-
 void require_positive(double value, const char* what) {
-  require(value > 0 && std::isfinite(value), what, value);
+  require(value > 0 && std::isfinite(value), kFunction, what, value);
 }
 
 void validate(const HypothesisRule& rule) {
-  require(rule.neighbours >= 1 && rule.neighbours <= 16, "rule.neighbours must be in 1..16",
-          rule.neighbours);
-  require(rule.most_bits >= 0 && rule.most_bits <= 256, "rule.most_bits must be in 0..256",
-          rule.most_bits);
-  require(rule.ratio > 0 && rule.ratio <= 1, "rule.ratio must be in (0, 1]", rule.ratio);
-  require(rule.elsewhere_m >= 0 && std::isfinite(rule.elsewhere_m),
-          "rule.elsewhere_m must not be negative, and finite", rule.elsewhere_m);
-  require(rule.keyframes >= 0, "rule.keyframes must not be negative", rule.keyframes);
+  require(rule.neighbours >= 1 && rule.neighbours <= 16, kFunction,
+          "rule.neighbours must be in 1..16", rule.neighbours);
+  require(rule.max_bits >= 0 && rule.max_bits <= 256, kFunction, "rule.max_bits must be in 0..256",
+          rule.max_bits);
+  require(rule.ratio > 0 && rule.ratio <= 1, kFunction, "rule.ratio must be in (0, 1]", rule.ratio);
+  require(rule.same_landmark_m >= 0 && std::isfinite(rule.same_landmark_m), kFunction,
+          "rule.same_landmark_m must not be negative, and finite", rule.same_landmark_m);
+  require(rule.keyframes >= 0, kFunction, "rule.keyframes must not be negative", rule.keyframes);
   require_positive(rule.inlier_px, "rule.inlier_px must be positive and finite");
   require_positive(rule.inlier_depth, "rule.inlier_depth must be positive and finite");
-  require(rule.least_inliers >= 4, "rule.least_inliers must be at least 4", rule.least_inliers);
-  require(rule.iterations > 0, "rule.iterations must be positive", rule.iterations);
+  require(rule.min_inliers >= 4, kFunction, "rule.min_inliers must be at least 4",
+          rule.min_inliers);
+  require(rule.iterations > 0, kFunction, "rule.iterations must be positive", rule.iterations);
 }
 
 bool nearly_same(const Hypothesis& a, const Hypothesis& b) {
-  const Eigen::Isometry3d b_from_a = b.world_from_camera.inverse() * a.world_from_camera;
-  return b_from_a.translation().norm() <= kSame_m &&
-         Eigen::AngleAxisd(b_from_a.linear()).angle() <= kSame_rad;
+  const PoseDistance distance = pose_distance(a.world_from_camera, b.world_from_camera);
+  return distance.m <= kSame_m && distance.rad <= kSame_rad;
 }
 
-/// A landmark that a feature may be.
+/// A possible landmark of a feature.
 struct Candidate {
   Match match;
   int keyframe;
-  int bits;  ///< Of the descriptors that differ.
+  int bits;  ///< Hamming distance of the descriptors.
 };
 
-class Finder {
+class HypothesisFinder {
  public:
-  Finder(const Camera& camera, const Features& features, const float* depths,
-         const LandmarkIndex& index, const HypothesisRule& rule)
+  HypothesisFinder(const Camera& camera, const Features& features, const float* depths,
+                   const LandmarkIndex& index, const HypothesisRule& rule)
       : camera_(camera),
         rule_(rule),
-        ransac_rule_{rule.inlier_px, rule.inlier_depth, rule.least_inliers, rule.iterations},
+        ransac_rule_{rule.inlier_px, rule.inlier_depth, rule.min_inliers, rule.iterations},
         candidates_(features.size()) {
     const LandmarksView landmarks = index.landmarks();
     const Matches matches = index.match(features, rule.neighbours);
@@ -83,15 +77,14 @@ class Finder {
     }
   }
 
-  std::vector<Hypothesis> found() {
+  std::vector<Hypothesis> find() {
     try_matches(unambiguous(), -1);
-    const std::vector<int> voted = voted_keyframes();
     std::set<int> tried;
     int left = rule_.keyframes;
-    for (const int keyframe : voted) {
+    for (const int keyframe : keyframes_by_votes()) {
       if (left == 0) break;
       if (tried.count(keyframe) > 0) continue;
-      const std::set<int> group = keyframes_like(keyframe);
+      const std::set<int> group = keyframes_near(keyframe);
       try_matches(matches_in(group), keyframe);
       tried.insert(group.begin(), group.end());
       --left;
@@ -101,11 +94,11 @@ class Finder {
 
  private:
   bool together(const Match& a, const Match& b) const {
-    return (a.x_in_world - b.x_in_world).norm() <= rule_.elsewhere_m;
+    return (a.x_in_world - b.x_in_world).norm() <= rule_.same_landmark_m;
   }
 
-  /// A corner is found at several levels of the pyramid, but it counts once: few corners must not
-  /// look like many inliers.
+  /// Removes repeated matches: a keypoint is detected at several levels of the pyramid, and must
+  /// count as one inlier.
   MatchSet distinct(const MatchSet& matches) const {
     MatchSet kept;
     for (const Match& match : matches) {
@@ -117,11 +110,11 @@ class Finder {
     return kept;
   }
 
-  /// Features with one landmark that is much more like them than those elsewhere.
+  /// Matches of features whose best landmark passes the ratio test against those elsewhere.
   MatchSet unambiguous() const {
     MatchSet matches;
     for (const std::vector<Candidate>& candidates : candidates_) {
-      if (candidates.empty() || candidates[0].bits > rule_.most_bits) continue;
+      if (candidates.empty() || candidates[0].bits > rule_.max_bits) continue;
       const auto next = std::find_if(
           candidates.begin(), candidates.end(),
           [&](const Candidate& other) { return !together(candidates[0].match, other.match); });
@@ -132,13 +125,13 @@ class Finder {
     return distinct(matches);
   }
 
-  /// The one with the most features that may have been seen from it comes first.
-  std::vector<int> voted_keyframes() const {
+  /// Keyframes by their number of matched features, the most first.
+  std::vector<int> keyframes_by_votes() const {
     std::map<int, int> votes;
     for (const std::vector<Candidate>& candidates : candidates_) {
       std::set<int> seen;
       for (const Candidate& candidate : candidates) {
-        if (candidate.bits <= rule_.most_bits) seen.insert(candidate.keyframe);
+        if (candidate.bits <= rule_.max_bits) seen.insert(candidate.keyframe);
       }
       for (const int keyframe : seen) ++votes[keyframe];
     }
@@ -149,14 +142,14 @@ class Finder {
     return keyframes;
   }
 
-  /// The keyframe, and those that see the features at the same places.
-  std::set<int> keyframes_like(int keyframe) const {
+  /// The keyframe, and those that see the same features at the same positions.
+  std::set<int> keyframes_near(int keyframe) const {
     std::map<int, int> shared;
     for (const std::vector<Candidate>& candidates : candidates_) {
-      for (const Candidate& one : candidates) {
-        if (one.keyframe != keyframe || one.bits > rule_.most_bits) continue;
+      for (const Candidate& seen : candidates) {
+        if (seen.keyframe != keyframe || seen.bits > rule_.max_bits) continue;
         for (const Candidate& other : candidates) {
-          if (other.bits <= rule_.most_bits && together(one.match, other.match)) {
+          if (other.bits <= rule_.max_bits && together(seen.match, other.match)) {
             ++shared[other.keyframe];
           }
         }
@@ -164,36 +157,37 @@ class Finder {
     }
     std::set<int> group = {keyframe};
     for (const auto& [other, count] : shared) {
-      if (count >= kShared) group.insert(other);
+      if (count >= kMinShared) group.insert(other);
     }
     return group;
   }
 
-  /// Each feature with the landmark of these keyframes that is most like it.
+  /// Matches of each feature with its best landmark of these keyframes.
   MatchSet matches_in(const std::set<int>& keyframes) const {
     MatchSet matches;
     for (const std::vector<Candidate>& candidates : candidates_) {
       const auto first =
-          std::find_if(candidates.begin(), candidates.end(), [&](const Candidate& one) {
-            return one.bits <= rule_.most_bits && keyframes.count(one.keyframe) > 0;
+          std::find_if(candidates.begin(), candidates.end(), [&](const Candidate& candidate) {
+            return candidate.bits <= rule_.max_bits && keyframes.count(candidate.keyframe) > 0;
           });
       if (first != candidates.end()) matches.push_back(first->match);
     }
     return distinct(matches);
   }
 
-  /// Each feature with the one of all its landmarks that the pose explains best.
+  /// Matches of each feature with that of its landmarks which the pose explains best.
   MatchSet explained(const Eigen::Isometry3d& camera_from_world) const {
     MatchSet matches;
     for (const std::vector<Candidate>& candidates : candidates_) {
       const Match* best = nullptr;
-      double most = 0;
-      for (const Candidate& one : candidates) {
-        if (one.bits > rule_.most_bits) continue;
-        const double support = support_of(camera_, camera_from_world, one.match, ransac_rule_);
-        if (support <= most) continue;
-        most = support;
-        best = &one.match;
+      double max_support = 0;
+      for (const Candidate& candidate : candidates) {
+        if (candidate.bits > rule_.max_bits) continue;
+        const double support =
+            support_of(camera_, camera_from_world, candidate.match, ransac_rule_);
+        if (support <= max_support) continue;
+        max_support = support;
+        best = &candidate.match;
       }
       if (best) matches.push_back(*best);
     }
@@ -203,10 +197,10 @@ class Finder {
   void try_matches(const MatchSet& matches, int keyframe) {
     const auto first = ransac(camera_, matches, ransac_rule_);
     if (!first) return;
-    const Eigen::Isometry3d pose = refined(camera_, *first, explained(*first), ransac_rule_);
-    // All are counted alike, whatever they were found with.
+    const Eigen::Isometry3d pose = refine_inliers(camera_, *first, explained(*first), ransac_rule_);
+    // Inliers of all hypotheses are counted over all features, to be comparable.
     const int inliers = int(explained(pose).size());
-    if (inliers >= rule_.least_inliers) hypotheses_.push_back({pose.inverse(), inliers, keyframe});
+    if (inliers >= rule_.min_inliers) hypotheses_.push_back({pose.inverse(), inliers, keyframe});
   }
 
   std::vector<Hypothesis> distinct_hypotheses() {
@@ -214,11 +208,11 @@ class Finder {
         hypotheses_.begin(), hypotheses_.end(),
         [](const Hypothesis& a, const Hypothesis& b) { return a.inliers > b.inliers; });
     std::vector<Hypothesis> kept;
-    for (const Hypothesis& one : hypotheses_) {
+    for (const Hypothesis& hypothesis : hypotheses_) {
       const bool again = std::any_of(kept.begin(), kept.end(), [&](const Hypothesis& other) {
-        return nearly_same(one, other);
+        return nearly_same(hypothesis, other);
       });
-      if (!again) kept.push_back(one);
+      if (!again) kept.push_back(hypothesis);
     }
     return kept;
   }
@@ -226,7 +220,7 @@ class Finder {
   const Camera& camera_;
   const HypothesisRule& rule_;
   RansacRule ransac_rule_;
-  std::vector<std::vector<Candidate>> candidates_;  ///< Of each feature, the most like it first.
+  std::vector<std::vector<Candidate>> candidates_;  ///< Of each feature, the most similar first.
   std::vector<Hypothesis> hypotheses_;
 };
 
@@ -238,10 +232,10 @@ std::vector<Hypothesis> hypotheses_of(const Camera& camera, const Features& feat
   gslts::validate(camera, "hypotheses_of");
   validate(rule);
   for (std::size_t k = 0; k < features.pixels.size(); ++k) {
-    require(std::isfinite(features.pixels[k]), "features.pixels must be finite",
+    require(std::isfinite(features.pixels[k]), kFunction, "features.pixels must be finite",
             features.pixels[k]);
   }
-  return Finder(camera, features, depths, index, rule).found();
+  return HypothesisFinder(camera, features, depths, index, rule).find();
 }
 
 }  // namespace gslts::reloc

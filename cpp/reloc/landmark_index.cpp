@@ -13,13 +13,13 @@ namespace {
 constexpr int kMaxNeighbours = 16;
 constexpr int kDescriptorBits = 8 * int(kDescriptorBytes);
 
-/// Tables, bits of a key, and bits of it that may differ. Of 54,000 landmarks of a real room they
-/// find 9 of 10 nearest ones; with one bit more, which takes five times as long, no more poses are
-/// found.
+/// Hash tables, bits of a key, and bits of it that may differ. Among 54,000 landmarks of a real
+/// room they find 9 of 10 nearest neighbours. One probed bit more takes five times as long and
+/// finds no more poses.
 constexpr int kTables = 12, kKeyBits = 20, kProbedBits = 1;
 
-/// FLANN draws the bits of its keys from OpenCV's generator of the thread: it starts from here, and
-/// goes on afterwards as if nothing had been drawn.
+/// Seeds OpenCV's random generator of this thread, from which FLANN draws the bits of its keys, and
+/// restores its state at the end.
 class FixedRandom {
  public:
   FixedRandom() : before_(cv::theRNG()) { cv::theRNG() = cv::RNG(1); }
@@ -31,7 +31,7 @@ class FixedRandom {
   cv::RNG before_;
 };
 
-/// OpenCV takes pointers to what it only reads.
+/// OpenCV takes a non-const pointer, but only reads.
 cv::Mat rows_of(const Array<std::uint8_t>& descriptors) {
   return {int(descriptors.size() / kDescriptorBytes), int(kDescriptorBytes), CV_8U,
           const_cast<std::uint8_t*>(descriptors.data())};
@@ -58,7 +58,7 @@ struct LandmarkIndex::Index {
   Array<float> positions;
   Array<std::uint8_t> descriptors;
   Array<std::int32_t> keyframes;
-  cv::flann::Index hashes;  ///< Of the descriptors.
+  cv::flann::Index hashes;  ///< Hash tables of the descriptors.
 };
 
 LandmarkIndex::LandmarkIndex(const LandmarksView& landmarks) {
@@ -101,7 +101,7 @@ Matches LandmarkIndex::match(const Features& features, int k) const {
   cv::Mat landmarks(int(count), k, CV_32S, matches.landmarks.data());
   cv::Mat distances(int(count), k, CV_32S, matches.distances.data());
   index_->hashes.knnSearch(rows_of(features.descriptors), landmarks, distances, k);
-  // Where it finds fewer, it leaves the largest number.
+  // FLANN leaves the largest integer where it finds fewer.
   for (std::int32_t& distance : matches.distances) distance = std::min(distance, kDescriptorBits);
   return matches;
 }

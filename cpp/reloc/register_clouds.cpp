@@ -13,45 +13,34 @@
 #include <string>
 #include <vector>
 
+#include "gslts/map/require.hpp"
+#include "gslts/map/se3.hpp"
+
 namespace gslts::reloc {
 namespace {
 
 using Cloud = pcl::PointCloud<pcl::PointXYZ>;
 
-/// Changes between two iterations, of the shift and of the entries of the rotation, below which the
-/// clouds are at rest: far below the noise of depth cameras.
-constexpr double kRestTranslationM = 1e-4, kRestRotation = 1e-4;
+constexpr const char* kFunction = "register_clouds";
 
-/// Allowed error of R^T R, as for cameras.
-constexpr double kRotationTolerance = 1e-6;
-
-template <typename Value>
-[[noreturn]] void fail(const char* what, const Value& value) {
-  std::ostringstream message;
-  message << "register_clouds: " << what << ", got " << value;
-  throw std::invalid_argument(message.str());
-}
+/// Changes of the translation (m) and of the entries of the rotation between two iterations, below
+/// which the registration has converged: far below the noise of depth cameras.
+constexpr double kConvergedTranslation_m = 1e-4, kConvergedRotation = 1e-4;
 
 void validate(const CloudRule& rule) {
-  if (!(rule.voxel_m >= 1e-4 && rule.voxel_m <= 10)) {
-    fail("voxel_m must be in 1e-4..10", rule.voxel_m);
-  }
-  if (!(rule.most_distant_m > 0 && rule.most_distant_m <= 100)) {
-    fail("most_distant_m must be in (0, 100]", rule.most_distant_m);
-  }
-  if (rule.neighbours < 4) fail("neighbours must be at least 4", rule.neighbours);
-  if (rule.iterations < 1) fail("iterations must be positive", rule.iterations);
+  require(rule.voxel_m >= 1e-4 && rule.voxel_m <= 10, kFunction, "voxel_m must be in 1e-4..10",
+          rule.voxel_m);
+  require(rule.max_distance_m > 0 && rule.max_distance_m <= 100, kFunction,
+          "max_distance_m must be in (0, 100]", rule.max_distance_m);
+  require(rule.neighbours >= 4, kFunction, "neighbours must be at least 4", rule.neighbours);
+  require(rule.iterations >= 1, kFunction, "iterations must be positive", rule.iterations);
 }
 
 void require_rigid(const Eigen::Isometry3d& guess) {
-  const Eigen::Matrix3d rotation = guess.linear();
-  const Eigen::Matrix3d error = rotation.transpose() * rotation - Eigen::Matrix3d::Identity();
-  if (!guess.matrix().allFinite() || error.cwiseAbs().maxCoeff() > kRotationTolerance ||
-      rotation.determinant() < 0) {
-    const Eigen::IOFormat one_line(Eigen::StreamPrecision, Eigen::DontAlignCols, ", ", "; ", "", "",
-                                   "[", "]");
-    fail("guess must be a finite rigid motion", guess.matrix().format(one_line));
-  }
+  if (guess.matrix().allFinite() && is_rotation(guess.linear())) return;
+  const Eigen::IOFormat one_line(Eigen::StreamPrecision, Eigen::DontAlignCols, ", ", "; ", "", "",
+                                 "[", "]");
+  fail(kFunction, "guess must be a finite rigid motion", guess.matrix().format(one_line));
 }
 
 void require_finite_rows(const float* rows, std::size_t count, const char* name) {
@@ -66,9 +55,9 @@ Eigen::Vector3d point_at(const float* points, std::size_t i) {
   return Eigen::Map<const Eigen::Vector3f>(points + 3 * i).cast<double>();
 }
 
-/// What of the points lies in `part` after the motion.
-Cloud::Ptr moved(const float* points, std::size_t count, const Eigen::Isometry3d& motion,
-                 const Eigen::AlignedBox3d& part) {
+/// Transforms points, and keeps those that lie in `part` then.
+Cloud::Ptr transform(const float* points, std::size_t count, const Eigen::Isometry3d& motion,
+                     const Eigen::AlignedBox3d& part) {
   const auto cloud = pcl::make_shared<Cloud>();
   cloud->reserve(count);
   for (std::size_t i = 0; i < count; ++i) {
@@ -79,12 +68,12 @@ Cloud::Ptr moved(const float* points, std::size_t count, const Eigen::Isometry3d
   return cloud;
 }
 
-/// One point in each voxel: the mean of those there.
-Cloud::Ptr thinned(const Cloud::ConstPtr& cloud, double voxel_m, const char* name) {
+/// Downsamples a cloud to the mean of the points in each voxel.
+Cloud::Ptr downsample(const Cloud::ConstPtr& cloud, double voxel_m, const char* name) {
   if (cloud->empty()) return pcl::make_shared<Cloud>();
   Eigen::AlignedBox3f box;
   for (const pcl::PointXYZ& point : *cloud) box.extend(point.getVector3fMap());
-  // PCL numbers the voxels in 32 bits; where that does not suffice, it would thin nothing.
+  // PCL numbers voxels with 32 bits; where that does not suffice, it leaves the cloud as it is.
   const double voxels = (box.sizes().cast<double>().array() / voxel_m + 2).prod();
   if (voxels > std::numeric_limits<std::int32_t>::max()) {
     std::ostringstream message;
@@ -92,45 +81,45 @@ Cloud::Ptr thinned(const Cloud::ConstPtr& cloud, double voxel_m, const char* nam
             << " m, more than 2^31";
     throw std::invalid_argument(message.str());
   }
-  const auto thin = pcl::make_shared<Cloud>();
+  const auto result = pcl::make_shared<Cloud>();
   pcl::VoxelGrid<pcl::PointXYZ> grid;
   grid.setLeafSize(Eigen::Vector4f::Constant(float(voxel_m)));
   grid.setInputCloud(cloud);
-  grid.filter(*thin);
-  return thin;
+  grid.filter(*result);
+  return result;
 }
 
 class Gicp : public pcl::GeneralizedIterativeClosestPoint<pcl::PointXYZ, pcl::PointXYZ, double> {
  public:
-  /// PCL says that it converged also where it ran out of iterations.
-  bool at_rest() const { return converged_ && nr_iterations_ < max_iterations_; }
+  /// PCL reports convergence also where it ran out of iterations.
+  bool has_converged() const { return converged_ && nr_iterations_ < max_iterations_; }
 
-  /// How far a place is from the plane of a point of the target, squared: the covariance of that
-  /// point is the identity, but for gicp_epsilon_ along the normal of its plane.
-  double squared_off_plane_m2(const pcl::PointXYZ& place, pcl::index_t row) const {
+  /// Squared distance of a point from the plane of a point of the target, m^2. The covariance of
+  /// the latter is the identity but for gicp_epsilon_ along the normal of its plane.
+  double squared_plane_distance(const pcl::PointXYZ& point, pcl::index_t row) const {
     const Eigen::Vector3d offset =
-        (place.getVector3fMap() - (*target_)[row].getVector3fMap()).cast<double>();
+        (point.getVector3fMap() - (*target_)[row].getVector3fMap()).cast<double>();
     const Eigen::Matrix3d& covariance = (*target_covariances_)[std::size_t(row)];
     const double along_normal = offset.dot(offset - covariance * offset) / (1 - gicp_epsilon_);
     return std::max(along_normal, 0.0);
   }
 };
 
-/// From where the clouds are; nothing if they have too few points.
-std::optional<Registration> brought_together(const Cloud::ConstPtr& source,
-                                             const Cloud::ConstPtr& target, const CloudRule& rule) {
+/// Registers clouds from where they are; nothing if they have too few points.
+std::optional<Registration> run_gicp(const Cloud::ConstPtr& source, const Cloud::ConstPtr& target,
+                                     const CloudRule& rule) {
   // PCL would print, and read past the end of a cloud.
   if (std::min(source->size(), target->size()) < std::size_t(rule.neighbours)) return {};
   Gicp gicp;
   gicp.setInputSource(source);
   gicp.setInputTarget(target);
   gicp.setCorrespondenceRandomness(rule.neighbours);
-  gicp.setMaxCorrespondenceDistance(rule.most_distant_m);
+  gicp.setMaxCorrespondenceDistance(rule.max_distance_m);
   gicp.setMaximumIterations(rule.iterations);
-  gicp.setTransformationEpsilon(kRestTranslationM);
-  gicp.setRotationEpsilon(kRestRotation);
-  Cloud there;
-  gicp.align(there);
+  gicp.setTransformationEpsilon(kConvergedTranslation_m);
+  gicp.setRotationEpsilon(kConvergedRotation);
+  Cloud aligned;
+  gicp.align(aligned);
   const Eigen::Matrix4d motion = gicp.getFinalTransformation();
   if (!motion.allFinite()) return {};
 
@@ -139,14 +128,15 @@ std::optional<Registration> brought_together(const Cloud::ConstPtr& source,
   std::vector<float> squared_m2(1);
   std::size_t partners = 0;
   double sum_m2 = 0;
-  for (const pcl::PointXYZ& place : there) {
-    tree->nearestKSearch(place, 1, row, squared_m2);
-    if (double(squared_m2[0]) > rule.most_distant_m * rule.most_distant_m) continue;
+  for (const pcl::PointXYZ& point : aligned) {
+    tree->nearestKSearch(point, 1, row, squared_m2);
+    if (double(squared_m2[0]) > rule.max_distance_m * rule.max_distance_m) continue;
     ++partners;
-    sum_m2 += gicp.squared_off_plane_m2(place, row[0]);
+    sum_m2 += gicp.squared_plane_distance(point, row[0]);
   }
-  return Registration{Eigen::Isometry3d(motion), double(partners) / double(there.size()),
-                      partners == 0 ? 0 : std::sqrt(sum_m2 / double(partners)), gicp.at_rest()};
+  return Registration{Eigen::Isometry3d(motion), double(partners) / double(aligned.size()),
+                      partners == 0 ? 0 : std::sqrt(sum_m2 / double(partners)),
+                      gicp.has_converged()};
 }
 
 }  // namespace
@@ -160,20 +150,22 @@ Registration register_clouds(const float* source, std::size_t sources, const flo
   require_finite_rows(target, targets, "target");
   if (sources == 0) return {guess, 0, 0, false};
 
-  // PCL computes with floats: in the middle of the source, where the guess puts it, they are exact.
+  // PCL computes in float: coordinates are relative to the middle of the source, after the guess.
   Eigen::AlignedBox3d box;
   for (std::size_t i = 0; i < sources; ++i) box.extend(guess * point_at(source, i));
   const Eigen::Isometry3d target_from_middle(Eigen::Translation3d(box.center()));
   const Eigen::Isometry3d middle_from_target = target_from_middle.inverse();
   box.translate(-box.center());
-  // No part of the source moves farther than that, if it turns by less than 29 degrees.
+  // Upper bound of the motion of any point of the source, for rotations below 29 degrees.
   const Eigen::Vector3d reach =
-      Eigen::Vector3d::Constant(rule.most_distant_m + box.diagonal().norm() / 4);
+      Eigen::Vector3d::Constant(rule.max_distance_m + box.diagonal().norm() / 4);
   const Eigen::AlignedBox3d around(box.min() - reach, box.max() + reach);
 
-  const std::optional<Registration> found = brought_together(
-      thinned(moved(source, sources, middle_from_target * guess, around), rule.voxel_m, "source"),
-      thinned(moved(target, targets, middle_from_target, around), rule.voxel_m, "target"), rule);
+  const std::optional<Registration> found = run_gicp(
+      downsample(transform(source, sources, middle_from_target * guess, around), rule.voxel_m,
+                 "source"),
+      downsample(transform(target, targets, middle_from_target, around), rule.voxel_m, "target"),
+      rule);
   if (!found) return {guess, 0, 0, false};
   return {target_from_middle * found->target_from_source * middle_from_target * guess,
           found->overlap, found->rms_m, found->converged};

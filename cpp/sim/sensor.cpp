@@ -16,8 +16,8 @@ constexpr double kEdgeStep = 0.03;
 
 double clipped(double value) { return value > 0 ? (value < 1 ? value : 1.0) : 0.0; }
 
-/// x^(1/2.4) for x in 1/512 to 1, to 1e-13: that of the C library has other last bits on other
-/// machines. Between the 128 numbers of each octave that it holds, a Taylor series.
+/// x^(1/2.4) for x in 1/512 to 1, to 1e-13, with the same bits on every machine, unlike the C
+/// library: a table of 128 numbers per octave and a Taylor series between them.
 class PowerTable {
  public:
   PowerTable() {

@@ -39,13 +39,7 @@ BasicGaussianMap<T> corner(std::uint32_t seed, double tile_m = 0.2) {
 }
 
 inline Eigen::Isometry3d motion_of(const Vector6& twist) {
-  Eigen::Isometry3d motion = Eigen::Isometry3d::Identity();
-  motion.translation() = twist.head<3>();
-  const double angle = twist.tail<3>().norm();
-  if (angle > 0) {
-    motion.linear() = Eigen::AngleAxisd(angle, twist.tail<3>() / angle).toRotationMatrix();
-  }
-  return motion;
+  return se3_retract(Eigen::Isometry3d::Identity(), twist);
 }
 
 inline Camera camera_of(int width, int height, const Eigen::Isometry3d& world_from_camera) {

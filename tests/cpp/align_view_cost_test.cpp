@@ -43,7 +43,7 @@ void expect_gradient(const BasicGaussianMap<double>& map, const Camera& camera, 
   rule.render.transmittance_min = 0;
   ViewCost<double> cost(map.view(), picture.view(), elsewhere, rule);
   ASSERT_GT(cost.pixels(), 100u);
-  const Linearization there = cost.linearized(elsewhere);
+  const Linearization there = cost.linearize(elsewhere);
   EXPECT_EQ(there.cost, cost.at(elsewhere));
   EXPECT_TRUE(there.curvature.allFinite());
   for (int i = 0; i < 6; ++i) {
@@ -112,8 +112,8 @@ TEST(ViewCost, CurvatureIsThatOfDifferencesNearTheOptimum) {
   EXPECT_LT((curvature - curvature.transpose()).norm(), 1e-9 * curvature.norm());
   for (int i = 0; i < 6; ++i) {
     constexpr double kStep = 5e-4;
-    const double up = cost.linearized(pose * motion_of(kStep * Vector6::Unit(i))).gradient[i];
-    const double down = cost.linearized(pose * motion_of(-kStep * Vector6::Unit(i))).gradient[i];
+    const double up = cost.linearize(pose * motion_of(kStep * Vector6::Unit(i))).gradient[i];
+    const double down = cost.linearize(pose * motion_of(-kStep * Vector6::Unit(i))).gradient[i];
     const double numeric = (up - down) / (2 * kStep);
     // Central differences of pixels blur the slopes of the picture.
     EXPECT_GT(curvature(i, i), 0.4 * numeric) << "axis " << i;
@@ -157,7 +157,7 @@ TEST(ViewCost, WhatIsHiddenByTheMaskDoesNotCount) {
   EXPECT_LE(cost.pixels(), 80u * 40u);
   EXPECT_EQ(cost.fit(pose).known, double(cost.pixels()) / (80 * 40));
   EXPECT_LT(cost.at(pose), 1e-3);
-  EXPECT_TRUE(cost.linearized(pose).gradient.allFinite());
+  EXPECT_TRUE(cost.linearize(pose).gradient.allFinite());
 }
 
 }  // namespace

@@ -222,7 +222,7 @@ TEST(Hypotheses, CountACornerOnce) {
   }
   EXPECT_THAT(found(corners, levels), IsEmpty());
   HypothesisRule rule;
-  rule.least_inliers = 4;
+  rule.min_inliers = 4;
   const std::vector<Hypothesis> hypotheses = found(corners, levels, rule);
   ASSERT_THAT(hypotheses, SizeIs(1));
   EXPECT_EQ(hypotheses[0].inliers, 5);
@@ -239,7 +239,7 @@ TEST(Hypotheses, AreNoneWhereNothingFits) {
     EXPECT_THAT(found(landmarks, seen_of(landmarks, {1.0, 0.5, 0, 20, depth}, random)), IsEmpty());
   }
   HypothesisRule rule;
-  rule.least_inliers = seen.inliers + 1;
+  rule.min_inliers = seen.inliers + 1;
   EXPECT_THAT(found(landmarks, seen, rule), IsEmpty());
 }
 
@@ -297,20 +297,20 @@ TEST(HypothesisErrors, NameWhatIsWrong) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   EXPECT_THAT(message([](HypothesisRule& rule) { rule.neighbours = 17; }),
               HasSubstr("hypotheses_of: rule.neighbours must be in 1..16, got 17"));
-  EXPECT_THAT(message([](HypothesisRule& rule) { rule.most_bits = 257; }),
-              HasSubstr("rule.most_bits must be in 0..256, got 257"));
+  EXPECT_THAT(message([](HypothesisRule& rule) { rule.max_bits = 257; }),
+              HasSubstr("rule.max_bits must be in 0..256, got 257"));
   EXPECT_THAT(message([](HypothesisRule& rule) { rule.ratio = 0; }),
               HasSubstr("rule.ratio must be in (0, 1], got 0"));
-  EXPECT_THAT(message([](HypothesisRule& rule) { rule.elsewhere_m = -1; }),
-              HasSubstr("rule.elsewhere_m must not be negative, and finite, got -1"));
+  EXPECT_THAT(message([](HypothesisRule& rule) { rule.same_landmark_m = -1; }),
+              HasSubstr("rule.same_landmark_m must not be negative, and finite, got -1"));
   EXPECT_THAT(message([](HypothesisRule& rule) { rule.keyframes = -1; }),
               HasSubstr("rule.keyframes must not be negative, got -1"));
   EXPECT_THAT(message([&](HypothesisRule& rule) { rule.inlier_px = nan; }),
               HasSubstr("rule.inlier_px must be positive and finite, got nan"));
   EXPECT_THAT(message([](HypothesisRule& rule) { rule.inlier_depth = 0; }),
               HasSubstr("rule.inlier_depth must be positive and finite, got 0"));
-  EXPECT_THAT(message([](HypothesisRule& rule) { rule.least_inliers = 3; }),
-              HasSubstr("rule.least_inliers must be at least 4, got 3"));
+  EXPECT_THAT(message([](HypothesisRule& rule) { rule.min_inliers = 3; }),
+              HasSubstr("rule.min_inliers must be at least 4, got 3"));
   EXPECT_THAT(message([](HypothesisRule& rule) { rule.iterations = 0; }),
               HasSubstr("rule.iterations must be positive, got 0"));
   Seen seen;

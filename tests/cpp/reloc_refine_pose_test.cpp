@@ -11,7 +11,6 @@ namespace gslts::reloc {
 namespace {
 
 using align::RgbdView;
-using align::Vector6;
 using namespace align::testing;
 
 /// The same in several resolutions, the coarsest first.
@@ -28,11 +27,11 @@ struct Pyramid {
 };
 
 double off_m(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
-  return (a.translation() - b.translation()).norm();
+  return pose_distance(a, b).m;
 }
 
 double off_rad(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
-  return Eigen::AngleAxisd(a.linear().transpose() * b.linear()).angle();
+  return pose_distance(a, b).rad;
 }
 
 TEST(RefinePose, ComesBackFromCentimetresAndDegrees) {
@@ -195,7 +194,7 @@ TEST(RefinePose, RefusesWhatIsNoPictureOrNoRule) {
   nowhere.translation().x() = std::numeric_limits<double>::quiet_NaN();
   EXPECT_THROW(refine_pose({map.view()}, pyramid.views, nowhere), std::invalid_argument);
   for (const auto spoil : {+[](RefineRule& rule) { rule.iterations = -1; },
-                           +[](RefineRule& rule) { rule.least_step_m = -1; },
+                           +[](RefineRule& rule) { rule.min_step_m = -1; },
                            +[](RefineRule& rule) { rule.cost.color_scale = 0; },
                            +[](RefineRule& rule) { rule.cost.depth_scale = -1; },
                            +[](RefineRule& rule) { rule.cost.depth_weight = -1; },

@@ -260,8 +260,8 @@ TEST(RegisterCloudsErrors, NameWhatIsWrong) {
   rule.voxel_m = 0;
   EXPECT_THAT(message_of(points, points, rule), HasSubstr("voxel_m must be in 1e-4..10, got 0"));
   rule = {};
-  rule.most_distant_m = double(nan);
-  EXPECT_THAT(message_of(points, points, rule), HasSubstr("most_distant_m must be in (0, 100]"));
+  rule.max_distance_m = double(nan);
+  EXPECT_THAT(message_of(points, points, rule), HasSubstr("max_distance_m must be in (0, 100]"));
   rule = {};
   rule.neighbours = 3;
   EXPECT_THAT(message_of(points, points, rule), HasSubstr("neighbours must be at least 4, got 3"));

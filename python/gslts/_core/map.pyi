@@ -38,7 +38,7 @@ class Camera:
         ...
     def cropped(self, x0: int, y0: int, x1: int, y1: int) -> Camera:
         """
-        The same camera with a part of its image: columns [x0, x1) and rows [y0, y1).
+        Crop the image of the camera to columns [x0, x1) and rows [y0, y1).
         
         What it renders is that part, but for Gaussians centred far outside it: 3DGS projects those as if
         they were at 1.3 times the edge of the view.
@@ -103,7 +103,7 @@ class GaussianViewDouble:
         """
 def camera_from_fov(width: int, height: int, horizontal_fov_rad: typing.SupportsFloat | typing.SupportsIndex, world_from_camera: numpy.ndarray | None = None) -> Camera:
     """
-    Camera with square pixels and the principal point at the image centre.
+    Make a camera with square pixels and the principal point at the image centre.
     
     Args:
         width, height: Image size, px.
@@ -116,7 +116,7 @@ def camera_from_fov(width: int, height: int, horizontal_fov_rad: typing.Supports
     """
 def look_at(eye: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"], target: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"], up: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"] = ...) -> numpy.typing.NDArray[numpy.float64]:
     """
-    Pose of a camera at `eye` that looks at `target`, its image upright with respect to `up`.
+    Compute the pose of a camera that looks at a point, its image upright.
     
     Args:
         eye: (3,) camera centre in the world, m.
@@ -131,13 +131,13 @@ def look_at(eye: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]
     """
 def scatter_rows_double(rows: numpy.ndarray, values: numpy.ndarray, size: typing.SupportsInt | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.float64]:
     """
-    [size,K] zeros but for `values` [V,K] at `rows` [V] uint32, which ascend.
+    Scatter `values` [V,K] to `rows` [V] uint32, ascending, of an array of zeros [size,K].
     """
 def scatter_rows_float(rows: numpy.ndarray, values: numpy.ndarray, size: typing.SupportsInt | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.float32]:
     """
-    [size,K] zeros but for `values` [V,K] at `rows` [V] uint32, which ascend.
+    Scatter `values` [V,K] to `rows` [V] uint32, ascending, of an array of zeros [size,K].
     """
 def scatter_rows_uint32(rows: numpy.ndarray, values: numpy.ndarray, size: typing.SupportsInt | typing.SupportsIndex) -> numpy.typing.NDArray[numpy.uint32]:
     """
-    [size,K] zeros but for `values` [V,K] at `rows` [V] uint32, which ascend.
+    Scatter `values` [V,K] to `rows` [V] uint32, ascending, of an array of zeros [size,K].
     """

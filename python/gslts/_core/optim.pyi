@@ -38,57 +38,57 @@ class AdamRates:
     """
     Learning rates by group of parameters; immutable.
     
-    A group with rate 0 stays, and so do its moments.
+    A group with rate 0 and its moments stay unchanged.
     
     Args:
-        means: Of the centres, m.
-        quats: Of the rotations.
-        log_scales: Of the logarithms of the scales.
-        logit_opacities: Of the logits of the opacities.
-        sh_dc: Of the three SH coefficients of degree 0.
-        sh_rest: Of all other SH coefficients.
-        features: Of the semantic features.
+        means: Centres, m.
+        quats: Rotations.
+        log_scales: Logarithms of the scales.
+        logit_opacities: Logits of the opacities.
+        sh_dc: The three SH coefficients of degree 0.
+        sh_rest: All other SH coefficients.
+        features: Semantic features.
     """
     def __init__(self, *, means: typing.SupportsFloat | typing.SupportsIndex = 0.0, quats: typing.SupportsFloat | typing.SupportsIndex = 0.0, log_scales: typing.SupportsFloat | typing.SupportsIndex = 0.0, logit_opacities: typing.SupportsFloat | typing.SupportsIndex = 0.0, sh_dc: typing.SupportsFloat | typing.SupportsIndex = 0.0, sh_rest: typing.SupportsFloat | typing.SupportsIndex = 0.0, features: typing.SupportsFloat | typing.SupportsIndex = 0.0) -> None:
         ...
     @property
     def features(self) -> float:
         """
-        Of the semantic features.
+        Semantic features.
         """
     @property
     def log_scales(self) -> float:
         """
-        Of the logarithms of the scales.
+        Logarithms of the scales.
         """
     @property
     def logit_opacities(self) -> float:
         """
-        Of the logits of the opacities.
+        Logits of the opacities.
         """
     @property
     def means(self) -> float:
         """
-        Of the centres, m.
+        Centres, m.
         """
     @property
     def quats(self) -> float:
         """
-        Of the rotations.
+        Rotations.
         """
     @property
     def sh_dc(self) -> float:
         """
-        Of the SH coefficients of degree 0.
+        SH coefficients of degree 0.
         """
     @property
     def sh_rest(self) -> float:
         """
-        Of all other SH coefficients.
+        All other SH coefficients.
         """
 class AdamFloat:
     """
-    Adam over a map of one precision; see gslts.Adam.
+    Adam over a map of one precision; see gslts.rendering.adam.Adam.
     """
     @typing.overload
     def __init__(self, gaussians: gslts._core.map.GaussianViewFloat, *, options: AdamOptions) -> None:
@@ -98,23 +98,23 @@ class AdamFloat:
         ...
     def arrays(self) -> dict[str, numpy.ndarray]:
         """
-        The arrays of the map by name, as they are now and after every step.
+        Return the arrays of the map by name; they change with every step.
         """
     def select(self, rows: numpy.ndarray) -> tuple[numpy.typing.NDArray[numpy.float32], numpy.typing.NDArray[numpy.float32], numpy.typing.NDArray[numpy.uint32]]:
         """
-        The state of a map whose Gaussian i was Gaussian rows[i], or is new if that is -1.
+        Return the state for a map whose Gaussian i was Gaussian rows[i], or is new if that is -1.
         """
     def state(self) -> tuple[numpy.typing.NDArray[numpy.float32], numpy.typing.NDArray[numpy.float32], numpy.typing.NDArray[numpy.uint32]]:
         """
-        Copies of the moments and steps.
+        Return copies of the moments and steps.
         """
     def step(self, *, rows: numpy.ndarray, dL_dmeans: numpy.ndarray, dL_dquats: numpy.ndarray, dL_dlog_scales: numpy.ndarray, dL_dlogit_opacities: numpy.ndarray, dL_dsh: numpy.ndarray, dL_dfeatures: numpy.ndarray, rates: AdamRates, threads: int) -> None:
         """
-        Moves the Gaussians at `rows`.
+        Update the Gaussians at `rows`.
         """
 class AdamDouble:
     """
-    Adam over a map of one precision; see gslts.Adam.
+    Adam over a map of one precision; see gslts.rendering.adam.Adam.
     """
     @typing.overload
     def __init__(self, gaussians: gslts._core.map.GaussianViewDouble, *, options: AdamOptions) -> None:
@@ -124,29 +124,29 @@ class AdamDouble:
         ...
     def arrays(self) -> dict[str, numpy.ndarray]:
         """
-        The arrays of the map by name, as they are now and after every step.
+        Return the arrays of the map by name; they change with every step.
         """
     def select(self, rows: numpy.ndarray) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.uint32]]:
         """
-        The state of a map whose Gaussian i was Gaussian rows[i], or is new if that is -1.
+        Return the state for a map whose Gaussian i was Gaussian rows[i], or is new if that is -1.
         """
     def state(self) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.uint32]]:
         """
-        Copies of the moments and steps.
+        Return copies of the moments and steps.
         """
     def step(self, *, rows: numpy.ndarray, dL_dmeans: numpy.ndarray, dL_dquats: numpy.ndarray, dL_dlog_scales: numpy.ndarray, dL_dlogit_opacities: numpy.ndarray, dL_dsh: numpy.ndarray, dL_dfeatures: numpy.ndarray, rates: AdamRates, threads: int) -> None:
         """
-        Moves the Gaussians at `rows`.
+        Update the Gaussians at `rows`.
         """
 class Exposure:
     """
-    Colour correction of one photograph; immutable.
+    Colour correction of one image; immutable.
     
-    photograph = gain * rendering + offset, for each channel.
+    observed = gain * rendered + offset, for each channel.
     
     Args:
-        gain: Of red, green and blue.
-        offset: Of red, green and blue.
+        gain: Factors of red, green and blue.
+        offset: Offsets of red, green and blue.
     """
     __hash__: typing.ClassVar[None] = None
     def __eq__(self, other: Exposure) -> bool:
@@ -158,12 +158,12 @@ class Exposure:
     @property
     def gain(self) -> tuple:
         """
-        Of red, green and blue.
+        Factors of red, green and blue.
         """
     @property
     def offset(self) -> tuple:
         """
-        Of red, green and blue.
+        Offsets of red, green and blue.
         """
 def depth_loss_double(depth: numpy.ndarray, target: numpy.ndarray, *, mask: numpy.ndarray | None, relative: bool, threads: int) -> tuple[float, int, numpy.typing.NDArray[numpy.float64]]:
     """

@@ -10,13 +10,13 @@ import typing
 __all__: list[str] = ['CloudRule', 'FeatureRule', 'Fit', 'Hypothesis', 'HypothesisRule', 'LandmarkIndex', 'RefineRule', 'RefinedPose', 'Registration', 'features_of', 'hypotheses_of', 'refine_pose', 'register_clouds']
 class FeatureRule:
     """
-    How many features of a picture are taken, and how.
+    Settings of feature extraction.
     
     Args:
-        count: At most so many, spread over the picture.
-        scale_step: Between the levels of the pyramid, above 1.
-        levels: Of the pyramid, 1 to 16.
-        fast_threshold: Least difference of grey of a corner, 1 to 254.
+        count: Maximum number of features, spread over the image.
+        scale_step: Ratio of the sizes of neighbouring levels of the pyramid, above 1.
+        levels: Number of levels of the pyramid, 1 to 16.
+        fast_threshold: Minimum grey difference of a FAST corner, 1 to 254.
     """
     def __init__(self, *, count: int = 1000, scale_step: typing.SupportsFloat | typing.SupportsIndex = 1.2, levels: int = 8, fast_threshold: int = 10) -> None:
         ...
@@ -34,24 +34,21 @@ class FeatureRule:
         ...
 class HypothesisRule:
     """
-    How poses are guessed from features.
+    Settings of the search for hypotheses.
     
     Args:
-        neighbours: Landmarks that a feature may be, 1 to 16.
-        most_bits: Hamming distance of what may be the same corner, 0 to 256.
-        ratio: Of the distances to the nearest landmark and to the next one that is elsewhere, for
+        neighbours: Landmarks that are considered for each feature, 1 to 16.
+        max_bits: Maximum Hamming distance of a match, 0 to 256.
+        ratio: Maximum ratio of the distances to the nearest landmark and to the next one elsewhere, for
             matches among all landmarks, above 0 and at most 1.
-        elsewhere_m: Landmarks that are nearer to each other are one corner, m.
-        keyframes: With the most votes, that are tried one by one.
-        inlier_px: Error of the reprojection of an inlier, px.
-        inlier_depth: Relative error of its depth, where it is measured.
-        least_inliers: Of a pose worth looking at, at least 4.
-        iterations: Poses that each RANSAC tries at most.
+        same_landmark_m: Landmarks that are nearer to each other count as one, m.
+        keyframes: Number of keyframes that are tried one by one, by votes.
+        inlier_px: Maximum reprojection error of an inlier, px.
+        inlier_depth: Maximum relative error of its measured depth.
+        min_inliers: Minimum number of inliers of a hypothesis, at least 4.
+        iterations: Maximum number of poses that each RANSAC tries.
     """
-    def __init__(self, *, neighbours: int = 4, most_bits: int = 64, ratio: typing.SupportsFloat | typing.SupportsIndex = 0.85, elsewhere_m: typing.SupportsFloat | typing.SupportsIndex = 0.1, keyframes: int = 8, inlier_px: typing.SupportsFloat | typing.SupportsIndex = 4.0, inlier_depth: typing.SupportsFloat | typing.SupportsIndex = 0.05, least_inliers: int = 10, iterations: int = 500) -> None:
-        ...
-    @property
-    def elsewhere_m(self) -> float:
+    def __init__(self, *, neighbours: int = 4, max_bits: int = 64, ratio: typing.SupportsFloat | typing.SupportsIndex = 0.85, same_landmark_m: typing.SupportsFloat | typing.SupportsIndex = 0.1, keyframes: int = 8, inlier_px: typing.SupportsFloat | typing.SupportsIndex = 4.0, inlier_depth: typing.SupportsFloat | typing.SupportsIndex = 0.05, min_inliers: int = 10, iterations: int = 500) -> None:
         ...
     @property
     def inlier_depth(self) -> float:
@@ -66,10 +63,10 @@ class HypothesisRule:
     def keyframes(self) -> int:
         ...
     @property
-    def least_inliers(self) -> int:
+    def max_bits(self) -> int:
         ...
     @property
-    def most_bits(self) -> int:
+    def min_inliers(self) -> int:
         ...
     @property
     def neighbours(self) -> int:
@@ -77,16 +74,19 @@ class HypothesisRule:
     @property
     def ratio(self) -> float:
         ...
+    @property
+    def same_landmark_m(self) -> float:
+        ...
 class LandmarkIndex:
     """
-    Finds landmarks by their descriptors.
+    Approximate nearest-neighbour index of landmarks, by their descriptors.
     
-    It keeps a copy of the landmarks; the same ones give the same index.
+    It keeps a copy of the landmarks; the same landmarks give the same index.
     
     Args:
         positions: [L,3] float32 from the map's origin, m.
         descriptors: [L,32] uint8, ORB.
-        keyframes: [L] int32, row of the keyframe that saw it.
+        keyframes: [L] int32, index of the keyframe that saw each.
     
     Raises:
         ValueError: A position is not finite, a keyframe is negative, or an array does not fit.
@@ -99,15 +99,15 @@ class LandmarkIndex:
         ...
     def match(self, descriptors: numpy.ndarray, k: int) -> tuple[numpy.typing.NDArray[numpy.int32], numpy.typing.NDArray[numpy.int32]]:
         """
-        The landmarks that are most like each of M features.
+        Find the nearest landmarks of each of M features.
         
         Args:
             descriptors: [M,32] uint8 of the features.
-            k: How many of each, 1 to 16.
+            k: Number of landmarks per feature, 1 to 16.
         
         Returns:
-            landmarks: [M,k] int32 rows, the most like it first; -1 where fewer were found.
-            distances: [M,k] int32, bits that differ; 256 where fewer were found.
+            landmarks: [M,k] int32 rows, the nearest first; -1 where fewer were found.
+            distances: [M,k] int32, Hamming distance in bits; 256 where fewer were found.
         
         Raises:
             ValueError: k is out of range, or the array does not fit.
@@ -119,12 +119,12 @@ class Hypothesis:
     @property
     def inliers(self) -> int:
         """
-        Corners that it explains.
+        Number of keypoints that it explains.
         """
     @property
     def keyframe(self) -> int:
         """
-        Row of the keyframe that it was found with; -1 if with all of them.
+        Index of the keyframe whose landmarks gave it; -1 for all landmarks.
         """
     @property
     def world_from_camera(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -133,21 +133,21 @@ class Hypothesis:
         """
 class CloudRule:
     """
-    How clouds are brought together.
+    Settings of the registration of two clouds.
     
     Args:
-        voxel_m: Both clouds are thinned to one point in each, m, 1e-4 to 10.
-        most_distant_m: Points that are farther apart are not paired, m, above 0 and up to 100.
-        neighbours: Of a point, that tell its plane, at least 4.
-        iterations: At most, at least 1.
+        voxel_m: Edge of the voxels that both are downsampled to, m, 1e-4 to 10.
+        max_distance_m: Maximum distance of corresponding points, m, above 0 and up to 100.
+        neighbours: Number of points that determine the plane at a point, at least 4.
+        iterations: Maximum number, at least 1.
     """
-    def __init__(self, *, voxel_m: typing.SupportsFloat | typing.SupportsIndex = 0.05, most_distant_m: typing.SupportsFloat | typing.SupportsIndex = 0.15, neighbours: int = 12, iterations: int = 20) -> None:
+    def __init__(self, *, voxel_m: typing.SupportsFloat | typing.SupportsIndex = 0.05, max_distance_m: typing.SupportsFloat | typing.SupportsIndex = 0.15, neighbours: int = 12, iterations: int = 20) -> None:
         ...
     @property
     def iterations(self) -> int:
         ...
     @property
-    def most_distant_m(self) -> float:
+    def max_distance_m(self) -> float:
         ...
     @property
     def neighbours(self) -> int:
@@ -157,22 +157,22 @@ class CloudRule:
         ...
 class Registration:
     """
-    A motion that brings one cloud onto another.
+    A rigid motion that registers one cloud with another.
     """
     @property
     def converged(self) -> bool:
         """
-        Whether it came to rest before the iterations ran out. False also where a thinned cloud has fewer points than `neighbours`: then the guess comes back, with no overlap.
+        Whether the motion converged within the iterations. False also where a downsampled cloud has fewer points than `neighbours`: then the guess is returned, with no overlap.
         """
     @property
     def overlap(self) -> float:
         """
-        Share of the thinned source points that have a partner, 0 to 1.
+        Share of the downsampled source points with a correspondence, 0 to 1.
         """
     @property
     def rms_m(self) -> float:
         """
-        Of their distances from the planes of their partners, m; 0 if there are none.
+        RMS distance of these from the planes of the target, m; 0 if there are none.
         """
     @property
     def target_from_source(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -181,29 +181,29 @@ class Registration:
         """
 class RefineRule:
     """
-    How a pose is refined.
+    Settings of the refinement of a pose.
     
     Args:
-        iterations: At each resolution, at most.
-        least_step_m: A step that is shorter, and turns less than so many rad, is the last one; twice as
-            much at half the resolution, and so on.
-        color_scale: Difference of a channel at which trust begins to end.
-        depth_scale: The same of the depth, as a share of it.
-        depth_weight: Of the depth, against the colours.
-        alpha_min: Where less of the map is, it was never seen.
-        threads: 0 means one a hardware thread.
+        iterations: Maximum number at each resolution.
+        min_step_m: Length of a step, m and rad, below which it is the last one at full size; twice as
+            much at half the size, and so on.
+        color_scale: Scale of the robust loss of a colour difference, 0 to 1.
+        depth_scale: The same of a relative depth difference.
+        depth_weight: Weight of depth against colour.
+        alpha_min: Minimum alpha where the map is known.
+        threads: 0 means one per hardware thread.
     """
-    def __init__(self, *, iterations: typing.SupportsInt | typing.SupportsIndex = 8, least_step_m: typing.SupportsFloat | typing.SupportsIndex = 0.0001, color_scale: typing.SupportsFloat | typing.SupportsIndex = 0.08, depth_scale: typing.SupportsFloat | typing.SupportsIndex = 0.03, depth_weight: typing.SupportsFloat | typing.SupportsIndex = 0.1, alpha_min: typing.SupportsFloat | typing.SupportsIndex = 0.9, threads: typing.SupportsInt | typing.SupportsIndex = 0) -> None:
+    def __init__(self, *, iterations: typing.SupportsInt | typing.SupportsIndex = 8, min_step_m: typing.SupportsFloat | typing.SupportsIndex = 0.0001, color_scale: typing.SupportsFloat | typing.SupportsIndex = 0.08, depth_scale: typing.SupportsFloat | typing.SupportsIndex = 0.03, depth_weight: typing.SupportsFloat | typing.SupportsIndex = 0.1, alpha_min: typing.SupportsFloat | typing.SupportsIndex = 0.9, threads: typing.SupportsInt | typing.SupportsIndex = 0) -> None:
         ...
 class Fit:
     """
-    How well a picture fits a map.
+    How well an image fits a map, in shares of pixels.
     
     Attributes:
-        known: Share of the pixels that may count that the map fills.
-        alike: Share of that where colours are alike.
-        measured: Share of that where depth was measured.
-        near: Share of this where it is near that of the map.
+        known: Of the pixels that may count: where the map is known.
+        alike: Of these: where colours differ by less than `color_scale`.
+        measured: Of the known pixels: where depth was measured.
+        near: Of these: where depth differs by less than `depth_scale`.
     """
     @property
     def alike(self) -> float:
@@ -219,16 +219,16 @@ class Fit:
         ...
 class RefinedPose:
     """
-    A pose where a picture fits a map best.
+    The pose at which an image fits a map best.
     
     Attributes:
         world_from_camera: [4,4].
-        curvature: [6,6] of the cost there, by a twist (rho, phi) of world_from_camera @ exp(rho, phi):
-            m before rad.
-        cost: Mean over the pixels that count.
-        fit: There, too.
-        iterations: Of all resolutions.
-        converged: Whether the last resolution ended before its iterations did.
+        curvature: [6,6] of the cost at the pose, by a twist (rho, phi) of
+            world_from_camera @ exp(rho, phi), m before rad.
+        cost: Mean over the known pixels.
+        fit: How well the image fits there.
+        iterations: Sum over all resolutions.
+        converged: Whether the last resolution converged within its iterations.
     """
     @property
     def converged(self) -> bool:
@@ -250,12 +250,12 @@ class RefinedPose:
         ...
 def features_of(grey: numpy.ndarray, mask: numpy.ndarray | None, rule: FeatureRule) -> tuple[numpy.typing.NDArray[numpy.float32], numpy.typing.NDArray[numpy.uint8]]:
     """
-    Corners of a picture with descriptors, the strongest of each part of it.
+    Extract keypoints with descriptors, the strongest of each part of an image.
     
     Args:
         grey: [H,W] uint8.
         mask: [H,W] bool, True where features are wanted. None: everywhere.
-        rule: How many, and how.
+        rule: Settings.
     
     Returns:
         pixels: [M,2] float32, (u, v); pixel centres are at + 0.5.
@@ -268,18 +268,19 @@ def features_of(grey: numpy.ndarray, mask: numpy.ndarray | None, rule: FeatureRu
     """
 def hypotheses_of(camera: gslts._core.map.Camera, pixels: numpy.ndarray, descriptors: numpy.ndarray, depths: numpy.ndarray, index: LandmarkIndex, rule: HypothesisRule) -> list[Hypothesis]:
     """
-    Poses that a picture may have been taken from.
+    Find poses from which an image may have been taken.
     
     Args:
-        camera: Its intrinsics; its pose is not used.
-        pixels: [M,2] float32 of its features.
-        descriptors: [M,32] uint8 of them.
-        depths: [M] float32 of them, z, m; 0 and NaN mean no measurement.
-        index: The landmarks of the map.
-        rule: How they are found.
+        camera: Intrinsics of the image; its pose is not used.
+        pixels: [M,2] float32, positions of its features, px.
+        descriptors: [M,32] uint8 of the features.
+        depths: [M] float32, z of the features, m; 0 and NaN mean no measurement.
+        index: Landmarks of the map.
+        rule: Settings.
     
     Returns:
-        Those with most inliers first; poses that are nearly the same only once.
+        Hypotheses by descending number of inliers, without poses within 5 cm and 3 degrees of each
+        other.
     
     Raises:
         ValueError: An array does not fit, a pixel is not finite, or the rule is out of range.
@@ -289,30 +290,36 @@ def hypotheses_of(camera: gslts._core.map.Camera, pixels: numpy.ndarray, descrip
     """
 def refine_pose(maps: collections.abc.Sequence[gslts._core.map.GaussianViewFloat], cameras: collections.abc.Sequence[gslts._core.map.Camera], photos: collections.abc.Sequence[numpy.ndarray], *, measured: collections.abc.Sequence[numpy.ndarray] | None = None, masks: collections.abc.Sequence[numpy.ndarray] | None = None, rule: RefineRule) -> RefinedPose:
     """
-    Where a picture fits a map best, near a pose.
+    Refine the pose of an image in a map.
     
     Args:
-        maps: Views of a float32 map: one for all pictures, or one for each.
-        cameras: Of one picture in several resolutions, the coarsest first; the pose of the first one is
-            where the search starts.
+        maps: Views of a float32 map: one for all images, or one per image.
+        cameras: Cameras of one image in several resolutions, the coarsest first; the search starts at
+            the pose of the first one.
         photos: [H,W,3] float32 sRGB of each, 0 to 1.
         measured: [H,W] float32 depth of each, m, 0 or NaN where there is none; None means without.
         masks: [H,W] bool of each, pixels that may count; None means all.
         rule: Settings.
     
+    Returns:
+        The pose; the start, not converged, if the map is not seen from there.
+    
+    Raises:
+        ValueError: An array does not fit its camera, or a camera or a setting is invalid.
+    
     Source: iComMa, Sun et al. 2023.
     """
 def register_clouds(source: numpy.ndarray, target: numpy.ndarray, guess: numpy.ndarray, *, rule: CloudRule) -> Registration:
     """
-    Brings the surfaces of one cloud onto those of another: generalised ICP.
+    Register two clouds by generalised ICP, plane to plane.
     
-    Along a single plane or a corridor nothing holds the clouds; there the motion stays near the guess.
+    Where the clouds do not constrain the motion, such as along a wall, it stays near the guess.
     
     Args:
         source: [N,3] float32, m.
-        target: [M,3] float32, m; only what is around the source counts.
-        guess: [4,4] float64 target_from_source, some `most_distant_m` off at most.
-        rule: How it is done.
+        target: [M,3] float32, m; only points near the source are used.
+        guess: [4,4] float64 target_from_source, up to about `max_distance_m` off.
+        rule: Settings.
     
     Raises:
         ValueError: A point is not finite, the guess is not a rigid motion, the rule is out of range, or

@@ -43,7 +43,7 @@ class Shading:
         weights: [H,W,2] float32, barycentric weights of its second and third corner.
         pixel_rad: Angle of a pixel, 1 / focal length.
         lights: [L,4,3] float64, center, edge_u, edge_v (m) and radiance of each.
-        threads: 0 means one a hardware thread; the result does not depend on it.
+        threads: 0 means one per hardware thread; the result does not depend on it.
     
     Raises:
         ValueError: An array does not fit, a hit names a triangle that is not there, or threads is
@@ -93,7 +93,7 @@ def intersect_triangles(rays: numpy.ndarray, hit: numpy.ndarray, corners: numpy.
         rays: [N,6] float32 origins, m, and directions of any length, world.
         hit: [N] uint32 index of the triangle; 0xffffffff where nothing is hit.
         corners: [T,3,3] float32, m, world.
-        threads: 0 means one a hardware thread; the result does not depend on it.
+        threads: 0 means one per hardware thread; the result does not depend on it.
     
     Returns:
         Distances [N] float32 in lengths of the direction, infinite for a miss; and barycentric weights
@@ -112,7 +112,7 @@ def measure_color(radiance: numpy.ndarray, *, normals: numpy.ndarray | None, gai
         gains: Factors of red, green and blue.
         vignetting: Share of the light that is lost in the corners.
         noise_std: Of the noise of each number of the image, 0 to 1.
-        threads: 0 means one a hardware thread; the result does not depend on it.
+        threads: 0 means one per hardware thread; the result does not depend on it.
     
     Returns:
         [H,W,3] uint8
@@ -135,7 +135,7 @@ def measure_depth(depth: numpy.ndarray, cosines: numpy.ndarray, *, normals: nump
         least_cosine: Surfaces at a smaller cosine to the ray give no depth.
         edge_dropout: Probability that a pixel at an edge of the depth gives none.
         dropout: Probability that any other pixel gives none.
-        threads: 0 means one a hardware thread; the result does not depend on it.
+        threads: 0 means one per hardware thread; the result does not depend on it.
     
     Returns:
         [H,W] float32, m; 0 where nothing is measured.

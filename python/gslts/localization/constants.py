@@ -11,9 +11,17 @@ import numpy as np
 
 # Direct image alignment.
 CORRELATED_PIXELS = 50.0
-"""Number of pixels that count as one independent measurement, as errors of neighbours correlate;
-weighs a prior on the pose against the images. In the real room, six times the weight on poses
-corrected by the map cost 0.5 dB, in a simulated one it gained 0.9 dB."""
+"""Number of bins of 2 x 2 pixels that count as one independent measurement of `align`, as errors of
+neighbours correlate; weighs a prior on the pose against the images. In the real room, six times the
+weight on poses corrected by the map cost 0.5 dB, in a simulated one it gained 0.9 dB."""
+CORRELATED_REFINEMENT_PIXELS = 20.0
+"""The same number for single pixels of `refine_pose`, in the covariance of a pose.
+
+The numbers differ because the units do: `align` assumes errors of grey of 0.02, so that 50 bins
+give 12.5 units of information per pixel; `refine_pose` scales colours by 0.08, so that 20 pixels
+give 7.8. One value for both calibrates covariances worse: with 12.5 in place of 20, the squared
+error of poses in units of their covariance, 1 if calibrated, rises from 1.2 to 1.4 in 28 views of a
+kitchen. On the twelve homes of benchmarks/README.md, 20 gives 0.7 to 1.4."""
 DEPTH_WEIGHT = 0.03
 """Weight of the depth residuals: their errors are the same in neighbouring pixels and frames, and
 colours must fit first. With 0.1, poses are no better; with 1, their error is three times as large
@@ -113,7 +121,5 @@ The first score was raised from 0.85 after a wrong pose with 0.91 and 18 keypoin
 texture in a home of seed 20. The last pair was added after two wrong poses in the table of the
 homes of seeds 0 to 3, with 0.6 and 20 (a view of another home) and 0.68 and 21 keypoints; no
 correct pose of that table with a score below 0.8 had fewer than 36."""
-CORRELATED_REFINEMENT_PIXELS = 20.0
-"""Number of pixels that count as one independent measurement in the covariance of a pose."""
 MAP_STDS = (0.0015, 0.0004)
 """Standard deviations of the map itself per axis, m and rad: most of the error of a good pose."""

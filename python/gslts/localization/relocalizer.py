@@ -211,7 +211,7 @@ class Relocalizer:
             measured=[pyramid.depths[level] for level in levels],
             masks=[pyramid.used_pixels(level) for level in levels],
             rule=_core.RefineRule(
-                iterations=config.iterations, least_step_m=MIN_STEP_M, threads=config.threads
+                iterations=config.iterations, min_step_m=MIN_STEP_M, threads=config.threads
             ),
         )
 

@@ -133,13 +133,13 @@ def test_nothing_is_found_in_an_empty_map() -> None:
             HypothesisRule,
             {
                 "neighbours": 3,
-                "most_bits": 50,
+                "max_bits": 50,
                 "ratio": 0.7,
-                "elsewhere_m": 0.2,
+                "same_landmark_m": 0.2,
                 "keyframes": 4,
                 "inlier_px": 2.5,
                 "inlier_depth": 0.1,
-                "least_inliers": 12,
+                "min_inliers": 12,
                 "iterations": 99,
             },
         ),
@@ -184,5 +184,5 @@ def test_wrong_arrays_are_rejected() -> None:
         reloc.hypotheses_of(CAMERA, pixels, looks, depths[1:], index, rule)
     with pytest.raises(ValueError, match=r"features\.pixels must be finite, got nan"):
         reloc.hypotheses_of(CAMERA, np.full_like(pixels, np.nan), looks, depths, index, rule)
-    with pytest.raises(ValueError, match=r"rule\.least_inliers must be at least 4, got 3"):
-        reloc.hypotheses_of(CAMERA, pixels, looks, depths, index, HypothesisRule(least_inliers=3))
+    with pytest.raises(ValueError, match=r"rule\.min_inliers must be at least 4, got 3"):
+        reloc.hypotheses_of(CAMERA, pixels, looks, depths, index, HypothesisRule(min_inliers=3))

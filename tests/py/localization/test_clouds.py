@@ -55,8 +55,8 @@ def test_with_few_points_the_guess_is_returned() -> None:
 
 
 def test_a_rule_keeps_its_settings() -> None:
-    rule = CloudRule(voxel_m=0.1, most_distant_m=0.3, neighbours=8, iterations=5)
-    assert (rule.voxel_m, rule.most_distant_m) == (0.1, 0.3)
+    rule = CloudRule(voxel_m=0.1, max_distance_m=0.3, neighbours=8, iterations=5)
+    assert (rule.voxel_m, rule.max_distance_m) == (0.1, 0.3)
     assert (rule.neighbours, rule.iterations) == (8, 5)
     with pytest.raises(TypeError):
         CloudRule(0.1)

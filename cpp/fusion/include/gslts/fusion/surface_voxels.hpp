@@ -23,15 +23,15 @@ struct VoxelSums {
   Array<std::int64_t> hits;  ///< [V] frames with points in the voxel.
 };
 
-/// Fuses depth images: what they measured of surfaces, summed within cubes of the world.
+/// Fuses depth images: sums of the measured surface points in voxels of the world.
 ///
-/// All is added in the order of the frames and of their pixels, in double and relative to a corner
-/// near the first camera, so that nothing is lost far from the world's origin. Not to be used by
-/// two threads at once.
+/// Sums are taken in the order of the frames and of their pixels, in double and relative to a
+/// corner near the first camera, so that no precision is lost far from the world's origin. Not
+/// thread-safe.
 class SurfaceVoxels {
  public:
-  /// @param edge_m  Of the voxels, whose corners are multiples of it.
-  /// @param pixel_step  Of every so many rows and columns one is looked at.
+  /// @param edge_m  Edge of the voxels, whose corners are multiples of it, m.
+  /// @param pixel_step  Every n-th row and column of an image is used.
   /// @throws std::invalid_argument  if the edge is not positive and finite, or the step below 1.
   SurfaceVoxels(double edge_m, int pixel_step);
 
@@ -40,14 +40,14 @@ class SurfaceVoxels {
   ///
   /// @param depth  [H,W] z, m; 0 and NaN mean no measurement.
   /// @param rgb  [H,W,3] sRGB.
-  /// @param mask  [H,W] 0 where nothing was seen; null means that all was.
+  /// @param mask  [H,W] 0 where pixels are invalid; null means that all are valid.
   /// @throws std::invalid_argument  if the camera is invalid, a depth is negative or infinite, the
-  ///   camera is so far from the world's origin that voxels cannot be told apart, or a point is
-  ///   about 2^20 voxels from the first camera. Nothing has been added then.
+  ///   camera is farther from the world's origin than 2^40 voxels, or a point is about 2^20 voxels
+  ///   from the first camera. Nothing has been added then.
   void add(const float* depth, const std::uint8_t* rgb, const Camera& camera,
            const std::uint8_t* mask);
 
-  /// All voxels so far, with positions in the world.
+  /// Returns all voxels so far, with positions in the world.
   VoxelSums voxels() const;
 
  private:

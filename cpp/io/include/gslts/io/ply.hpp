@@ -9,10 +9,10 @@
 
 namespace gslts::io {
 
-/// What a PLY file holds.
+/// Contents of a PLY file.
 struct PlyContents {
   GaussianMap map;
-  /// Names of the properties of `vertex` that mean nothing to a map and were skipped.
+  /// Names of the properties of `vertex` that a map does not have; they were skipped.
   std::vector<std::string> ignored_properties;
 };
 
@@ -21,7 +21,7 @@ struct PlyContents {
 /// The element `vertex` has the properties x y z (`means`), f_dc_0..2 and f_rest_0..3(K-1)-1 (`sh`:
 /// f_rest holds the K-1 coefficients of red, then those of green, then those of blue), opacity
 /// (`logit_opacities`), scale_0..2 (`log_scales`) and rot_0..3 (`quats`, wxyz), in any order and of
-/// any scalar type; nx ny nz are skipped. What 3DGS does not know has names of its own: `features`
+/// any scalar type; nx ny nz are skipped. Extensions of 3DGS have names of their own: `features`
 /// are feature_0..D-1, ids that are not 0, 1, ... are id_low and id_high (uint, 32 bits each), and
 /// the origin is the comment `gslts origin X Y Z`. Files are ascii or binary of either byte order,
 /// and may have other elements. Axes and units stay as they are.
@@ -33,19 +33,18 @@ struct PlyContents {
 PlyContents read_ply(const std::string& path);
 
 /// Reads a map from the bytes of a PLY file; see `read_ply`.
-/// @param name  What to call the bytes in messages.
+/// @param name  Name of the bytes in messages.
 /// @throws std::runtime_error  as `read_ply`.
 PlyContents parse_ply(std::string_view bytes, const std::string& name);
 
 /// Writes a map as binary little-endian PLY, from which `read_ply` returns the same bits.
 ///
-/// The properties come in the order of 3DGS, with nx ny nz = 0 because some viewers count on them,
-/// then features and ids. The file is written beside its place and moved there when it is complete:
-/// other programs see the old file or the whole new one, and after an error the old one is still
-/// there.
+/// The properties come in the order of 3DGS, with nx ny nz = 0 because some viewers require them,
+/// then features and ids. The file is written under another name and renamed when it is complete:
+/// other programs see the old file or the complete new one, and an error leaves the old one.
 ///
 /// @param ids  [N] unique; null stands for 0, 1, ...
-/// @param path  Where to write; a symbolic link is followed.
+/// @param path  Path of the file; a symbolic link is followed.
 /// @throws std::invalid_argument  if the view is invalid, a number is not finite, an id occurs
 ///   twice, or the features are so many, over 9,000, that their names do not fit into a header.
 /// @throws std::system_error  naming the path, if the file cannot be written, or if the path is

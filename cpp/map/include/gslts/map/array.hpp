@@ -7,11 +7,13 @@
 
 namespace gslts {
 
-/// Uninitialised memory for an `Array`, aligned to cache lines. The kernel takes longer to hand out
-/// a page than a render takes to fill it, so released blocks of 64 KiB and more are kept, up to 128
-/// MiB of them, for arrays to come, and blocks of 4 MiB and more are asked for in huge pages.
+/// Allocates uninitialised memory for an `Array`, aligned to cache lines. The kernel takes longer
+/// to hand out a page than a render takes to fill it: released blocks of 64 KiB and more are kept,
+/// up to 128 MiB of them, for later arrays, and blocks of 4 MiB and more are requested in huge
+/// pages.
 /// @throws std::bad_alloc
 void* allocate_array(std::size_t bytes);
+/// Releases memory of `allocate_array`.
 void deallocate_array(void* pointer, std::size_t bytes) noexcept;
 
 /// Allocator behind `Array`: `resize` leaves numbers uninitialised, because images and gradients of

@@ -41,18 +41,19 @@ struct BasicGaussianMap {
   Array<std::uint64_t> ids;  ///< [N] unique, never used again once removed
 
   std::size_t size() const { return logit_opacities.size(); }
-  /// @throws std::invalid_argument  if an array is not as long as its shape says.
+  /// Returns a view of the arrays.
+  /// @throws std::invalid_argument  if the length of an array does not match its shape.
   GaussianView<T> view() const;
 };
 using GaussianMap = BasicGaussianMap<float>;
 
-/// N uninitialised Gaussians with ids first_id, first_id + 1, ...
+/// Makes N uninitialised Gaussians with ids first_id, first_id + 1, ...
 /// @throws std::invalid_argument  if sh_bases is not 1, 4, 9 or 16, or feature_dims is negative.
 template <typename T>
 BasicGaussianMap<T> make_gaussian_map(std::size_t size, int sh_bases, int feature_dims = 0,
                                       std::uint64_t first_id = 0);
 
-/// Some of the Gaussians, with their ids, in the order of `rows`.
+/// Selects Gaussians, with their ids, in the order of `rows`.
 /// @throws std::invalid_argument  if there is no such row, or the arrays do not fit each other.
 template <typename T>
 BasicGaussianMap<T> select(const BasicGaussianMap<T>& map, const std::vector<std::uint32_t>& rows);

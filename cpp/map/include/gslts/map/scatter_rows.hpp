@@ -7,10 +7,11 @@
 
 namespace gslts {
 
-/// A row-major array of `size` rows with the given ones in their places, and zeros elsewhere.
+/// Scatters rows into an array of zeros.
 ///
-/// @param rows  [count] where each row goes, ascending.
-/// @param values  [count, columns]
+/// @param rows  [count] index of each row in the result, ascending.
+/// @param values  [count,columns]
+/// @return  [size,columns]
 /// @throws std::invalid_argument  if `rows` do not ascend, or leave the array.
 template <typename T>
 Array<T> scatter_rows(const std::uint32_t* rows, const T* values, std::size_t count,

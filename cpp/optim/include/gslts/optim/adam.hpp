@@ -10,24 +10,25 @@
 
 namespace gslts::optim {
 
+/// Constants of Adam.
 struct AdamOptions {
   double beta1 = 0.9;    ///< Decay of the first moment, in [0, 1).
   double beta2 = 0.999;  ///< Decay of the second moment, in [0, 1).
   double eps = 1e-15;    ///< > 0; 3DGS's value, as gradients of a mean over pixels are tiny.
 };
 
-/// Learning rates, by group of parameters; a group with rate 0 stays, and so do its moments.
+/// Learning rates by group of parameters; a group with rate 0 and its moments stay unchanged.
 struct AdamRates {
   double means = 0;
   double quats = 0;
   double log_scales = 0;
   double logit_opacities = 0;
-  double sh_dc = 0;    ///< Of the three coefficients of degree 0.
-  double sh_rest = 0;  ///< Of all others.
+  double sh_dc = 0;    ///< The three coefficients of degree 0.
+  double sh_rest = 0;  ///< All other coefficients.
   double features = 0;
 };
 
-/// All that Adam remembers. A row holds the moments of a Gaussian's P = 11 + 3 K + D parameters:
+/// State of Adam. A row holds the moments of a Gaussian's P = 11 + 3 K + D parameters:
 /// mean, quaternion, log scales, logit opacity, SH, features.
 template <typename T>
 struct AdamState {
@@ -46,24 +47,24 @@ struct AdamState {
 template <typename T>
 class Adam {
  public:
-  /// Of a map of `size` Gaussians, before the first step.
+  /// Starts for a map of `size` Gaussians.
   /// @throws std::invalid_argument  if a number is out of range.
   explicit Adam(std::size_t size, int sh_bases, int feature_dims = 0,
                 const AdamOptions& options = {});
-  /// Goes on from a state, exactly.
-  /// @throws std::invalid_argument  if the arrays do not fit each other.
+  /// Continues from a state, exactly.
+  /// @throws std::invalid_argument  if the lengths of the arrays do not match.
   explicit Adam(AdamState<T> state, const AdamOptions& options = {});
 
   const AdamState<T>& state() const { return state_; }
 
-  /// Moves the Gaussians at gradients.rows.
+  /// Updates the Gaussians at gradients.rows.
   /// @throws std::invalid_argument  if map and gradients do not fit the state, the rows do not
   ///   ascend, a rate is negative or a gradient is not finite; then nothing has changed.
   void step(BasicGaussianMap<T>& map, const raster::GradientsView<T>& gradients,
             const AdamRates& rates, int threads = 0);
 
-  /// For a map whose Gaussian i was Gaussian rows[i], or is new if that is -1.
-  /// @throws std::invalid_argument  if there is no such row.
+  /// Returns the state for a map whose Gaussian i was Gaussian rows[i], or is new if that is -1.
+  /// @throws std::invalid_argument  if a row is out of range.
   Adam select(const std::vector<std::int64_t>& rows) const;
 
  private:
@@ -76,7 +77,7 @@ class Adam {
 
   AdamOptions options_;
   AdamState<T> state_;
-  std::vector<Correction> corrections_;  ///< By the number of steps, from 0.
+  std::vector<Correction> corrections_;  ///< Indexed by the number of steps, from 0.
   double power1_ = 1, power2_ = 1;       ///< beta1^t and beta2^t for t = corrections_.size().
 };
 

@@ -13,20 +13,23 @@
 
 namespace gslts::optim {
 
-/// Colour correction of one photograph, a channel: photograph = gain * rendering + offset.
+/// Colour correction of one image, per channel: observed = gain * rendered + offset.
 struct Exposure {
   std::array<double, 3> gain{1.0, 1.0, 1.0};
   std::array<double, 3> offset{0.0, 0.0, 0.0};
 };
 
-/// Least-squares fit of the exposure over the wanted pixels, in closed form. A channel in which the
-/// rendering is constant has gain 1.
-/// @param rgb, target  [H,W,3]
+/// Fits the exposure over the wanted pixels by least squares, in closed form. A channel in which
+/// the rendering is constant has gain 1.
+/// @param rgb, target  [H,W,3] rendered and observed colours.
+/// @param mask  Wanted pixels.
+/// @param threads  0 means one per hardware thread.
 /// @throws std::invalid_argument  if the mask has another size, or a wanted number is not finite.
 template <typename T>
 Exposure fit_exposure(const T* rgb, const T* target, int width, int height,
                       const PixelMask& mask = {}, int threads = 0);
 
+/// Value and gradient of `photometric_loss`.
 template <typename T>
 struct PhotometricLoss {
   double value = 0;  ///< (1 - lambda) l1 + lambda (1 - ssim)
@@ -35,9 +38,9 @@ struct PhotometricLoss {
   Array<T> dL_drgb;  ///< [H,W,3] zero where a pixel is not wanted
 };
 
-/// The colour loss of 3DGS (Kerbl et al. 2023, eq. 7): L1 and the structural similarity SSIM (Wang
-/// et al. 2004) of each channel, with a Gaussian window of 11 x 11 pixels and sigma 1.5, and C1 =
-/// 0.01^2, C2 = 0.03^2 for colours in 0 to 1.
+/// Computes the colour loss of 3DGS (Kerbl et al. 2023, eq. 7): L1 and the structural similarity
+/// SSIM (Wang et al. 2004) of each channel, with a Gaussian window of 11 x 11 pixels and sigma 1.5,
+/// and C1 = 0.01^2, C2 = 0.03^2 for colours in 0 to 1.
 ///
 /// The window counts wanted pixels only, with their weights scaled to sum 1: neither the border of
 /// the image nor that of a mask enters as black pixels, and an image may be smaller than the
@@ -52,6 +55,7 @@ PhotometricLoss<T> photometric_loss(const T* rgb, const T* target, int width, in
                                     const PixelMask& mask = {}, double dssim_weight = 0.2,
                                     const Exposure& exposure = {}, int threads = 0);
 
+/// Value and gradient of `depth_loss`.
 template <typename T>
 struct DepthLoss {
   double value = 0;       ///< Mean |rendered - measured|, m or relative.
@@ -59,8 +63,8 @@ struct DepthLoss {
   Array<T> dL_ddepth;     ///< [H,W]
 };
 
-/// L1 of the expected depth. A pixel counts if it is wanted, was measured (target > 0; 0 and NaN
-/// mean no measurement) and rendered (depth > 0).
+/// Computes the L1 loss of the expected depth. A pixel counts if it is wanted, was measured (target
+/// > 0; 0 and NaN mean no measurement) and rendered (depth > 0).
 /// @param depth, target  [H,W] z in the camera frame, m
 /// @param relative  Whether each difference is divided by the measured depth.
 /// @throws std::invalid_argument  if the mask has another size, or `depth` is not finite or

@@ -13,12 +13,12 @@ namespace gslts::parallel {
 /// idle, and start anew in a forked child. Concurrent calls take turns; a call from inside a task
 /// runs on the calling thread alone.
 ///
-/// @param threads  1 runs everything in the caller; 0 means one a hardware thread.
+/// @param threads  1 runs everything in the caller; 0 means one per hardware thread.
 /// @throws std::invalid_argument  if threads is negative; otherwise the first exception, by index
 ///   order of those caught, that a task threw, after all running tasks have ended.
 void parallel_for(std::size_t count, int threads, const std::function<void(std::size_t)>& task);
 
-/// Number of threads that a `threads` argument stands for: itself, or all hardware threads for 0.
+/// Resolves a `threads` argument: itself, or the number of hardware threads for 0.
 /// @throws std::invalid_argument  if threads is negative.
 int resolve_threads(int threads);
 

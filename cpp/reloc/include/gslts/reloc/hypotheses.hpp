@@ -8,36 +8,37 @@
 
 namespace gslts::reloc {
 
-/// How poses are guessed from features.
+/// Settings of the search for hypotheses.
 struct HypothesisRule {
-  int neighbours = 4;        ///< Landmarks that a feature may be, 1 to 16.
-  int most_bits = 64;        ///< Hamming distance of what may be the same corner, 0 to 256.
-  double ratio = 0.85;       ///< Of the distances to the nearest landmark and to the next one that
-                             ///< is elsewhere (Lowe 2004), for matches among all landmarks. (0, 1]
-  double elsewhere_m = 0.1;  ///< Landmarks that are nearer to each other are one corner, m. >= 0
-  int keyframes = 8;         ///< With the most votes, that are tried one by one. >= 0
-  double inlier_px = 4.0;    ///< Error of the reprojection of an inlier, px. > 0
-  double inlier_depth = 0.05;  ///< Relative error of its depth, where it is measured. > 0
-  int least_inliers = 10;      ///< Of a pose worth looking at. >= 4
-  int iterations = 500;        ///< Poses that each RANSAC tries at most. > 0
+  int neighbours = 4;   ///< Landmarks that are considered for each feature, 1 to 16.
+  int max_bits = 64;    ///< Maximum Hamming distance of a match, 0 to 256.
+  double ratio = 0.85;  ///< Maximum ratio of the distances to the nearest landmark and to the next
+                        ///< one elsewhere (Lowe 2004), for matches among all landmarks. (0, 1]
+  double same_landmark_m = 0.1;  ///< Landmarks that are nearer to each other count as one, m. >= 0
+  int keyframes = 8;             ///< Keyframes that are tried one by one, by votes. >= 0
+  double inlier_px = 4.0;        ///< Maximum reprojection error of an inlier, px. > 0
+  double inlier_depth = 0.05;    ///< Maximum relative error of its measured depth. > 0
+  int min_inliers = 10;          ///< Minimum number of inliers of a hypothesis. >= 4
+  int iterations = 500;          ///< Maximum number of poses that each RANSAC tries. > 0
 };
 
 /// A pose that some features support.
 struct Hypothesis {
   Eigen::Isometry3d world_from_camera;
-  int inliers;   ///< Corners that it explains; one found at several levels counts once.
-  int keyframe;  ///< Of the map that it was found with; -1 if with all of them.
+  int inliers;   ///< Keypoints that it explains; one found at several levels counts once.
+  int keyframe;  ///< Keyframe whose landmarks gave it; -1 for all landmarks.
 };
 
-/// Poses that a picture may have been taken from: matches are sorted out by the ratio of their
-/// distances and over all landmarks, and by keyframes that many features vote for, each on its own,
-/// so that places which look alike come out as several poses. From each set of matches a pose is
-/// found by RANSAC, from three points where depth is measured (Umeyama 1991) and by P3P (Gao et al.
-/// 2003) elsewhere, and refined over all features that it explains. The same input always gives the
-/// same poses.
-/// @param camera  Its intrinsics; its pose is not used.
+/// Finds poses from which an image may have been taken. Features are matched with all landmarks by
+/// the ratio test, and with the landmarks of each keyframe that many features vote for, so that
+/// places which look alike give several poses. From each set of matches RANSAC finds a pose, from
+/// three points with measured depth (Umeyama 1991) or by P3P (Gao et al. 2003), which is refined
+/// over all features that it explains. The same input always gives the same poses.
+/// @param camera  Intrinsics of the image; its pose is not used.
+/// @param features  M features of the image.
 /// @param depths  [M] z of the features, m; 0 or NaN where there is none.
-/// @return  Those with most inliers first; poses that are nearly the same only once.
+/// @param index  Landmarks of the map.
+/// @return  By descending number of inliers, without poses within 5 cm and 3 degrees of each other.
 /// @throws std::invalid_argument  if the camera, a pixel or a setting is invalid.
 std::vector<Hypothesis> hypotheses_of(const Camera& camera, const Features& features,
                                       const float* depths, const LandmarkIndex& index,

@@ -11,20 +11,20 @@
 
 namespace gslts::sim {
 
-/// A parallelogram that shines to the side of cross(edge_u, edge_v).
+/// A parallelogram that emits light to the side of cross(edge_u, edge_v).
 struct AreaLight {
   Eigen::Vector3d center;          ///< m, world.
   Eigen::Vector3d edge_u, edge_v;  ///< m, from one side to the other.
   Eigen::Vector3d radiance;        ///< Linear RGB.
 };
 
-/// What the rays of an image hit first: arrays of the caller, which outlive what is made of them.
+/// First hits of the rays of an image: arrays of the caller, which must outlive `Shading`.
 struct Hits {
   int width, height;               ///< px
   float pixel_rad;                 ///< Angle of a pixel: 1 / focal length.
   const float* rays;               ///< [H,W,6] origin, m, and direction; see `pixel_rays`.
   const float* depth;              ///< [H,W] m, infinite where nothing is hit.
-  const std::uint32_t* triangles;  ///< [H,W] what is hit.
+  const std::uint32_t* triangles;  ///< [H,W] index of the triangle that is hit.
   const float* weights;            ///< [H,W,2] barycentric weights of its second and third corner.
 };
 
@@ -35,19 +35,19 @@ struct Hits {
 class Shading {
  public:
   /// @param surfaces, hits  Must outlive the object.
-  /// @param threads  0 means one a hardware thread; the result does not depend on it.
+  /// @param threads  0 means one per hardware thread; the result does not depend on it.
   /// @throws std::invalid_argument  if a hit names a triangle that is not there, the size is not
   ///   positive, or threads is negative.
   Shading(const Surfaces& surfaces, const Hits& hits, const std::vector<AreaLight>& lights,
           int threads);
 
-  /// [R,6] origins, m, and the ways to the lights: where light would arrive if nothing was between.
+  /// [R,6] origins, m, and the vectors to the lights, of the rays that may carry light.
   const Array<float>& shadow_rays() const { return shadow_rays_; }
 
   /// Computes the image.
   ///
-  /// @param blocked  [R] not 0 where something is in the way of a shadow ray.
-  /// @param ambient  Linear RGB of the light that is everywhere.
+  /// @param blocked  [R] nonzero where a shadow ray is blocked.
+  /// @param ambient  Linear RGB of the ambient light.
   /// @return  [H,W,3] linear RGB; 0 where nothing was hit.
   Array<float> radiance(const std::uint8_t* blocked, const Eigen::Vector3d& ambient) const;
 

@@ -8,7 +8,7 @@
 
 namespace gslts::sim {
 
-/// How T triangles look: arrays of the caller.
+/// Geometry and materials of T triangles: arrays of the caller.
 struct TriangleArrays {
   std::size_t size;                 ///< T
   const float* normals;             ///< [T,3] unit vectors, world.
@@ -20,7 +20,7 @@ struct TriangleArrays {
   const std::int32_t* level_count;  ///< [T] number of levels, each half as large.
 };
 
-/// Textures with their smaller versions: arrays of the caller.
+/// Textures with their mip levels: arrays of the caller.
 struct TextureArrays {
   std::size_t level_count;    ///< L
   const std::int32_t* sizes;  ///< [L,2] height and width of each level, px.
@@ -29,7 +29,7 @@ struct TextureArrays {
   const float* linear_of_byte;  ///< [256] linear light of an sRGB byte.
 };
 
-/// What shading needs to know of a triangle.
+/// A triangle, for shading.
 struct Triangle {
   std::array<float, 3> normal;
   std::array<float, 6> uvs;

@@ -3,20 +3,21 @@
 #include <string>
 #include <vector>
 
-// The instruction set of the kernels. By default the best that the machine has; the environment
-// variable GSLTS_SIMD, read before the first kernel runs, names another one. Results are the same
-// bits with avx2, avx512 and neon. sse4 has no fused multiply-add and rounds differently.
+// Instruction set of the kernels: by default the best one of the machine. The environment variable
+// GSLTS_SIMD, read before the first kernel runs, selects another one. Results are bit-identical
+// with avx2, avx512 and neon; sse4 has no fused multiply-add and rounds differently.
 
 namespace gslts::simd {
 
-/// Name of the instruction set in use: sse4, avx2, avx512 or neon.
-/// @throws std::invalid_argument  if GSLTS_SIMD names none that this machine can use.
+/// Returns the name of the instruction set in use: sse4, avx2, avx512 or neon.
+/// @throws std::invalid_argument  if GSLTS_SIMD names no instruction set of this machine.
 std::string target();
 
-/// Names of the instruction sets that this machine can use, the best first.
+/// Returns the names of the instruction sets that this machine can use, the best first.
 std::vector<std::string> targets();
 
-/// Makes the kernels use an instruction set from now on. Call it while no kernel runs.
+/// Selects the instruction set of the kernels. Call it while no kernel runs.
+/// @param name  One of `targets`.
 /// @throws std::invalid_argument  if `name` is not in `targets`.
 void use_target(const std::string& name);
 
