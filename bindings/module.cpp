@@ -34,7 +34,8 @@ PYBIND11_MODULE(_core, m) {
   python::define_optim_losses(optim);
   python::define_align(m.def_submodule("align", "Direct image alignment."));
   python::define_detect(m.def_submodule("detect", "Changes between map and frame."));
-  python::define_edit(m.def_submodule("edit", "Selection and creation of Gaussians of an edited map."));
+  python::define_edit(
+      m.def_submodule("edit", "Selection and creation of Gaussians of an edited map."));
   pybind11::module_ reloc = m.def_submodule("reloc", "Pose of an image in a map, without a prior.");
   python::define_reloc(reloc);
   python::define_reloc_clouds(reloc);
