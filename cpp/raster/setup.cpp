@@ -60,13 +60,13 @@ double log2_of(double value) {
 /// Sets the pose. World coordinates may be huge: they meet only here, in double.
 template <typename T>
 void set_pose(const Camera& camera, const Eigen::Vector3d& map_origin, RenderSetup<T>& setup) {
-  const Eigen::Matrix3d rotation = camera.world_from_camera.linear().transpose();
+  const Eigen::Matrix3d world_from_camera = camera.world_from_camera.linear();
   const Eigen::Vector3d camera_in_map = camera.world_from_camera.translation() - map_origin;
   for (int i = 0; i < 3; ++i) {
     double origin_in_camera = 0;  // Summed here: Eigen's order depends on the machine.
     for (int j = 0; j < 3; ++j) {
-      setup.camera_from_map[i][j] = T(rotation(i, j));
-      origin_in_camera -= rotation(i, j) * camera_in_map(j);
+      setup.camera_from_map[i][j] = T(world_from_camera(j, i));
+      origin_in_camera -= world_from_camera(j, i) * camera_in_map(j);
     }
     setup.map_origin_in_camera[i] = T(origin_in_camera);
     setup.camera_in_map[i] = T(camera_in_map(i));
