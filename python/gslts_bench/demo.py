@@ -138,8 +138,8 @@ def run_day(out: Path, scale: Scale, *, threads: int, bar: Bar, say: Callable[[s
             for event in happened:
                 say(f"{event.change.kind} of {event.change.object_id}")
             keeper.go_round(day.robot(home, gone))
-    evening = looks[:: max(1, len(looks) // EVENING_FRAMES)]
-    capture(day.robot(home, len(day.rounds)), evening, out / "after")
+    robot = day.robot(home, len(day.rounds))
+    capture(robot, explore(robot.home, EVENING_FRAMES)[0], out / "after")
     note("keeping it up to date")
     report = out / "report.html"
     with open_map(out / "map") as store:
