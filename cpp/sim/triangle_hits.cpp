@@ -23,12 +23,15 @@ struct Hit {
   double distance, second, third;
 };
 
+constexpr Hit kMiss{std::numeric_limits<double>::infinity(), 0, 0};
+
 Hit intersect(const float* ray, const float* corners) {
   const Vector3d origin = vector_at(ray), direction = vector_at(ray + 3);
   const Vector3d first = vector_at(corners);
   const Vector3d edge2 = vector_at(corners + 3) - first, edge3 = vector_at(corners + 6) - first;
   const Vector3d p = direction.cross(edge3), s = origin - first, q = s.cross(edge2);
   const double determinant = edge2.dot(p);
+  if (determinant == 0) return kMiss;  // The ray lies in the plane of the triangle.
   // The tracer hit it: the weights lie in the triangle but for rounding.
   const double second = std::clamp(s.dot(p) / determinant, 0.0, 1.0);
   const double third = std::clamp(direction.dot(q) / determinant, 0.0, 1.0 - second);
@@ -50,7 +53,7 @@ TriangleHits intersect_triangles(const RayTriangles& given, int threads) {
   parallel::parallel_for(chunks, threads, [&](std::size_t chunk) {
     const std::size_t end = std::min(given.size, (chunk + 1) * kChunk);
     for (std::size_t i = chunk * kChunk; i < end; ++i) {
-      Hit hit{std::numeric_limits<double>::infinity(), 0, 0};
+      Hit hit = kMiss;
       if (given.hit[i] != kNoTriangle) {
         hit = intersect(given.rays + 6 * i, given.corners + 9 * std::size_t(given.hit[i]));
       }

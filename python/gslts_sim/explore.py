@@ -20,6 +20,9 @@ from gslts_sim.walkable import floor_of
 
 CELL_M = 0.1
 """Edge of the cells that surfaces are divided into, m; coverage is counted in cells."""
+SURFACE_M = 0.01
+"""Distance by which hits are moved towards the camera before they are assigned to cells, m. Floors
+and walls lie on boundaries of cells, where rounding would split each into two layers of cells."""
 VIEWS_PER_CELL = 3
 """Number of views that each cell needs, so that each surface is seen from several sides."""
 RANGE_M = 5.0
@@ -88,7 +91,7 @@ def _cells_seen(home: Home, scene: RayScene, viewpoint: Viewpoint) -> Ints:
     rays = pixel_rays(robot_camera(home, viewpoint, SIZE_PX), threads=0)
     depth = scene.cast(rays).distances
     hit = depth < RANGE_M
-    points = rays[hit, :3] + rays[hit, 3:] * depth[hit, None]
+    points = rays[hit, :3] + rays[hit, 3:] * (depth[hit, None] - np.float32(SURFACE_M))
     cells: Ints = np.floor(points / CELL_M).astype(np.int64)
     return cells
 

@@ -116,7 +116,7 @@ def mapped() -> tuple[GaussianMap, dict[str, Camera]]:
 def map_of(where: Home, looks: Sequence[Viewpoint]) -> tuple[GaussianMap, dict[str, Camera]]:
     """A map that is made in some seconds, and the cameras of the frames."""
     config = MappingConfig(
-        iterations=500,
+        iterations=1000,
         patience=1.0,
         rough_epochs=0,
         voxel_m=0.03,

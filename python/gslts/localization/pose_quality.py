@@ -117,4 +117,5 @@ def pose_covariance(pose: _core.RefinedPose) -> Floats:
     of_map = np.diag(np.repeat(np.square(MAP_STDS), 3))
     scale = max(pose.cost, MIN_COST) / TYPICAL_COST
     covariance = CORRELATED_REFINEMENT_PIXELS * np.linalg.inv(curvature) + of_map
-    return np.asarray(scale * covariance, np.float64)
+    symmetric: Floats = scale * (covariance + covariance.T) / 2
+    return symmetric

@@ -2,6 +2,7 @@
 
 import errno
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +12,13 @@ from PIL import Image
 
 import gslts
 from gslts.datasets.nerfstudio import OPENGL_FROM_OPENCV
+from gslts.types import Floats32
 from gslts_sim import make_home
 from gslts_sim.capture import capture, true_poses
 from gslts_sim.controller import Controller
 from gslts_sim.explore import COMPLETE_FRACTION, explore
 from gslts_sim.home import Home
+from gslts_sim.ray_scene import Hits, RayScene
 from gslts_sim.robot_body import Viewpoint
 
 LOOKS = [Viewpoint(1.0, y, yaw, 30.0) for y, yaw in ((1.0, 0.0), (1.0, 45.0), (2.5, 330.0))]
@@ -236,6 +239,25 @@ def test_exploring_ends_when_all_is_seen(bedroom: Home) -> None:
         for viewpoint in viewpoints
     }
     assert len(poses) == len(viewpoints)
+
+
+def test_rounding_of_distances_does_not_change_the_views(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The walls lie on boundaries of cells; views of both of their layers would cover less."""
+    home = sim_scenes.furnished_home()
+    expected, share = explore(home, 24)
+    cast = RayScene.cast
+    rng = np.random.default_rng(0)
+
+    def rounded(scene: RayScene, rays: Floats32) -> Hits:
+        hits = cast(scene, rays)
+        error = 1e-6 * rng.uniform(-1, 1, hits.distances.shape).astype(np.float32)
+        return replace(hits, distances=hits.distances * (1 + error))
+
+    monkeypatch.setattr(RayScene, "cast", rounded)
+    viewpoints, of_rounded = explore(home, 24)
+    assert of_rounded == pytest.approx(share, abs=0.01)
+    same = sum(viewpoint in expected for viewpoint in viewpoints)
+    assert same >= 20
 
 
 def test_few_views_see_most_objects(bedroom: Home) -> None:

@@ -243,6 +243,16 @@ def test_hits_lie_where_rays_meet_the_planes_of_their_triangles() -> None:
     np.testing.assert_array_equal(found, again[1])
 
 
+def test_a_ray_in_the_plane_of_a_triangle_misses_it() -> None:
+    corners = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]]], np.float32)
+    rays = np.array([[-1, 0.25, 0, 1, 0, 0]], np.float32)
+    distances, weights = core_sim.intersect_triangles(
+        rays, np.zeros(1, np.uint32), corners, threads=1
+    )
+    assert np.isinf(distances).all()
+    assert (weights == 0).all()
+
+
 def test_hits_of_missing_triangles_are_errors() -> None:
     rays, corners = np.zeros((1, 6), np.float32), np.zeros((2, 3, 3), np.float32)
     with pytest.raises(ValueError, match="hit: there are 2 triangles, got 2"):

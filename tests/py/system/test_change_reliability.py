@@ -117,15 +117,11 @@ def test_a_spoiled_frame_is_unreliable(how: str, view: str, noise: str) -> None:
     assert detection.observed_rgb.shape == (120, 160, 3)
 
 
-def test_good_frames_are_reliable_and_hardly_show_changes() -> None:
-    """The map is made in seconds from small images: one view in ten may show an error of it."""
-    false = []
-    for view in VIEWS.values():
-        for noise, seeds in (("none", 1), ("kinect", 3)):
-            for seed in range(seeds):
-                detection = change_room.detector().detect(
-                    see(change_room.home(), view, noise, seed=seed)
-                )
-                assert detection.unreliable is None
-                false.append(len(detection.changes) > 0)
-    assert np.mean(false) <= 0.1
+@pytest.mark.parametrize("noise", ["none", "kinect"])
+@pytest.mark.parametrize("view", VIEWS)
+def test_good_frames_are_reliable(view: str, noise: str) -> None:
+    for seed in range(3):
+        frame = see(change_room.home(), VIEWS[view], noise, seed=seed)
+        detection = change_room.detector().detect(frame)
+        assert detection.unreliable is None
+        assert detection.changes == ()

@@ -74,7 +74,7 @@ def test_a_relocated_object_keeps_its_features_at_its_new_position() -> None:
     assert max(instance.high[0] for instance in before) > 3.0
     result = updated("relocation")
     found = SemanticQueries(result.gaussian_map, map_semantics().autoencoder, Oracle()).find("box")
-    assert max(instance.high[0] for instance in found) < 2.88, "nothing is left at the old position"
+    assert max(instance.high[0] for instance in found) == pytest.approx(2.72, abs=0.05)
     rows = np.intersect1d(np.concatenate([instance.rows for instance in found]), new_rows(result))
     assert len(rows) > 20
     center = result.gaussian_map.means[rows].mean(axis=0)

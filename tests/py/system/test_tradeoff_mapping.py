@@ -219,7 +219,7 @@ def into_a_file(paths: Paths, folder: Path) -> list[str | Path]:
         (lambda p, _: [p.visit, p.visit], "manifest.json"),
         (into_a_full_folder, "is not empty"),
         (into_a_file, "File exists"),
-        (elsewhere, " % of the frames of visit; give the data set"),
+        (elsewhere, "far.ply: it fills 1 % of the frames of visit; give the data set"),
     ],
 )
 def test_refusals(
