@@ -12,7 +12,7 @@ from drawn import assert_drawn
 from gslts_bench.series.run import BEFORE, MAPS, REBUILT, UPDATED
 from gslts_bench.series.tables import GAIN
 
-SMALL = ("--room", "kitchen", "--seeds", "3:4", "--changes", "4", "--every", "2")
+SMALL = ("--room", "kitchen", "--seeds", "4:5", "--changes", "4", "--every", "2")
 RUN = ("bench", "series", *SMALL, "--size", "240x180", "--frames", "32", *SETTINGS)
 
 
@@ -34,7 +34,7 @@ def found(folder: Path) -> dict[str, Any]:
 
 def test_each_change_goes_on_from_the_map_after_the_one_before(done: Path) -> None:
     records = found(done)["records"]
-    assert [one["id"] for one in records[:-1]] == [f"kitchen_3/00{k}" for k in range(1, 5)]
+    assert [one["id"] for one in records[:-1]] == [f"kitchen_4/00{k}" for k in range(1, 5)]
     steps = [one["step"] for one in records[:-1]]
     assert [one["psnr_db"] is not None for one in steps] == [False, True, False, True]
     end = found(done)["records"][-1]["end"]
@@ -57,12 +57,12 @@ def test_the_end_is_compared_with_a_rebuilt_map(done: Path) -> None:
     assert end["psnr_db"][UPDATED] > end["psnr_db"][BEFORE], "it was updated"
     assert end["gaussians"][REBUILT] != end["gaussians"][BEFORE], "another map"
     maps = sorted(path.name.rpartition("_")[0] for path in (done / "work/maps").glob("k*"))
-    assert maps == ["kitchen_3", "kitchen_3_end"]
+    assert maps == ["kitchen_4", "kitchen_4_end"]
 
 
 def test_the_table_and_the_plot_are_made(done: Path) -> None:
     text = (done / "stdout").read_text()
-    assert "| kitchen_3, 4 changes |" in text
+    assert "| kitchen_4, 4 changes |" in text
     assert GAIN in text
     assert_drawn(done / "plot.png")
 
