@@ -55,7 +55,7 @@ class MappingResult:
         held_out: Validation and test frames by name, at poses refined against the map.
         validation: Names of the frames that ended the optimization and chose the variant.
         test: Names of the frames that `quality` is measured on.
-        quality: Quality on the test frames.
+        quality: Quality on the test frames; None without any.
         given_lenses: Lenses by the data set.
         curve: One point per epoch of the optimization.
         variants: The map itself, with other numbers of Gaussians and of the next SH degree.
@@ -70,7 +70,7 @@ class MappingResult:
     held_out: dict[str, Observation]
     validation: tuple[str, ...]
     test: tuple[str, ...]
-    quality: HeldOutQuality
+    quality: HeldOutQuality | None
     given_lenses: Lenses
     curve: tuple[CurvePoint, ...]
     variants: tuple[Variant, ...]
@@ -95,10 +95,12 @@ def make_map(
 ) -> MappingResult:
     """Make a map of a data set; bit-identical for any number of threads.
 
-    Every 8th frame is held out from training: alternately for test and for validation.
+    Of ten frames or more, every 8th is held out from training: alternately for test and for
+    validation. Fewer are all training frames: then neither the lenses nor the number of Gaussians
+    are chosen by the frames, and the quality is not measured.
 
     Args:
-        dataset: At least ten frames: eight for training, one each for validation and test.
+        dataset: At least four frames.
         config: Settings.
         resume: Checkpoint of an interrupted run of the same data set; without a time budget, the
             map becomes what it would have become.
@@ -155,7 +157,9 @@ def _evaluated(
         variants = make_variants(gaussian_map, observations, list(validation.values()), config)
         gaussian_map = choose_variant(variants).gaussian_map
         clock.note("variants")
-    quality, test = evaluate_held_out(gaussian_map, split.test, config.threads)
+    quality, test = None, dict[str, Observation]()
+    if split.test.observations:
+        quality, test = evaluate_held_out(gaussian_map, split.test, config.threads)
     refined = {**test, **_refined_validation(gaussian_map, split, config)}
     clock.note("evaluation")
     return MappingResult(
@@ -189,6 +193,8 @@ def _adapt(config: MappingConfig, split: FrameSplit, given: Lenses) -> MappingCo
     if not all(frame.lenses.is_close(given) for frame in frames):
         # Each sensor would have to be refined by itself, from a part of the frames.
         config = config.model_copy(update={"refine_lenses": False})
+    if not split.validation.observations:
+        config = config.model_copy(update={"refine_lenses": False, "variant_steps": 0})
     return config if split.has_depth else config.for_photographs(split.extent_m)
 
 
@@ -237,8 +243,8 @@ def _run_epoch(
     if config.refine_lenses:
         _set_lenses(split.held_out, optimizer.observations[0].lenses)
     validation_db = None
-    if optimizer.share >= sum(p.validation_psnr_db is not None for p in curve) / VALIDATIONS:
-        frames = split.validation.by_neighbours()
+    frames = split.validation.by_neighbours()
+    if frames and optimizer.share >= sum(p.validation_psnr_db is not None for p in curve) / VALIDATIONS:
         validation_db = evaluate(optimizer.adam.map, frames, config.threads, level=1).psnr_db
     return CurvePoint(
         seconds=clock.seconds(),

@@ -20,8 +20,11 @@ from gslts.mapping.observation import BYTES_PER_PIXEL, Observation
 
 HELD_OUT_EVERY = 8
 """Every 8th frame is held out from training, as usual for 3DGS (Kerbl et al. 2023)."""
-MIN_TRAINING_FRAMES = 8
-"""Fewer training frames make no map worth an evaluation."""
+MIN_TRAINING_FRAMES = 4
+"""Minimum number of training frames: a robot at one place sees a table from about so many sides."""
+MIN_FRAMES_TO_HOLD_OUT = 10
+"""With fewer frames none is held out: each shows what no other does, and the one or two held out
+would measure what the map does not know."""
 MAX_BAD_SHARE = 0.2
 """Maximum share of unusable frames; with more, the data set as a whole is at fault."""
 
@@ -101,9 +104,9 @@ class FrameSplit:
         held_out = {*validation, *test}
         training = {name: frame for name, frame in frames.items() if name not in held_out}
         if len(training) < MIN_TRAINING_FRAMES:
-            why = f"; {bad[0]}" if bad else ""
             raise ValueError(
-                f"{dataset.name}: {len(frames)} frames are too few to make and test a map{why}"
+                f"{dataset.name}: {len(frames)} frames are too few to make a map, "
+                f"{MIN_TRAINING_FRAMES} are needed"
             )
         beside = neighbours_of(names)
 
@@ -134,7 +137,7 @@ class FrameSplit:
 
 
 def split_held_out(names: Sequence[str]) -> tuple[range, range]:
-    """Hold out every 8th frame: alternately for test and for validation.
+    """Hold out every 8th frame: alternately for test and for validation; none of few frames.
 
     Args:
         names: Usable frames in the order of the data set.
@@ -142,6 +145,8 @@ def split_held_out(names: Sequence[str]) -> tuple[range, range]:
     Returns:
         Indices of the validation frames and of the test frames.
     """
+    if len(names) < MIN_FRAMES_TO_HOLD_OUT:
+        return range(0), range(0)
     held_out = range(0, len(names), HELD_OUT_EVERY)
     return held_out[1::2], held_out[::2]
 

@@ -150,11 +150,14 @@ def measure_budgets(
         budgets_s: Budgets.
 
     Raises:
-        ValueError: No map can be made of the data set; see `make_map`.
+        ValueError: No map can be made of the data set, see `make_map`, or it has too few frames to
+            hold out any.
     """
     for budget_s in budgets_s:
         update = {"budget_s": budget_s, "variant_steps": 0}
         result = make_map(dataset, config.model_copy(update=update))
+        if result.quality is None:
+            raise ValueError(f"{dataset.name}: {len(result.training)} frames are too few to test")
         steps = result.curve[-1].iteration if result.curve else 0
         size = result.gaussian_map.size
         yield _point("time", f"{budget_s:g} s", result.used_s, steps, size, result.quality)

@@ -29,7 +29,7 @@ from gslts.mapping.memory import free_memory_bytes
 from gslts.mapping.observation import Observation
 from gslts.mapping.optimize import Progress
 from gslts.mapping.report.data import CurvePoint
-from gslts.mapping.report.summary import summary_of
+from gslts.mapping.report.summary import summary_of, write_result
 from gslts.rendering.losses import fit_exposure
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
@@ -306,9 +306,24 @@ def test_few_bad_frames_are_skipped_and_many_are_an_error(recorded: dict[str, Pa
     many = Dataset("many", (*dataset.frames[:20], *[Bad()] * 10))
     with pytest.raises(ValueError, match="many: 10 of 30 frames cannot be used, such as bad: bad"):
         make_map(many, config)
-    with pytest.raises(ValueError, match="short: 9 frames are too few"):
-        make_map(Dataset("short", dataset.frames[:9]), config)
+    with pytest.raises(ValueError, match="short: 3 frames are too few to make a map, 4 are needed"):
+        make_map(Dataset("short", dataset.frames[:3]), config)
     assert len(make_map(Dataset("least", dataset.frames[:10]), config).held_out) == 2
+
+
+def test_few_frames_make_a_map_without_a_test(recorded: dict[str, Path], tmp_path: Path) -> None:
+    dataset = Dataset("few", open_dataset(recorded["kinect"]).frames[:4])
+    result = make_map(dataset, CONFIG)
+    assert list(result.training) == [frame.name for frame in dataset.frames]
+    assert result.held_out == {}
+    assert result.quality is None
+    assert result.variants == ()
+    training = evaluate(result.gaussian_map, list(result.training.values()))
+    assert training.psnr_db > 27
+    assert "4 training frames, too few to hold out any for a test" in summary_of(result)
+    write_result(tmp_path / "map", result, "few")
+    assert len(read_map(tmp_path / "map").means) == len(result.gaussian_map.means)
+    assert "few" in (tmp_path / "map/report.html").read_text()
 
 
 def test_more_frames_than_memory_are_rejected(

@@ -64,7 +64,7 @@ def manifest_of(result: MappingResult, dataset: str) -> dict[str, Any]:
         "origin": result.gaussian_map.origin.tolist(),
         "config": result.config.model_dump(),
         "lenses": {"given": _plain(result.given_lenses), "found": _plain(_found(result))},
-        "test": asdict(result.quality),
+        "test": None if result.quality is None else asdict(result.quality),
         "test_frames": list(result.test),
         "validation_frames": list(result.validation),
         "exposures_rejected": _exposures_rejected(result),
@@ -88,13 +88,6 @@ def summary_of(result: MappingResult) -> str:
     Args:
         result: Result of `make_map`.
     """
-    quality = result.quality
-    psnrs = [f"{quality.given.psnr_db:.1f} dB"]
-    if quality.by_neighbours is not None:
-        psnrs.append(f"{quality.by_neighbours.psnr_db:.1f} with poses corrected by neighbours")
-    psnrs.append(f"{quality.refined.psnr_db:.1f} with refined poses")
-    depth_m = quality.refined.depth_l1_m
-    depth = ", no depth measured" if depth_m is None else f", depth error {100 * depth_m:.1f} cm"
     changes = "".join(
         f"; {variant.name} as many: {variant.psnr_db - result.variants[0].psnr_db:+.2f} dB"
         for variant in result.variants
@@ -102,9 +95,21 @@ def summary_of(result: MappingResult) -> str:
     )
     return (
         f"{result.gaussian_map.size} Gaussians in {result.used_s:.0f} s; "
-        f"{quality.refined.frames} test frames: {', '.join(psnrs)}{depth}{changes}; "
-        f"{len(result.skipped)} frames skipped"
+        f"{_quality_of(result)}{changes}; {len(result.skipped)} frames skipped"
     )
+
+
+def _quality_of(result: MappingResult) -> str:
+    quality = result.quality
+    if quality is None:
+        return f"{len(result.training)} training frames, too few to hold out any for a test"
+    psnrs = [f"{quality.given.psnr_db:.1f} dB"]
+    if quality.by_neighbours is not None:
+        psnrs.append(f"{quality.by_neighbours.psnr_db:.1f} with poses corrected by neighbours")
+    psnrs.append(f"{quality.refined.psnr_db:.1f} with refined poses")
+    depth_m = quality.refined.depth_l1_m
+    depth = ", no depth measured" if depth_m is None else f", depth error {100 * depth_m:.1f} cm"
+    return f"{quality.refined.frames} test frames: {', '.join(psnrs)}{depth}"
 
 
 def report_of(result: MappingResult, dataset: str) -> ReportData:
@@ -115,11 +120,13 @@ def report_of(result: MappingResult, dataset: str) -> ReportData:
         dataset: Name of the data set.
     """
     quality = result.quality
-    by_poses = {
-        "poses as given": quality.given,
-        "poses corrected by neighbours": quality.by_neighbours,
-        "poses refined": quality.refined,
-    }
+    by_poses: dict[str, Quality | None] = {}
+    if quality is not None:
+        by_poses = {
+            "poses as given": quality.given,
+            "poses corrected by neighbours": quality.by_neighbours,
+            "poses refined": quality.refined,
+        }
     corrections = np.array([twist_of(frame.correction) for frame in result.training.values()])
     return ReportData(
         title=f"Map of {dataset}",
