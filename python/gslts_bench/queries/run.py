@@ -139,11 +139,20 @@ class QueryUnit(BenchUnit[Record, BenchHome]):
         return len(self.variants)
 
     def is_asked(self, record: Record) -> bool:
-        """Return whether this run asks for the variant of a record. See `BenchUnit`."""
+        """Return whether this run asks for the variant of a record.
+
+        Args:
+            record: A record in the file of results.
+        """
         return record.variant in self.variants
 
     def run(self, done: frozenset[str], add: Add) -> None:
-        """Make the semantic maps that are missing, and ask them. See `Unit`."""
+        """Make and query the semantic maps of variants that have no result yet.
+
+        Args:
+            done: Ids of the results of earlier runs.
+            add: Receives each new result.
+        """
         for name, variant in self.variants.items():
             key = f"{self.name}: {name}"
             if key not in done:
