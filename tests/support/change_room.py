@@ -90,7 +90,7 @@ def home() -> Home:
 
 
 def see(where: Home, look: Viewpoint, noise: str = "none", seed: int = 0) -> RgbdFrame:
-    """What a robot in a home sees."""
+    """Return the frame that a robot in a home observes from a viewpoint."""
     robot = Controller(where, **SIZE, noise=noise, seed=seed)
     robot.go(look)
     return robot.observe()
@@ -135,7 +135,7 @@ def map_of(where: Home, looks: Sequence[Viewpoint]) -> tuple[GaussianMap, dict[s
 
 @cache
 def detector() -> ChangeDetector:
-    """Of the map, with what its cameras saw."""
+    """Make a detector on the map, with the cameras that the map was made from."""
     gaussian_map, cameras = mapped()
     return ChangeDetector(gaussian_map, CONFIG, cameras=cameras.values())
 
