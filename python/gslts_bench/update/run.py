@@ -197,7 +197,7 @@ class UpdateUnit(BenchUnit[Record, BenchHome]):
     ) -> tuple[GaussianMap, dict[str, Any]]:
         """Update the map with a method; return it with numbers for the record."""
         start_s = time.perf_counter()
-        updated, told = update_with(
+        updated, record = update_with(
             self.methods[name], ground.gaussian_map, ground.cameras, found, threads=self.threads
         )
         seconds = {"update": time.perf_counter() - start_s, "collecting": collecting_s}
@@ -207,13 +207,13 @@ class UpdateUnit(BenchUnit[Record, BenchHome]):
             "gaussians": (ground.gaussian_map.size, updated.size),
             "seconds": seconds,
         }
-        if told is not None:
-            seconds |= told.seconds
+        if record is not None:
+            seconds |= record.seconds
             numbers |= {
-                "rejected": told.rejected,
-                "removed": told.removed,
-                "added": told.added,
-                "iterations": told.iterations,
+                "rejected": record.rejected,
+                "removed": record.removed,
+                "added": record.added,
+                "iterations": record.iterations,
             }
         return updated, numbers
 

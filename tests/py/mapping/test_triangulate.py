@@ -150,7 +150,9 @@ def visit() -> tuple[Home, list[Viewpoint]]:
     home = sim_scenes.simple_home(wall=wall)
     walls = home["Wall|1"]
     # The texture repeats every 5 m instead of every metre: nothing repeats within the room.
-    surfaces = tuple(replace(one, uvs=one.uvs / np.float32(5)) for one in walls.surfaces)
+    surfaces = tuple(
+        replace(surface, uvs=surface.uvs / np.float32(5)) for surface in walls.surfaces
+    )
     home = replace(home, objects=(replace(walls, surfaces=surfaces), *home.objects[1:]))
     return home, explore(home, 24)[0]
 
