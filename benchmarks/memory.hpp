@@ -7,8 +7,9 @@ namespace gslts::benchmarks {
 /// Peak memory of one render and its backward pass beyond what the caller holds, in bytes.
 struct MemoryUse {
   std::size_t visible, pixels;
-  std::size_t peak_bytes;  ///< Working memory and results; not the map, not the caller's gradients.
-  std::size_t returned_bytes;  ///< Of it, the images and gradients that the calls return.
+  /// Working memory and results; not the map, not the caller's gradients.
+  std::size_t peak_bytes;
+  std::size_t returned_bytes;  ///< Images and gradients that the calls return; part of the peak.
 
   double bound_bytes() const { return 300.0 * double(visible) + 64.0 * double(pixels); }
 };

@@ -1,10 +1,10 @@
-"""One year of operation: three changes a day, each detected in one frame and published.
+"""Simulates a year of operation: three changes a day, each detected in one frame and published.
 
 python benchmarks/year_benchmark.py                          # 1,095 changes of a small kitchen
 python benchmarks/year_benchmark.py --changes 100 --seed 21  # fewer, and another home
 
-Prints a markdown table of memory, size of the store and seconds per cycle over the year, and at its
-end the PSNR of new views of the map, and of a map that is made again.
+Prints a markdown table of memory, size of the store and seconds per cycle over the year. The last
+lines compare the PSNR of new views of the map with that of a new map.
 """
 
 from __future__ import annotations

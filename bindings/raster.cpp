@@ -132,7 +132,7 @@ class NumpyRasterizer {
   };
 
   Rasterizer<T> rasterizer_;
-  std::optional<ImageSize> image_size_;  ///< Of the last forward.
+  std::optional<ImageSize> image_size_;  ///< Image size of the last forward.
   bool in_use_ = false;
 };
 

@@ -1,8 +1,8 @@
-"""Fits Gaussians to pictures of a room, from a rough start, and shows what came out.
+"""Fits Gaussians to images of a room, from a rough start, and draws the result.
 
-A furnished room is rendered with depth from two dozen places. Grey blobs, placed with an error of
-several centimetres, then learn place, shape, opacity and colour from these pictures by gradient
-descent; views kept aside tell how good the result is.
+A furnished room is rendered with depth from two dozen viewpoints. Grey Gaussians, placed with an
+error of several centimetres, are then optimized on these images by gradient descent: position,
+shape, opacity and colour. Held-out views measure the quality of the result.
 """
 
 import argparse
@@ -39,14 +39,14 @@ LEARNING_RATES = {
 
 @dataclass(frozen=True)
 class View:
-    """A place to look from and what is seen there."""
+    """A camera and the images that it observes."""
 
     camera: gslts.Camera
     target: Images
 
 
 def rough_start(truth: gslts.GaussianMap, rng: np.random.Generator) -> gslts.GaussianMap:
-    """Round grey blobs near some of the true places."""
+    """Make round grey Gaussians near some of the true positions."""
     chosen = truth.select(rng.choice(truth.size, GAUSSIANS, replace=False))
     noise = rng.normal(0, 0.04, chosen.means.shape)
     return gslts.GaussianMap(
@@ -59,7 +59,7 @@ def rough_start(truth: gslts.GaussianMap, rng: np.random.Generator) -> gslts.Gau
 
 
 def rates_at(progress: float) -> gslts.AdamRates:
-    """Learning rates that fall exponentially from the start, 0, to the end, 1."""
+    """Return learning rates that fall exponentially from progress 0 to progress 1."""
     return gslts.AdamRates(
         **{name: start * left**progress for name, (start, left) in LEARNING_RATES.items()}
     )
@@ -72,7 +72,7 @@ def fit(
     options: gslts.RenderOptions,
     rng: np.random.Generator,
 ) -> gslts.GaussianMap:
-    """Gradient descent on one random view at a time."""
+    """Optimize by gradient descent on one random view at a time."""
     rasterizer = gslts.Rasterizer(np.float32)
     adam = gslts.Adam(start, AdamOptions(beta2=0.99))
     order = np.concatenate(
@@ -100,7 +100,7 @@ def depth_error_m(images: Images, target: Images) -> float:
 
 
 def draw(path: Path, views: list[View], before: list[Images], after: list[Images]) -> None:
-    """Columns: target, before, after. Rows: two views kept aside, and the depth of the first."""
+    """Draw target, before and after in columns; rows are two held-out views and a depth image."""
     far_m = max(float(view.target.depth.max()) for view in views)
     colour_map = matplotlib.colormaps["turbo_r"]
     figure = Figure(figsize=(7.8, 6.3), layout="constrained", facecolor="white")
@@ -168,8 +168,8 @@ def main() -> None:
     picture = arguments.out / "before_after.png"
     draw(picture, held_out, before, after)
     print(
-        f"{fitted.size} Gaussians, {arguments.iterations} steps in {seconds:.0f} s: views kept "
-        f"aside from {metrics['psnr_db_before']:.1f} to {metrics['psnr_db_after']:.1f} dB, depth "
+        f"{fitted.size} Gaussians, {arguments.iterations} steps in {seconds:.0f} s: held-out views "
+        f"from {metrics['psnr_db_before']:.1f} to {metrics['psnr_db_after']:.1f} dB, depth "
         f"from {100 * metrics['depth_error_m_before']:.1f} to "
         f"{100 * metrics['depth_error_m_after']:.1f} cm off; see {picture}"
     )

@@ -1,4 +1,4 @@
-"""A furnished room as Gaussians: what the examples take for the real world."""
+"""A furnished room made of Gaussians: the ground truth of the examples."""
 
 from dataclasses import dataclass
 
@@ -103,7 +103,7 @@ def shell(spacing_m: float) -> list[Surface]:
 
 
 def with_picture(wall: Surface, across: Array) -> Array:
-    """The wall's colours with a framed picture at eye height: rings in a sunset's colours."""
+    """Return the colours of a wall with a framed picture of coloured rings at eye height."""
     up = wall.points[:, 2] - 1.5
     radius = np.hypot(across / 0.75, (up + 0.12) / 0.45)
     rings = 0.5 + 0.5 * np.cos(np.outer(9 * radius, np.ones(3)) + np.array([0.0, 0.9, 2.2]))
@@ -150,7 +150,7 @@ def ball_surface(ball: Ball, spacing_m: float) -> Surface:
 
 
 def light_at(points: Array, normals: Array, samples: int = 12) -> Array:
-    """[N] brightness: daylight from all sides and a square lamp that casts soft shadows."""
+    """Return [N] brightness: daylight from all sides and a square lamp with soft shadows."""
     rng = np.random.default_rng(0)
     lamp = np.array([2.0, 1.6, SIZE_M[2] - 0.05])
     total = np.zeros(len(points))
@@ -163,7 +163,7 @@ def light_at(points: Array, normals: Array, samples: int = 12) -> Array:
 
 
 def in_shadow(points: Array, offset: Array) -> NDArray[np.bool_]:
-    """[N] whether furniture stands between the points and points + offset."""
+    """Return [N], true if furniture is between the points and points + offset."""
     hit = np.zeros(len(points), bool)
     for box in BOXES:
         with np.errstate(divide="ignore"):
@@ -189,7 +189,7 @@ def rotations_from_z(normals: Array) -> Array:
 
 
 def cameras(count: int, *, width: int, height: int, phase: float = 0) -> list[gslts.Camera]:
-    """Cameras on a loop near the walls, all looking at the furniture in the middle."""
+    """Make cameras on a loop near the walls that look at the furniture in the middle."""
     views = []
     for i in range(count):
         angle = 2 * np.pi * (i + phase) / count

@@ -1,7 +1,7 @@
-"""Trains Gaussians on pictures of a room with plain PyTorch, and shows what came out.
+"""Trains Gaussians on images of a room with plain PyTorch, and draws the result.
 
-The program is what a trainer on gsplat would be: parameters with their activations, Adam and a loss
-on one random picture at a time. Only its import of `rasterization` is another.
+The program is written like a trainer for gsplat: parameters with activations, Adam, and a loss on
+one random image at a time. Only the import of `rasterization` differs.
 """
 
 import argparse
@@ -32,7 +32,7 @@ LEARNING_RATES = {
 
 
 class View:
-    """A picture, and where it was taken from."""
+    """An image and its camera."""
 
     def __init__(self, truth: gslts.GaussianMap, camera: gslts.Camera) -> None:
         viewmat = np.linalg.inv(camera.world_from_camera)
@@ -43,7 +43,7 @@ class View:
 
 
 def rough_start(truth: gslts.GaussianMap, size: int) -> dict[str, Tensor]:
-    """Round grey blobs near some of the true places, as parameters."""
+    """Make parameters of round grey Gaussians near some of the true positions."""
     chosen = torch.randperm(truth.size)[:size]
     means = torch.from_numpy(truth.means.copy())[chosen]
     start = {
@@ -57,7 +57,7 @@ def rough_start(truth: gslts.GaussianMap, size: int) -> dict[str, Tensor]:
 
 
 def render(parameters: dict[str, Tensor], view: View) -> Tensor:
-    """[H,W,3] colours."""
+    """Render a view, [H,W,3] colours."""
     image, _, _ = rasterization(
         parameters["means"],
         parameters["quats"],
@@ -73,7 +73,7 @@ def render(parameters: dict[str, Tensor], view: View) -> Tensor:
 
 
 def train(parameters: dict[str, Tensor], views: list[View], iterations: int) -> None:
-    """Gradient descent on one random view at a time; changes `parameters`."""
+    """Optimize `parameters` in place by gradient descent on one random view at a time."""
     groups = [{"params": [parameters[name]], "lr": rate} for name, rate in LEARNING_RATES.items()]
     optimizer = torch.optim.Adam(groups, betas=(0.9, 0.99), eps=1e-15)
     scheduler = torch.optim.lr_scheduler.ExponentialLR(optimizer, 0.1 ** (1 / iterations))
@@ -88,7 +88,7 @@ def train(parameters: dict[str, Tensor], views: list[View], iterations: int) -> 
 
 @torch.no_grad()
 def render_all(parameters: dict[str, Tensor], views: list[View]) -> list[Tensor]:
-    """The colours of each view, 0 to 1."""
+    """Render the colours of all views, 0 to 1."""
     return [render(parameters, view).clamp(0, 1) for view in views]
 
 
@@ -121,14 +121,14 @@ def main() -> None:
     train(parameters, training, arguments.iterations)
     after = render_all(parameters, held_out)
 
-    # Rows: two views kept aside. Columns: target, before, after.
+    # Rows: two held-out views. Columns: target, before, after.
     targets = [view.picture for view in held_out]
     rows = [torch.cat(row, dim=1) for row in zip(targets, before, after, strict=True)]
     arguments.out.mkdir(parents=True, exist_ok=True)
     path = arguments.out / "before_after.png"
     Image.fromarray((255 * torch.cat(rows[:2])).round().byte().numpy()).save(path)
     print(
-        f"views kept aside from {mean_psnr_db(before, held_out):.1f} to "
+        f"held-out views from {mean_psnr_db(before, held_out):.1f} to "
         f"{mean_psnr_db(after, held_out):.1f} dB; see {path}"
     )
 

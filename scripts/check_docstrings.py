@@ -2,9 +2,10 @@
 
     python scripts/check_docstrings.py          # lists each finding; exit status 1 if there is one
 
-- A docstring begins with none of `FIRST_WORDS`.
-- A public function or method with arguments documents them in `Args:`. Commands, whose options have
-  their own help and whose docstrings give an `Example:`, and docstrings `See ...` need none.
+- A docstring begins with none of `FIRST_WORDS`, in the packages and in `OTHER_FOLDERS`.
+- A public function or method with arguments documents them in `Args:`. Exempt are commands, whose
+  options have their own help and whose docstrings give an `Example:`, and docstrings that begin
+  with "See `", which name the place of the documentation.
 - A public module constant has a docstring, but in `UNDOCUMENTED`.
 - Directly in `python/gslts` lie at most `MAX_MODULES` modules; `gslts.__all__` has at most
   `MAX_NAMES` names.
@@ -18,6 +19,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 PACKAGES = ("python/gslts", "python/gslts_sim", "python/gslts_bench")
+OTHER_FOLDERS = ("tests", "benchmarks", "examples", "docs", "scripts")
 FIRST_WORDS = {"What", "How", "Whether", "Of", "One", "That", "Where"}
 MAX_MODULES, MAX_NAMES = 3, 30
 UNDOCUMENTED = ("python/gslts_sim/procedural/", "python/gslts/_core/")
@@ -48,7 +50,7 @@ def missing_args(tree: ast.Module) -> Iterator[tuple[int, str]]:
             arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
             names = {argument.arg for argument in arguments} - {"self", "cls"}
             doc = ast.get_docstring(node) or ""
-            is_documented = "Args:" in doc or "Example:" in doc or "See `" in doc
+            is_documented = "Args:" in doc or "Example:" in doc or doc.startswith("See `")
             if names and not is_documented:
                 yield node.lineno, f"{node.name}: no Args in its docstring"
 
@@ -111,6 +113,10 @@ def findings() -> Iterator[tuple[str, int, str]]:
                 checks.append(undocumented_constants)
             for check in checks:
                 yield from ((str(path), line, text) for line, text in check(tree))
+    for folder in OTHER_FOLDERS:
+        for path in sorted(Path(folder).rglob("*.py")):
+            tree = ast.parse(path.read_text())
+            yield from ((str(path), line, text) for line, text in first_words(tree))
     yield from layout()
 
 

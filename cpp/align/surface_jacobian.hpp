@@ -57,7 +57,8 @@ Differences<T> central_differences(const T* image, std::ptrdiff_t step, std::ptr
   return {(image[step] - image[-step]) / 2, (image[width] - image[-width]) / 2};
 }
 
-/// Whether the surface ends at a pixel: a neighbour differs in depth by more than `kDepthEdge`.
+/// Returns true if the surface ends at a pixel: a neighbour's depth differs by more than the share
+/// `kDepthEdge`.
 /// @param depth  Points to the depth at the pixel.
 template <typename T>
 bool is_depth_edge(const T* depth, std::ptrdiff_t width) {

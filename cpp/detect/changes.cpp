@@ -12,7 +12,7 @@ namespace {
 double log_odds(double probability) { return std::log(probability / (1 - probability)); }
 
 struct Pair {
-  double log_odds;  ///< That both are one object.
+  double log_odds;  ///< Log odds that both surfaces belong to one object.
   std::size_t before, after;
 };
 

@@ -11,13 +11,13 @@
 
 namespace gslts::io {
 
-/// Where the numbers of a float property of `vertex` lie in a map.
+/// Memory layout, in a map, of a float property of `vertex`.
 /// @tparam Number  float to read a file into them, const float to write them to one.
 template <typename Number>
 struct Column {
   std::string property;
-  Number* first;       ///< Number of Gaussian 0.
-  std::size_t stride;  ///< Distance to that of the next.
+  Number* first;       ///< Points to the value of Gaussian 0.
+  std::size_t stride;  ///< Distance to the value of the next Gaussian.
 };
 
 inline float* data_of(Array<float>& array) { return array.data(); }

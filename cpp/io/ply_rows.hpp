@@ -27,7 +27,8 @@ class RowReader {
  public:
   RowReader(Input& input, Format format) : input_(input), format_(format) {}
 
-  /// One row or more from number `row` < element.rows on; they are valid until the next call.
+  /// Reads at least one row, from number `row` < element.rows on; the rows are valid until the next
+  /// call.
   /// @throws std::runtime_error  naming the row and the property.
   PackedRows read(const Element& element, std::uint64_t row);
 

@@ -132,7 +132,7 @@ void write_rows(std::size_t size, const std::vector<Column<const float>>& column
   }
 }
 
-/// Whether the ids are 0, 1, ..., those of a file without ids.
+/// Returns true if the ids are 0, 1, ..., as in a file without ids.
 bool are_default(const std::uint64_t* ids, std::size_t size) {
   for (std::size_t i = 0; i < size; ++i) {
     if (ids[i] != i) return false;

@@ -19,7 +19,8 @@ void require_layout(int sh_bases, int feature_dims, const char* function) {
   if (feature_dims < 0) fail(function, "feature_dims must not be negative", feature_dims);
 }
 
-/// Whether n numbers are all finite; compilers vectorise it without leave to reorder sums.
+/// Returns true if n numbers are all finite. Compilers vectorise the loop although they may not
+/// reorder floating-point sums.
 template <typename T>
 bool all_finite(const T* values, std::size_t n) {
   constexpr std::size_t kLanes = 32;

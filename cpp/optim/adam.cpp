@@ -50,7 +50,7 @@ template <typename T>
 struct Group {
   T* values;
   const T* gradients;
-  std::size_t stride;  ///< Of values and gradients.
+  std::size_t stride;  ///< Row length of values and gradients.
   std::size_t first_moment, columns;
   T rate;
 };

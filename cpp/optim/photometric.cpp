@@ -77,7 +77,7 @@ struct RowMemory {
   RowRing<T> x, y, mask;  ///< Rendered, measured, 1 where wanted.
   /// Sums over y of the window around each number of two rows: x, y, x^2 + y^2, x y, mask.
   Array<T> sums[2][5];
-  Array<T> inverse_row_sums;  ///< Of the part over x of the window that lies in the image.
+  Array<T> inverse_row_sums;  ///< 1 over the weight, in x, of the window inside the image.
   /// Derivatives with respect to the window's sums of x, x^2 + y^2 and x y, of one row, and
   /// smoothed in x, of the last rows.
   Array<T> factors[3];

@@ -8,17 +8,17 @@
 
 namespace gslts::optim {
 
-/// One photometric loss, cut to the bounding box of the wanted pixels.
+/// A photometric loss, restricted to the bounding box of the wanted pixels.
 template <typename T>
 struct PhotometricTask {
   const T* rgb;
   const T* target;
-  int width;     ///< Of the images.
-  PixelBox box;  ///< Of the wanted pixels.
+  int width;     ///< Width of the images, px.
+  PixelBox box;  ///< Bounding box of the wanted pixels.
   PixelMask wanted;
   T gain[3], offset[3];
-  T l1_weight;    ///< Of each wanted number: (1 - lambda) / count
-  T ssim_weight;  ///< lambda / count
+  T l1_weight;    ///< Weight of each wanted number: (1 - lambda) / count
+  T ssim_weight;  ///< Likewise: lambda / count
   T* dL_drgb;     ///< [H,W,3]; only the box is written.
 };
 

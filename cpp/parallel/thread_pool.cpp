@@ -17,7 +17,7 @@
 namespace gslts::parallel {
 namespace {
 
-/// Whether this thread is running a task; calls from there stay on it.
+/// True while this thread runs a task; a nested `parallel_for` then stays on this thread.
 thread_local bool inside_task = false;
 
 class InsideTask {
@@ -31,7 +31,7 @@ class InsideTask {
   const bool before_;
 };
 
-/// One call of parallel_for. Threads draw indices until none is left.
+/// State of a call of `parallel_for`. Threads take indices until none is left.
 class Job {
  public:
   Job(std::size_t count, const std::function<void(std::size_t)>& task)

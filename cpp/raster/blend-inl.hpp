@@ -65,7 +65,7 @@ HWY_INLINE void corner_uv(D d, V mean_x, V mean_y, V uu, V uv, V vv, int tile_x,
   v = vv * y;
 }
 
-/// One splat, repeated in all lanes; members as in `TileSplat`.
+/// A splat whose numbers are repeated in all lanes; members as in `TileSplat`.
 template <class D>
 struct SplatInLanes {
   using V = hn::Vec<D>;

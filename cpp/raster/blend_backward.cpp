@@ -20,7 +20,7 @@ namespace gslts::raster::HWY_NAMESPACE {
 template <typename T>
 struct TilePixels {
   std::size_t dims;    ///< Channels of the features that have a gradient.
-  std::size_t stride;  ///< Of the values of a block.
+  std::size_t stride;  ///< Distance of the values of one block to those of the next.
   T* values;           ///< `PixelValue` by block.
   T* transmittance;
   T* feature_sums;  ///< [dims, kBlockPixels] sums of one entry.

@@ -26,7 +26,7 @@ constexpr std::size_t tile_sums_size(int feature_dims) {
   return std::size_t(kBlocksPerTile) * kBlockPixels * std::size_t(5 + feature_dims);
 }
 
-/// One tile with its list of splats.
+/// A tile with its list of splats.
 template <typename T>
 struct TileTask {
   int x, y;                ///< In tiles.
@@ -87,7 +87,7 @@ bool blend_tile_backward(const TileTask<T>& tile, const RenderSetup<T>& setup,
 template <typename T>
 struct LiftChannels {
   const T* data;             ///< [H,W,dims]
-  std::size_t dims;          ///< Of the image.
+  std::size_t dims;          ///< Number of channels of the image.
   std::size_t first, count;  ///< Channels [first, first + count).
 
   /// Length of a row of sums: whole vectors.

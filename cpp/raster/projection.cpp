@@ -47,7 +47,7 @@ HWY_INLINE hn::Mask<D> clears_camera(D d, const RenderSetup<T>& setup, const Geo
   return hn::Gt(g.z * g.z, hn::Set(d, setup.near_variances) * dot3<D>(axes, axes));
 }
 
-/// One splat a lane.
+/// A vector of splats, one per lane.
 template <class D>
 struct SplatLanes {
   using V = hn::Vec<D>;
@@ -121,7 +121,7 @@ struct ChunkSlots {
   Splat<T>* splats;
   SplatKey<T>* keys;
   std::size_t count = 0;
-  std::uint64_t area = 0;  ///< Of their rectangles, in tiles.
+  std::uint64_t area = 0;  ///< Sum of the areas of their rectangles, in tiles.
 };
 
 /// Finds the tiles of the first `count` splats, and stores the keys of those that are seen.

@@ -19,18 +19,18 @@ struct BandMemory {
   Array<std::uint64_t> blocks;         ///< [entries]
   std::vector<std::uint32_t> reached;  ///< [tiles]
   std::vector<std::size_t> sums_of;    ///< [tiles] offset into sums
-  Array<T> sums;                       ///< Of the tiles that have entries.
+  Array<T> sums;                       ///< Sums of the tiles that have entries.
 };
 
 /// Working memory of one rendering, which its backward pass and lifting read.
 template <typename T>
 struct RenderState {
-  std::optional<RenderSetup<T>> setup;  ///< Of the last forward.
+  std::optional<RenderSetup<T>> setup;  ///< Setup of the last forward.
   std::size_t map_size = 0;
   WantedPixels wanted;
   Splats<T> splats;
   std::vector<Band<T>> bands;
-  BandMemory<T> memory;  ///< Of the last band.
+  BandMemory<T> memory;  ///< Memory of the last band.
   Array<T> entry_sums, entry_features, entry_statistics, splat_sums;
 
   Images<T> render(const GaussianView<T>& gaussians);

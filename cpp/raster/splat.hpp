@@ -56,7 +56,7 @@ struct Splats {
   Array<Splat<T>> splats;
   Array<SplatKey<T>> keys;
   std::vector<std::uint32_t> counts;
-  std::vector<std::uint64_t> areas;  ///< Of the rectangles of each chunk, in tiles.
+  std::vector<std::uint64_t> areas;  ///< Area of the rectangles of each chunk, in tiles.
 };
 
 }  // namespace gslts::raster

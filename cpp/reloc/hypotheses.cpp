@@ -220,7 +220,7 @@ class HypothesisFinder {
   const Camera& camera_;
   const HypothesisRule& rule_;
   RansacRule ransac_rule_;
-  std::vector<std::vector<Candidate>> candidates_;  ///< Of each feature, the most similar first.
+  std::vector<std::vector<Candidate>> candidates_;  ///< By feature, the most similar first.
   std::vector<Hypothesis> hypotheses_;
 };
 

@@ -58,8 +58,8 @@ MatchSet inliers_of(const Camera& camera, const Eigen::Isometry3d& camera_from_w
   return inliers;
 }
 
-/// Whether the distances of three points in the world agree with those in the camera frame.
-/// Coinciding points do not.
+/// Returns true if the distances between three points in the world agree with those in the camera
+/// frame; false if points coincide.
 bool is_congruent(const Camera& camera, const Sample& sample, const RansacRule& rule) {
   for (std::size_t k = 0; k < 3; ++k) {
     const Match &a = *sample[k], &b = *sample[(k + 1) % 3];
@@ -123,7 +123,8 @@ Sample draw_sample(const std::vector<const Match*>& from, std::mt19937& random) 
   return {from[a], from[b], from[c]};
 }
 
-/// One Gauss-Newton step over the inliers, a twist of the camera frame: x moves by rho + phi x x.
+/// Computes a Gauss-Newton step over the inliers, a twist (rho, phi) of the camera frame: a point x
+/// moves by rho + cross(phi, x).
 Vector6 gauss_newton_step(const Camera& camera, const Eigen::Isometry3d& camera_from_world,
                           const MatchSet& matches, const RansacRule& rule) {
   Matrix6 normal = Matrix6::Zero();

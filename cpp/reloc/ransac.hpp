@@ -21,7 +21,7 @@ using MatchSet = std::vector<Match>;
 struct RansacRule {
   double inlier_px;     ///< Maximum reprojection error of an inlier, px.
   double inlier_depth;  ///< Maximum relative error of its measured depth.
-  int min_inliers;      ///< Of a pose.
+  int min_inliers;      ///< Minimum number of inliers of a pose.
   int iterations;       ///< Maximum number of samples that give poses.
 };
 

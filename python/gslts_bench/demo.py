@@ -223,15 +223,15 @@ def _walk(folder: Path, robot: Controller, name: str, say: Callable[[str], None]
         fits = navigator.queries.relevance(name)
         images.append((f"{name}: found", draw_query(gaussian_map, fits, found, cameras)))
     journey = navigator.go(robot, name)
-    told = f"{journey.status}: {journey.reason}"
+    outcome = f"{journey.status}: {journey.reason}"
     if journey.distance_m is not None:
-        told = f"{journey.length_m:.1f} m walked, stands {journey.distance_m:.1f} m from it"
-    say(f"went to the {name}: {told}")
+        outcome = f"{journey.length_m:.1f} m walked, stands {journey.distance_m:.1f} m from it"
+    say(f"went to the {name}: {outcome}")
     images.append(
-        (f"The path to it: {told}", draw_semantic_map(navigator.semantic_map, journey.path))
+        (f"The path to it: {outcome}", draw_semantic_map(navigator.semantic_map, journey.path))
     )
     return plots(*((words, png_of(image)) for words, image in images)) + table(
-        (), [(f"{name}, {journey.status}", told)]
+        (), [(f"{name}, {journey.status}", outcome)]
     )
 
 

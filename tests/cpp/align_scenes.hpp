@@ -46,7 +46,7 @@ inline Camera camera_of(int width, int height, const Eigen::Isometry3d& world_fr
   return camera_from_fov(width, height, 1.2, world_from_camera);
 }
 
-/// What a camera sees of a map.
+/// Rendering of a map by a camera.
 template <typename T>
 struct Picture {
   Picture(const BasicGaussianMap<T>& map, const Camera& at)

@@ -44,7 +44,7 @@ std::string bytes_of(const Array<T>& array) {
   return std::string(reinterpret_cast<const char*>(array.data()), array.size() * sizeof(T));
 }
 
-/// Whether two maps have the same bits.
+/// Expects that two maps have the same bits.
 void expect_same(const GaussianMap& a, const GaussianMap& b) {
   EXPECT_EQ(a.sh_bases, b.sh_bases);
   EXPECT_EQ(a.feature_dims, b.feature_dims);
@@ -298,8 +298,8 @@ TEST(Ply, ReadsTheOrigin) {
 }
 
 struct Wrong {
-  std::string before, after;  ///< What is wrong in `kText`.
-  std::string message;        ///< What follows "a.ply: ".
+  std::string before, after;  ///< Text of `kText`, and its wrong replacement.
+  std::string message;        ///< Error message after "a.ply: ".
 };
 
 TEST(Ply, SaysWhatIsWrongWithTheHeader) {

@@ -30,7 +30,7 @@ std::string error_of(Call call) {
 
 Camera good_camera() { return {500, 510, 320, 240, 640, 480, Eigen::Isometry3d::Identity()}; }
 
-/// What `validate` says after `change` was made to a good camera.
+/// Applies `change` to a valid camera; returns the error message of `validate`.
 template <typename Change>
 std::string error_after(Change change) {
   Camera camera = good_camera();

@@ -143,7 +143,7 @@ TEST(RasterBackwardEdges, ClampedJacobian) {
   }
 }
 
-/// Where alpha is held at 0.99, it no longer depends on opacity or geometry, but colour counts.
+/// Alpha that is clamped to 0.99 does not depend on opacity or geometry; colour has a gradient.
 TEST(RasterBackwardEdges, ClampedAlpha) {
   const Camera camera = straight_camera(3, 3, 100);
   Gaussian g;
@@ -254,7 +254,7 @@ TYPED_TEST(RasterBackwardTyped, NoLossHasNoGradient) {
   for (double value : gradients.dL_dtwist) EXPECT_EQ(value, 0);
 }
 
-/// What the loss says about unwanted pixels does not count.
+/// Gradients of the loss at unwanted pixels are ignored.
 TYPED_TEST(RasterBackwardTyped, MaskedPixelsTakeNoPart) {
   const Camera camera = tilted_camera(40, 30);
   const auto map = converted<TypeParam>(random_scene(35, camera, {}));

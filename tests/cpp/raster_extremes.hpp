@@ -14,7 +14,7 @@
 
 namespace gslts::raster::testing {
 
-/// What a scene that nobody should render gave.
+/// Rendering of a degenerate scene, and its gradients.
 template <typename T>
 struct Survival {
   Images<T> images;

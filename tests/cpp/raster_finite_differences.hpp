@@ -25,7 +25,7 @@ inline Camera moved_along(Camera camera, std::size_t axis, double amount) {
   return camera;
 }
 
-/// How a derivative by differences compares with the analytic one.
+/// Tolerances of the comparison of analytic derivatives with finite differences.
 struct FiniteDifferences {
   double step = 1e-4;
   double relative = 1e-6;  ///< Allowed error, of the entry itself ...

@@ -18,7 +18,7 @@ namespace {
 
 using namespace testing;
 
-/// What rounding may do to an image.
+/// Tolerances for errors of rounding in an image.
 struct Tolerance {
   double inside;         ///< Error of a number at a pixel with no decision near its threshold.
   double flipped;        ///< Error of a number at any pixel.
@@ -252,7 +252,7 @@ TYPED_TEST(RasterForwardTyped, EqualDepthsAreBlendedInTheOrderOfTheRows) {
   expect_like_oracle(images, render_oracle(converted<double>(map), camera), 3);
 }
 
-/// What a mask leaves is, bit for bit, what the whole image holds there.
+/// The pixels rendered with a mask equal those of the whole image, bit for bit.
 TYPED_TEST(RasterForwardTyped, MaskedPixelsAreThoseOfTheWholeImage) {
   const Camera camera = tilted_camera(75, 53);
   SceneShape shape;

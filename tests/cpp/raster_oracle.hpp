@@ -10,7 +10,7 @@
 
 namespace gslts::raster::testing {
 
-/// What the reference renderer found.
+/// Result of the reference renderer.
 struct OracleRender {
   Images<double> images;
 

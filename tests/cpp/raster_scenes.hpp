@@ -105,8 +105,8 @@ struct SceneShape {
   double min_scale_px = 0.3, max_scale_px = 12;  ///< Spread of the axes as seen in the image.
   double min_depth_m = 0.4, max_depth_m = 6;
   double min_logit = -4, max_logit = 5;
-  double outside = 0.2;  ///< How far beyond the image centres lie, as a share of its size.
-  double behind = 0.1;   ///< Share behind the camera.
+  double outside = 0.2;  ///< Margin around the image for centres, as a share of its size.
+  double behind = 0.1;   ///< Share of Gaussians behind the camera.
 };
 
 /// Gaussians in and around the camera's view, in random order, some behind it. All numbers are

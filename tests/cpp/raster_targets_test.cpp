@@ -44,7 +44,7 @@ class Bits {
   void add_number(const std::string& name, double value) { add(name, std::vector<double>{value}); }
 
   const std::map<std::string, std::uint64_t>& hashes() const { return hashes_; }
-  /// Of all of them.
+  /// Returns one hash of all of them.
   std::uint64_t combined() const {
     std::uint64_t combined = 0;
     for (const auto& [name, hash] : hashes_) combined = combined * 1099511628211u + hash;
@@ -55,7 +55,7 @@ class Bits {
   std::map<std::string, std::uint64_t> hashes_;
 };
 
-/// One call of every kernel.
+/// Scene and options for one call of every kernel.
 struct Case {
   std::uint32_t seed;
   int width, height;

@@ -39,7 +39,7 @@ struct Picture {
   std::uint8_t at(int column, int row) const { return grey[std::size_t(row * width + column)]; }
 };
 
-/// What a picture shows where another one does.
+/// Resamples a picture: pixel (u, v) of the result is pixel (column(u), row(v)) of `from`.
 template <typename Column, typename Row>
 Picture moved(const Picture& from, int width, int height, Column column, Row row) {
   Picture to(width, height);

@@ -35,12 +35,12 @@ Landmarks room(std::size_t count, std::mt19937& random) {
   return landmarks;
 }
 
-/// How a camera sees landmarks.
+/// Errors of the observations of landmarks by a camera.
 struct Sight {
-  double outliers = 0;     ///< Share that is seen elsewhere.
-  double noise_px = 0.5;   ///< Standard deviation.
-  double noise_depth = 0;  ///< Relative.
-  int flips = 20;          ///< Bits of a descriptor that differ.
+  double outliers = 0;     ///< Share of landmarks observed at a wrong position.
+  double noise_px = 0.5;   ///< Standard deviation of the position, px.
+  double noise_depth = 0;  ///< Relative standard deviation of the depth.
+  int flips = 20;          ///< Number of bits of a descriptor that differ.
   bool depth = true;
 };
 

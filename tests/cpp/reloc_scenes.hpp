@@ -41,7 +41,7 @@ inline int bits_between(const std::uint8_t* a, const std::uint8_t* b) {
   return int(bits);
 }
 
-/// What a `LandmarksView` is of.
+/// Arrays of a `LandmarksView`.
 struct Landmarks {
   std::vector<float> positions;
   std::vector<std::uint8_t> descriptors;
@@ -74,7 +74,7 @@ inline void add(Features& features, const Eigen::Vector2f& pixel, const Descript
   features.descriptors.insert(features.descriptors.end(), descriptor.begin(), descriptor.end());
 }
 
-/// What a function throws.
+/// Returns the message of the exception that a function throws.
 template <typename Function>
 std::string message_of(Function function) {
   try {

@@ -1,4 +1,4 @@
-"""What all tests share: threads, the folder of the run, Hypothesis, and which tests are system."""
+"""Setup of all tests: threads, the folder of the run, Hypothesis, and the marker `system`."""
 
 import os
 from pathlib import Path

@@ -90,7 +90,7 @@ def home() -> Home:
 
 
 def see(where: Home, look: Viewpoint, noise: str = "none", seed: int = 0) -> RgbdFrame:
-    """What a robot in a home sees."""
+    """Return the frame that a robot in a home observes from a viewpoint."""
     robot = Controller(where, **SIZE, noise=noise, seed=seed)
     robot.go(look)
     return robot.observe()
@@ -104,13 +104,13 @@ def mapped() -> tuple[GaussianMap, dict[str, Camera]]:
         looks = [*looks_all_around("change_room", home(), 48), *LOOKS]
         gaussian_map, cameras = map_of(home(), looks)
         write_map_folder(folder, gaussian_map, {}, {})
-        plain = {name: camera_to_json(one) for name, one in cameras.items()}
+        plain = {name: camera_to_json(camera) for name, camera in cameras.items()}
         (folder / "exact.json").write_text(json.dumps(plain))
 
     folder = made_once("change_room_map", make)
     # Cameras that are read with a map are made rigid, which changes their last bits.
     plain = json.loads((folder / "exact.json").read_text())
-    return read_map(folder), {name: camera_from_json(one) for name, one in plain.items()}
+    return read_map(folder), {name: camera_from_json(camera) for name, camera in plain.items()}
 
 
 def map_of(where: Home, looks: Sequence[Viewpoint]) -> tuple[GaussianMap, dict[str, Camera]]:
@@ -129,13 +129,16 @@ def map_of(where: Home, looks: Sequence[Viewpoint]) -> tuple[GaussianMap, dict[s
         visit = Path(folder) / "visit"
         capture(Controller(where, **SIZE), looks, visit)
         result = make_map(open_dataset(visit), config)
-    cameras = {name: one.camera() for name, one in (result.training | result.held_out).items()}
+    cameras = {
+        name: observation.camera()
+        for name, observation in (result.training | result.held_out).items()
+    }
     return result.gaussian_map, cameras
 
 
 @cache
 def detector() -> ChangeDetector:
-    """Of the map, with what its cameras saw."""
+    """Make a detector on the map, with the cameras that the map was made from."""
     gaussian_map, cameras = mapped()
     return ChangeDetector(gaussian_map, CONFIG, cameras=cameras.values())
 

@@ -82,9 +82,10 @@ def colours(gaussians: GaussianMap, means_in_world: Array, camera: Camera, degre
 def project_covariances(
     gaussians: GaussianMap, x_in_camera: Array, camera: Camera
 ) -> tuple[Array, Array, Array]:
-    """Of the place in the image, [N,2,2], of that with the depth, [N,2], and std of the depth, [N].
+    """Project the covariances of Gaussians; returns three arrays.
 
-    J W R S S^T R^T W^T J^T, as in EWA splatting (Zwicker et al. 2001).
+    [N,2,2] covariance of the image position, [N,2] its covariance with the depth, and [N] standard
+    deviation of the depth. J W R S S^T R^T W^T J^T, as in EWA splatting (Zwicker et al. 2001).
     """
     scales = np.exp(gaussians.log_scales.astype(np.float64))
     rotations = rotation_matrices(gaussians.quats.astype(np.float64))

@@ -80,6 +80,6 @@ def random_image_gradients(images: Images, seed: int = 0) -> dict[str, NDArray[A
 
 
 def render_bytes(threads: int) -> tuple[bytes, ...]:
-    """What a child process is asked for; it must be importable by name."""
+    """Render a scene; child processes call this function, so it must be importable by name."""
     options = gslts.RenderOptions(threads=threads)
     return image_bytes(gslts.render(random_map(300, dtype=np.float32), orbit_camera(), options))

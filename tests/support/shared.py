@@ -46,7 +46,7 @@ def looks_all_around(name: str, home: Home, most: int) -> list[Viewpoint]:
     def make(folder: Path) -> None:
         folder.mkdir()
         looks, _ = explore(home, most)
-        numbers = [[one.x, one.y, one.yaw_deg, one.horizon_deg] for one in looks]
+        numbers = [[look.x, look.y, look.yaw_deg, look.horizon_deg] for look in looks]
         (folder / "looks.json").write_text(json.dumps(numbers))
 
     numbers = json.loads((made_once(f"{name}_{most}_looks", make) / "looks.json").read_text())

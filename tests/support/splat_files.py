@@ -1,4 +1,4 @@
-"""What another program reads in a .splat file."""
+"""Independent reader of .splat files."""
 
 import struct
 from pathlib import Path
@@ -12,7 +12,7 @@ ORIGIN = (3.0, -2.0, 0.5)
 
 
 def decoded(path: Path) -> gslts.GaussianMap:
-    """What a viewer makes of the file, byte by byte, as its inventor's page describes it."""
+    """Decode a file byte by byte, as the page of the format's author describes it."""
     content = path.read_bytes()
     rows = [struct.unpack_from("<6f8B", content, at) for at in range(0, len(content), 32)]
     assert len(content) == 32 * len(rows)

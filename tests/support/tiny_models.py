@@ -48,7 +48,12 @@ def write_tokenizer(folder: Path) -> None:
     from tokenizers.pre_tokenizers import ByteLevel
 
     letters = sorted(ByteLevel.alphabet())
-    tokens = [*letters, *(f"{one}</w>" for one in letters), "<|startoftext|>", "<|endoftext|>"]
+    tokens = [
+        *letters,
+        *(f"{letter}</w>" for letter in letters),
+        "<|startoftext|>",
+        "<|endoftext|>",
+    ]
     vocabulary = {token: row for row, token in enumerate(tokens)}
     assert vocabulary["<|endoftext|>"] == END
     (folder / "vocab.json").write_text(json.dumps(vocabulary))
@@ -109,6 +114,6 @@ def write_sam(folder: Path, seed: int = 2, **decoder: Any) -> None:
         head = model.mask_decoder.iou_prediction_head.proj_out
         head.weight.mul_(0.01)
         head.bias.fill_(0.9)
-        for one in model.mask_decoder.output_hypernetworks_mlps:
-            one.proj_out.weight.mul_(60.0)
+        for network in model.mask_decoder.output_hypernetworks_mlps:
+            network.proj_out.weight.mul_(60.0)
         model.save_pretrained(folder)

@@ -97,7 +97,7 @@ class Changing:
     """A robot in a home that changes after some frames."""
 
     def __init__(self, first: Home, then: Home, frames: int) -> None:
-        self._robots, self._left = [robot_in(one) for one in (first, then)], frames
+        self._robots, self._left = [robot_in(home) for home in (first, then)], frames
 
     def observe(self) -> RgbdFrame:
         self._left -= 1

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")
-"""Suffixes by which an image is told from a data set."""
+"""Suffixes of image files; any other path is a data set."""
 
 Localize = Annotated[
     bool,

@@ -54,10 +54,13 @@ def semantic_map(
         write_png,
     )
     from gslts.semantics.categories import Categories
+    from gslts.semantics.registry import open_text_semantics
     from gslts.store.map_folder import read_map
 
     body = RobotBody(radius_m=radius, height_m=height, step_m=step)
-    layers = Categories.of_map(map_path, category, clip) if category else None
+    layers = None
+    if category:
+        layers = Categories(tuple(category), *open_text_semantics(map_path, clip))
     result = make_semantic_map(read_map(map_path), body, layers, cell)
     out.mkdir(parents=True, exist_ok=True)
     write_map_server(result, out)

@@ -15,6 +15,7 @@ from gslts.navigation.viewpoints import Target
 from gslts.semantics.autoencoder import Autoencoder
 from gslts.semantics.categories import Categories
 from gslts.semantics.queries import SemanticQueries
+from gslts.semantics.registry import open_text_semantics
 from gslts.semantics.source import SemanticSource
 from gslts.store.map_folder import read_map
 
@@ -80,8 +81,8 @@ class Navigator:
             OSError: A file cannot be read.
             ValueError: The map has no semantic features, or a file is damaged.
         """
-        layers = Categories.of_map(path, categories, clip, threads)
-        return cls(read_map(path), layers.autoencoder, layers.source, body, layers.names)
+        autoencoder, source = open_text_semantics(path, clip, threads)
+        return cls(read_map(path), autoencoder, source, body, categories)
 
     def go(
         self, robot: Robot, text: str, on_move: Callable[[], None] = lambda: None

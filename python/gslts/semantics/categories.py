@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from gslts.core.gaussian_map import GaussianMap
 from gslts.semantics.autoencoder import Autoencoder
-from gslts.semantics.files import require_semantics
-from gslts.semantics.registry import open_text_source
 from gslts.semantics.relevance import RelevanceScorer
 from gslts.semantics.source import SemanticSource
 from gslts.types import Indices, Ints32
@@ -30,29 +27,6 @@ class Categories:
     names: tuple[str, ...]
     autoencoder: Autoencoder
     source: SemanticSource
-
-    @classmethod
-    def of_map(
-        cls, path: Path, names: Sequence[str], clip: Path | None = None, threads: int = 0
-    ) -> Categories:
-        """Read what a map folder needs to classify its Gaussians.
-
-        Args:
-            path: A map folder with semantic features, or a version of it such as MAP@3.
-            names: Names of the categories.
-            clip: Folder of its CLIP, if it was moved.
-            threads: For CLIP; 0 uses the default of torch.
-
-        Returns:
-            The categories.
-
-        Raises:
-            ImportError: transformers is missing.
-            OSError: A file cannot be read.
-            ValueError: The map has no semantic features, or a file is damaged.
-        """
-        cause, autoencoder = require_semantics(path)
-        return cls(tuple(names), autoencoder, open_text_source(cause, clip, threads))
 
 
 def classify_gaussians(

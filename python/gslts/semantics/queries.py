@@ -12,8 +12,7 @@ import numpy as np
 from gslts.core.gaussian_map import GaussianMap
 from gslts.semantics.autoencoder import Autoencoder
 from gslts.semantics.clusters import CELL_STRIDES, cell_keys, connected_components, dbscan
-from gslts.semantics.files import require_semantics
-from gslts.semantics.registry import open_text_source
+from gslts.semantics.registry import open_text_semantics
 from gslts.semantics.relevance import RelevanceScorer
 from gslts.semantics.source import SemanticSource
 from gslts.store.map_folder import read_map
@@ -122,8 +121,8 @@ class SemanticQueries:
             OSError: A file cannot be read.
             ValueError: The map has no semantic features, or a file is damaged.
         """
-        cause, autoencoder = require_semantics(path)
-        return cls(read_map(path), autoencoder, open_text_source(cause, clip, threads))
+        autoencoder, source = open_text_semantics(path, clip, threads)
+        return cls(read_map(path), autoencoder, source)
 
     def relevance(self, text: str) -> Floats32:
         """Compute the relevance of all Gaussians to a text.

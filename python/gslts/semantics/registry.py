@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from gslts.semantics.autoencoder import Autoencoder
+from gslts.semantics.files import require_semantics
 from gslts.semantics.source import Oracle, SemanticSource
 from gslts.store.causes import SemanticsCause
 
@@ -41,6 +43,28 @@ def open_text_source(
     from gslts.semantics.clip_source import ClipSource
 
     return ClipSource(ClipEncoder(folder, threads))
+
+
+def open_text_semantics(
+    path: Path, clip: Path | None = None, threads: int = 0
+) -> tuple[Autoencoder, SemanticSource]:
+    """Open the semantics of a map folder for text queries.
+
+    Args:
+        path: A map folder with semantic features, or a version of it such as MAP@3.
+        clip: Folder of its CLIP, if it was moved.
+        threads: For CLIP; 0 uses the default of torch.
+
+    Returns:
+        The autoencoder of its features, and the source that encodes texts.
+
+    Raises:
+        ImportError: transformers is missing.
+        OSError: A file cannot be read.
+        ValueError: The map has no semantic features, or a file is damaged.
+    """
+    cause, autoencoder = require_semantics(path)
+    return autoencoder, open_text_source(cause, clip, threads)
 
 
 def open_source(name: str, models: dict[str, Path], threads: int = 0) -> SemanticSource:

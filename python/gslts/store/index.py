@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import sqlite3
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import ValidationError
@@ -17,25 +16,8 @@ from gslts.store.records import Blob, Event, ObjectEvent, Rejection, Version
 Parsed = TypeVar("Parsed")
 
 
-class Index:
-    """Versions, snapshots, rejected updates and object changes, for one writer and any readers.
-
-    Args:
-        path: The SQLite file.
-        writable: Allow additions. The caller makes sure that there is one writer.
-        new: Create the file; it must not exist.
-
-    Raises:
-        OSError: The file cannot be opened.
-        ValueError: The file is no index, or of another schema.
-    """
-
-    def __init__(self, path: Path, *, writable: bool = False, new: bool = False) -> None:
-        self._file = IndexFile(path, writable=writable, new=new)
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
+class Index(IndexFile):
+    """Versions, snapshots, rejected updates and object changes, for one writer and any readers."""
 
     def versions(self) -> list[Version]:
         """Return all versions, oldest first."""
@@ -52,7 +34,7 @@ class Index:
         """
         found = self._read("SELECT * FROM versions WHERE number = ?", _version, (number,))
         if not found:
-            raise ValueError(f"{self._file.path.parent}: there is no version {number}")
+            raise ValueError(f"{self.path.parent}: there is no version {number}")
         return found[0]
 
     def newest(self) -> Version:
@@ -63,7 +45,7 @@ class Index:
         """
         found = self._read("SELECT * FROM versions ORDER BY number DESC LIMIT 1", _version)
         if not found:
-            raise ValueError(f"{self._file.path.parent}: the map has no version")
+            raise ValueError(f"{self.path.parent}: the map has no version")
         return found[0]
 
     def lineage(self, number: int) -> list[int]:
@@ -131,7 +113,7 @@ class Index:
             version.touched,
             version.cause.model_dump_json(),
         )
-        with self._file.transaction() as connection:
+        with self.transaction() as connection:
             connection.execute("INSERT INTO versions VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", row)
             if snapshot is not None:
                 _insert_snapshot(connection, number, snapshot)
@@ -150,7 +132,7 @@ class Index:
         Raises:
             OSError: The file cannot be written.
         """
-        with self._file.transaction() as connection:
+        with self.transaction() as connection:
             _insert_snapshot(connection, number, snapshot)
 
     def add_rejection(self, rejection: Rejection) -> None:
@@ -168,7 +150,7 @@ class Index:
             rejection.time_s,
             rejection.cause.model_dump_json(),
         )
-        with self._file.transaction() as connection:
+        with self.transaction() as connection:
             connection.execute("INSERT INTO rejections VALUES (?, ?, ?, ?)", row)
 
     def forget_before(self, number: int) -> None:
@@ -180,31 +162,22 @@ class Index:
         Raises:
             OSError: The file cannot be written.
         """
-        with self._file.transaction() as connection:
+        with self.transaction() as connection:
             connection.execute("DELETE FROM snapshots WHERE version < ?", (number,))
             connection.execute(
                 "UPDATE versions SET delta = NULL, delta_bytes = NULL WHERE number < ?", (number,)
             )
 
-    def require_intact(self) -> None:
-        """Check the consistency of the whole file.
-
-        Raises:
-            OSError: The file cannot be read.
-            ValueError: The file is damaged.
-        """
-        self._file.require_intact()
-
     def _read(
         self, query: str, parse: Callable[[sqlite3.Row], Parsed], parameters: tuple[Any, ...] = ()
     ) -> list[Parsed]:
-        rows = self._file.rows(query, parameters)
+        rows = self.rows(query, parameters)
         try:
             return [parse(row) for row in rows]
         except ValidationError as error:
-            raise self._file.damaged(first_problem(error)) from None
+            raise self.damaged(first_problem(error)) from None
         except (IndexError, TypeError, ValueError, RecursionError) as error:
-            raise self._file.damaged(error) from error
+            raise self.damaged(error) from error
 
 
 def _version(row: sqlite3.Row) -> Version:

@@ -53,7 +53,12 @@ class OverlayUnit:
         return len(self.chosen)
 
     def run(self, _done: frozenset[str], add: Add) -> None:
-        """Detect once more in the chosen cases, and write the overlays. See `Unit`."""
+        """Repeat the detection of the chosen cases, and write the overlays.
+
+        Args:
+            _done: Ids of the results of earlier runs; ignored, all images are drawn anew.
+            add: Receives each new result.
+        """
         home_cases = self.unit.cases()
         cases = {f"{self.name}/{case.name}": case for case in home_cases.cases}
         before = default_state(home_cases.home, home_cases.initial_actions)

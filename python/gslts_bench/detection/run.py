@@ -130,17 +130,30 @@ class DetectUnit(BenchUnit[Record, BenchHome]):
         return (*(VARIANTS if self.trade and part == "single" else STRATEGIES), *watching)
 
     def is_asked(self, record: Record) -> bool:
-        """Return whether this run asks for the detector of a record. See `BenchUnit`."""
+        """Return whether this run asks for the detector of a record.
+
+        Args:
+            record: A record in the file of results.
+        """
         return record.variant in self.variants(record.part)
 
     def count_missing(self, records: Sequence[Record]) -> int:
-        """Return how many single changes the home did not give. See `BenchUnit`."""
+        """Return how many of the single changes that were asked for do not exist.
+
+        Args:
+            records: Records that are asked for, with errors.
+        """
         return self.counts.single - len(
             {record.case for record in records if record.part == "single"}
         )
 
     def run(self, done: frozenset[str], add: Add) -> None:
-        """Run the detectors that have not seen a case yet. See `Unit`."""
+        """Run each detector on each case that has no result yet.
+
+        Args:
+            done: Ids of the results of earlier runs.
+            add: Receives each new result.
+        """
         home_cases = self.cases()
         left = {
             case: [name for name in self.variants(case.part) if self._id(case, name) not in done]

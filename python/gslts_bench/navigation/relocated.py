@@ -62,11 +62,20 @@ class RelocatedUnit(BenchUnit[Record, BenchHome]):
         return self.tasks * WALKS
 
     def is_asked(self, record: Record) -> bool:
-        """Return whether this run asks for the object of a record. See `BenchUnit`."""
+        """Return whether this run asks for the object of a record.
+
+        Args:
+            record: A record in the file of results.
+        """
         return int(record.id.split("/")[1].removeprefix("moved_")) < self.tasks
 
     def run(self, done: frozenset[str], add: Add) -> None:
-        """Go to the relocated objects that are missing. See `Unit`."""
+        """Navigate to each relocated object that has no result yet.
+
+        Args:
+            done: Ids of the results of earlier runs.
+            add: Receives each new result.
+        """
         tasks = self.bench.tasks(TASKS_PER_RELOCATION * self.tasks)
         home = tasks[0].home.load(Path())
         known, cameras = read_semantic_map(self.bench), cameras_of_map(self.bench.map())

@@ -100,11 +100,20 @@ class NavigateUnit(BenchUnit[Record, BenchHome]):
         return self.episodes
 
     def is_asked(self, record: Record) -> bool:
-        """Return whether this run asks for the episode of a record. See `BenchUnit`."""
+        """Return whether this run asks for the episode of a record.
+
+        Args:
+            record: A record in the file of results.
+        """
         return int(record.id.rpartition("/")[2]) < self.episodes
 
     def run(self, done: frozenset[str], add: Add) -> None:
-        """Run the episodes that are missing. See `Unit`."""
+        """Run the episodes that have no result yet.
+
+        Args:
+            done: Ids of the results of earlier runs.
+            add: Receives each new result.
+        """
         bench = self.bench
         if all(f"{self.name}/{number:03}" in done for number in range(self.episodes)):
             return

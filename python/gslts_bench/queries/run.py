@@ -105,7 +105,7 @@ class Record(BenchRecord):
         absent: Number of categories that the home lacks with a box all the same, and of all that it
             lacks.
         gaussians, feature_bytes: Size of the map and of its features.
-        teach_s: Time of autoencoder, closed form and refinement.
+        embedding_s: Time of autoencoder, closed form and refinement.
         query_s: Time of each query.
     """
 
@@ -116,7 +116,7 @@ class Record(BenchRecord):
     absent: tuple[int, int] = (0, 0)
     gaussians: int = 0
     feature_bytes: int = 0
-    teach_s: FiniteFloat = 0.0
+    embedding_s: FiniteFloat = 0.0
     query_s: tuple[FiniteFloat, ...] = ()
 
 
@@ -139,11 +139,20 @@ class QueryUnit(BenchUnit[Record, BenchHome]):
         return len(self.variants)
 
     def is_asked(self, record: Record) -> bool:
-        """Return whether this run asks for the variant of a record. See `BenchUnit`."""
+        """Return whether this run asks for the variant of a record.
+
+        Args:
+            record: A record in the file of results.
+        """
         return record.variant in self.variants
 
     def run(self, done: frozenset[str], add: Add) -> None:
-        """Make the semantic maps that are missing, and ask them. See `Unit`."""
+        """Make and query the semantic maps of variants that have no result yet.
+
+        Args:
+            done: Ids of the results of earlier runs.
+            add: Receives each new result.
+        """
         for name, variant in self.variants.items():
             key = f"{self.name}: {name}"
             if key not in done:
@@ -155,17 +164,17 @@ class QueryUnit(BenchUnit[Record, BenchHome]):
         gaussian_map = read_map(bench.map())
         start_s = time.perf_counter()
         frames = mapped_frames(bench)
-        taught = embed_semantics(
+        semantics = embed_semantics(
             gaussian_map, frames, oracle, variant.code, variant.refine, threads=1
         )
-        teach_s = time.perf_counter() - start_s
+        embedding_s = time.perf_counter() - start_s
         queries = SemanticQueries(
-            replace(gaussian_map, features=taught.features), taught.autoencoder, oracle
+            replace(gaussian_map, features=semantics.features), semantics.autoencoder, oracle
         )
         return {
             "gaussians": gaussian_map.size,
-            "feature_bytes": taught.features.nbytes,
-            "teach_s": teach_s,
+            "feature_bytes": semantics.features.nbytes,
+            "embedding_s": embedding_s,
             **_compare(queries, _true_boxes(bench)),
         }
 

@@ -51,7 +51,7 @@ def _numbers(records: Sequence[Record]) -> dict[str, Any]:
         "absent": [sum(record.absent[side] for record in records) for side in (0, 1)],
         "gaussians": float(np.mean([record.gaussians for record in records])),
         "feature_bytes": float(np.mean([record.feature_bytes for record in records])),
-        "teach_s": float(np.median([record.teach_s for record in records])),
+        "embedding_s": float(np.median([record.embedding_s for record in records])),
         "query_s": float(np.median([s for record in records for s in record.query_s])),
     }
 
@@ -101,11 +101,11 @@ def _variants(found: Mapping[str, Any]) -> Table:
                     f"{numbers['objects']} in {numbers['homes']} home(s)",
                     *(number(numbers[key], 3) for key in GS_LTS),
                     f"{numbers['feature_bytes'] / 2**20:.1f} MiB",
-                    f"{numbers['teach_s']:.0f} s",
+                    f"{numbers['embedding_s']:.0f} s",
                     f"{1000 * numbers['query_s']:.0f} ms",
                 ]
             )
-    return Table("", ["", "objects", *GS_LTS, "features", "teaching", "a query"], rows)
+    return Table("", ["", "objects", *GS_LTS, "features", "embedding", "a query"], rows)
 
 
 def write_plot(found: Mapping[str, Any], path: Path) -> None:
@@ -121,7 +121,7 @@ def write_plot(found: Mapping[str, Any], path: Path) -> None:
     panels: tuple[tuple[str, Callable[[Any], float]], ...] = (
         ("mIoU", lambda numbers: numbers["mIoU"]),
         ("features of a map, MiB", lambda numbers: numbers["feature_bytes"] / 2**20),
-        ("teaching a map, s on one core", lambda numbers: numbers["teach_s"]),
+        ("embedding a map, s on one core", lambda numbers: numbers["embedding_s"]),
     )
     for axes, (label, value) in zip(figure.subplots(1, len(panels)), panels, strict=True):
         ordered = sorted(lengths)

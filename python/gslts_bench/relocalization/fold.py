@@ -86,7 +86,9 @@ class FoldUnit(BenchUnit[RoomRecord, RoomFold]):
     def run(self, done: frozenset[str], add: Add) -> None:
         """Localize the frames that are missing, but for those that mapping cannot use.
 
-        See `Unit`.
+        Args:
+            done: Ids of the results of earlier runs.
+            add: Receives each new result.
         """
         frames = [frame for frame in self.frames if frame.name not in done]
         if not frames:

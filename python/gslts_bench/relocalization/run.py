@@ -74,7 +74,11 @@ class RelocalizeUnit(BenchUnit[Record, BenchHome]):
         return {"views": self.views}
 
     def is_asked(self, record: Record) -> bool:
-        """Return whether this run asks for the variant of a record. See `BenchUnit`."""
+        """Return whether this run asks for the variant of a record.
+
+        Args:
+            record: A record in the file of results.
+        """
         return record.variant in self.variants(record.part)
 
     def variants(self, part: Part) -> tuple[str, ...]:
@@ -91,7 +95,12 @@ class RelocalizeUnit(BenchUnit[Record, BenchHome]):
         )
 
     def run(self, done: frozenset[str], add: Add) -> None:
-        """Localize the frames that are missing. See `Unit`."""
+        """Localize each frame that has no result yet.
+
+        Args:
+            done: Ids of the results of earlier runs.
+            add: Receives each new result.
+        """
         left = {
             view: [
                 variant for variant in self.variants(view.part) if _id(view, variant) not in done

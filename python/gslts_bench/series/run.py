@@ -112,7 +112,12 @@ class SeriesUnit(BenchUnit[Record, BenchHome]):
         return self.changes + 1
 
     def run(self, done: frozenset[str], add: Add) -> None:  # noqa: ARG002
-        """Apply one change after another. See `Unit`."""
+        """Apply the changes of the series one after another.
+
+        Args:
+            done: Ids of the results of earlier runs.
+            add: Receives each new result.
+        """
         folder = self.bench.map()
         first = read_map(folder)
         updated = first

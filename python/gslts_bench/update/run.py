@@ -115,15 +115,28 @@ class UpdateUnit(BenchUnit[Record, BenchHome]):
         return {**METHODS, **(ABLATION if self.ablation else {})}
 
     def is_asked(self, record: Record) -> bool:
-        """Return whether this run asks for the task of a record. See `BenchUnit`."""
+        """Return whether this run asks for the task of a record.
+
+        Args:
+            record: A record in the file of results.
+        """
         return int(record.task.rpartition("/")[2]) < self.tasks
 
     def count_missing(self, records: Sequence[Record]) -> int:
-        """Return how many tasks the home did not give. See `BenchUnit`."""
+        """Return how many of the tasks that were asked for do not exist.
+
+        Args:
+            records: Records that are asked for, with errors.
+        """
         return self.tasks - len({record.task for record in records})
 
     def run(self, done: frozenset[str], add: Add) -> None:
-        """Update the map with each task and method that is missing. See `Unit`."""
+        """Update the map for each task with each method that has no result yet.
+
+        Args:
+            done: Ids of the results of earlier runs.
+            add: Receives each new result.
+        """
         tasks = self.bench.tasks(max(MIN_TASKS, self.tasks))[: self.tasks]
         ground = _Ground.of(self.bench.map(), tasks[0].home.load(Path()), self.lpips)
         for number, task in enumerate(tasks):
@@ -184,7 +197,7 @@ class UpdateUnit(BenchUnit[Record, BenchHome]):
     ) -> tuple[GaussianMap, dict[str, Any]]:
         """Update the map with a method; return it with numbers for the record."""
         start_s = time.perf_counter()
-        updated, told = update_with(
+        updated, record = update_with(
             self.methods[name], ground.gaussian_map, ground.cameras, found, threads=self.threads
         )
         seconds = {"update": time.perf_counter() - start_s, "collecting": collecting_s}
@@ -194,13 +207,13 @@ class UpdateUnit(BenchUnit[Record, BenchHome]):
             "gaussians": (ground.gaussian_map.size, updated.size),
             "seconds": seconds,
         }
-        if told is not None:
-            seconds |= told.seconds
+        if record is not None:
+            seconds |= record.seconds
             numbers |= {
-                "rejected": told.rejected,
-                "removed": told.removed,
-                "added": told.added,
-                "iterations": told.iterations,
+                "rejected": record.rejected,
+                "removed": record.removed,
+                "added": record.added,
+                "iterations": record.iterations,
             }
         return updated, numbers
 

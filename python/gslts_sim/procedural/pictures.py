@@ -1,10 +1,6 @@
 """Pictures for walls, and the images that windows and mirrors show.
 
 Each function draws an image [h,w,3] that does not repeat.
-
-Args of all functions:
-    rng: Random stream.
-    shape: (h, w), px.
 """
 
 from __future__ import annotations
@@ -32,7 +28,12 @@ Shape = tuple[int, int]
 
 
 def landscape(rng: Rng, shape: Shape) -> Image:
-    """Draw hills one behind the other under a sky with a sun. See `pictures`."""
+    """Draw hills one behind the other under a sky with a sun.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+    """
     down, _ = coordinates(shape)
     sky, haze = (
         ((0.45, 0.66, 0.88), (0.97, 0.86, 0.7))
@@ -59,7 +60,12 @@ def landscape(rng: Rng, shape: Shape) -> Image:
 
 
 def abstract(rng: Rng, shape: Shape) -> Image:
-    """Draw rectangles, discs and brush strokes. See `pictures`."""
+    """Draw rectangles, discs and brush strokes.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+    """
     image = shade(plain(shape, PAPER), octaves(rng, shape, (8, 8), 4), 0.12)
     for _ in range(7):
         x, y = rng.uniform(0.05, 0.6, 2)
@@ -75,7 +81,12 @@ def abstract(rng: Rng, shape: Shape) -> Image:
 
 
 def still_life(rng: Rng, shape: Shape) -> Image:
-    """Draw a vase with flowers on a table. See `pictures`."""
+    """Draw a vase with flowers on a table.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+    """
     down, _ = coordinates(shape)
     wall, cloth = ink(rng), ink(rng)
     image = shade(plain(shape, tint(wall, 0.4, 0.5)), octaves(rng, shape, (6, 6), 4), 0.3)
@@ -92,12 +103,22 @@ def still_life(rng: Rng, shape: Shape) -> Image:
 
 
 def picture(rng: Rng, shape: Shape) -> Image:
-    """Draw one of the three kinds of pictures for walls. See `pictures`."""
+    """Draw one of the three kinds of pictures for walls.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+    """
     return (landscape, abstract, still_life)[int(rng.integers(3))](rng, shape)
 
 
 def outdoors(rng: Rng, shape: Shape) -> Image:
-    """Draw the view out of a window: sky, houses, trees and a lawn. See `pictures`."""
+    """Draw the view out of a window: sky, houses, trees and a lawn.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+    """
     down, _ = coordinates(shape)
     clouds = contrast(octaves(rng, shape, (5, 2), 4), 2.5)
     image = blend((0.55, 0.76, 0.97), (1, 1, 1), clouds * np.clip(1.3 - 1.5 * down, 0, 1))

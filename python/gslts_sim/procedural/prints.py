@@ -1,10 +1,6 @@
 """Images of printed surfaces and displays, which fit one side exactly and do not repeat.
 
 Each function draws an image [h,w,3].
-
-Args of all functions:
-    rng: Random stream.
-    shape: (h, w), px.
 """
 
 from __future__ import annotations
@@ -46,7 +42,12 @@ def _title(rng: Rng) -> str:
 
 
 def book_cover(rng: Rng, shape: Shape) -> Image:
-    """Draw a cover: cloth, a title, an author and a vignette. See `prints`."""
+    """Draw a cover: cloth, a title, an author and a vignette.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+    """
     colour, second = ink(rng), ink(rng)
     image = shade(plain(shape, colour), octaves(rng, shape, (16, 16), 3, 0.7), 0.2)
     kind = int(rng.integers(3))
@@ -100,7 +101,7 @@ def package(rng: Rng, shape: Shape, name: str, colour: Colour) -> Image:
         rng: Random stream.
         shape: (h, w), px.
         name: Brand, in capital letters.
-        colour: sRGB.
+        colour: Main colour, sRGB.
     """
     second = ink(rng)
     image = shade(plain(shape, colour), octaves(rng, shape, (6, 6), 4), 0.12)
@@ -120,7 +121,12 @@ def package(rng: Rng, shape: Shape, name: str, colour: Colour) -> Image:
 
 
 def desktop(rng: Rng, shape: Shape) -> Image:
-    """Draw a computer's screen: wallpaper, windows with text, a bar. See `prints`."""
+    """Draw a computer's screen: wallpaper, windows with text, a bar.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+    """
     image = landscape(rng, shape) * np.float32(0.9)
     for left, top in ((0.06, 0.1), (0.42, 0.3)):
         fill(image, (left, top, left + 0.48, top + 0.5), (0.96, 0.96, 0.97))
@@ -133,7 +139,12 @@ def desktop(rng: Rng, shape: Shape) -> Image:
 
 
 def broadcast(rng: Rng, shape: Shape) -> Image:
-    """Draw a television's picture: news above a banner. See `prints`."""
+    """Draw a television's picture: news above a banner.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+    """
     image = landscape(rng, shape) * np.float32(0.85)
     spot(image, (0.3, 0.62), (0.13, 0.3), ink(rng))
     spot(image, (0.3, 0.34), (0.055, 0.13), (0.85, 0.65, 0.52))
@@ -164,7 +175,12 @@ def keyboard(rng: Rng, shape: Shape, body: Colour) -> Image:
 
 
 def remote(rng: Rng, shape: Shape) -> Image:
-    """Draw a remote control's buttons, tall as it lies. See `prints`."""
+    """Draw the buttons of a remote control, in an upright image.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+    """
     image = shade(plain(shape, (0.14, 0.14, 0.16)), grain(rng, shape), 0.1)
     spot(image, (0.25, 0.06), (0.1, 0.025), (0.85, 0.15, 0.12))
     for row in range(6):
@@ -182,7 +198,12 @@ def remote(rng: Rng, shape: Shape) -> Image:
 
 
 def phone(rng: Rng, shape: Shape) -> Image:
-    """Draw a telephone's screen with icons. See `prints`."""
+    """Draw a telephone's screen with icons.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+    """
     image = landscape(rng, shape)
     for row in range(5):
         for column in range(4):
@@ -196,7 +217,12 @@ def phone(rng: Rng, shape: Shape) -> Image:
 
 
 def clock_face(rng: Rng, shape: Shape) -> Image:
-    """Draw a dial with marks and hands. See `prints`."""
+    """Draw a dial with marks and hands.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+    """
     image = shade(plain(shape, PAPER), octaves(rng, shape, (8, 8), 3), 0.06)
     spot(image, (0.5, 0.5), (0.5, 0.5), BLACK)
     spot(image, (0.5, 0.5), (0.45, 0.45), (0.97, 0.96, 0.92))
@@ -216,7 +242,7 @@ def digits(rng: Rng, shape: Shape, colour: Colour) -> Image:
     Args:
         rng: Random stream.
         shape: (h, w), px.
-        colour: Of the digits, sRGB.
+        colour: Colour of the digits, sRGB.
     """
     image = shade(plain(shape, (0.06, 0.06, 0.07)), grain(rng, shape), 0.3)
     time = f"{int(rng.integers(10, 24))}:{int(rng.integers(10, 60))}"
@@ -225,7 +251,12 @@ def digits(rng: Rng, shape: Shape, colour: Colour) -> Image:
 
 
 def newspaper(rng: Rng, shape: Shape) -> Image:
-    """Draw a front page: headline, columns and a photograph. See `prints`."""
+    """Draw a front page: headline, columns and a photograph.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+    """
     image = shade(plain(shape, (0.9, 0.88, 0.82)), octaves(rng, shape, (8, 8), 4), 0.06)
     write(image, "THE DAILY", (0.05, 0.03, 0.95, 0.14), BLACK)
     fill(image, (0.05, 0.155, 0.95, 0.165), BLACK)
@@ -241,7 +272,12 @@ def newspaper(rng: Rng, shape: Shape) -> Image:
 
 
 def card(rng: Rng, shape: Shape) -> Image:
-    """Draw a bank card. See `prints`."""
+    """Draw a bank card.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+    """
     image = shade(plain(shape, ink(rng)), octaves(rng, shape, (4, 4), 4), 0.4)
     fill(image, (0.08, 0.35, 0.24, 0.55), (0.85, 0.72, 0.35))
     write(image, "4929 1306", (0.08, 0.6, 0.92, 0.76), PAPER)
@@ -250,7 +286,12 @@ def card(rng: Rng, shape: Shape) -> Image:
 
 
 def carton(rng: Rng, shape: Shape) -> Image:
-    """Draw cardboard with tape and a shipping label. See `prints`."""
+    """Draw cardboard with tape and a shipping label.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+    """
     waves = lattice(rng, shape, (4, shape[1] // 2))
     image = shade(plain(shape, (0.72, 0.55, 0.37)), waves, 0.1)
     image = shade(image, octaves(rng, shape, (6, 6), 4), 0.16)
@@ -267,8 +308,8 @@ def plate_rings(rng: Rng, shape: Shape, colour: Colour, second: Colour) -> Image
     Args:
         rng: Random stream.
         shape: (h, w), px.
-        colour: sRGB.
-        second: Of the marks, sRGB.
+        colour: Main colour, sRGB.
+        second: Colour of the marks, sRGB.
     """
     down, across = coordinates(shape)
     image = shade(plain(shape, colour), octaves(rng, shape, (6, 6), 4), 0.09)

@@ -1,11 +1,6 @@
 """Textures of natural and woven surfaces, which repeat without seams.
 
-Each function draws an image [h,w,3]; u runs along the grain.
-
-Args of all functions:
-    rng: Random stream.
-    shape: (h, w), px.
-    colour, second, dark, light: Colours of the surface, sRGB, 0 to 1.
+Each function draws an image [h,w,3]; u runs along the grain. Colours are sRGB, 0 to 1.
 """
 
 from __future__ import annotations
@@ -35,7 +30,14 @@ Shape = tuple[int, int]
 
 
 def wood(rng: Rng, shape: Shape, dark: Colour, light: Colour) -> Image:
-    """Draw sawn wood: bent year rings and fine pores, both along u. See `textures`."""
+    """Draw sawn wood: bent year rings and fine pores, both along u.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+        dark: Colour of the dark parts, sRGB.
+        light: Colour of the light parts, sRGB.
+    """
     down, _ = coordinates(shape)
     warp = lattice(rng, shape, (3, 1)) + 0.35 * lattice(rng, shape, (7, 3))
     rings = wave(down * 10 + warp * 3)
@@ -46,7 +48,13 @@ def wood(rng: Rng, shape: Shape, dark: Colour, light: Colour) -> Image:
 
 
 def painted_wood(rng: Rng, shape: Shape, colour: Colour) -> Image:
-    """Draw painted wood: brush marks along u and slight blotches. See `textures`."""
+    """Draw painted wood: brush marks along u and slight blotches.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+        colour: Main colour, sRGB.
+    """
     marks = lattice(rng, shape, (max(2, shape[0] // 2), 9))
     blotches = octaves(rng, shape, (6, 6), 4)
     return shade(shade(plain(shape, colour), marks, 0.045), contrast(blotches, 1.5), 0.04)
@@ -58,8 +66,8 @@ def planks(rng: Rng, shape: Shape, dark: Colour, light: Colour, rows: int = 8) -
     Args:
         rng: Random stream.
         shape: (h, w), px.
-        dark: Of the dark parts, sRGB.
-        light: Of the light parts, sRGB.
+        dark: Colour of the dark parts, sRGB.
+        light: Colour of the light parts, sRGB.
         rows: Number of rows.
     """
     h, w = shape
@@ -83,7 +91,11 @@ def planks(rng: Rng, shape: Shape, dark: Colour, light: Colour, rows: int = 8) -
 def herringbone(rng: Rng, shape: Shape, dark: Colour, light: Colour) -> Image:
     """Draw parquet in zigzag: blocks five times as long as wide, laid at right angles.
 
-    See `textures`.
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+        dark: Colour of the dark parts, sRGB.
+        light: Colour of the light parts, sRGB.
     """
     h, w = shape
     along_u = wood(rng, shape, dark, light)
@@ -123,12 +135,12 @@ def tiles(
     Args:
         rng: Random stream.
         shape: (h, w), px.
-        colour: Of the tiles.
-        second: Of their clouds, or of every second tile.
+        colour: Colour of the tiles, sRGB.
+        second: Colour of their clouds, or of every second tile, sRGB.
         count: Tiles down and across.
         bond: Every second row is shifted by half a tile.
-        checkered: Two colours by turns.
-        joint: Colour between the tiles.
+        checkered: The tiles alternate between two colours.
+        joint: Colour between the tiles, sRGB.
     """
     down, across = coordinates(shape)
     v, u = np.broadcast_arrays(down * count[0], across * count[1])
@@ -155,7 +167,13 @@ def tiles(
 
 
 def plaster(rng: Rng, shape: Shape, colour: Colour) -> Image:
-    """Draw painted plaster: roller marks and faint clouds. See `textures`."""
+    """Draw painted plaster: roller marks and faint clouds.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+        colour: Main colour, sRGB.
+    """
     relief = octaves(rng, shape, (shape[0] // 8, shape[1] // 8), 3, 0.7)
     clouds = octaves(rng, shape, (3, 3), 4)
     image = shade(plain(shape, colour), contrast(relief, 1.5), 0.09)
@@ -168,7 +186,7 @@ def wallpaper(rng: Rng, shape: Shape, colour: Colour, ink: Colour, motif: int) -
     Args:
         rng: Random stream.
         shape: (h, w), px.
-        colour: sRGB.
+        colour: Main colour, sRGB.
         ink: Colour of the print, sRGB.
         motif: 0 for stripes, 1 sprigs, 2 lattice and 3 medallions.
     """
@@ -204,7 +222,7 @@ def weave(rng: Rng, shape: Shape, colour: Colour, second: Colour, threads: int =
     Args:
         rng: Random stream.
         shape: (h, w), px.
-        colour: sRGB.
+        colour: Main colour, sRGB.
         second: Second colour, sRGB.
         threads: Number of threads across.
     """
@@ -228,7 +246,7 @@ def pattern(
     Args:
         rng: Random stream.
         shape: (h, w), px.
-        colour: sRGB.
+        colour: Main colour, sRGB.
         second: Second colour, sRGB.
         third: Third colour, sRGB.
         motif: 0 for stripes, 1 plaid, 2 dots, 3 zigzag, 4 flowers and 5 leaves in rows.
@@ -270,7 +288,7 @@ def rug(rng: Rng, shape: Shape, colour: Colour, second: Colour, third: Colour) -
     Args:
         rng: Random stream.
         shape: (h, w), px.
-        colour: sRGB.
+        colour: Main colour, sRGB.
         second: Second colour, sRGB.
         third: Third colour, sRGB.
     """
@@ -317,7 +335,7 @@ def stone(rng: Rng, shape: Shape, colour: Colour, second: Colour, *, veined: boo
     Args:
         rng: Random stream.
         shape: (h, w), px.
-        colour: sRGB.
+        colour: Main colour, sRGB.
         second: Second colour, sRGB.
         veined: Draw marble.
     """
@@ -332,7 +350,13 @@ def stone(rng: Rng, shape: Shape, colour: Colour, second: Colour, *, veined: boo
 
 
 def metal(rng: Rng, shape: Shape, colour: Colour) -> Image:
-    """Draw brushed metal: long scratches along u. See `textures`."""
+    """Draw brushed metal: long scratches along u.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+        colour: Main colour, sRGB.
+    """
     scratches = lattice(rng, shape, (shape[0], 6))
     smudges = octaves(rng, shape, (5, 5), 4)
     return shade(shade(plain(shape, colour), scratches, 0.1), smudges, 0.06)
@@ -344,7 +368,7 @@ def speckles(rng: Rng, shape: Shape, colour: Colour, second: Colour, share: floa
     Args:
         rng: Random stream.
         shape: (h, w), px.
-        colour: sRGB.
+        colour: Main colour, sRGB.
         second: Second colour, sRGB.
         share: Fraction that the dots cover.
     """
@@ -355,21 +379,41 @@ def speckles(rng: Rng, shape: Shape, colour: Colour, second: Colour, share: floa
 
 
 def leather(rng: Rng, shape: Shape, colour: Colour) -> Image:
-    """Draw leather: wrinkled cells and worn areas. See `textures`."""
+    """Draw leather: wrinkled cells and worn areas.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+        colour: Main colour, sRGB.
+    """
     wrinkles = 2 * np.abs(octaves(rng, shape, (24, 24), 2) - 0.5)
     image = shade(plain(shape, colour), contrast(1 - wrinkles, 1.2), 0.16)
     return shade(image, octaves(rng, shape, (3, 3), 3), 0.2)
 
 
 def fur(rng: Rng, shape: Shape, colour: Colour, second: Colour) -> Image:
-    """Draw plush or grass: short strands. See `textures`."""
+    """Draw plush or grass with short strands.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+        colour: Main colour, sRGB.
+        second: Second colour, sRGB.
+    """
     strands = lattice(rng, shape, (shape[0] // 6, shape[1] // 2))
     tufts = octaves(rng, shape, (8, 8), 3)
     return blend(colour, second, contrast(0.6 * strands + 0.4 * tufts, 1.8))
 
 
 def crust(rng: Rng, shape: Shape, colour: Colour, second: Colour) -> Image:
-    """Draw baked or grown: blotches with bright flecks. See `textures`."""
+    """Draw the crust or crumb of bread, or potato skin: blotches with bright flecks.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+        colour: Main colour, sRGB.
+        second: Second colour, sRGB.
+    """
     blotches = contrast(octaves(rng, shape, (5, 5), 4, 0.6), 2)
     image = blend(colour, second, blotches)
     flecks = np.clip((lattice(rng, shape, (shape[0] // 4, shape[1] // 4)) - 0.85) * 8, 0, 1)
@@ -377,7 +421,14 @@ def crust(rng: Rng, shape: Shape, colour: Colour, second: Colour) -> Image:
 
 
 def fruit_skin(rng: Rng, shape: Shape, colour: Colour, second: Colour) -> Image:
-    """Draw fruit skin: one side redder, fine streaks along v, and dots. See `textures`."""
+    """Draw fruit skin: one side redder, fine streaks along v, and dots.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+        colour: Main colour, sRGB.
+        second: Second colour, sRGB.
+    """
     flush = octaves(rng, shape, (2, 3), 3)
     streaks = lattice(rng, shape, (3, shape[1] // 3))
     image = blend(colour, second, contrast(0.75 * flush + 0.25 * streaks, 1.8))
@@ -386,13 +437,26 @@ def fruit_skin(rng: Rng, shape: Shape, colour: Colour, second: Colour) -> Image:
 
 
 def streaks(rng: Rng, shape: Shape, colour: Colour, second: Colour) -> Image:
-    """Draw a leaf: streaks along v. See `textures`."""
+    """Draw a leaf: streaks along v.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+        colour: Main colour, sRGB.
+        second: Second colour, sRGB.
+    """
     streaks = octaves(rng, shape, (2, shape[1] // 8), 3, 0.7)
     return blend(colour, second, contrast(streaks, 2))
 
 
 def wicker(rng: Rng, shape: Shape, colour: Colour) -> Image:
-    """Draw plaited willow. See `textures`."""
+    """Draw plaited willow.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+        colour: Main colour, sRGB.
+    """
     down, across = coordinates(shape)
     v, u = np.broadcast_arrays(down * 16, across * 8)
     over = (np.floor(v) + np.floor(u)) % 2 == 0
@@ -402,6 +466,13 @@ def wicker(rng: Rng, shape: Shape, colour: Colour) -> Image:
 
 
 def bricks(rng: Rng, shape: Shape, colour: Colour, second: Colour) -> Image:
-    """Draw a brick wall. See `textures`."""
+    """Draw a brick wall.
+
+    Args:
+        rng: Random stream.
+        shape: (h, w), px.
+        colour: Main colour, sRGB.
+        second: Second colour, sRGB.
+    """
     image = tiles(rng, shape, colour, second, (12, 4), bond=True, joint=(0.78, 0.75, 0.7))
     return shade(image, grain(rng, shape), 0.12)

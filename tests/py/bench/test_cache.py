@@ -184,7 +184,7 @@ def test_an_unfinished_folder_is_made_again(tmp_path: Path) -> None:
         cached_folder(tmp_path / "a", 1, stopped)
     assert not list(tmp_path.glob("a*"))
     whole = cached_folder(tmp_path / "a", 1, Path.mkdir)
-    assert [one.name for one in whole.iterdir()] == [MADE_OF]
+    assert [path.name for path in whole.iterdir()] == [MADE_OF]
 
 
 def test_two_at_a_time_make_it_once(tmp_path: Path) -> None:

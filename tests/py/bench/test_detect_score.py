@@ -90,7 +90,7 @@ def test_the_most_confident_report_counts() -> None:
     assert (score.right, score.found, score.said, score.extra) == (False, True, "addition", 1)
     assert single("removal", right, wrong).right
     twice = single("removal", right, right)
-    assert (twice.right, twice.extra) == (True, 1), "one change is told once"
+    assert (twice.right, twice.extra) == (True, 1), "one change is reported once"
 
 
 def test_no_report_is_none_or_unreliable() -> None:
@@ -121,7 +121,7 @@ def test_several_changes_are_found_one_by_one() -> None:
     ]
     assert SeveralScore.of(records) == SeveralScore(changes=7, found=3, false=1, frames=3)
     assert is_right(record(truths, both))
-    assert not is_right(records[0]), "what did not happen was told"
+    assert not is_right(records[0]), "a change that did not happen was reported"
     assert not is_right(records[1])
 
 
@@ -166,7 +166,7 @@ def test_the_confusion_is_by_true_type() -> None:
 def many_records() -> list[Record]:
     hit, miss = report("removal", BEFORE), report("removal", AFTER)
     others = [truth("addition", name="Cup|1"), truth("relocation", name="Pan|1", shift=9)]
-    told = [
+    records = [
         record([truth("removal", 400)], [hit], ms=10.0),
         record([truth("removal", 9000)], [miss], ms=30.0),
         record([truth("removal", 600)], [], ms=80.0, unreliable="blurred"),
@@ -177,7 +177,7 @@ def many_records() -> list[Record]:
     ]
     return [
         one.model_copy(update={"case": f"kitchen_{number % 2}/{number}", "id": str(number)})
-        for number, one in enumerate(told)
+        for number, one in enumerate(records)
     ]
 
 

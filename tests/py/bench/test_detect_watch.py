@@ -22,7 +22,7 @@ def removal(x: float, confidence: float) -> Change:
 
 
 class Script:
-    """A detector that says what it was told to, frame by frame."""
+    """Fake detector that returns a given detection or error for each frame."""
 
     def __init__(self, said: list[Any]) -> None:
         self.config = DetectionConfig()
@@ -38,7 +38,7 @@ class Script:
         return Detection(tuple(said), None, CAMERA, photo)
 
 
-def told(said: list[Any]) -> tuple[str | None, list[Change]]:
+def watched(said: list[Any]) -> tuple[str | None, list[Change]]:
     return watch(Script(said), [FRAME] * len(said))  # type: ignore[arg-type]
 
 
@@ -47,29 +47,29 @@ def test_the_robot_turns_past_the_viewpoint() -> None:
     looks = turn_views(look)
     assert len(looks) == len(TURNS_DEG)
     assert np.mean(TURNS_DEG) == 0
-    for one, turn_deg in zip(looks, TURNS_DEG, strict=True):
-        assert one.yaw_deg == (5.0 + turn_deg) % 360
-        assert one.horizon_deg == 20.0
-        np.testing.assert_array_equal(one.position, look.position)
+    for turned, turn_deg in zip(looks, TURNS_DEG, strict=True):
+        assert turned.yaw_deg == (5.0 + turn_deg) % 360
+        assert turned.horizon_deg == 20.0
+        np.testing.assert_array_equal(turned.position, look.position)
 
 
 def test_changes_in_enough_frames_are_reported() -> None:
     often, once = removal(0.0, 0.8), removal(3.0, 1.0)
-    assert told([[often], [], [often, once], [often], [], []]) == (None, [often])
-    assert told([[often], [], [once], [often], [], []]) == (None, [])
+    assert watched([[often], [], [often, once], [often], [], []]) == (None, [often])
+    assert watched([[often], [], [once], [often], [], []]) == (None, [])
 
 
 def test_the_most_confident_change_comes_first() -> None:
     one, other = removal(0.0, 0.6), removal(3.0, 0.9)
-    assert told([[one, other]] * 3) == (None, [other, one])
+    assert watched([[one, other]] * 3) == (None, [other, one])
 
 
 def test_a_watch_without_a_reliable_frame_is_unreliable() -> None:
     change = removal(0.0, 0.8)
-    assert told(["dark"] * 3) == ("each frame is unreliable", [])
-    assert told(["dark", [change], [change], [change]]) == (None, [change])
+    assert watched(["dark"] * 3) == ("each frame is unreliable", [])
+    assert watched(["dark", [change], [change], [change]]) == (None, [change])
 
 
 def test_a_frame_that_fails_raises() -> None:
     with pytest.raises(RuntimeError, match="it has stopped: out of memory"):
-        told([[], MemoryError("out of memory"), []])
+        watched([[], MemoryError("out of memory"), []])

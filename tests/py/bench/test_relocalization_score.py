@@ -103,22 +103,22 @@ def test_answers_are_judged_by_the_true_pose() -> None:
         inliers=40,
         coarse=pose(0.03),
     )
-    told = TimedAnswer.of(lambda: found)
-    assert told.s >= 0
-    judged = told.judge(pose())
+    timed = TimedAnswer.of(lambda: found)
+    assert timed.s >= 0
+    judged = timed.judge(pose())
     assert (judged.status, judged.inliers) == ("ok", 40)
     assert judged.off is not None
     assert judged.coarse is not None
     assert (judged.off.m, judged.coarse.m) == pytest.approx((0.01, 0.03))
     assert judged.normalized == pytest.approx(1 / 6)
-    strange = told.judge(None)
+    strange = timed.judge(None)
     assert (strange.status, strange.off, strange.normalized) == ("ok", None, None)
     lost = TimedAnswer(Localization(status="lost", reason="dark"), 0.1, 0.1).judge(pose())
     assert (lost.status, lost.reason, lost.off, lost.coarse) == ("lost", "dark", None, None)
 
 
 def test_lost_frames_are_infinitely_far() -> None:
-    answers = [one.located for one in RECORDS[:4] if one.located is not None]
+    answers = [record.located for record in RECORDS[:4] if record.located is not None]
     found = scores(answers)
     assert {key: found[key] for key in ("frames", "ok", "ambiguous", "lost")} == {
         "frames": 4,

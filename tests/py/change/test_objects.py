@@ -50,16 +50,17 @@ def several() -> Images:
 def test_changes_below_the_confidence_threshold_are_left_out() -> None:
     images = several()
     everything = changes_in(images, ObjectRule(min_confidence=0))
-    confidences = [one.confidence for one in everything]
+    confidences = [change.confidence for change in everything]
     assert len(confidences) == 5
     assert confidences == sorted(confidences, reverse=True)
     assert confidences[-1] < 0.7 < 0.95 < confidences[0] < 1
     for certain in (0.2, 0.5, 0.7, 0.9, 0.99, *confidences, 1.0):
         some = changes_in(images, ObjectRule(min_confidence=certain))
-        assert [one.confidence for one in some] == [one for one in confidences if one >= certain]
-        for one, other in zip(some, everything, strict=False):
-            assert one.kind == other.kind
-            np.testing.assert_array_equal(one.point, other.point)
+        kept = [confidence for confidence in confidences if confidence >= certain]
+        assert [change.confidence for change in some] == kept
+        for change, expected in zip(some, everything, strict=False):
+            assert change.kind == expected.kind
+            np.testing.assert_array_equal(change.point, expected.point)
 
 
 def test_one_end_makes_the_other_more_likely() -> None:

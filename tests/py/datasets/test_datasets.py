@@ -143,7 +143,7 @@ def test_tum_without_partners(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="0 usable frames, at least 2 are needed"):
         open_dataset(folder)
     blind = open_dataset(folder, posed=False)
-    assert [one.name for one in blind.frames] == [one.name for one in dataset.frames]
+    assert [frame.name for frame in blind.frames] == [frame.name for frame in dataset.frames]
     np.testing.assert_array_equal(blind.frames[0].camera.world_from_camera, np.eye(4))
 
 

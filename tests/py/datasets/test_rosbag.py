@@ -336,7 +336,7 @@ def write_changed(tmp_path: Path, change: Any) -> Path:
 
 def without(topic: str) -> Any:
     def change(bag: Recorder) -> None:
-        bag.messages = [one for one in bag.messages if one[1] != topic]
+        bag.messages = [message for message in bag.messages if message[1] != topic]
 
     return change
 

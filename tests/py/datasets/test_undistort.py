@@ -1,4 +1,4 @@
-"""Pictures of lenses that distort, against scenes whose colour is known in every direction."""
+"""Undistorted images compared with scenes whose colour is known in every direction."""
 
 from pathlib import Path
 
@@ -28,10 +28,10 @@ def undistort(
     return flat, undistort_depth(depth, camera, lens), mask
 
 
-def seen_at(lens: Lens, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where light from the directions (x, y, 1) arrives, px from the corner of the picture.
+def project(lens: Lens, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Project the directions (x, y, 1) through a lens; returns u and v, px.
 
-    By the pages of OpenCV's camera calibration, in their words.
+    Written from the formulas in OpenCV's documentation of camera calibration.
     """
     r2 = x * x + y * y
     if lens.fisheye:
@@ -69,13 +69,13 @@ def colour(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def distorted(lens: Lens) -> np.ndarray:
-    """What the lens makes of the scene."""
-    (x, y), found = centres(), directions()
+    """Render the scene through a lens; iterations find the direction of each pixel."""
+    (u, v), (x, y) = centres(), directions()
     for _ in range(60):
-        got_x, got_y = seen_at(lens, *found)
-        found = found[0] - (got_x - x) / CAMERA.fx, found[1] - (got_y - y) / CAMERA.fy
-    assert max(np.abs(got_x - x).max(), np.abs(got_y - y).max()) < 1e-3
-    return colour(*found)
+        projected_u, projected_v = project(lens, x, y)
+        x, y = x - (projected_u - u) / CAMERA.fx, y - (projected_v - v) / CAMERA.fy
+    assert max(np.abs(projected_u - u).max(), np.abs(projected_v - v).max()) < 1e-3
+    return colour(x, y)
 
 
 @pytest.mark.parametrize("name", LENSES)
@@ -87,7 +87,7 @@ def test_colours_come_from_the_direction_of_their_pixel(name: str) -> None:
     assert error.mean() < 2
     assert error.max() < 12
 
-    x, y = seen_at(lens, *directions())
+    x, y = project(lens, *directions())
     inside = (x > 0.51) & (x < 159.49) & (y > 0.51) & (y < 119.49)
     outside = (x < 0.49) | (x > 159.51) | (y < 0.49) | (y > 119.51)
     assert mask[inside].all()
@@ -103,15 +103,15 @@ def test_depth_is_never_mixed() -> None:
     rgb = np.zeros((120, 160, 3), np.uint8)
     near = undistort(rgb, depth, CAMERA, LENSES["barrel"])[1]
     assert set(np.unique(near)) == {0.0, 1.0, 3.0}
-    x = seen_at(LENSES["barrel"], *directions())[0]
-    y = seen_at(LENSES["barrel"], *directions())[1]
+    x = project(LENSES["barrel"], *directions())[0]
+    y = project(LENSES["barrel"], *directions())[1]
     clear = (y < 49.5) | (y > 60.5)
     assert (near[clear & (x < 69.5)] == 1).all()
     assert (near[clear & (x > 70.5)] == 3).all()
 
 
 def test_a_polynomial_that_turns_back_shows_nothing_twice() -> None:
-    """Of r (1 - r^2 / 2) at r = 0.816: beyond, the same places of the picture would come again."""
+    """The radius r (1 - r^2 / 2) has its maximum at r = 0.816; beyond it, pixels would repeat."""
     flat, _, mask = undistort(
         np.full((120, 160, 3), 200, np.uint8),
         np.ones((120, 160), np.float32),

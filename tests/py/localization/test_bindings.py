@@ -62,8 +62,8 @@ def test_features_lie_inside_the_mask() -> None:
     assert pixels[:, 0].max() < 160
     everywhere = reloc.features_of(picture(), ~np.zeros_like(mask), FeatureRule())
     unmasked = reloc.features_of(picture(), None, FeatureRule())
-    for one, other in zip(everywhere, unmasked, strict=True):
-        np.testing.assert_array_equal(one, other)
+    for masked, expected in zip(everywhere, unmasked, strict=True):
+        np.testing.assert_array_equal(masked, expected)
 
 
 def test_landmarks_are_found_by_their_descriptors() -> None:

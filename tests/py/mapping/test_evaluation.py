@@ -54,8 +54,12 @@ def numbers(observations: Iterable[Observation]) -> list[int]:
     """Find the number of each frame by its given pose."""
     cameras = [MemoryFrame(k).camera.world_from_camera for k in range(COUNT)]
     return [
-        next(k for k in range(COUNT) if np.array_equal(cameras[k], one.given_world_from_depth))
-        for one in observations
+        next(
+            k
+            for k in range(COUNT)
+            if np.array_equal(cameras[k], observation.given_world_from_depth)
+        )
+        for observation in observations
     ]
 
 

@@ -123,7 +123,7 @@ def test_the_page_holds_all_parts(tmp_path: Path) -> None:
 
 def test_images_are_those_of_the_view(tmp_path: Path) -> None:
     shown = written(tmp_path, REPORT).pictures()[2:]  # After two legends.
-    photo, render, error, measured, rendered = (np.asarray(one.convert("RGB")) for one in shown)
+    photo, render, error, measured, rendered = (np.asarray(image.convert("RGB")) for image in shown)
     assert photo.shape == (48, 64, 3)
     assert np.abs(photo.astype(int) - (200, 100, 50)).max() < 4
     assert np.abs(render.astype(int) - REPORT.views[0].render).mean() < 4

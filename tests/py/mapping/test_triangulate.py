@@ -144,13 +144,15 @@ def test_threads_change_nothing(frames: list[RgbdFrame]) -> None:
 
 @pytest.fixture(scope="module")
 def visit() -> tuple[Home, list[Viewpoint]]:
-    """Of a room whose walls look different everywhere."""
+    """Return a room whose walls look different everywhere, and views of it."""
     rng = np.random.default_rng(0)
     wall = rng.integers(40, 220, (96, 96, 3)).astype(np.uint8).repeat(4, 0).repeat(4, 1)
     home = sim_scenes.simple_home(wall=wall)
     walls = home["Wall|1"]
-    # Once over 5 m instead of once a metre: nothing repeats.
-    surfaces = tuple(replace(one, uvs=one.uvs / np.float32(5)) for one in walls.surfaces)
+    # The texture repeats every 5 m instead of every metre: nothing repeats within the room.
+    surfaces = tuple(
+        replace(surface, uvs=surface.uvs / np.float32(5)) for surface in walls.surfaces
+    )
     home = replace(home, objects=(replace(walls, surfaces=surfaces), *home.objects[1:]))
     return home, explore(home, 24)[0]
 

@@ -36,8 +36,8 @@ def by_hand(first: np.ndarray, second: np.ndarray, weights: tuple[Path, Path]) -
         nn.Conv2d(384, 256, kernel_size=3, padding=1), nn.ReLU(),
         nn.Conv2d(256, 256, kernel_size=3, padding=1), nn.ReLU(),
     )  # fmt: skip
-    names = {name.removeprefix("features."): one for name, one in backbone.items()}
-    alexnet.load_state_dict({name: one for name, one in names.items() if name[0].isdigit()})
+    names = {name.removeprefix("features."): tensor for name, tensor in backbone.items()}
+    alexnet.load_state_dict({name: tensor for name, tensor in names.items() if name[0].isdigit()})
     shift = torch.tensor([-0.030, -0.088, -0.188]).reshape(1, 3, 1, 1)
     scale = torch.tensor([0.458, 0.448, 0.450]).reshape(1, 3, 1, 1)
     layers = []

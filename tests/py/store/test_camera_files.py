@@ -33,8 +33,8 @@ def test_orbits_are_smooth_and_look_inside(roll_rad: float) -> None:
 
 def test_orbits_of_few_cameras() -> None:
     (camera,) = [scenes.orbit_camera()]
-    for one in orbit([camera], 3):
-        np.testing.assert_allclose(one.world_from_camera, camera.world_from_camera, atol=1e-9)
+    for view in orbit([camera], 3):
+        np.testing.assert_allclose(view.world_from_camera, camera.world_from_camera, atol=1e-9)
     two = [scenes.orbit_camera(angle_rad=angle) for angle in (0.0, np.pi)]
     way = orbit(two, 8)
     np.testing.assert_allclose(way[0].world_from_camera, two[0].world_from_camera, atol=1e-9)

@@ -68,20 +68,20 @@ def cases_in(folder: Path) -> HomeCases:
 
 
 def test_all_is_asked_once_of_each(done: Path) -> None:
-    told = json.loads((done / "all.json").read_text())
-    asked = Counter((one["part"], one["variant"]) for one in told["records"])
+    result = json.loads((done / "all.json").read_text())
+    asked = Counter((record["part"], record["variant"]) for record in result["records"])
     names = ("objects", "located", "gs_lts")
     all_see = {(part, name): count for part, count in COUNTS.items() for name in names}
     watched = {(part, "watching"): COUNTS[part] for part in ("single", "unchanged")}
     assert asked == all_see | watched
-    assert all(one["ms"] > 0 and one["cpu_ms"] > 0 for one in told["records"])
-    assert told["errors"] == {}
-    one = told["summary"]["detectors"]["objects"]["single"]
-    assert one["right"][1] == 6
-    assert sum(sum(row.values()) for row in one["confusion"].values()) == 6
+    assert all(record["ms"] > 0 and record["cpu_ms"] > 0 for record in result["records"])
+    assert result["errors"] == {}
+    single = result["summary"]["detectors"]["objects"]["single"]
+    assert single["right"][1] == 6
+    assert sum(sum(row.values()) for row in single["confusion"].values()) == 6
     text = (done / "stdout").read_text()
     assert "6 single changes, 1 pairs, 1 triples, 4 visits of unchanged homes; 1 home(s)" in text
-    right, of = one["right"]
+    right, of = single["right"]
     assert (
         f"| one change: type and region right | {100 * right / of:.1f} % ({right} of {of})" in text
     )
@@ -141,8 +141,8 @@ def test_a_task_that_errors_is_named_and_ends_in_1(done: Path, copied: Path) -> 
     )
     assert "5 single changes" in spoilt.stdout
     assert "type and region right" in spoilt.stdout, "the table comes all the same"
-    told = json.loads((copied / "all.json").read_text())
-    assert {name.rpartition(":")[0] for name in told["errors"]} == {"kitchen_3/single_01"}
+    result = json.loads((copied / "all.json").read_text())
+    assert {name.rpartition(":")[0] for name in result["errors"]} == {"kitchen_3/single_01"}
     path.write_bytes(cases_file(done).read_bytes())
     healed = gslts(*RUN, cwd=copied)
     assert healed.returncode == 0, healed.stderr
@@ -165,9 +165,9 @@ def test_the_trade_is_measured_and_drawn(copied: Path) -> None:
     process = gslts(*RUN, "--trade", "trade.png", "--json", "all.json", cwd=copied)
     assert process.returncode == 0, process.stderr
     assert "### Speed against accuracy" in process.stdout
-    told = json.loads((copied / "all.json").read_text())
+    result = json.loads((copied / "all.json").read_text())
     parts = Counter(
-        one["part"] for one in told["records"] if one["variant"] == "quarter, gradients"
+        record["part"] for record in result["records"] if record["variant"] == "quarter, gradients"
     )
     assert parts == {"single": 6}
     with Image.open(copied / "trade.png") as picture:

@@ -17,7 +17,7 @@ from gslts_bench.processes import read_results, run_units
 
 
 def squares(results: list[dict]) -> dict[str, int]:
-    return {one["id"]: one["square"] for one in results if "square" in one}
+    return {result["id"]: result["square"] for result in results if "square" in result}
 
 
 def expected(name: str, count: int = 5) -> dict[str, int]:
@@ -31,7 +31,7 @@ def test_all_units_are_done_by_so_many_processes(tmp_path: Path) -> None:
     assert {name: squares(results) for name, results in found.items()} == {
         name: expected(name) for name in "abc"
     }
-    assert len({one["process"] for results in found.values() for one in results}) == 2
+    assert len({result["process"] for results in found.values() for result in results}) == 2
     assert bar.n == bar.total == 15
 
 
@@ -57,7 +57,7 @@ def test_a_line_that_was_cut_off_is_done_again(tmp_path: Path) -> None:
 def test_errors_are_tried_again(tmp_path: Path) -> None:
     path = tmp_path / "a.jsonl"
     path.write_text('{"id": "a/0", "error": "no luck"}\n{"id": "a/1", "square": 1}\n')
-    assert [one["id"] for one in read_results(path)] == ["a/1"]
+    assert [result["id"] for result in read_results(path)] == ["a/1"]
 
 
 @pytest.mark.parametrize("line", ["{", "[1]", '{"square": 1}', '{"id": 1}'])
@@ -109,7 +109,7 @@ def test_a_stop_leaves_whole_results_and_no_process(tmp_path: Path, how: signal.
     with subprocess.Popen(
         [sys.executable, tmp_path / "program.py"], stderr=subprocess.DEVNULL
     ) as process:
-        worker = int(wait_for(lambda: [one.stem for one in tmp_path.glob("*.pid")])[0])
+        worker = int(wait_for(lambda: [path.stem for path in tmp_path.glob("*.pid")])[0])
         # The worker may wait before the program has kept what it was sent.
         wait_for(lambda: (tmp_path / "a.jsonl").read_bytes().count(b"\n") == 3)
         process.send_signal(how)
@@ -117,7 +117,7 @@ def test_a_stop_leaves_whole_results_and_no_process(tmp_path: Path, how: signal.
     wait_for(lambda: not is_alive(worker))
     found = run_units([CountingUnit("a", tmp_path)], 1, Bar())
     assert squares(found["a"]) == expected("a")
-    assert [one["process"] == worker for one in found["a"]] == [True] * 3 + [False] * 2
+    assert [result["process"] == worker for result in found["a"]] == [True] * 3 + [False] * 2
     assert len((tmp_path / "a.jsonl").read_text().splitlines()) == 5
     json.loads((tmp_path / "a.jsonl").read_text().splitlines()[2])
 

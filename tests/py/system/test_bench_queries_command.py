@@ -27,16 +27,18 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_every_object_of_a_category_is_asked_for(done: Path) -> None:
-    told = json.loads((done / "all.json").read_text())
-    assert {one["variant"] for one in told["records"]} == {OURS, *TRADE}
+    result = json.loads((done / "all.json").read_text())
+    assert {record["variant"] for record in result["records"]} == {OURS, *TRADE}
     things = json.loads(next((done / "work/recordings").glob("*/objects.json")).read_text())
-    expected = sorted(one["objectId"] for one in things if one["objectType"] in CATEGORIES)
+    expected = sorted(thing["objectId"] for thing in things if thing["objectType"] in CATEGORIES)
     assert expected
-    for one in told["records"]:
-        assert sorted(found["object_id"] for found in one["found"]) == expected
-        assert len(one["query_s"]) == len(CATEGORIES)
-        assert one["absent"][1] == len(CATEGORIES) - len({name.split("|")[0] for name in expected})
-    bytes_of = {one["variant"]: one["feature_bytes"] for one in told["records"]}
+    for record in result["records"]:
+        assert sorted(found["object_id"] for found in record["found"]) == expected
+        assert len(record["query_s"]) == len(CATEGORIES)
+        assert record["absent"][1] == len(CATEGORIES) - len(
+            {name.split("|")[0] for name in expected}
+        )
+    bytes_of = {record["variant"]: record["feature_bytes"] for record in result["records"]}
     assert bytes_of["d = 64"] == 8 * bytes_of["d = 8"]
 
 

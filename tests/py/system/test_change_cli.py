@@ -50,9 +50,9 @@ def test_json_and_images_of_one_frame(workplace: Path, tmp_path: Path) -> None:
     arguments = ("--frame", "00001", "--json", "--out", tmp_path / "images")
     done = gslts(*MAP_AND_VISIT, *arguments, cwd=workplace)
     assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout)
-    assert (told["frame"], told["unreliable"]) == ("00001", None)
-    (change,) = told["changes"]
+    record = json.loads(done.stdout)
+    assert (record["frame"], record["unreliable"]) == ("00001", None)
+    (change,) = record["changes"]
     assert change["kind"] == "removal"
     np.testing.assert_allclose(change["point_m"], (2.2, 1.85, 0.9), atol=0.3)
     assert 0 < change["confidence"] <= 1
@@ -70,15 +70,15 @@ def test_json_has_one_object_per_line(workplace: Path) -> None:
     arguments = ("--halvings", "0", "--json", "--strategy", "gs_lts")
     done = gslts("detect", "map", "clean", *arguments, cwd=workplace)
     assert done.returncode == 0, done.stderr
-    told = [json.loads(line) for line in done.stdout.splitlines()]
-    assert [one["frame"] for one in told] == ["00000", "00001", "00002"]
-    assert [len(one["changes"]) for one in told] == [1, 1, 0]
-    for one in told[:2]:
-        (change,) = one["changes"]
+    records = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [record["frame"] for record in records] == ["00000", "00001", "00002"]
+    assert [len(record["changes"]) for record in records] == [1, 1, 0]
+    for record in records[:2]:
+        (change,) = record["changes"]
         assert change["kind"] == "removal"
         assert np.hypot(*(np.array(change["point_m"]) - (2.2, 1.85, 0.9))[:2]) < 0.3
         assert change["box_before_m"] is change["box_after_m"] is None
-    assert told[2]["unreliable"] == "the image is black"
+    assert records[2]["unreliable"] == "the image is black"
 
 
 def test_frames_come_in_the_given_order(workplace: Path) -> None:

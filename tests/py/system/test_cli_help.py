@@ -1,4 +1,4 @@
-"""What every command tells of itself."""
+"""Help and examples of all commands, and the modules that they import."""
 
 import shlex
 import subprocess
@@ -54,7 +54,7 @@ def test_every_command_has_an_example_that_it_understands(way: str) -> None:
 
 
 def imported_by(program: str, *arguments: str) -> tuple[str, set[str]]:
-    """What a program prints, and the modules that are imported at its end."""
+    """Run a program; return what it prints and the modules that it imported."""
     done = subprocess.run(
         [sys.executable, "-c", f"import sys\n{program}\nprint(*sys.modules)", *arguments],
         text=True,
@@ -103,9 +103,9 @@ except AttributeError as error:
 
 
 @pytest.fixture(scope="module")
-def taught(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A map of a few Gaussians that know words."""
-    folder = tmp_path_factory.mktemp("taught") / "map"
+def semantic_map(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write a map of a few Gaussians with semantic features."""
+    folder = tmp_path_factory.mktemp("semantic_map") / "map"
     names = ("Mug", "Wall")
     autoencoder = train_autoencoder(Oracle().encode(names), 8, steps=100)
     points = np.random.default_rng(0).uniform(0, 0.1, (200, 3)).astype(np.float32)
@@ -131,19 +131,19 @@ def taught(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_query_imports_neither_models_nor_what_plots(taught: Path) -> None:
-    printed, modules = imported_by(COMMAND, "query", str(taught), "mug")
+def test_a_query_imports_neither_models_nor_plotting(semantic_map: Path) -> None:
+    printed, modules = imported_by(COMMAND, "query", str(semantic_map), "mug")
     assert printed.startswith("mug at (0.05, 0.05, 0.05) m")
     assert not MODELS & modules
 
 
-def test_the_log_imports_neither_numpy_nor_the_extension(taught: Path) -> None:
-    printed, modules = imported_by(COMMAND, "log", str(taught))
+def test_the_log_imports_neither_numpy_nor_the_extension(semantic_map: Path) -> None:
+    printed, modules = imported_by(COMMAND, "log", str(semantic_map))
     assert "semantic features from oracle" in printed
     assert not (HEAVY - {"pydantic"}) & modules  # Typer itself imports pydantic.
 
 
-def test_the_version_is_told() -> None:
+def test_the_version_is_printed() -> None:
     program = "from typer.main import get_command; from gslts.cli import app; get_command(app)()"
     done = subprocess.run(
         [sys.executable, "-c", program, "--version"], text=True, capture_output=True

@@ -70,7 +70,7 @@ def test_image_embeddings_are_those_of_transformers(tmp_path: Path) -> None:
     found = encoder.encode_images(pictures)
     assert found.dtype == np.float32
     np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1, rtol=1e-6)
-    expected = [image_by_transformers(tmp_path, one) for one in pictures]
+    expected = [image_by_transformers(tmp_path, picture) for picture in pictures]
     np.testing.assert_allclose(found, expected, atol=1e-4)
     # A wrong order of channels or axes gives other embeddings.
     for wrong in (ramp[..., ::-1], ramp.transpose(1, 0, 2), ramp[::-1], ramp[:, ::-1]):
@@ -241,7 +241,9 @@ def test_segments_are_the_visible_masks(tmp_path: Path) -> None:
     expected = np.full((3, 6, 8), -1)
     expected[0, :, :4], expected[0, :, 4:7], expected[1, :, :4] = 0, 1, 2
     np.testing.assert_array_equal(segments.labels, expected)
-    pictures = [crop_to_mask(frame.rgb, one & seen, encoder.side_px) for one in (left, right, left)]
+    pictures = [
+        crop_to_mask(frame.rgb, mask & seen, encoder.side_px) for mask in (left, right, left)
+    ]
     np.testing.assert_array_equal(segments.embeddings, encoder.encode_images(pictures))
     with pytest.raises(ValueError, match="it has no SAM to segment frames with"):
         ClipSource(encoder).segments(frame)
@@ -253,8 +255,8 @@ def test_queries_for_red_and_blue_find_the_boxes(tmp_path: Path) -> None:
     frames = two_boxes()
     masks, *_ = true_masks(frames)(frames[0].rgb)
     shown = [
-        image_by_transformers(tmp_path, crop_to_mask(frames[0].rgb, one, tiny_models.SIDE_PX))
-        for one in masks
+        image_by_transformers(tmp_path, crop_to_mask(frames[0].rgb, mask, tiny_models.SIDE_PX))
+        for mask in masks
     ]
     # The boxes come last.
     *other, red, blue = np.linalg.pinv(np.stack(shown)).T

@@ -25,7 +25,7 @@ PRINTED = {
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What `make demo` leaves: a map of the morning, and images of the evening without a box."""
+    """Write the files of `make demo`: a map, and later images in which a box is gone."""
     folder = tmp_path_factory.mktemp("documents")
     (folder / "demo").mkdir()
     change_room.write_room_map(folder / "demo" / "map")

@@ -57,7 +57,7 @@ def test_eval_skips_bad_frames_and_reports_them(tmp_path: Path) -> None:
     capture(robot, looks, tmp_path / "set")
     frames = open_dataset(tmp_path / "set").frames
     gaussian_map = scenes.random_map(100, dtype=np.float32)
-    cameras = {one.name: one.camera for k, one in enumerate(frames) if k % 8}
+    cameras = {frame.name: frame.camera for k, frame in enumerate(frames) if k % 8}
     write_map_folder(tmp_path / "map", gaussian_map, {}, cameras)
     torn = frames[8].rgb
     torn.write_bytes(torn.read_bytes()[:200])

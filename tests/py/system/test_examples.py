@@ -12,12 +12,12 @@ EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
 def run_example(name: str, *arguments: str) -> str:
-    """What it prints."""
+    """Run an example; return what it prints."""
     command = [sys.executable, str(EXAMPLES / name), *arguments]
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout
 
 
-def test_demo_improves_the_views_kept_aside(tmp_path):
+def test_demo_improves_the_held_out_views(tmp_path):
     output = run_example("fit_scene.py", "--iterations", "120", "--out", str(tmp_path))
     metrics = json.loads((tmp_path / "metrics.json").read_text())
     assert metrics["psnr_db_after"] > metrics["psnr_db_before"] + 5
@@ -26,7 +26,7 @@ def test_demo_improves_the_views_kept_aside(tmp_path):
     assert str(tmp_path / "before_after.png") in output
 
 
-def test_training_with_torch_improves_the_views_kept_aside(tmp_path):
+def test_training_with_torch_improves_the_held_out_views(tmp_path):
     output = run_example(
         "train_torch.py", "--gaussians", "4000", "--iterations", "120", "--out", str(tmp_path)
     )

@@ -1,4 +1,4 @@
-"""What holds in a process that has just started."""
+"""Rendering, imports and homes in processes that have just started."""
 
 import multiprocessing
 import subprocess

@@ -422,7 +422,7 @@ def harmed(content: bytes, folder: Path) -> Path:
     return path
 
 
-def told(folder: Path) -> str:
+def messages_of(folder: Path) -> str:
     """Return the messages of reading a file and of gslts verify."""
     with pytest.raises((OSError, ValueError)) as error:
         read_landmarks(folder)
@@ -448,13 +448,13 @@ def told(folder: Path) -> str:
 def test_a_damaged_file_is_named(folder: Path, harm: str, message: str) -> None:
     (path,) = files_of(folder)
     path.write_bytes(spoilt(path.read_bytes(), harm))
-    assert told(folder).startswith(f"{path}: {message}")
+    assert messages_of(folder).startswith(f"{path}: {message}")
 
 
 def test_a_missing_file_is_named(folder: Path) -> None:
     (path,) = files_of(folder)
     path.unlink()
-    assert told(folder) == (
+    assert messages_of(folder) == (
         f"{path}: it is missing; copy it from a backup, or make the map again with gslts map"
     )
 
@@ -462,14 +462,16 @@ def test_a_missing_file_is_named(folder: Path) -> None:
 @pytest.mark.parametrize("what", WRONG)
 def test_a_file_of_something_else_is_named(folder: Path, what: str) -> None:
     path = harmed(WRONG[what](), folder)
-    assert told(folder).startswith(f"{path}: these are no landmarks: ")
+    assert messages_of(folder).startswith(f"{path}: these are no landmarks: ")
 
 
 @pytest.mark.parametrize("name", [5, "../../secret", "ab" * 33, "x" * 64, {}])
 def test_a_wrong_digest_in_the_manifest_is_named(folder: Path, name: object) -> None:
     manifest = json.loads((folder / MANIFEST).read_text())
     (folder / MANIFEST).write_text(json.dumps({**manifest, KEY: name}))
-    assert told(folder).startswith(f"{folder / MANIFEST}: landmarks: expected a SHA-256, got ")
+    assert messages_of(folder).startswith(
+        f"{folder / MANIFEST}: landmarks: expected a SHA-256, got "
+    )
 
 
 def test_damage_of_an_update_leaves_earlier_versions_readable(folder: Path) -> None:

@@ -78,7 +78,7 @@ def darken(visit: Path, name: str) -> None:
 
 
 def true_cameras(visited: Path) -> list:
-    return [one.camera for one in open_dataset(visited / "visit").frames]
+    return [frame.camera for frame in open_dataset(visited / "visit").frames]
 
 
 def off_m(camera: object, place: object) -> float:
@@ -90,11 +90,11 @@ def test_a_single_image_is_localized(visited: Path) -> None:
     done = gslts("localize", "map", "visit/images/00000.png", "--threads", "1", cwd=visited)
     assert done.returncode == 0, done.stderr
     (line,) = done.stdout.splitlines()
-    told = re.fullmatch(rf"00000: ok at {PLACE}, \+- {SIZES}, (\d+) keypoints, [\d.]+ s", line)
-    assert told
-    assert off_m(true_cameras(visited)[0], told.groups()[:3]) < WELL_M
-    assert 1 <= float(told[4]) < 50
-    assert int(told[6]) >= 12
+    match = re.fullmatch(rf"00000: ok at {PLACE}, \+- {SIZES}, (\d+) keypoints, [\d.]+ s", line)
+    assert match
+    assert off_m(true_cameras(visited)[0], match.groups()[:3]) < WELL_M
+    assert 1 <= float(match[4]) < 50
+    assert int(match[6]) >= 12
 
 
 @pytest.mark.parametrize(
@@ -108,19 +108,19 @@ def test_json_and_an_image(visited: Path, tmp_path: Path, lens: tuple[str, ...])
         cwd=visited,
     )
     assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout)
-    assert (told["frame"], told["status"], told["reason"]) == ("00001", "ok", "")
+    answer = json.loads(done.stdout)
+    assert (answer["frame"], answer["status"], answer["reason"]) == ("00001", "ok", "")
     true = true_cameras(visited)[1]
-    pose = np.array(told["world_from_camera"])
+    pose = np.array(answer["world_from_camera"])
     assert off_m(true, pose[:3, 3]) < WELL_M
     assert np.trace(pose[:3, :3].T @ true.world_from_camera[:3, :3]) > 1 + 2 * np.cos(0.02)
-    covariance = np.array(told["covariance"])
+    covariance = np.array(answer["covariance"])
     assert covariance.shape == (6, 6)
     assert (np.linalg.eigvalsh(covariance) > 0).all()
-    assert told["inliers"] >= 12
-    assert 0 < told["residual"] < 0.2
-    assert told["others"] == []
-    assert told["error_m"] is told["error_rad"] is None
+    assert answer["inliers"] >= 12
+    assert 0 < answer["residual"] < 0.2
+    assert answer["others"] == []
+    assert answer["error_m"] is answer["error_rad"] is None
     assert done.stderr.splitlines()[-1] == f"see {out}"
     with Image.open(out) as image:
         left, right = np.split(np.asarray(image, float), 2, axis=1)
@@ -136,9 +136,9 @@ def test_a_lost_image_is_a_result_not_an_error(visited: Path, tmp_path: Path) ->
     assert done.returncode == 0, done.stderr
     assert done.stdout == f"00003: {LOST}\n"
     assert not out.exists()
-    told = json.loads(gslts(*arguments, "--json", cwd=visited).stdout)
-    assert told["status"] == "lost"
-    assert told["world_from_camera"] is told["covariance"] is told["residual"] is None
+    answer = json.loads(gslts(*arguments, "--json", cwd=visited).stdout)
+    assert answer["status"] == "lost"
+    assert answer["world_from_camera"] is answer["covariance"] is answer["residual"] is None
 
 
 @pytest.mark.parametrize("track", [(), ("--track",)])
@@ -147,15 +147,15 @@ def test_poses_of_a_data_set_are_not_used(visited: Path, track: tuple[str, ...])
     assert done.returncode == 0, done.stderr
     *frames, lost, summary = done.stdout.splitlines()
     assert len(frames) == 3
-    given = [one.camera for one in open_dataset(visited / "adrift").frames]
+    given = [frame.camera for frame in open_dataset(visited / "adrift").frames]
     for number, line in enumerate(frames):
-        told = re.search(rf"ok at {PLACE}.*; {SIZES} from the given pose", line)
-        assert told
+        match = re.search(rf"ok at {PLACE}.*; {SIZES} from the given pose", line)
+        assert match
         true = true_cameras(visited)[number]
-        place = told.groups()[:3]
+        place = match.groups()[:3]
         assert off_m(true, place) < WELL_M
-        assert float(told[4]) / 1000 == pytest.approx(off_m(given[number], place), abs=2e-3)
-        assert float(told[5]) == pytest.approx(10, abs=1)
+        assert float(match[4]) / 1000 == pytest.approx(off_m(given[number], place), abs=2e-3)
+        assert float(match[5]) == pytest.approx(10, abs=1)
     assert lost.startswith("00003: lost: ")
     assert re.fullmatch(
         rf"3 of 4 frames ok, 0 ambiguous, 1 lost; medians: [\d.]+ s, {SIZES} from the given poses",
@@ -182,7 +182,7 @@ def test_changes_are_detected_despite_drift(visited: Path) -> None:
     lines = done.stdout.splitlines()
     for blind_line, line, same in zip(blind[:3], lines, expected, strict=False):
         assert "unreliable" in blind_line
-        found, wanted = (re.search(rf"removal at {PLACE}", one) for one in (line, same))
+        found, wanted = (re.search(rf"removal at {PLACE}", text) for text in (line, same))
         np.testing.assert_allclose(
             np.array(found.groups(), float), np.array(wanted.groups(), float), atol=0.05
         )

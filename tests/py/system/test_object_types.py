@@ -19,7 +19,7 @@ def views_with(types: dict[str, str]) -> list:
     for view in update_room.collected("addition").views:
         labels = view.frame.labels
         assert labels is not None
-        named = Labels(labels.instances, tuple(types.get(one, one) for one in labels.types))
+        named = Labels(labels.instances, tuple(types.get(name, name) for name in labels.types))
         views.append(replace(view, frame=replace(view.frame, labels=named)))
     return views
 

@@ -80,4 +80,4 @@ def test_no_pose_is_confused_with_one_of_the_same_view(make) -> None:  # type: i
         if found.status == "ok":
             assert off_m(found, true) < ELSEWHERE_M, f"look {seed}"
             right += 1
-    assert right >= 2, "what can be told apart is found"
+    assert right >= 2, "views that differ are localized"

@@ -265,7 +265,9 @@ def test_two_equal_rooms_are_ambiguous() -> None:
     places = [result.world_from_camera, *result.others]
     true = views()[0].camera.world_from_camera
     for expected in (true, AWAY @ true):
-        apart = min(np.linalg.norm((one - expected)[:3, 3]) for one in places if one is not None)
+        apart = min(
+            np.linalg.norm((place - expected)[:3, 3]) for place in places if place is not None
+        )
         assert apart < 0.05
 
 
@@ -334,5 +336,5 @@ class FitOf:
 def test_a_lower_score_needs_more_keypoints(alike: float, enough: int) -> None:
     fit = FitOf(alike)
     assert inlier_fault(enough, fit, True) is None  # type: ignore[arg-type]
-    told = inlier_fault(enough - 1, fit, True)  # type: ignore[arg-type]
-    assert told == f"only {enough - 1} keypoints support the best pose"
+    fault = inlier_fault(enough - 1, fit, True)  # type: ignore[arg-type]
+    assert fault == f"only {enough - 1} keypoints support the best pose"

@@ -110,14 +110,14 @@ def test_a_signal_stops_the_run_and_the_next_one_continues(
 def test_a_killed_run_continues(workplace: Path, new_map: str) -> None:
     """Kill each run after a number of calls of fsync."""
     arguments = ("run", new_map, "--frames", "visit", *QUICK)
-    told = 1
+    printed_version = 1
     for files in FSYNCS:
         killed = gslts(*arguments, cwd=workplace, before=stopped_at("os:fsync", files))
         assert killed.returncode == -signal.SIGKILL
-        told = max(told, 2 if "version 2: " in killed.stdout else 1)
+        printed_version = max(printed_version, 2 if "version 2: " in killed.stdout else 1)
         with open_map(workplace / new_map) as store:
             assert store.find_problems() == []
-            assert store.version().number in (told, 2)
+            assert store.version().number in (printed_version, 2)
     done = gslts("run", new_map, "--frames", "visit", *QUICK, cwd=workplace)
     assert done.returncode == 0, done.stderr
     with open_map(workplace / new_map) as store:

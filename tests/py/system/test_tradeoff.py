@@ -71,7 +71,7 @@ def test_errors_are_those_of_the_images() -> None:
 def test_the_front_holds_points_that_none_dominates() -> None:
     ms = np.array([10.0, 5.0, 12.0, 10.1, 20.0])
     psnr = np.array([60.0, 40.0, 59.0, 60.05, 80.0])
-    # The fourth differs from the first by less than can be told.
+    # The fourth differs from the first by less than the resolutions of time and PSNR.
     assert tradeoff.pareto_front(ms, psnr).tolist() == [True, True, False, True, True]
     assert tradeoff.pareto_front(np.array([1.0, 1.0]), np.array([50.0, 51.0])).tolist() == [
         False,
@@ -88,7 +88,7 @@ def test_the_command_writes_table_and_plot(tmp_path: Path, monkeypatch: pytest.M
     assert "default:" in result.output
     with (tmp_path / "new" / "tradeoff_S.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert [row["knob"] for row in rows] == [one.knob for one in tradeoff.SETTINGS]
+    assert [row["knob"] for row in rows] == [setting.knob for setting in tradeoff.SETTINGS]
     assert all(float(row["psnr_db"]) > 10 for row in rows if row["knob"] == "alpha cut-off")
     with Image.open(tmp_path / "new" / "tradeoff_S.png") as picture:
         assert picture.width > 1000
@@ -125,7 +125,7 @@ def test_the_command_takes_maps(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     with (out / "tradeoff_map.csv").open() as file:
         knobs = [row["knob"] for row in csv.DictReader(file)]
-    assert knobs == [one.knob for one in tradeoff.SETTINGS]
+    assert knobs == [setting.knob for setting in tradeoff.SETTINGS]
     for wrong in (("--map", str(ply)), ("--pose", "first")):
         result = CliRunner().invoke(app, ["tradeoff", *wrong, *common])
         assert isinstance(result.exception, ValueError)

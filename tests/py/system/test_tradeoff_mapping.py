@@ -73,8 +73,8 @@ def test_there_is_a_row_for_each_map(paths: Paths) -> None:
     rows = rows_of(paths.out)
     assert [row["name"] for row in rows] == ["the map", *COUNTS, "1 s", "2 s"]
     assert [row["kind"] for row in rows] == ["map", *["gaussians"] * 5, *["time"] * 2]
-    told = json.loads((paths.out / "tradeoff_mapping.json").read_text())
-    for row, point in zip(rows, told["points"], strict=True):
+    result = json.loads((paths.out / "tradeoff_mapping.json").read_text())
+    for row, point in zip(rows, result["points"], strict=True):
         texts = {name: "" if value is None else str(value) for name, value in point.items()}
         assert row == texts
     for row in rows:
@@ -121,7 +121,9 @@ def test_plots_and_the_table_of_the_renderer(paths: Paths) -> None:
         assert picture.width > 1000
         assert len(picture.convert("RGB").getcolors(1 << 24)) > 50
     with (paths.out / "tradeoff_renderer.csv").open() as file:
-        assert {row["knob"] for row in csv.DictReader(file)} == {one.knob for one in SETTINGS}
+        assert {row["knob"] for row in csv.DictReader(file)} == {
+            setting.knob for setting in SETTINGS
+        }
 
 
 def test_a_plain_file_is_judged_without_neighbours(
@@ -168,7 +170,8 @@ def test_frames_are_chosen_as_when_the_map_was_made(paths: Paths) -> None:
     corrected = split_of(worse, TrainingRecord.read(paths.map))
     assert [len(near) for near in corrected.test.neighbours] == [1, 2, 2]
     assert all(
-        np.abs(one.correction - np.eye(4)).max() > 1e-5 for one in corrected.training.values()
+        np.abs(observation.correction - np.eye(4)).max() > 1e-5
+        for observation in corrected.training.values()
     )
     everything = {frame.name: frame.camera for frame in dataset.frames}
     with pytest.raises(ValueError, match="the map was made from all of its frames"):

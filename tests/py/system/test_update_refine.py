@@ -46,7 +46,8 @@ def error(gaussian_map: GaussianMap, kind: str) -> float:
 def test_each_stage_lowers_the_error_around_the_change(kind: str) -> None:
     before, _ = change_room.mapped()
     edit, result = refined(kind)
-    errors = [error(one, kind) for one in (before, edit.gaussian_map, result.gaussian_map)]
+    maps = (before, edit.gaussian_map, result.gaussian_map)
+    errors = [error(gaussian_map, kind) for gaussian_map in maps]
     assert errors[1] < 0.7 * errors[0]
     assert errors[2] < 0.7 * errors[1]
     assert result.iterations == CONFIG.iterations
@@ -169,10 +170,16 @@ def test_edited_pixels_are_not_replayed() -> None:
 def test_cameras_at_one_position_are_chosen_once_each() -> None:
     _, cameras = change_room.mapped()
     (region,) = update_room.collected("removal").regions
-    here, there = [one for one in cameras.values() if region.project_center(one) is not None][:2]
-    known = [here, there, *(at_pose(one, one.world_from_camera) for one in (here, there, here))]
+    here, there = [
+        camera for camera in cameras.values() if region.project_center(camera) is not None
+    ][:2]
+    known = [
+        here,
+        there,
+        *(at_pose(camera, camera.world_from_camera) for camera in (here, there, here)),
+    ]
     chosen = spread_cameras(known, [region], 4)
-    assert len({id(one) for one in chosen}) == 4
+    assert len({id(camera) for camera in chosen}) == 4
 
 
 def test_zero_replay_views_give_no_target() -> None:

@@ -72,7 +72,9 @@ def test_changed_illumination_is_no_added_object() -> None:
         columns = np.arange(view.rendered_rgb.shape[1], dtype=np.float32)[None, :, None]
         shown = view.rendered_rgb / (1 + columns / columns.max())
         lit.append(replace(view, rendered_rgb=shown))
-    assert np.mean([np.abs(one.colors - one.rendered_rgb).max(axis=2) > 0.1 for one in lit]) > 0.5
+    assert (
+        np.mean([np.abs(view.colors - view.rendered_rgb).max(axis=2) > 0.1 for view in lit]) > 0.5
+    )
     (region,), larger = extend_regions([PART], lit)
     np.testing.assert_array_equal((region.low, region.high), (PART.low, PART.high))
     assert not any(view.changed.any() for view in larger)

@@ -49,7 +49,11 @@ def bed(kit: Kit, width: float = 0.0) -> Model:
 
 
 def pillow(kit: Kit) -> Model:
-    """Build a bed pillow that lies flat. See `catalog`."""
+    """Build a bed pillow that lies flat.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Pillow", movable=True)
     cloth = materials.print_cloth(kit, int(kit.rng.integers(3)))
     model.add(cushion(0.6, 0.4, 0.13, 0.06, 0.7), cloth)
@@ -57,7 +61,11 @@ def pillow(kit: Kit) -> Model:
 
 
 def throw_pillow(kit: Kit) -> Model:
-    """Build a square scatter cushion that leans back, as a `Pillow`. See `catalog`."""
+    """Build a square scatter cushion that leans back, as a `Pillow`.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Pillow", movable=True)
     side = float(kit.rng.uniform(0.34, 0.4))
     cloth = materials.print_cloth(kit, int(kit.rng.integers(4)))
@@ -66,7 +74,11 @@ def throw_pillow(kit: Kit) -> Model:
 
 
 def towel(kit: Kit) -> Model:
-    """Build a folded towel or blanket. See `catalog`."""
+    """Build a folded towel or blanket.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Cloth", movable=True)
     cloth = materials.print_cloth(kit, int(kit.rng.integers(4)))
     for k in range(3):

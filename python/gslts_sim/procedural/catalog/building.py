@@ -50,12 +50,20 @@ def floor_material(kit: Kit, room_type: str) -> Material:
 
 
 def wall_material(kit: Kit) -> Material:
-    """Return painted plaster. See `catalog`."""
+    """Return painted plaster.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     return kit.material(textures.plaster, 1.2, 768, kit.style.wall)
 
 
 def accent_material(kit: Kit) -> Material:
-    """Return wallpaper, or bricks, for one wall. See `catalog`."""
+    """Return wallpaper, or bricks, for one wall.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     style = kit.style
     if style.motif == 5:
         return kit.material(textures.bricks, 1.0, 768, (0.62, 0.35, 0.27), (0.75, 0.47, 0.36))
@@ -153,7 +161,11 @@ DOOR_DEPTH_M = 0.08
 
 
 def door(kit: Kit) -> Model:
-    """Build a closed door with panels, in an opening, and its casing on the wall. See `catalog`."""
+    """Build a closed door with panels, in an opening, and its casing on the wall.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Doorway")
     width, height = DOOR_M
     white = materials.painted_wood(kit, materials.WHITE)
@@ -176,7 +188,11 @@ def door(kit: Kit) -> Model:
 
 
 def light_switch(kit: Kit) -> Model:
-    """Build a switch beside a door. See `catalog`."""
+    """Build a switch beside a door.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("LightSwitch")
     white, ivory = (
         materials.plastic(kit, materials.WHITE),

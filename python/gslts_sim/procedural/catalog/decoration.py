@@ -23,7 +23,11 @@ from gslts_sim.procedural.shapes import (
 
 
 def vase(kit: Kit) -> Model:
-    """Build a vase with a few stems. See `catalog`."""
+    """Build a vase with a few stems.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Vase", movable=True)
     height = float(kit.rng.uniform(0.16, 0.26))
     profile = np.array(
@@ -102,7 +106,11 @@ def house_plant(kit: Kit, height: float = 0.0) -> Model:
 
 
 def painting(kit: Kit) -> Model:
-    """Build a framed picture. See `catalog`."""
+    """Build a framed picture.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Painting")
     width = float(kit.rng.uniform(0.45, 0.95))
     height = width * float(kit.rng.choice([0.7, 0.8, 1.25]))
@@ -116,7 +124,11 @@ def painting(kit: Kit) -> Model:
 
 
 def mirror(kit: Kit) -> Model:
-    """Build a mirror in a frame; its glass shows a soft reflection of a room. See `catalog`."""
+    """Build a mirror in a frame; its glass shows a soft reflection of a room.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Mirror")
     width, height, border = 0.55, 0.95, 0.05
     model.add(frame(width, height, border, 0.03), materials.wood(kit))
@@ -127,7 +139,11 @@ def mirror(kit: Kit) -> Model:
 
 
 def wall_clock(kit: Kit) -> Model:
-    """Build a round clock on a wall. See `catalog`."""
+    """Build a round clock on a wall.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Clock")
     rim = cylinder(0.15, 0.035, n=36).rotate("x", np.pi / 2).translate(0, 0.0175, 0.15)
     model.add(rim, materials.second_wood(kit))
@@ -165,7 +181,11 @@ def curtains(kit: Kit, width: float, side: float, height: float) -> Model:
 
 
 def candle(kit: Kit) -> Model:
-    """Build a candle on a dish. See `catalog`."""
+    """Build a candle on a dish.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Candle", movable=True)
     model.add(
         lathe([(0, 0), (0.05, 0), (0.055, 0.012), (0, 0.008)], 20),
@@ -184,7 +204,11 @@ def candle(kit: Kit) -> Model:
 
 
 def statue(kit: Kit) -> Model:
-    """Build a turned figure of stone. See `catalog`."""
+    """Build a turned figure of stone.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Statue", movable=True)
     marble = kit.material(
         textures.stone, 0.2, 256, (0.82, 0.8, 0.76), (0.45, 0.43, 0.42), veined=True
@@ -207,7 +231,11 @@ def statue(kit: Kit) -> Model:
 
 
 def teddy_bear(kit: Kit) -> Model:
-    """Build a teddy bear that sits. See `catalog`."""
+    """Build a teddy bear that sits.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("TeddyBear", movable=True)
     plush = kit.material(textures.fur, 0.12, 192, (0.46, 0.29, 0.15), (0.72, 0.5, 0.3))
     pale = kit.material(textures.fur, 0.12, 128, (0.75, 0.6, 0.42), (0.9, 0.78, 0.6))
@@ -227,7 +255,11 @@ def teddy_bear(kit: Kit) -> Model:
 
 
 def basket_ball(kit: Kit) -> Model:
-    """Build a ball with seams. See `catalog`."""
+    """Build a ball with seams.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("BasketBall", movable=True)
     skin = materials.fleck(kit, (0.8, 0.42, 0.16), (0.62, 0.3, 0.1), 0.5)
     dark = materials.plastic(kit, materials.BLACK)
@@ -243,7 +275,11 @@ def basket_ball(kit: Kit) -> Model:
 
 
 def dumbbell(kit: Kit) -> Model:
-    """Build a dumbbell with hexagonal heads. See `catalog`."""
+    """Build a dumbbell with hexagonal heads.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Dumbbell", movable=True)
     rubber = materials.fleck(kit, (0.16, 0.16, 0.18), (0.34, 0.34, 0.36), 0.35)
     label = materials.plastic(kit, kit.style.accent)
@@ -259,7 +295,11 @@ def dumbbell(kit: Kit) -> Model:
 
 
 def watering_can(kit: Kit) -> Model:
-    """Build a watering can. See `catalog`."""
+    """Build a watering can.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("WateringCan", movable=True)
     tin = materials.fleck(kit, kit.style.second_accent, (0.9, 0.9, 0.85), 0.1)
     model.add(lathe([(0, 0), (0.08, 0), (0.08, 0.14), (0.07, 0.15), (0, 0.145)], 24), tin)
@@ -274,7 +314,11 @@ def watering_can(kit: Kit) -> Model:
 
 
 def tissue_box(kit: Kit) -> Model:
-    """Build a box of tissues, one of them pulled out. See `catalog`."""
+    """Build a box of tissues, one of them pulled out.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("TissueBox", movable=True)
     model.add(box(0.23, 0.12, 0.08), materials.print_cloth(kit, 4))
     paper = materials.fleck(kit, (0.95, 0.95, 0.93), (0.86, 0.87, 0.88), 0.4)

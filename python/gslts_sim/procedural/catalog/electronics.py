@@ -32,7 +32,11 @@ def television(kit: Kit, width: float = 1.1) -> Model:
 
 
 def laptop(kit: Kit) -> Model:
-    """Build an open laptop. See `catalog`."""
+    """Build an open laptop.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Laptop", movable=True)
     body = ((0.75, 0.76, 0.78), (0.28, 0.28, 0.3), (0.85, 0.82, 0.76))[int(kit.rng.integers(3))]
     case = materials.metal(kit, body)
@@ -51,7 +55,11 @@ def laptop(kit: Kit) -> Model:
 
 
 def cell_phone(kit: Kit) -> Model:
-    """Build a telephone, screen up. See `catalog`."""
+    """Build a telephone, screen up.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("CellPhone", movable=True)
     model.add(box(0.074, 0.15, 0.008), materials.plastic(kit, ink(kit.rng)))
     screen = kit.print_material(prints.phone, (0.07, 0.146), 160)
@@ -60,7 +68,11 @@ def cell_phone(kit: Kit) -> Model:
 
 
 def remote_control(kit: Kit) -> Model:
-    """Build a remote control, buttons up. See `catalog`."""
+    """Build a remote control, buttons up.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("RemoteControl", movable=True)
     model.add(cushion(0.05, 0.18, 0.018, 0.006), materials.plastic(kit, materials.BLACK))
     face = kit.print_material(prints.remote, (0.044, 0.172), 192)
@@ -69,7 +81,11 @@ def remote_control(kit: Kit) -> Model:
 
 
 def alarm_clock(kit: Kit) -> Model:
-    """Build a twin-bell clock or one with a display. See `catalog`."""
+    """Build an alarm clock with two bells, or one with a display.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("AlarmClock", movable=True)
     colour = kit.style.accent
     case = materials.plastic(kit, colour)
@@ -92,7 +108,11 @@ def alarm_clock(kit: Kit) -> Model:
 
 
 def desk_lamp(kit: Kit) -> Model:
-    """Build a lamp on a jointed arm, or one with a cloth shade. See `catalog`."""
+    """Build a lamp on a jointed arm, or one with a cloth shade.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("DeskLamp", movable=True)
     if kit.rng.random() < 0.5:
         base = materials.fleck(kit, kit.style.second_accent, (0.9, 0.88, 0.8), 0.12)
@@ -113,7 +133,11 @@ def desk_lamp(kit: Kit) -> Model:
 
 
 def floor_lamp(kit: Kit) -> Model:
-    """Build a standing lamp with a drum shade. See `catalog`."""
+    """Build a standing lamp with a drum shade.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("FloorLamp", movable=True)
     dark = materials.metal(kit, (0.3, 0.28, 0.26))
     model.add(cylinder(0.15, 0.025, n=32), dark)
@@ -124,7 +148,11 @@ def floor_lamp(kit: Kit) -> Model:
 
 
 def coffee_machine(kit: Kit) -> Model:
-    """Build a filter machine with its jug. See `catalog`."""
+    """Build a filter machine with its jug.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("CoffeeMachine", movable=True, receptacle=True)
     case = materials.plastic(kit, materials.BLACK if kit.style.motif % 2 else kit.style.accent)
     steel = materials.metal(kit)
@@ -146,7 +174,11 @@ def coffee_machine(kit: Kit) -> Model:
 
 
 def toaster(kit: Kit) -> Model:
-    """Build a toaster with two slots. See `catalog`."""
+    """Build a toaster with two slots.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Toaster", movable=True)
     steel, dark = materials.metal(kit), materials.plastic(kit, materials.BLACK)
     model.add(cushion(0.28, 0.17, 0.18, 0.035), steel, (0, 0, 0.01))
@@ -158,7 +190,11 @@ def toaster(kit: Kit) -> Model:
 
 
 def microwave(kit: Kit) -> Model:
-    """Build a microwave oven. See `catalog`."""
+    """Build a microwave oven.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Microwave", receptacle=True)
     case, dark = materials.metal(kit), materials.plastic(kit, materials.BLACK)
     model.add(box(0.48, 0.34, 0.26), case, (0, 0, 0.012))
@@ -176,7 +212,11 @@ def microwave(kit: Kit) -> Model:
 
 
 def kettle(kit: Kit) -> Model:
-    """Build a kettle with a handle above and a spout. See `catalog`."""
+    """Build a kettle with a handle above and a spout.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Kettle", movable=True)
     enamel = materials.fleck(kit, kit.style.second_accent, (0.95, 0.93, 0.86), 0.1)
     dark = materials.plastic(kit, materials.BLACK)

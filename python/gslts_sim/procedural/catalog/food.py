@@ -13,7 +13,11 @@ from gslts_sim.procedural.shapes import box, cushion, cylinder, ellipsoid, lathe
 
 
 def bread(kit: Kit) -> Model:
-    """Build a loaf with cuts across its crust. See `catalog`."""
+    """Build a loaf with cuts across its crust.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Bread", movable=True)
     crust = kit.material(textures.crust, 0.2, 256, (0.55, 0.32, 0.14), (0.8, 0.55, 0.28))
     crumb = kit.material(textures.crust, 0.1, 128, (0.88, 0.75, 0.52), (0.95, 0.86, 0.66))
@@ -36,7 +40,11 @@ def _fruit(
 
 
 def apple(kit: Kit) -> Model:
-    """Build an apple, red or green. See `catalog`."""
+    """Build an apple, red or green.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     skins = (((0.7, 0.12, 0.12), (0.9, 0.62, 0.25)), ((0.5, 0.66, 0.2), (0.8, 0.82, 0.4)))
     side = float(kit.rng.uniform(0.07, 0.082))
     skin = skins[int(kit.rng.integers(2))]
@@ -44,7 +52,11 @@ def apple(kit: Kit) -> Model:
 
 
 def tomato(kit: Kit) -> Model:
-    """Build a tomato. See `catalog`."""
+    """Build a tomato.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     side = float(kit.rng.uniform(0.06, 0.075))
     return _fruit(
         Model("Tomato", movable=True),
@@ -56,7 +68,11 @@ def tomato(kit: Kit) -> Model:
 
 
 def potato(kit: Kit) -> Model:
-    """Build a potato. See `catalog`."""
+    """Build a potato.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Potato", movable=True)
     skin = kit.material(textures.crust, 0.1, 128, (0.6, 0.45, 0.27), (0.76, 0.6, 0.38))
     model.add(ellipsoid(0.1, 0.065, 0.058), skin)
@@ -64,7 +80,11 @@ def potato(kit: Kit) -> Model:
 
 
 def lettuce(kit: Kit) -> Model:
-    """Build a head of lettuce: leaves around a heart. See `catalog`."""
+    """Build a head of lettuce: leaves around a heart.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Lettuce", movable=True)
     green = kit.material(textures.streaks, 0.12, 192, (0.36, 0.56, 0.2), (0.72, 0.84, 0.45))
     model.add(ellipsoid(0.15, 0.15, 0.12), green)
@@ -76,7 +96,11 @@ def lettuce(kit: Kit) -> Model:
 
 
 def cereal_box(kit: Kit) -> Model:
-    """Build a packet of food, as a `Box`. See `catalog`."""
+    """Build a packet of food, as a `Box`.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Box", movable=True)
     name = ("OATS", "CORN", "RICE", "PASTA", "TEA", "COCOA")[int(kit.rng.integers(6))]
     width, depth = float(kit.rng.uniform(0.13, 0.19)), float(kit.rng.uniform(0.05, 0.07))
@@ -87,7 +111,11 @@ def cereal_box(kit: Kit) -> Model:
 
 
 def jar(kit: Kit) -> Model:
-    """Build a storage jar with a wooden lid, as a `Jar`. See `catalog`."""
+    """Build a storage jar with a wooden lid, as a `Jar`.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Jar", movable=True)
     name = ("SUGAR", "FLOUR", "BEANS", "NUTS")[int(kit.rng.integers(4))]
     content = materials.fleck(kit, (0.85, 0.78, 0.64), (0.6, 0.44, 0.28), 0.4)

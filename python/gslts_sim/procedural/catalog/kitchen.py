@@ -16,7 +16,11 @@ SLAB_M, PLINTH_M = 0.04, 0.1
 
 
 def worktop(kit: Kit) -> Material:
-    """Return granite, marble or wood, by the style of the home. See `catalog`."""
+    """Return granite, marble or wood, by the style of the home.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     motif = kit.style.motif
     if motif in (0, 3):
         return materials.second_wood(kit)
@@ -30,7 +34,11 @@ def worktop(kit: Kit) -> Material:
 
 
 def fronts(kit: Kit) -> Material:
-    """Return painted or plain wood for doors and drawers. See `catalog`."""
+    """Return painted or plain wood for doors and drawers.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     if kit.style.motif % 3 == 1:
         return materials.wood(kit)
     return materials.painted_wood(kit, kit.style.front)
@@ -136,7 +144,11 @@ def sink(kit: Kit, width: float = 0.8) -> Model:
 
 
 def faucet(kit: Kit) -> Model:
-    """Build a swan-necked tap that stands behind a basin. See `catalog`."""
+    """Build a swan-necked tap that stands behind a basin.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Faucet")
     steel = materials.metal(kit, (0.8, 0.81, 0.83))
     model.add(cylinder(0.025, 0.05, n=20), steel)
@@ -149,7 +161,11 @@ def faucet(kit: Kit) -> Model:
 
 
 def stove(kit: Kit) -> Model:
-    """Build a cooker: oven door with a window, knobs, a dark hob. See `catalog`."""
+    """Build a cooker: oven door with a window, knobs, a dark hob.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Stove", receptacle=True)
     width = 0.6
     enamel = materials.metal(kit)
@@ -169,7 +185,11 @@ def stove(kit: Kit) -> Model:
 
 
 def stove_burner(kit: Kit) -> Model:
-    """Build a burner with its grate. See `catalog`."""
+    """Build a burner with its grate.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("StoveBurner", receptacle=True)
     iron = materials.plastic(kit, (0.16, 0.16, 0.17))
     model.add(cylinder(0.045, 0.014, n=24), materials.metal(kit, (0.4, 0.4, 0.42)), solid=False)
@@ -181,7 +201,11 @@ def stove_burner(kit: Kit) -> Model:
 
 
 def fridge(kit: Kit) -> Model:
-    """Build a fridge with a freezer below, magnets and notes on its door. See `catalog`."""
+    """Build a fridge with a freezer below, magnets and notes on its door.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Fridge", receptacle=True)
     width, depth, height = 0.62, 0.6, 1.78
     colour = materials.STEEL if kit.style.motif % 2 else materials.WHITE
@@ -222,7 +246,11 @@ def wall_cabinet(kit: Kit, width: float) -> Model:
 
 
 def hood(kit: Kit) -> Model:
-    """Build an extractor hood. See `catalog`."""
+    """Build an extractor hood.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("RangeHood")
     steel = materials.metal(kit)
     model.add(box(0.6, 0.48, 0.06), steel)

@@ -1,8 +1,4 @@
-"""Materials that many objects share; texels are 0.5 to 2 mm, finer on small objects.
-
-Args of all functions:
-    kit: Materials, style and random stream of the home.
-"""
+"""Materials that many objects share; texels are 0.5 to 2 mm, finer on small objects."""
 
 from __future__ import annotations
 
@@ -18,22 +14,38 @@ SHADE: Colour = (0.95, 0.88, 0.74)
 
 
 def wood(kit: Kit) -> Material:
-    """Return the wood of most furniture in the home. See `materials`."""
+    """Return the wood of most furniture in the home.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     return kit.material(textures.wood, 0.6, 512, *kit.style.wood)
 
 
 def second_wood(kit: Kit) -> Material:
-    """Return another wood, for small things and contrasts. See `materials`."""
+    """Return another wood, for small things and contrasts.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     return kit.material(textures.wood, 0.4, 384, *kit.style.second_wood)
 
 
 def fabric(kit: Kit) -> Material:
-    """Return the cloth of sofas and beds. See `materials`."""
+    """Return the cloth of sofas and beds.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     return kit.material(textures.weave, 0.32, 384, *kit.style.fabric, 96)
 
 
 def second_fabric(kit: Kit) -> Material:
-    """Return another cloth, for armchairs and curtains. See `materials`."""
+    """Return another cloth, for armchairs and curtains.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     return kit.material(textures.weave, 0.32, 384, *kit.style.second_fabric, 96)
 
 

@@ -12,7 +12,11 @@ from gslts_sim.procedural.shapes import box, cushion, cylinder, tube
 
 
 def chair(kit: Kit) -> Model:
-    """Build a dining chair with slats or a padded back. See `catalog`."""
+    """Build a dining chair with slats or a padded back.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Chair", movable=True, receptacle=True)
     wood = materials.second_wood(kit)
     width, depth, seat = 0.43, 0.42, 0.45
@@ -52,7 +56,11 @@ def sofa(kit: Kit, width: float = 0.0) -> Model:
 
 
 def arm_chair(kit: Kit) -> Model:
-    """Build an armchair in cloth or leather. See `catalog`."""
+    """Build an armchair in cloth or leather.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("ArmChair", movable=True, receptacle=True)
     cover = (
         kit.material(textures.leather, 0.4, 384, (0.45, 0.27, 0.16))
@@ -84,7 +92,11 @@ def _upholstered(
 
 
 def ottoman(kit: Kit) -> Model:
-    """Build a padded footstool. See `catalog`."""
+    """Build a padded footstool.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Ottoman", movable=True, receptacle=True)
     legs(model, 0.42, 0.42, 0.1, 0.04, materials.wood(kit))
     model.add(cushion(0.5, 0.5, 0.28, 0.05), materials.print_cloth(kit, 1), (0, 0, 0.1))
@@ -92,7 +104,11 @@ def ottoman(kit: Kit) -> Model:
 
 
 def desk_chair(kit: Kit) -> Model:
-    """Build an office chair on a star with castors, as a `Chair`. See `catalog`."""
+    """Build an office chair on a star-shaped base with castors, as a `Chair`.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Chair", movable=True, receptacle=True)
     plastic, cover = materials.plastic(kit, materials.BLACK), materials.second_fabric(kit)
     for angle in 2 * np.pi / 5 * np.arange(5) + np.pi / 2:

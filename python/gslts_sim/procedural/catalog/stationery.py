@@ -14,7 +14,8 @@ from gslts_sim.procedural.shapes import box, cylinder, join, tube
 def book(kit: Kit) -> Model:
     """Build a book that lies on its back: two covers, a spine on the left, pages between.
 
-    See `catalog`.
+    Args:
+        kit: Materials, style and random stream of the home.
     """
     model = Model("Book", movable=True, receptacle=True)
     width, depth = float(kit.rng.uniform(0.13, 0.18)), float(kit.rng.uniform(0.19, 0.25))
@@ -52,7 +53,11 @@ def book_row(kit: Kit, width: float = 0.0) -> Model:
 
 
 def newspaper(kit: Kit) -> Model:
-    """Build a folded newspaper. See `catalog`."""
+    """Build a folded newspaper.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Newspaper", movable=True)
     page = kit.print_material(prints.newspaper, (0.28, 0.36), 448)
     model.add(box(0.28, 0.36, 0.008, upright=True), page)
@@ -60,7 +65,11 @@ def newspaper(kit: Kit) -> Model:
 
 
 def carton(kit: Kit) -> Model:
-    """Build a cardboard box, as a `Box`. See `catalog`."""
+    """Build a cardboard box, as a `Box`.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Box", movable=True, receptacle=True)
     width, depth = float(kit.rng.uniform(0.25, 0.38)), float(kit.rng.uniform(0.2, 0.3))
     height = float(kit.rng.uniform(0.14, 0.24))
@@ -70,7 +79,11 @@ def carton(kit: Kit) -> Model:
 
 
 def credit_card(kit: Kit) -> Model:
-    """Build a bank card. See `catalog`."""
+    """Build a bank card.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("CreditCard", movable=True)
     model.add(
         box(0.086, 0.054, 0.0015, upright=True),
@@ -80,7 +93,11 @@ def credit_card(kit: Kit) -> Model:
 
 
 def key_chain(kit: Kit) -> Model:
-    """Build keys on a ring with a tag. See `catalog`."""
+    """Build keys on a ring with a tag.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("KeyChain", movable=True)
     steel, brass = materials.metal(kit), materials.metal(kit, materials.BRASS)
     angles = np.linspace(0, 2 * np.pi, 15)
@@ -96,7 +113,11 @@ def key_chain(kit: Kit) -> Model:
 
 
 def pencil_cup(kit: Kit) -> Model:
-    """Build pencils in a mug, as a `Cup`. See `catalog`."""
+    """Build pencils in a mug, as a `Cup`.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("PencilCup", movable=True)
     model.add(cylinder(0.038, 0.1, n=22), materials.print_cloth(kit, 3))
     for k in range(5):
@@ -109,7 +130,11 @@ def pencil_cup(kit: Kit) -> Model:
 
 
 def pen(kit: Kit) -> Model:
-    """Build a pen that lies. See `catalog`."""
+    """Build a pen that lies.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Pen", movable=True)
     model.add(
         tube([(-0.06, 0, 0.006), (0.06, 0, 0.006)], 0.006, 10),

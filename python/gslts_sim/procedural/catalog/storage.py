@@ -130,7 +130,11 @@ def sideboard(kit: Kit, width: float = 1.2) -> Model:
 
 
 def laundry_hamper(kit: Kit) -> Model:
-    """Build a wicker basket with a lid. See `catalog`."""
+    """Build a wicker basket with a lid.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("LaundryHamper", movable=True, receptacle=True)
     willow = kit.material(textures.wicker, 0.24, 256, (0.75, 0.58, 0.36))
     model.add(cylinder(0.19, 0.5, 0.21, n=28), willow)
@@ -139,7 +143,11 @@ def laundry_hamper(kit: Kit) -> Model:
 
 
 def garbage_can(kit: Kit) -> Model:
-    """Build a pedal bin. See `catalog`."""
+    """Build a pedal bin.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("GarbageCan", movable=True)
     steel, dark = materials.metal(kit), materials.plastic(kit, materials.BLACK)
     model.add(cylinder(0.14, 0.03, n=28), dark)

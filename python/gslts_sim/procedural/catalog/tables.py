@@ -9,7 +9,7 @@ from gslts_sim.procedural.catalog import materials
 from gslts_sim.procedural.catalog.parts import knob, legs
 from gslts_sim.procedural.model import Kit, Model
 from gslts_sim.procedural.noise import tint
-from gslts_sim.procedural.shapes import box, cylinder, tube
+from gslts_sim.procedural.shapes import box, cylinder
 
 
 def dining_table(kit: Kit, width: float = 1.4, depth: float = 0.85) -> Model:
@@ -70,7 +70,11 @@ def coffee_table(kit: Kit, width: float = 1.0) -> Model:
 
 
 def side_table(kit: Kit) -> Model:
-    """Build a small table with a drawer, beside a bed or a sofa. See `catalog`."""
+    """Build a small table with a drawer, beside a bed or a sofa.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("SideTable", receptacle=True)
     wood, side = materials.wood(kit), 0.43
     legs(model, side - 0.02, side - 0.04, 0.36, 0.035, wood)
@@ -80,17 +84,6 @@ def side_table(kit: Kit) -> Model:
     model.add(box(side - 0.07, 0.012, 0.11), front, (0, -side / 2 + 0.014, 0.38), solid=False)
     knob(model, materials.metal(kit, materials.BRASS), (0, -side / 2 + 0.01, 0.435))
     model.add(box(side - 0.08, side - 0.08, 0.018), wood, (0, 0, 0.12))
-    return model
-
-
-def round_side_table(kit: Kit) -> Model:
-    """Build a small round table on three legs. See `catalog`."""
-    model = Model("SideTable", receptacle=True)
-    model.add(cylinder(0.24, 0.025, n=36), materials.second_wood(kit), (0, 0, 0.5))
-    dark = materials.plastic(kit, materials.BLACK)
-    for angle in 2 * np.pi / 3 * np.arange(3) + np.pi / 2:
-        x, y = np.cos(angle), np.sin(angle)
-        model.add(tube([(0.2 * x, 0.2 * y, 0), (0.1 * x, 0.1 * y, 0.5)], 0.012, 8), dark)
     return model
 
 

@@ -27,7 +27,11 @@ def _length(profile: list[tuple[float, float]]) -> float:
 
 
 def mug(kit: Kit) -> Model:
-    """Build a mug with a handle. See `catalog`."""
+    """Build a mug with a handle.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Mug", movable=True)
     radius, height = 0.04, float(kit.rng.uniform(0.085, 0.105))
     profile = [
@@ -46,7 +50,11 @@ def mug(kit: Kit) -> Model:
 
 
 def cup(kit: Kit) -> Model:
-    """Build a tea cup on its saucer. See `catalog`."""
+    """Build a tea cup on its saucer.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Cup", movable=True)
     saucer = [(0, 0), (0.035, 0), (0.07, 0.012), (0.068, 0.015), (0.03, 0.006), (0, 0.006)]
     glaze = _glazed(kit, 2 * np.pi * 0.07, _length(saucer), 160)
@@ -66,7 +74,11 @@ def cup(kit: Kit) -> Model:
 
 
 def plate(kit: Kit) -> Model:
-    """Build a dinner plate. See `catalog`."""
+    """Build a dinner plate.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Plate", movable=True, receptacle=True)
     radius = float(kit.rng.uniform(0.11, 0.135))
     profile = [
@@ -98,7 +110,11 @@ def _rim_boxes(outer: float, inner: float) -> list[tuple[float, float, float, fl
 
 
 def bowl(kit: Kit) -> Model:
-    """Build a bowl that can hold objects. See `catalog`."""
+    """Build a bowl that can hold objects.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Bowl", movable=True, receptacle=True)
     radius, height = float(kit.rng.uniform(0.08, 0.13)), float(kit.rng.uniform(0.06, 0.08))
     profile = [
@@ -122,7 +138,11 @@ def bowl(kit: Kit) -> Model:
 
 
 def pan(kit: Kit) -> Model:
-    """Build a frying pan. See `catalog`."""
+    """Build a frying pan.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Pan", movable=True, receptacle=True)
     iron = kit.material(textures.speckles, 0.12, 192, (0.15, 0.15, 0.16), (0.32, 0.32, 0.33), 0.15)
     profile = [(0, 0), (0.1, 0), (0.128, 0.045), (0.125, 0.045), (0.098, 0.004), (0, 0.004)]
@@ -138,7 +158,11 @@ def pan(kit: Kit) -> Model:
 
 
 def pot(kit: Kit) -> Model:
-    """Build a pot with a lid and two handles. See `catalog`."""
+    """Build a pot with a lid and two handles.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Pot", movable=True)
     colour = ink(kit.rng)
     body = materials.fleck(kit, colour, tint(colour, 1.0, 0.25), 0.12)
@@ -163,7 +187,11 @@ def pot(kit: Kit) -> Model:
 
 
 def bottle(kit: Kit) -> Model:
-    """Build a bottle with a label: oil, vinegar, juice. See `catalog`."""
+    """Build a bottle with a label: oil, vinegar, juice.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Bottle", movable=True)
     glass = ((0.16, 0.3, 0.16), (0.42, 0.24, 0.1), (0.75, 0.6, 0.2), (0.5, 0.16, 0.14))
     colour = glass[int(kit.rng.integers(len(glass)))]
@@ -189,7 +217,11 @@ def bottle(kit: Kit) -> Model:
 
 
 def wine_bottle(kit: Kit) -> Model:
-    """Build a bottle of wine. See `catalog`."""
+    """Build a bottle of wine.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("WineBottle", movable=True)
     glass = materials.plastic(kit, (0.1, 0.2, 0.12))
     profile = [
@@ -207,7 +239,11 @@ def wine_bottle(kit: Kit) -> Model:
 
 
 def soap_bottle(kit: Kit) -> Model:
-    """Build a dispenser of soap. See `catalog`."""
+    """Build a dispenser of soap.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("SoapBottle", movable=True)
     colour = ink(kit.rng)
     model.add(
@@ -254,24 +290,40 @@ def shaker(kit: Kit, kind: str) -> Model:
 
 
 def salt_shaker(kit: Kit) -> Model:
-    """Build a shaker of salt. See `catalog`."""
+    """Build a shaker of salt.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     return shaker(kit, "SaltShaker")
 
 
 def pepper_shaker(kit: Kit) -> Model:
-    """Build a pepper mill. See `catalog`."""
+    """Build a pepper mill.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     return shaker(kit, "PepperShaker")
 
 
 def cutting_board(kit: Kit) -> Model:
-    """Build a board to cut bread on. See `catalog`."""
+    """Build a board to cut bread on.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("CuttingBoard", movable=True, receptacle=True)
     model.add(box(0.38, 0.26, 0.02), materials.second_wood(kit))
     return model
 
 
 def knife(kit: Kit) -> Model:
-    """Build a kitchen knife. See `catalog`."""
+    """Build a kitchen knife.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Knife", movable=True)
     model.add(box(0.18, 0.03, 0.003), materials.metal(kit), (0.05, 0, 0.005), solid=False)
     model.add(cushion(0.11, 0.024, 0.016, 0.006), materials.second_wood(kit), (-0.09, 0, 0))
@@ -280,7 +332,11 @@ def knife(kit: Kit) -> Model:
 
 
 def spoon(kit: Kit) -> Model:
-    """Build a wooden spoon. See `catalog`."""
+    """Build a wooden spoon.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("Spoon", movable=True)
     wood = materials.second_wood(kit)
     model.add(tube([(-0.14, 0, 0.006), (0.1, 0, 0.006)], 0.006, 8), wood)
@@ -289,7 +345,11 @@ def spoon(kit: Kit) -> Model:
 
 
 def paper_towel(kit: Kit) -> Model:
-    """Build a roll of paper towels on its stand. See `catalog`."""
+    """Build a roll of paper towels on its stand.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("PaperTowelRoll", movable=True)
     paper = kit.material(
         textures.pattern, 0.2, 256, (0.95, 0.94, 0.92), (0.72, 0.8, 0.88), (0.6, 0.7, 0.8), 2
@@ -302,7 +362,11 @@ def paper_towel(kit: Kit) -> Model:
 
 
 def sponge(kit: Kit) -> Model:
-    """Build a washing-up sponge. See `catalog`."""
+    """Build a washing-up sponge.
+
+    Args:
+        kit: Materials, style and random stream of the home.
+    """
     model = Model("DishSponge", movable=True)
     yellow = materials.fleck(kit, (0.9, 0.78, 0.25), (0.7, 0.55, 0.12), 0.35)
     green = materials.fleck(kit, (0.2, 0.45, 0.25), (0.35, 0.6, 0.35), 0.4)

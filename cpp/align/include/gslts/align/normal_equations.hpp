@@ -23,12 +23,12 @@ struct Alignment {
   NormalEquations color, depth;
 };
 
-/// One step of direct image alignment by Gauss-Newton (Kerl et al. 2013, Dense Visual SLAM for
-/// RGB-D Cameras), linearised at the rendering, over means of 2 x 2 pixels, which have less noise.
-/// Differences of grey and of relative depth are weighted by Huber's loss; outliers and edges of
-/// the depth are left out (noise.hpp).
+/// Computes the normal equations of a Gauss-Newton step of direct image alignment (Kerl et al.
+/// 2013, Dense Visual SLAM for RGB-D Cameras), linearised at the rendering, over means of 2 x 2
+/// pixels, which have less noise. Differences of grey and of relative depth are weighted by Huber's
+/// loss; outliers and edges of the depth are left out (noise.hpp).
 ///
-/// @param camera  That was rendered.
+/// @param camera  Camera of the rendering.
 /// @param rgb, depth  [H,W,3], [H,W] rendered, z in m.
 /// @param photo, measured  The same as observed; depth 0 where nothing was measured.
 /// @param mask  Wanted pixels.

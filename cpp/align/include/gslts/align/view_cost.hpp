@@ -29,15 +29,15 @@ struct CostRule {
   double depth_scale = kRobustDepthStds * kDepthStd;
   double depth_weight = 0.1;     ///< Weight of depth against colour. >= 0
   double alpha_min = 0.9;        ///< Minimum alpha where the map is known. (0, 1]
-  raster::RenderOptions render;  ///< How the map is rendered, with the number of threads.
+  raster::RenderOptions render;  ///< Options of the rendering, with the number of threads.
 };
 
-/// How well an image fits a map, in shares of pixels.
+/// Quality of the fit of an image to a map, in shares of pixels.
 struct Fit {
-  double known = 0;     ///< Of the pixels that may count: where the map is known.
-  double alike = 0;     ///< Of these: where colours differ by less than `color_scale`.
-  double measured = 0;  ///< Of the known pixels: where depth was measured.
-  double near = 0;      ///< Of these: where depth differs by less than `depth_scale`.
+  double known = 0;     ///< Share of the pixels that may count, at which the map is known.
+  double alike = 0;     ///< Share of these whose colours differ by less than `color_scale`.
+  double measured = 0;  ///< Share of the known pixels at which depth was measured.
+  double near = 0;      ///< Share of these whose depth differs by less than `depth_scale`.
 };
 
 /// A cost near a pose, by a twist xi = (rho, phi), m before rad, of world_from_camera * exp(xi).

@@ -12,7 +12,7 @@ struct Component {
   int label;          ///< In the image of labels, from 1.
   int area;           ///< px
   int x, y;           ///< First column and row.
-  int width, height;  ///< Of the bounding box, px.
+  int width, height;  ///< Size of the bounding box, px.
   double u, v;        ///< Centroid, px; the centre of the first pixel is (0.5, 0.5).
 };
 

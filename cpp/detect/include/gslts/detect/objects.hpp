@@ -49,10 +49,10 @@ struct ObjectChange {
 
 /// Finds the surfaces that only one of map and frame shows.
 ///
-/// Where the frame's surface is nearer than all of the map's around it, something appeared; where
-/// the map's is nearer, something vanished. A flat change (a book, a sheet) has no such step: its
-/// colours are not around in the other image, and depth, colours or outline tell in which image it
-/// lies.
+/// A surface of the frame that is nearer than all of the map's around it has appeared; a surface of
+/// the map that is nearer than the frame's has vanished. A flat change (a book, a sheet of paper)
+/// has no such step: its colours do not occur around it in the other image, and depth, colours or
+/// outline decide in which image it lies.
 /// @param masks  Of the same views.
 /// @throws std::invalid_argument  if the camera or a setting is invalid.
 Surfaces find_changed_surfaces(const Views& views, const Masks& masks, const ObjectRule& rule);

@@ -16,14 +16,14 @@ struct Evidence {
   /// Median step by which the surface is nearer than that of the other image, in units of the
   /// smallest that counts; of a flat surface its mean colour change in such units.
   double step_ratio = 0;
-  double changed_share =
-      0;                   ///< Share of its pixels whose colours are not around in the other image.
-  double thickness_m = 0;  ///< Diameter of the largest disc in it, m.
+  /// Share of its pixels whose colours do not occur around it in the other image.
+  double changed_share = 0;
+  double thickness_m = 0;     ///< Diameter of the largest disc in it, m.
   double attached_share = 0;  ///< Share of the pixels beside it in which its depth continues.
   /// Mean colour change, summed over the channels, that more or less light does not explain.
   double residual_color = 0;
-  double correlation = 0;       ///< Of the brightness of both images, on it and beside it, -1 to 1.
-  double ring_depth_m = 0;      ///< Median absolute difference of the depths around it, m.
+  double correlation = 0;   ///< Correlation of both brightness images, on and beside it, -1 to 1.
+  double ring_depth_m = 0;  ///< Median absolute difference of the depths around it, m.
   double ring_color_ratio = 0;  ///< Colour change around it, as a share of that on it.
 };
 
@@ -53,7 +53,7 @@ struct Surface {
   std::vector<Eigen::Vector3d> samples;  ///< Some of its points, world, m.
   std::vector<float> color_histogram;    ///< Shares of colours that sum up to 1; empty: unknown.
   Evidence evidence;
-  std::optional<Visibility> visibility;  ///< Of the samples, where it is known.
+  std::optional<Visibility> visibility;  ///< Counts of the samples, if they are known.
 };
 
 /// Checks a surface that did not come from `find_changed_surfaces`.

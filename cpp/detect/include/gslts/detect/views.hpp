@@ -8,7 +8,7 @@ namespace gslts::detect {
 
 /// A frame and a rendering of the map from the same camera: images of one size, row by row.
 struct Views {
-  Camera camera;                ///< Of all images.
+  Camera camera;                ///< Camera of all images.
   const float* observed_rgb;    ///< [H,W,3] sRGB, 0 to 1.
   const float* rendered_rgb;    ///< [H,W,3] sRGB, with the exposure of the frame.
   const float* observed_depth;  ///< [H,W] z in the camera frame, m; 0 and NaN: not measured.

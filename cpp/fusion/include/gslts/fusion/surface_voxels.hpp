@@ -57,7 +57,8 @@ class SurfaceVoxels {
     std::int64_t last_frame;
     Eigen::Matrix<double, kVoxelSums, 1> sums;
   };
-  /// Of a hash table with open addressing: `std::unordered_map` took longer than all the rest.
+  /// Slot of a hash table with open addressing; with `std::unordered_map`, the table took more time
+  /// than all other steps together.
   struct Slot {
     std::int64_t key;
     std::int64_t row;  ///< In `voxels_`; -1 marks a free slot.

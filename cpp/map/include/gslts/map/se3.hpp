@@ -31,8 +31,8 @@ struct PoseDistance {
 };
 PoseDistance pose_distance(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b);
 
-/// Whether a matrix is finite, orthonormal to 1e-6 and right-handed: poses that went through float
-/// or were multiplied many times pass, wrong matrices do not.
+/// Returns true if a matrix is finite, orthonormal to 1e-6 and right-handed. The tolerance accepts
+/// poses that were stored as float or multiplied many times.
 bool is_rotation(const Eigen::Matrix3d& matrix);
 
 }  // namespace gslts

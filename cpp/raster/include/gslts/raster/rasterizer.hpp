@@ -120,8 +120,9 @@ struct RenderState;
 
 /// Renders Gaussians and differentiates the rendering (3D Gaussian splatting, Kerbl et al. 2023).
 ///
-/// One object holds the working memory of one rendering: `backward` differentiates the last
-/// `forward`, and both reuse the memory of the call before. Use one object per thread of yours.
+/// An object holds the working memory of one rendering: `backward` differentiates the last
+/// `forward`, and both reuse the memory of the previous call. If several threads call it, use an
+/// object for each of them.
 /// T = float is the fast kernel; T = double evaluates the same algorithm without approximations.
 /// Results are bit-identical for any thread count.
 template <typename T>

@@ -23,7 +23,7 @@ struct RefinedPose {
   double cost = 0;         ///< Mean over the known pixels, at the finest resolution.
   align::Fit fit;          ///< There, too; known pixels are those where its resolution began.
   int iterations = 0;      ///< Sum over all resolutions.
-  bool converged = false;  ///< Whether the last resolution converged within its iterations.
+  bool converged = false;  ///< True if the last resolution converged within its iterations.
 };
 
 /// Refines a pose by inverting the rendering (iComMa, Sun et al. 2023), with Levenberg-Marquardt on

@@ -18,7 +18,7 @@ struct Registration {
   Eigen::Isometry3d target_from_source;
   double overlap;  ///< Share of the downsampled source points with a correspondence, 0 to 1.
   double rms_m;    ///< RMS distance of these from the planes of the target; 0 if there are none.
-  bool converged;  ///< Whether the motion converged within the iterations. False also where a
+  bool converged;  ///< True if the motion converged within the iterations. False also if a
                    ///< downsampled cloud has fewer points than `neighbours`: then the guess is
                    ///< returned, with no overlap.
 };
