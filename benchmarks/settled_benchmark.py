@@ -54,7 +54,7 @@ VIEWS, DISTANCE_M = 6, 1.3
 NEAR_M = 0.15
 """Maximum distance from the box of an object to a report of it, m."""
 MAPPING = MappingConfig(
-    iterations=500,
+    iterations=1000,
     patience=1.0,
     rough_epochs=0,
     voxel_m=0.03,

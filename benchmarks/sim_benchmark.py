@@ -40,8 +40,8 @@ def row(label: str, unit: str, values: list[float]) -> None:
 
 
 def frame_ms(home: Home) -> list[float]:
-    """Return the times of views from the corners, 640 x 480, after a warm-up."""
-    caster = RayCaster(home)
+    """Return the times of views from the corners, 640 x 480, on one core, after a warm-up."""
+    caster = RayCaster(home, threads=1)
     cameras = corner_cameras(home, 640, 480)
     caster.render(cameras[0])
     return [1e3 * seconds(lambda camera=camera: caster.render(camera)) for camera in cameras]

@@ -244,7 +244,8 @@ def _run_epoch(
         _set_lenses(split.held_out, optimizer.observations[0].lenses)
     validation_db = None
     frames = split.validation.by_neighbours()
-    if frames and optimizer.share >= sum(p.validation_psnr_db is not None for p in curve) / VALIDATIONS:
+    validations = sum(point.validation_psnr_db is not None for point in curve)
+    if frames and optimizer.share >= validations / VALIDATIONS:
         validation_db = evaluate(optimizer.adam.map, frames, config.threads, level=1).psnr_db
     return CurvePoint(
         seconds=clock.seconds(),

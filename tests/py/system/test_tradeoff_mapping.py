@@ -181,7 +181,7 @@ def test_frames_are_chosen_as_when_the_map_was_made(paths: Paths) -> None:
 def test_unusable_frames_say_why(paths: Paths) -> None:
     frames = open_dataset(paths.visit).frames
     few = Dataset("few", (*frames[:3], Torn(frames[0])))
-    with pytest.raises(ValueError, match="few: 1 of 4 frames cannot be used, such as torn: torn.png: it is"):
+    with pytest.raises(ValueError, match="few: 1 of 4 frames cannot be used, such as torn"):
         split_of(few, TrainingRecord())
 
 
