@@ -85,6 +85,24 @@ class Change:
         box = self.boxes[SIDES.index(side)]
         return None if box is None else (box[0] + box[1]) / 2
 
+    def box_px(self, side: Side, width: int) -> tuple[int, int, int, int] | None:
+        """Return the box around the object in the image; None if it is not visible at that side.
+
+        Args:
+            side: "before" or "after".
+            width: Width of the frame, px; masks may be of a halved image.
+
+        Returns:
+            (x0, y0, x1, y1) in the pixels of the frame, x1 and y1 exclusive.
+        """
+        mask = self.masks[SIDES.index(side)]
+        if mask is None or not mask.any():
+            return None
+        rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+        scale = width // mask.shape[1]
+        low, high = (columns[0], rows[0]), (columns[-1] + 1, rows[-1] + 1)
+        return scale * int(low[0]), scale * int(low[1]), scale * int(high[0]), scale * int(high[1])
+
     def end(self, side: Side) -> Change:
         """Return the removal or the addition that is one end of a relocation.
 

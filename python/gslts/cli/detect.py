@@ -91,7 +91,8 @@ def detect(
             typer.echo(json.dumps(_plain(name, (), reason)) if as_json else _line(name, (), reason))
             continue
         result = (name, detection.changes, detection.unreliable)
-        typer.echo(json.dumps(_plain(*result)) if as_json else _line(*result))
+        width = read.camera.width
+        typer.echo(json.dumps(_plain(*result, width)) if as_json else _line(*result))
         if out is not None:
             stem = re.sub(r"[^\w.-]+", "-", name)
             Image.fromarray(overlay(detection)).save(out / f"{number:05}_{stem}.png")
@@ -110,7 +111,9 @@ def _summary(change: Change) -> str:
     return f"{change.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m, confidence {change.confidence:.2f}"
 
 
-def _plain(name: str, changes: Sequence[Change], unreliable: str | None) -> dict[str, Any]:
+def _plain(
+    name: str, changes: Sequence[Change], unreliable: str | None, width: int = 0
+) -> dict[str, Any]:
     return {
         "frame": name,
         "unreliable": unreliable,
@@ -121,6 +124,7 @@ def _plain(name: str, changes: Sequence[Change], unreliable: str | None) -> dict
                 "point_m": change.point.tolist(),
                 "box_before_m": _corners(change, 0),
                 "box_after_m": _corners(change, 1),
+                "box_px": change.box_px("after", width) or change.box_px("before", width),
                 "pixels": [0 if mask is None else int(mask.sum()) for mask in change.masks],
             }
             for change in changes

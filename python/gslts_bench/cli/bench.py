@@ -12,7 +12,7 @@ from gslts_bench.cli.options import HomeOptions, finish, on_homes, progress_bar
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
 
-bench = typer.Typer(no_args_is_help=True, help="Benchmarks on simulated homes.")
+bench = typer.Typer(no_args_is_help=True, help="Benchmarks on simulated homes and real rooms.")
 
 Tasks = Annotated[int, typer.Option(min=1, help="Number of changes, spread over the homes.")]
 Ablation = Annotated[
@@ -22,7 +22,7 @@ Ablation = Annotated[
 
 @bench.callback()
 def describe() -> None:
-    """Benchmarks on simulated homes."""
+    """Benchmarks on simulated homes and real rooms."""
 
 
 @bench.command()
@@ -273,3 +273,45 @@ def _relocalize_room(options: HomeOptions, path: Path, folds: list[int]) -> None
     options.prepare()
     outcome = options.run(ROOM_BENCHMARK, units, on_homes=False)
     finish(outcome.errors)
+
+
+@bench.command()
+def real(
+    folder: Annotated[
+        Path, typer.Argument(help="Folder with a folder per room, such as real_changes.")
+    ],
+    images: Annotated[
+        Path | None, typer.Option(help="New or empty folder for overlays of all frames.")
+    ] = None,
+    json_path: Annotated[
+        Path | None, typer.Option("--json", help="File for the complete result.")
+    ] = None,
+    work: Annotated[
+        Path, typer.Option(help="Folder of maps and results, which are reused.")
+    ] = Path("out/bench"),
+    preset: Annotated[Preset, typer.Option(help="Preset of the mapping.")] = Preset.FAST,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="Mapping setting, as for gslts map."),
+    ] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Number of processes, one per room.")] = 1,
+) -> None:
+    """Measure change detection on visits of real rooms, in which people marked what changed.
+
+    A map is made from the first visit of each room, and each frame of the later visits is compared
+    with it. The visits are those of the Object Change Detection data of TU Wien, as the repository
+    CYWS3D-pipeline has them: Kitchen, Office and SmallRoom, each with scene1 to scene6.
+
+    Example: gslts bench real real_changes --images out/real --json out/real.json
+    """
+    from gslts_bench.real.run import VisitUnit
+    from gslts_bench.real.tables import BENCHMARK
+    from gslts_bench.real.visits import rooms_in
+
+    options = HomeOptions(
+        json_path=json_path, work=work, preset=preset, settings=settings, jobs=jobs
+    )
+    options.prepare(images)
+    rooms = rooms_in(folder, options.setup.mapping, work)
+    units = [VisitUnit(room, images) for room in rooms]
+    finish(options.run(BENCHMARK, units, on_homes=False).errors)

@@ -1,0 +1,1 @@
+"""Change detection on recorded visits of real rooms, whose changed objects people marked."""

@@ -1,0 +1,105 @@
+"""Score of reported changes against the boxes of people."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from gslts.change.changes import SIDES, Change
+from gslts.change.detector import Detection
+from gslts_bench.real.boxes import BoxPx, MarkedObject
+
+MIN_IOU = 0.25
+"""Minimum intersection over union of the boxes of an object and of a report of it: half the usual
+0.5, as the map is compared at half the resolution."""
+MIN_INSIDE = 0.5
+"""Minimum share of a report inside an ignored box for it not to be counted."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """One end of a reported change.
+
+    Attributes:
+        side: "after" for what is new, "before" for what is gone.
+        box_px: Box of its region in the pixels of the frame.
+        confidence: Probability that the change is real.
+    """
+
+    side: str
+    box_px: BoxPx
+    confidence: float
+
+
+def reports_of(detection: Detection, width: int) -> list[Report]:
+    """Return the ends of all detected changes.
+
+    Args:
+        detection: Result of the detector.
+        width: Width of the frame, px.
+    """
+    return [
+        Report(side, box, change.confidence)
+        for change in detection.changes
+        for side, box in _boxes(change, width)
+    ]
+
+
+def found_objects(objects: Sequence[MarkedObject], reports: Sequence[Report]) -> list[bool]:
+    """Return for each object if it was found: new ones after the change, missing ones before.
+
+    Args:
+        objects: Of kind "new" or "missing".
+        reports: Reports in the same image.
+    """
+    side_of = {"new": "after", "missing": "before"}
+    return [
+        any(
+            report.side == side_of[marked.kind] and iou(marked.box, report.box_px) >= MIN_IOU
+            for report in reports
+        )
+        for marked in objects
+    ]
+
+
+def other_reports(objects: Sequence[MarkedObject], reports: Sequence[Report]) -> list[Report]:
+    """Return the reports of nothing that changed.
+
+    Args:
+        objects: All differences that people marked in the image.
+        reports: Reports in the same image.
+    """
+    return [
+        report for report in reports if not any(_explains(marked, report) for marked in objects)
+    ]
+
+
+def iou(a: BoxPx, b: BoxPx) -> float:
+    """Return the intersection over union of two boxes, 0 to 1.
+
+    Args:
+        a: First box.
+        b: Second box.
+    """
+    common = _area(_intersection(a, b))
+    return common / (_area(a) + _area(b) - common) if common else 0.0
+
+
+def _explains(marked: MarkedObject, report: Report) -> bool:
+    if iou(marked.box, report.box_px) >= MIN_IOU:
+        return True
+    inside = _area(_intersection(marked.box, report.box_px)) / max(1.0, _area(report.box_px))
+    return marked.kind == "ignore" and inside >= MIN_INSIDE
+
+
+def _boxes(change: Change, width: int) -> list[tuple[str, BoxPx]]:
+    boxes = [(side, change.box_px(side, width)) for side in SIDES]
+    return [(side, box) for side, box in boxes if box is not None]
+
+
+def _intersection(a: BoxPx, b: BoxPx) -> BoxPx:
+    return max(a[0], b[0]), max(a[1], b[1]), min(a[2], b[2]), min(a[3], b[3])
+
+
+def _area(box: BoxPx) -> float:
+    return max(0.0, box[2] - box[0]) * max(0.0, box[3] - box[1])

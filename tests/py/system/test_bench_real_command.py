@@ -1,0 +1,62 @@
+"""The command `gslts bench real` on a room whose later visits are simulated."""
+
+import json
+from pathlib import Path
+
+import change_room
+import pytest
+from change_room import LOOKS
+from command import gslts
+from PIL import Image
+from shared import looks_all_around
+
+from gslts_bench.real.boxes import marked_rooms
+from gslts_sim.capture import capture
+from gslts_sim.controller import Controller
+
+
+@pytest.fixture(scope="module")
+def rooms(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Record visits of a simulated room under the names of the real one."""
+    folder = tmp_path_factory.mktemp("rooms")
+    looks = [*looks_all_around("change_room", change_room.home(), 48)[:16], *LOOKS]
+    added = change_room.thing("Box|3", 2.6, 1.8, change_room.YELLOW, "Block|1")
+    capture(Controller(change_room.home(), **change_room.SIZE), looks, folder / "Office/scene1")
+    for visit, images in marked_rooms()["Office"].visits.items():
+        recorded = folder / "Office" / visit
+        home = change_room.home().with_object(added)
+        capture(Controller(home, **change_room.SIZE), [LOOKS[0]] * len(images), recorded)
+        text = (recorded / "transforms.json").read_text()
+        header = json.loads(text)
+        for frame, file in zip(header["frames"], images, strict=True):
+            (recorded / frame["file_path"]).rename(recorded / Path(file).name)
+            frame["file_path"] = Path(file).name
+        (recorded / "transforms.json").write_text(json.dumps(header))
+    return folder
+
+
+def test_each_marked_frame_is_judged(rooms: Path, tmp_path: Path) -> None:
+    settings = ("--set", "iterations=300", "--set", "rough_epochs=0", "--work", "work")
+    process = gslts(
+        "bench", "real", rooms, *settings, "--images", "images", "--json", "all.json", cwd=tmp_path
+    )
+    assert process.returncode == 0, process.stderr
+    result = json.loads((tmp_path / "all.json").read_text())
+    numbers = result["summary"]["rooms"]["Office"]
+    marked = [m for v in marked_rooms()["Office"].visits.values() for o in v.values() for m in o]
+    assert numbers["frames"] == 20
+    assert numbers["unreliable"] == 0
+    assert numbers["new"][1] == sum(m.kind == "new" for m in marked)
+    assert numbers["others"] > 0, "the simulated box is where the marked objects are not"
+    assert "| Office | 20 |" in process.stdout
+    images = sorted((tmp_path / "images").iterdir())
+    assert len(images) == 20
+    with Image.open(images[0]) as image:
+        assert image.width > 480
+
+
+def test_a_folder_without_rooms_is_an_error(tmp_path: Path) -> None:
+    process = gslts("bench", "real", tmp_path, cwd=tmp_path)
+    assert process.returncode == 1
+    assert "it has none of the folders Kitchen, Office, SmallRoom" in process.stderr
+    assert "Traceback" not in process.stderr
