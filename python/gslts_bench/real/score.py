@@ -18,7 +18,7 @@ MIN_INSIDE = 0.5
 
 @dataclass(frozen=True)
 class Report:
-    """One end of a reported change.
+    """End of a reported change.
 
     Attributes:
         side: "after" for what is new, "before" for what is gone.
