@@ -57,7 +57,6 @@ def detect(
 
     Example: gslts detect out/map_kitchen_3 out/visit --frame 00007 --out out/changes
     """
-    from PIL import Image
     from tqdm import tqdm
 
     from gslts.change.config import DetectionConfig
@@ -66,6 +65,7 @@ def detect(
     from gslts.change.overlay import overlay
     from gslts.datasets import open_dataset
     from gslts.io.atomic_files import empty_folder
+    from gslts.io.images import write_image
 
     config = DetectionConfig(strategy=strategy.value, halvings=halvings, threads=threads)
     opened = open_dataset(dataset, posed=not localize)
@@ -95,7 +95,7 @@ def detect(
         typer.echo(json.dumps(_plain(*result, width)) if as_json else _line(*result))
         if out is not None:
             stem = re.sub(r"[^\w.-]+", "-", name)
-            Image.fromarray(overlay(detection)).save(out / f"{number:05}_{stem}.png")
+            write_image(out / f"{number:05}_{stem}.png", overlay(detection))
 
 
 def _line(name: str, changes: Sequence[Change], unreliable: str | None) -> str:

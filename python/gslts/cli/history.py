@@ -89,8 +89,7 @@ def diff(
 
     Example: gslts diff out/map 1 3 --out out/diff.png
     """
-    from PIL import Image
-
+    from gslts.io.images import write_image
     from gslts.store.camera_files import cameras_of_map
     from gslts.store.delta import compare_by_ids
     from gslts.store.describe import describe_event
@@ -108,7 +107,7 @@ def diff(
     if out is not None:
         image = draw_difference(*maps, list(cameras_of_map(map_path).values()), threads)
         out.parent.mkdir(parents=True, exist_ok=True)
-        Image.fromarray(image).save(out)
+        write_image(out, image)
         typer.echo(f"wrote {out}")
 
 

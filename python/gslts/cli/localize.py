@@ -225,12 +225,11 @@ def _lens_of_map(map_path: Path, image: Path, size: tuple[int, int]) -> Camera:
 def _write_side_by_side(
     out: Path, gaussian_map: GaussianMap, frame: RgbdFrame, pose: Floats, threads: int
 ) -> None:
-    from PIL import Image
-
+    from gslts.io.images import write_image
     from gslts.localization.side_by_side import side_by_side
 
     out.parent.mkdir(parents=True, exist_ok=True)
-    Image.fromarray(side_by_side(gaussian_map, frame, pose, threads)).save(out)
+    write_image(out, side_by_side(gaussian_map, frame, pose, threads))
     typer.echo(f"see {out}", err=True)
 
 

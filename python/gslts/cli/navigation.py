@@ -47,12 +47,9 @@ def semantic_map(
     Example: gslts semantic-map out/map --category Mug --category Sofa --out out/plan
     """
     from gslts.core.robot_body import RobotBody
+    from gslts.io.images import write_image
     from gslts.navigation.semantic_map import make_semantic_map
-    from gslts.navigation.semantic_map_files import (
-        draw_semantic_map,
-        write_map_server,
-        write_png,
-    )
+    from gslts.navigation.semantic_map_files import draw_semantic_map, write_map_server
     from gslts.semantics.categories import Categories
     from gslts.semantics.registry import open_text_semantics
     from gslts.store.map_folder import read_map
@@ -64,7 +61,7 @@ def semantic_map(
     result = make_semantic_map(read_map(map_path), body, layers, cell)
     out.mkdir(parents=True, exist_ok=True)
     write_map_server(result, out)
-    write_png(draw_semantic_map(result), out / "map.png")
+    write_image(out / "map.png", draw_semantic_map(result))
     missing = [name for name in result.categories if not result.category(name).any()]
     note = f"; not found: {', '.join(missing)}" if missing else ""
     size = result.grid.size
@@ -104,8 +101,9 @@ def go(
     """
     from tqdm import tqdm
 
+    from gslts.io.images import write_image
     from gslts.navigation.navigator import Navigator
-    from gslts.navigation.semantic_map_files import draw_semantic_map, write_png
+    from gslts.navigation.semantic_map_files import draw_semantic_map
     from gslts.navigation.trip import MAX_MOVES
     from gslts.robots.sources import open_robot
 
@@ -126,7 +124,7 @@ def go(
         else:
             result = navigator.go(opened or _robot_in_map(map_path, navigator), text, on_move)
     out.parent.mkdir(parents=True, exist_ok=True)
-    write_png(draw_semantic_map(navigator.semantic_map, result.path), out)
+    write_image(out, draw_semantic_map(navigator.semantic_map, result.path))
     if result.status != "reached":
         raise RuntimeError(f"{text}: {result.status}: {result.reason}; see {out}")
     replans = f", planned again {result.replans} times" if result.replans else ""

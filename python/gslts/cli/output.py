@@ -250,12 +250,11 @@ def _write_videos(
 
 def _write_pngs(images: Iterable[tuple[RgbImage, RgbImage | None]], out: Path) -> None:
     """Write 00000.png, 00000_depth.png, ...: untrusted camera names never become file names."""
-    from PIL import Image
-
     from gslts.io.atomic_files import empty_folder
+    from gslts.io.images import write_image
 
     empty_folder(out)
     for number, (image, depth) in enumerate(images):
-        Image.fromarray(image).save(out / f"{number:05}.png")
+        write_image(out / f"{number:05}.png", image)
         if depth is not None:
-            Image.fromarray(depth).save(out / f"{number:05}_depth.png")
+            write_image(out / f"{number:05}_depth.png", depth)

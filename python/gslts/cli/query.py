@@ -54,8 +54,7 @@ def _draw(
     path: Path,
     threads: int,
 ) -> None:
-    from PIL import Image
-
+    from gslts.io.images import write_image
     from gslts.semantics.query_image import draw_query
     from gslts.store.camera_files import cameras_of_map
 
@@ -64,7 +63,7 @@ def _draw(
         raise ValueError(f"{map_path}: --image needs a map with cameras; gslts map makes them")
     relevance = queries.relevance(text)
     drawn = draw_query(queries.gaussian_map, relevance, instances, cameras, threads)
-    Image.fromarray(drawn).save(path)
+    write_image(path, drawn)
     typer.echo(f"wrote {path}", err=True)
 
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
 import numpy as np
-from PIL import Image
 
 from gslts.io.atomic_files import write_atomic
 from gslts.io.images import RgbImage, draw_text
@@ -79,21 +77,6 @@ def draw_semantic_map(
     if path is not None:
         entries += [("start", START_COLOR), ("path, end", PATH_COLOR)]
     return _add_legend(image, entries)
-
-
-def write_png(image: RgbImage, path: Path) -> None:
-    """Write a PNG atomically.
-
-    Args:
-        image: [H,W,3] uint8, sRGB.
-        path: File to write.
-
-    Raises:
-        OSError: It cannot be written.
-    """
-    content = io.BytesIO()
-    Image.fromarray(image).save(content, "PNG")
-    write_atomic(path, content.getvalue())
 
 
 def _draw_path(image: RgbImage, semantic_map: SemanticMap, path: Floats) -> None:

@@ -10,8 +10,9 @@ from typing import Any
 
 from pydantic import FiniteFloat
 
+from gslts.io.images import write_image
 from gslts.navigation.navigator import Navigator
-from gslts.navigation.semantic_map_files import draw_semantic_map, write_png
+from gslts.navigation.semantic_map_files import draw_semantic_map
 from gslts.semantics.source import Oracle
 from gslts_bench.homes import BenchHome
 from gslts_bench.navigation.episodes import CATEGORIES, Episode, episodes_of
@@ -175,7 +176,7 @@ def run_episode(
     if image is not None:
         image.parent.mkdir(parents=True, exist_ok=True)
         shown = draw_semantic_map(navigator.semantic_map, walk.path, [episode.category])
-        write_png(shown, image)
+        write_image(image, shown)
     instances = walker.event.instances
     return {
         "success": succeeds(ground.truth, episode.category, walker.positions[-1], instances),

@@ -8,12 +8,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from PIL import Image
 from pydantic import BaseModel
 
 from gslts.change.detector import ChangeDetector
 from gslts.change.overlay import overlay
 from gslts.datasets import Frame, open_dataset
+from gslts.io.images import write_image
 from gslts_bench.processes import Add
 from gslts_bench.real.boxes import MarkedObject
 from gslts_bench.real.score import found_objects, other_reports, reports_of
@@ -102,7 +102,7 @@ class VisitUnit(BenchUnit[VisitRecord, RealRoom]):
         detection = detector.detect(observed)
         if self.images is not None:
             path = self.images / f"{self.name}_{name.replace('/', '_')}.png"
-            Image.fromarray(overlay(detection)).save(path)
+            write_image(path, overlay(detection))
         reports = reports_of(detection, observed.camera.width)
         changed = [marked for marked in objects if marked.kind in ("new", "missing")]
         found = found_objects(changed, reports)

@@ -11,6 +11,7 @@ from PIL import Image
 
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot_body import RobotBody
+from gslts.io.images import write_image
 from gslts.navigation.grid import Grid
 from gslts.navigation.semantic_map import SemanticMap, make_semantic_map
 from gslts.navigation.semantic_map_files import (
@@ -18,7 +19,6 @@ from gslts.navigation.semantic_map_files import (
     PATH_COLOR,
     draw_semantic_map,
     write_map_server,
-    write_png,
 )
 from gslts.navigation.surface_points import floor_height_m, sample_surfaces
 from gslts.semantics.categories import Categories, classify_gaussians
@@ -215,7 +215,7 @@ def test_files_are_written_atomically(tmp_path: Path, monkeypatch: pytest.Monkey
 def test_images_show_layers_and_paths(tmp_path: Path) -> None:
     found = semantic_map_of(surfel_room.surfel_map(), "Mug", "Box")
     path = np.array([[0.5, 0.5], [3.5, 0.5]])
-    write_png(draw_semantic_map(found, path, ["Mug"]), tmp_path / "map.png")
+    write_image(tmp_path / "map.png", draw_semantic_map(found, path, ["Mug"]))
     image = np.asarray(Image.open(tmp_path / "map.png"))
 
     def pixel(x: float, y: float) -> tuple[int, ...]:
