@@ -91,8 +91,7 @@ def detect(
             typer.echo(json.dumps(_plain(name, (), reason)) if as_json else _line(name, (), reason))
             continue
         result = (name, detection.changes, detection.unreliable)
-        width = read.camera.width
-        typer.echo(json.dumps(_plain(*result, width)) if as_json else _line(*result))
+        typer.echo(json.dumps(_plain(*result, read.camera.width)) if as_json else _line(*result))
         if out is not None:
             stem = re.sub(r"[^\w.-]+", "-", name)
             write_image(out / f"{number:05}_{stem}.png", overlay(detection))
@@ -112,8 +111,9 @@ def _summary(change: Change) -> str:
 
 
 def _plain(
-    name: str, changes: Sequence[Change], unreliable: str | None, width: int = 0
+    name: str, changes: Sequence[Change], unreliable: str | None, width_px: int = 0
 ) -> dict[str, Any]:
+    """Return JSON values of a result; `width_px` of the frame is for the boxes of its changes."""
     return {
         "frame": name,
         "unreliable": unreliable,
@@ -124,7 +124,7 @@ def _plain(
                 "point_m": change.point.tolist(),
                 "box_before_m": _corners(change, 0),
                 "box_after_m": _corners(change, 1),
-                "box_px": change.box_px("after", width) or change.box_px("before", width),
+                "box_px": change.box_px("after", width_px) or change.box_px("before", width_px),
                 "pixels": [0 if mask is None else int(mask.sum()) for mask in change.masks],
             }
             for change in changes

@@ -296,7 +296,7 @@ def real(
     ] = None,
     jobs: Annotated[int, typer.Option(min=1, help="Number of processes, one per room.")] = 1,
 ) -> None:
-    """Measure change detection on visits of real rooms, in which people marked what changed.
+    """Measure change detection on visits of real rooms, against boxes of what changed.
 
     A map is made from the first visit of each room, and each frame of the later visits is compared
     with it. The visits are those of the Object Change Detection data of TU Wien, as the repository

@@ -1,1 +1,1 @@
-"""Change detection on recorded visits of real rooms, whose changed objects people marked."""
+"""Change detection on recorded visits of real rooms, whose changed objects are marked by boxes."""

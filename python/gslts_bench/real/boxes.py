@@ -1,4 +1,4 @@
-"""Boxes around the objects that changed, which people drew in the images of real visits.
+"""Boxes around the objects that changed, drawn by eye in the images of real visits.
 
 The images are from the Object Change Detection data of TU Wien (Langer et al.), as the repository
 florianpfleiderer/CYWS3D-pipeline has them; the boxes were drawn for this benchmark.
@@ -27,7 +27,7 @@ class MarkedObject(BaseModel):
         kind: Kind of the difference.
         name: Name of the object, the same in all images of a room.
         box_px: Box around its visible part, or, if missing, around where it would be seen.
-        note: Remark of the person who drew it.
+        note: Remark on a doubtful case.
     """
 
     model_config = STRICT

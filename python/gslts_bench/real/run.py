@@ -79,20 +79,24 @@ class VisitUnit(BenchUnit[VisitRecord, RealRoom]):
             done: Ids of the results of earlier runs.
             add: Receives each new result.
         """
+        asked = [entry for entry in self._frames() if entry[0] not in done or self.images]
+        if not asked:
+            return
         detector = ChangeDetector.of_map(self.bench.map())
-        for name, frame, objects in self._frames():
-            if name not in done or self.images is not None:
-                record = VisitRecord(id=name, room=self.name)
-                judge = partial(self._judge, detector, name, frame, objects)
-                result = attempt(record, judge)
-                if name not in done:
-                    add(result.model_dump(mode="json"))
+        for name, frame, objects in asked:
+            record = VisitRecord(id=name, room=self.name)
+            result = attempt(record, partial(self._judge, detector, name, frame, objects))
+            if name not in done:
+                add(result.model_dump(mode="json"))
 
     def _frames(self) -> Iterator[tuple[str, Frame, list[MarkedObject]]]:
         for visit, images in self.bench.marked.visits.items():
-            frames = {frame.name: frame for frame in open_dataset(self.bench.path / visit).frames}
+            folder = self.bench.path / visit
+            frames = {frame.name: frame for frame in open_dataset(folder).frames}
             for file, objects in images.items():
                 stem = Path(file).stem
+                if stem not in frames:
+                    raise ValueError(f"{folder}: there is no frame {stem}; expected {file}")
                 yield f"{visit}/{stem}", frames[stem], objects
 
     def _judge(

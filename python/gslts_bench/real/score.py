@@ -1,4 +1,4 @@
-"""Score of reported changes against the boxes of people."""
+"""Score of reported changes against boxes drawn in the images."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from gslts.change.detector import Detection
 from gslts_bench.real.boxes import BoxPx, MarkedObject
 
 MIN_IOU = 0.25
-"""Minimum intersection over union of the boxes of an object and of a report of it: half the usual
-0.5, as the map is compared at half the resolution."""
+"""Minimum intersection over union of the boxes of an object and of a report of it. Half of the 0.5
+that is usual in object detection: a report has to name the object, not to outline it."""
 MIN_INSIDE = 0.5
 """Minimum share of a report inside an ignored box for it not to be counted."""
 
@@ -66,7 +66,7 @@ def other_reports(objects: Sequence[MarkedObject], reports: Sequence[Report]) ->
     """Return the reports of nothing that changed.
 
     Args:
-        objects: All differences that people marked in the image.
+        objects: All differences marked in the image.
         reports: Reports in the same image.
     """
     return [

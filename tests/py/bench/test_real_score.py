@@ -1,4 +1,4 @@
-"""Tests of the score on real visits, and of the boxes that people drew."""
+"""Tests of the score on real visits, and of the boxes drawn in them."""
 
 import numpy as np
 import pytest

@@ -1,6 +1,7 @@
 """The command `gslts bench real` on a room whose later visits are simulated."""
 
 import json
+import shutil
 from pathlib import Path
 
 import change_room
@@ -53,6 +54,18 @@ def test_each_marked_frame_is_judged(rooms: Path, tmp_path: Path) -> None:
     assert len(images) == 20
     with Image.open(images[0]) as image:
         assert image.width > 480
+
+
+def test_a_missing_frame_is_named(rooms: Path, tmp_path: Path) -> None:
+    shutil.copytree(rooms / "Office", tmp_path / "Office")
+    header = tmp_path / "Office/scene3/transforms.json"
+    content = json.loads(header.read_text())
+    del content["frames"][2]
+    header.write_text(json.dumps(content))
+    process = gslts("bench", "real", tmp_path, "--work", "work", cwd=tmp_path)
+    assert process.returncode == 1
+    assert "scene3: there is no frame 002_0; expected images/002_0.jpg" in process.stderr
+    assert "Traceback" not in process.stderr
 
 
 def test_a_folder_without_rooms_is_an_error(tmp_path: Path) -> None:
