@@ -61,7 +61,7 @@ def tabulate(summary: Mapping[str, Any]) -> list[Table]:
         for name, numbers in summary["rooms"].items()
     ]
     title = "Single frames of later visits against the map of the first one"
-    note = "Found: the box of a reported region and the box drawn around the object have an IoU of 0.25."
+    note = "Found: the boxes of a reported region and of the object have an IoU of at least 0.25."
     return [Table(title, header, rows, note)]
 
 
