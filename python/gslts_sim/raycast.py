@@ -78,7 +78,7 @@ class RayCaster:
             camera: The camera.
         """
         rays = core_sim.pixel_rays(camera, threads=self._threads)
-        hits = self._scene.cast(rays)
+        hits = self._scene.cast_pixels(camera, rays)
         shading = core_sim.Shading(
             self._surfaces,
             rays,
