@@ -46,7 +46,7 @@ class RayScene:
     def __init__(self, home: Home, threads: int = 0) -> None:
         import open3d
 
-        self._tensor: Any = open3d.core.Tensor
+        self._tensor: Any = open3d.core.Tensor.from_numpy  # Without a copy.
         self._threads = threads
         vertices, faces, owners, normals = [], [], [], []
         first_vertex = 0

@@ -1,4 +1,4 @@
-"""Rendering of a home by ray casting: radiance, depth and instances.
+"""Rendering of a home by rasterization and shadow rays: radiance, depth and instances.
 
 Direct light from area lights with soft shadows, and ambient light, on diffuse textured surfaces.
 """
