@@ -35,10 +35,12 @@ KINDS = {"after": "new", "before": "missing"}
 """Kind of a marked object by the side on which it is seen."""
 MIN_OBJECT_IOU = 0.5
 """Minimum IoU of a region with the box of an object that it shows; those from 0.25 on are left out."""
-MAX_OVERLAP = 0.3
+MAX_OVERLAP, MAX_BOX_IOU = 0.3, 0.5
 """As in cpp/detect/constants.hpp."""
 RIDGE = 10.0
 """Weight of the squared weights of features with unit variance."""
+FEATURES = 8
+"""Number of the features of a region."""
 THRESHOLDS = (0.3, 0.4, 0.5, 0.6, 0.7)
 """Minimum confidences of the table."""
 
@@ -113,7 +115,7 @@ def example(
     return Example(
         room,
         objects,
-        np.array([region.features for region in regions]).reshape(len(regions), -1),
+        np.array([region.features for region in regions]).reshape(len(regions), FEATURES),
         [Report(SIDES[r.side], box_of(r, camera, frame.camera.width), 0.0) for r in regions],
         [frozenset(region.pixels) for region in regions],
     )
@@ -224,9 +226,10 @@ def chosen(one: Example, weights: Floats, offset: float) -> list[Report]:
     p = 1 / (1 + np.exp(-(one.features @ weights + offset)))
     kept: list[int] = []
     for i in np.argsort(-p, kind="stable"):
-        own = one.pixels[i]
+        own, box = one.pixels[i], one.reports[i].box_px
         if all(
             len(own & one.pixels[j]) <= MAX_OVERLAP * min(len(own), len(one.pixels[j]))
+            and iou(box, one.reports[j].box_px) <= MAX_BOX_IOU
             for j in kept
         ):
             kept.append(i)

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
@@ -90,7 +91,7 @@ void add_regions(const Image& image, const cv::Mat& other_rgb, const Camera& cam
   const std::vector<float> scales(kSegmentScales.begin(), kSegmentScales.end());
   for (std::vector<Pixels>& segments : segment_image(channels_of(image), scales, min_px)) {
     for (Pixels& pixels : segments) {
-      if (int(pixels.size()) < min_px || pixels.size() > kMaxRegionShare * image.rgb.total()) {
+      if (int(pixels.size()) < min_px || double(pixels.size()) > kMaxRegionShare * double(image.rgb.total())) {
         continue;
       }
       double sum = 0;
@@ -102,16 +103,28 @@ void add_regions(const Image& image, const cv::Mat& other_rgb, const Camera& cam
   }
 }
 
-/// Tests whether many of some pixels are taken.
-bool overlaps(const Pixels& pixels, const Array<std::int32_t>& labels,
-              const std::vector<Surface>& taken) {
-  std::vector<int> common(taken.size() + 1, 0);
-  for (const std::size_t k : pixels) ++common[std::size_t(labels[k])];
-  for (std::size_t i = 0; i < taken.size(); ++i) {
-    const double smaller = std::min(double(pixels.size()), double(taken[i].area_px));
-    if (common[i + 1] > kMaxOverlap * smaller) return true;
+/// Returns the depths of the frame, and those of the map where none were measured.
+std::vector<float> filled_depths(const Views& views) {
+  std::vector<float> depths(views.observed_depth, views.observed_depth + views.size());
+  for (std::size_t k = 0; k < depths.size(); ++k) {
+    if (!has_depth(depths[k])) depths[k] = views.rendered_depth[k];
   }
-  return false;
+  return depths;
+}
+
+/// Box around some pixels.
+cv::Rect box_of(const Pixels& pixels, const Camera& camera) {
+  return cv::boundingRect(mask_of(pixels, camera));
+}
+
+/// Tests whether two regions show one object: they share pixels, or one is the rim of the other.
+bool are_same(const Pixels& a, const Pixels& b, const Camera& camera) {
+  const cv::Rect box_a = box_of(a, camera), box_b = box_of(b, camera);
+  const double common_box = (box_a & box_b).area();
+  if (common_box > kMaxBoxIou * (box_a.area() + box_b.area() - common_box)) return true;
+  Pixels common;
+  std::set_intersection(a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(common));
+  return double(common.size()) > kMaxOverlap * double(std::min(a.size(), b.size()));
 }
 
 }  // namespace
@@ -141,22 +154,30 @@ double region_confidence(const RegionFeatures& features) {
 }
 
 Surfaces find_changed_regions(const Views& views, const Masks& masks, const ObjectRule& rule) {
-  std::vector<Region> regions = find_regions(views, masks, rule);
+  const std::vector<Region> regions = find_regions(views, masks, rule);
   std::vector<std::pair<double, std::size_t>> order;
   for (std::size_t i = 0; i < regions.size(); ++i) {
     const double confidence = region_confidence(regions[i].features);
     if (confidence >= kMinEndConfidence * rule.min_confidence) order.push_back({-confidence, i});
   }
   std::sort(order.begin(), order.end());
+  const std::vector<float> depths = filled_depths(views);
+  Views filled = views;
+  filled.observed_depth = depths.data();
   Surfaces result;
   result.labels = Array<std::int32_t>(views.size(), 0);
+  std::vector<const Region*> taken;
   for (const auto& [negative, i] : order) {
     const Region& region = regions[i];
-    if (overlaps(region.pixels, result.labels, result.surfaces)) continue;
-    std::optional<Surface> surface = surface_of(views, region.pixels, region.side);
+    const auto is_same = [&](const Region* other) {
+      return are_same(region.pixels, other->pixels, views.camera);
+    };
+    if (std::any_of(taken.begin(), taken.end(), is_same)) continue;
+    std::optional<Surface> surface = surface_of(filled, region.pixels, region.side);
     if (!surface || surface->area_m2 < rule.min_area_m2) continue;
+    taken.push_back(&region);
     surface->label = int(result.surfaces.size()) + 1;
-    surface->evidence = evidence_of(views, masks, region.pixels, *surface);
+    surface->evidence = evidence_of(filled, masks, region.pixels, *surface);
     surface->color_confidence = -negative;
     for (const std::size_t k : region.pixels) {
       if (result.labels[k] == 0) result.labels[k] = surface->label;

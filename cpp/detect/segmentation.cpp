@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <numeric>
 
 namespace gslts::detect {
@@ -10,7 +11,7 @@ namespace {
 /// Two neighbouring pixels.
 struct Edge {
   float difference;
-  std::size_t a, b;
+  std::uint32_t a, b;
 };
 
 /// Segments as trees of pixels, whose roots stand for them.
@@ -36,7 +37,7 @@ class Forest {
     if (areas_[a] < areas_[b]) std::swap(a, b);
     parents_[b] = a;
     areas_[a] += areas_[b];
-    differences_[a] = difference;  // The largest within it, as edges come in rising order.
+    differences_[a] = std::max(differences_[a], std::max(differences_[b], difference));
   }
 
   std::vector<Pixels> segments() {
@@ -58,23 +59,33 @@ class Forest {
   std::vector<float> differences_;
 };
 
-/// Lists all pairs of neighbours, the most similar first.
+/// Lists all pairs of neighbours, the most similar first, by counting sort; differences are told
+/// apart in steps of `kDifferenceStep`.
 std::vector<Edge> sorted_edges(const cv::Mat& image) {
+  constexpr std::size_t kBins = 4096;
   std::vector<Edge> edges;
   edges.reserve(2 * image.total());
+  std::vector<std::size_t> starts(kBins + 1, 0);
+  const auto bin_of = [](float difference) {
+    return std::min(kBins - 1, std::size_t(difference / kDifferenceStep));
+  };
   const auto* values = image.ptr<cv::Vec4f>();
   const auto add = [&](std::size_t a, std::size_t b) {
     const cv::Vec4f step = values[a] - values[b];
-    edges.push_back({std::sqrt(step.dot(step)), a, b});
+    const float difference = std::sqrt(step[0] * step[0] + step[1] * step[1] + step[2] * step[2] +
+                                       step[3] * step[3]);
+    edges.push_back({difference, std::uint32_t(a), std::uint32_t(b)});
+    ++starts[bin_of(difference) + 1];
   };
   const std::size_t width = std::size_t(image.cols);
   for (std::size_t k = 0; k < image.total(); ++k) {
     if ((k + 1) % width) add(k, k + 1);
     if (k + width < image.total()) add(k, k + width);
   }
-  std::stable_sort(edges.begin(), edges.end(),
-                   [](const Edge& a, const Edge& b) { return a.difference < b.difference; });
-  return edges;
+  std::partial_sum(starts.begin(), starts.end(), starts.begin());
+  std::vector<Edge> sorted(edges.size());
+  for (const Edge& edge : edges) sorted[starts[bin_of(edge.difference)]++] = edge;
+  return sorted;
 }
 
 }  // namespace
