@@ -14,6 +14,7 @@
 #include "gslts/detect/gs_lts_rule.hpp"
 #include "gslts/detect/masks.hpp"
 #include "gslts/detect/objects.hpp"
+#include "gslts/detect/regions.hpp"
 
 namespace gslts::python {
 
@@ -27,6 +28,7 @@ using detect::GsLtsRule;
 using detect::MaskRule;
 using detect::Masks;
 using detect::ObjectRule;
+using detect::Region;
 using detect::Surface;
 using detect::Views;
 using Arrays = py::typing::Dict<py::str, py::array>;
@@ -95,17 +97,24 @@ std::pair<std::optional<GsLtsChange>, Labels> detect_gs_lts(const OwnedViews& ow
   return {std::move(change), to_numpy(std::move(components.labels), {camera.height, camera.width})};
 }
 
-std::pair<std::vector<Surface>, Labels> find_changed_surfaces(const OwnedViews& owned,
-                                                              const Masks& masks,
-                                                              const ObjectRule& rule) {
+template <auto find>
+std::pair<std::vector<Surface>, Labels> find_surfaces(const OwnedViews& owned, const Masks& masks,
+                                                      const ObjectRule& rule) {
   const Camera& camera = owned.views.camera;
   require_size(masks, camera);
   detect::Surfaces found = [&] {
     const py::gil_scoped_release release;
-    return detect::find_changed_surfaces(owned.views, masks, rule);
+    return find(owned.views, masks, rule);
   }();
   return {std::move(found.surfaces),
           to_numpy(std::move(found.labels), {camera.height, camera.width})};
+}
+
+std::vector<Region> find_regions(const OwnedViews& owned, const Masks& masks,
+                                 const ObjectRule& rule) {
+  require_size(masks, owned.views.camera);
+  const py::gil_scoped_release release;
+  return detect::find_regions(owned.views, masks, rule);
 }
 
 void define_views(py::module_& m) {
@@ -177,7 +186,7 @@ Raises:
     ValueError: A threshold is out of range, or the masks have another size.
 
 Source: GS-LTS, sec. III-C2, eq. 6 to 10.)");
-  m.def("find_changed_surfaces", &find_changed_surfaces, py::arg("views"), py::arg("masks"),
+  m.def("find_changed_surfaces", &find_surfaces<&detect::find_changed_surfaces>, py::arg("views"), py::arg("masks"),
         py::arg("rule"), R"(Find the surfaces that only one of map and frame shows.
 
 Args:
@@ -187,6 +196,36 @@ Args:
 
 Returns:
     The surfaces, and [H,W] int32 their labels, 0 where nothing changed.
+
+Raises:
+    ValueError: A threshold is out of range, or the masks have another size.)");
+  m.def("find_changed_regions", &find_surfaces<&detect::find_changed_regions>, py::arg("views"),
+        py::arg("masks"), py::arg("rule"),
+        R"(Find the objects that only one of map and frame shows, by colours alone.
+
+For depth that is coarser than the steps that `find_changed_surfaces` looks for.
+
+Args:
+    views: Frame and rendering.
+    masks: Of the same views.
+    rule: Thresholds.
+
+Returns:
+    Surfaces with a `color_confidence`, the highest first, and [H,W] int32 their labels, 0 where
+    nothing changed.
+
+Raises:
+    ValueError: A threshold is out of range, or the masks have another size.)");
+  m.def("find_regions", &find_regions, py::arg("views"), py::arg("masks"), py::arg("rule"),
+        R"(List the regions that `find_changed_regions` chooses from; they may overlap.
+
+Args:
+    views: Frame and rendering.
+    masks: Of the same views.
+    rule: Thresholds.
+
+Returns:
+    The regions of frame and rendering.
 
 Raises:
     ValueError: A threshold is out of range, or the masks have another size.)");

@@ -9,6 +9,7 @@
 #include "gslts/detect/components.hpp"
 #include "gslts/detect/gs_lts_rule.hpp"
 #include "gslts/detect/objects.hpp"
+#include "gslts/detect/regions.hpp"
 #include "gslts/detect/surface.hpp"
 
 namespace gslts::python {
@@ -103,6 +104,8 @@ Args:
     color_histogram: Shares of colours that sum up to 1; empty: unknown, and it matches nothing.
     evidence: Measurements on and around it; None: all are 0.
     visibility: Visibility counts of the samples; None: unknown.
+    color_confidence: Confidence from colours alone, 0 to 1, in place of that from the rest; None:
+        not known.
 
 Raises:
     ValueError: A number is not finite, an area is negative, the box is inverted, or the histogram
@@ -112,7 +115,8 @@ Surface make_surface(Side side, const Vector3d& point, const Vector3d& low, cons
                      int label, int area_px, double area_m2, double depth_m, const Vector3d& color,
                      double step_m, bool flat, std::vector<Vector3d> samples,
                      std::vector<float> color_histogram, const std::optional<Evidence>& evidence,
-                     const std::optional<Visibility>& visibility) {
+                     const std::optional<Visibility>& visibility,
+                     std::optional<double> color_confidence) {
   Surface surface{side,
                   label,
                   area_px,
@@ -127,7 +131,8 @@ Surface make_surface(Side side, const Vector3d& point, const Vector3d& low, cons
                   std::move(samples),
                   std::move(color_histogram),
                   evidence.value_or(Evidence{}),
-                  visibility};
+                  visibility,
+                  color_confidence};
   validate(surface, "Surface");
   return surface;
 }
@@ -141,7 +146,8 @@ void define_surface(py::module_& m) {
            py::arg("depth_m") = none.depth_m, py::arg("color") = py::make_tuple(0.0, 0.0, 0.0),
            py::arg("step_m") = none.step_m, py::arg("flat") = none.flat,
            py::arg("samples") = py::tuple(), py::arg("color_histogram") = py::tuple(),
-           py::arg("evidence") = py::none(), py::arg("visibility") = py::none())
+           py::arg("evidence") = py::none(), py::arg("visibility") = py::none(),
+           py::arg("color_confidence") = py::none())
       .def_readonly("side", &Surface::side)
       .def_readonly("label", &Surface::label)
       .def_readonly("area_px", &Surface::area_px)
@@ -156,11 +162,18 @@ void define_surface(py::module_& m) {
       .def_readonly("samples", &Surface::samples)
       .def_readonly("color_histogram", &Surface::color_histogram)
       .def_readonly("evidence", &Surface::evidence)
+      .def_readonly("color_confidence", &Surface::color_confidence)
       .def_readwrite("visibility", &Surface::visibility,
                      "May be set: the map's training cameras are not known to the detection.");
 }
 
 void define_changes(py::module_& m) {
+  py::class_<detect::Region>(m, "Region",
+                             "A region of similar colours that the other image may not show.")
+      .def_readonly("side", &detect::Region::side)
+      .def_readonly("pixels", &detect::Region::pixels, "Indices, row by row.")
+      .def_readonly("features", &detect::Region::features,
+                    "Features of the logistic regression of its confidence.");
   py::class_<Component>(m, "Component", "Pixels of a mask that touch each other.")
       .def_readonly("label", &Component::label, "In the image of labels, from 1.")
       .def_readonly("area", &Component::area, "Pixels.")

@@ -14,6 +14,7 @@
 #include "gslts/sim/shading.hpp"
 #include "gslts/sim/surfaces.hpp"
 #include "gslts/sim/triangle_hits.hpp"
+#include "gslts/sim/visible_triangles.hpp"
 
 namespace gslts::python {
 namespace {
@@ -101,6 +102,16 @@ py::array_t<float> pixel_rays(const Camera& camera, int threads) {
     return sim::pixel_rays(camera, threads);
   }();
   return to_numpy(std::move(rays), {camera.height, camera.width, 6});
+}
+
+py::array_t<std::uint32_t> visible_triangles(const Camera& camera, const py::array& corners,
+                                             int threads) {
+  const float* triangles = require_array<float>(corners, "corners", {kAnyLength, 3, 3});
+  Array<std::uint32_t> indices = [&] {
+    const py::gil_scoped_release release;
+    return sim::visible_triangles(camera, triangles, std::size_t(corners.shape(0)), threads);
+  }();
+  return to_numpy(std::move(indices), {camera.height, camera.width});
 }
 
 py::tuple intersect_triangles(const py::array& rays, const py::array& hit, const py::array& corners,
@@ -296,6 +307,20 @@ Returns:
 
 Raises:
     ValueError: threads is negative.)");
+  m.def("visible_triangles", &visible_triangles, py::arg("camera"), py::arg("corners"),
+        py::kw_only(), py::arg("threads").noconvert(),
+        R"(Finds the nearest triangle in front of a camera at each pixel centre, by rasterization.
+
+Args:
+    camera: The camera.
+    corners: [T,3,3] float32, m, world. Both sides of a triangle are visible.
+    threads: 0 means one per hardware thread; the result does not depend on it.
+
+Returns:
+    [H,W] uint32 index, the lower of two at the same distance; 0xffffffff where nothing is hit.
+
+Raises:
+    ValueError: An array does not fit, or threads is negative.)");
   m.def("intersect_triangles", &intersect_triangles, py::arg("rays"), py::arg("hit"),
         py::arg("corners"), py::kw_only(), py::arg("threads").noconvert(),
         R"(Computes where rays meet triangles that are known to be hit, the same on every processor.

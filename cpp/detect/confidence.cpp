@@ -49,6 +49,7 @@ std::array<double, kConfidenceFeatures> confidence_features(const Surface& surfa
 }
 
 double confidence(const Surface& surface) {
+  if (surface.color_confidence) return *surface.color_confidence;
   const std::array<double, kConfidenceFeatures> features = confidence_features(surface);
   double sum = kConfidenceOffset;
   for (std::size_t k = 0; k < kConfidenceFeatures; ++k) sum += kConfidenceWeights[k] * features[k];

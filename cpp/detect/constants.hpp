@@ -153,6 +153,62 @@ constexpr std::array<double, kConfidenceFeatures> kConfidenceWeights{
     -2.816,   // in the map
 };
 
+// Light (color_constancy.cpp).
+
+/// Standard deviation of the weights with which the gain is averaged, as a share of the width of
+/// the image.
+constexpr double kLightScale = 0.125;
+
+/// Number of fits of the gain, each without what deviated in the one before.
+constexpr int kLightFits = 3;
+
+/// Share of the pixels of the first fit: those that deviate least.
+constexpr double kFirstAgreeingShare = 0.7;
+
+/// Maximum deviation of an agreeing pixel, in units of the median deviation, and the minimum of
+/// that median: logarithm of a ratio.
+constexpr double kMaxDeviation = 2.5, kMinDeviation = 0.05;
+
+/// Added to colours before their ratio is taken, so that dark ones do not decide the gain.
+constexpr double kDarkGain = 0.05;
+
+/// Added to weights before they divide: where nothing agrees the gain is 1.
+constexpr double kTinyWeight = 1e-3;
+
+// Regions (regions.cpp). One half and double of the scales and of the weight of the change lost up to 5 points of
+// what is found in real visits.
+
+/// Constants k of the coarse and the fine segmentation.
+constexpr std::array<float, 2> kSegmentScales{150, 400};
+
+/// Standard deviation of the blur before the segmentation, px.
+constexpr double kSegmentBlur_px = 0.6;
+
+/// Weights of the axes a and b against L, and of a colour change of 1, in units of L.
+constexpr float kHueWeight = 1.5f, kChangeWeight = 30;
+
+/// Maximum size of a region, as a share of the image, and its minimum mean colour change.
+constexpr double kMaxRegionShare = 0.25, kMinRegionChange = 0.08;
+
+/// Maximum common part of two regions, as a share of the smaller one.
+constexpr double kMaxOverlap = 0.3;
+
+/// Added to colour changes and contrasts before their logarithm is taken.
+constexpr double kTinyChange = 0.01;
+
+/// Logistic regression found by benchmarks/fit_region_confidence.py on real visits of three rooms.
+constexpr double kRegionOffset = 0;
+constexpr std::array<double, 8> kRegionWeights{
+    0,  // hue change
+    0,  // hue change around
+    0,  // colour change
+    0,  // contrast in the other image
+    0,  // thickness
+    0,  // touches the edge of the image
+    0,  // aspect
+    0,  // in the map
+};
+
 // Match of two surfaces (match_score.cpp), and of pairs (changes.cpp).
 
 /// Minimum ratio of the lengths of one object at both ends of a relocation.

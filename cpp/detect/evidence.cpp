@@ -7,31 +7,6 @@
 namespace gslts::detect {
 namespace {
 
-/// Bounds some pixels and the ring around them.
-cv::Rect bounds(const Pixels& pixels, const Camera& camera) {
-  int left = camera.width, top = camera.height, right = 0, bottom = 0;
-  for (const std::size_t k : pixels) {
-    const int x = int(k % std::size_t(camera.width)), y = int(k / std::size_t(camera.width));
-    left = std::min(left, x), right = std::max(right, x + 1);
-    top = std::min(top, y), bottom = std::max(bottom, y + 1);
-  }
-  constexpr int kMargin_px = kRingEnd_px + 1;
-  const cv::Rect image(0, 0, camera.width, camera.height);
-  const cv::Point low(left - kMargin_px, top - kMargin_px);
-  const cv::Point high(right + kMargin_px, bottom + kMargin_px);
-  return cv::Rect(low, high) & image;
-}
-
-/// Diameter of the largest disc in a region, px.
-double thickness_px(const cv::Mat& region) {
-  cv::Mat padded, distances;
-  cv::copyMakeBorder(region, padded, 1, 1, 1, 1, cv::BORDER_CONSTANT, 0);
-  cv::distanceTransform(padded, distances, cv::DIST_L2, cv::DIST_MASK_5);
-  double radius = 0;
-  cv::minMaxLoc(distances, nullptr, &radius);
-  return 2 * radius;
-}
-
 double sum_of_magnitudes(const cv::Scalar& color) {
   return std::abs(color[0]) + std::abs(color[1]) + std::abs(color[2]);
 }
@@ -112,6 +87,29 @@ double attached_share(const cv::Mat& depth, const cv::Mat& region) {
 }
 
 }  // namespace
+
+cv::Rect bounds(const Pixels& pixels, const Camera& camera) {
+  int left = camera.width, top = camera.height, right = 0, bottom = 0;
+  for (const std::size_t k : pixels) {
+    const int x = int(k % std::size_t(camera.width)), y = int(k / std::size_t(camera.width));
+    left = std::min(left, x), right = std::max(right, x + 1);
+    top = std::min(top, y), bottom = std::max(bottom, y + 1);
+  }
+  constexpr int kMargin_px = kRingEnd_px + 1;
+  const cv::Rect image(0, 0, camera.width, camera.height);
+  const cv::Point low(left - kMargin_px, top - kMargin_px);
+  const cv::Point high(right + kMargin_px, bottom + kMargin_px);
+  return cv::Rect(low, high) & image;
+}
+
+double thickness_px(const cv::Mat& region) {
+  cv::Mat padded, distances;
+  cv::copyMakeBorder(region, padded, 1, 1, 1, 1, cv::BORDER_CONSTANT, 0);
+  cv::distanceTransform(padded, distances, cv::DIST_L2, cv::DIST_MASK_5);
+  double radius = 0;
+  cv::minMaxLoc(distances, nullptr, &radius);
+  return 2 * radius;
+}
 
 Evidence evidence_of(const Views& views, const Masks& masks, const Pixels& pixels,
                      const Surface& surface) {

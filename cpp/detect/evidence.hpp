@@ -6,6 +6,12 @@
 
 namespace gslts::detect {
 
+/// Bounds some pixels and the ring around them.
+cv::Rect bounds(const Pixels& pixels, const Camera& camera);
+
+/// Returns the diameter of the largest disc in a region, px.
+double thickness_px(const cv::Mat& region);
+
 /// Measures the evidence of a surface from its pixels (at least one) and those around them; all but
 /// `step_ratio` and `changed_share`, which are left to the caller.
 Evidence evidence_of(const Views& views, const Masks& masks, const Pixels& pixels,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gslts._core.sim import intersect_triangles, pixel_rays
+from gslts._core.sim import intersect_triangles, pixel_rays, visible_triangles
 from gslts.core.camera import Camera
 from gslts.types import Bools, Floats32, Ints32
 from gslts_sim.home import Home
@@ -46,7 +46,7 @@ class RayScene:
     def __init__(self, home: Home, threads: int = 0) -> None:
         import open3d
 
-        self._tensor: Any = open3d.core.Tensor
+        self._tensor: Any = open3d.core.Tensor.from_numpy  # Without a copy.
         self._threads = threads
         vertices, faces, owners, normals = [], [], [], []
         first_vertex = 0
@@ -79,7 +79,19 @@ class RayScene:
             rays: [...,6] float32: origin, m, and direction of any length, in the world.
         """
         found = self._scene.cast_rays(self._tensor(rays), self._threads)
-        triangles = found["primitive_ids"].numpy()
+        return self._hits(rays, found["primitive_ids"].numpy())
+
+    def cast_pixels(self, camera: Camera, rays: Floats32) -> Hits:
+        """Find the first triangle that each ray of a camera hits; faster than `cast`.
+
+        Args:
+            camera: The camera.
+            rays: [H,W,6] float32, its `pixel_rays`.
+        """
+        triangles = visible_triangles(camera, self._corners, threads=self._threads)
+        return self._hits(rays, triangles)
+
+    def _hits(self, rays: Floats32, triangles: NDArray[np.uint32]) -> Hits:
         # The last bits of Embree's distances and weights depend on the processor.
         distances, weights = intersect_triangles(
             rays.reshape(-1, 6), triangles.ravel(), self._corners, threads=self._threads
@@ -111,7 +123,7 @@ class RayScene:
         Returns:
             [H,W] int32 indices of objects, -1 for none; and [H,W] float32 depth, m, 0 for none.
         """
-        hits = self.cast(pixel_rays(camera, threads=self._threads))
+        hits = self.cast_pixels(camera, pixel_rays(camera, threads=self._threads))
         hit = np.isfinite(hits.distances)
         rows = self.owners[np.where(hit, hits.triangles, 0)]
         depth = np.where(hit, hits.distances, np.float32(0))

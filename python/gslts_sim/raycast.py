@@ -1,4 +1,4 @@
-"""Rendering of a home by ray casting: radiance, depth and instances.
+"""Rendering of a home by rasterization and shadow rays: radiance, depth and instances.
 
 Direct light from area lights with soft shadows, and ambient light, on diffuse textured surfaces.
 """
@@ -78,7 +78,7 @@ class RayCaster:
             camera: The camera.
         """
         rays = core_sim.pixel_rays(camera, threads=self._threads)
-        hits = self._scene.cast(rays)
+        hits = self._scene.cast_pixels(camera, rays)
         shading = core_sim.Shading(
             self._surfaces,
             rays,

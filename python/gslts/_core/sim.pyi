@@ -7,7 +7,7 @@ import gslts._core.map
 import numpy
 import numpy.typing
 import typing
-__all__: list[str] = ['Shading', 'Surfaces', 'intersect_triangles', 'measure_color', 'measure_depth', 'pixel_rays']
+__all__: list[str] = ['Shading', 'Surfaces', 'intersect_triangles', 'measure_color', 'measure_depth', 'pixel_rays', 'visible_triangles']
 class Surfaces:
     """
     The T triangles of a home and their textures; copies.
@@ -152,4 +152,19 @@ def pixel_rays(camera: gslts._core.map.Camera, *, threads: int) -> numpy.typing.
     
     Raises:
         ValueError: threads is negative.
+    """
+def visible_triangles(camera: gslts._core.map.Camera, corners: numpy.ndarray, *, threads: int) -> numpy.typing.NDArray[numpy.uint32]:
+    """
+    Finds the nearest triangle in front of a camera at each pixel centre, by rasterization.
+    
+    Args:
+        camera: The camera.
+        corners: [T,3,3] float32, m, world. Both sides of a triangle are visible.
+        threads: 0 means one per hardware thread; the result does not depend on it.
+    
+    Returns:
+        [H,W] uint32 index, the lower of two at the same distance; 0xffffffff where nothing is hit.
+    
+    Raises:
+        ValueError: An array does not fit, or threads is negative.
     """

@@ -19,12 +19,13 @@ from gslts.change.constants import (
     NEAR_SIGMAS,
     POSE_STDS,
 )
+from gslts.change.depth_quantum import depth_quantum_m
 from gslts.change.exposure import robust_exposure
 from gslts.change.features import FeatureExtractor, OrientedGradients, similarity
 from gslts.change.reliability import (
     correction_fault,
     frame_fault,
-    similarity_fault,
+    place_fault,
     view_fault,
 )
 from gslts.change.rules import gs_lts_change, object_changes
@@ -177,12 +178,21 @@ class ChangeDetector:
                 camera = at_pose(camera, pose)
         if fault is not None:
             return Detection((), fault, camera, observed_rgb)
-        return self._compare(observed_rgb, observed_depth, camera, small.mask)
+        is_coarse = depth_quantum_m(pyramid[0].depth) > self.config.objects.step_m
+        return self._compare(observed_rgb, observed_depth, camera, small.mask, is_coarse)
 
     def _compare(
-        self, observed_rgb: Floats32, observed_depth: Floats32, camera: Camera, mask: Bools | None
+        self,
+        observed_rgb: Floats32,
+        observed_depth: Floats32,
+        camera: Camera,
+        mask: Bools | None,
+        is_coarse: bool,
     ) -> Detection:
-        """Compare the images of a frame at its true pose with a rendering."""
+        """Compare the images of a frame at its true pose with a rendering.
+
+        With depth in steps larger than those that count as a change, colours decide alone.
+        """
         config = self.config
         options = RenderOptions(near_sigmas=NEAR_SIGMAS, threads=config.threads)
         images = self._rasterizer.forward(self._map, camera, options)
@@ -190,13 +200,13 @@ class ChangeDetector:
         known = alpha >= config.masks.alpha_min
         exposure = robust_exposure(images.rgb, observed_rgb, known, config.threads)
         rendered_rgb = apply_exposure(images.rgb, exposure).clip(0, 1).astype(np.float32)
-        fault = view_fault(observed_rgb, rendered_rgb, observed_depth, images.depth, known)
+        fault = view_fault(observed_rgb, rendered_rgb, known)
         if fault is not None:
             return Detection((), fault, camera, observed_rgb)
         cosines = similarity(
             self._features(observed_rgb), self._features(rendered_rgb), *known.shape
         )
-        fault = similarity_fault(cosines, known)
+        fault = place_fault(cosines, observed_depth, images.depth, known, is_coarse)
         if fault is not None:
             return Detection((), fault, camera, observed_rgb)
         views = _core.Views(
@@ -209,7 +219,7 @@ class ChangeDetector:
             similarity=cosines,
         )
         masks = _core.compute_masks(views, config.masks)
-        changes, surfaces, labels = self._changes(views, masks)
+        changes, surfaces, labels = self._changes(views, masks, is_coarse)
         changed = [mask for change in changes for mask in change.masks if mask is not None]
         if changed and np.any(changed, axis=0).sum() > MAX_CHANGED_SHARE * known.sum():
             return Detection((), "most of the view differs", camera, observed_rgb)
@@ -229,13 +239,14 @@ class ChangeDetector:
         )
 
     def _changes(
-        self, views: _core.Views, masks: _core.Masks
+        self, views: _core.Views, masks: _core.Masks, is_coarse: bool
     ) -> tuple[tuple[Change, ...], tuple[_core.Surface, ...], Ints32]:
         """Return the changes, the surfaces they come from, and the label image of either."""
         if self.config.strategy == "gs_lts":
             change, labels = _core.detect_gs_lts(views, masks, self.config.gs_lts)
             return () if change is None else (gs_lts_change(change, labels),), (), labels
-        surfaces, labels = _core.find_changed_surfaces(views, masks, self.config.objects)
+        find = _core.find_changed_regions if is_coarse else _core.find_changed_surfaces
+        surfaces, labels = find(views, masks, self.config.objects)
         if self._visibility.has_cameras:
             for surface in surfaces:
                 surface.visibility = self._visibility_of(surface)

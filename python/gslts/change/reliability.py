@@ -13,6 +13,7 @@ from gslts.change.constants import (
     MAX_CORRECTION_RAD,
     MAX_DISSIMILAR_SHARE,
     MIN_AGREEING_SHARE,
+    MIN_AGREEMENT,
     MIN_KNOWN_SHARE,
     MIN_MEASURED_SHARE,
     MIN_SHARPNESS_RATIO,
@@ -59,20 +60,12 @@ def correction_fault(given: Floats, aligned: Floats) -> str | None:
     return f"the pose seems off by {shift_m:.2f} m and {np.degrees(turn_rad):.0f} degrees"
 
 
-def view_fault(
-    observed_rgb: Floats32,
-    rendered_rgb: Floats32,
-    observed_depth: Floats32,
-    rendered_depth: FloatArray,
-    known: Bools,
-) -> str | None:
+def view_fault(observed_rgb: Floats32, rendered_rgb: Floats32, known: Bools) -> str | None:
     """Check if a frame and a rendering can be compared.
 
     Args:
         observed_rgb: [H,W,3] sRGB of the frame, 0 to 1.
         rendered_rgb: [H,W,3] sRGB of the map, 0 to 1.
-        observed_depth: [H,W] m; 0 where nothing was measured.
-        rendered_depth: [H,W] m; 0 where the map is empty.
         known: [H,W] pixels that the map covers.
 
     Returns:
@@ -83,33 +76,45 @@ def view_fault(
     sharpness, expected = _sharpness(observed_rgb, known), _sharpness(rendered_rgb, known)
     if (sharpness < MIN_SHARPNESS_RATIO * expected).any():
         return "the image is blurred"
-    both = known & (observed_depth > 0) & (rendered_depth > 0)
-    if not both.any():
-        return "no depth is measured where the map is known"
-    errors = np.abs(observed_depth - rendered_depth)[both]
-    agreeing = errors < DEPTH_TOLERANCE * rendered_depth[both]
-    if agreeing.mean() < MIN_AGREEING_SHARE:
-        return (
-            f"depths agree in {100 * agreeing.mean():.0f} % of the pixels: pose or intrinsics are "
-            "wrong"
-        )
     return None
 
 
-def similarity_fault(similarity: Floats32, known: Bools) -> str | None:
-    """Check if a frame shows the same place as the rendering.
+def place_fault(
+    similarity: Floats32,
+    observed_depth: Floats32,
+    rendered_depth: FloatArray,
+    known: Bools,
+    is_coarse: bool,
+) -> str | None:
+    """Check if a frame shows the same place as the rendering, by looks and depths.
 
     Args:
         similarity: [H,W] cosine of the features of both.
+        observed_depth: [H,W] m; 0 where nothing was measured.
+        rendered_depth: [H,W] m; 0 where the map is empty.
         known: [H,W] pixels that the map covers.
+        is_coarse: True if the depth is coarse: light that changed and nudged furniture then count
+            only together with depths that disagree.
 
     Returns:
         The reason why it shows another place; None if it does not.
     """
+    both = known & (observed_depth > 0) & (rendered_depth > 0)
+    if not both.any():
+        return "no depth is measured where the map is known"
+    errors = np.abs(observed_depth - rendered_depth)[both]
+    agreeing = float((errors < DEPTH_TOLERANCE * rendered_depth[both]).mean())
     dissimilar = float((similarity[known] < SIMILAR).mean())
-    if dissimilar <= MAX_DISSIMILAR_SHARE:
+    if is_coarse:
+        is_same = agreeing - dissimilar >= MIN_AGREEMENT
+    else:
+        is_same = agreeing >= MIN_AGREEING_SHARE and dissimilar <= MAX_DISSIMILAR_SHARE
+    if is_same:
         return None
-    return f"{100 * dissimilar:.0f} % of the image look different: pose or intrinsics are wrong"
+    return (
+        f"depths agree in {100 * agreeing:.0f} % of the pixels and {100 * dissimilar:.0f} % look "
+        "different: pose or intrinsics are wrong"
+    )
 
 
 def _sharpness(rgb: Floats32, known: Bools) -> Floats:

@@ -9,7 +9,9 @@ import sim_scenes
 
 import gslts
 from gslts._core import sim as core_sim
+from gslts_sim import make_home
 from gslts_sim.home import Home
+from gslts_sim.ray_scene import RayScene
 from gslts_sim.raycast import RayCaster
 from gslts_sim.texture_atlas import linear_from_srgb, srgb_from_linear
 
@@ -214,6 +216,28 @@ def test_bad_hits_are_named() -> None:
     assert not missed.radiance(np.zeros(0, bool), np.ones(3)).any()
     with pytest.raises(ValueError, match=r"depth: expected .* \(1, 2\), got float32 \(2, 1\)"):
         shade(np.ones((2, 1), np.float32), 0)
+
+
+def test_visible_triangles_are_those_that_embree_hits() -> None:
+    """But for rays along edges, and surfaces that coincide."""
+    scene = RayScene(make_home("living_room", 0))
+    depths, instances = [], []
+    for eye in ((0.3, 0.3, 1.5), (2.5, 2.0, 0.4), (3.0, 0.5, 2.3)):
+        camera = gslts.camera_from_fov(160, 120, 1.2, gslts.look_at(eye, (2.0, 2.5, 0.8)))
+        rays = core_sim.pixel_rays(camera, threads=1)
+        pair = scene.cast(rays), scene.cast_pixels(camera, rays)
+        depths.append([hits.distances for hits in pair])
+        instances.append([scene.owners[hits.triangles] for hits in pair])
+    expected, found = np.moveaxis(depths, 1, 0)
+    assert np.isclose(found, expected, rtol=1e-5).mean() > 0.9999
+    expected, found = np.moveaxis(instances, 1, 0)
+    assert (found == expected).mean() > 0.9999
+    assert len(np.unique(found)) > 20
+
+
+def test_visible_triangles_need_three_corners() -> None:
+    with pytest.raises(ValueError, match=r"corners: expected .*, got float32 \(5, 2, 3\)"):
+        core_sim.visible_triangles(tilted_camera(), np.zeros((5, 2, 3), np.float32), threads=1)
 
 
 def test_hits_lie_where_rays_meet_the_planes_of_their_triangles() -> None:

@@ -54,6 +54,8 @@ struct Surface {
   std::vector<float> color_histogram;    ///< Shares of colours that sum up to 1; empty: unknown.
   Evidence evidence;
   std::optional<Visibility> visibility;  ///< Counts of the samples, if they are known.
+  /// Confidence from colours alone (`find_changed_regions`); it then is the surface's.
+  std::optional<double> color_confidence;
 };
 
 /// Checks a surface that did not come from `find_changed_surfaces`.

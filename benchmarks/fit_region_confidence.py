@@ -1,0 +1,284 @@
+"""Fits the weights of `gslts::detect::region_confidence` to real visits with boxes drawn by hand.
+
+    python benchmarks/fit_region_confidence.py DATA/real_changes
+
+maps the first visit of each room as `gslts bench real` does, and prints what belongs into
+cpp/detect/constants.hpp, and what a fit without a room finds in it. With --swap, each later visit
+is mapped too and compared with the first one, where its new objects are missing; their boxes are
+carried over by depth. That fits the weight of the side.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from gslts._core import detect as _core
+from gslts.change.detector import ChangeDetector
+from gslts.core.camera import Camera, unproject
+from gslts.core.frame import RgbdFrame
+from gslts.datasets import open_dataset
+from gslts.mapping.config import PRESETS
+from gslts.types import Floats, Ints32
+from gslts_bench.real.boxes import BoxPx, MarkedObject
+from gslts_bench.real.score import Report, found_objects, iou, other_reports
+from gslts_bench.real.visits import RealRoom, rooms_in
+
+SIDES = {_core.Side.AFTER: "after", _core.Side.BEFORE: "before"}
+KINDS = {"after": "new", "before": "missing"}
+"""Kind of a marked object by the side on which it is seen."""
+MIN_OBJECT_IOU = 0.5
+"""Minimum IoU of a region with the box of an object that it shows; those from 0.25 on are left out."""
+MAX_OVERLAP = 0.3
+"""As in cpp/detect/constants.hpp."""
+RIDGE = 10.0
+"""Weight of the squared weights of features with unit variance."""
+THRESHOLDS = (0.3, 0.4, 0.5, 0.6, 0.7)
+"""Minimum confidences of the table."""
+
+
+class RegionDetector(ChangeDetector):
+    """Records the regions of a frame instead of changes."""
+
+    regions: Sequence[_core.Region] = ()
+
+    def _changes(self, views: _core.Views, masks: _core.Masks, is_coarse: bool) -> Any:
+        self.regions = _core.find_regions(views, masks, self.config.objects)
+        return (), (), np.zeros(1, np.int32)
+
+
+@dataclass(frozen=True, eq=False)
+class Example:
+    """The regions of one frame.
+
+    Attributes:
+        room: Name of the room.
+        objects: Differences in the image.
+        features: [N,8].
+        reports: Each region as a report, its confidence not known.
+        pixels: Sets of the regions' pixels.
+    """
+
+    room: str
+    objects: list[MarkedObject]
+    features: Floats
+    reports: list[Report]
+    pixels: list[frozenset[int]]
+
+    def labels(self) -> Ints32:
+        """Return 1 for regions of objects that changed, 0 for errors, -1 for unclear ones."""
+        return np.array([self._label(report) for report in self.reports], np.int32)
+
+    def _label(self, report: Report) -> int:
+        own = [o for o in self.objects if o.kind == KINDS[report.side]]
+        best = max((iou(marked.box, report.box_px) for marked in own), default=0.0)
+        if best >= MIN_OBJECT_IOU:
+            return 1
+        return 0 if other_reports(self.objects, [report]) else -1
+
+
+def box_of(region: _core.Region, camera: Camera, width: int) -> BoxPx:
+    """Return the box of a region in the pixels of a frame.
+
+    Args:
+        region: In the image of the detector.
+        camera: Camera of that image.
+        width: Width of the frame, px.
+    """
+    y, x = np.divmod(np.array(region.pixels), camera.width)
+    scale = width / camera.width
+    return tuple(scale * float(v) for v in (x.min(), y.min(), x.max() + 1, y.max() + 1))
+
+
+def example(
+    room: str, detector: RegionDetector, frame: RgbdFrame, objects: list[MarkedObject]
+) -> Example:
+    """Return the regions of a frame.
+
+    Args:
+        room: Name of the room.
+        detector: Detector of the map.
+        frame: The frame.
+        objects: Differences marked in it.
+    """
+    detector.regions = ()
+    camera = detector.detect(frame).camera
+    regions = detector.regions
+    return Example(
+        room,
+        objects,
+        np.array([region.features for region in regions]).reshape(len(regions), -1),
+        [Report(SIDES[r.side], box_of(r, camera, frame.camera.width), 0.0) for r in regions],
+        [frozenset(region.pixels) for region in regions],
+    )
+
+
+def visits(room: RealRoom) -> Iterator[Example]:
+    """Yield the frames of all later visits against the map of the first one.
+
+    Args:
+        room: The room.
+    """
+    detector = RegionDetector.of_map(room.map())
+    for visit, images in tqdm(room.marked.visits.items(), room.name):
+        frames = {frame.name: frame for frame in open_dataset(room.path / visit).frames}
+        for file, objects in images.items():
+            yield example(room.name, detector, frames[Path(file).stem].read(), objects)
+
+
+def carry_box(box: BoxPx, source: RgbdFrame, target: Camera) -> BoxPx | None:
+    """Return where another camera sees a box, by the median depth in it.
+
+    Args:
+        box: Box in the source frame.
+        source: Frame of one visit.
+        target: Camera of another visit.
+
+    Returns:
+        The box; None if it is not in view, or no depth is measured.
+    """
+    x0, y0, x1, y1 = map(round, box)
+    depths = source.depth[y0:y1, x0:x1]
+    if not (depths > 0).any():
+        return None
+    corners = np.array([[x0, y0], [x1, y0], [x0, y1], [x1, y1]], np.float64)
+    world = unproject(source.camera, corners, np.full(4, np.median(depths[depths > 0])))
+    rotation, position = target.world_from_camera[:3, :3], target.world_from_camera[:3, 3]
+    points = (world - position) @ rotation
+    if (points[:, 2] <= 0).any():
+        return None
+    pixels = points[:, :2] / points[:, 2:] * (target.fx, target.fy) + (target.cx, target.cy)
+    low = np.clip(pixels.min(axis=0), 0, (target.width, target.height))
+    high = np.clip(pixels.max(axis=0), 0, (target.width, target.height))
+    inside = np.prod(high - low) / max(1.0, float(np.prod(np.ptp(pixels, axis=0))))
+    return (*map(float, low), *map(float, high)) if inside > 0.5 else None
+
+
+def swapped_visits(room: RealRoom) -> Iterator[Example]:
+    """Yield the frames of the first visit against maps of the later ones: new objects are missing.
+
+    Args:
+        room: The room.
+    """
+    reference = open_dataset(room.reference).frames
+    for visit, images in tqdm(room.marked.visits.items(), f"{room.name}, swapped"):
+        frames = {frame.name: frame.read() for frame in open_dataset(room.path / visit).frames}
+        marked = room.marked.model_copy(update={"reference": visit})
+        detector = RegionDetector.of_map(RealRoom(room.path, marked, room.mapping, room.work).map())
+        for first in (frame.read() for frame in reference):
+            objects = []
+            for file, found in images.items():
+                for one in found:
+                    box = carry_box(one.box, frames[Path(file).stem], first.camera)
+                    kind = {"new": "missing", "missing": "new"}.get(one.kind, one.kind)
+                    if box is not None:
+                        update = {"kind": kind, "box_px": list(box)}
+                        objects.append(one.model_copy(update=update))
+            yield example(room.name, detector, first, objects)
+
+
+def fit(features: Floats, labels: Ints32) -> tuple[Floats, float]:
+    """Return weights and offset of a logistic regression (Newton's method).
+
+    Args:
+        features: [N,F].
+        labels: [N] 0 or 1.
+    """
+    mean, std = features.mean(axis=0), features.std(axis=0) + 1e-9
+    rows = np.c_[(features - mean) / std, np.ones(len(features))]
+    ridge = np.diag([RIDGE] * features.shape[1] + [0.0])
+    weights = np.zeros(rows.shape[1])
+    for _ in range(20):
+        p = 1 / (1 + np.exp(-rows @ weights))
+        hessian = (rows * (p * (1 - p))[:, None]).T @ rows + ridge
+        weights -= np.linalg.solve(hessian, rows.T @ (p - labels) + ridge @ weights)
+    scaled = weights[:-1] / std
+    return scaled, float(weights[-1] - scaled @ mean)
+
+
+def fit_examples(examples: Sequence[Example]) -> tuple[Floats, float]:
+    """Return weights and offset for all clear regions.
+
+    Args:
+        examples: Regions of frames.
+    """
+    labels = np.concatenate([one.labels() for one in examples])
+    features = np.vstack([one.features for one in examples])
+    return fit(features[labels >= 0], labels[labels >= 0])
+
+
+def chosen(one: Example, weights: Floats, offset: float) -> list[Report]:
+    """Return the regions that remain, with their confidences, as `find_changed_regions` does.
+
+    Args:
+        one: Regions of a frame.
+        weights: [8].
+        offset: Of the logistic regression.
+    """
+    p = 1 / (1 + np.exp(-(one.features @ weights + offset)))
+    kept: list[int] = []
+    for i in np.argsort(-p, kind="stable"):
+        own = one.pixels[i]
+        if all(
+            len(own & one.pixels[j]) <= MAX_OVERLAP * min(len(own), len(one.pixels[j]))
+            for j in kept
+        ):
+            kept.append(i)
+    return [Report(one.reports[i].side, one.reports[i].box_px, float(p[i])) for i in kept]
+
+
+def print_table(examples: Sequence[Example], title: str, parts: Sequence[Example]) -> None:
+    """Print what fits without a room find in it.
+
+    Args:
+        examples: All examples, to fit.
+        title: Name of the parts.
+        parts: Those to judge.
+    """
+    print(f"\n{title}: minimum confidence, new and missing found, other reports a frame (after, before)")
+    reports = []
+    for room in sorted({one.room for one in examples}):
+        fitted = fit_examples([one for one in examples if one.room != room])
+        reports += [(one, chosen(one, *fitted)) for one in parts if one.room == room]
+    for threshold in THRESHOLDS:
+        counts = {"new": [0, 0], "missing": [0, 0]}
+        others = {"after": 0, "before": 0}
+        for one, all_reports in reports:
+            likely = [report for report in all_reports if report.confidence >= threshold]
+            changed = [o for o in one.objects if o.kind in counts]
+            for marked, is_found in zip(changed, found_objects(changed, likely), strict=True):
+                counts[marked.kind][0] += is_found
+                counts[marked.kind][1] += 1
+            for report in other_reports(one.objects, likely):
+                others[report.side] += 1
+        shares = [f"{a} of {b} ({100 * a / max(1, b):.0f} %)" for a, b in counts.values()]
+        means = [f"{count / len(reports):.2f}" for count in others.values()]
+        print(f"{threshold:.1f}  {'  '.join(shares)}  {'  '.join(means)}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path, help="folder with a folder per room")
+    parser.add_argument("--swap", action="store_true", help="also map the later visits")
+    parser.add_argument("--work", type=Path, default=Path("out/bench"), help="folder for the maps")
+    arguments = parser.parse_args()
+    rooms = rooms_in(arguments.folder, PRESETS["fast"], arguments.work)
+    later = [one for room in rooms for one in visits(room)]
+    swapped = [one for room in rooms for one in swapped_visits(room)] if arguments.swap else []
+    print_table(later + swapped, "Later visits in the map of the first", later)
+    if swapped:
+        print_table(later + swapped, "First visit in maps of later ones", swapped)
+    weights, offset = fit_examples(later + swapped)
+    print(f"\nconstexpr double kRegionOffset = {offset:.3f};")
+    for weight in weights:
+        print(f"    {weight:.3f},")
+
+
+if __name__ == "__main__":
+    main()

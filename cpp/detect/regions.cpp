@@ -1,0 +1,169 @@
+#include "gslts/detect/regions.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+#include <utility>
+
+#include "color_constancy.hpp"
+#include "evidence.hpp"
+#include "flat_change.hpp"
+#include "images.hpp"
+#include "segmentation.hpp"
+#include "surface_of.hpp"
+
+namespace gslts::detect {
+namespace {
+
+/// One image, and what the other one does not show of it.
+struct Image {
+  Side side;
+  cv::Mat rgb;     ///< [H,W] of three floats.
+  cv::Mat change;  ///< [H,W] float, see `ColorChange`.
+};
+
+/// Computes how much the hues of two images differ, summed over the channels: their difference
+/// without that of the brightness.
+cv::Mat chroma_change(const cv::Mat& rgb, const cv::Mat& other) {
+  cv::Mat change(rgb.size(), CV_32F);
+  for (std::size_t k = 0; k < rgb.total(); ++k) {
+    const cv::Vec3f step = rgb.ptr<cv::Vec3f>()[k] - other.ptr<cv::Vec3f>()[k];
+    const float mean = (step[0] + step[1] + step[2]) / 3;
+    change.ptr<float>()[k] =
+        std::abs(step[0] - mean) + std::abs(step[1] - mean) + std::abs(step[2] - mean);
+  }
+  return change;
+}
+
+/// Returns the image that is segmented: colours (CIELAB) and the colour change.
+cv::Mat channels_of(const Image& image) {
+  cv::Mat lab, blurred;
+  cv::cvtColor(cv::max(cv::min(image.rgb, 1), 0), lab, cv::COLOR_RGB2Lab);
+  cv::Mat channels(lab.size(), CV_32FC4);
+  for (std::size_t k = 0; k < lab.total(); ++k) {
+    const cv::Vec3f& color = lab.ptr<cv::Vec3f>()[k];
+    channels.ptr<cv::Vec4f>()[k] = {color[0], kHueWeight * color[1], kHueWeight * color[2],
+                                    kChangeWeight * std::min(1.0f, image.change.ptr<float>()[k])};
+  }
+  cv::GaussianBlur(channels, blurred, {}, kSegmentBlur_px, 0, cv::BORDER_REPLICATE);
+  return blurred;
+}
+
+double log_mean(const cv::Mat& values, const cv::Mat& where) {
+  return std::log(cv::mean(values, where)[0] + kTinyChange);
+}
+
+/// Logarithm of the difference of the mean colours of two regions of an image.
+double log_contrast(const cv::Mat& rgb, const cv::Mat& region, const cv::Mat& around) {
+  const cv::Scalar step = cv::mean(rgb, region) - cv::mean(rgb, around);
+  return std::log(std::abs(step[0]) + std::abs(step[1]) + std::abs(step[2]) + kTinyChange);
+}
+
+/// @param other_rgb  The other image, with the same light.
+RegionFeatures features_of(const Image& image, const cv::Mat& other_rgb, const cv::Mat& chroma,
+                           const Pixels& pixels, const Camera& camera) {
+  const cv::Rect part = bounds(pixels, camera);
+  const cv::Mat region = mask_of(pixels, camera)(part).clone();
+  cv::Mat around = ring(region, kRingStart_px, kRingEnd_px + 1);
+  if (cv::countNonZero(around) == 0) around = region;
+  const cv::Rect box = cv::boundingRect(region);
+  const cv::Rect in_image = box + part.tl();
+  const bool touches = in_image.x <= 1 || in_image.y <= 1 ||
+                       in_image.br().x >= camera.width - 1 || in_image.br().y >= camera.height - 1;
+  const double aspect = std::log(double(box.width) / box.height);
+  const double focal_px = 0.5 * (camera.fx + camera.fy);
+  return {
+      log_mean(chroma(part), region),
+      log_mean(chroma(part), around),
+      std::min(0.0, log_mean(image.change(part), region)),
+      log_contrast(other_rgb(part), region, around),
+      std::log(thickness_px(region) / focal_px),
+      touches ? 1.0 : 0.0,
+      aspect * aspect,
+      image.side == Side::kBefore ? 1.0 : 0.0,
+  };
+}
+
+void add_regions(const Image& image, const cv::Mat& other_rgb, const Camera& camera, int min_px,
+                 std::vector<Region>& regions) {
+  const cv::Mat chroma = chroma_change(image.rgb, other_rgb);
+  const std::vector<float> scales(kSegmentScales.begin(), kSegmentScales.end());
+  for (std::vector<Pixels>& segments : segment_image(channels_of(image), scales, min_px)) {
+    for (Pixels& pixels : segments) {
+      if (int(pixels.size()) < min_px || pixels.size() > kMaxRegionShare * image.rgb.total()) {
+        continue;
+      }
+      double sum = 0;
+      for (const std::size_t k : pixels) sum += image.change.ptr<float>()[k];
+      if (sum < kMinRegionChange * double(pixels.size())) continue;
+      const RegionFeatures features = features_of(image, other_rgb, chroma, pixels, camera);
+      regions.push_back({image.side, std::move(pixels), features});
+    }
+  }
+}
+
+/// Tests whether many of some pixels are taken.
+bool overlaps(const Pixels& pixels, const Array<std::int32_t>& labels,
+              const std::vector<Surface>& taken) {
+  std::vector<int> common(taken.size() + 1, 0);
+  for (const std::size_t k : pixels) ++common[std::size_t(labels[k])];
+  for (std::size_t i = 0; i < taken.size(); ++i) {
+    const double smaller = std::min(double(pixels.size()), double(taken[i].area_px));
+    if (common[i + 1] > kMaxOverlap * smaller) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+std::vector<Region> find_regions(const Views& views, const Masks& masks, const ObjectRule& rule) {
+  gslts::validate(views.camera, "find_regions");
+  validate(rule, "find_regions");
+  const Camera& camera = views.camera;
+  const cv::Mat observed = image_of(views.observed_rgb, camera, 3);
+  const cv::Mat rendered = match_light(image_of(views.rendered_rgb, camera, 3), observed,
+                                       image_of(masks.known, camera));
+  Views lit = views;
+  lit.rendered_rgb = rendered.ptr<float>();
+  const ColorChange colors = compare_colors(lit, masks, rule.edge_tolerance_px);
+  std::vector<Region> regions;
+  add_regions({Side::kAfter, observed, colors.observed}, rendered, camera, rule.min_area_px,
+              regions);
+  add_regions({Side::kBefore, rendered, colors.rendered}, observed, camera, rule.min_area_px,
+              regions);
+  return regions;
+}
+
+double region_confidence(const RegionFeatures& features) {
+  double sum = kRegionOffset;
+  for (std::size_t k = 0; k < kRegionFeatures; ++k) sum += kRegionWeights[k] * features[k];
+  return 1 / (1 + std::exp(-sum));
+}
+
+Surfaces find_changed_regions(const Views& views, const Masks& masks, const ObjectRule& rule) {
+  std::vector<Region> regions = find_regions(views, masks, rule);
+  std::vector<std::pair<double, std::size_t>> order;
+  for (std::size_t i = 0; i < regions.size(); ++i) {
+    const double confidence = region_confidence(regions[i].features);
+    if (confidence >= kMinEndConfidence * rule.min_confidence) order.push_back({-confidence, i});
+  }
+  std::sort(order.begin(), order.end());
+  Surfaces result;
+  result.labels = Array<std::int32_t>(views.size(), 0);
+  for (const auto& [negative, i] : order) {
+    const Region& region = regions[i];
+    if (overlaps(region.pixels, result.labels, result.surfaces)) continue;
+    std::optional<Surface> surface = surface_of(views, region.pixels, region.side);
+    if (!surface || surface->area_m2 < rule.min_area_m2) continue;
+    surface->label = int(result.surfaces.size()) + 1;
+    surface->evidence = evidence_of(views, masks, region.pixels, *surface);
+    surface->color_confidence = -negative;
+    for (const std::size_t k : region.pixels) {
+      if (result.labels[k] == 0) result.labels[k] = surface->label;
+    }
+    result.surfaces.push_back(*std::move(surface));
+  }
+  return result;
+}
+
+}  // namespace gslts::detect
