@@ -18,18 +18,18 @@ from pathlib import Path
 
 import numpy as np
 from tqdm import tqdm
-from unchanged_benchmark import visits_of
 
 from gslts._core.detect import Side, Surface, confidence_features, match_features
 from gslts.change.config import DetectionConfig, ObjectRule
 from gslts.change.detector import ChangeDetector, Detection
-from gslts.datasets import open_dataset
+from gslts.mapping.config import PRESETS
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
 from gslts.types import Floats
 from gslts_bench.detection.cases import Case, counts_of, make_cases, take_frame
 from gslts_bench.detection.truth import Truth
 from gslts_bench.homes import BenchHome, HomeSetup, default_state, homes_of, split_of
+from gslts_bench.relocalization.room import FOLDS, RecordedRoom, RoomFold
 
 RULE = ObjectRule(min_confidence=0, min_match_score=1)
 """Rule that reports each surface by itself, whatever its confidence."""
@@ -211,13 +211,15 @@ def _found_in_homes(homes: Iterable[BenchHome], tasks: int, count: int) -> Itera
                 yield from found_in(bench.name, case, detector.detect(frame))
 
 
-def _found_unchanged(dataset: Path) -> Iterator[Found]:
-    for visit in visits_of(open_dataset(dataset), "fast"):
-        detector = visit.detector(DetectionConfig(objects=RULE))
-        for name, frame in visit.held_out.items():
-            detection = detector.detect(frame)
+def _found_unchanged(dataset: Path, work: Path) -> Iterator[Found]:
+    room = RecordedRoom.of(dataset, PRESETS["fast"], work)
+    for fold in tqdm(range(FOLDS), desc=room.name):
+        bench = RoomFold(room, fold)
+        detector = ChangeDetector.of_map(bench.map(), DetectionConfig(objects=RULE))
+        for frame in bench.frames:
+            detection = detector.detect(frame.read())
             for surface in _surfaces_of(detection):
-                yield Found(str(dataset), name, detection.camera.width, surface, None)
+                yield Found(room.name, frame.name, detection.camera.width, surface, None)
 
 
 def main() -> None:
@@ -235,7 +237,7 @@ def main() -> None:
     found = list(_found_in_homes(homes, arguments.tasks, len(homes)))
     report("match score", match_questions(found, np.random.default_rng(0)))
     if arguments.unchanged is not None:
-        found += _found_unchanged(arguments.unchanged)
+        found += _found_unchanged(arguments.unchanged, arguments.work)
     report("confidence", confidence_questions(found))
 
 

@@ -252,7 +252,11 @@ class Detectors:
         Args:
             frame: Frame to localize.
         """
-        return Localizer(self._relocalizer).localize_frame(frame)
+        return self.localizer().localize_frame(frame)
+
+    def localizer(self) -> Localizer:
+        """Return a localizer for a sequence of frames."""
+        return Localizer(self._relocalizer)
 
 
 class _Clock:

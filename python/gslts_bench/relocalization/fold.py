@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from gslts.datasets import Frame
@@ -17,7 +16,7 @@ from gslts.localization.relocalizer import Relocalizer
 from gslts.mapping.evaluation.held_out import TrainingRecord
 from gslts.types import Floats
 from gslts_bench.processes import Add
-from gslts_bench.relocalization.room import FOLDS, RecordedRoom, transfer
+from gslts_bench.relocalization.room import FOLDS, RecordedRoom, RoomFold, transfer
 from gslts_bench.relocalization.run import Relocalizers
 from gslts_bench.relocalization.score import Answer, TimedAnswer
 from gslts_bench.relocalization.variants import OURS
@@ -39,34 +38,6 @@ class RoomRecord(BenchRecord):
 
 
 @dataclass(frozen=True)
-class RoomFold:
-    """A recorded room without every eighth frame.
-
-    Attributes:
-        room: The room.
-        fold: Number of the first held-out frame, 0 to 7.
-    """
-
-    room: RecordedRoom
-    fold: int
-
-    @property
-    def name(self) -> str:
-        """Name of room and fold, such as `7scenes_without_3`."""
-        return f"{self.room.name}_without_{self.fold}"
-
-    @property
-    def work(self) -> Path:
-        """Folder where everything made is kept."""
-        return self.room.work
-
-    @property
-    def mapped_of(self) -> dict[str, Any]:
-        """JSON values that decide its map."""
-        return self.room.mapped_of(self.fold)
-
-
-@dataclass(frozen=True)
 class FoldUnit(BenchUnit[RoomRecord, RoomFold]):
     """Work on one fold of a room."""
 
@@ -74,14 +45,9 @@ class FoldUnit(BenchUnit[RoomRecord, RoomFold]):
     record = RoomRecord
 
     @property
-    def frames(self) -> tuple[Frame, ...]:
-        """Held-out frames."""
-        return self.bench.room.dataset.frames[self.bench.fold :: FOLDS]
-
-    @property
     def count(self) -> int:
         """Number of results when all is done."""
-        return len(self.frames)
+        return len(self.bench.frames)
 
     def run(self, done: frozenset[str], add: Add) -> None:
         """Localize the frames that are missing, but for those that mapping cannot use.
@@ -90,11 +56,11 @@ class FoldUnit(BenchUnit[RoomRecord, RoomFold]):
             done: Ids of the results of earlier runs.
             add: Receives each new result.
         """
-        frames = [frame for frame in self.frames if frame.name not in done]
+        frames = [frame for frame in self.bench.frames if frame.name not in done]
         if not frames:
             return
         room, fold = self.bench.room, self.bench.fold
-        folder = room.map(fold)
+        folder = self.bench.map()
         known, relocalizer = TrainingRecord.read(folder), Relocalizers(folder).of(OURS)
         in_map = {name: camera.world_from_camera for name, camera in known.cameras.items()}
         corrected = transfer(room.corrected(), in_map)

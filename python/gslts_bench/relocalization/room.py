@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from gslts.core.se3 import fit_rigid_motion
-from gslts.datasets import Dataset, open_dataset
+from gslts.datasets import Dataset, Frame, open_dataset
 from gslts.io.atomic_files import write_atomic
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.engine import make_map
@@ -87,30 +87,6 @@ class RecordedRoom:
             "code": self.code,
         }
 
-    def mapped_of(self, fold: int) -> dict[str, Any]:
-        """Return the JSON values that decide the map without a fold.
-
-        Args:
-            fold: Number of the first held-out frame, 0 to 7.
-        """
-        return {**self.corrected_of, "without": [fold, FOLDS]}
-
-    def map(self, fold: int) -> Path:
-        """Return the folder of the map without every eighth frame from `fold` on; make it once.
-
-        Args:
-            fold: Number of the first held-out frame, 0 to 7.
-        """
-
-        def make(folder: Path) -> None:
-            dataset = self.dataset
-            frames = [frame for k, frame in enumerate(dataset.frames) if k % FOLDS != fold]
-            result = make_map(replace(dataset, frames=tuple(frames)), self._config)
-            write_result(folder, result, dataset.name)
-
-        folder = self.work / "maps" / f"{self.name}_without_{fold}"
-        return cached_folder(folder, self.mapped_of(fold), make)
-
     def corrected(self) -> dict[str, Floats]:
         """Return world_from_camera [4,4] by frame as corrected by a map of all frames.
 
@@ -118,7 +94,7 @@ class RecordedRoom:
         """
 
         def make(folder: Path) -> None:
-            result = make_map(self.dataset, self._config)
+            result = make_map(self.dataset, self.mapping_config)
             every = {**result.training, **result.held_out}
             folder.mkdir()
             poses = {name: found.world_from_camera.tolist() for name, found in every.items()}
@@ -129,8 +105,58 @@ class RecordedRoom:
         return {name: np.array(pose) for name, pose in poses.items()}
 
     @property
-    def _config(self) -> MappingConfig:
+    def mapping_config(self) -> MappingConfig:
+        """Settings of the mapping on one thread."""
         return self.mapping.model_copy(update={"threads": 1})
+
+
+@dataclass(frozen=True)
+class RoomFold:
+    """A recorded room without every n-th frame.
+
+    Attributes:
+        room: The room.
+        fold: Number of the first held-out frame, from 0.
+        every: n; there are so many folds.
+    """
+
+    room: RecordedRoom
+    fold: int
+    every: int = FOLDS
+
+    @property
+    def name(self) -> str:
+        """Name of room and fold, such as `7scenes_without_3`."""
+        suffix = "" if self.every == FOLDS else f"_of_{self.every}"
+        return f"{self.room.name}_without_{self.fold}{suffix}"
+
+    @property
+    def work(self) -> Path:
+        """Folder where everything made is kept."""
+        return self.room.work
+
+    @property
+    def frames(self) -> tuple[Frame, ...]:
+        """Held-out frames."""
+        return self.room.dataset.frames[self.fold :: self.every]
+
+    @property
+    def mapped_of(self) -> dict[str, Any]:
+        """JSON values that decide its map."""
+        return {**self.room.corrected_of, "without": [self.fold, self.every]}
+
+    def map(self) -> Path:
+        """Return the folder of the map without the held-out frames; make it once."""
+
+        def make(folder: Path) -> None:
+            dataset = self.room.dataset
+            frames = [
+                frame for k, frame in enumerate(dataset.frames) if k % self.every != self.fold
+            ]
+            result = make_map(replace(dataset, frames=tuple(frames)), self.room.mapping_config)
+            write_result(folder, result, dataset.name)
+
+        return cached_folder(self.work / "maps" / self.name, self.mapped_of, make)
 
 
 def transfer(poses: Mapping[str, Floats], known: Mapping[str, Floats]) -> dict[str, Floats]:

@@ -73,3 +73,31 @@ def test_a_folder_without_rooms_is_an_error(tmp_path: Path) -> None:
     assert process.returncode == 1
     assert "it has none of the folders Kitchen, Office, SmallRoom" in process.stderr
     assert "Traceback" not in process.stderr
+
+
+def test_a_room_without_changes_is_compared_with_its_maps(rooms: Path, tmp_path: Path) -> None:
+    settings = ("--set", "iterations=300", "--set", "rough_epochs=0", "--work", "work")
+    dataset = ("--dataset", rooms / "Office/scene1")
+    process = gslts("bench", "real", *dataset, *settings, "--json", "all.json", cwd=tmp_path)
+    assert process.returncode == 0, process.stderr
+    summary = json.loads((tmp_path / "all.json").read_text())["summary"]
+    assert {name: own["frames"] for name, own in summary["frame"].items()} == {
+        "objects": 19,
+        "located": 19,
+        "gs_lts": 19,
+    }
+    for sequence in summary["sequence"].values():
+        assert (sequence["records"], sequence["frames"]) == (2, 19)
+    assert list(summary["changes"]) == ["addition", "removal", "relocation", "all"]
+    assert summary["frame"]["objects"]["unreliable"] < 19
+    assert "### Unchanged frames" in process.stdout
+
+
+@pytest.mark.parametrize("arguments", [(), ("visits", "--dataset", "room")])
+def test_visits_and_a_data_set_exclude_each_other(
+    arguments: tuple[str, ...], tmp_path: Path
+) -> None:
+    process = gslts("bench", "real", *arguments, cwd=tmp_path)
+    assert process.returncode == 1
+    assert "expected a FOLDER of visits or --dataset, one of them" in process.stderr
+    assert "Traceback" not in process.stderr
