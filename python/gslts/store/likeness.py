@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 from gslts.store.causes import Appearance, Box
 
@@ -73,7 +74,7 @@ def match_score(a: Appearance, b: Appearance) -> float:
     Returns:
         0 to 1.
     """
-    roots_a, roots_b = _roots(a), _roots(b)
+    roots_a, roots_b = _roots(a.colors), _roots(b.colors)
     norm = math.hypot(*roots_a.values()) * math.hypot(*roots_b.values())
     overlap = sum(root * roots_b.get(bin_, 0) for bin_, root in roots_a.items())
     colors = math.sqrt(max(0.0, 1 - overlap / norm)) if norm else 1.0
@@ -81,9 +82,9 @@ def match_score(a: Appearance, b: Appearance) -> float:
     return 1 / (1 + math.exp(-(OFFSET + COLORS_WEIGHT * colors + AREA_WEIGHT * area)))
 
 
-def _roots(appearance: Appearance) -> dict[int, int]:
+@lru_cache(maxsize=4096)
+def _roots(text: str) -> dict[int, int]:
     """Return the square roots of the shares of colours, by the number of the bin."""
-    text = appearance.colors
     return {int(text[k : k + 3], 16): int(text[k + 3 : k + 5], 16) for k in range(0, len(text), 5)}
 
 

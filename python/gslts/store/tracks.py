@@ -22,6 +22,10 @@ MAX_ROUNDS_APART = 1
 that is gone may be found at any later time. A robot sees the whole home in a round; what an update
 rejects, it tries again in the next one. With 2, two changes on two days are taken for one."""
 
+MAX_ABSENT = 100
+"""Maximum number of objects that are gone and may be found again: those that left last. Bounds the
+time of a long history without names."""
+
 
 @dataclass(eq=False)
 class _Report:
@@ -172,7 +176,9 @@ def _arrive(found: list[_Stays], report: _Report, gone: _Stays | None) -> None:
             _join(found, gone, stays)
         return
     if gone is None:
-        gone = _best([stays for stays in found if stays[-1].left], report)
+        absent = [stays for stays in found if stays[-1].left]
+        absent.sort(key=lambda stays: stays[-1].left[-1].version)
+        gone = _best(absent[-MAX_ABSENT:], report)
     if gone is not None:
         gone.append(_Stay(came=[report]))
     else:
