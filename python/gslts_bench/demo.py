@@ -32,8 +32,8 @@ from gslts.semantics.query_image import draw_query
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import open_map, read_map
 from gslts.store.records import Event
-from gslts.types import Floats
 from gslts.update.config import RefineConfig, UpdateConfig
+from gslts_bench.series.events import was_found
 from gslts_bench.series.run import mean_psnr_db, new_frames
 from gslts_sim.capture import capture
 from gslts_sim.change_sampler import TaskSettings
@@ -42,14 +42,11 @@ from gslts_sim.day import Day, make_day
 from gslts_sim.explore import explore
 from gslts_sim.home import Home
 from gslts_sim.home_source import HomeSource
-from gslts_sim.task import Box, Change
 
 ROOM, SEED, CHANGES = "living_room", 7, 6
 """Home of the demonstration, and number of its changes."""
 EVENING_FRAMES = 12
 """Number of frames recorded after the day, for detection against the map of the morning."""
-FOUND_M = 0.15
-"""Maximum distance of a known box's centre from the true box of a change that was found."""
 
 Bar = Callable[[Iterable[Any], str], Iterable[Any]]
 """Wraps items to show the progress of a stage, which is named."""
@@ -159,26 +156,6 @@ def run_day(out: Path, scale: Scale, *, threads: int, bar: Bar, say: Callable[[s
         ]
         write_history(report, store, f"A day in a {ROOM.replace('_', ' ')}", sections)
     return report
-
-
-def was_found(change: Change, events: Sequence[Event]) -> bool:
-    """Return whether events of the store show a change, each of its ends at the right position.
-
-    Args:
-        change: The true change.
-        events: Events of the store.
-    """
-    for side, box in enumerate((change.box_before, change.box_after)):
-        boxes = [event.boxes[side] for event in events]
-        known = [np.mean(known, axis=0) for known in boxes if known is not None]
-        if box is not None and not any(_is_in(middle, box) for middle in known):
-            return False
-    return True
-
-
-def _is_in(point: Floats, box: Box) -> bool:
-    low, high = np.array(box)
-    return bool(np.all((point >= low - FOUND_M) & (point <= high + FOUND_M)))
 
 
 def _make_map(out: Path, scale: Scale, threads: int, bar: Bar) -> str:

@@ -25,8 +25,9 @@ Number = Annotated[int, typer.Argument(min=1, help="Number of a version, from gs
 
 def log(
     map_path: Folder,
-    object_type: Annotated[
-        str | None, typer.Option("--object", help="Only changes of objects of this type.")
+    name: Annotated[
+        str | None,
+        typer.Option("--object", metavar="NAME", help='History of one object, such as "Pillow 2".'),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     html: Annotated[
@@ -35,13 +36,14 @@ def log(
 ) -> None:
     """List the versions of a map, newest first, with the object changes and rejected updates.
 
+    Each change of an object is listed once: a move whose ends two versions show, in the later one.
     Every command takes an old version of a map as MAP@NUMBER, such as out/map@2.
 
     Example: gslts log out/map
     """
     from gslts.store.history import open_history
 
-    if html is not None and (as_json or object_type is not None):
+    if html is not None and (as_json or name is not None):
         raise ValueError("--html writes the whole history: give it without --object and --json")
     with open_history(map_path) as store:
         if html is not None:
@@ -50,9 +52,11 @@ def log(
             write_history(html, store)
             typer.echo(f"wrote {html}")
         elif as_json:
-            typer.echo(_history_json(store, object_type))
+            typer.echo(_history_json(store, name))
+        elif name is not None:
+            _print_track(store, name)
         else:
-            _print_history(store, object_type)
+            _print_history(store)
 
 
 def show(map_path: Folder, number: Number) -> None:
@@ -60,16 +64,15 @@ def show(map_path: Folder, number: Number) -> None:
 
     Example: gslts show out/map 2
     """
-    from gslts.store.describe import describe_event
+    from gslts.store.describe import describe_versions
     from gslts.store.history import open_history
     from gslts.store.manifest import update_image_path
 
     with open_history(map_path) as store:
-        version = store.version(number)
-        events = [event for event in store.events() if event.version == number]
+        version, lines = store.version(number), describe_versions(store)
     typer.echo(_line(version))
-    for event in events:
-        typer.echo(f"        {describe_event(event)}")
+    for line in lines[number]:
+        typer.echo(f"        {line}")
     image = update_image_path(map_path, number)
     if image.exists():
         typer.echo(f"        image: {image}")
@@ -183,10 +186,13 @@ def import_ply(
     typer.echo(f"wrote {out}: {gaussian_map.size} Gaussians")
 
 
-def _history_json(store: History, object_type: str | None) -> str:
+def _history_json(store: History, name: str | None) -> str:
+    if name is not None:
+        return store.track(name).model_dump_json(indent=1)
     records: dict[str, Sequence[Record]] = {
         "versions": store.versions(),
-        "events": store.events(object_type),
+        "events": store.events(),
+        "tracks": store.tracks(),
         "rejections": store.rejections(),
     }
     content = {
@@ -195,24 +201,27 @@ def _history_json(store: History, object_type: str | None) -> str:
     return json.dumps(content, indent=1)
 
 
-def _print_history(store: History, object_type: str | None) -> None:
-    from gslts.store.describe import describe_event, describe_rejection, format_time
+def _print_history(store: History) -> None:
+    from gslts.store.describe import describe_rejection, describe_versions, format_time
 
-    events, lineage = store.events(object_type), store.lineage_numbers()
-    rejections = store.rejections() if object_type is None else []
+    lines, rejections = describe_versions(store), store.rejections()
     for version in reversed(store.versions()):
         for rejection in rejections:
             if rejection.version == version.number:
                 when = format_time(rejection.time_s)
                 typer.echo(f"        {when}  {describe_rejection(rejection)}")
-        own = [event for event in events if event.version == version.number]
-        if object_type is None or own:
-            typer.echo(_line(version))
-        for event in own:
-            undone = "" if event.version in lineage else ", undone since"
-            typer.echo(f"        {describe_event(event)}{undone}")
-    if object_type is not None and not events:
-        typer.echo(f"the history has no change of an object of type {object_type}")
+        typer.echo(_line(version))
+        for line in lines[version.number]:
+            typer.echo(f"        {line}")
+
+
+def _print_track(store: History, name: str) -> None:
+    from gslts.store.describe import describe_event, format_time
+
+    track = store.track(name)
+    for event in reversed(track.events):
+        when = format_time(store.version(event.version).time_s)
+        typer.echo(f"{event.version:6}  {when}  {describe_event(event, track.name)}")
 
 
 def _line(version: Version) -> str:

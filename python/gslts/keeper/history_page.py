@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 
@@ -13,11 +13,15 @@ from gslts.store.describe import (
     describe_event,
     describe_rejection,
     describe_version,
+    describe_versions,
     format_time,
 )
 from gslts.store.history import History
 from gslts.store.manifest import update_image_path
-from gslts.store.records import Event, Rejection, Version
+from gslts.store.records import Rejection, Track, Version
+
+_Lines = Mapping[int, Sequence[str]]
+"""Object changes in words, by number of the version."""
 
 
 def write_history(
@@ -35,7 +39,7 @@ def write_history(
         OSError: The page cannot be written.
         ValueError: The history is damaged.
     """
-    versions, events, rejections = store.versions(), store.events(), store.rejections()
+    versions, rejections, lines = store.versions(), store.rejections(), describe_versions(store)
     updates = [version for version in versions if isinstance(version.cause, UpdateCause)]
     summary = (
         f"{len(versions)} versions: {len(updates)} updates, {len(rejections)} rejected updates; "
@@ -43,19 +47,20 @@ def write_history(
     )
     parts = [
         *sections,
-        section("Versions", _timeline(versions, events)),
+        section("Versions", _timeline(versions, lines)),
+        section("Objects", _objects(store.tracks())),
         section("Rejected updates", bullets([_describe(rejection) for rejection in rejections])),
-        section("Before and after", _images(store.folder, updates, events)),
+        section("Before and after", _images(store.folder, updates, lines)),
     ]
     write_page(path, title or store.folder.resolve().name, summary, parts)
 
 
-def _timeline(versions: Sequence[Version], events: Sequence[Event]) -> str:
+def _timeline(versions: Sequence[Version], lines: _Lines) -> str:
     head = ("version", "time", "round", "changes", "Gaussians changed", "PSNR, dB", "seconds")
-    return table(head, [_row(version, events) for version in versions])
+    return table(head, [_row(version, lines) for version in versions])
 
 
-def _row(version: Version, events: Sequence[Event]) -> list[str]:
+def _row(version: Version, lines: _Lines) -> list[str]:
     cause = version.cause if isinstance(version.cause, UpdateCause) else None
     record = UpdateRecord() if cause is None else cause.record
     psnr = [number(value) for value in (record.psnr_before_db, record.psnr_after_db)]
@@ -63,16 +68,24 @@ def _row(version: Version, events: Sequence[Event]) -> list[str]:
         str(version.number),
         format_time(version.time_s),
         "" if cause is None or cause.round is None else str(cause.round),
-        _changes(version, events),
+        _changes(version, lines),
         f"{version.touched:,}",
         " to ".join(psnr) if cause else "",
         ", ".join(f"{stage} {value:.1f}" for stage, value in record.seconds.items()),
     ]
 
 
-def _changes(version: Version, events: Sequence[Event]) -> str:
-    own = [describe_event(event) for event in events if event.version == version.number]
-    return "; ".join(own) or describe_version(version)
+def _changes(version: Version, lines: _Lines) -> str:
+    return "; ".join(lines[version.number]) or describe_version(version)
+
+
+def _objects(tracks: Sequence[Track]) -> str:
+    rows = [
+        (track.name, str(event.version), describe_event(event, track.name))
+        for track in tracks
+        for event in track.events
+    ]
+    return table(("object", "version", "change"), rows)
 
 
 def _describe(rejection: Rejection) -> str:
@@ -81,12 +94,12 @@ def _describe(rejection: Rejection) -> str:
     return f"{when}, version {rejection.version}: {kinds} {describe_rejection(rejection)}"
 
 
-def _images(folder: Path, updates: Sequence[Version], events: Sequence[Event]) -> str:
+def _images(folder: Path, updates: Sequence[Version], lines: _Lines) -> str:
     parts = []
     for version in updates:
         path = update_image_path(folder, version.number)
         if path.exists():
-            title = escape(f"Version {version.number}: {_changes(version, events)}")
+            title = escape(f"Version {version.number}: {_changes(version, lines)}")
             address = f"data:image/jpeg;base64,{b64encode(path.read_bytes()).decode()}"
             parts.append(f'<h3>{title}</h3>\n<img class=wide alt="{title}" src="{address}">')
     return "\n".join(parts)

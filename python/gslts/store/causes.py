@@ -64,6 +64,19 @@ class UpdateFrame(CameraRecord):
     new_viewpoint: bool
 
 
+class Appearance(Record):
+    """Colours and size of a surface, by which the detector recognizes an object.
+
+    Attributes:
+        area_m2: Area facing the camera, m^2.
+        colors: Bins of the colour histogram that are not empty, each in five hexadecimal digits:
+            three for the number of the bin, two for the square root of its share, 255 for 1.
+    """
+
+    area_m2: Annotated[FiniteFloat, Field(ge=0)]
+    colors: Annotated[str, Field(pattern="^([0-9a-f]{5})*$")]
+
+
 class ChangeRecord(Record):
     """An object change as the detector reported it.
 
@@ -71,11 +84,13 @@ class ChangeRecord(Record):
         kind: Type of the change.
         confidence: Calibrated probability that the change is real, 0 to 1.
         boxes: Box of the object before and after the change; None where there is no object.
+        appearances: Appearance of the object before and after the change; None where unknown.
     """
 
     kind: ChangeKind
     confidence: FiniteFloat
     boxes: tuple[Box | None, Box | None]
+    appearances: tuple[Appearance | None, Appearance | None] = (None, None)
 
 
 class UpdateRecord(Record):

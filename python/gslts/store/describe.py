@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import datetime
 
 from gslts.store.causes import (
@@ -11,7 +12,9 @@ from gslts.store.causes import (
     RestoreCause,
     SemanticsCause,
 )
-from gslts.store.records import ObjectEvent, Rejection, Version
+from gslts.store.history import History
+from gslts.store.records import ObjectEvent, Rejection, Track, Version
+from gslts.store.tracks import object_tracks
 
 
 def describe_version(version: Version) -> str:
@@ -37,14 +40,15 @@ def describe_version(version: Version) -> str:
     return f"{version.gaussians} Gaussians, {what}"
 
 
-def describe_event(event: ObjectEvent) -> str:
+def describe_event(event: ObjectEvent, name: str | None = None) -> str:
     """Describe an object change.
 
     Args:
         event: From a history.
+        name: Of the object; None means its type.
 
     Returns:
-        Type of the object, type of the change, and the centres of its boxes, m.
+        Name of the object, type of the change, and the centres of its boxes, m.
     """
     before, after = (_format_centre(box) for box in event.boxes)
     change = {
@@ -52,7 +56,31 @@ def describe_event(event: ObjectEvent) -> str:
         "removal": f"removed from {before}",
         "relocation": f"moved from {before} to {after}",
     }[event.kind]
-    return f"{event.type} {change}"
+    return f"{name or event.type} {change}"
+
+
+def describe_versions(store: History) -> dict[int, list[str]]:
+    """Describe the object changes of all versions, each change of an object once.
+
+    Args:
+        store: History of the map.
+
+    Returns:
+        Lines by number of the version. A version that shows only a part of a change has a line with
+        the number of the version that tells it.
+    """
+    versions, events = store.versions(), store.events()
+    lines: dict[int, list[str]] = {}
+    for newest in reversed(versions):  # Of all versions, or of those that a restore undid.
+        if newest.number in lines:
+            continue
+        numbers = store.lineage_numbers(newest.number)
+        lineage = [version for version in versions if version.number in numbers]
+        tracks = object_tracks(lineage, events)
+        undone = "" if newest is versions[-1] else ", undone since"
+        for number in numbers - lines.keys():
+            lines[number] = [f"{line}{undone}" for line in _describe_tracks(tracks, number)]
+    return lines
 
 
 def describe_rejection(rejection: Rejection) -> str:
@@ -77,6 +105,18 @@ def format_time(time_s: float) -> str:
         ISO 8601, to the second.
     """
     return datetime.fromtimestamp(time_s).astimezone().isoformat(" ", "seconds")
+
+
+def _describe_tracks(tracks: Sequence[Track], number: int) -> list[str]:
+    """Describe what a version shows of all objects."""
+    lines = []
+    for track in tracks:
+        for event in track.events:
+            if event.version == number:
+                lines.append(describe_event(event, track.name))
+            elif number in event.parts:
+                lines.append(f"{track.name}: see version {event.version}")
+    return lines
 
 
 def _format_centre(box: Box | None) -> str:

@@ -7,10 +7,13 @@ from typing import Self
 
 from gslts.store.index import Index
 from gslts.store.manifest import require_map_folder
-from gslts.store.records import Event, Rejection, Version
+from gslts.store.records import Event, Rejection, Track, Version
+from gslts.store.tracks import object_tracks
 
 INDEX = "versions.sqlite"
 """File name of the index in the folder of a map."""
+MAX_NAMES = 12
+"""Maximum number of objects that an error names: two lines of a terminal."""
 
 
 class History:
@@ -92,16 +95,13 @@ class History:
         """
         return set(self._index.lineage(self.version(number).number))
 
-    def events(self, object_type: str | None = None) -> list[Event]:
-        """Return the object changes, oldest first.
-
-        Args:
-            object_type: Only of objects of this type; None means all.
+    def events(self) -> list[Event]:
+        """Return the object changes as the updates found them, oldest first.
 
         Returns:
             The changes, also those that a restore undid.
         """
-        return self._index.events(object_type)
+        return self._index.events()
 
     def events_between(self, before: int, after: int) -> tuple[list[Event], list[Event]]:
         """Return the object changes that separate two versions.
@@ -121,6 +121,39 @@ class History:
         only_after = [event for event in events if event.version in new - old]
         only_before = [event for event in events if event.version in old - new]
         return only_after, only_before
+
+    def tracks(self, number: int | None = None) -> list[Track]:
+        """Return the history of each object that changed.
+
+        Args:
+            number: Of a version; None means the newest. What a restore undid does not count.
+
+        Returns:
+            By the first change of each object.
+
+        Raises:
+            ValueError: There is no such version.
+        """
+        return object_tracks(self.lineage(number), self.events())
+
+    def track(self, name: str) -> Track:
+        """Return the history of one object.
+
+        Args:
+            name: Of the object, in any case.
+
+        Raises:
+            ValueError: No object of this name has changed.
+        """
+        tracks = self.tracks()
+        for track in tracks:
+            if track.name.lower() == name.lower():
+                return track
+        known = ", ".join(track.name for track in tracks[:MAX_NAMES]) or "none"
+        more = f" and {len(tracks) - MAX_NAMES} more" if len(tracks) > MAX_NAMES else ""
+        raise ValueError(
+            f"{self._folder}: no object {name} has changed; objects that have: {known}{more}"
+        )
 
     def rejections(self) -> list[Rejection]:
         """Return the rejected updates, oldest first."""

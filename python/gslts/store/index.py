@@ -75,17 +75,9 @@ class Index(IndexFile):
         """Return the rejected updates, oldest first."""
         return self._read("SELECT * FROM rejections ORDER BY rowid", _rejection)
 
-    def events(self, object_type: str | None = None) -> list[Event]:
-        """Return the object changes, oldest first.
-
-        Args:
-            object_type: Only of objects of this type, in any case; None means all.
-        """
-        where, parameters = "", tuple[str, ...]()
-        if object_type is not None:
-            where, parameters = "WHERE type = ? COLLATE NOCASE", (object_type,)
-        query = f"SELECT * FROM events {where} ORDER BY version, rowid"
-        return self._read(query, _event, parameters)
+    def events(self) -> list[Event]:
+        """Return the object changes, oldest first."""
+        return self._read("SELECT * FROM events ORDER BY version, rowid", _event)
 
     def add(
         self, version: Version, snapshot: Blob | None = None, events: Sequence[ObjectEvent] = ()

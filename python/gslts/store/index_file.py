@@ -10,8 +10,9 @@ from typing import Any
 
 from gslts.io.atomic_files import name_in_errors
 
-SCHEMA = 2
-"""Version of the tables. Raise it with every change of `TABLES` or of a cause."""
+SCHEMA, OLDEST_SCHEMA = 3, 2
+"""Version of the tables, and the oldest one that is read. Raise the first with every change of
+`TABLES` or of a cause. In schema 2, causes have no appearances."""
 APPLICATION_ID = 0x67736C74
 """`gslt` in ASCII; SQLite keeps it in the header of the file."""
 BUSY_S = 10.0
@@ -58,7 +59,6 @@ CREATE TABLE events (
     type TEXT NOT NULL,
     boxes TEXT NOT NULL
 ) STRICT;
-CREATE INDEX events_of_type ON events (type, version);
 """
 """Schema of the index."""
 
@@ -88,7 +88,7 @@ class IndexFile:
             if new:
                 with self._named_errors():
                     self._create_tables()
-            self._check_schema()
+            self._check_schema(writable=writable)
         except BaseException:
             self.close()
             raise
@@ -197,12 +197,16 @@ class IndexFile:
                 connection.execute(statement)
             connection.execute(f"PRAGMA user_version = {SCHEMA}")
 
-    def _check_schema(self) -> None:
+    def _check_schema(self, *, writable: bool) -> None:
         application = self.rows("PRAGMA application_id")[0][0]
         schema = self.rows("PRAGMA user_version")[0][0]
         if application != APPLICATION_ID:
             raise ValueError(f"{self.path}: not the index of a map")
-        if schema != SCHEMA:
+        if OLDEST_SCHEMA <= schema < SCHEMA:
+            if writable:  # An older gslts could not read what is written now.
+                with self.transaction() as connection:
+                    connection.execute(f"PRAGMA user_version = {SCHEMA}")
+        elif schema != SCHEMA:
             step = (
                 "a newer gslts wrote it: install that version"
                 if schema > SCHEMA

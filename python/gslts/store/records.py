@@ -16,6 +16,9 @@ from gslts.store.causes import (
     VersionCause,
 )
 
+UNKNOWN = "object"
+"""Type of an object that nothing names."""
+
 MAX_TIME_S = 253_402_300_800
 """End of the year 9999, s since 1970; `datetime` formats no later time."""
 
@@ -109,3 +112,26 @@ class Event(ObjectEvent):
     """
 
     version: Number
+
+
+class TrackEvent(Event):
+    """A change of one object, put together from what several versions may show.
+
+    Attributes:
+        version: Version that tells it: of a move whose ends were found in two, the later one.
+        parts: All versions that show a part of it, or show it again, oldest first.
+    """
+
+    parts: tuple[Number, ...]
+
+
+class Track(Record):
+    """History of one object.
+
+    Attributes:
+        name: Its type, with a number for all but the first object of this type.
+        events: What happened to it, oldest first.
+    """
+
+    name: str
+    events: tuple[TrackEvent, ...]

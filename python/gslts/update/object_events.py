@@ -7,10 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from gslts._core.detect import Surface
 from gslts.change.changes import Change
 from gslts.core.gaussian_map import GaussianMap
 from gslts.semantics.map_semantics import MapSemantics
-from gslts.store.causes import Box, ChangeRecord
+from gslts.store.causes import Appearance, Box, ChangeRecord
 from gslts.store.records import Event, ObjectEvent
 from gslts.types import Floats
 from gslts.update.integrate import UpdateResult
@@ -68,7 +69,12 @@ def change_record(change: Change) -> ChangeRecord:
     Args:
         change: As detected.
     """
-    return ChangeRecord(kind=change.kind, confidence=change.confidence, boxes=change_boxes(change))
+    return ChangeRecord(
+        kind=change.kind,
+        confidence=change.confidence,
+        boxes=change_boxes(change),
+        appearances=(_appearance(change.before), _appearance(change.after)),
+    )
 
 
 def change_boxes(change: Change) -> tuple[Box | None, Box | None]:
@@ -79,6 +85,14 @@ def change_boxes(change: Change) -> tuple[Box | None, Box | None]:
     """
     before, after = (None if box is None else _box(*box) for box in change.boxes)
     return before, after
+
+
+def _appearance(surface: Surface | None) -> Appearance | None:
+    if surface is None or not len(surface.color_histogram):
+        return None
+    roots = np.rint(255 * np.sqrt(np.asarray(surface.color_histogram, np.float64))).astype(int)
+    colors = "".join(f"{bin_:03x}{roots[bin_]:02x}" for bin_ in np.flatnonzero(roots))
+    return Appearance(area_m2=surface.area_m2, colors=colors)
 
 
 def _box(low: Floats, high: Floats) -> Box:

@@ -8,12 +8,10 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 
 from gslts.change.changes import Change
-from gslts.store.records import Event
+from gslts.store.records import UNKNOWN, Event
 from gslts.update.region import Region
 from gslts.update.views import View, pixels_in_region
 
-UNKNOWN = "object"
-"""Type of an object that nothing names."""
 MARGIN_M = 0.02
 """Margin around the box of an added object in which its pixels lie, m."""
 MIN_LABEL_SHARE = 0.5

@@ -4,7 +4,6 @@ import json
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 
 import change_room
 import numpy as np
@@ -112,11 +111,7 @@ def test_the_box_of_a_removed_object_is_that_of_its_gaussians(tmp_path: Path) ->
     (change,) = result.changes
     low, high = change.boxes[0]
     # A detection that includes the wall behind the object.
-    longer = SimpleNamespace(
-        kind=change.kind,
-        confidence=change.confidence,
-        boxes=((low - (0, 0.8, 0), high), None),
-    )
+    longer = replace(change, boxes=((low - (0, 0.8, 0), high), None))
     gaussian_map, _ = embedded_map()
     write_map_folder(tmp_path / "map", gaussian_map, {}, {})
     with open_map(tmp_path / "map", writable=True) as store:

@@ -73,6 +73,10 @@ def test_the_history_is_printed(workplace: Path, updated: list[str]) -> None:
     assert printed[0].split()[0] == "2"
     assert "object removed from (2." in printed[1]
     assert printed[-1].split()[0] == "1"
+    track = gslts("log", "map", "--object", "Object", cwd=workplace).stdout
+    assert track.split()[0] == "2"
+    assert "object removed from (2." in track
+    assert len(track.splitlines()) == 1
     shown = gslts("show", "map", "2", cwd=workplace).stdout
     assert '"removal"' in shown
     assert "updates/00002.jpg" in shown
@@ -93,8 +97,11 @@ def test_an_old_version_is_restored(workplace: Path, updated: list[str]) -> None
     old, new = read_map(workplace / "map@1"), read_map(workplace / f"map@{number}")
     np.testing.assert_array_equal(old.means, new.means)
     assert len(read_map(workplace / "map@2").means) != len(old.means)
-    printed = gslts("log", "map", "--object", "Object", cwd=workplace).stdout.splitlines()
-    assert printed[1].endswith("m, undone since")
+    printed = gslts("log", "map", cwd=workplace).stdout.splitlines()
+    assert any(line.endswith("m, undone since") for line in printed)
+    failed = gslts("log", "map", "--object", "Object", cwd=workplace)
+    assert failed.returncode == 1
+    assert failed.stderr == ("gslts: map: no object Object has changed; objects that have: none\n")
     assert "removed from" not in gslts("diff", "map", "1", str(number), cwd=workplace).stdout
     back = gslts("diff", "map", "2", str(number), cwd=workplace).stdout.splitlines()
     assert back[1].startswith("without version 2: object removed from (2.")

@@ -1,0 +1,44 @@
+"""Precision and recall of the events of a history."""
+
+from gslts.store.records import ObjectEvent
+from gslts_bench.series.events import EventScore, score_events, true_events
+from gslts_sim.task import Change
+
+BOX_A = ((0.0, 0.0, 0.0), (0.2, 0.2, 0.2))
+BOX_B = ((2.0, 0.0, 0.0), (2.2, 0.2, 0.2))
+
+
+def change(kind, before, after, object_id="Mug|1"):
+    return Change(
+        kind=kind,
+        object_id=object_id,
+        object_type="Mug",
+        box_before=before,
+        box_after=after,
+    )
+
+
+def test_an_object_that_goes_and_comes_elsewhere_has_moved():
+    removal = change("removal", BOX_A, None)
+    other = change("addition", None, BOX_A, "Mug|2")
+    (first, second) = true_events([removal, other, change("addition", None, BOX_B)])
+    assert first == other
+    assert second == change("relocation", BOX_A, BOX_B)
+    back = change("addition", None, BOX_A)
+    assert true_events([removal, back]) == [removal, back]
+
+
+def test_each_true_event_counts_once():
+    true = [change("relocation", BOX_A, BOX_B), change("removal", BOX_A, None, "Mug|2")]
+    move = ObjectEvent(kind="relocation", type="Mug", boxes=(BOX_A, BOX_B))
+    score = score_events([move, move], true)
+    assert score == EventScore(right=1, told=2, true=2)
+    assert (score.precision, score.recall) == (0.5, 0.5)
+
+
+def test_an_end_at_another_position_is_wrong():
+    move = ObjectEvent(kind="relocation", type="Mug", boxes=(BOX_A, BOX_A))
+    assert score_events([move], [change("relocation", BOX_A, BOX_B)]).right == 0
+    half = ObjectEvent(kind="removal", type="Mug", boxes=(BOX_A, None))
+    assert score_events([half], [change("relocation", BOX_A, BOX_B)]).right == 0
+    assert score_events([], []).precision == score_events([], []).recall == 1
