@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +34,7 @@ SIDES = {_core.Side.AFTER: "after", _core.Side.BEFORE: "before"}
 KINDS = {"after": "new", "before": "missing"}
 """Kind of a marked object by the side on which it is seen."""
 MIN_OBJECT_IOU = 0.5
-"""Minimum IoU of a region with the box of an object that it shows; those from 0.25 on are left out."""
+"""Minimum IoU of a region with the box of an object that it shows; from 0.25 on it is unclear."""
 MAX_OVERLAP, MAX_BOX_IOU = 0.3, 0.5
 """As in cpp/detect/constants.hpp."""
 RIDGE = 10.0
@@ -50,7 +50,7 @@ class RegionDetector(ChangeDetector):
 
     regions: Sequence[_core.Region] = ()
 
-    def _changes(self, views: _core.Views, masks: _core.Masks, is_coarse: bool) -> Any:
+    def _changes(self, views: _core.Views, masks: _core.Masks, _is_coarse: bool) -> Any:
         self.regions = _core.find_regions(views, masks, self.config.objects)
         return (), (), np.zeros(1, np.int32)
 
@@ -236,19 +236,70 @@ def chosen(one: Example, weights: Floats, offset: float) -> list[Report]:
     return [Report(one.reports[i].side, one.reports[i].box_px, float(p[i])) for i in kept]
 
 
-def print_table(examples: Sequence[Example], title: str, parts: Sequence[Example]) -> None:
-    """Print what fits without a room find in it.
+def left_out(examples: Sequence[Example]) -> list[tuple[Example, list[Report]]]:
+    """Return the reports of each frame by a fit without its room.
 
     Args:
-        examples: All examples, to fit.
-        title: Name of the parts.
-        parts: Those to judge.
+        examples: Regions of frames.
     """
-    print(f"\n{title}: minimum confidence, new and missing found, other reports a frame (after, before)")
     reports = []
     for room in sorted({one.room for one in examples}):
         fitted = fit_examples([one for one in examples if one.room != room])
-        reports += [(one, chosen(one, *fitted)) for one in parts if one.room == room]
+        reports += [(one, chosen(one, *fitted)) for one in examples if one.room == room]
+    return reports
+
+
+def calibrate(reports: Sequence[tuple[Example, list[Report]]]) -> tuple[float, float]:
+    """Return scale and shift of the log odds that make them those of a right report.
+
+    The fit tells good regions from others. A report is right already if it overlaps an object, and
+    it is the best of its place.
+
+    Args:
+        reports: From `left_out`.
+    """
+    odds, right = [], []
+    for one, found in reports:
+        wrong = other_reports(one.objects, found)
+        odds += [np.log(r.confidence / (1 - r.confidence)) for r in found]
+        right += [report not in wrong for report in found]
+    scale, shift = fit(np.array(odds)[:, None], np.array(right, np.int32))
+    return float(scale[0]), shift
+
+
+def reports_of(
+    reports: Sequence[tuple[Example, list[Report]]],
+    parts: Sequence[Example],
+    scale: float,
+    shift: float,
+) -> list[tuple[Example, list[Report]]]:
+    """Return calibrated reports of some frames.
+
+    Args:
+        reports: From `left_out`.
+        parts: Frames to choose.
+        scale: From `calibrate`.
+        shift: From `calibrate`.
+    """
+
+    def calibrated(report: Report) -> Report:
+        odds = np.log(report.confidence / (1 - report.confidence))
+        return replace(report, confidence=float(1 / (1 + np.exp(-scale * odds - shift))))
+
+    own = {id(one) for one in parts}
+    return [
+        (one, [calibrated(report) for report in found]) for one, found in reports if id(one) in own
+    ]
+
+
+def print_table(title: str, reports: Sequence[tuple[Example, list[Report]]]) -> None:
+    """Print what is found.
+
+    Args:
+        title: Name of the frames.
+        reports: Reports of each frame.
+    """
+    print(f"\n{title}: minimum confidence, new and missing found, others a frame (after, before)")
     for threshold in THRESHOLDS:
         counts = {"new": [0, 0], "missing": [0, 0]}
         others = {"after": 0, "before": 0}
@@ -261,7 +312,7 @@ def print_table(examples: Sequence[Example], title: str, parts: Sequence[Example
             for report in other_reports(one.objects, likely):
                 others[report.side] += 1
         shares = [f"{a} of {b} ({100 * a / max(1, b):.0f} %)" for a, b in counts.values()]
-        means = [f"{count / len(reports):.2f}" for count in others.values()]
+        means = [f"{count / max(1, len(reports)):.2f}" for count in others.values()]
         print(f"{threshold:.1f}  {'  '.join(shares)}  {'  '.join(means)}")
 
 
@@ -274,12 +325,14 @@ def main() -> None:
     rooms = rooms_in(arguments.folder, PRESETS["fast"], arguments.work)
     later = [one for room in rooms for one in visits(room)]
     swapped = [one for room in rooms for one in swapped_visits(room)] if arguments.swap else []
-    print_table(later + swapped, "Later visits in the map of the first", later)
-    if swapped:
-        print_table(later + swapped, "First visit in maps of later ones", swapped)
-    weights, offset = fit_examples(later + swapped)
-    print(f"\nconstexpr double kRegionOffset = {offset:.3f};")
-    for weight in weights:
+    examples = later + swapped
+    reports = left_out(examples)
+    scale, shift = calibrate(reports)
+    print_table("Later visits in the map of the first", reports_of(reports, later, scale, shift))
+    print_table("First visit in maps of later ones", reports_of(reports, swapped, scale, shift))
+    weights, offset = fit_examples(examples)
+    print(f"\nconstexpr double kRegionOffset = {scale * offset + shift:.3f};")
+    for weight in scale * weights:
         print(f"    {weight:.3f},")
 
 

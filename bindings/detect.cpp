@@ -186,8 +186,9 @@ Raises:
     ValueError: A threshold is out of range, or the masks have another size.
 
 Source: GS-LTS, sec. III-C2, eq. 6 to 10.)");
-  m.def("find_changed_surfaces", &find_surfaces<&detect::find_changed_surfaces>, py::arg("views"), py::arg("masks"),
-        py::arg("rule"), R"(Find the surfaces that only one of map and frame shows.
+  m.def("find_changed_surfaces", &find_surfaces<&detect::find_changed_surfaces>, py::arg("views"),
+        py::arg("masks"), py::arg("rule"),
+        R"(Find the surfaces that only one of map and frame shows.
 
 Args:
     views: Frame and rendering.

@@ -177,8 +177,8 @@ constexpr double kTinyWeight = 1e-3;
 
 // Regions (regions.cpp).
 
-/// Constants k of the fine and the coarse segmentation. Other pairs and triples from 50 to 800 find as
-/// much in real visits, within 3 points.
+/// Constants k of the fine and the coarse segmentation. Other pairs and triples from 50 to 800 find
+/// as much in real visits, within 3 points.
 constexpr std::array<float, 2> kSegmentScales{150, 400};
 
 /// Step in which differences of neighbours are told apart, in units of L: less than is seen.
@@ -187,8 +187,8 @@ constexpr float kDifferenceStep = 1.0f / 16;
 /// Standard deviation of the blur before the segmentation, px.
 constexpr double kSegmentBlur_px = 0.6;
 
-/// Weights of the axes a and b against L, and of a colour change of 1, in units of L. Twice the weight
-/// of the change finds 5 points less in real visits, none at all 3 points.
+/// Weights of the axes a and b against L, and of a colour change of 1, in units of L. Twice the
+/// weight of the change finds 5 points less in real visits, none at all 3 points.
 constexpr float kHueWeight = 1.5f, kChangeWeight = 30;
 
 /// Maximum size of a region, as a share of the image, and its minimum mean colour change.
@@ -206,11 +206,11 @@ constexpr double kTinyChange = 0.01;
 /// Logistic regression found by benchmarks/fit_region_confidence.py on real visits of three rooms.
 constexpr double kRegionOffset = 4.396;
 constexpr std::array<double, 8> kRegionWeights{
-    1.789,  // hue change
+    1.789,   // hue change
     -0.593,  // hue change around
-    1.256,  // colour change
+    1.256,   // colour change
     -0.586,  // contrast in the other image
-    1.532,  // thickness
+    1.532,   // thickness
     -0.418,  // touches the edge of the image
     -0.522,  // aspect
     -1.500,  // in the map

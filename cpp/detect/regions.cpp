@@ -69,8 +69,8 @@ RegionFeatures features_of(const Image& image, const cv::Mat& other_rgb, const c
   if (cv::countNonZero(around) == 0) around = region;
   const cv::Rect box = cv::boundingRect(region);
   const cv::Rect in_image = box + part.tl();
-  const bool touches = in_image.x <= 1 || in_image.y <= 1 ||
-                       in_image.br().x >= camera.width - 1 || in_image.br().y >= camera.height - 1;
+  const bool touches = in_image.x <= 1 || in_image.y <= 1 || in_image.br().x >= camera.width - 1 ||
+                       in_image.br().y >= camera.height - 1;
   const double aspect = std::log(double(box.width) / box.height);
   const double focal_px = 0.5 * (camera.fx + camera.fy);
   return {
@@ -91,7 +91,8 @@ void add_regions(const Image& image, const cv::Mat& other_rgb, const Camera& cam
   const std::vector<float> scales(kSegmentScales.begin(), kSegmentScales.end());
   for (std::vector<Pixels>& segments : segment_image(channels_of(image), scales, min_px)) {
     for (Pixels& pixels : segments) {
-      if (int(pixels.size()) < min_px || double(pixels.size()) > kMaxRegionShare * double(image.rgb.total())) {
+      if (int(pixels.size()) < min_px ||
+          double(pixels.size()) > kMaxRegionShare * double(image.rgb.total())) {
         continue;
       }
       double sum = 0;
@@ -134,8 +135,8 @@ std::vector<Region> find_regions(const Views& views, const Masks& masks, const O
   validate(rule, "find_regions");
   const Camera& camera = views.camera;
   const cv::Mat observed = image_of(views.observed_rgb, camera, 3);
-  const cv::Mat rendered = match_light(image_of(views.rendered_rgb, camera, 3), observed,
-                                       image_of(masks.known, camera));
+  const cv::Mat rendered =
+      match_light(image_of(views.rendered_rgb, camera, 3), observed, image_of(masks.known, camera));
   Views lit = views;
   lit.rendered_rgb = rendered.ptr<float>();
   const ColorChange colors = compare_colors(lit, masks, rule.edge_tolerance_px);

@@ -72,8 +72,8 @@ std::vector<Edge> sorted_edges(const cv::Mat& image) {
   const auto* values = image.ptr<cv::Vec4f>();
   const auto add = [&](std::size_t a, std::size_t b) {
     const cv::Vec4f step = values[a] - values[b];
-    const float difference = std::sqrt(step[0] * step[0] + step[1] * step[1] + step[2] * step[2] +
-                                       step[3] * step[3]);
+    const float difference =
+        std::sqrt(step[0] * step[0] + step[1] * step[1] + step[2] * step[2] + step[3] * step[3]);
     edges.push_back({difference, std::uint32_t(a), std::uint32_t(b)});
     ++starts[bin_of(difference) + 1];
   };

@@ -1,5 +1,3 @@
-#include "gslts/detect/regions.hpp"
-
 #include <gmock/gmock.h>
 
 #include <algorithm>
@@ -11,6 +9,7 @@
 
 #include "color_constancy.hpp"
 #include "detect_scenes.hpp"
+#include "gslts/detect/regions.hpp"
 #include "segmentation.hpp"
 
 namespace gslts::detect {

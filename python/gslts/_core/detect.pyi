@@ -7,7 +7,7 @@ import gslts._core.map
 import numpy
 import numpy.typing
 import typing
-__all__: list[str] = ['ChangeType', 'Component', 'Evidence', 'GsLtsChange', 'GsLtsRule', 'MaskRule', 'Masks', 'ObjectChange', 'ObjectRule', 'Side', 'Surface', 'Views', 'Visibility', 'classify_changes', 'compute_masks', 'confidence', 'confidence_features', 'detect_gs_lts', 'find_changed_surfaces', 'mask_arrays', 'match_features', 'match_score']
+__all__: list[str] = ['ChangeType', 'Component', 'Evidence', 'GsLtsChange', 'GsLtsRule', 'MaskRule', 'Masks', 'ObjectChange', 'ObjectRule', 'Region', 'Side', 'Surface', 'Views', 'Visibility', 'classify_changes', 'compute_masks', 'confidence', 'confidence_features', 'detect_gs_lts', 'find_changed_regions', 'find_changed_surfaces', 'find_regions', 'mask_arrays', 'match_features', 'match_score']
 class MaskRule:
     """
     Thresholds of the masks of GS-LTS, sec. III-C1; immutable.
@@ -297,12 +297,14 @@ class Surface:
         color_histogram: Shares of colours that sum up to 1; empty: unknown, and it matches nothing.
         evidence: Measurements on and around it; None: all are 0.
         visibility: Visibility counts of the samples; None: unknown.
+        color_confidence: Confidence from colours alone, 0 to 1, in place of that from the rest; None:
+            not known.
     
     Raises:
         ValueError: A number is not finite, an area is negative, the box is inverted, or the histogram
             has another length.
     """
-    def __init__(self, *, side: Side, point: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"], low: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"], high: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"], label: int = 0, area_px: int = 0, area_m2: typing.SupportsFloat | typing.SupportsIndex = 0.0, depth_m: typing.SupportsFloat | typing.SupportsIndex = 0.0, color: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"] = (0.0, 0.0, 0.0), step_m: typing.SupportsFloat | typing.SupportsIndex = 0.0, flat: bool = False, samples: collections.abc.Sequence[typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"]] = (), color_histogram: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = (), evidence: Evidence | None = None, visibility: Visibility | None = None) -> None:
+    def __init__(self, *, side: Side, point: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"], low: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"], high: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"], label: int = 0, area_px: int = 0, area_m2: typing.SupportsFloat | typing.SupportsIndex = 0.0, depth_m: typing.SupportsFloat | typing.SupportsIndex = 0.0, color: typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"] = (0.0, 0.0, 0.0), step_m: typing.SupportsFloat | typing.SupportsIndex = 0.0, flat: bool = False, samples: collections.abc.Sequence[typing.Annotated[numpy.typing.ArrayLike, numpy.float64, "[3, 1]"]] = (), color_histogram: collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex] = (), evidence: Evidence | None = None, visibility: Visibility | None = None, color_confidence: typing.SupportsFloat | typing.SupportsIndex | None = None) -> None:
         ...
     @property
     def area_m2(self) -> float:
@@ -312,6 +314,9 @@ class Surface:
         ...
     @property
     def color(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]:
+        ...
+    @property
+    def color_confidence(self) -> float | None:
         ...
     @property
     def color_histogram(self) -> list[float]:
@@ -353,6 +358,23 @@ class Surface:
         """
     @visibility.setter
     def visibility(self, arg0: Visibility | None) -> None:
+        ...
+class Region:
+    """
+    A region of similar colours that the other image may not show.
+    """
+    @property
+    def features(self) -> typing.Annotated[list[float], "FixedSize(8)"]:
+        """
+        Features of the logistic regression of its confidence.
+        """
+    @property
+    def pixels(self) -> list[int]:
+        """
+        Indices, row by row.
+        """
+    @property
+    def side(self) -> Side:
         ...
 class Component:
     """
@@ -516,6 +538,24 @@ def detect_gs_lts(views: Views, masks: Masks, rule: GsLtsRule) -> tuple[GsLtsCha
     
     Source: GS-LTS, sec. III-C2, eq. 6 to 10.
     """
+def find_changed_regions(views: Views, masks: Masks, rule: ObjectRule) -> tuple[list[Surface], numpy.typing.NDArray[numpy.int32]]:
+    """
+    Find the objects that only one of map and frame shows, by colours alone.
+    
+    For depth that is coarser than the steps that `find_changed_surfaces` looks for.
+    
+    Args:
+        views: Frame and rendering.
+        masks: Of the same views.
+        rule: Thresholds.
+    
+    Returns:
+        Surfaces with a `color_confidence`, the highest first, and [H,W] int32 their labels, 0 where
+        nothing changed.
+    
+    Raises:
+        ValueError: A threshold is out of range, or the masks have another size.
+    """
 def find_changed_surfaces(views: Views, masks: Masks, rule: ObjectRule) -> tuple[list[Surface], numpy.typing.NDArray[numpy.int32]]:
     """
     Find the surfaces that only one of map and frame shows.
@@ -527,6 +567,21 @@ def find_changed_surfaces(views: Views, masks: Masks, rule: ObjectRule) -> tuple
     
     Returns:
         The surfaces, and [H,W] int32 their labels, 0 where nothing changed.
+    
+    Raises:
+        ValueError: A threshold is out of range, or the masks have another size.
+    """
+def find_regions(views: Views, masks: Masks, rule: ObjectRule) -> list[Region]:
+    """
+    List the regions that `find_changed_regions` chooses from; they may overlap.
+    
+    Args:
+        views: Frame and rendering.
+        masks: Of the same views.
+        rule: Thresholds.
+    
+    Returns:
+        The regions of frame and rendering.
     
     Raises:
         ValueError: A threshold is out of range, or the masks have another size.
