@@ -37,8 +37,9 @@ MIN_SHARPNESS_RATIO = 0.15
 columns: motion blur removes one of them."""
 SIMILAR = 0.75
 """Minimum cosine of the features of one surface in two images."""
-MAX_DISSIMILAR_SHARE = 0.25
-"""Maximum share of the known view with dissimilar features; changed objects cover less."""
+MAX_DISSIMILAR_SHARE, MAX_COARSE_DISSIMILAR_SHARE = 0.25, 0.5
+"""Maximum share of the known view with dissimilar features; changed objects cover less. The second
+one is for coarse depth, together with `MIN_AGREEMENT`."""
 MIN_AGREEMENT = 0.2
 """With coarse depth, the minimum difference of the share of measured depths within
 `DEPTH_TOLERANCE` of the map, and of the share of the known view with dissimilar features. Of 90

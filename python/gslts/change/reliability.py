@@ -9,6 +9,7 @@ from gslts.change.constants import (
     BLACK,
     DEPTH_TOLERANCE,
     MAX_CLIPPED_SHARE,
+    MAX_COARSE_DISSIMILAR_SHARE,
     MAX_CORRECTION_M,
     MAX_CORRECTION_RAD,
     MAX_DISSIMILAR_SHARE,
@@ -106,7 +107,8 @@ def place_fault(
     agreeing = float((errors < DEPTH_TOLERANCE * rendered_depth[both]).mean())
     dissimilar = float((similarity[known] < SIMILAR).mean())
     if is_coarse:
-        is_same = agreeing - dissimilar >= MIN_AGREEMENT
+        is_same = dissimilar <= MAX_COARSE_DISSIMILAR_SHARE
+        is_same &= agreeing - dissimilar >= MIN_AGREEMENT
     else:
         is_same = agreeing >= MIN_AGREEING_SHARE and dissimilar <= MAX_DISSIMILAR_SHARE
     if is_same:
