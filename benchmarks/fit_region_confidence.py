@@ -41,6 +41,8 @@ RIDGE = 10.0
 """Weight of the squared weights of features with unit variance."""
 FEATURES = 8
 """Number of the features of a region."""
+MAX_OTHERS = 0.2
+"""Maximum number of other reports a frame of a room left out of the fit, on both sides."""
 THRESHOLDS = (0.3, 0.4, 0.5, 0.6, 0.7)
 """Minimum confidences of the table."""
 
@@ -249,47 +251,34 @@ def left_out(examples: Sequence[Example]) -> list[tuple[Example, list[Report]]]:
     return reports
 
 
-def calibrate(reports: Sequence[tuple[Example, list[Report]]]) -> tuple[float, float]:
-    """Return scale and shift of the log odds that make them those of a right report.
-
-    The fit tells good regions from others. A report is right already if it overlaps an object, and
-    it is the best of its place.
+def operating_shift(reports: Sequence[tuple[Example, list[Report]]]) -> float:
+    """Return the shift of the log odds with which few enough other reports reach 0.5.
 
     Args:
         reports: From `left_out`.
     """
-    odds, right = [], []
-    for one, found in reports:
-        wrong = other_reports(one.objects, found)
-        odds += [np.log(r.confidence / (1 - r.confidence)) for r in found]
-        right += [report not in wrong for report in found]
-    scale, shift = fit(np.array(odds)[:, None], np.array(right, np.int32))
-    return float(scale[0]), shift
+    others = [r.confidence for one, found in reports for r in other_reports(one.objects, found)]
+    first = sorted(others, reverse=True)[int(MAX_OTHERS * len(reports))]
+    return -float(np.log(first / (1 - first)))
 
 
-def reports_of(
-    reports: Sequence[tuple[Example, list[Report]]],
-    parts: Sequence[Example],
-    scale: float,
-    shift: float,
+def shifted(
+    reports: Sequence[tuple[Example, list[Report]]], parts: Sequence[Example], shift: float
 ) -> list[tuple[Example, list[Report]]]:
-    """Return calibrated reports of some frames.
+    """Return the reports of some frames with shifted log odds.
 
     Args:
         reports: From `left_out`.
         parts: Frames to choose.
-        scale: From `calibrate`.
-        shift: From `calibrate`.
+        shift: Added to the log odds.
     """
 
-    def calibrated(report: Report) -> Report:
+    def shift_one(report: Report) -> Report:
         odds = np.log(report.confidence / (1 - report.confidence))
-        return replace(report, confidence=float(1 / (1 + np.exp(-scale * odds - shift))))
+        return replace(report, confidence=float(1 / (1 + np.exp(-odds - shift))))
 
     own = {id(one) for one in parts}
-    return [
-        (one, [calibrated(report) for report in found]) for one, found in reports if id(one) in own
-    ]
+    return [(one, list(map(shift_one, found))) for one, found in reports if id(one) in own]
 
 
 def print_table(title: str, reports: Sequence[tuple[Example, list[Report]]]) -> None:
@@ -327,12 +316,12 @@ def main() -> None:
     swapped = [one for room in rooms for one in swapped_visits(room)] if arguments.swap else []
     examples = later + swapped
     reports = left_out(examples)
-    scale, shift = calibrate(reports)
-    print_table("Later visits in the map of the first", reports_of(reports, later, scale, shift))
-    print_table("First visit in maps of later ones", reports_of(reports, swapped, scale, shift))
+    shift = operating_shift([entry for entry in reports if any(entry[0] is one for one in later)])
+    print_table("Later visits in the map of the first", shifted(reports, later, shift))
+    print_table("First visit in maps of later ones", shifted(reports, swapped, shift))
     weights, offset = fit_examples(examples)
-    print(f"\nconstexpr double kRegionOffset = {scale * offset + shift:.3f};")
-    for weight in scale * weights:
+    print(f"\nconstexpr double kRegionOffset = {offset + shift:.3f};")
+    for weight in weights:
         print(f"    {weight:.3f},")
 
 

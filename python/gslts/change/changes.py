@@ -96,12 +96,7 @@ class Change:
             (x0, y0, x1, y1) in the pixels of the frame, x1 and y1 exclusive.
         """
         mask = self.masks[SIDES.index(side)]
-        if mask is None or not mask.any():
-            return None
-        rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-        scale = width // mask.shape[1]
-        low, high = (columns[0], rows[0]), (columns[-1] + 1, rows[-1] + 1)
-        return scale * int(low[0]), scale * int(low[1]), scale * int(high[0]), scale * int(high[1])
+        return None if mask is None else box_of_mask(mask, width)
 
     def end(self, side: Side) -> Change:
         """Return the removal or the addition that is one end of a relocation.
@@ -123,6 +118,24 @@ class Change:
         return Change(
             "addition", self.confidence, point, (None, box), (None, mask), after=self.after
         )
+
+
+def box_of_mask(mask: Bools, width: int) -> tuple[int, int, int, int] | None:
+    """Return the box around the pixels of a mask; None if it has none.
+
+    Args:
+        mask: [H,W], of an image or of a halved one.
+        width: Width of the image, px.
+
+    Returns:
+        (x0, y0, x1, y1) in the pixels of the image, x1 and y1 exclusive.
+    """
+    if not mask.any():
+        return None
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    scale = width // mask.shape[1]
+    low, high = (columns[0], rows[0]), (columns[-1] + 1, rows[-1] + 1)
+    return scale * int(low[0]), scale * int(low[1]), scale * int(high[0]), scale * int(high[1])
 
 
 def _require_position(name: str, value: Any) -> None:

@@ -60,6 +60,12 @@ MIN_DISTINCT_DEPTHS = 8
 DEPTH_SAMPLES = 20_000
 """Maximum number of depths that are looked at; all of them take 20 ms longer."""
 
+# Regions that cannot be judged.
+MIN_UNKNOWN_SHARE = 0.01
+"""Minimum share of the image of a region that is reported as unknown."""
+MIN_SEEN_SHARE = 0.5
+"""Minimum share of a surface's samples that training cameras saw, or saw through."""
+
 # Exposure of a frame in which something changed.
 EXPOSURE_REFITS = 2
 """Number of fits without outliers after the first one."""

@@ -29,6 +29,7 @@ from gslts.change.reliability import (
     view_fault,
 )
 from gslts.change.rules import gs_lts_change, object_changes
+from gslts.change.unknown import UnknownRegion, unknown_regions
 from gslts.change.visibility import Visibility
 from gslts.core.camera import Camera, at_pose
 from gslts.core.frame import RgbdFrame
@@ -59,6 +60,8 @@ class Detection:
             with the strategy "gs_lts".
         labels: [H,W] label of the surface or mask component at each pixel, 0 for none; None if
             unreliable.
+        unknown: Regions in which changes cannot be judged; none if the frame is unreliable, or with
+            the strategy "gs_lts".
     """
 
     changes: tuple[Change, ...]
@@ -72,6 +75,7 @@ class Detection:
     exposure: Exposure = field(default_factory=Exposure)
     surfaces: tuple[_core.Surface, ...] = ()
     labels: Ints32 | None = None
+    unknown: tuple[UnknownRegion, ...] = ()
 
 
 class ChangeDetector:
@@ -224,6 +228,10 @@ class ChangeDetector:
         if changed and np.any(changed, axis=0).sum() > MAX_CHANGED_SHARE * known.sum():
             return Detection((), "most of the view differs", camera, observed_rgb)
         arrays = _core.mask_arrays(masks, camera)
+        unknown: tuple[UnknownRegion, ...] = ()
+        if config.strategy == "objects":
+            measured = (observed_depth > 0) | is_coarse
+            unknown = unknown_regions(known, measured, surfaces, labels)
         return Detection(
             changes=changes,
             unreliable=None,
@@ -236,6 +244,7 @@ class ChangeDetector:
             exposure=exposure,
             surfaces=surfaces,
             labels=labels,
+            unknown=unknown,
         )
 
     def _changes(

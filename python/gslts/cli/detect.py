@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,6 +15,7 @@ from gslts.cli.mapping import Dataset, Map, Threads
 
 if TYPE_CHECKING:
     from gslts.change.changes import Change
+    from gslts.change.detector import Detection
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
 
@@ -88,21 +88,24 @@ def detect(
             )
         except (OSError, ValueError) as error:  # A damaged file does not stop the others.
             reason = " ".join(str(error).split())
-            typer.echo(json.dumps(_plain(name, (), reason)) if as_json else _line(name, (), reason))
+            plain = {"frame": name, "unreliable": reason, "changes": [], "unknown": []}
+            typer.echo(json.dumps(plain) if as_json else f"{name}: unreliable: {reason}")
             continue
-        result = (name, detection.changes, detection.unreliable)
-        typer.echo(json.dumps(_plain(*result, read.camera.width)) if as_json else _line(*result))
+        if as_json:
+            typer.echo(json.dumps(_plain(name, detection, read.camera.width)))
+        else:
+            typer.echo(_line(name, detection))
         if out is not None:
             stem = re.sub(r"[^\w.-]+", "-", name)
             write_image(out / f"{number:05}_{stem}.png", overlay(detection))
 
 
-def _line(name: str, changes: Sequence[Change], unreliable: str | None) -> str:
-    if unreliable is not None:
-        return f"{name}: unreliable: {unreliable}"
-    if not changes:
+def _line(name: str, detection: Detection) -> str:
+    if detection.unreliable is not None:
+        return f"{name}: unreliable: {detection.unreliable}"
+    if not detection.changes:
         return f"{name}: no change"
-    return f"{name}: " + "; ".join(_summary(change) for change in changes)
+    return f"{name}: " + "; ".join(_summary(change) for change in detection.changes)
 
 
 def _summary(change: Change) -> str:
@@ -110,13 +113,11 @@ def _summary(change: Change) -> str:
     return f"{change.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m, confidence {change.confidence:.2f}"
 
 
-def _plain(
-    name: str, changes: Sequence[Change], unreliable: str | None, width_px: int = 0
-) -> dict[str, Any]:
-    """Return JSON values of a result; `width_px` of the frame is for the boxes of its changes."""
+def _plain(name: str, detection: Detection, width_px: int) -> dict[str, Any]:
+    """Return JSON values of a result; boxes are in the pixels of a frame of this width."""
     return {
         "frame": name,
-        "unreliable": unreliable,
+        "unreliable": detection.unreliable,
         "changes": [
             {
                 "kind": change.kind,
@@ -127,7 +128,11 @@ def _plain(
                 "box_px": change.box_px("after", width_px) or change.box_px("before", width_px),
                 "pixels": [0 if mask is None else int(mask.sum()) for mask in change.masks],
             }
-            for change in changes
+            for change in detection.changes
+        ],
+        "unknown": [
+            {"reason": region.reason, "box_px": region.box_px(width_px)}
+            for region in detection.unknown
         ],
     }
 
