@@ -17,6 +17,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from logistic_regression import fit as fit_logistic
+from logistic_regression import logistic
 from tqdm import tqdm
 
 from gslts._core.detect import Side, Surface, confidence_features, match_features
@@ -41,8 +43,6 @@ NEGATIVES = 40
 """Maximum number of pairs of different objects per pair of the same object."""
 RIDGE = 1e-3
 """Weight of the squared weights of features with unit variance."""
-ROUNDS = 50
-"""Number of Newton iterations."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,20 +136,9 @@ def match_questions(found: Sequence[Found], rng: np.random.Generator) -> Questio
 
 
 def fit(questions: Questions) -> Floats:
-    """Fit weights and an offset [F+1] by logistic regression with Newton's method."""
-    mean, spread = questions.features.mean(axis=0), questions.features.std(axis=0) + 1e-9
-    features = _with_one((questions.features - mean) / spread)
-    ridge = np.full(features.shape[1], RIDGE * questions.weights.sum())
-    ridge[-1] = 0
-    weights = np.zeros(features.shape[1])
-    for _ in range(ROUNDS):
-        answers = _logistic(features @ weights)
-        gradient = features.T @ (questions.weights * (answers - questions.answers))
-        curvature = questions.weights * answers * (1 - answers)
-        hessian = (features * curvature[:, None]).T @ features + np.diag(ridge + 1e-9)
-        weights -= np.linalg.solve(hessian, gradient + ridge * weights)
-    plain = weights[:-1] / spread
-    return np.append(plain, weights[-1] - plain @ mean)
+    """Fit weights and an offset [F+1]."""
+    ridge = RIDGE * questions.weights.sum()
+    return fit_logistic(questions.features, questions.answers, questions.weights, ridge)
 
 
 def answers_of_others(questions: Questions) -> Floats:
@@ -163,7 +152,7 @@ def answers_of_others(questions: Questions) -> Floats:
             questions.homes[~own],
             questions.weights[~own],
         )
-        answers[own] = _logistic(_with_one(questions.features[own]) @ fit(others))
+        answers[own] = logistic(_with_one(questions.features[own]) @ fit(others))
     return answers
 
 
@@ -182,10 +171,6 @@ def report(title: str, questions: Questions) -> None:
     print(f"  in homes left out: loss {loss(questions, answers):.4f}, right {100 * right:.1f} %")
     *weights, offset = fit(questions)
     print(f"  offset {offset:.3f}, weights {', '.join(f'{weight:.3f}' for weight in weights)}")
-
-
-def _logistic(values: Floats) -> Floats:
-    return np.asarray(1 / (1 + np.exp(-values)))
 
 
 def _with_one(features: Floats) -> Floats:

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from logistic_regression import fit, logistic
 from tqdm import tqdm
 
 from gslts._core import detect as _core
@@ -187,25 +188,6 @@ def swapped_visits(room: RealRoom) -> Iterator[Example]:
             yield example(room.name, detector, first, objects)
 
 
-def fit(features: Floats, labels: Ints32) -> tuple[Floats, float]:
-    """Return weights and offset of a logistic regression (Newton's method).
-
-    Args:
-        features: [N,F].
-        labels: [N] 0 or 1.
-    """
-    mean, std = features.mean(axis=0), features.std(axis=0) + 1e-9
-    rows = np.c_[(features - mean) / std, np.ones(len(features))]
-    ridge = np.diag([RIDGE] * features.shape[1] + [0.0])
-    weights = np.zeros(rows.shape[1])
-    for _ in range(20):
-        p = 1 / (1 + np.exp(-rows @ weights))
-        hessian = (rows * (p * (1 - p))[:, None]).T @ rows + ridge
-        weights -= np.linalg.solve(hessian, rows.T @ (p - labels) + ridge @ weights)
-    scaled = weights[:-1] / std
-    return scaled, float(weights[-1] - scaled @ mean)
-
-
 def fit_examples(examples: Sequence[Example]) -> tuple[Floats, float]:
     """Return weights and offset for all clear regions.
 
@@ -214,7 +196,9 @@ def fit_examples(examples: Sequence[Example]) -> tuple[Floats, float]:
     """
     labels = np.concatenate([one.labels() for one in examples])
     features = np.vstack([one.features for one in examples])
-    return fit(features[labels >= 0], labels[labels >= 0])
+    clear = labels >= 0
+    *weights, offset = fit(features[clear], labels[clear], np.ones(clear.sum()), RIDGE)
+    return np.array(weights), float(offset)
 
 
 def chosen(one: Example, weights: Floats, offset: float) -> list[Report]:
@@ -225,7 +209,7 @@ def chosen(one: Example, weights: Floats, offset: float) -> list[Report]:
         weights: [8].
         offset: Of the logistic regression.
     """
-    p = 1 / (1 + np.exp(-(one.features @ weights + offset)))
+    p = logistic(one.features @ weights + offset)
     kept: list[int] = []
     for i in np.argsort(-p, kind="stable"):
         own, box = one.pixels[i], one.reports[i].box_px
@@ -275,7 +259,7 @@ def shifted(
 
     def shift_one(report: Report) -> Report:
         odds = np.log(report.confidence / (1 - report.confidence))
-        return replace(report, confidence=float(1 / (1 + np.exp(-odds - shift))))
+        return replace(report, confidence=float(logistic(odds + shift)))
 
     own = {id(one) for one in parts}
     return [(one, list(map(shift_one, found))) for one, found in reports if id(one) in own]

@@ -37,14 +37,12 @@ from gslts_sim.task import Change
 
 FRAMES, ITERATIONS, MAPPING_S = 120, 100, 30.0
 """Maximum number of frames of the recording, iterations of a refinement, and time of mapping, s."""
-Kind = TypeVar("Kind", Event, Change)
 DAY, MAP = "day.json", "map"
 """Names in the folder of a series."""
+Kind = TypeVar("Kind", Event, Change)
 
 
-def run_series(
-    folder: Path, room: str, seed: int, changes: int, size: tuple[int, int], *, named: bool
-) -> None:
+def run_series(folder: Path, room: str, seed: int, changes: int, size: tuple[int, int]) -> None:
     """Map a home, and keep the map over all rounds.
 
     Args:
@@ -53,7 +51,6 @@ def run_series(
         seed: Of the home and of its changes.
         changes: Number of changes.
         size: Width and height of the images, px.
-        named: Give the map names of objects, from the simulator's labels.
     """
     empty_folder(folder)
     width, height = size
@@ -64,8 +61,7 @@ def run_series(
     capture(robot, explore(robot.home, FRAMES)[0], folder / "before")
     config = PRESETS["fast"].model_copy(update={"budget_s": MAPPING_S, "threads": 1})
     write_result(folder / MAP, make_map(open_dataset(folder / "before"), config), "before")
-    if named:
-        add_semantics(folder / MAP, folder / "before", threads=1)
+    add_semantics(folder / MAP, folder / "before", threads=1)
     update = UpdateConfig(threads=1, refine=RefineConfig(iterations=ITERATIONS))
     with MapKeeper(folder / MAP, KeeperConfig(update=update)) as keeper:
         for number in tqdm(range(1, len(day.rounds) + 1), desc=folder.name):
@@ -111,19 +107,15 @@ def main() -> None:
     parser.add_argument("--homes", nargs="+", default=["bedroom_3", "living_room_8"])
     parser.add_argument("--changes", type=int, default=40, help="in each home: 40 are 30 days")
     parser.add_argument("--size", default="640x480", help="WxH of the images, px")
-    parser.add_argument("--unnamed", action="store_true", help="maps without semantics")
     parser.add_argument("--work", type=Path, default=Path("out/objects"))
     given = parser.parse_args()
     width, height = map(int, given.size.split("x"))
     rows = []
     for name in given.homes:
         room, seed = name.rsplit("_", 1)
-        kind = "_unnamed" if given.unnamed else ""
-        folder = given.work / f"{name}_{given.changes}_{given.size}{kind}"
+        folder = given.work / f"{name}_{given.changes}_{given.size}"
         if not (folder / DAY).exists():
-            run_series(
-                folder, room, int(seed), given.changes, (width, height), named=not given.unnamed
-            )
+            run_series(folder, room, int(seed), given.changes, (width, height))
         rows += summary(folder)
     print(
         "| home | days | events | precision | recall | recall of what updates found "

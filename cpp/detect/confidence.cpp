@@ -3,6 +3,7 @@
 
 #include "constants.hpp"
 #include "gslts/detect/surface.hpp"
+#include "logistic.hpp"
 
 namespace gslts::detect {
 namespace {
@@ -50,10 +51,7 @@ std::array<double, kConfidenceFeatures> confidence_features(const Surface& surfa
 
 double confidence(const Surface& surface) {
   if (surface.color_confidence) return *surface.color_confidence;
-  const std::array<double, kConfidenceFeatures> features = confidence_features(surface);
-  double sum = kConfidenceOffset;
-  for (std::size_t k = 0; k < kConfidenceFeatures; ++k) sum += kConfidenceWeights[k] * features[k];
-  return 1 / (1 + std::exp(-sum));
+  return logistic(kConfidenceOffset, kConfidenceWeights, confidence_features(surface));
 }
 
 }  // namespace gslts::detect

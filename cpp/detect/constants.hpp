@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 
+#include "gslts/detect/regions.hpp"
 #include "gslts/detect/surface.hpp"
 
 // Fixed numbers of change detection. The thresholds that a user may change are in `MaskRule`,
@@ -206,7 +207,7 @@ constexpr double kTinyChange = 0.01;
 /// Logistic regression found by benchmarks/fit_region_confidence.py on real visits of three rooms.
 /// The offset lets 0.2 other reports a frame reach 0.5 in rooms left out of the fit.
 constexpr double kRegionOffset = 5.075;
-constexpr std::array<double, 8> kRegionWeights{
+constexpr std::array<double, kRegionFeatures> kRegionWeights{
     1.642,   // hue change
     -0.473,  // hue change around
     1.402,   // colour change

@@ -88,18 +88,11 @@ double attached_share(const cv::Mat& depth, const cv::Mat& region) {
 
 }  // namespace
 
-cv::Rect bounds(const Pixels& pixels, const Camera& camera) {
-  int left = camera.width, top = camera.height, right = 0, bottom = 0;
-  for (const std::size_t k : pixels) {
-    const int x = int(k % std::size_t(camera.width)), y = int(k / std::size_t(camera.width));
-    left = std::min(left, x), right = std::max(right, x + 1);
-    top = std::min(top, y), bottom = std::max(bottom, y + 1);
-  }
+cv::Rect with_ring(const cv::Rect& box, const Camera& camera) {
   constexpr int kMargin_px = kRingEnd_px + 1;
-  const cv::Rect image(0, 0, camera.width, camera.height);
-  const cv::Point low(left - kMargin_px, top - kMargin_px);
-  const cv::Point high(right + kMargin_px, bottom + kMargin_px);
-  return cv::Rect(low, high) & image;
+  const cv::Point margin(kMargin_px, kMargin_px);
+  return cv::Rect(box.tl() - margin, box.br() + margin) &
+         cv::Rect(0, 0, camera.width, camera.height);
 }
 
 double thickness_px(const cv::Mat& region) {
@@ -114,7 +107,7 @@ double thickness_px(const cv::Mat& region) {
 Evidence evidence_of(const Views& views, const Masks& masks, const Pixels& pixels,
                      const Surface& surface) {
   const Camera& camera = views.camera;
-  const cv::Rect part = bounds(pixels, camera);
+  const cv::Rect part = with_ring(box_of(pixels, camera), camera);
   const cv::Mat observed_rgb = image_of(views.observed_rgb, camera, 3)(part);
   const cv::Mat rendered_rgb = image_of(views.rendered_rgb, camera, 3)(part);
   const cv::Mat observed_depth = image_of(views.observed_depth, camera)(part);

@@ -6,8 +6,8 @@
 
 namespace gslts::detect {
 
-/// Bounds some pixels and the ring around them.
-cv::Rect bounds(const Pixels& pixels, const Camera& camera);
+/// Returns the box around a region and the ring around it, in the image.
+cv::Rect with_ring(const cv::Rect& box, const Camera& camera);
 
 /// Returns the diameter of the largest disc in a region, px.
 double thickness_px(const cv::Mat& region);

@@ -42,6 +42,17 @@ inline cv::Mat mask_of(const Pixels& pixels, const Camera& camera) {
   return mask;
 }
 
+/// Returns the box around some pixels, at least one.
+inline cv::Rect box_of(const Pixels& pixels, const Camera& camera) {
+  int left = camera.width, top = camera.height, right = 0, bottom = 0;
+  for (const std::size_t k : pixels) {
+    const int x = int(k % std::size_t(camera.width)), y = int(k / std::size_t(camera.width));
+    left = std::min(left, x), right = std::max(right, x + 1);
+    top = std::min(top, y), bottom = std::max(bottom, y + 1);
+  }
+  return {cv::Point(left, top), cv::Point(right, bottom)};
+}
+
 /// Structuring elements of a radius in px.
 inline cv::Mat square(int radius_px) {
   const int side = 2 * radius_px + 1;

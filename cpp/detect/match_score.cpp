@@ -4,6 +4,7 @@
 #include "color_histogram.hpp"
 #include "constants.hpp"
 #include "gslts/detect/surface.hpp"
+#include "logistic.hpp"
 
 namespace gslts::detect {
 
@@ -15,8 +16,7 @@ std::array<double, 2> match_features(const Surface& a, const Surface& b) {
 double match_score(const Surface& a, const Surface& b) {
   const auto [shorter, longer] = std::minmax({(a.high - a.low).norm(), (b.high - b.low).norm()});
   if (shorter < kMinLengthRatio * longer) return 0;
-  const auto [colors, area] = match_features(a, b);
-  return 1 / (1 + std::exp(-(kMatchOffset + kMatchWeights[0] * colors + kMatchWeights[1] * area)));
+  return logistic(kMatchOffset, kMatchWeights, match_features(a, b));
 }
 
 }  // namespace gslts::detect

@@ -10,6 +10,7 @@
 #include "evidence.hpp"
 #include "flat_change.hpp"
 #include "images.hpp"
+#include "logistic.hpp"
 #include "segmentation.hpp"
 #include "surface_of.hpp"
 
@@ -63,14 +64,12 @@ double log_contrast(const cv::Mat& rgb, const cv::Mat& region, const cv::Mat& ar
 /// @param other_rgb  The other image, with the same light.
 RegionFeatures features_of(const Image& image, const cv::Mat& other_rgb, const cv::Mat& chroma,
                            const Pixels& pixels, const Camera& camera) {
-  const cv::Rect part = bounds(pixels, camera);
+  const cv::Rect box = box_of(pixels, camera), part = with_ring(box, camera);
   const cv::Mat region = mask_of(pixels, camera)(part).clone();
   cv::Mat around = ring(region, kRingStart_px, kRingEnd_px + 1);
   if (cv::countNonZero(around) == 0) around = region;
-  const cv::Rect box = cv::boundingRect(region);
-  const cv::Rect in_image = box + part.tl();
-  const bool touches = in_image.x <= 1 || in_image.y <= 1 || in_image.br().x >= camera.width - 1 ||
-                       in_image.br().y >= camera.height - 1;
+  const bool touches =
+      box.x <= 1 || box.y <= 1 || box.br().x >= camera.width - 1 || box.br().y >= camera.height - 1;
   const double aspect = std::log(double(box.width) / box.height);
   const double focal_px = 0.5 * (camera.fx + camera.fy);
   return {
@@ -113,19 +112,37 @@ std::vector<float> filled_depths(const Views& views) {
   return depths;
 }
 
-/// Box around some pixels.
-cv::Rect box_of(const Pixels& pixels, const Camera& camera) {
-  return cv::boundingRect(mask_of(pixels, camera));
+/// A region that may become a surface.
+struct Candidate {
+  const Region* region;
+  double confidence;
+  cv::Rect box;
+};
+
+/// Lists the regions that are likely enough, the most likely first.
+std::vector<Candidate> likely_regions(const std::vector<Region>& regions, const Camera& camera,
+                                      double min_confidence) {
+  std::vector<Candidate> candidates;
+  for (const Region& region : regions) {
+    const double confidence = region_confidence(region.features);
+    if (confidence < min_confidence) continue;
+    candidates.push_back({&region, confidence, box_of(region.pixels, camera)});
+  }
+  std::stable_sort(
+      candidates.begin(), candidates.end(),
+      [](const Candidate& a, const Candidate& b) { return a.confidence > b.confidence; });
+  return candidates;
 }
 
 /// Tests whether two regions show one object: they share pixels, or one is the rim of the other.
-bool are_same(const Pixels& a, const Pixels& b, const Camera& camera) {
-  const cv::Rect box_a = box_of(a, camera), box_b = box_of(b, camera);
-  const double common_box = (box_a & box_b).area();
-  if (common_box > kMaxBoxIou * (box_a.area() + box_b.area() - common_box)) return true;
+bool are_same(const Candidate& a, const Candidate& b) {
+  const double common_box = (a.box & b.box).area();
+  if (common_box > kMaxBoxIou * (a.box.area() + b.box.area() - common_box)) return true;
+  const Pixels &pixels = a.region->pixels, &others = b.region->pixels;
   Pixels common;
-  std::set_intersection(a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(common));
-  return double(common.size()) > kMaxOverlap * double(std::min(a.size(), b.size()));
+  std::set_intersection(pixels.begin(), pixels.end(), others.begin(), others.end(),
+                        std::back_inserter(common));
+  return double(common.size()) > kMaxOverlap * double(std::min(pixels.size(), others.size()));
 }
 
 }  // namespace
@@ -149,37 +166,27 @@ std::vector<Region> find_regions(const Views& views, const Masks& masks, const O
 }
 
 double region_confidence(const RegionFeatures& features) {
-  double sum = kRegionOffset;
-  for (std::size_t k = 0; k < kRegionFeatures; ++k) sum += kRegionWeights[k] * features[k];
-  return 1 / (1 + std::exp(-sum));
+  return logistic(kRegionOffset, kRegionWeights, features);
 }
 
 Surfaces find_changed_regions(const Views& views, const Masks& masks, const ObjectRule& rule) {
   const std::vector<Region> regions = find_regions(views, masks, rule);
-  std::vector<std::pair<double, std::size_t>> order;
-  for (std::size_t i = 0; i < regions.size(); ++i) {
-    const double confidence = region_confidence(regions[i].features);
-    if (confidence >= kMinEndConfidence * rule.min_confidence) order.push_back({-confidence, i});
-  }
-  std::sort(order.begin(), order.end());
   const std::vector<float> depths = filled_depths(views);
   Views filled = views;
   filled.observed_depth = depths.data();
   Surfaces result;
   result.labels = Array<std::int32_t>(views.size(), 0);
-  std::vector<const Region*> taken;
-  for (const auto& [negative, i] : order) {
-    const Region& region = regions[i];
-    const auto is_same = [&](const Region* other) {
-      return are_same(region.pixels, other->pixels, views.camera);
-    };
+  std::vector<Candidate> taken;
+  for (const Candidate& candidate :
+       likely_regions(regions, views.camera, kMinEndConfidence * rule.min_confidence)) {
+    const auto is_same = [&](const Candidate& other) { return are_same(candidate, other); };
     if (std::any_of(taken.begin(), taken.end(), is_same)) continue;
+    const Region& region = *candidate.region;
     std::optional<Surface> surface = surface_of(filled, region.pixels, region.side);
     if (!surface || surface->area_m2 < rule.min_area_m2) continue;
-    taken.push_back(&region);
-    surface->label = int(result.surfaces.size()) + 1;
-    surface->evidence = evidence_of(filled, masks, region.pixels, *surface);
-    surface->color_confidence = -negative;
+    taken.push_back(candidate);
+    surface->label = int(taken.size());
+    surface->color_confidence = candidate.confidence;
     for (const std::size_t k : region.pixels) {
       if (result.labels[k] == 0) result.labels[k] = surface->label;
     }

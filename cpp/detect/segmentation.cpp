@@ -67,7 +67,8 @@ std::vector<Edge> sorted_edges(const cv::Mat& image) {
   edges.reserve(2 * image.total());
   std::vector<std::size_t> starts(kBins + 1, 0);
   const auto bin_of = [](float difference) {
-    return std::min(kBins - 1, std::size_t(difference / kDifferenceStep));
+    const float bin = difference / kDifferenceStep;
+    return bin < float(kBins) ? std::size_t(bin) : kBins - 1;  // Also of NaN.
   };
   const auto* values = image.ptr<cv::Vec4f>();
   const auto add = [&](std::size_t a, std::size_t b) {

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from gslts.store.causes import Appearance, Box, UpdateCause
-from gslts.store.likeness import is_at, likeness
+from gslts.store.match_score import is_at, report_score
 from gslts.store.records import UNKNOWN, Event, Track, TrackEvent, Version
 
 MAX_ROUNDS_APART = 1
@@ -43,12 +43,14 @@ class _Report:
             return abs(self.version - other.version) <= 1
         return abs(self.round - other.round) <= MAX_ROUNDS_APART
 
-    def likeness(self, other: _Report) -> float:
+    def score(self, other: _Report) -> float:
         """Return how alike the objects are, 0 to 1; 0 if they cannot be one object."""
         named = UNKNOWN not in (self.type, other.type)
         if named and self.type != other.type:
             return 0.0
-        return likeness((self.box, other.box), (self.appearance, other.appearance), same_type=named)
+        return report_score(
+            (self.box, other.box), (self.appearance, other.appearance), same_type=named
+        )
 
     def is_at(self, other: _Report) -> bool:
         """Return whether both may be one object at one position, or parts of it."""
@@ -78,8 +80,8 @@ class _Stay:
     def is_at(self, report: _Report) -> bool:
         return any(own.is_at(report) for own in self.reports)
 
-    def likeness(self, report: _Report) -> float:
-        return max(own.likeness(report) for own in self.reports)
+    def score(self, report: _Report) -> float:
+        return max(own.score(report) for own in self.reports)
 
 
 _Stays = list[_Stay]
@@ -148,7 +150,7 @@ def _leave(found: list[_Stays], report: _Report) -> _Stays | None:
     """
     present = [stays for stays in found if not stays[-1].left and stays[-1].is_at(report)]
     if present:
-        stays = max(present, key=lambda stays: stays[-1].likeness(report))
+        stays = max(present, key=lambda stays: stays[-1].score(report))
         stays[-1].left.append(report)
         return stays
     for stays in reversed(found):
@@ -170,7 +172,7 @@ def _arrive(found: list[_Stays], report: _Report, gone: _Stays | None) -> None:
     """
     there = [stays for stays in found if not stays[-1].left and stays[-1].is_at(report)]
     if there:
-        stays = max(there, key=lambda stays: stays[-1].likeness(report))
+        stays = max(there, key=lambda stays: stays[-1].score(report))
         stays[-1].came.append(report)
         if gone is not None and stays[0].came:
             _join(found, gone, stays)
@@ -205,8 +207,8 @@ def _best(
     candidates: Sequence[_Stays], report: _Report, stay: Literal[0, -1] = -1
 ) -> _Stays | None:
     """Return the object that is most like a reported one, the last one of equals; None if none."""
-    best = max(reversed(candidates), key=lambda stays: stays[stay].likeness(report), default=None)
-    return best if best is not None and best[stay].likeness(report) > 0 else None
+    best = max(reversed(candidates), key=lambda stays: stays[stay].score(report), default=None)
+    return best if best is not None and best[stay].score(report) > 0 else None
 
 
 def _join(found: list[_Stays], first: _Stays, second: _Stays) -> None:

@@ -30,7 +30,7 @@ class EventScore:
 
     @property
     def precision(self) -> float:
-        """Share of the told events that happened; 1 if none is told."""
+        """Share of the told events that happened; 1 without told events."""
         return self.right / self.told if self.told else 1.0
 
     @property

@@ -1,4 +1,4 @@
-"""Tracks of objects: one object is one track, and each change of it is told once."""
+"""Tracks of objects: one object is one track, and each of its changes is listed once."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path

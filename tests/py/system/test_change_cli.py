@@ -57,6 +57,11 @@ def test_json_and_images_of_one_frame(workplace: Path, tmp_path: Path) -> None:
     np.testing.assert_allclose(change["point_m"], (2.2, 1.85, 0.9), atol=0.3)
     assert 0 < change["confidence"] <= 1
     assert change["box_after_m"] is None
+    for region in record["unknown"]:
+        x0, y0, x1, y1 = region["box_px"]
+        assert region["reason"]
+        assert 0 <= x0 < x1 <= 160
+        assert 0 <= y0 < y1 <= 120
     assert np.shape(change["box_before_m"]) == (2, 3)
     assert change["pixels"][0] > 25
     assert change["pixels"][1] == 0

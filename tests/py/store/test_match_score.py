@@ -1,4 +1,4 @@
-"""Likeness of reported objects: the score of the detector, from what a history keeps."""
+"""Scores of reported objects: that of the detector, from what a history keeps."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,8 @@ import pytest
 from gslts._core.detect import Side, Surface, match_score
 from gslts.change.changes import Change
 from gslts.store.causes import Box
-from gslts.store.likeness import is_at, likeness
-from gslts.store.likeness import match_score as score_of_history
+from gslts.store.match_score import is_at, report_score
+from gslts.store.match_score import match_score as score_of_history
 from gslts.update.object_events import change_record
 
 BINS = 2304
@@ -55,8 +55,8 @@ def test_a_change_without_a_surface_has_no_appearance() -> None:
 
 def test_objects_of_very_different_size_are_not_alike() -> None:
     small: Box = ((0.0, 0.0, 0.0), (0.05, 0.02, 0.02))
-    assert likeness((BOX, BOX), (None, None), same_type=True) > 0
-    assert likeness((BOX, small), (None, None), same_type=True) == 0
+    assert report_score((BOX, BOX), (None, None), same_type=True) > 0
+    assert report_score((BOX, small), (None, None), same_type=True) == 0
 
 
 def test_boxes_of_one_position_overlap_or_nearly_do() -> None:

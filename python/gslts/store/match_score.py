@@ -1,4 +1,4 @@
-"""Comparison of two reports of objects, by what a history tells of them. Does not import NumPy."""
+"""Scores of two reports of objects, from what a history keeps; does not import NumPy."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def is_at(a: Box | None, b: Box | None, *, parts: bool = False) -> bool:
     return _contains(a, b) or _contains(b, a)
 
 
-def likeness(
+def report_score(
     boxes: tuple[Box | None, Box | None],
     appearances: tuple[Appearance | None, Appearance | None],
     *,
