@@ -26,6 +26,8 @@ class MonitorConfig:
         window: Number of last frames that count.
         needed: Number of these frames that must show a change, so that people who walk through
             the view are not reported.
+        confidence: Minimum confidence that these frames give together, in [0, 1): the product of
+            their odds, as if each erred by itself.
         near_m: Maximum distance of two observations of one change, m.
 
     Raises:
@@ -36,6 +38,7 @@ class MonitorConfig:
     queue: int = 4
     window: int = 6
     needed: int = 3
+    confidence: float = 0.0
     near_m: float = 0.3
 
     def __post_init__(self) -> None:
@@ -45,6 +48,8 @@ class MonitorConfig:
             raise ValueError(
                 f"MonitorConfig: needed must be in 1..{self.window}, got {self.needed}"
             )
+        if not 0 <= self.confidence < 1:
+            raise ValueError(f"MonitorConfig: confidence must be in [0, 1), got {self.confidence}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,12 +93,12 @@ class _Candidate:
 
     Attributes:
         change: The change as last observed.
-        frames: Number and time, s, of the frames that show it.
+        frames: Number, time, s, and confidence of the frames that show it.
         reported: Number of its report; None if there is none yet.
     """
 
     change: Change
-    frames: list[tuple[int, float]] = field(default_factory=list)
+    frames: list[tuple[int, float, float]] = field(default_factory=list)
     reported: int | None = None
 
 
@@ -283,19 +288,15 @@ class ChangeMonitor:
 
     def _observe(self, number: int, time_s: float, changes: tuple[Change, ...]) -> None:
         """Match the changes of a frame with candidates, and report those with enough frames."""
-        for change in changes:
-            candidate = self._match(change)
-            if candidate is None:
-                candidate = _Candidate(change)
-                self._candidates.append(candidate)
+        for change, candidate in self._match(changes):
             if candidate.change.kind == change.kind:  # An end tells less than a relocation.
                 candidate.change = change
             if not candidate.frames or candidate.frames[-1][0] != number:  # A frame counts once.
-                candidate.frames.append((number, time_s))
+                candidate.frames.append((number, time_s, change.confidence))
         first = number - self.config.window + 1
         for candidate in list(self._candidates):
             candidate.frames = [frame for frame in candidate.frames if frame[0] >= first]
-            if candidate.reported is None and len(candidate.frames) >= self.config.needed:
+            if candidate.reported is None and self._is_confirmed(candidate):
                 self._report(candidate)
         self._candidates = [
             candidate
@@ -303,13 +304,21 @@ class ChangeMonitor:
             if candidate.frames or candidate.reported is not None
         ]
 
+    def _is_confirmed(self, candidate: _Candidate) -> bool:
+        if len(candidate.frames) < self.config.needed:
+            return False
+        confidences = np.array([confidence for _, _, confidence in candidate.frames])
+        # Of the product of the odds: p / (p + q).
+        true, false = np.prod(confidences), np.prod(1 - confidences)
+        return bool(true >= self.config.confidence * (true + false))
+
     def _report(self, candidate: _Candidate) -> None:
         other = self._join(candidate)
         if other is not None:
             self._candidates.remove(other)
         self._last_number += 1
         candidate.reported = self._last_number
-        times_s = tuple(time_s for _, time_s in candidate.frames)
+        times_s = tuple(time_s for _, time_s, _ in candidate.frames)
         replaces = None if other is None else other.reported
         self._reports.append(Report(self._last_number, candidate.change, times_s, replaces))
 
@@ -329,16 +338,34 @@ class ChangeMonitor:
                     return other
         return None
 
-    def _match(self, change: Change) -> _Candidate | None:
-        """Return the nearest candidate of the same kind, or a relocation that includes it."""
-        near = [
-            (float(np.linalg.norm(candidate.change.point - change.point)), k, candidate)
-            for k, candidate in enumerate(self._candidates)
+    def _match(self, changes: Sequence[Change]) -> list[tuple[Change, _Candidate]]:
+        """Return the candidate of each change of a frame.
+
+        It is the nearest one of the same kind, and each candidate has at most one of them: two
+        objects may stand side by side. It may be a relocation of which the change is an end.
+        Otherwise it is new.
+        """
+        pairs = sorted(
+            (float(np.linalg.norm(candidate.change.point - change.point)), row, column)
+            for row, change in enumerate(changes)
+            for column, candidate in enumerate(self._candidates)
             if candidate.change.kind == change.kind
-        ]
-        distance_m, _, nearest = min(near, default=(np.inf, 0, None))
-        if distance_m <= self.config.near_m:
-            return nearest
+        )
+        matched: dict[int, _Candidate] = {}
+        taken: set[int] = set()
+        for distance_m, row, column in pairs:
+            if distance_m <= self.config.near_m and row not in matched and column not in taken:
+                matched[row] = self._candidates[column]
+                taken.add(column)
+        for row, change in enumerate(changes):
+            if row not in matched:
+                matched[row] = self._whole_of(change) or _Candidate(change)
+            if matched[row] not in self._candidates:
+                self._candidates.append(matched[row])
+        return [(change, matched[row]) for row, change in enumerate(changes)]
+
+    def _whole_of(self, change: Change) -> _Candidate | None:
+        """Return a relocation of which a change is an end; None if there is none."""
         wholes = (
             candidate for candidate in self._candidates if self._is_end(change, candidate.change)
         )

@@ -16,6 +16,7 @@ import numpy as np
 from gslts.change.changes import Change
 from gslts.change.detector import ChangeDetector
 from gslts.core.camera import Camera
+from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
 from gslts.rendering.metrics import psnr_from_mse_db
@@ -79,6 +80,7 @@ def integrate_changes(
     config: UpdateConfig | None = None,
     *,
     detector: ChangeDetector | None = None,
+    recorded: Sequence[RgbdFrame] = (),
     first_id: int | None = None,
     semantics: MapSemantics | None = None,
     progress: Progress = lambda _: None,
@@ -86,8 +88,8 @@ def integrate_changes(
     """Collect views of some changes with a robot, and update the map by them.
 
     Only Gaussians near the changes are modified. A change is rejected if too few views show its
-    regions, or do not confirm it. The update is rejected if no change is left, if an object moves
-    during the collection, or if validation views do not fit better than before.
+    regions, or do not confirm it, or if validation views do not fit better than before. The update
+    is rejected if no change is left, or if an object moves during the collection.
 
     Args:
         gaussian_map: float32.
@@ -96,6 +98,7 @@ def integrate_changes(
         robot: Near the changes.
         config: Settings; None means the defaults.
         detector: Of the map; None means one with default settings.
+        recorded: Frames taken before; those that show a change are views as well.
         first_id: Id of the first new Gaussian; None means the next one after those of the map.
         semantics: Of the map; new Gaussians get semantic features from the frames.
         progress: Called after each step of the stages that take long.
@@ -114,11 +117,12 @@ def integrate_changes(
         detector,
         changes,
         config.collect,
+        recorded=recorded,
         threads=config.threads,
         progress=lambda: progress("collecting"),
     )
     clock.stop("collecting")
-    updated, record = integrate_views(
+    updated, collection, record = integrate_views(
         gaussian_map,
         cameras,
         collection,
@@ -128,7 +132,9 @@ def integrate_changes(
         on_step=lambda *_: progress("refining"),
     )
     record = record.model_copy(update={"seconds": {**clock.seconds, **record.seconds}})
-    training, validation = split_views(collection.views, config.collect.validation_every)
+    training, validation = split_views(
+        collection.views, collection.regions_by_change, config.collect.validation_every
+    )
     confirmed, rejected = collection.changes, collection.rejected
     if record.rejected is not None:
         rejected += tuple((change, record.rejected) for change in confirmed)
@@ -150,8 +156,11 @@ def integrate_views(
     detector: ChangeDetector | None = None,
     first_id: int | None = None,
     on_step: OnStep = lambda *_: None,
-) -> tuple[GaussianMap, UpdateRecord]:
+) -> tuple[GaussianMap, Collection, UpdateRecord]:
     """Update a map by collected views: pre-edit, refine and verify.
+
+    A change after which validation views do not fit better is left out, and the map is updated by
+    the others anew.
 
     Args:
         gaussian_map: float32.
@@ -164,14 +173,37 @@ def integrate_views(
         on_step: Called after each step of the refinement.
 
     Returns:
-        The updated map, or the given one if the update was rejected, and the record.
+        The updated map, or the given one if the update was rejected; the collection with the
+        changes that the map shows now; and the record.
 
     Raises:
         ValueError: All Gaussians would be removed.
     """
-    clock, threads = _Clock(), config.threads
-    regions, by_change = collection.regions, collection.regions_by_change
-    training, validation = split_views(collection.views, config.collect.validation_every)
+    clock = _Clock()
+    while True:
+        updated, reasons, record = _integrate_once(
+            gaussian_map, cameras, collection, config, detector, first_id, on_step, clock
+        )
+        if record.rejected is not None:
+            return gaussian_map, collection, record
+        if not any(reasons):
+            return updated, collection, record
+        collection = collection.reject(reasons)
+
+
+def _integrate_once(
+    gaussian_map: GaussianMap,
+    cameras: Sequence[Camera],
+    collection: Collection,
+    config: UpdateConfig,
+    detector: ChangeDetector | None,
+    first_id: int | None,
+    on_step: OnStep,
+    clock: _Clock,
+) -> tuple[GaussianMap, list[str | None], UpdateRecord]:
+    """Return the updated map, the reason for leaving out each change, or None, and the record."""
+    threads, regions, by_change = config.threads, collection.regions, collection.regions_by_change
+    training, validation = split_views(collection.views, by_change, config.collect.validation_every)
     record = UpdateRecord(
         kinds=tuple(change.kind for change in collection.changes),
         training_views=len(training),
@@ -180,7 +212,7 @@ def integrate_views(
     )
     if not collection.changes:
         reasons = dict.fromkeys(reason for _, reason in collection.rejected)
-        return gaussian_map, _reject(record, "; ".join(reasons) or "nothing changed", clock)
+        return gaussian_map, [], _reject(record, "; ".join(reasons) or "nothing changed", clock)
 
     edit = pre_edit(
         gaussian_map, training, by_change, config.edit, first_id=first_id, threads=threads
@@ -190,7 +222,7 @@ def integrate_views(
     record = record.model_copy(update={"removed": int(edit.removed.sum()), "added": edit.added})
     if unsteady > MAX_UNSTEADY_SHARE:
         reason = f"{100 * unsteady:.0f} % of what changed moved again during the collection"
-        return gaussian_map, _reject(record, reason, clock)
+        return gaussian_map, [], _reject(record, reason, clock)
 
     refined = refine_edit(gaussian_map, edit, cameras, training, regions, config, detector, on_step)
     clock.stop("refining")
@@ -209,10 +241,12 @@ def integrate_views(
             "seconds": clock.seconds,
         }
     )
-    worse = _no_better(before, after)
-    if worse is not None:
-        return gaussian_map, _reject(record, worse, clock)
-    return refined.gaussian_map, record
+    whole, *by_itself = [_no_better(old, new) for old, new in zip(before, after, strict=True)]
+    if all(by_itself):
+        return gaussian_map, [], _reject(record, "; ".join(filter(None, by_itself)), clock)
+    if whole is not None and not any(by_itself):
+        return gaussian_map, [], _reject(record, whole, clock)
+    return refined.gaussian_map, by_itself, record
 
 
 def _needs_features(
@@ -235,27 +269,24 @@ def _needs_features(
 
 
 class _Clock:
-    """Run time of each stage, s."""
+    """Run time of each stage so far, s."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
         self._last_s = time.perf_counter()
 
     def stop(self, stage: str) -> None:
-        """Note the time since the previous stage."""
+        """Add the time since the previous stage."""
         now_s = time.perf_counter()
-        self.seconds[stage], self._last_s = round(now_s - self._last_s, 3), now_s
+        spent_s = self.seconds.get(stage, 0.0) + now_s - self._last_s
+        self.seconds[stage], self._last_s = round(spent_s, 3), now_s
 
 
-def _no_better(before: Sequence[float | None], after: Sequence[float | None]) -> str | None:
-    """Return the reason if the error of all changes, or of one, did not fall; None if it did."""
-    for old, new in zip(before, after, strict=True):
-        if old is None or new is None or not new < old:
-            return (
-                f"validation views do not fit better: {_describe(old)} before, "
-                f"{_describe(new)} after"
-            )
-    return None
+def _no_better(old: float | None, new: float | None) -> str | None:
+    """Return the reason if an error did not fall; None if it did."""
+    if old is not None and new is not None and new < old:
+        return None
+    return f"validation views do not fit better: {_describe(old)} before, {_describe(new)} after"
 
 
 def _reject(record: UpdateRecord, reason: str, clock: _Clock) -> UpdateRecord:

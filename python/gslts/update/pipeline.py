@@ -13,7 +13,7 @@ from typing import Literal
 from gslts.change.changes import Change
 from gslts.change.config import DetectionConfig
 from gslts.change.detector import ChangeDetector
-from gslts.change.monitor import confirm_changes
+from gslts.change.monitor import MonitorConfig, confirm_changes
 from gslts.core.frame import RgbdFrame
 from gslts.core.robot import Robot
 from gslts.semantics.map_semantics import MapSemantics
@@ -51,6 +51,7 @@ def update_map(
     *,
     detection: DetectionConfig | None = None,
     frames: Sequence[RgbdFrame] | None = None,
+    monitor: MonitorConfig | None = None,
     on_detected: Callable[[Sequence[Change]], None] = lambda _: None,
     progress: Progress = lambda _: None,
 ) -> MapUpdate:
@@ -61,8 +62,9 @@ def update_map(
         robot: Collects the views.
         config: Settings of the update; None means the defaults.
         detection: Settings of the change detection; None means the defaults.
-        frames: Frames in which changes are detected; a change must be in several of them. None
-            means one frame that the robot observes where it is.
+        frames: Frames in which changes are detected; a change must be in several of them, and those
+            that show one are views of it. None means one frame that the robot observes where it is.
+        monitor: Settings of the confirmation over several frames; None means the defaults.
         on_detected: Called with the detected changes, before views are collected.
         progress: Called after each step of the stages that take long.
 
@@ -79,7 +81,7 @@ def update_map(
         cameras = list(cameras_of_map(path).values())
         semantics = MapSemantics.of_map(path, config.threads)
         detector = ChangeDetector(gaussian_map, detection, cameras=cameras)
-        changes, fault = _detect(detector, robot, frames)
+        changes, fault = _detect(detector, robot, frames, monitor)
         if fault is not None:
             store.add_rejection(RejectedUpdateCause(record=UpdateRecord(rejected=fault)))
             return MapUpdate("rejected", newest, fault)
@@ -93,6 +95,7 @@ def update_map(
             robot,
             config,
             detector=detector,
+            recorded=frames or (),
             first_id=newest.next_id,
             semantics=semantics,
             progress=progress,
@@ -104,13 +107,16 @@ def update_map(
 
 
 def _detect(
-    detector: ChangeDetector, robot: Robot, frames: Sequence[RgbdFrame] | None
+    detector: ChangeDetector,
+    robot: Robot,
+    frames: Sequence[RgbdFrame] | None,
+    monitor: MonitorConfig | None,
 ) -> tuple[Sequence[Change], str | None]:
     """Return the detected changes, or the reason why frames cannot be compared with the map."""
     if frames is None:
         detected = detector.detect(robot.observe())
         return detected.changes, detected.unreliable
-    changes, counts = confirm_changes(detector, frames)
+    changes, counts = confirm_changes(detector, frames, monitor)
     if not changes and counts.unreliable == counts.processed:
         return (), (
             f"none of {counts.processed} frames can be compared with the map; "

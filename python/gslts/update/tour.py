@@ -7,7 +7,7 @@ turns to the region and corrects its distance.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from gslts.types import Bools, Floats
 from gslts.update.config import CollectConfig
 from gslts.update.evidence import is_visible
 from gslts.update.region import Region
+from gslts.update.targets import farthest_points
 
 MIN_DISTANCE_M, MAX_DISTANCE_M = 0.7, 2.5
 """Distance of the camera from the centre of a region on the floor, m. Nearer, the camera measures
@@ -33,6 +34,7 @@ class Tour:
         regions: To visit; they grow by what the frames show.
         config: Settings.
         progress: Called after each step.
+        recorded: Frames taken before; those that show a region count.
 
     Attributes:
         regions: As the frames show them.
@@ -47,13 +49,16 @@ class Tour:
         regions: list[Region],
         config: CollectConfig,
         progress: Callable[[], None],
+        recorded: Sequence[RgbdFrame] = (),
     ) -> None:
         self.regions = regions
         self.frames: list[tuple[RgbdFrame, Detection]] = []
         self.skipped: list[str] = []
         self._robot, self._detector, self._config = robot, detector, config
-        self._progress = progress
-        self._observed = [robot.observe()]
+        self._progress, self._recorded = progress, recorded
+        self._observed: list[RgbdFrame] = []
+        if not recorded:
+            self._observed.append(robot.observe())
 
     def visit(self, index: int) -> None:
         """Observe a region from K + 1 positions on a circle around it.
@@ -65,17 +70,16 @@ class Tour:
         Args:
             index: Of the region.
         """
-        positions = self._robot.reachable_positions()
         region, config = self.regions[index], self._config
-        last = self._observed[-1].camera.world_from_camera
-        start = _bearing(last[:2, 3] - region.center[:2])
+        views = self._use_recorded(index)
+        positions = self._robot.reachable_positions()
+        start = _bearing(self._robot.pose()[:2, 3] - region.center[:2])
         step_rad = config.step_m / config.distance_m
         reachable_rad = _reachable_angle(positions, region, step_rad)
         step_rad = max(step_rad, reachable_rad / (config.steps + 1))
         half, farthest = config.steps // 2, int(np.pi / step_rad)
         left, right = range(half + 1), range(-1, -farthest - 1, -1)
         visited: list[int] = []
-        views = 0
         for step in (*left, *right, *range(half + 1, farthest + 1)):
             if views > config.steps:
                 return
@@ -84,8 +88,16 @@ class Tour:
                 visited.append(row)
                 views += self._observe_from(positions[row], index)
                 self._progress()
-        if not visited:
+        if not visited and not views:
             self.skipped.append("no position around it is reachable")
+
+    def _use_recorded(self, index: int) -> int:
+        """Add recorded frames of a region from positions as different as possible; count them."""
+        region = self.regions[index]
+        frames = [frame for frame in self._recorded if is_visible(frame, region)]
+        positions = np.array([f.camera.world_from_camera[:3, 3] for f in frames]).reshape(-1, 3)
+        rows = farthest_points(positions, self._config.steps + 1)
+        return sum(self._add(frames[row], index) for row in sorted(rows))
 
     def _choose_position(
         self, index: int, positions: Floats, visited: list[int], bearing: float
@@ -106,18 +118,23 @@ class Tour:
         """Move to a position and observe the region; return whether the frame counts."""
         region = self.regions[index]
         direction = region.center[:2] - position
-        camera_m = float(self._observed[-1].camera.world_from_camera[2, 3])
+        camera_m = float(self._robot.pose()[2, 3])
         pitch_rad = float(np.arctan2(camera_m - region.center[2], np.linalg.norm(direction)))
         if not self._robot.move_towards(position, _bearing(direction), pitch_rad):
             self.skipped.append(f"the robot did not reach ({position[0]:.2f}, {position[1]:.2f})")
             return False
-        frame = self._robot.observe()
+        return self._add(self._robot.observe(), index)
+
+    def _add(self, frame: RgbdFrame, index: int) -> bool:
+        """Keep a new frame that shows a region; return whether it shows this one."""
         if any(frame is other for other in self._observed):  # A recording has no other frame there.
             return False
         self._observed.append(frame)
         name = f"frame {len(self._observed)}"
-        if not is_visible(frame, region):
-            self.skipped.append(f"{name}: it does not show the {region.side} region")
+        shown = [is_visible(frame, region) for region in self.regions]
+        if not any(shown):
+            side = self.regions[index].side
+            self.skipped.append(f"{name}: it does not show the {side} region")
             return False
         detection = self._detector.detect(frame)
         if detection.unreliable is not None:
@@ -129,7 +146,7 @@ class Tour:
             self.regions[row] = other.include(
                 (surface.low for surface in own), (surface.high for surface in own)
             )
-        return True
+        return shown[index]
 
 
 def _bearing(direction: Floats) -> float:

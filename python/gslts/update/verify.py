@@ -11,6 +11,7 @@ from gslts.change.detector import ChangeDetector
 from gslts.core.gaussian_map import GaussianMap
 from gslts.rendering.losses import apply_exposure
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
+from gslts.update.evidence import is_visible
 from gslts.update.region import NEAR_M, Region
 from gslts.update.targets import region_pixels
 from gslts.update.views import View
@@ -19,20 +20,31 @@ MARGIN_PX = 20
 """Margin around the regions in which the map is compared with validation views, px."""
 
 
-def split_views(views: Sequence[View], every: int) -> tuple[list[View], list[View]]:
-    """Split views into training and validation views.
+def split_views(
+    views: Sequence[View], regions_by_change: Sequence[Sequence[Region]], every: int
+) -> tuple[list[View], list[View]]:
+    """Split views into training and validation views, so that each change has some of both.
 
     Args:
         views: In the order in which they were taken.
-        every: At least 2; the middle one of each `every` views is a validation view. Of fewer
-            views, it is the last but one.
+        regions_by_change: Regions of each change.
+        every: At least 2; the middle one of each `every` views is a validation view, and the last
+            but one of the views of a change that has none.
 
     Returns:
         Training views, and validation views.
     """
     rows = {row for row in range(len(views)) if row % every == every // 2}
-    if not rows and len(views) > 1:
-        rows = {len(views) - 2}
+    shown_by_change = [
+        [row for row, view in enumerate(views) if any(is_visible(view.frame, r) for r in regions)]
+        for regions in regions_by_change
+    ]
+    for shown in shown_by_change:
+        if len(shown) > 1 and not rows.intersection(shown):
+            rows.add(shown[-2])
+    for shown in shown_by_change:
+        if len(shown) > 1 and rows.issuperset(shown):
+            rows.remove(shown[-1])
     training = [view for row, view in enumerate(views) if row not in rows]
     return training, [view for row, view in enumerate(views) if row in rows]
 

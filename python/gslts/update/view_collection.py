@@ -9,15 +9,24 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 
+import numpy as np
+
 from gslts.change.changes import Change
 from gslts.change.detector import ChangeDetector, Detection
+from gslts.core.frame import RgbdFrame
 from gslts.core.robot import Robot
 from gslts.update.config import CollectConfig
 from gslts.update.evidence import confirm
 from gslts.update.extent import extend_regions
-from gslts.update.region import Region, regions_of
+from gslts.update.region import NEAR_M, Region, regions_of
 from gslts.update.tour import Tour
-from gslts.update.views import View, align_view, region_masks, view_from_detection
+from gslts.update.views import (
+    View,
+    align_view,
+    pixels_in_region,
+    region_masks,
+    view_from_detection,
+)
 
 DetectedView = tuple[View, Detection]
 
@@ -45,6 +54,26 @@ class Collection:
         """Regions of all confirmed changes."""
         return tuple(region for regions in self.regions_by_change for region in regions)
 
+    def reject(self, reasons: Sequence[str | None]) -> Collection:
+        """Return the collection without some changes.
+
+        Args:
+            reasons: Reason for rejecting each change; None keeps it.
+        """
+        kept = [row for row, reason in enumerate(reasons) if reason is None]
+        rejected = [
+            (change, reason)
+            for change, reason in zip(self.changes, reasons, strict=True)
+            if reason is not None
+        ]
+        left = replace(
+            self,
+            changes=tuple(self.changes[row] for row in kept),
+            regions_by_change=tuple(self.regions_by_change[row] for row in kept),
+            rejected=(*self.rejected, *rejected),
+        )
+        return replace(left, views=tuple(_in_regions(view, left.regions) for view in self.views))
+
 
 def collect_views(
     robot: Robot,
@@ -52,6 +81,7 @@ def collect_views(
     changes: Sequence[Change],
     config: CollectConfig,
     *,
+    recorded: Sequence[RgbdFrame] = (),
     threads: int = 0,
     progress: Callable[[], None] = lambda: None,
 ) -> Collection:
@@ -62,6 +92,7 @@ def collect_views(
         detector: Of the map before the update.
         changes: As detected.
         config: Settings.
+        recorded: Frames taken before; those that show a region are views as well.
         threads: 0 uses all hardware threads.
         progress: Called after each step of the robot.
 
@@ -69,7 +100,7 @@ def collect_views(
         The views and the confirmed changes; no view if no position around a region is reachable.
     """
     regions = [region for change in changes for region in regions_of(change)]
-    tour = Tour(robot, detector, regions, config, progress)
+    tour = Tour(robot, detector, regions, config, progress, recorded)
     for index in range(len(regions)):
         tour.visit(index)
     views = _align(tour, detector, threads)
@@ -88,6 +119,18 @@ def collect_views(
         rejected=tuple(rejected),
         skipped=tuple(tour.skipped),
     )
+
+
+def _in_regions(view: View, regions: Sequence[Region]) -> View:
+    """Return a view whose masks have only what lies in some regions."""
+    masks = {}
+    for side, depth in (("before", view.rendered_depth), ("after", view.depth)):
+        inside = np.zeros(view.changed.shape, np.bool_)
+        for region in regions:
+            if region.side == side:
+                inside |= pixels_in_region(depth, view.camera, region, NEAR_M)
+        masks[side] = inside
+    return replace(view, before=view.before & masks["before"], after=view.after & masks["after"])
 
 
 def _align(tour: Tour, detector: ChangeDetector, threads: int) -> list[DetectedView]:

@@ -287,9 +287,19 @@ def real(
             "changes are made in its map, and unchanged frames must give no report."
         ),
     ] = None,
+    updates: Annotated[
+        bool,
+        typer.Option(
+            help="Instead of comparing frames, update the map visit after visit; one frame of each "
+            "is held out."
+        ),
+    ] = False,
     images: Annotated[
         Path | None,
-        typer.Option(help="New or empty folder for overlays of all visits or made changes."),
+        typer.Option(
+            help="New or empty folder for overlays of all visits or made changes, or for held-out "
+            "frames beside the maps."
+        ),
     ] = None,
     json_path: Annotated[
         Path | None, typer.Option("--json", help="File for the complete result.")
@@ -306,10 +316,10 @@ def real(
 ) -> None:
     """Measure change detection in real rooms: on visits with changes, or in one recorded room.
 
-    With FOLDER, a map is made from the first visit of each room, and each frame of the later visits
-    is compared with it, against boxes of what changed. The visits are those of the Object Change
-    Detection data of TU Wien, as the repository CYWS3D-pipeline has them: Kitchen, Office and
-    SmallRoom, each with scene1 to scene6.
+    With FOLDER, a map is made from the first visit of each room, and the frames of the later visits
+    are compared with it against boxes of what changed: one by one, and all of a visit together. The
+    visits are those of the Object Change Detection data of TU Wien, as the repository
+    CYWS3D-pipeline has them: Kitchen, Office and SmallRoom, each with scene1 to scene6.
 
     With --dataset, two maps are made, each from every second frame, and compared with the others.
     Objects are taken out, copied or moved in the map, so that the frames show an addition, a
@@ -322,6 +332,8 @@ def real(
     """
     if (folder is None) == (dataset is None):
         raise ValueError("bench real: expected a FOLDER of visits or --dataset, one of them")
+    if updates and folder is None:
+        raise ValueError("bench real: --updates needs a FOLDER of visits")
     options = HomeOptions(
         json_path=json_path, work=work, preset=preset, settings=settings, jobs=jobs
     )
@@ -329,14 +341,19 @@ def real(
     if dataset is not None:
         _compare_room(options, dataset, images)
         return
+    from gslts_bench.real import tables, update_tables
     from gslts_bench.real.run import VisitUnit
-    from gslts_bench.real.tables import BENCHMARK
+    from gslts_bench.real.updates import UpdateUnit
     from gslts_bench.real.visits import rooms_in
 
     assert folder is not None
     rooms = rooms_in(folder, options.setup.mapping, work)
-    units = [VisitUnit(room, images) for room in rooms]
-    finish(options.run(BENCHMARK, units, on_homes=False).errors)
+    if updates:
+        changing = [UpdateUnit(room, images) for room in rooms]
+        finish(options.run(update_tables.BENCHMARK, changing, on_homes=False).errors)
+    else:
+        seeing = [VisitUnit(room, images) for room in rooms]
+        finish(options.run(tables.BENCHMARK, seeing, on_homes=False).errors)
 
 
 def _compare_room(options: HomeOptions, path: Path, images: Path | None) -> None:

@@ -1,22 +1,26 @@
-"""Benchmark of change detection on real visits: each frame is compared with the first visit."""
+"""Benchmark of change detection on real visits: frames are compared with the first visit.
+
+Each frame alone, and all frames of a visit with `ChangeMonitor`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import BaseModel
 
 from gslts.change.detector import ChangeDetector
 from gslts.change.overlay import overlay
-from gslts.datasets import Frame, open_dataset
+from gslts.datasets import Frame
 from gslts.io.images import write_image
 from gslts_bench.processes import Add
 from gslts_bench.real.boxes import MarkedObject
 from gslts_bench.real.score import found_objects, other_reports, reports_of
+from gslts_bench.real.visit_score import score_visit
 from gslts_bench.real.visits import RealRoom
 from gslts_bench.runner import BenchRecord, BenchUnit, attempt
 from gslts_sim.strict_model import STRICT
@@ -39,17 +43,21 @@ class JudgedObject(BaseModel):
 
 
 class VisitRecord(BenchRecord):
-    """Result of one frame; the id is the visit and the frame, such as `scene2/000_0`.
+    """Result of one frame, such as `scene2/000_0`, or of one visit, such as `scene2`.
 
     Attributes:
         room: Name of the room.
-        unreliable: Reason why the frame was not compared; None if it was.
-        objects: All objects that are new or missing in the image.
+        part: One frame, or a visit.
+        frames: Number of frames.
+        unreliable: Number of frames that were not compared.
+        objects: All objects that are new or missing in the images.
         others: Confidences of the reports of nothing that changed.
     """
 
     room: str
-    unreliable: str | None = None
+    part: Literal["frame", "visit"]
+    frames: int = 1
+    unreliable: int = 0
     objects: tuple[JudgedObject, ...] = ()
     others: tuple[float, ...] = ()
 
@@ -69,8 +77,9 @@ class VisitUnit(BenchUnit[VisitRecord, RealRoom]):
 
     @property
     def count(self) -> int:
-        """Number of frames of all later visits."""
-        return sum(map(len, self.bench.marked.visits.values()))
+        """Number of later visits and of their frames."""
+        visits = self.bench.marked.visits
+        return len(visits) + sum(map(len, visits.values()))
 
     def run(self, done: frozenset[str], add: Add) -> None:
         """Compare the frames that are missing.
@@ -79,42 +88,54 @@ class VisitUnit(BenchUnit[VisitRecord, RealRoom]):
             done: Ids of the results of earlier runs.
             add: Receives each new result.
         """
-        asked = [entry for entry in self._frames() if entry[0] not in done or self.images]
-        if not asked:
-            return
         detector = ChangeDetector.of_map(self.bench.map())
-        for name, frame, objects in asked:
-            record = VisitRecord(id=name, room=self.name)
-            result = attempt(record, partial(self._judge, detector, name, frame, objects))
-            if name not in done:
-                add(result.model_dump(mode="json"))
-
-    def _frames(self) -> Iterator[tuple[str, Frame, list[MarkedObject]]]:
-        for visit, images in self.bench.marked.visits.items():
-            folder = self.bench.path / visit
-            frames = {frame.name: frame for frame in open_dataset(folder).frames}
-            for file, objects in images.items():
-                stem = Path(file).stem
-                if stem not in frames:
-                    raise ValueError(f"{folder}: there is no frame {stem}; expected {file}")
-                yield f"{visit}/{stem}", frames[stem], objects
+        for visit in self.bench.marked.visits:
+            entries = self.bench.frames(visit)
+            for frame, objects in entries:
+                name = f"{visit}/{frame.name}"
+                record = VisitRecord(id=name, room=self.name, part="frame")
+                if name not in done or self.images:
+                    result = attempt(record, partial(self._judge, detector, name, frame, objects))
+                if name not in done:
+                    add(result.model_dump(mode="json"))
+            if visit not in done:
+                record = VisitRecord(id=visit, room=self.name, part="visit")
+                add(attempt(record, partial(_watch, detector, entries)).model_dump(mode="json"))
 
     def _judge(
-        self, detector: ChangeDetector, name: str, frame: Frame, objects: list[MarkedObject]
+        self, detector: ChangeDetector, name: str, frame: Frame, objects: Sequence[MarkedObject]
     ) -> dict[str, Any]:
         observed = frame.read()
         detection = detector.detect(observed)
         if self.images is not None:
             path = self.images / f"{self.name}_{name.replace('/', '_')}.png"
             write_image(path, overlay(detection))
-        reports = reports_of(detection, observed.camera.width)
+        width = observed.camera.width
+        reports = [report for change in detection.changes for report in reports_of(change, width)]
         changed = [marked for marked in objects if marked.kind in ("new", "missing")]
         found = found_objects(changed, reports)
         return {
-            "unreliable": detection.unreliable,
+            "unreliable": int(detection.unreliable is not None),
             "objects": tuple(
                 JudgedObject(kind=marked.kind, name=marked.name, found=is_found)
                 for marked, is_found in zip(changed, found, strict=True)
             ),
             "others": tuple(report.confidence for report in other_reports(objects, reports)),
         }
+
+
+def _watch(
+    detector: ChangeDetector, entries: Sequence[tuple[Frame, Sequence[MarkedObject]]]
+) -> dict[str, Any]:
+    """Confirm changes over a visit; return fields of `VisitRecord`."""
+    frames, marked = [frame.read() for frame, _ in entries], [objects for _, objects in entries]
+    score = score_visit(detector, frames, marked)
+    return {
+        "frames": score.counts.processed,
+        "unreliable": score.counts.unreliable,
+        "objects": tuple(
+            JudgedObject(kind=kind, name=name, found=found)
+            for (kind, name), found in score.found.items()
+        ),
+        "others": score.others,
+    }

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from gslts.change.changes import SIDES, Change
-from gslts.change.detector import Detection
+from gslts.change.changes import SIDES, Change, Side
 from gslts_bench.real.boxes import BoxPx, MarkedObject
 
 MIN_IOU = 0.25
@@ -26,23 +25,20 @@ class Report:
         confidence: Probability that the change is real.
     """
 
-    side: str
+    side: Side
     box_px: BoxPx
     confidence: float
 
 
-def reports_of(detection: Detection, width: int) -> list[Report]:
-    """Return the ends of all detected changes.
+def reports_of(change: Change, width: int) -> list[Report]:
+    """Return the ends of a change that its frame shows.
 
     Args:
-        detection: Result of the detector.
+        change: As detected.
         width: Width of the frame, px.
     """
-    return [
-        Report(side, box, change.confidence)
-        for change in detection.changes
-        for side, box in _boxes(change, width)
-    ]
+    boxes = [(side, change.box_px(side, width)) for side in SIDES]
+    return [Report(side, box, change.confidence) for side, box in boxes if box is not None]
 
 
 def found_objects(objects: Sequence[MarkedObject], reports: Sequence[Report]) -> list[bool]:
@@ -90,11 +86,6 @@ def _explains(marked: MarkedObject, report: Report) -> bool:
         return True
     inside = _area(_intersection(marked.box, report.box_px)) / max(1.0, _area(report.box_px))
     return marked.kind == "ignore" and inside >= MIN_INSIDE
-
-
-def _boxes(change: Change, width: int) -> list[tuple[str, BoxPx]]:
-    boxes = [(side, change.box_px(side, width)) for side in SIDES]
-    return [(side, box) for side, box in boxes if box is not None]
 
 
 def _intersection(a: BoxPx, b: BoxPx) -> BoxPx:

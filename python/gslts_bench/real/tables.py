@@ -6,12 +6,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gslts_bench.real.run import VisitRecord
+from gslts_bench.real.visit_score import CONFIRMATION
 from gslts_bench.runner import Benchmark
 from gslts_bench.tables import Table, mean, share
 
 
 def summarize(records: Sequence[VisitRecord]) -> dict[str, Any]:
-    """Compute the numbers of each room and of all.
+    """Compute the numbers of each room and of all, of single frames and of whole visits.
 
     Args:
         records: Records without error.
@@ -19,18 +20,23 @@ def summarize(records: Sequence[VisitRecord]) -> dict[str, Any]:
     Returns:
         JSON values.
     """
-    rooms: dict[str, list[VisitRecord]] = {}
-    for record in records:
-        rooms.setdefault(record.room, []).append(record)
-    numbers = {name: _numbers(own) for name, own in rooms.items()}
-    return {"rooms": {**numbers, "all": _numbers(records)}}
+    rooms = list(dict.fromkeys(record.room for record in records))
+    return {
+        part: {
+            **{name: _numbers([r for r in own if r.room == name]) for name in rooms},
+            "all": _numbers(own),
+        }
+        for part in TITLES
+        if (own := [record for record in records if record.part == part])
+    }
 
 
 def _numbers(records: Sequence[VisitRecord]) -> dict[str, Any]:
     objects = [marked for record in records for marked in record.objects]
     return {
-        "frames": len(records),
-        "unreliable": sum(record.unreliable is not None for record in records),
+        "records": len(records),
+        "frames": sum(record.frames for record in records),
+        "unreliable": sum(record.unreliable for record in records),
         "others": sum(len(record.others) for record in records),
         **{
             kind: [
@@ -43,27 +49,47 @@ def _numbers(records: Sequence[VisitRecord]) -> dict[str, Any]:
 
 
 def tabulate(summary: Mapping[str, Any]) -> list[Table]:
-    """Make the table of all rooms.
+    """Make the tables of all rooms.
 
     Args:
         summary: From `summarize`.
     """
-    header = ("room", "frames", "new found", "missing found", "other reports a frame", "unreliable")
+    return [_table(part, rooms) for part, rooms in summary.items()]
+
+
+def _table(part: str, rooms: Mapping[str, Any]) -> Table:
+    header = (
+        "room",
+        f"{part}s",
+        "new found",
+        "missing found",
+        f"other reports a {part}",
+        "frames unreliable",
+    )
     rows = [
         (
             name,
-            str(numbers["frames"]),
+            str(numbers["records"]),
             share(*numbers["new"]),
             share(*numbers["missing"]),
-            mean(numbers["others"], numbers["frames"]),
+            mean(numbers["others"], numbers["records"]),
             share(numbers["unreliable"], numbers["frames"]),
         )
-        for name, numbers in summary["rooms"].items()
+        for name, numbers in rooms.items()
     ]
-    title = "Single frames of later visits against the map of the first one"
-    note = "Found: the boxes of a reported region and of the object have an IoU of at least 0.25."
-    return [Table(title, header, rows, note)]
+    return Table(TITLES[part], header, rows, NOTES[part])
 
 
+TITLES = {
+    "frame": "Single frames of later visits against the map of the first one",
+    "visit": "All frames of a visit with `ChangeMonitor`",
+}
+"""Heading of the table of each part."""
+NOTES = {
+    "frame": "Found: the boxes of a report and of the object have an IoU of at least 0.25.",
+    "visit": "The frames of a visit must give a change a confidence of "
+    f"{CONFIRMATION.confidence} together. An object counts once in each visit.",
+}
+"""Sentence below each table."""
 BENCHMARK = Benchmark("Real visits", "comparing", summarize, tabulate)
 """The benchmark of change detection on real visits."""

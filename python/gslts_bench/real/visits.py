@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from gslts.datasets import open_dataset
+from gslts.datasets import Frame, open_dataset
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.engine import make_map
 from gslts.mapping.report.summary import write_result
 from gslts_bench.cache import cached_folder, code_digest, native_digest
-from gslts_bench.real.boxes import MarkedRoom, marked_rooms
+from gslts_bench.real.boxes import MarkedObject, MarkedRoom, marked_rooms
 from gslts_bench.relocalization.room import content_digest
 
 
@@ -50,6 +51,26 @@ class RealRoom:
     def reference(self) -> Path:
         """Data set that the map is made from."""
         return self.path / self.marked.reference
+
+    def frames(self, visit: str) -> list[tuple[Frame, Sequence[MarkedObject]]]:
+        """Return the frames of a visit, each with the differences marked in it.
+
+        Args:
+            visit: Name of the visit.
+
+        Raises:
+            OSError: The visit cannot be read.
+            ValueError: It lacks a frame in which differences are marked.
+        """
+        folder = self.path / visit
+        frames = {frame.name: frame for frame in open_dataset(folder).frames}
+        entries: list[tuple[Frame, Sequence[MarkedObject]]] = []
+        for file, objects in self.marked.visits[visit].items():
+            stem = Path(file).stem
+            if stem not in frames:
+                raise ValueError(f"{folder}: there is no frame {stem}; expected {file}")
+            entries.append((frames[stem], objects))
+        return entries
 
     def map(self) -> Path:
         """Return the folder of the map of the reference visit; make it once."""

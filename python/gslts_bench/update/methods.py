@@ -123,10 +123,12 @@ def update_with(
             detector = ChangeDetector(
                 gaussian_map, DetectionConfig(threads=threads), cameras=cameras
             )
-        return integrate_views(
+        updated, _, record = integrate_views(
             gaussian_map, cameras, found, config, detector=detector, on_step=on_step
         )
-    used, _ = split_views(found.views, OURS.collect.validation_every)
+        return updated, record
+    every = OURS.collect.validation_every
+    used, _ = split_views(found.views, found.regions_by_change, every)
     edit = Edit(gaussian_map, np.zeros(gaussian_map.size, np.bool_), 0)
     if method.edit is not None:
         edit = pre_edit(gaussian_map, used, found.regions_by_change, method.edit, threads=threads)

@@ -188,11 +188,17 @@ def test_zero_replay_views_give_no_target() -> None:
 
 def test_validation_views_are_spread_evenly() -> None:
     views = list(update_room.collected("removal").views)
-    training, validation = split_views(views, 4)
+    training, validation = split_views(views, [], 4)
     assert [views.index(view) for view in validation] == [2, 6]
     assert training == [view for k, view in enumerate(views) if k not in (2, 6)]
+
+
+def test_each_change_has_a_validation_view_if_two_views_show_it() -> None:
+    found = update_room.collected("removal")
     for count, expected in ((0, 0), (1, 0), (2, 1), (3, 1)):
-        assert len(split_views(views[:count], 4)[1]) == expected
+        training, validation = split_views(found.views[:count], found.regions_by_change, 4)
+        assert len(validation) == expected
+        assert len(training) == count - expected
 
 
 def test_error_without_views_is_none() -> None:

@@ -269,7 +269,7 @@ def test_an_update_that_does_not_fit_validation_views_is_rejected() -> None:
         else replace(view, frame=change_room.see(change_room.home(), change_room.LOOKS[0]))
         for k, view in enumerate(found.views)
     ]
-    result, record = integrate_views(
+    result, _, record = integrate_views(
         before, list(cameras.values()), replace(found, views=tuple(seen)), UPDATE
     )
     assert result is before
