@@ -17,10 +17,11 @@ from gslts.core.camera import shift_origin
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.mapping.density.control import join
-from gslts.mapping.seeding.depth_seeds import seed_from_depth
+from gslts.mapping.seeding.depth_seeds import MIN_HITS, seed_from_depth
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.types import Bools
 from gslts.update.config import EditConfig
+from gslts.update.evidence import is_visible
 from gslts.update.region import Region
 from gslts.update.selection import float_view, gaussians_in_regions, select_removed
 from gslts.update.views import View, pixels_in_region
@@ -88,7 +89,10 @@ def pre_edit(
     kept, gone = gaussian_map.select(~removed), gaussian_map.select(removed)
     masks = _uncovered_pixels(kept, views, regions, config, threads)
     frames = _measured_frames(kept, views, masks)
-    new = _flat_gaussians(kept, frames, config) if config.flat else _inherited(kept, frames)
+    if config.flat:
+        new = _flat_gaussians(kept, frames, config, _common_views(views, regions_by_change))
+    else:
+        new = _inherited(kept, frames)
     if new.size == 0:
         return Edit(kept, removed, 0)
     new = _with_appearance(new, kept, gone, regions_by_change, config)
@@ -135,8 +139,17 @@ def _measured_frames(
     return frames
 
 
+def _common_views(views: Sequence[View], regions_by_change: Sequence[Sequence[Region]]) -> int:
+    """Return the number of views that show each change, at least 1."""
+    counts = [
+        sum(any(is_visible(view.frame, region) for region in regions) for view in views)
+        for regions in regions_by_change
+    ]
+    return max(1, min(counts, default=1))
+
+
 def _flat_gaussians(
-    kept: GaussianMap, frames: Sequence[RgbdFrame], config: EditConfig
+    kept: GaussianMap, frames: Sequence[RgbdFrame], config: EditConfig, common_views: int
 ) -> GaussianMap:
     """Return flat Gaussians on the measured surfaces, with the observed colours."""
     try:
@@ -145,7 +158,7 @@ def _flat_gaussians(
             config.voxel_m,
             config.contrast,
             sh_degree=kept.sh_degree,
-            min_hits=min(2, len(frames)),
+            min_hits=min(MIN_HITS, common_views),
             pixel_step=PIXEL_STEP,
         )
     except ValueError:  # Nothing was measured there.

@@ -20,8 +20,9 @@ from gslts.update.views import View, pixels_in_region
 from gslts.update.voxel_groups import MIN_VIEWS, VOXEL_M, connected_to_region
 
 DEPTH_STEP_M, DEPTH_STEP_PER_M = 0.025, 0.006
-"""Minimum difference of depth between two surfaces: a constant, m, and a factor of the squared
-depth, 1/m, as the noise of a structured-light camera grows."""
+"""Minimum difference of depth between two surfaces: a constant, or the step of coarse depths if it
+is larger, m, and a factor of the squared depth, 1/m, as the noise of a structured-light camera
+grows."""
 EDGE_WINDOW_PX = 5
 """A surface must be nearer than all others in a window of this size, because edges may be
 misplaced by two pixels."""
@@ -44,7 +45,10 @@ def extend_regions(
     changed: dict[Side, list[Bools]] = {
         side: [_changed_pixels(view, side) for view in views] for side in ("before", "after")
     }
-    recolored = [recolored_pixels(view, DEPTH_STEP_M, DEPTH_STEP_PER_M) for view in views]
+    recolored = [
+        recolored_pixels(view, max(DEPTH_STEP_M, view.depth_quantum_m), DEPTH_STEP_PER_M)
+        for view in views
+    ]
     masks: dict[Side, list[Bools]] = {
         "before": [view.before.copy() for view in views],
         "after": [view.after.copy() for view in views],
@@ -80,7 +84,7 @@ def _changed_pixels(view: View, side: Side) -> Bools:
     other = _depth(view, "after" if side == "before" else "before")
     known = np.where(other > 0, other, np.float32(np.inf))
     nearest = cv2.erode(known, np.ones((EDGE_WINDOW_PX, EDGE_WINDOW_PX), np.uint8))
-    step_m = DEPTH_STEP_M + DEPTH_STEP_PER_M * depth**2
+    step_m = max(DEPTH_STEP_M, view.depth_quantum_m) + DEPTH_STEP_PER_M * depth**2
     return np.asarray((depth > 0) & np.isfinite(nearest) & (depth < nearest - step_m), np.bool_)
 
 

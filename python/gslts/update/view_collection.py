@@ -19,6 +19,7 @@ from gslts.update.config import CollectConfig
 from gslts.update.evidence import confirm
 from gslts.update.extent import extend_regions
 from gslts.update.region import NEAR_M, Region, regions_of
+from gslts.update.standing import place_added_objects
 from gslts.update.tour import Tour
 from gslts.update.views import (
     View,
@@ -109,7 +110,10 @@ def collect_views(
     masked = []
     for view, detection in views:
         before, after = region_masks(detection, view.changed.shape, regions)
-        masked.append(replace(view, before=before, after=after))
+        view = replace(view, before=before, after=after)
+        if view.depth_quantum_m > detector.config.objects.step_m:
+            view = place_added_objects(view)
+        masked.append(view)
     grown, masked_views = extend_regions(regions, masked)
     remaining = iter(grown)
     return Collection(

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gslts.change.constants import NEAR_SIGMAS
+from gslts.change.depth_quantum import depth_quantum_m
 from gslts.change.detector import Detection
 from gslts.core.camera import Camera, at_pose, unproject
 from gslts.core.frame import RgbdFrame
@@ -38,6 +39,7 @@ class View:
         rendered_rgb: [H,W,3] float32 colours of the map, sRGB, 0 to 1.
         before: [H,W] bool, pixels where the map shows a removed object.
         after: [H,W] bool, pixels where the frame shows an added object.
+        depth_quantum_m: Step between the depths that the sensor tells apart, m; 0 if unknown.
     """
 
     frame: RgbdFrame
@@ -46,6 +48,7 @@ class View:
     rendered_rgb: Floats32
     before: Bools
     after: Bools
+    depth_quantum_m: float = 0.0
 
     @property
     def camera(self) -> Camera:
@@ -94,7 +97,8 @@ def view_from_detection(
     before, after = region_masks(detection, whole.rgb.shape[:2], list(regions))
     no_depth, no_rgb = (np.zeros(image.shape, np.float32) for image in (whole.depth, whole.rgb))
     whole = replace(whole, camera=camera)
-    return View(whole, detection.exposure, no_depth, no_rgb, before, after)
+    quantum_m = depth_quantum_m(whole.depth)
+    return View(whole, detection.exposure, no_depth, no_rgb, before, after, quantum_m)
 
 
 def region_masks(
