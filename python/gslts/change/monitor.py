@@ -341,9 +341,8 @@ class ChangeMonitor:
     def _match(self, changes: Sequence[Change]) -> list[tuple[Change, _Candidate]]:
         """Return the candidate of each change of a frame.
 
-        It is the nearest one of the same kind, and each candidate has at most one of them: two
-        objects may stand side by side. It may be a relocation of which the change is an end.
-        Otherwise it is new.
+        It is the nearest one of the same kind, and each candidate has at most one of them, as two
+        objects may stand side by side; or a relocation of which the change is an end; or a new one.
         """
         pairs = sorted(
             (float(np.linalg.norm(candidate.change.point - change.point)), row, column)

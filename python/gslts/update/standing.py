@@ -1,4 +1,4 @@
-"""Depth of added objects where the sensor's depth is coarse: objects stand on what the map shows."""
+"""Depth of added objects where the sensor's depth is coarse: they stand on surfaces of the map."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ round object touch their support farther back."""
 MIN_CONTACTS = 3
 """Minimum number of columns in which the lower edge of an object meets a surface of the map."""
 MIN_HORIZONTAL = 0.2
-"""Minimum horizontal part of the viewing direction. From above, the front of an object is hidden."""
+"""Minimum horizontal part of the viewing direction: from above, the front is hidden."""
 
 
 def place_added_objects(view: View) -> View:

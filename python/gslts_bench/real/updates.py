@@ -192,16 +192,21 @@ def _updatable(held_out: _Entry, rest: Sequence[_Entry]) -> list[MarkedObject]:
 
 def _happened(change: Change, entries: Sequence[_Entry]) -> bool:
     """Return whether a box of a change is where a difference is marked, in any image."""
-    boxes = [
-        (region.project_box(entry.frame.registered().camera, 0), entry.marked)
+    return any(
+        (box := region.project_box(entry.frame.registered().camera, 0)) is not None
+        and any(
+            iou(box, marked.box) >= MIN_IOU or _center_in(marked.box, box)
+            for marked in entry.marked
+        )
         for entry in entries
         for region in regions_of(change)
-    ]
-    return any(
-        box is not None and iou(box, marked.box) >= MIN_IOU
-        for box, differences in boxes
-        for marked in differences
     )
+
+
+def _center_in(inner: BoxPx, outer: BoxPx) -> bool:
+    """Return whether the centre of a box is in another one, such as that of two objects."""
+    x, y = (inner[0] + inner[2]) / 2, (inner[1] + inner[3]) / 2
+    return outer[0] <= x < outer[2] and outer[1] <= y < outer[3]
 
 
 def _mask_of(boxes: Sequence[BoxPx], shape: tuple[int, ...], margin_px: int) -> Bools:

@@ -80,11 +80,25 @@ def test_a_glitch_is_never_reported() -> None:
     assert watched(lambda t: [change(1.0, kinds[int(t) % 3])], 6)[0] == []
 
 
-def test_one_frame_counts_once() -> None:
-    """Three near observations in one frame are not three frames."""
-    both = [change(1.0), change(1.1), change(1.2)]
-    assert watched(lambda t: both if t == 3 else [], 10)[0] == []
-    assert len(watched(lambda t: both if t in (3, 4, 5) else [], 10)[0]) == 1
+def test_objects_side_by_side_are_several_changes_and_a_frame_counts_once() -> None:
+    side_by_side = [change(1.0), change(1.1), change(1.2)]
+    assert watched(lambda t: side_by_side if t == 3 else [], 10)[0] == []
+    reports, _ = watched(
+        lambda t: side_by_side[:: 1 - 2 * (int(t) % 2)] if t in (3, 4, 5) else [], 10
+    )
+    assert sorted(one.change.point[0] for one in reports) == [1.0, 1.1, 1.2]
+    assert all(one.times_s == (3.0, 4.0, 5.0) for one in reports)
+
+
+def test_frames_confirm_a_change_together() -> None:
+    config = MonitorConfig(rate_hz=1e6, needed=1, confidence=0.8)
+    assert watched(lambda t: [change(1.0, confidence=0.7)] if t == 3 else [], 10, config)[0] == []
+    (both,), _ = watched(lambda t: [change(1.0, confidence=0.7)] if t in (3, 5) else [], 10, config)
+    assert both.times_s == (3.0, 5.0)  # (0.7 / 0.3)^2 > 0.8 / 0.2
+    (one,), _ = watched(lambda t: [change(1.0, confidence=0.85)] if t == 3 else [], 10, config)
+    assert one.times_s == (3.0,)
+    never = watched(lambda _: [change(1.0, confidence=0.45)], 10, config)
+    assert never[0] == []
 
 
 def test_distant_changes_are_several() -> None:
