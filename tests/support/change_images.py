@@ -1,5 +1,7 @@
 """Rendered and observed images made by hand: a wall 2 m ahead, and boxes."""
 
+from typing import Any
+
 import numpy as np
 
 from gslts._core import detect as core
@@ -74,3 +76,20 @@ def texture(seed: int, height: int = 90, width: int = 120) -> np.ndarray:
     rng = np.random.default_rng(seed)
     squares = rng.uniform(0.2, 0.8, (height // 6, width // 6, 3)).astype(np.float32)
     return squares.repeat(6, 0).repeat(6, 1)
+
+
+def classify(
+    images: dict[str, np.ndarray], rule: ObjectRule | None = None
+) -> tuple[list[Any], np.ndarray]:
+    """Return the changes that `gslts._core.detect` finds, and [H,W] labels of their surfaces."""
+    views = core.Views(camera=CAMERA, **images)
+    masks = core.compute_masks(views, MaskRule())
+    rule = ObjectRule() if rule is None else rule
+    surfaces, labels = core.find_changed_surfaces(views, masks, rule)
+    return core.classify_changes(surfaces, rule), labels
+
+
+def at(row: float, column: float, depth_m: float) -> np.ndarray:
+    """Return (3,) the point in the world at image coordinates; the first pixel's centre is 0.5."""
+    x, y = (column - CAMERA.cx) / CAMERA.fx, (row - CAMERA.cy) / CAMERA.fy
+    return POSE[:3, :3] @ (np.array([x, y, 1]) * depth_m) + POSE[:3, 3]

@@ -4,6 +4,7 @@ from functools import cache
 from pathlib import Path
 
 import change_room
+import numpy as np
 from shared import looks_all_around
 
 from gslts.core.frame import RgbdFrame
@@ -11,6 +12,9 @@ from gslts.localization.landmark_extraction import extract_landmarks
 from gslts.localization.landmark_files import KEY, landmarks_digest, write_landmarks
 from gslts.localization.landmarks import Landmarks
 from gslts.store.map_folder import write_map_folder
+
+ARRAYS = ("positions", "descriptors", "keyframes", "world_from_keyframe", "gaussians")
+"""Names of the arrays of `Landmarks`."""
 
 
 @cache
@@ -35,3 +39,10 @@ def folder_with(landmarks: Landmarks, path: Path) -> Path:
 
     write_map_folder(path, gaussian_map, {KEY: landmarks_digest(landmarks)}, cameras, finish)
     return path
+
+
+def assert_same(one: Landmarks | None, other: Landmarks) -> None:
+    """Expect the same landmarks, bit for bit."""
+    assert one is not None
+    for name in ARRAYS:
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
