@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from gslts.types import Bytes, Floats
 from gslts_sim.home import HomeObject
 from gslts_sim.mesh import Surface
+from gslts_sim.procedural.mesh import Mesh
 from gslts_sim.procedural.noise import Colour, Image, Rng, to_bytes
-from gslts_sim.procedural.shapes import Mesh
 
 TEXTURE_STREAM = 1
 """Key that separates the random streams of textures from those of shapes and poses."""
@@ -59,7 +59,7 @@ class Kit:
         """Return a repeating material; the same for the same arguments.
 
         Args:
-            draw: Function of `textures`.
+            draw: Function of `textures` or `fabrics`.
             size_m: Width and height of one repeat, m.
             px: Width and height of the texture.
             *args: Passed to `draw`.
@@ -77,7 +77,7 @@ class Kit:
         """Draw a new material that fits one side exactly.
 
         Args:
-            draw: Function of `prints` or `textures`.
+            draw: Function of `prints`, `textures` or `fabrics`.
             size_m: Width and height of the side, m.
             px: Pixels of the longer side.
             *args: Passed to `draw`.

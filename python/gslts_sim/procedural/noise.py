@@ -15,9 +15,10 @@ Rng = np.random.Generator
 Field = Floats32
 Image = Floats32
 Colour = tuple[float, float, float]
+Shape = tuple[int, int]
 
 
-def lattice(rng: Rng, shape: tuple[int, int], cells: tuple[int, int]) -> Field:
+def lattice(rng: Rng, shape: Shape, cells: tuple[int, int]) -> Field:
     """Return value noise that repeats at the edges: random values, smoothly interpolated.
 
     Args:
@@ -42,9 +43,7 @@ def _stretch(values: Field, length: int) -> Field:
     return result
 
 
-def octaves(
-    rng: Rng, shape: tuple[int, int], cells: tuple[int, int], count: int, gain: float = 0.5
-) -> Field:
+def octaves(rng: Rng, shape: Shape, cells: tuple[int, int], count: int, gain: float = 0.5) -> Field:
     """Return a sum of noises, each twice as fine as the one before.
 
     Args:
@@ -67,7 +66,7 @@ def octaves(
     return total
 
 
-def grain(rng: Rng, shape: tuple[int, int]) -> Field:
+def grain(rng: Rng, shape: Shape) -> Field:
     """Return white noise.
 
     Args:
@@ -142,7 +141,7 @@ def tint(colour: Colour, factor: float, offset: float = 0.0) -> Colour:
     return red, green, blue
 
 
-def coordinates(shape: tuple[int, int]) -> tuple[Field, Field]:
+def coordinates(shape: Shape) -> tuple[Field, Field]:
     """Return the coordinates of the centres of the pixels.
 
     Args:
@@ -156,7 +155,7 @@ def coordinates(shape: tuple[int, int]) -> tuple[Field, Field]:
     return down[:, None], across[None, :]
 
 
-def plain(shape: tuple[int, int], colour: Colour) -> Image:
+def plain(shape: Shape, colour: Colour) -> Image:
     """Return an image of one colour.
 
     Args:

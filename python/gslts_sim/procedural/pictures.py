@@ -12,6 +12,7 @@ from gslts_sim.procedural.noise import (
     Colour,
     Image,
     Rng,
+    Shape,
     blend,
     contrast,
     coordinates,
@@ -23,8 +24,6 @@ from gslts_sim.procedural.noise import (
     spot,
     tint,
 )
-
-Shape = tuple[int, int]
 
 
 def landscape(rng: Rng, shape: Shape) -> Image:

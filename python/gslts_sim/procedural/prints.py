@@ -15,6 +15,7 @@ from gslts_sim.procedural.noise import (
     Colour,
     Image,
     Rng,
+    Shape,
     blend,
     coordinates,
     fill,
@@ -28,8 +29,6 @@ from gslts_sim.procedural.noise import (
     wave,
 )
 from gslts_sim.procedural.pictures import landscape
-
-Shape = tuple[int, int]
 
 _TITLES = (
     "ATLAS", "THE SEA", "RIVERS", "NOVA", "GARDENS", "ORBIT", "SILENCE", "MAPS", "BIRDS",

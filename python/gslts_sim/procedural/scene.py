@@ -10,53 +10,23 @@ import numpy as np
 from gslts.types import Floats
 from gslts_sim.home import AreaLight, Home, HomeObject, Room, pose
 from gslts_sim.oriented_boxes import OrientedBoxes, collides
-from gslts_sim.physics import (
-    boxes_in_world,
-    collision_free,
-    footprint,
-    supported_fraction,
-)
+from gslts_sim.physics import boxes_in_world, collision_free, footprint, supported_fraction
 from gslts_sim.procedural.catalog import building
 from gslts_sim.procedural.catalog.building import Opening
 from gslts_sim.procedural.model import Kit, Model
+from gslts_sim.procedural.receptacles import top_near
 from gslts_sim.procedural.sides import Side, sides
 
 Builder = Callable[..., Model]
 Span = tuple[float, float]
-
 MAX_TRIES, BATCH = 24, 6
 """Maximum number of poses that are tried for a small object, and their number at once."""
 MIN_SUPPORTED_FRACTION = 0.8
 """Minimum supported fraction of a footprint; more than `physics` asks for."""
-MIN_TOP_M2 = 0.004
-"""Minimum area of a face that carries objects, m^2."""
 GAP_M = 0.1
 """Minimum distance between objects that hang on a wall, m."""
 EDGE_M = 0.015
 """Minimum distance of small objects from the edge of their receptacle, m."""
-
-
-def tops_m(obj: HomeObject) -> Floats:
-    """Return the heights at which objects can stand on an object.
-
-    Args:
-        obj: A receptacle.
-
-    Returns:
-        [K] float64 in its own frame, rising, m.
-    """
-    areas = np.prod(obj.boxes[:, 1, :2] - obj.boxes[:, 0, :2], axis=1)
-    heights: Floats = np.unique(obj.boxes[areas > MIN_TOP_M2][:, 1, 2])
-    return heights
-
-
-def _top_near(obj: HomeObject, z: float) -> Floats:
-    """Return the box [2,3] around the boxes whose top is nearest to a height."""
-    heights = tops_m(obj)
-    height = heights[np.abs(np.minimum(z, heights[-1]) - heights).argmin()]
-    areas = np.prod(obj.boxes[:, 1, :2] - obj.boxes[:, 0, :2], axis=1)
-    boxes = obj.boxes[(obj.boxes[:, 1, 2] == height) & (areas > MIN_TOP_M2)]
-    return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
 
 
 class Scene:
@@ -352,7 +322,7 @@ class Scene:
         Returns:
             The object; None if there is no room.
         """
-        top = _top_near(parent, np.inf if near_z is None else near_z)
+        top = top_near(parent, np.inf if near_z is None else near_z)
         yaw = float(np.arctan2(parent.world_from_object[1, 0], parent.world_from_object[0, 0]))
         half = obj.box_in_world[1, :2]
         carriers, foot = boxes_in_world(parent), footprint(obj.boxes)[0, :2]

@@ -7,139 +7,13 @@ u to the right and v down as seen from outside, so that prints fit without furth
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gslts.types import Floats, Ints, Ints32
-
-Point = tuple[float, float, float]
-
-
-@dataclass(frozen=True, eq=False)
-class Mesh:
-    """Triangles with texture coordinates in metres.
-
-    Args:
-        vertices: [V,3] float64, m.
-        faces: [F,3] int32, counter-clockwise seen from outside.
-        uvs_m: [F,3,2] float64, m.
-    """
-
-    vertices: Floats
-    faces: Ints32
-    uvs_m: Floats
-
-    def translate(self, x: float = 0, y: float = 0, z: float = 0) -> Mesh:
-        """Return the mesh, shifted.
-
-        Args:
-            x: m.
-            y: m.
-            z: m.
-        """
-        return Mesh(self.vertices + np.array([x, y, z]), self.faces, self.uvs_m)
-
-    def rotate(self, axis: str, angle_rad: float) -> Mesh:
-        """Return the mesh, rotated about an axis through its origin.
-
-        Args:
-            axis: `x`, `y` or `z`.
-            angle_rad: rad.
-        """
-        first, second = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
-        cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
-        vertices = self.vertices.copy()
-        vertices[:, first] = cosine * self.vertices[:, first] - sine * self.vertices[:, second]
-        vertices[:, second] = sine * self.vertices[:, first] + cosine * self.vertices[:, second]
-        return Mesh(vertices, self.faces, self.uvs_m)
-
-    def scale(self, x: float = 1, y: float = 1, z: float = 1) -> Mesh:
-        """Return the mesh, scaled; its texture is stretched, too.
-
-        Args:
-            x: Positive.
-            y: Positive.
-            z: Positive.
-        """
-        return Mesh(self.vertices * (x, y, z), self.faces, self.uvs_m)
-
-    def shift_texture(self, u_m: float, v_m: float) -> Mesh:
-        """Return the mesh with shifted texture coordinates.
-
-        Args:
-            u_m: m.
-            v_m: m.
-        """
-        return Mesh(self.vertices, self.faces, self.uvs_m + np.array([u_m, v_m]))
-
-
-def join(meshes: Sequence[Mesh]) -> Mesh:
-    """Return several meshes as one.
-
-    Args:
-        meshes: At least one.
-    """
-    starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes[:-1]])
-    return Mesh(
-        np.concatenate([mesh.vertices for mesh in meshes]),
-        np.concatenate(
-            [mesh.faces + np.int32(start) for mesh, start in zip(meshes, starts, strict=True)]
-        ),
-        np.concatenate([mesh.uvs_m for mesh in meshes]),
-    )
-
-
-# For sides whose normal points along x, y or z: the axes of u and v.
-_U_AXIS, _V_AXIS = np.array([1, 0, 0]), np.array([2, 2, 1])
-
-
-def _project_texture(vertices: Floats, faces: Ints32, along: int | None) -> Mesh:
-    """Return a mesh whose texture is projected along the nearest axis of each triangle.
-
-    Args:
-        vertices: [V,3] float64, m.
-        faces: [F,3] int32.
-        along: Axis that u follows wherever the side holds it, for grain; None keeps prints upright.
-    """
-    corners = vertices[faces]
-    edges = corners[:, 1:] - corners[:, :1]
-    normals = _cross(edges[:, 0], edges[:, 1])
-    axis = np.abs(normals).argmax(axis=1)
-    rows = np.arange(len(faces))
-    positive = normals[rows, axis] > 0
-    lower, upper = vertices.min(axis=0), vertices.max(axis=0)
-    from_lower, from_upper = corners - lower, upper - corners
-    u_axis, v_axis = _U_AXIS[axis], _V_AXIS[axis]
-    # Seen from outside, u runs right: along +y on +x sides, along -x on +y sides.
-    u_rises = np.where(axis == 1, ~positive, np.where(axis == 0, positive, True))
-    v_rises = (axis == 2) & ~positive
-    picks = rows[:, None], np.arange(3)[None, :]
-    u = np.where(
-        u_rises[:, None],
-        from_lower[(*picks, u_axis[:, None])],
-        from_upper[(*picks, u_axis[:, None])],
-    )
-    v = np.where(
-        v_rises[:, None],
-        from_lower[(*picks, v_axis[:, None])],
-        from_upper[(*picks, v_axis[:, None])],
-    )
-    uvs = np.stack([u, v], axis=2)
-    if along is not None:
-        across = v_axis == along
-        uvs[across] = uvs[across][:, :, ::-1]
-    return Mesh(vertices, faces, uvs)
-
-
-def _cross(first: Floats, second: Floats) -> Floats:
-    """Compute cross products [N,3]; for few rows several times as fast as numpy's."""
-    x, y, z = first.T
-    a, b, c = second.T
-    return np.stack([y * c - z * b, z * a - x * c, x * b - y * a], axis=1)
+from gslts_sim.procedural.mesh import Mesh, cross, flip, join, project_texture, split_quads
 
 
 @cache
@@ -147,16 +21,10 @@ def _unit_box(along: int | None) -> tuple[Floats, Ints32, Floats, Ints]:
     """Return a unit box: vertices, faces, uvs [12,3,2] and the axes [12,2] that they follow."""
     vertices = np.array([[x, y, z] for z in (0, 1) for y in (-0.5, 0.5) for x in (-0.5, 0.5)])
     quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
-    mesh = _project_texture(vertices, _split(np.array(quads)), along)
+    mesh = project_texture(vertices, split_quads(np.array(quads)), along)
     # In a box of sizes 1, 2 and 3 each coordinate tells which axis it follows.
-    longer = _project_texture(vertices * (1, 2, 3), mesh.faces, along)
+    longer = project_texture(vertices * (1, 2, 3), mesh.faces, along)
     return vertices, mesh.faces, mesh.uvs_m, longer.uvs_m.max(axis=1).round().astype(int) - 1
-
-
-def _split(quads: ArrayLike) -> Ints32:
-    """Split quads [Q,4] into triangles [2Q,3]."""
-    corners = np.asarray(quads, np.int32)
-    return np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
 
 
 def box(width: float, depth: float, height: float, *, upright: bool = False) -> Mesh:
@@ -213,7 +81,7 @@ def cushion(
         points[:, 0] *= 1 - 0.08 * puff * (1 - y**2)
         points[:, 1] *= 1 - 0.08 * puff * (1 - x**2)
     points[:, 2] -= points[:, 2].min()
-    return _project_texture(points, _split(np.concatenate(quads)), None)
+    return project_texture(points, split_quads(np.concatenate(quads)), None)
 
 
 def _spacing(flat_half: float, edge: Floats, count: int) -> Floats:
@@ -256,7 +124,7 @@ def lathe(profile: ArrayLike, segments: int = 32) -> Mesh:
     corner_uvs[:, :, 1, 0] = corner_uvs[:, :, 2, 0] = right
     corner_uvs[:, :, :2, 1], corner_uvs[:, :, 2:, 1] = v[:-1, None], v[1:, None]
     uvs = corner_uvs.reshape(-1, 4, 2)
-    faces = _split(quads)
+    faces = split_quads(quads)
     face_uvs = np.concatenate([uvs[:, [0, 1, 2]], uvs[:, [0, 2, 3]]])
     # On the axis one of the two triangles of a quad has no area.
     on_axis = np.tile(points[:, 0] <= 0, segments)
@@ -276,7 +144,7 @@ def cylinder(radius: float, height: float, top_radius: float | None = None, n: i
     top = radius if top_radius is None else top_radius
     side = lathe([(radius, 0), (top, height)], n)
     ends = [disc(top, n).translate(z=height)] if top > 0 else []
-    return join([side, *ends, _flip(disc(radius, n))])
+    return join([side, *ends, flip(disc(radius, n))])
 
 
 def disc(radius: float, n: int = 32) -> Mesh:
@@ -290,11 +158,7 @@ def disc(radius: float, n: int = 32) -> Mesh:
     rim = np.stack([np.cos(angles), np.sin(angles), np.zeros(n)], axis=1) * radius
     index = np.arange(n)
     faces = np.stack([np.full(n, n), index, (index + 1) % n], axis=1).astype(np.int32)
-    return _project_texture(np.concatenate([rim, np.zeros((1, 3))]), faces, None)
-
-
-def _flip(mesh: Mesh) -> Mesh:
-    return Mesh(mesh.vertices, mesh.faces[:, ::-1], mesh.uvs_m[:, ::-1])
+    return project_texture(np.concatenate([rim, np.zeros((1, 3))]), faces, None)
 
 
 def ellipsoid(width: float, depth: float, height: float, segments: int = 20) -> Mesh:
@@ -323,14 +187,14 @@ def tube(path: ArrayLike, radius: float, n: int = 10) -> Mesh:
     points = np.asarray(path, np.float64)
     ahead = np.gradient(points, axis=0)
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
-    side = _cross(ahead[:1], np.eye(3)[[np.abs(ahead[0]).argmin()]])[0]
+    side = cross(ahead[:1], np.eye(3)[[np.abs(ahead[0]).argmin()]])[0]
     angles = np.linspace(0, 2 * np.pi, n, endpoint=False)
     rings = []
     for point, direction in zip(points, ahead, strict=True):
         # Carried along without twist.
         side = side - direction * (side @ direction)
         side /= np.sqrt(side @ side)
-        up = _cross(direction[None], side[None])[0]
+        up = cross(direction[None], side[None])[0]
         rings.append(
             point + radius * (np.cos(angles)[:, None] * side + np.sin(angles)[:, None] * up)
         )
@@ -345,12 +209,12 @@ def tube(path: ArrayLike, radius: float, n: int = 10) -> Mesh:
     end = (count - 1) * n
     faces = np.concatenate(
         [
-            _split(quads.reshape(-1, 4)),
+            split_quads(quads.reshape(-1, 4)),
             np.stack([first, following[0], index[0]], axis=1),
             np.stack([last, end + index[0], end + following[0]], axis=1),
         ]
     ).astype(np.int32)
-    return _project_texture(vertices, faces, int(np.ptp(points, axis=0).argmax()))
+    return project_texture(vertices, faces, int(np.ptp(points, axis=0).argmax()))
 
 
 def sheet(front: ArrayLike, thickness: float, height: float) -> Mesh:
@@ -374,7 +238,7 @@ def sheet(front: ArrayLike, thickness: float, height: float) -> Mesh:
         for r in range(4)
     ]
     ends = [[index[0, 0], index[1, 0], index[2, 0], index[3, 0]], index[::-1, -1].tolist()]
-    faces = _split(np.concatenate([*quads, ends]))
+    faces = split_quads(np.concatenate([*quads, ends]))
     uvs = np.stack([np.tile(lengths, 4), (height - vertices[:, :, 2]).ravel()], axis=1)
     return Mesh(vertices.reshape(-1, 3), faces, uvs[faces])
 
@@ -394,9 +258,9 @@ def prism(outline: ArrayLike, depth: float) -> Mesh:
     index = np.arange(count)
     following = (index + 1) % count
     fan = np.stack([np.zeros(count - 2, np.int64), index[1:-1], index[2:]], axis=1)
-    sides = _split(np.stack([index, index + count, following + count, following], axis=1))
+    sides = split_quads(np.stack([index, index + count, following + count, following], axis=1))
     faces = np.concatenate([fan, fan[:, ::-1] + count, sides]).astype(np.int32)
-    return _project_texture(vertices.reshape(-1, 3), faces, None)
+    return project_texture(vertices.reshape(-1, 3), faces, None)
 
 
 def leaf(length: float, width: float, bend_rad: float, thickness: float = 0.002) -> Mesh:
@@ -422,7 +286,7 @@ def leaf(length: float, width: float, bend_rad: float, thickness: float = 0.002)
     index, following = np.arange(4)[None, :], (np.arange(4)[None, :] + 1) % 4
     quads = np.stack([ring + index, ring + 4 + index, ring + 4 + following, ring + following], 2)
     faces = np.concatenate(
-        [_split(quads.reshape(-1, 4)), _split([[3, 0, 1, 2], [20, 23, 22, 21]])]
+        [split_quads(quads.reshape(-1, 4)), split_quads([[3, 0, 1, 2], [20, 23, 22, 21]])]
     ).astype(np.int32)
     uv = np.stack(np.broadcast_arrays(t[:, None] * length, [width, width / 2, 0, width / 2]), 2)
     return Mesh(grid.reshape(-1, 3), faces, uv.reshape(-1, 2)[faces])

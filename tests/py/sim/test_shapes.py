@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from home_checks import signed_volume
 
+from gslts_sim.procedural.mesh import Mesh, join
 from gslts_sim.procedural.shapes import (
-    Mesh,
     box,
     cushion,
     cylinder,
     disc,
     ellipsoid,
-    join,
     lathe,
     leaf,
     prism,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gslts_sim.procedural import textures
+from gslts_sim.procedural import fabrics
 from gslts_sim.procedural.catalog import materials
 from gslts_sim.procedural.catalog.parts import legs
 from gslts_sim.procedural.model import Kit, Model
@@ -23,7 +23,7 @@ def bed(kit: Kit, width: float = 0.0) -> Model:
     wood, length = materials.wood(kit), 2.0
     legs(model, width, length, 0.12, 0.07, wood)
     model.add(box(width + 0.04, length, 0.16), wood, (0, 0, 0.12))
-    linen = kit.material(textures.weave, 0.32, 384, (0.93, 0.92, 0.89), (0.82, 0.82, 0.82), 128)
+    linen = kit.material(fabrics.weave, 0.32, 384, (0.93, 0.92, 0.89), (0.82, 0.82, 0.82), 128)
     model.add(cushion(width, length - 0.04, 0.22, 0.06), linen, (0, 0, 0.28))
     cover = kit.style.motif % 2
     cloth = materials.print_cloth(kit, cover)

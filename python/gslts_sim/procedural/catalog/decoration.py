@@ -4,22 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from gslts_sim.procedural import pictures, prints, textures
+from gslts_sim.procedural import fabrics, pictures, prints, textures
 from gslts_sim.procedural.catalog import materials
 from gslts_sim.procedural.catalog.parts import frame, ring_handle
 from gslts_sim.procedural.inks import ink
+from gslts_sim.procedural.mesh import join
 from gslts_sim.procedural.model import Kit, Model
-from gslts_sim.procedural.shapes import (
-    box,
-    cushion,
-    cylinder,
-    ellipsoid,
-    join,
-    lathe,
-    leaf,
-    sheet,
-    tube,
-)
+from gslts_sim.procedural.shapes import box, cushion, cylinder, ellipsoid, lathe, leaf, sheet, tube
 
 
 def vase(kit: Kit) -> Model:
@@ -237,8 +228,8 @@ def teddy_bear(kit: Kit) -> Model:
         kit: Materials, style and random stream of the home.
     """
     model = Model("TeddyBear", movable=True)
-    plush = kit.material(textures.fur, 0.12, 192, (0.46, 0.29, 0.15), (0.72, 0.5, 0.3))
-    pale = kit.material(textures.fur, 0.12, 128, (0.75, 0.6, 0.42), (0.9, 0.78, 0.6))
+    plush = kit.material(fabrics.fur, 0.12, 192, (0.46, 0.29, 0.15), (0.72, 0.5, 0.3))
+    pale = kit.material(fabrics.fur, 0.12, 128, (0.75, 0.6, 0.42), (0.9, 0.78, 0.6))
     dark = materials.plastic(kit, materials.BLACK)
     model.add(ellipsoid(0.17, 0.15, 0.19), plush)
     model.add(ellipsoid(0.11, 0.04, 0.12), pale, (0, -0.062, 0.03), solid=False)

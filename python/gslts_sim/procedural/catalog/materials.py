@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gslts_sim.procedural import textures
+from gslts_sim.procedural import fabrics, textures
 from gslts_sim.procedural.model import Kit, Material
 from gslts_sim.procedural.noise import Colour, tint
 
@@ -37,7 +37,7 @@ def fabric(kit: Kit) -> Material:
     Args:
         kit: Materials, style and random stream of the home.
     """
-    return kit.material(textures.weave, 0.32, 384, *kit.style.fabric, 96)
+    return kit.material(fabrics.weave, 0.32, 384, *kit.style.fabric, 96)
 
 
 def second_fabric(kit: Kit) -> Material:
@@ -46,7 +46,7 @@ def second_fabric(kit: Kit) -> Material:
     Args:
         kit: Materials, style and random stream of the home.
     """
-    return kit.material(textures.weave, 0.32, 384, *kit.style.second_fabric, 96)
+    return kit.material(fabrics.weave, 0.32, 384, *kit.style.second_fabric, 96)
 
 
 def print_cloth(kit: Kit, variant: int = 0) -> Material:
@@ -62,7 +62,7 @@ def print_cloth(kit: Kit, variant: int = 0) -> Material:
     if variant % 2:
         ground, first = first, ground
     motif = (style.motif + variant) % 6
-    return kit.material(textures.pattern, 0.4, 384, ground, first, second, motif)
+    return kit.material(fabrics.pattern, 0.4, 384, ground, first, second, motif)
 
 
 def painted_wood(kit: Kit, colour: Colour) -> Material:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from gslts_sim.procedural.mesh import Mesh, join
 from gslts_sim.procedural.model import Material, Model
-from gslts_sim.procedural.shapes import Mesh, box, cylinder, join, tube
+from gslts_sim.procedural.shapes import box, cylinder, tube
 
 
 def legs(

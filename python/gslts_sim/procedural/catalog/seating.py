@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gslts_sim.procedural import textures
+from gslts_sim.procedural import fabrics
 from gslts_sim.procedural.catalog import materials
 from gslts_sim.procedural.catalog.parts import legs
 from gslts_sim.procedural.model import Kit, Material, Model
@@ -63,7 +63,7 @@ def arm_chair(kit: Kit) -> Model:
     """
     model = Model("ArmChair", movable=True, receptacle=True)
     cover = (
-        kit.material(textures.leather, 0.4, 384, (0.45, 0.27, 0.16))
+        kit.material(fabrics.leather, 0.4, 384, (0.45, 0.27, 0.16))
         if kit.style.motif in (1, 4)
         else materials.second_fabric(kit)
     )

@@ -7,8 +7,9 @@ import numpy as np
 from gslts_sim.procedural import prints, textures
 from gslts_sim.procedural.catalog import materials
 from gslts_sim.procedural.inks import INKS, ink
+from gslts_sim.procedural.mesh import join
 from gslts_sim.procedural.model import Kit, Model
-from gslts_sim.procedural.shapes import box, cylinder, join, tube
+from gslts_sim.procedural.shapes import box, cylinder, tube
 
 
 def book(kit: Kit) -> Model:

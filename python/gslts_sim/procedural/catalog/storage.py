@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gslts_sim.procedural import textures
+from gslts_sim.procedural import fabrics
 from gslts_sim.procedural.catalog import materials
 from gslts_sim.procedural.catalog.parts import bar_handle, frame, knob, legs
 from gslts_sim.procedural.model import Kit, Model
@@ -136,7 +136,7 @@ def laundry_hamper(kit: Kit) -> Model:
         kit: Materials, style and random stream of the home.
     """
     model = Model("LaundryHamper", movable=True, receptacle=True)
-    willow = kit.material(textures.wicker, 0.24, 256, (0.75, 0.58, 0.36))
+    willow = kit.material(fabrics.wicker, 0.24, 256, (0.75, 0.58, 0.36))
     model.add(cylinder(0.19, 0.5, 0.21, n=28), willow)
     model.add(cylinder(0.215, 0.03, 0.2, n=28), willow, (0, 0, 0.5))
     return model

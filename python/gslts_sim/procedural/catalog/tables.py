@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gslts_sim.procedural import textures
+from gslts_sim.procedural import fabrics
 from gslts_sim.procedural.catalog import materials
 from gslts_sim.procedural.catalog.parts import knob, legs
 from gslts_sim.procedural.model import Kit, Model
@@ -145,7 +145,7 @@ def rug_like(kit: Kit, width: float, depth: float) -> Model:
     style = kit.style
     ground = tint(style.accent, 0.55, 0.12)
     knotted = kit.print_material(
-        textures.rug, (width, depth), 768, ground, (0.86, 0.8, 0.68), style.second_accent
+        fabrics.rug, (width, depth), 768, ground, (0.86, 0.8, 0.68), style.second_accent
     )
     model.add(box(width, depth, 0.01, upright=True), knotted)
     return model

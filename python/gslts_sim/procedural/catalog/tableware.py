@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gslts_sim.procedural import prints, textures
+from gslts_sim.procedural import fabrics, prints, textures
 from gslts_sim.procedural.catalog import materials
 from gslts_sim.procedural.catalog.parts import ring_handle
 from gslts_sim.procedural.inks import ink
@@ -352,7 +352,7 @@ def paper_towel(kit: Kit) -> Model:
     """
     model = Model("PaperTowelRoll", movable=True)
     paper = kit.material(
-        textures.pattern, 0.2, 256, (0.95, 0.94, 0.92), (0.72, 0.8, 0.88), (0.6, 0.7, 0.8), 2
+        fabrics.pattern, 0.2, 256, (0.95, 0.94, 0.92), (0.72, 0.8, 0.88), (0.6, 0.7, 0.8), 2
     )
     wood = materials.second_wood(kit)
     model.add(cylinder(0.075, 0.015, n=28), wood)

@@ -16,6 +16,7 @@ from gslts_sim.procedural.catalog import (
     tables,
     tableware,
 )
+from gslts_sim.procedural.receptacles import tops_m
 from gslts_sim.procedural.rooms.common import (
     WindowPlan,
     hang_curtains,
@@ -23,7 +24,7 @@ from gslts_sim.procedural.rooms.common import (
     light_ceiling,
     raise_shell,
 )
-from gslts_sim.procedural.scene import Builder, Scene, tops_m
+from gslts_sim.procedural.scene import Builder, Scene
 
 
 def draw_size(rng: np.random.Generator) -> tuple[float, float, float]:
