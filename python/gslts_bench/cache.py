@@ -18,6 +18,7 @@ from gslts.io.atomic_files import write_atomic
 ROOT = Path(__file__).parent.parent
 """Folder that holds the packages gslts, gslts_sim and gslts_bench."""
 OUR_PACKAGES = ("gslts", "gslts_bench", "gslts_sim")
+"""Packages whose modules make up the digest of the code."""
 NEVER_COUNTED = ("gslts_bench.cache", "gslts_bench.processes", "gslts_bench.runner")
 """Modules whose changes keep cached results valid: they only distribute and keep work."""
 MADE_OF = "made_of.json"

@@ -56,8 +56,9 @@ class Subject(Protocol):
 
 
 R = TypeVar("R", bound=BenchRecord)
+"""Type of a benchmark's records."""
 S = TypeVar("S", bound=Subject)
-"""Types of a benchmark's records and subjects."""
+"""Type of a benchmark's subjects."""
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ ObjectId = Annotated[str, Field(min_length=1, max_length=1000)]
 Metres = Annotated[FiniteFloat, Field(ge=-1e6, le=1e6)]
 Degrees = Annotated[FiniteFloat, Field(ge=-3600, le=3600)]
 GRID_M = 0.25
-"""Default step length and spacing of the grid of reachable positions, m; as in AI2-THOR."""
+"""Default step length and spacing of the grid of reachable positions, m: AI2-THOR's default."""
 
 
 class Point(StrictModel):

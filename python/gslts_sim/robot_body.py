@@ -12,7 +12,7 @@ from gslts.types import Floats
 from gslts_sim.home import Home
 
 HORIZON_DEG = (-30.0, 60.0)
-"""Range of the camera's angle below the horizon, degrees, as in AI2-THOR."""
+"""Range of the camera's angle below the horizon, degrees: AI2-THOR's limits."""
 BODY = RobotBody(radius_m=0.2, height_m=1.2, step_m=0.02)
 """Size of the simulated robot, a typical service robot that drives over rugs."""
 CAMERA_HEIGHT_M = 1.5

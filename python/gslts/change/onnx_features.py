@@ -8,13 +8,12 @@ from typing import Any
 import cv2
 import numpy as np
 
+from gslts.change.constants import MAX_MODEL_SIDE_PX
 from gslts.types import Floats32
 
 DEFAULT_SIDE_PX = 1024
 """Side of the input image where the model leaves it open, px: that of EfficientSAM (Xiong et al.
 2024), which normalizes colours itself."""
-MAX_SIDE_PX = 4096
-"""Maximum side of the input image, px; bounds the memory of a damaged or hostile model."""
 MAX_FILE_BYTES = 1 << 31
 """Maximum size of the file, 2 GiB; bounds the memory that a wrong file takes."""
 
@@ -82,8 +81,8 @@ class OnnxEncoder:
             raise ValueError(f"{path}: expected one input [1,3,H,W], got {shapes or 'none'}")
         if inputs[0].type != "tensor(float)":
             raise ValueError(f"{path}: expected an input of float32, got {inputs[0].type}")
-        if any(isinstance(side, int) and not 0 < side <= MAX_SIDE_PX for side in shape[2:]):
-            raise ValueError(f"{path}: images of {shape} are larger than {MAX_SIDE_PX} px")
+        if any(isinstance(side, int) and not 0 < side <= MAX_MODEL_SIDE_PX for side in shape[2:]):
+            raise ValueError(f"{path}: images of {shape} are larger than {MAX_MODEL_SIDE_PX} px")
         if len(outputs[0].shape) not in (0, 4):  # No shape is given where the model leaves it open.
             raise ValueError(f"{path}: expected features [1,D,h,w], got {outputs[0].shape}")
         height, width = (side if isinstance(side, int) else DEFAULT_SIDE_PX for side in shape[2:])

@@ -8,14 +8,8 @@ from typing import Any
 import cv2
 import numpy as np
 
+from gslts.change.constants import MAX_MODEL_SIDE_PX
 from gslts.types import Floats32
-
-MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
-"""Mean and standard deviation of the colours of ImageNet, as in the training of SAM and DINOv2."""
-MAX_SIDE_PX = 4096
-"""Maximum side of the input image, px; bounds the memory of a damaged or hostile model."""
-EXAMPLE = "facebook/sam-vit-base"
-"""A model that fits, for error messages."""
 
 
 class TransformersEncoder:
@@ -35,22 +29,29 @@ class TransformersEncoder:
             import torch
             from transformers import AutoModel
 
-            from gslts.semantics.pretrained import load_pretrained
+            from gslts.semantics.pretrained import (
+                IMAGENET_MEAN,
+                IMAGENET_STD,
+                SAM_EXAMPLE,
+                load_pretrained,
+            )
         except ImportError:
             raise ImportError(
                 "transformers features need transformers and torch: pip install 'gslts[models]'"
             ) from None
         self._torch = torch
         self._folder = folder
-        self._model = load_pretrained(AutoModel, folder, EXAMPLE)
+        self._model = load_pretrained(AutoModel, folder, SAM_EXAMPLE)
+        self._mean = np.array(IMAGENET_MEAN, np.float32)
+        self._std = np.array(IMAGENET_STD, np.float32)
         config = self._model.config
         vision = getattr(config, "vision_config", config)
         side, patch = getattr(vision, "image_size", None), getattr(vision, "patch_size", None)
         if not isinstance(side, int) or not isinstance(patch, int):
             raise ValueError(f"{folder}: its configuration lacks image_size or patch_size")
-        if not 0 < patch <= side <= MAX_SIDE_PX:
+        if not 0 < patch <= side <= MAX_MODEL_SIDE_PX:
             raise ValueError(
-                f"{folder}: image_size must be in {patch}..{MAX_SIDE_PX} px, got {side}"
+                f"{folder}: image_size must be in {patch}..{MAX_MODEL_SIDE_PX} px, got {side}"
             )
         if self._model.main_input_name != "pixel_values":
             raise ValueError(f"{folder}: a {type(self._model).__name__} is no encoder of images")
@@ -66,7 +67,7 @@ class TransformersEncoder:
             ValueError: The model returns fewer tokens than the image has patches.
         """
         image = cv2.resize(rgb, (self._side, self._side), interpolation=cv2.INTER_LINEAR)
-        whitened = (image - np.array(MEAN, np.float32)) / np.array(STD, np.float32)
+        whitened = (image - self._mean) / self._std
         pixels = self._torch.from_numpy(np.ascontiguousarray(whitened.transpose(2, 0, 1)[None]))
         with self._torch.inference_mode():
             if hasattr(self._model, "get_image_embeddings"):

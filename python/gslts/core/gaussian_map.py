@@ -20,6 +20,7 @@ _VIEW_TYPES: dict[np.dtype[Any], type[GaussianViewFloat] | type[GaussianViewDoub
     np.dtype(np.float32): GaussianViewFloat,
     np.dtype(np.float64): GaussianViewDouble,
 }
+"""View of the core by dtype of a map."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

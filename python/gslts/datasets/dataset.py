@@ -24,7 +24,10 @@ POLAR_STEPS = 5
 MAX_PIXELS = 1 << 26
 """Maximum pixels of an image, checked before memory is taken; no camera of a robot has more."""
 MAX_SIDE_PX = 1 << 16
-"""Maximum width and height of an image."""
+"""Maximum width and height of an image; bounds both before they are multiplied."""
+MAX_LIST_BYTES = 1 << 28
+"""Maximum size of a file that lists frames: 100,000 frames of nerfstudio take 60 MiB, an hour of
+TUM at 30 Hz 10 MiB."""
 FOCAL_RANGE = (0.05, 50.0)
 """Focal length over the longer side of the image: a field of view of 168 to 1.1 degrees."""
 MAX_MATRIX_BYTES = 10_000

@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, TypeAdapter, ValidationError
 
 from gslts.datasets.dataset import (
+    MAX_LIST_BYTES,
     MAX_SIDE_PX,
     Dataset,
     ImageFrame,
@@ -30,8 +31,6 @@ OPENGL_FROM_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
 """[4,4] change of camera axes: y and z point the other way."""
 OBJECTS = "objects.json"
 """File with the types of the labelled objects."""
-MAX_BYTES = 1 << 28
-"""Maximum size of a JSON file; 100,000 frames take 60 MiB."""
 PERSPECTIVE = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL")
 """Camera models of nerfstudio with Brown's distortion, or none."""
 FISHEYE = "OPENCV_FISHEYE"
@@ -77,6 +76,7 @@ class _Object(BaseModel):
 
 
 _OBJECTS = TypeAdapter(list[_Object])
+"""Parser of `objects.json`."""
 
 
 class _File(_Intrinsics):
@@ -105,8 +105,8 @@ def open_nerfstudio(path: Path) -> Dataset:
         ValueError: The file is damaged, or its lens model is not supported.
     """
     file = path / "transforms.json"
-    if file.stat().st_size > MAX_BYTES:
-        raise ValueError(f"{file}: larger than {MAX_BYTES >> 20} MiB")
+    if file.stat().st_size > MAX_LIST_BYTES:
+        raise ValueError(f"{file}: larger than {MAX_LIST_BYTES >> 20} MiB")
     try:
         content = _File.model_validate_json(file.read_bytes())
     except ValidationError as error:
@@ -182,8 +182,8 @@ def _types(path: Path) -> tuple[str, ...]:
     """Read the types of the objects; none without such a file."""
     if not path.exists():
         return ()
-    if path.stat().st_size > MAX_BYTES:
-        raise ValueError(f"{path}: larger than {MAX_BYTES >> 20} MiB")
+    if path.stat().st_size > MAX_LIST_BYTES:
+        raise ValueError(f"{path}: larger than {MAX_LIST_BYTES >> 20} MiB")
     try:
         return tuple(item.objectType for item in _OBJECTS.validate_json(path.read_bytes()))
     except ValidationError as error:

@@ -30,9 +30,8 @@ COLOR_FOCAL_PX = 525.0
 """Focal length that OpenNI assumes for the colour camera of an uncalibrated Kinect."""
 KINECT_WIDTH_PX = 640
 """Image width for which these focal lengths hold."""
-COLOR_FROM_DEPTH = np.eye(4)
+COLOR_FROM_DEPTH = np.array([[1, 0, 0, -0.025], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
 """[4,4] m: the colour camera of a Kinect is 2.5 cm to the right of its depth camera."""
-COLOR_FROM_DEPTH[0, 3] = -0.025
 
 
 def is_seven_scenes(path: Path) -> bool:

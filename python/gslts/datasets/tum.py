@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from gslts.datasets.dataset import (
+    MAX_LIST_BYTES,
     Dataset,
     ImageFrame,
     image_size,
@@ -24,8 +25,6 @@ DEPTH_UNIT_M = 1 / 5000
 """Metres of one step of a depth image, as the page of the data set says."""
 MAX_GAP_S = 0.02
 """Maximum time between a colour image and its depth image or pose, as in the data set's tools."""
-MAX_BYTES = 1 << 28
-"""Maximum size of a list; an hour at 30 Hz takes 10 MiB."""
 INTRINSICS = {
     "freiburg1": (517.3, 516.5, 318.6, 255.3),
     "freiburg2": (520.9, 521.0, 325.1, 249.7),
@@ -144,8 +143,8 @@ def _summary(bad: list[str]) -> list[str]:
 
 def _rows(path: Path, columns: int) -> tuple[list[list[str]], list[str]]:
     """Return the words of each line but comments, and the errors of damaged lines."""
-    if path.stat().st_size > MAX_BYTES:
-        raise ValueError(f"{path}: larger than {MAX_BYTES >> 20} MiB")
+    if path.stat().st_size > MAX_LIST_BYTES:
+        raise ValueError(f"{path}: larger than {MAX_LIST_BYTES >> 20} MiB")
     rows, bad = [], []
     text = path.read_text(encoding="utf-8", errors="replace")
     for number, line in enumerate(text.splitlines(), start=1):

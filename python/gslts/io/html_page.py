@@ -115,6 +115,7 @@ _PAGE = """\
 </body>
 </html>
 """
+"""Frame of all pages."""
 
 _STYLE = """\
 :root { color-scheme: light dark; --text: #222; --quiet: #666; --back: #fff; --line: #ddd; }
@@ -142,3 +143,4 @@ th { font-weight: 400; color: var(--quiet); }
 figure { margin: 0; }
 figure img { width: 100%; display: block; }
 """
+"""Style of all pages, for light and dark screens, without scripts or other files."""

@@ -16,6 +16,7 @@ from gslts.types import Bools, Bytes, Floats, Floats32, Ints32
 _HASH = np.array([73856093, 19349663, 83492791])
 """Teschner et al. 2003, Optimized Spatial Hashing for Collision Detection of Deformable Objects."""
 _SIDES: tuple[Literal["left"], Literal["right"]] = ("left", "right")
+"""Sides of `searchsorted`, whose results bound the equal keys."""
 _NEIGHBOURS = np.array([cell for cell in product((-1, 0, 1), repeat=3) if cell >= (0, 0, 0)])
 """Offsets of a cell to itself, first, and to half of its neighbours: each pair of cells once."""
 

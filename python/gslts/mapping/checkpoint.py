@@ -28,8 +28,9 @@ from gslts.types import Floats
 FORMAT, VERSION = "gslts-checkpoint", 1
 """Name and version of the file format; files of another version are not read."""
 MAP_ARRAYS = ("means", "quats", "log_scales", "logit_opacities", "sh", "ids", "origin")
+"""Arrays of `GaussianMap` in the file."""
 ADAM_ARRAYS = ("first", "second", "steps")
-"""Arrays of `GaussianMap` and of `AdamState` in the file."""
+"""Arrays of `AdamState` in the file."""
 DAMAGE = (
     *(ValueError, KeyError, TypeError, AttributeError, OverflowError),
     *(EOFError, RuntimeError, zipfile.BadZipFile),

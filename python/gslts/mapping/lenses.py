@@ -42,8 +42,9 @@ REGISTERED = _Prior(log_focal=0.003, centre_share=0.002, offset_m=0.002, turn_ra
 """Prior of registered depth: the sensor was calibrated before."""
 
 _COLOR, _TWIST = slice(0, 4), slice(4, 10)
+"""Rows of the 10 unknowns of all lenses: colour intrinsics, and motion of the depth camera."""
 _POSE, _INTRINSICS = slice(0, 6), slice(6, 10)
-"""Rows of the 10 unknowns of all lenses, and of the 10 unknowns of one frame."""
+"""Rows of the 10 unknowns of one frame."""
 
 
 @dataclass(frozen=True)

@@ -18,10 +18,13 @@ OCCUPIED, FREE, UNKNOWN = 0, 254, 205
 OCCUPIED_THRESH, FREE_THRESH = 0.65, 0.196
 """Default thresholds of map_server; (255 - 205) / 255 is between them."""
 GREYS = {"unknown": 150, "free": 255, "obstacle": 70}
+"""Grey of each kind of cell in the image; all three differ from text and path."""
 CELL_PX = 6
-LEGEND_PX, LINE_PX = 150, 18
+"""Side of a cell in the image, px, so that a path across single cells is visible."""
+LINE_PX = 18
+"""Height of a line of the legend, px: that of its text."""
 START_COLOR, PATH_COLOR = (0, 130, 0), (220, 0, 0)
-"""Layout and colours of the image."""
+"""RGB of the start and of the path."""
 
 
 def write_map_server(semantic_map: SemanticMap, folder: Path) -> None:
@@ -90,7 +93,8 @@ def _draw_path(image: RgbImage, semantic_map: SemanticMap, path: Floats) -> None
 
 def _add_legend(image: RgbImage, entries: Sequence[tuple[str, tuple[int, int, int]]]) -> RgbImage:
     height = max(len(image), LINE_PX * (len(entries) + 1))
-    canvas = np.full((height, image.shape[1] + LEGEND_PX, 3), GREYS["unknown"], np.uint8)
+    # The longest text of the legend takes 150 px.
+    canvas = np.full((height, image.shape[1] + 150, 3), GREYS["unknown"], np.uint8)
     canvas[: len(image), : image.shape[1]] = image
     left = image.shape[1] + 8
     for number, (name, color) in enumerate(entries):

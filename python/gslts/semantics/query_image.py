@@ -16,6 +16,7 @@ from gslts.semantics.queries import Instance
 from gslts.types import Floats, Floats32
 
 BOX_COLOR = (255, 255, 255)
+"""RGB of boxes: white, which the heat map does not have."""
 MAX_CANDIDATE_CAMERAS = 30
 """Number of the nearest cameras among which the best view is chosen; bounds time."""
 CANDIDATE_WIDTH_PX = 160

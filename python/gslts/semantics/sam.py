@@ -15,14 +15,16 @@ from torch import Tensor
 from torch.nn.functional import interpolate, pad
 
 from gslts.semantics.masks import suppress_duplicates
-from gslts.semantics.pretrained import inference_mode, load_pretrained
+from gslts.semantics.pretrained import (
+    IMAGENET_MEAN,
+    IMAGENET_STD,
+    SAM_EXAMPLE,
+    inference_mode,
+    load_pretrained,
+)
 from gslts.semantics.source import MAX_LEVELS
 from gslts.types import Bools, Bytes
 
-EXAMPLE = "facebook/sam-vit-base"
-"""Public model named in messages."""
-MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
-"""Normalization of ImageNet, RGB, 0 to 1."""
 GRID_POINTS = 32
 """Point prompts along a side of the grid, the default of SAM. Time grows with its square."""
 MAX_POINTS_PER_BATCH = 32
@@ -57,7 +59,7 @@ class MaskGenerator:
             raise ImportError(
                 "SAM needs transformers and torch: pip install 'gslts[models]'"
             ) from None
-        self._model = load_pretrained(SamModel, folder, EXAMPLE)
+        self._model = load_pretrained(SamModel, folder, SAM_EXAMPLE)
         levels = self._model.config.mask_decoder_config.num_multimask_outputs
         if levels != MAX_LEVELS:
             raise ValueError(f"{folder}: expected {MAX_LEVELS} masks per point, got {levels}")
@@ -90,7 +92,9 @@ class MaskGenerator:
         """Resize, normalize and pad an image: [1,3,S,S], the image at the upper left."""
         resized = Image.fromarray(rgb).resize(size[::-1], Image.Resampling.BILINEAR)
         colors = np.asarray(resized, np.float32) / 255
-        normalized = (colors - np.array(MEAN, np.float32)) / np.array(STD, np.float32)
+        normalized = (colors - np.array(IMAGENET_MEAN, np.float32)) / np.array(
+            IMAGENET_STD, np.float32
+        )
         pixels = torch.from_numpy(np.ascontiguousarray(normalized.transpose(2, 0, 1)[None]))
         return pad(pixels, (0, self._side - size[1], 0, self._side - size[0]))
 

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from gslts.core.camera import Camera, at_pose
-from gslts.datasets.dataset import MAX_PIXELS, rigid
+from gslts.datasets.dataset import MAX_PIXELS, MAX_SIDE_PX, rigid
 from gslts.datasets.tum import read_trajectory
 from gslts.store.causes import UpdateCause, first_problem
 from gslts.store.manifest import CAMERAS, split_version
@@ -19,8 +19,6 @@ from gslts.store.records import Version
 
 MAX_BYTES = 1 << 28
 """Bounds the memory for a hostile file: 256 MiB hold the cameras of 500,000 frames."""
-MAX_SIDE_PX = 1 << 16
-"""Bounds width and height before they are multiplied."""
 
 Row = Annotated[list[FiniteFloat], Field(min_length=4, max_length=4)]
 

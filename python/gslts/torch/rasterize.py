@@ -16,8 +16,9 @@ from gslts.torch.checks import check_tensors, require_supported, require_valid
 from gslts.torch.view import rasterize_view
 
 RENDER_MODES = ("RGB", "D", "ED", "RGB+D", "RGB+ED")
+"""Render modes of gsplat."""
 RASTERIZE_MODES = ("classic", "antialiased")
-"""Modes of gsplat."""
+"""Rasterize modes of gsplat."""
 FAR_PLANE_M = 1e10
 """Default of gsplat, m: there is no far plane."""
 SH_BASES = (1, 4, 9, 16)

@@ -20,7 +20,7 @@ LIGHT_SHIFT_M = 0.5
 VISIT_HORIZON_DEG = (0.0, 30.0)
 """Range of the camera's pitch below the horizon, as in recordings."""
 TRIES = 100
-"""Maximum number of positions tried near a grid position; then the robot stands on the grid."""
+"""Maximum number of positions tried near a viewpoint; then the viewpoint itself is taken."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,6 @@ from gslts_bench.navigation.run import Record
 from gslts_bench.runner import Benchmark
 from gslts_bench.tables import Table, number, share
 
-OVERALL = "overall"
 FAR_M = 1.25
 """Shortest path of the episodes that SAVN reports separately (L >= 5): five steps of 0.25 m."""
 
@@ -41,7 +40,7 @@ def summarize(records: Sequence[Record]) -> dict[str, Any]:
                 room: _numbers([record for record in own if record.room_type == room])
                 for room in rooms
             },
-            OVERALL: _numbers(own),
+            "overall": _numbers(own),
         },
         "far": _numbers([record for record in own if record.shortest_m >= FAR_M]),
         "categories": {

@@ -15,7 +15,7 @@ from gslts.types import Floats
 from gslts_bench.cache import cached_folder, code_digest
 from gslts_bench.detection.cases import MIN_TASKS, Case, HomeCases, take_frame
 from gslts_bench.detection.several import SeveralMaker
-from gslts_bench.detection.visits import draw_visit
+from gslts_bench.detection.visits import TRIES, draw_visit
 from gslts_bench.homes import BenchHome, default_state, source_of
 from gslts_sim import ROOM_TYPES
 from gslts_sim.actions import SceneState
@@ -34,8 +34,6 @@ VIEWS_PER_SET = 4
 """Number of viewpoints per set of changes, near one that sees all of them."""
 NEAR_M, NEAR_DEG = 0.3, 20.0
 """Maximum distance of a viewpoint from that one in x and in y, and in yaw."""
-TRIES = 100
-"""Maximum number of positions tried for a viewpoint; then the robot turns on the spot."""
 
 
 @dataclass(frozen=True, eq=False)

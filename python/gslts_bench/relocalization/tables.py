@@ -22,13 +22,15 @@ TITLES = {
     "as mapped": "From anywhere, also in front of bare walls, with the light of a lamp moved",
     "three changes": "After three changes, in view or nearly so",
 }
-COUNTED = ("ok", "ambiguous", "lost", "near", "far")
+"""Title of the table of each part."""
 FOREIGN_HEADER = ("", "frames", "ok", "ambiguous", "lost")
+"""Columns of frames of another home."""
 TRACKED_HEADER = (
     *FOREIGN_HEADER,
     *("2 cm, 1°", "5 cm, 5°", "median", "wrong `ok`", "error²", "time", "CPU time"),
 )
-"""The squared error is in units of the returned covariance, so that it should be about 1."""
+"""Columns of tracked frames. The squared error is in units of the returned covariance, so that it
+should be about 1."""
 LOCATED_HEADER = (*TRACKED_HEADER, "keypoints alone: 5 cm, 5°", "keypoints alone: median")
 """Columns of localized frames; the last two are of the pose before refinement."""
 TRUTHS = {"given": "by the given poses", "corrected": "by poses corrected in a map of all frames"}
@@ -178,7 +180,7 @@ def _tracked_row(name: str, numbers: Mapping[str, Any]) -> list[str]:
     return [
         name,
         str(frames),
-        *(_percent(numbers[key], frames) for key in COUNTED),
+        *(_percent(numbers[key], frames) for key in ("ok", "ambiguous", "lost", "near", "far")),
         _median(numbers),
         _percent(numbers["wrong_ok"], frames),
         number(numbers["normalized"], 2),

@@ -20,6 +20,7 @@ from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
 from gslts.update.config import CollectConfig
 from gslts.update.view_collection import Collection, collect_views
+from gslts_bench.detection.cases import MIN_TASKS
 from gslts_bench.detection.run import Report
 from gslts_bench.detection.score import fits
 from gslts_bench.homes import BenchHome, even_shares
@@ -38,8 +39,6 @@ CURVE_OF = ("plain fine-tuning", "ours")
 """Methods that have a curve."""
 NOT_DETECTED = "not detected"
 """Method of the record of a change that was not detected."""
-MIN_TASKS = 12
-"""Minimum number of tasks made for a home, of which the first are used."""
 
 
 class Record(BenchRecord):

@@ -14,8 +14,11 @@ from gslts_bench.update.run import CURVE_OF, NOT_DETECTED, Record
 from gslts_sim.tasks import KINDS
 
 NO_UPDATE, BASELINE, OURS = "no update", "plain fine-tuning", "ours"
+"""Methods of `METHODS` that the table compares."""
 OVERALL = "overall"
+"""Row of all kinds of change."""
 VIEWS = ("near", "far")
+"""Test viewpoints by their distance from the change."""
 METRICS = {"SSIM": ("ssim", 3), "PSNR": ("psnr_db", 2), "FLIP": ("flip", 3), "LPIPS": ("lpips", 3)}
 """Field of `Score` and number of digits by column."""
 

@@ -16,13 +16,11 @@ import numpy as np
 
 from gslts.core.frame import RgbdFrame
 from gslts.types import Floats
+from gslts_sim.actions import GRID_M
+from gslts_sim.robot_body import HORIZON_DEG
 from gslts_sim.thor.event import FAR_M, NEAR_M, ThorObject, camera_of, frame_of, objects_of
 from gslts_sim.thor.frame import in_world, unity_from_world, unity_yaw_from_world
 
-GRID_M = 0.25
-"""Spacing of the agent's grid of positions, m; AI2-THOR's default."""
-HORIZON_DEG = (-30.0, 60.0)
-"""Range of the camera's angle below the horizon, degrees; AI2-THOR's limits."""
 CHANGES = ("InitialRandomSpawn", "DisableObject", "EnableObject", "PlaceObjectAtPoint")
 """Actions that change the scene and have no other coordinates than a position."""
 
