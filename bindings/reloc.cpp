@@ -20,6 +20,7 @@ using reloc::kDescriptorBytes;
 using reloc::LandmarkIndex;
 using reloc::Matches;
 
+/// Columns of an array of descriptors.
 constexpr py::ssize_t kBytes = kDescriptorBytes;
 
 py::typing::Tuple<py::array_t<float>, py::array_t<std::uint8_t>> features_of(

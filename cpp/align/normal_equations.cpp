@@ -12,6 +12,7 @@ namespace {
 
 /// Rows of one task.
 constexpr int kRowsPerTask = 8;
+/// Unknowns: six of the pose, and four intrinsics.
 constexpr int kParameters = 10;
 
 /// Means of 2 x 2 pixels; a depth is 0 unless all four were measured and wanted.

@@ -100,6 +100,7 @@ constexpr double kAttachedStep_m = 0.01, kAttachedStepShare = 0.01;
 /// Minimum number of pixels with depth that tell whether a surface is attached; with fewer the
 /// share counts as `kUnknownAttached`.
 constexpr int kMinAttachedPixels = 4;
+/// Share that counts where it is unknown: neither attached nor free.
 constexpr double kUnknownAttached = 0.5;
 
 /// Added to colours before their ratio is taken: in the dark it tells nothing.

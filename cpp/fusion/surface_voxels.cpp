@@ -14,6 +14,7 @@ namespace {
 
 /// Bits of a coordinate in a key: 2^21 voxels of 1 cm are 20 km.
 constexpr int kKeyBits = 21;
+/// Voxels to each side of the corner that keys count from.
 constexpr double kHalfRange = 1 << (kKeyBits - 1);
 /// Voxels are counted from a corner that is a multiple of this number, so that the voxels of 2, 4,
 /// ... times the edge do not depend on the position of the first camera.

@@ -18,6 +18,7 @@ constexpr std::pair<std::string_view, Scalar> kScalars[] = {
     {"float", Scalar::kFloat32},  {"float32", Scalar::kFloat32}, {"double", Scalar::kFloat64},
     {"float64", Scalar::kFloat64}};
 
+/// Formats by their name in the header.
 constexpr std::pair<std::string_view, Format> kFormats[] = {
     {"ascii", Format::kAscii},
     {"binary_little_endian", Format::kLittleEndian},

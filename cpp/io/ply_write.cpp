@@ -82,6 +82,7 @@ class Replacement {
 
 /// Number of columns before nx ny nz.
 constexpr std::size_t kPositions = 3;
+/// Bytes of nx ny nz, which are 0.
 constexpr std::size_t kNormalsBytes = 3 * sizeof(float);
 
 std::string header_of(const GaussianView<float>& gaussians,

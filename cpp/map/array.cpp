@@ -18,6 +18,7 @@
 namespace gslts {
 namespace {
 
+/// Alignment of small and of large blocks, bytes: those of x86-64 and of most 64-bit ARM.
 constexpr std::size_t kCacheLine = 64, kHugePage = std::size_t{2} << 20;
 
 /// Smaller blocks are left to the system's allocator, which recycles them well.
@@ -27,6 +28,7 @@ constexpr std::size_t kMinRecycledBytes = std::size_t{64} << 10;
 #if defined(__SANITIZE_ADDRESS__) || GSLTS_HAS_ADDRESS_SANITIZER
 constexpr std::size_t kMaxIdleBytes = 0;  // A recycled block would hide the use of a freed one.
 #else
+/// Maximum size of the blocks that are kept for later: the buffers of some frames.
 constexpr std::size_t kMaxIdleBytes = std::size_t{128} << 20;
 #endif
 

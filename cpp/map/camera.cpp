@@ -9,13 +9,16 @@
 namespace gslts {
 namespace {
 
+/// Maximum width and height of an image: their product fits into 32 bits.
 constexpr int kMaxImageSize = 65536;
 
 /// Sine of the smallest angle between the view direction and `up` that still defines a horizon.
 constexpr double kMinHorizonSine = 1e-9;
 
+/// C++17 has no std::numbers.
 constexpr double kPi = 3.14159265358979323846;
 
+/// Matrices in messages.
 const Eigen::IOFormat kOneLine(Eigen::StreamPrecision, Eigen::DontAlignCols, ", ", "; ", "", "",
                                "[", "]");
 

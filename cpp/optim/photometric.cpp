@@ -18,6 +18,7 @@ using namespace simd::HWY_NAMESPACE;  // Lanes and their sums.
 // Rows are kept as 3 W numbers, colours interleaved, so that the window's taps are three numbers
 // apart and all channels go the same way.
 constexpr int kWindowRadius = 5, kWindowSize = 2 * kWindowRadius + 1;
+/// Radius of the window in these numbers.
 constexpr int kReach = 3 * kWindowRadius;
 /// Place of a row's first number: at a cache line, behind the zeros that the window reaches.
 constexpr int kFirst = 16;

@@ -33,6 +33,7 @@ constexpr std::size_t kMaxGaussians = std::size_t{1} << 27;
 /// Entries of a tile that are blended before the next ones are read: what is kept of them stays in
 /// the L1 cache, and a tile that has become opaque never reads the rest.
 constexpr std::uint32_t kBatchSize = 512;
+/// Words of a bit per entry of a batch.
 constexpr std::uint32_t kBatchWords = kBatchSize / 64;
 
 /// Minimum number of entries of the tile lists that one band holds. Beyond it an image is rendered
@@ -63,6 +64,7 @@ constexpr std::uint32_t kBinPrefetch = 8;
 
 /// Maximum alpha, so that 1 / (1 - alpha) stays bounded (3DGS, Kerbl et al. 2023, app. C).
 constexpr double kMaxAlpha = 0.99;
+/// log2(kMaxAlpha).
 constexpr double kLog2MaxAlpha = -0.014499569695115089;
 
 /// The Jacobian of the projection is evaluated at most this share of the field of view outside the
@@ -94,6 +96,7 @@ static_assert(1 + kRoundingMargin == 1.001);
 /// Smallest divisor: below, squares leave float's range.
 constexpr double kTiny = 1e-30;
 
+/// log(2): powers are computed to base 2.
 constexpr double kLn2 = 0.69314718055994530942;
 
 }  // namespace gslts::raster

@@ -14,8 +14,10 @@
 HWY_BEFORE_NAMESPACE();
 namespace gslts::raster::HWY_NAMESPACE {
 
+/// Basis functions of the degrees 0 to 3.
 constexpr int kMaxShBases = 16;
 
+/// Factors of the real spherical harmonics of each degree, as in 3DGS (Kerbl et al. 2023).
 constexpr double kSh0 = 0.28209479177387814;
 constexpr double kSh1 = 0.4886025119029199;
 constexpr double kSh2[3] = {1.0925484305920792, 0.31539156525252005, 0.5462742152960396};

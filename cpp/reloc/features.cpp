@@ -14,6 +14,7 @@ namespace {
 
 using KeyPoints = std::vector<cv::KeyPoint>;
 
+/// Name in messages.
 constexpr const char* kFunction = "features_of";
 
 /// Radius of the patch whose centroid gives the orientation of a keypoint, px (Rublee et al. 2011).

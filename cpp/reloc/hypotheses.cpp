@@ -13,6 +13,7 @@
 namespace gslts::reloc {
 namespace {
 
+/// Name in messages.
 constexpr const char* kFunction = "hypotheses_of";
 
 /// Minimum number of features whose landmarks coincide in two keyframes that see the same part of

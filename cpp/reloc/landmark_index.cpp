@@ -10,6 +10,7 @@
 namespace gslts::reloc {
 namespace {
 
+/// Maximum number of landmarks per feature; bounds the memory of a match.
 constexpr int kMaxNeighbours = 16;
 constexpr int kDescriptorBits = 8 * int(kDescriptorBytes);
 

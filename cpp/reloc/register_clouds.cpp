@@ -21,6 +21,7 @@ namespace {
 
 using Cloud = pcl::PointCloud<pcl::PointXYZ>;
 
+/// Name in messages.
 constexpr const char* kFunction = "register_clouds";
 
 /// Changes of the translation (m) and of the entries of the rotation between two iterations, below

@@ -23,6 +23,7 @@ struct Hit {
   double distance, second, third;
 };
 
+/// A ray that hits nothing.
 constexpr Hit kMiss{std::numeric_limits<double>::infinity(), 0, 0};
 
 Hit intersect(const float* ray, const float* corners) {

@@ -27,6 +27,7 @@ struct Target {
   const char* name;
   std::int64_t bit;  ///< Highway's.
 };
+/// Instruction sets by the names that `GSLTS_SIMD` takes.
 constexpr Target kTargets[] = {
     {"avx512", HWY_AVX3}, {"avx2", HWY_AVX2}, {"sse4", HWY_SSE4}, {"neon", HWY_NEON}};
 

@@ -7,6 +7,7 @@
 
 namespace gslts::reloc {
 
+/// Bytes of a descriptor of ORB (Rublee et al. 2011): 256 bits.
 inline constexpr std::size_t kDescriptorBytes = 32;
 
 /// Settings of feature extraction.

@@ -16,6 +16,7 @@ struct RayTriangles {
   const float* corners;        ///< [T,3,3] m, world.
 };
 
+/// Index where a ray hits nothing, that of Embree.
 constexpr std::uint32_t kNoTriangle = 0xffffffff;
 
 /// Points where rays meet triangles.
