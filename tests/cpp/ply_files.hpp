@@ -7,8 +7,8 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
-#include <exception>
 #include <cstring>
+#include <exception>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -121,8 +121,8 @@ inline constexpr char kHeader[] =
     "property float rot_3\n"
     "end_header\n";
 inline const std::string kText = std::string(kHeader) +
-                          "1 2 3 4 5 6 7 8 9 10 11 12 13 14\n"
-                          "-1 -2 -3 -4 -5 -6 -7 -8 -9 -10 -11 -12 -13 -14\n";
+                                 "1 2 3 4 5 6 7 8 9 10 11 12 13 14\n"
+                                 "-1 -2 -3 -4 -5 -6 -7 -8 -9 -10 -11 -12 -13 -14\n";
 
 /// The text with the first `before` in it replaced.
 inline std::string replace(std::string text, const std::string& before, const std::string& after) {
