@@ -86,7 +86,9 @@ Raises:
                                state[4].cast<int>(), state[5].cast<int>(),
                                state[6].cast<py::array>());
           }));
+}
 
+void define_camera_functions(py::module_& m) {
   m.def(
       "camera_from_fov",
       [](int width, int height, double horizontal_fov_rad,
@@ -183,6 +185,7 @@ void define_scatter_rows(py::module_& m, const char* name) {
 
 void define_map(py::module_ m) {
   define_camera(m);
+  define_camera_functions(m);
   define_gaussian_view<float>(m, "GaussianViewFloat");
   define_gaussian_view<double>(m, "GaussianViewDouble");
   define_scatter_rows<float>(m, "scatter_rows_float");

@@ -209,6 +209,20 @@ PhotometricLoss<T> photometric_loss(const T* rgb, const T* target, int width, in
   return loss;
 }
 
+/// Throws std::invalid_argument that names the first wanted pixel whose depth is negative or not
+/// finite.
+template <typename T>
+void reject_depth(const char* function, const T* depth, int width, int height,
+                  const PixelMask& mask) {
+  for_each_wanted(mask, width, 0, height, [&](std::size_t pixel) {
+    if (depth[pixel] >= 0 && std::isfinite(depth[pixel])) return;
+    std::ostringstream message;
+    message << function << ": depth[" << pixel / width << "," << pixel % width << "] is "
+            << depth[pixel] << ", must be finite and not negative";
+    throw std::invalid_argument(message.str());
+  });
+}
+
 template <typename T>
 DepthLoss<T> depth_loss(const T* depth, const T* target, int width, int height,
                         const PixelMask& mask, bool relative, int threads) {
@@ -251,15 +265,7 @@ DepthLoss<T> depth_loss(const T* depth, const T* target, int width, int height,
       part += {absolute, std::size_t(count), std::size_t(bad)};
     }
   });
-  if (sum.bad > 0) {
-    for_each_wanted(mask, width, 0, height, [&](std::size_t pixel) {
-      if (depth[pixel] >= 0 && std::isfinite(depth[pixel])) return;
-      std::ostringstream message;
-      message << function << ": depth[" << pixel / width << "," << pixel % width << "] is "
-              << depth[pixel] << ", must be finite and not negative";
-      throw std::invalid_argument(message.str());
-    });
-  }
+  if (sum.bad > 0) reject_depth(function, depth, width, height, mask);
   loss.count = sum.count;
   if (loss.count == 0) return loss;
   loss.value = sum.absolute / double(loss.count);

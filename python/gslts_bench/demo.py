@@ -107,12 +107,7 @@ def run_day(out: Path, scale: Scale, *, threads: int, bar: Bar, say: Callable[[s
     def note(stage: str) -> None:
         seconds[stage] = time.perf_counter() - start_s - sum(seconds.values())
 
-    source, coarse = HomeSource.of_seed(ROOM, SEED)
-    day = make_day(
-        source, coarse, TaskSettings(width=scale.width, height=scale.height), SEED, CHANGES
-    )
-    write_atomic(out / "day.json", (day.model_dump_json(indent=1) + "\n").encode())
-    home = source.load(out)
+    day, home = _make_day(out, scale)
     robot = day.robot(home, 0)
     looks, _ = explore(robot.home, scale.frames, lambda places: bar(places, "exploring"))
     count = capture(robot, bar(looks, "recording"), out / "before")
@@ -129,12 +124,7 @@ def run_day(out: Path, scale: Scale, *, threads: int, bar: Bar, say: Callable[[s
     say("added semantics from the simulator's labels")
     note("adding semantics")
     update = UpdateConfig(threads=threads, refine=RefineConfig(iterations=scale.iterations))
-    config = KeeperConfig(update=update)
-    with MapKeeper(out / "map", config, log=lambda words: say(f"  {words}")) as keeper:
-        for gone, happened in enumerate(bar(day.rounds, "rounds"), start=1):
-            for event in happened:
-                say(f"{event.change.kind} of {event.change.object_id}")
-            keeper.go_round(day.robot(home, gone))
+    _go_rounds(out / "map", day, home, KeeperConfig(update=update), bar, say)
     robot = day.robot(home, len(day.rounds))
     capture(robot, explore(robot.home, EVENING_FRAMES)[0], out / "after")
     note("keeping it up to date")
@@ -156,6 +146,27 @@ def run_day(out: Path, scale: Scale, *, threads: int, bar: Bar, say: Callable[[s
         ]
         write_history(report, store, f"A day in a {ROOM.replace('_', ' ')}", sections)
     return report
+
+
+def _make_day(out: Path, scale: Scale) -> tuple[Day, Home]:
+    """Make the changes of a day, write them to day.json, and load the home before them."""
+    source, coarse = HomeSource.of_seed(ROOM, SEED)
+    day = make_day(
+        source, coarse, TaskSettings(width=scale.width, height=scale.height), SEED, CHANGES
+    )
+    write_atomic(out / "day.json", (day.model_dump_json(indent=1) + "\n").encode())
+    return day, source.load(out)
+
+
+def _go_rounds(
+    folder: Path, day: Day, home: Home, config: KeeperConfig, bar: Bar, say: Callable[[str], None]
+) -> None:
+    """Keep the map up to date through the rounds of the day."""
+    with MapKeeper(folder, config, log=lambda words: say(f"  {words}")) as keeper:
+        for gone, happened in enumerate(bar(day.rounds, "rounds"), start=1):
+            for event in happened:
+                say(f"{event.change.kind} of {event.change.object_id}")
+            keeper.go_round(day.robot(home, gone))
 
 
 def _make_map(out: Path, scale: Scale, threads: int, bar: Bar) -> str:

@@ -228,10 +228,7 @@ class ChangeDetector:
         if changed and np.any(changed, axis=0).sum() > MAX_CHANGED_SHARE * known.sum():
             return Detection((), "most of the view differs", camera, observed_rgb)
         arrays = _core.mask_arrays(masks, camera)
-        unknown: tuple[UnknownRegion, ...] = ()
-        if config.strategy == "objects":
-            measured = (observed_depth > 0) | is_coarse
-            unknown = unknown_regions(known, measured, surfaces, labels)
+        measured = (observed_depth > 0) | is_coarse
         return Detection(
             changes=changes,
             unreliable=None,
@@ -244,8 +241,15 @@ class ChangeDetector:
             exposure=exposure,
             surfaces=surfaces,
             labels=labels,
-            unknown=unknown,
+            unknown=self._unknown(known, measured, surfaces, labels),
         )
+
+    def _unknown(
+        self, known: Bools, measured: Bools, surfaces: tuple[_core.Surface, ...], labels: Ints32
+    ) -> tuple[UnknownRegion, ...]:
+        if self.config.strategy != "objects":
+            return ()
+        return unknown_regions(known, measured, surfaces, labels)
 
     def _changes(
         self, views: _core.Views, masks: _core.Masks, is_coarse: bool

@@ -87,9 +87,7 @@ def detect(
                 read if localizer is None else localizer.localize_frame(read)
             )
         except (OSError, ValueError) as error:  # A damaged file does not stop the others.
-            reason = " ".join(str(error).split())
-            plain = {"frame": name, "unreliable": reason, "changes": [], "unknown": []}
-            typer.echo(json.dumps(plain) if as_json else f"{name}: unreliable: {reason}")
+            _echo_error(name, error, as_json=as_json)
             continue
         if as_json:
             typer.echo(json.dumps(_plain(name, detection, read.camera.width)))
@@ -98,6 +96,12 @@ def detect(
         if out is not None:
             stem = re.sub(r"[^\w.-]+", "-", name)
             write_image(out / f"{number:05}_{stem}.png", overlay(detection))
+
+
+def _echo_error(name: str, error: Exception, *, as_json: bool) -> None:
+    reason = " ".join(str(error).split())
+    plain = {"frame": name, "unreliable": reason, "changes": [], "unknown": []}
+    typer.echo(json.dumps(plain) if as_json else f"{name}: unreliable: {reason}")
 
 
 def _line(name: str, detection: Detection) -> str:

@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from gslts.core.gaussian_map import GaussianMap
+    from gslts.datasets import Dataset as OpenedDataset
+    from gslts.mapping.checkpoint import Checkpoint
+    from gslts.mapping.config import MappingConfig
+    from gslts.mapping.engine import MappingResult
+    from gslts.mapping.evaluation.evaluate import HeldOutQuality
+    from gslts.mapping.evaluation.rendering import RenderingQuality
 
 # Commands import what they need inside, so that `gslts --help` is fast.
 
@@ -80,13 +90,9 @@ def make(
     """
     from dataclasses import replace
 
-    from tqdm import tqdm
-
     from gslts.datasets import open_dataset
-    from gslts.mapping.checkpoint import read_checkpoint, write_checkpoint
+    from gslts.mapping.checkpoint import read_checkpoint
     from gslts.mapping.config import PRESETS
-    from gslts.mapping.engine import make_map
-    from gslts.mapping.optimize import Progress
     from gslts.mapping.report.summary import summary_of, write_result
 
     if out.exists():
@@ -108,6 +114,24 @@ def make(
     opened = open_dataset(dataset)
     opened = replace(opened, frames=opened.frames[::every])
     out.parent.mkdir(parents=True, exist_ok=True)
+    result = _map_with_bar(opened, config, start, saved)
+    write_result(out, result, opened.name)
+    saved.unlink(missing_ok=True)
+    for reason in result.skipped:
+        typer.echo(f"skipped {reason}", err=True)
+    typer.echo(f"wrote {out}: {summary_of(result)}")
+
+
+def _map_with_bar(
+    opened: OpenedDataset, config: MappingConfig, start: Checkpoint | None, saved: Path
+) -> MappingResult:
+    """Make a map with a progress bar, and save checkpoints."""
+    from tqdm import tqdm
+
+    from gslts.mapping.checkpoint import write_checkpoint
+    from gslts.mapping.engine import make_map
+    from gslts.mapping.optimize import Progress
+
     with tqdm(total=100, desc="mapping", bar_format=BAR, smoothing=0.05, disable=None) as bar:
 
         def report(progress: Progress) -> None:
@@ -120,7 +144,7 @@ def make(
             )
             bar.update(100 * min(1.0, progress.share) - bar.n)
 
-        result = make_map(
+        return make_map(
             opened,
             config,
             resume=start,
@@ -128,11 +152,6 @@ def make(
             show_frames=lambda frames: tqdm(frames, desc="reading", unit="frame", disable=None),
             report=report,
         )
-    write_result(out, result, opened.name)
-    saved.unlink(missing_ok=True)
-    for reason in result.skipped:
-        typer.echo(f"skipped {reason}", err=True)
-    typer.echo(f"wrote {out}: {summary_of(result)}")
 
 
 def judge(
@@ -159,8 +178,6 @@ def judge(
 
     Example: gslts eval out/map out/kitchen_3
     """
-    from dataclasses import asdict
-
     from tqdm import tqdm
 
     from gslts.datasets import open_dataset
@@ -184,15 +201,33 @@ def judge(
     quality, _ = evaluate_held_out(gaussian_map, frames, threads)
     rgbd = [frame.rgbd() for frame in frames.observations.values()]
     rest = evaluate_rendering(gaussian_map, rgbd, lpips, threads)
-    per_gaussian = gaussian_map.nbytes / max(1, gaussian_map.size)
     if as_json:
-        sizes = {
-            "gaussians": gaussian_map.size,
-            "bytes": gaussian_map.nbytes,
-            "bytes_per_gaussian": per_gaussian,
-        }
-        typer.echo(json.dumps({**asdict(quality), **asdict(rest), **sizes, "skipped": skipped}))
-        return
+        typer.echo(_quality_json(gaussian_map, quality, rest, skipped))
+    else:
+        _echo_quality(gaussian_map, quality, rest)
+
+
+def _quality_json(
+    gaussian_map: GaussianMap,
+    quality: HeldOutQuality,
+    rest: RenderingQuality,
+    skipped: Sequence[str],
+) -> str:
+    from dataclasses import asdict
+
+    sizes = {
+        "gaussians": gaussian_map.size,
+        "bytes": gaussian_map.nbytes,
+        "bytes_per_gaussian": gaussian_map.nbytes / max(1, gaussian_map.size),
+    }
+    return json.dumps({**asdict(quality), **asdict(rest), **sizes, "skipped": skipped})
+
+
+def _echo_quality(
+    gaussian_map: GaussianMap, quality: HeldOutQuality, rest: RenderingQuality
+) -> None:
+    from dataclasses import asdict
+
     for name, figures in asdict(quality).items():
         if figures is not None:
             depth_m = figures["depth_l1_m"]
@@ -201,6 +236,7 @@ def judge(
                 f"{figures['frames']} frames, poses {name.replace('_', ' ')}: "
                 f"{figures['psnr_db']:.2f} dB, SSIM {figures['ssim']:.3f}{depth}"
             )
+    per_gaussian = gaussian_map.nbytes / max(1, gaussian_map.size)
     typer.echo(
         f"{gaussian_map.size} Gaussians in {gaussian_map.nbytes} bytes, {per_gaussian:.1f} each; "
         f"{rest.render_ms:.1f} ms a rendering"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from gslts.core.camera import Camera
     from gslts.core.robot import Robot
     from gslts.keeper.keeper import KeeperConfig
+    from gslts.keeper.schedule import DeferredChange
     from gslts.localization.localizer import Localizer
     from gslts.robots.sources import RobotSource
 
@@ -104,14 +105,17 @@ def run(
                     f"stopped in round {keeper.state.round}; the same command continues there"
                 ) from None
             version = keeper.version
-    deferred = keeper.state.deferred
+    _echo_deferred(keeper.state.deferred)
+    typer.echo(
+        f"{last - first} round(s); {map_path} is version {version.number} now, "
+        f"{len(keeper.state.deferred)} deferred; see gslts log {map_path}"
+    )
+
+
+def _echo_deferred(deferred: Iterable[DeferredChange]) -> None:
     for change in deferred:
         x, y, z = change.point
         typer.echo(f"deferred: {change.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m: {change.reason}")
-    typer.echo(
-        f"{last - first} round(s); {map_path} is version {version.number} now, {len(deferred)} "
-        f"deferred; see gslts log {map_path}"
-    )
 
 
 @contextmanager

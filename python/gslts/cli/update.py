@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from gslts.localization.localizer import Localizer
     from gslts.store.causes import UpdateRecord
     from gslts.update import UpdateConfig
+    from gslts.update.pipeline import MapUpdate
 
 # Imports are inside the command, so that `gslts --help` starts fast.
 
@@ -65,7 +66,6 @@ def update(
 
     from gslts.change.config import DetectionConfig
     from gslts.robots.recorded import RecordedRobot
-    from gslts.store.manifest import update_image_path
     from gslts.update import update_map
 
     if (robot is None) == (frames is None):
@@ -95,6 +95,13 @@ def update(
             on_detected=report,
             progress=advance,
         )
+    _echo_outcome(map_path, done)
+
+
+def _echo_outcome(map_path: Path, done: MapUpdate) -> None:
+    """Print what became of the map; raise RuntimeError if the update was rejected."""
+    from gslts.store.manifest import update_image_path
+
     if done.status == "unchanged":
         typer.echo(f"{map_path} is unchanged: no change was detected")
         return

@@ -14,6 +14,8 @@ from gslts.cli.mapping import Preset
 if TYPE_CHECKING:
     from gslts.core.camera import Camera
     from gslts.core.gaussian_map import GaussianMap
+    from gslts.datasets import Dataset
+    from gslts.mapping.frames import FrameSplit
     from gslts_bench.tradeoff.mapping import MappingPoint
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
@@ -150,7 +152,6 @@ def _measure_mapping(
     from gslts.datasets import open_dataset
     from gslts.io.atomic_files import empty_folder
     from gslts.mapping.config import PRESETS
-    from gslts.mapping.evaluation.held_out import TrainingRecord
     from gslts.store.manifest import read_manifest, split_version
     from gslts.store.map_folder import read_map
     from gslts_bench.provenance import describe_run
@@ -161,17 +162,7 @@ def _measure_mapping(
     gaussian_map, opened = read_map(map_path), open_dataset(dataset)
     folder, _ = split_version(map_path)
     made_in_s = bench.seconds_of(read_manifest(folder)) if folder.is_dir() else None
-    split = bench.split_of(
-        opened,
-        TrainingRecord.read(map_path),
-        lambda frames: tqdm(frames, desc="reading", unit="frame", disable=None),
-    )
-    opacity = bench.mean_opacity(gaussian_map, split, threads or 0)
-    if opacity < bench.MIN_OPACITY:
-        raise ValueError(
-            f"{map_path}: it fills {100 * opacity:.0f} % of the frames of {opened.name}; give the "
-            "data set that it was made from"
-        )
+    split = _split_of_map(map_path, gaussian_map, opened, threads or 0)
     first = next(iter(split.training.values()))
     camera = output.find_camera(map_path, pose) if pose else first.camera()
     empty_folder(out)
@@ -209,6 +200,29 @@ def _measure_mapping(
     json_path.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     write_plot(points, f"Maps of {opened.name}, preset {preset}; the map is {map_path}", plot_path)
     typer.echo(f"wrote {csv_path}, {json_path} and {plot_path}")
+
+
+def _split_of_map(
+    map_path: Path, gaussian_map: GaussianMap, opened: Dataset, threads: int
+) -> FrameSplit:
+    """Read the frames that trained the map and those that did not; check that they show it."""
+    from tqdm import tqdm
+
+    from gslts.mapping.evaluation.held_out import TrainingRecord
+    from gslts_bench.tradeoff import mapping as bench
+
+    split = bench.split_of(
+        opened,
+        TrainingRecord.read(map_path),
+        lambda frames: tqdm(frames, desc="reading", unit="frame", disable=None),
+    )
+    opacity = bench.mean_opacity(gaussian_map, split, threads)
+    if opacity < bench.MIN_OPACITY:
+        raise ValueError(
+            f"{map_path}: it fills {100 * opacity:.0f} % of the frames of {opened.name}; give the "
+            "data set that it was made from"
+        )
+    return split
 
 
 def _line(point: MappingPoint) -> str:
