@@ -48,7 +48,7 @@ class OnnxEncoder:
         except Exception as error:  # onnxruntime has no public base class for its errors.
             raise ValueError(f"{path}: it is no ONNX model: {error}") from None
         self._path = path
-        self._input, self._size = self._checked_input()
+        self._input, self._size = self._check_input()
 
     def __call__(self, rgb: Floats32) -> Floats32:
         """Compute [h,w,D] features; see `FeatureExtractor`.
@@ -69,7 +69,7 @@ class OnnxEncoder:
             raise ValueError(f"{self._path}: expected features [1,D,h,w], got {output.shape}")
         return np.ascontiguousarray(output[0].transpose(1, 2, 0), np.float32)
 
-    def _checked_input(self) -> tuple[str, tuple[int, int]]:
+    def _check_input(self) -> tuple[str, tuple[int, int]]:
         """Check the shapes of the model; return name, and width and height, px, of its input."""
         path = self._path
         inputs, outputs = self._session.get_inputs(), self._session.get_outputs()

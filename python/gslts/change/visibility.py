@@ -51,7 +51,7 @@ class Visibility:
     ) -> None:
         self._map, self._options = gaussian_map, RenderOptions(threads=threads)
         self._rasterizer = Rasterizer(np.float32)
-        self._cameras = small = [_scaled(camera) for camera in cameras]
+        self._cameras = small = [_scale(camera) for camera in cameras]
         # All depth images in one array; the first element stands for pixels outside every image.
         ends = np.cumsum([1, *(camera.width * camera.height for camera in small)])
         self._depths = np.zeros(ends[-1], np.float32)
@@ -127,7 +127,7 @@ class Visibility:
             self._rendered[row] = True
 
 
-def _scaled(camera: Camera) -> Camera:
+def _scale(camera: Camera) -> Camera:
     """Return the camera of an image of `VISIBILITY_WIDTH_PX` columns."""
     scale = VISIBILITY_WIDTH_PX / camera.width
     return Camera(

@@ -99,7 +99,7 @@ def localize(
     elif (depth, camera, fov_deg) != (None,) * 3:
         raise ValueError(f"{frames}: --depth, --camera and --fov-deg are for a PNG or JPEG only")
     else:
-        opened = _opened(frames, posed=False)
+        opened = _open_frames(frames, posed=False)
     find = Localizer(relocalizer).localize if track else relocalizer.localize
     results: list[_Result] = []
     unposed = {entry.name for entry in opened.unposed}
@@ -111,7 +111,7 @@ def localize(
         except (OSError, ValueError) as error:  # A damaged file does not stop the others.
             if is_image:
                 raise
-            result = _Result.failed(entry.name, error, given)
+            result = _Result.of_error(entry.name, error, given)
         results.append(result)
         typer.echo(json.dumps(result.plain()) if as_json else result.line())
         if out is not None and result.found.world_from_camera is not None:
@@ -155,7 +155,7 @@ def read_frames(path: Path, localizer: Localizer | None) -> dict[str, RgbdFrame]
     from tqdm import tqdm
 
     read: dict[str, RgbdFrame] = {}
-    opened = _opened(path, posed=localizer is None)
+    opened = _open_frames(path, posed=localizer is None)
     for entry in tqdm(opened.frames, desc="reading", unit="frame", disable=None):
         frame = entry.read() if localizer is None else localizer.localize_frame(entry.read())
         if frame.fault is None:
@@ -178,7 +178,7 @@ def _relocalizer(map_path: Path, settings: dict[str, int]) -> Relocalizer:
     return Relocalizer(gaussian_map, require_landmarks(map_path, gaussian_map), config)
 
 
-def _opened(path: Path, *, posed: bool) -> Dataset:
+def _open_frames(path: Path, *, posed: bool) -> Dataset:
     from gslts.datasets import open_dataset
 
     opened = open_dataset(path, posed=posed)
@@ -273,7 +273,7 @@ class _Result:
         return cls(name, found, time.perf_counter() - start_s, given)
 
     @classmethod
-    def failed(cls, name: str, error: Exception, given: Floats | None) -> _Result:
+    def of_error(cls, name: str, error: Exception, given: Floats | None) -> _Result:
         """Return a lost frame that cannot be read."""
         from gslts.localization.relocalizer import Localization
 

@@ -119,7 +119,7 @@ def open_nerfstudio(path: Path) -> Dataset:
     types = _types(path / OBJECTS)
     for number, entry in enumerate(content.frames):
         try:
-            frame = _Frame.model_validate({**_shared(content), **_dict(entry)})
+            frame = _Frame.model_validate({**_merge_shared(content), **_dict(entry)})
             frames.append(_image_frame(path, frame, content, number, types))
             if frame.transform_matrix is None:
                 unposed.add(frames[-1].rgb)
@@ -198,7 +198,7 @@ def _lens(frame: _Frame, fisheye: bool) -> Lens | None:
     return lens_or_none((frame.k1, frame.k2, frame.p1, frame.p2, frame.k3))
 
 
-def _shared(content: _File) -> dict[str, Any]:
+def _merge_shared(content: _File) -> dict[str, Any]:
     """Return the intrinsics at the top of the file, for frames without their own."""
     return {name: getattr(content, name) for name in _Intrinsics.model_fields}
 

@@ -81,7 +81,7 @@ def depth_image(depth: NDArray[np.floating], range_m: tuple[float, float]) -> Rg
     near_m, far_m = range_m
     seen = depth > 0
     shares = (np.where(seen, depth, near_m) - near_m) / (far_m - near_m)
-    return np.where(seen[..., None], _colored(shares, DEPTH_COLORS), np.array(NO_DEPTH, np.uint8))
+    return np.where(seen[..., None], _colorize(shares, DEPTH_COLORS), np.array(NO_DEPTH, np.uint8))
 
 
 def error_image(rgb: RgbImage, expected: RgbImage, brightest: float) -> RgbImage:
@@ -96,7 +96,7 @@ def error_image(rgb: RgbImage, expected: RgbImage, brightest: float) -> RgbImage
         [H,W,3] uint8.
     """
     error = np.abs(rgb.astype(np.float32) - expected.astype(np.float32)).mean(axis=2)
-    return _colored(error / (255 * brightest), ERROR_COLORS)
+    return _colorize(error / (255 * brightest), ERROR_COLORS)
 
 
 def draw_text(
@@ -176,7 +176,7 @@ def legend(colors: str, width: int = 256, height: int = 12) -> RgbImage:
         [H,W,3] uint8.
     """
     shares = (np.arange(width) + 0.5) / width
-    return _colored(np.tile(shares, (height, 1)), colors)
+    return _colorize(np.tile(shares, (height, 1)), colors)
 
 
 def heat_image(rgb: RgbImage, shares: NDArray[np.floating]) -> RgbImage:
@@ -191,12 +191,12 @@ def heat_image(rgb: RgbImage, shares: NDArray[np.floating]) -> RgbImage:
     """
     grey = np.repeat(rgb.mean(axis=2, keepdims=True), 3, axis=2)
     weights = shares.clip(0, 1)[..., None]
-    mixed = (1 - weights) * grey + weights * _colored(shares, HEAT_COLORS)
+    mixed = (1 - weights) * grey + weights * _colorize(shares, HEAT_COLORS)
     result: RgbImage = np.rint(mixed).astype(np.uint8)
     return result
 
 
-def _colored(shares: NDArray[np.floating], colors: str) -> RgbImage:
+def _colorize(shares: NDArray[np.floating], colors: str) -> RgbImage:
     from matplotlib import colormaps  # It takes half a second to import.
 
     image: RgbImage = colormaps[colors](shares.clip(0, 1), bytes=True)[..., :3]

@@ -39,7 +39,7 @@ class NormalEquations:
     def __add__(self, other: NormalEquations) -> NormalEquations:
         return NormalEquations(self.hessian + other.hessian, self.right + other.right)
 
-    def scaled(self, scale: Floats) -> NormalEquations:
+    def rescale(self, scale: Floats) -> NormalEquations:
         """Return the equations for the unknowns x / scale.
 
         Args:
@@ -71,7 +71,7 @@ class Alignment:
         """
         scale = np.ones(10)
         scale[8:] = 1 / divisor
-        return Alignment(self.color.scaled(scale), self.depth.scaled(scale))
+        return Alignment(self.color.rescale(scale), self.depth.rescale(scale))
 
 
 def align(

@@ -132,11 +132,11 @@ class Relocalizer:
             frame: Its pose is not used; depth may be missing.
         """
         if self._index is None:
-            return _lost("the map has no landmarks; gslts map makes maps that do")
+            return _lost_because("the map has no landmarks; gslts map makes maps that do")
         pyramid = self._pyramid(frame)
         hypotheses = self._hypotheses(pyramid)
         if not hypotheses:
-            return _lost("too few keypoints of the image match the map")
+            return _lost_because("too few keypoints of the image match the map")
         levels = pyramid.levels(self.config.halvings)
         candidates = [
             self._candidate(pyramid, hypothesis, levels[:COARSE_LEVELS])
@@ -254,7 +254,7 @@ class _Candidate:
     inliers: int
 
 
-def _lost(reason: str) -> Localization:
+def _lost_because(reason: str) -> Localization:
     return Localization(status="lost", reason=reason)
 
 

@@ -137,10 +137,10 @@ def make_map(
     weights = max_weights(gaussian_map, observations, config.threads)
     gaussian_map = gaussian_map.select(weights > MIN_WEIGHT)
     clock.note("optimization")
-    return _evaluated(gaussian_map, config, split, given, curve, start.seeds, clock)
+    return _evaluate(gaussian_map, config, split, given, curve, start.seeds, clock)
 
 
-def _evaluated(
+def _evaluate(
     gaussian_map: GaussianMap,
     config: MappingConfig,
     split: FrameSplit,
@@ -152,7 +152,7 @@ def _evaluated(
     """Choose the variant by the validation frames, and measure the quality on the test frames."""
     variants: list[Variant] = []
     if config.variant_steps > 0:
-        validation = _refined_validation(gaussian_map, split, config)
+        validation = _refine_validation(gaussian_map, split, config)
         observations = list(split.training.values())
         variants = make_variants(gaussian_map, observations, list(validation.values()), config)
         gaussian_map = choose_variant(variants).gaussian_map
@@ -160,7 +160,7 @@ def _evaluated(
     quality, test = None, dict[str, Observation]()
     if split.test.observations:
         quality, test = evaluate_held_out(gaussian_map, split.test, config.threads)
-    refined = {**test, **_refined_validation(gaussian_map, split, config)}
+    refined = {**test, **_refine_validation(gaussian_map, split, config)}
     clock.note("evaluation")
     return MappingResult(
         config=config,
@@ -179,7 +179,7 @@ def _evaluated(
     )
 
 
-def _refined_validation(
+def _refine_validation(
     gaussian_map: GaussianMap, split: FrameSplit, config: MappingConfig
 ) -> dict[str, Observation]:
     starts = split.validation.by_neighbours()

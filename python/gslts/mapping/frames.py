@@ -110,13 +110,13 @@ class FrameSplit:
             )
         beside = neighbours_of(names)
 
-        def held(chosen: Sequence[str]) -> HeldOutFrames:
+        def hold_out(chosen: Sequence[str]) -> HeldOutFrames:
             return HeldOutFrames(
                 {name: frames[name] for name in chosen},
                 [[training[near] for near in beside[name] if near in training] for name in chosen],
             )
 
-        return cls(tuple(names), training, held(validation), held(test), bad)
+        return cls(tuple(names), training, hold_out(validation), hold_out(test), bad)
 
     @property
     def held_out(self) -> list[Observation]:

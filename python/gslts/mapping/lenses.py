@@ -92,11 +92,11 @@ def after_step(alignment: Alignment, step: Floats) -> Alignment:
         step: (6,) twist.
     """
 
-    def left(equations: NormalEquations) -> NormalEquations:
+    def without_step(equations: NormalEquations) -> NormalEquations:
         right = equations.right - product(equations.hessian[:, _POSE], step[:, None])[:, 0]
         return NormalEquations(equations.hessian, right)
 
-    return Alignment(left(alignment.color), left(alignment.depth))
+    return Alignment(without_step(alignment.color), without_step(alignment.depth))
 
 
 def refine_lenses(lenses: Lenses, given: Lenses, alignments: Sequence[Alignment]) -> Lenses:

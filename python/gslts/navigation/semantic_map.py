@@ -110,7 +110,7 @@ def make_semantic_map(
     grid = Grid.around(*surfaces.extent(cell_m), cell_m, MARGIN_M)
     heights = surfaces.points[:, 2] - floor_m
     below_top = (heights >= -MAX_BELOW_FLOOR_M) & (heights <= body.height_m)
-    obstacles = _occupied(grid, surfaces, below_top & (heights > body.step_m + ROUGHNESS_M))
+    obstacles = _occupied_cells(grid, surfaces, below_top & (heights > body.step_m + ROUGHNESS_M))
     known = obstacles | (_coverage(grid, surfaces, below_top & surfaces.level) >= MIN_COVERAGE)
     closed = cv2.morphologyEx(
         known.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((CLOSING_CELLS, CLOSING_CELLS), np.uint8)
@@ -134,7 +134,7 @@ def _remove_small_areas(explored: Bools, obstacles: Bools, radius_cells: float) 
     return kept
 
 
-def _occupied(grid: Grid, surfaces: SurfacePoints, selected: Bools) -> Bools:
+def _occupied_cells(grid: Grid, surfaces: SurfacePoints, selected: Bools) -> Bools:
     """Return [M,M] cells with enough surface, from more than a stray Gaussian."""
     counts = grid.sums(surfaces.points[selected], surfaces.shares[selected])
     nearby = cv2.boxFilter(counts, -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)

@@ -35,7 +35,7 @@ def orbit(cameras: Sequence[Camera], count: int) -> list[Camera]:
         raise ValueError("orbit: there is no camera")
     poses = np.stack([camera.world_from_camera for camera in cameras])
     up, keys = -poses[:, :3, 1].mean(axis=0), _keys(poses)
-    positions, quats = keys[:, :3, 3], _aligned(np.stack([_quat(key[:3, :3]) for key in keys]))
+    positions, quats = keys[:, :3, 3], _align(np.stack([_quat(key[:3, :3]) for key in keys]))
     turns_rad = 2 * np.arccos(np.abs((quats * np.roll(quats, -1, axis=0)).sum(axis=1)).clip(0, 1))
     steps_m = np.linalg.norm(np.roll(positions, -1, axis=0) - positions, axis=1)
     ends = np.concatenate([[0], np.cumsum(steps_m + M_PER_RAD * turns_rad + 1e-9)])
@@ -79,7 +79,7 @@ def _spline(rows: Floats, at: float, sign: float) -> Floats:
     return result
 
 
-def _aligned(quats: Floats) -> Floats:
+def _align(quats: Floats) -> Floats:
     """Flip signs of quaternions so that each is nearest to the one before."""
     for row in range(1, len(quats)):
         if quats[row] @ quats[row - 1] < 0:

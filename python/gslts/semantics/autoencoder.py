@@ -110,7 +110,7 @@ class Autoencoder:
         Returns:
             [S,V] float32.
         """
-        hidden, weight, bias = self._hidden("decoder", codes), *self._last("decoder")
+        hidden, weight, bias = self._hidden_layer("decoder", codes), *self._last("decoder")
         products = hidden @ (weight.T @ vectors.T) + vectors @ bias
         squares = ((hidden @ (weight.T @ weight) + 2 * (bias @ weight)) * hidden).sum(axis=1)
         lengths = np.sqrt(np.maximum(squares + bias @ bias, 1e-24))
@@ -118,11 +118,11 @@ class Autoencoder:
 
     def _apply(self, part: str, vectors: Floats32) -> Floats32:
         weight, bias = self._last(part)
-        result = self._hidden(part, vectors) @ weight.T + bias
+        result = self._hidden_layer(part, vectors) @ weight.T + bias
         lengths = np.linalg.norm(result, axis=1, keepdims=True)
         return np.asarray(result / np.maximum(lengths, 1e-12), np.float32)
 
-    def _hidden(self, part: str, vectors: Floats32) -> Floats32:
+    def _hidden_layer(self, part: str, vectors: Floats32) -> Floats32:
         weight, bias = self.weights[f"{part}.0.weight"], self.weights[f"{part}.0.bias"]
         return _gelu(vectors @ weight.T + bias)
 

@@ -167,9 +167,9 @@ class Index(IndexFile):
         try:
             return [parse(row) for row in rows]
         except ValidationError as error:
-            raise self.damaged(first_problem(error)) from None
+            raise self.damage_error(first_problem(error)) from None
         except (IndexError, TypeError, ValueError, RecursionError) as error:
-            raise self.damaged(error) from error
+            raise self.damage_error(error) from error
 
 
 def _version(row: sqlite3.Row) -> Version:

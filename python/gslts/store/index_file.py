@@ -143,9 +143,9 @@ class IndexFile:
         """
         found = self.rows("PRAGMA integrity_check")[0][0]
         if found != "ok":
-            raise self.damaged(found)
+            raise self.damage_error(found)
 
-    def damaged(self, reason: object) -> ValueError:
+    def damage_error(self, reason: object) -> ValueError:
         """Return the error of a damaged file.
 
         Args:
@@ -223,13 +223,13 @@ class IndexFile:
             with name_in_errors(self.path):
                 yield
         except UnicodeDecodeError as error:  # From a message of SQLite with a damaged name.
-            raise self.damaged(error) from error
+            raise self.damage_error(error) from error
         except sqlite3.DatabaseError as error:
             # Errors that Python itself raises, for bytes that are no text, have no code.
             if isinstance(error, sqlite3.OperationalError) and _primary_code(error):
                 hint = HINTS.get(_primary_code(error), "")
                 raise OSError(f"{self.path}: {error}{hint}") from error
-            raise self.damaged(error) from error
+            raise self.damage_error(error) from error
 
 
 def _primary_code(error: sqlite3.Error) -> int:

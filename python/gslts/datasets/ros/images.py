@@ -63,7 +63,7 @@ def rgb_of(message: Any) -> Bytes:
         channels, order = _COLOUR_CHANNELS[message.encoding]
         pixels = _rows(message, np.dtype(np.uint8), channels)
         return np.ascontiguousarray(pixels[..., order])
-    return _decoded(message.data, "RGB").astype(np.uint8)
+    return _decode(message.data, "RGB").astype(np.uint8)
 
 
 def depth_of(message: Any) -> Floats32:
@@ -88,7 +88,7 @@ def depth_of(message: Any) -> Floats32:
     elif "compressedDepth" in message.format:
         return _compressed_depth(message, encoding)
     else:
-        steps = _decoded(message.data, "I")
+        steps = _decode(message.data, "I")
     depth = steps.astype(np.float32) * np.float32(1 if encoding == "32FC1" else MILLIMETRE)
     return np.where(np.isfinite(depth) & (depth > 0), depth, np.float32(0))
 
@@ -101,7 +101,7 @@ def _compressed_depth(message: Any, encoding: str) -> Floats32:
     if len(data) < _COMPRESSED_DEPTH_HEADER.size:
         raise ValueError("the compressed depth is cut off")
     _, a, b = _COMPRESSED_DEPTH_HEADER.unpack_from(data)
-    steps = _decoded(data[_COMPRESSED_DEPTH_HEADER.size :], "I").astype(np.float32)
+    steps = _decode(data[_COMPRESSED_DEPTH_HEADER.size :], "I").astype(np.float32)
     if encoding != "32FC1":
         return steps * np.float32(MILLIMETRE)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -125,7 +125,7 @@ def _rows(message: Any, kind: np.dtype[Any], channels: int) -> NDArray[Any]:
     return rows.view(kind).reshape(height, width, channels)
 
 
-def _decoded(data: Any, mode: str) -> NDArray[Any]:
+def _decode(data: Any, mode: str) -> NDArray[Any]:
     """Decode a JPEG or PNG in a mode of Pillow."""
     from PIL import Image, UnidentifiedImageError
 

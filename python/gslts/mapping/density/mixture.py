@@ -137,7 +137,7 @@ def mixture(a: Splats, b: Splats) -> Mixture:
     plane = _planes(normals)
     in_a, in_b = (plane @ s.covars @ plane.transpose(0, 2, 1) for s in (a, b))
     offset = np.einsum("pij,pj->pi", plane, step)
-    in_both = _mixed(of_a, in_a, in_b, offset)
+    in_both = _mixture_covars(of_a, in_a, in_b, offset)
     area_a, area_b, area = (2 * np.pi * np.sqrt(_det(c)) for c in (in_a, in_b, in_both))
     # A Gaussian with a lower weight per area is partly hidden and covers less.
     densest = np.maximum(np.maximum(a.densities, b.densities), 1e-30)
@@ -169,7 +169,7 @@ def mixture(a: Splats, b: Splats) -> Mixture:
     return Mixture(
         shares=of_a,
         means=a.means + of_b[:, None] * step,
-        covars=wider[:, None, None] * _mixed(of_a, a.covars, b.covars, step),
+        covars=wider[:, None, None] * _mixture_covars(of_a, a.covars, b.covars, step),
         opacities=opacities,
         costs=densest
         * (
@@ -180,7 +180,7 @@ def mixture(a: Splats, b: Splats) -> Mixture:
     )
 
 
-def _mixed(of_a: Floats, a: Floats, b: Floats, step: Floats) -> Floats:
+def _mixture_covars(of_a: Floats, a: Floats, b: Floats, step: Floats) -> Floats:
     """Return covariances [P,D,D] of two Gaussians whose means differ by a step [P,D]."""
     of_a, of_b = of_a[:, None, None], 1 - of_a[:, None, None]
     return np.asarray(of_a * a + of_b * b + of_a * of_b * (step[:, :, None] * step[:, None, :]))

@@ -130,7 +130,7 @@ def read_test_frames(
     """
     frames = {frame.name: frame for frame in dataset.frames[::-1]}  # Of equal names, the first.
     skipped = dataset.skipped
-    wanted = _wanted([frame.name for frame in dataset.frames], record, every)
+    wanted = _choose_names([frame.name for frame in dataset.frames], record, every)
     require_memory(dataset.name, [frames[name] for name in _all(wanted)])
     read = None if len(frames) < len(dataset.frames) else _read(wanted, frames, record)
     if read is None:
@@ -138,7 +138,7 @@ def read_test_frames(
         usable, skipped = read_usable(
             dataset, lambda frame: _without_images(record.observe(frame)), show_frames
         )
-        wanted = _wanted(list(usable), record, every)
+        wanted = _choose_names(list(usable), record, every)
         read = {name: record.observe(frames[name]) for name in _all(wanted)}
     if not wanted:
         why = f" that can be used; {skipped[-1]}" if skipped else ""
@@ -149,7 +149,7 @@ def read_test_frames(
     return HeldOutFrames({name: read[name] for name in wanted}, neighbours), skipped
 
 
-def _wanted(
+def _choose_names(
     names: Sequence[str], record: TrainingRecord, every: int | None
 ) -> dict[str, list[str]]:
     """Return the test frames, and for each its neighbours among the training frames."""

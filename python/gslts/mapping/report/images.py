@@ -53,7 +53,7 @@ def jpeg_of(image: RgbImage) -> str:
     Args:
         image: [H,W,3].
     """
-    return _encoded(image, "JPEG", quality=JPEG_QUALITY, optimize=True)
+    return _encode(image, "JPEG", quality=JPEG_QUALITY, optimize=True)
 
 
 def png_of(image: RgbImage) -> str:
@@ -62,7 +62,7 @@ def png_of(image: RgbImage) -> str:
     Args:
         image: [H,W,3].
     """
-    return _encoded(image, "PNG", optimize=True)
+    return _encode(image, "PNG", optimize=True)
 
 
 def psnr_svg(curve: Sequence[CurvePoint]) -> str:
@@ -139,7 +139,7 @@ def _svg(figure: Any) -> str:
     return _address("image/svg+xml", buffer.getvalue())
 
 
-def _encoded(image: RgbImage, kind: str, **options: Any) -> str:
+def _encode(image: RgbImage, kind: str, **options: Any) -> str:
     from PIL import Image
 
     buffer = io.BytesIO()

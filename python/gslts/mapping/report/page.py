@@ -50,7 +50,7 @@ def write_report(path: Path, report: ReportData) -> None:
         section("Optimization", _curves(report.curve)),
         section("Camera and poses", _findings(report)),
         section("Test frames", _views(report.views)),
-        section("Held-out frames", pairs_table(_joined(report.frames))),
+        section("Held-out frames", pairs_table(_join(report.frames))),
         section("Skipped frames", bullets(report.skipped)),
         section("Settings", pairs_table(report.config)),
     ]
@@ -70,7 +70,7 @@ def _variants(variants: Sequence[tuple[str, int, float]]) -> str:
     return table(["", "Gaussians", "validation PSNR, dB"], rows)
 
 
-def _joined(frames: Mapping[str, Sequence[str]]) -> dict[str, str]:
+def _join(frames: Mapping[str, Sequence[str]]) -> dict[str, str]:
     return {purpose: ", ".join(names) for purpose, names in frames.items()}
 
 

@@ -63,7 +63,7 @@ def manifest_of(result: MappingResult, dataset: str) -> dict[str, Any]:
         "dataset": dataset,
         "origin": result.gaussian_map.origin.tolist(),
         "config": result.config.model_dump(),
-        "lenses": {"given": _plain(result.given_lenses), "found": _plain(_found(result))},
+        "lenses": {"given": _plain(result.given_lenses), "found": _plain(_found_lenses(result))},
         "test": None if result.quality is None else asdict(result.quality),
         "test_frames": list(result.test),
         "validation_frames": list(result.validation),
@@ -179,7 +179,7 @@ def _views(result: MappingResult, threads: int) -> list[View]:
 
 
 def _lens_findings(result: MappingResult) -> dict[str, str]:
-    given, found = result.given_lenses, _found(result)
+    given, found = result.given_lenses, _found_lenses(result)
     twist = twist_of(found.depth.world_from_camera)
     before = twist_of(given.depth.world_from_camera)
     names = ("fx", "fy", "cx", "cy")
@@ -211,7 +211,7 @@ def _three(numbers: Floats) -> str:
     return ", ".join(f"{number:.1f}" for number in numbers)
 
 
-def _found(result: MappingResult) -> Lenses:
+def _found_lenses(result: MappingResult) -> Lenses:
     return next(iter(result.training.values())).lenses
 
 

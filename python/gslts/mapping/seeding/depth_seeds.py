@@ -72,7 +72,7 @@ def seed_from_depth(
     Raises:
         ValueError: No voxel was measured by enough frames, or a point is kilometres away.
     """
-    voxels = _fused(frames, SurfaceVoxels(voxel_m, pixel_step), min_hits)
+    voxels = _fuse_frames(frames, SurfaceVoxels(voxel_m, pixel_step), min_hits)
     levels = _levels(voxels, voxel_m, contrast)
     while max_gaussians is not None and _size(levels) > max_gaussians and contrast < MAX_CONTRAST:
         contrast = max(1.25 * contrast, MIN_CONTRAST)
@@ -88,7 +88,7 @@ def seed_from_depth(
     return seeds
 
 
-def _fused(frames: Iterable[RgbdFrame], surfaces: SurfaceVoxels, min_hits: int) -> _Voxels:
+def _fuse_frames(frames: Iterable[RgbdFrame], surfaces: SurfaceVoxels, min_hits: int) -> _Voxels:
     """Return the voxels that enough frames have measured."""
     for frame in frames:
         mask = None if frame.mask is None else np.ascontiguousarray(frame.mask)

@@ -36,9 +36,9 @@ def seed_holes(
     Returns:
         Flat Gaussians that face the camera; None if the rendering has no holes.
     """
-    alpha, rendered = _binned(images.alpha), _binned(images.depth)
+    alpha, rendered = _bin_means(images.alpha), _bin_means(images.depth)
     known = np.where((alpha >= HOLE_ALPHA) & (rendered > 0), rendered, 0)
-    nearest = _binned(measured)
+    nearest = _bin_means(measured)
     known = np.where((known == 0) & (nearest > 0), nearest, known)
     holes = alpha < HOLE_ALPHA
     if not holes.any() or not known.any():
@@ -50,7 +50,7 @@ def seed_holes(
     pose = camera.world_from_camera
     points = transform(pose, np.stack([x * depth, y * depth, depth], axis=1))
     towards = pose[:3, 3] - points
-    shades = np.stack([_binned(colors[..., c])[holes] for c in range(3)], axis=1)
+    shades = np.stack([_bin_means(colors[..., c])[holes] for c in range(3)], axis=1)
     return flat_gaussians(
         points, towards, shades, depth * STRIDE_PX / camera.fx, OPACITY, sh_degree
     )
@@ -79,7 +79,7 @@ def fill_zeros(known: Floats) -> Floats:
     return np.where(known > 0, known, filled)
 
 
-def _binned(image: FloatArray) -> Floats:
+def _bin_means(image: FloatArray) -> Floats:
     """Return means of STRIDE_PX x STRIDE_PX pixels; incomplete blocks are cut off."""
     height, width = (length // STRIDE_PX for length in image.shape)
     part = image[: height * STRIDE_PX, : width * STRIDE_PX].astype(np.float64)

@@ -84,7 +84,7 @@ def random_points_in_view(frames: Sequence[RgbdFrame], count: int, seed: int = 0
         depths_m = extent_m * np.exp(rng.uniform(low, high, each))
         points.append(unproject(frame.camera, positions, depths_m))
         colors.append(_colors(frame, positions))
-        allowed = _allowed(frame, positions)
+        allowed = _allowed_cells(frame, positions)
         points[-1], colors[-1] = points[-1][allowed], colors[-1][allowed]
     several, shades = np.concatenate(points), np.concatenate(colors)
     seen = np.zeros(len(several), np.intp)
@@ -148,7 +148,7 @@ def _fill_cells(cloud: PointCloud, frames: Sequence[RgbdFrame]) -> tuple[Floats,
         rows, columns = np.nonzero(empty)
         middles = (np.column_stack([columns, rows]) + 0.5) * cell_px
         middles = np.minimum(middles, (camera.width - 0.5, camera.height - 0.5))
-        allowed = _allowed(frame, middles)
+        allowed = _allowed_cells(frame, middles)
         new = unproject(camera, middles, fill_zeros(known)[empty])
         points = np.concatenate([points, new[allowed]])
         colors = np.concatenate([colors, _colors(frame, middles)[allowed]])
@@ -181,7 +181,7 @@ def _colors(frame: RgbdFrame, positions: Floats) -> Bytes:
     return frame.rgb[_at(positions)]
 
 
-def _allowed(frame: RgbdFrame, positions: Floats) -> Bools:
+def _allowed_cells(frame: RgbdFrame, positions: Floats) -> Bools:
     if frame.mask is None:
         return np.ones(len(positions), np.bool_)
     return frame.mask[_at(positions)]

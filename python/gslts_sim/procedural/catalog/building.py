@@ -153,11 +153,11 @@ def window(kit: Kit, width: float, height: float) -> Model:
 
 
 WINDOW_DEPTH_M = 0.06
-"""How far a window reaches into its wall."""
+"""Depth to which a window reaches into its wall, m."""
 
 DOOR_M = (0.86, 2.04)
 DOOR_DEPTH_M = 0.08
-"""How far a door reaches into its wall."""
+"""Depth to which a door reaches into its wall, m."""
 
 
 def door(kit: Kit) -> Model:
