@@ -45,7 +45,7 @@ class Projection {
         camera_from_world_(camera.world_from_camera.linear().inverse()),
         eye_(camera.world_from_camera.translation().cast<float>().cast<double>()) {}
 
-  /// Whether a triangle may cover pixel centres, and how.
+  /// Tells if a triangle may cover pixel centres, and how.
   bool project(const float* corners, Visible& result) const {
     Vector3d points[3];
     for (int k = 0; k < 3; ++k) {
@@ -72,7 +72,7 @@ class Projection {
     return {a, b, normal.z() + a * (0.5 - camera_.cx) + b * (0.5 - camera_.cy)};
   }
 
-  /// Whether the rectangle around the part in front of the camera has pixel centres, and which.
+  /// Finds the pixel centres in the rectangle around the part in front of the camera, if any.
   bool find_pixels(const Vector3d* points, Visible& result) const {
     AlignedBox2d box;
     const auto add = [&](double x, double y, double z) {
