@@ -19,11 +19,11 @@ from gslts.update.config import CollectConfig
 from gslts.update.evidence import confirm
 from gslts.update.extent import extend_regions
 from gslts.update.region import NEAR_M, Region, regions_of
-from gslts.update.standing import place_added_objects
 from gslts.update.tour import Tour
 from gslts.update.views import (
     View,
     align_view,
+    bring_to_front,
     pixels_in_region,
     region_masks,
     view_from_detection,
@@ -112,7 +112,7 @@ def collect_views(
         before, after = region_masks(detection, view.changed.shape, regions)
         view = replace(view, before=before, after=after)
         if view.depth_quantum_m > detector.config.objects.step_m:
-            view = place_added_objects(view)
+            view = bring_to_front(view)
         masked.append(view)
     grown, masked_views = extend_regions(regions, masked)
     remaining = iter(grown)

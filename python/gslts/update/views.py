@@ -21,6 +21,9 @@ from gslts.update.region import Region
 
 MIN_ALPHA = 0.5
 """Minimum opacity of a rendered pixel that shows a surface."""
+FRONT_M = 0.005
+"""Minimum distance of an added object from the surface that it occludes, where depth is coarse, m;
+more than the thickness of flat Gaussians."""
 ALIGN_STEPS = 3
 """Gauss-Newton steps of the pose at half and at full resolution."""
 MAX_ALIGNMENT_M = 0.1
@@ -157,6 +160,21 @@ def align_view(view: View, gaussian_map: GaussianMap, threads: int = 0) -> View 
     return replace(
         view, frame=replace(whole, camera=camera), rendered_depth=depth, rendered_rgb=rgb
     )
+
+
+def bring_to_front(view: View) -> View:
+    """Return a view in which each added object is nearer than the surface that it occludes.
+
+    By coarse depth, half of an object may lie behind that surface, which would hide its Gaussians.
+
+    Args:
+        view: With masks of what was added.
+    """
+    depth = view.depth.copy()
+    farthest = view.rendered_depth - FRONT_M
+    behind = view.after & (view.rendered_depth > 0) & (depth > farthest)
+    depth[behind] = farthest[behind]
+    return replace(view, frame=replace(view.frame, depth=depth))
 
 
 def pixels_in_region(depth: Floats32, camera: Camera, region: Region, margin_m: float) -> Bools:

@@ -1,5 +1,6 @@
 """The library call that detects changes and publishes a version of a map."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import change_room
@@ -11,10 +12,15 @@ from update_room import UPDATE
 
 import gslts
 from gslts.change.changes import Change
+from gslts.change.monitor import MonitorConfig
+from gslts.core.frame import RgbdFrame
 from gslts.core.robot import Robot
+from gslts.rendering.rasterizer import render
+from gslts.robots.recorded import RecordedRobot
 from gslts.store.causes import UpdateCause
 from gslts.store.map_folder import open_map, read_map
 from gslts.update import MapUpdate
+from gslts_sim.robot_body import Viewpoint
 
 
 @pytest.fixture
@@ -76,3 +82,48 @@ def test_an_unconfirmed_change_is_rejected_with_its_record(folder: Path) -> None
         (rejection,) = store.rejections()
     assert rejection.cause.record == done.result.record
     assert [change.kind for change in rejection.cause.changes] == ["removal"]
+
+
+def coarse(frame: RgbdFrame) -> RgbdFrame:
+    """Return the frame with depth in steps of 4 cm."""
+    return replace(frame, depth=(np.round(frame.depth / 0.04) * 0.04).astype(np.float32))
+
+
+def test_objects_in_few_frames_of_coarse_depth_are_added(folder: Path) -> None:
+    """Two views show each of two boxes: one is a training view, one a validation view."""
+    home = change_room.home()
+    boxes = [
+        change_room.thing("Box|3", 2.6, 1.9, change_room.YELLOW, "Block|1"),
+        change_room.thing("Box|4", 1.0, 2.6, change_room.BLUE, "Floor|1"),
+    ]
+    home = replace(home, objects=(*home.objects, *boxes))
+    looks = [Viewpoint(2.5, 0.5, 90, 30), Viewpoint(1.5, 0.75, 60, 30)]
+    looks += [Viewpoint(1.0, 1.0, 90, 30), Viewpoint(0.5, 1.25, 70, 30)]
+    frames = [
+        coarse(change_room.see(home, look, "kinect", seed)) for seed, look in enumerate(looks)
+    ]
+    before = read_map(folder)
+    done = gslts.update_map(
+        folder,
+        RecordedRobot(frames),
+        UPDATE,
+        detection=change_room.CONFIG,
+        frames=frames,
+        monitor=MonitorConfig(needed=1, confidence=0.8),
+    )
+    assert done.status == "updated"
+    assert done.result is not None
+    assert {change.kind for change in done.result.changes} == {"addition"}
+    after = read_map(folder)
+    for box, look in zip(
+        boxes, (Viewpoint(2.25, 0.5, 80, 30), Viewpoint(0.75, 1.0, 80, 30)), strict=True
+    ):
+        test = change_room.see(home, look)
+        without = tuple(one for one in home.objects if one.id != box.id)
+        shown = test.depth < change_room.see(replace(home, objects=without), look).depth - 0.01
+        assert shown.sum() > 100
+        errors = [
+            np.mean((render(each, test.camera).rgb - test.rgb / 255)[shown] ** 2)
+            for each in (before, after)
+        ]
+        assert 10 * np.log10(errors[0] / errors[1]) > 3
