@@ -22,6 +22,10 @@ if TYPE_CHECKING:
 
 # Imports are inside the command, so that `gslts --help` starts fast.
 
+MIN_CONFIDENCE = 0.8
+"""Minimum confidence that recorded frames must give a change together. With it, one frame may be
+enough: of 13 false reports that it lets pass in 7-Scenes, the updates rejected all."""
+
 
 class EditStrategy(StrEnum):
     """Pre-editing of the map."""
@@ -43,6 +47,15 @@ def update(
         Path | None,
         typer.Option(metavar="DATASET", help="Recorded frames, taken after the change."),
     ] = None,
+    needed: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            max=6,
+            help="Of --frames, number of six that must show a change; fewer for a recording with "
+            "few views of each place.",
+        ),
+    ] = 3,
     iterations: Annotated[
         int, typer.Option(min=0, help="Maximum number of refinement steps.")
     ] = 250,
@@ -61,10 +74,13 @@ def update(
     gslts log names the reason.
 
     Example: gslts update out/map --robot out/tasks/0000_removal_Mug-1.json
+
+    Example: gslts update out/map --frames out/visit --needed 1
     """
     from tqdm import tqdm
 
     from gslts.change.config import DetectionConfig
+    from gslts.change.monitor import MonitorConfig
     from gslts.robots.recorded import RecordedRobot
     from gslts.update import update_map
 
@@ -92,6 +108,7 @@ def update(
             config,
             detection=DetectionConfig(threads=threads),
             frames=recorded,
+            monitor=MonitorConfig(needed=needed, confidence=MIN_CONFIDENCE),
             on_detected=report,
             progress=advance,
         )

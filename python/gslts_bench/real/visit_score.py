@@ -14,6 +14,8 @@ from gslts_bench.real.score import Report, found_objects, other_reports, reports
 
 CONFIRMATION = MonitorConfig(needed=1, confidence=0.8)
 """The robots of these visits saw most objects in two frames, and some in one."""
+_Place = tuple[Side, tuple[float, ...] | None]
+"""A side of a change, and the position there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +51,9 @@ def score_visit(
     changes, counts = confirm_changes(seen_by, frames, config)
     found = {_key(o): False for objects in marked for o in objects if _is_change(o)}
     others: list[float] = []
+    confirmed = {_place(change, side) for change in changes for side in SIDES}
     for frame, objects, detection in zip(frames, marked, seen_by.detections, strict=True):
-        reports = _ends_in(detection, changes, frame.camera.width)
+        reports = _take_ends(confirmed, detection, frame.camera.width)
         changed = [o for o in objects if _is_change(o)]
         for o, is_found in zip(changed, found_objects(changed, reports), strict=True):
             found[_key(o)] |= is_found
@@ -71,18 +74,19 @@ class _RememberingDetector(ChangeDetector):
         return self.detections[-1]
 
 
-def _ends_in(detection: Detection, changes: Sequence[Change], width: int) -> list[Report]:
-    """Return the ends of confirmed changes that a frame was the last to show."""
-    confirmed = {_place(change, side) for change in changes for side in SIDES}
-    return [
-        report
-        for change in detection.changes
-        for report in reports_of(change, width)
-        if _place(change, report.side) in confirmed
-    ]
+def _take_ends(confirmed: set[_Place], detection: Detection, width: int) -> list[Report]:
+    """Remove the ends of confirmed changes that were reported as this frame shows them."""
+    ends = []
+    for change in detection.changes:
+        for report in reports_of(change, width):
+            place = _place(change, report.side)
+            if place in confirmed:
+                confirmed.remove(place)
+                ends.append(report)
+    return ends
 
 
-def _place(change: Change, side: Side) -> tuple[Side, tuple[float, ...] | None]:
+def _place(change: Change, side: Side) -> _Place:
     point = change.end_point(side)
     return side, None if point is None else tuple(point)
 

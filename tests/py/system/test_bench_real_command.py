@@ -43,17 +43,47 @@ def test_each_marked_frame_is_judged(rooms: Path, tmp_path: Path) -> None:
     )
     assert process.returncode == 0, process.stderr
     result = json.loads((tmp_path / "all.json").read_text())
-    numbers = result["summary"]["rooms"]["Office"]
+    numbers = result["summary"]["frame"]["Office"]
     marked = [m for v in marked_rooms()["Office"].visits.values() for o in v.values() for m in o]
-    assert numbers["frames"] == 20
+    assert numbers["records"] == numbers["frames"] == 20
     assert numbers["unreliable"] == 0
     assert numbers["new"][1] == sum(m.kind == "new" for m in marked)
     assert numbers["others"] > 0, "the simulated box is where the marked objects are not"
+    visits = result["summary"]["visit"]["Office"]
+    assert (visits["records"], visits["frames"], visits["unreliable"]) == (5, 20, 0)
+    assert 0 < visits["others"] < numbers["others"], "frames of a visit report together"
     assert "| Office | 20 |" in process.stdout
+    assert "| Office | 5 |" in process.stdout
     images = sorted((tmp_path / "images").iterdir())
     assert len(images) == 20
     with Image.open(images[0]) as image:
         assert image.width > 480
+
+
+def test_the_map_is_updated_visit_after_visit(rooms: Path, tmp_path: Path) -> None:
+    settings = ("--set", "iterations=300", "--set", "rough_epochs=0", "--work", "work")
+    given = ("--updates", "--images", "images", "--json", "all.json")
+    process = gslts("bench", "real", rooms, *settings, *given, cwd=tmp_path)
+    assert process.returncode == 0, process.stderr
+    result = json.loads((tmp_path / "all.json").read_text())
+    numbers = result["summary"]["rooms"]["Office"]
+    assert numbers["visits"] == 5
+    assert [record["id"] for record in result["records"]] == [f"scene{k}" for k in range(2, 7)]
+    first = result["records"][0]
+    assert first["status"] == "updated"
+    assert first["true"] + first["untrue"] >= 1
+    updated = [record for record in result["records"] if record["status"] == "updated"]
+    assert numbers["versions"] == len(updated)
+    assert numbers["true"] + numbers["untrue"] == sum(r["true"] + r["untrue"] for r in updated)
+    assert len(list((tmp_path / "images").iterdir())) == 5
+    assert "### Updates visit after visit" in process.stdout
+
+
+def test_updates_need_visits(tmp_path: Path) -> None:
+    process = gslts("bench", "real", "--dataset", "room", "--updates", cwd=tmp_path)
+    assert process.returncode == 1
+    assert "--updates needs a FOLDER of visits" in process.stderr
+    assert "Traceback" not in process.stderr
 
 
 def test_a_missing_frame_is_named(rooms: Path, tmp_path: Path) -> None:

@@ -137,6 +137,19 @@ def test_without_a_change_the_map_is_unchanged(workplace: Path) -> None:
         assert store.rejections() == []
 
 
+def test_a_recording_of_few_frames_needs_fewer_of_them(tmp_path: Path) -> None:
+    change_room.write_room_map(tmp_path / "map")
+    looks = viewpoints_of_the_change()
+    few = [looks[0], looks[6]]  # Two views of the change.
+    capture(update_room.robot_in(update_room.changed_home("removal")), few, tmp_path / "few")
+    given = ("--frames", "few", "--iterations", "40", "--threads", "1")
+    done = gslts("update", "map", *given, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (0, "map is unchanged: no change was detected\n")
+    done = gslts("update", "map", *given, "--needed", "1", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "map is version 2 now" in done.stdout
+
+
 def test_frames_of_another_home_are_rejected(workplace: Path) -> None:
     elsewhere = sim_scenes.simple_home()
     capture(
