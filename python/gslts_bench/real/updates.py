@@ -26,7 +26,7 @@ from gslts.types import Bools, Bytes, Floats32
 from gslts.update.config import UpdateConfig
 from gslts.update.evidence import MIN_VIEWS
 from gslts.update.pipeline import update_map
-from gslts.update.region import regions_of
+from gslts.update.region import Region, regions_of
 from gslts_bench.processes import Add
 from gslts_bench.real.boxes import BoxPx, MarkedObject
 from gslts_bench.real.score import MIN_IOU, iou
@@ -102,14 +102,21 @@ class UpdateUnit(BenchUnit[UpdateRecord, RealRoom]):
         with tempfile.TemporaryDirectory(dir=self.bench.work) as folder:
             path = Path(folder) / "map"
             shutil.copytree(self.bench.map(), path)
+            earlier: list[_Entry] = []
             for visit in visits:
                 record = UpdateRecord(id=visit, room=self.name)
-                result = attempt(record, partial(self._update, path, visit))
+                result = attempt(record, partial(self._update, path, visit, earlier))
                 if visit not in done:
                     add(result.model_dump(mode="json"))
 
-    def _update(self, path: Path, visit: str) -> dict[str, Any]:
-        """Update the map with all frames of a visit but one; return fields of the record."""
+    def _update(self, path: Path, visit: str, earlier: list[_Entry]) -> dict[str, Any]:
+        """Update the map with all frames of a visit but one; return fields of the record.
+
+        Args:
+            path: The map.
+            visit: Name of the visit.
+            earlier: Frames of earlier visits; those of this one are added.
+        """
         entries = [_Entry(frame.read(), marked) for frame, marked in self.bench.frames(visit)]
         held_out, rest = _hold_out(entries)
         frames = [entry.frame for entry in rest]
@@ -121,7 +128,8 @@ class UpdateUnit(BenchUnit[UpdateRecord, RealRoom]):
             monitor=CONFIRMATION,
         )
         changes = () if done.result is None else done.result.changes
-        true = [_happened(change, rest) for change in changes]
+        true = [_happened(change, rest, earlier) for change in changes]
+        earlier += entries
         first = read_map(Path(f"{path}@1"))
         comparison = _Comparison(first, held_out, rest)
         before, after = comparison.errors(first), comparison.errors(read_map(path))
@@ -190,8 +198,20 @@ def _updatable(held_out: _Entry, rest: Sequence[_Entry]) -> list[MarkedObject]:
     ]
 
 
-def _happened(change: Change, entries: Sequence[_Entry]) -> bool:
-    """Return whether a box of a change is where a difference is marked, in any image."""
+def _happened(change: Change, entries: Sequence[_Entry], earlier: Sequence[_Entry]) -> bool:
+    """Return whether an image has a difference marked where a box of a change is.
+
+    What is gone may have been new in an earlier visit.
+    """
+    regions = regions_of(change)
+    return any(
+        _is_marked_at(region, entries)
+        or (region.side == "before" and _is_marked_at(region, earlier))
+        for region in regions
+    )
+
+
+def _is_marked_at(region: Region, entries: Sequence[_Entry]) -> bool:
     return any(
         (box := region.project_box(entry.frame.registered().camera, 0)) is not None
         and any(
@@ -199,7 +219,6 @@ def _happened(change: Change, entries: Sequence[_Entry]) -> bool:
             for marked in entry.marked
         )
         for entry in entries
-        for region in regions_of(change)
     )
 
 
