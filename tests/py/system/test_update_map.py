@@ -1,9 +1,11 @@
 """The library call that detects changes and publishes a version of a map."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import change_room
+import cv2
 import numpy as np
 import pytest
 import sim_scenes
@@ -127,3 +129,40 @@ def test_objects_in_few_frames_of_coarse_depth_are_added(folder: Path) -> None:
             for each in (before, after)
         ]
         assert 10 * np.log10(errors[0] / errors[1]) > 3
+
+
+def mirror(image: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(image[:, ::-1])
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda frame: replace(frame, rgb=(0.02 * frame.rgb).astype(np.uint8)),
+        lambda frame: replace(frame, rgb=cv2.GaussianBlur(frame.rgb, (0, 0), 6)),
+        lambda frame: replace(frame, depth=np.zeros_like(frame.depth)),
+        lambda frame: replace(frame, depth=np.float32(1.15) * frame.depth),
+        lambda frame: replace(frame, rgb=mirror(frame.rgb), depth=mirror(frame.depth)),
+    ],
+    ids=["lights off", "smeared", "no depth", "wrong scale", "mirrored"],
+)
+@pytest.mark.parametrize("rounded", [False, True])
+def test_a_spoiled_visit_gives_no_version(
+    folder: Path, spoil: Callable[[RgbdFrame], RgbdFrame], *, rounded: bool
+) -> None:
+    home = update_room.changed_home("removal")
+    frames = [
+        change_room.see(home, look, "kinect") for look in update_room.viewpoints_of_the_change()
+    ]
+    frames = [spoil(coarse(frame) if rounded else frame) for frame in frames]
+    done = gslts.update_map(
+        folder,
+        RecordedRobot(frames),
+        UPDATE,
+        detection=change_room.CONFIG,
+        frames=frames,
+        monitor=MonitorConfig(needed=1, confidence=0.8),
+    )
+    assert (done.status, done.version.number) == ("rejected", 1)
+    assert done.reason is not None
+    assert f"none of {len(frames)} frames can be compared with the map" in done.reason
