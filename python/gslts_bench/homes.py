@@ -119,6 +119,7 @@ class BenchHome:
         Raises:
             ValueError: The home gives none.
         """
+        source: HomeSource | FileSource
         if self.file is None:
             source, home = HomeSource.of_seed(self.room_type, self.seed)
         else:
