@@ -30,7 +30,7 @@ from gslts.store.map_folder import read_map
 from gslts.types import Floats
 from gslts_bench.detection.cases import Case, counts_of, make_cases, take_frame
 from gslts_bench.detection.truth import Truth
-from gslts_bench.homes import BenchHome, HomeSetup, default_state, homes_of, split_of
+from gslts_bench.homes import BenchHome, HomeSetup, homes_of, split_of
 from gslts_bench.relocalization.room import FOLDS, RecordedRoom, RoomFold
 
 RULE = ObjectRule(min_confidence=0, min_match_score=1)
@@ -189,7 +189,7 @@ def _found_in_homes(homes: Iterable[BenchHome], tasks: int, count: int) -> Itera
             for halvings in HALVINGS
         ]
         cases = make_cases(bench, counts)
-        before = default_state(cases.home, cases.initial_actions)
+        before = bench.default_state(cases.initial_actions)
         for case in tqdm(cases.cases, desc=bench.name):
             frame = take_frame(case, before, bench)
             for detector in detectors:

@@ -19,7 +19,9 @@ from gslts_sim.capture import capture
 from gslts_sim.change_sampler import TaskSettings
 from gslts_sim.controller import Controller
 from gslts_sim.explore import explore
-from gslts_sim.home_source import HomeSource
+from gslts_sim.home import Home
+from gslts_sim.home_source import FileSource, HomeSource
+from gslts_sim.procedural.homes import make_home
 from gslts_sim.task import Task
 from gslts_sim.tasks import TaskMaker
 
@@ -64,16 +66,18 @@ class BenchHome:
     """A home in its default state, which its map shows.
 
     Attributes:
-        room_type: One of `ROOM_TYPES`.
-        seed: Seed of the home and of its tasks.
+        room_type: One of `ROOM_TYPES`; of a foreign home, the name of its file.
+        seed: Seed of the home and of its tasks; of a foreign home, of its tasks only.
         setup: Settings common to all homes.
         work: Folder where everything made is kept.
+        file: File of a foreign home, relative to the current folder; None for ours.
     """
 
     room_type: str
     seed: int
     setup: HomeSetup
     work: Path
+    file: FileSource | None = field(default=None, kw_only=True)
 
     @property
     def name(self) -> str:
@@ -84,8 +88,10 @@ class BenchHome:
     def recorded_of(self) -> dict[str, Any]:
         """JSON values that decide its recording."""
         setup = self.setup
+        foreign = {} if self.file is None else {"sha256": self.file.sha256}
         return {
             "home": self.name,
+            **foreign,
             "frames": setup.frames,
             "size": [setup.width, setup.height],
             "noise": setup.noise,
@@ -113,7 +119,11 @@ class BenchHome:
         Raises:
             ValueError: The home gives none.
         """
-        source, home = HomeSource.of_seed(self.room_type, self.seed)
+        source: HomeSource | FileSource
+        if self.file is None:
+            source, home = HomeSource.of_seed(self.room_type, self.seed)
+        else:
+            source, home = self.file, self.load()
         maker = TaskMaker(self.setup.setting, self.seed)
         tasks = maker.make(source, home, count)
         if not tasks:
@@ -121,10 +131,30 @@ class BenchHome:
             raise ValueError(f"{self.name}: there is no task: {reason}")
         return tasks
 
-    def default_state(self) -> SceneState:
-        """Return the home as its map shows it."""
-        task = self.tasks(1)[0]
-        return default_state(source_of(task), task.initial_actions)
+    def load(self) -> Home:
+        """Make or read the home, with all its objects.
+
+        Raises:
+            OSError: The file of a foreign home cannot be read.
+            ValueError: It is another one than at the start of the run.
+        """
+        if self.file is None:
+            return make_home(self.room_type, self.seed)
+        return self.file.load(Path())
+
+    def default_state(self, initial_actions: Iterable[ChangeAction] | None = None) -> SceneState:
+        """Return the home as its map shows it.
+
+        Args:
+            initial_actions: Actions that lead to it; None takes them from a task.
+
+        Raises:
+            ChangeError: An action cannot be done.
+            OSError, ValueError: See `load` and `tasks`.
+        """
+        if initial_actions is None:
+            initial_actions = self.tasks(1)[0].initial_actions
+        return SceneState(self.load()).apply_all(initial_actions)
 
     def recording(self) -> Path:
         """Return the folder of its recording; record it if it is missing."""
@@ -132,7 +162,7 @@ class BenchHome:
         def make(folder: Path) -> None:
             task = self.tasks(1)[0]
             robot = Controller(
-                default_state(source_of(task), task.initial_actions),
+                self.default_state(task.initial_actions),
                 width=self.setup.width,
                 height=self.setup.height,
                 noise=self.setup.noise,
@@ -179,6 +209,44 @@ def homes_of(
     return [BenchHome(room_type, seed, setup, work) for seed in seeds for room_type in room_types]
 
 
+def foreign_homes_of(
+    files: Sequence[Path], seeds: range, setup: HomeSetup, work: Path
+) -> list[BenchHome]:
+    """List the homes of some files for each seed of tasks.
+
+    Args:
+        files: GLB files of different names.
+        seeds: Seeds of the tasks; each withholds other objects from the home, and has its own map.
+        setup: Settings common to all homes.
+        work: Folder where everything made is kept.
+
+    Returns:
+        Homes by file, then seed.
+
+    Raises:
+        OSError: A file cannot be read.
+        ValueError: A file is not a home, or two have the same name.
+    """
+    if len({path.name for path in files}) < len(files):
+        got = ", ".join(map(str, files))
+        raise ValueError(f"--home: expected files of different names, got {got}")
+    sources = {path.name: FileSource.of_path(path, Path())[0] for path in files}
+    return [
+        BenchHome(name, seed, setup, work, file=source)
+        for name, source in sources.items()
+        for seed in seeds
+    ]
+
+
+def movable_types(home: Home) -> list[str]:
+    """List the types of movable objects, which a foreign home is asked for.
+
+    Args:
+        home: The home.
+    """
+    return sorted({obj.type for obj in home.objects if obj.movable})
+
+
 def split_of(seeds: range) -> str:
     """Return the split of `SPLITS` that all seeds are in.
 
@@ -201,30 +269,6 @@ def split_of(seeds: range) -> str:
         f"--seeds: {seeds[0]} to {seeds[-1]} are not of one split, and results of different splits "
         f"belong in different tables; the splits are {splits}"
     )
-
-
-def source_of(task: Task) -> HomeSource:
-    """Return where the home of a bench's task comes from, which is always a seed.
-
-    Args:
-        task: Task from `BenchHome.tasks`.
-    """
-    assert isinstance(task.home, HomeSource)
-    return task.home
-
-
-def default_state(source: HomeSource, initial_actions: Iterable[ChangeAction]) -> SceneState:
-    """Return a home as its map shows it.
-
-    Args:
-        source: Where the home comes from.
-        initial_actions: Actions that lead to its default state.
-
-    Raises:
-        ValueError: Another version of the simulator made the source.
-        ChangeError: An action cannot be done.
-    """
-    return SceneState(source.load(Path())).apply_all(initial_actions)
 
 
 def even_shares(count: int, homes: int) -> list[int]:

@@ -222,7 +222,8 @@ class Benchmark(Generic[R]):
         Args:
             units: Units of the run.
             outcome: From `measure`.
-            homes: `seeds` and `split` of the homes; empty for recorded rooms.
+            homes: `seeds` and `split` of the homes, or `foreign`, names of files; empty for
+                recorded rooms.
 
         Returns:
             JSON values; `result_markdown` formats them.

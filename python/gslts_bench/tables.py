@@ -58,7 +58,8 @@ def result_markdown(result: dict[str, Any]) -> str:
 
     Args:
         result: JSON values with `command`, `commit`, `date`, `machine` and `tables`, a list of the
-            fields of `Table`; and `split`, `seeds` and `cases` where the result has them.
+            fields of `Table`; and `seeds` with `split` or `foreign`, and `cases`, where the result
+            has them.
 
     Returns:
         The tables in Markdown, below lines that name homes, commit, machine and command.
@@ -70,10 +71,14 @@ def result_markdown(result: dict[str, Any]) -> str:
         f"Commit {commit[:10]}{changed}, {result['date'][:10]}; {cpu.rstrip(', ')}; "
         f"`{result['command']}`"
     ]
-    if result.get("split"):
+    if result.get("seeds"):
         first, end = result["seeds"]
         seeds = f"seed {first}" if end - first == 1 else f"seeds {first} to {end - 1}"
-        lines.append(f"Homes with {seeds}: {result['split']} split.")
+        if result.get("foreign"):
+            files = ", ".join(f"`{name}`" for name in result["foreign"])
+            lines.append(f"Foreign home {files}, not of a split of ours; tasks with {seeds}.")
+        else:
+            lines.append(f"Homes with {seeds}: {result['split']} split.")
     if result.get("cases"):
         lines.append(result["cases"])
     tables = tables_markdown(Table(**table) for table in result["tables"])

@@ -189,6 +189,8 @@ def queries(
 ) -> None:
     """Measure queries: boxes of all objects of the twelve categories of GS-LTS, by name.
 
+    In a foreign home, also of the types of its movable objects.
+
     Semantic features come from the simulator's labels. An interrupted run continues where it
     stopped.
 
@@ -244,8 +246,8 @@ def relocalize(
     Example: gslts bench relocalize --jobs 2 --json out/relocalize.json --trade out/relocalize.png
     """
     if real is not None:
-        if ablation or trade is not None:
-            raise ValueError("--ablation and --trade are for homes, not for --real")
+        if ablation or trade is not None or options.home:
+            raise ValueError("--ablation, --trade and --home are for homes, not for --real")
         _relocalize_room(options, real, fold or [])
         return
     from gslts_bench.relocalization.plot import write_plot

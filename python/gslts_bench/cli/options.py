@@ -45,6 +45,14 @@ class HomeOptions:
         list[str] | None,
         typer.Option("--room", help="Room type instead of all three; may be repeated."),
     ] = None
+    home: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="FILE.glb",
+            help="Foreign home, a glTF file, instead of ours; may be repeated. --seeds then gives "
+            "the seeds of the tasks: each withholds other objects, and has a map of its own.",
+        ),
+    ] = None
     jobs: Annotated[
         int, typer.Option(min=1, help="Number of processes; each works on one home at a time.")
     ] = 1
@@ -97,10 +105,14 @@ class HomeOptions:
         """List the homes.
 
         Raises:
-            ValueError: An option is wrong; see `homes_of`.
+            OSError, ValueError: An option is wrong; see `homes_of` and `foreign_homes_of`.
         """
-        from gslts_bench.homes import homes_of
+        from gslts_bench.homes import foreign_homes_of, homes_of
 
+        if self.home and self.room:
+            raise ValueError("--home and --room exclude each other: room types are those of ours")
+        if self.home:
+            return foreign_homes_of(self.home, self.seed_range, self.setup, self.work)
         return homes_of(self.seed_range, self.room or [], self.setup, self.work)
 
     def prepare(self, images: Path | None = None, *files: Path | None) -> None:
@@ -148,7 +160,11 @@ class HomeOptions:
         homes: dict[str, Any] = {}
         if on_homes:
             seeds = self.seed_range
-            homes = {"seeds": [seeds.start, seeds.stop], "split": split_of(seeds)}
+            homes = {"seeds": [seeds.start, seeds.stop]}
+            if self.home:
+                homes["foreign"] = [path.name for path in self.home]
+            else:
+                homes["split"] = split_of(seeds)
         result = benchmark.result(units, outcome, homes)
         typer.echo(benchmark.markdown(result))
         if self.json_path is not None:

@@ -13,10 +13,9 @@ from gslts.core.frame import RgbdFrame
 from gslts_bench.detection.several import SeveralMaker
 from gslts_bench.detection.truth import Truth, in_view_px
 from gslts_bench.detection.visits import draw_visit, move_light, visit_noise
-from gslts_bench.homes import BenchHome, default_state, even_shares, source_of
+from gslts_bench.homes import BenchHome, even_shares
 from gslts_sim.actions import ChangeAction, SceneState
 from gslts_sim.controller import Controller
-from gslts_sim.home_source import HomeSource
 from gslts_sim.robot_body import Viewpoint
 from gslts_sim.sensor import NOISE_PRESETS
 from gslts_sim.strict_model import STRICT
@@ -58,14 +57,12 @@ class HomeCases(BaseModel):
     """All cases of one home.
 
     Attributes:
-        home: Where the home comes from.
         initial_actions: Actions that lead to its default state.
         cases: Cases of different names.
     """
 
     model_config = STRICT
 
-    home: HomeSource
     initial_actions: tuple[ChangeAction, ...]
     cases: tuple[Case, ...]
 
@@ -94,8 +91,7 @@ def make_cases(bench: BenchHome, counts: Counts) -> HomeCases:
         ValueError: Nothing can be changed in the home.
     """
     tasks = bench.tasks(max(MIN_TASKS, counts.single))
-    source = source_of(tasks[0])
-    before = default_state(source, tasks[0].initial_actions)
+    before = bench.default_state(tasks[0].initial_actions)
     rng = np.random.default_rng([bench.seed, 1])
     cases = [_single(number, task, before) for number, task in enumerate(tasks[: counts.single])]
     several = SeveralMaker(before, tasks, rng)
@@ -126,7 +122,7 @@ def make_cases(bench: BenchHome, counts: Counts) -> HomeCases:
                 light_shift_m=visit.light_shift_m,
             )
         )
-    return HomeCases(home=source, initial_actions=tasks[0].initial_actions, cases=tuple(cases))
+    return HomeCases(initial_actions=tasks[0].initial_actions, cases=tuple(cases))
 
 
 def take_frame(case: Case, before: SceneState, bench: BenchHome) -> RgbdFrame:

@@ -16,7 +16,6 @@ from gslts_bench.detection.cases import take_frame
 from gslts_bench.detection.run import Detectors, DetectUnit, Record
 from gslts_bench.detection.score import NONE, UNRELIABLE, is_right
 from gslts_bench.detection.variants import STRATEGIES
-from gslts_bench.homes import default_state
 from gslts_bench.processes import Add, run_units
 
 OVERLAYS = 20
@@ -61,7 +60,7 @@ class OverlayUnit:
         """
         home_cases = self.unit.cases()
         cases = {f"{self.name}/{case.name}": case for case in home_cases.cases}
-        before = default_state(home_cases.home, home_cases.initial_actions)
+        before = self.unit.bench.default_state(home_cases.initial_actions)
         detectors = Detectors(self.unit.bench.map())
         for record in self.chosen:
             frame = take_frame(cases[record.case], before, self.unit.bench)

@@ -35,7 +35,7 @@ from gslts_bench.detection.cases import (
 from gslts_bench.detection.truth import Truth
 from gslts_bench.detection.variants import STRATEGIES, VARIANTS
 from gslts_bench.detection.watch import WATCH, WATCHED, turn_views, watch
-from gslts_bench.homes import BenchHome, default_state
+from gslts_bench.homes import BenchHome
 from gslts_bench.processes import Add
 from gslts_bench.runner import BenchRecord, BenchUnit, attempt
 from gslts_sim.actions import SceneState
@@ -162,7 +162,7 @@ class DetectUnit(BenchUnit[Record, BenchHome]):
         if not any(left.values()):
             return
         detectors = Detectors(self.bench.map())
-        before = default_state(home_cases.home, home_cases.initial_actions)
+        before = self.bench.default_state(home_cases.initial_actions)
         for case, variants in left.items():
             take = cache(partial(take_frame, case, before, self.bench))
             for variant in variants:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gslts.types import Floats
 from gslts_sim.actions import GRID_M
-from gslts_sim.home import Home
+from gslts_sim.home import AreaLight, Home
 from gslts_sim.robot_body import Viewpoint
 from gslts_sim.sensor import SensorNoise
 from gslts_sim.walkable import floor_of
@@ -59,7 +60,7 @@ def visit_noise(noise: SensorNoise) -> SensorNoise:
 
 
 def move_light(home: Home, shift_m: tuple[float, float]) -> Home:
-    """Move the light of the first lamp, but not the lamp.
+    """Move the light of the first lamp, but not the lamp; without lamps, that of the first room.
 
     Args:
         home: State of the home.
@@ -69,15 +70,20 @@ def move_light(home: Home, shift_m: tuple[float, float]) -> Home:
         The changed home.
 
     Raises:
-        ValueError: The home has no lamp.
+        ValueError: The home has no light.
     """
+    if not home.all_lights:
+        raise ValueError(f"{home.name}: there is no light that could be moved")
     lamp = next((thing for thing in home.objects if thing.lights), None)
     if lamp is None:
-        raise ValueError(f"{home.name}: there is no lamp whose light could be moved")
+        return replace(home, lights=_shift_first(home.lights, np.array([*shift_m, 0.0])))
     shift = lamp.world_from_object[:3, :3].T @ np.array([*shift_m, 0.0])
-    first, *others = lamp.lights
-    moved = replace(first, center=first.center + shift)
-    return home.with_object(replace(lamp, lights=(moved, *others)))
+    return home.with_object(replace(lamp, lights=_shift_first(lamp.lights, shift)))
+
+
+def _shift_first(lights: Sequence[AreaLight], shift: Floats) -> tuple[AreaLight, ...]:
+    first, *others = lights
+    return (replace(first, center=first.center + shift), *others)
 
 
 def _draw_position(home: Home, rng: np.random.Generator) -> Floats:

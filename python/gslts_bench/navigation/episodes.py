@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from gslts.types import Floats, Ints
+from gslts_bench.homes import movable_types
 from gslts_bench.navigation.truth import Truth
+from gslts_sim.home import Home
 
 CATEGORIES = {
     "kitchen": (
@@ -51,6 +54,16 @@ class Episode:
     shortest_m: float
 
 
+def categories_of(room_type: str, home: Home) -> Sequence[str]:
+    """Return the categories that a robot goes to in a home.
+
+    Args:
+        room_type: One of `CATEGORIES`; another one, of a foreign home, means its movable objects.
+        home: The home.
+    """
+    return CATEGORIES.get(room_type) or movable_types(home)
+
+
 def starts_to(truth: Truth, category: str) -> tuple[Floats, Ints]:
     """Find starts with a path to objects of a category.
 
@@ -71,7 +84,7 @@ def episodes_of(truth: Truth, room_type: str, name: str, seed: int, count: int) 
 
     Args:
         truth: Ground truth of the home.
-        room_type: Room type whose `CATEGORIES` are goals, in turn, as far as they can be reached.
+        room_type: Room type, whose categories are goals, in turn, as far as they can be reached.
         name: Name of the home.
         seed: Seed of the starts.
         count: Number of episodes.
@@ -82,8 +95,10 @@ def episodes_of(truth: Truth, room_type: str, name: str, seed: int, count: int) 
     Raises:
         ValueError: No category can be reached.
     """
-    rng = np.random.default_rng([seed, sorted(CATEGORIES).index(room_type)])
-    known = {category: starts_to(truth, category) for category in CATEGORIES[room_type]}
+    rng = np.random.default_rng([seed, [*sorted(CATEGORIES), room_type].index(room_type)])
+    known = {
+        category: starts_to(truth, category) for category in categories_of(room_type, truth.home)
+    }
     wanted = [category for category, (_, starts) in known.items() if len(starts)]
     if not wanted:
         raise ValueError(f"{name}: none of {', '.join(known)} can be reached")

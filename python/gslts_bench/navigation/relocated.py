@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -77,7 +76,7 @@ class RelocatedUnit(BenchUnit[Record, BenchHome]):
             add: Receives each new result.
         """
         tasks = self.bench.tasks(TASKS_PER_RELOCATION * self.tasks)
-        home = tasks[0].home.load(Path())
+        home = self.bench.load()
         known, cameras = read_semantic_map(self.bench), cameras_of_map(self.bench.map())
         detector = ChangeDetector(known.gaussian_map, cameras=cameras.values())
         relocations = [task for task in tasks if _is_unique_relocation(task, home)]

@@ -15,7 +15,7 @@ from gslts.navigation.navigator import Navigator
 from gslts.navigation.semantic_map_files import draw_semantic_map
 from gslts.semantics.source import Oracle
 from gslts_bench.homes import BenchHome
-from gslts_bench.navigation.episodes import CATEGORIES, Episode, episodes_of
+from gslts_bench.navigation.episodes import Episode, categories_of, episodes_of
 from gslts_bench.navigation.truth import Truth, succeeds
 from gslts_bench.navigation.walker import Walker
 from gslts_bench.processes import Add
@@ -126,7 +126,7 @@ class NavigateUnit(BenchUnit[Record, BenchHome]):
             known.gaussian_map,
             known.autoencoder,
             Oracle(),
-            categories=CATEGORIES[bench.room_type],
+            categories=categories_of(bench.room_type, state.home),
         )
         for number, episode in enumerate(episodes):
             if episode.name not in done:

@@ -20,7 +20,7 @@ from gslts.semantics.queries import Instance, SemanticQueries
 from gslts.semantics.source import Oracle
 from gslts.store.map_folder import read_map
 from gslts.types import Floats
-from gslts_bench.homes import BenchHome
+from gslts_bench.homes import BenchHome, movable_types
 from gslts_bench.processes import Add
 from gslts_bench.queries.semantic_map import mapped_frames
 from gslts_bench.runner import BenchRecord, BenchUnit, attempt
@@ -83,7 +83,7 @@ class Found(BaseModel):
 
     Attributes:
         object_id: Object in the home.
-        category: One of `CATEGORIES`.
+        category: One of `CATEGORIES`; in a foreign home, also of its movable objects.
         iou: Intersection over union of its box and the one found for it; 0 if none was.
     """
 
@@ -225,12 +225,15 @@ def iou_of(a: Floats, b: Floats) -> float:
 
 def _true_boxes(bench: BenchHome) -> dict[str, dict[str, Floats]]:
     """Return the boxes [2,3] of all objects by category and id."""
-    objects = bench.default_state().home.objects
+    home = bench.default_state().home
+    types = [] if bench.file is None else movable_types(home)
     return {
         category: {
-            known.id: np.asarray(known.box_in_world) for known in objects if known.type == category
+            known.id: np.asarray(known.box_in_world)
+            for known in home.objects
+            if known.type == category
         }
-        for category in CATEGORIES
+        for category in dict.fromkeys((*CATEGORIES, *types))
     }
 
 

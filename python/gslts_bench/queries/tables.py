@@ -36,7 +36,8 @@ def summarize(records: Sequence[Record]) -> dict[str, Any]:
 def _numbers(records: Sequence[Record]) -> dict[str, Any]:
     found = [entry for record in records for entry in record.found]
     by_category = {
-        name: [entry.iou for entry in found if entry.category == name] for name in CATEGORIES
+        name: [entry.iou for entry in found if entry.category == name]
+        for name in dict.fromkeys((*CATEGORIES, *(entry.category for entry in found)))
     }
     return {
         "homes": len(records),

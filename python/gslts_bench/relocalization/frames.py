@@ -16,7 +16,7 @@ from gslts_bench.cache import cached_folder, code_digest
 from gslts_bench.detection.cases import MIN_TASKS, Case, HomeCases, take_frame
 from gslts_bench.detection.several import SeveralMaker
 from gslts_bench.detection.visits import TRIES, draw_visit
-from gslts_bench.homes import BenchHome, default_state, source_of
+from gslts_bench.homes import BenchHome
 from gslts_sim import ROOM_TYPES
 from gslts_sim.actions import SceneState
 from gslts_sim.home import Home
@@ -62,7 +62,7 @@ class Batch:
 
     def before(self) -> SceneState:
         """Return the default state of its home."""
-        return default_state(self.cases.home, self.cases.initial_actions)
+        return self.bench.default_state(self.cases.initial_actions)
 
     def take(self, case: Case, before: SceneState) -> tuple[RgbdFrame, Floats]:
         """Take the frame of a case.
@@ -100,10 +100,15 @@ def batches_of(bench: BenchHome, views: int) -> Iterator[Batch]:
 def other_homes(bench: BenchHome) -> tuple[BenchHome, BenchHome]:
     """Return a home of another room type, and one of the same type, which is more similar.
 
+    To a foreign home, two of ours.
+
     Args:
         bench: The home.
     """
     types = list(ROOM_TYPES)
+    if bench.file is not None:
+        first, second = (replace(bench, room_type=name, file=None) for name in types[:2])
+        return first, second
     next_type = types[(types.index(bench.room_type) + 1) % len(types)]
     # Seeds go in pairs, which keeps them in one split.
     return replace(bench, room_type=next_type), replace(bench, seed=bench.seed ^ 1)
@@ -124,14 +129,14 @@ def make_cases(bench: BenchHome, visits: int, changed: int) -> HomeCases:
         ValueError: Nothing can be changed in the home.
     """
     tasks = bench.tasks(MIN_TASKS if changed else 1)
-    source, initial_actions = source_of(tasks[0]), tasks[0].initial_actions
-    before = default_state(source, initial_actions)
+    initial_actions = tasks[0].initial_actions
+    before = bench.default_state(initial_actions)
     rng = np.random.default_rng([bench.seed, 2])
     cases = [_visit(number, before.home, rng) for number in range(visits)]
     # Another generator, so that visits do not depend on the number of others.
     rng = np.random.default_rng([bench.seed, 3])
     cases += _changed(before, tasks, changed, rng)
-    return HomeCases(home=source, initial_actions=initial_actions, cases=tuple(cases))
+    return HomeCases(initial_actions=initial_actions, cases=tuple(cases))
 
 
 def draw_viewpoint_near(viewpoint: Viewpoint, home: Home, rng: np.random.Generator) -> Viewpoint:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import compress
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -123,7 +122,7 @@ class SeriesUnit(BenchUnit[Record, BenchHome]):
         updated = first
         cameras = list(cameras_of_map(folder).values())
         tasks = self._tasks()
-        home = tasks[0].home.load(Path())
+        home = self.bench.load()
         for number, task in enumerate(tasks, start=1):
             robot = task.start(home, changed=True)
             detector = ChangeDetector(updated, cameras=cameras)
@@ -162,7 +161,7 @@ class SeriesUnit(BenchUnit[Record, BenchHome]):
     def _tasks(self) -> list[Task]:
         """Return the changes, the first of which starts from the state of the map."""
         start = self.bench.tasks(1)[0]
-        source, home = start.home, start.home.load(Path())
+        source, home = start.home, self.bench.load()
         maker = TaskMaker(self.bench.setup.setting, self.bench.seed)
         tasks = list(maker.make_sequence(source, home, self.changes))
         if len(tasks) < self.changes:

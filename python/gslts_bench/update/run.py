@@ -137,7 +137,7 @@ class UpdateUnit(BenchUnit[Record, BenchHome]):
             add: Receives each new result.
         """
         tasks = self.bench.tasks(max(MIN_TASKS, self.tasks))[: self.tasks]
-        ground = _Ground.of(self.bench.map(), tasks[0].home.load(Path()), self.lpips)
+        ground = _Ground.of(self.bench.map(), self.bench.load(), self.lpips)
         for number, task in enumerate(tasks):
             name = f"{self.name}/{number:02}"
             if f"{name}: {NOT_DETECTED}" in done:

@@ -36,7 +36,8 @@ def load_home(path: str | os.PathLike[str]) -> Home:
     group. `extras` may hold `type`, `movable`, `receptacle` and, on floors, `room`: its type.
 
     - Ids are the nodes' names; `|2`, `|3`, ... is added to a name that occurs again.
-    - The type is `extras.type`, else the name before `|` without Blender's `.001`.
+    - The type is `extras.type`, else the name, up to `|` and without Blender's `.001`; `Floor` if
+      that is its end, as in `ShopFloor`.
     - Without `extras.movable`, objects of less than 0.6 m and 50 l are movable, unless their type
       belongs to a building. Without `extras.receptacle`, the type or a level top decides.
     - An object's own frame keeps the node's yaw; tilts, scales and mirrors are applied to its
@@ -111,7 +112,7 @@ def _load_object(
     object_id = _unique(name, counts)
     try:
         obj = place_object(
-            object_id, extras.get("type") or type_of(name), node.world_from_node, surfaces
+            object_id, type_of(extras.get("type") or name), node.world_from_node, surfaces
         )
     except ValueError as error:
         file.reject(f"{file.label(node.index)}: {error}")

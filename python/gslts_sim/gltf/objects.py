@@ -40,10 +40,13 @@ UPRIGHT = 1e-4
 def type_of(name: str) -> str:
     """Return the type in a node's name: the part before `|`, without the number of Blender.
 
+    What ends in `Floor`, such as `ShopFloor`, is a floor.
+
     Args:
         name: Such as `Mug.001|2`.
     """
-    return re.sub(r"\.\d{3,}$", "", name).split("|")[0] or name
+    kind = re.sub(r"\.\d{3,}$", "", name).split("|")[0] or name
+    return "Floor" if kind.endswith("Floor") else kind
 
 
 def place_object(

@@ -16,6 +16,7 @@ from gslts_sim import load_home, make_home, write_glb
 from gslts_sim.home import Home, HomeObject
 from gslts_sim.physics import problems, stands_on
 from gslts_sim.raycast import RayCaster
+from gslts_sim.walkable import floor_of
 
 
 @pytest.fixture
@@ -261,3 +262,15 @@ def test_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
     assert len(written) == 1
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("named", ["name", "extras"])
+def test_a_compound_floor_makes_a_room_on_its_top(tmp_path: Path, named: str) -> None:
+    file = Gltf()
+    slab = file.mesh(file.primitive(sized(4, 3, 0.3)))
+    names = {"name": {"name": "ShopFloor|1"}, "extras": {"extras": {"type": "ShopFloor"}}}
+    file.node(mesh=slab, **names[named])
+    home = load_home(file.write(tmp_path / "shop.glb"))
+    assert home.objects[0].type == "Floor"
+    np.testing.assert_allclose(home.rooms[0].box, [[-2, -1.5, 0], [2, 1.5, 2.5]], atol=1e-6)
+    assert floor_of(home).can_stand(np.zeros(2))

@@ -15,7 +15,7 @@ from PIL import Image
 from gslts.core.se3 import rotation_vector
 from gslts_bench.detection.cases import Case, HomeCases, counts_of, take_frame
 from gslts_bench.detection.visits import LIGHT_SHIFT_M, move_light, visit_noise
-from gslts_bench.homes import BenchHome, HomeSetup, default_state, homes_of
+from gslts_bench.homes import BenchHome, HomeSetup, homes_of
 from gslts_sim.actions import SceneState
 from gslts_sim.controller import Controller
 from gslts_sim.home_source import HomeSource
@@ -208,8 +208,8 @@ def test_single_cases_are_tasks(done: Path) -> None:
     """Frames are those of `Task.start`, to the last bit."""
     cases = cases_in(done)
     tasks: list[Task] = BENCH.tasks(12)
-    home = cases.home.load(Path())
-    before = default_state(cases.home, cases.initial_actions)
+    home = BENCH.load()
+    before = BENCH.default_state(cases.initial_actions)
     for case, task in zip(cases.cases[:2], tasks, strict=False):
         ours = take_frame(case, before, BENCH)
         theirs = task.start(home, changed=True).observe()
@@ -221,7 +221,7 @@ def test_single_cases_are_tasks(done: Path) -> None:
 def test_several_changes_are_all_seen(done: Path) -> None:
     """Each from the same look, before and after all of them, as a single task must be."""
     cases = cases_in(done)
-    before = default_state(cases.home, cases.initial_actions)
+    before = BENCH.default_state(cases.initial_actions)
     several = [case for case in cases.cases if case.part in ("pair", "triple")]
     assert [len(case.truths) for case in several] == [2, 3]
     for case in several:
@@ -254,7 +254,7 @@ def seen_px(state: SceneState, case: Case, object_id: str) -> int:
 def test_visits_err_as_they_should(done: Path) -> None:
     """Poses by 1 cm and half a degree, each visit with another exposure and lamp."""
     cases = cases_in(done)
-    before = default_state(cases.home, cases.initial_actions)
+    before = BENCH.default_state(cases.initial_actions)
     visits = [case for case in cases.cases if case.part == "unchanged"]
     assert len(visits) == COUNTS["unchanged"]
     assert len({case.sensor_seed for case in visits}) == len(visits)
@@ -293,7 +293,7 @@ def test_the_light_moves_and_the_lamp_does_not(done: Path) -> None:
     for old, new in zip(home.objects, moved.objects, strict=True):
         np.testing.assert_array_equal(old.box_in_world, new.box_in_world)
     cases = cases_in(done)
-    before = default_state(cases.home, cases.initial_actions)
+    before = BENCH.default_state(cases.initial_actions)
     visit = next(case for case in cases.cases if case.part == "unchanged")
     views = [
         take_frame(case, before, BENCH).rgb.astype(float)

@@ -132,7 +132,7 @@ def test_a_recorded_room(done: Path) -> None:
     ("arguments", "message"),
     [
         (("--fold", "1"), "--fold is for --real"),
-        (("--real", ".", "--ablation"), "--ablation and --trade are for homes"),
+        (("--real", ".", "--ablation"), "--ablation, --trade and --home are for homes"),
         (("--real", "nowhere"), "there is no such file"),
     ],
 )
