@@ -109,11 +109,15 @@ def test_a_stop_leaves_whole_results_and_no_process(tmp_path: Path, how: signal.
     with subprocess.Popen(
         [sys.executable, tmp_path / "program.py"], stderr=subprocess.DEVNULL
     ) as process:
-        worker = int(wait_for(lambda: [path.stem for path in tmp_path.glob("*.pid")])[0])
-        # The worker may wait before the program has kept what it was sent.
-        wait_for(lambda: (tmp_path / "a.jsonl").read_bytes().count(b"\n") == 3)
-        process.send_signal(how)
-        process.wait(timeout=LONG_S)
+        try:
+            worker = int(wait_for(lambda: [path.stem for path in tmp_path.glob("*.pid")])[0])
+            # The worker may wait before the program has kept what it was sent, or even any of it.
+            results = tmp_path / "a.jsonl"
+            wait_for(lambda: results.exists() and results.read_bytes().count(b"\n") == 3)
+            process.send_signal(how)
+            process.wait(timeout=LONG_S)
+        finally:
+            process.kill()  # Otherwise a failure would wait for the program forever.
     wait_for(lambda: not is_alive(worker))
     found = run_units([CountingUnit("a", tmp_path)], 1, Bar())
     assert squares(found["a"]) == expected("a")
