@@ -130,11 +130,11 @@ class UpdateUnit(BenchUnit[UpdateRecord, RealRoom]):
         changes = () if done.result is None else done.result.changes
         true = [_happened(change, rest, earlier) for change in changes]
         earlier += entries
-        first = read_map(Path(f"{path}@1"))
+        maps = first, _ = read_map(Path(f"{path}@1")), read_map(path)
         comparison = _Comparison(first, held_out, rest)
-        before, after = comparison.errors(first), comparison.errors(read_map(path))
+        before, after = map(comparison.errors, maps)
         if self.images is not None:
-            image = comparison.image((first, read_map(path)))
+            image = comparison.image(maps)
             write_image(self.images / f"{self.name}_{visit}.png", image)
         return {
             "status": done.status,

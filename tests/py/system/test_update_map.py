@@ -91,6 +91,18 @@ def coarse(frame: RgbdFrame) -> RgbdFrame:
     return replace(frame, depth=(np.round(frame.depth / 0.04) * 0.04).astype(np.float32))
 
 
+def update_by_recording(folder: Path, frames: list[RgbdFrame]) -> MapUpdate:
+    """Update the map by a recording of few frames."""
+    return gslts.update_map(
+        folder,
+        RecordedRobot(frames),
+        UPDATE,
+        detection=change_room.CONFIG,
+        frames=frames,
+        monitor=MonitorConfig(needed=1, confidence=0.8),
+    )
+
+
 def test_objects_in_few_frames_of_coarse_depth_are_added(folder: Path) -> None:
     """Two views show each of two boxes: one is a training view, one a validation view."""
     home = change_room.home()
@@ -105,14 +117,7 @@ def test_objects_in_few_frames_of_coarse_depth_are_added(folder: Path) -> None:
         coarse(change_room.see(home, look, "kinect", seed)) for seed, look in enumerate(looks)
     ]
     before = read_map(folder)
-    done = gslts.update_map(
-        folder,
-        RecordedRobot(frames),
-        UPDATE,
-        detection=change_room.CONFIG,
-        frames=frames,
-        monitor=MonitorConfig(needed=1, confidence=0.8),
-    )
+    done = update_by_recording(folder, frames)
     assert done.status == "updated"
     assert done.result is not None
     assert {change.kind for change in done.result.changes} == {"addition"}
@@ -155,14 +160,7 @@ def test_a_spoiled_visit_gives_no_version(
         change_room.see(home, look, "kinect") for look in update_room.viewpoints_of_the_change()
     ]
     frames = [spoil(coarse(frame) if rounded else frame) for frame in frames]
-    done = gslts.update_map(
-        folder,
-        RecordedRobot(frames),
-        UPDATE,
-        detection=change_room.CONFIG,
-        frames=frames,
-        monitor=MonitorConfig(needed=1, confidence=0.8),
-    )
+    done = update_by_recording(folder, frames)
     assert (done.status, done.version.number) == ("rejected", 1)
     assert done.reason is not None
     assert f"none of {len(frames)} frames can be compared with the map" in done.reason
