@@ -25,8 +25,6 @@ from gslts._core.detect import Side, Surface, confidence_features, match_feature
 from gslts.change.config import DetectionConfig, ObjectRule
 from gslts.change.detector import ChangeDetector, Detection
 from gslts.mapping.config import PRESETS
-from gslts.store.camera_files import cameras_of_map
-from gslts.store.map_folder import read_map
 from gslts.types import Floats
 from gslts_bench.detection.cases import Case, counts_of, make_cases, take_frame
 from gslts_bench.detection.truth import Truth
@@ -180,12 +178,8 @@ def _with_one(features: Floats) -> Floats:
 def _found_in_homes(homes: Iterable[BenchHome], tasks: int, count: int) -> Iterator[Found]:
     for bench, counts in zip(homes, counts_of(tasks, count), strict=True):
         folder = bench.map()
-        gaussian_map = read_map(folder)
-        cameras = cameras_of_map(folder).values()
         detectors = [
-            ChangeDetector(
-                gaussian_map, DetectionConfig(halvings=halvings, objects=RULE), cameras=cameras
-            )
+            ChangeDetector.of_map(folder, DetectionConfig(halvings=halvings, objects=RULE))
             for halvings in HALVINGS
         ]
         cases = make_cases(bench, counts)

@@ -33,7 +33,6 @@ from gslts.mapping.config import MappingConfig
 from gslts.mapping.engine import make_map
 from gslts.rendering.metrics import psnr_from_mse_db
 from gslts.rendering.rasterizer import render
-from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import open_map, write_map_folder
 from gslts.update.config import CollectConfig, EditConfig, RefineConfig, UpdateConfig
 from gslts_sim.capture import capture
@@ -269,8 +268,7 @@ def run_case(layout: Layout, kind: str, seed: int, made: Path) -> dict[str, Any]
         with MapKeeper(folder, config, log=log.append) as keeper:
             keeper.go_round(robot_in(home, 1_000_000 + seed))
             first, rest = keeper.version.number, len(log)
-            cameras = cameras_of_map(folder).values()
-            detector = ChangeDetector(keeper.gaussian_map, config.detection, cameras=cameras)
+            detector = ChangeDetector.of_map(folder, config.detection)
             robot = robot_in(home, 2_000_000 + seed)
             confidences: list[float | None] = []
             errors = []

@@ -65,6 +65,15 @@ std::vector<Part> raised_parts(const Views& views, const Array<std::uint8_t>& ma
   return parts;
 }
 
+/// Tests whether the frame has depths where the map has a surface. Where it has none, as before a
+/// window or a black sky, nobody knows whether the surface is still there.
+bool is_measured(const Views& views, const Pixels& pixels) {
+  const auto measured = std::count_if(pixels.begin(), pixels.end(), [&](std::size_t k) {
+    return has_depth(views.observed_depth[k]);
+  });
+  return double(measured) >= kMinMeasuredShare * double(pixels.size());
+}
+
 /// Finds flat changes beside the parts found so far.
 std::vector<Part> flat_parts(const Views& views, const ColorChange& colors,
                              const std::vector<Part>& raised, const ObjectRule& rule) {
@@ -79,7 +88,7 @@ std::vector<Part> flat_parts(const Views& views, const ColorChange& colors,
     const cv::Mat region = mask_of(pixels, views.camera);
     if (!has_outline(colors.larger, region)) continue;
     const std::optional<Side> side = side_of_flat(views, colors, region, rule);
-    if (!side) continue;
+    if (!side || (side == Side::kBefore && !is_measured(views, pixels))) continue;
     std::optional<Surface> surface = large_surface(views, pixels, *side, rule.min_flat_area_m2);
     if (!surface) continue;
     surface->flat = true;

@@ -62,6 +62,9 @@ constexpr double kMaxFlatHeight_m = 0.1;
 /// Ratio of the colour changes of the two images from which the larger one tells the side.
 constexpr double kMinColorRatio = 1.3;
 
+/// Minimum share of the pixels of a flat surface of the map in which the frame has a depth.
+constexpr double kMinMeasuredShare = 0.5;
+
 // Surfaces (surface_of.cpp).
 
 /// Quantile of the coordinates that is trimmed at either end of the box: stray pixels of an

@@ -10,6 +10,7 @@ Floats32 = NDArray[np.float32]
 Ints = NDArray[np.int64]
 Ints32 = NDArray[np.int32]
 UInts32 = NDArray[np.uint32]
+UInts64 = NDArray[np.uint64]
 Indices = NDArray[np.intp]
 """Row numbers, such as those of np.flatnonzero."""
 Bools = NDArray[np.bool_]

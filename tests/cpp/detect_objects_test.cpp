@@ -139,6 +139,15 @@ TEST(Objects, UnknownPixelsAndMissingDepthAreNoChange) {
   EXPECT_TRUE(find_in(unmeasured).changes.empty());
 }
 
+TEST(Objects, FlatSurfaceBeforeNothingMeasuredIsNoRemoval) {
+  for (const int measured : {0, 8, 24, 30}) {  // Columns of the object's 30.
+    ImagePair pair;
+    pair.put(In::kMap, 60, 40, 30, 20, ImagePair::kWall_m, 0.9f, 0.1f, 0.1f);
+    pair.put(In::kFrame, 60 + measured, 40, 30 - measured, 20, 0.0f, 0.5f, 0.5f, 0.5f);
+    EXPECT_EQ(find_in(pair).changes.size(), measured < 15 ? 0u : 1u) << measured;
+  }
+}
+
 TEST(Objects, MisplacedEdgesAreNoChange) {
   ImagePair pair;
   pair.put(In::kMap, 60, 40, 30, 30, 1.2f, 0.9f, 0.1f, 0.1f);

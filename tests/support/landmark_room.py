@@ -9,7 +9,7 @@ from shared import looks_all_around
 
 from gslts.core.frame import RgbdFrame
 from gslts.localization.landmark_extraction import extract_landmarks
-from gslts.localization.landmark_files import KEY, landmarks_digest, write_landmarks
+from gslts.localization.landmark_files import KEY, write_landmarks
 from gslts.localization.landmarks import Landmarks
 from gslts.store.map_folder import write_map_folder
 
@@ -34,10 +34,10 @@ def folder_with(landmarks: Landmarks, path: Path) -> Path:
     """Write a map folder of the room as `gslts map` does."""
     gaussian_map, cameras = change_room.mapped()
 
-    def finish(part: Path) -> None:
-        write_landmarks(landmarks, part)
+    def finish(part: Path) -> dict[str, str]:
+        return {KEY: write_landmarks(landmarks, part)}
 
-    write_map_folder(path, gaussian_map, {KEY: landmarks_digest(landmarks)}, cameras, finish)
+    write_map_folder(path, gaussian_map, {}, cameras, finish)
     return path
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from gslts._core import detect as _core
+from gslts.change.blur import blurred_pixels
 from gslts.change.changes import Change
 from gslts.change.config import DetectionConfig
 from gslts.change.constants import (
@@ -16,6 +17,7 @@ from gslts.change.constants import (
     MAX_CAMERAS,
     MAX_CHANGED_SHARE,
     MAX_HALVINGS,
+    MIN_MEASURED_WEIGHT,
     NEAR_SIGMAS,
     POSE_STDS,
 )
@@ -29,7 +31,7 @@ from gslts.change.reliability import (
     view_fault,
 )
 from gslts.change.rules import gs_lts_change, object_changes
-from gslts.change.unknown import UnknownRegion, unknown_regions
+from gslts.change.unknown import UnknownRegion, surface_fault, unknown_regions
 from gslts.change.visibility import Visibility
 from gslts.core.camera import Camera, at_pose
 from gslts.core.frame import RgbdFrame
@@ -39,7 +41,8 @@ from gslts.rendering.losses import Exposure, apply_exposure
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
-from gslts.types import Bools, Floats32, Ints32
+from gslts.store.unmeasured import NO_IDS, read_unmeasured
+from gslts.types import Bools, Floats32, Ints32, UInts64
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +92,8 @@ class ChangeDetector:
         features: Feature extractor; None means `OrientedGradients`.
         cameras: Training cameras of the map: space that none of them saw cannot have changed.
             Without any, all space counts as seen. At most `MAX_CAMERAS`, evenly chosen, are used.
+        unmeasured: Ids of Gaussians that no measured depth confirms, see
+            `gslts.store.unmeasured`: changes of what they show cannot be judged.
 
     Raises:
         ValueError: The map is not float32.
@@ -101,11 +106,14 @@ class ChangeDetector:
         *,
         features: FeatureExtractor | None = None,
         cameras: Iterable[Camera] = (),
+        unmeasured: UInts64 = NO_IDS,
     ) -> None:
         if gaussian_map.dtype != np.float32:
             raise ValueError(f"ChangeDetector: the map must be float32, got {gaussian_map.dtype}")
         self.config = DetectionConfig() if config is None else config
-        self._map = gaussian_map
+        self._map, self._unmeasured = gaussian_map, unmeasured
+        measured = ~np.isin(gaussian_map.ids, unmeasured)
+        self._drawn = replace(gaussian_map, features=measured[:, None].astype(np.float32))
         self._features = OrientedGradients() if features is None else features
         self._visibility = Visibility(
             gaussian_map, choose_evenly(tuple(cameras), MAX_CAMERAS), self.config.threads
@@ -120,7 +128,7 @@ class ChangeDetector:
         *,
         features: FeatureExtractor | None = None,
     ) -> ChangeDetector:
-        """Read the Gaussians and the training cameras of a map.
+        """Read the Gaussians, the training cameras and the unmeasured Gaussians of a map.
 
         Args:
             path: Map folder, a version of it such as MAP@3, or a PLY file, which has no cameras.
@@ -132,8 +140,10 @@ class ChangeDetector:
             ValueError: The path is no map, or the map is damaged.
         """
         path = Path(path)
-        cameras = cameras_of_map(path).values()
-        return cls(read_map(path), config, features=features, cameras=cameras)
+        cameras, unmeasured = cameras_of_map(path).values(), read_unmeasured(path)
+        return cls(
+            read_map(path), config, features=features, cameras=cameras, unmeasured=unmeasured
+        )
 
     @property
     def gaussian_map(self) -> GaussianMap:
@@ -150,7 +160,13 @@ class ChangeDetector:
         Raises:
             ValueError: The map is not float32.
         """
-        return ChangeDetector(gaussian_map, self.config, features=self._features, cameras=cameras)
+        return ChangeDetector(
+            gaussian_map,
+            self.config,
+            features=self._features,
+            cameras=cameras,
+            unmeasured=self._unmeasured,
+        )
 
     def detect(self, frame: RgbdFrame) -> Detection:
         """Compare a frame with the map.
@@ -199,7 +215,7 @@ class ChangeDetector:
         """
         config = self.config
         options = RenderOptions(near_sigmas=NEAR_SIGMAS, threads=config.threads)
-        images = self._rasterizer.forward(self._map, camera, options)
+        images = self._rasterizer.forward(self._drawn, camera, options)
         alpha = images.alpha if mask is None else np.where(mask, images.alpha, np.float32(0))
         known = alpha >= config.masks.alpha_min
         exposure = robust_exposure(images.rgb, observed_rgb, known, config.threads)
@@ -207,10 +223,17 @@ class ChangeDetector:
         fault = view_fault(observed_rgb, rendered_rgb, known)
         if fault is not None:
             return Detection((), fault, camera, observed_rgb)
+        unknown = {"the map does not cover it": ~known}
+        if config.strategy == "objects":
+            unknown["the image is blurred"] = blurred_pixels(observed_rgb, rendered_rgb, known)
+            if not is_coarse:
+                measured = images.features[..., 0] >= MIN_MEASURED_WEIGHT * images.alpha
+                unknown["no frame of the map measured its depth"] = ~measured
+        comparable = ~np.any(list(unknown.values()), axis=0)
         cosines = similarity(
             self._features(observed_rgb), self._features(rendered_rgb), *known.shape
         )
-        fault = place_fault(cosines, observed_depth, images.depth, known, is_coarse)
+        fault = place_fault(cosines, observed_depth, images.depth, comparable, is_coarse)
         if fault is not None:
             return Detection((), fault, camera, observed_rgb)
         views = _core.Views(
@@ -219,16 +242,18 @@ class ChangeDetector:
             rendered_rgb=rendered_rgb,
             observed_depth=observed_depth,
             rendered_depth=images.depth,
-            alpha=np.ascontiguousarray(alpha),
+            alpha=np.where(comparable, alpha, np.float32(0)),
             similarity=cosines,
         )
         masks = _core.compute_masks(views, config.masks)
         changes, surfaces, labels = self._changes(views, masks, is_coarse)
         changed = [mask for change in changes for mask in change.masks if mask is not None]
-        if changed and np.any(changed, axis=0).sum() > MAX_CHANGED_SHARE * known.sum():
+        if changed and np.any(changed, axis=0).sum() > MAX_CHANGED_SHARE * comparable.sum():
             return Detection((), "most of the view differs", camera, observed_rgb)
         arrays = _core.mask_arrays(masks, camera)
-        measured = (observed_depth > 0) | is_coarse
+        if not is_coarse:
+            unknown["no depth is measured"] = observed_depth <= 0
+        regions = unknown_regions(unknown, surfaces, labels)
         return Detection(
             changes=changes,
             unreliable=None,
@@ -241,15 +266,8 @@ class ChangeDetector:
             exposure=exposure,
             surfaces=surfaces,
             labels=labels,
-            unknown=self._unknown(known, measured, surfaces, labels),
+            unknown=regions if config.strategy == "objects" else (),
         )
-
-    def _unknown(
-        self, known: Bools, measured: Bools, surfaces: tuple[_core.Surface, ...], labels: Ints32
-    ) -> tuple[UnknownRegion, ...]:
-        if self.config.strategy != "objects":
-            return ()
-        return unknown_regions(known, measured, surfaces, labels)
 
     def _changes(
         self, views: _core.Views, masks: _core.Masks, is_coarse: bool
@@ -263,7 +281,8 @@ class ChangeDetector:
         if self._visibility.has_cameras:
             for surface in surfaces:
                 surface.visibility = self._visibility_of(surface)
-        return object_changes(surfaces, labels, self.config.objects), tuple(surfaces), labels
+        judged = [surface for surface in surfaces if surface_fault(surface) is None]
+        return object_changes(judged, labels, self.config.objects), tuple(surfaces), labels
 
     def _visibility_of(self, surface: _core.Surface) -> _core.Visibility:
         """Count how the training cameras saw the samples of a surface."""

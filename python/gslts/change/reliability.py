@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
+from gslts.change.blur import is_blurred
 from gslts.change.constants import (
     BLACK,
     DEPTH_TOLERANCE,
@@ -17,7 +17,6 @@ from gslts.change.constants import (
     MIN_AGREEMENT,
     MIN_KNOWN_SHARE,
     MIN_MEASURED_SHARE,
-    MIN_SHARPNESS_RATIO,
     SIMILAR,
     WHITE,
 )
@@ -74,8 +73,7 @@ def view_fault(observed_rgb: Floats32, rendered_rgb: Floats32, known: Bools) -> 
     """
     if known.mean() < MIN_KNOWN_SHARE:
         return f"the map covers {100 * known.mean():.0f} % of the view"
-    sharpness, expected = _sharpness(observed_rgb, known), _sharpness(rendered_rgb, known)
-    if (sharpness < MIN_SHARPNESS_RATIO * expected).any():
+    if is_blurred(observed_rgb, rendered_rgb, known):
         return "the image is blurred"
     return None
 
@@ -117,10 +115,3 @@ def place_fault(
         f"depths agree in {100 * agreeing:.0f} % of the pixels and {100 * dissimilar:.0f} % look "
         "different: pose or intrinsics are wrong"
     )
-
-
-def _sharpness(rgb: Floats32, known: Bools) -> Floats:
-    """Return (2,) variance of the second differences along rows and along columns."""
-    gray = cv2.cvtColor(np.ascontiguousarray(rgb), cv2.COLOR_RGB2GRAY)
-    row = np.array([[1, -2, 1]], np.float32)
-    return np.array([cv2.filter2D(gray, -1, kernel)[known].var() for kernel in (row, row.T)])

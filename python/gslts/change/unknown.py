@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from gslts._core.detect import Surface
+from gslts._core.detect import Side, Surface
 from gslts.change.changes import box_of_mask
-from gslts.change.constants import MIN_SEEN_SHARE, MIN_UNKNOWN_SHARE
+from gslts.change.constants import MAX_THROUGH_SHARE, MIN_SEEN_SHARE, MIN_UNKNOWN_SHARE
 from gslts.types import Bools, Ints32
 
 
@@ -40,26 +40,46 @@ class UnknownRegion:
         return box
 
 
+def surface_fault(surface: Surface) -> str | None:
+    """Check a surface that only one of map and frame shows, by the training cameras of the map.
+
+    Args:
+        surface: With its visibility; without it nothing is known against it.
+
+    Returns:
+        The reason why it is no sign of a change; None if it may be one.
+    """
+    seen = surface.visibility
+    if seen is None:
+        return None
+    if seen.known_share < MIN_SEEN_SHARE:
+        return "no training camera saw this place"
+    total = seen.on_surface + seen.seen_through
+    if surface.side == Side.BEFORE and seen.seen_through > MAX_THROUGH_SHARE * total:
+        return "training cameras saw through this surface of the map"
+    return None
+
+
 def unknown_regions(
-    known: Bools, measured: Bools, surfaces: Sequence[Surface], labels: Ints32
+    reasons: Mapping[str, Bools], surfaces: Sequence[Surface], labels: Ints32
 ) -> tuple[UnknownRegion, ...]:
     """List the regions of a compared frame in which changes cannot be judged.
 
     Args:
-        known: [H,W] pixels that the map covers, and the mask of the frame, if it has one.
-        measured: [H,W] pixels that can be compared otherwise: with a depth, where depth decides.
+        reasons: [H,W] pixels that cannot be compared, by the reason; of a pixel with several, the
+            first one counts.
         surfaces: Surfaces visible in only one of map and frame.
         labels: [H,W] label of the surface at each pixel, 0 for none.
     """
-    regions = [UnknownRegion(mask, "the map does not cover it") for mask in _components(~known)]
-    regions += [
-        UnknownRegion(mask, "no depth is measured") for mask in _components(known & ~measured)
-    ]
+    regions = []
+    listed = np.zeros(labels.shape, np.bool_)
+    for reason, mask in reasons.items():
+        regions += [UnknownRegion(part, reason) for part in _components(mask & ~listed)]
+        listed |= mask
     for surface in surfaces:
-        seen = surface.visibility
-        if seen is not None and seen.known_share < MIN_SEEN_SHARE:
-            mask = labels == surface.label
-            regions.append(UnknownRegion(mask, "no training camera saw this place"))
+        fault = surface_fault(surface)
+        if fault is not None:
+            regions.append(UnknownRegion(labels == surface.label, fault))
     return tuple(regions)
 
 

@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 
 from gslts.change.constants import (
     MAX_PROJECTIONS,
-    SURFACE_MARGIN_M,
-    SURFACE_MARGIN_SHARE,
     VISIBILITY_WIDTH_PX,
 )
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
+from gslts.store.unmeasured import surface_margin_m
 from gslts.types import Bools, Floats, Ints
 
 
@@ -112,7 +111,7 @@ class Visibility:
         self._render(np.flatnonzero(inside.any(axis=1) & ~self._rendered))
         columns, rows = (np.where(inside, place, 0).astype(np.int64) for place in (u, v))
         depths = self._depths[np.where(inside, self._first + rows * width + columns, 0)]
-        margin = SURFACE_MARGIN_M + SURFACE_MARGIN_SHARE * z
+        margin = surface_margin_m(z)
         through = (z > 0) & (depths > z + margin)
         on = (depths > 0) & (np.abs(depths - z) <= margin)
         return through, on, z

@@ -26,6 +26,7 @@ from gslts.semantics.map_semantics import MapSemantics
 from gslts.store.camera_files import cameras_of_map, cameras_of_update
 from gslts.store.map_folder import open_map
 from gslts.store.records import Version
+from gslts.store.unmeasured import read_unmeasured
 from gslts.update.config import UpdateConfig
 from gslts.update.integrate import UpdateResult, integrate_changes
 from gslts.update.publish import publish
@@ -103,6 +104,7 @@ class MapKeeper:
             self.state = read_state(folder)
             self._map = self._store.read()
             self._cameras = cameras_of_map(folder)
+            self._unmeasured = read_unmeasured(folder)
             self._semantics = MapSemantics.of_map(folder, self._config.update.threads)
             self._detector = self._new_detector()
             self._localizer = None
@@ -300,7 +302,12 @@ class MapKeeper:
         )
 
     def _new_detector(self) -> ChangeDetector:
-        return ChangeDetector(self._map, self._config.detection, cameras=self._cameras.values())
+        return ChangeDetector(
+            self._map,
+            self._config.detection,
+            cameras=self._cameras.values(),
+            unmeasured=self._unmeasured,
+        )
 
     def _new_relocalizer(self) -> Relocalizer:
         landmarks = require_landmarks(self._folder, self._map)

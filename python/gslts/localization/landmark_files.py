@@ -55,22 +55,13 @@ def write_landmarks(landmarks: Landmarks, folder: Path) -> str:
     Raises:
         OSError: The file cannot be written.
     """
-    content = _content(landmarks)
+    content = save({name: np.ascontiguousarray(getattr(landmarks, name)) for name in _ARRAYS})
     digest = hashlib.sha256(content).hexdigest()
     path = _path_of(folder, digest)
     path.parent.mkdir(exist_ok=True)
     write_atomic(path, content)
     sync_folder(folder)
     return digest
-
-
-def landmarks_digest(landmarks: Landmarks) -> str:
-    """Return the SHA-256 that `write_landmarks` returns, without writing.
-
-    Args:
-        landmarks: Landmarks of a map.
-    """
-    return hashlib.sha256(_content(landmarks)).hexdigest()
 
 
 def has_landmarks(folder: Path) -> bool:
@@ -204,10 +195,6 @@ def _digest_of_manifest(folder: Path) -> str | None:
 
 def _path_of(folder: Path, digest: str) -> Path:
     return folder / FOLDER / f"{digest}{SUFFIX}"
-
-
-def _content(landmarks: Landmarks) -> bytes:
-    return save({name: np.ascontiguousarray(getattr(landmarks, name)) for name in _ARRAYS})
 
 
 def _read(folder: Path, digest: str) -> Landmarks:

@@ -34,7 +34,7 @@ def write_map_folder(
     gaussian_map: GaussianMap,
     manifest: Mapping[str, Any],
     cameras: Mapping[str, Camera],
-    finish: Callable[[Path], None] = lambda _: None,
+    finish: Callable[[Path], Mapping[str, Any]] = lambda _: {},
     *,
     cause: MappingCause | ImportCause | None = None,
 ) -> None:
@@ -45,7 +45,8 @@ def write_map_folder(
         gaussian_map: float32, with rising ids.
         manifest: JSON values; format and version are added.
         cameras: Cameras of the frames, by name.
-        finish: Writes further files into the temporary folder that it gets.
+        finish: Writes further files into the temporary folder that it gets, and returns what the
+            manifest says of them.
         cause: Of the first version; None means mapping of the manifest's `dataset`.
 
     Raises:
@@ -62,10 +63,9 @@ def write_map_folder(
     temporary.mkdir()
     try:
         MapStore.create(temporary, gaussian_map, cause)
-        _write_json(temporary / MANIFEST, {**head, **manifest})
         records = {name: camera_to_json(camera) for name, camera in cameras.items()}
         _write_json(temporary / CAMERAS, records)
-        finish(temporary)
+        _write_json(temporary / MANIFEST, {**head, **manifest, **finish(temporary)})
         sync_folder(temporary)
         temporary.rename(folder)
         sync_folder(folder.parent)

@@ -21,6 +21,7 @@ from gslts.store.camera_files import cameras_of_map
 from gslts.store.causes import RejectedUpdateCause, UpdateRecord
 from gslts.store.map_folder import open_map
 from gslts.store.records import Version
+from gslts.store.unmeasured import read_unmeasured
 from gslts.update.config import UpdateConfig
 from gslts.update.integrate import Progress, UpdateResult, integrate_changes
 from gslts.update.publish import publish
@@ -80,7 +81,9 @@ def update_map(
         newest, gaussian_map = store.version(), store.read()
         cameras = list(cameras_of_map(path).values())
         semantics = MapSemantics.of_map(path, config.threads)
-        detector = ChangeDetector(gaussian_map, detection, cameras=cameras)
+        detector = ChangeDetector(
+            gaussian_map, detection, cameras=cameras, unmeasured=read_unmeasured(path)
+        )
         changes, fault = _detect(detector, robot, frames, monitor)
         if fault is not None:
             store.add_rejection(RejectedUpdateCause(record=UpdateRecord(rejected=fault)))

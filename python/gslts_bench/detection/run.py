@@ -19,7 +19,6 @@ from gslts.localization.config import RelocalizationConfig
 from gslts.localization.landmark_files import read_landmarks
 from gslts.localization.localizer import Localizer
 from gslts.localization.relocalizer import Relocalizer
-from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
 from gslts_bench.cache import cached_folder, code_digest
 from gslts_bench.detection.cases import (
@@ -230,11 +229,11 @@ class Detectors:
     """
 
     def __init__(self, folder: Path) -> None:
-        self._map = read_map(folder)
-        self._cameras = cameras_of_map(folder).values()
+        self._folder = folder
         self._detectors: dict[str, ChangeDetector] = {}
-        landmarks = read_landmarks(folder)
-        self._relocalizer = Relocalizer(self._map, landmarks, RelocalizationConfig(threads=1))
+        self._relocalizer = Relocalizer(
+            read_map(folder), read_landmarks(folder), RelocalizationConfig(threads=1)
+        )
 
     def of(self, variant: str) -> ChangeDetector:
         """Return the detector of a name in `VARIANTS`.
@@ -243,7 +242,7 @@ class Detectors:
             variant: Name of the variant.
         """
         if variant not in self._detectors:
-            self._detectors[variant] = VARIANTS[variant].detector(self._map, self._cameras)
+            self._detectors[variant] = VARIANTS[variant].detector(self._folder)
         return self._detectors[variant]
 
     def localize(self, frame: RgbdFrame) -> RgbdFrame:

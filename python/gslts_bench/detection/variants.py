@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
 from gslts.change.config import DetectionConfig
 from gslts.change.detector import ChangeDetector
 from gslts.change.features import FeatureExtractor, OrientedGradients
-from gslts.core.camera import Camera
-from gslts.core.gaussian_map import GaussianMap
 from gslts.types import Floats32
 
 
@@ -37,14 +35,13 @@ class Variant:
     features: FeatureExtractor = field(default_factory=OrientedGradients)
     locate: bool = False
 
-    def detector(self, gaussian_map: GaussianMap, cameras: Iterable[Camera]) -> ChangeDetector:
-        """Make the detector for a map and the cameras that it was made from.
+    def detector(self, folder: Path) -> ChangeDetector:
+        """Make the detector for a map.
 
         Args:
-            gaussian_map: The map, float32.
-            cameras: Cameras that it was made from.
+            folder: Folder of the map.
         """
-        return ChangeDetector(gaussian_map, self.config, features=self.features, cameras=cameras)
+        return ChangeDetector.of_map(folder, self.config, features=self.features)
 
 
 STRATEGIES = {

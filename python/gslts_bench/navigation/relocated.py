@@ -78,7 +78,7 @@ class RelocatedUnit(BenchUnit[Record, BenchHome]):
         tasks = self.bench.tasks(TASKS_PER_RELOCATION * self.tasks)
         home = self.bench.load()
         known, cameras = read_semantic_map(self.bench), cameras_of_map(self.bench.map())
-        detector = ChangeDetector(known.gaussian_map, cameras=cameras.values())
+        detector = ChangeDetector.of_map(self.bench.map())
         relocations = [task for task in tasks if _is_unique_relocation(task, home)]
         for number, task in enumerate(relocations[: self.tasks]):
             name = f"{self.bench.name}/moved_{number:02}"

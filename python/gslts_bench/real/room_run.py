@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from gslts.change.changes import SIDES, Change, Side
-from gslts.change.detector import ChangeDetector, Detection
+from gslts.change.detector import Detection
 from gslts.change.monitor import confirm_changes
 from gslts.change.overlay import overlay
 from gslts.core.camera import Camera
@@ -150,7 +150,7 @@ class _Comparisons:
 
     def _find(self, change: MapChange) -> dict[str, Any]:
         frame = self._frames[change.frame]()
-        detector: ChangeDetector = STRATEGIES[GIVEN].detector(
+        detector = self._detectors.of(GIVEN).with_map(
             change.changed_map(self._map), self._training
         )
         detection = detector.detect(frame)

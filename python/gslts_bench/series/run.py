@@ -121,11 +121,12 @@ class SeriesUnit(BenchUnit[Record, BenchHome]):
         first = read_map(folder)
         updated = first
         cameras = list(cameras_of_map(folder).values())
+        detector = ChangeDetector.of_map(folder)
         tasks = self._tasks()
         home = self.bench.load()
         for number, task in enumerate(tasks, start=1):
             robot = task.start(home, changed=True)
-            detector = ChangeDetector(updated, cameras=cameras)
+            detector = detector.with_map(updated, cameras)
             found = detector.detect(robot.observe()).changes
             result = integrate_changes(
                 updated, cameras, found, robot, UpdateConfig(threads=1), detector=detector

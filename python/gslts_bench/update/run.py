@@ -256,7 +256,7 @@ class _Ground:
     def of(cls, folder: Path, home: Home, lpips: tuple[Path, Path] | None) -> _Ground:
         gaussian_map = read_map(folder)
         cameras = list(cameras_of_map(folder).values())
-        detector = ChangeDetector(gaussian_map, cameras=cameras)
+        detector = ChangeDetector.of_map(folder)
         return cls(home, gaussian_map, cameras, detector, None if lpips is None else Lpips(*lpips))
 
     def evaluation_views(self, task: Task) -> list[EvaluationView]:

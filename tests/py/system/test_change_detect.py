@@ -198,6 +198,24 @@ def test_masked_pixels_have_not_changed() -> None:
     require(change_room.detector().detect(replace(frame, mask=mask)))
 
 
+def test_a_surface_that_no_frame_measured_is_no_removal() -> None:
+    """Nobody knows where such a surface is; what it covers is unknown."""
+    gaussian_map, cameras = change_room.mapped()
+    near = np.linalg.norm(gaussian_map.means + gaussian_map.origin - RED_M, axis=1) < 0.4
+    detector = ChangeDetector(
+        gaussian_map,
+        change_room.CONFIG,
+        cameras=cameras.values(),
+        unmeasured=gaussian_map.ids[near],
+    )
+    detection = detector.detect(see(removed(change_room.home()), LOOKS[0]))
+    require(detection)
+    reasons = [region.reason for region in detection.unknown]
+    assert "no frame of the map measured its depth" in reasons
+    again = detector.with_map(gaussian_map, cameras.values())
+    require(again.detect(see(removed(change_room.home()), LOOKS[0])))
+
+
 def test_an_object_in_unseen_space_is_no_addition() -> None:
     """If no training camera saw through the space, the object may have been there before."""
     gaussian_map, _ = change_room.mapped()

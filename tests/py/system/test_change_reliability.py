@@ -125,3 +125,15 @@ def test_good_frames_are_reliable(view: str, noise: str) -> None:
         detection = change_room.detector().detect(frame)
         assert detection.unreliable is None
         assert detection.changes == ()
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_the_part_behind_a_smeared_window_is_unknown(view: str) -> None:
+    frame = see(change_room.home(), VIEWS[view], "kinect", seed=3)
+    rgb = frame.rgb.copy()
+    rgb[:, :80] = cv2.GaussianBlur(rgb, (0, 0), 3)[:, :80]
+    detection = change_room.detector().detect(replace(frame, rgb=rgb))
+    assert detection.unreliable is None or "blurred" in detection.unreliable
+    assert detection.changes == ()
+    if detection.unreliable is None:
+        assert "the image is blurred" in [region.reason for region in detection.unknown]

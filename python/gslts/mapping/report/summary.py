@@ -12,7 +12,8 @@ import numpy as np
 from gslts.core.gaussian_map import FloatArray
 from gslts.core.se3 import twist_of
 from gslts.localization.landmark_extraction import extract_landmarks
-from gslts.localization.landmark_files import KEY, landmarks_digest, write_landmarks
+from gslts.localization.landmark_files import KEY as LANDMARKS
+from gslts.localization.landmark_files import write_landmarks
 from gslts.mapping.engine import MappingResult
 from gslts.mapping.evaluation.evaluate import Quality, rgb_as_exposed
 from gslts.mapping.lenses import Lenses
@@ -21,11 +22,17 @@ from gslts.mapping.report.page import write_report
 from gslts.rendering.metrics import psnr_db
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.store.map_folder import camera_to_json, write_map_folder
+from gslts.store.unmeasured import KEY as UNMEASURED
+from gslts.store.unmeasured import unmeasured_gaussians, write_unmeasured
 from gslts.types import Bytes, Floats
+
+FRAMES_OF_DEPTH = 200
+"""About the number of training frames that tell which Gaussians were measured: each takes 40 ms for
+100,000 Gaussians."""
 
 
 def write_result(folder: Path, result: MappingResult, dataset: str) -> None:
-    """Write the folder of a map with landmarks and report atomically.
+    """Write the folder of a map with landmarks, unmeasured Gaussians and report atomically.
 
     Args:
         folder: New folder; must not exist.
@@ -35,17 +42,26 @@ def write_result(folder: Path, result: MappingResult, dataset: str) -> None:
     Raises:
         OSError: The folder cannot be written, or exists.
     """
-    frames = (frame.rgbd() for frame in result.training.values())
-    landmarks = extract_landmarks(result.gaussian_map, frames, threads=result.config.threads)
+    frames = list(result.training.values())
+    landmarks = extract_landmarks(
+        result.gaussian_map, (frame.rgbd() for frame in frames), threads=result.config.threads
+    )
+    step = max(1, len(frames) // FRAMES_OF_DEPTH)
+    unmeasured = unmeasured_gaussians(
+        result.gaussian_map, (frame.rgbd() for frame in frames[::step])
+    )
 
-    def finish(part: Path) -> None:
-        write_landmarks(landmarks, part)
+    def finish(part: Path) -> dict[str, str]:
         write_report(part / "report.html", report_of(result, dataset))
+        return {
+            LANDMARKS: write_landmarks(landmarks, part),
+            UNMEASURED: write_unmeasured(unmeasured, part),
+        }
 
     write_map_folder(
         folder,
         result.gaussian_map,
-        {**manifest_of(result, dataset), KEY: landmarks_digest(landmarks)},
+        manifest_of(result, dataset),
         {name: frame.camera() for name, frame in result.training.items()},
         finish,
     )
