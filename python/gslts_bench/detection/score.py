@@ -137,6 +137,59 @@ class SeveralScore:
         return cls(changes, found, reported - found, frames)
 
 
+CONFIDENCE_EDGES = (0.0, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
+"""Edges of the groups of confidences that are compared with the share of true reports."""
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Reports by confidence, in the groups of `CONFIDENCE_EDGES`.
+
+    Attributes:
+        reports: [G] number of reports in each group.
+        true: [G] number of those that fit a change.
+        confidence: [G] sum of their confidences.
+    """
+
+    reports: tuple[int, ...]
+    true: tuple[int, ...]
+    confidence: tuple[float, ...]
+
+    @classmethod
+    def of(cls, records: Iterable[Record]) -> Calibration:
+        """Group the reports of all records.
+
+        Args:
+            records: Records without error.
+        """
+        pairs = [
+            (report.confidence, any(fits(report, truth.change) for truth in record.truths))
+            for record in records
+            for report in record.reports
+        ]
+        confidences = np.array([confidence for confidence, _ in pairs])
+        true = np.array([is_true for _, is_true in pairs], np.float64)
+        groups = np.digitize(confidences, CONFIDENCE_EDGES[1:-1])
+        sums = [
+            np.bincount(groups, weights, len(CONFIDENCE_EDGES) - 1)
+            for weights in (None, true, confidences)
+        ]
+        reports, fitting, confidence = (values.tolist() for values in sums)
+        return cls(tuple(reports), tuple(map(int, fitting)), tuple(confidence))
+
+    @property
+    def error(self) -> float | None:
+        """Expected calibration error (Guo et al. 2017); None without a report.
+
+        It is the mean difference of confidence and share of true reports in a group, weighted by
+        the number of reports.
+        """
+        if not sum(self.reports):
+            return None
+        differences = np.abs(np.subtract(self.confidence, self.true))
+        return float(differences.sum() / sum(self.reports))
+
+
 def is_right(record: Record) -> bool:
     """Return whether a record has all changes and no others; of one change, whether it is first.
 

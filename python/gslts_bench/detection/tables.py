@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from gslts_bench.detection.run import Record
 from gslts_bench.detection.score import (
+    CONFIDENCE_EDGES,
     NONE,
     SIZE_NAMES,
     UNRELIABLE,
+    Calibration,
     SeveralScore,
     SingleScore,
     size_name,
@@ -71,6 +75,7 @@ def summary(records: Iterable[Record], variant: str) -> dict[str, Any]:
         }
     object_types = sorted({score.object_type for score in singles})
     of_singles = [record for record in own if record.part == "single"]
+    calibration = Calibration.of(own)
     return {
         "single": {
             "right": [sum(score.right for score in singles), count],
@@ -93,6 +98,7 @@ def summary(records: Iterable[Record], variant: str) -> dict[str, Any]:
             "with_reports": [sum(bool(record.reports) for record in visits), len(visits)],
             "unreliable": [sum(record.unreliable is not None for record in visits), len(visits)],
         },
+        "calibration": {**asdict(calibration), "error": calibration.error},
         "ms": {
             "single": _median([record.ms for record in of_singles]),
             "single_cpu": _median([record.cpu_ms for record in of_singles]),
@@ -132,6 +138,7 @@ def tabulate(found: Mapping[str, Any]) -> list[Table]:
         ),
         _compared("Type and region right, by object", strategies, "by_object"),
     ]
+    tables += [_calibration(strategies)]
     tables += [_confusions(name, strategy["single"]) for name, strategy in strategies.items()]
     if all(name in detectors for name in TRADE):
         tables += [_trade({name: detectors[name] for name in TRADE})]
@@ -200,6 +207,19 @@ def _compared(title: str, strategies: Mapping[str, dict[str, Any]], key: str) ->
     names = dict.fromkeys(name for group in groups for name in group)
     rows = [[name, *(share(*group.get(name, (0, 0))) for group in groups)] for name in names]
     return Table(title, ["", *(f"`{name}`" for name in strategies)], rows)
+
+
+def _calibration(strategies: Mapping[str, dict[str, Any]]) -> Table:
+    groups = pairwise(CONFIDENCE_EDGES)
+    found = [numbers["calibration"] for numbers in strategies.values()]
+    rows = [
+        [f"{low} to {high}", *(share(one["true"][k], one["reports"][k]) for one in found)]
+        for k, (low, high) in enumerate(groups)
+        if any(one["reports"][k] for one in found)
+    ]
+    rows += [["expected calibration error", *(number(one["error"], 2) for one in found)]]
+    header = ["confidence", *(f"`{name}`" for name in strategies)]
+    return Table("True reports by confidence, in all frames", header, rows)
 
 
 def _confusions(name: str, single: dict[str, Any]) -> Table:

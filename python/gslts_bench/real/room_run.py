@@ -150,9 +150,7 @@ class _Comparisons:
 
     def _find(self, change: MapChange) -> dict[str, Any]:
         frame = self._frames[change.frame]()
-        detector = self._detectors.of(GIVEN).with_map(
-            change.changed_map(self._map), self._training
-        )
+        detector = self._detectors.of(GIVEN).with_map(change.changed_map(self._map), self._training)
         detection = detector.detect(frame)
         truth = change.truth(self._map, self._aligned(change.frame))
         result = judge(truth, detection, frame.camera.width)

@@ -11,6 +11,7 @@ from gslts_bench.detection.score import (
     NONE,
     REGION_M,
     UNRELIABLE,
+    Calibration,
     SeveralScore,
     SingleScore,
     count_matches,
@@ -221,3 +222,18 @@ def test_tables_tell_them() -> None:
     both = {"detectors": {name: summary(records, name) for name in (*STRATEGIES, *TRADE)}}
     assert "| full, gradients | - |" in tables_markdown(tabulate(both))
     assert found["cases"].startswith("3 single changes, 1 pairs, 1 triples, 2 visits")
+
+
+def test_calibration_compares_confidence_with_the_share_of_true_reports() -> None:
+    true, false = report("removal", BEFORE, 0.95), report("addition", BEFORE, 0.55)
+    records = [record([truth("removal")], [true, false])] * 2
+    records += [record([], [report("removal", BEFORE, 1.0)]), record([truth("removal")], [])]
+    found = Calibration.of(records)
+    assert found.reports == (0, 2, 0, 0, 0, 3)
+    assert found.true == (0, 0, 0, 0, 0, 2)
+    assert found.confidence == pytest.approx((0, 1.1, 0, 0, 0, 2.9))
+    assert found.error == pytest.approx((1.1 + 0.9) / 5)
+
+
+def test_calibration_of_no_report_is_unknown() -> None:
+    assert Calibration.of([record([truth("removal")], [])]).error is None
