@@ -112,6 +112,24 @@ def was_found(change: Change, events: Sequence[ObjectEvent]) -> bool:
     return True
 
 
+def is_untrue(event: ObjectEvent, changes: Sequence[Change]) -> bool:
+    """Return whether an event shows something at a position where nothing like it happened.
+
+    A move of which only one end was found is not untrue, nor is a wrong type.
+
+    Args:
+        event: Of a history.
+        changes: True changes.
+    """
+    for side, known in enumerate(event.boxes):
+        if known is None:
+            continue
+        true = [(change.box_before, change.box_after)[side] for change in changes]
+        if not any(box is not None and is_in(np.mean(known, axis=0), box) for box in true):
+            return True
+    return False
+
+
 def is_in(point: np.ndarray, box: Box) -> bool:
     """Return whether a position is in a box, or near it.
 

@@ -1,7 +1,7 @@
 """Precision and recall of the events of a history."""
 
 from gslts.store.records import ObjectEvent
-from gslts_bench.series.events import EventScore, score_events, true_events
+from gslts_bench.series.events import EventScore, is_untrue, score_events, true_events
 from gslts_sim.task import Change
 
 BOX_A = ((0.0, 0.0, 0.0), (0.2, 0.2, 0.2))
@@ -42,3 +42,11 @@ def test_an_end_at_another_position_is_wrong():
     half = ObjectEvent(kind="removal", type="Mug", boxes=(BOX_A, None))
     assert score_events([half], [change("relocation", BOX_A, BOX_B)]).right == 0
     assert score_events([], []).precision == score_events([], []).recall == 1
+
+
+def test_an_end_where_nothing_happened_is_untrue():
+    moved = [change("relocation", BOX_A, BOX_B)]
+    for boxes in ((BOX_A, BOX_B), (BOX_A, None), (None, BOX_B)):
+        assert not is_untrue(ObjectEvent(kind="relocation", type="Mug", boxes=boxes), moved)
+    for boxes in ((BOX_B, None), (BOX_A, BOX_A), (None, BOX_A)):
+        assert is_untrue(ObjectEvent(kind="relocation", type="Mug", boxes=boxes), moved)
