@@ -75,14 +75,15 @@ def run_series(folder: Path, name: str, changes: int, size: tuple[int, int]) -> 
     write_atomic(folder / DAY, (day.model_dump_json(indent=1) + "\n").encode())
 
 
-def summary(folder: Path) -> list[str]:
-    """Return rows of a markdown table of the events that a series tells.
+def summary(folder: Path) -> tuple[list[str], str]:
+    """Return rows of the markdown table of events that a series tells, and of that of versions.
 
     Args:
         folder: Of a series that is complete.
     """
     day = read_day(folder / DAY)
-    true = true_events([event.change for happened in day.rounds for event in happened])
+    changes = [event.change for happened in day.rounds for event in happened]
+    true = true_events(changes)
     with open_history(folder / MAP) as store:
         found: list[Event] = store.events()
         told = [event for track in store.tracks() for event in track.events]
@@ -92,24 +93,15 @@ def summary(folder: Path) -> list[str]:
         recall_of_found = _cells(events, possible)[1]
         cells = (*_cells(events, true), recall_of_found, *_cells(_moves(events), _moves(true)))
         rows.append(f"| {folder.name} | {len(day.rounds)} | {name} | {' | '.join(cells)} |")
-    return rows
+    return rows, f"| {folder.name} | {len(day.rounds)} | {' | '.join(_versions(found, changes))} |"
 
 
-def version_row(folder: Path) -> str:
-    """Return a row of a markdown table of the versions of a series.
-
-    Args:
-        folder: Of a series that is complete.
-    """
-    day = read_day(folder / DAY)
-    changes = [event.change for happened in day.rounds for event in happened]
-    with open_history(folder / MAP) as store:
-        found: list[Event] = store.events()
+def _versions(found: Sequence[Event], changes: Sequence[Change]) -> tuple[str, str, str]:
+    """Count versions, those with an untrue event, and changes that a version shows."""
     versions = {event.version for event in found}
     untrue = {event.version for event in found if is_untrue(event, changes)}
-    repaired = sum(was_found(change, found) for change in changes)
-    cells = (str(len(versions)), str(len(untrue)), f"{repaired} of {len(changes)}")
-    return f"| {folder.name} | {len(day.rounds)} | {' | '.join(cells)} |"
+    shown = sum(was_found(change, found) for change in changes)
+    return str(len(versions)), str(len(untrue)), f"{shown} of {len(changes)}"
 
 
 def _cells(events: Sequence[Event], true: Sequence[Change]) -> tuple[str, str]:
@@ -138,8 +130,9 @@ def main() -> None:
         folder = given.work / f"{Path(name).name}_{given.changes}_{given.size}"
         if not (folder / DAY).exists():
             run_series(folder, name, given.changes, (width, height))
-        rows += summary(folder)
-        versions.append(version_row(folder))
+        events, version = summary(folder)
+        rows += events
+        versions.append(version)
     print(
         "| home | days | events | precision | recall | recall of what updates found "
         "| precision of moves | recall of moves |\n"

@@ -38,7 +38,7 @@ from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.localization.alignment import align_pose
 from gslts.rendering.losses import Exposure, apply_exposure
-from gslts.rendering.rasterizer import Rasterizer, RenderOptions
+from gslts.rendering.rasterizer import Images, Rasterizer, RenderOptions
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
 from gslts.store.unmeasured import NO_IDS, read_unmeasured
@@ -223,12 +223,7 @@ class ChangeDetector:
         fault = view_fault(observed_rgb, rendered_rgb, known)
         if fault is not None:
             return Detection((), fault, camera, observed_rgb)
-        unknown = {"the map does not cover it": ~known}
-        if config.strategy == "objects":
-            unknown["the image is blurred"] = blurred_pixels(observed_rgb, rendered_rgb, known)
-            if not is_coarse:
-                measured = images.features[..., 0] >= MIN_MEASURED_WEIGHT * images.alpha
-                unknown["no frame of the map measured its depth"] = ~measured
+        unknown = self._unknown_pixels(images, known, observed_rgb, rendered_rgb, is_coarse)
         comparable = ~np.any(list(unknown.values()), axis=0)
         cosines = similarity(
             self._features(observed_rgb), self._features(rendered_rgb), *known.shape
@@ -253,7 +248,8 @@ class ChangeDetector:
         arrays = _core.mask_arrays(masks, camera)
         if not is_coarse:
             unknown["no depth is measured"] = observed_depth <= 0
-        regions = unknown_regions(unknown, surfaces, labels)
+        if config.strategy == "gs_lts":  # It decides by the whole frame, not by regions.
+            unknown = {}
         return Detection(
             changes=changes,
             unreliable=None,
@@ -266,8 +262,26 @@ class ChangeDetector:
             exposure=exposure,
             surfaces=surfaces,
             labels=labels,
-            unknown=regions if config.strategy == "objects" else (),
+            unknown=unknown_regions(unknown, surfaces, labels),
         )
+
+    def _unknown_pixels(
+        self,
+        images: Images,
+        known: Bools,
+        observed_rgb: Floats32,
+        rendered_rgb: Floats32,
+        is_coarse: bool,
+    ) -> dict[str, Bools]:
+        """Return [H,W] pixels of the images that are not compared, by the reason."""
+        pixels = {"the map does not cover it": ~known}
+        if self.config.strategy == "gs_lts":  # The printed rule compares all others.
+            return pixels
+        pixels["the image is blurred"] = blurred_pixels(observed_rgb, rendered_rgb, known)
+        if not is_coarse:
+            measured = images.features[..., 0] >= MIN_MEASURED_WEIGHT * images.alpha
+            pixels["no frame of the map measured its depth"] = ~measured
+        return pixels
 
     def _changes(
         self, views: _core.Views, masks: _core.Masks, is_coarse: bool

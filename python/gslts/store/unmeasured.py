@@ -10,18 +10,16 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
-from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.io.atomic_files import name_in_errors, sync_folder, write_atomic
 from gslts.store.manifest import read_manifest, split_version
-from gslts.types import Bools, Floats, Floats32, UInts64
+from gslts.types import Bools, Floats, Indices, UInts64
 
 FILE, KEY = "unmeasured.safetensors", "unmeasured"
 """Name of the file in a map folder; key of its SHA-256 in the manifest, and of its array."""
@@ -36,14 +34,15 @@ SURFACE_MARGIN_M, SURFACE_MARGIN_SHARE = 0.03, 0.02
 MIN_CONFIRMED_SHARE = 0.5
 """Minimum share of the depths measured at a Gaussian, or behind it, that are at it."""
 
-Distance = TypeVar("Distance", Floats, Floats32)
 
-
-def surface_margin_m(depth_m: Distance) -> Distance:
+def surface_margin_m(depth_m: Floats) -> Floats:
     """Return how far a point may be from a surface that it is on.
 
     Args:
-        depth_m: Depths of the points in a camera, m.
+        depth_m: [...] depths of the points in a camera, m.
+
+    Returns:
+        [...] distances along the depth, m.
     """
     return SURFACE_MARGIN_M + SURFACE_MARGIN_SHARE * depth_m
 
@@ -71,11 +70,9 @@ def unmeasured_gaussians(gaussian_map: GaussianMap, frames: Iterable[RgbdFrame])
     return np.sort(gaussian_map.ids[~is_measured])
 
 
-def _measurements(
-    gaussian_map: GaussianMap, frame: RgbdFrame
-) -> tuple[np.ndarray[tuple[int], np.dtype[np.intp]], Floats, Floats]:
+def _measurements(gaussian_map: GaussianMap, frame: RgbdFrame) -> tuple[Indices, Floats, Floats]:
     """Return the rows of Gaussians at whose pixel a depth is measured, their depths and it, m."""
-    camera: Camera = frame.camera
+    camera = frame.camera
     camera_from_world = np.linalg.inv(camera.world_from_camera)
     offset = camera_from_world[:3, :3] @ gaussian_map.origin + camera_from_world[:3, 3]
     x, y, z = (gaussian_map.means @ camera_from_world[:3, :3].T + offset).T

@@ -27,7 +27,7 @@ from gslts.store.unmeasured import unmeasured_gaussians, write_unmeasured
 from gslts.types import Bytes, Floats
 
 FRAMES_OF_DEPTH = 200
-"""About the number of training frames that tell which Gaussians were measured: each takes 40 ms for
+"""About the number of training frames that tell which Gaussians were measured: each takes 5 ms for
 100,000 Gaussians."""
 
 
