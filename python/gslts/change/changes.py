@@ -1,4 +1,4 @@
-"""A change of the home: one object that was added, removed or moved."""
+"""A change of the home: one object that was added, removed, moved or shifted."""
 
 from __future__ import annotations
 
@@ -10,25 +10,30 @@ import numpy as np
 from gslts._core.detect import Surface
 from gslts.types import Bools, Floats
 
-Kind = Literal["addition", "removal", "relocation"]
+Kind = Literal["addition", "removal", "relocation", "shift"]
 Side = Literal["before", "after"]
 Box = tuple[Floats, Floats]
 """Lower and upper corner (3,), world, m."""
 
 SIDES: tuple[Side, Side] = ("before", "after")
 """Order of the pairs in a `Change`."""
+RIGID_TOLERANCE = 1e-6
+"""Maximum error of the products of the columns of a rotation."""
 
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """Added, removed or moved object.
+    """Added, removed, moved or shifted object.
+
+    A shift is a small rigid motion of something that stays where it is, such as a chair that was
+    pushed by some centimetres, with all that stands on it.
 
     A plain value: any detector can construct one for `ChangeMonitor` and `gslts.update`. Pairs
     hold the value before and after the change; an addition has no value before, a removal none
     after.
 
     Args:
-        kind: "addition", "removal" or "relocation".
+        kind: "addition", "removal", "relocation" or "shift".
         confidence: Probability that the change is real, 0 to 1.
         point: (3,) position to look at, world, m.
         boxes: Axis-aligned boxes around the object, (low, high) of (3,) each, world, m; None if
@@ -36,6 +41,8 @@ class Change:
         masks: [H,W] pixels of the object in one image; None if it is not visible there.
         before: Surface in the map, which lets ends of two frames be matched; None if unknown.
         after: Surface in the frame, likewise.
+        motion: (4,4) rigid transform of a shift in the world, m: x_after = motion @ x_before; None
+            for other kinds.
 
     Raises:
         ValueError: A value is out of range, or does not fit the kind.
@@ -48,6 +55,7 @@ class Change:
     masks: tuple[Bools | None, Bools | None] = (None, None)
     before: Surface | None = None
     after: Surface | None = None
+    motion: Floats | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in get_args(Kind):
@@ -59,7 +67,8 @@ class Change:
         for side, box in zip(SIDES, self.boxes, strict=True):
             if box is not None:
                 _require_box(f"boxes: {side}", box)
-        absent = {"addition": 0, "removal": 1, "relocation": None}[self.kind]
+        _require_motion(self.kind, self.motion)
+        absent = {"addition": 0, "removal": 1}.get(self.kind)
         if absent is None:
             return
         for name, pair in (
@@ -99,7 +108,7 @@ class Change:
         return None if mask is None else box_of_mask(mask, width)
 
     def end(self, side: Side) -> Change:
-        """Return the removal or the addition that is one end of a relocation.
+        """Return the removal or the addition that is one end of a relocation or a shift.
 
         Args:
             side: "before" for the removal, "after" for the addition.
@@ -150,3 +159,19 @@ def _require_box(name: str, box: Any) -> None:
         _require_position(name, corner)
     if (np.asarray(box[0]) > np.asarray(box[1])).any():
         raise ValueError(f"Change: {name}: low must not exceed high, got {box}")
+
+
+def _require_motion(kind: Kind, motion: Any) -> None:
+    if (motion is not None) != (kind == "shift"):
+        raise ValueError(f"Change: motion: a shift needs one, other kinds have none, got {kind}")
+    if motion is None:
+        return
+    if np.shape(motion) != (4, 4) or not np.isfinite(motion).all():
+        raise ValueError("Change: motion: expected [4,4] finite numbers")
+    rotation = np.asarray(motion)[:3, :3]
+    if not (
+        np.allclose(rotation @ rotation.T, np.eye(3), atol=RIGID_TOLERANCE)
+        and np.linalg.det(rotation) > 0
+        and np.allclose(np.asarray(motion)[3], (0, 0, 0, 1), atol=RIGID_TOLERANCE)
+    ):
+        raise ValueError("Change: motion: expected a rigid transform")

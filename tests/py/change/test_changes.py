@@ -30,6 +30,15 @@ def test_a_relocation_of_boxes_has_two_ends() -> None:
     assert removal.confidence == addition.confidence == 0.7
 
 
+def test_a_shift_has_a_rigid_motion_and_two_ends() -> None:
+    motion = np.eye(4)
+    motion[0, 3] = 0.05
+    shift = Change("shift", 0.9, POINT, (BOX, BOX), motion=motion)
+    assert shift.motion is motion
+    assert (shift.end("before").kind, shift.end("after").kind) == ("removal", "addition")
+    assert shift.end("before").motion is None
+
+
 def test_an_end_at_an_unknown_position_is_an_error() -> None:
     with pytest.raises(ValueError, match=r"Change\.end: the relocation has no box before"):
         Change("relocation", 0.7, POINT).end("before")
@@ -38,7 +47,7 @@ def test_an_end_at_an_unknown_position_is_an_error() -> None:
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"kind": "move"}, "kind must be one of addition, removal, relocation, got 'move'"),
+        ({"kind": "move"}, "kind must be one of addition, removal, relocation, shift, got 'move'"),
         ({"confidence": 1.5}, r"confidence must be in \[0, 1\], got 1.5"),
         ({"confidence": float("nan")}, r"confidence must be in \[0, 1\], got nan"),
         ({"point": np.zeros(2)}, "point: expected three finite numbers"),
@@ -48,6 +57,14 @@ def test_an_end_at_an_unknown_position_is_an_error() -> None:
         ({"boxes": (BOX, None)}, "boxes: addition has nothing before the change"),
         ({"masks": (MASK, None)}, "masks: addition has nothing before the change"),
         ({"kind": "removal", "boxes": (None, BOX)}, "boxes: removal has nothing after the change"),
+        ({"kind": "shift"}, "motion: a shift needs one, other kinds have none, got shift"),
+        ({"motion": np.eye(4)}, "motion: a shift needs one, other kinds have none, got addition"),
+        ({"kind": "shift", "motion": np.eye(3)}, r"motion: expected \[4,4\] finite numbers"),
+        ({"kind": "shift", "motion": 2 * np.eye(4)}, "motion: expected a rigid transform"),
+        (
+            {"kind": "shift", "motion": np.diag([1.0, 1.0, -1.0, 1.0])},
+            "motion: expected a rigid transform",
+        ),
     ],
 )
 def test_values_that_do_not_fit_are_named(values: dict, message: str) -> None:
