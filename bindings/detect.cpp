@@ -15,6 +15,7 @@
 #include "gslts/detect/masks.hpp"
 #include "gslts/detect/objects.hpp"
 #include "gslts/detect/regions.hpp"
+#include "gslts/detect/shifts.hpp"
 
 namespace gslts::python {
 
@@ -115,6 +116,18 @@ std::vector<Region> find_regions(const OwnedViews& owned, const Masks& masks,
   require_size(masks, owned.views.camera);
   const py::gil_scoped_release release;
   return detect::find_regions(owned.views, masks, rule);
+}
+
+std::vector<detect::Shift> find_shifts(const OwnedViews& owned, const Masks& masks,
+                                       const std::vector<Surface>& surfaces,
+                                       const py::array& labels, const ObjectRule& rule) {
+  const Camera& camera = owned.views.camera;
+  require_size(masks, camera);
+  const std::int32_t* begin =
+      require_array<std::int32_t>(labels, "labels", {camera.height, camera.width});
+  const Array<std::int32_t> copy(begin, begin + owned.views.size());
+  const py::gil_scoped_release release;
+  return detect::find_shifts(owned.views, masks, surfaces, copy, rule);
 }
 
 void define_views(py::module_& m) {
@@ -230,6 +243,22 @@ Returns:
 
 Raises:
     ValueError: A threshold is out of range, or the masks have another size.)");
+  m.def("find_shifts", &find_shifts, py::arg("views"), py::arg("masks"), py::arg("surfaces"),
+        py::arg("labels"), py::arg("rule"),
+        R"(Find small rigid motions over the floor that explain changed surfaces.
+
+Args:
+    views: Frame and rendering.
+    masks: Of the same views.
+    surfaces: Surfaces visible in only one of map and frame.
+    labels: [H,W] int32, label of the surface at each pixel, 0 for none.
+    rule: Thresholds.
+
+Returns:
+    The shifts; each surface belongs to one of them at most.
+
+Raises:
+    ValueError: A threshold is out of range, or the masks or labels have another size.)");
   m.def("classify_changes", &detect::classify_changes, py::arg("surfaces"), py::arg("rule"),
         R"(Classify surfaces as additions, removals and relocations.
 

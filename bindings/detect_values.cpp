@@ -10,6 +10,7 @@
 #include "gslts/detect/gs_lts_rule.hpp"
 #include "gslts/detect/objects.hpp"
 #include "gslts/detect/regions.hpp"
+#include "gslts/detect/shifts.hpp"
 #include "gslts/detect/surface.hpp"
 
 namespace gslts::python {
@@ -167,6 +168,27 @@ void define_surface(py::module_& m) {
                      "May be set: the map's training cameras are not known to the detection.");
 }
 
+std::pair<Vector3d, Vector3d> corners_of(const Eigen::AlignedBox3d& box) {
+  return {box.min(), box.max()};
+}
+
+void define_shift(py::module_& m) {
+  using detect::Shift;
+  py::class_<Shift>(m, "Shift", "A small rigid motion over the floor.")
+      .def_readonly("surfaces", &Shift::surfaces, "Rows of the surfaces that it explains.")
+      .def_property_readonly(
+          "motion", [](const Shift& shift) { return Eigen::Matrix4d(shift.motion.matrix()); },
+          "[4,4] float64, world, m: x_after = motion @ x_before.")
+      .def_readonly("score", &Shift::score,
+                    "Mean share of their points that it explains, less those that contradict it.")
+      .def_property_readonly(
+          "before", [](const Shift& shift) { return corners_of(shift.before); },
+          "Lower and upper corner (3,) around the points that were followed, world, m.")
+      .def_property_readonly(
+          "after", [](const Shift& shift) { return corners_of(shift.after); },
+          "The same after the motion.");
+}
+
 void define_changes(py::module_& m) {
   py::class_<detect::Region>(m, "Region",
                              "A region of similar colours that the other image may not show.")
@@ -203,6 +225,7 @@ void define_detect_values(py::module_ m) {
   define_evidence(m);
   define_visibility(m);
   define_surface(m);
+  define_shift(m);
   define_changes(m);
 }
 

@@ -222,6 +222,45 @@ constexpr std::array<double, kRegionFeatures> kRegionWeights{
     -0.053,  // in the map
 };
 
+// Shifts (shifts.cpp).
+
+/// Maximum motion that is searched, m and rad (8 degrees): beyond, an object was moved.
+constexpr double kMaxShift_m = 0.15, kMaxShift_rad = 0.14;
+
+/// Steps of the search on a grid, m and rad (4 degrees), how many of the best motions are refined,
+/// and in how many rounds, each with half the step of the one before.
+constexpr double kShiftStep_m = 0.03, kShiftStep_rad = 0.07;
+constexpr std::size_t kShiftCandidates = 3;
+constexpr int kShiftRounds = 4;
+
+/// Maximum number of surfaces from which a shift is searched.
+constexpr int kShiftSeeds = 4;
+
+/// Maximum number of times that further surfaces join, each with a new search.
+constexpr int kShiftJoins = 2;
+
+/// Maximum number of points of a surface that are followed, and of steps: 1.5 m in steps of 3 cm.
+constexpr std::size_t kShiftSamples = 40;
+constexpr int kMaxShiftSteps = 50;
+
+/// Distance, px, within which the other image may show a point: edges may be misplaced.
+constexpr int kShiftTolerance_px = 1;
+
+/// Maximum difference of the colours of one point before and after, summed over the channels: light
+/// and shade of an object change a little as it turns.
+constexpr double kMaxShiftColor = 0.3;
+
+/// Minimum score of a shift. Of 78 objects that came, went or moved by more in a kitchen and the
+/// bookstore at most 0.15; of nudged ones 0.3 to 0.8 in most frames.
+constexpr double kMinShiftScore = 0.1;
+
+/// Minimum score with which another surface joins: the motion is not fitted to it.
+constexpr double kMinJoinedScore = 0.05;
+
+/// Minimum share of the points of a surface at most `kMaxShift_m` from what was followed, with which
+/// it is a part of the object.
+constexpr double kMinShiftedShare = 0.8;
+
 // Match of two surfaces (match_score.cpp), and of pairs (changes.cpp).
 
 /// Minimum ratio of the lengths of one object at both ends of a relocation.

@@ -28,13 +28,6 @@ cv::Mat nearest_around(const cv::Mat& depth, int radius_px) {
   return nearest;
 }
 
-/// Computes the change of depth from pixel to pixel along surfaces, m; thin edges do not count.
-cv::Mat surface_slope(const cv::Mat& depth) {
-  cv::Mat slope = gradient_magnitude(depth);
-  cv::erode(slope, slope, square(kSlopeWindow_px / 2));
-  return cv::min(slope, kMaxSlope * depth);
-}
-
 /// Opens the mask of certain pixels, and adds the likely ones that the search within
 /// `edge_tolerance_px` took from around them.
 Array<std::uint8_t> add_likely(const cv::Mat& certain, const cv::Mat& likely, int tolerance_px) {
@@ -89,6 +82,12 @@ class Steps {
 };
 
 }  // namespace
+
+cv::Mat surface_slope(const cv::Mat& depth) {
+  cv::Mat slope = gradient_magnitude(depth);
+  cv::erode(slope, slope, square(kSlopeWindow_px / 2));
+  return cv::min(slope, kMaxSlope * depth);
+}
 
 DepthChange compare_depths(const Views& views, const Masks& masks, const ObjectRule& rule) {
   const cv::Mat observed = fill_far(views.observed_depth, views.camera);

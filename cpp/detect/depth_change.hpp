@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <opencv2/core.hpp>
 
 #include "gslts/detect/objects.hpp"
 
@@ -18,5 +19,8 @@ struct DepthChange {
 /// A surface is compared with all surfaces within `edge_tolerance_px` in the other image: that
 /// forgives misplaced edges, and thin objects that sensor or map do not show there.
 DepthChange compare_depths(const Views& views, const Masks& masks, const ObjectRule& rule);
+
+/// Computes the change of depth from pixel to pixel along surfaces, m; thin edges do not count.
+cv::Mat surface_slope(const cv::Mat& depth);
 
 }  // namespace gslts::detect

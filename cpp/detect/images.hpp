@@ -90,6 +90,11 @@ inline cv::Mat gray_of(const cv::Mat& rgb) {
   return gray;
 }
 
+/// Returns the absolute difference of two colours, summed over the channels.
+inline float color_difference(const float* a, const float* b) {
+  return std::abs(a[0] - b[0]) + std::abs(a[1] - b[1]) + std::abs(a[2] - b[2]);
+}
+
 /// Tests whether a depth is measured or rendered.
 inline bool has_depth(float depth_m) { return depth_m > 0 && std::isfinite(depth_m); }
 

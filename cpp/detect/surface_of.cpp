@@ -8,10 +8,6 @@
 namespace gslts::detect {
 namespace {
 
-float difference(const float* a, const float* b) {
-  return std::abs(a[0] - b[0]) + std::abs(a[1] - b[1]) + std::abs(a[2] - b[2]);
-}
-
 /// Maximum depth of the surface, m.
 double max_depth_of(const float* depth, const Pixels& pixels) {
   std::vector<double> depths;
@@ -27,7 +23,7 @@ void measure_colors(const Views& views, const Pixels& pixels, Surface& surface) 
   ColorHistogram histogram;
   for (const std::size_t k : pixels) {
     for (std::size_t c = 0; c < 3; ++c) channels[c].push_back(rgb[3 * k + c]);
-    const float change = difference(views.observed_rgb + 3 * k, views.rendered_rgb + 3 * k);
+    const float change = color_difference(views.observed_rgb + 3 * k, views.rendered_rgb + 3 * k);
     histogram.add(rgb + 3 * k, kMinPixelWeight + change);
   }
   for (int c = 0; c < 3; ++c) surface.color[c] = quantile(channels[std::size_t(c)], 0.5);

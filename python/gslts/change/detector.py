@@ -30,7 +30,7 @@ from gslts.change.reliability import (
     place_fault,
     view_fault,
 )
-from gslts.change.rules import gs_lts_change, object_changes
+from gslts.change.rules import gs_lts_change, object_changes, shift_change
 from gslts.change.unknown import UnknownRegion, surface_fault, unknown_regions
 from gslts.change.visibility import Visibility
 from gslts.core.camera import Camera, at_pose
@@ -295,8 +295,18 @@ class ChangeDetector:
         if self._visibility.has_cameras:
             for surface in surfaces:
                 surface.visibility = self._visibility_of(surface)
+        rule = self.config.objects
         judged = [surface for surface in surfaces if surface_fault(surface) is None]
-        return object_changes(judged, labels, self.config.objects), tuple(surfaces), labels
+        shifts: list[Change] = []
+        if not is_coarse:
+            likely = [s for s in judged if _core.confidence(s) >= rule.min_confidence]
+            found = _core.find_shifts(views, masks, likely, labels, rule)
+            shifts = [shift_change(shift, likely, labels) for shift in found]
+            shifted = {likely[row].label for shift in found for row in shift.surfaces}
+            judged = [surface for surface in judged if surface.label not in shifted]
+        changes = (*shifts, *object_changes(judged, labels, rule))
+        by_confidence = sorted(changes, key=lambda change: -change.confidence)
+        return tuple(by_confidence), tuple(surfaces), labels
 
     def _visibility_of(self, surface: _core.Surface) -> _core.Visibility:
         """Count how the training cameras saw the samples of a surface."""

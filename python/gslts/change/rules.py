@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from gslts._core import detect as _core
 from gslts.change.changes import Box, Change, Kind
 from gslts.types import Bools, Ints32
@@ -30,6 +32,34 @@ def object_changes(
     return tuple(
         _change(found, (_mask(labels, found.before), _mask(labels, found.after)))
         for found in _core.classify_changes(surfaces, rule)
+    )
+
+
+def shift_change(
+    found: _core.Shift, surfaces: list[_core.Surface], labels: Ints32
+) -> Change:
+    """Convert a shift.
+
+    Args:
+        found: Result of `find_shifts`.
+        surfaces: Surfaces among which it was found.
+        labels: [H,W] label of the surface at each pixel, 0 for none.
+
+    Returns:
+        The change; the surface at either side is the largest one.
+    """
+    rows = [surfaces[row] for row in found.surfaces]
+    before = [surface for surface in rows if surface.side == _core.Side.BEFORE]
+    after = [surface for surface in rows if surface.side == _core.Side.AFTER]
+    return Change(
+        kind="shift",
+        confidence=max(_core.confidence(surface) for surface in rows),
+        point=np.mean(found.after, axis=0),
+        boxes=(found.before, found.after),
+        masks=(_masks(labels, before), _masks(labels, after)),
+        before=max(before, key=_area_px, default=None),
+        after=max(after, key=_area_px, default=None),
+        motion=found.motion,
     )
 
 
@@ -94,3 +124,11 @@ def _box(surface: _core.Surface | None) -> Box | None:
 
 def _mask(labels: Ints32, surface: _core.Surface | None) -> Bools | None:
     return None if surface is None else labels == surface.label
+
+
+def _masks(labels: Ints32, surfaces: list[_core.Surface]) -> Bools | None:
+    return np.isin(labels, [surface.label for surface in surfaces]) if surfaces else None
+
+
+def _area_px(surface: _core.Surface) -> int:
+    return surface.area_px
