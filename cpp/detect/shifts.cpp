@@ -91,7 +91,7 @@ class Scene {
                                rule_.step_px * double(slope_.ptr<float>()[k]);
     if (depth < z - tolerance_m) return Answer::kUnknown;
     const float* color = rgb_of(side) + 3 * k;
-    if (depth > z + tolerance_m || color_difference(color, point.color) > kMaxShiftColor) {
+    if (depth > z + tolerance_m || color_difference(color, point.color) > rule_.min_flat_color) {
       return Answer::kDifferent;
     }
     point.color = color;
