@@ -227,11 +227,14 @@ constexpr std::array<double, kRegionFeatures> kRegionWeights{
 /// Maximum motion that is searched, m and rad (8 degrees): beyond, an object was moved.
 constexpr double kMaxShift_m = 0.15, kMaxShift_rad = 0.14;
 
-/// Steps of the search on a grid, m and rad (4 degrees), how many of the best motions are refined,
-/// and in how many rounds, each with half the step of the one before.
+/// Steps of the search on a grid, m and rad (4 degrees), and the stride of the points that it uses.
 constexpr double kShiftStep_m = 0.03, kShiftStep_rad = 0.07;
+constexpr std::size_t kShiftStride = 3;
+
+/// Number of the best motions that are refined, and of rounds, each with half the step of the one
+/// before.
 constexpr std::size_t kShiftCandidates = 3;
-constexpr int kShiftRounds = 4;
+constexpr int kShiftRounds = 3;
 
 /// Maximum number of surfaces from which a shift is searched.
 constexpr int kShiftSeeds = 4;

@@ -154,15 +154,18 @@ Scene::Answer follow(const Scene& scene, Side side, ColoredPoint point,
   return Answer::kUnknown;
 }
 
-/// Returns the share of the points of a surface that a motion explains, less those it contradicts.
-double score_of(const Scene& scene, const Samples& samples, const Eigen::Isometry3d& motion) {
+/// Returns the share of every n-th point of a surface that a motion explains, less those it
+/// contradicts.
+double score_of(const Scene& scene, const Samples& samples, const Eigen::Isometry3d& motion,
+                std::size_t stride = 1) {
   const Eigen::Isometry3d step = samples.side == Side::kBefore ? motion : motion.inverse();
-  int balance = 0;
-  for (const ColoredPoint& point : samples.points) {
-    const auto answer = follow(scene, samples.side, point, step, [](const Eigen::Vector3d&) {});
+  int balance = 0, count = 0;
+  for (std::size_t n = 0; n < samples.points.size(); n += stride, ++count) {
+    const auto answer =
+        follow(scene, samples.side, samples.points[n], step, [](const Eigen::Vector3d&) {});
     balance += int(answer == Scene::Answer::kSame) - int(answer == Scene::Answer::kDifferent);
   }
-  return samples.points.empty() ? 0 : double(balance) / double(samples.points.size());
+  return count == 0 ? 0 : double(balance) / double(count);
 }
 
 /// Searches the motion that explains some surfaces best.
@@ -205,10 +208,10 @@ class MotionSearch {
     double score;
   };
 
-  Scored scored(const Motion& motion) const {
+  Scored scored(const Motion& motion, std::size_t stride = 1) const {
     const Eigen::Isometry3d transform = transform_of(motion, center_);
     double sum = 0;
-    for (const std::size_t row : rows_) sum += score_of(scene_, all_[row], transform);
+    for (const std::size_t row : rows_) sum += score_of(scene_, all_[row], transform, stride);
     return {motion, sum / double(rows_.size())};
   }
 
@@ -219,8 +222,8 @@ class MotionSearch {
       for (int y = -steps; y <= steps; ++y) {
         if (x * x + y * y > steps * steps || (x == 0 && y == 0)) continue;
         for (int turn = -turns; turn <= turns; ++turn) {
-          candidates.push_back(
-              scored({x * kShiftStep_m, y * kShiftStep_m, turn * kShiftStep_rad}));
+          const Motion motion(x * kShiftStep_m, y * kShiftStep_m, turn * kShiftStep_rad);
+          candidates.push_back(scored(motion, kShiftStride));
         }
       }
     }
