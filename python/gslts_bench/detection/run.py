@@ -60,9 +60,7 @@ class Report(BaseModel):
         """
         x, y, z = change.point.tolist()
         motion = None if change.motion is None else as_motion(change.motion)
-        return cls(
-            kind=change.kind, confidence=change.confidence, point_m=(x, y, z), motion=motion
-        )
+        return cls(kind=change.kind, confidence=change.confidence, point_m=(x, y, z), motion=motion)
 
 
 class Record(BenchRecord):
