@@ -1,4 +1,4 @@
-"""Actions of AI2-THOR with validated arguments, and their effects on the state of a home."""
+"""Actions of AI2-THOR and one of our own, `ShiftObject`, and their effects on a home."""
 
 from __future__ import annotations
 
@@ -105,8 +105,21 @@ class PlaceObjectAtPoint(StrictModel):
     rotation: Degrees | None = None
 
 
+class ShiftObject(StrictModel):
+    """Push of an object by `dx` and `dy` in the world, m, with all that stands on it.
+
+    It turns by `degrees` about the vertical. AI2-THOR has no such action.
+    """
+
+    action: Literal["ShiftObject"] = "ShiftObject"
+    objectId: ObjectId  # noqa: N815
+    dx: Metres = 0.0
+    dy: Metres = 0.0
+    degrees: Degrees = 0.0
+
+
 ChangeAction = Annotated[
-    InitialRandomSpawn | DisableObject | EnableObject | PlaceObjectAtPoint,
+    InitialRandomSpawn | DisableObject | EnableObject | PlaceObjectAtPoint | ShiftObject,
     Field(discriminator="action"),
 ]
 AnyAction = Annotated[
@@ -156,6 +169,10 @@ class SceneState:
             case PlaceObjectAtPoint():
                 point = np.array([action.position.x, action.position.y, action.position.z])
                 home = changes.place(home, action.objectId, point, action.rotation, keep_free)
+            case ShiftObject():
+                home = changes.shift(
+                    home, action.objectId, action.dx, action.dy, action.degrees, keep_free
+                )
         return SceneState(home, removed)
 
     def apply_all(self, actions: Iterable[ChangeAction]) -> SceneState:
@@ -177,8 +194,8 @@ def parse_action(name: str, arguments: Mapping[str, Any]) -> AnyAction:
     """Validate an action.
 
     Args:
-        name: AI2-THOR's name of the action.
-        arguments: Its arguments, under AI2-THOR's names.
+        name: Name of the action.
+        arguments: Its arguments, by name.
 
     Raises:
         ValueError: The action is unknown, or an argument is missing, unknown or invalid.

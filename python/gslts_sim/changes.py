@@ -1,4 +1,4 @@
-"""Removals, returns and moves of objects: the result must be stable and free of collisions."""
+"""Removals, returns, moves and shifts of objects: the result is stable and free of collisions."""
 
 from __future__ import annotations
 
@@ -29,6 +29,8 @@ FLOOR_TYPES = ("Floor", "Rug")
 MAX_POSES_TRIED = 400
 """Approximate maximum number of poses that are tried on a receptacle: bounds the time on large ones
 such as beds and floors."""
+MAX_SHIFT_M, MAX_SHIFT_DEG = 0.15, 15.0
+"""Maximum distance and turn of a shift: what is pushed farther is somewhere else."""
 
 
 class ChangeError(Exception):
@@ -142,6 +144,66 @@ def place(
     return home.with_object(placed)
 
 
+def shift(
+    home: Home,
+    object_id: str,
+    dx_m: float,
+    dy_m: float,
+    yaw_deg: float = 0.0,
+    keep_free: OrientedBoxes | None = None,
+) -> Home:
+    """Push an object a little, with all that stands on it.
+
+    Args:
+        home: With the object.
+        object_id: Id of a movable object, or of furniture that stands on the floor.
+        dx_m: Shift of its origin along x of the world, m.
+        dy_m: Shift of its origin along y of the world, m.
+        yaw_deg: Turn about the vertical through its origin, degrees.
+        keep_free: Boxes that must stay free, such as the robot's body.
+
+    Returns:
+        The home after the push; each object still stands on the same one.
+
+    Raises:
+        ChangeError: The object does not exist or is fixed, the shift is not finite or too large,
+            too little of the object would be supported, or something would overlap another object.
+    """
+    if not np.isfinite([dx_m, dy_m, yaw_deg]).all():
+        raise ChangeError(f"a shift by ({dx_m}, {dy_m}) m and {yaw_deg} degrees is not finite")
+    if np.hypot(dx_m, dy_m) > MAX_SHIFT_M or abs(yaw_deg) > MAX_SHIFT_DEG:
+        raise ChangeError(
+            f"a shift by ({dx_m:g}, {dy_m:g}) m and {yaw_deg:g} degrees is too large: "
+            f"at most {MAX_SHIFT_M:g} m and {MAX_SHIFT_DEG:g} degrees"
+        )
+    obj, parent = _standing_object(home, object_id)
+    x, y, z = obj.world_from_object[:3, 3]
+    motion = pose(x + dx_m, y + dy_m, z, float(np.deg2rad(yaw_deg)))
+    motion = motion @ np.linalg.inv(pose(x, y, z, 0.0))
+    pushed = [
+        each.place_at(motion @ each.world_from_object, each.parent)
+        for each in with_carried(home, obj)
+    ]
+    if not stands_on(pushed[0], parent):
+        raise ChangeError(f"{object_id} would not stand on {parent.id} any more")
+    others = home.without([each.id for each in pushed])
+    for each in pushed:
+        _require_free(others, each, keep_free)
+        home = home.with_object(each)
+    return home
+
+
+def with_carried(home: Home, obj: HomeObject) -> list[HomeObject]:
+    """Return an object and all that stands on it, directly or on what it carries.
+
+    Args:
+        home: With the object.
+        obj: The object; the first of the result.
+    """
+    carried = [other for other in home.objects if other.parent == obj.id]
+    return [obj, *(each for other in carried for each in with_carried(home, other))]
+
+
 def spawn_randomly(
     home: Home, seed: int, attempts: int = 5, keep_free: OrientedBoxes | None = None
 ) -> Home:
@@ -235,6 +297,17 @@ def _movable_object(home: Home, object_id: str) -> HomeObject:
     if carried:
         raise ChangeError(f"{carried[0]} stands on {object_id}")
     return obj
+
+
+def _standing_object(home: Home, object_id: str) -> tuple[HomeObject, HomeObject]:
+    """Return an object that can be pushed and its parent, or raise ChangeError."""
+    if object_id not in home:
+        raise ChangeError(f"there is no {object_id}")
+    obj = home[object_id]
+    parent = None if obj.parent is None else home[obj.parent]
+    if parent is None or not (obj.movable or parent.type in FLOOR_TYPES):
+        raise ChangeError(f"{object_id} is fixed")
+    return obj, parent
 
 
 def _support_height(obj: HomeObject, position: Floats) -> float:

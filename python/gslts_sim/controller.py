@@ -104,7 +104,8 @@ class Controller:
                 and y, `rotation` in degrees, `horizon`), GetReachablePositions, Pass,
                 InitialRandomSpawn (`randomSeed`, `numPlacementAttempts`), DisableObject and
                 EnableObject (`objectId`), PlaceObjectAtPoint (`objectId`, `position` with x, y and
-                z of the middle of its underside, m, `rotation` in degrees).
+                z of the middle of its underside, m, `rotation` in degrees), ShiftObject
+                (`objectId`, `dx` and `dy`, m, `degrees`).
             arguments: Of the action.
 
         Returns:

@@ -30,7 +30,7 @@ VIEWPOINTS = 10
 BOX_TOLERANCE_M = 1e-5
 """Maximum difference between a box in a script, which is rounded to 1e-6 m, and its replay."""
 
-Kind = Literal["addition", "removal", "relocation"]
+Kind = Literal["addition", "removal", "relocation", "shift"]
 Script = TypeVar("Script", bound=BaseModel)
 Vector = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 Box = tuple[Vector, Vector]
@@ -62,8 +62,7 @@ class Change(StrictModel):
     @model_validator(mode="after")
     def _fits(self) -> Self:
         present = (self.box_before is not None, self.box_after is not None)
-        expected = {"addition": (False, True), "removal": (True, False), "relocation": (True, True)}
-        if present != expected[self.kind]:
+        if present != (self.kind != "addition", self.kind != "removal"):
             raise ValueError(f"box_before or box_after does not fit the kind {self.kind}")
         for box in (self.box_before, self.box_after):
             if box is not None and not np.all(np.array(box[0]) <= box[1]):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -11,6 +11,7 @@ from pydantic import BaseModel
 
 from gslts.core.frame import RgbdFrame
 from gslts_bench.detection.several import SeveralMaker
+from gslts_bench.detection.shifted import draw_shifts
 from gslts_bench.detection.truth import Truth, in_view_px
 from gslts_bench.detection.visits import draw_visit, move_light, visit_noise
 from gslts_bench.homes import BenchHome, even_shares
@@ -21,9 +22,9 @@ from gslts_sim.sensor import NOISE_PRESETS
 from gslts_sim.strict_model import STRICT
 from gslts_sim.task import Task
 
-Part = Literal["single", "pair", "triple", "unchanged"]
-PARTS: tuple[Part, ...] = ("single", "pair", "triple", "unchanged")
-"""Parts of the benchmark: one, two, three or no objects changed."""
+Part = Literal["single", "pair", "triple", "unchanged", "shifted"]
+PARTS: tuple[Part, ...] = ("single", "pair", "triple", "unchanged", "shifted")
+"""Parts of the benchmark: one, two, three or no objects changed, or one was shifted a little."""
 
 MIN_TASKS = 12
 """Minimum number of tasks made for a home: pairs and triples are combined from them."""
@@ -75,6 +76,7 @@ class Counts:
     pair: int
     triple: int
     unchanged: int
+    shifted: int
 
 
 def make_cases(bench: BenchHome, counts: Counts) -> HomeCases:
@@ -122,6 +124,7 @@ def make_cases(bench: BenchHome, counts: Counts) -> HomeCases:
                 light_shift_m=visit.light_shift_m,
             )
         )
+    cases += _shifted(before, counts.shifted, bench.seed)
     return HomeCases(initial_actions=tasks[0].initial_actions, cases=tuple(cases))
 
 
@@ -194,6 +197,20 @@ def _single(number: int, task: Task, before: SceneState) -> Case:
     )
 
 
+def _shifted(before: SceneState, count: int, seed: int) -> Iterator[Case]:
+    # Of their own, so that their number decides no other case.
+    rng = np.random.default_rng([seed, 3])
+    for number, shifted in enumerate(draw_shifts(before, count, rng)):
+        yield Case(
+            name=f"shifted_{number:02}",
+            part="shifted",
+            actions=(shifted.action,),
+            viewpoint=shifted.viewpoint,
+            sensor_seed=int(rng.integers(1 << 31)),
+            truths=(shifted.truth,),
+        )
+
+
 def counts_of(tasks: int, homes: int) -> list[Counts]:
     """Spread cases over homes.
 
@@ -209,6 +226,7 @@ def counts_of(tasks: int, homes: int) -> list[Counts]:
         "pair": round(tasks / 6),
         "triple": round(tasks / 6),
         "unchanged": min(200, round(200 * tasks / 300)),
+        "shifted": round(tasks / 3),
     }
     shares = {part: even_shares(count, homes) for part, count in wanted.items()}
     return [Counts(**{part: shares[part][home] for part in shares}) for home in range(homes)]

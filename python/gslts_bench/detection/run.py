@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache, cached_property, partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import BaseModel, Field, FiniteFloat
 
-from gslts.change.changes import Change
+from gslts.change.changes import Change, Kind
 from gslts.change.detector import ChangeDetector
 from gslts.core.frame import RgbdFrame
 from gslts.io.atomic_files import write_atomic
@@ -31,7 +31,7 @@ from gslts_bench.detection.cases import (
     take_frame,
     take_frames,
 )
-from gslts_bench.detection.truth import Truth
+from gslts_bench.detection.truth import Motion, Truth, as_motion
 from gslts_bench.detection.variants import STRATEGIES, VARIANTS
 from gslts_bench.detection.watch import WATCH, WATCHED, turn_views, watch
 from gslts_bench.homes import BenchHome
@@ -46,9 +46,10 @@ class Report(BaseModel):
 
     model_config = STRICT
 
-    kind: Literal["addition", "removal", "relocation"]
+    kind: Kind
     confidence: FiniteFloat
     point_m: tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+    motion: Motion | None = None
 
     @classmethod
     def of(cls, change: Change) -> Report:
@@ -58,7 +59,8 @@ class Report(BaseModel):
             change: The detected change.
         """
         x, y, z = change.point.tolist()
-        return cls(kind=change.kind, confidence=change.confidence, point_m=(x, y, z))
+        motion = None if change.motion is None else as_motion(change.motion)
+        return cls(kind=change.kind, confidence=change.confidence, point_m=(x, y, z), motion=motion)
 
 
 class Record(BenchRecord):

@@ -7,11 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gslts.core.se3 import rotation_vector
 from gslts_bench.detection.run import Record, Report
 from gslts_sim.task import Change
 
 REGION_M = 1.0
 """Maximum distance of a report from the centre of the changed object's box."""
+SHIFT_M = 0.03
+"""Maximum error of the motion of a shift that is right, at the centre of the object's box, m."""
 SIZES_PX = (500, 2000, 8000)
 """Edges between the rows of the table of object sizes."""
 NONE, UNRELIABLE = "none", "unreliable"
@@ -137,6 +140,70 @@ class SeveralScore:
         return cls(changes, found, reported - found, frames)
 
 
+@dataclass(frozen=True)
+class ShiftScore:
+    """Score of a frame in which an object was shifted.
+
+    Attributes:
+        said: Type of the report of it, `NONE` or `UNRELIABLE`: of reports in its region, a shift
+            counts before others, the nearest shift, and of others the most confident one.
+        error_m: Error of the motion of a shift, at the centre of the object's box; None of others.
+        error_deg: Error of its rotation, degrees.
+        extra: Number of reports besides the shift.
+    """
+
+    said: str
+    error_m: float | None
+    error_deg: float | None
+    extra: int
+
+    @classmethod
+    def of(cls, record: Record) -> ShiftScore:
+        """Score the record of a shift.
+
+        Args:
+            record: Record without error.
+        """
+        (truth,) = record.truths
+        change, true = truth.change, np.array(truth.motion)
+        assert change.box_before is not None
+        center = np.append(np.mean(change.box_before, axis=0), 1.0)
+        near = [report for report in record.reports if in_region(report, change)]
+        shifts = [report for report in near if report.kind == "shift"]
+        if not shifts:
+            said = near[0].kind if near else NONE
+            said = said if record.unreliable is None else UNRELIABLE
+            return cls(said, None, None, len(record.reports))
+        nearest = min(shifts, key=lambda shift: np.linalg.norm(shift.point_m - center[:3]))
+        told = np.array(nearest.motion)
+        turn_rad = np.linalg.norm(rotation_vector(told[:3, :3].T @ true[:3, :3]))
+        return cls(
+            said="shift",
+            error_m=float(np.linalg.norm((told - true) @ center)),
+            error_deg=float(np.rad2deg(turn_rad)),
+            extra=len(record.reports) - 1,
+        )
+
+    @property
+    def right(self) -> bool:
+        """Whether the shift was reported, with its motion."""
+        return self.error_m is not None and self.error_m <= SHIFT_M
+
+
+def count_told_as_shift(record: Record) -> int:
+    """Count the changes of a record that a shift is reported of, and nothing that fits.
+
+    Args:
+        record: Record without error, without shifted objects.
+    """
+    changes = [truth.change for truth in record.truths]
+    return sum(
+        not any(fits(report, change) for report in record.reports)
+        and any(report.kind == "shift" and in_region(report, change) for report in record.reports)
+        for change in changes
+    )
+
+
 CONFIDENCE_EDGES = (0.0, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 """Edges of the groups of confidences that are compared with the share of true reports."""
 
@@ -198,6 +265,9 @@ def is_right(record: Record) -> bool:
     """
     if record.part == "single":
         return SingleScore.of(record).right
+    if record.part == "shifted":
+        shift = ShiftScore.of(record)
+        return shift.right and shift.extra == 0
     score = SeveralScore.of([record])
     return score.found == score.changes and score.false == 0
 

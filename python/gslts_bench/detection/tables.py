@@ -21,13 +21,14 @@ from gslts_bench.detection.score import (
     SingleScore,
     size_name,
 )
+from gslts_bench.detection.shift_tables import shift_summary, shift_table
 from gslts_bench.detection.variants import STRATEGIES, TRADE, VARIANTS
 from gslts_bench.detection.watch import TURNS_DEG, WATCH
 from gslts_bench.runner import Benchmark
 from gslts_bench.tables import Table, mean, number, share
 from gslts_sim.tasks import KINDS
 
-SAID = (*KINDS, NONE, UNRELIABLE)
+SAID = (*KINDS, "shift", NONE, UNRELIABLE)
 """Columns of the table of reports."""
 
 
@@ -44,7 +45,7 @@ def summarize(records: Sequence[Record]) -> dict[str, Any]:
     parts: Counter[str] = Counter({record.case: record.part for record in records}.values())
     homes = {record.case.partition("/")[0] for record in records}
     names = {"single": "single changes", "pair": "pairs", "triple": "triples"}
-    names["unchanged"] = "visits of unchanged homes"
+    names |= {"unchanged": "visits of unchanged homes", "shifted": "shifted objects"}
     cases = ", ".join(f"{parts[part]} {name}" for part, name in names.items())
     return {
         "cases": f"{cases}; {len(homes)} home(s)",
@@ -62,7 +63,9 @@ def summary(records: Iterable[Record], variant: str) -> dict[str, Any]:
     Returns:
         JSON values; shares as [count, of].
     """
-    own = [record for record in records if record.variant == variant]
+    seen = [record for record in records if record.variant == variant]
+    shifted = [record for record in seen if record.part == "shifted"]
+    own = [record for record in seen if record.part != "shifted"]
     singles = [SingleScore.of(record) for record in own if record.part == "single"]
     visits = [record for record in own if record.part == "unchanged"]
     count = len(singles)
@@ -98,6 +101,7 @@ def summary(records: Iterable[Record], variant: str) -> dict[str, Any]:
             "with_reports": [sum(bool(record.reports) for record in visits), len(visits)],
             "unreliable": [sum(record.unreliable is not None for record in visits), len(visits)],
         },
+        "shifted": shift_summary(shifted, own),
         "calibration": {**asdict(calibration), "error": calibration.error},
         "ms": {
             "single": _median([record.ms for record in of_singles]),
@@ -130,6 +134,7 @@ def tabulate(found: Mapping[str, Any]) -> list[Table]:
     if WATCH in detectors:
         tables += [_watching(detectors[WATCH])]
     tables += [
+        shift_table(strategies),
         _compared("Type and region right, by type of change", strategies, "by_type"),
         _compared(
             "Type and region right, by size of the object in view (of 640 x 480)",
@@ -219,7 +224,7 @@ def _calibration(strategies: Mapping[str, dict[str, Any]]) -> Table:
     ]
     rows += [["expected calibration error", *(number(one["error"], 2) for one in found)]]
     header = ["confidence", *(f"`{name}`" for name in strategies)]
-    return Table("True reports by confidence, in all frames", header, rows)
+    return Table("True reports by confidence, in frames without shifts", header, rows)
 
 
 def _confusions(name: str, single: dict[str, Any]) -> Table:

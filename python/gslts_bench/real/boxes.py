@@ -20,6 +20,11 @@ BoxPx = tuple[float, float, float, float]
 """(x0, y0, x1, y1) in an image, px; x1 and y1 exclusive."""
 
 
+JUDGED: tuple[Kind, ...] = ("new", "missing", "nudged")
+"""Kinds that a detector is judged by: the first two must be found, the last may be told as a
+shift."""
+
+
 class MarkedObject(BaseModel):
     """A difference between an image and the reference visit.
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
+from typing import Literal
 
 import numpy as np
 
-from gslts.change.changes import SIDES, Change, Kind, Side
+from gslts.change.changes import SIDES, Change, Side
 from gslts.core.camera import Camera, downscale
 from gslts.core.gaussian_map import GaussianMap
 from gslts.mapping.density.control import join
@@ -17,7 +18,9 @@ from gslts.types import Bools, Floats, Floats32, Ints
 from gslts_bench.real.objects import StandingObject, find_objects, free_places
 from gslts_bench.real.planes import surface_points
 
-SIDES_OF: dict[Kind, tuple[Side, ...]] = {
+MadeKind = Literal["addition", "removal", "relocation"]
+"""Kind of a change that is made in a map: shifts are none."""
+SIDES_OF: dict[MadeKind, tuple[Side, ...]] = {
     "addition": ("after",),
     "removal": ("before",),
     "relocation": SIDES,
@@ -61,7 +64,7 @@ class MapChange:
     """
 
     object_name: str
-    kind: Kind
+    kind: MadeKind
     standing: StandingObject
     step: Ints
     frame: str
@@ -167,7 +170,7 @@ def make_changes(
     surface = surface_points(gaussian_map, training)
     small = {name: downscale(c, max(1, c.width // WIDTH_PX)) for name, c in frames.items()}
     images = {name: _render(gaussian_map, camera) for name, camera in small.items()}
-    chosen: dict[Kind, list[list[MapChange]]] = {kind: [] for kind in SIDES_OF}
+    chosen: dict[MadeKind, list[list[MapChange]]] = {kind: [] for kind in SIDES_OF}
     for number, standing in enumerate(find_objects(gaussian_map, surface, seed)):
         places = list(islice(free_places(standing, surface.points, rng), PLACES))
         for kind, of_objects in chosen.items():

@@ -18,7 +18,7 @@ from gslts.change.overlay import overlay
 from gslts.datasets import Frame
 from gslts.io.images import write_image
 from gslts_bench.processes import Add
-from gslts_bench.real.boxes import MarkedObject
+from gslts_bench.real.boxes import JUDGED, MarkedObject
 from gslts_bench.real.score import found_objects, other_reports, reports_of
 from gslts_bench.real.visit_score import score_visit
 from gslts_bench.real.visits import RealRoom
@@ -30,9 +30,9 @@ class JudgedObject(BaseModel):
     """An object that changed.
 
     Attributes:
-        kind: "new" or "missing".
+        kind: "new", "missing" or "nudged".
         name: Name of the object.
-        found: True if a change was reported there.
+        found: True if a change was reported there; of a nudged one, a shift.
     """
 
     model_config = STRICT
@@ -50,7 +50,7 @@ class VisitRecord(BenchRecord):
         part: One frame, or a visit.
         frames: Number of frames.
         unreliable: Number of frames that were not compared.
-        objects: All objects that are new or missing in the images.
+        objects: All objects that are new, missing or nudged in the images.
         others: Confidences of the reports of nothing that changed.
     """
 
@@ -112,7 +112,7 @@ class VisitUnit(BenchUnit[VisitRecord, RealRoom]):
             write_image(path, overlay(detection))
         width = observed.camera.width
         reports = [report for change in detection.changes for report in reports_of(change, width)]
-        changed = [marked for marked in objects if marked.kind in ("new", "missing")]
+        changed = [marked for marked in objects if marked.kind in JUDGED]
         found = found_objects(changed, reports)
         return {
             "unreliable": int(detection.unreliable is not None),

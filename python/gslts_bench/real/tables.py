@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from gslts_bench.real.boxes import JUDGED
 from gslts_bench.real.run import VisitRecord
 from gslts_bench.real.visit_score import CONFIRMATION
 from gslts_bench.runner import Benchmark
@@ -43,7 +44,7 @@ def _numbers(records: Sequence[VisitRecord]) -> dict[str, Any]:
                 sum(marked.found for marked in objects if marked.kind == kind),
                 sum(marked.kind == kind for marked in objects),
             ]
-            for kind in ("new", "missing")
+            for kind in JUDGED
         },
     }
 
@@ -65,6 +66,7 @@ def _table(part: str, rooms: Mapping[str, Any]) -> Table:
         "missing found",
         f"other reports a {part}",
         "frames unreliable",
+        "nudged told as a shift",
     )
     rows = [
         (
@@ -74,6 +76,7 @@ def _table(part: str, rooms: Mapping[str, Any]) -> Table:
             share(*numbers["missing"]),
             mean(numbers["others"], numbers["records"]),
             share(numbers["unreliable"], numbers["frames"]),
+            share(*numbers["nudged"]),
         )
         for name, numbers in rooms.items()
     ]

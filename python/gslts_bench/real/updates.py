@@ -201,14 +201,21 @@ def _updatable(held_out: _Entry, rest: Sequence[_Entry]) -> list[MarkedObject]:
 def _happened(change: Change, entries: Sequence[_Entry], earlier: Sequence[_Entry]) -> bool:
     """Return whether an image has a difference marked where a box of a change is.
 
-    What is gone may have been new in an earlier visit.
+    What is gone may have been new in an earlier visit, and a shift is of what is marked as nudged.
     """
+    if change.kind == "shift":
+        entries, earlier = [_without_changes(entry) for entry in entries], ()
     regions = regions_of(change)
     return any(
         _is_marked_at(region, entries)
         or (region.side == "before" and _is_marked_at(region, earlier))
         for region in regions
     )
+
+
+def _without_changes(entry: _Entry) -> _Entry:
+    marked = [marked for marked in entry.marked if marked.kind not in ("new", "missing")]
+    return _Entry(entry.frame, marked)
 
 
 def _is_marked_at(region: Region, entries: Sequence[_Entry]) -> bool:

@@ -9,7 +9,7 @@ from gslts.change.changes import SIDES, Change, Side
 from gslts.change.detector import ChangeDetector, Detection
 from gslts.change.monitor import Counts, MonitorConfig, confirm_changes
 from gslts.core.frame import RgbdFrame
-from gslts_bench.real.boxes import MarkedObject
+from gslts_bench.real.boxes import JUDGED, MarkedObject
 from gslts_bench.real.score import Report, found_objects, other_reports, reports_of
 
 CONFIRMATION = MonitorConfig(needed=1, confidence=0.8)
@@ -23,7 +23,7 @@ class VisitScore:
     """Changes confirmed over a visit, against the boxes drawn in its images.
 
     Attributes:
-        found: Whether each object that is new or missing was found, by kind and name.
+        found: Whether each object that is new, missing or nudged was found, by kind and name.
         others: Confidences of the reports of nothing that changed.
         counts: Numbers of frames.
     """
@@ -49,12 +49,12 @@ def score_visit(
     """
     seen_by = _RememberingDetector(detector)
     changes, counts = confirm_changes(seen_by, frames, config)
-    found = {_key(o): False for objects in marked for o in objects if _is_change(o)}
+    found = {_key(o): False for objects in marked for o in objects if _is_judged(o)}
     others: list[float] = []
     confirmed = {_place(change, side) for change in changes for side in SIDES}
     for frame, objects, detection in zip(frames, marked, seen_by.detections, strict=True):
         reports = _take_ends(confirmed, detection, frame.camera.width)
-        changed = [o for o in objects if _is_change(o)]
+        changed = [o for o in objects if _is_judged(o)]
         for o, is_found in zip(changed, found_objects(changed, reports), strict=True):
             found[_key(o)] |= is_found
         others += [report.confidence for report in other_reports(objects, reports)]
@@ -95,5 +95,5 @@ def _key(marked: MarkedObject) -> tuple[str, str]:
     return marked.kind, marked.name
 
 
-def _is_change(marked: MarkedObject) -> bool:
-    return marked.kind in ("new", "missing")
+def _is_judged(marked: MarkedObject) -> bool:
+    return marked.kind in JUDGED

@@ -85,16 +85,8 @@ def fits_change(event: ObjectEvent, change: Change) -> bool:
         event: Of a history.
         change: The true change.
     """
-    pairs = zip(event.boxes, (change.box_before, change.box_after), strict=True)
     named = event.type in (UNKNOWN, change.object_type)
-    return (
-        named
-        and event.kind == change.kind
-        and all(
-            true is None or (known is not None and is_in(np.mean(known, axis=0), true))
-            for known, true in pairs
-        )
-    )
+    return named and event.kind == change.kind and _has_ends(event, change)
 
 
 def was_found(change: Change, events: Sequence[ObjectEvent]) -> bool:
@@ -102,8 +94,9 @@ def was_found(change: Change, events: Sequence[ObjectEvent]) -> bool:
 
     Args:
         change: The true change.
-        events: Of a history; each end may be in another one.
+        events: Of a history; each end may be in another one. Shifts show shifts only.
     """
+    events = [event for event in events if (event.kind == "shift") == (change.kind == "shift")]
     for side, box in enumerate((change.box_before, change.box_after)):
         boxes = [event.boxes[side] for event in events]
         known = [np.mean(known, axis=0) for known in boxes if known is not None]
@@ -115,12 +108,16 @@ def was_found(change: Change, events: Sequence[ObjectEvent]) -> bool:
 def is_untrue(event: ObjectEvent, changes: Sequence[Change]) -> bool:
     """Return whether an event shows something at a position where nothing like it happened.
 
-    A move of which only one end was found is not untrue, nor is a wrong type.
+    A move of which only one end was found is not untrue, nor is a wrong type. A shift is untrue
+    unless an object moved there, both before and after.
 
     Args:
         event: Of a history.
         changes: True changes.
     """
+    if event.kind == "shift":
+        moves = [change for change in changes if change.kind in ("relocation", "shift")]
+        return not any(_has_ends(event, change) for change in moves)
     for side, known in enumerate(event.boxes):
         if known is None:
             continue
@@ -128,6 +125,15 @@ def is_untrue(event: ObjectEvent, changes: Sequence[Change]) -> bool:
         if not any(box is not None and is_in(np.mean(known, axis=0), box) for box in true):
             return True
     return False
+
+
+def _has_ends(event: ObjectEvent, change: Change) -> bool:
+    """Return whether each end of a true change is known to an event at its position."""
+    pairs = zip(event.boxes, (change.box_before, change.box_after), strict=True)
+    return all(
+        true is None or (known is not None and is_in(np.mean(known, axis=0), true))
+        for known, true in pairs
+    )
 
 
 def is_in(point: np.ndarray, box: Box) -> bool:

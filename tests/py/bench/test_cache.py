@@ -24,7 +24,7 @@ from gslts_bench.relocalization.run import RelocalizeUnit
 from gslts_bench.runner import BenchUnit
 
 HOME = BenchHome("kitchen", 3, HomeSetup(), Path("work"))
-UNIT = DetectUnit(HOME, Counts(8, 1, 1, 5))
+UNIT = DetectUnit(HOME, Counts(8, 1, 1, 5, 3))
 
 
 def with_setup(**changes: object) -> BenchHome:
@@ -58,7 +58,8 @@ OTHER_RELOCALIZATIONS = {
 }
 OTHER_RESULTS = {
     **{name: replace(UNIT, bench=home) for name, home in OTHER_MAPS.items()},
-    "counts": replace(UNIT, counts=Counts(8, 1, 1, 6)),
+    "counts": replace(UNIT, counts=Counts(8, 1, 1, 6, 3)),
+    "shifted": replace(UNIT, counts=Counts(8, 1, 1, 5, 4)),
 }
 
 

@@ -1,7 +1,7 @@
 """Precision and recall of the events of a history."""
 
 from gslts.store.records import ObjectEvent
-from gslts_bench.series.events import EventScore, is_untrue, score_events, true_events
+from gslts_bench.series.events import EventScore, is_untrue, score_events, true_events, was_found
 from gslts_sim.task import Change
 
 BOX_A = ((0.0, 0.0, 0.0), (0.2, 0.2, 0.2))
@@ -50,3 +50,22 @@ def test_an_end_where_nothing_happened_is_untrue():
         assert not is_untrue(ObjectEvent(kind="relocation", type="Mug", boxes=boxes), moved)
     for boxes in ((BOX_B, None), (BOX_A, BOX_A), (None, BOX_A)):
         assert is_untrue(ObjectEvent(kind="relocation", type="Mug", boxes=boxes), moved)
+
+
+def told_shift(before, after):
+    # A plain copy: which kinds a history stores is not the subject.
+    return ObjectEvent.model_construct(kind="shift", type="Mug", boxes=(before, after))
+
+
+def test_a_shift_is_true_only_where_an_object_moved():
+    near = ((0.05, 0.0, 0.0), (0.25, 0.2, 0.2))
+    shift = told_shift(BOX_A, near)
+    true = change("shift", BOX_A, near)
+    assert not is_untrue(shift, [true])
+    assert was_found(true, [shift])
+    assert score_events([shift], [true]).right == 1
+    exchanged = [change("removal", BOX_A, None), change("addition", None, near, "Mug|2")]
+    for changes in ([], exchanged, [change("relocation", BOX_A, BOX_B)]):
+        assert is_untrue(shift, changes)
+    assert not any(was_found(each, [shift]) for each in exchanged)
+    assert score_events([shift], exchanged).right == 0

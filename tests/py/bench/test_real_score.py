@@ -5,7 +5,7 @@ import pytest
 
 from gslts.change.changes import Change
 from gslts_bench.real.boxes import MarkedObject, marked_rooms
-from gslts_bench.real.score import Report, found_objects, iou, other_reports
+from gslts_bench.real.score import Report, found_objects, iou, other_reports, reports_of
 
 
 def marked(kind: str, *box: float) -> MarkedObject:
@@ -38,6 +38,30 @@ def test_reports_of_nothing_are_others() -> None:
     large = (0, 0, 640, 480)
     assert other_reports([marked("ignore", *large)], [report]) == []
     assert other_reports([marked("new", *large)], [report]) == [report]
+
+
+def test_a_shift_tells_what_is_nudged_and_nothing_else() -> None:
+    box = (100.0, 100.0, 140.0, 140.0)
+    shift = Report("after", box, 0.9, shift=True)
+    nudged, new, gone = (marked(kind, *box) for kind in ("nudged", "new", "missing"))
+    assert found_objects([nudged, new, gone], [shift]) == [True, False, False]
+    ends = [Report("after", box, 0.9), Report("before", box, 0.9)]
+    assert found_objects([nudged, new, gone], ends) == [False, True, True]
+    assert other_reports([nudged], [shift]) == []
+    assert other_reports([marked("ignore", *box)], [shift]) == []
+    assert other_reports([new, gone], [shift]) == [shift]
+    assert other_reports([], [shift]) == [shift]
+
+
+def test_a_shift_is_one_report() -> None:
+    before, after = np.zeros((2, 60, 80), bool)
+    before[10:21, 30:35] = True
+    shift = Change(
+        "shift", 0.9, np.zeros(3), masks=(before, after), motion=np.eye(4, dtype=np.float64)
+    )
+    assert reports_of(shift, 80) == [Report("before", (30, 10, 35, 21), 0.9, shift=True)]
+    after[12:23, 30:35] = True
+    assert reports_of(shift, 80) == [Report("after", (30, 12, 35, 23), 0.9, shift=True)]
 
 
 def test_all_images_of_the_rooms_are_marked() -> None:

@@ -185,6 +185,8 @@ def test_actions_in_unitys_frame_are_refused(controller: StandInController) -> N
     robot = ThorRobot(controller)
     with pytest.raises(ValueError, match=r"one of InitialRandomSpawn, .*, got 'TeleportFull'"):
         robot.step("TeleportFull", x=1.0, y=0.9, z=2.0)
+    with pytest.raises(ValueError, match=r"one of InitialRandomSpawn, .*, got 'ShiftObject'"):
+        robot.step("ShiftObject", objectId="Mug|1", dx=0.1)
     with pytest.raises(ValueError, match="PlaceObjectAtPoint: rotation is not supported"):
         robot.step("PlaceObjectAtPoint", objectId="Mug|1", rotation=90.0)
 

@@ -29,7 +29,7 @@ SETTINGS = ("--set", "iterations=40", "--set", "rough_epochs=0", "--set", "voxel
 SMALL = ("--room", "kitchen", "--seeds", "3:4", "--tasks", "6", "--size", "160x120")
 RUN = ("bench", "detect", *SMALL, "--frames", "16", *SETTINGS, "--work", "work")
 TIMES = ("ms", "cpu_ms")
-COUNTS = {"single": 6, "pair": 1, "triple": 1, "unchanged": 4}
+COUNTS = {"single": 6, "pair": 1, "triple": 1, "unchanged": 4, "shifted": 2}
 BENCH = BenchHome("kitchen", 3, HomeSetup(frames=16, width=160, height=120), Path("work"))
 
 
@@ -80,7 +80,8 @@ def test_all_is_asked_once_of_each(done: Path) -> None:
     assert single["right"][1] == 6
     assert sum(sum(row.values()) for row in single["confusion"].values()) == 6
     text = (done / "stdout").read_text()
-    assert "6 single changes, 1 pairs, 1 triples, 4 visits of unchanged homes; 1 home(s)" in text
+    assert "6 single changes, 1 pairs, 1 triples, 4 visits of unchanged homes, " in text
+    assert "2 shifted objects; 1 home(s)" in text
     right, of = single["right"]
     assert (
         f"| one change: type and region right | {100 * right / of:.1f} % ({right} of {of})" in text
