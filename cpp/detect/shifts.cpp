@@ -52,28 +52,27 @@ class Scene {
     double depth_m;
   };
 
-  /// Finds the pixel at most `kShiftTolerance_px` away from a point at which one image shows the
-  /// point; it gets the colour there.
+  /// Finds the pixel at most `margin` away, px, from a point at which one image shows the point; it
+  /// gets the colour there.
   ///
   /// It is unknown outside the image, behind another surface, and where there is no depth.
-  Answer find(Side side, ColoredPoint& point, Pixel& pixel) const {
+  Answer find(Side side, ColoredPoint& point, Pixel& pixel, int margin) const {
     const Camera& camera = views_.camera;
     const Eigen::Vector3d in_camera = camera_from_world_ * point.position;
     pixel.depth_m = in_camera.z();
     if (pixel.depth_m <= 0) return Answer::kUnknown;
     const double u = std::floor(camera.fx * in_camera.x() / pixel.depth_m + camera.cx);
     const double v = std::floor(camera.fy * in_camera.y() / pixel.depth_m + camera.cy);
-    constexpr int kMargin = kShiftTolerance_px;
-    if (!(u >= kMargin && u < camera.width - kMargin && v >= kMargin &&
-          v < camera.height - kMargin)) {
+    if (!(u >= margin && u < camera.width - margin && v >= margin &&
+          v < camera.height - margin)) {
       return Answer::kUnknown;
     }
     const std::size_t center = std::size_t(v) * std::size_t(camera.width) + std::size_t(u);
     pixel.index = center;
     const Answer answer = compare(side, pixel, point);
     if (answer != Answer::kDifferent) return answer;
-    for (int y = -kMargin; y <= kMargin; ++y) {
-      for (int x = -kMargin; x <= kMargin; ++x) {
+    for (int y = -margin; y <= margin; ++y) {
+      for (int x = -margin; x <= margin; ++x) {
         pixel.index = center + std::size_t(std::ptrdiff_t(y) * camera.width + x);
         if (compare(side, pixel, point) == Answer::kSame) return Answer::kSame;
       }
@@ -135,17 +134,18 @@ class Scene {
 Side other(Side side) { return side == Side::kBefore ? Side::kAfter : Side::kBefore; }
 
 /// Follows a point of one image to the edge of the object, by steps of a motion.
+/// @param margin  Distance, px, within which the other image may show it.
 /// @param visit  Called with each place of the object before a step.
 /// @return  kSame if the other image shows it at each step and this one something else at the last.
 template <typename Visit>
 Scene::Answer follow(const Scene& scene, Side side, ColoredPoint point,
-                     const Eigen::Isometry3d& step, const Visit& visit) {
+                     const Eigen::Isometry3d& step, int margin, const Visit& visit) {
   using Answer = Scene::Answer;
   for (int n = 0; n < kMaxShiftSteps; ++n) {
     visit(point.position);
     point.position = step * point.position;
     Scene::Pixel pixel;
-    const Answer moved = scene.find(other(side), point, pixel);
+    const Answer moved = scene.find(other(side), point, pixel, margin);
     if (moved != Answer::kSame) return moved;
     const Answer stayed = scene.compare(side, pixel, point);
     if (stayed == Answer::kDifferent) return Answer::kSame;
@@ -157,12 +157,12 @@ Scene::Answer follow(const Scene& scene, Side side, ColoredPoint point,
 /// Returns the share of every n-th point of a surface that a motion explains, less those it
 /// contradicts.
 double score_of(const Scene& scene, const Samples& samples, const Eigen::Isometry3d& motion,
-                std::size_t stride = 1) {
+                int margin = kShiftTolerance_px, std::size_t stride = 1) {
   const Eigen::Isometry3d step = samples.side == Side::kBefore ? motion : motion.inverse();
   int balance = 0, count = 0;
   for (std::size_t n = 0; n < samples.points.size(); n += stride, ++count) {
     const auto answer =
-        follow(scene, samples.side, samples.points[n], step, [](const Eigen::Vector3d&) {});
+        follow(scene, samples.side, samples.points[n], step, margin, [](const Eigen::Vector3d&) {});
     balance += int(answer == Scene::Answer::kSame) - int(answer == Scene::Answer::kDifferent);
   }
   return count == 0 ? 0 : double(balance) / double(count);
@@ -186,20 +186,24 @@ class MotionSearch {
     double score;
   };
 
+  /// The refinement also counts what is explained to the pixel: the tolerance leaves room for many
+  /// motions.
   Found best() const {
     std::vector<Scored> candidates = coarse();
     Eigen::Vector3d step(kShiftStep_m / 2, kShiftStep_m / 2, kShiftStep_rad / 2);
     for (int round = 0; round < kShiftRounds; ++round, step /= 2) {
       keep_best(candidates);
-      const std::vector<Scored> kept = candidates;
+      const std::vector<Scored> kept = std::exchange(candidates, {});
       for (const Scored& found : kept) {
         for (const Eigen::Vector3d& corner : neighbours()) {
-          candidates.push_back(scored(found.motion + corner.cwiseProduct(step)));
+          const Motion motion = found.motion + corner.cwiseProduct(step);
+          candidates.push_back({motion, (score(motion) + score(motion, 0)) / 2});
         }
       }
     }
     keep_best(candidates);
-    return {transform_of(candidates[0].motion, center_), candidates[0].score};
+    const Motion& best = candidates[0].motion;
+    return {transform_of(best, center_), score(best)};
   }
 
  private:
@@ -208,11 +212,14 @@ class MotionSearch {
     double score;
   };
 
-  Scored scored(const Motion& motion, std::size_t stride = 1) const {
+  double score(const Motion& motion, int margin = kShiftTolerance_px,
+               std::size_t stride = 1) const {
     const Eigen::Isometry3d transform = transform_of(motion, center_);
     double sum = 0;
-    for (const std::size_t row : rows_) sum += score_of(scene_, all_[row], transform, stride);
-    return {motion, sum / double(rows_.size())};
+    for (const std::size_t row : rows_) {
+      sum += score_of(scene_, all_[row], transform, margin, stride);
+    }
+    return sum / double(rows_.size());
   }
 
   std::vector<Scored> coarse() const {
@@ -223,7 +230,7 @@ class MotionSearch {
         if (x * x + y * y > steps * steps || (x == 0 && y == 0)) continue;
         for (int turn = -turns; turn <= turns; ++turn) {
           const Motion motion(x * kShiftStep_m, y * kShiftStep_m, turn * kShiftStep_rad);
-          candidates.push_back(scored(motion, kShiftStride));
+          candidates.push_back({motion, score(motion, kShiftTolerance_px, kShiftStride)});
         }
       }
     }
@@ -233,7 +240,7 @@ class MotionSearch {
   static std::vector<Eigen::Vector3d> neighbours() {
     std::vector<Eigen::Vector3d> all;
     for (int k = 0; k < 27; ++k) {
-      if (k != 13) all.emplace_back(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
+      all.emplace_back(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
     }
     return all;
   }
@@ -317,7 +324,7 @@ class ShiftFinder {
     for (const ColoredPoint& point : samples.points) {
       std::vector<Eigen::Vector3d> path;
       const auto visit = [&](const Eigen::Vector3d& position) { path.push_back(position); };
-      if (follow(scene_, samples.side, point, step, visit) != Scene::Answer::kSame) continue;
+      if (follow(scene_, samples.side, point, step, kShiftTolerance_px, visit) != Scene::Answer::kSame) continue;
       for (const Eigen::Vector3d& position : path) {
         (is_before ? shift.before : shift.after).extend(position);
         (is_before ? shift.after : shift.before).extend(step * position);
