@@ -249,15 +249,15 @@ constexpr int kMaxShiftSteps = 50;
 /// Distance, px, within which the other image may show a point: edges may be misplaced.
 constexpr int kShiftTolerance_px = 1;
 
-/// Minimum score of a shift. Of 88 reports in frames of a kitchen and the bookstore in which objects
-/// came, went or moved farther, two had 0.12 and 0.2; of nudged ones most have 0.3 to 1.
+/// Minimum score of a shift. Of 88 reports in frames of a kitchen and the bookstore in which
+/// objects came, went or moved farther, two had 0.12 and 0.2; of nudged ones most have 0.3 to 1.
 constexpr double kMinShiftScore = 0.25;
 
 /// Minimum score with which another surface joins: the motion is not fitted to it.
 constexpr double kMinJoinedScore = 0.05;
 
-/// Minimum share of the points of a surface at most `kMaxShift_m` from what was followed, with which
-/// it is a part of the object.
+/// Minimum share of the points of a surface at most `kMaxShift_m` from what was followed, with
+/// which it is a part of the object.
 constexpr double kMinShiftedShare = 0.8;
 
 // Match of two surfaces (match_score.cpp), and of pairs (changes.cpp).

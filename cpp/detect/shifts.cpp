@@ -63,8 +63,7 @@ class Scene {
     if (pixel.depth_m <= 0) return Answer::kUnknown;
     const double u = std::floor(camera.fx * in_camera.x() / pixel.depth_m + camera.cx);
     const double v = std::floor(camera.fy * in_camera.y() / pixel.depth_m + camera.cy);
-    if (!(u >= margin && u < camera.width - margin && v >= margin &&
-          v < camera.height - margin)) {
+    if (!(u >= margin && u < camera.width - margin && v >= margin && v < camera.height - margin)) {
       return Answer::kUnknown;
     }
     const std::size_t center = std::size_t(v) * std::size_t(camera.width) + std::size_t(u);
@@ -110,8 +109,8 @@ class Scene {
       const std::size_t k = pixels[n * pixels.size() / count];
       const double u = double(k % std::size_t(camera.width)) + 0.5;
       const double v = double(k / std::size_t(camera.width)) + 0.5;
-      samples.points.push_back({unproject(camera, u, v, depth_of(surface.side)[k]),
-                                rgb_of(surface.side) + 3 * k});
+      samples.points.push_back(
+          {unproject(camera, u, v, depth_of(surface.side)[k]), rgb_of(surface.side) + 3 * k});
     }
     return samples;
   }
@@ -324,7 +323,9 @@ class ShiftFinder {
     for (const ColoredPoint& point : samples.points) {
       std::vector<Eigen::Vector3d> path;
       const auto visit = [&](const Eigen::Vector3d& position) { path.push_back(position); };
-      if (follow(scene_, samples.side, point, step, kShiftTolerance_px, visit) != Scene::Answer::kSame) continue;
+      if (follow(scene_, samples.side, point, step, kShiftTolerance_px, visit) !=
+          Scene::Answer::kSame)
+        continue;
       for (const Eigen::Vector3d& position : path) {
         (is_before ? shift.before : shift.after).extend(position);
         (is_before ? shift.after : shift.before).extend(step * position);

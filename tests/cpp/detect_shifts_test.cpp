@@ -1,5 +1,3 @@
-#include "gslts/detect/shifts.hpp"
-
 #include <gmock/gmock.h>
 
 #include <cmath>
@@ -7,13 +5,14 @@
 
 #include "detect_scenes.hpp"
 #include "gslts/detect/objects.hpp"
+#include "gslts/detect/shifts.hpp"
 
 namespace gslts::detect {
 namespace {
 
+using testing::ImagePair;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
-using testing::ImagePair;
 using In = ImagePair::In;
 
 /// A rectangle facing the camera, world axes, which here are those of the camera.
@@ -40,7 +39,8 @@ void draw(ImagePair& pair, In where, const Plate& plate) {
   const Camera& camera = pair.camera;
   for (int y = 0; y < camera.height; ++y) {
     for (int x = 0; x < camera.width; ++x) {
-      const Eigen::Vector2d ray((x + 0.5 - camera.cx) / camera.fx, (y + 0.5 - camera.cy) / camera.fy);
+      const Eigen::Vector2d ray((x + 0.5 - camera.cx) / camera.fx,
+                                (y + 0.5 - camera.cy) / camera.fy);
       if (!plate.contains(ray * plate.depth_m)) continue;
       const auto [red, green, blue] = plate.color;
       pair.put(where, x, y, 1, 1, float(plate.depth_m), red, green, blue);
