@@ -15,6 +15,7 @@ from gslts.cli.localize import localize
 from gslts.cli.query import query
 from gslts.cli.run import run
 from gslts.cli.semantics import semantics
+from gslts.cli.extend import extend
 from gslts.cli.update import update
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
@@ -32,6 +33,7 @@ app.command("export")(output.export)
 app.command("localize")(localize)
 app.command("detect")(detect)
 app.command("update")(update)
+app.command("extend")(extend)
 app.command("run")(run)
 app.command("log")(history.log)
 app.command("show")(history.show)

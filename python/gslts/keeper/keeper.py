@@ -23,7 +23,7 @@ from gslts.localization.localizer import Localizer
 from gslts.localization.relocalizer import Relocalizer
 from gslts.robots.localized import LocalizedRobot
 from gslts.semantics.map_semantics import MapSemantics
-from gslts.store.camera_files import cameras_of_map, cameras_of_update
+from gslts.store.camera_files import cameras_of_map, cameras_of_version
 from gslts.store.map_folder import open_map
 from gslts.store.records import Version
 from gslts.store.unmeasured import read_unmeasured
@@ -279,7 +279,7 @@ class MapKeeper:
     def _use_map(self, gaussian_map: GaussianMap, version: Version) -> None:
         """Detect and localize with a new version of the map."""
         self._map = gaussian_map
-        self._cameras |= cameras_of_update(version)
+        self._cameras |= cameras_of_version(version)
         self._detector = self._new_detector()
         self._monitor.publish(self._detector)
         if self._localizer is not None:

@@ -23,7 +23,7 @@ from gslts.io.atomic_files import name_in_errors, remove_tree, sync_folder, writ
 from gslts.localization.constants import MAX_FILE_BYTES, VERSION_BYTES
 from gslts.localization.landmarks import Landmarks, concatenate, limit_size
 from gslts.store.blobs import SUFFIX
-from gslts.store.causes import UpdateCause
+from gslts.store.causes import ExtensionCause, UpdateCause
 from gslts.store.manifest import MANIFEST, read_manifest, split_version
 from gslts.store.map_folder import open_map
 from gslts.store.map_store import MapStore
@@ -181,8 +181,9 @@ def _digests(folder: Path, versions: Iterable[Version]) -> Iterator[tuple[int, s
     if digest is not None:
         yield 1, digest
     for version in versions:
-        if isinstance(version.cause, UpdateCause) and version.cause.landmarks is not None:
-            yield version.number, version.cause.landmarks
+        cause = version.cause
+        if isinstance(cause, UpdateCause | ExtensionCause) and cause.landmarks is not None:
+            yield version.number, cause.landmarks
 
 
 def _digest_of_manifest(folder: Path) -> str | None:

@@ -127,17 +127,42 @@ def make_map(
     optimizer = _optimizer(start, observations, given, config, clock)
     if resume is not None:
         resume.restore_optimizer(optimizer)
-    while optimizer.share < 1 and not has_converged(curve, config.patience):
-        curve.append(_run_epoch(optimizer, split, curve, clock, report))
+
+    def save_sometimes() -> None:
         if save is not None and clock.since_checkpoint_s() > SAVE_EVERY_S:
             stages = clock.with_current("optimization")
             save(Checkpoint.of(optimizer, config, split.names, tuple(curve), start.seeds, stages))
             clock.note_checkpoint()
+
+    optimize(optimizer, split, curve, clock, report, save_sometimes)
     gaussian_map = optimizer.adam.map
     weights = max_weights(gaussian_map, observations, config.threads)
     gaussian_map = gaussian_map.select(weights > MIN_WEIGHT)
     clock.note("optimization")
     return _evaluate(gaussian_map, config, split, given, curve, start.seeds, clock)
+
+
+def optimize(
+    optimizer: Optimizer,
+    split: FrameSplit,
+    curve: list[CurvePoint],
+    clock: Clock,
+    report: ShowProgress,
+    on_epoch: Callable[[], None] = lambda: None,
+) -> None:
+    """Run epochs to the end of the schedule, or until the validation PSNR stops rising.
+
+    Args:
+        optimizer: Of the training frames.
+        split: All frames.
+        curve: Gets a point per epoch; not empty if a run is resumed.
+        clock: Of the run.
+        report: Called after each step.
+        on_epoch: Called after each epoch.
+    """
+    while optimizer.share < 1 and not has_converged(curve, optimizer.config.patience):
+        curve.append(_run_epoch(optimizer, split, curve, clock, report))
+        on_epoch()
 
 
 def _evaluate(

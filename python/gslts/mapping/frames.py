@@ -99,15 +99,29 @@ class FrameSplit:
         """
         require_memory(dataset.name, dataset.frames)
         frames, bad = read_usable(dataset, observe, show_frames)
-        names = list(frames)
-        validation, test = ([names[k] for k in rows] for rows in split(names))
-        held_out = {*validation, *test}
-        training = {name: frame for name, frame in frames.items() if name not in held_out}
-        if len(training) < MIN_TRAINING_FRAMES:
+        result = cls.of(frames, split, bad)
+        if len(result.training) < MIN_TRAINING_FRAMES:
             raise ValueError(
                 f"{dataset.name}: {len(frames)} frames are too few to make a map, "
                 f"{MIN_TRAINING_FRAMES} are needed"
             )
+        return result
+
+    @classmethod
+    def of(
+        cls, frames: Mapping[str, Observation], split: Split, skipped: tuple[str, ...] = ()
+    ) -> FrameSplit:
+        """Split frames by purpose.
+
+        Args:
+            frames: By name, in the order of the data set.
+            split: Chooses validation and test frames; all others are training frames.
+            skipped: Frames that cannot be used, and why.
+        """
+        names = list(frames)
+        validation, test = ([names[k] for k in rows] for rows in split(names))
+        held_out = {*validation, *test}
+        training = {name: frame for name, frame in frames.items() if name not in held_out}
         beside = neighbours_of(names)
 
         def hold_out(chosen: Sequence[str]) -> HeldOutFrames:
@@ -116,7 +130,7 @@ class FrameSplit:
                 [[training[near] for near in beside[name] if near in training] for name in chosen],
             )
 
-        return cls(tuple(names), training, hold_out(validation), hold_out(test), bad)
+        return cls(tuple(names), training, hold_out(validation), hold_out(test), skipped)
 
     @property
     def held_out(self) -> list[Observation]:

@@ -34,7 +34,7 @@ from gslts.rendering.losses import (
 )
 from gslts.rendering.metrics import psnr_db
 from gslts.rendering.rasterizer import Gradients, Images, Rasterizer, RenderOptions
-from gslts.types import Bools, Floats32
+from gslts.types import Bools, Floats32, Ints
 
 HOLE_EPOCHS = (1, 4)
 """Epochs in which holes are filled: once the poses are roughly right, and once more."""
@@ -119,6 +119,8 @@ class Optimizer:
         given: Lenses by the data set.
         config: Settings.
         schedule: Length and resolutions.
+        fixed: [N] Gaussians that stay as they are, bit by bit; with any, they also fix the gauge
+            and the exposures. None means that all are free.
     """
 
     def __init__(
@@ -128,8 +130,10 @@ class Optimizer:
         given: Lenses,
         config: MappingConfig,
         schedule: Schedule,
+        fixed: Bools | None = None,
     ) -> None:
         self.adam = Adam(gaussian_map)
+        self.fixed = np.zeros(gaussian_map.size, np.bool_) if fixed is None else fixed
         self.observations, self.given = observations, given
         self.config, self.schedule = config, schedule
         self.iteration = self.epoch = 0
@@ -185,7 +189,7 @@ class Optimizer:
         observation.exposure_rejected = not is_plausible(exposure)
         observation.exposure = Exposure() if observation.exposure_rejected else exposure
         loss, gradients = self._gradients(images, target, observation.exposure)
-        self.adam.step(gradients, self._rates(share), threads=threads)
+        self.adam.step(gradients.select(~self.fixed), self._rates(share), threads=threads)
         if config.refine_poses and self.epoch > 0:
             self._refine_pose(observation, images, target, level)
         if config.fill_holes and self.epoch in HOLE_EPOCHS:
@@ -261,7 +265,7 @@ class Optimizer:
         limit = self.config.max_gaussians
         if new is not None and (limit is None or old.size + new.size <= limit):
             rows = np.concatenate([np.arange(old.size), np.full(new.size, -1)])
-            self.adam = self.adam.edit(join(old, new), rows)
+            self._edit(join(old, new), rows)
             if self._strains is not None:
                 self._strains = np.concatenate([self._strains, np.zeros(new.size, np.float32)])
 
@@ -274,14 +278,14 @@ class Optimizer:
         """
         old, config = self.adam.map, self.config
         first, last = GROWTH_SHARES
-        count = int(old.size * ((1 + config.growth) ** (share / (last - first)) - 1))
+        count = int((~self.fixed).sum() * ((1 + config.growth) ** (share / (last - first)) - 1))
         if config.max_gaussians is not None:
             count = min(count, config.max_gaussians - old.size)
         wide = old.log_scales.max(axis=1) > np.log(MIN_SPLIT_VOXELS * config.voxel_m)
-        rows = np.flatnonzero(wide & (strains > 0))
+        rows = np.flatnonzero(wide & (strains > 0) & ~self.fixed)
         rows = np.sort(rows[np.argsort(-strains[rows], kind="stable")[: max(0, count)]])
         old_rows = np.concatenate([np.arange(old.size), np.full(rows.size, -1)])
-        self.adam = self.adam.edit(split(old, rows), old_rows)
+        self._edit(split(old, rows), old_rows)
         self._strains = None
 
     def _rates(self, share: float) -> AdamRates:
@@ -299,16 +303,25 @@ class Optimizer:
     def _end_epoch(self) -> None:
         """Prune, clamp scales, and fix what the images leave free: exposure and gauge."""
         config, observations = self.config, self.observations
-        kept = np.flatnonzero(self.adam.map.logit_opacities > _logit(config.min_opacity))
-        gaussians = fold_mean_exposure(self.adam.map.select(kept), observations)
-        max_log_scale = np.float32(np.log(config.max_scale_m))
-        gaussians = replace(gaussians, log_scales=np.minimum(gaussians.log_scales, max_log_scale))
+        opaque = self.adam.map.logit_opacities > _logit(config.min_opacity)
+        kept = np.flatnonzero(opaque | self.fixed)
+        gaussians, fixed = self.adam.map.select(kept), self.fixed[kept]
+        if not fixed.any():
+            gaussians = fold_mean_exposure(gaussians, observations)
+        limits = np.where(fixed, np.inf, np.log(config.max_scale_m)).astype(np.float32)
+        log_scales = np.minimum(gaussians.log_scales, limits[:, None])
+        gaussians = replace(gaussians, log_scales=log_scales)
         if config.refine_lenses and self.epoch in LENS_EPOCHS:
             self._refine_lenses()
-        if config.refine_poses:
+        if config.refine_poses and not fixed.any():
             gaussians = restore_gauge(gaussians, observations)
-        self.adam = self.adam.edit(gaussians, kept)
+        self._edit(gaussians, kept)
         self.epoch += 1
+
+    def _edit(self, gaussian_map: GaussianMap, rows: Ints) -> None:
+        """Replace the map; `rows` [M] are those of its Gaussians in the old one, -1 for new ones."""
+        self.adam = self.adam.edit(gaussian_map, rows)
+        self.fixed = np.where(rows >= 0, self.fixed[rows], False)
 
     def _refine_lenses(self) -> None:
         alignments = [o.alignment for o in self.observations if o.alignment is not None]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from math import prod
 from typing import Any
 
@@ -82,6 +82,22 @@ class Gradients:
     abs_dL_dmeans2d: FloatArray | None = None
     max_weights: FloatArray | None = None
     pixel_counts: UInts32 | None = None
+
+    def select(self, wanted: Bools) -> Gradients:
+        """Return the gradients of some Gaussians only.
+
+        Args:
+            wanted: [N] of all Gaussians of the map.
+        """
+        kept = wanted[self.rows]
+        if kept.all():
+            return self
+        parts = {}
+        for field in fields(self):
+            array = getattr(self, field.name)
+            if field.name != "dL_dtwist" and array is not None:
+                parts[field.name] = array[kept]
+        return replace(self, **parts)
 
     def dense(self, size: int) -> Gradients:
         """Return the gradients with a row for every Gaussian, zero if not in view.

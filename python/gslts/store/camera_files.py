@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 from gslts.core.camera import Camera, at_pose
 from gslts.datasets.dataset import MAX_PIXELS, MAX_SIDE_PX, rigid
 from gslts.datasets.tum import read_trajectory
-from gslts.store.causes import UpdateCause, first_problem
+from gslts.store.causes import ExtensionCause, UpdateCause, first_problem
 from gslts.store.manifest import CAMERAS, split_version
 from gslts.store.map_folder import open_map
 from gslts.store.records import Version
@@ -70,7 +70,8 @@ def cameras_of_map(path: Path) -> dict[str, Camera]:
         path: Folder of a map, `FOLDER@NUMBER`, or a PLY file.
 
     Returns:
-        Cameras of mapping, and of updates where the viewpoint was new. Empty for a PLY file.
+        Cameras of mapping, and of updates and extensions where the viewpoint was new. Empty for a
+        PLY file.
 
     Raises:
         OSError: A file cannot be read.
@@ -83,23 +84,23 @@ def cameras_of_map(path: Path) -> dict[str, Camera]:
     with open_map(folder) as store:
         lineage = store.lineage(number)
     for version in lineage:
-        cameras |= cameras_of_update(version)
+        cameras |= cameras_of_version(version)
     return cameras
 
 
-def cameras_of_update(version: Version) -> dict[str, Camera]:
-    """Return the cameras with a new viewpoint of the update that led to a version.
+def cameras_of_version(version: Version) -> dict[str, Camera]:
+    """Return the cameras with a new viewpoint of the update or extension that led to a version.
 
     Args:
         version: Of any kind.
 
     Returns:
-        The cameras by name; empty if the version is no update.
+        The cameras by name; empty if the version is neither.
 
     Raises:
         ValueError: A pose is not rigid.
     """
-    if not isinstance(version.cause, UpdateCause):
+    if not isinstance(version.cause, UpdateCause | ExtensionCause):
         return {}
     names = {f"version {version.number}/{k}": f for k, f in enumerate(version.cause.frames)}
     return {

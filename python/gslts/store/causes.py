@@ -176,6 +176,48 @@ class UpdateCause(_Cause):
     landmarks: Sha256 | None = None
 
 
+class ExtensionRecord(Record):
+    """Record of an extension.
+
+    Attributes:
+        frames: Number of frames of the recording,
+        placed: of those whose pose in the map was found,
+        new: and of those that show new space.
+        added, refined: Number of new Gaussians, and of old ones that were refined with them.
+        iterations: Optimization steps.
+        test_psnr_db: PSNR of the test frames; None without any.
+        seconds: Run time of each stage, s.
+    """
+
+    frames: Count
+    placed: Count
+    new: Count
+    added: Count
+    refined: Count
+    iterations: Count
+    test_psnr_db: FiniteFloat | None
+    seconds: dict[str, FiniteFloat]
+
+
+class ExtensionCause(_Cause):
+    """A version that shows space which the one before did not know.
+
+    Attributes:
+        dataset: Name of the recording.
+        record: Counts, times and quality.
+        frames: Cameras of the training frames.
+        test_frames: Names of the test frames.
+        landmarks: SHA-256 of the file of landmarks that were added; None if there are none.
+    """
+
+    kind: Literal["extension"] = "extension"
+    dataset: str
+    record: ExtensionRecord
+    frames: tuple[UpdateFrame, ...]
+    test_frames: tuple[str, ...]
+    landmarks: Sha256 | None
+
+
 class RejectedUpdateCause(_Cause):
     """An update that was tried and left the map unchanged.
 
@@ -237,7 +279,7 @@ class SemanticsCause(_Cause):
 
 
 VersionCause = Annotated[
-    MappingCause | ImportCause | UpdateCause | RestoreCause | SemanticsCause,
+    MappingCause | ImportCause | UpdateCause | ExtensionCause | RestoreCause | SemanticsCause,
     Field(discriminator="kind"),
 ]
 _VERSION_CAUSE: TypeAdapter[VersionCause] = TypeAdapter(VersionCause)

@@ -7,6 +7,7 @@ from datetime import datetime
 
 from gslts.store.causes import (
     Box,
+    ExtensionCause,
     ImportCause,
     MappingCause,
     RestoreCause,
@@ -31,6 +32,8 @@ def describe_version(version: Version) -> str:
             what = f"mapped from {dataset or 'an unknown recording'}"
         case ImportCause(file=file):
             what = f"imported from {file}"
+        case ExtensionCause(dataset=dataset, record=record):
+            what = f"extended by {record.added} from {dataset}"
         case RestoreCause(version=number):
             what = f"version {number} restored"
         case SemanticsCause(source=source):

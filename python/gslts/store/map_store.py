@@ -15,6 +15,7 @@ from gslts.core.gaussian_map import GaussianMap
 from gslts.io.atomic_files import sync_folder
 from gslts.store.blobs import Blobs
 from gslts.store.causes import (
+    ExtensionCause,
     ImportCause,
     MappingCause,
     RejectedUpdateCause,
@@ -134,7 +135,7 @@ class MapStore(History):
     def commit(
         self,
         gaussian_map: GaussianMap,
-        cause: UpdateCause,
+        cause: UpdateCause | ExtensionCause,
         events: Sequence[ObjectEvent] = (),
     ) -> Version:
         """Add a version, durably: it is on disk when this returns.

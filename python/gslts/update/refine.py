@@ -6,14 +6,14 @@ Source: GS-LTS, sec. III-D, post-training.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gslts.core.gaussian_map import GaussianMap
 from gslts.rendering.adam import Adam, AdamRates
 from gslts.rendering.losses import depth_loss, photometric_loss
-from gslts.rendering.rasterizer import Gradients, Rasterizer, RenderOptions
+from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.types import Bools
 from gslts.update.config import RefineConfig
 from gslts.update.targets import Target
@@ -122,7 +122,7 @@ class _Fit:
         gradients = self._rasterizer.backward(
             dL_drgb=color.dL_drgb, dL_ddepth=depth.dL_ddepth * np.float32(config.depth_weight)
         )
-        gradients = _select_gradients(gradients, self._active)
+        gradients = gradients.select(self._active)
         self._adam.step(gradients, _learning_rates(config, progress), threads=threads)
         return color.value
 
@@ -145,19 +145,6 @@ def _visible(gaussian_map: GaussianMap, targets: Iterable[Target], threads: int)
         images = rasterizer.forward(gaussian_map, target.camera, options, mask=target.mask)
         visible[rasterizer.backward(dL_dalpha=np.zeros_like(images.alpha)).rows] = True
     return visible
-
-
-def _select_gradients(gradients: Gradients, active: Bools) -> Gradients:
-    """Return the gradients of active Gaussians only."""
-    kept = active[gradients.rows]
-    if kept.all():
-        return gradients
-    parts = {}
-    for field in fields(Gradients):
-        array = getattr(gradients, field.name)
-        if field.name != "dL_dtwist" and array is not None:
-            parts[field.name] = array[kept]
-    return replace(gradients, **parts)
 
 
 def _learning_rates(config: RefineConfig, progress: float) -> AdamRates:

@@ -1,0 +1,182 @@
+"""Fit of new Gaussians to frames of new space, together with the old ones at the seam."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gslts._core import edit as _core
+from gslts.change.visibility import Visibility
+from gslts.core.camera import Camera, downscale, shift_origin
+from gslts.core.frame import RgbdFrame, halve_mask
+from gslts.core.gaussian_map import GaussianMap
+from gslts.extension.constants import (
+    MAX_REPLAYS,
+    MIN_KNOWN_ALPHA,
+    MIN_SEEN,
+    REPLAY_SEARCH_DIVISOR,
+    SEAM_M,
+)
+from gslts.extension.new_space import FrameSpace
+from gslts.mapping.config import MappingConfig
+from gslts.mapping.density.control import join, max_weights
+from gslts.mapping.observation import LEVELS, Observation
+from gslts.mapping.seeding.depth_seeds import MIN_HITS, seed_from_depth
+from gslts.rendering.rasterizer import Rasterizer, RenderOptions
+from gslts.types import Bools
+from gslts.update.selection import float_view
+from gslts.update.targets import farthest_points
+
+
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """The part of a map that an extension fits: Gaussians in view of the new frames, and new ones.
+
+    Attributes:
+        gaussian_map: float32, without features: old Gaussians, then new ones.
+        fixed: [N] old ones that stay as they are; the other old ones are those of the seam.
+    """
+
+    gaussian_map: GaussianMap
+    fixed: Bools
+
+
+def make_patch(
+    gaussian_map: GaussianMap,
+    frames: Sequence[Observation],
+    spaces: Sequence[FrameSpace],
+    visibility: Visibility,
+    config: MappingConfig,
+    first_id: int,
+) -> Patch:
+    """Seed Gaussians in new space, and choose the old ones that are refined with them.
+
+    These are near the seeds, or too few training cameras saw them.
+
+    Args:
+        gaussian_map: float32.
+        frames: Training frames of the extension, at their poses in the map.
+        spaces: What each frame shows.
+        visibility: Of the training cameras of the map.
+        config: Settings of the mapping.
+        first_id: Id of the first new Gaussian.
+
+    Raises:
+        ValueError: No new surface was measured.
+    """
+    seeds = _seed(gaussian_map, frames, spaces, config)
+    plain = replace(gaussian_map, features=np.zeros((gaussian_map.size, 0), np.float32))
+    old = plain.select(max_weights(plain, frames, config.threads) > 0)
+    _, distances_m = _core.nearest_gaussians(float_view(seeds), np.ascontiguousarray(old.means), 1)
+    seam = distances_m[:, 0] <= SEAM_M
+    if visibility.has_cameras:
+        seam |= visibility.counts(old.means + old.origin).on < MIN_SEEN
+    fixed = np.concatenate([~seam, np.zeros(seeds.size, np.bool_)])
+    return Patch(join(old, seeds, first_id), fixed)
+
+
+def _seed(
+    gaussian_map: GaussianMap,
+    frames: Sequence[Observation],
+    spaces: Sequence[FrameSpace],
+    config: MappingConfig,
+) -> GaussianMap:
+    """Return seeds on the new surfaces, in the frame of the map's origin."""
+    new = (
+        _only(frame.rgbd(), space.new, gaussian_map)
+        for frame, space in zip(frames, spaces, strict=True)
+    )
+    return seed_from_depth(
+        new,
+        config.voxel_m,
+        config.seed_contrast,
+        sh_degree=gaussian_map.sh_degree,
+        min_hits=min(MIN_HITS, len(frames)),
+    )
+
+
+def _only(frame: RgbdFrame, wanted: Bools, gaussian_map: GaussianMap) -> RgbdFrame:
+    """Return some pixels of a frame, in the frame of the map's origin."""
+    camera = shift_origin(frame.camera, gaussian_map.origin)
+    mask = wanted if frame.mask is None else wanted & frame.mask
+    return replace(frame, camera=camera, mask=mask)
+
+
+def without_changes(frame: Observation, space: FrameSpace) -> Observation:
+    """Return a frame whose mask leaves out what changed since the map was made.
+
+    Args:
+        frame: Of the extension.
+        space: What it shows.
+    """
+    mask = frame.mask()
+    masks = [~space.changed if mask is None else mask & ~space.changed]
+    for _ in range(LEVELS - 1):
+        masks.append(halve_mask(masks[-1]))
+    return replace(frame, masks=tuple(masks))
+
+
+def replay_frames(
+    gaussian_map: GaussianMap, cameras: Iterable[Camera], patch: Patch, threads: int = 0
+) -> list[Observation]:
+    """Render the map at training cameras that see the seam, so that their side stays as it was.
+
+    Args:
+        gaussian_map: float32, before the extension.
+        cameras: Training cameras of the map.
+        patch: Its free old Gaussians are the seam.
+        threads: Number of threads; 0 means all.
+
+    Returns:
+        At most `MAX_REPLAYS` frames, from positions as different as possible.
+    """
+    rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
+    seam = np.isin(gaussian_map.ids, patch.gaussian_map.ids[~patch.fixed])
+    seeing = []
+    for camera in cameras:
+        images = rasterizer.forward(
+            gaussian_map, downscale(camera, REPLAY_SEARCH_DIVISOR), options
+        )
+        if seam[rasterizer.backward(dL_dalpha=np.zeros_like(images.alpha)).rows].any():
+            seeing.append(camera)
+    positions = np.array([camera.world_from_camera[:3, 3] for camera in seeing]).reshape(-1, 3)
+    frames = []
+    for row in farthest_points(positions, MAX_REPLAYS):
+        images = rasterizer.forward(gaussian_map, seeing[row], options)
+        known = images.alpha >= MIN_KNOWN_ALPHA
+        rgb = (images.rgb.clip(0, 1) * 255 + 0.5).astype(np.uint8)
+        depth = np.where(known, images.depth, 0).astype(np.float32)
+        frames.append(Observation.of(RgbdFrame(rgb, depth, seeing[row], mask=known)))
+    return frames
+
+
+def merge_patch(
+    gaussian_map: GaussianMap, patch: Patch, fitted: GaussianMap, first_id: int
+) -> GaussianMap:
+    """Return the map with the fitted Gaussians of a patch.
+
+    Args:
+        gaussian_map: Before the extension.
+        patch: Before the fit.
+        fitted: Its Gaussians after the fit: old ones in their order, then new ones with ids of
+            `first_id` or higher. Some of the seam may be gone.
+        first_id: Id of the first new Gaussian.
+
+    Returns:
+        The map. Gaussians outside the patch, and its fixed ones, are bit-identical; new ones have
+        no features, and ids from `first_id` on.
+    """
+    is_new = fitted.ids >= first_id
+    old, new = fitted.select(~is_new), fitted.select(is_new)
+    gone = np.setdiff1d(patch.gaussian_map.ids[patch.gaussian_map.ids < first_id], old.ids)
+    rows, kept = np.searchsorted(gaussian_map.ids, old.ids), ~np.isin(gaussian_map.ids, gone)
+    arrays = {}
+    for name in ("means", "quats", "log_scales", "logit_opacities", "sh"):
+        array = getattr(gaussian_map, name).copy()
+        array[rows] = getattr(old, name)
+        arrays[name] = array
+    features = np.zeros((new.size, gaussian_map.feature_dims), np.float32)
+    merged = replace(gaussian_map, **arrays).select(kept)
+    return join(merged, replace(new, features=features), first_id)

@@ -1,0 +1,181 @@
+"""Placement of a recording in the frame of a map.
+
+Frames that show known space are localized in the map: they are anchors. The motion between frames
+is that of the recording's own poses, corrected so that it meets the anchors on both sides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gslts.core.frame import RgbdFrame
+from gslts.core.se3 import pose_distance, product, relative, se3_retract, twist_of
+from gslts.extension.constants import (
+    MAX_DRIFT_M,
+    MAX_DRIFT_RAD,
+    MAX_DRIFT_SHARE,
+    MAX_SCOUTS,
+    MIN_ANCHORS,
+)
+from gslts.localization.relocalizer import Relocalizer
+from gslts.mapping.observation import Observation
+from gslts.types import Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """A recording in the frame of a map.
+
+    Attributes:
+        frames: Frames at their poses in the map, by name, in the order of the recording.
+        anchors: Names of those that were localized in the map.
+        unplaced: Frames without a pose in the map, and why.
+    """
+
+    frames: Mapping[str, Observation]
+    anchors: tuple[str, ...]
+    unplaced: tuple[str, ...]
+
+
+def place_frames(
+    frames: Mapping[str, Observation],
+    relocalizer: Relocalizer,
+    on_frame: Callable[[], None] = lambda: None,
+) -> Placement:
+    """Find the poses of the frames of a recording in a map.
+
+    The recording may be in any world frame, and its poses may drift.
+
+    Args:
+        frames: By name, in the order of the recording, at its poses.
+        relocalizer: Of the map.
+        on_frame: Called after each frame that was compared with the map.
+
+    Raises:
+        ValueError: Too few frames show what the map knows.
+    """
+    track = _Track(list(frames.values()), relocalizer, on_frame)
+    track.find_scouts()
+    track.drop_outliers()
+    if len(track.anchors) < MIN_ANCHORS:
+        raise ValueError(
+            f"{len(track.anchors)} of {len(frames)} frames show what the map knows, {MIN_ANCHORS} "
+            "are needed: is it of another place? Record frames that also show a part of the map"
+        )
+    track.track_others()
+    track.drop_outliers()
+    names, placed, unplaced = list(frames), {}, []
+    for k, name in enumerate(names):
+        gap = track.broken_gap(k)
+        if gap is None:
+            placed[name] = _move(track.frames[k], track.pose(k))
+        else:
+            before, after = (names[end] for end in gap)
+            unplaced.append(f"{name}: between {before} and {after}, its poses contradict the map")
+    return Placement(placed, tuple(names[k] for k in sorted(track.anchors)), tuple(unplaced))
+
+
+class _Track:
+    """Poses of F frames in the map: `anchors` by index, and those between them."""
+
+    def __init__(
+        self, frames: list[Observation], relocalizer: Relocalizer, on_frame: Callable[[], None]
+    ) -> None:
+        self.frames, self.anchors = frames, dict[int, Floats]()
+        self._relocalizer, self._on_frame = relocalizer, on_frame
+        self._given = [frame.world_from_camera for frame in frames]
+        centres = np.array([pose[:3, 3] for pose in self._given])
+        steps_m = np.linalg.norm(np.diff(centres, axis=0), axis=1)
+        self._path_m = np.concatenate([[0], np.cumsum(steps_m)])
+
+    def find_scouts(self) -> None:
+        """Localize some frames: at the given poses, or, if these are of another world, anywhere."""
+        count = len(self.frames)
+        scouts = np.unique(np.linspace(0, count - 1, min(count, MAX_SCOUTS)).astype(int)).tolist()
+        for k in scouts:
+            self._track(k, self._given[k])
+        if len(self.anchors) >= MIN_ANCHORS:
+            return
+        self.anchors.clear()
+        for k in scouts:
+            found = self._relocalizer.localize(self._frame(k))
+            if found.status == "ok" and found.world_from_camera is not None:
+                self.anchors[k] = found.world_from_camera
+            self._on_frame()
+
+    def track_others(self) -> None:
+        """Localize all other frames, from where their neighbours are."""
+        for k in range(len(self.frames)):
+            if k not in self.anchors:
+                self._track(k, self.pose(k))
+
+    def drop_outliers(self) -> None:
+        """Remove the anchors that contradict those on both sides."""
+        while True:
+            ends = sorted(self.anchors)
+            faults = [not self._agree(a, b) for a, b in zip(ends, ends[1:], strict=False)]
+            alone = [
+                k
+                for k, before, after in zip(ends, [True, *faults], [*faults, True], strict=True)
+                if before and after
+            ]
+            if not alone:
+                return
+            del self.anchors[alone[0]]
+
+    def pose(self, k: int) -> Floats:
+        """Return the pose [4,4] of a frame, from the anchors around it."""
+        if k in self.anchors:
+            return self.anchors[k]
+        before, after = self._around(k)
+        poses = [self._from_anchor(end, k) for end in (before, after) if end is not None]
+        if len(poses) == 1:
+            return poses[0]
+        assert before is not None
+        assert after is not None
+        length_m = self._path_m[after] - self._path_m[before]
+        share = (self._path_m[k] - self._path_m[before]) / max(length_m, 1e-9)
+        return se3_retract(poses[0], share * twist_of(relative(poses[0], poses[1])))
+
+    def broken_gap(self, k: int) -> tuple[int, int] | None:
+        """Return the anchors around a frame if the given poses between them contradict them."""
+        before, after = self._around(k)
+        if k in self.anchors or before is None or after is None or self._agree(before, after):
+            return None
+        return before, after
+
+    def _track(self, k: int, start: Floats) -> None:
+        found = self._relocalizer.track(self._frame(k), start)
+        if found.status == "ok" and found.world_from_camera is not None:
+            self.anchors[k] = found.world_from_camera
+        self._on_frame()
+
+    def _frame(self, k: int) -> RgbdFrame:
+        return self.frames[k].rgbd()
+
+    def _around(self, k: int) -> tuple[int | None, int | None]:
+        before = max((end for end in self.anchors if end < k), default=None)
+        return before, min((end for end in self.anchors if end > k), default=None)
+
+    def _from_anchor(self, anchor: int, k: int) -> Floats:
+        motion = relative(self._given[anchor], self._given[k])
+        return product(self.anchors[anchor], motion)
+
+    def _agree(self, a: int, b: int) -> bool:
+        """Test if the motion between two anchors is that of the given poses, up to drift."""
+        metres, turn_rad = pose_distance(self._from_anchor(a, b), self.anchors[b])
+        path_m = self._path_m[b] - self._path_m[a]
+        return metres <= MAX_DRIFT_M + MAX_DRIFT_SHARE * path_m and turn_rad <= MAX_DRIFT_RAD
+
+
+def _move(frame: Observation, world_from_camera: Floats) -> Observation:
+    """Return a frame whose given pose is that in the map."""
+    motion = product(world_from_camera, relative(frame.world_from_camera, np.eye(4)))
+    return replace(
+        frame,
+        given_world_from_depth=product(motion, frame.given_world_from_depth),
+        world_from_camera=world_from_camera,
+    )
