@@ -12,7 +12,7 @@ from pydantic import Field
 from gslts_sim.gltf.file import MAX_FILE_BYTES
 from gslts_sim.gltf.load import load_home
 from gslts_sim.home import Home
-from gslts_sim.procedural.homes import ROOM_TYPES, make_home
+from gslts_sim.procedural.homes import HOME_TYPES, make_home
 from gslts_sim.strict_model import StrictModel
 
 FILE_TYPES = (".glb", ".gltf")
@@ -36,7 +36,7 @@ class HomeSource(StrictModel):
         """Return the reference to a home, and the home with coarse textures.
 
         Args:
-            room_type: One of `ROOM_TYPES`.
+            room_type: One of `HOME_TYPES`.
             seed: Seed of the home.
 
         Raises:
@@ -106,7 +106,7 @@ def open_home(name: str, seed: int) -> Home:
     """Generate a home, or read it from a file.
 
     Args:
-        name: One of `ROOM_TYPES`, or the path of a .glb or .gltf file.
+        name: One of `HOME_TYPES`, or the path of a .glb or .gltf file.
         seed: Seed of a generated home.
 
     Raises:
@@ -125,8 +125,8 @@ def require_room_type(name: str) -> None:
     Args:
         name: To be checked.
     """
-    if name not in ROOM_TYPES:
-        expected = ", ".join(ROOM_TYPES)
+    if name not in HOME_TYPES:
+        expected = ", ".join(HOME_TYPES)
         raise ValueError(f"expected one of {expected} or a .glb or .gltf file, got {name!r}")
 
 

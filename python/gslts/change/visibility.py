@@ -69,16 +69,20 @@ class Visibility:
         """True if there is any training camera."""
         return len(self._cameras) > 0
 
-    def counts(self, points: Floats) -> VisibilityCounts:
+    def counts(self, points: Floats, max_depths_m: Floats | None = None) -> VisibilityCounts:
         """Count the training cameras that saw each point.
 
         Args:
             points: [P,3] world, m.
+            max_depths_m: [P] depth of the point in a camera, m, beyond which that does not count;
+                None means no limit.
         """
-        counts = [
-            (through.sum(axis=0), on.sum(axis=0))
-            for through, on, _ in map(self._tests, self._parts(points))
-        ]
+        limits_m = np.full(len(points), np.inf) if max_depths_m is None else max_depths_m
+        counts: list[tuple[Ints, Ints]] = []
+        for part, limit_m in zip(self._parts(points), self._parts(limits_m), strict=True):
+            through, on, z = self._tests(part)
+            near = z <= limit_m
+            counts.append(((through & near).sum(axis=0), (on & near).sum(axis=0)))
         through, on = (np.concatenate(parts) for parts in zip(*counts, strict=True))
         return VisibilityCounts(through, on)
 

@@ -11,11 +11,11 @@ import typer
 
 from gslts.cli import history, mapping, navigation, output
 from gslts.cli.detect import detect
+from gslts.cli.extend import extend
 from gslts.cli.localize import localize
 from gslts.cli.query import query
 from gslts.cli.run import run
 from gslts.cli.semantics import semantics
-from gslts.cli.extend import extend
 from gslts.cli.update import update
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.

@@ -11,21 +11,33 @@ MAX_DRIFT_RAD = 0.1
 """Maximum difference between the motion of two localized frames and that of the odometry: m, plus a
 share of the path between them, and rad. Wheel odometry drifts by 1 to 2 % of the path."""
 
-GRID_PX = 8
-"""Distance, px, of the pixels of a frame that are compared with the map."""
-MIN_SEEN = 2
-"""Minimum number of training cameras that must have seen a point, or through it: a single one does
-not tell depth and colour of an object from those of its background."""
+GRID_COLUMNS = 40
+"""Number of cells in a row of the grid on which a frame is compared with the map."""
+MIN_NEW_CELLS = 3
+"""Minimum width and height of new space in cells: edges of objects are often misplaced by one."""
+MIN_SEEN = 4
+"""Minimum number of training cameras that must have seen a point, or through it, so that another
+surface there is a change: what fewer saw, the map may have at a wrong depth."""
+MAX_FARTHER, MIN_NEAR = 1.5, 2
+"""A surface is known as well as a frame shows it if so many training cameras saw it from at most so
+many times as far: what the map saw through a door only, it shows blurred."""
+MIN_COLOR_CHANGE = 0.15
+"""Minimum colour change of a change, summed over the channels: `tau_gs` of change detection."""
+MIN_EXPOSURE_SHARE = 0.1
+"""Minimum share of a frame that must agree with the map for its exposure to be fitted."""
 MIN_KNOWN_ALPHA = 0.7
 """Minimum opacity of the map where it is known, as in change detection."""
 MIN_NEW_SHARE = 0.02
 """Minimum share of new pixels of a frame that the map is fitted to."""
 
-SEAM_M = 0.15
-"""Distance from new Gaussians within which old ones are refined with them, m."""
+MIN_FREE_SHARE = 0.5
+"""Minimum share of the blending weight of an old Gaussian in new space with which it is refined."""
 MAX_REPLAYS = 16
 """Maximum number of renderings of the old map that hold its side of the seam."""
 REPLAY_SEARCH_DIVISOR = 8
 """Divisor of the sides of the images that tell which cameras see the seam."""
 MIN_CHANGED_SHARE = 0.02
 """Minimum share of the pixels of a frame by which it shows a change of what the map knows."""
+MAX_LOOSE_SHARE = 0.7
+"""Maximum share of a frame that does not agree with the map, with which the map determines its
+exposure: the rest shows enough colours."""

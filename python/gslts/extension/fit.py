@@ -7,26 +7,25 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gslts._core import edit as _core
 from gslts.change.visibility import Visibility
 from gslts.core.camera import Camera, downscale, shift_origin
 from gslts.core.frame import RgbdFrame, halve_mask
 from gslts.core.gaussian_map import GaussianMap
 from gslts.extension.constants import (
+    MAX_LOOSE_SHARE,
     MAX_REPLAYS,
+    MIN_FREE_SHARE,
     MIN_KNOWN_ALPHA,
     MIN_SEEN,
     REPLAY_SEARCH_DIVISOR,
-    SEAM_M,
 )
 from gslts.extension.new_space import FrameSpace
 from gslts.mapping.config import MappingConfig
-from gslts.mapping.density.control import join, max_weights
+from gslts.mapping.density.control import join
 from gslts.mapping.observation import LEVELS, Observation
-from gslts.mapping.seeding.depth_seeds import MIN_HITS, seed_from_depth
+from gslts.mapping.seeding.depth_seeds import seed_from_depth
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
-from gslts.types import Bools
-from gslts.update.selection import float_view
+from gslts.types import Bools, Floats
 from gslts.update.targets import farthest_points
 
 
@@ -53,7 +52,8 @@ def make_patch(
 ) -> Patch:
     """Seed Gaussians in new space, and choose the old ones that are refined with them.
 
-    These are near the seeds, or too few training cameras saw them.
+    These are the ones that the frames show mostly where they know more than the map: what it saw
+    from afar, and, where they see something else, what hardly any training camera saw.
 
     Args:
         gaussian_map: float32.
@@ -64,17 +64,37 @@ def make_patch(
         first_id: Id of the first new Gaussian.
 
     Raises:
-        ValueError: No new surface was measured.
+        NoSurfaceError: No new surface was measured by two frames.
     """
     seeds = _seed(gaussian_map, frames, spaces, config)
     plain = replace(gaussian_map, features=np.zeros((gaussian_map.size, 0), np.float32))
-    old = plain.select(max_weights(plain, frames, config.threads) > 0)
-    _, distances_m = _core.nearest_gaussians(float_view(seeds), np.ascontiguousarray(old.means), 1)
-    seam = distances_m[:, 0] <= SEAM_M
-    if visibility.has_cameras:
-        seam |= visibility.counts(old.means + old.origin).on < MIN_SEEN
-    fixed = np.concatenate([~seam, np.zeros(seeds.size, np.bool_)])
-    return Patch(join(old, seeds, first_id), fixed)
+    total, in_coarse, in_new = _weights(plain, frames, spaces, config.threads)
+    seen = np.flatnonzero(total > 0)
+    free = in_coarse[seen] > MIN_FREE_SHARE * total[seen]
+    # A wall seen from its unknown back is in new pixels too, but many cameras saw its front.
+    doubtful = np.flatnonzero(~free & ((in_coarse + in_new)[seen] > MIN_FREE_SHARE * total[seen]))
+    if visibility.has_cameras and len(doubtful) > 0:
+        points = plain.means[seen[doubtful]] + plain.origin
+        free[doubtful] = visibility.counts(points).on < MIN_SEEN
+    fixed = np.concatenate([~free, np.zeros(seeds.size, np.bool_)])
+    return Patch(join(plain.select(seen), seeds, first_id), fixed)
+
+
+def _weights(
+    gaussian_map: GaussianMap,
+    frames: Sequence[Observation],
+    spaces: Sequence[FrameSpace],
+    threads: int,
+) -> tuple[Floats, Floats, Floats]:
+    """Return [N] sums of the blending weights: in all, in coarse and in new pixels."""
+    rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
+    total, parts = np.zeros(gaussian_map.size), np.zeros((gaussian_map.size, 2))
+    for frame, space in zip(frames, spaces, strict=True):
+        rasterizer.forward(gaussian_map, frame.camera(), options)
+        seen = rasterizer.lift(np.stack([space.coarse, space.new], axis=2).astype(np.float32))
+        total[seen.rows] += seen.weights
+        parts[seen.rows] += seen.weighted_features
+    return total, parts[:, 0], parts[:, 1]
 
 
 def _seed(
@@ -93,7 +113,6 @@ def _seed(
         config.voxel_m,
         config.seed_contrast,
         sh_degree=gaussian_map.sh_degree,
-        min_hits=min(MIN_HITS, len(frames)),
     )
 
 
@@ -107,6 +126,8 @@ def _only(frame: RgbdFrame, wanted: Bools, gaussian_map: GaussianMap) -> RgbdFra
 def without_changes(frame: Observation, space: FrameSpace) -> Observation:
     """Return a frame whose mask leaves out what changed since the map was made.
 
+    It also says whether it shows enough of the map to determine its exposure.
+
     Args:
         frame: Of the extension.
         space: What it shows.
@@ -115,7 +136,8 @@ def without_changes(frame: Observation, space: FrameSpace) -> Observation:
     masks = [~space.changed if mask is None else mask & ~space.changed]
     for _ in range(LEVELS - 1):
         masks.append(halve_mask(masks[-1]))
-    return replace(frame, masks=tuple(masks))
+    shows_known = float((space.new | space.changed).mean()) < MAX_LOOSE_SHARE
+    return replace(frame, masks=tuple(masks), shows_known=shows_known)
 
 
 def replay_frames(
@@ -136,9 +158,7 @@ def replay_frames(
     seam = np.isin(gaussian_map.ids, patch.gaussian_map.ids[~patch.fixed])
     seeing = []
     for camera in cameras:
-        images = rasterizer.forward(
-            gaussian_map, downscale(camera, REPLAY_SEARCH_DIVISOR), options
-        )
+        images = rasterizer.forward(gaussian_map, downscale(camera, REPLAY_SEARCH_DIVISOR), options)
         if seam[rasterizer.backward(dL_dalpha=np.zeros_like(images.alpha)).rows].any():
             seeing.append(camera)
     positions = np.array([camera.world_from_camera[:3, 3] for camera in seeing]).reshape(-1, 3)
@@ -148,7 +168,8 @@ def replay_frames(
         known = images.alpha >= MIN_KNOWN_ALPHA
         rgb = (images.rgb.clip(0, 1) * 255 + 0.5).astype(np.uint8)
         depth = np.where(known, images.depth, 0).astype(np.float32)
-        frames.append(Observation.of(RgbdFrame(rgb, depth, seeing[row], mask=known)))
+        frame = Observation.of(RgbdFrame(rgb, depth, seeing[row], mask=known))
+        frames.append(replace(frame, shows_known=None))
     return frames
 
 

@@ -1,19 +1,30 @@
-"""What a frame shows of space that a map does not know."""
+"""What a frame shows that a map does not know, or knows badly."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
-from gslts.change.visibility import Visibility
+from gslts.change.visibility import Visibility, VisibilityCounts
 from gslts.core.camera import unproject
 from gslts.core.frame import RgbdFrame
-from gslts.core.gaussian_map import GaussianMap
-from gslts.extension.constants import GRID_PX, MIN_KNOWN_ALPHA, MIN_SEEN
-from gslts.rendering.rasterizer import Rasterizer, RenderOptions
+from gslts.core.gaussian_map import FloatArray, GaussianMap
+from gslts.extension.constants import (
+    GRID_COLUMNS,
+    MAX_FARTHER,
+    MIN_COLOR_CHANGE,
+    MIN_EXPOSURE_SHARE,
+    MIN_KNOWN_ALPHA,
+    MIN_NEAR,
+    MIN_NEW_CELLS,
+    MIN_SEEN,
+)
+from gslts.rendering.losses import Exposure, apply_exposure, fit_exposure
+from gslts.rendering.rasterizer import Images, Rasterizer, RenderOptions
 from gslts.store.unmeasured import surface_margin_m
-from gslts.types import Bools
+from gslts.types import Bools, Floats32, Indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,17 +32,19 @@ class FrameSpace:
     """Pixels [H,W] of a frame by what the map knows there; all others agree with the map.
 
     Attributes:
-        new: The surface is where too few training cameras of the map saw anything.
-        changed: The map knows the place and shows something else.
+        new: Too few training cameras of the map saw the place, or they left wrong depth there.
+        coarse: The map has the surface, but too few of them saw it from as near.
+        changed: Many saw the place, and it looked different.
     """
 
     new: Bools
+    coarse: Bools
     changed: Bools
 
     @property
-    def new_share(self) -> float:
-        """Share of the pixels that show new space."""
-        return float(self.new.mean())
+    def better(self) -> Bools:
+        """Pixels [H,W] that tell the map something."""
+        return self.new | self.coarse
 
 
 class KnownSpace:
@@ -44,47 +57,98 @@ class KnownSpace:
     """
 
     def __init__(self, gaussian_map: GaussianMap, visibility: Visibility, threads: int = 0) -> None:
-        self._map, self._visibility = gaussian_map, visibility
+        self._map, self._visibility, self._threads = gaussian_map, visibility, threads
         self._rasterizer, self._options = Rasterizer(np.float32), RenderOptions(threads=threads)
 
     def compare(self, frame: RgbdFrame) -> FrameSpace:
-        """Compare a frame with the map.
+        """Compare a frame with the map, on a grid of `GRID_COLUMNS`.
 
-        Pixels are compared on a grid of `GRID_PX`. Without measured depth, a pixel is new where the
-        map shows nothing.
+        A surface that only one of them shows is a change if many training cameras saw its place,
+        and new otherwise. Without measured depth, a pixel is new where the map shows nothing.
 
         Args:
             frame: At its pose in the map; registered depth.
         """
         images = self._rasterizer.forward(self._map, frame.camera, self._options)
         height, width = frame.depth.shape
-        grid = np.ix_(_grid_lines(height), _grid_lines(width))
-        measured, alpha, depth = frame.depth[grid], images.alpha[grid], images.depth[grid]
-        margin_m = surface_margin_m(measured)
-        known = alpha >= MIN_KNOWN_ALPHA
+        cell_px = max(1, width // GRID_COLUMNS)
+        grid = np.ix_(_grid_lines(height, cell_px), _grid_lines(width, cell_px))
+        measured, depth = frame.depth[grid], images.depth[grid].astype(np.float32)
+        known = images.alpha[grid] >= MIN_KNOWN_ALPHA
+        margin_m = surface_margin_m(measured.astype(np.float64))
         differs = (measured > 0) & (~known | (np.abs(depth - measured) > margin_m))
-        new = (measured == 0) & ~known
-        new[differs] = self._is_unseen(frame, grid, differs)
-        return FrameSpace(*(_enlarge(part, (height, width)) for part in (new, differs & ~new)))
+        recolored = self._color_changes(frame, images, (measured > 0) & ~differs, cell_px)[grid]
+        nearer = np.where(known, np.minimum(depth, measured), measured)
+        doubtful = differs & (recolored > MIN_COLOR_CHANGE)
+        changed = doubtful.copy()
+        changed[doubtful] = self._is_well_seen(frame, grid, doubtful, nearer[doubtful])
+        new = _without_edges((differs & ~changed) | ((measured == 0) & ~known))
+        coarse = known & ~differs & ~changed
+        coarse[coarse] = self._is_coarse(frame, grid, coarse, depth[coarse])
+        return FrameSpace(
+            *(_enlarge(cells, frame.depth.shape, cell_px) for cells in (new, coarse, changed))
+        )
 
-    def _is_unseen(self, frame: RgbdFrame, grid: tuple[np.ndarray, ...], where: Bools) -> Bools:
-        """Return for each chosen point of the grid if too few training cameras saw it."""
+    def _color_changes(
+        self, frame: RgbdFrame, images: Images, agrees: Bools, cell_px: int
+    ) -> FloatArray:
+        """Return the colour change [H,W], summed over the channels, from 0 to 3.
+
+        Args:
+            frame: At its pose in the map.
+            images: Rendering of the map there.
+            agrees: Cells of the grid whose depths agree: the exposure is fitted to them.
+            cell_px: Edge of a cell, px.
+        """
+        observed: Floats32 = frame.rgb.astype(np.float32) / np.float32(255)
+        exposure = Exposure()
+        if agrees.mean() > MIN_EXPOSURE_SHARE:
+            mask = _enlarge(agrees, frame.depth.shape, cell_px)
+            exposure = fit_exposure(images.rgb, observed, mask=mask, threads=self._threads)
+        difference = np.abs(apply_exposure(images.rgb, exposure) - observed).sum(axis=2)
+        return np.asarray(cv2.blur(difference.astype(np.float32), (cell_px, cell_px)))
+
+    def _is_well_seen(
+        self, frame: RgbdFrame, grid: tuple[Indices, ...], where: Bools, depths_m: Floats32
+    ) -> Bools:
+        """Return [P] whether enough training cameras saw points, or through them, from as near."""
+        counts = self._counts(frame, grid, where, depths_m)
+        return np.asarray(counts.through + counts.on >= MIN_SEEN)
+
+    def _is_coarse(
+        self, frame: RgbdFrame, grid: tuple[Indices, ...], where: Bools, depths_m: Floats32
+    ) -> Bools:
+        """Return [P] whether too few training cameras saw a surface at points from as near."""
+        return np.asarray(self._counts(frame, grid, where, depths_m).on < MIN_NEAR)
+
+    def _counts(
+        self, frame: RgbdFrame, grid: tuple[Indices, ...], where: Bools, depths_m: Floats32
+    ) -> VisibilityCounts:
+        """Count the training cameras that saw points of the grid from at most `MAX_FARTHER`."""
+        if not self._visibility.has_cameras or len(depths_m) == 0:
+            none = np.zeros(len(depths_m), np.int64)
+            return VisibilityCounts(none, none)
         rows, columns = np.broadcast_arrays(*grid)
         pixels = np.stack([columns[where] + 0.5, rows[where] + 0.5], axis=1)
-        depths_m = frame.depth[grid][where].astype(np.float64)
-        if not self._visibility.has_cameras or len(depths_m) == 0:
-            return np.ones(len(depths_m), np.bool_)
-        counts = self._visibility.counts(unproject(frame.camera, pixels, depths_m))
-        return counts.through + counts.on < MIN_SEEN
+        depths = depths_m.astype(np.float64)
+        points = unproject(frame.camera, pixels, depths)
+        return self._visibility.counts(points, MAX_FARTHER * depths)
 
 
-def _grid_lines(length: int) -> np.ndarray:
-    """Return the middle pixels of cells of `GRID_PX`; the last cell may be cut off."""
-    starts = np.arange(0, length, GRID_PX)
-    return (starts + np.minimum(starts + GRID_PX, length)) // 2
+def _grid_lines(length: int, cell_px: int) -> Indices:
+    """Return the middle pixels of cells; the last cell may be cut off."""
+    starts = np.arange(0, length, cell_px)
+    return (starts + np.minimum(starts + cell_px, length)) // 2
 
 
-def _enlarge(cells: Bools, shape: tuple[int, int]) -> Bools:
+def _enlarge(cells: Bools, shape: tuple[int, ...], cell_px: int) -> Bools:
     """Return the cell of each pixel."""
-    whole = cells.repeat(GRID_PX, axis=0).repeat(GRID_PX, axis=1)
+    whole = cells.repeat(cell_px, axis=0).repeat(cell_px, axis=1)
     return np.ascontiguousarray(whole[: shape[0], : shape[1]])
+
+
+def _without_edges(cells: Bools) -> Bools:
+    """Return the cells that are part of a square of `MIN_NEW_CELLS`."""
+    square = np.ones((MIN_NEW_CELLS, MIN_NEW_CELLS), np.uint8)
+    opened = cv2.morphologyEx(cells.astype(np.uint8), cv2.MORPH_OPEN, square)
+    return np.asarray(opened, np.bool_)

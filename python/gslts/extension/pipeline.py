@@ -33,6 +33,7 @@ from gslts.mapping.frames import (
 )
 from gslts.mapping.observation import Observation
 from gslts.mapping.optimize import Optimizer, Schedule
+from gslts.mapping.seeding.depth_seeds import NoSurfaceError
 from gslts.semantics.map_semantics import MapSemantics
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.causes import ExtensionCause, ExtensionRecord, UpdateFrame
@@ -105,19 +106,16 @@ def extend_map(
         changed = tuple(
             name for name, space in spaces.items() if space.changed.mean() > MIN_CHANGED_SHARE
         )
-        split = _split(placement, spaces)
-        if not split.training:
+        if all(space.new.mean() < MIN_NEW_SHARE for space in spaces.values()):
             return MapExtension(newest, None, placement, skipped, changed)
+        split = _split(placement, spaces)
         first_id = newest.next_id
         training = list(split.training.values())
-        patch = make_patch(
-            gaussian_map,
-            training,
-            [spaces[name] for name in split.training],
-            visibility,
-            config,
-            first_id,
-        )
+        shown = [spaces[name] for name in split.training]
+        try:
+            patch = make_patch(gaussian_map, training, shown, visibility, config, first_id)
+        except NoSurfaceError:
+            return MapExtension(newest, None, placement, skipped, changed)
         replays = replay_frames(gaussian_map, cameras, patch, config.threads)
         config = _settings(config, len(training) + len(replays), len(cameras))
         clock.note("seeding")
@@ -150,11 +148,11 @@ def extend_map(
 
 
 def _split(placement: Placement, spaces: Mapping[str, FrameSpace]) -> FrameSplit:
-    """Split the frames that show new space; what changed in known space is masked out."""
+    """Split the frames that tell the map something; what changed since is masked out."""
     frames = {
         name: without_changes(frame, spaces[name])
         for name, frame in placement.frames.items()
-        if spaces[name].new_share >= MIN_NEW_SHARE
+        if spaces[name].better.mean() >= MIN_NEW_SHARE
     }
     return FrameSplit.of(frames, split_held_out)
 
@@ -244,7 +242,9 @@ def _write_landmarks(
     return write_landmarks(landmarks, store.folder) if landmarks.size else None
 
 
-def _camera_records(known: Iterable[Camera], frames: Iterable[Observation]) -> tuple[UpdateFrame, ...]:
+def _camera_records(
+    known: Iterable[Camera], frames: Iterable[Observation]
+) -> tuple[UpdateFrame, ...]:
     cameras = [frame.camera() for frame in frames]
     return tuple(
         UpdateFrame(**camera_to_json(camera), new_viewpoint=new)

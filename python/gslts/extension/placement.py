@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -114,9 +115,9 @@ class _Track:
 
     def drop_outliers(self) -> None:
         """Remove the anchors that contradict those on both sides."""
-        while True:
+        while len(self.anchors) > 1:
             ends = sorted(self.anchors)
-            faults = [not self._agree(a, b) for a, b in zip(ends, ends[1:], strict=False)]
+            faults = [not self._agree(a, b) for a, b in pairwise(ends)]
             alone = [
                 k
                 for k, before, after in zip(ends, [True, *faults], [*faults, True], strict=True)

@@ -306,8 +306,7 @@ class Optimizer:
         opaque = self.adam.map.logit_opacities > _logit(config.min_opacity)
         kept = np.flatnonzero(opaque | self.fixed)
         gaussians, fixed = self.adam.map.select(kept), self.fixed[kept]
-        if not fixed.any():
-            gaussians = fold_mean_exposure(gaussians, observations)
+        gaussians = fold_mean_exposure(gaussians, observations, fixed)
         limits = np.where(fixed, np.inf, np.log(config.max_scale_m)).astype(np.float32)
         log_scales = np.minimum(gaussians.log_scales, limits[:, None])
         gaussians = replace(gaussians, log_scales=log_scales)
@@ -319,7 +318,7 @@ class Optimizer:
         self.epoch += 1
 
     def _edit(self, gaussian_map: GaussianMap, rows: Ints) -> None:
-        """Replace the map; `rows` [M] are those of its Gaussians in the old one, -1 for new ones."""
+        """Replace the map; `rows` [M] are those of its Gaussians in the old one, -1 if new."""
         self.adam = self.adam.edit(gaussian_map, rows)
         self.fixed = np.where(rows >= 0, self.fixed[rows], False)
 

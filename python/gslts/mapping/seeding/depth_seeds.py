@@ -32,6 +32,10 @@ MIN_FLATNESS = 0.97
 about 28 degrees between the normals of two halves."""
 
 
+class NoSurfaceError(ValueError):
+    """No surface was measured by enough frames."""
+
+
 @dataclass(frozen=True, eq=False)
 class _Voxels:
     """Sums over the points in each of V voxels, ordered as by `SurfaceVoxels`."""
@@ -70,7 +74,8 @@ def seed_from_depth(
         float32 map.
 
     Raises:
-        ValueError: No voxel was measured by enough frames, or a point is kilometres away.
+        NoSurfaceError: No voxel was measured by enough frames.
+        ValueError: A point is kilometres away.
     """
     voxels = _fuse_frames(frames, SurfaceVoxels(voxel_m, pixel_step), min_hits)
     levels = _levels(voxels, voxel_m, contrast)
@@ -97,7 +102,7 @@ def _fuse_frames(frames: Iterable[RgbdFrame], surfaces: SurfaceVoxels, min_hits:
     keys, sums, hits = surfaces.voxels()
     kept = hits >= min_hits
     if not kept.any():
-        raise ValueError(
+        raise NoSurfaceError(
             f"seed_from_depth: no surface was measured by {min_hits} frames: check that frames "
             "overlap and that poses and depth have one scale"
         )

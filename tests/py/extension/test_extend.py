@@ -1,0 +1,178 @@
+"""Extension of a map of one half of a room by a recording of the other."""
+
+import shutil
+from pathlib import Path
+
+import change_room
+import half_room
+import numpy as np
+import pytest
+from change_room import YELLOW
+
+from gslts.core.gaussian_map import GaussianMap
+from gslts.core.se3 import pose_distance, product
+from gslts.datasets import open_dataset
+from gslts.extension.pipeline import MapExtension, extend_map
+from gslts.mapping.evaluation.evaluate import evaluate, refine_pose
+from gslts.mapping.observation import Observation
+from gslts.store.causes import ExtensionCause
+from gslts.store.map_folder import open_map, read_map
+
+TURN_RAD = 0.7
+MOTION = np.array(
+    [
+        [np.cos(TURN_RAD), -np.sin(TURN_RAD), 0, 3.0],
+        [np.sin(TURN_RAD), np.cos(TURN_RAD), 0, -2.0],
+        [0, 0, 1, 0.2],
+        [0, 0, 0, 1.0],
+    ]
+)
+"""From the world of the map to another one."""
+
+
+@pytest.fixture(scope="module")
+def extended(tmp_path_factory):
+    """Return the folder of the map, the recording and the outcome."""
+    folder = tmp_path_factory.mktemp("extended")
+    path, visit = half_room.map_of_half(folder / "map"), half_room.recording(folder / "visit")
+    return path, visit, extend_map(path, open_dataset(visit), half_room.CONFIG)
+
+
+def first_version(path: Path) -> GaussianMap:
+    """Return the map before the extension."""
+    return read_map(path.with_name(f"{path.name}@1"))
+
+
+def psnr_db(gaussian_map: GaussianMap, visit) -> float:
+    """Return the PSNR of every 5th frame of a recording."""
+    frames = [Observation.of(frame.read()) for frame in open_dataset(visit).frames[::5]]
+    return evaluate(gaussian_map, [refine_pose(gaussian_map, frame) for frame in frames]).psnr_db
+
+
+def test_new_space_is_shown(extended):
+    path, visit, outcome = extended
+    assert outcome.version.number == 2
+    before, after = psnr_db(first_version(path), visit), psnr_db(read_map(path), visit)
+    print(before, after, outcome.record)
+    assert after > before + 5
+    assert outcome.record.test_psnr_db > before + 5
+
+
+def test_what_the_map_knew_stays_bit_by_bit(extended):
+    path, _, outcome = extended
+    old, new = first_version(path), read_map(path)
+    rows = np.searchsorted(new.ids, old.ids)
+    kept = new.ids[np.minimum(rows, new.size - 1)] == old.ids
+    same = kept.copy()
+    for name in ("means", "quats", "log_scales", "logit_opacities", "sh"):
+        equal = getattr(old, name)[kept] == getattr(new, name)[rows[kept]]
+        same[kept] &= equal.reshape(len(equal), -1).all(axis=1)
+    assert (~same).sum() <= outcome.record.refined
+    assert same.mean() > 0.5
+
+
+def test_cameras_landmarks_and_cause_are_stored(extended):
+    path, visit, outcome = extended
+    with open_map(path) as store:
+        cause = store.version().cause
+        assert store.find_problems() == []
+    assert isinstance(cause, ExtensionCause)
+    assert cause.dataset == visit.name
+    assert cause.landmarks is not None
+    held_out = outcome.record.new - len(cause.frames)
+    assert len(cause.test_frames) in (held_out // 2, held_out - held_out // 2)
+
+
+def test_second_time_nothing_is_new(extended, tmp_path):
+    path, visit, _ = extended
+    copy = shutil.copytree(path, tmp_path / "map")
+    again = extend_map(copy, open_dataset(visit), half_room.CONFIG)
+    assert again.record is None
+    assert again.version.number == 2
+
+
+def placement_errors(outcome: MapExtension, truth: dict[str, np.ndarray]) -> np.ndarray:
+    """Return [F,2] errors of the poses of the placed frames, m and rad."""
+    placed = outcome.placement.frames
+    return np.array([pose_distance(placed[name].given_pose, truth[name]) for name in placed])
+
+
+def test_recording_in_another_world_that_drifts(tmp_path):
+    path, visit = half_room.map_of_half(tmp_path / "map"), half_room.recording(tmp_path / "visit")
+    truth = half_room.true_poses(visit)
+    drift = np.eye(4)
+    drift[:2, 3] = 0.002, -0.001  # m a frame
+
+    def move(poses):
+        moved, drifted = [], np.eye(4)
+        for pose in poses:
+            moved.append(product(MOTION, product(drifted, pose)))
+            drifted = product(drifted, drift)
+        return moved
+
+    outcome = extend_map(path, half_room.with_poses(visit, move), half_room.CONFIG)
+    errors = placement_errors(outcome, truth)
+    assert len(errors) == len(truth)
+    assert np.median(errors[:, 0]) < 0.02
+    assert errors[:, 0].max() < 0.1
+    assert errors[:, 1].max() < 0.03
+    assert outcome.version.number == 2
+
+
+def test_frames_beyond_a_jump_are_named(tmp_path):
+    path, visit = half_room.map_of_half(tmp_path / "map"), half_room.recording(tmp_path / "visit")
+    dataset = half_room.with_poses(visit, lambda poses: poses)
+    known = extend_map(
+        shutil.copytree(path, tmp_path / "other"), dataset, half_room.CONFIG
+    ).placement
+    names = list(known.frames)
+    # Between two frames that the map places, frames that it does not: there the odometry jumps.
+    gap = next(
+        k for k in range(1, len(names)) if names[k] not in known.anchors and k > len(names) // 4
+    )
+
+    def jump(poses):
+        poses[gap:, 0, 3] += 1.5
+        return poses
+
+    placement = extend_map(path, half_room.with_poses(visit, jump), half_room.CONFIG).placement
+    assert any(reason.startswith(f"{names[gap]}: ") for reason in placement.unplaced)
+    assert all("contradict" in reason for reason in placement.unplaced)
+
+
+def test_known_space_alone_changes_nothing(tmp_path):
+    path = half_room.map_of_half(tmp_path / "map")
+    visit = half_room.known_recording(tmp_path / "visit")
+    outcome = extend_map(path, open_dataset(visit), half_room.CONFIG)
+    assert outcome.record is None
+    assert outcome.version.number == 1
+
+
+def test_another_place_is_refused_and_nothing_written(tmp_path):
+    from gslts_sim import make_home
+    from gslts_sim.capture import capture
+    from gslts_sim.controller import Controller
+    from gslts_sim.explore import explore
+
+    path = half_room.map_of_half(tmp_path / "map")
+    bedroom = make_home("bedroom", 3, detail=0.1)
+    looks, _ = explore(bedroom, 6)
+    capture(Controller(bedroom, **change_room.SIZE), looks, tmp_path / "visit")
+    with pytest.raises(ValueError, match="another place"):
+        extend_map(path, open_dataset(tmp_path / "visit"), half_room.CONFIG)
+    with open_map(path) as store:
+        assert store.version().number == 1
+
+
+def test_what_changed_meanwhile_is_named_and_not_doubled(tmp_path):
+    path = half_room.map_of_half(tmp_path / "map")
+    box = change_room.thing("Box|3", 1.2, 2.0, YELLOW, "Floor|1")
+    home = change_room.home()
+    home = type(home)(home.name, home.rooms, (*home.objects, box), home.lights, home.ambient)
+    visit = half_room.recording(tmp_path / "visit", home)
+    outcome = extend_map(path, open_dataset(visit), half_room.CONFIG)
+    assert outcome.changed
+    new = read_map(path)
+    new = new.select(new.ids >= first_version(path).ids[-1] + 1)
+    inside = (np.abs(new.means - [1.2, 2.0, 0.15]) < [0.13, 0.13, 0.16]).all(axis=1)
+    assert inside.sum() < 0.02 * new.size
