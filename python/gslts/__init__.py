@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from gslts.core.gaussian_map import GaussianMap
     from gslts.core.robot import Robot
     from gslts.datasets.registry import open_dataset
+    from gslts.extension.pipeline import extend_map
     from gslts.io.ply import read_ply, write_ply
     from gslts.keeper.keeper import MapKeeper
     from gslts.localization.relocalizer import Relocalizer
@@ -48,6 +49,7 @@ __all__ = [
     "SemanticQueries",
     "__version__",
     "camera_from_fov",
+    "extend_map",
     "look_at",
     "losses",
     "make_map",
@@ -79,6 +81,7 @@ _MODULE_OF = {
     "Robot": "gslts.core.robot",
     "SemanticQueries": "gslts.semantics.queries",
     "camera_from_fov": "gslts.core.camera",
+    "extend_map": "gslts.extension.pipeline",
     "look_at": "gslts.core.camera",
     "make_map": "gslts.mapping.engine",
     "open_dataset": "gslts.datasets.registry",

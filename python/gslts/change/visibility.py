@@ -78,13 +78,12 @@ class Visibility:
                 None means no limit.
         """
         limits_m = np.full(len(points), np.inf) if max_depths_m is None else max_depths_m
-        counts: list[tuple[Ints, Ints]] = []
+        parts = []
         for part, limit_m in zip(self._parts(points), self._parts(limits_m), strict=True):
             through, on, z = self._tests(part)
             near = z <= limit_m
-            counts.append(((through & near).sum(axis=0), (on & near).sum(axis=0)))
-        through, on = (np.concatenate(parts) for parts in zip(*counts, strict=True))
-        return VisibilityCounts(through, on)
+            parts.append(np.stack([through & near, on & near]).sum(axis=1))
+        return VisibilityCounts(*np.concatenate(parts, axis=1))
 
     def visible(self, points: Floats, max_depth_m: float) -> Bools:
         """Test which training cameras saw a surface at each point.

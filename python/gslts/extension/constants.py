@@ -38,6 +38,9 @@ REPLAY_SEARCH_DIVISOR = 8
 """Divisor of the sides of the images that tell which cameras see the seam."""
 MIN_CHANGED_SHARE = 0.02
 """Minimum share of the pixels of a frame by which it shows a change of what the map knows."""
+BLUR_SHARE, MIN_EXPOSURE_PIXELS = 0.025, 1000
+"""Width of the blur of colours that are compared, as a share of that of the image, and the minimum
+number of blurred pixels that tell the exposure of a recording."""
 MAX_LOOSE_SHARE = 0.7
 """Maximum share of a frame that does not agree with the map, with which the map determines its
 exposure: the rest shows enough colours."""

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gslts.change.visibility import Visibility
 from gslts.core.camera import Camera, downscale, shift_origin
 from gslts.core.frame import RgbdFrame, halve_mask
 from gslts.core.gaussian_map import GaussianMap
@@ -16,7 +15,6 @@ from gslts.extension.constants import (
     MAX_REPLAYS,
     MIN_FREE_SHARE,
     MIN_KNOWN_ALPHA,
-    MIN_SEEN,
     REPLAY_SEARCH_DIVISOR,
 )
 from gslts.extension.new_space import FrameSpace
@@ -46,20 +44,17 @@ def make_patch(
     gaussian_map: GaussianMap,
     frames: Sequence[Observation],
     spaces: Sequence[FrameSpace],
-    visibility: Visibility,
     config: MappingConfig,
     first_id: int,
 ) -> Patch:
     """Seed Gaussians in new space, and choose the old ones that are refined with them.
 
-    These are the ones that the frames show mostly where they know more than the map: what it saw
-    from afar, and, where they see something else, what hardly any training camera saw.
+    These are the ones that the frames show mostly where they know more than the map.
 
     Args:
         gaussian_map: float32.
         frames: Training frames of the extension, at their poses in the map.
         spaces: What each frame shows.
-        visibility: Of the training cameras of the map.
         config: Settings of the mapping.
         first_id: Id of the first new Gaussian.
 
@@ -68,15 +63,10 @@ def make_patch(
     """
     seeds = _seed(gaussian_map, frames, spaces, config)
     plain = replace(gaussian_map, features=np.zeros((gaussian_map.size, 0), np.float32))
-    total, in_coarse, in_new = _weights(plain, frames, spaces, config.threads)
-    seen = np.flatnonzero(total > 0)
-    free = in_coarse[seen] > MIN_FREE_SHARE * total[seen]
-    # A wall seen from its unknown back is in new pixels too, but many cameras saw its front.
-    doubtful = np.flatnonzero(~free & ((in_coarse + in_new)[seen] > MIN_FREE_SHARE * total[seen]))
-    if visibility.has_cameras and len(doubtful) > 0:
-        points = plain.means[seen[doubtful]] + plain.origin
-        free[doubtful] = visibility.counts(points).on < MIN_SEEN
-    fixed = np.concatenate([~free, np.zeros(seeds.size, np.bool_)])
+    total, in_poor = _weights(plain, frames, spaces, config.threads)
+    seen = total > 0
+    fixed = in_poor[seen] <= MIN_FREE_SHARE * total[seen]
+    fixed = np.concatenate([fixed, np.zeros(seeds.size, np.bool_)])
     return Patch(join(plain.select(seen), seeds, first_id), fixed)
 
 
@@ -85,16 +75,16 @@ def _weights(
     frames: Sequence[Observation],
     spaces: Sequence[FrameSpace],
     threads: int,
-) -> tuple[Floats, Floats, Floats]:
-    """Return [N] sums of the blending weights: in all, in coarse and in new pixels."""
+) -> tuple[Floats, Floats]:
+    """Return [N] sums of the blending weights in all pixels, and in those the map shows poorly."""
     rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
-    total, parts = np.zeros(gaussian_map.size), np.zeros((gaussian_map.size, 2))
+    total, in_poor = np.zeros((2, gaussian_map.size))
     for frame, space in zip(frames, spaces, strict=True):
         rasterizer.forward(gaussian_map, frame.camera(), options)
-        seen = rasterizer.lift(np.stack([space.coarse, space.new], axis=2).astype(np.float32))
+        seen = rasterizer.lift(space.poor[..., None].astype(np.float32))
         total[seen.rows] += seen.weights
-        parts[seen.rows] += seen.weighted_features
-    return total, parts[:, 0], parts[:, 1]
+        in_poor[seen.rows] += seen.weighted_features[:, 0]
+    return total, in_poor
 
 
 def _seed(
@@ -169,7 +159,7 @@ def replay_frames(
         rgb = (images.rgb.clip(0, 1) * 255 + 0.5).astype(np.uint8)
         depth = np.where(known, images.depth, 0).astype(np.float32)
         frame = Observation.of(RgbdFrame(rgb, depth, seeing[row], mask=known))
-        frames.append(replace(frame, shows_known=None))
+        frames.append(replace(frame, shows_known=True))
     return frames
 
 

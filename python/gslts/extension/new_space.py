@@ -32,19 +32,19 @@ class FrameSpace:
     """Pixels [H,W] of a frame by what the map knows there; all others agree with the map.
 
     Attributes:
-        new: Too few training cameras of the map saw the place, or they left wrong depth there.
-        coarse: The map has the surface, but too few of them saw it from as near.
-        changed: Many saw the place, and it looked different.
+        new: The map has no surface there, or one that too few of its training cameras saw.
+        poor: What the map shows there is wrong, or its training cameras saw it from farther away.
+        changed: Many saw the place from as near, and it looked different.
     """
 
     new: Bools
-    coarse: Bools
+    poor: Bools
     changed: Bools
 
     @property
     def better(self) -> Bools:
         """Pixels [H,W] that tell the map something."""
-        return self.new | self.coarse
+        return self.new | self.poor
 
 
 class KnownSpace:
@@ -83,10 +83,12 @@ class KnownSpace:
         changed = doubtful.copy()
         changed[doubtful] = self._is_well_seen(frame, grid, doubtful, nearer[doubtful])
         new = _without_edges((differs & ~changed) | ((measured == 0) & ~known))
-        coarse = known & ~differs & ~changed
-        coarse[coarse] = self._is_coarse(frame, grid, coarse, depth[coarse])
+        poor = known & ~differs & ~changed
+        poor[poor] = self._is_coarse(frame, grid, poor, depth[poor])
+        # What lies behind a new surface is hidden by it: a wall may be seen from its back.
+        poor |= new & (depth > 0) & (depth < measured)
         return FrameSpace(
-            *(_enlarge(cells, frame.depth.shape, cell_px) for cells in (new, coarse, changed))
+            *(_enlarge(cells, frame.depth.shape, cell_px) for cells in (new, poor, changed))
         )
 
     def _color_changes(
@@ -112,19 +114,25 @@ class KnownSpace:
         self, frame: RgbdFrame, grid: tuple[Indices, ...], where: Bools, depths_m: Floats32
     ) -> Bools:
         """Return [P] whether enough training cameras saw points, or through them, from as near."""
-        counts = self._counts(frame, grid, where, depths_m)
+        counts = self._counts(frame, grid, where, depths_m, 1.0)
         return np.asarray(counts.through + counts.on >= MIN_SEEN)
 
     def _is_coarse(
         self, frame: RgbdFrame, grid: tuple[Indices, ...], where: Bools, depths_m: Floats32
     ) -> Bools:
         """Return [P] whether too few training cameras saw a surface at points from as near."""
-        return np.asarray(self._counts(frame, grid, where, depths_m).on < MIN_NEAR)
+        counts = self._counts(frame, grid, where, depths_m, MAX_FARTHER)
+        return np.asarray(counts.on < MIN_NEAR)
 
     def _counts(
-        self, frame: RgbdFrame, grid: tuple[Indices, ...], where: Bools, depths_m: Floats32
+        self,
+        frame: RgbdFrame,
+        grid: tuple[Indices, ...],
+        where: Bools,
+        depths_m: Floats32,
+        farther: float,
     ) -> VisibilityCounts:
-        """Count the training cameras that saw points of the grid from at most `MAX_FARTHER`."""
+        """Count the training cameras that saw points from at most so many times as far."""
         if not self._visibility.has_cameras or len(depths_m) == 0:
             none = np.zeros(len(depths_m), np.int64)
             return VisibilityCounts(none, none)
@@ -132,7 +140,7 @@ class KnownSpace:
         pixels = np.stack([columns[where] + 0.5, rows[where] + 0.5], axis=1)
         depths = depths_m.astype(np.float64)
         points = unproject(frame.camera, pixels, depths)
-        return self._visibility.counts(points, MAX_FARTHER * depths)
+        return self._visibility.counts(points, farther * depths)
 
 
 def _grid_lines(length: int, cell_px: int) -> Indices:

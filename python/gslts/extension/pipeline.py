@@ -12,6 +12,7 @@ from gslts.core.camera import Camera, new_viewpoints
 from gslts.core.gaussian_map import GaussianMap
 from gslts.datasets import Dataset
 from gslts.extension.constants import MIN_CHANGED_SHARE, MIN_NEW_SHARE
+from gslts.extension.exposure import recording_exposure
 from gslts.extension.fit import Patch, make_patch, merge_patch, replay_frames, without_changes
 from gslts.extension.new_space import FrameSpace, KnownSpace
 from gslts.extension.placement import Placement, place_frames
@@ -34,6 +35,7 @@ from gslts.mapping.frames import (
 from gslts.mapping.observation import Observation
 from gslts.mapping.optimize import Optimizer, Schedule
 from gslts.mapping.seeding.depth_seeds import NoSurfaceError
+from gslts.rendering.losses import Exposure
 from gslts.semantics.map_semantics import MapSemantics
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.causes import ExtensionCause, ExtensionRecord, UpdateFrame
@@ -113,13 +115,16 @@ def extend_map(
         training = list(split.training.values())
         shown = [spaces[name] for name in split.training]
         try:
-            patch = make_patch(gaussian_map, training, shown, visibility, config, first_id)
+            patch = make_patch(gaussian_map, training, shown, config, first_id)
         except NoSurfaceError:
             return MapExtension(newest, None, placement, skipped, changed)
         replays = replay_frames(gaussian_map, cameras, patch, config.threads)
         config = _settings(config, len(training) + len(replays), len(cameras))
         clock.note("seeding")
-        optimizer = _fit(patch, replays, split, config, clock, report)
+        exposure = recording_exposure(
+            gaussian_map, list(placement.frames.values()), list(spaces.values()), config.threads
+        )
+        optimizer = _fit(patch, replays, split, exposure, config, clock, report)
         fitted = _without_faint(optimizer, first_id)
         extended = merge_patch(gaussian_map, patch, fitted, first_id)
         clock.note("optimization")
@@ -161,6 +166,7 @@ def _fit(
     patch: Patch,
     replays: Sequence[Observation],
     split: FrameSplit,
+    exposure: Exposure,
     config: MappingConfig,
     clock: Clock,
     report: ShowProgress,
@@ -174,6 +180,7 @@ def _fit(
         config,
         Schedule(config.iterations, ((config.coarse_share, 1), (float("inf"), 0))),
         patch.fixed,
+        exposure,
     )
     optimize(optimizer, split, [], clock, report)
     return optimizer

@@ -10,7 +10,7 @@ import numpy as np
 from gslts.core.gaussian_map import SH_C0, GaussianMap
 from gslts.mapping.observation import Observation
 from gslts.rendering.losses import Exposure
-from gslts.types import Bools, Floats
+from gslts.types import Bools
 
 GAIN_RANGE = (0.3, 3.0)
 """Gains that a camera's automatic exposure can have between two frames of one recording."""
@@ -36,42 +36,33 @@ def fold_mean_exposure(
     gaussian_map: GaussianMap,
     observations: Sequence[Observation],
     fixed: Bools,
+    mean: Exposure,
 ) -> GaussianMap:
-    """Apply the mean exposure to the colours of the map, and divide all exposures by it.
+    """Give the frames a mean exposure by changing the colours of the map.
 
-    Without this, exposures and colours drift together, as nothing else fixes their product. Where
-    some Gaussians are fixed, the frames that show enough of them determine the mean exposure of the
-    recording; the free ones get the colours with which the other frames have it, too.
+    Without this, exposures and colours drift together, as nothing else fixes their product. Frames
+    that show enough of the fixed Gaussians do not count: these determine their exposure.
 
     Args:
         gaussian_map: Map whose colours the exposures refer to.
         observations: All training frames; their exposures are changed in place.
         fixed: [N] Gaussians that keep their colours.
+        mean: The mean exposure.
 
     Returns:
         The map with new colours.
     """
-    loose = [frame for frame in observations if frame.shows_known is False]
+    loose = [frame for frame in observations if not frame.shows_known]
     if not loose:
         return gaussian_map
-    gain, offset = _mean_exposure(loose)
-    known = [frame for frame in observations if frame.shows_known]
-    if known:
-        known_gain, known_offset = _mean_exposure(known)
-        gain, offset = gain / known_gain, (offset - known_offset) / known_gain
+    gains = np.array([frame.exposure.gain for frame in loose])
+    offsets = np.array([frame.exposure.offset for frame in loose])
+    gain = gains.mean(axis=0) / mean.gain
+    offset = (offsets.mean(axis=0) - mean.offset) / mean.gain
     sh = gaussian_map.sh.copy()
     sh[~fixed] *= gain.astype(np.float32)
     sh[~fixed, 0] += ((0.5 * gain + offset - 0.5) / SH_C0).astype(np.float32)
-    for frame in loose:
-        ratio = np.array(frame.exposure.gain) / gain
-        frame.exposure = Exposure(
-            gain=ratio.tolist(), offset=(frame.exposure.offset - ratio * offset).tolist()
-        )
+    for frame, frame_gain, frame_offset in zip(loose, gains, offsets, strict=True):
+        ratio = frame_gain / gain
+        frame.exposure = Exposure(gain=ratio, offset=frame_offset - ratio * offset)
     return replace(gaussian_map, sh=sh)
-
-
-def _mean_exposure(frames: Sequence[Observation]) -> tuple[Floats, Floats]:
-    """Return the mean gain (3,) and offset (3,)."""
-    gains = np.array([frame.exposure.gain for frame in frames])
-    offsets = np.array([frame.exposure.offset for frame in frames])
-    return gains.mean(axis=0), offsets.mean(axis=0)

@@ -34,8 +34,7 @@ class Observation:
         exposure: Maps rendered colours to those of this frame.
         exposure_rejected: Whether the last fit was not plausible, so that `exposure` is the
             identity; see `gslts.mapping.exposures`.
-        shows_known: Whether the frame shows so much of a fixed map that this determines `exposure`;
-            None if it is a rendering of the map.
+        shows_known: Whether the frame shows so much of a fixed map that this determines `exposure`.
         alignment: Normal equations of pose and lenses at the last step of the optimizer.
     """
 
@@ -47,7 +46,7 @@ class Observation:
     lenses: Lenses
     exposure: Exposure = field(default_factory=Exposure)
     exposure_rejected: bool = False
-    shows_known: bool | None = False
+    shows_known: bool = False
     alignment: Alignment | None = None
     _registered: tuple[int, Floats32] | None = None
 

@@ -119,8 +119,10 @@ class Optimizer:
         given: Lenses by the data set.
         config: Settings.
         schedule: Length and resolutions.
-        fixed: [N] Gaussians that stay as they are, bit by bit; with any, they also fix the gauge
-            and the exposures. None means that all are free.
+        fixed: [N] Gaussians that stay as they are, bit by bit; they also fix the gauge. None means
+            that all are free.
+        mean_exposure: Of the frames that show none of the fixed Gaussians; it is arbitrary, but
+            must be that of the others.
     """
 
     def __init__(
@@ -131,9 +133,11 @@ class Optimizer:
         config: MappingConfig,
         schedule: Schedule,
         fixed: Bools | None = None,
+        mean_exposure: Exposure | None = None,
     ) -> None:
         self.adam = Adam(gaussian_map)
         self.fixed = np.zeros(gaussian_map.size, np.bool_) if fixed is None else fixed
+        self.mean_exposure = Exposure() if mean_exposure is None else mean_exposure
         self.observations, self.given = observations, given
         self.config, self.schedule = config, schedule
         self.iteration = self.epoch = 0
@@ -306,7 +310,7 @@ class Optimizer:
         opaque = self.adam.map.logit_opacities > _logit(config.min_opacity)
         kept = np.flatnonzero(opaque | self.fixed)
         gaussians, fixed = self.adam.map.select(kept), self.fixed[kept]
-        gaussians = fold_mean_exposure(gaussians, observations, fixed)
+        gaussians = fold_mean_exposure(gaussians, observations, fixed, self.mean_exposure)
         limits = np.where(fixed, np.inf, np.log(config.max_scale_m)).astype(np.float32)
         log_scales = np.minimum(gaussians.log_scales, limits[:, None])
         gaussians = replace(gaussians, log_scales=log_scales)

@@ -53,7 +53,6 @@ def test_new_space_is_shown(extended):
     path, visit, outcome = extended
     assert outcome.version.number == 2
     before, after = psnr_db(first_version(path), visit), psnr_db(read_map(path), visit)
-    print(before, after, outcome.record)
     assert after > before + 5
     assert outcome.record.test_psnr_db > before + 5
 
