@@ -18,7 +18,7 @@ from gslts_sim.controller import Controller
 from gslts_sim.home import Home
 from gslts_sim.robot_body import Viewpoint
 
-MIDDLE_M, OVERLAP_M = 1.6, 0.8
+MIDDLE_M, OVERLAP_M = 1.9, 0.8
 """The map is of frames that look at smaller x, the recording of those that look farther, m."""
 CONFIG = MappingConfig(
     iterations=800, patience=1.0, rough_epochs=0, coarse_share=0.3, variant_steps=0, threads=1
@@ -58,7 +58,7 @@ def recording(folder: Path, home: Home | None = None) -> Path:
 
 def known_recording(folder: Path, home: Home | None = None) -> Path:
     """Record what the map shows."""
-    near = [look for look in looks() if looked_at(look) < MIDDLE_M - OVERLAP_M]
+    near = [look for look in looks() if looked_at(look) < MIDDLE_M]
     capture(Controller(home or change_room.home(), **change_room.SIZE), near[::3], folder)
     return folder
 

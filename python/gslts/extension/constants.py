@@ -27,11 +27,12 @@ MIN_EXPOSURE_SHARE = 0.1
 """Minimum share of a frame that must agree with the map for its exposure to be fitted."""
 MIN_KNOWN_ALPHA = 0.7
 """Minimum opacity of the map where it is known, as in change detection."""
-MIN_NEW_SHARE = 0.02
+MIN_NEW_SHARE = 0.05
 """Minimum share of new pixels of a frame that the map is fitted to."""
 
-MIN_FREE_SHARE = 0.5
-"""Minimum share of the blending weight of an old Gaussian in new space with which it is refined."""
+MIN_FREE_SHARE, MIN_FREE_PIXELS = 0.5, 10.0
+"""Minimum share of the blending weight of an old Gaussian where the map is poor with which it is
+refined, and the minimum of that weight, px: less leaks through surfaces."""
 MAX_REPLAYS = 16
 """Maximum number of renderings of the old map that hold its side of the seam."""
 REPLAY_SEARCH_DIVISOR = 8

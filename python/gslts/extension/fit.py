@@ -13,8 +13,10 @@ from gslts.core.gaussian_map import GaussianMap
 from gslts.extension.constants import (
     MAX_LOOSE_SHARE,
     MAX_REPLAYS,
+    MIN_FREE_PIXELS,
     MIN_FREE_SHARE,
     MIN_KNOWN_ALPHA,
+    MIN_SEEN,
     REPLAY_SEARCH_DIVISOR,
 )
 from gslts.extension.new_space import FrameSpace
@@ -23,6 +25,7 @@ from gslts.mapping.density.control import join
 from gslts.mapping.observation import LEVELS, Observation
 from gslts.mapping.seeding.depth_seeds import seed_from_depth
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
+from gslts.store.unmeasured import count_measurements
 from gslts.types import Bools, Floats
 from gslts.update.targets import farthest_points
 
@@ -49,7 +52,8 @@ def make_patch(
 ) -> Patch:
     """Seed Gaussians in new space, and choose the old ones that are refined with them.
 
-    These are the ones that the frames show mostly where they know more than the map.
+    These are the ones that the frames show mostly where they know more than the map, and those that
+    they see through, such as fog before a surface that the map saw from afar.
 
     Args:
         gaussian_map: float32.
@@ -64,10 +68,18 @@ def make_patch(
     seeds = _seed(gaussian_map, frames, spaces, config)
     plain = replace(gaussian_map, features=np.zeros((gaussian_map.size, 0), np.float32))
     total, in_poor = _weights(plain, frames, spaces, config.threads)
+    free = in_poor > np.maximum(MIN_FREE_PIXELS, MIN_FREE_SHARE * total)
+    confirmed, passed = count_measurements(plain, map(_unchanged, frames, spaces))
+    free |= (passed >= MIN_SEEN) & (passed > confirmed)
     seen = total > 0
-    fixed = in_poor[seen] <= MIN_FREE_SHARE * total[seen]
-    fixed = np.concatenate([fixed, np.zeros(seeds.size, np.bool_)])
+    fixed = np.concatenate([~free[seen], np.zeros(seeds.size, np.bool_)])
     return Patch(join(plain.select(seen), seeds, first_id), fixed)
+
+
+def _unchanged(frame: Observation, space: FrameSpace) -> RgbdFrame:
+    """Return a frame without the depth of what changed."""
+    rgbd = frame.rgbd()
+    return replace(rgbd, depth=np.where(space.changed, np.float32(0), rgbd.depth))
 
 
 def _weights(

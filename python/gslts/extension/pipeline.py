@@ -7,11 +7,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from gslts.change.visibility import Visibility
 from gslts.core.camera import Camera, new_viewpoints
 from gslts.core.gaussian_map import GaussianMap
 from gslts.datasets import Dataset
-from gslts.extension.constants import MIN_CHANGED_SHARE, MIN_NEW_SHARE
+from gslts.extension.constants import MIN_CHANGED_SHARE, MIN_NEW_SHARE, MIN_SEEN
 from gslts.extension.exposure import recording_exposure
 from gslts.extension.fit import Patch, make_patch, merge_patch, replay_frames, without_changes
 from gslts.extension.new_space import FrameSpace, KnownSpace
@@ -125,7 +127,7 @@ def extend_map(
             gaussian_map, list(placement.frames.values()), list(spaces.values()), config.threads
         )
         optimizer = _fit(patch, replays, split, exposure, config, clock, report)
-        fitted = _without_faint(optimizer, first_id)
+        fitted = _without_errors(optimizer, visibility, first_id)
         extended = merge_patch(gaussian_map, patch, fitted, first_id)
         clock.note("optimization")
         extended = _add_semantics(path, extended, split, spaces, first_id, config.threads)
@@ -198,11 +200,19 @@ def _settings(config: MappingConfig, frames: int, cameras: int) -> MappingConfig
     )
 
 
-def _without_faint(optimizer: Optimizer, first_id: int) -> GaussianMap:
-    """Return the Gaussians of a fit without new ones that no frame shows."""
+def _without_errors(optimizer: Optimizer, visibility: Visibility, first_id: int) -> GaussianMap:
+    """Return the Gaussians of a fit without new ones that no frame shows or that must be errors.
+
+    Where the training cameras of the map saw through, there is no new surface.
+    """
     gaussians, config = optimizer.adam.map, optimizer.config
     weights = max_weights(gaussians, optimizer.observations, config.threads)
-    return gaussians.select((weights > MIN_WEIGHT) | (gaussians.ids < first_id))
+    good = (weights > MIN_WEIGHT) | (gaussians.ids < first_id)
+    new = np.flatnonzero(good & (gaussians.ids >= first_id))
+    if visibility.has_cameras and len(new) > 0:
+        counts = visibility.counts(gaussians.means[new] + gaussians.origin)
+        good[new] = counts.through < np.maximum(MIN_SEEN, counts.on)
+    return gaussians.select(good)
 
 
 def _test_psnr_db(gaussian_map: GaussianMap, split: FrameSplit, threads: int) -> float | None:

@@ -19,7 +19,7 @@ from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.io.atomic_files import name_in_errors, sync_folder, write_atomic
 from gslts.store.manifest import read_manifest, split_version
-from gslts.types import Bools, Floats, Indices, UInts64
+from gslts.types import Bools, Floats, Indices, Ints, UInts64
 
 FILE, KEY = "unmeasured.safetensors", "unmeasured"
 """Name of the file in a map folder; key of its SHA-256 in the manifest, and of its array."""
@@ -57,6 +57,23 @@ def unmeasured_gaussians(gaussian_map: GaussianMap, frames: Iterable[RgbdFrame])
     Returns:
         [U] their ids, rising; none if no frame has a depth.
     """
+    confirmed, passed = count_measurements(gaussian_map, frames)
+    if not confirmed.any():
+        return NO_IDS
+    is_measured: Bools = confirmed >= np.maximum(1, MIN_CONFIRMED_SHARE * (confirmed + passed))
+    return np.sort(gaussian_map.ids[~is_measured])
+
+
+def count_measurements(gaussian_map: GaussianMap, frames: Iterable[RgbdFrame]) -> tuple[Ints, Ints]:
+    """Count the frames that measured a surface at each Gaussian, and behind it.
+
+    Args:
+        gaussian_map: Map of the frames.
+        frames: At their poses in the map.
+
+    Returns:
+        [N] each.
+    """
     confirmed, passed = np.zeros((2, gaussian_map.size), np.int64)
     for frame in frames:
         registered = frame.registered()
@@ -64,10 +81,7 @@ def unmeasured_gaussians(gaussian_map: GaussianMap, frames: Iterable[RgbdFrame])
         margins_m = surface_margin_m(depths_m)
         confirmed[rows] += np.abs(measured_m - depths_m) <= margins_m
         passed[rows] += measured_m > depths_m + margins_m
-    if not confirmed.any():
-        return NO_IDS
-    is_measured: Bools = confirmed >= np.maximum(1, MIN_CONFIRMED_SHARE * (confirmed + passed))
-    return np.sort(gaussian_map.ids[~is_measured])
+    return confirmed, passed
 
 
 def _measurements(gaussian_map: GaussianMap, frame: RgbdFrame) -> tuple[Indices, Floats, Floats]:
