@@ -13,7 +13,6 @@ from gslts.change.blur import blurred_pixels
 from gslts.change.changes import Change
 from gslts.change.config import DetectionConfig
 from gslts.change.constants import (
-    ALIGN_STEPS,
     MAX_CAMERAS,
     MAX_CHANGED_SHARE,
     MAX_HALVINGS,
@@ -189,7 +188,6 @@ class ChangeDetector:
             pose = align_pose(
                 self._map,
                 reversed(pyramid[self.config.halvings :]),
-                ALIGN_STEPS,
                 stds=POSE_STDS,
                 threads=self.config.threads,
             )
