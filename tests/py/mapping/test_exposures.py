@@ -75,10 +75,8 @@ def test_masked_pixels_do_not_count() -> None:
 def test_an_exposure_that_is_not_plausible_leaves_the_last_one() -> None:
     rgb = rendering()
     camera = camera_from_fov(WIDTH, HEIGHT, 1.0, np.eye(4))
-    frame = RgbdFrame(
-        np.zeros((HEIGHT, WIDTH, 3), np.uint8), np.ones((HEIGHT, WIDTH), np.float32), camera
-    )
-    observation = Observation.of(frame)
+    black, depth = np.zeros((HEIGHT, WIDTH, 3), np.uint8), np.ones((HEIGHT, WIDTH), np.float32)
+    observation = Observation.of(RgbdFrame(black, depth, camera))
     refit_exposure(observation, rgb, exposed(rgb, 0.7), None)
     assert not observation.exposure_rejected
     np.testing.assert_allclose(observation.exposure.gain, 0.7, rtol=0.01)
