@@ -23,6 +23,8 @@ colours, and hardly shift them."""
 MEAN_ERROR_STD = 0.01
 """Standard deviation of the mean error of a rendering, of colours from 0 to 1: that of errors of
 0.05 in 25 independent parts. It weighs the prior against the images."""
+MOMENT_PIXELS = (slice(None, None, 4), slice(None, None, 4))
+"""Pixels whose moments weigh the images: all would take 20 ms at 640 x 480 instead of 1 ms."""
 
 
 def refit_exposure(
@@ -65,7 +67,8 @@ def fit_likely_exposure(
         Exposure from the rendered to the observed colours.
     """
     fit = fit_exposure(rendered_rgb, observed_rgb, mask=mask, threads=threads)
-    colors = rendered_rgb.reshape(-1, 3) if mask is None else rendered_rgb[mask]
+    sampled = rendered_rgb[MOMENT_PIXELS]
+    colors = sampled.reshape(-1, 3) if mask is None else sampled[mask[MOMENT_PIXELS]]
     if not len(colors):
         return fit
     colors = colors.astype(np.float64)
