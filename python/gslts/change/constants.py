@@ -41,9 +41,8 @@ one is for coarse depth, together with `MIN_AGREEMENT`."""
 MIN_AGREEMENT = 0.2
 """With coarse depth, the minimum difference of the share of measured depths within
 `DEPTH_TOLERANCE` of the map, and of the share of the known view with dissimilar features. Of 90
-frames of real visits 4 or 5 have less, depending on the map and so on the machine that made it; of
-the same frames mirrored 85 had less, and of frames of other rooms or with depths 1.6 times too large
-all."""
+frames of real visits 4 or 5 have less, by the map and so by the machine that made it; of the same
+frames mirrored 85 had less, and of frames of other rooms or with depths 1.6 times too large all."""
 MAX_CHANGED_SHARE = 0.4
 """Maximum share of the known view covered by changes; if more differs, the pose or the map is
 wrong."""
