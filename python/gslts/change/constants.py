@@ -7,8 +7,6 @@ MAX_HALVINGS = 2
 quarter of 640 x 480, 60 % of single changes are right; at half, 95 %
 (benchmarks/results/detection.md)."""
 
-ALIGN_STEPS = 3
-"""Gauss-Newton steps of the pose alignment at each resolution."""
 POSE_STDS = (0.01, 0.0087)
 """Standard deviations of a robot's pose, m and rad (half a degree): the prior of the alignment."""
 MAX_CORRECTION_M, MAX_CORRECTION_RAD = 0.25, 0.15
@@ -43,8 +41,8 @@ one is for coarse depth, together with `MIN_AGREEMENT`."""
 MIN_AGREEMENT = 0.2
 """With coarse depth, the minimum difference of the share of measured depths within
 `DEPTH_TOLERANCE` of the map, and of the share of the known view with dissimilar features. Of 90
-frames of real visits 5 have less, of the same frames mirrored 85, and of frames of other rooms or
-with depths 1.6 times too large all."""
+frames of real visits 4 or 5 have less, by the map and so by the machine that made it; of the same
+frames mirrored 85 had less, and of frames of other rooms or with depths 1.6 times too large all."""
 MAX_CHANGED_SHARE = 0.4
 """Maximum share of the known view covered by changes; if more differs, the pose or the map is
 wrong."""

@@ -9,11 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from gslts._core import detect as _core
-from gslts.change.blur import blurred_pixels
+from gslts.change.blur import Detail
 from gslts.change.changes import Change
 from gslts.change.config import DetectionConfig
 from gslts.change.constants import (
-    ALIGN_STEPS,
     MAX_CAMERAS,
     MAX_CHANGED_SHARE,
     MAX_HALVINGS,
@@ -189,7 +188,6 @@ class ChangeDetector:
             pose = align_pose(
                 self._map,
                 reversed(pyramid[self.config.halvings :]),
-                ALIGN_STEPS,
                 stds=POSE_STDS,
                 threads=self.config.threads,
             )
@@ -220,10 +218,11 @@ class ChangeDetector:
         known = alpha >= config.masks.alpha_min
         exposure = robust_exposure(images.rgb, observed_rgb, known, config.threads)
         rendered_rgb = apply_exposure(images.rgb, exposure).clip(0, 1).astype(np.float32)
-        fault = view_fault(observed_rgb, rendered_rgb, known)
+        detail = Detail(observed_rgb, rendered_rgb, known)
+        fault = view_fault(detail, known)
         if fault is not None:
             return Detection((), fault, camera, observed_rgb)
-        unknown = self._unknown_pixels(images, known, observed_rgb, rendered_rgb, is_coarse)
+        unknown = self._unknown_pixels(images, known, detail, is_coarse)
         comparable = ~np.any(list(unknown.values()), axis=0)
         cosines = similarity(
             self._features(observed_rgb), self._features(rendered_rgb), *known.shape
@@ -266,18 +265,13 @@ class ChangeDetector:
         )
 
     def _unknown_pixels(
-        self,
-        images: Images,
-        known: Bools,
-        observed_rgb: Floats32,
-        rendered_rgb: Floats32,
-        is_coarse: bool,
+        self, images: Images, known: Bools, detail: Detail, is_coarse: bool
     ) -> dict[str, Bools]:
         """Return [H,W] pixels of the images that are not compared, by the reason."""
         pixels = {"the map does not cover it": ~known}
         if self.config.strategy == "gs_lts":  # The printed rule compares all others.
             return pixels
-        pixels["the image is blurred"] = blurred_pixels(observed_rgb, rendered_rgb, known)
+        pixels["the image is blurred"] = detail.blurred_pixels()
         if not is_coarse:
             measured = images.features[..., 0] >= MIN_MEASURED_WEIGHT * images.alpha
             pixels["no frame of the map measured its depth"] = ~measured

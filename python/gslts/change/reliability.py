@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gslts.change.blur import is_blurred
+from gslts.change.blur import Detail
 from gslts.change.constants import (
     BLACK,
     DEPTH_TOLERANCE,
@@ -60,12 +60,11 @@ def correction_fault(given: Floats, aligned: Floats) -> str | None:
     return f"the pose seems off by {shift_m:.2f} m and {np.degrees(turn_rad):.0f} degrees"
 
 
-def view_fault(observed_rgb: Floats32, rendered_rgb: Floats32, known: Bools) -> str | None:
+def view_fault(detail: Detail, known: Bools) -> str | None:
     """Check if a frame and a rendering can be compared.
 
     Args:
-        observed_rgb: [H,W,3] sRGB of the frame, 0 to 1.
-        rendered_rgb: [H,W,3] sRGB of the map, 0 to 1.
+        detail: Detail of the frame and of the rendering.
         known: [H,W] pixels that the map covers.
 
     Returns:
@@ -73,7 +72,7 @@ def view_fault(observed_rgb: Floats32, rendered_rgb: Floats32, known: Bools) -> 
     """
     if known.mean() < MIN_KNOWN_SHARE:
         return f"the map covers {100 * known.mean():.0f} % of the view"
-    if is_blurred(observed_rgb, rendered_rgb, known):
+    if detail.is_blurred():
         return "the image is blurred"
     return None
 

@@ -83,6 +83,8 @@ def make(
     Every 8th frame is held out from training: alternately a test frame, on which quality is
     reported, and a validation frame, which ends the optimization.
 
+    A warning tells if the map does not show the frames that it was made from.
+
     The folder of the map holds the Gaussians, a manifest, the corrected cameras and report.html.
     During the run, OUT.checkpoint.npz holds the state for --resume.
 
@@ -93,7 +95,7 @@ def make(
     from gslts.datasets import open_dataset
     from gslts.mapping.checkpoint import read_checkpoint
     from gslts.mapping.config import PRESETS
-    from gslts.mapping.report.summary import summary_of, write_result
+    from gslts.mapping.report.summary import summary_of, warning_of, write_result
 
     if out.exists():
         raise FileExistsError(f"{out} is there already")
@@ -119,6 +121,8 @@ def make(
     saved.unlink(missing_ok=True)
     for reason in result.skipped:
         typer.echo(f"skipped {reason}", err=True)
+    if (warning := warning_of(result)) is not None:
+        typer.echo(f"warning: {warning}", err=True)
     typer.echo(f"wrote {out}: {summary_of(result)}")
 
 

@@ -15,7 +15,14 @@ from gslts.core.camera import Camera, at_pose
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import FloatArray, GaussianMap
 from gslts.core.se3 import relative, se3_retract, twist_of
-from gslts.localization.constants import CORRELATED_PIXELS, DEPTH_WEIGHT, MIN_PIVOT
+from gslts.localization.constants import (
+    CORRELATED_PIXELS,
+    DEPTH_WEIGHT,
+    MAX_ALIGN_STEPS,
+    MAX_EXTRAPOLATION,
+    MIN_PIVOT,
+    MIN_STEP_PX,
+)
 from gslts.rendering.losses import Exposure, fit_exposure
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.types import Bools, Floats
@@ -161,17 +168,18 @@ def _eliminate(left: Floats, right: Floats, k: int, min_pivot: float) -> bool:
 def align_pose(
     gaussian_map: GaussianMap,
     frames: Iterable[RgbdFrame],
-    steps: int,
     *,
     stds: tuple[float, float] | None = None,
     threads: int = 0,
 ) -> Floats:
     """Correct the pose of a frame so that the map fits its images best.
 
+    Gauss-Newton steps at each resolution end when one moves the image by less than `MIN_STEP_PX`,
+    or after `MAX_ALIGN_STEPS`. Results are bit-identical for any number of threads.
+
     Args:
         gaussian_map: float32.
         frames: One frame at several resolutions, the coarsest first, all at one pose.
-        steps: Number of Gauss-Newton steps at each resolution.
         stds: Standard deviations of the given pose, m and rad, as a prior; None means no prior.
         threads: Number of threads; 0 means one per hardware thread.
 
@@ -189,7 +197,8 @@ def align_pose(
         camera = frame.camera if pose is None else at_pose(frame.camera, pose)
         observed_rgb = frame.rgb.astype(np.float32) / np.float32(255)
         observed_depth = np.nan_to_num(frame.depth)
-        for _ in range(steps):
+        last: _Step | None = None
+        for _ in range(MAX_ALIGN_STEPS):
             images = rasterizer.forward(gaussian_map, camera, options)
             exposure = fit_exposure(images.rgb, observed_rgb, mask=frame.mask, threads=threads)
             alignment = align(
@@ -202,18 +211,59 @@ def align_pose(
                 exposure=exposure,
                 threads=threads,
             )
-            camera = _step(alignment, camera, frame.camera.world_from_camera, prior)
+            twist = _solve_step(alignment, camera, frame.camera.world_from_camera, prior)
+            step = _Step.of(twist, camera, images.depth)
+            camera = at_pose(camera, step.end if last is None else step.extrapolate(last))
+            if step.motion_px < MIN_STEP_PX:
+                break
+            last = step
         pose = camera.world_from_camera
     if pose is None:
         raise ValueError("align_pose: frames: expected at least one frame, got none")
     return pose
 
 
-def _step(alignment: Alignment, camera: Camera, given: Floats, prior: Floats) -> Camera:
-    """Solve for the pose alone, with the weights (6,) of the given pose [4,4] as a prior."""
+def _solve_step(alignment: Alignment, camera: Camera, given: Floats, prior: Floats) -> Floats:
+    """Solve for the twist (6,) of the camera, with weights (6,) of the given pose as a prior."""
     color, depth = alignment.color, alignment.depth
     hessian = color.hessian[:6, :6] + DEPTH_WEIGHT * depth.hessian[:6, :6] + np.diag(prior)
     error = twist_of(relative(given, camera.world_from_camera))
     right = color.right[:6] + DEPTH_WEIGHT * depth.right[:6] - prior * error
-    twist = solve_positive(hessian, right)
-    return at_pose(camera, se3_retract(camera.world_from_camera, twist))
+    return solve_positive(hessian, right)
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """Gauss-Newton step of a pose.
+
+    Attributes:
+        angles_rad: (6,) angles by which translation and rotation move the middle of the image.
+        motion_px: Maximum motion of the middle of the image, px.
+        end: [4,4] world_from_camera after the step, m.
+    """
+
+    angles_rad: Floats
+    motion_px: float
+    end: Floats
+
+    @classmethod
+    def of(cls, twist: Floats, camera: Camera, depth: FloatArray) -> _Step:
+        """Make the step of a camera by a twist (6,); distances are the median of the depth."""
+        distance_m = float(np.median(depth[depth > 0])) if (depth > 0).any() else np.inf
+        angles_rad = twist / np.repeat([distance_m, 1], 3)
+        # Not `@`, which rounds differently from processor to processor.
+        angle_rad = np.sqrt((angles_rad.reshape(2, 3) ** 2).sum(axis=1)).sum()
+        motion_px = float(max(camera.fx, camera.fy) * angle_rad)
+        return cls(angles_rad, motion_px, se3_retract(camera.world_from_camera, twist))
+
+    def extrapolate(self, last: _Step) -> Floats:
+        """Return the pose [4,4] to which this step and the one before it converge.
+
+        Steps fall short, as the weights of errors change with them, and shrink by about a half.
+
+        Source: Anderson acceleration with one earlier step; Pavlov et al. 2018, AA-ICP.
+        """
+        change = self.angles_rad - last.angles_rad
+        share = -float((self.angles_rad * change).sum()) / max(float((change**2).sum()), 1e-30)
+        twist = twist_of(relative(last.end, self.end))
+        return se3_retract(self.end, min(max(share, 0.0), MAX_EXTRAPOLATION) * twist)

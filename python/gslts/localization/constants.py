@@ -26,6 +26,17 @@ DEPTH_WEIGHT = 0.03
 """Weight of the depth residuals: their errors are the same in neighbouring pixels and frames, and
 colours must fit first. With 0.1, poses are no better; with 1, their error is three times as large
 in a plain simulated room."""
+MAX_ALIGN_STEPS = 8
+"""Maximum number of Gauss-Newton steps of `align_pose` at each resolution. Frames of a real room
+with poses that err by centimetres take 5.5 at a quarter and 4.1 at half of their sides; with a
+limit of 12, 0.2 more and the same changes are reported."""
+MIN_STEP_PX = 0.1
+"""Motion of the image, px, below which a step is the last one: a tenth of what a pixel resolves. Of
+125 unchanged frames of a real room 5 have a false report with this and with half of it, 6 with
+twice and 8 with four times as much; 13 after three steps without extrapolation."""
+MAX_EXTRAPOLATION = 2.0
+"""Maximum number of lengths by which a step is extended: those of steps that shrink to two thirds
+each. With 4, the pose overshoots where steps at first grow."""
 MIN_PIVOT = 1e-13
 """Minimum pivot relative to its diagonal element; a smaller one is rounding error of float64."""
 

@@ -32,8 +32,8 @@ class Observation:
         world_from_camera: [4,4] refined pose of the colour camera.
         lenses: Refined lenses of the sensor.
         exposure: Maps rendered colours to those of this frame.
-        exposure_rejected: Whether the last fit was not plausible, so that `exposure` is the
-            identity; see `gslts.mapping.exposures`.
+        exposure_rejected: Whether the last fit was not plausible, so that `exposure` is an earlier
+            one; see `gslts.mapping.exposures`.
         shows_known: Whether the frame shows so much of a fixed map that this determines `exposure`.
         alignment: Normal equations of pose and lenses at the last step of the optimizer.
     """

@@ -19,7 +19,7 @@ from gslts.localization.constants import CORRELATED_PIXELS, DEPTH_WEIGHT
 from gslts.mapping import clock
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.density.control import join, split
-from gslts.mapping.exposures import fold_mean_exposure, is_plausible
+from gslts.mapping.exposures import fold_mean_exposure, refit_exposure
 from gslts.mapping.gauge import restore_gauge
 from gslts.mapping.lenses import Lenses, after_step, pose_step, refine_lenses
 from gslts.mapping.observation import Observation
@@ -29,7 +29,6 @@ from gslts.rendering.losses import (
     Exposure,
     apply_exposure,
     depth_loss,
-    fit_exposure,
     photometric_loss,
 )
 from gslts.rendering.metrics import psnr_db
@@ -189,9 +188,7 @@ class Optimizer:
         # A random background keeps dark colours from being made of missing Gaussians.
         options = RenderOptions(threads=threads, background=self.rng.random(3).tolist())
         images = self._rasterizer.forward(self.adam.map, target.camera, options)
-        exposure = fit_exposure(images.rgb, target.rgb, mask=target.mask, threads=threads)
-        observation.exposure_rejected = not is_plausible(exposure)
-        observation.exposure = Exposure() if observation.exposure_rejected else exposure
+        refit_exposure(observation, images.rgb, target.rgb, target.mask, threads)
         loss, gradients = self._gradients(images, target, observation.exposure)
         self.adam.step(gradients.select(~self.fixed), self._rates(share), threads=threads)
         if config.refine_poses and self.epoch > 0:

@@ -24,8 +24,6 @@ MIN_ALPHA = 0.5
 FRONT_M = 0.005
 """Minimum distance of an added object from the surface that it occludes, where depth is coarse, m;
 more than the thickness of flat Gaussians."""
-ALIGN_STEPS = 3
-"""Gauss-Newton steps of the pose at half and at full resolution."""
 MAX_ALIGNMENT_M = 0.1
 """Maximum distance between the pose of the detection and the aligned pose, m. A larger one means
 that the view has too little texture to align it."""
@@ -148,7 +146,7 @@ def align_view(view: View, gaussian_map: GaussianMap, threads: int = 0) -> View 
     whole = view.frame
     unchanged = ~view.changed if whole.mask is None else whole.mask & ~view.changed
     frame = RgbdFrame(whole.rgb, whole.depth, whole.camera, mask=unchanged)
-    pose = align_pose(gaussian_map, [frame.halved(), frame], ALIGN_STEPS, threads=threads)
+    pose = align_pose(gaussian_map, [frame.halved(), frame], threads=threads)
     if not np.linalg.norm(pose[:3, 3] - whole.camera.world_from_camera[:3, 3]) < MAX_ALIGNMENT_M:
         return None
     camera = at_pose(whole.camera, pose)

@@ -24,8 +24,6 @@ from gslts_sim.task import Change
 
 AROUND_PX = 50
 """Margin of crops around the boxes of a change, as in GS-LTS."""
-ALIGN_STEPS = 4
-"""Iterations per resolution of aligning a test camera with the map."""
 Rectangle = tuple[int, int, int, int]
 """Columns [x0, x1) and rows [y0, y1): x0, y0, x1, y1, px."""
 
@@ -120,7 +118,7 @@ def align_with_map(
         The aligned camera, the exposure from the map's colours to those of the frame, and the map's
         colours [H,W,3].
     """
-    pose = align_pose(gaussian_map, [frame.halved(), frame], ALIGN_STEPS, threads=1)
+    pose = align_pose(gaussian_map, [frame.halved(), frame], threads=1)
     camera = at_pose(frame.camera, pose)
     photo = frame.rgb.astype(np.float32) / np.float32(255)
     rgb = Rasterizer(np.float32).forward(gaussian_map, camera, RenderOptions(threads=1)).rgb

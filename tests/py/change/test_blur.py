@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from gslts.change.blur import blurred_pixels, is_blurred
+from gslts.change.blur import Detail
 
 WIDTH, HEIGHT = 160, 120
 KNOWN = np.ones((HEIGHT, WIDTH), np.bool_)
@@ -28,12 +28,12 @@ def noisy(image: np.ndarray) -> np.ndarray:
 
 def test_a_sharp_frame_is_not_blurred() -> None:
     image = room()
-    assert not is_blurred(noisy(image), image, KNOWN)
-    assert not blurred_pixels(noisy(image), image, KNOWN).any()
+    assert not Detail(noisy(image), image, KNOWN).is_blurred()
+    assert not Detail(noisy(image), image, KNOWN).blurred_pixels().any()
 
 
 def test_a_blurred_frame_is_blurred() -> None:
-    assert is_blurred(noisy(smeared(room())), room(), KNOWN)
+    assert Detail(noisy(smeared(room())), room(), KNOWN).is_blurred()
 
 
 @pytest.mark.parametrize("share", [0.25, 0.5])
@@ -41,8 +41,8 @@ def test_the_part_behind_a_smeared_window_is_found(share: float) -> None:
     image, edge = room(), int(share * WIDTH)
     frame = image.copy()
     frame[:, :edge] = smeared(image)[:, :edge]
-    assert not is_blurred(noisy(frame), image, KNOWN)
-    found = blurred_pixels(noisy(frame), image, KNOWN)
+    assert not Detail(noisy(frame), image, KNOWN).is_blurred()
+    found = Detail(noisy(frame), image, KNOWN).blurred_pixels()
     assert found[:, :edge].mean() > 0.95
     assert found[:, edge + WIDTH // 8 :].mean() < 0.02
 
@@ -51,19 +51,19 @@ def test_motion_blur_in_one_direction_is_found() -> None:
     image = room()
     frame = image.copy()
     frame[:60] = cv2.blur(image, (9, 1))[:60]
-    assert blurred_pixels(noisy(frame), image, KNOWN)[:60].mean() > 0.95
+    assert Detail(noisy(frame), image, KNOWN).blurred_pixels()[:60].mean() > 0.95
 
 
 def test_what_is_plain_instead_of_a_removed_object_is_not_blurred() -> None:
     plain = np.full((HEIGHT, WIDTH, 3), 0.5, np.float32)
     with_object = plain.copy()
     with_object[30:90, 40:110] = room()[30:90, 40:110]
-    assert not blurred_pixels(noisy(plain), with_object, KNOWN).any()
+    assert not Detail(noisy(plain), with_object, KNOWN).blurred_pixels().any()
 
 
 def test_a_plain_wall_is_not_blurred() -> None:
     wall = np.full((HEIGHT, WIDTH, 3), 0.5, np.float32)
-    assert not blurred_pixels(wall, noisy(wall), KNOWN).any()
+    assert not Detail(wall, noisy(wall), KNOWN).blurred_pixels().any()
 
 
 def test_unknown_pixels_are_neither_compared_nor_found() -> None:
@@ -71,5 +71,5 @@ def test_unknown_pixels_are_neither_compared_nor_found() -> None:
     known[:, :80] = False
     frame = image.copy()
     frame[:, :70] = smeared(image)[:, :70]
-    assert not blurred_pixels(noisy(frame), image, known).any()
-    assert not blurred_pixels(noisy(frame), image, ~KNOWN).any()
+    assert not Detail(noisy(frame), image, known).blurred_pixels().any()
+    assert not Detail(noisy(frame), image, ~KNOWN).blurred_pixels().any()

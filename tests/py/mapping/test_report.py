@@ -18,7 +18,7 @@ from gslts.io.images import error_image
 from gslts.mapping.observation import Observation
 from gslts.mapping.report.images import shrink
 from gslts.mapping.report.page import MAX_VIEWS, CurvePoint, ReportData, View, write_report
-from gslts.mapping.report.summary import _views
+from gslts.mapping.report.summary import MIN_TRAINING_PSNR_DB, _views, warning_of
 
 VOID = {"meta", "img", "br", "link", "input", "hr"}
 EVIL = "<script>alert('x')</script>&\"><img src=http://a.example/b>"
@@ -252,3 +252,16 @@ def test_the_same_report_is_the_same_page(tmp_path: Path) -> None:
         write_report(tmp_path / name, REPORT)
         pages.append((tmp_path / name).read_bytes())
     assert pages[0] == pages[1]
+
+
+@pytest.mark.parametrize(("poor", "warns"), [(0, False), (1, False), (2, True), (10, True)])
+def test_a_map_that_does_not_show_its_training_frames_is_told(poor: int, warns: bool) -> None:
+    good_db, poor_db = MIN_TRAINING_PSNR_DB + 5, MIN_TRAINING_PSNR_DB - 3
+    psnrs_db = {f"{k:03}": poor_db if k < poor else good_db for k in range(10)}
+    warning = warning_of(SimpleNamespace(training_psnrs_db=psnrs_db))
+    assert (warning is not None) == warns
+    if warning is not None:
+        assert f"{poor} of 10 training frames" in warning
+        assert "000, 001" in warning
+        assert "\n" not in warning
+        assert warning.count("00") < 8, "many frames are not all named"

@@ -1,6 +1,7 @@
 """Maps of simulated recordings, made by the engine and by `gslts map`."""
 
 import json
+import shutil
 import signal
 from dataclasses import replace
 from pathlib import Path
@@ -397,6 +398,29 @@ def test_the_commands(recorded: dict[str, Path], tmp_path: Path) -> None:
     assert done.returncode == 1
     assert "no data set of a known format" in done.stderr.splitlines()[-1]
     assert not (tmp_path / "other").exists()
+
+
+def test_a_map_of_frames_at_wrong_poses_is_told(recorded: dict[str, Path], tmp_path: Path) -> None:
+    shutil.copytree(recorded["kinect"], tmp_path / "mixed")
+    transforms = tmp_path / "mixed" / "transforms.json"
+    content = json.loads(transforms.read_text())
+    poses = [frame["transform_matrix"] for frame in content["frames"]]
+    for frame, pose in zip(content["frames"], poses[30:] + poses[:30], strict=True):
+        frame["transform_matrix"] = pose
+    transforms.write_text(json.dumps(content))
+    (tmp_path / "maps").mkdir()
+    settings = ("--iterations", "200", "--preset", "fast")
+    for dataset, warns in ((tmp_path / "mixed", True), (recorded["kinect"], False)):
+        done = run("map", dataset, "--out", dataset.name, *settings, cwd=tmp_path / "maps")
+        assert done.returncode == 0, done.stderr
+        told = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
+        assert len(told) == warns, done.stderr
+        manifest = json.loads((tmp_path / "maps" / dataset.name / "manifest.json").read_text())
+        trained = cameras_of_map(tmp_path / "maps" / dataset.name)
+        assert set(manifest["training_psnrs_db"]) == set(trained)
+        assert (manifest["warning"] is not None) == warns
+        page = (tmp_path / "maps" / dataset.name / "report.html").read_text()
+        assert ("does not show" in page) == warns
 
 
 def test_variants_are_compared_on_validation_frames(recorded: dict[str, Path]) -> None:

@@ -15,8 +15,8 @@ from gslts.rendering.losses import apply_exposure, fit_exposure
 from gslts.rendering.metrics import psnr_db, ssim
 from gslts.rendering.rasterizer import Images, Rasterizer, RenderOptions
 
-POSE_LEVELS, POSE_STEPS = (1, 0), 4
-"""Resolutions at which a pose is refined, coarse to fine, and Gauss-Newton steps at each."""
+POSE_LEVELS = (1, 0)
+"""Resolutions at which a pose is refined, coarse to fine."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def refine_pose(
         threads: Number of threads; 0 means all.
     """
     frames = [observation.rgbd(level) for level in POSE_LEVELS]
-    return observation.at_pose(align_pose(gaussian_map, frames, POSE_STEPS, threads=threads))
+    return observation.at_pose(align_pose(gaussian_map, frames, threads=threads))
 
 
 def rgb_as_exposed(images: Images, observation: Observation, threads: int = 0) -> FloatArray:
