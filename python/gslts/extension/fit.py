@@ -67,8 +67,8 @@ def make_patch(
     """
     seeds = _seed(gaussian_map, frames, spaces, config)
     plain = replace(gaussian_map, features=np.zeros((gaussian_map.size, 0), np.float32))
-    total, in_poor = _weights(plain, frames, spaces, config.threads)
-    free = in_poor > np.maximum(MIN_FREE_PIXELS, MIN_FREE_SHARE * total)
+    total, near, in_poor = _weights(plain, frames, spaces, config.threads)
+    free = (total > MIN_FREE_PIXELS) & (in_poor > MIN_FREE_SHARE * near)
     confirmed, passed = count_measurements(plain, map(_unchanged, frames, spaces))
     free |= (passed >= MIN_SEEN) & (passed > confirmed)
     seen = total > 0
@@ -87,16 +87,25 @@ def _weights(
     frames: Sequence[Observation],
     spaces: Sequence[FrameSpace],
     threads: int,
-) -> tuple[Floats, Floats]:
-    """Return [N] sums of the blending weights in all pixels, and in those the map shows poorly."""
+) -> tuple[Floats, Floats, Floats]:
+    """Return [N] sums of the blending weights.
+
+    Returns:
+        The sum over all pixels of all frames; the same over the squared distance, m, as what a near
+        frame shows tells more; and that in pixels where the map is poor.
+    """
     rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
-    total, in_poor = np.zeros((2, gaussian_map.size))
+    total, near, in_poor = np.zeros((3, gaussian_map.size))
     for frame, space in zip(frames, spaces, strict=True):
+        camera = shift_origin(frame.camera(), gaussian_map.origin)
         rasterizer.forward(gaussian_map, frame.camera(), options)
         seen = rasterizer.lift(space.poor[..., None].astype(np.float32))
+        offsets = gaussian_map.means[seen.rows] - camera.world_from_camera[:3, 3]
+        squares = (offsets.astype(np.float64) ** 2).sum(axis=1)
         total[seen.rows] += seen.weights
-        in_poor[seen.rows] += seen.weighted_features[:, 0]
-    return total, in_poor
+        near[seen.rows] += seen.weights / squares
+        in_poor[seen.rows] += seen.weighted_features[:, 0] / squares
+    return total, near, in_poor
 
 
 def _seed(

@@ -127,7 +127,7 @@ def extend_map(
             gaussian_map, list(placement.frames.values()), list(spaces.values()), config.threads
         )
         optimizer = _fit(patch, replays, split, exposure, config, clock, report)
-        fitted = _without_errors(optimizer, visibility, first_id)
+        fitted = _without_errors(optimizer, training, visibility, first_id)
         extended = merge_patch(gaussian_map, patch, fitted, first_id)
         clock.note("optimization")
         extended = _add_semantics(path, extended, split, spaces, first_id, config.threads)
@@ -200,17 +200,22 @@ def _settings(config: MappingConfig, frames: int, cameras: int) -> MappingConfig
     )
 
 
-def _without_errors(optimizer: Optimizer, visibility: Visibility, first_id: int) -> GaussianMap:
+def _without_errors(
+    optimizer: Optimizer, frames: Sequence[Observation], visibility: Visibility, first_id: int
+) -> GaussianMap:
     """Return the Gaussians of a fit without new ones that no frame shows or that must be errors.
 
-    Where the training cameras of the map saw through, there is no new surface.
+    Where training cameras of the map saw through from as near, there is no new surface.
     """
     gaussians, config = optimizer.adam.map, optimizer.config
     weights = max_weights(gaussians, optimizer.observations, config.threads)
     good = (weights > MIN_WEIGHT) | (gaussians.ids < first_id)
     new = np.flatnonzero(good & (gaussians.ids >= first_id))
     if visibility.has_cameras and len(new) > 0:
-        counts = visibility.counts(gaussians.means[new] + gaussians.origin)
+        points = gaussians.means[new].astype(np.float64) + gaussians.origin
+        centres = [frame.world_from_camera[:3, 3] for frame in frames]
+        near_m = np.min([np.linalg.norm(points - centre, axis=1) for centre in centres], axis=0)
+        counts = visibility.counts(points, near_m)
         good[new] = counts.through < np.maximum(MIN_SEEN, counts.on)
     return gaussians.select(good)
 
