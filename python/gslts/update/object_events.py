@@ -11,7 +11,7 @@ from gslts._core.detect import Surface
 from gslts.change.changes import Change
 from gslts.core.gaussian_map import GaussianMap
 from gslts.semantics.map_semantics import MapSemantics
-from gslts.store.causes import Appearance, Box, ChangeRecord
+from gslts.store.causes import Appearance, Box, ChangeRecord, Motion
 from gslts.store.records import Event, ObjectEvent
 from gslts.types import Floats
 from gslts.update.integrate import UpdateResult
@@ -59,7 +59,9 @@ def object_events(
                 low, high = np.quantile(centers, (OUTLIER_SHARE, 1 - OUTLIER_SHARE), axis=0)
                 old = _box(low, high)
         name = object_type(change, result.views, events, name_region)
-        records.append(ObjectEvent(kind=change.kind, type=name, boxes=(old, new)))
+        records.append(
+            ObjectEvent(kind=change.kind, type=name, boxes=(old, new), motion=_motion(change))
+        )
     return records
 
 
@@ -74,6 +76,7 @@ def change_record(change: Change) -> ChangeRecord:
         confidence=change.confidence,
         boxes=change_boxes(change),
         appearances=(_appearance(change.before), _appearance(change.after)),
+        motion=_motion(change),
     )
 
 
@@ -85,6 +88,13 @@ def change_boxes(change: Change) -> tuple[Box | None, Box | None]:
     """
     before, after = (None if box is None else _box(*box) for box in change.boxes)
     return before, after
+
+
+def _motion(change: Change) -> Motion | None:
+    if change.motion is None:
+        return None
+    first, second, third, last = (tuple(row) for row in change.motion.tolist())
+    return first, second, third, last
 
 
 def _appearance(surface: Surface | None) -> Appearance | None:
