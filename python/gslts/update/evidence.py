@@ -15,7 +15,7 @@ from gslts.change.detector import Detection
 from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import relative, rotation, rotation_vector, transform
 from gslts.types import Floats
-from gslts.update.region import NEAR_M, Region
+from gslts.update.region import NEAR_M, Region, regions_of
 from gslts.update.views import View, region_masks
 
 Verdict = Literal["shown", "not shown", "unknown"]
@@ -92,6 +92,37 @@ def confirm(
     if shown and not any(verdict == "unknown" for verdict, _ in verdicts):
         return change.end(shown[0].side)
     return next(reason for verdict, reason in verdicts if verdict != "shown")
+
+
+def join_shifts(results: Sequence[Change | str]) -> list[Change | str]:
+    """Join confirmed shifts of one object, of which several parts were detected.
+
+    Args:
+        results: From `confirm`.
+
+    Returns:
+        The results; the first of such shifts has the boxes of all, and the others are rejected.
+    """
+    joined: list[Change | str] = []
+    for result in results:
+        if isinstance(result, str) or result.motion is None:
+            joined.append(result)
+            continue
+        center = result.point
+        for row, other in enumerate(joined):
+            if (
+                not isinstance(other, str)
+                and other.motion is not None
+                and _overlaps(other, regions_of(result))
+                and _agree(other, result, center)
+            ):
+                boxes = [_union([other.boxes[side], result.boxes[side]]) for side in (0, 1)]
+                joined[row] = replace(other, boxes=(boxes[0], boxes[1]))
+                joined.append("it is a part of another shift")
+                break
+        else:
+            joined.append(result)
+    return joined
 
 
 def _judge(

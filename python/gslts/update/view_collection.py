@@ -17,7 +17,7 @@ from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
 from gslts.update.config import CollectConfig
-from gslts.update.evidence import confirm
+from gslts.update.evidence import confirm, join_shifts
 from gslts.update.extent import extend_regions
 from gslts.update.region import NEAR_M, Region, regions_of
 from gslts.update.rigid_motion import move_gaussians, select_shifted
@@ -138,6 +138,7 @@ def collect_views(
         confirm(change, own, views, tour.skipped)
         for change, own in zip(changes, by_change, strict=True)
     ]
+    results = join_shifts(results)
     moved = _select_moved(detector.gaussian_map, results, by_change, views if rigid else [])
     if any(rows.any() for rows in moved):
         detector = _detector_of_moved(detector, results, moved)
