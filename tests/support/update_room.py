@@ -73,8 +73,7 @@ def robot_in(home: Home, noise: str = "none") -> Controller:
 def detected(kind: Kind) -> Change:
     """Return the change that the first frame shows."""
     changes = change_room.detector().detect(robot_in(changed_home(kind)).observe()).changes
-    change = next(change for change in changes if change.kind == kind)
-    return change
+    return next(change for change in changes if change.kind == kind)
 
 
 @cache

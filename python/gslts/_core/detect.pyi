@@ -7,7 +7,7 @@ import gslts._core.map
 import numpy
 import numpy.typing
 import typing
-__all__: list[str] = ['ChangeType', 'Component', 'Evidence', 'GsLtsChange', 'GsLtsRule', 'MaskRule', 'Masks', 'ObjectChange', 'ObjectRule', 'Region', 'Side', 'Surface', 'Views', 'Visibility', 'classify_changes', 'compute_masks', 'confidence', 'confidence_features', 'detect_gs_lts', 'find_changed_regions', 'find_changed_surfaces', 'find_regions', 'mask_arrays', 'match_features', 'match_score']
+__all__: list[str] = ['ChangeType', 'Component', 'Evidence', 'GsLtsChange', 'GsLtsRule', 'MaskRule', 'Masks', 'ObjectChange', 'ObjectRule', 'Region', 'Shift', 'Side', 'Surface', 'Views', 'Visibility', 'classify_changes', 'compute_masks', 'confidence', 'confidence_features', 'detect_gs_lts', 'find_changed_regions', 'find_changed_surfaces', 'find_regions', 'find_shifts', 'mask_arrays', 'match_features', 'match_score']
 class MaskRule:
     """
     Thresholds of the masks of GS-LTS, sec. III-C1; immutable.
@@ -359,6 +359,35 @@ class Surface:
     @visibility.setter
     def visibility(self, arg0: Visibility | None) -> None:
         ...
+class Shift:
+    """
+    A small rigid motion over the floor.
+    """
+    @property
+    def after(self) -> tuple[typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"], typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]]:
+        """
+        The same after the motion.
+        """
+    @property
+    def before(self) -> tuple[typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"], typing.Annotated[numpy.typing.NDArray[numpy.float64], "[3, 1]"]]:
+        """
+        Lower and upper corner (3,) around the points that were followed, world, m.
+        """
+    @property
+    def motion(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[4, 4]"]:
+        """
+        [4,4] float64, world, m: x_after = motion @ x_before.
+        """
+    @property
+    def score(self) -> float:
+        """
+        Mean share of their points that it explains, less those that contradict it.
+        """
+    @property
+    def surfaces(self) -> list[int]:
+        """
+        Rows of the surfaces that it explains.
+        """
 class Region:
     """
     A region of similar colours that the other image may not show.
@@ -585,6 +614,23 @@ def find_regions(views: Views, masks: Masks, rule: ObjectRule) -> list[Region]:
     
     Raises:
         ValueError: A threshold is out of range, or the masks have another size.
+    """
+def find_shifts(views: Views, masks: Masks, surfaces: collections.abc.Sequence[Surface], labels: numpy.ndarray, rule: ObjectRule) -> list[Shift]:
+    """
+    Find small rigid motions over the floor that explain changed surfaces.
+    
+    Args:
+        views: Frame and rendering.
+        masks: Of the same views.
+        surfaces: Surfaces visible in only one of map and frame.
+        labels: [H,W] int32, label of the surface at each pixel, 0 for none.
+        rule: Thresholds.
+    
+    Returns:
+        The shifts; each surface belongs to one of them at most.
+    
+    Raises:
+        ValueError: A threshold is out of range, or the masks or labels have another size.
     """
 def mask_arrays(masks: Masks, camera: gslts._core.map.Camera) -> dict[str, numpy.ndarray]:
     """

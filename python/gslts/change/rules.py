@@ -35,9 +35,7 @@ def object_changes(
     )
 
 
-def shift_change(
-    found: _core.Shift, surfaces: list[_core.Surface], labels: Ints32
-) -> Change:
+def shift_change(found: _core.Shift, surfaces: list[_core.Surface], labels: Ints32) -> Change:
     """Convert a shift.
 
     Args:

@@ -9,6 +9,7 @@ from gslts.core.se3 import product
 from gslts.types import Floats
 
 MAX_DEGREE = 3
+"""Maximum degree of harmonics in a map."""
 
 
 def rotate_harmonics(sh: FloatArray, rotation: Floats) -> FloatArray:
@@ -23,7 +24,7 @@ def rotate_harmonics(sh: FloatArray, rotation: Floats) -> FloatArray:
     """
     directions, weights = _quadrature()
     before, after = _basis(directions), _basis(product(directions, rotation.T))
-    result = np.array(sh)
+    result = sh.copy()
     for degree in range(1, MAX_DEGREE + 1):
         own = slice(degree**2, (degree + 1) ** 2)
         if own.stop > sh.shape[1]:

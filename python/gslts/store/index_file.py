@@ -12,7 +12,7 @@ from gslts.io.atomic_files import name_in_errors
 
 SCHEMA, OLDEST_SCHEMA = 4, 2
 """Version of the tables, and the oldest one that is read. Raise the first with every change of
-`TABLES` or of a cause. In schema 2, causes have no appearances; before schema 4, there are no shifts,
+`TABLES` or of a cause. In schema 2, causes have no appearances; in schema 3, there are no shifts,
 and events have no motion."""
 APPLICATION_ID = 0x67736C74
 """`gslt` in ASCII; SQLite keeps it in the header of the file."""

@@ -162,7 +162,7 @@ def object_tracks(lineage: Sequence[Version], events: Sequence[Event]) -> list[T
 def _reports(
     version: Version, events: Sequence[Event]
 ) -> list[tuple[_Report | None, _Report | None]]:
-    """Return both ends of each arrival and departure of a version; None where there is no object."""
+    """Return both ends of each change but shifts; None where there is no object."""
     cause, number_of_round = version.cause, _round_of(version)
     changes = cause.changes if isinstance(cause, UpdateCause) else ()
     pairs = []

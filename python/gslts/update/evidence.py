@@ -181,14 +181,16 @@ def _confirm_shift(
         for other in detection.changes
         if other.motion is not None and _overlaps(other, regions)
     ]
-    groups = [
-        [other for other in reports if _agree(report, other, center)] for report in reports
-    ]
+    groups = [[other for other in reports if _agree(report, other, center)] for report in reports]
     agreeing = max(groups, key=len, default=[])
     if len(agreeing) < MIN_VIEWS:
         return f"only {len(agreeing)} of {len(own)} views show the same shift there"
-    motion = _mean_motion([report.motion for report in agreeing if report.motion is not None], center)
-    before, after = (_union([report.boxes[side] for report in (change, *agreeing)]) for side in (0, 1))
+    motion = _mean_motion(
+        [report.motion for report in agreeing if report.motion is not None], center
+    )
+    before, after = (
+        _union([report.boxes[side] for report in (change, *agreeing)]) for side in (0, 1)
+    )
     return replace(change, boxes=(before, after), motion=motion)
 
 

@@ -223,9 +223,7 @@ def _integrate_once(
         return gaussian_map, [], _reject(record, "; ".join(reasons) or "nothing changed", clock)
 
     moved = collection.move(gaussian_map)
-    edit = pre_edit(
-        moved, training, by_change, config.edit, first_id=first_id, threads=threads
-    )
+    edit = pre_edit(moved, training, by_change, config.edit, first_id=first_id, threads=threads)
     unsteady = unsteady_share(moved, edit, training)
     clock.stop("editing")
     record = record.model_copy(update={"removed": int(edit.removed.sum()), "added": edit.added})
@@ -267,9 +265,7 @@ def _needs_features(
     """
     new = ~np.isin(updated.ids, before.ids)
     by_change = list(zip(collection.changes, collection.regions_by_change, strict=True))
-    replaced = [
-        region for change, own in by_change for region in own if change.kind != "shift"
-    ]
+    replaced = [region for change, own in by_change for region in own if change.kind != "shift"]
     new |= gaussians_in_regions(updated, replaced, SEMANTICS_MARGIN_M)
     destinations = [
         region

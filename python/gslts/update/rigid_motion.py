@@ -14,7 +14,7 @@ import numpy as np
 
 from gslts._core import edit as _core
 from gslts.core.camera import Camera
-from gslts.core.gaussian_map import GaussianMap
+from gslts.core.gaussian_map import FloatArray, GaussianMap
 from gslts.core.se3 import inverse_transform, transform
 from gslts.core.spherical_harmonics import rotate_harmonics
 from gslts.types import Bools, Floats, Floats32, Ints, Ints32
@@ -59,10 +59,10 @@ def move_gaussians(gaussian_map: GaussianMap, rows: Bools, motion: Floats) -> Ga
     Returns:
         The map with the moved Gaussians in the same order.
     """
-    means, quats, sh = (np.array(a) for a in (gaussian_map.means, gaussian_map.quats, gaussian_map.sh))
+    means, quats, sh = gaussian_map.means.copy(), gaussian_map.quats.copy(), gaussian_map.sh.copy()
     origin = gaussian_map.origin
     means[rows] = transform(motion, means[rows] + origin) - origin
-    quats[rows] = _rotated(quats[rows], motion[:3, :3])
+    quats[rows] = _rotate_quats(quats[rows], motion[:3, :3])
     sh[rows] = rotate_harmonics(sh[rows], motion[:3, :3])
     return replace(gaussian_map, means=means, quats=quats, sh=sh)
 
@@ -206,13 +206,13 @@ def _support_m(gaussian_map: GaussianMap, boxes: Sequence[Region], moving: Float
     return -np.inf
 
 
-def _axes_z(quats: Floats32) -> Floats:
+def _axes_z(quats: FloatArray) -> Floats:
     """Return [N,3] the vertical components of the axes of Gaussians."""
     w, x, y, z = (quats.astype(np.float64) / np.linalg.norm(quats, axis=1, keepdims=True)).T
     return np.column_stack([2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)])
 
 
-def _rotated(quats: Floats32, rotation: Floats) -> Floats:
+def _rotate_quats(quats: FloatArray, rotation: Floats) -> Floats:
     """Return [N,4] quaternions after a rotation of the world."""
     w, x, y, z = quats.astype(np.float64).T
     a, (b, c, d) = _quat_of(rotation)

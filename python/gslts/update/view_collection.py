@@ -16,6 +16,7 @@ from gslts.change.detector import ChangeDetector, Detection
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
+from gslts.types import Bools
 from gslts.update.config import CollectConfig
 from gslts.update.evidence import confirm, join_shifts
 from gslts.update.extent import extend_regions
@@ -190,7 +191,10 @@ def _in_regions(view: View, regions: Sequence[Region]) -> View:
 
 
 def _align(
-    tour: Tour, frames: Sequence[tuple[RgbdFrame, Detection]], gaussian_map: GaussianMap, threads: int
+    tour: Tour,
+    frames: Sequence[tuple[RgbdFrame, Detection]],
+    gaussian_map: GaussianMap,
+    threads: int,
 ) -> list[DetectedView]:
     """Return views of frames, aligned with the map; notes those that cannot be aligned."""
     views = []
@@ -241,5 +245,7 @@ def _regions_of_confirmed(change: Change, regions: Sequence[Region]) -> tuple[Re
     own = []
     for shown in regions_of(change):
         visited = next(region for region in regions if region.side == shown.side)
-        own.append(visited.include([shown.low], [shown.high]) if change.kind == "shift" else visited)
+        own.append(
+            visited.include([shown.low], [shown.high]) if change.kind == "shift" else visited
+        )
     return tuple(own)
