@@ -121,11 +121,11 @@ def _vote(view: View, points: Floats, motion: Floats) -> Ints:
 
 def _rendered_colors(view: View, points: Floats) -> tuple[Ints, Floats32]:
     """Return the rows of the points [P,3] that the map shows in a view, and their colours [V,3]."""
-    pixels, depths_m = _project(view.camera, points, 0)
+    pixels, depths_m = project_points(view.camera, points, 0)
     column, row = pixels.T
     surface_m = view.rendered_depth[row, column]
     visible = (depths_m > 0) & (surface_m > 0)
-    visible &= np.abs(surface_m - depths_m) <= _tolerance_m(view, depths_m)
+    visible &= np.abs(surface_m - depths_m) <= depth_tolerance_m(view, depths_m)
     rows = np.flatnonzero(visible)
     return rows, view.rendered_rgb[row[rows], column[rows]]
 
@@ -142,8 +142,8 @@ def _compare(view: View, points: Floats, colors: Floats32) -> Ints:
         [P] 1 if the frame shows the point, -1 if it shows another surface there, 0 if it shows
         nothing or what is before it.
     """
-    pixels, depths_m = _project(view.camera, points, WINDOW_PX)
-    tolerance_m = _tolerance_m(view, depths_m)
+    pixels, depths_m = project_points(view.camera, points, WINDOW_PX)
+    tolerance_m = depth_tolerance_m(view, depths_m)
     observed, measured = view.colors, view.depth
     same = np.zeros(len(points), np.bool_)
     for dy in range(-WINDOW_PX, WINDOW_PX + 1):
@@ -157,8 +157,17 @@ def _compare(view: View, points: Floats, colors: Floats32) -> Ints:
     return np.where(depths_m > 0, np.where(same, 1, np.where(known, -1, 0)), 0)
 
 
-def _project(camera: Camera, points: Floats, margin_px: int) -> tuple[Ints32, Floats]:
-    """Return [P,2] columns and rows, and [P] depths, m; 0 where a point is not in the image."""
+def project_points(camera: Camera, points: Floats, margin_px: int) -> tuple[Ints32, Floats]:
+    """Project points into an image.
+
+    Args:
+        camera: Of the image.
+        points: [P,3] world, m.
+        margin_px: Points nearer to the border of the image count as outside.
+
+    Returns:
+        [P,2] int32 column and row, and [P] depths, m, 0 where a point is outside of the image.
+    """
     x, y, z = inverse_transform(camera.world_from_camera, points).T
     front = np.where(z > 0, z, np.inf)
     u, v = camera.fx * x / front + camera.cx, camera.fy * y / front + camera.cy
@@ -168,7 +177,13 @@ def _project(camera: Camera, points: Floats, margin_px: int) -> tuple[Ints32, Fl
     return pixels.astype(np.int32), np.where(inside, z, 0.0)
 
 
-def _tolerance_m(view: View, depths_m: Floats) -> Floats:
+def depth_tolerance_m(view: View, depths_m: Floats) -> Floats:
+    """Return [P] the maximum difference of two depths of one surface, m.
+
+    Args:
+        view: Of the measured depths.
+        depths_m: [P] m.
+    """
     step_m = max(DEPTH_STEP_M, view.depth_quantum_m)
     tolerance_m: Floats = step_m + DEPTH_STEP_PER_M * depths_m**2
     return tolerance_m

@@ -22,6 +22,7 @@ from gslts.update.evidence import confirm, join_shifts
 from gslts.update.extent import extend_regions
 from gslts.update.region import NEAR_M, Region, regions_of
 from gslts.update.rigid_motion import move_gaussians, select_shifted
+from gslts.update.shift_registration import register_shift
 from gslts.update.tour import Tour
 from gslts.update.views import (
     View,
@@ -140,7 +141,8 @@ def collect_views(
         for change, own in zip(changes, by_change, strict=True)
     ]
     results = join_shifts(results)
-    moved = _select_moved(detector.gaussian_map, results, by_change, views if rigid else [])
+    shown = [view for view, _ in views] if rigid else []
+    results, moved = _move_shifted(detector.gaussian_map, results, by_change, shown, threads)
     if any(rows.any() for rows in moved):
         detector = _detector_of_moved(detector, results, moved)
         frames = [(frame, detector.detect(frame)) for frame, _ in tour.frames]
@@ -209,24 +211,30 @@ def _align(
     return views
 
 
-def _select_moved(
+def _move_shifted(
     gaussian_map: GaussianMap,
     results: Sequence[Change | str],
     by_change: Sequence[Sequence[Region]],
-    views: Sequence[DetectedView],
-) -> list[Bools]:
-    """Return [N] bool for each change, the Gaussians that a confirmed shift moves."""
+    views: Sequence[View],
+    threads: int,
+) -> tuple[list[Change | str], list[Bools]]:
+    """Return the changes with registered motions, and [N] Gaussians that each of them moves."""
+    registered: list[Change | str] = []
     moved: list[Bools] = []
     taken = np.zeros(gaussian_map.size, np.bool_)
     for result, own in zip(results, by_change, strict=True):
         rows = np.zeros(gaussian_map.size, np.bool_)
         if not isinstance(result, str) and result.motion is not None:
             regions = _regions_of_confirmed(result, own)
-            shown = [view for view, _ in views]
-            rows = select_shifted(gaussian_map, shown, regions, result.motion) & ~taken
+            rows = select_shifted(gaussian_map, views, regions, result.motion) & ~taken
+            if rows.any():
+                motion = register_shift(gaussian_map, rows, views, result.motion, threads)
+                result = replace(result, motion=motion)
+                rows = select_shifted(gaussian_map, views, regions, motion) & ~taken
         taken |= rows
         moved.append(rows)
-    return moved
+        registered.append(result)
+    return registered, moved
 
 
 def _detector_of_moved(
