@@ -223,7 +223,15 @@ def _integrate_once(
         return gaussian_map, [], _reject(record, "; ".join(reasons) or "nothing changed", clock)
 
     moved = collection.move(gaussian_map)
-    edit = pre_edit(moved, training, by_change, config.edit, first_id=first_id, threads=threads)
+    edit = pre_edit(
+        moved,
+        training,
+        by_change,
+        config.edit,
+        moved=[bool(rows.any()) for rows in collection.moved],
+        first_id=first_id,
+        threads=threads,
+    )
     unsteady = unsteady_share(moved, edit, training)
     clock.stop("editing")
     record = record.model_copy(update={"removed": int(edit.removed.sum()), "added": edit.added})
