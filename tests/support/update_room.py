@@ -16,11 +16,12 @@ from gslts.keeper.keeper import KeeperConfig
 from gslts.update.config import CollectConfig, EditConfig, RefineConfig, UpdateConfig
 from gslts.update.integrate import UpdateResult, integrate_changes
 from gslts.update.view_collection import Collection, collect_views
+from gslts_sim.changes import shift
 from gslts_sim.controller import Controller
 from gslts_sim.home import Home, HomeObject
 from gslts_sim.robot_body import Viewpoint
 
-Kind = Literal["removal", "addition", "relocation"]
+Kind = Literal["removal", "addition", "relocation", "shift"]
 COLLECT = CollectConfig(distance_m=1.0)
 SMALL = EditConfig(voxel_m=0.02)
 """Images of 160 px do not resolve more."""
@@ -55,6 +56,8 @@ def changed_home(kind: Kind) -> Home:
         return home.without(["Box|1"])
     if kind == "addition":
         return replace(home, objects=(*home.objects, yellow()))
+    if kind == "shift":
+        return shift(home, "Block|1", 0.1, 0.0, 2.0)
     moved = replace(change_room.thing("Box|2", 2.6, 1.7, BLUE, "Block|1"))
     return replace(home.without(["Box|2"]), objects=(*home.without(["Box|2"]).objects, moved))
 
@@ -69,9 +72,8 @@ def robot_in(home: Home, noise: str = "none") -> Controller:
 @cache
 def detected(kind: Kind) -> Change:
     """Return the change that the first frame shows."""
-    change = change_room.detector().detect(robot_in(changed_home(kind)).observe()).changes[0]
-    assert change.kind == kind
-    return change
+    changes = change_room.detector().detect(robot_in(changed_home(kind)).observe()).changes
+    return next(change for change in changes if change.kind == kind)
 
 
 @cache

@@ -94,6 +94,10 @@ class ChangeDetector:
         unmeasured: Ids of Gaussians that no measured depth confirms, see
             `gslts.store.unmeasured`: changes of what they show cannot be judged.
 
+    Attributes:
+        config: Settings.
+        cameras: Training cameras of the map.
+
     Raises:
         ValueError: The map is not float32.
     """
@@ -114,8 +118,9 @@ class ChangeDetector:
         measured = ~np.isin(gaussian_map.ids, unmeasured)
         self._drawn = replace(gaussian_map, features=measured[:, None].astype(np.float32))
         self._features = OrientedGradients() if features is None else features
+        self.cameras = tuple(cameras)
         self._visibility = Visibility(
-            gaussian_map, choose_evenly(tuple(cameras), MAX_CAMERAS), self.config.threads
+            gaussian_map, choose_evenly(self.cameras, MAX_CAMERAS), self.config.threads
         )
         self._rasterizer = Rasterizer(np.float32)
 

@@ -10,7 +10,12 @@ from gslts.change.detector import Detection
 from gslts.core.camera import Camera
 from gslts.io.images import RgbImage, box_corners, draw_box, draw_text, to_rgb8
 
-COLORS = {"addition": (40, 200, 70), "removal": (230, 60, 50), "relocation": (60, 120, 250)}
+COLORS = {
+    "addition": (40, 200, 70),
+    "removal": (230, 60, 50),
+    "relocation": (60, 120, 250),
+    "shift": (250, 170, 30),
+}
 """RGB, 0 to 255, of each kind of change."""
 MIN_WIDTH_PX = 480
 """Minimum width of each panel; its text, of a fixed size, would not fit on half of it."""

@@ -129,6 +129,7 @@ def _plain(name: str, detection: Detection, width_px: int) -> dict[str, Any]:
                 "point_m": change.point.tolist(),
                 "box_before_m": _corners(change, 0),
                 "box_after_m": _corners(change, 1),
+                "motion": None if change.motion is None else change.motion.tolist(),
                 "box_px": change.box_px("after", width_px) or change.box_px("before", width_px),
                 "pixels": [0 if mask is None else int(mask.sum()) for mask in change.masks],
             }

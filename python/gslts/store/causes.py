@@ -19,7 +19,7 @@ from pydantic import (
     model_validator,
 )
 
-ChangeKind = Literal["addition", "removal", "relocation"]
+ChangeKind = Literal["addition", "removal", "relocation", "shift"]
 Count = Annotated[int, Field(ge=0)]
 Number = Annotated[int, Field(ge=1)]
 Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
@@ -27,6 +27,8 @@ Point = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 Box = tuple[Point, Point]
 """Lower and upper corner of an axis-aligned box in the world frame, m."""
 Row = tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat]
+Motion = tuple[Row, Row, Row, Row]
+"""[4,4] rigid transform in the world frame, m: x_after = motion @ x_before."""
 
 
 class Record(BaseModel):
@@ -85,12 +87,19 @@ class ChangeRecord(Record):
         confidence: Calibrated probability that the change is real, 0 to 1.
         boxes: Box of the object before and after the change; None where there is no object.
         appearances: Appearance of the object before and after the change; None where unknown.
+        motion: Motion of a shift; None for other kinds.
     """
 
     kind: ChangeKind
     confidence: FiniteFloat
     boxes: tuple[Box | None, Box | None]
     appearances: tuple[Appearance | None, Appearance | None] = (None, None)
+    motion: Motion | None = None
+
+    @model_validator(mode="after")
+    def _motion_fits_kind(self) -> Self:
+        require_motion(self.kind, self.motion)
+        return self
 
 
 class UpdateRecord(Record):
@@ -320,6 +329,20 @@ def rejected_cause_from_json(text: str) -> RejectedUpdateCause:
         return RejectedUpdateCause.model_validate_json(text)
     except ValidationError as error:
         raise ValueError(f"cause: {first_problem(error)}") from None
+
+
+def require_motion(kind: ChangeKind, motion: Motion | None) -> None:
+    """Check that a shift has a motion, and that other changes have none.
+
+    Args:
+        kind: Type of the change.
+        motion: Its motion, or None.
+
+    Raises:
+        ValueError: They do not fit.
+    """
+    if (motion is not None) != (kind == "shift"):
+        raise ValueError(f"motion: a shift needs one, other kinds have none, got {kind}")
 
 
 def first_problem(error: ValidationError) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from datetime import datetime
 
@@ -10,6 +11,7 @@ from gslts.store.causes import (
     ExtensionCause,
     ImportCause,
     MappingCause,
+    Motion,
     RestoreCause,
     SemanticsCause,
 )
@@ -51,8 +53,11 @@ def describe_event(event: ObjectEvent, name: str | None = None) -> str:
         name: Of the object; None means its type.
 
     Returns:
-        Name of the object, type of the change, and the centres of its boxes, m.
+        Name of the object, type of the change, and the centres of its boxes, m; of a shift, how far
+        and by which angle.
     """
+    if event.motion is not None:
+        return f"{name or event.type} shifted{_format_motion(event.motion, event.boxes[0])}"
     before, after = (_format_centre(box) for box in event.boxes)
     change = {
         "addition": f"added at {after}",
@@ -127,3 +132,16 @@ def _format_centre(box: Box | None) -> str:
         return "an unknown position"
     x, y, z = ((low + high) / 2 for low, high in zip(*box, strict=True))
     return f"({x:.2f}, {y:.2f}, {z:.2f}) m"
+
+
+def _format_motion(motion: Motion, box: Box | None) -> str:
+    """Return the horizontal displacement of the centre of a box, and the yaw."""
+    yaw_deg = math.degrees(math.atan2(motion[1][0], motion[0][0]))
+    turned = f"{abs(yaw_deg):.0f}°"
+    if box is None:
+        return f" by {turned}"
+    centre = [(low + high) / 2 for low, high in zip(*box, strict=True)]
+    moved = [
+        sum(turn * x for turn, x in zip(row, centre, strict=False)) + row[3] for row in motion[:2]
+    ]
+    return f" by {100 * math.dist(centre[:2], moved):.0f} cm and {turned}"

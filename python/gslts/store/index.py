@@ -110,8 +110,8 @@ class Index(IndexFile):
             if snapshot is not None:
                 _insert_snapshot(connection, number, snapshot)
             connection.executemany(
-                "INSERT INTO events VALUES (?, ?, ?, ?)",
-                [(number, event.kind, event.type, json.dumps(event.boxes)) for event in events],
+                "INSERT INTO events VALUES (?, ?, ?, ?, ?)",
+                [(number, *_event_columns(event)) for event in events],
             )
 
     def add_snapshot(self, number: int, snapshot: Blob) -> None:
@@ -200,9 +200,20 @@ def _rejection(row: sqlite3.Row) -> Rejection:
     )
 
 
+def _event_columns(event: ObjectEvent) -> tuple[str, str, str, str | None]:
+    motion = None if event.motion is None else json.dumps(event.motion)
+    return event.kind, event.type, json.dumps(event.boxes), motion
+
+
 def _event(row: sqlite3.Row) -> Event:
-    boxes = json.loads(row["boxes"])
-    return Event(version=row["version"], kind=row["kind"], type=row["type"], boxes=boxes)
+    motion = row["motion"] if "motion" in row.keys() else None  # noqa: SIM118  # Schema 3 has none.
+    return Event(
+        version=row["version"],
+        kind=row["kind"],
+        type=row["type"],
+        boxes=json.loads(row["boxes"]),
+        motion=None if motion is None else json.loads(motion),
+    )
 
 
 def _snapshot(row: sqlite3.Row) -> tuple[int, Blob]:

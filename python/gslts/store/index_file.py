@@ -10,9 +10,10 @@ from typing import Any
 
 from gslts.io.atomic_files import name_in_errors
 
-SCHEMA, OLDEST_SCHEMA = 3, 2
+SCHEMA, OLDEST_SCHEMA = 4, 2
 """Version of the tables, and the oldest one that is read. Raise the first with every change of
-`TABLES` or of a cause. In schema 2, causes have no appearances."""
+`TABLES` or of a cause. In schema 2, causes have no appearances; in schema 3, there are no shifts,
+and events have no motion."""
 APPLICATION_ID = 0x67736C74
 """`gslt` in ASCII; SQLite keeps it in the header of the file."""
 BUSY_S = 10.0
@@ -57,7 +58,8 @@ CREATE TABLE events (
     version INTEGER NOT NULL REFERENCES versions (number),
     kind TEXT NOT NULL,
     type TEXT NOT NULL,
-    boxes TEXT NOT NULL
+    boxes TEXT NOT NULL,
+    motion TEXT
 ) STRICT;
 """
 """Schema of the index."""
@@ -205,6 +207,7 @@ class IndexFile:
         if OLDEST_SCHEMA <= schema < SCHEMA:
             if writable:  # An older gslts could not read what is written now.
                 with self.transaction() as connection:
+                    connection.execute("ALTER TABLE events ADD COLUMN motion TEXT")
                     connection.execute(f"PRAGMA user_version = {SCHEMA}")
         elif schema != SCHEMA:
             step = (

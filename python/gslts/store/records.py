@@ -10,10 +10,12 @@ from gslts.store.causes import (
     Box,
     ChangeKind,
     Count,
+    Motion,
     Number,
     Record,
     RejectedUpdateCause,
     VersionCause,
+    require_motion,
 )
 
 UNKNOWN = "object"
@@ -97,11 +99,18 @@ class ObjectEvent(Record):
         kind: Type of the change.
         type: Type of the object such as "Mug"; "object" if unknown.
         boxes: Box of the object before and after the change; None where there is no object.
+        motion: Motion of a shift; None for other kinds.
     """
 
     kind: ChangeKind
     type: str
     boxes: tuple[Box | None, Box | None]
+    motion: Motion | None = None
+
+    @model_validator(mode="after")
+    def _motion_fits_kind(self) -> Self:
+        require_motion(self.kind, self.motion)
+        return self
 
 
 class Event(ObjectEvent):

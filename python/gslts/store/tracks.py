@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from gslts.store.causes import Appearance, Box, UpdateCause
+from gslts.store.causes import Appearance, Box, Motion, Point, UpdateCause
 from gslts.store.match_score import is_at, report_score
 from gslts.store.records import UNKNOWN, Event, Track, TrackEvent, Version
 
@@ -25,6 +25,10 @@ rejects, it tries again in the next one. With 2, two changes on two days are tak
 MAX_ABSENT = 100
 """Maximum number of objects that are gone and may be found again: those that left last. Bounds the
 time of a long history without names."""
+
+INSIDE_M = 0.02
+"""Maximum distance of the centre of an object from the box of furniture that carries it, m: as much
+as boxes of one object differ from frame to frame. The box of what lies on the edge reaches over."""
 
 
 @dataclass(eq=False)
@@ -62,26 +66,54 @@ class _Report:
 
 
 @dataclass(eq=False)
+class _Shift:
+    """A small motion of an object during its stay.
+
+    Attributes:
+        before: The object before the motion.
+        after: The object after it.
+        motion: The motion.
+        carried: The object stands on another one, of which the motion was reported.
+    """
+
+    before: _Report
+    after: _Report
+    motion: Motion
+    carried: bool = False
+
+
+@dataclass(eq=False)
 class _Stay:
-    """An object at one position.
+    """An object at one position, but for shifts.
 
     Attributes:
         came: Reports of its arrival, oldest first; none if the first map shows it.
         left: Reports of its departure, oldest first; none while it is there.
+        shifts: Its shifts, oldest first.
     """
 
     came: list[_Report] = field(default_factory=list)
     left: list[_Report] = field(default_factory=list)
+    shifts: list[_Shift] = field(default_factory=list)
 
     @property
     def reports(self) -> list[_Report]:
-        return [*self.came, *self.left]
+        """Return the reports of its arrival, its shifts and its departure."""
+        shifts = [report for shift in self.shifts for report in (shift.before, shift.after)]
+        return [*self.came, *shifts, *self.left]
+
+    @property
+    def place(self) -> _Report:
+        """Return the last report of where it is."""
+        return self.reports[-1]
 
     def is_at(self, report: _Report) -> bool:
         return any(own.is_at(report) for own in self.reports)
 
     def score(self, report: _Report) -> float:
-        return max(own.score(report) for own in self.reports)
+        # A shift shows only edges of the object, which say little of its appearance.
+        whole = [*self.came, *self.left] or self.reports
+        return max(own.score(report) for own in whole)
 
 
 _Stays = list[_Stay]
@@ -104,7 +136,11 @@ def object_tracks(lineage: Sequence[Version], events: Sequence[Event]) -> list[T
     for event in events:
         own.setdefault(event.version, []).append(event)
     for version in lineage:
-        pairs = _reports(version, own.get(version.number, []))
+        of_version = own.get(version.number, [])
+        for event in of_version:
+            if event.motion is not None:
+                _shift(found, _shift_of(version, event, event.motion))
+        pairs = _reports(version, of_version)
         for before, after in sorted(pairs, key=lambda pair: pair[0] is None):  # Departures first.
             gone = None if before is None else _leave(found, before)
             if after is not None:
@@ -126,12 +162,13 @@ def object_tracks(lineage: Sequence[Version], events: Sequence[Event]) -> list[T
 def _reports(
     version: Version, events: Sequence[Event]
 ) -> list[tuple[_Report | None, _Report | None]]:
-    """Return both ends of each change that a version shows; None where there is no object."""
-    cause = version.cause
-    number_of_round = cause.round if isinstance(cause, UpdateCause) else None
+    """Return both ends of each change but shifts; None where there is no object."""
+    cause, number_of_round = version.cause, _round_of(version)
     changes = cause.changes if isinstance(cause, UpdateCause) else ()
     pairs = []
     for row, event in enumerate(events):
+        if event.kind == "shift":
+            continue
         appearances = changes[row].appearances if len(changes) == len(events) else (None, None)
         sides = {"addition": (False, True), "removal": (True, False)}.get(event.kind, (True, True))
         before, after = (
@@ -140,6 +177,61 @@ def _reports(
         )
         pairs.append((before, after))
     return pairs
+
+
+def _round_of(version: Version) -> int | None:
+    return version.cause.round if isinstance(version.cause, UpdateCause) else None
+
+
+def _shift_of(version: Version, event: Event, motion: Motion) -> _Shift:
+    before, after = (
+        _Report(version.number, _round_of(version), event.type, box, None) for box in event.boxes
+    )
+    return _Shift(before, after, motion)
+
+
+def _shift(found: list[_Stays], shift: _Shift) -> None:
+    """Add a shift to the object at its position, or to a new one, and to all that stands on it."""
+    present = [stays[-1] for stays in found if not stays[-1].left]
+    same = [
+        stay for stay in present if stay.is_at(shift.before) and stay.place.score(shift.before) > 0
+    ]
+    own = max(same, key=lambda stay: stay.place.score(shift.before), default=None)
+    for stay in present:
+        if stay is own:
+            stay.shifts.append(shift)
+        elif _carries(shift.before.box, stay.place.box):
+            place = stay.place
+            after = replace(place, box=_moved_box(place.box, shift.motion))
+            stay.shifts.append(_Shift(place, after, shift.motion, carried=True))
+    if own is None:
+        found.append([_Stay(shifts=[shift])])
+
+
+def _carries(box: Box | None, other: Box | None) -> bool:
+    """Return whether an object stands on furniture with a box, or in it."""
+    if box is None or other is None:
+        return False
+    centre, (low, high) = _centre(other), box
+    over = all(low[axis] - INSIDE_M <= centre[axis] <= high[axis] + INSIDE_M for axis in (0, 1))
+    return over and centre[2] >= low[2] and other[0][2] <= high[2] + INSIDE_M
+
+
+def _moved_box(box: Box | None, motion: Motion) -> Box | None:
+    """Return a box at the position to which a motion carries its centre."""
+    if box is None:
+        return None
+    centre, sizes = _centre(box), [high - low for low, high in zip(*box, strict=True)]
+    x, y, z = (
+        sum(turn * at for turn, at in zip(row, centre, strict=False)) + row[3] for row in motion[:3]
+    )
+    dx, dy, dz = (size / 2 for size in sizes)
+    return (x - dx, y - dy, z - dz), (x + dx, y + dy, z + dz)
+
+
+def _centre(box: Box) -> Point:
+    (x0, y0, z0), (x1, y1, z1) = box
+    return (x0 + x1) / 2, (y0 + y1) / 2, (z0 + z1) / 2
 
 
 def _leave(found: list[_Stays], report: _Report) -> _Stays | None:
@@ -231,7 +323,21 @@ def _events(stays: _Stays, name: str) -> list[TrackEvent]:
         else:
             events += [_event("removal", name, left, [])] if left else []
             events += [_event("addition", name, [], came)] if came else []
+        if after is not None:
+            events += [_shift_event(name, shift) for shift in after.shifts if not shift.carried]
     return events
+
+
+def _shift_event(name: str, shift: _Shift) -> TrackEvent:
+    version = shift.before.version
+    return TrackEvent(
+        kind="shift",
+        type=name,
+        boxes=(shift.before.box, shift.after.box),
+        motion=shift.motion,
+        version=version,
+        parts=(version,),
+    )
 
 
 def _event(

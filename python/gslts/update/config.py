@@ -44,6 +44,7 @@ class EditConfig(BaseModel):
             nearest Gaussian.
         observed_colors: Use the observed colours; GS-LTS copies those of the nearest Gaussian, or
             of the relocated object.
+        rigid: Move the Gaussians of shifted objects; else these are removed and added anew.
         voxel_m: Edge of the voxels that seed one flat Gaussian each, m.
         contrast: Maximum change of colour, 0 to 1, over a larger voxel that seeds one Gaussian.
         margin_m: Distance from the regions up to which the edit may reach, m.
@@ -58,6 +59,7 @@ class EditConfig(BaseModel):
     only_missing: bool = True
     flat: bool = True
     observed_colors: bool = True
+    rigid: bool = True
     voxel_m: Positive = 0.015
     contrast: Rate = 0.1
     margin_m: Rate = 0.1
@@ -70,6 +72,7 @@ GS_LTS = EditConfig(
     only_missing=False,
     flat=False,
     observed_colors=False,
+    rigid=False,
 )
 """Pre-editing of GS-LTS, sec. III-D, without our corrections."""
 

@@ -58,6 +58,7 @@ def pre_edit(
     regions_by_change: Sequence[Sequence[Region]],
     config: EditConfig,
     *,
+    moved: Sequence[bool] = (),
     first_id: int | None = None,
     threads: int = 0,
 ) -> Edit:
@@ -71,6 +72,8 @@ def pre_edit(
         views: Of the changes, at least one.
         regions_by_change: "before" and "after" regions of each change.
         config: Settings.
+        moved: True for each change whose Gaussians are at their new positions already: new ones
+            are parts of what is there, and get its features. None are, if it is empty.
         first_id: Id of the first new Gaussian; None means the next one after those of the map.
         threads: 0 uses all hardware threads.
 
@@ -95,7 +98,10 @@ def pre_edit(
         new = _inherited(kept, frames)
     if new.size == 0:
         return Edit(kept, removed, 0)
-    new = _with_appearance(new, kept, gone, regions_by_change, config)
+    drawn = [
+        own for row, own in enumerate(regions_by_change) if not (row < len(moved) and moved[row])
+    ]
+    new = _with_appearance(new, kept, gone, drawn, config)
     if first_id is None:
         first_id = int(gaussian_map.ids.max()) + 1  # Also after the removed ones.
     return Edit(join(kept, new, first_id), removed, new.size)

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from itertools import product
 from typing import Literal
 
 import numpy as np
 
 from gslts._core import detect as _core
-from gslts.change.changes import Change
+from gslts.change.changes import Box, Change
 from gslts.change.detector import Detection
 from gslts.core.frame import RgbdFrame
-from gslts.update.region import Region
+from gslts.core.se3 import relative, rotation, rotation_vector, transform
+from gslts.types import Floats
+from gslts.update.region import NEAR_M, Region, regions_of
 from gslts.update.views import View, region_masks
 
 Verdict = Literal["shown", "not shown", "unknown"]
@@ -27,6 +31,9 @@ MAX_LOG_ODDS = 3.0
 single view may outvote all others."""
 MIN_MEASURED_SHARE = 0.1
 """Minimum share of changed pixels with measured depth; glass and mirrors have less."""
+MAX_MOTION_GAP_M, MAX_MOTION_GAP_RAD = 0.03, np.deg2rad(4)
+"""Maximum difference between two reports of one shift, at the centre of the object: one frame tells
+the motion to about 1 cm and 2 degrees."""
 
 
 def is_visible(frame: RgbdFrame, region: Region) -> bool:
@@ -60,7 +67,8 @@ def confirm(
 ) -> Change | str:
     """Confirm a change by the collected views.
 
-    A relocation becomes an addition or a removal if the views show that one end did not change.
+    A relocation becomes an addition or a removal if the views show that one end did not change. A
+    shift gets the mean of the motions that the views agree on.
 
     Args:
         change: As detected.
@@ -73,6 +81,8 @@ def confirm(
     """
     if not regions:
         return "its region is unknown"
+    if change.kind == "shift":
+        return _confirm_shift(change, regions, views, skipped)
     verdicts = [_judge(region, views, skipped) for region in regions]
     shown = [
         region for region, (verdict, _) in zip(regions, verdicts, strict=True) if verdict == "shown"
@@ -82,6 +92,37 @@ def confirm(
     if shown and not any(verdict == "unknown" for verdict, _ in verdicts):
         return change.end(shown[0].side)
     return next(reason for verdict, reason in verdicts if verdict != "shown")
+
+
+def join_shifts(results: Sequence[Change | str]) -> list[Change | str]:
+    """Join confirmed shifts of one object, of which several parts were detected.
+
+    Args:
+        results: From `confirm`.
+
+    Returns:
+        The results; the first of such shifts has the boxes of all, and the others are rejected.
+    """
+    joined: list[Change | str] = []
+    for result in results:
+        if isinstance(result, str) or result.motion is None:
+            joined.append(result)
+            continue
+        center = result.point
+        for row, other in enumerate(joined):
+            if (
+                not isinstance(other, str)
+                and other.motion is not None
+                and _overlaps(other, regions_of(result))
+                and _agree(other, result, center)
+            ):
+                boxes = [_union([other.boxes[side], result.boxes[side]]) for side in (0, 1)]
+                joined[row] = replace(other, boxes=(boxes[0], boxes[1]))
+                joined.append("it is a part of another shift")
+                break
+        else:
+            joined.append(result)
+    return joined
 
 
 def _judge(
@@ -116,3 +157,76 @@ def _log_odds(region: Region, detection: Detection) -> float:
     ]
     confidence = np.clip(max(confidences, default=0.0), 1e-9, 1 - 1e-9)
     return float(np.clip(np.log(confidence / (1 - confidence)), -MAX_LOG_ODDS, MAX_LOG_ODDS))
+
+
+def _confirm_shift(
+    change: Change,
+    regions: Sequence[Region],
+    views: Sequence[tuple[View, Detection]],
+    skipped: Sequence[str],
+) -> Change | str:
+    """Confirm a shift by the views that report one at the same place, with the same motion."""
+    center = np.mean([region.center for region in regions], axis=0)
+    own = [
+        detection
+        for view, detection in views
+        if any(is_visible(view.frame, region) for region in regions)
+    ]
+    if len(own) < MIN_VIEWS:
+        reason = skipped[0] if skipped else "the robot offers no other frame"
+        return f"{len(own)} view(s) show the change, {MIN_VIEWS} are needed: {reason}"
+    reports = [
+        other
+        for detection in own
+        for other in detection.changes
+        if other.motion is not None and _overlaps(other, regions)
+    ]
+    groups = [[other for other in reports if _agree(report, other, center)] for report in reports]
+    agreeing = max(groups, key=len, default=[])
+    if len(agreeing) < MIN_VIEWS:
+        return f"only {len(agreeing)} of {len(own)} views show the same shift there"
+    motion = _mean_motion(
+        [report.motion for report in agreeing if report.motion is not None], center
+    )
+    before, after = (
+        _union([report.boxes[side] for report in (change, *agreeing)]) for side in (0, 1)
+    )
+    return replace(change, boxes=(before, after), motion=motion)
+
+
+def _union(boxes: Sequence[Box | None]) -> Box | None:
+    """Return the box around all known boxes; None if none is known."""
+    known = [box for box in boxes if box is not None]
+    if not known:
+        return None
+    lows, highs = zip(*known, strict=True)
+    return np.min(lows, axis=0), np.max(highs, axis=0)
+
+
+def _overlaps(report: Change, regions: Sequence[Region]) -> bool:
+    """Return whether the box of a change overlaps one of the regions, or is near it."""
+    for box, region in product(report.boxes, regions):
+        if box is not None and bool(
+            np.all(box[0] <= region.high + NEAR_M) and np.all(box[1] >= region.low - NEAR_M)
+        ):
+            return True
+    return False
+
+
+def _agree(first: Change, second: Change, center: Floats) -> bool:
+    """Return whether two shifts carry a point to the same position, by the same rotation."""
+    assert first.motion is not None
+    assert second.motion is not None
+    gap_m = np.linalg.norm(transform(first.motion, center) - transform(second.motion, center))
+    turn = relative(first.motion, second.motion)[:3, :3]
+    angle_rad = np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))
+    return bool(gap_m <= MAX_MOTION_GAP_M and angle_rad <= MAX_MOTION_GAP_RAD)
+
+
+def _mean_motion(motions: Sequence[Floats], center: Floats) -> Floats:
+    """Return [4,4] the mean of similar motions of an object: of its rotation and of its centre."""
+    turn = rotation(np.mean([rotation_vector(motion[:3, :3]) for motion in motions], axis=0))
+    moved = np.mean([transform(motion, center) for motion in motions], axis=0)
+    result = np.eye(4)
+    result[:3, :3], result[:3, 3] = turn, moved - (turn * center).sum(axis=1)
+    return result

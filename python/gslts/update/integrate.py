@@ -60,6 +60,8 @@ class UpdateResult:
         record: Timings, counts, and the reason if the update was rejected.
         views: Collected views, training views first.
         regions: Regions of the changes.
+        moved: [N] bool for each of `changes`: Gaussians of the map before the update that a shift
+            moved.
     """
 
     gaussian_map: GaussianMap
@@ -68,6 +70,7 @@ class UpdateResult:
     record: UpdateRecord
     views: tuple[View, ...]
     regions: tuple[Region, ...]
+    moved: tuple[Bools, ...] = ()
 
     @property
     def rejected(self) -> str | None:
@@ -121,6 +124,7 @@ def integrate_changes(
         changes,
         config.collect,
         recorded=recorded,
+        rigid=config.edit.rigid,
         threads=config.threads,
         progress=lambda: progress("collecting"),
     )
@@ -147,7 +151,8 @@ def integrate_changes(
         frames = [(view.frame, view.changed) for view in training]
         updated = semantics.update_features(updated, new, frames, config.threads)
     views = (*training, *validation)
-    return UpdateResult(updated, confirmed, rejected, record, views, collection.regions)
+    moved = collection.moved if confirmed else ()
+    return UpdateResult(updated, confirmed, rejected, record, views, collection.regions, moved)
 
 
 def integrate_views(
@@ -191,7 +196,7 @@ def integrate_views(
             return gaussian_map, collection, record
         if not any(reasons):
             return updated, collection, record
-        collection = collection.reject(reasons)
+        collection = collection.reject(reasons, gaussian_map, config.threads)
 
 
 def _integrate_once(
@@ -217,10 +222,17 @@ def _integrate_once(
         reasons = dict.fromkeys(reason for _, reason in collection.rejected)
         return gaussian_map, [], _reject(record, "; ".join(reasons) or "nothing changed", clock)
 
+    moved = collection.move(gaussian_map)
     edit = pre_edit(
-        gaussian_map, training, by_change, config.edit, first_id=first_id, threads=threads
+        moved,
+        training,
+        by_change,
+        config.edit,
+        moved=[bool(rows.any()) for rows in collection.moved],
+        first_id=first_id,
+        threads=threads,
     )
-    unsteady = unsteady_share(gaussian_map, edit, training)
+    unsteady = unsteady_share(moved, edit, training)
     clock.stop("editing")
     record = record.model_copy(update={"removed": int(edit.removed.sum()), "added": edit.added})
     if unsteady > MAX_UNSTEADY_SHARE:
@@ -257,14 +269,16 @@ def _needs_features(
 ) -> Bools:
     """Return [N] Gaussians whose semantic features are recomputed from the frames.
 
-    A relocated object keeps its features.
+    A relocated object keeps its features, and so does a shifted one with all that stands on it.
     """
     new = ~np.isin(updated.ids, before.ids)
-    new |= gaussians_in_regions(updated, collection.regions, SEMANTICS_MARGIN_M)
+    by_change = list(zip(collection.changes, collection.regions_by_change, strict=True))
+    replaced = [region for change, own in by_change for region in own if change.kind != "shift"]
+    new |= gaussians_in_regions(updated, replaced, SEMANTICS_MARGIN_M)
     destinations = [
         region
-        for change, regions in zip(collection.changes, collection.regions_by_change, strict=True)
-        for region in regions
+        for change, own in by_change
+        for region in own
         if change.kind == "relocation" and region.side == "after"
     ]
     relocated = gaussians_in_regions(updated, destinations, margin_m)

@@ -5,22 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gslts._core.detect import Surface
 from gslts.change.changes import Change
 from gslts.core.gaussian_map import GaussianMap
 from gslts.semantics.map_semantics import MapSemantics
-from gslts.store.causes import Appearance, Box, ChangeRecord
+from gslts.store.causes import Appearance, Box, ChangeRecord, Motion
 from gslts.store.records import Event, ObjectEvent
-from gslts.types import Floats
+from gslts.types import Bools, Floats, Indices
 from gslts.update.integrate import UpdateResult
 from gslts.update.object_types import object_type
 from gslts.update.region import Region
 from gslts.update.selection import gaussians_in_regions
 
 MIN_REMOVED, OUTLIER_SHARE = 20, 0.02
-"""Minimum number of removed Gaussians for a box, and the quantile trimmed as outliers."""
+"""Minimum number of removed or moved Gaussians for a box, and the quantile trimmed as outliers."""
 
 
 def object_events(
@@ -35,31 +34,42 @@ def object_events(
         before: Map before the update.
         result: Accepted update.
         events: History of the map, oldest first.
-        semantics: Of the map; names removed objects.
+        semantics: Of the map; names removed and shifted objects.
 
     Returns:
         One record per change. The box of a removed object is that of its Gaussians, because a
-        detection may include the surface behind it.
+        detection may include the surface behind it; so are both boxes of a shifted one, because a
+        detection shows only its edges.
     """
     removed = ~np.isin(before.ids, result.gaussian_map.ids)
-
-    def removed_from(region: Region) -> NDArray[np.intp]:
-        return np.flatnonzero(removed & gaussians_in_regions(before, [region], 0.0))
-
-    def name_region(region: Region) -> str | None:
-        return None if semantics is None else semantics.name_of(before, removed_from(region))
-
     records = []
-    for change in result.changes:
+    for row, change in enumerate(result.changes):
+        own = removed
+        if change.kind == "shift" and result.moved:
+            own = result.moved[row]
+
+        def rows_of(region: Region, own: Bools = own) -> Indices:
+            return np.flatnonzero(own & gaussians_in_regions(before, [region], 0.0))
+
+        def name_region(region: Region) -> str | None:
+            return None if semantics is None else semantics.name_of(before, rows_of(region))
+
         old, new = change_boxes(change)
-        if change.boxes[0] is not None:
-            rows = removed_from(Region("before", *change.boxes[0]))
-            if len(rows) >= MIN_REMOVED:
-                centers = before.means[rows] + before.origin
-                low, high = np.quantile(centers, (OUTLIER_SHARE, 1 - OUTLIER_SHARE), axis=0)
-                old = _box(low, high)
-        name = object_type(change, result.views, events, name_region)
-        records.append(ObjectEvent(kind=change.kind, type=name, boxes=(old, new)))
+        if change.kind == "shift":
+            rows = np.flatnonzero(own)
+            old = _box_of(before, rows) or old
+            same = np.flatnonzero(np.isin(result.gaussian_map.ids, before.ids[rows]))
+            new = _box_of(result.gaussian_map, same) or new
+        elif change.boxes[0] is not None:
+            old = _box_of(before, rows_of(Region("before", *change.boxes[0]))) or old
+        records.append(
+            ObjectEvent(
+                kind=change.kind,
+                type=object_type(change, result.views, events, name_region),
+                boxes=(old, new),
+                motion=_motion(change),
+            )
+        )
     return records
 
 
@@ -74,6 +84,7 @@ def change_record(change: Change) -> ChangeRecord:
         confidence=change.confidence,
         boxes=change_boxes(change),
         appearances=(_appearance(change.before), _appearance(change.after)),
+        motion=_motion(change),
     )
 
 
@@ -85,6 +96,21 @@ def change_boxes(change: Change) -> tuple[Box | None, Box | None]:
     """
     before, after = (None if box is None else _box(*box) for box in change.boxes)
     return before, after
+
+
+def _box_of(gaussian_map: GaussianMap, rows: Indices) -> Box | None:
+    """Return the box around the centres of some Gaussians; None if they are too few."""
+    if len(rows) < MIN_REMOVED:
+        return None
+    centers = gaussian_map.means[rows] + gaussian_map.origin
+    return _box(*np.quantile(centers, (OUTLIER_SHARE, 1 - OUTLIER_SHARE), axis=0))
+
+
+def _motion(change: Change) -> Motion | None:
+    if change.motion is None:
+        return None
+    first, second, third, last = (tuple(row) for row in change.motion.tolist())
+    return first, second, third, last
 
 
 def _appearance(surface: Surface | None) -> Appearance | None:

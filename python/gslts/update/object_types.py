@@ -32,7 +32,7 @@ def object_type(
         change: Of the object.
         views: After the change; their frames may have labels.
         events: History of the map, oldest first.
-        name_region: Returns what the removed Gaussians of a region are.
+        name_region: Returns what the removed or shifted Gaussians of a region are.
 
     Returns:
         A type such as "Mug"; "object" if nothing names it.
@@ -41,7 +41,9 @@ def object_type(
     name = None if after is None else _labelled_type(Region("after", *after), views)
     if name is None and before is not None:
         region = Region("before", *before)
-        name = _type_in_history(region, events) or name_region(region)
+        # An object of the history in the box of furniture may stand on it.
+        history = None if change.kind == "shift" else _type_in_history(region, events)
+        name = history or name_region(region)
     return name or UNKNOWN
 
 

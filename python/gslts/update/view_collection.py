@@ -14,11 +14,15 @@ import numpy as np
 from gslts.change.changes import Change
 from gslts.change.detector import ChangeDetector, Detection
 from gslts.core.frame import RgbdFrame
+from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
+from gslts.types import Bools
 from gslts.update.config import CollectConfig
-from gslts.update.evidence import confirm
+from gslts.update.evidence import confirm, join_shifts
 from gslts.update.extent import extend_regions
 from gslts.update.region import NEAR_M, Region, regions_of
+from gslts.update.rigid_motion import move_gaussians, select_shifted
+from gslts.update.shift_registration import register_shift
 from gslts.update.tour import Tour
 from gslts.update.views import (
     View,
@@ -26,6 +30,7 @@ from gslts.update.views import (
     bring_to_front,
     pixels_in_region,
     region_masks,
+    render_view,
     view_from_detection,
 )
 
@@ -40,6 +45,8 @@ class Collection:
         views: In the order in which they were taken.
         changes: Changes that the views confirm.
         regions_by_change: Regions of each of these changes, as the views show them.
+        moved: [N] bool for each of these changes: Gaussians that a shift moved, which the views
+            compare with the frames at their new positions.
         rejected: Changes that the views do not confirm, with the reasons.
         skipped: Reasons for skipping other frames.
     """
@@ -47,6 +54,7 @@ class Collection:
     views: tuple[View, ...]
     changes: tuple[Change, ...]
     regions_by_change: tuple[tuple[Region, ...], ...]
+    moved: tuple[Bools, ...]
     rejected: tuple[tuple[Change, str], ...]
     skipped: tuple[str, ...]
 
@@ -55,11 +63,26 @@ class Collection:
         """Regions of all confirmed changes."""
         return tuple(region for regions in self.regions_by_change for region in regions)
 
-    def reject(self, reasons: Sequence[str | None]) -> Collection:
+    def move(self, gaussian_map: GaussianMap) -> GaussianMap:
+        """Return the map with the Gaussians of shifted objects at their new positions.
+
+        Args:
+            gaussian_map: Map before the update.
+        """
+        for change, rows in zip(self.changes, self.moved, strict=True):
+            if change.motion is not None and rows.any():
+                gaussian_map = move_gaussians(gaussian_map, rows, change.motion)
+        return gaussian_map
+
+    def reject(
+        self, reasons: Sequence[str | None], gaussian_map: GaussianMap, threads: int = 0
+    ) -> Collection:
         """Return the collection without some changes.
 
         Args:
             reasons: Reason for rejecting each change; None keeps it.
+            gaussian_map: Map before the update.
+            threads: 0 uses all hardware threads.
         """
         kept = [row for row, reason in enumerate(reasons) if reason is None]
         rejected = [
@@ -71,9 +94,13 @@ class Collection:
             self,
             changes=tuple(self.changes[row] for row in kept),
             regions_by_change=tuple(self.regions_by_change[row] for row in kept),
+            moved=tuple(self.moved[row] for row in kept),
             rejected=(*self.rejected, *rejected),
         )
-        return replace(left, views=tuple(_in_regions(view, left.regions) for view in self.views))
+        views = [_in_regions(view, left.regions) for view in self.views]
+        if any(rows.any() and why for rows, why in zip(self.moved, reasons, strict=True)):
+            views = [render_view(view, left.move(gaussian_map), threads) for view in views]
+        return replace(left, views=tuple(views))
 
 
 def collect_views(
@@ -83,6 +110,7 @@ def collect_views(
     config: CollectConfig,
     *,
     recorded: Sequence[RgbdFrame] = (),
+    rigid: bool = True,
     threads: int = 0,
     progress: Callable[[], None] = lambda: None,
 ) -> Collection:
@@ -94,6 +122,7 @@ def collect_views(
         changes: As detected.
         config: Settings.
         recorded: Frames taken before; those that show a region are views as well.
+        rigid: Move the Gaussians of shifted objects, and compare the frames with them.
         threads: 0 uses all hardware threads.
         progress: Called after each step of the robot.
 
@@ -104,9 +133,30 @@ def collect_views(
     tour = Tour(robot, detector, regions, config, progress, recorded)
     for index in range(len(regions)):
         tour.visit(index)
-    views = _align(tour, detector, threads)
-    confirmed, rejected = _confirm(changes, tour, views)
-    regions = [region for _, own in confirmed for region in own]
+    remaining = iter(tour.regions)
+    by_change = [list(islice(remaining, len(regions_of(change)))) for change in changes]
+    views = _align(tour, tour.frames, detector.gaussian_map, threads)
+    results = [
+        confirm(change, own, views, tour.skipped)
+        for change, own in zip(changes, by_change, strict=True)
+    ]
+    results = join_shifts(results)
+    shown = [view for view, _ in views] if rigid else []
+    results, moved = _move_shifted(detector.gaussian_map, results, by_change, shown, threads)
+    if any(rows.any() for rows in moved):
+        detector = _detector_of_moved(detector, results, moved)
+        frames = [(frame, detector.detect(frame)) for frame, _ in tour.frames]
+        views = _align(tour, frames, detector.gaussian_map, threads)
+        results = [
+            result if change.kind == "shift" else confirm(change, own, views, tour.skipped)
+            for change, own, result in zip(changes, by_change, results, strict=True)
+        ]
+    confirmed = [
+        (result, _regions_of_confirmed(result, own), rows)
+        for result, own, rows in zip(results, by_change, moved, strict=True)
+        if not isinstance(result, str)
+    ]
+    regions = [region for _, own, _ in confirmed for region in own]
     masked = []
     for view, detection in views:
         before, after = region_masks(detection, view.changed.shape, regions)
@@ -118,9 +168,14 @@ def collect_views(
     remaining = iter(grown)
     return Collection(
         views=masked_views,
-        changes=tuple(change for change, _ in confirmed),
-        regions_by_change=tuple(tuple(islice(remaining, len(own))) for _, own in confirmed),
-        rejected=tuple(rejected),
+        changes=tuple(change for change, _, _ in confirmed),
+        regions_by_change=tuple(tuple(islice(remaining, len(own))) for _, own, _ in confirmed),
+        moved=tuple(rows for _, _, rows in confirmed),
+        rejected=tuple(
+            (change, result)
+            for change, result in zip(changes, results, strict=True)
+            if isinstance(result, str)
+        ),
         skipped=tuple(tour.skipped),
     )
 
@@ -137,13 +192,18 @@ def _in_regions(view: View, regions: Sequence[Region]) -> View:
     return replace(view, before=view.before & masks["before"], after=view.after & masks["after"])
 
 
-def _align(tour: Tour, detector: ChangeDetector, threads: int) -> list[DetectedView]:
-    """Return the views of a tour, aligned with the map; notes those that cannot be aligned."""
+def _align(
+    tour: Tour,
+    frames: Sequence[tuple[RgbdFrame, Detection]],
+    gaussian_map: GaussianMap,
+    threads: int,
+) -> list[DetectedView]:
+    """Return views of frames, aligned with the map; notes those that cannot be aligned."""
     views = []
-    for frame, detection in tour.frames:
+    for frame, detection in frames:
         view = view_from_detection(detection, frame, tour.regions)
         if view is not None:
-            view = align_view(view, detector.gaussian_map, threads)
+            view = align_view(view, gaussian_map, threads)
         if view is None:
             tour.skipped.append("a frame fits the map at another pose")
         else:
@@ -151,20 +211,49 @@ def _align(tour: Tour, detector: ChangeDetector, threads: int) -> list[DetectedV
     return views
 
 
-def _confirm(
-    changes: Sequence[Change], tour: Tour, views: Sequence[DetectedView]
-) -> tuple[list[tuple[Change, tuple[Region, ...]]], list[tuple[Change, str]]]:
-    """Return the confirmed changes with their regions, and the rejected ones with the reasons."""
-    remaining = iter(tour.regions)
-    confirmed: list[tuple[Change, tuple[Region, ...]]] = []
-    rejected: list[tuple[Change, str]] = []
-    for change in changes:
-        regions = list(islice(remaining, len(regions_of(change))))
-        result = confirm(change, regions, views, tour.skipped)
-        if isinstance(result, str):
-            rejected.append((change, result))
-        else:
-            sides = [region.side for region in regions_of(result)]
-            own = tuple(region for region in regions if region.side in sides)
-            confirmed.append((result, own))
-    return confirmed, rejected
+def _move_shifted(
+    gaussian_map: GaussianMap,
+    results: Sequence[Change | str],
+    by_change: Sequence[Sequence[Region]],
+    views: Sequence[View],
+    threads: int,
+) -> tuple[list[Change | str], list[Bools]]:
+    """Return the changes with registered motions, and [N] Gaussians that each of them moves."""
+    registered: list[Change | str] = []
+    moved: list[Bools] = []
+    taken = np.zeros(gaussian_map.size, np.bool_)
+    for result, own in zip(results, by_change, strict=True):
+        rows = np.zeros(gaussian_map.size, np.bool_)
+        if not isinstance(result, str) and result.motion is not None:
+            regions = _regions_of_confirmed(result, own)
+            rows = select_shifted(gaussian_map, views, regions, result.motion) & ~taken
+            if rows.any():
+                motion = register_shift(gaussian_map, rows, views, result.motion, threads)
+                result = replace(result, motion=motion)
+                rows = select_shifted(gaussian_map, views, regions, motion) & ~taken
+        taken |= rows
+        moved.append(rows)
+        registered.append(result)
+    return registered, moved
+
+
+def _detector_of_moved(
+    detector: ChangeDetector, results: Sequence[Change | str], moved: Sequence[Bools]
+) -> ChangeDetector:
+    """Return the detector of the map in which shifted objects are at their new positions."""
+    gaussian_map = detector.gaussian_map
+    for result, rows in zip(results, moved, strict=True):
+        if not isinstance(result, str) and result.motion is not None and rows.any():
+            gaussian_map = move_gaussians(gaussian_map, rows, result.motion)
+    return detector.with_map(gaussian_map, detector.cameras)
+
+
+def _regions_of_confirmed(change: Change, regions: Sequence[Region]) -> tuple[Region, ...]:
+    """Return the regions of the sides of a confirmed change, as large as the views show them."""
+    own = []
+    for shown in regions_of(change):
+        visited = next(region for region in regions if region.side == shown.side)
+        own.append(
+            visited.include([shown.low], [shown.high]) if change.kind == "shift" else visited
+        )
+    return tuple(own)

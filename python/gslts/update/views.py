@@ -149,15 +149,24 @@ def align_view(view: View, gaussian_map: GaussianMap, threads: int = 0) -> View 
     pose = align_pose(gaussian_map, [frame.halved(), frame], threads=threads)
     if not np.linalg.norm(pose[:3, 3] - whole.camera.world_from_camera[:3, 3]) < MAX_ALIGNMENT_M:
         return None
-    camera = at_pose(whole.camera, pose)
+    view = replace(view, frame=replace(whole, camera=at_pose(whole.camera, pose)))
+    return render_view(view, gaussian_map, threads)
+
+
+def render_view(view: View, gaussian_map: GaussianMap, threads: int = 0) -> View:
+    """Return a view with the rendered images of a map.
+
+    Args:
+        view: At the aligned pose.
+        gaussian_map: float32, before any edit.
+        threads: 0 uses all hardware threads.
+    """
     # Without this limit, a wall beside the camera is rendered as fog before the scene.
     options = RenderOptions(near_sigmas=NEAR_SIGMAS, threads=threads)
-    images = Rasterizer(np.float32).forward(gaussian_map, camera, options)
+    images = Rasterizer(np.float32).forward(gaussian_map, view.camera, options)
     depth = np.where(images.alpha >= MIN_ALPHA, images.depth, 0).astype(np.float32)
     rgb = np.asarray(images.rgb, np.float32)
-    return replace(
-        view, frame=replace(whole, camera=camera), rendered_depth=depth, rendered_rgb=rgb
-    )
+    return replace(view, rendered_depth=depth, rendered_rgb=rgb)
 
 
 def bring_to_front(view: View) -> View:

@@ -35,14 +35,20 @@ FRAME = UpdateFrame(
     new_viewpoint=True,
 )
 CHANGE = ChangeRecord(kind="removal", confidence=0.9, boxes=(BOX, None))
+SHIFT = ChangeRecord(kind="shift", confidence=0.9, boxes=(BOX, BOX), motion=POSE)
 UPDATE = UpdateCause(
     round=3,
-    changes=(CHANGE,),
+    changes=(CHANGE, SHIFT),
     record=UpdateRecord(kinds=("removal",), training_views=7, seconds={"editing": 0.25}),
     config={"threads": 1},
     frames=(FRAME,),
     landmarks="0123456789abcdef" * 4,
 )
+
+
+def _changes(**values: Any) -> dict[str, Any]:
+    """Return a change of the JSON of a cause: the removal, with other values."""
+    return {"changes": [{**CHANGE.model_dump(mode="json"), **values}]}
 
 
 @pytest.mark.parametrize(
@@ -64,6 +70,13 @@ def test_a_rejected_update_comes_back_from_json_exactly() -> None:
     assert REJECTED.reason == "no view shows it"
 
 
+def test_changes_of_older_maps_have_no_motion() -> None:
+    content = json.loads(UPDATE.model_dump_json())
+    content["changes"] = content["changes"][:1]
+    del content["changes"][0]["motion"]
+    assert version_cause_from_json(json.dumps(content)).changes == (CHANGE,)
+
+
 def test_a_cause_is_immutable() -> None:
     with pytest.raises(ValidationError, match="frozen"):
         UPDATE.round = 4  # type: ignore[misc]
@@ -79,6 +92,9 @@ def test_a_cause_is_immutable() -> None:
         ({"round": -1}, "cause: update.round: "),
         ({"landmarks": "../../x"}, "cause: update.landmarks: "),
         ({"frames": [{}]}, "cause: update.frames.0.fx: Field required"),
+        (_changes(motion=POSE), "cause: update.changes.0: Value error, motion: a shift needs one"),
+        (_changes(kind="shift"), "cause: update.changes.0: Value error, motion: a shift needs one"),
+        (_changes(motion=[[1, 2]]), "cause: update.changes.0.motion.0.2: Field required"),
     ],
 )
 def test_a_foreign_or_damaged_cause_is_named_in_one_line(

@@ -1,13 +1,14 @@
 """Tracks of objects: one object is one track, and each of its changes is listed once."""
 
+import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
 from store_maps import ROOM, random_map
 
-from gslts.store.causes import Appearance, Box, ChangeRecord, UpdateCause
-from gslts.store.describe import describe_versions
+from gslts.store.causes import Appearance, Box, ChangeRecord, Motion, UpdateCause
+from gslts.store.describe import describe_event, describe_versions
 from gslts.store.map_store import MapStore
 from gslts.store.records import ObjectEvent, Track
 
@@ -44,6 +45,27 @@ def moved(
     return ObjectEvent(kind="relocation", type=name, boxes=(box(at), box(to)))
 
 
+def shifted(
+    at: tuple[float, float, float], motion: Motion, name: str = "Table", size_m: float = 0.8
+) -> ObjectEvent:
+    """Return a shift, of which the frame shows boxes of this size."""
+    to = tuple(sum(a * b for a, b in zip(row, (*at, 1), strict=True)) for row in motion[:3])
+    boxes = (box(at, size_m), box(to, size_m))
+    return ObjectEvent(kind="shift", type=name, boxes=boxes, motion=motion)
+
+
+def motion(dx: float, dy: float, degrees: float = 0, about: tuple[float, float] = (0, 0)) -> Motion:
+    """Return a motion over the floor: a rotation about a vertical axis, then a translation."""
+    cosine, sine = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    x, y = about
+    return (
+        (cosine, -sine, 0.0, dx + x - cosine * x + sine * y),
+        (sine, cosine, 0.0, dy + y - sine * x - cosine * y),
+        (0.0, 0.0, 1.0, 0.0),
+        (0.0, 0.0, 0.0, 1.0),
+    )
+
+
 @pytest.fixture
 def store(tmp_path: Path) -> Iterator[MapStore]:
     """Return a map with one version."""
@@ -58,7 +80,13 @@ def commit(
     """Add a version that shows object changes, all of one colour."""
     look = None if colors is None else Appearance(area_m2=0.04, colors=colors)
     changes = tuple(
-        ChangeRecord(kind=event.kind, confidence=0.9, boxes=event.boxes, appearances=(look, look))
+        ChangeRecord(
+            kind=event.kind,
+            confidence=0.9,
+            boxes=event.boxes,
+            appearances=(look, look),
+            motion=event.motion,
+        )
         for event in events
     )
     store.commit(store.read(), UpdateCause(round=number_of_round, changes=changes), events)
@@ -201,3 +229,46 @@ def test_one_object_is_found_by_its_name(store: MapStore) -> None:
         ValueError, match="no object Vase has changed; objects that have: Mug, Pillow"
     ):
         store.track("Vase")
+
+
+def test_a_shift_is_one_event_and_the_object_stays(store: MapStore) -> None:
+    commit(store, 0, came(A, "Table"), colors=RED)
+    commit(store, 3, shifted(A, motion(0.07, 0, 3, about=A[:2])), colors=BLUE)
+    commit(store, 6, shifted((1.07, 1.0, 0.5), motion(0, -0.1)))
+    commit(store, 9, gone((1.07, 0.9, 0.5), "Table"), colors=RED)
+    assert told(store.tracks()) == [
+        ("Table", [("addition", 2), ("shift", 3), ("shift", 4), ("removal", 5)])
+    ]
+    lines = describe_versions(store)
+    assert lines[3] == ["Table shifted by 7 cm and 3°"]
+    assert lines[4] == ["Table shifted by 10 cm and 0°"]
+    assert store.tracks()[0].events[1].motion == motion(0.07, 0, 3, about=A[:2])
+
+
+def test_a_shifted_object_that_the_first_map_shows_is_one_object(store: MapStore) -> None:
+    commit(store, 0, shifted(A, motion(0.08, 0)))
+    commit(store, 5, moved((1.08, 1.0, 0.5), B, "Table"))
+    assert told(store.tracks()) == [("Table", [("shift", 2), ("relocation", 3)])]
+
+
+def test_what_stands_on_a_shifted_object_keeps_its_identity(store: MapStore) -> None:
+    mug = (1.3, 1.0, 0.95)
+    commit(store, 0, ObjectEvent(kind="addition", type="object", boxes=(None, box(mug, 0.1))))
+    for number in range(4):
+        at = (1 + 0.12 * number, 1.0, 0.5)
+        commit(store, number + 1, shifted(at, motion(0.12, 0), "object"))
+    left = ObjectEvent(
+        kind="removal", type="object", boxes=(box((mug[0] + 0.48, 1.0, 0.95), 0.1), None)
+    )
+    commit(store, 9, left)
+    assert told(store.tracks()) == [
+        ("object", [("addition", 2), ("removal", 7)]),
+        ("object 2", [("shift", version) for version in (3, 4, 5, 6)]),
+    ]
+
+
+def test_a_shift_of_an_unknown_place_is_told_without_a_distance() -> None:
+    event = ObjectEvent(
+        kind="shift", type="Chair", boxes=(None, None), motion=motion(0.1, 0, -4, about=(5, 5))
+    )
+    assert describe_event(event) == "Chair shifted by 4°"

@@ -82,6 +82,23 @@ def test_a_relocated_object_keeps_its_features_at_its_new_position() -> None:
     assert all(row.tobytes() in known for row in result.gaussian_map.features[rows])
 
 
+def test_a_shifted_object_and_what_stands_on_it_keep_their_features() -> None:
+    before, result = embedded_map()[0], updated("shift", labels=False)
+    (rows,) = result.moved
+    kept = rows & np.isin(before.ids, result.gaussian_map.ids)
+    assert kept.sum() > 500
+    after = np.isin(result.gaussian_map.ids, before.ids[kept])
+    np.testing.assert_array_equal(result.gaussian_map.features[after], before.features[kept])
+    names = {
+        map_semantics().name_of(before, np.flatnonzero(kept & (before.means[:, 2] > low_m)))
+        for low_m in (0.1, 0.8)
+    }
+    assert names == {"Block", "Box"}
+    queries = SemanticQueries(result.gaussian_map, map_semantics().autoencoder, Oracle())
+    boxes = queries.find("box")
+    assert max(instance.high[0] for instance in boxes) == pytest.approx(3.22, abs=0.06)
+
+
 def test_without_labels_new_objects_have_no_features_and_others_keep_theirs() -> None:
     result = updated("addition", labels=False)
     unknown = ~result.gaussian_map.features.any(axis=1)
