@@ -35,17 +35,17 @@ def looked_at(look: Viewpoint) -> float:
     return look.x + 1.5 * float(np.cos(np.deg2rad(look.yaw_deg)))
 
 
-def map_of_half(folder: Path) -> Path:
+def map_of_half(folder: Path, middle_m: float = MIDDLE_M) -> Path:
     """Copy the map of the half to a new folder, as `gslts map` writes it."""
 
     def make(made: Path) -> None:
         made.mkdir()
-        near = [look for look in looks() if looked_at(look) < MIDDLE_M]
+        near = [look for look in looks() if looked_at(look) < middle_m]
         capture(Controller(change_room.home(), **change_room.SIZE), near, made / "visit")
         dataset = open_dataset(made / "visit")
         write_result(made / "map", make_map(dataset, CONFIG), dataset.name)
 
-    shutil.copytree(made_once("half_room", make) / "map", folder)
+    shutil.copytree(made_once(f"half_room_{middle_m}", make) / "map", folder)
     return folder
 
 

@@ -13,8 +13,9 @@ share of the path between them, and rad. Wheel odometry drifts by 1 to 2 % of th
 
 GRID_COLUMNS = 40
 """Number of cells in a row of the grid on which a frame is compared with the map."""
-MIN_NEW_CELLS = 3
-"""Minimum width and height of new space in cells: edges of objects are often misplaced by one."""
+MIN_CELLS = 3
+"""Minimum width and height of what is new or changed in cells: edges of objects are often misplaced
+by one."""
 MIN_SEEN = 4
 """Minimum number of training cameras that must have seen a point, or through it, so that another
 surface there is a change: what fewer saw, the map may have at a wrong depth."""
@@ -37,7 +38,7 @@ MAX_REPLAYS = 16
 """Maximum number of renderings of the old map that hold its side of the seam."""
 REPLAY_SEARCH_DIVISOR = 8
 """Divisor of the sides of the images that tell which cameras see the seam."""
-MIN_CHANGED_SHARE = 0.02
+MIN_CHANGED_SHARE = 0.005
 """Minimum share of the pixels of a frame by which it shows a change of what the map knows."""
 BLUR_SHARE, MIN_EXPOSURE_PIXELS = 0.025, 1000
 """Width of the blur of colours that are compared, as a share of that of the image, and the minimum

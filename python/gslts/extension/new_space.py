@@ -14,11 +14,11 @@ from gslts.core.gaussian_map import FloatArray, GaussianMap
 from gslts.extension.constants import (
     GRID_COLUMNS,
     MAX_FARTHER,
+    MIN_CELLS,
     MIN_COLOR_CHANGE,
     MIN_EXPOSURE_SHARE,
     MIN_KNOWN_ALPHA,
     MIN_NEAR,
-    MIN_NEW_CELLS,
     MIN_SEEN,
 )
 from gslts.rendering.losses import Exposure, apply_exposure, fit_exposure
@@ -82,6 +82,7 @@ class KnownSpace:
         doubtful = differs & (recolored > MIN_COLOR_CHANGE)
         changed = doubtful.copy()
         changed[doubtful] = self._is_well_seen(frame, grid, doubtful, nearer[doubtful])
+        changed = _without_edges(changed)
         new = _without_edges((differs & ~changed) | ((measured == 0) & ~known))
         poor = known & ~differs & ~changed
         poor[poor] = self._is_coarse(frame, grid, poor, depth[poor])
@@ -156,7 +157,7 @@ def _enlarge(cells: Bools, shape: tuple[int, ...], cell_px: int) -> Bools:
 
 
 def _without_edges(cells: Bools) -> Bools:
-    """Return the cells that are part of a square of `MIN_NEW_CELLS`."""
-    square = np.ones((MIN_NEW_CELLS, MIN_NEW_CELLS), np.uint8)
+    """Return the cells that are part of a square of `MIN_CELLS`."""
+    square = np.ones((MIN_CELLS, MIN_CELLS), np.uint8)
     opened = cv2.morphologyEx(cells.astype(np.uint8), cv2.MORPH_OPEN, square)
     return np.asarray(opened, np.bool_)

@@ -21,7 +21,7 @@ from gslts.extension.constants import (
     MAX_SCOUTS,
     MIN_ANCHORS,
 )
-from gslts.localization.relocalizer import Relocalizer
+from gslts.localization.relocalizer import Localization, Relocalizer
 from gslts.mapping.observation import Observation
 from gslts.types import Floats
 
@@ -93,25 +93,20 @@ class _Track:
         self._path_m = np.concatenate([[0], np.cumsum(steps_m)])
 
     def find_scouts(self) -> None:
-        """Localize some frames: at the given poses, or, if these are of another world, anywhere."""
+        """Localize some frames: near the given poses, or anywhere if these are of another world."""
         count = len(self.frames)
-        scouts = np.unique(np.linspace(0, count - 1, min(count, MAX_SCOUTS)).astype(int)).tolist()
-        for k in scouts:
-            self._track(k, self._given[k])
-        if len(self.anchors) >= MIN_ANCHORS:
-            return
-        self.anchors.clear()
-        for k in scouts:
-            found = self._relocalizer.localize(self._frame(k))
-            if found.status == "ok" and found.world_from_camera is not None:
-                self.anchors[k] = found.world_from_camera
+        scouts = np.unique(np.linspace(0, count - 1, min(count, MAX_SCOUTS)).astype(int))
+        for k in scouts.tolist():
+            if not self._keep(k, self._relocalizer.track(self._frame(k), self._given[k])):
+                self._keep(k, self._relocalizer.localize(self._frame(k)))
             self._on_frame()
 
     def track_others(self) -> None:
         """Localize all other frames, from where their neighbours are."""
         for k in range(len(self.frames)):
             if k not in self.anchors:
-                self._track(k, self.pose(k))
+                self._keep(k, self._relocalizer.track(self._frame(k), self.pose(k)))
+                self._on_frame()
 
     def drop_outliers(self) -> None:
         """Remove the anchors that contradict those on both sides."""
@@ -148,11 +143,12 @@ class _Track:
             return None
         return before, after
 
-    def _track(self, k: int, start: Floats) -> None:
-        found = self._relocalizer.track(self._frame(k), start)
-        if found.status == "ok" and found.world_from_camera is not None:
-            self.anchors[k] = found.world_from_camera
-        self._on_frame()
+    def _keep(self, k: int, found: Localization) -> bool:
+        """Keep the pose of a frame if the map determines it."""
+        if found.status != "ok" or found.world_from_camera is None:
+            return False
+        self.anchors[k] = found.world_from_camera
+        return True
 
     def _frame(self, k: int) -> RgbdFrame:
         return self.frames[k].rgbd()
