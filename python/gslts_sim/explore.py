@@ -40,6 +40,36 @@ SIZE_PX = (32, 24)
 Progress = Callable[[list[Floats]], Iterable[Floats]]
 
 
+def viewpoints_in(
+    home: Home, types: Iterable[str], viewpoints: Iterable[Viewpoint]
+) -> list[Viewpoint]:
+    """Select the viewpoints that stand in some rooms.
+
+    Args:
+        home: Of the viewpoints.
+        types: Types of the rooms.
+        viewpoints: To select from.
+
+    Raises:
+        ValueError: The home has no such room.
+    """
+    boxes = []
+    for wanted in types:
+        own = [room.box for room in home.rooms if room.type == wanted]
+        if not own:
+            known = ", ".join(sorted({room.type for room in home.rooms}))
+            raise ValueError(f"{home.name}: it has no room {wanted!r}; it has {known}")
+        boxes += own
+    return [
+        look
+        for look in viewpoints
+        if any(
+            ((low[:2] <= (look.x, look.y)) & ((look.x, look.y) <= high[:2])).all()
+            for low, high in boxes
+        )
+    ]
+
+
 def explore(home: Home, max_views: int, progress: Progress = list) -> tuple[list[Viewpoint], float]:
     """Select viewpoints that cover a home, in the order of a short path.
 

@@ -95,23 +95,34 @@ def capture(
     visit: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
     width: Annotated[int, typer.Option(min=16, max=4096, help="px")] = 640,
     height: Annotated[int, typer.Option(min=16, max=4096, help="px")] = 480,
+    rooms: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--in", metavar="ROOM", help="Record only from this room of a flat; may be repeated."
+        ),
+    ] = None,
 ) -> None:
     """Record all of a home with the robot's camera: RGB-D frames in nerfstudio's layout.
 
     Example: gslts sim capture kitchen 3 --out out/kitchen_3
+
+    Example: gslts sim capture flat 3 --in hall --in kitchen --out out/first_visit
     """
     from tqdm import tqdm
 
     from gslts.io.atomic_files import empty_folder
     from gslts_sim.capture import capture as write
     from gslts_sim.controller import Controller
-    from gslts_sim.explore import explore
+    from gslts_sim.explore import explore, viewpoints_in
     from gslts_sim.home_source import open_home
 
     home = open_home(source, seed)
+    viewpoints_in(home, rooms or (), [])  # An unknown room is told before the long search.
     robot = Controller(home, width=width, height=height, noise=noise, seed=visit)
     empty_folder(out)
     viewpoints, share = explore(home, frames, _exploring)
+    if rooms:
+        viewpoints = viewpoints_in(home, rooms, viewpoints)
     count = write(robot, tqdm(viewpoints, desc=home.name, unit="frame", disable=None), out)
     typer.echo(
         f"wrote {count} frames to {out}: {100 * share:.0f} % of the views that the surfaces need"
