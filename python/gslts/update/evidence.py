@@ -15,7 +15,7 @@ from gslts.change.detector import Detection
 from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import relative, rotation, rotation_vector, transform
 from gslts.types import Floats
-from gslts.update.region import NEAR_M, Region, regions_of
+from gslts.update.region import CORNERS, NEAR_M, Region, regions_of
 from gslts.update.views import View, region_masks
 
 Verdict = Literal["shown", "not shown", "unknown"]
@@ -191,7 +191,17 @@ def _confirm_shift(
     before, after = (
         _union([report.boxes[side] for report in (change, *agreeing)]) for side in (0, 1)
     )
-    return replace(change, boxes=(before, after), motion=motion)
+    back = relative(motion, np.eye(4))
+    boxes = (_union([before, _moved(after, back)]), _union([after, _moved(before, motion)]))
+    return replace(change, boxes=boxes, motion=motion)
+
+
+def _moved(box: Box | None, motion: Floats) -> Box | None:
+    """Return the box around the corners of a box after a motion."""
+    if box is None:
+        return None
+    corners = transform(motion, box[0] + CORNERS * (box[1] - box[0]))
+    return corners.min(axis=0), corners.max(axis=0)
 
 
 def _union(boxes: Sequence[Box | None]) -> Box | None:

@@ -248,12 +248,14 @@ def _detector_of_moved(
     return detector.with_map(gaussian_map, detector.cameras)
 
 
-def _regions_of_confirmed(change: Change, regions: Sequence[Region]) -> tuple[Region, ...]:
-    """Return the regions of the sides of a confirmed change, as large as the views show them."""
-    own = []
-    for shown in regions_of(change):
-        visited = next(region for region in regions if region.side == shown.side)
-        own.append(
-            visited.include([shown.low], [shown.high]) if change.kind == "shift" else visited
-        )
-    return tuple(own)
+def _regions_of_confirmed(change: Change, visited: Sequence[Region]) -> tuple[Region, ...]:
+    """Return the regions of a confirmed change.
+
+    They are as large as the views show them; those of a shift have the boxes of all reports of it,
+    because the surfaces of its edges may be those of other objects.
+    """
+    regions = regions_of(change)
+    if change.kind == "shift":
+        return regions
+    sides = [region.side for region in regions]
+    return tuple(region for region in visited if region.side in sides)
