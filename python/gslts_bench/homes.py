@@ -21,7 +21,7 @@ from gslts_sim.controller import Controller
 from gslts_sim.explore import explore
 from gslts_sim.home import Home
 from gslts_sim.home_source import FileSource, HomeSource
-from gslts_sim.procedural.homes import make_home
+from gslts_sim.procedural.homes import HOME_TYPES, make_home
 from gslts_sim.task import Task
 from gslts_sim.tasks import TaskMaker
 
@@ -191,7 +191,7 @@ def homes_of(
 
     Args:
         seeds: Seeds of one split.
-        room_types: Different room types; empty for all.
+        room_types: Some of `HOME_TYPES`, each once; empty for those of a single room.
         setup: Settings common to all homes.
         work: Folder where everything made is kept.
 
@@ -203,8 +203,8 @@ def homes_of(
     """
     split_of(seeds)
     room_types = room_types or list(ROOM_TYPES)
-    if not set(room_types) <= set(ROOM_TYPES) or len(set(room_types)) < len(room_types):
-        known, got = ", ".join(ROOM_TYPES), ", ".join(room_types)
+    if not set(room_types) <= set(HOME_TYPES) or len(set(room_types)) < len(room_types):
+        known, got = ", ".join(HOME_TYPES), ", ".join(room_types)
         raise ValueError(f"room types: expected some of {known}, each once, got {got}")
     return [BenchHome(room_type, seed, setup, work) for seed in seeds for room_type in room_types]
 

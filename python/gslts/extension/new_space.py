@@ -1,4 +1,4 @@
-"""What a frame shows that a map does not know, or knows badly."""
+"""Comparison of frames with what a map knows: new, poorly known and changed places."""
 
 from __future__ import annotations
 

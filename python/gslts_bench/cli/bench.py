@@ -209,6 +209,28 @@ def queries(
 
 @bench.command()
 @on_homes()
+def extend(
+    options: HomeOptions,
+    parts: Annotated[
+        int, typer.Option(min=2, max=10, help="Number of visits to a home of one room.")
+    ] = 3,
+) -> None:
+    """Measure extensions: a map that grows visit by visit, against one map of all visits.
+
+    A home of several rooms, such as a flat, is recorded room by room.
+
+    Example: gslts bench extend --room flat --seeds 3:4 --frames 400 --json out/extend.json
+    """
+    from gslts_bench.extension.run import units_of
+    from gslts_bench.extension.tables import BENCHMARK
+
+    units = units_of(options.homes(), parts)
+    options.prepare(None)
+    finish(options.run(BENCHMARK, units).errors)
+
+
+@bench.command()
+@on_homes()
 def relocalize(
     options: HomeOptions,
     views: Annotated[

@@ -186,7 +186,7 @@ class ShiftScore:
 
     @property
     def right(self) -> bool:
-        """Whether the shift was reported, with its motion."""
+        """Return whether the shift was reported, with its motion."""
         return self.error_m is not None and self.error_m <= SHIFT_M
 
 

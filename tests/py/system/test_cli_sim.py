@@ -86,7 +86,7 @@ def test_a_replayed_task_shows_its_change_first(tmp_path: Path) -> None:
 @pytest.mark.parametrize("command", ["home", "show", "capture"])
 def test_unknown_rooms_are_named(tmp_path: Path, command: str) -> None:
     line = refused(tmp_path, command, "attic", *(() if command == "home" else ("--out", "o")))
-    assert "expected one of kitchen, living_room, bedroom or a .glb or .gltf file" in line
+    assert "expected one of kitchen, living_room, bedroom, flat or a .glb or .gltf file" in line
     assert "'attic'" in line
 
 
