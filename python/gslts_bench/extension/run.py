@@ -89,8 +89,9 @@ class ExtensionUnit(BenchUnit[Record, BenchHome]):
             done: Ids of the results of earlier runs.
             add: Receives the result.
         """
-        if self.name not in done:
-            record = Record(id=self.name, home=self.name)
+        key = f"{self.name}: visits"
+        if key not in done:
+            record = Record(id=key, home=self.name)
             add(attempt(record, self._grow).model_dump(mode="json"))
 
     def _grow(self) -> dict[str, Any]:

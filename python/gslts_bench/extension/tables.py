@@ -56,8 +56,8 @@ def tabulate(found: Mapping[str, Any]) -> list[Table]:
     header = ["map", "frames placed", "test frames", "Gaussians", "time"]
     header += ["poses differ, median / maximum", "turned"]
     note = (
-        "The first visit is mapped, each other one extends the map, on one core. Every 8th frame of "
-        "the recording is in no visit: a test frame. Poses of test frames in the grown map are "
+        "The first visit is mapped, each other one extends the map, on one core. Every 8th frame "
+        "of the recording is in no visit: a test frame. Poses of test frames in the grown map are "
         "compared with those in the map of all visits."
     )
     return [Table("", header, rows, note)]
