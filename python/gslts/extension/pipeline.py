@@ -2,42 +2,27 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-
-import numpy as np
 
 from gslts.change.visibility import Visibility
 from gslts.core.camera import Camera, new_viewpoints
 from gslts.core.gaussian_map import GaussianMap
 from gslts.datasets import Dataset
-from gslts.extension.constants import MIN_CHANGED_SHARE, MIN_NEW_SHARE, MIN_SEEN
-from gslts.extension.exposure import recording_exposure
-from gslts.extension.fit import Patch, make_patch, merge_patch, replay_frames, without_changes
-from gslts.extension.new_space import FrameSpace, KnownSpace
+from gslts.extension.constants import MIN_CHANGED_SHARE
+from gslts.extension.grow import Growth, compare_frames, grow_map, measure_test_psnr_db
+from gslts.extension.new_space import FrameSpace
 from gslts.extension.placement import Placement, place_frames
 from gslts.localization.landmark_extraction import extract_landmarks
 from gslts.localization.landmark_files import has_landmarks, read_landmarks, write_landmarks
 from gslts.localization.relocalizer import Relocalizer
 from gslts.mapping.clock import Clock
 from gslts.mapping.config import MappingConfig
-from gslts.mapping.density.control import max_weights
-from gslts.mapping.engine import MIN_WEIGHT, ShowProgress, optimize
-from gslts.mapping.evaluation.evaluate import evaluate, refine_pose
+from gslts.mapping.engine import ShowProgress
 from gslts.mapping.evaluation.held_out import TrainingRecord
-from gslts.mapping.frames import (
-    FrameSplit,
-    ShowFrames,
-    read_usable,
-    require_memory,
-    split_held_out,
-)
+from gslts.mapping.frames import FrameSplit, ShowFrames, read_usable, require_memory
 from gslts.mapping.observation import Observation
-from gslts.mapping.optimize import Optimizer, Schedule
-from gslts.mapping.seeding.depth_seeds import NoSurfaceError
-from gslts.rendering.losses import Exposure
 from gslts.semantics.map_semantics import MapSemantics
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.causes import ExtensionCause, ExtensionRecord, UpdateFrame
@@ -97,141 +82,71 @@ def extend_map(
         newest, gaussian_map = store.version(), store.read()
         cameras = list(cameras_of_map(path).values())
         require_memory(dataset.name, dataset.frames)
-        record = TrainingRecord(lenses=TrainingRecord.read(path).lenses)
-        frames, skipped = read_usable(dataset, record.observe, show_frames)
+        mapped = TrainingRecord(lenses=TrainingRecord.read(path).lenses)
+        frames, skipped = read_usable(dataset, mapped.observe, show_frames)
         clock.note("reading")
         relocalizer = Relocalizer(gaussian_map, read_landmarks(path, gaussian_map))
         placement = place_frames(frames, relocalizer, on_placed)
         clock.note("placing")
         visibility = Visibility(gaussian_map, cameras, config.threads)
-        known = KnownSpace(gaussian_map, visibility, config.threads)
-        spaces = {name: known.compare(frame.rgbd()) for name, frame in placement.frames.items()}
+        spaces = compare_frames(gaussian_map, visibility, placement.frames, config.threads)
         clock.note("comparing")
         changed = tuple(
             name for name, space in spaces.items() if space.changed.mean() > MIN_CHANGED_SHARE
         )
-        if all(space.new.mean() < MIN_NEW_SHARE for space in spaces.values()):
-            return MapExtension(newest, None, placement, skipped, changed)
-        split = _split(placement, spaces)
-        first_id = newest.next_id
-        training = list(split.training.values())
-        shown = [spaces[name] for name in split.training]
-        try:
-            patch = make_patch(gaussian_map, training, shown, config, first_id)
-        except NoSurfaceError:
-            return MapExtension(newest, None, placement, skipped, changed)
-        replays = replay_frames(gaussian_map, cameras, patch, config.threads)
-        config = _settings(config, len(training) + len(replays), len(cameras))
-        clock.note("seeding")
-        exposure = recording_exposure(
-            gaussian_map, list(placement.frames.values()), list(spaces.values()), config.threads
+        growth = grow_map(
+            gaussian_map,
+            cameras,
+            visibility,
+            placement.frames,
+            spaces,
+            config,
+            newest.next_id,
+            clock,
+            report,
         )
-        optimizer = _fit(patch, replays, split, exposure, config, clock, report)
-        fitted = _without_errors(optimizer, training, visibility, first_id)
-        extended = merge_patch(gaussian_map, patch, fitted, first_id)
-        clock.note("optimization")
-        extended = _add_semantics(path, extended, split, spaces, first_id, config.threads)
-        test_psnr_db = _test_psnr_db(extended, split, config.threads)
+        if growth is None:
+            return MapExtension(newest, None, placement, skipped, changed)
+        extended = _add_semantics(path, growth, spaces, newest.next_id, config.threads)
+        test_psnr_db = measure_test_psnr_db(extended, growth.split, config.threads)
         clock.note("evaluation")
-        result = ExtensionRecord(
+        record = ExtensionRecord(
             frames=len(frames),
             placed=len(placement.frames),
-            new=len(split.names),
-            added=int((extended.ids >= first_id).sum()),
-            refined=int((~patch.fixed & (patch.gaussian_map.ids < first_id)).sum()),
-            iterations=optimizer.iteration,
+            new=len(growth.split.names),
+            added=int((extended.ids >= newest.next_id).sum()),
+            refined=growth.refined,
+            iterations=growth.iterations,
             test_psnr_db=test_psnr_db,
             seconds=clock.stages,
         )
-        cause = ExtensionCause(
-            dataset=dataset.name,
-            record=result,
-            frames=_camera_records(cameras, training),
-            test_frames=tuple(split.test.observations),
-            landmarks=_write_landmarks(store, extended, split, spaces, config.threads),
-        )
-        version = store.commit(extended, cause)
-    return MapExtension(version, result, placement, skipped, changed)
+        version = _publish(store, extended, cameras, growth.split, spaces, dataset.name, record)
+    return MapExtension(version, record, placement, skipped, changed)
 
 
-def _split(placement: Placement, spaces: Mapping[str, FrameSpace]) -> FrameSplit:
-    """Split the frames that tell the map something; what changed since is masked out."""
-    frames = {
-        name: without_changes(frame, spaces[name])
-        for name, frame in placement.frames.items()
-        if spaces[name].better.mean() >= MIN_NEW_SHARE
-    }
-    return FrameSplit.of(frames, split_held_out)
-
-
-def _fit(
-    patch: Patch,
-    replays: Sequence[Observation],
+def _publish(
+    store: MapStore,
+    extended: GaussianMap,
+    cameras: Sequence[Camera],
     split: FrameSplit,
-    exposure: Exposure,
-    config: MappingConfig,
-    clock: Clock,
-    report: ShowProgress,
-) -> Optimizer:
-    """Fit the free Gaussians of a patch to the training frames and the replays."""
-    training = [*split.training.values(), *replays]
-    optimizer = Optimizer(
-        patch.gaussian_map,
-        training,
-        training[0].lenses,
-        config,
-        Schedule(config.iterations, ((config.coarse_share, 1), (float("inf"), 0))),
-        patch.fixed,
-        exposure,
+    spaces: Mapping[str, FrameSpace],
+    dataset: str,
+    record: ExtensionRecord,
+) -> Version:
+    """Write the landmarks of new space, and commit the version."""
+    cause = ExtensionCause(
+        dataset=dataset,
+        record=record,
+        frames=_camera_records(cameras, split.training.values()),
+        test_frames=tuple(split.test.observations),
+        landmarks=_write_landmarks(store, extended, split, spaces),
     )
-    optimize(optimizer, split, [], clock, report)
-    return optimizer
-
-
-def _settings(config: MappingConfig, frames: int, cameras: int) -> MappingConfig:
-    """Return the settings of an extension: as many steps for each frame as a map of all has."""
-    share = frames / max(1, frames + cameras)
-    return config.model_copy(
-        update={
-            "iterations": math.ceil(share * config.iterations),
-            "refine_lenses": False,
-            "max_gaussians": None,
-        }
-    )
-
-
-def _without_errors(
-    optimizer: Optimizer, frames: Sequence[Observation], visibility: Visibility, first_id: int
-) -> GaussianMap:
-    """Return the Gaussians of a fit without new ones that no frame shows or that must be errors.
-
-    Where training cameras of the map saw through from as near, there is no new surface.
-    """
-    gaussians, config = optimizer.adam.map, optimizer.config
-    weights = max_weights(gaussians, optimizer.observations, config.threads)
-    good = (weights > MIN_WEIGHT) | (gaussians.ids < first_id)
-    new = np.flatnonzero(good & (gaussians.ids >= first_id))
-    if visibility.has_cameras and len(new) > 0:
-        points = gaussians.means[new].astype(np.float64) + gaussians.origin
-        centres = [frame.world_from_camera[:3, 3] for frame in frames]
-        near_m = np.min([np.linalg.norm(points - centre, axis=1) for centre in centres], axis=0)
-        counts = visibility.counts(points, near_m)
-        good[new] = counts.through < np.maximum(MIN_SEEN, counts.on)
-    return gaussians.select(good)
-
-
-def _test_psnr_db(gaussian_map: GaussianMap, split: FrameSplit, threads: int) -> float | None:
-    starts = split.test.by_neighbours()
-    if not starts:
-        return None
-    refined = [refine_pose(gaussian_map, frame, threads) for frame in starts]
-    return evaluate(gaussian_map, refined, threads).psnr_db
+    return store.commit(extended, cause)
 
 
 def _add_semantics(
     path: Path,
-    gaussian_map: GaussianMap,
-    split: FrameSplit,
+    growth: Growth,
     spaces: Mapping[str, FrameSpace],
     first_id: int,
     threads: int,
@@ -239,10 +154,11 @@ def _add_semantics(
     """Return the map with semantic features of the new Gaussians, if the map has semantics."""
     semantics = MapSemantics.of_map(path, threads)
     if semantics is None:
-        return gaussian_map
-    views = [(frame.rgbd(), spaces[name].new) for name, frame in split.training.items()]
-    new = gaussian_map.ids >= first_id
-    return semantics.update_features(gaussian_map, new, views, threads)
+        return growth.gaussian_map
+    training = growth.split.training
+    views = [(frame.rgbd(), spaces[name].new) for name, frame in training.items()]
+    new = growth.gaussian_map.ids >= first_id
+    return semantics.update_features(growth.gaussian_map, new, views, threads)
 
 
 def _write_landmarks(
@@ -250,7 +166,6 @@ def _write_landmarks(
     gaussian_map: GaussianMap,
     split: FrameSplit,
     spaces: Mapping[str, FrameSpace],
-    threads: int,
 ) -> str | None:
     """Write the landmarks of new space, and return the SHA-256 of the file; None if none."""
     if not has_landmarks(store.folder):
@@ -259,7 +174,6 @@ def _write_landmarks(
         gaussian_map,
         (frame.rgbd() for frame in split.training.values()),
         (spaces[name].new for name in split.training),
-        threads=threads,
     )
     return write_landmarks(landmarks, store.folder) if landmarks.size else None
 
