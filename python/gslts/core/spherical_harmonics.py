@@ -52,8 +52,7 @@ def _basis(directions: Floats) -> Floats:
     Source: 3DGS, Kerbl et al. 2023; the signs and the order are theirs.
     """
     x, y, z = directions.T
-    one = np.ones_like(x)
-    columns = [one, -y, z, -x]
+    columns = [np.ones_like(x), -y, z, -x]
     root = np.sqrt(3)
     columns += [
         root * x * y,

@@ -17,6 +17,7 @@ from gslts.core.camera import Camera
 from gslts.core.gaussian_map import FloatArray, GaussianMap
 from gslts.core.se3 import inverse_transform, transform
 from gslts.core.spherical_harmonics import rotate_harmonics
+from gslts.mapping.density.control import axes_of
 from gslts.types import Bools, Floats, Floats32, Ints, Ints32
 from gslts.update.extent import DEPTH_STEP_M, DEPTH_STEP_PER_M
 from gslts.update.region import Region
@@ -208,7 +209,7 @@ def _support_m(gaussian_map: GaussianMap, boxes: Sequence[Region], moving: Float
     )
     scales = np.exp(gaussian_map.log_scales[rows].astype(np.float64))
     axis = scales.argmin(axis=1)
-    vertical = np.abs(_axes_z(gaussian_map.quats[rows])[np.arange(len(rows)), axis])
+    vertical = np.abs(axes_of(gaussian_map.quats[rows])[np.arange(len(rows)), axis, 2])
     areas_m2 = np.pi * np.prod(np.sort(scales, axis=1)[:, 1:], axis=1)
     horizontal = vertical >= MIN_VERTICAL
     heights_m, areas_m2 = centers[rows[horizontal], 2], areas_m2[horizontal]
@@ -220,12 +221,6 @@ def _support_m(gaussian_map: GaussianMap, boxes: Sequence[Region], moving: Float
         if areas_m2[own].sum() >= MIN_SUPPORT_SHARE * footprint_m2:
             return float(np.median(heights_m[own]))
     return -np.inf
-
-
-def _axes_z(quats: FloatArray) -> Floats:
-    """Return [N,3] the vertical components of the axes of Gaussians."""
-    w, x, y, z = (quats.astype(np.float64) / np.linalg.norm(quats, axis=1, keepdims=True)).T
-    return np.column_stack([2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)])
 
 
 def _rotate_quats(quats: FloatArray, rotation: Floats) -> Floats:

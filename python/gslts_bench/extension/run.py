@@ -114,14 +114,14 @@ class ExtensionUnit(BenchUnit[Record, BenchHome]):
             everything = tuple(frame for frame in recording.frames if frame.name in names)
             whole_s = self._map(replace(recording, frames=everything), folder / "all")
             maps.append(read_map(folder / "all"))
-        views = [[refine_pose(one, frame, 1) for frame in frames] for one in maps]
-        quality = [evaluate(one, own, 1) for one, own in zip(maps, views, strict=True)]
+        views = [[refine_pose(state, frame, 1) for frame in frames] for state in maps]
+        quality = [evaluate(state, own, 1) for state, own in zip(maps, views, strict=True)]
         return {
             "frames": tuple(len(visit.frames) for visit in visits),
             "placed": tuple(placed),
             "psnr_db": tuple(own.psnr_db for own in quality[:-1]),
             "seconds": tuple(seconds),
-            "gaussians": tuple(one.size for one in maps[:-1]),
+            "gaussians": tuple(state.size for state in maps[:-1]),
             "all_psnr_db": quality[-1].psnr_db,
             "all_seconds": whole_s,
             "all_gaussians": maps[-1].size,

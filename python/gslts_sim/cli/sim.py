@@ -117,7 +117,7 @@ def capture(
     from gslts_sim.home_source import open_home
 
     home = open_home(source, seed)
-    viewpoints_in(home, rooms or (), [])  # An unknown room is told before the long search.
+    viewpoints_in(home, rooms or (), [])  # Reject an unknown room before the long search.
     robot = Controller(home, width=width, height=height, noise=noise, seed=visit)
     empty_folder(out)
     viewpoints, share = explore(home, frames, _exploring)

@@ -55,9 +55,9 @@ def test_objects_of_a_room_are_those_of_its_home() -> None:
 
 def test_same_seed_makes_the_same_flat() -> None:
     again = make_home("flat", 3, detail=DETAIL)
-    for one, other in zip(flat().objects, again.objects, strict=True):
-        assert one.id == other.id
-        assert np.array_equal(one.world_from_object, other.world_from_object)
+    for first, other in zip(flat().objects, again.objects, strict=True):
+        assert first.id == other.id
+        assert np.array_equal(first.world_from_object, other.world_from_object)
 
 
 def test_viewpoints_of_a_room() -> None:

@@ -472,8 +472,8 @@ def test_images_without_depth_make_a_map() -> None:
     # One held-out frame: between seeds its PSNR differs by up to 1 dB.
     assert large.quality.given.psnr_db > 25
     small_db, large_db = (
-        np.mean([one.quality.given.psnr_db, _psnr_of_seed_db(cameras, units, seed=1)])
-        for one, units in ((result, 1.0), (large, 20.0))
+        np.mean([made.quality.given.psnr_db, _psnr_of_seed_db(cameras, units, seed=1)])
+        for made, units in ((result, 1.0), (large, 20.0))
     )
     assert large_db > small_db - 0.5
     assert large.config.max_scale_m == pytest.approx(20 * result.config.max_scale_m)
