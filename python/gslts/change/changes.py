@@ -43,6 +43,8 @@ class Change:
         after: Surface in the frame, likewise.
         motion: (4,4) rigid transform of a shift in the world, m: x_after = motion @ x_before; None
             for other kinds.
+        is_measured: False if positions after the change come from the depth of the map, as the
+            frame has none: the object is there or in front of it.
 
     Raises:
         ValueError: A value is out of range, or does not fit the kind.
@@ -56,6 +58,7 @@ class Change:
     before: Surface | None = None
     after: Surface | None = None
     motion: Floats | None = None
+    is_measured: bool = True
 
     def __post_init__(self) -> None:
         if self.kind not in get_args(Kind):
@@ -125,7 +128,13 @@ class Change:
                 "removal", self.confidence, point, (box, None), (mask, None), before=self.before
             )
         return Change(
-            "addition", self.confidence, point, (None, box), (None, mask), after=self.after
+            "addition",
+            self.confidence,
+            point,
+            (None, box),
+            (None, mask),
+            after=self.after,
+            is_measured=self.is_measured,
         )
 
 

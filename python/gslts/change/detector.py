@@ -20,7 +20,7 @@ from gslts.change.constants import (
     NEAR_SIGMAS,
     POSE_STDS,
 )
-from gslts.change.depth_quantum import depth_quantum_m
+from gslts.change.depth_quality import DepthQuality, depth_quality
 from gslts.change.exposure import robust_exposure
 from gslts.change.features import FeatureExtractor, OrientedGradients, similarity
 from gslts.change.reliability import (
@@ -176,7 +176,8 @@ class ChangeDetector:
         """Compare a frame with the map.
 
         Args:
-            frame: Its pose may err by some centimetres and degrees; it is aligned first.
+            frame: Its pose may err by some centimetres and degrees; it is aligned first. Without
+                fine depth, or without any, colours decide alone.
 
         Raises:
             ValueError: A setting is out of range, or the frame is too small to be halved.
@@ -188,7 +189,10 @@ class ChangeDetector:
         camera = small.camera
         observed_rgb = small.rgb.astype(np.float32) / np.float32(255)
         observed_depth = np.nan_to_num(small.depth)
-        fault = frame.fault or frame_fault(observed_rgb, observed_depth)
+        depth = depth_quality(pyramid[0].depth, self.config.objects.step_m)
+        fault = frame.fault or frame_fault(observed_rgb)
+        if depth == "none" and self.config.strategy == "gs_lts":
+            fault = fault or "hardly any depth is measured, which the rule of GS-LTS needs"
         if fault is None and self.config.align_pose:
             pose = align_pose(
                 self._map,
@@ -201,8 +205,7 @@ class ChangeDetector:
                 camera = at_pose(camera, pose)
         if fault is not None:
             return Detection((), fault, camera, observed_rgb)
-        is_coarse = depth_quantum_m(pyramid[0].depth) > self.config.objects.step_m
-        return self._compare(observed_rgb, observed_depth, camera, small.mask, is_coarse)
+        return self._compare(observed_rgb, observed_depth, camera, small.mask, depth)
 
     def _compare(
         self,
@@ -210,11 +213,11 @@ class ChangeDetector:
         observed_depth: Floats32,
         camera: Camera,
         mask: Bools | None,
-        is_coarse: bool,
+        depth: DepthQuality,
     ) -> Detection:
         """Compare the images of a frame at its true pose with a rendering.
 
-        With depth in steps larger than those that count as a change, colours decide alone.
+        Without fine depth colours decide alone.
         """
         config = self.config
         options = RenderOptions(near_sigmas=NEAR_SIGMAS, threads=config.threads)
@@ -227,12 +230,12 @@ class ChangeDetector:
         fault = view_fault(detail, known)
         if fault is not None:
             return Detection((), fault, camera, observed_rgb)
-        unknown = self._unknown_pixels(images, known, detail, is_coarse)
+        unknown = self._unknown_pixels(images, known, detail, depth)
         comparable = ~np.any(list(unknown.values()), axis=0)
         cosines = similarity(
             self._features(observed_rgb), self._features(rendered_rgb), *known.shape
         )
-        fault = place_fault(cosines, observed_depth, images.depth, comparable, is_coarse)
+        fault = place_fault(cosines, observed_depth, images.depth, comparable, depth)
         if fault is not None:
             return Detection((), fault, camera, observed_rgb)
         views = _core.Views(
@@ -245,12 +248,12 @@ class ChangeDetector:
             similarity=cosines,
         )
         masks = _core.compute_masks(views, config.masks)
-        changes, surfaces, labels = self._changes(views, masks, is_coarse)
+        changes, surfaces, labels = self._changes(views, masks, depth)
         changed = [mask for change in changes for mask in change.masks if mask is not None]
         if changed and np.any(changed, axis=0).sum() > MAX_CHANGED_SHARE * comparable.sum():
             return Detection((), "most of the view differs", camera, observed_rgb)
         arrays = _core.mask_arrays(masks, camera)
-        if not is_coarse:
+        if depth == "fine":
             unknown["no depth is measured"] = observed_depth <= 0
         if config.strategy == "gs_lts":  # It decides by the whole frame, not by regions.
             unknown = {}
@@ -270,26 +273,27 @@ class ChangeDetector:
         )
 
     def _unknown_pixels(
-        self, images: Images, known: Bools, detail: Detail, is_coarse: bool
+        self, images: Images, known: Bools, detail: Detail, depth: DepthQuality
     ) -> dict[str, Bools]:
         """Return [H,W] pixels of the images that are not compared, by the reason."""
         pixels = {"the map does not cover it": ~known}
         if self.config.strategy == "gs_lts":  # The printed rule compares all others.
             return pixels
         pixels["the image is blurred"] = detail.blurred_pixels()
-        if not is_coarse:
+        if depth == "fine":
             measured = images.features[..., 0] >= MIN_MEASURED_WEIGHT * images.alpha
             pixels["no frame of the map measured its depth"] = ~measured
         return pixels
 
     def _changes(
-        self, views: _core.Views, masks: _core.Masks, is_coarse: bool
+        self, views: _core.Views, masks: _core.Masks, depth: DepthQuality
     ) -> tuple[tuple[Change, ...], tuple[_core.Surface, ...], Ints32]:
         """Return the changes, the surfaces they come from, and the label image of either."""
         if self.config.strategy == "gs_lts":
             change, labels = _core.detect_gs_lts(views, masks, self.config.gs_lts)
             return () if change is None else (gs_lts_change(change, labels),), (), labels
-        find = _core.find_changed_regions if is_coarse else _core.find_changed_surfaces
+        is_fine = depth == "fine"
+        find = _core.find_changed_surfaces if is_fine else _core.find_changed_regions
         surfaces, labels = find(views, masks, self.config.objects)
         if self._visibility.has_cameras:
             for surface in surfaces:
@@ -297,13 +301,14 @@ class ChangeDetector:
         rule = self.config.objects
         judged = [surface for surface in surfaces if surface_fault(surface) is None]
         shifts: list[Change] = []
-        if not is_coarse:
+        if is_fine:
             likely = [s for s in judged if _core.confidence(s) >= rule.min_confidence]
             found = _core.find_shifts(views, masks, likely, labels, rule)
             shifts = [shift_change(shift, likely, labels) for shift in found]
             shifted = {likely[row].label for shift in found for row in shift.surfaces}
             judged = [surface for surface in judged if surface.label not in shifted]
-        changes = (*shifts, *object_changes(judged, labels, rule))
+        objects = object_changes(judged, labels, rule, is_measured=depth != "none")
+        changes = (*shifts, *objects)
         by_confidence = sorted(changes, key=lambda change: -change.confidence)
         return tuple(by_confidence), tuple(surfaces), labels
 

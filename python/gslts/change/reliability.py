@@ -12,31 +12,29 @@ from gslts.change.constants import (
     MAX_COARSE_DISSIMILAR_SHARE,
     MAX_CORRECTION_M,
     MAX_CORRECTION_RAD,
+    MAX_DEPTHLESS_DISSIMILAR_SHARE,
     MAX_DISSIMILAR_SHARE,
     MIN_AGREEING_SHARE,
     MIN_AGREEMENT,
     MIN_KNOWN_SHARE,
-    MIN_MEASURED_SHARE,
     SIMILAR,
     WHITE,
 )
+from gslts.change.depth_quality import DepthQuality
 from gslts.core.gaussian_map import FloatArray
 from gslts.core.se3 import pose_distance
 from gslts.types import Bools, Floats, Floats32
 
 
-def frame_fault(observed_rgb: Floats32, observed_depth: Floats32) -> str | None:
+def frame_fault(observed_rgb: Floats32) -> str | None:
     """Check a frame on its own.
 
     Args:
         observed_rgb: [H,W,3] sRGB, 0 to 1.
-        observed_depth: [H,W] m; 0 where nothing was measured.
 
     Returns:
         The reason why the frame is unusable; None if it is usable.
     """
-    if (observed_depth > 0).mean() < MIN_MEASURED_SHARE:
-        return f"depth is measured in {100 * (observed_depth > 0).mean():.0f} % of the pixels"
     if (observed_rgb.max(axis=-1) < BLACK).mean() > MAX_CLIPPED_SHARE:
         return "the image is black"
     if (observed_rgb.min(axis=-1) > WHITE).mean() > MAX_CLIPPED_SHARE:
@@ -82,35 +80,35 @@ def place_fault(
     observed_depth: Floats32,
     rendered_depth: FloatArray,
     known: Bools,
-    is_coarse: bool,
+    depth: DepthQuality,
 ) -> str | None:
-    """Check if a frame shows the same place as the rendering, by looks and depths.
+    """Check if a frame shows the same place as the rendering, by features and depths.
 
     Args:
         similarity: [H,W] cosine of the features of both.
         observed_depth: [H,W] m; 0 where nothing was measured.
         rendered_depth: [H,W] m; 0 where the map is empty.
         known: [H,W] pixels that the map covers.
-        is_coarse: True if the depth is coarse: light that changed and nudged furniture then count
-            only together with depths that disagree.
+        depth: Quality of the measured depth. If it is coarse, light that changed and nudged
+            furniture count only together with depths that disagree.
 
     Returns:
         The reason why it shows another place; None if it does not.
     """
+    dissimilar = float((similarity[known] < SIMILAR).mean())
+    looks = f"{100 * dissimilar:.0f} % look different: pose or intrinsics are wrong"
+    if depth == "none":
+        return None if dissimilar <= MAX_DEPTHLESS_DISSIMILAR_SHARE else f"of the pixels {looks}"
     both = known & (observed_depth > 0) & (rendered_depth > 0)
     if not both.any():
         return "no depth is measured where the map is known"
     errors = np.abs(observed_depth - rendered_depth)[both]
     agreeing = float((errors < DEPTH_TOLERANCE * rendered_depth[both]).mean())
-    dissimilar = float((similarity[known] < SIMILAR).mean())
-    if is_coarse:
+    if depth == "coarse":
         is_same = dissimilar <= MAX_COARSE_DISSIMILAR_SHARE
         is_same &= agreeing - dissimilar >= MIN_AGREEMENT
     else:
         is_same = agreeing >= MIN_AGREEING_SHARE and dissimilar <= MAX_DISSIMILAR_SHARE
     if is_same:
         return None
-    return (
-        f"depths agree in {100 * agreeing:.0f} % of the pixels and {100 * dissimilar:.0f} % look "
-        "different: pose or intrinsics are wrong"
-    )
+    return f"depths agree in {100 * agreeing:.0f} % of the pixels and {looks}"

@@ -17,7 +17,11 @@ KINDS: dict[_core.ChangeType, Kind] = {
 
 
 def object_changes(
-    surfaces: list[_core.Surface], labels: Ints32, rule: _core.ObjectRule
+    surfaces: list[_core.Surface],
+    labels: Ints32,
+    rule: _core.ObjectRule,
+    *,
+    is_measured: bool = True,
 ) -> tuple[Change, ...]:
     """Return the changes that explain the surfaces of one image, by falling confidence.
 
@@ -25,12 +29,17 @@ def object_changes(
         surfaces: Surfaces visible in only one of map and frame.
         labels: [H,W] label of the surface at each pixel, 0 for none.
         rule: Thresholds.
+        is_measured: False if surfaces of the frame have the depth of the map.
 
     Raises:
         ValueError: A threshold is out of range.
     """
     return tuple(
-        _change(found, (_mask(labels, found.before), _mask(labels, found.after)))
+        _change(
+            found,
+            (_mask(labels, found.before), _mask(labels, found.after)),
+            is_measured=is_measured or found.after is None,
+        )
         for found in _core.classify_changes(surfaces, rule)
     )
 
@@ -80,7 +89,8 @@ def relocation_of(removal: Change, addition: Change, rule: _core.ObjectRule) -> 
     found = _core.classify_changes([removal.before, addition.after], rule)
     if len(found) != 1 or found[0].type != _core.ChangeType.RELOCATION:
         return None
-    return _change(found[0], (removal.masks[0], addition.masks[1]))
+    masks = removal.masks[0], addition.masks[1]
+    return _change(found[0], masks, is_measured=addition.is_measured)
 
 
 def gs_lts_change(found: _core.GsLtsChange, labels: Ints32) -> Change:
@@ -102,7 +112,9 @@ def gs_lts_change(found: _core.GsLtsChange, labels: Ints32) -> Change:
     )
 
 
-def _change(found: _core.ObjectChange, masks: tuple[Bools | None, Bools | None]) -> Change:
+def _change(
+    found: _core.ObjectChange, masks: tuple[Bools | None, Bools | None], *, is_measured: bool
+) -> Change:
     visible = found.after if found.after is not None else found.before
     assert visible is not None  # Each change has one of them.
     return Change(
@@ -113,6 +125,7 @@ def _change(found: _core.ObjectChange, masks: tuple[Bools | None, Bools | None])
         masks=masks,
         before=found.before,
         after=found.after,
+        is_measured=is_measured,
     )
 
 

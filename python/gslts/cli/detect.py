@@ -53,7 +53,7 @@ def detect(
     localize: Localize = False,
     threads: Threads = 0,
 ) -> None:
-    """Detect object changes by comparing RGB-D frames with a map.
+    """Detect object changes by comparing RGB-D or colour frames with a map.
 
     Example: gslts detect out/map_kitchen_3 out/visit --frame 00007 --out out/changes
     """
@@ -114,7 +114,10 @@ def _line(name: str, detection: Detection) -> str:
 
 def _summary(change: Change) -> str:
     x, y, z = change.point
-    return f"{change.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m, confidence {change.confidence:.2f}"
+    where = "at" if change.is_measured else "at or in front of"
+    return (
+        f"{change.kind} {where} ({x:.2f}, {y:.2f}, {z:.2f}) m, confidence {change.confidence:.2f}"
+    )
 
 
 def _plain(name: str, detection: Detection, width_px: int) -> dict[str, Any]:
@@ -127,6 +130,7 @@ def _plain(name: str, detection: Detection, width_px: int) -> dict[str, Any]:
                 "kind": change.kind,
                 "confidence": change.confidence,
                 "point_m": change.point.tolist(),
+                "is_measured": change.is_measured,
                 "box_before_m": _corners(change, 0),
                 "box_after_m": _corners(change, 1),
                 "motion": None if change.motion is None else change.motion.tolist(),

@@ -318,6 +318,9 @@ def real(
             "is held out."
         ),
     ] = False,
+    without_depth: Annotated[
+        bool, typer.Option(help="Compare the frames of later visits without their depth.")
+    ] = False,
     images: Annotated[
         Path | None,
         typer.Option(
@@ -358,6 +361,8 @@ def real(
         raise ValueError("bench real: expected a FOLDER of visits or --dataset, one of them")
     if updates and folder is None:
         raise ValueError("bench real: --updates needs a FOLDER of visits")
+    if without_depth and (updates or folder is None):
+        raise ValueError("bench real: --without-depth needs a FOLDER of visits, and no --updates")
     options = HomeOptions(
         json_path=json_path, work=work, preset=preset, settings=settings, jobs=jobs
     )
@@ -376,7 +381,7 @@ def real(
         changing = [UpdateUnit(room, images) for room in rooms]
         finish(options.run(update_tables.BENCHMARK, changing, on_homes=False).errors)
     else:
-        seeing = [VisitUnit(room, images) for room in rooms]
+        seeing = [VisitUnit(room, images, without_depth) for room in rooms]
         finish(options.run(tables.BENCHMARK, seeing, on_homes=False).errors)
 
 

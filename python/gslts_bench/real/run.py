@@ -6,15 +6,17 @@ Each frame alone, and all frames of a visit with `ChangeMonitor`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 from pydantic import BaseModel
 
 from gslts.change.detector import ChangeDetector
 from gslts.change.overlay import overlay
+from gslts.core.frame import RgbdFrame
 from gslts.datasets import Frame
 from gslts.io.images import write_image
 from gslts_bench.processes import Add
@@ -68,12 +70,19 @@ class VisitUnit(BenchUnit[VisitRecord, RealRoom]):
 
     Attributes:
         images: Folder for overlays of all frames; None for none.
+        without_depth: True if the frames of later visits lose their depth.
     """
 
     images: Path | None = None
+    without_depth: bool = False
 
     topic = "real"
     record = VisitRecord
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """JSON values that decide the results besides map and code."""
+        return {"without_depth": self.without_depth}
 
     @property
     def count(self) -> int:
@@ -100,12 +109,14 @@ class VisitUnit(BenchUnit[VisitRecord, RealRoom]):
                     add(result.model_dump(mode="json"))
             if visit not in done:
                 record = VisitRecord(id=visit, room=self.name, part="visit")
-                add(attempt(record, partial(_watch, detector, entries)).model_dump(mode="json"))
+                add(
+                    attempt(record, partial(self._watch, detector, entries)).model_dump(mode="json")
+                )
 
     def _judge(
         self, detector: ChangeDetector, name: str, frame: Frame, objects: Sequence[MarkedObject]
     ) -> dict[str, Any]:
-        observed = frame.read()
+        observed = self._read(frame)
         detection = detector.detect(observed)
         if self.images is not None:
             path = self.images / f"{self.name}_{name.replace('/', '_')}.png"
@@ -123,19 +134,24 @@ class VisitUnit(BenchUnit[VisitRecord, RealRoom]):
             "others": tuple(report.confidence for report in other_reports(objects, reports)),
         }
 
+    def _watch(
+        self, detector: ChangeDetector, entries: Sequence[tuple[Frame, Sequence[MarkedObject]]]
+    ) -> dict[str, Any]:
+        """Confirm changes over a visit; return fields of `VisitRecord`."""
+        frames = [self._read(frame) for frame, _ in entries]
+        score = score_visit(detector, frames, [objects for _, objects in entries])
+        return {
+            "frames": score.counts.processed,
+            "unreliable": score.counts.unreliable,
+            "objects": tuple(
+                JudgedObject(kind=kind, name=name, found=found)
+                for (kind, name), found in score.found.items()
+            ),
+            "others": score.others,
+        }
 
-def _watch(
-    detector: ChangeDetector, entries: Sequence[tuple[Frame, Sequence[MarkedObject]]]
-) -> dict[str, Any]:
-    """Confirm changes over a visit; return fields of `VisitRecord`."""
-    frames, marked = [frame.read() for frame, _ in entries], [objects for _, objects in entries]
-    score = score_visit(detector, frames, marked)
-    return {
-        "frames": score.counts.processed,
-        "unreliable": score.counts.unreliable,
-        "objects": tuple(
-            JudgedObject(kind=kind, name=name, found=found)
-            for (kind, name), found in score.found.items()
-        ),
-        "others": score.others,
-    }
+    def _read(self, frame: Frame) -> RgbdFrame:
+        read = frame.read()
+        if not self.without_depth:
+            return read
+        return replace(read, depth=np.zeros_like(read.depth))

@@ -40,6 +40,10 @@ def moved(home: Home) -> Home:
     return place(home, "Box|1", np.array([2.6, 1.85, change_room.BLOCK_TOP_M]))
 
 
+def without_depth(frame: RgbdFrame) -> RgbdFrame:
+    return replace(frame, depth=np.zeros_like(frame.depth))
+
+
 def summary(changes: tuple[Change, ...]) -> list[tuple[str, np.ndarray]]:
     return [(one.kind, one.point) for one in changes]
 
@@ -83,6 +87,37 @@ def test_a_removed_object_is_found(look: object, noise: str) -> None:
     assert detection.rendered_rgb is not None
     red, green, blue = detection.rendered_rgb.transpose(2, 0, 1)
     assert (before & (red > 2 * blue) & (red > 2 * green)).sum() > 0.6 * before.sum()
+
+
+@looks
+@noises
+def test_without_depth_an_added_object_is_found_in_the_image(look: object, noise: str) -> None:
+    frame = without_depth(see(added(change_room.home()), look, noise))
+    detection = change_room.detector().detect(frame)
+    assert detection.changes
+    red, green, blue = detection.observed_rgb.transpose(2, 0, 1)
+    yellow = (red > 2 * blue) & (green > 2 * blue) & (red > 0.2)
+    for change in detection.changes:
+        assert change.kind == "addition"
+        assert not change.is_measured
+        assert (change.masks[1] & yellow).sum() > 0.6 * change.masks[1].sum()
+
+
+@looks
+@noises
+def test_without_depth_a_removed_object_is_where_the_map_has_it(look: object, noise: str) -> None:
+    frame = without_depth(see(removed(change_room.home()), look, noise))
+    change = change_room.detector().detect(frame).changes[0]
+    assert change.kind == "removal"
+    assert change.is_measured
+    assert np.linalg.norm(change.point - RED_M) < NEAR_M
+
+
+def test_the_rule_of_gs_lts_needs_depth() -> None:
+    detector = ChangeDetector(change_room.mapped()[0], DetectionConfig(strategy="gs_lts"))
+    detection = detector.detect(without_depth(see(change_room.home(), LOOKS[0])))
+    assert detection.unreliable is not None
+    assert "hardly any depth is measured" in detection.unreliable
 
 
 @looks
@@ -275,7 +310,7 @@ def test_the_overlay_shows_the_detection() -> None:
 
 def see_nothing() -> RgbdFrame:
     frame = see(change_room.home(), LOOKS[0])
-    return replace(frame, depth=0 * frame.depth)
+    return replace(frame, rgb=np.zeros_like(frame.rgb))
 
 
 def test_many_cameras_are_thinned_evenly() -> None:

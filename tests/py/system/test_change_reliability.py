@@ -70,12 +70,6 @@ def smeared(rgb: np.ndarray, length_px: int) -> np.ndarray:
 
 
 SPOILED: dict[str, tuple[Spoil, str]] = {
-    "no depth": (lambda one: with_depth(one, 0 * one.depth), "depth is measured in 0 %"),
-    "depth NaN": (lambda one: with_depth(one, np.nan * one.depth), "depth is measured in 0 %"),
-    "hardly any depth": (
-        lambda one: with_depth(one, np.where(np.arange(160) < 8, one.depth, 0)),
-        "depth is measured in [0-9] %",
-    ),
     "black": (lambda one: with_rgb(one, one.rgb // 50), "black"),
     "white": (lambda one: with_rgb(one, 0 * one.rgb + 255), "saturated"),
     "overexposed": (lambda one: with_rgb(one, 15 * one.rgb.astype(int)), "saturated"),
@@ -115,6 +109,34 @@ def test_a_spoiled_frame_is_unreliable(how: str, view: str, noise: str) -> None:
     assert detection.rendered_rgb is None
     assert detection.combined_mask is None
     assert detection.observed_rgb.shape == (120, 160, 3)
+
+
+DEPTHS: dict[str, Spoil] = {
+    "no depth": lambda frame: with_depth(frame, 0 * frame.depth),
+    "depth NaN": lambda frame: with_depth(frame, np.nan * frame.depth),
+    "hardly any depth": lambda frame: with_depth(
+        frame, np.where(np.arange(160) < 8, frame.depth, 0)
+    ),
+}
+
+
+@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize("how", [name for name in SPOILED if "depth" not in name])
+def test_a_spoiled_frame_without_depth_is_unreliable(how: str, view: str) -> None:
+    spoil, _ = SPOILED[how]
+    frame = DEPTHS["no depth"](spoil(see(change_room.home(), VIEWS[view], "kinect", seed=3)))
+    detection = change_room.detector().detect(frame)
+    assert detection.unreliable is not None
+    assert detection.changes == ()
+
+
+@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize("how", DEPTHS)
+def test_an_unchanged_frame_without_depth_has_no_change(how: str, view: str) -> None:
+    frame = DEPTHS[how](see(change_room.home(), VIEWS[view], "kinect", seed=1))
+    detection = change_room.detector().detect(frame)
+    assert detection.unreliable is None
+    assert detection.changes == ()
 
 
 @pytest.mark.parametrize("noise", ["none", "kinect"])

@@ -1,9 +1,9 @@
-"""The step between the depths that a sensor tells apart."""
+"""The quality of the depth of a frame."""
 
 import numpy as np
 import pytest
 
-from gslts.change.depth_quantum import depth_quantum_m
+from gslts.change.depth_quality import depth_quality, depth_quantum_m
 
 
 def slanted_wall() -> np.ndarray:
@@ -30,3 +30,16 @@ def test_few_distinct_depths_tell_no_step(values: list[float]) -> None:
     for row, value in enumerate(values):
         depth[10 * row : 10 * row + 10] = value
     assert depth_quantum_m(depth) == 0
+
+
+@pytest.mark.parametrize(("step_m", "expected"), [(0.001, "fine"), (0.04, "coarse")])
+def test_large_steps_make_depth_coarse(step_m: float, expected: str) -> None:
+    depth = (np.round(slanted_wall() / step_m) * step_m).astype(np.float32)
+    assert depth_quality(depth, 0.025) == expected
+
+
+@pytest.mark.parametrize("missing", [0.0, np.nan])
+def test_hardly_any_depth_is_none(missing: float) -> None:
+    depth = np.full((60, 80), missing, np.float32)
+    depth[:5] = slanted_wall()[:5, :80]
+    assert depth_quality(depth, 0.025) == "none"
