@@ -1,11 +1,11 @@
-"""Fits the weights of `gslts::detect::confidence` and `match_score` to simulated changes.
+"""Fits the weights of `gslts::detect::confidence` and `match_score` to changes of known objects.
 
-    python benchmarks/fit_confidence.py --seeds 5:12 --unchanged DATASET
+    python benchmarks/fit_confidence.py --seeds 5:8 --home bookstore.glb --room 7scenes
 
-records, maps and changes homes as `gslts bench detect` does, and prints what belongs into
-cpp/detect/constants.hpp, with the loss (nats per answer) in homes that
-were left out of the fit. Everything found in a real visit without changes, if one is given, counts
-as an error. Seeds of test homes are rejected.
+records, maps and changes homes as `gslts bench detect` does, and changes the maps of recorded rooms
+as `gslts bench real --dataset` does. It prints what belongs into cpp/detect/constants.hpp, and how
+good a fit without a home, a foreign home or a room is there. Our homes together, each foreign home
+and each room have the same weight. Seeds of test homes are rejected.
 """
 
 from __future__ import annotations
@@ -16,20 +16,23 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 from logistic_regression import fit as fit_logistic
 from logistic_regression import logistic
 from tqdm import tqdm
 
 from gslts._core.detect import Side, Surface, confidence_features, match_features
+from gslts.change.changes import SIDES, Change
 from gslts.change.config import DetectionConfig, ObjectRule
 from gslts.change.detector import ChangeDetector, Detection
 from gslts.mapping.config import PRESETS
-from gslts.types import Floats
+from gslts.types import Bools, Floats
 from gslts_bench.detection.cases import Case, counts_of, make_cases, take_frame
 from gslts_bench.detection.truth import Truth
-from gslts_bench.homes import BenchHome, HomeSetup, homes_of, split_of
-from gslts_bench.relocalization.room import FOLDS, RecordedRoom, RoomFold
+from gslts_bench.homes import BenchHome, HomeSetup, foreign_homes_of, homes_of, split_of
+from gslts_bench.real.room_run import RoomViews, units_of
+from gslts_bench.relocalization.room import RecordedRoom
 
 RULE = ObjectRule(min_confidence=0, min_match_score=1)
 """Rule that reports each surface by itself, whatever its confidence."""
@@ -41,12 +44,26 @@ NEGATIVES = 40
 """Maximum number of pairs of different objects per pair of the same object."""
 RIDGE = 1e-3
 """Weight of the squared weights of features with unit variance."""
+HOMES = "homes"
+"""Domain of our homes."""
+FOREIGN_TASKS = 36
+"""Number of single changes in a foreign home."""
+MAX_ERROR_SHARE, MIN_OBJECT_SHARE = 0.2, 0.5
+"""Maximum share of an error in the region of an object, and minimum of a surface of the object."""
+MARGIN_PX = 2
+"""Number of pixels by which that region is grown, for poses that are a little off."""
+Names = np.ndarray[tuple[int], np.dtype[np.str_]]
+_SIDES = {Side.BEFORE: SIDES[0], Side.AFTER: SIDES[1]}
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A surface in an image of some width, and its object; None if it is an error."""
+    """A surface in an image of some width, and its object; None if it is an error.
 
+    `domain` is "homes", or the name of a foreign home or a recorded room.
+    """
+
+    domain: str
     home: str
     case: str
     width_px: int
@@ -61,19 +78,55 @@ class Found:
 
 @dataclass(frozen=True, eq=False)
 class Questions:
-    """Features [N,F], answers [N] of 0 and 1, homes [N] and weights [N]."""
+    """Features [N,F], answers [N] of 0 and 1, domains and homes [N], and weights [N]."""
 
     features: Floats
     answers: Floats
-    homes: np.ndarray[tuple[int], np.dtype[np.str_]]
+    domains: Names
+    homes: Names
     weights: Floats
 
+    def select(self, rows: Bools) -> Questions:
+        """Return some of the questions."""
+        return Questions(
+            self.features[rows],
+            self.answers[rows],
+            self.domains[rows],
+            self.homes[rows],
+            self.weights[rows],
+        )
 
-def found_in(home: str, case: Case, detection: Detection) -> Iterator[Found]:
+
+def found_in(domain: str, home: str, case: Case, detection: Detection) -> Iterator[Found]:
     """Yield the surfaces that a detector found in a case, with their objects."""
     for surface in _surfaces_of(detection):
         owner = _owner(surface, case.truths)
-        yield Found(home, case.name, detection.camera.width, surface, owner)
+        yield Found(domain, home, case.name, detection.camera.width, surface, owner)
+
+
+def found_in_view(
+    domain: str, home: str, case: str, detection: Detection, truth: Change | None
+) -> Iterator[Found]:
+    """Yield the surfaces that a detector found in a view of one change, which has masks.
+
+    Surfaces that the region of the object covers by a part that says neither are left out.
+    """
+    for surface in _surfaces_of(detection):
+        region = None if truth is None else truth.masks[SIDES.index(_SIDES[surface.side])]
+        share = 0.0 if region is None else _covered_share(detection, surface, region)
+        if share <= MAX_ERROR_SHARE or share >= MIN_OBJECT_SHARE:
+            owner = None if share <= MAX_ERROR_SHARE else home + case
+            yield Found(domain, home, case, detection.camera.width, surface, owner)
+
+
+def _covered_share(detection: Detection, surface: Surface, region: Bools) -> float:
+    """Return the share of the pixels of a surface in the region of an object."""
+    assert detection.labels is not None
+    own = detection.labels == surface.label
+    size = own.shape[::-1]
+    scaled = cv2.resize(region.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
+    grown = cv2.dilate(scaled, np.ones((2 * MARGIN_PX + 1,) * 2, np.uint8)) > 0
+    return float((own & grown).sum() / max(1, own.sum()))
 
 
 def _surfaces_of(detection: Detection) -> list[Surface]:
@@ -96,10 +149,11 @@ def _owner(surface: Surface, truths: Iterable[Truth]) -> str | None:
 def confidence_questions(found: Sequence[Found]) -> Questions:
     """Ask for each surface whether it belongs to a changed object."""
     return Questions(
-        features=np.array([confidence_features(one.surface) for one in found]),
-        answers=np.array([one.object_id is not None for one in found], np.float64),
-        homes=np.array([one.home for one in found]),
-        weights=np.ones(len(found)),
+        features=np.array([confidence_features(entry.surface) for entry in found]),
+        answers=np.array([entry.object_id is not None for entry in found], np.float64),
+        domains=(domains := np.array([entry.domain for entry in found])),
+        homes=np.array([entry.home for entry in found]),
+        weights=1 / np.array([(domains == domain).sum() for domain in domains], np.float64),
     )
 
 
@@ -128,6 +182,7 @@ def match_questions(found: Sequence[Found], rng: np.random.Generator) -> Questio
     return Questions(
         features=np.array([match_features(a.surface, b.surface) for a, b in pairs]),
         answers=answers.astype(np.float64),
+        domains=np.array([a.domain for a, _ in pairs]),
         homes=np.array([a.home for a, _ in pairs]),
         weights=np.where(answers, 1.0, len(same) / len(chosen)),
     )
@@ -140,17 +195,18 @@ def fit(questions: Questions) -> Floats:
 
 
 def answers_of_others(questions: Questions) -> Floats:
-    """Answer [N] the questions of each home with the weights of all other homes."""
+    """Answer [N] the questions of each home with the weights of all other homes.
+
+    Those of a foreign home or a room are answered without any map of it.
+    """
+    is_ours = questions.domains == HOMES
+    groups = np.where(is_ours, questions.homes, questions.domains)
     answers = np.zeros(len(questions.answers))
-    for home in np.unique(questions.homes):
-        own = questions.homes == home
-        others = Questions(
-            questions.features[~own],
-            questions.answers[~own],
-            questions.homes[~own],
-            questions.weights[~own],
-        )
-        answers[own] = logistic(_with_one(questions.features[own]) @ fit(others))
+    for group in np.unique(groups):
+        own = groups == group
+        if not own.all():
+            weights = fit(questions.select(~own))
+            answers[own] = logistic(_with_one(questions.features[own]) @ weights)
     return answers
 
 
@@ -161,21 +217,37 @@ def loss(questions: Questions, answers: Floats) -> float:
 
 
 def report(title: str, questions: Questions) -> None:
-    """Print weights and their loss in homes that were left out."""
+    """Print weights, and how good they are where they were not fitted, with 1 - right as errors."""
     answers = answers_of_others(questions)
-    right = np.average((answers > 0.5) == (questions.answers > 0), weights=questions.weights)
-    known = questions.answers > 0
-    print(f"{title}: {known.sum()} yes, {(~known).sum()} no")
-    print(f"  in homes left out: loss {loss(questions, answers):.4f}, right {100 * right:.1f} %")
+    print(title)
+    for domain in np.unique(questions.domains):
+        rows = questions.domains == domain
+        own, given = questions.select(rows), answers[rows]
+        yes = own.answers > 0
+        print(
+            f"  {domain}, left out: {yes.sum()} yes, {(~yes).sum()} no; "
+            f"loss {loss(own, given):.4f}, found {100 * (given[yes] > 0.5).mean():.1f} %, "
+            f"false {(given[~yes] > 0.5).sum()}, "
+            f"calibration error {calibration_error(own.answers, given):.3f}"
+        )
     *weights, offset = fit(questions)
     print(f"  offset {offset:.3f}, weights {', '.join(f'{weight:.3f}' for weight in weights)}")
+
+
+def calibration_error(answers: Floats, given: Floats) -> float:
+    """Return the expected calibration error over ten bins of the confidence."""
+    bins = np.minimum((10 * given).astype(int), 9)
+    errors = np.bincount(bins, answers - given, minlength=10)
+    return float(np.abs(errors).sum() / len(answers))
 
 
 def _with_one(features: Floats) -> Floats:
     return np.hstack([features, np.ones((len(features), 1))])
 
 
-def _found_in_homes(homes: Iterable[BenchHome], tasks: int, count: int) -> Iterator[Found]:
+def _found_in_homes(
+    domain: str, homes: Sequence[BenchHome], tasks: int, count: int
+) -> Iterator[Found]:
     for bench, counts in zip(homes, counts_of(tasks, count), strict=True):
         folder = bench.map()
         detectors = [
@@ -187,18 +259,22 @@ def _found_in_homes(homes: Iterable[BenchHome], tasks: int, count: int) -> Itera
         for case in tqdm(cases.cases, desc=bench.name):
             frame = take_frame(case, before, bench)
             for detector in detectors:
-                yield from found_in(bench.name, case, detector.detect(frame))
+                yield from found_in(domain, bench.name, case, detector.detect(frame))
 
 
-def _found_unchanged(dataset: Path, work: Path) -> Iterator[Found]:
+def _found_in_room(dataset: Path, work: Path) -> Iterator[Found]:
+    """Yield what is found in frames of a room, unchanged and with changes made in its maps."""
     room = RecordedRoom.of(dataset, PRESETS["fast"], work)
-    for fold in tqdm(range(FOLDS), desc=room.name):
-        bench = RoomFold(room, fold)
-        detector = ChangeDetector.of_map(bench.map(), DetectionConfig(objects=RULE))
-        for frame in bench.frames:
-            detection = detector.detect(frame.read())
-            for surface in _surfaces_of(detection):
-                yield Found(room.name, frame.name, detection.camera.width, surface, None)
+    for unit in units_of(room, images=None):
+        views = RoomViews(unit.bench)
+        detector = ChangeDetector.of_map(unit.bench.map(), DetectionConfig(objects=RULE))
+        for name in tqdm(views.names, desc=f"{unit.name}, unchanged"):
+            detection = detector.detect(views.frame(name))
+            yield from found_in_view(room.name, unit.name, name, detection, None)
+        for change in tqdm(views.changes, desc=f"{unit.name}, changes"):
+            detection = views.detect(change, detector)
+            truth = views.truth(change)
+            yield from found_in_view(room.name, unit.name, change.name, detection, truth)
 
 
 def main() -> None:
@@ -207,16 +283,20 @@ def main() -> None:
     parser.add_argument("--seeds", default="5:12", help="A:B, without B, of one split")
     parser.add_argument("--tasks", type=int, default=525, help="number of single changes")
     parser.add_argument("--work", type=Path, default=Path("out/bench"))
-    parser.add_argument("--unchanged", type=Path, help="data set of a visit without changes")
+    parser.add_argument("--home", type=Path, action="append", default=[], help="GLB file")
+    parser.add_argument("--room", type=Path, action="append", default=[], help="data set")
     arguments = parser.parse_args()
     first, end = map(int, arguments.seeds.split(":"))
     if split_of(range(first, end)) == "test":
         parser.error("--seeds: homes of the test split must not be fitted to")
     homes = homes_of(range(first, end), (), HomeSetup(), arguments.work)
-    found = list(_found_in_homes(homes, arguments.tasks, len(homes)))
+    found = list(_found_in_homes(HOMES, homes, arguments.tasks, len(homes)))
+    for file in arguments.home:
+        foreign = foreign_homes_of([file], range(1), HomeSetup(), arguments.work)
+        found += _found_in_homes(file.name, foreign, FOREIGN_TASKS, 1)
     report("match score", match_questions(found, np.random.default_rng(0)))
-    if arguments.unchanged is not None:
-        found += _found_unchanged(arguments.unchanged, arguments.work)
+    for dataset in arguments.room:
+        found += _found_in_room(dataset, arguments.work)
     report("confidence", confidence_questions(found))
 
 

@@ -44,17 +44,25 @@ struct OwnedViews {
 OwnedViews make_views(const Camera& camera, const py::array& observed_rgb,
                       const py::array& rendered_rgb, const py::array& observed_depth,
                       const py::array& rendered_depth, const py::array& alpha,
-                      const py::array& similarity) {
+                      const py::array& similarity, const std::optional<py::array>& depth_error,
+                      const std::optional<py::array>& color_error,
+                      const std::pair<double, double>& noise) {
   const py::ssize_t height = camera.height, width = camera.width;
+  const auto optional = [&](const std::optional<py::array>& array, const char* name) {
+    return array ? require_array<float>(*array, name, {height, width}) : nullptr;
+  };
   const Views views{camera,
                     require_array<float>(observed_rgb, "observed_rgb", {height, width, 3}),
                     require_array<float>(rendered_rgb, "rendered_rgb", {height, width, 3}),
                     require_array<float>(observed_depth, "observed_depth", {height, width}),
                     require_array<float>(rendered_depth, "rendered_depth", {height, width}),
                     require_array<float>(alpha, "alpha", {height, width}),
-                    require_array<float>(similarity, "similarity", {height, width})};
+                    require_array<float>(similarity, "similarity", {height, width}),
+                    optional(depth_error, "depth_error"),
+                    optional(color_error, "color_error"),
+                    {noise.first, noise.second}};
   return {views, py::make_tuple(observed_rgb, rendered_rgb, observed_depth, rendered_depth, alpha,
-                                similarity)};
+                                similarity, depth_error, color_error)};
 }
 
 /// @throws std::invalid_argument  if the masks are of images of another size.
@@ -141,12 +149,18 @@ Args:
     rendered_depth: [H,W] float32, z in the camera frame, m; 0 where nothing is.
     alpha: [H,W] float32, opacity of the map, 0 to 1.
     similarity: [H,W] float32, cosine of the features of both images, -1 to 1.
+    depth_error: [H,W] float32, expected error of the rendered depth, m; None if it is not known.
+    color_error: [H,W] float32, expected error of the rendered colours, summed over the channels.
+    noise: (a, b), m and 1/m: the standard deviation of the difference of measured and rendered
+        depths z of an unchanged surface is a + b z^2.
 
 Raises:
     ValueError: An array has another shape, type or layout.)")
       .def(py::init(&make_views), py::kw_only(), py::arg("camera"), py::arg("observed_rgb"),
            py::arg("rendered_rgb"), py::arg("observed_depth"), py::arg("rendered_depth"),
-           py::arg("alpha"), py::arg("similarity"));
+           py::arg("alpha"), py::arg("similarity"), py::arg("depth_error") = std::nullopt,
+           py::arg("color_error") = std::nullopt,
+           py::arg("noise") = std::pair(detect::DepthNoise().constant_m, detect::DepthNoise().per_m));
 }
 
 void define_masks(py::module_& m) {

@@ -56,12 +56,12 @@ Args:
 constexpr const char* kObjectRuleDoc =
     R"(Thresholds that separate objects that changed from errors of sensor, pose and map; immutable.
 
-A surface counts as nearer than that of the other image if it is so by step_m, measured across the
-surface, plus step_per_m depth^2, plus the change of its depth within step_px pixels.
+A surface counts as nearer than that of the other image if it is so by `step_sigmas` standard
+deviations of the depth, the constant part measured across the surface, plus the change of its depth
+within `step_px` pixels.
 
 Args:
-    step_m: Constant part of the step, m.
-    step_per_m: Part that grows with the square of the depth, 1/m.
+    step_sigmas: Minimum step, in standard deviations.
     step_px: Part for the slope of the surface, px.
     edge_tolerance_px: By which edges may be misplaced, px.
     min_area_m2: Minimum area of a surface, facing the camera, m^2.
@@ -78,16 +78,16 @@ Args:
 void define_object_rule(py::module_& m) {
   const ObjectRule rule;
   py::class_<ObjectRule>(m, "ObjectRule", kObjectRuleDoc)
-      .def(py::init([](double step_m, double step_per_m, double step_px, int edge_tolerance_px,
+      .def(py::init([](double step_sigmas, double step_px, int edge_tolerance_px,
                        double min_area_m2, int min_area_px, double min_flat_area_m2,
                        double min_flat_color, double min_flat_step_m, double min_flat_contrast,
                        double min_match_score, double min_confidence) {
              return ObjectRule{
-                 step_m,          step_per_m,        step_px,          edge_tolerance_px,
+                 step_sigmas,     step_px,          edge_tolerance_px,
                  min_area_m2,     min_area_px,       min_flat_area_m2, min_flat_color,
                  min_flat_step_m, min_flat_contrast, min_match_score,  min_confidence};
            }),
-           py::kw_only(), py::arg("step_m") = rule.step_m, py::arg("step_per_m") = rule.step_per_m,
+           py::kw_only(), py::arg("step_sigmas") = rule.step_sigmas,
            py::arg("step_px") = rule.step_px,
            py::arg("edge_tolerance_px").noconvert() = rule.edge_tolerance_px,
            py::arg("min_area_m2") = rule.min_area_m2,
@@ -98,8 +98,7 @@ void define_object_rule(py::module_& m) {
            py::arg("min_flat_contrast") = rule.min_flat_contrast,
            py::arg("min_match_score") = rule.min_match_score,
            py::arg("min_confidence") = rule.min_confidence)
-      .def_readonly("step_m", &ObjectRule::step_m)
-      .def_readonly("step_per_m", &ObjectRule::step_per_m)
+      .def_readonly("step_sigmas", &ObjectRule::step_sigmas)
       .def_readonly("step_px", &ObjectRule::step_px)
       .def_readonly("edge_tolerance_px", &ObjectRule::edge_tolerance_px)
       .def_readonly("min_area_m2", &ObjectRule::min_area_m2)

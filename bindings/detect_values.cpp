@@ -43,19 +43,25 @@ Args:
         explain.
     correlation: Of the brightness of both images, on it and beside it, -1 to 1.
     ring_depth_m: Median absolute difference of the depths around it, m.
-    ring_color_ratio: Colour change around it, as a share of that on it.)")
+    ring_color_ratio: Colour change around it, as a share of that on it.
+    depth_error_m: Mean expected error of the rendered depth, m.
+    color_error: Mean expected error of the rendered colour, summed over the channels.)")
       .def(py::init([](double step_ratio, double changed_share, double thickness_m,
                        double attached_share, double residual_color, double correlation,
-                       double ring_depth_m, double ring_color_ratio) {
+                       double ring_depth_m, double ring_color_ratio, double depth_error_m,
+                       double color_error) {
              return Evidence{step_ratio,     changed_share, thickness_m,  attached_share,
-                             residual_color, correlation,   ring_depth_m, ring_color_ratio};
+                             residual_color, correlation,   ring_depth_m, ring_color_ratio,
+                             depth_error_m,  color_error};
            }),
            py::kw_only(), py::arg("step_ratio") = none.step_ratio,
            py::arg("changed_share") = none.changed_share, py::arg("thickness_m") = none.thickness_m,
            py::arg("attached_share") = none.attached_share,
            py::arg("residual_color") = none.residual_color,
            py::arg("correlation") = none.correlation, py::arg("ring_depth_m") = none.ring_depth_m,
-           py::arg("ring_color_ratio") = none.ring_color_ratio)
+           py::arg("ring_color_ratio") = none.ring_color_ratio,
+           py::arg("depth_error_m") = none.depth_error_m,
+           py::arg("color_error") = none.color_error)
       .def_readonly("step_ratio", &Evidence::step_ratio)
       .def_readonly("changed_share", &Evidence::changed_share)
       .def_readonly("thickness_m", &Evidence::thickness_m)
@@ -63,7 +69,9 @@ Args:
       .def_readonly("residual_color", &Evidence::residual_color)
       .def_readonly("correlation", &Evidence::correlation)
       .def_readonly("ring_depth_m", &Evidence::ring_depth_m)
-      .def_readonly("ring_color_ratio", &Evidence::ring_color_ratio);
+      .def_readonly("ring_color_ratio", &Evidence::ring_color_ratio)
+      .def_readonly("depth_error_m", &Evidence::depth_error_m)
+      .def_readonly("color_error", &Evidence::color_error);
 }
 
 void define_visibility(py::module_& m) {

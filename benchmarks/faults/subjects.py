@@ -34,8 +34,8 @@ from gslts.store.delta import map_to_arrays
 from gslts.store.manifest import CAMERAS, MANIFEST
 from gslts.store.map_folder import open_map
 from gslts.store.map_store import BLOBS, INDEX
-from gslts.store.unmeasured import FILE as UNMEASURED
-from gslts.store.unmeasured import unmeasured_problems
+from gslts.store.measurements import FILE as MEASUREMENTS
+from gslts.store.measurements import measurement_problems
 from gslts.store.writer_lock import LOCK
 
 MAP = "map"
@@ -159,7 +159,7 @@ class NewMap:
             found += self._again(folder)
         if not found:
             found += check_map(path, [1], lambda _: self._expected or "")
-            found += foreign_in(path, {"report.html", LANDMARKS, UNMEASURED})
+            found += foreign_in(path, {"report.html", LANDMARKS, MEASUREMENTS})
         return found
 
     def _again(self, folder: Path) -> list[str]:
@@ -256,7 +256,7 @@ def check_map(
     wrong = []
     try:
         with open_map(path) as store:
-            wrong += store.find_problems() + landmark_problems(store) + unmeasured_problems(path)
+            wrong += store.find_problems() + landmark_problems(store) + measurement_problems(path)
             numbers = [version.number for version in store.versions()]
             if numbers != list(range(1, len(numbers) + 1)):
                 wrong.append(f"its versions are {numbers}")

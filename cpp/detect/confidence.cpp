@@ -46,6 +46,9 @@ std::array<double, kConfidenceFeatures> confidence_features(const Surface& surfa
       before ? seen_through : 0,
       before ? 0 : seen_through,
       before ? 1.0 : 0.0,
+      std::log(evidence.depth_error_m + kMinDepthError_m),
+      std::log(evidence.color_error + kMinColorError),
+      log_depth,
   };
 }
 

@@ -126,6 +126,9 @@ constexpr double kVisibilityPrior = 3;
 constexpr Visibility kTypicalBefore{975, 25, 1}, kTypicalFlatAfter{900, 100, 1},
     kTypicalAfter{150, 850, 1};
 
+/// Added to the expected errors of rendered depth, m, and colour: those of the best maps.
+constexpr double kMinDepthError_m = 0.003, kMinColorError = 0.02;
+
 /// Share of pixels with changed colours that counts as all, as no object differs everywhere.
 constexpr double kFullColorChange = 0.3;
 
@@ -156,6 +159,9 @@ constexpr std::array<double, kConfidenceFeatures> kConfidenceWeights{
     -0.349,   // seen through, in the map
     0.289,    // seen through, in the frame
     -2.816,   // in the map
+    0,        // expected error of the depth
+    0,        // expected error of the colours
+    0,        // depth
 };
 
 // Light (color_constancy.cpp).
@@ -248,6 +254,10 @@ constexpr int kMaxShiftSteps = 50;
 
 /// Distance, px, within which the other image may show a point: edges may be misplaced.
 constexpr int kShiftTolerance_px = 1;
+
+/// Maximum difference of depths at a point that both images show: kShiftDepth_m + kShiftDepthPerM
+/// depth^2, m, besides the slope of the surface.
+constexpr double kShiftDepth_m = 0.0125, kShiftDepthPerM = 0.003;
 
 /// Minimum score of a shift. Of 88 reports in frames of a kitchen and the bookstore in which
 /// objects came, went or moved farther, two had 0.12 and 0.2; of nudged ones most have 0.3 to 1.

@@ -46,6 +46,7 @@ class Steps {
   Steps(const Views& views, const Masks& masks, const cv::Mat& rendered_depth,
         const ObjectRule& rule)
       : rule_(rule),
+        noise_(views.noise),
         focal_px_(0.5 * (views.camera.fx + views.camera.fy)),
         slope_(surface_slope(rendered_depth)),
         known_(image_of(masks.known, views.camera)) {}
@@ -72,11 +73,13 @@ class Steps {
   double min_step_m(float depth, std::size_t k) const {
     const double slope_m = slope_.ptr<float>()[k];
     const double tangent = focal_px_ * slope_m / depth;  // Of the angle to the image plane.
-    return rule_.step_m * std::sqrt(1 + tangent * tangent) + rule_.step_per_m * depth * depth +
-           rule_.step_px * slope_m;
+    const double noise_m =
+        noise_.constant_m * std::sqrt(1 + tangent * tangent) + noise_.per_m * depth * depth;
+    return rule_.step_sigmas * noise_m + rule_.step_px * slope_m;
   }
 
   const ObjectRule& rule_;
+  DepthNoise noise_;
   double focal_px_;
   cv::Mat slope_, known_;
 };

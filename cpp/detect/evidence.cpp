@@ -122,6 +122,12 @@ Evidence evidence_of(const Views& views, const Masks& masks, const Pixels& pixel
   evidence.residual_color = residual_color(observed_rgb, rendered_rgb, region);
   evidence.correlation = correlation(observed_rgb, rendered_rgb, grow(region, kRingStart_px));
   evidence.ring_depth_m = median_magnitude_m(observed_depth, rendered_depth, around);
+  if (views.depth_error != nullptr) {
+    evidence.depth_error_m = cv::mean(image_of(views.depth_error, camera)(part), region)[0];
+  }
+  if (views.color_error != nullptr) {
+    evidence.color_error = cv::mean(image_of(views.color_error, camera)(part), region)[0];
+  }
   evidence.ring_color_ratio = ring_color_ratio(observed_rgb, rendered_rgb, region, around);
   return evidence;
 }

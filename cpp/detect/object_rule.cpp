@@ -4,8 +4,7 @@
 namespace gslts::detect {
 
 void validate(const ObjectRule& rule, const char* function) {
-  require_in(function, "step_m", rule.step_m, 0, 10);
-  require_in(function, "step_per_m", rule.step_per_m, 0, 10);
+  require_in(function, "step_sigmas", rule.step_sigmas, 0, 100);
   require_in(function, "step_px", rule.step_px, 0, 100);
   require_in(function, "edge_tolerance_px", rule.edge_tolerance_px, 0, 100);
   require_in(function, "min_area_m2", rule.min_area_m2, 0, 100);

@@ -56,6 +56,9 @@ MIN_AGREEING_SHARE = 0.5
 less than the rest."""
 
 # Coarse depth.
+MAX_FINE_QUANTUM_M = 0.025
+"""Maximum step, m, between the distinct depths of fine depth: that of a Kinect at 3 m. Real ones of
+3.9 cm drown an object of some centimetres together with the surface around it."""
 MIN_DISTINCT_DEPTHS = 8
 """Minimum number of distinct depths of a frame that tell their step: one wall has a few."""
 DEPTH_SAMPLES = 20_000
@@ -88,6 +91,9 @@ rendered edges 0.38 to 0.94."""
 MIN_MEASURED_WEIGHT = 0.5
 """Minimum weight of measured Gaussians among those that a pixel shows. Of true removals in the
 bookstore the mean of a region is at least 0.82, of false ones before windows and sky at most 0.56.
+"""
+MIN_ERROR_ALPHA = 0.1
+"""Minimum alpha by which the expected errors of a pixel are divided; with less, it is not compared.
 """
 
 # Exposure of a frame in which something changed.

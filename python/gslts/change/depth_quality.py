@@ -6,7 +6,12 @@ from typing import Literal
 
 import numpy as np
 
-from gslts.change.constants import DEPTH_SAMPLES, MIN_DISTINCT_DEPTHS, MIN_MEASURED_SHARE
+from gslts.change.constants import (
+    DEPTH_SAMPLES,
+    MAX_FINE_QUANTUM_M,
+    MIN_DISTINCT_DEPTHS,
+    MIN_MEASURED_SHARE,
+)
 from gslts.types import Floats32
 
 DepthQuality = Literal["fine", "coarse", "none"]
@@ -29,16 +34,15 @@ def depth_quantum_m(depth: Floats32) -> float:
     return float(np.median(np.diff(distinct)))
 
 
-def depth_quality(depth: Floats32, max_quantum_m: float) -> DepthQuality:
+def depth_quality(depth: Floats32) -> DepthQuality:
     """Classify the depth of a frame.
 
     Args:
         depth: [H,W] as measured, m; 0 and NaN where nothing was.
-        max_quantum_m: Maximum step between the distinct depths of fine depth.
 
     Returns:
         "fine"; "coarse" with larger steps; "none" if hardly anything was measured.
     """
     if (np.isfinite(depth) & (depth > 0)).mean() < MIN_MEASURED_SHARE:
         return "none"
-    return "coarse" if depth_quantum_m(depth) > max_quantum_m else "fine"
+    return "coarse" if depth_quantum_m(depth) > MAX_FINE_QUANTUM_M else "fine"

@@ -16,6 +16,7 @@ from gslts.change.constants import (
     MAX_CAMERAS,
     MAX_CHANGED_SHARE,
     MAX_HALVINGS,
+    MIN_ERROR_ALPHA,
     MIN_MEASURED_WEIGHT,
     NEAR_SIGMAS,
     POSE_STDS,
@@ -40,8 +41,8 @@ from gslts.rendering.losses import Exposure, apply_exposure
 from gslts.rendering.rasterizer import Images, Rasterizer, RenderOptions
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
-from gslts.store.unmeasured import NO_IDS, read_unmeasured
-from gslts.types import Bools, Floats32, Ints32, UInts64
+from gslts.store.measurements import NO_MEASUREMENTS, Measurements, read_measurements
+from gslts.types import Bools, Floats32, Ints32
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,8 +92,8 @@ class ChangeDetector:
         features: Feature extractor; None means `OrientedGradients`.
         cameras: Training cameras of the map: space that none of them saw cannot have changed.
             Without any, all space counts as seen. At most `MAX_CAMERAS`, evenly chosen, are used.
-        unmeasured: Ids of Gaussians that no measured depth confirms, see
-            `gslts.store.unmeasured`: changes of what they show cannot be judged.
+        measurements: What the recording of the map tells of its Gaussians. Changes of what no
+            depth confirms cannot be judged; depth steps count from a multiple of the noise.
 
     Attributes:
         config: Settings.
@@ -109,14 +110,15 @@ class ChangeDetector:
         *,
         features: FeatureExtractor | None = None,
         cameras: Iterable[Camera] = (),
-        unmeasured: UInts64 = NO_IDS,
+        measurements: Measurements = NO_MEASUREMENTS,
     ) -> None:
         if gaussian_map.dtype != np.float32:
             raise ValueError(f"ChangeDetector: the map must be float32, got {gaussian_map.dtype}")
         self.config = DetectionConfig() if config is None else config
-        self._map, self._unmeasured = gaussian_map, unmeasured
-        measured = ~np.isin(gaussian_map.ids, unmeasured)
-        self._drawn = replace(gaussian_map, features=measured[:, None].astype(np.float32))
+        self._map, self._measurements = gaussian_map, measurements
+        ids = gaussian_map.ids
+        features = np.column_stack([measurements.is_measured_of(ids), measurements.errors_of(ids)])
+        self._drawn = replace(gaussian_map, features=features.astype(np.float32))
         self._features = OrientedGradients() if features is None else features
         self.cameras = tuple(cameras)
         self._visibility = Visibility(
@@ -132,7 +134,7 @@ class ChangeDetector:
         *,
         features: FeatureExtractor | None = None,
     ) -> ChangeDetector:
-        """Read the Gaussians, the training cameras and the unmeasured Gaussians of a map.
+        """Read the Gaussians, the training cameras and the measurements of a map.
 
         Args:
             path: Map folder, a version of it such as MAP@3, or a PLY file, which has no cameras.
@@ -144,9 +146,12 @@ class ChangeDetector:
             ValueError: The path is no map, or the map is damaged.
         """
         path = Path(path)
-        cameras, unmeasured = cameras_of_map(path).values(), read_unmeasured(path)
         return cls(
-            read_map(path), config, features=features, cameras=cameras, unmeasured=unmeasured
+            read_map(path),
+            config,
+            features=features,
+            cameras=cameras_of_map(path).values(),
+            measurements=read_measurements(path),
         )
 
     @property
@@ -169,7 +174,7 @@ class ChangeDetector:
             self.config,
             features=self._features,
             cameras=cameras,
-            unmeasured=self._unmeasured,
+            measurements=self._measurements,
         )
 
     def detect(self, frame: RgbdFrame) -> Detection:
@@ -189,7 +194,7 @@ class ChangeDetector:
         camera = small.camera
         observed_rgb = small.rgb.astype(np.float32) / np.float32(255)
         observed_depth = np.nan_to_num(small.depth)
-        depth = depth_quality(pyramid[0].depth, self.config.objects.step_m)
+        depth = depth_quality(pyramid[0].depth)
         fault = frame.fault or frame_fault(observed_rgb)
         if depth == "none" and self.config.strategy == "gs_lts":
             fault = fault or "hardly any depth is measured, which the rule of GS-LTS needs"
@@ -246,6 +251,8 @@ class ChangeDetector:
             rendered_depth=images.depth,
             alpha=np.where(comparable, alpha, np.float32(0)),
             similarity=cosines,
+            noise=self._measurements.noise,
+            **self._expected_errors(images),
         )
         masks = _core.compute_masks(views, config.masks)
         changes, surfaces, labels = self._changes(views, masks, depth)
@@ -271,6 +278,14 @@ class ChangeDetector:
             labels=labels,
             unknown=unknown_regions(unknown, surfaces, labels),
         )
+
+    def _expected_errors(self, images: Images) -> dict[str, Floats32]:
+        """Return [H,W] expected errors of the rendered depth, m, and colours, as for `Views`."""
+        weight = np.maximum(images.alpha, MIN_ERROR_ALPHA)
+        return {
+            name: np.ascontiguousarray(images.features[..., channel] / weight)
+            for channel, name in ((1, "depth_error"), (2, "color_error"))
+        }
 
     def _unknown_pixels(
         self, images: Images, known: Bools, detail: Detail, depth: DepthQuality

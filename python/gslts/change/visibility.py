@@ -19,7 +19,7 @@ from gslts.change.constants import (
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
-from gslts.store.unmeasured import surface_margin_m
+from gslts.store.measurements import surface_margin_m
 from gslts.types import Bools, Floats, Ints
 
 

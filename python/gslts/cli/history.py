@@ -136,14 +136,14 @@ def verify(map_path: Folder) -> None:
     from gslts.localization.landmark_files import landmark_problems
     from gslts.semantics.files import semantics_problems
     from gslts.store.map_folder import open_map
-    from gslts.store.unmeasured import unmeasured_problems
+    from gslts.store.measurements import measurement_problems
 
     with open_map(map_path) as store:
         versions = store.versions()
         with tqdm(total=len(versions), desc="checking", bar_format=BAR, disable=None) as bar:
             problems = store.find_problems(bar.update)
         problems += landmark_problems(store) + semantics_problems(store)
-        problems += unmeasured_problems(store.folder)
+        problems += measurement_problems(store.folder)
     for problem in problems:
         typer.echo(problem, err=True)
     if problems:

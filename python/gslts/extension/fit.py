@@ -22,10 +22,10 @@ from gslts.extension.constants import (
 from gslts.extension.new_space import FrameSpace
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.density.control import join
+from gslts.mapping.measure import count_measurements
 from gslts.mapping.observation import LEVELS, Observation
 from gslts.mapping.seeding.depth_seeds import seed_from_depth
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
-from gslts.store.unmeasured import count_measurements
 from gslts.types import Bools, Floats
 from gslts.update.targets import farthest_points
 

@@ -23,7 +23,7 @@ from gslts.extension.constants import (
 )
 from gslts.rendering.losses import Exposure, apply_exposure, fit_exposure
 from gslts.rendering.rasterizer import Images, Rasterizer, RenderOptions
-from gslts.store.unmeasured import surface_margin_m
+from gslts.store.measurements import surface_margin_m
 from gslts.types import Bools, Floats32, Indices
 
 

@@ -25,8 +25,8 @@ from gslts.robots.localized import LocalizedRobot
 from gslts.semantics.map_semantics import MapSemantics
 from gslts.store.camera_files import cameras_of_map, cameras_of_version
 from gslts.store.map_folder import open_map
+from gslts.store.measurements import read_measurements
 from gslts.store.records import Version
-from gslts.store.unmeasured import read_unmeasured
 from gslts.update.config import UpdateConfig
 from gslts.update.integrate import UpdateResult, integrate_changes
 from gslts.update.publish import publish
@@ -104,7 +104,7 @@ class MapKeeper:
             self.state = read_state(folder)
             self._map = self._store.read()
             self._cameras = cameras_of_map(folder)
-            self._unmeasured = read_unmeasured(folder)
+            self._measurements = read_measurements(folder)
             self._semantics = MapSemantics.of_map(folder, self._config.update.threads)
             self._detector = self._new_detector()
             self._localizer = None
@@ -306,7 +306,7 @@ class MapKeeper:
             self._map,
             self._config.detection,
             cameras=self._cameras.values(),
-            unmeasured=self._unmeasured,
+            measurements=self._measurements,
         )
 
     def _new_relocalizer(self) -> Relocalizer:

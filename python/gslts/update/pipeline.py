@@ -20,8 +20,8 @@ from gslts.semantics.map_semantics import MapSemantics
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.causes import RejectedUpdateCause, UpdateRecord
 from gslts.store.map_folder import open_map
+from gslts.store.measurements import read_measurements
 from gslts.store.records import Version
-from gslts.store.unmeasured import read_unmeasured
 from gslts.update.config import UpdateConfig
 from gslts.update.integrate import Progress, UpdateResult, integrate_changes
 from gslts.update.publish import publish
@@ -82,7 +82,7 @@ def update_map(
         cameras = list(cameras_of_map(path).values())
         semantics = MapSemantics.of_map(path, config.threads)
         detector = ChangeDetector(
-            gaussian_map, detection, cameras=cameras, unmeasured=read_unmeasured(path)
+            gaussian_map, detection, cameras=cameras, measurements=read_measurements(path)
         )
         changes, fault = _detect(detector, robot, frames, monitor)
         if fault is not None:

@@ -12,6 +12,7 @@ from itertools import islice
 import numpy as np
 
 from gslts.change.changes import Change
+from gslts.change.constants import MAX_FINE_QUANTUM_M
 from gslts.change.detector import ChangeDetector, Detection
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
@@ -161,7 +162,7 @@ def collect_views(
     for view, detection in views:
         before, after = region_masks(detection, view.changed.shape, regions)
         view = replace(view, before=before, after=after)
-        if view.depth_quantum_m > detector.config.objects.step_m:
+        if view.depth_quantum_m > MAX_FINE_QUANTUM_M:
             view = bring_to_front(view)
         masked.append(view)
     grown, masked_views = extend_regions(regions, masked)

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from gslts.change.changes import SIDES, Change, Side
-from gslts.change.detector import Detection
+from gslts.change.config import DetectionConfig
+from gslts.change.detector import ChangeDetector, Detection
 from gslts.change.monitor import confirm_changes
 from gslts.change.overlay import overlay
 from gslts.core.camera import Camera
@@ -95,28 +96,80 @@ class RoomUnit(BenchUnit[RoomRecord, RoomFold]):
                 answer()
 
 
+class RoomViews:
+    """Held-out frames of a room, and changes made in the map of the other frames.
+
+    Args:
+        bench: The room and its held-out frames.
+    """
+
+    def __init__(self, bench: RoomFold) -> None:
+        folder = bench.map()
+        self._map = read_map(folder)
+        self._training = list(cameras_of_map(folder).values())
+        self._plain = ChangeDetector.of_map(folder, DetectionConfig(threads=1))
+        self._frames = {frame.name: cache(frame.read) for frame in bench.frames}
+        self._aligned: Callable[[str], Camera] = cache(self._align)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the frames."""
+        return list(self._frames)
+
+    def frame(self, name: str) -> RgbdFrame:
+        """Read a frame.
+
+        Args:
+            name: Its name.
+        """
+        return self._frames[name]()
+
+    @cached_property
+    def changes(self) -> list[MapChange]:
+        """Changes of the map, each with the frame that shows it."""
+        cameras = {name: read().registered().camera for name, read in self._frames.items()}
+        return make_changes(self._map, self._training, cameras, VIEWS, seed=0)
+
+    def detect(self, change: MapChange, detector: ChangeDetector) -> Detection:
+        """Compare the frame of a change with the changed map.
+
+        Args:
+            change: One of `changes`.
+            detector: With the settings; its map is not used.
+        """
+        changed = detector.with_map(change.changed_map(self._map), self._training)
+        return changed.detect(self.frame(change.frame))
+
+    def truth(self, change: MapChange) -> Change:
+        """Return the change that its frame shows, with masks.
+
+        Args:
+            change: One of `changes`.
+        """
+        return change.truth(self._map, self._aligned(change.frame))
+
+    def _align(self, name: str) -> Camera:
+        """Return the camera of a frame as aligned to the unchanged map."""
+        return self._plain.detect(self.frame(name)).camera
+
+
 class _Comparisons:
     """All comparisons of held-out frames with a map."""
 
     def __init__(self, bench: RoomFold, images: Path | None) -> None:
         self._name, self._images = bench.name, images
-        folder = bench.map()
-        self._map = read_map(folder)
-        self._training = list(cameras_of_map(folder).values())
-        self._detectors = Detectors(folder)
-        self._frames = {frame.name: cache(frame.read) for frame in bench.frames}
-        self._aligned: Callable[[str], Camera] = cache(self._align)
+        self._views, self._detectors = RoomViews(bench), Detectors(bench.map())
 
     def all(self) -> Iterator[tuple[RoomRecord, Callable[[], Mapping[str, Any]]]]:
         """Yield a record without its result for each comparison, and the comparison."""
-        for name in self._frames:
+        for name in self._views.names:
             for detector in STRATEGIES:
                 record = RoomRecord(id=f"{name}: {detector}", part="frame", detector=detector)
                 yield record, partial(self._compare, name, detector)
         for detector in (GIVEN, LOCATED):
             record = RoomRecord(id=f"sequence: {detector}", part="sequence", detector=detector)
             yield record, partial(self._watch, detector)
-        for change in self._changes:
+        for change in self._views.changes:
             record = RoomRecord(
                 id=f"{change.kind}/{change.name}",
                 part=change.kind,
@@ -125,19 +178,14 @@ class _Comparisons:
             )
             yield record, partial(self._find, change)
 
-    @cached_property
-    def _changes(self) -> list[MapChange]:
-        cameras = {name: read().registered().camera for name, read in self._frames.items()}
-        return make_changes(self._map, self._training, cameras, VIEWS, seed=0)
-
     def _compare(self, name: str, detector: str) -> dict[str, Any]:
-        frame = self._frames[name]()
+        frame = self._views.frame(name)
         if STRATEGIES[detector].locate:
             frame = self._detectors.localize(frame)
         return _false_reports(self._detectors.of(detector).detect(frame))
 
     def _watch(self, detector: str) -> dict[str, Any]:
-        frames: list[RgbdFrame] = [read() for read in self._frames.values()]
+        frames = [self._views.frame(name) for name in self._views.names]
         if STRATEGIES[detector].locate:
             localizer = self._detectors.localizer()
             frames = [localizer.localize_frame(frame) for frame in frames]
@@ -149,20 +197,14 @@ class _Comparisons:
         }
 
     def _find(self, change: MapChange) -> dict[str, Any]:
-        frame = self._frames[change.frame]()
-        detector = self._detectors.of(GIVEN).with_map(change.changed_map(self._map), self._training)
-        detection = detector.detect(frame)
-        truth = change.truth(self._map, self._aligned(change.frame))
-        result = judge(truth, detection, frame.camera.width)
+        detection = self._views.detect(change, self._detectors.of(GIVEN))
+        width = self._views.frame(change.frame).camera.width
+        result = judge(self._views.truth(change), detection, width)
         if self._images is not None:
             outcome = "right" if result["right"] else "wrong"
             stem = f"{self._name}_{change.kind}_{change.name.replace('/', '_')}_{outcome}"
             write_image(self._images / f"{stem}.png", overlay(detection))
         return result
-
-    def _align(self, name: str) -> Camera:
-        """Return the camera of a frame as aligned to the unchanged map."""
-        return self._detectors.of(GIVEN).detect(self._frames[name]()).camera
 
 
 def judge(truth: Change, detection: Detection, width: int) -> dict[str, Any]:

@@ -35,11 +35,11 @@ def test_few_distinct_depths_tell_no_step(values: list[float]) -> None:
 @pytest.mark.parametrize(("step_m", "expected"), [(0.001, "fine"), (0.04, "coarse")])
 def test_large_steps_make_depth_coarse(step_m: float, expected: str) -> None:
     depth = (np.round(slanted_wall() / step_m) * step_m).astype(np.float32)
-    assert depth_quality(depth, 0.025) == expected
+    assert depth_quality(depth) == expected
 
 
 @pytest.mark.parametrize("missing", [0.0, np.nan])
 def test_hardly_any_depth_is_none(missing: float) -> None:
     depth = np.full((60, 80), missing, np.float32)
     depth[:5] = slanted_wall()[:5, :80]
-    assert depth_quality(depth, 0.025) == "none"
+    assert depth_quality(depth) == "none"

@@ -117,7 +117,7 @@ def test_arrays_that_do_not_fit_are_named(name: str) -> None:
         *[
             ("find_changed_surfaces", ObjectRule(**{name: -1}))
             for name in (
-                "step_m", "step_per_m", "step_px", "edge_tolerance_px", "min_area_m2",
+                "step_sigmas", "step_px", "edge_tolerance_px", "min_area_m2",
                 "min_area_px", "min_flat_area_m2", "min_flat_step_m", "min_flat_contrast",
                 "min_match_score",
             )

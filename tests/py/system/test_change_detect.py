@@ -15,6 +15,7 @@ from gslts.change.detector import ChangeDetector, Detection, choose_evenly
 from gslts.change.overlay import COLORS, overlay
 from gslts.core.camera import Camera, at_pose, camera_from_fov, look_at
 from gslts.core.frame import RgbdFrame
+from gslts.store.measurements import Measurements
 from gslts_sim.changes import place
 from gslts_sim.home import Home
 
@@ -241,7 +242,9 @@ def test_a_surface_that_no_frame_measured_is_no_removal() -> None:
         gaussian_map,
         change_room.CONFIG,
         cameras=cameras.values(),
-        unmeasured=gaussian_map.ids[near],
+        measurements=Measurements(
+            gaussian_map.ids, ~near, np.full((gaussian_map.size, 2), np.nan, np.float32)
+        ),
     )
     detection = detector.detect(see(removed(change_room.home()), LOOKS[0]))
     require(detection)

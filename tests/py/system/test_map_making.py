@@ -34,7 +34,7 @@ from gslts.mapping.report.summary import summary_of, write_result
 from gslts.rendering.losses import fit_exposure
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
-from gslts.store.unmeasured import read_unmeasured
+from gslts.store.measurements import read_measurements
 from gslts_sim.capture import capture
 from gslts_sim.controller import Controller
 from gslts_sim.explore import explore
@@ -365,9 +365,10 @@ def test_the_commands(recorded: dict[str, Path], tmp_path: Path) -> None:
     landmarks, cameras = read_landmarks(tmp_path / "map"), cameras_of_map(tmp_path / "map")
     assert landmarks is not None
     assert landmarks.size > 300
-    unmeasured = read_unmeasured(tmp_path / "map")
-    assert set(unmeasured) <= set(read_map(tmp_path / "map").ids)
-    assert unmeasured.size < 0.2 * manifest["gaussians"]
+    measurements = read_measurements(tmp_path / "map")
+    np.testing.assert_array_equal(measurements.ids, np.sort(read_map(tmp_path / "map").ids))
+    assert measurements.is_measured.mean() > 0.8
+    assert 0.002 < np.nanmedian(measurements.errors[:, 0]) < 0.1
     poses = [camera.world_from_camera for camera in cameras.values()]
     for pose in landmarks.world_from_keyframe:
         assert any(np.allclose(pose, one) for one in poses), "of a held-out frame"

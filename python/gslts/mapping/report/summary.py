@@ -17,13 +17,14 @@ from gslts.localization.landmark_files import write_landmarks
 from gslts.mapping.engine import MappingResult
 from gslts.mapping.evaluation.evaluate import Quality, rgb_as_exposed
 from gslts.mapping.lenses import Lenses
+from gslts.mapping.measure import measure_map
 from gslts.mapping.report.data import ReportData, View
 from gslts.mapping.report.page import write_report
 from gslts.rendering.metrics import psnr_db
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.store.map_folder import camera_to_json, write_map_folder
-from gslts.store.unmeasured import KEY as UNMEASURED
-from gslts.store.unmeasured import unmeasured_gaussians, write_unmeasured
+from gslts.store.measurements import KEY as MEASUREMENTS
+from gslts.store.measurements import write_measurements
 from gslts.types import Bytes, Floats
 
 MIN_TRAINING_PSNR_DB = 19.0
@@ -35,13 +36,13 @@ NAMED_FRAMES = 5
 MAX_POOR_SHARE = 0.1
 """Maximum share of training frames that are not reproduced without a warning: some are blurred, or
 show somebody who walked by."""
-FRAMES_OF_DEPTH = 200
-"""About the number of training frames that tell which Gaussians were measured: each takes 5 ms for
-100,000 Gaussians."""
+MEASURING_FRAMES = 200
+"""About the number of training frames that the map is compared with: each takes 20 ms for 100,000
+Gaussians."""
 
 
 def write_result(folder: Path, result: MappingResult, dataset: str) -> None:
-    """Write the folder of a map with landmarks, unmeasured Gaussians and report atomically.
+    """Write the folder of a map with landmarks, measurements and report atomically.
 
     Args:
         folder: New folder; must not exist.
@@ -55,16 +56,18 @@ def write_result(folder: Path, result: MappingResult, dataset: str) -> None:
     landmarks = extract_landmarks(
         result.gaussian_map, (frame.rgbd() for frame in frames), threads=result.config.threads
     )
-    step = max(1, len(frames) // FRAMES_OF_DEPTH)
-    unmeasured = unmeasured_gaussians(
-        result.gaussian_map, (frame.rgbd() for frame in frames[::step])
+    step = max(1, len(frames) // MEASURING_FRAMES)
+    measurements = measure_map(
+        result.gaussian_map,
+        (frame.rgbd() for frame in frames[::step]),
+        result.config.threads,
     )
 
     def finish(part: Path) -> dict[str, str]:
         write_report(part / "report.html", report_of(result, dataset))
         return {
             LANDMARKS: write_landmarks(landmarks, part),
-            UNMEASURED: write_unmeasured(unmeasured, part),
+            MEASUREMENTS: write_measurements(measurements, part),
         }
 
     write_map_folder(

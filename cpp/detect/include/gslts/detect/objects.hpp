@@ -14,11 +14,11 @@ namespace gslts::detect {
 
 /// Thresholds that separate objects that changed from errors of sensor, pose and map.
 ///
-/// A surface counts as nearer than that of the other image if it is so by step_m, measured across
-/// the surface, plus step_per_m depth^2, plus the change of its depth within step_px pixels.
+/// A surface counts as nearer than that of the other image if it is so by `step_sigmas` standard
+/// deviations of the depth, the constant part measured across the surface, plus the change of its
+/// depth within `step_px` pixels.
 struct ObjectRule {
-  double step_m = 0.025;             ///< m
-  double step_per_m = 0.006;         ///< 1/m
+  double step_sigmas = 2.5;
   double step_px = 1;                ///< px
   int edge_tolerance_px = 2;         ///< By which edges may be misplaced, px.
   double min_area_m2 = 6e-4;         ///< Minimum area facing the camera, m^2.

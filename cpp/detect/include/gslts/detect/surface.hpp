@@ -25,6 +25,8 @@ struct Evidence {
   double correlation = 0;   ///< Correlation of both brightness images, on and beside it, -1 to 1.
   double ring_depth_m = 0;  ///< Median absolute difference of the depths around it, m.
   double ring_color_ratio = 0;  ///< Colour change around it, as a share of that on it.
+  double depth_error_m = 0.012;  ///< Mean expected error of the rendered depth, m.
+  double color_error = 0.05;     ///< Mean expected error of the rendered colour, over the channels.
 };
 
 /// Visibility counts of the sampled points of a surface: in how many training cameras of the map
@@ -65,7 +67,7 @@ struct Surface {
 void validate(const Surface& surface, const char* function);
 
 /// Number of the numbers that `confidence` weighs.
-inline constexpr std::size_t kConfidenceFeatures = 15;
+inline constexpr std::size_t kConfidenceFeatures = 18;
 
 /// Computes the numbers that `confidence` weighs, in the order of `kConfidenceWeights`.
 std::array<double, kConfidenceFeatures> confidence_features(const Surface& surface);
