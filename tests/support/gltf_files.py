@@ -168,6 +168,6 @@ def four_colours() -> Image.Image:
     return Image.fromarray(pixels)
 
 
-def one(tmp_path: Path, file: Gltf) -> HomeObject:
+def only_object(tmp_path: Path, file: Gltf) -> HomeObject:
     """Return the only object of a file."""
     return load_home(file.write(tmp_path / "one.glb")).objects[0]

@@ -41,8 +41,8 @@ def folder_with(landmarks: Landmarks, path: Path) -> Path:
     return path
 
 
-def assert_same(one: Landmarks | None, other: Landmarks) -> None:
+def assert_same(first: Landmarks | None, other: Landmarks) -> None:
     """Expect the same landmarks, bit for bit."""
-    assert one is not None
+    assert first is not None
     for name in ARRAYS:
-        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+        np.testing.assert_array_equal(getattr(first, name), getattr(other, name), err_msg=name)

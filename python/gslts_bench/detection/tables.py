@@ -218,11 +218,16 @@ def _calibration(strategies: Mapping[str, dict[str, Any]]) -> Table:
     groups = pairwise(CONFIDENCE_EDGES)
     found = [numbers["calibration"] for numbers in strategies.values()]
     rows = [
-        [f"{low} to {high}", *(share(one["true"][k], one["reports"][k]) for one in found)]
+        [
+            f"{low} to {high}",
+            *(share(calibration["true"][k], calibration["reports"][k]) for calibration in found),
+        ]
         for k, (low, high) in enumerate(groups)
-        if any(one["reports"][k] for one in found)
+        if any(calibration["reports"][k] for calibration in found)
     ]
-    rows += [["expected calibration error", *(number(one["error"], 2) for one in found)]]
+    rows += [
+        ["expected calibration error", *(number(calibration["error"], 2) for calibration in found)]
+    ]
     header = ["confidence", *(f"`{name}`" for name in strategies)]
     return Table("True reports by confidence, in frames without shifts", header, rows)
 

@@ -60,8 +60,8 @@ def test_changes_in_enough_frames_are_reported() -> None:
 
 
 def test_the_most_confident_change_comes_first() -> None:
-    one, other = removal(0.0, 0.6), removal(3.0, 0.9)
-    assert watched([[one, other]] * 3) == (None, [other, one])
+    unsure, other = removal(0.0, 0.6), removal(3.0, 0.9)
+    assert watched([[unsure, other]] * 3) == (None, [other, unsure])
 
 
 def test_a_watch_without_a_reliable_frame_is_unreliable() -> None:

@@ -11,9 +11,9 @@ BORDER_PX = 16
 """Margin larger than the neighbourhoods of the features, px."""
 
 
-def likeness(one: np.ndarray, other: np.ndarray, halvings: int = 1) -> np.ndarray:
+def likeness(first: np.ndarray, other: np.ndarray, halvings: int = 1) -> np.ndarray:
     features = OrientedGradients(halvings)
-    return similarity(features(one), features(other), HEIGHT, WIDTH)
+    return similarity(features(first), features(other), HEIGHT, WIDTH)
 
 
 halved = pytest.mark.parametrize("halvings", [0, 1])
@@ -97,10 +97,10 @@ def test_a_step_from_dark_to_bright_is_not_the_opposite_one(halvings: int) -> No
 
 def test_coarse_features_are_resized_in_place() -> None:
     """A cell of 3 x 4 differs; the minimum of the large image is at its middle."""
-    one = np.ones((3, 4, 2), np.float32)
-    other = one.copy()
+    ones = np.ones((3, 4, 2), np.float32)
+    other = ones.copy()
     other[2, 1] = 1, -1
-    alike = similarity(one, other, 30, 40)
+    alike = similarity(ones, other, 30, 40)
     assert alike.shape == (30, 40)
     assert alike.dtype == np.float32
     # The middle of the cell lies between pixels 14 and 15, and the border repeats the last row.

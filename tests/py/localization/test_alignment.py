@@ -111,10 +111,10 @@ def test_outliers_edges_holes_and_masked_pixels_do_not_count() -> None:
 def test_results_do_not_depend_on_the_number_of_threads() -> None:
     rendered = [image.astype(np.float32) for image in look(start())]
     seen = [image.astype(np.float32) for image in look(move(start(), np.full(6, 0.01)))]
-    one, three = (align(start(), *rendered, *seen, threads=threads) for threads in (1, 3))
+    single, three = (align(start(), *rendered, *seen, threads=threads) for threads in (1, 3))
     exact = align(start(), *look(start()), *look(move(start(), np.full(6, 0.01))))
     for kind in ("color", "depth"):
-        first, second = getattr(one, kind), getattr(three, kind)
+        first, second = getattr(single, kind), getattr(three, kind)
         assert first.hessian.tobytes() == second.hessian.tobytes()
         assert first.right.tobytes() == second.right.tobytes()
         np.testing.assert_allclose(first.right, getattr(exact, kind).right, rtol=2e-2, atol=0.5)

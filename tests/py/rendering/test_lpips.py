@@ -51,9 +51,9 @@ def by_hand(first: np.ndarray, second: np.ndarray, weights: tuple[Path, Path]) -
                 outputs.append(x / (torch.sqrt(torch.sum(x**2, dim=1, keepdim=True)) + 1e-10))
         layers.append(outputs)
     total = 0.0
-    for number, (one, other) in enumerate(zip(*layers, strict=True)):
+    for number, (a, b) in enumerate(zip(*layers, strict=True)):
         head = heads[f"lin{number}.model.1.weight"]
-        total += float(functional.conv2d((one - other) ** 2, head).mean().detach())
+        total += float(functional.conv2d((a - b) ** 2, head).mean().detach())
     return total
 
 

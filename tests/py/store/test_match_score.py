@@ -38,8 +38,8 @@ def test_the_score_is_that_of_the_detector(seed: int) -> None:
     near = np.asarray(first.color_histogram) if seed % 2 else None
     second = surface(rng, near)
     looks = []
-    for one in (first, second):
-        change = Change("addition", 0.9, one.point, (None, (LOW, HIGH)), after=one)
+    for seen in (first, second):
+        change = Change("addition", 0.9, seen.point, (None, (LOW, HIGH)), after=seen)
         look = change_record(change).appearances[1]
         assert look is not None
         looks.append(look)

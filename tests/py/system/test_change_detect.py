@@ -41,16 +41,20 @@ def moved(home: Home) -> Home:
 
 
 def summary(changes: tuple[Change, ...]) -> list[tuple[str, np.ndarray]]:
-    return [(one.kind, one.point) for one in changes]
+    return [(change.kind, change.point) for change in changes]
 
 
 def require(detection: Detection, *expected: tuple[str, tuple[float, float, float]]) -> None:
     """Require these changes and no others, each within 0.3 m."""
     assert detection.unreliable is None
-    assert sorted(one.kind for one in detection.changes) == sorted(kind for kind, _ in expected)
+    assert sorted(change.kind for change in detection.changes) == sorted(
+        kind for kind, _ in expected
+    )
     for kind, point in expected:
         distances = [
-            np.linalg.norm(one.point - point) for one in detection.changes if one.kind == kind
+            np.linalg.norm(change.point - point)
+            for change in detection.changes
+            if change.kind == kind
         ]
         assert min(distances) < NEAR_M, summary(detection.changes)
 
@@ -111,7 +115,7 @@ def test_two_changes_at_once_are_both_found(look: object, noise: str) -> None:
     home = added(change_room.home()).without(["Box|2"])
     detection = change_room.detector().detect(see(home, look, noise))
     require(detection, ("addition", FREE_M), ("removal", BLUE_M))
-    masks = [mask for one in detection.changes for mask in one.masks if mask is not None]
+    masks = [mask for change in detection.changes for mask in change.masks if mask is not None]
     assert not (masks[0] & masks[1]).any()
     both_gone = change_room.home().without(["Box|1", "Box|2"])
     detection = change_room.detector().detect(see(both_gone, look, noise))
@@ -150,7 +154,7 @@ def test_gs_lts_finds_one_change_per_frame() -> None:
 
 def test_results_are_the_same_for_any_number_of_threads() -> None:
     frame = see(added(removed(change_room.home())), LOOKS[2], "kinect")
-    one, two = (
+    single, two = (
         ChangeDetector(
             change_room.mapped()[0],
             replace(change_room.CONFIG, threads=threads),
@@ -158,25 +162,25 @@ def test_results_are_the_same_for_any_number_of_threads() -> None:
         ).detect(frame)
         for threads in (1, 2)
     )
-    assert len(one.changes) == len(two.changes) >= 1
-    for a, b in zip(one.changes, two.changes, strict=True):
+    assert len(single.changes) == len(two.changes) >= 1
+    for a, b in zip(single.changes, two.changes, strict=True):
         assert (a.kind, a.confidence) == (b.kind, b.confidence)
         np.testing.assert_array_equal(a.point, b.point)
         for side in (0, 1):
             np.testing.assert_array_equal(a.masks[side], b.masks[side])
             np.testing.assert_array_equal(a.boxes[side], b.boxes[side])
     for name in ("observed_rgb", "rendered_rgb", "pixel_mask", "feature_mask", "combined_mask"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(two, name), err_msg=name)
-    np.testing.assert_array_equal(one.camera.world_from_camera, two.camera.world_from_camera)
+        np.testing.assert_array_equal(getattr(single, name), getattr(two, name), err_msg=name)
+    np.testing.assert_array_equal(single.camera.world_from_camera, two.camera.world_from_camera)
 
 
 def test_changes_come_by_falling_confidence() -> None:
     home = added(change_room.home()).without(["Box|1", "Box|2"])
     for look in LOOKS:
         detection = change_room.detector().detect(see(home, look))
-        certain = [one.confidence for one in detection.changes]
+        certain = [change.confidence for change in detection.changes]
         assert certain == sorted(certain, reverse=True)
-        assert all(0 < one <= 1 for one in certain)
+        assert all(0 < confidence <= 1 for confidence in certain)
 
 
 def test_a_pose_that_is_a_little_off_is_corrected() -> None:
@@ -232,7 +236,7 @@ def test_a_detector_of_a_map_folder_knows_its_training_cameras(tmp_path: Path) -
     change_room.write_room_map(tmp_path / "map")
     detector = ChangeDetector.of_map(tmp_path / "map", change_room.CONFIG)
     frame = see(removed(change_room.home()), LOOKS[0], "kinect")
-    found, expected = (one.detect(frame).changes for one in (detector, change_room.detector()))
+    found, expected = (each.detect(frame).changes for each in (detector, change_room.detector()))
     assert [change.confidence for change in found] == [change.confidence for change in expected]
     require(detector.detect(frame), ("removal", RED_M))
     with pytest.raises(OSError, match="gone"):
@@ -282,7 +286,7 @@ def test_many_cameras_are_thinned_evenly() -> None:
     cameras = [camera_from_fov(8 + k, 8, 1.0, np.eye(4)) for k in range(3 * MAX_CAMERAS)]
     assert choose_evenly(cameras[:7], MAX_CAMERAS) == cameras[:7]
     assert choose_evenly((), MAX_CAMERAS) == []
-    kept = [one.width for one in choose_evenly(cameras, MAX_CAMERAS)]
+    kept = [camera.width for camera in choose_evenly(cameras, MAX_CAMERAS)]
     assert len(kept) == MAX_CAMERAS
     assert (kept[0], kept[-1]) == (cameras[0].width, cameras[-1].width)
     assert np.ptp(np.diff(kept)) <= 1

@@ -179,7 +179,7 @@ def test_failed_tracking_is_followed_by_relocalization(tracked: Localization) ->
     localizer = Localizer(relocalizer)
     localizer.localize(at(1.0))
     assert localizer.localize(at(2.0)) is relocalizer.localized
-    assert [one is None for one in relocalizer.asked] == [True, False, True]
+    assert [prior is None for prior in relocalizer.asked] == [True, False, True]
     np.testing.assert_allclose(localizer.world_from_odometry, shifted(2.0))
 
 
@@ -200,10 +200,10 @@ def test_an_uncertain_frame_keeps_the_predicted_pose_and_has_a_fault(
     expected = localizer.localize_frame(at(2.0))
     np.testing.assert_allclose(expected.camera.world_from_camera, shifted(5.0))
     np.testing.assert_allclose(localizer.world_from_odometry, shifted(3.0))
-    for one in (unknown, expected):
-        assert one.fault == f"{unsure.status}: no luck"
-        assert not one.depth.any()
-        assert one.registered().fault == one.halved().fault == one.fault
+    for frame in (unknown, expected):
+        assert frame.fault == f"{unsure.status}: no luck"
+        assert not frame.depth.any()
+        assert frame.registered().fault == frame.halved().fault == frame.fault
 
 
 @pytest.mark.parametrize("spoilt", [lambda: black(see(change_room.home(), LOOKS[0])), elsewhere])
@@ -223,9 +223,11 @@ def test_changes_are_detected_as_with_true_poses(kind: update_room.Kind) -> None
         assert detected(afar(true)).unreliable is not None
         expected, found = detected(true), detected(localizer.localize_frame(afar(true)))
         assert found.unreliable is None
-        assert [one.kind for one in found.changes] == [one.kind for one in expected.changes]
-        for one, other in zip(found.changes, expected.changes, strict=True):
-            np.testing.assert_allclose(one.point, other.point, atol=0.05)
+        assert [change.kind for change in found.changes] == [
+            change.kind for change in expected.changes
+        ]
+        for change, other in zip(found.changes, expected.changes, strict=True):
+            np.testing.assert_allclose(change.point, other.point, atol=0.05)
 
 
 def test_a_black_image_without_depth_is_not_tracked() -> None:

@@ -158,10 +158,10 @@ def test_exposures_are_not_in_the_map(recorded: dict[str, Path]) -> None:
             rgb = np.rint(self.gain * frame.rgb.astype(float)).astype(np.uint8)
             return replace(frame, rgb=rgb)
 
-    frames = tuple(Exposed(one, (0.5, 0.75)[k % 2]) for k, one in enumerate(plain.frames))
+    frames = tuple(Exposed(frame, (0.5, 0.75)[k % 2]) for k, frame in enumerate(plain.frames))
     result = make_map(Dataset("exposed", frames), CONFIG)
-    found = {name: np.mean(one.exposure.gain) for name, one in result.training.items()}
-    ratios = [found[one.name] / one.gain for one in frames if one.name in found]
+    found = {name: np.mean(frame.exposure.gain) for name, frame in result.training.items()}
+    ratios = [found[frame.name] / frame.gain for frame in frames if frame.name in found]
     assert np.std(ratios) < 0.03 * np.mean(ratios), "each frame's gain is its own"
     gains = []
     for frame in plain.frames[::8]:
@@ -169,7 +169,7 @@ def test_exposures_are_not_in_the_map(recorded: dict[str, Path]) -> None:
         images = gslts.render(result.gaussian_map, clean.camera())
         gains.append(np.mean(fit_exposure(images.rgb, clean.color()).gain))
     assert np.std(gains) < 0.03 * np.mean(gains), "the map is exposed alike everywhere"
-    steady = make_map(Dataset("dark", tuple(Exposed(one, 0.6) for one in plain.frames)), CONFIG)
+    steady = make_map(Dataset("dark", tuple(Exposed(frame, 0.6) for frame in plain.frames)), CONFIG)
     best_db = quality_of(steady, recorded["none"]).psnr_db
     assert quality_of(result, recorded["none"]).psnr_db > best_db - 0.5
 
@@ -182,15 +182,15 @@ def test_corrected_poses_are_nearer_to_the_truth(recorded: dict[str, Path]) -> N
         motions = [np.linalg.inv(pose) @ true[n].world_from_camera for n, pose in poses.items()]
         return np.median([np.abs(twist_of(motion)) for motion in motions], axis=0)
 
-    before = error({name: one.given_pose for name, one in result.training.items()})
-    after = error({name: one.world_from_camera for name, one in result.training.items()})
+    before = error({name: frame.given_pose for name, frame in result.training.items()})
+    after = error({name: frame.world_from_camera for name, frame in result.training.items()})
     # At 160 px a shift of 3 mm moves the image by a few tenths of a pixel.
     assert after[:3].mean() < before[:3].mean()
     assert after[3:].mean() < 0.75 * before[3:].mean()
     # The map as a whole is not moved.
     shifts = [
-        one.world_from_camera[:3, 3] - true[n].world_from_camera[:3, 3]
-        for n, one in result.training.items()
+        frame.world_from_camera[:3, 3] - true[n].world_from_camera[:3, 3]
+        for n, frame in result.training.items()
     ]
     assert np.abs(np.mean(shifts, axis=0)).max() < 0.003
 
@@ -206,11 +206,11 @@ def test_the_number_of_threads_changes_nothing(recorded: dict[str, Path]) -> Non
 
 def require_same(first: MappingResult, second: MappingResult) -> None:
     for name in MAP_ARRAYS:
-        one, other = (getattr(result.gaussian_map, name) for result in (first, second))
-        assert one.tobytes() == other.tobytes(), name
-    for one, other in zip(first.training.values(), second.training.values(), strict=True):
-        np.testing.assert_array_equal(one.world_from_camera, other.world_from_camera)
-        assert one.lenses == other.lenses
+        array, other = (getattr(result.gaussian_map, name) for result in (first, second))
+        assert array.tobytes() == other.tobytes(), name
+    for frame, other in zip(first.training.values(), second.training.values(), strict=True):
+        np.testing.assert_array_equal(frame.world_from_camera, other.world_from_camera)
+        assert frame.lenses == other.lenses
 
 
 def test_a_resumed_run_makes_the_same_map(
@@ -232,7 +232,9 @@ def test_a_resumed_run_makes_the_same_map(
         require_same(whole, rest)
         assert [p.iteration for p in rest.curve] == [p.iteration for p in whole.curve]
         assert rest.quality == whole.quality
-        assert [one.psnr_db for one in rest.variants] == [one.psnr_db for one in whole.variants]
+        assert [variant.psnr_db for variant in rest.variants] == [
+            variant.psnr_db for variant in whole.variants
+        ]
     start = read_checkpoint(saved[0])
     with pytest.raises(ValueError, match="the checkpoint is of other settings"):
         make_map(dataset, CONFIG, resume=start)
@@ -370,7 +372,7 @@ def test_the_commands(recorded: dict[str, Path], tmp_path: Path) -> None:
     assert unmeasured.size < 0.2 * manifest["gaussians"]
     poses = [camera.world_from_camera for camera in cameras.values()]
     for pose in landmarks.world_from_keyframe:
-        assert any(np.allclose(pose, one) for one in poses), "of a held-out frame"
+        assert any(np.allclose(pose, known) for known in poses), "of a held-out frame"
     assert run("verify", "map", cwd=tmp_path).stdout == "1 versions are intact\n"
     done = run("eval", "map", recorded["kinect"], "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -427,7 +429,12 @@ def test_variants_are_compared_on_validation_frames(recorded: dict[str, Path]) -
     config = CONFIG.model_copy(update={"variant_steps": 60})
     result = make_map(open_dataset(recorded["kinect"]), config)
     chosen, half, double, harmonics = result.variants
-    assert [one.name for one in result.variants] == ["chosen", "half", "double", "SH degree 1"]
+    assert [variant.name for variant in result.variants] == [
+        "chosen",
+        "half",
+        "double",
+        "SH degree 1",
+    ]
     assert half.gaussian_map.size == pytest.approx(chosen.gaussian_map.size / 2, rel=0.01)
     assert (
         abs(double.gaussian_map.size - 2 * chosen.gaussian_map.size)

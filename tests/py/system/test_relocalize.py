@@ -87,10 +87,10 @@ def test_the_covariance_matches_the_errors() -> None:
 
 def test_the_pose_of_the_frame_is_not_used() -> None:
     frame = views()[0]
-    one = relocalizer().localize(without_pose(frame))
+    localized = relocalizer().localize(without_pose(frame))
     elsewhere = se3_retract(frame.camera.world_from_camera, np.full(6, 0.5))
     other = relocalizer().localize(replace(frame, camera=at_pose(frame.camera, elsewhere)))
-    np.testing.assert_array_equal(one.world_from_camera, other.world_from_camera)
+    np.testing.assert_array_equal(localized.world_from_camera, other.world_from_camera)
 
 
 def test_far_from_the_origin_of_the_world_poses_are_as_good() -> None:
@@ -117,9 +117,9 @@ def test_far_from_the_origin_of_the_world_poses_are_as_good() -> None:
 def test_any_number_of_threads_gives_the_same_pose() -> None:
     gaussian_map = change_room.mapped()[0]
     two = Relocalizer(gaussian_map, found(), RelocalizationConfig(threads=2))
-    one, other = relocalizer().localize(views()[1]), two.localize(views()[1])
-    np.testing.assert_array_equal(one.world_from_camera, other.world_from_camera)
-    np.testing.assert_array_equal(one.covariance, other.covariance)
+    localized, other = relocalizer().localize(views()[1]), two.localize(views()[1])
+    np.testing.assert_array_equal(localized.world_from_camera, other.world_from_camera)
+    np.testing.assert_array_equal(localized.covariance, other.covariance)
 
 
 def test_colours_alone_are_enough() -> None:

@@ -126,7 +126,7 @@ def test_objects_in_few_frames_of_coarse_depth_are_added(folder: Path) -> None:
         boxes, (Viewpoint(2.25, 0.5, 80, 30), Viewpoint(0.75, 1.0, 80, 30)), strict=True
     ):
         test = change_room.see(home, look)
-        without = tuple(one for one in home.objects if one.id != box.id)
+        without = tuple(item for item in home.objects if item.id != box.id)
         shown = test.depth < change_room.see(replace(home, objects=without), look).depth - 0.01
         assert shown.sum() > 100
         errors = [
