@@ -168,8 +168,8 @@ class BenchHome:
                 noise=self.setup.noise,
                 seed=task.sensor.seed_before,
             )
-            looks, _ = explore(robot.home, self.setup.frames)
-            capture(robot, looks, folder)
+            viewpoints, _ = explore(robot.home, self.setup.frames)
+            capture(robot, viewpoints, folder)
 
         return cached_folder(self.work / "recordings" / self.name, self.recorded_of, make)
 

@@ -84,7 +84,7 @@ def place_fault(
     known: Bools,
     is_coarse: bool,
 ) -> str | None:
-    """Check if a frame shows the same place as the rendering, by looks and depths.
+    """Check if a frame shows the same scene as the rendering, by appearance and depth.
 
     Args:
         similarity: [H,W] cosine of the features of both.
@@ -95,7 +95,7 @@ def place_fault(
             only together with depths that disagree.
 
     Returns:
-        The reason why it shows another place; None if it does not.
+        The reason why it shows another scene; None if it does not.
     """
     both = known & (observed_depth > 0) & (rendered_depth > 0)
     if not both.any():
@@ -111,6 +111,6 @@ def place_fault(
     if is_same:
         return None
     return (
-        f"depths agree in {100 * agreeing:.0f} % of the pixels and {100 * dissimilar:.0f} % look "
+        f"depths agree in {100 * agreeing:.0f} % of the pixels and {100 * dissimilar:.0f} % appear "
         "different: pose or intrinsics are wrong"
     )

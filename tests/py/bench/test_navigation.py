@@ -122,7 +122,7 @@ def test_success_needs_an_object_that_is_near_and_in_view() -> None:
         return succeeds(truth(), category, np.array([x, y]), robot.snapshot(0).instances)
 
     assert ends(3.0, 1.5, 180)
-    assert not ends(3.0, 1.5, 0)  # It looks away.
+    assert not ends(3.0, 1.5, 0)  # It faces away.
     assert not ends(3.5, 1.5, 180)  # 1.15 m away.
     assert not ends(3.0, 1.5, 180, "Box")
 
@@ -138,9 +138,9 @@ def test_episodes_can_be_drawn_again(monkeypatch: pytest.MonkeyPatch) -> None:
     for pair in zip(drawn[::2], drawn[1::2], strict=True):
         assert {episode.category for episode in pair} == {"Mug", "Box"}
     for episode in drawn:
-        ways = truth().metres_to(truth().goals(episode.category))
+        directions = truth().metres_to(truth().goals(episode.category))
         row = np.argmin(np.linalg.norm(truth().positions - episode.position, axis=1))
-        assert episode.shortest_m == ways[row] >= MIN_PATH_M
+        assert episode.shortest_m == directions[row] >= MIN_PATH_M
     monkeypatch.setattr("gslts_bench.navigation.episodes.CATEGORIES", {"kitchen": ("Bed",)})
     with pytest.raises(ValueError, match="room: none of Bed can be reached"):
         episodes_of(truth(), "kitchen", "room", 3, 8)

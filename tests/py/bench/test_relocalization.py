@@ -73,14 +73,14 @@ def test_other_homes_are_of_another_type_and_of_the_same() -> None:
 def test_viewpoints_nearby_are_reachable() -> None:
     home, rng = make_home("bedroom", 3, detail=0.05), np.random.default_rng(0)
     floor = floor_of(home)
-    look = Viewpoint.at(floor.grid_positions(0.25)[7], 350.0, 20.0)
-    looks = [draw_viewpoint_near(look, home, rng) for _ in range(20)]
-    for near in looks:
+    viewpoint = Viewpoint.at(floor.grid_positions(0.25)[7], 350.0, 20.0)
+    viewpoints = [draw_viewpoint_near(viewpoint, home, rng) for _ in range(20)]
+    for near in viewpoints:
         assert floor.can_stand(near.position)
-        assert np.abs(near.position - look.position).max() <= NEAR_M
-        assert abs((near.yaw_deg - look.yaw_deg + 180) % 360 - 180) <= NEAR_DEG + 0.1
+        assert np.abs(near.position - viewpoint.position).max() <= NEAR_M
+        assert abs((near.yaw_deg - viewpoint.yaw_deg + 180) % 360 - 180) <= NEAR_DEG + 0.1
         assert near.horizon_deg == 20
-    assert len({near.yaw_deg for near in looks}) > 10
+    assert len({near.yaw_deg for near in viewpoints}) > 10
 
 
 def test_more_visits_begin_with_the_same_ones() -> None:

@@ -41,9 +41,9 @@ def wall(low_x: float = -2.0, high_x: float = 2.0) -> GaussianMap:
 
 def counts_at(space: Visibility, *points: tuple[float, float, float]) -> list[tuple[int, int]]:
     """Return for each point how many cameras saw through it and how many saw a surface."""
-    sights = space.counts(np.array(points, np.float64).reshape(-1, 3))
-    assert sights.through.shape == sights.on.shape == (len(points),)
-    return list(zip(sights.through.tolist(), sights.on.tolist(), strict=True))
+    counts = space.counts(np.array(points, np.float64).reshape(-1, 3))
+    assert counts.through.shape == counts.on.shape == (len(points),)
+    return list(zip(counts.through.tolist(), counts.on.tolist(), strict=True))
 
 
 BEFORE, ON, UNSEEN = (1, 0), (0, 1), (0, 0)

@@ -48,7 +48,7 @@ def fused(frames: list, voxel_m: float, step: int = 2) -> tuple[np.ndarray, ...]
     return surfaces.voxels()
 
 
-def test_points_lie_on_surfaces_and_normals_look_at_the_camera(frames: list) -> None:
+def test_points_lie_on_surfaces_and_normals_face_the_camera(frames: list) -> None:
     _, sums, _ = fused(frames[:1], 0.013)  # Mostly one point each.
     assert np.quantile(sums[:, 0], 0.9) <= 2
     points, normals, colors = (sums[:, k : k + 3] / sums[:, :1] for k in (1, 4, 7))

@@ -133,7 +133,7 @@ def plain() -> GaussianMap:
     return wall(30, np.random.default_rng(0))
 
 
-def test_a_plain_wall_looks_the_same_with_half(plain: GaussianMap) -> None:
+def test_a_plain_wall_is_rendered_alike_with_half(plain: GaussianMap) -> None:
     pose = look_at((0.3, 0.2, -1.2), (0, 0, 0), (0, -1, 0))
     camera = Camera(fx=150, fy=150, cx=80, cy=60, width=160, height=120, world_from_camera=pose)
 

@@ -41,8 +41,8 @@ def by_hand(first: np.ndarray, second: np.ndarray, weights: tuple[Path, Path]) -
     shift = torch.tensor([-0.030, -0.088, -0.188]).reshape(1, 3, 1, 1)
     scale = torch.tensor([0.458, 0.448, 0.450]).reshape(1, 3, 1, 1)
     layers = []
-    for picture in (first, second):
-        x = torch.tensor(picture.transpose(2, 0, 1)[None]) * 2 - 1
+    for image in (first, second):
+        x = torch.tensor(image.transpose(2, 0, 1)[None]) * 2 - 1
         x = (x - shift) / scale
         outputs = []
         for number, layer in enumerate(alexnet):

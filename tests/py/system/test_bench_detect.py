@@ -97,8 +97,8 @@ def test_images_are_named_by_what_they_show(done: Path) -> None:
     assert {name[4] for name in names} == {"objects"}
     assert {name[5] for name in names} <= {"right", "wrong"}
     for path in (done / "images").iterdir():
-        with Image.open(path) as picture:
-            assert picture.size == (3 * 480, 360)  # Enlarged, so that words can be read.
+        with Image.open(path) as image:
+            assert image.size == (3 * 480, 360)  # Enlarged, so that words can be read.
 
 
 def test_nothing_is_made_twice(done: Path) -> None:
@@ -171,8 +171,8 @@ def test_the_trade_is_measured_and_drawn(copied: Path) -> None:
         record["part"] for record in result["records"] if record["variant"] == "quarter, gradients"
     )
     assert parts == {"single": 6}
-    with Image.open(copied / "trade.png") as picture:
-        assert picture.size[0] > 500
+    with Image.open(copied / "trade.png") as image:
+        assert image.size[0] > 500
 
 
 @pytest.mark.parametrize(
@@ -198,10 +198,10 @@ def test_bad_input_is_rejected_in_one_line(
 ) -> None:
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "a").touch()
-    refused = gslts("bench", "detect", "--work", "work", *arguments, cwd=tmp_path)
-    assert refused.returncode in (1, 2)
-    assert "Traceback" not in refused.stderr
-    assert message in refused.stderr
+    rejected = gslts("bench", "detect", "--work", "work", *arguments, cwd=tmp_path)
+    assert rejected.returncode in (1, 2)
+    assert "Traceback" not in rejected.stderr
+    assert message in rejected.stderr
     assert not (tmp_path / "work").exists()
 
 
@@ -220,7 +220,7 @@ def test_single_cases_are_tasks(done: Path) -> None:
 
 
 def test_several_changes_are_all_seen(done: Path) -> None:
-    """Each from the same look, before and after all of them, as a single task must be."""
+    """Each from the same viewpoint, before and after all of them, as a single task must be."""
     cases = cases_in(done)
     before = BENCH.default_state(cases.initial_actions)
     several = [case for case in cases.cases if case.part in ("pair", "triple")]

@@ -77,8 +77,8 @@ def test_tables_and_plot(done: Path) -> None:
     )
     assert text.count("\n| bedroom | 4 |") == 7
     assert text.count("\n| without depth | 12 |") == 1
-    with Image.open(done / "t.png") as picture:
-        assert picture.size[0] > 900
+    with Image.open(done / "t.png") as image:
+        assert image.size[0] > 900
 
 
 def test_an_interrupted_run_goes_on(done: Path) -> None:

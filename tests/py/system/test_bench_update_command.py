@@ -79,11 +79,11 @@ def test_tables_and_images_are_made(done: Path) -> None:
     for name in METHODS:
         assert f"| {name} | near |" in text
     assert "PSNR against iterations" in text
-    pictures = sorted((done / "images").iterdir())
+    images = sorted((done / "images").iterdir())
     updated = {record["task"] for record in records(done) if record["method"] == "ours"}
-    assert len(pictures) == len(updated)
-    with Image.open(pictures[0]) as picture, Image.open(done / "curve.png") as curve:
-        assert picture.size == (5 * 120, 4 * 90)
+    assert len(images) == len(updated)
+    with Image.open(images[0]) as image, Image.open(done / "curve.png") as curve:
+        assert image.size == (5 * 120, 4 * 90)
         assert curve.size[0] > 500
 
 

@@ -8,16 +8,16 @@ import change_room
 import cv2
 import numpy as np
 import pytest
-from change_room import LOOKS, see
+from change_room import VIEWPOINTS, see
 
 from gslts.core.camera import Camera, at_pose
 from gslts.core.frame import RgbdFrame
 from gslts_sim.robot_body import Viewpoint
 
 VIEWS = {
-    "front": LOOKS[0],
-    "back": LOOKS[1],
-    "corner": LOOKS[2],
+    "front": VIEWPOINTS[0],
+    "back": VIEWPOINTS[1],
+    "corner": VIEWPOINTS[2],
     "along": Viewpoint(0.6, 2.0, 0.0, 20.0),
     "across": Viewpoint(4.2, 3.3, 225.0, 20.0),
     "wall": Viewpoint(1.0, 3.2, 200.0, 10.0),

@@ -56,9 +56,9 @@ def test_each_landmark_is_a_keypoint_of_its_keyframe() -> None:
         (number,) = (k for k, known in enumerate(poses) if np.array_equal(known, pose))
         own = found().select(found().keyframes == row)
         rule = reloc.FeatureRule(count=4000)
-        pixels, looks = reloc.features_of(gray_image(frames()[number].rgb), None, rule)
+        pixels, descriptors = reloc.features_of(gray_image(frames()[number].rgb), None, rule)
         apart_px = np.linalg.norm(pixels_of(own, frames()[number])[:, None] - pixels, axis=2)
-        same = (own.descriptors[:, None] == looks).all(axis=2)
+        same = (own.descriptors[:, None] == descriptors).all(axis=2)
         assert ((apart_px < 0.01) & same).any(axis=1).mean() > 0.9
 
 

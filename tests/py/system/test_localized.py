@@ -11,7 +11,7 @@ import pytest
 import sim_scenes
 import update_room
 from adrift import ODOMETRY_FROM_WORLD, Adrift
-from change_room import LOOKS, SIZE, see
+from change_room import SIZE, VIEWPOINTS, see
 from update_room import LOOP
 from watching import LONG_S
 
@@ -95,9 +95,9 @@ def at(x: float) -> RgbdFrame:
     return replace(frame, camera=at_pose(frame.camera, shifted(x)))
 
 
-@pytest.mark.parametrize("look", LOOKS)
-def test_a_frame_is_localized_whatever_its_odometry(look: object) -> None:
-    true = see(change_room.home(), look, "kinect")
+@pytest.mark.parametrize("viewpoint", VIEWPOINTS)
+def test_a_frame_is_localized_whatever_its_odometry(viewpoint: object) -> None:
+    true = see(change_room.home(), viewpoint, "kinect")
     localizer = adrift.localizer()
     found = localizer.localize_frame(afar(true))
     assert found.fault is None
@@ -110,7 +110,7 @@ def test_a_frame_is_localized_whatever_its_odometry(look: object) -> None:
 
 def test_chains_of_rounded_poses_stay_rigid() -> None:
     """A camera may be off by a millionth; products of cameras would be off by more."""
-    frame = change_room.see(change_room.home(), change_room.LOOKS[0])
+    frame = change_room.see(change_room.home(), change_room.VIEWPOINTS[0])
     sheared = np.eye(4)
     sheared[0, 1] = 9e-7
     for _ in range(4):
@@ -120,7 +120,7 @@ def test_chains_of_rounded_poses_stay_rigid() -> None:
 
 
 def test_a_separate_depth_camera_moves_along() -> None:
-    frame = see(change_room.home(), LOOKS[0])
+    frame = see(change_room.home(), VIEWPOINTS[0])
     beside = at_pose(frame.camera, frame.camera.world_from_camera @ shifted(0.03))
     found = adrift.localizer().localize_frame(afar(replace(frame, depth_camera=beside)))
     color, depth = found.camera.world_from_camera, found.depth_camera.world_from_camera
@@ -131,9 +131,9 @@ def test_a_separate_depth_camera_moves_along() -> None:
 def test_a_localized_robot_is_tracked_by_its_odometry() -> None:
     """Tracking needs the odometry between distant views."""
     localizer = adrift.localizer()
-    first = localizer.localize(afar(see(change_room.home(), LOOKS[0])))
+    first = localizer.localize(afar(see(change_room.home(), VIEWPOINTS[0])))
     assert first.inliers > 0
-    true = see(change_room.home(), LOOKS[1])
+    true = see(change_room.home(), VIEWPOINTS[1])
     tracked = localizer.localize(afar(true))
     assert (tracked.status, tracked.inliers) == ("ok", 0)
     metres, _ = pose_distance(tracked.world_from_camera, true.camera.world_from_camera)
@@ -142,7 +142,7 @@ def test_a_localized_robot_is_tracked_by_its_odometry() -> None:
 
 def test_a_kidnapped_robot_is_relocalized() -> None:
     localizer = adrift.localizer()
-    here, there = (see(change_room.home(), look) for look in LOOKS[:2])
+    here, there = (see(change_room.home(), viewpoint) for viewpoint in VIEWPOINTS[:2])
     localizer.localize(afar(here))
     # The odometry has not noticed.
     carried = replace(there, camera=afar(here).camera)
@@ -206,7 +206,9 @@ def test_an_uncertain_frame_keeps_the_predicted_pose_and_has_a_fault(
         assert frame.registered().fault == frame.halved().fault == frame.fault
 
 
-@pytest.mark.parametrize("spoilt", [lambda: black(see(change_room.home(), LOOKS[0])), elsewhere])
+@pytest.mark.parametrize(
+    "spoilt", [lambda: black(see(change_room.home(), VIEWPOINTS[0])), elsewhere]
+)
 def test_a_lost_frame_has_no_changes(spoilt: Callable[[], RgbdFrame]) -> None:
     found = adrift.localizer().localize_frame(spoilt())
     assert found.fault.startswith("lost: ")
@@ -218,8 +220,8 @@ def test_a_lost_frame_has_no_changes(spoilt: Callable[[], RgbdFrame]) -> None:
 @pytest.mark.parametrize("kind", ["removal", "addition", "relocation"])
 def test_changes_are_detected_as_with_true_poses(kind: update_room.Kind) -> None:
     localizer = adrift.localizer()
-    for look in LOOKS:
-        true = see(update_room.changed_home(kind), look)
+    for viewpoint in VIEWPOINTS:
+        true = see(update_room.changed_home(kind), viewpoint)
         assert detected(afar(true)).unreliable is not None
         expected, found = detected(true), detected(localizer.localize_frame(afar(true)))
         assert found.unreliable is None
@@ -232,14 +234,17 @@ def test_changes_are_detected_as_with_true_poses(kind: update_room.Kind) -> None
 
 def test_a_black_image_without_depth_is_not_tracked() -> None:
     localizer = adrift.localizer()
-    frame = afar(see(change_room.home(), LOOKS[0]))
+    frame = afar(see(change_room.home(), VIEWPOINTS[0]))
     assert localizer.localize(frame).status == "ok"
     nothing = replace(black(frame), depth=np.zeros_like(frame.depth))
     assert localizer.localize(nothing).status == "lost"
 
 
 def test_the_monitor_localizes_frames() -> None:
-    changed = [see(update_room.changed_home("removal"), look) for look in (*LOOKS, *LOOKS)]
+    changed = [
+        see(update_room.changed_home("removal"), viewpoint)
+        for viewpoint in (*VIEWPOINTS, *VIEWPOINTS)
+    ]
     config = MonitorConfig(rate_hz=1e6, queue=9)
     localize_frame = adrift.localizer().localize_frame
     with ChangeMonitor(change_room.detector(), config, localize=localize_frame) as monitor:
@@ -273,7 +278,7 @@ def test_a_robot_moves_to_positions_of_the_map(far: tuple[float, float, float]) 
 
 
 def test_a_recorded_frame_is_localized_once() -> None:
-    frames = [see(change_room.home(), look) for look in LOOKS[:2]]
+    frames = [see(change_room.home(), viewpoint) for viewpoint in VIEWPOINTS[:2]]
     relocalizer = Scripted(LOST, ok(frames[0].camera.world_from_camera))
     robot = LocalizedRobot(RecordedRobot(frames), Localizer(relocalizer))
     first = robot.observe()
@@ -325,7 +330,7 @@ def test_a_robot_with_drift_keeps_a_map_up_to_date(
     assert update_room.opaque_in(updated, update_room.REMOVED, 0.04) == 0
     detector = ChangeDetector(updated, change_room.CONFIG)
     home = update_room.changed_home("removal")
-    views = [see(home, look, "kinect", seed) for look in LOOKS for seed in range(4)]
+    views = [see(home, viewpoint, "kinect", seed) for viewpoint in VIEWPOINTS for seed in range(4)]
     for view in views:
         assert detected(view).changes, "the map before shows the box"
     assert sum(detector.detect(view).changes == () for view in views) >= 10

@@ -56,10 +56,10 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Record a room with the errors of a real camera, and without."""
     folders = {}
     home = textured_home()
-    looks, _ = explore(home, 60)
+    viewpoints, _ = explore(home, 60)
     for noise in ("kinect", "none"):
         folders[noise] = tmp_path_factory.mktemp("visit") / noise
-        capture(Controller(home, width=160, height=120, noise=noise), looks, folders[noise])
+        capture(Controller(home, width=160, height=120, noise=noise), viewpoints, folders[noise])
     return folders
 
 
@@ -402,7 +402,9 @@ def test_the_commands(recorded: dict[str, Path], tmp_path: Path) -> None:
     assert not (tmp_path / "other").exists()
 
 
-def test_a_map_of_frames_at_wrong_poses_is_told(recorded: dict[str, Path], tmp_path: Path) -> None:
+def test_a_map_of_frames_at_wrong_poses_gives_a_warning(
+    recorded: dict[str, Path], tmp_path: Path
+) -> None:
     shutil.copytree(recorded["kinect"], tmp_path / "mixed")
     transforms = tmp_path / "mixed" / "transforms.json"
     content = json.loads(transforms.read_text())
@@ -415,8 +417,8 @@ def test_a_map_of_frames_at_wrong_poses_is_told(recorded: dict[str, Path], tmp_p
     for dataset, warns in ((tmp_path / "mixed", True), (recorded["kinect"], False)):
         done = run("map", dataset, "--out", dataset.name, *settings, cwd=tmp_path / "maps")
         assert done.returncode == 0, done.stderr
-        told = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
-        assert len(told) == warns, done.stderr
+        warnings = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
+        assert len(warnings) == warns, done.stderr
         manifest = json.loads((tmp_path / "maps" / dataset.name / "manifest.json").read_text())
         trained = cameras_of_map(tmp_path / "maps" / dataset.name)
         assert set(manifest["training_psnrs_db"]) == set(trained)
@@ -469,7 +471,7 @@ def test_images_without_depth_make_a_map() -> None:
     assert result.quality.given.depth_l1_m is None
     assert result.quality.given.psnr_db > 25
     camera = frames[8].camera
-    images, depth = gslts.render(result.gaussian_map, camera), analytic_room.look(camera)[1]
+    images, depth = gslts.render(result.gaussian_map, camera), analytic_room.observe(camera)[1]
     assert (images.alpha > 0.5).mean() > 0.95
     assert np.median(np.abs(images.depth - depth) / depth) < 0.05
     assert "with refined poses, no depth measured;" in summary_of(result)

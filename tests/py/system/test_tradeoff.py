@@ -90,9 +90,9 @@ def test_the_command_writes_table_and_plot(tmp_path: Path, monkeypatch: pytest.M
         rows = list(csv.DictReader(file))
     assert [row["knob"] for row in rows] == [setting.knob for setting in tradeoff.SETTINGS]
     assert all(float(row["psnr_db"]) > 10 for row in rows if row["knob"] == "alpha cut-off")
-    with Image.open(tmp_path / "new" / "tradeoff_S.png") as picture:
-        assert picture.width > 1000
-        assert len(picture.convert("RGB").getcolors(1 << 24)) > 50
+    with Image.open(tmp_path / "new" / "tradeoff_S.png") as image:
+        assert image.width > 1000
+        assert len(image.convert("RGB").getcolors(1 << 24)) > 50
 
 
 def test_errors_name_what_is_wrong() -> None:
