@@ -1,8 +1,5 @@
-"""Maps of simulated recordings, made by the engine and by `gslts map`."""
+"""Maps of simulated recordings, made by the engine."""
 
-import json
-import shutil
-import signal
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,18 +8,13 @@ import blob_room
 import numpy as np
 import pytest
 from clocks import make_mapping_tick
-from command import gslts as run
-from command import stopped_at
-from sim_scenes import textured_home
+from map_recordings import CONFIG, record_room, require_same
 
 import gslts
 from gslts.core.camera import at_pose, shift_origin
 from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import twist_of
 from gslts.datasets import Dataset, Frame, open_dataset
-from gslts.localization.landmark_files import read_landmarks
-from gslts.mapping.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from gslts.mapping.config import MappingConfig
 from gslts.mapping.engine import MappingResult, has_converged, make_map
 from gslts.mapping.evaluation.evaluate import Quality, evaluate
 from gslts.mapping.evaluation.variants import MIN_GAIN_DB, choose_variant
@@ -32,35 +24,12 @@ from gslts.mapping.optimize import Progress
 from gslts.mapping.report.data import CurvePoint
 from gslts.mapping.report.summary import summary_of, write_result
 from gslts.rendering.losses import fit_exposure
-from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
-from gslts.store.unmeasured import read_unmeasured
-from gslts_sim.capture import capture
-from gslts_sim.controller import Controller
-from gslts_sim.explore import explore
-
-# Images are 160 px wide: Gaussians of 5 cm are a few pixels wide there.
-CONFIG = MappingConfig(
-    iterations=500,
-    patience=1.0,
-    rough_epochs=5,
-    voxel_m=0.05,
-    coarse_share=0.3,
-    variant_steps=0,
-)
-MAP_ARRAYS = ("means", "quats", "log_scales", "logit_opacities", "sh", "ids")
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Record a room with the errors of a real camera, and without."""
-    folders = {}
-    home = textured_home()
-    viewpoints, _ = explore(home, 60)
-    for noise in ("kinect", "none"):
-        folders[noise] = tmp_path_factory.mktemp("visit") / noise
-        capture(Controller(home, width=160, height=120, noise=noise), viewpoints, folders[noise])
-    return folders
+def recorded() -> dict[str, Path]:
+    return record_room()
 
 
 def quality_of(result: MappingResult, folder: Path) -> Quality:
@@ -204,84 +173,6 @@ def test_the_number_of_threads_changes_nothing(recorded: dict[str, Path]) -> Non
     require_same(*maps)
 
 
-def require_same(first: MappingResult, second: MappingResult) -> None:
-    for name in MAP_ARRAYS:
-        array, other = (getattr(result.gaussian_map, name) for result in (first, second))
-        assert array.tobytes() == other.tobytes(), name
-    for frame, other in zip(first.training.values(), second.training.values(), strict=True):
-        np.testing.assert_array_equal(frame.world_from_camera, other.world_from_camera)
-        assert frame.lenses == other.lenses
-
-
-def test_a_resumed_run_makes_the_same_map(
-    recorded: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("gslts.mapping.engine.SAVE_EVERY_S", 0.0)
-    dataset = open_dataset(recorded["kinect"])
-    config = CONFIG.model_copy(update={"iterations": 300, "variant_steps": 2})
-    saved: list[Path] = []
-
-    def save(checkpoint: Checkpoint) -> None:
-        saved.append(tmp_path / f"{len(saved)}.npz")
-        write_checkpoint(saved[-1], checkpoint)
-
-    whole = make_map(dataset, config, save=save)
-    assert len(saved) >= 5
-    for path in (saved[0], saved[3], saved[-1]):
-        rest = make_map(dataset, config, resume=read_checkpoint(path))
-        require_same(whole, rest)
-        assert [p.iteration for p in rest.curve] == [p.iteration for p in whole.curve]
-        assert rest.quality == whole.quality
-        assert [variant.psnr_db for variant in rest.variants] == [
-            variant.psnr_db for variant in whole.variants
-        ]
-    start = read_checkpoint(saved[0])
-    with pytest.raises(ValueError, match="the checkpoint is of other settings"):
-        make_map(dataset, CONFIG, resume=start)
-    with pytest.raises(ValueError, match="the checkpoint is of other frames"):
-        make_map(open_dataset(recorded["none"]), config, resume=replace(start, frames=("a",)))
-
-
-def test_damaged_checkpoints_are_rejected(recorded: dict[str, Path], tmp_path: Path) -> None:
-    saved = []
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("gslts.mapping.engine.SAVE_EVERY_S", 0.0)
-        config = CONFIG.model_copy(update={"iterations": 60})
-        make_map(open_dataset(recorded["kinect"]), config, save=saved.append)
-    path = tmp_path / "map.checkpoint.npz"
-    write_checkpoint(path, saved[0])
-    content = path.read_bytes()
-    for torn in (b"", content[:1000], content[:-100], content.replace(b"gslts-", b"other-")):
-        path.write_bytes(torn)
-        with pytest.raises(ValueError, match="not a checkpoint of a map"):
-            read_checkpoint(path)
-
-
-def test_a_killed_run_can_be_resumed(recorded: dict[str, Path], tmp_path: Path) -> None:
-    arguments = ["map", recorded["kinect"], "--out", "map", "--preset", "fast"]
-    arguments += ["--iterations", "150", "--threads", "1"]
-    save_often = "import gslts.mapping.engine as engine; engine.SAVE_EVERY_S = 0.0\n"
-    once = save_often + stopped_at("gslts.mapping.checkpoint:write_checkpoint", 1)
-    checkpoint = tmp_path / "map.checkpoint.npz"
-    for again in ((), ("--resume",), ("--resume",)):
-        killed = run(*arguments, *again, cwd=tmp_path, before=once)
-        assert killed.returncode == -signal.SIGKILL, killed.stderr
-        assert not (tmp_path / "map").exists()
-    assert checkpoint.exists()
-    done = run(*arguments, cwd=tmp_path)
-    assert done.returncode == 1
-    assert "continue it with --resume, or remove" in done.stderr
-    done = run(*arguments, "--resume", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert not checkpoint.exists()
-    resumed = read_map(tmp_path / "map")
-    arguments[3] = "whole"
-    assert run(*arguments, cwd=tmp_path).returncode == 0
-    whole = read_map(tmp_path / "whole")
-    for name in MAP_ARRAYS:
-        assert getattr(resumed, name).tobytes() == getattr(whole, name).tobytes(), name
-
-
 def test_budgets_are_kept(recorded: dict[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:
     make_mapping_tick(monkeypatch, 0.02)
     dataset = open_dataset(recorded["kinect"])
@@ -353,78 +244,6 @@ def test_optimization_ends_when_validation_gains_nothing() -> None:
     assert not has_converged(curve(*rising, 20.5, 20.4), 0.2)
     assert not has_converged(curve(*rising, 20.5, 20.4, 20.51, 20.3, level=1), 0.2)
     assert not has_converged(curve(*[20.0] * 20), 1.0)
-
-
-@pytest.mark.smoke
-def test_the_commands(recorded: dict[str, Path], tmp_path: Path) -> None:
-    arguments = ("map", recorded["kinect"], "--iterations", "30", "--preset", "fast")
-    done = run(*arguments, "--out", "map", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "4 test frames" in done.stdout
-    page = (tmp_path / "map" / "report.html").read_text()
-    assert "poses corrected by neighbours" in page
-    manifest = json.loads((tmp_path / "map" / "manifest.json").read_text())
-    landmarks, cameras = read_landmarks(tmp_path / "map"), cameras_of_map(tmp_path / "map")
-    assert landmarks is not None
-    assert landmarks.size > 300
-    unmeasured = read_unmeasured(tmp_path / "map")
-    assert set(unmeasured) <= set(read_map(tmp_path / "map").ids)
-    assert unmeasured.size < 0.2 * manifest["gaussians"]
-    poses = [camera.world_from_camera for camera in cameras.values()]
-    for pose in landmarks.world_from_keyframe:
-        assert any(np.allclose(pose, known) for known in poses), "of a held-out frame"
-    assert run("verify", "map", cwd=tmp_path).stdout == "1 versions are intact\n"
-    done = run("eval", "map", recorded["kinect"], "--json", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    again = json.loads(done.stdout)
-    for poses in ("given", "by_neighbours", "refined"):
-        assert again[poses] == pytest.approx(manifest["test"][poses], rel=1e-5)
-    done = run("eval", "map", recorded["none"], "--json", cwd=tmp_path)
-    assert json.loads(done.stdout)["refined"]["ssim"] > again["refined"]["ssim"], "without noise"
-    assert run("export", "map", "room.ply", cwd=tmp_path).returncode == 0
-    done = run("eval", "room.ply", recorded["none"], "--every", "20", "--json", cwd=tmp_path)
-    plain = json.loads(done.stdout)
-    assert plain["given"]["frames"] == 3
-    assert plain["by_neighbours"] is None
-    done = run(*arguments, "--out", "map", cwd=tmp_path)
-    assert done.returncode == 1
-    assert done.stderr.splitlines()[-1] == "gslts: map is there already"
-    few = ["map", recorded["kinect"], "--out", "few", "--every", "3", "--iterations", "10"]
-    done = run(*few, "--budget-s", "inf", cwd=tmp_path)
-    assert done.returncode == 1
-    assert done.stderr == "gslts: budget_s=inf: Input should be a finite number\n"
-    assert run(*few, cwd=tmp_path).returncode == 0
-    names = [frame.name for frame in open_dataset(recorded["kinect"]).frames[::3]]
-    assert set(cameras_of_map(tmp_path / "few")) == set(names) - set(names[::8])
-    done = run("map", tmp_path, "--out", "other", cwd=tmp_path)
-    assert done.returncode == 1
-    assert "no data set of a known format" in done.stderr.splitlines()[-1]
-    assert not (tmp_path / "other").exists()
-
-
-def test_a_map_of_frames_at_wrong_poses_gives_a_warning(
-    recorded: dict[str, Path], tmp_path: Path
-) -> None:
-    shutil.copytree(recorded["kinect"], tmp_path / "mixed")
-    transforms = tmp_path / "mixed" / "transforms.json"
-    content = json.loads(transforms.read_text())
-    poses = [frame["transform_matrix"] for frame in content["frames"]]
-    for frame, pose in zip(content["frames"], poses[30:] + poses[:30], strict=True):
-        frame["transform_matrix"] = pose
-    transforms.write_text(json.dumps(content))
-    (tmp_path / "maps").mkdir()
-    settings = ("--iterations", "200", "--preset", "fast")
-    for dataset, warns in ((tmp_path / "mixed", True), (recorded["kinect"], False)):
-        done = run("map", dataset, "--out", dataset.name, *settings, cwd=tmp_path / "maps")
-        assert done.returncode == 0, done.stderr
-        warnings = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
-        assert len(warnings) == warns, done.stderr
-        manifest = json.loads((tmp_path / "maps" / dataset.name / "manifest.json").read_text())
-        trained = cameras_of_map(tmp_path / "maps" / dataset.name)
-        assert set(manifest["training_psnrs_db"]) == set(trained)
-        assert (manifest["warning"] is not None) == warns
-        page = (tmp_path / "maps" / dataset.name / "report.html").read_text()
-        assert ("does not show" in page) == warns
 
 
 def test_variants_are_compared_on_validation_frames(recorded: dict[str, Path]) -> None:
