@@ -8,8 +8,9 @@ from pathlib import Path
 
 from gslts.change.changes import Change
 from gslts.change.config import DetectionConfig
+from gslts.change.confirmation import MonitorConfig, latest_changes
 from gslts.change.detector import ChangeDetector
-from gslts.change.monitor import ChangeMonitor, MonitorConfig, latest_changes
+from gslts.change.monitor import ChangeMonitor
 from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap

@@ -5,8 +5,9 @@ import numpy as np
 from change_room import VIEWPOINTS, see
 from watching import LONG_S, Gated
 
+from gslts.change.confirmation import MonitorConfig, Report
 from gslts.change.detector import ChangeDetector
-from gslts.change.monitor import ChangeMonitor, MonitorConfig, Report
+from gslts.change.monitor import ChangeMonitor
 from gslts.core.frame import RgbdFrame
 
 

@@ -15,8 +15,9 @@ from change_room import SIZE, VIEWPOINTS, see
 from update_room import LOOP
 from watching import LONG_S
 
+from gslts.change.confirmation import MonitorConfig
 from gslts.change.detector import ChangeDetector, Detection
-from gslts.change.monitor import ChangeMonitor, MonitorConfig
+from gslts.change.monitor import ChangeMonitor
 from gslts.core.camera import at_pose, look_at
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap

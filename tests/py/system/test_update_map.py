@@ -14,7 +14,7 @@ from update_room import UPDATE
 
 import gslts
 from gslts.change.changes import Change
-from gslts.change.monitor import MonitorConfig
+from gslts.change.confirmation import MonitorConfig
 from gslts.core.frame import RgbdFrame
 from gslts.core.robot import Robot
 from gslts.rendering.rasterizer import render
