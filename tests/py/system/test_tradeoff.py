@@ -57,7 +57,9 @@ def test_errors_are_those_of_the_images() -> None:
     """Against a comparison by hand, with a coarse setting."""
     gaussian_map, camera = scenes.random_map(100, dtype=np.float32), scenes.orbit_camera()
     coarse = tradeoff.Setting("alpha cut-off", "1/4", {"alpha_min": 0.25})
-    _, point = tradeoff.measure(gaussian_map, camera, rounds=1, settings=(tradeoff.DEFAULT, coarse))
+    _, point = tradeoff.measure(
+        gaussian_map, camera, rounds=1, settings=(tradeoff.SETTINGS[0], coarse)
+    )
     exact = gslts.render(
         gaussian_map.astype(np.float64),
         camera,
