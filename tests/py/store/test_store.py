@@ -22,7 +22,7 @@ from store_maps import (
 from gslts.mapping.density.control import join
 from gslts.store.blobs import Blobs
 from gslts.store.causes import UpdateCause
-from gslts.store.delta import Delta, apply_deltas, compare_by_ids, compute_delta
+from gslts.store.delta import apply_deltas, compare_by_ids, compute_delta
 from gslts.store.map_store import INDEX, MapStore
 from gslts.store.records import Blob, Event, ObjectEvent
 
@@ -391,11 +391,3 @@ def test_a_clock_that_goes_back_is_logged(
         version = store.restore(1)
     assert version.number == 3
     assert "s behind version 2" in caplog.text
-
-
-def test_a_delta_of_another_map_is_rejected() -> None:
-    base = random_map(5)
-    nothing = base.select(np.zeros(0, np.int64))
-    gone = Delta(np.array([9], np.uint64), nothing, nothing)
-    with pytest.raises(ValueError, match="a Gaussian that does not exist"):
-        apply_deltas(base, [gone])
