@@ -135,8 +135,8 @@ TEST(RefinePose, DirectionsThatAreNotSeenStayAsTheyAre) {
   const Eigen::Vector3d place = (kAskew.inverse() * refined.world_from_camera).translation();
   EXPECT_TRUE(refined.world_from_camera.matrix().allFinite());
   EXPECT_LT(std::abs(place.z()), 2e-3);
-  EXPECT_LT((place.head<2>() - off.head<2>()).norm(),
-            0.05);  // Without the confidence, it is a metre.
+  // Without the confidence, it is a metre.
+  EXPECT_LT((place.head<2>() - off.head<2>()).norm(), 0.05);
   EXPECT_LT(refined.curvature(0, 0), 1e-2 * refined.curvature(2, 2));
 }
 
