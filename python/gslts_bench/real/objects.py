@@ -21,8 +21,8 @@ from gslts_bench.real.planes import (
     Plane,
     SurfacePoints,
     cells_of,
+    dilate,
     find_planes,
-    grown,
     is_in,
 )
 
@@ -152,7 +152,7 @@ def _object(means: Floats, cells: Ints, near: Bools, plane: Plane) -> StandingOb
         return None
     cells, height_m = cells_of(local), float(local[:, 2].max())
     inside = np.flatnonzero(plane.rows_on(means, cells, PLANE_M / 2, height_m))
-    return StandingObject(np.union1d(rows, inside), plane, grown(cells), height_m)
+    return StandingObject(np.union1d(rows, inside), plane, dilate(cells), height_m)
 
 
 def _touching(means: Floats, rows: Ints, plane: Plane) -> Ints:
@@ -170,8 +170,8 @@ def _support(points: Floats, planes: Sequence[Plane]) -> Plane | None:
         local = plane.local(points)
         if not -PLANE_M <= local[:, 2].min() <= MAX_BASE_M:
             continue
-        inner = grown(cells_of(local))
-        ring = grown(grown(inner))
+        inner = dilate(cells_of(local))
+        ring = dilate(dilate(inner))
         ring = ring[~is_in(ring, inner)]
         share = float(is_in(ring, plane.cells).mean())
         if share >= best_share:

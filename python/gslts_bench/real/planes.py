@@ -196,7 +196,7 @@ def is_in(cells: Ints, others: Ints) -> Bools:
     return np.asarray(np.isin(_keys(cells), _keys(others)))
 
 
-def grown(cells: Ints) -> Ints:
+def dilate(cells: Ints) -> Ints:
     """Return cells with their eight neighbours.
 
     Args:
