@@ -160,18 +160,18 @@ def confidence_questions(found: Sequence[Found]) -> Questions:
 def match_questions(found: Sequence[Found], rng: np.random.Generator) -> Questions:
     """Ask for pairs of surfaces of a home whether they are one object, with balanced weights."""
     ends: dict[tuple[str, str, int, str, bool], Found] = {}
-    for one in found:
-        if one.object_id is not None:
-            key = (one.home, one.case, one.width_px, one.object_id, one.before)
-            if key not in ends or ends[key].surface.area_px < one.surface.area_px:
-                ends[key] = one
+    for entry in found:
+        if entry.object_id is not None:
+            key = (entry.home, entry.case, entry.width_px, entry.object_id, entry.before)
+            if key not in ends or ends[key].surface.area_px < entry.surface.area_px:
+                ends[key] = entry
     of_homes: dict[str, list[Found]] = defaultdict(list)
-    for one in ends.values():
-        of_homes[one.home].append(one)
+    for entry in ends.values():
+        of_homes[entry.home].append(entry)
     same, others = [], []
     for home in of_homes.values():
-        for before in (one for one in home if one.before):
-            for after in (one for one in home if not one.before):
+        for before in (entry for entry in home if entry.before):
+            for after in (entry for entry in home if not entry.before):
                 if before.object_id != after.object_id:
                     others.append((before, after))
                 elif (before.case, before.width_px) == (after.case, after.width_px):

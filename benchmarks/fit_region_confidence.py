@@ -179,12 +179,12 @@ def swapped_visits(room: RealRoom) -> Iterator[Example]:
         for first in (frame.read() for frame in reference):
             objects = []
             for file, found in images.items():
-                for one in found:
-                    box = carry_box(one.box, frames[Path(file).stem], first.camera)
-                    kind = {"new": "missing", "missing": "new"}.get(one.kind, one.kind)
+                for item in found:
+                    box = carry_box(item.box, frames[Path(file).stem], first.camera)
+                    kind = {"new": "missing", "missing": "new"}.get(item.kind, item.kind)
                     if box is not None:
                         update = {"kind": kind, "box_px": list(box)}
-                        objects.append(one.model_copy(update=update))
+                        objects.append(item.model_copy(update=update))
             yield example(room.name, detector, first, objects)
 
 
@@ -194,32 +194,32 @@ def fit_examples(examples: Sequence[Example]) -> tuple[Floats, float]:
     Args:
         examples: Regions of frames.
     """
-    labels = np.concatenate([one.labels() for one in examples])
-    features = np.vstack([one.features for one in examples])
+    labels = np.concatenate([frame.labels() for frame in examples])
+    features = np.vstack([frame.features for frame in examples])
     clear = labels >= 0
     *weights, offset = fit(features[clear], labels[clear], np.ones(clear.sum()), RIDGE)
     return np.array(weights), float(offset)
 
 
-def chosen(one: Example, weights: Floats, offset: float) -> list[Report]:
+def chosen(frame: Example, weights: Floats, offset: float) -> list[Report]:
     """Return the regions that remain, with their confidences, as `find_changed_regions` does.
 
     Args:
-        one: Regions of a frame.
+        frame: Regions of a frame.
         weights: [8].
         offset: Of the logistic regression.
     """
-    p = logistic(one.features @ weights + offset)
+    p = logistic(frame.features @ weights + offset)
     kept: list[int] = []
     for i in np.argsort(-p, kind="stable"):
-        own, box = one.pixels[i], one.reports[i].box_px
+        own, box = frame.pixels[i], frame.reports[i].box_px
         if all(
-            len(own & one.pixels[j]) <= MAX_OVERLAP * min(len(own), len(one.pixels[j]))
-            and iou(box, one.reports[j].box_px) <= MAX_BOX_IOU
+            len(own & frame.pixels[j]) <= MAX_OVERLAP * min(len(own), len(frame.pixels[j]))
+            and iou(box, frame.reports[j].box_px) <= MAX_BOX_IOU
             for j in kept
         ):
             kept.append(i)
-    return [Report(one.reports[i].side, one.reports[i].box_px, float(p[i])) for i in kept]
+    return [Report(frame.reports[i].side, frame.reports[i].box_px, float(p[i])) for i in kept]
 
 
 def left_out(examples: Sequence[Example]) -> list[tuple[Example, list[Report]]]:
@@ -229,9 +229,9 @@ def left_out(examples: Sequence[Example]) -> list[tuple[Example, list[Report]]]:
         examples: Regions of frames.
     """
     reports = []
-    for room in sorted({one.room for one in examples}):
-        fitted = fit_examples([one for one in examples if one.room != room])
-        reports += [(one, chosen(one, *fitted)) for one in examples if one.room == room]
+    for room in sorted({frame.room for frame in examples}):
+        fitted = fit_examples([frame for frame in examples if frame.room != room])
+        reports += [(frame, chosen(frame, *fitted)) for frame in examples if frame.room == room]
     return reports
 
 
@@ -241,7 +241,7 @@ def operating_shift(reports: Sequence[tuple[Example, list[Report]]]) -> float:
     Args:
         reports: From `left_out`.
     """
-    others = [r.confidence for one, found in reports for r in other_reports(one.objects, found)]
+    others = [r.confidence for frame, found in reports for r in other_reports(frame.objects, found)]
     first = sorted(others, reverse=True)[int(MAX_OTHERS * len(reports))]
     return -float(np.log(first / (1 - first)))
 
@@ -261,8 +261,8 @@ def shifted(
         odds = np.log(report.confidence / (1 - report.confidence))
         return replace(report, confidence=float(logistic(odds + shift)))
 
-    own = {id(one) for one in parts}
-    return [(one, list(map(shift_one, found))) for one, found in reports if id(one) in own]
+    own = {id(frame) for frame in parts}
+    return [(frame, list(map(shift_one, found))) for frame, found in reports if id(frame) in own]
 
 
 def print_table(title: str, reports: Sequence[tuple[Example, list[Report]]]) -> None:
@@ -276,13 +276,13 @@ def print_table(title: str, reports: Sequence[tuple[Example, list[Report]]]) -> 
     for threshold in THRESHOLDS:
         counts = {"new": [0, 0], "missing": [0, 0]}
         others = {"after": 0, "before": 0}
-        for one, all_reports in reports:
+        for frame, all_reports in reports:
             likely = [report for report in all_reports if report.confidence >= threshold]
-            changed = [o for o in one.objects if o.kind in counts]
+            changed = [o for o in frame.objects if o.kind in counts]
             for marked, is_found in zip(changed, found_objects(changed, likely), strict=True):
                 counts[marked.kind][0] += is_found
                 counts[marked.kind][1] += 1
-            for report in other_reports(one.objects, likely):
+            for report in other_reports(frame.objects, likely):
                 others[report.side] += 1
         shares = [f"{a} of {b} ({100 * a / max(1, b):.0f} %)" for a, b in counts.values()]
         means = [f"{count / max(1, len(reports)):.2f}" for count in others.values()]
@@ -296,11 +296,13 @@ def main() -> None:
     parser.add_argument("--work", type=Path, default=Path("out/bench"), help="folder for the maps")
     arguments = parser.parse_args()
     rooms = rooms_in(arguments.folder, PRESETS["fast"], arguments.work)
-    later = [one for room in rooms for one in visits(room)]
-    swapped = [one for room in rooms for one in swapped_visits(room)] if arguments.swap else []
+    later = [frame for room in rooms for frame in visits(room)]
+    swapped = [frame for room in rooms for frame in swapped_visits(room)] if arguments.swap else []
     examples = later + swapped
     reports = left_out(examples)
-    shift = operating_shift([entry for entry in reports if any(entry[0] is one for one in later)])
+    shift = operating_shift(
+        [entry for entry in reports if any(entry[0] is frame for frame in later)]
+    )
     print_table("Later visits in the map of the first", shifted(reports, later, shift))
     print_table("First visit in maps of later ones", shifted(reports, swapped, shift))
     weights, offset = fit_examples(examples)

@@ -39,14 +39,16 @@ AVX2_ONLY = {
 
 def runs() -> dict[str, dict[str, str]]:
     """Return the environments to compare, by name; the first is the machine as it is."""
-    everything = {name: value for one in AVX2_ONLY.values() for name, value in one.items()}
+    everything = {
+        name: value for variables in AVX2_ONLY.values() for name, value in variables.items()
+    }
     return {"as it is": {}, "again": {}, "all": everything, **AVX2_ONLY}
 
 
 def digest(*arrays: np.ndarray) -> str:
     """Return a short hash of the bits of arrays."""
     return hashlib.sha256(
-        b"".join(np.ascontiguousarray(one).tobytes() for one in arrays)
+        b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)
     ).hexdigest()[:12]
 
 

@@ -86,10 +86,10 @@ def summary(folder: Path) -> tuple[list[str], str]:
     true = true_events(changes)
     with open_history(folder / MAP) as store:
         found: list[Event] = store.events()
-        told = [event for track in store.tracks() for event in track.events]
+        reported = [event for track in store.tracks() for event in track.events]
     possible = [change for change in true if was_found(change, found)]
     rows = []
-    for name, events in (("as updates found them", found), ("as tracks tell them", told)):
+    for name, events in (("as updates found them", found), ("as tracks tell them", reported)):
         recall_of_found = _cells(events, possible)[1]
         cells = (*_cells(events, true), recall_of_found, *_cells(_moves(events), _moves(true)))
         rows.append(f"| {folder.name} | {len(day.rounds)} | {name} | {' | '.join(cells)} |")
@@ -107,7 +107,7 @@ def _versions(found: Sequence[Event], changes: Sequence[Change]) -> tuple[str, s
 def _cells(events: Sequence[Event], true: Sequence[Change]) -> tuple[str, str]:
     score = score_events(events, true)
     return (
-        f"{score.right} of {score.told} ({score.precision:.2f})",
+        f"{score.right} of {score.reported} ({score.precision:.2f})",
         f"{score.right} of {score.true} ({score.recall:.2f})",
     )
 

@@ -50,7 +50,7 @@ def cpu_s(words: list[str], variables: dict[str, str]) -> float:
 
 
 def main() -> None:
-    avx2 = {name: value for one in AVX2_ONLY.values() for name, value in one.items()}
+    avx2 = {name: value for variables in AVX2_ONLY.values() for name, value in variables.items()}
     print("| command | CPU, as it is | CPU, AVX2 |\n| :-- | --: | --: |")
     for words in commands():
         times = []

@@ -100,10 +100,10 @@ def speedup_verdicts(results: CppResults) -> list[Verdict]:
     verdicts = []
     for case in AVX512_MS:
         for workload in ("M", "L"):
-            one, two = (find(results.timings, case, workload, threads) for threads in (1, 2))
-            if one and two:
+            single, two = (find(results.timings, case, workload, threads) for threads in (1, 2))
+            if single and two:
                 what = f"two threads over one: {case} {workload}"
-                verdicts.append(Verdict(what, one / two, MIN_SPEEDUP, "x", at_least=True))
+                verdicts.append(Verdict(what, single / two, MIN_SPEEDUP, "x", at_least=True))
     return verdicts
 
 

@@ -48,8 +48,8 @@ def robot_in(state: SceneState, sensor: SensorSetup, seed: int) -> Controller:
 
 def make_home_map(robot: Controller, folder: Path) -> GaussianMap:
     """Record and map a home, into a new folder."""
-    looks, _ = explore(robot.home, 120)
-    capture(robot, tqdm(looks, desc="recording", leave=False), folder / "recording")
+    viewpoints, _ = explore(robot.home, 120)
+    capture(robot, tqdm(viewpoints, desc="recording", leave=False), folder / "recording")
     with tqdm(total=100, desc="mapping", leave=False) as bar:
         result = make_map(
             open_dataset(folder / "recording"),

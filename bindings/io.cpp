@@ -17,7 +17,7 @@ py::object to_python(const std::filesystem::path& path) {
   return py::reinterpret_steal<py::object>(PyUnicode_DecodeFSDefault(path.c_str()));
 }
 
-/// Runs the function without the GIL. What the system refuses arrives in Python as the OSError of
+/// Runs the function without the GIL. An error of the system arrives in Python as the OSError of
 /// its errno, and bad contents as ValueError.
 template <typename Function>
 auto with_python_errors(const std::filesystem::path& path, Function function) {

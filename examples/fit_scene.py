@@ -165,13 +165,13 @@ def main() -> None:
         "depth_error_m_after": round(mean_over_held_out(depth_error_m, after), 4),
     }
     (arguments.out / "metrics.json").write_text(json.dumps(metrics, indent=2) + "\n")
-    picture = arguments.out / "before_after.png"
-    draw(picture, held_out, before, after)
+    image = arguments.out / "before_after.png"
+    draw(image, held_out, before, after)
     print(
         f"{fitted.size} Gaussians, {arguments.iterations} steps in {seconds:.0f} s: held-out views "
         f"from {metrics['psnr_db_before']:.1f} to {metrics['psnr_db_after']:.1f} dB, depth "
         f"from {100 * metrics['depth_error_m_before']:.1f} to "
-        f"{100 * metrics['depth_error_m_after']:.1f} cm off; see {picture}"
+        f"{100 * metrics['depth_error_m_after']:.1f} cm off; see {image}"
     )
 
 

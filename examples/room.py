@@ -96,22 +96,22 @@ def shell(spacing_m: float) -> list[Surface]:
         floor,
         repaint(ceiling, np.full(ceiling.points.shape, 0.9)),
         south,
-        repaint(north, with_picture(north, north.points[:, 0] - 2.3)),
-        repaint(west, with_picture(west, west.points[:, 1] - 1.6)),
+        repaint(north, with_painting(north, north.points[:, 0] - 2.3)),
+        repaint(west, with_painting(west, west.points[:, 1] - 1.6)),
         east,
     ]
 
 
-def with_picture(wall: Surface, across: Array) -> Array:
-    """Return the colours of a wall with a framed picture of coloured rings at eye height."""
+def with_painting(wall: Surface, across: Array) -> Array:
+    """Return the colours of a wall with a framed painting of coloured rings at eye height."""
     up = wall.points[:, 2] - 1.5
     radius = np.hypot(across / 0.75, (up + 0.12) / 0.45)
     rings = 0.5 + 0.5 * np.cos(np.outer(9 * radius, np.ones(3)) + np.array([0.0, 0.9, 2.2]))
-    picture = 0.15 + 0.8 * rings * np.array([1.0, 0.75, 0.6])
+    image = 0.15 + 0.8 * rings * np.array([1.0, 0.75, 0.6])
     frame = (abs(across) < 0.70) & (abs(up) < 0.50)
     inside = (abs(across) < 0.62) & (abs(up) < 0.42)
     painted = np.where(frame[:, None], (0.16, 0.11, 0.08), wall.albedo)
-    return np.where(inside[:, None], picture, painted)
+    return np.where(inside[:, None], image, painted)
 
 
 def rectangle(corner: Array, u: Array, v: Array, normal: Array, spacing_m: float) -> Surface:

@@ -39,7 +39,7 @@ class View:
         K = [[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]]
         self.viewmats = torch.tensor(viewmat, dtype=torch.float32)[None]
         self.Ks = torch.tensor(K, dtype=torch.float32)[None]
-        self.picture = torch.from_numpy(gslts.render(truth, camera).rgb.clip(0, 1))
+        self.target = torch.from_numpy(gslts.render(truth, camera).rgb.clip(0, 1))
 
 
 def rough_start(truth: gslts.GaussianMap, size: int) -> dict[str, Tensor]:
@@ -79,7 +79,7 @@ def train(parameters: dict[str, Tensor], views: list[View], iterations: int) -> 
     scheduler = torch.optim.lr_scheduler.ExponentialLR(optimizer, 0.1 ** (1 / iterations))
     for _ in tqdm(range(iterations), desc="training", unit="view", mininterval=0.5):
         view = views[int(torch.randint(len(views), ()))]
-        loss = (render(parameters, view) - view.picture).abs().mean()
+        loss = (render(parameters, view) - view.target).abs().mean()
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
@@ -94,7 +94,7 @@ def render_all(parameters: dict[str, Tensor], views: list[View]) -> list[Tensor]
 
 def mean_psnr_db(images: list[Tensor], views: list[View]) -> float:
     errors = [
-        float((image - view.picture).square().mean())
+        float((image - view.target).square().mean())
         for image, view in zip(images, views, strict=True)
     ]
     return sum(-10 * math.log10(error) for error in errors) / len(errors)
@@ -102,9 +102,7 @@ def mean_psnr_db(images: list[Tensor], views: list[View]) -> float:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "--out", type=Path, default=Path("out/torch"), help="folder for the picture"
-    )
+    parser.add_argument("--out", type=Path, default=Path("out/torch"), help="folder for the image")
     parser.add_argument("--gaussians", type=int, default=16_000)
     parser.add_argument("--iterations", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0)
@@ -122,7 +120,7 @@ def main() -> None:
     after = render_all(parameters, held_out)
 
     # Rows: two held-out views. Columns: target, before, after.
-    targets = [view.picture for view in held_out]
+    targets = [view.target for view in held_out]
     rows = [torch.cat(row, dim=1) for row in zip(targets, before, after, strict=True)]
     arguments.out.mkdir(parents=True, exist_ok=True)
     path = arguments.out / "before_after.png"

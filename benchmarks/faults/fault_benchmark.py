@@ -104,7 +104,10 @@ def writes(subject: Subject, folder: Path, arguments: argparse.Namespace) -> Tal
     if whole.code != 0 or not whole.calls:
         tally.problems.append(f"{subject.name} cannot be run: {whole.summary}")
         return tally
-    faults = [Fault(*one) for one in product(range(1, len(whole.calls) + 1), ERRORS, (False, True))]
+    faults = [
+        Fault(*parameters)
+        for parameters in product(range(1, len(whole.calls) + 1), ERRORS, (False, True))
+    ]
     if arguments.runs is not None:
         faults = random.Random(arguments.seed).sample(faults, min(arguments.runs, len(faults)))
     for fault in tqdm(faults, desc=f"writes of {subject.name}", file=terminal()):

@@ -183,7 +183,7 @@ class Command:
 
     def __init__(self, given: Path, arguments: Sequence[str], reported: str) -> None:
         self._given = given
-        self._arguments = [one.replace("{map}", MAP) for one in arguments]
+        self._arguments = [argument.replace("{map}", MAP) for argument in arguments]
         self._reported = re.compile(reported)
         self._known: dict[int, str] = {}
 
@@ -200,7 +200,7 @@ class Command:
 
     def problems(self, folder: Path, outcome: Outcome) -> list[str]:
         """Check that no version is lost, and that all reported versions exist."""
-        reported = [int(one[1]) for one in self._reported.finditer(outcome.stdout)]
+        reported = [int(match[1]) for match in self._reported.finditer(outcome.stdout)]
         return check_map(
             folder / MAP,
             [*reported, *self._known],

@@ -192,7 +192,7 @@ constexpr double kTinyWeight = 1e-3;
 /// as much in real visits, within 3 points.
 constexpr std::array<float, 2> kSegmentScales{150, 400};
 
-/// Step in which differences of neighbours are told apart, in units of L: less than is seen.
+/// Step in which differences of neighbours are counted, in units of L: less than is seen.
 constexpr float kDifferenceStep = 1.0f / 16;
 
 /// Standard deviation of the blur before the segmentation, px.

@@ -59,8 +59,8 @@ class Forest {
   std::vector<float> differences_;
 };
 
-/// Lists all pairs of neighbours, the most similar first, by counting sort; differences are told
-/// apart in steps of `kDifferenceStep`.
+/// Lists all pairs of neighbours, the most similar first, by counting sort in steps of
+/// `kDifferenceStep`.
 std::vector<Edge> sorted_edges(const cv::Mat& image) {
   constexpr std::size_t kBins = 4096;
   std::vector<Edge> edges;

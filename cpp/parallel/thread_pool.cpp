@@ -91,7 +91,7 @@ class Pool {
 
  private:
   /// Starts workers until there are `wanted`; returns how many there are, fewer if the system
-  /// refuses a thread, which changes the speed only.
+  /// starts no thread, which changes the speed only.
   std::size_t grow(std::size_t wanted) {
     try {
       for (; workers_ < wanted; ++workers_) std::thread([this] { serve(); }).detach();

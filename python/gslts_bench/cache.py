@@ -19,8 +19,6 @@ ROOT = Path(__file__).parent.parent
 """Folder that holds the packages gslts, gslts_sim and gslts_bench."""
 OUR_PACKAGES = ("gslts", "gslts_bench", "gslts_sim")
 """Packages whose modules make up the digest of the code."""
-NEVER_COUNTED = ("gslts_bench.cache", "gslts_bench.processes", "gslts_bench.runner")
-"""Modules whose changes keep cached results valid: they only distribute and keep work."""
 MADE_OF = "made_of.json"
 """File in each folder with the values whose digest is in the folder's name."""
 
@@ -71,7 +69,9 @@ def source_files(*names: str, without: tuple[str, ...] = ()) -> list[Path]:
     Raises:
         ValueError: A module does not exist.
     """
-    skipped = (*without, *NEVER_COUNTED)
+    # These only distribute and keep work: their changes keep cached results valid.
+    distributing = ("gslts_bench.cache", "gslts_bench.processes", "gslts_bench.runner")
+    skipped = (*without, *distributing)
     left: list[Path] = []
     for name in names:
         file, folder = _file_of(name), ROOT.joinpath(*name.split("."))

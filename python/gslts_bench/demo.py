@@ -109,8 +109,8 @@ def run_day(out: Path, scale: Scale, *, threads: int, bar: Bar, say: Callable[[s
 
     day, home = _make_day(out, scale)
     robot = day.robot(home, 0)
-    looks, _ = explore(robot.home, scale.frames, lambda places: bar(places, "exploring"))
-    count = capture(robot, bar(looks, "recording"), out / "before")
+    viewpoints, _ = explore(robot.home, scale.frames, lambda places: bar(places, "exploring"))
+    count = capture(robot, bar(viewpoints, "recording"), out / "before")
     note("recording")
     say(f"recorded {count} frames of a {ROOM.replace('_', ' ')}")
     say(f"mapped it: {_make_map(out, scale, threads, bar)}")

@@ -25,8 +25,6 @@ from gslts_sim.procedural.homes import HOME_TYPES, make_home
 from gslts_sim.task import Task
 from gslts_sim.tasks import TaskMaker
 
-SIM_LIBRARIES = ("numpy", "open3d-cpu", "open3d")
-"""Distributions whose version decides what a robot in a home sees."""
 SPLITS = {
     "development": range(5_000),
     "validation": range(5_000, 10_000),
@@ -168,8 +166,8 @@ class BenchHome:
                 noise=self.setup.noise,
                 seed=task.sensor.seed_before,
             )
-            looks, _ = explore(robot.home, self.setup.frames)
-            capture(robot, looks, folder)
+            viewpoints, _ = explore(robot.home, self.setup.frames)
+            capture(robot, viewpoints, folder)
 
         return cached_folder(self.work / "recordings" / self.name, self.recorded_of, make)
 
@@ -286,7 +284,7 @@ def even_shares(count: int, homes: int) -> list[int]:
 
 def _code() -> dict[str, Any]:
     libraries = {}
-    for name in SIM_LIBRARIES:
+    for name in ("numpy", "open3d-cpu", "open3d"):
         try:
             libraries[name] = version(name)
         except PackageNotFoundError:  # Open3D has two names.

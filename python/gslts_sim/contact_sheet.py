@@ -40,8 +40,6 @@ MAX_ROOMS = 4
 """Maximum number of rooms with views; of more rooms, the largest are shown."""
 CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))
 """Corners of the views where there is one room: the upper end of x and of y, or not."""
-OPPOSITE = ((0, 0), (1, 1))
-"""Corners of the views of each room where there are several."""
 
 
 def corner_cameras(
@@ -108,7 +106,7 @@ def write_contact_sheet(home: Home, path: Path) -> None:
     caster = RayCaster(home)
     shown = _largest_rooms(home)
     for row, number in enumerate(shown):
-        room, corners = home.rooms[number], OPPOSITE if several else CORNERS
+        room, corners = home.rooms[number], ((0, 0), (1, 1)) if several else CORNERS
         cameras = corner_cameras(home, room=room, corners=corners)
         for axes, camera in zip(views[row * len(corners) :], cameras, strict=False):
             axes.imshow(_rgb(caster, camera))

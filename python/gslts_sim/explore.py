@@ -61,10 +61,12 @@ def viewpoints_in(
             raise ValueError(f"{home.name}: it has no room {wanted!r}; it has {known}")
         boxes += own
     return [
-        look
-        for look in viewpoints
+        viewpoint
+        for viewpoint in viewpoints
         if any(
-            ((low[:2] <= (look.x, look.y)) & ((look.x, look.y) <= high[:2])).all()
+            (
+                (low[:2] <= (viewpoint.x, viewpoint.y)) & ((viewpoint.x, viewpoint.y) <= high[:2])
+            ).all()
             for low, high in boxes
         )
     ]

@@ -157,7 +157,7 @@ class Sensor:
         frame = RgbdFrame(
             rgb=self._rgb(radiance, rng),
             depth=self._depth(truth, rng),
-            camera=self._believed(camera, rng),
+            camera=self._believe(camera, rng),
             time_s=float(index),
         )
         return frame, truth
@@ -173,7 +173,7 @@ class Sensor:
             [4,4] world_from_camera, m.
         """
         rng = np.random.default_rng([self._seed, 3, index])
-        return self._believed(camera, rng).world_from_camera
+        return self._believe(camera, rng).world_from_camera
 
     def _rgb(self, radiance: Floats, rng: np.random.Generator) -> Bytes:
         noise = self.noise
@@ -202,7 +202,7 @@ class Sensor:
             threads=0,
         )
 
-    def _believed(self, camera: Camera, rng: np.random.Generator) -> Camera:
+    def _believe(self, camera: Camera, rng: np.random.Generator) -> Camera:
         if self.noise.position_std_m == 0 and self.noise.rotation_std_rad == 0:
             return camera
         pose = camera.world_from_camera

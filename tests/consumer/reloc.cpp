@@ -1,4 +1,4 @@
-// Finds the corners of a picture, and brings a corner of a room that was moved back onto itself.
+// Finds the keypoints of an image, and brings a corner of a room that was moved back onto itself.
 #include <Eigen/Geometry>
 #include <cstddef>
 #include <cstdint>

@@ -26,7 +26,7 @@ BasicGaussianMap<T> corner(std::uint32_t seed, double tile_m = 0.2) {
         tile.mean[axis] = axis == 2 ? 3 : kHalf;
         tile.mean[(axis + 1) % 3] = axis == 1 ? u + 1.5 : u;
         tile.mean[(axis + 2) % 3] = axis == 0 ? v + 1.5 : v;
-        // Little overlap: which of two tiles is in front depends on where one looks from.
+        // Little overlap: which of two tiles is in front depends on the viewpoint.
         tile.scale_m = Eigen::Vector3d::Constant(0.5 * tile_m);
         tile.scale_m[axis] = 0.1 * tile_m;
         tile.opacity = 0.95;

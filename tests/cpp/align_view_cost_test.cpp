@@ -29,7 +29,7 @@ std::vector<Gaussian> some_blobs(Random& random) {
   return blobs;
 }
 
-/// Compares the gradient near where a picture of the map was taken with finite differences.
+/// Compares the gradient near where an image of the map was taken with finite differences.
 void expect_gradient(const BasicGaussianMap<double>& map, const Camera& camera, double off,
                      Random& random) {
   const Picture<double> picture(map, camera);
@@ -115,7 +115,7 @@ TEST(ViewCost, CurvatureIsThatOfDifferencesNearTheOptimum) {
     const double up = cost.linearize(pose * motion_of(kStep * Vector6::Unit(i))).gradient[i];
     const double down = cost.linearize(pose * motion_of(-kStep * Vector6::Unit(i))).gradient[i];
     const double numeric = (up - down) / (2 * kStep);
-    // Central differences of pixels blur the slopes of the picture.
+    // Central differences of pixels blur the slopes of the image.
     EXPECT_GT(curvature(i, i), 0.4 * numeric) << "axis " << i;
     EXPECT_LT(curvature(i, i), 1.6 * numeric) << "axis " << i;
   }

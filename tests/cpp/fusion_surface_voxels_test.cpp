@@ -174,7 +174,7 @@ TEST(SurfaceVoxels, WhatTheMaskHidesIsNoSurface) {
   picture.mask.assign(81, 1);
   picture.mask[4 * 9 + 4] = 0;
   picture.depth[4 * 9 + 4] = kInf;  // Whatever stands there.
-  picture.mask[3 * 9 + 4] = 0;      // Between the pixels that are looked at.
+  picture.mask[3 * 9 + 4] = 0;      // Between the pixels that are sampled.
   SurfaceVoxels surface(10.0, 2);
   add(surface, picture);
   EXPECT_EQ(count(surface.voxels()), 4);

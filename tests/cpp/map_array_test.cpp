@@ -37,7 +37,8 @@ TEST(ArrayTest, LiveArraysNeverShareMemory) {
   for (std::thread& thread : threads) thread.join();
 }
 
-// The address sanitizer ends the program instead of refusing memory, and recycles nothing.
+// The address sanitizer ends the program instead of reporting that memory is missing, and recycles
+// nothing.
 #ifndef __SANITIZE_ADDRESS__
 TEST(ArrayTest, MoreThanMemoryHoldsIsRefused) {
   Array<double> array;

@@ -1,4 +1,4 @@
-// Wrong arguments are refused with a message that names the function, the argument and the value.
+// Wrong arguments are rejected with a message that names the function, the argument and the value.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -83,7 +83,7 @@ TYPED_TEST(RasterErrors, NumbersThatAreNotFiniteAreNamed) {
   EXPECT_EQ(this->forward_error(), "nothing was thrown");
 }
 
-/// Also where the camera does not look.
+/// Also outside of the view of the camera.
 TYPED_TEST(RasterErrors, AGaussianBehindTheCameraMustBeFiniteToo) {
   Gaussian g;
   g.mean.z() = -3;

@@ -9,13 +9,13 @@
 
 namespace gslts::raster::testing {
 
-/// The images that a loss looks at.
+/// The images that a loss compares.
 struct Outputs {
   bool rgb = false, depth = false, alpha = false, features = false;
 };
 constexpr Outputs kAllOutputs{true, true, true, true};
 
-/// A loss that weighs every number of the images it looks at.
+/// A loss that weighs every number of the images it compares.
 template <typename T>
 struct LinearLoss {
   Array<T> rgb, depth, alpha, features;  ///< Weights; empty where the loss ignores the image.

@@ -28,7 +28,7 @@ namespace {
 using ::testing::Each;
 using ::testing::HasSubstr;
 
-/// A grey picture.
+/// A grey image.
 struct Picture {
   int width, height;
   std::vector<std::uint8_t> grey;
@@ -39,7 +39,7 @@ struct Picture {
   std::uint8_t at(int column, int row) const { return grey[std::size_t(row * width + column)]; }
 };
 
-/// Resamples a picture: pixel (u, v) of the result is pixel (column(u), row(v)) of `from`.
+/// Resamples an image: pixel (u, v) of the result is pixel (column(u), row(v)) of `from`.
 template <typename Column, typename Row>
 Picture moved(const Picture& from, int width, int height, Column column, Row row) {
   Picture to(width, height);
@@ -57,7 +57,7 @@ void fill(Picture& picture, int x0, int y0, int x1, int y1, int level) {
   }
 }
 
-/// As from a camera: of pixels that look the same, none is the corner.
+/// As from a camera: of equal pixels, none is the corner.
 void add_noise(Picture& picture, std::mt19937& random) {
   for (std::uint8_t& grey : picture.grey) {
     grey = std::uint8_t(std::clamp(int(grey) + int(random() % 7) - 3, 0, 255));

@@ -174,7 +174,7 @@ TEST(Hypotheses, AreFewerWhereFewerKeyframesAreTried) {
     landmarks.add(landmarks.position(i) + Eigen::Vector3f(0, 12, 0), 10, landmarks.descriptor(i));
   }
   HypothesisRule rule;
-  rule.keyframes = 0;  // What looks alike everywhere tells nothing.
+  rule.keyframes = 0;  // Descriptors that are alike everywhere say nothing.
   EXPECT_THAT(found(landmarks, seen, rule), IsEmpty());
   rule.keyframes = 1;
   EXPECT_THAT(found(landmarks, seen, rule), SizeIs(1));

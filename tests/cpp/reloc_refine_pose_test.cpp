@@ -40,7 +40,7 @@ TEST(RefinePose, ComesBackFromCentimetresAndDegrees) {
   for (int round = 0; round < 8; ++round) {
     const Eigen::Isometry3d pose = some_pose(random);
     const Pyramid pyramid(map, pose);
-    Vector6 off;  // Up to half a tile, beyond which the next one looks better.
+    Vector6 off;  // Up to half a tile, beyond which the next one fits better.
     for (int i = 0; i < 3; ++i) off[i] = random.uniform(-0.03, 0.03);
     for (int i = 3; i < 6; ++i) off[i] = random.uniform(-0.015, 0.015);
     RefineRule rule;
@@ -135,7 +135,8 @@ TEST(RefinePose, DirectionsThatAreNotSeenStayAsTheyAre) {
   const Eigen::Vector3d place = (kAskew.inverse() * refined.world_from_camera).translation();
   EXPECT_TRUE(refined.world_from_camera.matrix().allFinite());
   EXPECT_LT(std::abs(place.z()), 2e-3);
-  EXPECT_LT((place.head<2>() - off.head<2>()).norm(), 0.05);  // Without trust, it is a metre.
+  // Without the confidence, it is a metre.
+  EXPECT_LT((place.head<2>() - off.head<2>()).norm(), 0.05);
   EXPECT_LT(refined.curvature(0, 0), 1e-2 * refined.curvature(2, 2));
 }
 

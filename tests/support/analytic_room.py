@@ -9,7 +9,7 @@ OFFSETS = np.array([0.0, -3, -3])  # Floor z = 0, walls x = 3 and y = 3.
 FREQUENCIES = np.array([[3.0, 1, 2], [-2, 4, 1], [1, 2, -3], [5, -3, 4]])
 
 
-def look(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+def observe(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     """[H,W,3] colours and [H,W] depth, m, through the centres of the pixels."""
     rows, columns = np.indices((camera.height, camera.width)) + 0.5
     x, y = (columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy

@@ -46,8 +46,8 @@ def cameras(count: int = 8) -> list[Camera]:
 
 
 def frame(camera: Camera, mask: np.ndarray | None = None) -> RgbdFrame:
-    """Its picture, without depth."""
-    depth = analytic_room.look(camera)[1]
+    """Its image, without depth."""
+    depth = analytic_room.observe(camera)[1]
     rows, columns = np.indices(depth.shape) + 0.5
     x, y = (columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy
     pose = camera.world_from_camera

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import sim_scenes
-from shared import looks_all_around, made_once
+from shared import made_once, viewpoints_all_around
 
 from gslts.change.config import DetectionConfig
 from gslts.change.detector import ChangeDetector
@@ -28,9 +28,9 @@ from gslts_sim.robot_body import Viewpoint
 TILES = 20
 SIZE = {"width": 160, "height": 120}
 CONFIG = DetectionConfig(halvings=0)
-"""Pictures are small already."""
+"""Images are small already."""
 BLOCK_TOP_M = 0.75
-LOOKS = (
+VIEWPOINTS = (
     Viewpoint(2.5, 0.5, 90.0, 30.0),
     Viewpoint(2.75, 3.5, 270.0, 30.0),
     Viewpoint(1.5, 0.5, 60.0, 30.0),
@@ -89,10 +89,10 @@ def home() -> Home:
     return replace(plain, objects=(walls, replace(floor, receptacle=True), block, red, blue))
 
 
-def see(where: Home, look: Viewpoint, noise: str = "none", seed: int = 0) -> RgbdFrame:
+def see(where: Home, viewpoint: Viewpoint, noise: str = "none", seed: int = 0) -> RgbdFrame:
     """Return the frame that a robot in a home observes from a viewpoint."""
     robot = Controller(where, **SIZE, noise=noise, seed=seed)
-    robot.go(look)
+    robot.go(viewpoint)
     return robot.observe()
 
 
@@ -101,8 +101,8 @@ def mapped() -> tuple[GaussianMap, dict[str, Camera]]:
     """The map of the room, and the cameras of the frames that it was made from."""
 
     def make(folder: Path) -> None:
-        looks = [*looks_all_around("change_room", home(), 48), *LOOKS]
-        gaussian_map, cameras = map_of(home(), looks)
+        viewpoints = [*viewpoints_all_around("change_room", home(), 48), *VIEWPOINTS]
+        gaussian_map, cameras = map_of(home(), viewpoints)
         write_map_folder(folder, gaussian_map, {}, {})
         plain = {name: camera_to_json(camera) for name, camera in cameras.items()}
         (folder / "exact.json").write_text(json.dumps(plain))
@@ -113,7 +113,7 @@ def mapped() -> tuple[GaussianMap, dict[str, Camera]]:
     return read_map(folder), {name: camera_from_json(camera) for name, camera in plain.items()}
 
 
-def map_of(where: Home, looks: Sequence[Viewpoint]) -> tuple[GaussianMap, dict[str, Camera]]:
+def map_of(where: Home, viewpoints: Sequence[Viewpoint]) -> tuple[GaussianMap, dict[str, Camera]]:
     """A map that is made in some seconds, and the cameras of the frames."""
     config = MappingConfig(
         iterations=1000,
@@ -127,7 +127,7 @@ def map_of(where: Home, looks: Sequence[Viewpoint]) -> tuple[GaussianMap, dict[s
     )
     with TemporaryDirectory() as folder:
         visit = Path(folder) / "visit"
-        capture(Controller(where, **SIZE), looks, visit)
+        capture(Controller(where, **SIZE), viewpoints, visit)
         result = make_map(open_dataset(visit), config)
     cameras = {
         name: observation.camera()

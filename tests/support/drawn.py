@@ -1,4 +1,4 @@
-"""Pictures that programs draw."""
+"""Checks of drawn figures."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ from PIL import Image
 
 
 def assert_drawn(path: Path) -> None:
-    """Fail unless a picture is large enough to be read and has many colours."""
-    with Image.open(path) as picture:
-        assert min(picture.size) >= 100
-        assert len(picture.convert("RGB").getcolors(1 << 24)) > 50
+    """Fail unless an image is large enough to be read and has many colours."""
+    with Image.open(path) as image:
+        assert min(image.size) >= 100
+        assert len(image.convert("RGB").getcolors(1 << 24)) > 50

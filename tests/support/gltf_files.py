@@ -46,15 +46,15 @@ class Gltf:
         self.tree["accessors"].append(accessor | ({"normalized": True} if normalized else {}))
         return len(self.tree["accessors"]) - 1
 
-    def material(self, image: Image.Image | None = None, **look: Any) -> int:
+    def material(self, image: Image.Image | None = None, **properties: Any) -> int:
         if image is not None:
             file = io.BytesIO()
             image.save(file, "PNG")
             self.tree["images"].append({"bufferView": self.view(file.getvalue())})
             self.tree["textures"].append({"source": len(self.tree["images"]) - 1})
             texture = {"index": len(self.tree["textures"]) - 1}
-            look["baseColorTexture"] = texture | look.get("baseColorTexture", {})
-        self.tree["materials"].append({"pbrMetallicRoughness": look})
+            properties["baseColorTexture"] = texture | properties.get("baseColorTexture", {})
+        self.tree["materials"].append({"pbrMetallicRoughness": properties})
         return len(self.tree["materials"]) - 1
 
     def mesh(self, *primitives: dict[str, Any]) -> int:
@@ -153,11 +153,11 @@ QUAD = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 0, 0], [1, 1, 0], [0, 1, 0
 QUAD_UV = np.array([[0, 1], [1, 1], [1, 0], [0, 1], [1, 0], [0, 0]], np.float32)
 
 
-def quad(image: Image.Image | None = None, uv: np.ndarray = QUAD_UV, **look: object) -> Gltf:
+def quad(image: Image.Image | None = None, uv: np.ndarray = QUAD_UV, **properties: object) -> Gltf:
     """Return a square in glTF's x and y with an upright image."""
     file = Gltf()
     attributes = {"TEXCOORD_0": file.array(uv)}
-    material = file.material(image, **look)
+    material = file.material(image, **properties)
     primitive = file.primitive(QUAD, attributes=attributes, material=material)
     file.node(name="Picture", mesh=file.mesh(primitive))
     return file
@@ -168,6 +168,6 @@ def four_colours() -> Image.Image:
     return Image.fromarray(pixels)
 
 
-def one(tmp_path: Path, file: Gltf) -> HomeObject:
+def only_object(tmp_path: Path, file: Gltf) -> HomeObject:
     """Return the only object of a file."""
     return load_home(file.write(tmp_path / "one.glb")).objects[0]

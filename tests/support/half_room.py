@@ -7,7 +7,7 @@ from pathlib import Path
 
 import change_room
 import numpy as np
-from shared import looks_all_around, made_once
+from shared import made_once, viewpoints_all_around
 
 from gslts.datasets import Dataset, open_dataset
 from gslts.mapping.config import MappingConfig
@@ -25,14 +25,14 @@ CONFIG = MappingConfig(
 )
 
 
-def looks() -> list[Viewpoint]:
+def viewpoints() -> list[Viewpoint]:
     """Return viewpoints all around the room."""
-    return looks_all_around("change_room", change_room.home(), 48)
+    return viewpoints_all_around("change_room", change_room.home(), 48)
 
 
-def looked_at(look: Viewpoint) -> float:
+def x_ahead(viewpoint: Viewpoint) -> float:
     """Return x of the point 1.5 m ahead of the camera, m."""
-    return look.x + 1.5 * float(np.cos(np.deg2rad(look.yaw_deg)))
+    return viewpoint.x + 1.5 * float(np.cos(np.deg2rad(viewpoint.yaw_deg)))
 
 
 def map_of_half(folder: Path, middle_m: float = MIDDLE_M) -> Path:
@@ -40,7 +40,7 @@ def map_of_half(folder: Path, middle_m: float = MIDDLE_M) -> Path:
 
     def make(made: Path) -> None:
         made.mkdir()
-        near = [look for look in looks() if looked_at(look) < middle_m]
+        near = [viewpoint for viewpoint in viewpoints() if x_ahead(viewpoint) < middle_m]
         capture(Controller(change_room.home(), **change_room.SIZE), near, made / "visit")
         dataset = open_dataset(made / "visit")
         write_result(made / "map", make_map(dataset, CONFIG), dataset.name)
@@ -51,14 +51,14 @@ def map_of_half(folder: Path, middle_m: float = MIDDLE_M) -> Path:
 
 def recording(folder: Path, home: Home | None = None) -> Path:
     """Record the other half, and the part of the map beside it."""
-    far = [look for look in looks() if looked_at(look) > MIDDLE_M - OVERLAP_M]
+    far = [viewpoint for viewpoint in viewpoints() if x_ahead(viewpoint) > MIDDLE_M - OVERLAP_M]
     capture(Controller(home or change_room.home(), **change_room.SIZE), far, folder)
     return folder
 
 
 def known_recording(folder: Path, home: Home | None = None) -> Path:
     """Record what the map shows."""
-    near = [look for look in looks() if looked_at(look) < MIDDLE_M]
+    near = [viewpoint for viewpoint in viewpoints() if x_ahead(viewpoint) < MIDDLE_M]
     capture(Controller(home or change_room.home(), **change_room.SIZE), near[::3], folder)
     return folder
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import change_room
 import numpy as np
-from shared import looks_all_around
+from shared import viewpoints_all_around
 
 from gslts.core.frame import RgbdFrame
 from gslts.localization.landmark_extraction import extract_landmarks
@@ -20,8 +20,11 @@ ARRAYS = ("positions", "descriptors", "keyframes", "world_from_keyframe", "gauss
 @cache
 def frames() -> tuple[RgbdFrame, ...]:
     """Return frames of the mapped room with perfect depth."""
-    looks = [*looks_all_around("change_room", change_room.home(), 24), *change_room.LOOKS]
-    return tuple(change_room.see(change_room.home(), look) for look in looks)
+    viewpoints = [
+        *viewpoints_all_around("change_room", change_room.home(), 24),
+        *change_room.VIEWPOINTS,
+    ]
+    return tuple(change_room.see(change_room.home(), viewpoint) for viewpoint in viewpoints)
 
 
 @cache
@@ -41,8 +44,8 @@ def folder_with(landmarks: Landmarks, path: Path) -> Path:
     return path
 
 
-def assert_same(one: Landmarks | None, other: Landmarks) -> None:
+def assert_same(first: Landmarks | None, other: Landmarks) -> None:
     """Expect the same landmarks, bit for bit."""
-    assert one is not None
+    assert first is not None
     for name in ARRAYS:
-        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+        np.testing.assert_array_equal(getattr(first, name), getattr(other, name), err_msg=name)

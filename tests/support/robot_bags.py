@@ -24,7 +24,7 @@ def time_of(number: int) -> int:
     return START_NS + number * STEP_NS
 
 
-def add_pictures(bag: Recorder, frames: list[RgbdFrame]) -> None:
+def add_images(bag: Recorder, frames: list[RgbdFrame]) -> None:
     """Add colours, depth and both cameras."""
     for number, frame in enumerate(frames):
         bag.image(RGB, time_of(number), FRAME, "rgb8", frame.rgb, pad=5)
@@ -61,19 +61,19 @@ def add_tf(bag: Recorder, frames: list[RgbdFrame]) -> None:
 
 
 def robot_bag(frames: list[RgbdFrame]) -> Recorder:
-    """Return a bag with pictures and poses of all frames."""
+    """Return a bag with images and poses of all frames."""
     bag = Recorder()
-    add_pictures(bag, frames)
+    add_images(bag, frames)
     add_tf(bag, frames)
     return bag
 
 
-def simple_bag(tmp_path: Path, pictures: Any, storage: str = "mcap") -> Dataset:
-    """Two frames of a standing camera, whose pictures a function adds."""
+def simple_bag(tmp_path: Path, images: Any, storage: str = "mcap") -> Dataset:
+    """Two frames of a standing camera, whose images a function adds."""
     bag = Recorder()
     camera = frames_of_robot()[0].camera
     for number in range(2):
-        pictures(bag, time_of(number))
+        images(bag, time_of(number))
         moment = time_of(number)
         bag.tf("/tf", moment, bag.transform(moment, "world", FRAME, np.eye(4)))
     bag.info(RGB_INFO, camera)

@@ -8,7 +8,7 @@ from pathlib import Path
 import change_room
 import numpy as np
 from safetensors.numpy import load_file, save_file
-from shared import looks_all_around, made_once
+from shared import made_once, viewpoints_all_around
 
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
@@ -20,14 +20,14 @@ from gslts_sim.robot_body import Viewpoint
 
 
 @cache
-def looks() -> list[Viewpoint]:
+def viewpoints() -> list[Viewpoint]:
     """Return views of the whole room, and those of the block."""
-    return [*looks_all_around("change_room", change_room.home(), 16), *change_room.LOOKS]
+    return [*viewpoints_all_around("change_room", change_room.home(), 16), *change_room.VIEWPOINTS]
 
 
 def frames() -> list[RgbdFrame]:
-    """Return the frames at `looks`."""
-    return [change_room.see(change_room.home(), look) for look in looks()]
+    """Return the frames at `viewpoints`."""
+    return [change_room.see(change_room.home(), viewpoint) for viewpoint in viewpoints()]
 
 
 @cache

@@ -13,19 +13,19 @@ def radiance_of(caster: RayCaster, camera: Camera) -> np.ndarray:
     columns = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
     rows = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
     right, down, ahead = camera.world_from_camera[:3, :3].T
-    ways = right * columns[:, None] + down * rows[:, None, None] + ahead
-    ways = ways.astype(np.float32)
-    eye = np.broadcast_to(camera.world_from_camera[:3, 3].astype(np.float32), ways.shape)
-    hits = caster._scene.cast(np.concatenate([eye, ways], axis=-1))
+    directions = right * columns[:, None] + down * rows[:, None, None] + ahead
+    directions = directions.astype(np.float32)
+    eye = np.broadcast_to(camera.world_from_camera[:3, 3].astype(np.float32), directions.shape)
+    hits = caster._scene.cast(np.concatenate([eye, directions], axis=-1))
     hit = np.isfinite(hits.distances)
     depth = np.where(hit, hits.distances, np.float32(0))
     triangles = np.where(hit, hits.triangles, 0)
     normals = caster._scene.normals[triangles]
-    cosines = _dot(normals, ways) / np.sqrt(_dot(ways, ways))
+    cosines = _dot(normals, directions) / np.sqrt(_dot(directions, directions))
     normals = normals * -np.sign(cosines)[..., None]
     pixel_m = depth * np.float32(1 / camera.fx) / np.maximum(np.abs(cosines), np.float32(0.1))
     albedo = _sampled(caster, triangles, hits.weights, pixel_m)
-    points = eye + ways * depth[..., None]
+    points = eye + directions * depth[..., None]
     direct = np.zeros_like(points)
     for light in caster.lights:
         direct += _from_light(caster, light, points, normals)[..., None] * _single(light.radiance)
@@ -62,11 +62,11 @@ def _from_light(
     u, v = _single((i + 0.5) / 4)[..., None], _single(((i + j) % 4 + 0.5) / 4)[..., None]
     start = points + np.float32(1e-3) * normals
     target = _single(light.center) + (u - 0.5) * _single(light.edge_u)
-    ways = target + (v - 0.5) * _single(light.edge_v) - start
-    here, there = _dot(ways, normals), -_dot(ways, _single(cross / area))
+    directions = target + (v - 0.5) * _single(light.edge_v) - start
+    here, there = _dot(directions, normals), -_dot(directions, _single(cross / area))
     factor = np.maximum(here, 0) * np.maximum(there, 0) * np.float32(area / np.pi)
-    factor /= np.maximum(_dot(ways, ways) ** 2, np.float32(1e-6))
-    return factor * ~caster._scene.blocked(np.concatenate([start, ways], axis=-1), 0.98)
+    factor /= np.maximum(_dot(directions, directions) ** 2, np.float32(1e-6))
+    return factor * ~caster._scene.blocked(np.concatenate([start, directions], axis=-1), 0.98)
 
 
 def _average(values: np.ndarray, normals: np.ndarray, depth: np.ndarray, axis: int) -> np.ndarray:

@@ -34,7 +34,7 @@ def made_once(name: str, make: Callable[[Path], None]) -> Path:
     return cached_folder(Path(os.environ[VARIABLE]) / name, {}, make)
 
 
-def looks_all_around(name: str, home: Home, most: int) -> list[Viewpoint]:
+def viewpoints_all_around(name: str, home: Home, most: int) -> list[Viewpoint]:
     """Return `explore(home, most)[0]`, made once a run.
 
     Args:
@@ -45,9 +45,14 @@ def looks_all_around(name: str, home: Home, most: int) -> list[Viewpoint]:
 
     def make(folder: Path) -> None:
         folder.mkdir()
-        looks, _ = explore(home, most)
-        numbers = [[look.x, look.y, look.yaw_deg, look.horizon_deg] for look in looks]
-        (folder / "looks.json").write_text(json.dumps(numbers))
+        viewpoints, _ = explore(home, most)
+        numbers = [
+            [viewpoint.x, viewpoint.y, viewpoint.yaw_deg, viewpoint.horizon_deg]
+            for viewpoint in viewpoints
+        ]
+        (folder / "viewpoints.json").write_text(json.dumps(numbers))
 
-    numbers = json.loads((made_once(f"{name}_{most}_looks", make) / "looks.json").read_text())
+    numbers = json.loads(
+        (made_once(f"{name}_{most}_viewpoints", make) / "viewpoints.json").read_text()
+    )
     return [Viewpoint(x, y, yaw, horizon) for x, y, yaw, horizon in numbers]

@@ -59,10 +59,10 @@ def edited(before: GaussianMap, seed: int, next_id: int) -> GaussianMap:
     return join(replace(kept, means=means), new, next_id)
 
 
-def assert_same(one: GaussianMap, other: GaussianMap) -> None:
+def assert_same(first: GaussianMap, other: GaussianMap) -> None:
     """Fail unless all arrays, ids and origins are equal."""
     for name in (*ARRAYS, "ids", "origin"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+        np.testing.assert_array_equal(getattr(first, name), getattr(other, name), err_msg=name)
 
 
 def grown(folder: Path, count: int) -> list[GaussianMap]:

@@ -40,7 +40,7 @@ class UnityStandIn(Server):
         self.yaw_deg, self.horizon_deg, self.fov_deg = 0.0, 0.0, 60.0
         self.images = ("image", "image_depth", "image_ids")
         self.reachable = [(1.0, -2.0), (1.25, -2.0), (1.0, -1.75)]
-        self.refusal = ""
+        self.failure = ""
         self.actions: list[dict[str, Any]] = [{"action": "Pass", "sequenceId": 0}]
         self.extra_metadata: dict[str, Any] = {}
 
@@ -116,8 +116,8 @@ class UnityStandIn(Server):
             "depthFormat": "Meters",
             "thirdPartyCameras": [],
             "lastAction": last,
-            "lastActionSuccess": not self.refusal,
-            "errorMessage": self.refusal,
+            "lastActionSuccess": not self.failure,
+            "errorMessage": self.failure,
             "errorCode": "",
             "actionReturn": results.get(last),
             "currentTime": 1.5,

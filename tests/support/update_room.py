@@ -6,7 +6,7 @@ from typing import Literal
 
 import change_room
 import numpy as np
-from change_room import BLUE, LOOKS, SIZE, YELLOW
+from change_room import BLUE, SIZE, VIEWPOINTS, YELLOW
 
 from gslts.change.changes import Change
 from gslts.core.frame import RgbdFrame
@@ -65,7 +65,7 @@ def changed_home(kind: Kind) -> Home:
 def robot_in(home: Home, noise: str = "none") -> Controller:
     """Return a robot that faces the block."""
     robot = Controller(home, **SIZE, noise=noise)
-    robot.go(LOOKS[0])
+    robot.go(VIEWPOINTS[0])
     return robot
 
 

@@ -8,7 +8,7 @@ from gslts.io.video import Video
 
 
 def write(path: Path, count: int) -> None:
-    """Write a video of so many pictures of 64 x 48 px."""
+    """Write a video of so many images of 64 x 48 px."""
     rng = np.random.default_rng(0)
     with Video(path, 64, 48) as video:
         for _ in range(count):

@@ -82,7 +82,7 @@ def place_fault(
     known: Bools,
     depth: DepthQuality,
 ) -> str | None:
-    """Check if a frame shows the same place as the rendering, by features and depths.
+    """Check if a frame shows the same scene as the rendering, by features and depths.
 
     Args:
         similarity: [H,W] cosine of the features of both.
@@ -93,12 +93,14 @@ def place_fault(
             furniture count only together with depths that disagree.
 
     Returns:
-        The reason why it shows another place; None if it does not.
+        The reason why it shows another scene; None if it does not.
     """
     dissimilar = float((similarity[known] < SIMILAR).mean())
-    looks = f"{100 * dissimilar:.0f} % look different: pose or intrinsics are wrong"
+    appearance = f"{100 * dissimilar:.0f} % appear different: pose or intrinsics are wrong"
     if depth == "none":
-        return None if dissimilar <= MAX_DEPTHLESS_DISSIMILAR_SHARE else f"of the pixels {looks}"
+        return (
+            None if dissimilar <= MAX_DEPTHLESS_DISSIMILAR_SHARE else f"of the pixels {appearance}"
+        )
     both = known & (observed_depth > 0) & (rendered_depth > 0)
     if not both.any():
         return "no depth is measured where the map is known"
@@ -111,4 +113,4 @@ def place_fault(
         is_same = agreeing >= MIN_AGREEING_SHARE and dissimilar <= MAX_DISSIMILAR_SHARE
     if is_same:
         return None
-    return f"depths agree in {100 * agreeing:.0f} % of the pixels and {looks}"
+    return f"depths agree in {100 * agreeing:.0f} % of the pixels and {appearance}"

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
 
-IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")
-"""Suffixes of image files; any other path is a data set."""
 
 Localize = Annotated[
     bool,
@@ -92,7 +90,8 @@ def localize(
 
     settings = {"threads": threads} | ({} if halvings is None else {"halvings": halvings})
     relocalizer = _relocalizer(map_path, settings)
-    is_image = frames.suffix.lower() in IMAGE_SUFFIXES and not frames.is_dir()
+    # Any other path is a data set.
+    is_image = frames.suffix.lower() in (".png", ".jpg", ".jpeg") and not frames.is_dir()
     if is_image:
         image = _frame_of_image(map_path, frames, depth, camera, fov_deg)
         opened = Dataset(image.name, (image,), unposed=(image,))

@@ -80,7 +80,7 @@ def update(
     from tqdm import tqdm
 
     from gslts.change.config import DetectionConfig
-    from gslts.change.monitor import MonitorConfig
+    from gslts.change.confirmation import MonitorConfig
     from gslts.robots.recorded import RecordedRobot
     from gslts.update import update_map
 

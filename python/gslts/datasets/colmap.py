@@ -18,8 +18,6 @@ from gslts.datasets.undistort import Lens, lens_or_none
 
 Numbers = tuple[float, ...]
 
-MODEL_FOLDERS = ("sparse/0", "sparse", ".")
-"""Places of a model within the folder of a data set, tried in this order."""
 
 INTRINSICS: dict[str, Callable[[Numbers], tuple[Numbers, Lens | None]]] = {
     "SIMPLE_PINHOLE": lambda p: ((p[0], p[0], *p[1:3]), None),
@@ -78,7 +76,7 @@ def open_colmap(path: Path) -> Dataset:
 
 
 def _model_folder(path: Path) -> Path | None:
-    for name in MODEL_FOLDERS:
+    for name in ("sparse/0", "sparse", "."):
         folder = path / name
         if all(_file(folder, part).exists() for part in ("cameras", "images")):
             return folder

@@ -69,14 +69,14 @@ def make_patch(
     plain = replace(gaussian_map, features=np.zeros((gaussian_map.size, 0), np.float32))
     total, near, in_poor = _weights(plain, frames, spaces, config.threads)
     free = (total > MIN_FREE_PIXELS) & (in_poor > MIN_FREE_SHARE * near)
-    confirmed, passed = count_measurements(plain, map(_unchanged, frames, spaces))
+    confirmed, passed = count_measurements(plain, map(_drop_changed_depth, frames, spaces))
     free |= (passed >= MIN_SEEN) & (passed > confirmed)
     seen = total > 0
     fixed = np.concatenate([~free[seen], np.zeros(seeds.size, np.bool_)])
     return Patch(join(plain.select(seen), seeds, first_id), fixed)
 
 
-def _unchanged(frame: Observation, space: FrameSpace) -> RgbdFrame:
+def _drop_changed_depth(frame: Observation, space: FrameSpace) -> RgbdFrame:
     """Return a frame without the depth of what changed."""
     rgbd = frame.rgbd()
     return replace(rgbd, depth=np.where(space.changed, np.float32(0), rgbd.depth))

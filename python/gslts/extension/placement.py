@@ -64,7 +64,7 @@ def place_frames(
     if len(track.anchors) < MIN_ANCHORS:
         raise ValueError(
             f"{len(track.anchors)} of {len(frames)} frames show what the map knows, {MIN_ANCHORS} "
-            "are needed: is it of another place? Record frames that also show a part of the map"
+            "are needed: is it of another scene? Record frames that also show a part of the map"
         )
     track.track_others()
     track.drop_outliers()

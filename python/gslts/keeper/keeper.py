@@ -8,8 +8,9 @@ from pathlib import Path
 
 from gslts.change.changes import Change
 from gslts.change.config import DetectionConfig
+from gslts.change.confirmation import MonitorConfig, latest_changes
 from gslts.change.detector import ChangeDetector
-from gslts.change.monitor import ChangeMonitor, MonitorConfig, latest_changes
+from gslts.change.monitor import ChangeMonitor
 from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
@@ -32,7 +33,7 @@ from gslts.update.integrate import UpdateResult, integrate_changes
 from gslts.update.publish import publish
 
 
-def _unthrottled() -> MonitorConfig:
+def _process_every_frame() -> MonitorConfig:
     """Return settings of a monitor that processes every frame: the robot waits for its result."""
     return MonitorConfig(rate_hz=1e6)
 
@@ -55,7 +56,7 @@ class KeeperConfig:
 
     max_viewpoints: int = 40
     max_frames: int = 4
-    monitor: MonitorConfig = field(default_factory=_unthrottled)
+    monitor: MonitorConfig = field(default_factory=_process_every_frame)
     detection: DetectionConfig = field(default_factory=DetectionConfig)
     update: UpdateConfig = field(default_factory=UpdateConfig)
     relocalization: RelocalizationConfig | None = None

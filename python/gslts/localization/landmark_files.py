@@ -27,19 +27,13 @@ from gslts.store.causes import ExtensionCause, UpdateCause
 from gslts.store.manifest import MANIFEST, read_manifest, split_version
 from gslts.store.map_folder import open_map
 from gslts.store.map_store import MapStore
+from gslts.store.measurements import REPAIR
 from gslts.store.records import Version
 
 FOLDER = "landmarks"
 """Folder of the files, in a map folder."""
 KEY = "landmarks"
 """Key of the SHA-256 of the file, in the manifest."""
-REPAIR = "copy it from a backup, or make the map again with gslts map"
-"""Next step for error messages about a missing or damaged file."""
-
-_DIGEST = re.compile("[0-9a-f]{64}")
-"""A SHA-256 in hexadecimal digits."""
-_ARRAYS = tuple(field.name for field in fields(Landmarks))
-"""Names of the arrays in a file."""
 
 
 def write_landmarks(landmarks: Landmarks, folder: Path) -> str:
@@ -55,7 +49,8 @@ def write_landmarks(landmarks: Landmarks, folder: Path) -> str:
     Raises:
         OSError: The file cannot be written.
     """
-    content = save({name: np.ascontiguousarray(getattr(landmarks, name)) for name in _ARRAYS})
+    names = [field.name for field in fields(Landmarks)]
+    content = save({name: np.ascontiguousarray(getattr(landmarks, name)) for name in names})
     digest = hashlib.sha256(content).hexdigest()
     path = _path_of(folder, digest)
     path.parent.mkdir(exist_ok=True)
@@ -189,7 +184,7 @@ def _digests(folder: Path, versions: Iterable[Version]) -> Iterator[tuple[int, s
 def _digest_of_manifest(folder: Path) -> str | None:
     """Return the SHA-256 of the landmarks of mapping; None if the map was made without any."""
     digest = read_manifest(folder).get(KEY)
-    if digest is None or (isinstance(digest, str) and _DIGEST.fullmatch(digest)):
+    if digest is None or (isinstance(digest, str) and re.fullmatch("[0-9a-f]{64}", digest)):
         return digest
     raise ValueError(f"{folder / MANIFEST}: {KEY}: expected a SHA-256, got {str(digest)[:80]!r}")
 

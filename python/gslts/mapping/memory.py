@@ -5,14 +5,13 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-MEMINFO = Path("/proc/meminfo")
-"""Source of the free memory; absent on systems other than Linux."""
-
 
 def free_memory_bytes() -> int | None:
     """Return the memory that can be allocated without swapping, bytes; None if unknown."""
     try:
-        free_kib = re.search(r"^MemAvailable: *(\d+) kB$", MEMINFO.read_text(), re.MULTILINE)
+        free_kib = re.search(
+            r"^MemAvailable: *(\d+) kB$", Path("/proc/meminfo").read_text(), re.MULTILINE
+        )
     except OSError:
         return None
     return None if free_kib is None else 1024 * int(free_kib[1])

@@ -19,10 +19,6 @@ MEAN, STD = (0.48145466, 0.4578275, 0.40821073), (0.26862954, 0.26130258, 0.2757
 """Normalization of CLIP's training images, RGB, 0 to 1."""
 MAX_IMAGES_PER_BATCH = 16
 """Number of images encoded at a time; bounds memory."""
-TOKENIZERS = (("tokenizer.json",), ("vocab.json", "merges.txt"))
-"""Sets of tokenizer files; one of them must be there."""
-LEGACY_END = 2
-"""`eos_token_id` in early configurations; transformers then takes the greatest token as the end."""
 
 
 class ClipEncoder:
@@ -114,7 +110,8 @@ def _tokenizer(folder: Path, config: Any) -> Any:
     """Load the tokenizer; reject an empty one, which transformers makes if a file is missing."""
     from transformers import CLIPTokenizer
 
-    if not any(all((folder / name).is_file() for name in names) for names in TOKENIZERS):
+    tokenizers = (("tokenizer.json",), ("vocab.json", "merges.txt"))
+    if not any(all((folder / name).is_file() for name in names) for names in tokenizers):
         raise FileNotFoundError(
             f"{folder}: there is no tokenizer.json and no vocab.json with merges.txt; "
             f"{download_hint(folder, EXAMPLE)}"
@@ -129,7 +126,7 @@ def _tokenizer(folder: Path, config: Any) -> Any:
         reason = " ".join(str(error).split())[:300]
         raise ValueError(f"{folder}: the tokenizer cannot be read: {reason}") from None
     end = config.eos_token_id
-    if end == LEGACY_END:
+    if end == 2:  # In early configurations; transformers takes the greatest token as the end.
         end = max(tokens)
     # The model takes the output at the end token: without it, all texts have one embedding.
     if size > config.vocab_size or len(tokens) < 3 or tokens[-1] != end:

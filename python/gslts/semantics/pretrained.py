@@ -13,8 +13,6 @@ import torch
 
 CONFIG, WEIGHTS = "config.json", "model.safetensors"
 """File names of transformers."""
-PICKLES = ("*.bin", "*.pt", "*.pth", "*.ckpt")
-"""Patterns of pickled weights, which are named in a message and never opened."""
 SAM_EXAMPLE = "facebook/sam-vit-base"
 """Public SAM named in messages."""
 IMAGENET_MEAN, IMAGENET_STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
@@ -104,7 +102,8 @@ def _check_files(folder: Path, model_class: Any, example: str) -> None:
         raise FileNotFoundError(f"{folder}: there is no {CONFIG}; {download_hint(folder, example)}")
     if (folder / WEIGHTS).is_file():
         return
-    pickles = sorted(path.name for pattern in PICKLES for path in folder.glob(pattern))
+    patterns = ("*.bin", "*.pt", "*.pth", "*.ckpt")  # Named in a message, never opened.
+    pickles = sorted(path.name for pattern in patterns for path in folder.glob(pattern))
     if not pickles:
         raise FileNotFoundError(
             f"{folder}: there is no {WEIGHTS}; {download_hint(folder, example)}"

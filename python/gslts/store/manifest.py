@@ -13,8 +13,6 @@ MANIFEST, CAMERAS = "manifest.json", "cameras.json"
 """File names in the folder."""
 MAX_MANIFEST_BYTES = 16 << 20
 """Bounds the memory for a hostile file; a manifest of 1,000 frames takes less than 1 MB."""
-VERSION_PATH = re.compile(r"(.+)@(\d{1,9})")
-"""Path of a version: the folder, `@`, and the number."""
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -83,7 +81,7 @@ def split_version(path: Path) -> tuple[Path, int | None]:
     Returns:
         The folder, and the number; None if the path has none.
     """
-    match = VERSION_PATH.fullmatch(str(path))
+    match = re.fullmatch(r"(.+)@(\d{1,9})", str(path))
     if match is None or path.exists():
         return path, None
     return Path(match[1]), int(match[2])

@@ -35,6 +35,7 @@ from gslts.store.delta import (
 from gslts.store.history import INDEX, History
 from gslts.store.index import Index
 from gslts.store.records import Blob, ObjectEvent, Rejection, Version
+from gslts.store.verification import find_problems
 from gslts.store.writer_lock import lock_for_writing
 
 BLOBS = "blobs"
@@ -269,7 +270,7 @@ class MapStore(History):
         """
         while True:
             versions, snapshots = self.versions(), self._index.snapshots()
-            problems = self._find_problems(versions, snapshots, progress)
+            problems = find_problems(self._index, self._blobs, versions, snapshots, progress)
             same = (versions, snapshots) == (self.versions(), self._index.snapshots())
             if not problems or same:  # Otherwise a writer compacted the store meanwhile.
                 return problems
@@ -366,24 +367,6 @@ class MapStore(History):
         snapshots = self._index.snapshots()
         start, deltas = self._reconstruction(version.parent, snapshots)
         return sum(delta.size for delta in (*deltas, version.delta)) > snapshots[start].size
-
-    def _find_problems(
-        self, versions: list[Version], snapshots: dict[int, Blob], progress: Callable[[], None]
-    ) -> list[str]:
-        problems = []
-        try:
-            self._index.require_intact()
-        except (OSError, ValueError) as error:
-            problems.append(str(error))
-        for version in versions:
-            for blob in (version.delta, snapshots.get(version.number)):
-                try:
-                    if blob is not None:
-                        self._blobs.verify(blob)
-                except (OSError, ValueError) as error:
-                    problems.append(f"version {version.number}: {error}")
-            progress()
-        return problems
 
     def _now_s(self, newest: Version) -> float:
         now_s = time.time()

@@ -21,10 +21,9 @@ from gslts.store.causes import (
 UNKNOWN = "object"
 """Type of an object that nothing names."""
 
-MAX_TIME_S = 253_402_300_800
-"""End of the year 9999, s since 1970; `datetime` formats no later time."""
 
-Time = Annotated[float, Field(ge=0, lt=MAX_TIME_S)]
+# Before the end of the year 9999: `datetime` formats no later time.
+Time = Annotated[float, Field(ge=0, lt=253_402_300_800)]
 
 
 class Blob(Record):

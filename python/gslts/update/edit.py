@@ -95,7 +95,7 @@ def pre_edit(
     if config.flat:
         new = _flat_gaussians(kept, frames, config, _common_views(views, regions_by_change))
     else:
-        new = _inherited(kept, frames)
+        new = _with_attributes_of_nearest(kept, frames)
     if new.size == 0:
         return Edit(kept, removed, 0)
     drawn = [
@@ -172,7 +172,7 @@ def _flat_gaussians(
     return replace(new, origin=kept.origin)
 
 
-def _inherited(kept: GaussianMap, frames: Sequence[RgbdFrame]) -> GaussianMap:
+def _with_attributes_of_nearest(kept: GaussianMap, frames: Sequence[RgbdFrame]) -> GaussianMap:
     """Return Gaussians at measured points with the attributes of their nearest neighbours g_nn.
 
     Source: GS-LTS, eq. (12) and (13).

@@ -192,11 +192,14 @@ def _confirm_shift(
         _union([report.boxes[side] for report in (change, *agreeing)]) for side in (0, 1)
     )
     back = relative(motion, np.eye(4))
-    boxes = (_union([before, _moved(after, back)]), _union([after, _moved(before, motion)]))
+    boxes = (
+        _union([before, _transform_box(after, back)]),
+        _union([after, _transform_box(before, motion)]),
+    )
     return replace(change, boxes=boxes, motion=motion)
 
 
-def _moved(box: Box | None, motion: Floats) -> Box | None:
+def _transform_box(box: Box | None, motion: Floats) -> Box | None:
     """Return the box around the corners of a box after a motion."""
     if box is None:
         return None

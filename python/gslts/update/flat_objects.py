@@ -49,7 +49,7 @@ def recolored_pixels(view: View, depth_step_m: float, depth_step_per_m: float) -
     other = same & (_max_blurred(view.colors - view.rendered_rgb, same) > MIN_COLOR_DIFFERENCE)
     # Light scales colours: it changes the logarithms of all surfaces that it falls on alike.
     observed, rendered = (image.clip(0, 1) + DARK for image in (view.colors, view.rendered_rgb))
-    return _outlined(other, _max_blurred(np.log(observed / rendered), same), same)
+    return _with_colour_step(other, _max_blurred(np.log(observed / rendered), same), same)
 
 
 def find_flat_object(
@@ -107,7 +107,7 @@ def _max_blurred(difference: Floats32, where: Bools) -> Floats32:
     return np.asarray(np.abs(blurred).max(axis=2) / np.maximum(weight, 1e-6), np.float32)
 
 
-def _outlined(other: Bools, steps: Floats32, same: Bools) -> Bools:
+def _with_colour_step(other: Bools, steps: Floats32, same: Bools) -> Bools:
     """Return the components of `other` whose colours step at their outline.
 
     Args:

@@ -12,8 +12,9 @@ from typing import Literal
 
 from gslts.change.changes import Change
 from gslts.change.config import DetectionConfig
+from gslts.change.confirmation import MonitorConfig
 from gslts.change.detector import ChangeDetector
-from gslts.change.monitor import MonitorConfig, confirm_changes
+from gslts.change.monitor import confirm_changes
 from gslts.core.frame import RgbdFrame
 from gslts.core.robot import Robot
 from gslts.semantics.map_semantics import MapSemantics

@@ -46,7 +46,7 @@ def select_removed(
     removed = np.zeros(gaussian_map.size, np.bool_)
     emptied = [region for region in regions if region.side == "before"]
     if emptied:
-        removed |= _outvoted(gaussian_map, views, emptied, config)
+        removed |= _select_by_votes(gaussian_map, views, emptied, config)
     near = gaussians_in_regions(gaussian_map, regions, config.margin_m)
     if config.carve:
         on, through = count_visibility(gaussian_map, views)
@@ -62,7 +62,7 @@ def select_removed(
     return removed
 
 
-def _outvoted(
+def _select_by_votes(
     gaussian_map: GaussianMap,
     views: Sequence[View],
     emptied: Sequence[Region],

@@ -71,17 +71,17 @@ def register_shift(
         return motion
     center = transform(motion, np.concatenate([own.points for own in samples]).mean(axis=0))
 
-    def corrected(correction: Floats) -> Floats:
+    def apply_correction(correction: Floats) -> Floats:
         return product(_planar_motion(correction, center), motion)
 
     def cost(correction: Floats) -> float:
         total, count = 0.0, 0
         for own in samples:
-            total += _cost(own, corrected(correction))
+            total += _cost(own, apply_correction(correction))
             count += len(own.points)
         return total / count
 
-    return corrected(_search(cost))
+    return apply_correction(_search(cost))
 
 
 def _search(cost: Callable[[Floats], float]) -> Floats:

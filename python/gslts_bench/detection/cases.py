@@ -124,7 +124,7 @@ def make_cases(bench: BenchHome, counts: Counts) -> HomeCases:
                 light_shift_m=visit.light_shift_m,
             )
         )
-    cases += _shifted(before, counts.shifted, bench.seed)
+    cases += _make_shifted(before, counts.shifted, bench.seed)
     return HomeCases(initial_actions=tasks[0].initial_actions, cases=tuple(cases))
 
 
@@ -197,7 +197,7 @@ def _single(number: int, task: Task, before: SceneState) -> Case:
     )
 
 
-def _shifted(before: SceneState, count: int, seed: int) -> Iterator[Case]:
+def _make_shifted(before: SceneState, count: int, seed: int) -> Iterator[Case]:
     # Of their own, so that their number decides no other case.
     rng = np.random.default_rng([seed, 3])
     for number, shifted in enumerate(draw_shifts(before, count, rng)):

@@ -175,11 +175,11 @@ class ShiftScore:
             said = said if record.unreliable is None else UNRELIABLE
             return cls(said, None, None, len(record.reports))
         nearest = min(shifts, key=lambda shift: np.linalg.norm(shift.point_m - center[:3]))
-        told = np.array(nearest.motion)
-        turn_rad = np.linalg.norm(rotation_vector(told[:3, :3].T @ true[:3, :3]))
+        motion = np.array(nearest.motion)
+        turn_rad = np.linalg.norm(rotation_vector(motion[:3, :3].T @ true[:3, :3]))
         return cls(
             said="shift",
-            error_m=float(np.linalg.norm((told - true) @ center)),
+            error_m=float(np.linalg.norm((motion - true) @ center)),
             error_deg=float(np.rad2deg(turn_rad)),
             extra=len(record.reports) - 1,
         )
@@ -190,7 +190,7 @@ class ShiftScore:
         return self.error_m is not None and self.error_m <= SHIFT_M
 
 
-def count_told_as_shift(record: Record) -> int:
+def count_reported_as_shift(record: Record) -> int:
     """Count the changes of a record that a shift is reported of, and nothing that fits.
 
     Args:

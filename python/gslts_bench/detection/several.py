@@ -95,30 +95,36 @@ class SeveralMaker:
 
     def _find_viewpoint(self, tasks: Sequence[Task], after: SceneState) -> Viewpoint | None:
         scene = RayScene(after.home)
-        sights = []
+        visibilities = []
         for task in tasks:
             change = task.change
             if change.box_before is not None:
-                sights.append(ObjectVisibility(self._before.home, self._scene, change.object_id))
+                visibilities.append(
+                    ObjectVisibility(self._before.home, self._scene, change.object_id)
+                )
             if change.box_after is not None:
-                sights.append(ObjectVisibility(after.home, scene, change.object_id))
+                visibilities.append(ObjectVisibility(after.home, scene, change.object_id))
         floors = [floor_of(self._before.home), floor_of(after.home)]
         places = floors[0].grid_positions(GRID_M)
         places = places[[floors[1].can_stand(place) for place in places]]
         eyes = camera_positions(self._before.home, places)
-        middles = np.stack([sight.center for sight in sights])
+        middles = np.stack([visibility.center for visibility in visibilities])
         metres = np.linalg.norm(eyes[:, None] - middles, axis=-1)
         fit = ((metres >= VIEW_DISTANCE_M[0]) & (metres <= VIEW_DISTANCE_M[1])).all(axis=1)
         places = self._rng.permutation(places[fit])
         if len(places) == 0:
             return None
-        shares = np.min([sight.visible_fraction(places) for sight in sights], axis=0)
+        shares = np.min(
+            [visibility.visible_fraction(places) for visibility in visibilities], axis=0
+        )
         least, most = FIRST_VIEW_FRACTION * np.prod(SIZE_PX)
         for place in places[shares >= MIN_VISIBLE_FRACTION][:VIEWPOINTS_PER_SET]:
             jitter_deg = self._rng.uniform(-JITTER_DEG, JITTER_DEG, 2)
             viewpoint = viewpoint_towards(
                 self._before.home, place, middles.mean(axis=0), jitter_deg
             )
-            if all(least <= sight.visible_px(viewpoint) <= most for sight in sights):
+            if all(
+                least <= visibility.visible_px(viewpoint) <= most for visibility in visibilities
+            ):
                 return viewpoint
         return None

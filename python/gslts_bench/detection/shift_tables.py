@@ -13,7 +13,7 @@ from gslts_bench.detection.score import (
     SHIFT_M,
     UNRELIABLE,
     ShiftScore,
-    count_told_as_shift,
+    count_reported_as_shift,
 )
 from gslts_bench.tables import Table, mean, number, share
 from gslts_sim.tasks import KINDS
@@ -31,21 +31,21 @@ def shift_summary(shifted: Sequence[Record], others: Sequence[Record]) -> dict[s
     """
     scores = [ShiftScore.of(record) for record in shifted]
     count = len(scores)
-    told = [score for score in scores if score.said == "shift"]
+    reported = [score for score in scores if score.said == "shift"]
     visits = [record for record in others if record.part == "unchanged"]
     in_visits = [any(report.kind == "shift" for report in record.reports) for record in visits]
     return {
         "right": [sum(score.right for score in scores), count],
-        "wrong_motion": [sum(not score.right for score in told), count],
+        "wrong_motion": [sum(not score.right for score in reported), count],
         **{
             said: [sum(score.said == said for score in scores), count]
             for said in (*KINDS, NONE, UNRELIABLE)
         },
-        "error_cm": _median([100 * s.error_m for s in told if s.error_m is not None]),
-        "error_deg": _median([s.error_deg for s in told if s.error_deg is not None]),
+        "error_cm": _median([100 * s.error_m for s in reported if s.error_m is not None]),
+        "error_deg": _median([s.error_deg for s in reported if s.error_deg is not None]),
         "extra_reports": [sum(score.extra for score in scores), count],
-        "told_as_shift": [
-            sum(count_told_as_shift(record) for record in others),
+        "reported_as_shift": [
+            sum(count_reported_as_shift(record) for record in others),
             sum(len(record.truths) for record in others),
         ],
         "visits_with_shifts": [sum(in_visits), len(visits)],
@@ -66,14 +66,17 @@ def shift_table(strategies: Mapping[str, dict[str, Any]]) -> Table:
     rows = [
         [f"reported as a shift, to {100 * SHIFT_M:g} cm", *(share(*s["right"]) for s in found)],
         ["reported as a shift, by more off", *(share(*s["wrong_motion"]) for s in found)],
-        ["told as something else", *map(other, found)],
+        ["reported as something else", *map(other, found)],
         *([f"- as {name}", *(share(*s[name]) for s in found)] for name in KINDS),
         ["nothing reported there", *(share(*s[NONE]) for s in found)],
         ["unreliable", *(share(*s[UNRELIABLE]) for s in found)],
         ["median error of the motion", *(number(s["error_cm"], 1, "cm") for s in found)],
         ["- of its rotation", *(number(s["error_deg"], 1, "degrees") for s in found)],
         ["other reports in a frame", *(mean(*s["extra_reports"]) for s in found)],
-        ["changes of other parts told as a shift", *(share(*s["told_as_shift"]) for s in found)],
+        [
+            "changes of other parts reported as a shift",
+            *(share(*s["reported_as_shift"]) for s in found),
+        ],
         ["no change: visits with a shift", *(share(*s["visits_with_shifts"]) for s in found)],
     ]
     return Table("Shifted objects", ["", *(f"`{name}`" for name in strategies)], rows)

@@ -135,13 +135,13 @@ def tabulate(found: Mapping[str, Any]) -> list[Table]:
         tables += [_watching(detectors[WATCH])]
     tables += [
         shift_table(strategies),
-        _compared("Type and region right, by type of change", strategies, "by_type"),
-        _compared(
+        _comparison("Type and region right, by type of change", strategies, "by_type"),
+        _comparison(
             "Type and region right, by size of the object in view (of 640 x 480)",
             strategies,
             "by_size",
         ),
-        _compared("Type and region right, by object", strategies, "by_object"),
+        _comparison("Type and region right, by object", strategies, "by_object"),
     ]
     tables += [_calibration(strategies)]
     tables += [_confusions(name, strategy["single"]) for name, strategy in strategies.items()]
@@ -206,7 +206,7 @@ def _false_visits(numbers: dict[str, Any]) -> str:
     return f"{count} of {of}"
 
 
-def _compared(title: str, strategies: Mapping[str, dict[str, Any]], key: str) -> Table:
+def _comparison(title: str, strategies: Mapping[str, dict[str, Any]], key: str) -> Table:
     groups = [numbers["single"][key] for numbers in strategies.values()]
     # An object is not in a group where all of its cases failed.
     names = dict.fromkeys(name for group in groups for name in group)
@@ -218,11 +218,16 @@ def _calibration(strategies: Mapping[str, dict[str, Any]]) -> Table:
     groups = pairwise(CONFIDENCE_EDGES)
     found = [numbers["calibration"] for numbers in strategies.values()]
     rows = [
-        [f"{low} to {high}", *(share(one["true"][k], one["reports"][k]) for one in found)]
+        [
+            f"{low} to {high}",
+            *(share(calibration["true"][k], calibration["reports"][k]) for calibration in found),
+        ]
         for k, (low, high) in enumerate(groups)
-        if any(one["reports"][k] for one in found)
+        if any(calibration["reports"][k] for calibration in found)
     ]
-    rows += [["expected calibration error", *(number(one["error"], 2) for one in found)]]
+    rows += [
+        ["expected calibration error", *(number(calibration["error"], 2) for calibration in found)]
+    ]
     header = ["confidence", *(f"`{name}`" for name in strategies)]
     return Table("True reports by confidence, in frames without shifts", header, rows)
 

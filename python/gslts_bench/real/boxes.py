@@ -21,7 +21,7 @@ BoxPx = tuple[float, float, float, float]
 
 
 JUDGED: tuple[Kind, ...] = ("new", "missing", "nudged")
-"""Kinds that a detector is judged by: the first two must be found, the last may be told as a
+"""Kinds that a detector is judged by: the first two must be found, the last may be reported as a
 shift."""
 
 

@@ -88,7 +88,7 @@ class MapChange:
         kept = ~plane.rows_on(means, cells)
         kept[self.standing.rows] = False
         filling = gaussian_map.select(plane.rows_on(means, cells + self.step))
-        filling = _shifted(filling, -plane.shift(self.step))
+        filling = _shift(filling, -plane.shift(self.step))
         bare = join(gaussian_map.select(kept), filling, int(gaussian_map.ids.max()) + 1)
         return bare if self.kind == "addition" else join(bare, moved)
 
@@ -144,7 +144,7 @@ class MapChange:
         gaussians = gaussian_map.select(self.standing.rows)
         if side == "after":
             return gaussians
-        return _shifted(gaussians, self.standing.plane.shift(self.step))
+        return _shift(gaussians, self.standing.plane.shift(self.step))
 
 
 def make_changes(
@@ -203,5 +203,5 @@ def _render(gaussian_map: GaussianMap, camera: Camera) -> tuple[Floats32, Floats
     return images.rgb.astype(np.float32), images.depth.astype(np.float32)
 
 
-def _shifted(gaussians: GaussianMap, shift: Floats) -> GaussianMap:
+def _shift(gaussians: GaussianMap, shift: Floats) -> GaussianMap:
     return replace(gaussians, means=(gaussians.means + shift).astype(gaussians.dtype))

@@ -21,8 +21,8 @@ from gslts_bench.real.planes import (
     Plane,
     SurfacePoints,
     cells_of,
+    dilate,
     find_planes,
-    grown,
     is_in,
 )
 
@@ -100,36 +100,38 @@ def find_objects(
         support = _support(low + CELL_M * (own + 0.5), supports)
         if support is not None:
             near = ndimage.binary_dilation(np.pad(labels[box] == label, 1), np.ones((3, 3, 3)))
-            one = _object(means, cells - [side.start - 1 for side in box], near, support)
-            found += [one] if one is not None else []
+            standing = _object(means, cells - [side.start - 1 for side in box], near, support)
+            found += [standing] if standing is not None else []
     return found
 
 
-def free_places(one: StandingObject, points: Floats, rng: np.random.Generator) -> Iterator[Ints]:
+def free_places(
+    standing: StandingObject, points: Floats, rng: np.random.Generator
+) -> Iterator[Ints]:
     """Yield steps (2,) to free places for an object on its plane, cells, in random order.
 
     Args:
-        one: The object.
+        standing: The object.
         points: [P,3] points of all surfaces, world, m.
         rng: Decides the order.
     """
-    plane = one.plane
+    plane = standing.plane
     local = plane.local(points)
-    above = (local[:, 2] > PLANE_M) & (local[:, 2] < one.height_m + MAX_BASE_M)
+    above = (local[:, 2] > PLANE_M) & (local[:, 2] < standing.height_m + MAX_BASE_M)
     blocked = cells_of(local[above])
-    both = np.concatenate([plane.cells, blocked, one.cells])
+    both = np.concatenate([plane.cells, blocked, standing.cells])
     reach = int(MAX_SHIFT_M / CELL_M)
     low = both.min(axis=0) - reach
     shape = both.max(axis=0) - low + reach + 1
     supported, taken = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
     supported[tuple((plane.cells - low).T)] = True
     taken[tuple((blocked - low).T)] = True
-    taken[tuple((one.cells - low).T)] = True
+    taken[tuple((standing.cells - low).T)] = True
     steps = np.stack(np.meshgrid(*2 * [np.arange(-reach, reach + 1)]), axis=2).reshape(-1, 2)
     distances_m = CELL_M * np.linalg.norm(steps, axis=1)
     steps = steps[(distances_m >= MIN_SHIFT_M) & (distances_m <= MAX_SHIFT_M)]
     for step in rng.permutation(steps):
-        rows, columns = (one.cells + step - low).T
+        rows, columns = (standing.cells + step - low).T
         if not taken[rows, columns].any() and supported[rows, columns].mean() >= MIN_SUPPORT_SHARE:
             yield step
 
@@ -150,7 +152,7 @@ def _object(means: Floats, cells: Ints, near: Bools, plane: Plane) -> StandingOb
         return None
     cells, height_m = cells_of(local), float(local[:, 2].max())
     inside = np.flatnonzero(plane.rows_on(means, cells, PLANE_M / 2, height_m))
-    return StandingObject(np.union1d(rows, inside), plane, grown(cells), height_m)
+    return StandingObject(np.union1d(rows, inside), plane, dilate(cells), height_m)
 
 
 def _touching(means: Floats, rows: Ints, plane: Plane) -> Ints:
@@ -168,8 +170,8 @@ def _support(points: Floats, planes: Sequence[Plane]) -> Plane | None:
         local = plane.local(points)
         if not -PLANE_M <= local[:, 2].min() <= MAX_BASE_M:
             continue
-        inner = grown(cells_of(local))
-        ring = grown(grown(inner))
+        inner = dilate(cells_of(local))
+        ring = dilate(dilate(inner))
         ring = ring[~is_in(ring, inner)]
         share = float(is_in(ring, plane.cells).mean())
         if share >= best_share:

@@ -167,7 +167,7 @@ def find_planes(surface: SurfacePoints, rng: np.random.Generator) -> list[Plane]
         axes = np.stack([first, np.cross(normal, first), normal])
         if on_it.sum() < MIN_POINTS:
             break
-        cells = _closed(cells_of(left[on_it] @ axes.T))
+        cells = _close_gaps(cells_of(left[on_it] @ axes.T))
         left, normals = left[~on_it], normals[~on_it]
         if len(cells) * CELL_M**2 >= MIN_PLANE_M2:
             planes.append(Plane(axes, height_m, cells))
@@ -196,13 +196,13 @@ def is_in(cells: Ints, others: Ints) -> Bools:
     return np.asarray(np.isin(_keys(cells), _keys(others)))
 
 
-def grown(cells: Ints) -> Ints:
+def dilate(cells: Ints) -> Ints:
     """Return cells with their eight neighbours.
 
     Args:
         cells: [K,2].
     """
-    return _morphed(cells, ndimage.binary_dilation)
+    return _apply_morphology(cells, ndimage.binary_dilation)
 
 
 def _best_plane(points: Floats, normals: Floats, rng: np.random.Generator) -> tuple[Floats, float]:
@@ -233,12 +233,12 @@ def _near(points: Floats, normals: Floats, normal: Floats, height_m: float) -> B
     return np.asarray(close & (normals @ normal > MIN_NORMAL_COSINE))
 
 
-def _closed(cells: Ints) -> Ints:
+def _close_gaps(cells: Ints) -> Ints:
     """Return cells with the gaps between them closed."""
-    return _morphed(cells, ndimage.binary_closing)
+    return _apply_morphology(cells, ndimage.binary_closing)
 
 
-def _morphed(cells: Ints, change: Callable[..., Bools]) -> Ints:
+def _apply_morphology(cells: Ints, change: Callable[..., Bools]) -> Ints:
     low = cells.min(axis=0) - 2
     image = np.zeros(cells.max(axis=0) - low + 3, np.bool_)
     image[tuple((cells - low).T)] = True

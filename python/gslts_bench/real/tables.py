@@ -66,7 +66,7 @@ def _table(part: str, rooms: Mapping[str, Any]) -> Table:
         "missing found",
         f"other reports a {part}",
         "frames unreliable",
-        "nudged told as a shift",
+        "nudged reported as a shift",
     )
     rows = [
         (

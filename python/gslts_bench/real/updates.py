@@ -128,7 +128,7 @@ class UpdateUnit(BenchUnit[UpdateRecord, RealRoom]):
             monitor=CONFIRMATION,
         )
         changes = () if done.result is None else done.result.changes
-        true = [_happened(change, rest, earlier) for change in changes]
+        true = [_is_marked(change, rest, earlier) for change in changes]
         earlier += entries
         maps = first, _ = read_map(Path(f"{path}@1")), read_map(path)
         comparison = _Comparison(first, held_out, rest)
@@ -198,7 +198,7 @@ def _updatable(held_out: _Entry, rest: Sequence[_Entry]) -> list[MarkedObject]:
     ]
 
 
-def _happened(change: Change, entries: Sequence[_Entry], earlier: Sequence[_Entry]) -> bool:
+def _is_marked(change: Change, entries: Sequence[_Entry], earlier: Sequence[_Entry]) -> bool:
     """Return whether an image has a difference marked where a box of a change is.
 
     What is gone may have been new in an earlier visit, and a shift is of what is marked as nudged.

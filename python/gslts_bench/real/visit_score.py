@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from gslts.change.changes import SIDES, Change, Side
+from gslts.change.confirmation import MonitorConfig
 from gslts.change.detector import ChangeDetector, Detection
-from gslts.change.monitor import Counts, MonitorConfig, confirm_changes
+from gslts.change.monitor import Counts, confirm_changes
 from gslts.core.frame import RgbdFrame
 from gslts_bench.real.boxes import JUDGED, MarkedObject
 from gslts_bench.real.score import Report, found_objects, other_reports, reports_of

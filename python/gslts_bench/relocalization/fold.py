@@ -63,7 +63,7 @@ class FoldUnit(BenchUnit[RoomRecord, RoomFold]):
         folder = self.bench.map()
         known, relocalizer = TrainingRecord.read(folder), Relocalizers(folder).of(OURS)
         in_map = {name: camera.world_from_camera for name, camera in known.cameras.items()}
-        corrected = transfer(room.corrected(), in_map)
+        corrected = transfer(room.corrected_poses(), in_map)
         for frame in frames:
             if frame.name in corrected:
                 record = RoomRecord(id=frame.name, fold=fold)

@@ -135,7 +135,7 @@ def make_cases(bench: BenchHome, visits: int, changed: int) -> HomeCases:
     cases = [_visit(number, before.home, rng) for number in range(visits)]
     # Another generator, so that visits do not depend on the number of others.
     rng = np.random.default_rng([bench.seed, 3])
-    cases += _changed(before, tasks, changed, rng)
+    cases += _make_changed(before, tasks, changed, rng)
     return HomeCases(initial_actions=initial_actions, cases=tuple(cases))
 
 
@@ -183,7 +183,7 @@ def _visit(number: int, home: Home, rng: np.random.Generator) -> Case:
     )
 
 
-def _changed(
+def _make_changed(
     before: SceneState, tasks: list[Task], count: int, rng: np.random.Generator
 ) -> Iterator[Case]:
     sets = (

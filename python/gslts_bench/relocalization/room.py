@@ -87,7 +87,7 @@ class RecordedRoom:
             "code": self.code,
         }
 
-    def corrected(self) -> dict[str, Floats]:
+    def corrected_poses(self) -> dict[str, Floats]:
         """Return world_from_camera [4,4] by frame as corrected by a map of all frames.
 
         The held-out frames of that map are refined in it afterwards.

@@ -19,23 +19,23 @@ class EventScore:
     """Numbers of events.
 
     Attributes:
-        right: Told events that happened, each true event counted once.
-        told: Told events.
+        right: Reported events that happened, each true event counted once.
+        reported: Reported events.
         true: Events that happened.
     """
 
     right: int
-    told: int
+    reported: int
     true: int
 
     @property
     def precision(self) -> float:
-        """Share of the told events that happened; 1 without told events."""
-        return self.right / self.told if self.told else 1.0
+        """Share of the reported events that happened; 1 without reported events."""
+        return self.right / self.reported if self.reported else 1.0
 
     @property
     def recall(self) -> float:
-        """Share of the true events that are told; 1 if nothing happened."""
+        """Share of the true events that are reported; 1 if nothing happened."""
         return self.right / self.true if self.true else 1.0
 
 
@@ -63,23 +63,23 @@ def true_events(changes: Sequence[Change]) -> list[Change]:
     return events
 
 
-def score_events(told: Sequence[ObjectEvent], true: Sequence[Change]) -> EventScore:
-    """Compare told events with true ones: same kind and type, and each end at its position.
+def score_events(reported: Sequence[ObjectEvent], true: Sequence[Change]) -> EventScore:
+    """Compare reported events with true ones: same kind and type, and each end at its position.
 
     Args:
-        told: Of a history.
+        reported: Of a history.
         true: From `true_events`.
     """
     left = list(true)
-    for event in told:
+    for event in reported:
         fitting = [change for change in left if fits_change(event, change)]
         if fitting:
             left.remove(fitting[0])
-    return EventScore(len(true) - len(left), len(told), len(true))
+    return EventScore(len(true) - len(left), len(reported), len(true))
 
 
 def fits_change(event: ObjectEvent, change: Change) -> bool:
-    """Return whether a told event is a true change; an event may have no type.
+    """Return whether a reported event is a true change; an event may have no type.
 
     Args:
         event: Of a history.

@@ -19,8 +19,6 @@ POSES = {
     "given_psnr_db": ("poses as given", "D", "C2"),
 }
 """Name, marker and colour of each field of a point."""
-TICKS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
-"""Marks in each decade of an axis."""
 
 
 def write_plot(points: Sequence[MappingPoint], title: str, path: Path) -> None:
@@ -109,7 +107,7 @@ def _note(axes: Axes, x: Sequence[float], y: Sequence[float], words: Sequence[st
 
 
 def _mark_decades(axis: Axis) -> None:
-    axis.set_major_locator(LogLocator(subs=TICKS))
+    axis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
     axis.set_major_formatter(EngFormatter(sep=""))
     axis.set_minor_locator(NullLocator())
     axis.set_minor_formatter(NullFormatter())

@@ -52,12 +52,10 @@ class Setting:
     shrink: int = 1
 
 
-DEFAULT = Setting("default", "")
-"""Default of the renderer."""
 EXACT = Setting("exact", "", {"alpha_min": 1e-30, "transmittance_min": 0.0}, np.float64)
 """Reference without cut-offs."""
 SETTINGS = (
-    DEFAULT,
+    Setting("default", ""),
     *(
         Setting("alpha cut-off", f"1/{n}", {"alpha_min": 1 / n})
         for n in (32, 64, 128, 255, 1024, 4096, 100_000)

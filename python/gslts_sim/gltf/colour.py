@@ -129,10 +129,10 @@ class Textures:
                 data = self._file.view(entry["bufferView"])
             else:
                 data = self._file.resource(entry.get("uri"))
-            self._images[index] = self._decoded(data, f"images[{index}]")
+            self._images[index] = self._decode(data, f"images[{index}]")
         return self._images[index]
 
-    def _decoded(self, data: memoryview, name: str) -> Bytes:
+    def _decode(self, data: memoryview, name: str) -> Bytes:
         from PIL import Image
 
         try:

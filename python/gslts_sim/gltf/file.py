@@ -57,7 +57,7 @@ class GltfFile:
             data = self._json_of_glb(data)
         if len(data) > MAX_JSON_BYTES:
             self.reject(f"its JSON has {len(data)} bytes, more than {MAX_JSON_BYTES}")
-        self.tree = self._parsed(data)
+        self.tree = self._parse(data)
         self._check_nodes()
 
     def reject(self, problem: str) -> NoReturn:
@@ -236,7 +236,7 @@ class GltfFile:
                 self._binary = memoryview(data)[rest + 8 : rest + 8 + binary_length]
         return data[20:rest]
 
-    def _parsed(self, data: bytes) -> Tree:
+    def _parse(self, data: bytes) -> Tree:
         try:
             tree = json.loads(data.decode("utf-8"), parse_constant=_no_constant)
         except (ValueError, RecursionError) as error:

@@ -227,7 +227,7 @@ class _Outline:
             self._views[name] = view
         return self._views[name]["buffer"]
 
-    def _unpacked(self, values: Any, index: int) -> Floats:
+    def _unpack(self, values: Any, index: int) -> Floats:
         """Return the values of an accessor from those of trimesh, normalised if declared so."""
         accessor = self.file.item("accessors", index)
         numbers = np.array(values, np.float64)
@@ -239,7 +239,7 @@ class _Outline:
         """Return the surface of a primitive, its vertices in the world."""
         mesh_index, k = map(int, name.split("."))
         attributes = self.file.items("meshes")[mesh_index]["primitives"][k]["attributes"]
-        local = self._unpacked(mesh.vertices, attributes["POSITION"])
+        local = self._unpack(mesh.vertices, attributes["POSITION"])
         if not np.isfinite(local).all():
             row = int(np.flatnonzero(~np.isfinite(local).all(axis=1))[0])
             self.file.reject(f"vertex {row} is {local[row].tolist()}")
@@ -265,11 +265,11 @@ class _Outline:
         uvs = np.zeros((len(faces), 3, 2), np.float32)
         if "_UV" in mesh.vertex_attributes:
             accessor = attributes[f"TEXCOORD_{colour.uv_set}"]
-            raw = self._unpacked(mesh.vertex_attributes["_UV"], accessor)
+            raw = self._unpack(mesh.vertex_attributes["_UV"], accessor)
             uv = raw @ colour.uv_from_raw[:, :2].T + colour.uv_from_raw[:, 2]
             uvs = uv.astype(np.float32)[faces]
         if "_COLOR" in mesh.vertex_attributes:
-            colours = self._unpacked(mesh.vertex_attributes["_COLOR"], attributes["COLOR_0"])
+            colours = self._unpack(mesh.vertex_attributes["_COLOR"], attributes["COLOR_0"])
             of_faces = colours[faces, :3].mean(axis=1)
             if colour.image is None:
                 return palette(of_faces * factor)

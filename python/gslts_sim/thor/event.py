@@ -53,13 +53,13 @@ def camera_of(event: Any) -> Camera:
     Raises:
         ValueError: The metadata has no pose or field of view.
     """
-    agent = _required(event.metadata, "agent")
-    eye = in_world(_required(event.metadata, "cameraPosition"))
-    yaw = yaw_in_world(_required(_required(agent, "rotation"), "y"))
-    direction = camera_direction(yaw, np.deg2rad(_required(agent, "cameraHorizon")))
+    agent = _require(event.metadata, "agent")
+    eye = in_world(_require(event.metadata, "cameraPosition"))
+    yaw = yaw_in_world(_require(_require(agent, "rotation"), "y"))
+    direction = camera_direction(yaw, np.deg2rad(_require(agent, "cameraHorizon")))
     width, height = event.screen_width, event.screen_height
     # Unity's fieldOfView is always the vertical one.
-    focal_px = 0.5 * height / np.tan(0.5 * np.deg2rad(_required(event.metadata, "fov")))
+    focal_px = 0.5 * height / np.tan(0.5 * np.deg2rad(_require(event.metadata, "fov")))
     return Camera(
         fx=focal_px,
         fy=focal_px,
@@ -100,7 +100,7 @@ def objects_of(event: Any) -> list[ThorObject]:
     Raises:
         ValueError: The metadata has no objects, or an object lacks a property.
     """
-    return [_object_of(obj) for obj in _required(event.metadata, "objects")]
+    return [_object_of(obj) for obj in _require(event.metadata, "objects")]
 
 
 def instances_of(event: Any, objects: Sequence[ThorObject]) -> Ints32:
@@ -133,20 +133,20 @@ def instances_of(event: Any, objects: Sequence[ThorObject]) -> Ints32:
 
 
 def _object_of(obj: Any) -> ThorObject:
-    around = _required(obj, "axisAlignedBoundingBox")
-    center = in_world(_required(around, "center"))
-    half = 0.5 * in_world(_required(around, "size"))
+    around = _require(obj, "axisAlignedBoundingBox")
+    center = in_world(_require(around, "center"))
+    half = 0.5 * in_world(_require(around, "size"))
     return ThorObject(
-        id=_required(obj, "objectId"),
-        type=_required(obj, "objectType"),
+        id=_require(obj, "objectId"),
+        type=_require(obj, "objectType"),
         box=np.stack([center - half, center + half]),
-        visible=bool(_required(obj, "visible")),
-        movable=bool(_required(obj, "pickupable") or _required(obj, "moveable")),
-        parents=tuple(_required(obj, "parentReceptacles", may_be_none=True) or ()),
+        visible=bool(_require(obj, "visible")),
+        movable=bool(_require(obj, "pickupable") or _require(obj, "moveable")),
+        parents=tuple(_require(obj, "parentReceptacles", may_be_none=True) or ()),
     )
 
 
-def _required(metadata: Any, key: str, *, may_be_none: bool = False) -> Any:
+def _require(metadata: Any, key: str, *, may_be_none: bool = False) -> Any:
     value = metadata.get(key)
     if key not in metadata or (value is None and not may_be_none):
         raise ValueError(

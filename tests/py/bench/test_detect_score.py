@@ -178,27 +178,33 @@ def many_records() -> list[Record]:
         record([], [miss, hit]),
     ]
     return [
-        one.model_copy(update={"case": f"kitchen_{number % 2}/{number}", "id": str(number)})
-        for number, one in enumerate(records)
+        record.model_copy(update={"case": f"kitchen_{number % 2}/{number}", "id": str(number)})
+        for number, record in enumerate(records)
     ]
 
 
 def test_numbers_are_those_of_one_detector() -> None:
     records = many_records()
-    of_gs_lts = [one.model_copy(update={"variant": "gs_lts", "reports": ()}) for one in records]
+    of_gs_lts = [
+        record.model_copy(update={"variant": "gs_lts", "reports": ()}) for record in records
+    ]
     numbers = summary([*of_gs_lts, *records], "objects")
-    one = numbers["single"]
-    assert (one["right"], one["type"], one["region"]) == ([1, 3], [2, 3], [1, 3])
-    assert (one["found"], one["unreliable"], one["extra_reports"]) == ([1, 3], [1, 3], [1, 3])
-    assert one["by_size"] == {
+    single = numbers["single"]
+    assert (single["right"], single["type"], single["region"]) == ([1, 3], [2, 3], [1, 3])
+    assert (single["found"], single["unreliable"], single["extra_reports"]) == (
+        [1, 3],
+        [1, 3],
+        [1, 3],
+    )
+    assert single["by_size"] == {
         "below 500 px": [1, 1],
         "500 to 2000 px": [0, 1],
         "2000 to 8000 px": [0, 0],
         "from 8000 px": [0, 1],
     }
-    assert one["by_type"]["removal"] == [1, 3]
-    assert one["by_object"] == {"Mug": [1, 3]}
-    assert one["confusion_by_size"]["from 8000 px"]["removal"]["removal"] == 1
+    assert single["by_type"]["removal"] == [1, 3]
+    assert single["by_object"] == {"Mug": [1, 3]}
+    assert single["confusion_by_size"]["from 8000 px"]["removal"]["removal"] == 1
     assert numbers["pair"] == {"found": [1, 2], "false_reports": [0, 1]}
     assert numbers["triple"] == {"found": [2, 3], "false_reports": [0, 1]}
     assert numbers["unchanged"] == {"with_reports": [1, 2], "unreliable": [1, 2]}

@@ -46,8 +46,8 @@ def shifted(*reports: Report, **others: Any) -> Record:
 
 def report(kind: str, motion: np.ndarray | None = None, x: float = CENTER[0]) -> Report:
     point = (x, *CENTER[1:])
-    told = None if motion is None else as_motion(motion)
-    return Report(kind=kind, confidence=0.9, point_m=point, motion=told)
+    given = None if motion is None else as_motion(motion)
+    return Report(kind=kind, confidence=0.9, point_m=point, motion=given)
 
 
 def test_a_shift_is_right_if_the_centre_comes_to_its_place() -> None:
@@ -94,7 +94,7 @@ def test_the_table_counts_them() -> None:
     single = shifted(report("shift", TRUE), part="single").model_copy(
         update={"truths": (Truth(change=removal, size_px=900),)}
     )
-    visits = [shifted(*told, part="unchanged") for told in ((report("shift", TRUE),), ())]
+    visits = [shifted(*given, part="unchanged") for given in ((report("shift", TRUE),), ())]
     records = [
         shifted(report("shift", TRUE)),
         shifted(report("shift", about_center(0.1, -0.02, 5.0))),
@@ -115,15 +115,15 @@ def test_the_table_counts_them() -> None:
     assert (found[NONE], found[UNRELIABLE]) == ([1, 5], [1, 5])
     assert found["error_cm"] == pytest.approx(2.0, abs=1e-3)
     assert found["extra_reports"] == [2, 5]
-    assert (found["told_as_shift"], found["visits_with_shifts"]) == ([1, 1], [1, 2])
+    assert (found["reported_as_shift"], found["visits_with_shifts"]) == ([1, 1], [1, 2])
     assert numbers["single"]["confusion"]["removal"]["shift"] == 1
     assert sum(numbers["calibration"]["reports"]) == 2, "without frames of shifts"
     whole = summarize(records)
     assert "5 shifted objects" in whole["cases"]
     text = tables_markdown(tabulate(whole))
     assert "| reported as a shift, to 3 cm | 20.0 % (1 of 5) | - | - |" in text
-    assert "| told as something else | 20.0 % (1 of 5) | - | - |" in text
-    assert "| changes of other parts told as a shift | 100.0 % (1 of 1) | - | - |" in text
+    assert "| reported as something else | 20.0 % (1 of 5) | - | - |" in text
+    assert "| changes of other parts reported as a shift | 100.0 % (1 of 1) | - | - |" in text
     wrong = choose(records, "objects")
     assert any(each.part == "shifted" for each in wrong)
     assert file_stem(records[0]).endswith("right_shift-Chair_said_1-shift")

@@ -43,14 +43,14 @@ def watched(said: list[Any]) -> tuple[str | None, list[Change]]:
 
 
 def test_the_robot_turns_past_the_viewpoint() -> None:
-    look = Viewpoint(1.0, 2.0, 5.0, 20.0)
-    looks = turn_views(look)
-    assert len(looks) == len(TURNS_DEG)
+    viewpoint = Viewpoint(1.0, 2.0, 5.0, 20.0)
+    viewpoints = turn_views(viewpoint)
+    assert len(viewpoints) == len(TURNS_DEG)
     assert np.mean(TURNS_DEG) == 0
-    for turned, turn_deg in zip(looks, TURNS_DEG, strict=True):
+    for turned, turn_deg in zip(viewpoints, TURNS_DEG, strict=True):
         assert turned.yaw_deg == (5.0 + turn_deg) % 360
         assert turned.horizon_deg == 20.0
-        np.testing.assert_array_equal(turned.position, look.position)
+        np.testing.assert_array_equal(turned.position, viewpoint.position)
 
 
 def test_changes_in_enough_frames_are_reported() -> None:
@@ -60,8 +60,8 @@ def test_changes_in_enough_frames_are_reported() -> None:
 
 
 def test_the_most_confident_change_comes_first() -> None:
-    one, other = removal(0.0, 0.6), removal(3.0, 0.9)
-    assert watched([[one, other]] * 3) == (None, [other, one])
+    unsure, other = removal(0.0, 0.6), removal(3.0, 0.9)
+    assert watched([[unsure, other]] * 3) == (None, [other, unsure])
 
 
 def test_a_watch_without_a_reliable_frame_is_unreliable() -> None:

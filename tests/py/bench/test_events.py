@@ -32,7 +32,7 @@ def test_each_true_event_counts_once():
     true = [change("relocation", BOX_A, BOX_B), change("removal", BOX_A, None, "Mug|2")]
     move = ObjectEvent(kind="relocation", type="Mug", boxes=(BOX_A, BOX_B))
     score = score_events([move, move], true)
-    assert score == EventScore(right=1, told=2, true=2)
+    assert score == EventScore(right=1, reported=2, true=2)
     assert (score.precision, score.recall) == (0.5, 0.5)
 
 
@@ -52,14 +52,14 @@ def test_an_end_where_nothing_happened_is_untrue():
         assert is_untrue(ObjectEvent(kind="relocation", type="Mug", boxes=boxes), moved)
 
 
-def told_shift(before, after):
+def reported_shift(before, after):
     # A plain copy: which kinds a history stores is not the subject.
     return ObjectEvent.model_construct(kind="shift", type="Mug", boxes=(before, after))
 
 
 def test_a_shift_is_true_only_where_an_object_moved():
     near = ((0.05, 0.0, 0.0), (0.25, 0.2, 0.2))
-    shift = told_shift(BOX_A, near)
+    shift = reported_shift(BOX_A, near)
     true = change("shift", BOX_A, near)
     assert not is_untrue(shift, [true])
     assert was_found(true, [shift])

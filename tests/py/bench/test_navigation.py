@@ -36,7 +36,7 @@ def test_spl_by_hand() -> None:
     # Anderson et al. 2018: S l / max(p, l).
     kitchen = [record(True, 2, 2), record(True, 1, 4), record(False, 3, 3), record(True, 2, 1.9)]
     bedroom = [record(True, 1, 2, "bedroom"), record(False, 1, 0, "bedroom")]
-    assert [one.spl for one in kitchen] == [1, 0.25, 0, 1]
+    assert [episode.spl for episode in kitchen] == [1, 0.25, 0, 1]
     rooms = summarize([*kitchen, *bedroom])["rooms"]
     assert rooms["kitchen"]["spl"] == pytest.approx(2.25 / 4)
     assert rooms["bedroom"]["spl"] == pytest.approx(0.5 / 2)
@@ -52,8 +52,8 @@ def test_spl_by_hand() -> None:
 
 def test_moved_objects_are_counted_apart() -> None:
     def walk(name: str, success: bool, status: str = "reached") -> Record:
-        one = record(success, 1, 1)
-        return one.model_copy(update={"id": f"kitchen_0/moved_{name}", "status": status})
+        walked = record(success, 1, 1)
+        return walked.model_copy(update={"id": f"kitchen_0/moved_{name}", "status": status})
 
     moved = [walk("00/0", True), walk("00/1", False), walk("01/0", False, NOT_UPDATED)]
     found = summarize([record(True, 1, 1), *moved])
@@ -122,7 +122,7 @@ def test_success_needs_an_object_that_is_near_and_in_view() -> None:
         return succeeds(truth(), category, np.array([x, y]), robot.snapshot(0).instances)
 
     assert ends(3.0, 1.5, 180)
-    assert not ends(3.0, 1.5, 0)  # It looks away.
+    assert not ends(3.0, 1.5, 0)  # It faces away.
     assert not ends(3.5, 1.5, 180)  # 1.15 m away.
     assert not ends(3.0, 1.5, 180, "Box")
 
@@ -134,13 +134,13 @@ def test_episodes_can_be_drawn_again(monkeypatch: pytest.MonkeyPatch) -> None:
     drawn = episodes_of(truth(), "kitchen", "room", 3, 8)
     assert drawn[:5] == episodes_of(truth(), "kitchen", "room", 3, 5)
     assert drawn != episodes_of(truth(), "kitchen", "room", 4, 8)
-    assert [one.name for one in drawn[:2]] == ["room/000", "room/001"]
+    assert [episode.name for episode in drawn[:2]] == ["room/000", "room/001"]
     for pair in zip(drawn[::2], drawn[1::2], strict=True):
-        assert {one.category for one in pair} == {"Mug", "Box"}
-    for one in drawn:
-        ways = truth().metres_to(truth().goals(one.category))
-        row = np.argmin(np.linalg.norm(truth().positions - one.position, axis=1))
-        assert one.shortest_m == ways[row] >= MIN_PATH_M
+        assert {episode.category for episode in pair} == {"Mug", "Box"}
+    for episode in drawn:
+        directions = truth().metres_to(truth().goals(episode.category))
+        row = np.argmin(np.linalg.norm(truth().positions - episode.position, axis=1))
+        assert episode.shortest_m == directions[row] >= MIN_PATH_M
     monkeypatch.setattr("gslts_bench.navigation.episodes.CATEGORIES", {"kitchen": ("Bed",)})
     with pytest.raises(ValueError, match="room: none of Bed can be reached"):
         episodes_of(truth(), "kitchen", "room", 3, 8)

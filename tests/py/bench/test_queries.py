@@ -25,10 +25,10 @@ def test_iou_by_hand() -> None:
 
 
 def test_an_instance_serves_one_object() -> None:
-    boxes, one = [UNIT, UNIT + 0.1], instance(0, 1)
-    assert sorted(best_ious(boxes, [one])) == [0, 1]
+    boxes, found = [UNIT, UNIT + 0.1], instance(0, 1)
+    assert sorted(best_ious(boxes, [found])) == [0, 1]
     assert best_ious(boxes, []) == [0, 0]
-    assert best_ious([], [one]) == []
+    assert best_ious([], [found]) == []
 
 
 def test_the_summary_counts_all_objects() -> None:

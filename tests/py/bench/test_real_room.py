@@ -131,7 +131,7 @@ def test_the_map_is_changed_the_other_way_round(
 
 
 def test_changes_are_seen_by_their_frames(table: GaussianMap) -> None:
-    frames = {str(k): one for k, one in enumerate(CAMERAS)}
+    frames = {str(k): camera for k, camera in enumerate(CAMERAS)}
     made = make_changes(table, CAMERAS, frames, 5, seed=0)
     again = make_changes(table, CAMERAS, frames, 5, seed=0)
     assert [(c.kind, c.name) for c in made] == [(c.kind, c.name) for c in again]

@@ -33,7 +33,7 @@ def test_folds_are_eight() -> None:
     room = RecordedRoom(Path("room"), "0", MappingConfig(), Path(), {})
     assert [unit.bench.fold for unit in units_of(room, [])] == list(range(8))
     assert [unit.bench.fold for unit in units_of(room, [5, 2, 5])] == [2, 5]
-    assert len({one.results for one in units_of(room, [])}) == 8
+    assert len({unit.results for unit in units_of(room, [])}) == 8
     other = replace(room, content="1")
     assert units_of(other, [2])[0].results != units_of(room, [2])[0].results
     with pytest.raises(ValueError, match="0 to 7, got 8"):
@@ -55,17 +55,17 @@ def test_two_maps_are_brought_together() -> None:
     rng = np.random.default_rng(0)
     known = {f"{k}": _pose(rng.normal(size=3), rng.normal(size=3)) for k in range(5)}
     motion = _pose(np.array([0.3, -0.1, 0.2]), np.array([0.02, 0.01, -0.03]))
-    poses = {name: motion @ one for name, one in known.items()}
+    poses = {name: motion @ pose for name, pose in known.items()}
     brought = transfer(poses, {name: known[name] for name in ("0", "1", "3")})
     assert list(brought) == list(poses)
-    for name, one in brought.items():
-        np.testing.assert_allclose(one, known[name], atol=1e-9)
+    for name, pose in brought.items():
+        np.testing.assert_allclose(pose, known[name], atol=1e-9)
     with pytest.raises(ValueError, match="no frame in common"):
         transfer(poses, {"other": np.eye(4)})
 
 
 def test_other_homes_are_of_another_type_and_of_the_same() -> None:
-    assert [one.name for one in other_homes(BENCH)] == ["kitchen_3", "bedroom_2"]
+    assert [home.name for home in other_homes(BENCH)] == ["kitchen_3", "bedroom_2"]
     last, first = (other_homes(replace(BENCH, seed=seed)) for seed in (9999, 10000))
     assert (last[1].seed, first[1].seed) == (9998, 10001), "in the same split"
 
@@ -73,14 +73,14 @@ def test_other_homes_are_of_another_type_and_of_the_same() -> None:
 def test_viewpoints_nearby_are_reachable() -> None:
     home, rng = make_home("bedroom", 3, detail=0.05), np.random.default_rng(0)
     floor = floor_of(home)
-    look = Viewpoint.at(floor.grid_positions(0.25)[7], 350.0, 20.0)
-    looks = [draw_viewpoint_near(look, home, rng) for _ in range(20)]
-    for one in looks:
-        assert floor.can_stand(one.position)
-        assert np.abs(one.position - look.position).max() <= NEAR_M
-        assert abs((one.yaw_deg - look.yaw_deg + 180) % 360 - 180) <= NEAR_DEG + 0.1
-        assert one.horizon_deg == 20
-    assert len({one.yaw_deg for one in looks}) > 10
+    viewpoint = Viewpoint.at(floor.grid_positions(0.25)[7], 350.0, 20.0)
+    viewpoints = [draw_viewpoint_near(viewpoint, home, rng) for _ in range(20)]
+    for near in viewpoints:
+        assert floor.can_stand(near.position)
+        assert np.abs(near.position - viewpoint.position).max() <= NEAR_M
+        assert abs((near.yaw_deg - viewpoint.yaw_deg + 180) % 360 - 180) <= NEAR_DEG + 0.1
+        assert near.horizon_deg == 20
+    assert len({near.yaw_deg for near in viewpoints}) > 10
 
 
 def test_more_visits_begin_with_the_same_ones() -> None:
@@ -95,16 +95,16 @@ def test_more_visits_begin_with_the_same_ones() -> None:
 
 def test_changes_have_several_viewpoints() -> None:
     found = make_cases(BENCH, 0, VIEWS_PER_SET + 1)
-    assert [one.name for one in found.cases] == [
+    assert [case.name for case in found.cases] == [
         f"changed_{k:02}" for k in range(VIEWS_PER_SET + 1)
     ]
     first, last = found.cases[:VIEWS_PER_SET], found.cases[VIEWS_PER_SET]
-    assert {one.actions for one in first} == {first[0].actions}
+    assert {case.actions for case in first} == {first[0].actions}
     assert last.actions != first[0].actions
-    assert len({one.viewpoint for one in found.cases}) == VIEWS_PER_SET + 1
-    assert all(len(one.truths) == 3 for one in found.cases)
+    assert len({case.viewpoint for case in found.cases}) == VIEWS_PER_SET + 1
+    assert all(len(case.truths) == 3 for case in found.cases)
     batch = Batch(BENCH, found, foreign=False)
-    assert {batch.part(one) for one in found.cases} == {"three changes"}
+    assert {batch.part(case) for case in found.cases} == {"three changes"}
     frame, true = batch.take(first[1], batch.before())
     off_m = np.linalg.norm(frame.camera.world_from_camera[:3, 3] - true[:3, 3])
     assert 0 < off_m < 0.05, "what the robot believes errs, what judges it does not"

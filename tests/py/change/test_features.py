@@ -11,9 +11,9 @@ BORDER_PX = 16
 """Margin larger than the neighbourhoods of the features, px."""
 
 
-def likeness(one: np.ndarray, other: np.ndarray, halvings: int = 1) -> np.ndarray:
+def similarities(first: np.ndarray, other: np.ndarray, halvings: int = 1) -> np.ndarray:
     features = OrientedGradients(halvings)
-    return similarity(features(one), features(other), HEIGHT, WIDTH)
+    return similarity(features(first), features(other), HEIGHT, WIDTH)
 
 
 halved = pytest.mark.parametrize("halvings", [0, 1])
@@ -21,42 +21,42 @@ halved = pytest.mark.parametrize("halvings", [0, 1])
 
 def test_plain_images_are_similar() -> None:
     dark, bright = (np.full((HEIGHT, WIDTH, 3), value, np.float32) for value in (0.1, 0.9))
-    np.testing.assert_allclose(likeness(dark, bright), 1, atol=1e-6)
+    np.testing.assert_allclose(similarities(dark, bright), 1, atol=1e-6)
 
 
 @halved
 def test_features_move_with_the_image(halvings: int) -> None:
     """Shift by 5 and -9 cells."""
     features = OrientedGradients(halvings)
-    picture = texture(0)
-    moved = features(np.roll(picture, (5 << halvings, -9 << halvings), axis=(0, 1)))
-    expected = np.roll(features(picture), (5, -9), axis=(0, 1))
+    image = texture(0)
+    moved = features(np.roll(image, (5 << halvings, -9 << halvings), axis=(0, 1)))
+    expected = np.roll(features(image), (5, -9), axis=(0, 1))
     assert expected.shape == (HEIGHT >> halvings, WIDTH >> halvings, 17)
     border = BORDER_PX >> halvings
     inner = (slice(border + 5, -border - 5), slice(border + 9, -border - 9))
     np.testing.assert_allclose(moved[inner], expected[inner], atol=1e-5)
-    assert np.abs(moved - features(picture))[inner].max() > 0.01
+    assert np.abs(moved - features(image))[inner].max() > 0.01
 
 
 def test_halved_features_are_those_of_the_halved_image() -> None:
     """Each pixel of the halved image is the mean of 2 x 2; odd sides are covered too."""
     rng = np.random.default_rng(0)
-    picture = rng.random((HEIGHT, WIDTH, 3), np.float32)
-    blocks = picture.reshape(HEIGHT // 2, 2, WIDTH // 2, 2, 3).mean(axis=(1, 3))
-    once = OrientedGradients(1)(picture)
+    image = rng.random((HEIGHT, WIDTH, 3), np.float32)
+    blocks = image.reshape(HEIGHT // 2, 2, WIDTH // 2, 2, 3).mean(axis=(1, 3))
+    once = OrientedGradients(1)(image)
     np.testing.assert_allclose(once, OrientedGradients(0)(blocks), atol=1e-5)
-    np.testing.assert_array_equal(OrientedGradients()(picture), once)
-    assert OrientedGradients(1)(picture[1:, 1:]).shape == (HEIGHT // 2 - 1, WIDTH // 2 - 1, 17)
-    assert OrientedGradients(2)(picture[:3, :2]).shape == (1, 1, 17)
+    np.testing.assert_array_equal(OrientedGradients()(image), once)
+    assert OrientedGradients(1)(image[1:, 1:]).shape == (HEIGHT // 2 - 1, WIDTH // 2 - 1, 17)
+    assert OrientedGradients(2)(image[:3, :2]).shape == (1, 1, 17)
 
 
 @halved
 def test_features_change_where_the_image_does(halvings: int) -> None:
     """A square of 8 x 8 px changes features symmetrically around its middle."""
-    picture = texture(0)
-    changed = picture.copy()
+    image = texture(0)
+    changed = image.copy()
     changed[40:48, 64:72] = 1
-    unlike = 1 - likeness(picture, changed, halvings)
+    unlike = 1 - similarities(image, changed, halvings)
     rows, columns = np.nonzero(unlike > 0.02)
     middle = (
         np.average(rows + 0.5, weights=unlike[rows, columns]),
@@ -69,38 +69,38 @@ def test_features_change_where_the_image_does(halvings: int) -> None:
 
 @halved
 def test_light_hardly_changes_features(halvings: int) -> None:
-    picture = texture(0)
-    assert likeness(picture, 0.7 * picture + np.float32(0.1), halvings).min() > 0.97
-    assert likeness(picture, picture, halvings).min() > 1 - 1e-5
+    image = texture(0)
+    assert similarities(image, 0.7 * image + np.float32(0.1), halvings).min() > 0.97
+    assert similarities(image, image, halvings).min() > 1 - 1e-5
 
 
 @halved
 def test_another_texture_changes_features(halvings: int) -> None:
     """Stripes are two cells wide: narrower ones vanish in the halved image."""
-    assert np.median(likeness(texture(0), texture(1), halvings)) < 0.85
+    assert np.median(similarities(texture(0), texture(1), halvings)) < 0.85
     on = np.arange(max(HEIGHT, WIDTH)) % (4 << halvings) < 2 << halvings
     stripes = np.zeros((HEIGHT, WIDTH, 3), np.float32)
     stripes[on[:HEIGHT]] = 0.8
     across = np.zeros_like(stripes)
     across[:, on[:WIDTH]] = 0.8
     # Both lean by 45 degrees to the orientations between theirs: 2 of 4 parts.
-    assert np.median(likeness(stripes, across, halvings)) < 0.51
-    assert np.median(likeness(stripes, np.full_like(stripes, 0.4), halvings)) < 0.05
+    assert np.median(similarities(stripes, across, halvings)) < 0.51
+    assert np.median(similarities(stripes, np.full_like(stripes, 0.4), halvings)) < 0.05
 
 
 @halved
-def test_a_step_from_dark_to_bright_is_not_the_opposite_one(halvings: int) -> None:
+def test_a_step_from_dark_to_bright_differs_from_the_opposite(halvings: int) -> None:
     step = np.zeros((HEIGHT, WIDTH, 3), np.float32)
     step[:, WIDTH // 2 :] = 0.8
-    assert likeness(step, step[:, ::-1], halvings)[HEIGHT // 2, WIDTH // 2] < 0.1
+    assert similarities(step, step[:, ::-1], halvings)[HEIGHT // 2, WIDTH // 2] < 0.1
 
 
 def test_coarse_features_are_resized_in_place() -> None:
     """A cell of 3 x 4 differs; the minimum of the large image is at its middle."""
-    one = np.ones((3, 4, 2), np.float32)
-    other = one.copy()
+    ones = np.ones((3, 4, 2), np.float32)
+    other = ones.copy()
     other[2, 1] = 1, -1
-    alike = similarity(one, other, 30, 40)
+    alike = similarity(ones, other, 30, 40)
     assert alike.shape == (30, 40)
     assert alike.dtype == np.float32
     # The middle of the cell lies between pixels 14 and 15, and the border repeats the last row.

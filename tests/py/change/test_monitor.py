@@ -11,8 +11,9 @@ from watching import LONG_S, Clock, Gated, close
 
 from gslts.change.changes import Change
 from gslts.change.config import DetectionConfig
+from gslts.change.confirmation import MonitorConfig
 from gslts.change.detector import Detection
-from gslts.change.monitor import ChangeMonitor, MonitorConfig
+from gslts.change.monitor import ChangeMonitor
 from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
 
@@ -86,8 +87,8 @@ def test_objects_side_by_side_are_several_changes_and_a_frame_counts_once() -> N
     reports, _ = watched(
         lambda t: side_by_side[:: 1 - 2 * (int(t) % 2)] if t in (3, 4, 5) else [], 10
     )
-    assert sorted(one.change.point[0] for one in reports) == [1.0, 1.1, 1.2]
-    assert all(one.times_s == (3.0, 4.0, 5.0) for one in reports)
+    assert sorted(report.change.point[0] for report in reports) == [1.0, 1.1, 1.2]
+    assert all(report.times_s == (3.0, 4.0, 5.0) for report in reports)
 
 
 def test_frames_confirm_a_change_together() -> None:
@@ -95,8 +96,8 @@ def test_frames_confirm_a_change_together() -> None:
     assert watched(lambda t: [change(1.0, confidence=0.7)] if t == 3 else [], 10, config)[0] == []
     (both,), _ = watched(lambda t: [change(1.0, confidence=0.7)] if t in (3, 5) else [], 10, config)
     assert both.times_s == (3.0, 5.0)  # (0.7 / 0.3)^2 > 0.8 / 0.2
-    (one,), _ = watched(lambda t: [change(1.0, confidence=0.85)] if t == 3 else [], 10, config)
-    assert one.times_s == (3.0,)
+    (report,), _ = watched(lambda t: [change(1.0, confidence=0.85)] if t == 3 else [], 10, config)
+    assert report.times_s == (3.0,)
     never = watched(lambda _: [change(1.0, confidence=0.45)], 10, config)
     assert never[0] == []
 
@@ -104,8 +105,8 @@ def test_frames_confirm_a_change_together() -> None:
 def test_distant_changes_are_several() -> None:
     both = [change(1.0), change(2.0), change(1.0, "removal")]
     reports, _ = watched(lambda _: both, 10)
-    assert [one.number for one in reports] == [1, 2, 3]
-    assert [(one.change.kind, one.change.point[0]) for one in reports] == [
+    assert [report.number for report in reports] == [1, 2, 3]
+    assert [(report.change.kind, report.change.point[0]) for report in reports] == [
         ("addition", 1.0),
         ("addition", 2.0),
         ("removal", 1.0),
@@ -158,14 +159,14 @@ def test_unlike_ends_of_different_frames_are_two_changes() -> None:
     (removal,) = boxes(before=HERE)
     for addition in (*boxes(after=THERE, color=BLUE), change(5.0), gs_lts_change_at("after")):
         reports, _ = watched(lambda t, end=addition: [end if t >= 5 else removal], 20)
-        assert [one.change for one in reports] == [removal, addition]
-        assert [one.replaces for one in reports] == [None, None]
+        assert [report.change for report in reports] == [removal, addition]
+        assert [report.replaces for report in reports] == [None, None]
 
 
 def test_an_unconfirmed_end_joins_no_relocation() -> None:
     (removal,), (addition,) = boxes(before=HERE), boxes(after=THERE)
     reports, _ = watched(lambda t: [removal if t in (0, 1) else addition], 20)
-    assert [(one.change.kind, one.replaces) for one in reports] == [("addition", None)]
+    assert [(report.change.kind, report.replaces) for report in reports] == [("addition", None)]
 
 
 def test_a_resolved_end_joins_no_relocation() -> None:
@@ -178,7 +179,7 @@ def test_a_resolved_end_joins_no_relocation() -> None:
             monitor.offer(frame(float(k)))
             assert monitor.wait(LONG_S)
             reports += monitor.poll()
-    assert [(one.change.kind, one.replaces) for one in reports] == [
+    assert [(report.change.kind, report.replaces) for report in reports] == [
         ("removal", None),
         ("addition", None),
     ]
@@ -186,11 +187,11 @@ def test_a_resolved_end_joins_no_relocation() -> None:
 
 def test_one_end_belongs_to_one_relocation() -> None:
     """If two boxes like the removed one appear, the second one is an addition."""
-    (removal,), (one,), (other,) = boxes(before=HERE), boxes(after=THERE), boxes(after=BEYOND)
-    assert np.linalg.norm(one.point - other.point) > FAST.near_m
-    seen = (removal, one, other)
+    (removal,), (second,), (other,) = boxes(before=HERE), boxes(after=THERE), boxes(after=BEYOND)
+    assert np.linalg.norm(second.point - other.point) > FAST.near_m
+    seen = (removal, second, other)
     reports, _ = watched(lambda t: [seen[int(t) // 5]], 15)
-    assert [(one.change.kind, one.replaces) for one in reports] == [
+    assert [(report.change.kind, report.replaces) for report in reports] == [
         ("removal", None),
         ("relocation", 1),
         ("addition", None),
@@ -200,9 +201,9 @@ def test_one_end_belongs_to_one_relocation() -> None:
 def test_a_relocation_whose_ends_were_joined_is_not_reported_again() -> None:
     """Later frames show both ends at once."""
     seen = (*boxes(before=HERE), *boxes(after=THERE), *boxes(before=HERE, after=THERE))
-    assert [one.kind for one in seen] == ["removal", "addition", "relocation"]
+    assert [change.kind for change in seen] == ["removal", "addition", "relocation"]
     reports, _ = watched(lambda t: [seen[int(t) // 5]], 15)
-    assert [(one.change.kind, one.replaces) for one in reports] == [
+    assert [(report.change.kind, report.replaces) for report in reports] == [
         ("removal", None),
         ("relocation", 1),
     ]
@@ -346,7 +347,7 @@ def test_under_load_memory_stays_and_nothing_confirmed_is_lost() -> None:
     assert counts.offered == count == counts.dropped + counts.processed
     assert 0.4 * count < counts.dropped < 0.5 * count
     assert len(stub.times) == counts.processed
-    assert [one.change.point[0] for one in reports] == [float(k) for k in range(10)]
+    assert [report.change.point[0] for report in reports] == [float(k) for k in range(10)]
     frame_bytes = CAMERA.width * CAMERA.height * (3 + 4)
     assert max(kept) - min(kept) < (FAST.queue + 4) * frame_bytes
 

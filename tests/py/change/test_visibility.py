@@ -41,9 +41,9 @@ def wall(low_x: float = -2.0, high_x: float = 2.0) -> GaussianMap:
 
 def counts_at(space: Visibility, *points: tuple[float, float, float]) -> list[tuple[int, int]]:
     """Return for each point how many cameras saw through it and how many saw a surface."""
-    sights = space.counts(np.array(points, np.float64).reshape(-1, 3))
-    assert sights.through.shape == sights.on.shape == (len(points),)
-    return list(zip(sights.through.tolist(), sights.on.tolist(), strict=True))
+    counts = space.counts(np.array(points, np.float64).reshape(-1, 3))
+    assert counts.through.shape == counts.on.shape == (len(points),)
+    return list(zip(counts.through.tolist(), counts.on.tolist(), strict=True))
 
 
 BEFORE, ON, UNSEEN = (1, 0), (0, 1), (0, 0)
@@ -149,11 +149,11 @@ def test_counts_do_not_depend_on_the_image_size() -> None:
     )
     rng = np.random.default_rng(0)
     points = rng.uniform((-2, -1, -0.5), (2, 3, 2.5), (2000, 3))
-    one, other = (Visibility(wall(), [camera]).counts(points) for camera in (CAMERA, large))
-    np.testing.assert_array_equal(one.through, other.through)
-    np.testing.assert_array_equal(one.on, other.on)
-    assert one.through.sum() > 50
-    assert one.on.sum() > 10
+    small, other = (Visibility(wall(), [camera]).counts(points) for camera in (CAMERA, large))
+    np.testing.assert_array_equal(small.through, other.through)
+    np.testing.assert_array_equal(small.on, other.on)
+    assert small.through.sum() > 50
+    assert small.on.sum() > 10
 
 
 def test_cameras_are_read_once() -> None:

@@ -170,7 +170,7 @@ def test_cameras_elsewhere_and_of_smaller_images() -> None:
     assert (2 * half.fx, 2 * half.cx, 2 * half.cy) == (camera.fx, camera.cx, camera.cy)
 
 
-def test_places_of_a_picture_are_lifted_to_where_they_are_seen() -> None:
+def test_unprojected_pixels_lie_where_they_are_seen() -> None:
     camera = make_camera()
     points = np.random.default_rng(0).normal(0, 0.3, (20, 3))
     pose = camera.world_from_camera

@@ -137,7 +137,7 @@ def test_what_was_not_measured_or_is_behind_gives_nothing() -> None:
 
 
 def test_points_before_the_lens_take_neither_time_nor_memory() -> None:
-    """No more work than others: each would otherwise cover the whole picture many times."""
+    """No more work than others: each would otherwise cover the whole image many times."""
     depth = np.full((120, 160), 1.0, np.float32)
 
     def cpu_s(distance_m: float) -> float:
@@ -152,6 +152,6 @@ def test_points_before_the_lens_take_neither_time_nor_memory() -> None:
     assert cpu_s(0.015) < 20 * cpu_s(0.9)
 
 
-def test_depth_of_another_size_is_refused() -> None:
+def test_depth_of_another_size_is_rejected() -> None:
     with pytest.raises(ValueError, match=r"depth: expected .* \(120, 160\), got .* \(60, 80\)"):
         register_depth(np.ones((60, 80), np.float32), camera(), camera())

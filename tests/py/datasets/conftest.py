@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 import sim_scenes
-from recorded_frames import LOOKS
+from recorded_frames import VIEWPOINTS
 
 from gslts_sim.capture import capture
 from gslts_sim.controller import Controller
@@ -14,5 +14,5 @@ from gslts_sim.controller import Controller
 def recorded(tmp_path: Path) -> Path:
     """Three frames of a small room, in nerfstudio's layout."""
     robot = Controller(sim_scenes.simple_home(), width=64, height=48)
-    capture(robot, LOOKS, tmp_path / "room")
+    capture(robot, VIEWPOINTS, tmp_path / "room")
     return tmp_path / "room"

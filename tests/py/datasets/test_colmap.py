@@ -180,7 +180,7 @@ def test_binary_files_that_are_cut_off_are_named(tmp_path: Path, part: str) -> N
         path.write_bytes(whole[:size])
         with pytest.raises(ValueError, match=rf"{part}\.bin: "):
             open_dataset(tmp_path)
-    path.write_bytes(struct.pack("<Q", 1 << 60) + whole[8:])  # Refused before memory is taken.
+    path.write_bytes(struct.pack("<Q", 1 << 60) + whole[8:])  # Rejected before memory is taken.
     with pytest.raises(ValueError, match=rf"{part}\.bin: \d+ bytes are missing at byte 8 of"):
         open_dataset(tmp_path)
 

@@ -1,4 +1,4 @@
-"""Data sets: 7-Scenes, names of data sets and frames, labels, and damaged pictures."""
+"""Data sets: 7-Scenes, names of data sets and frames, labels, and damaged images."""
 
 import json
 import tracemalloc
@@ -152,12 +152,12 @@ def test_labels_of_objects_that_there_are_not_are_named(recorded: Path) -> None:
 
 @pytest.mark.parametrize("kind", ["images", "depth"])
 @pytest.mark.parametrize("harm", ["truncated", "garbage", "gone", "small"])
-def test_damaged_pictures_are_named(recorded: Path, kind: str, harm: str) -> None:
+def test_damaged_images_are_named(recorded: Path, kind: str, harm: str) -> None:
     path = recorded / kind / "00001.png"
     if harm == "truncated":
         path.write_bytes(path.read_bytes()[:-200])
     elif harm == "garbage":
-        path.write_bytes(b"no picture")
+        path.write_bytes(b"no image")
     elif harm == "gone":
         path.unlink()
     else:
@@ -169,7 +169,7 @@ def test_damaged_pictures_are_named(recorded: Path, kind: str, harm: str) -> Non
         frame.read()
 
 
-def test_pictures_are_damaged_in_many_ways(tmp_path: Path) -> None:
+def test_images_are_damaged_in_many_ways(tmp_path: Path) -> None:
     path = tmp_path / "a.tif"
     Image.new("P", (8, 8)).save(path)
     content = bytearray(path.read_bytes())
@@ -179,7 +179,7 @@ def test_pictures_are_damaged_in_many_ways(tmp_path: Path) -> None:
         read_image(path, "RGB", (8, 8))
 
 
-def test_pictures_of_one_name_are_with_unique_names(recorded: Path) -> None:
+def test_images_of_one_name_get_unique_names(recorded: Path) -> None:
     usual = [frame.name for frame in open_dataset(recorded).frames]
     content = json.loads((recorded / "transforms.json").read_text())
     for entry, folder in zip(content["frames"], ("left", "right"), strict=False):

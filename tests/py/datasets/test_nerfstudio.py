@@ -1,4 +1,4 @@
-"""Data sets in the format of nerfstudio: frames, angles of view, lenses, and what is refused."""
+"""Data sets in the format of nerfstudio: frames, angles of view, lenses, and rejected files."""
 
 import json
 from pathlib import Path
@@ -81,7 +81,7 @@ def test_bad_frames_are_skipped_and_named(recorded: Path, edit: object, message:
         (lambda c: c.update(fl_x="wide"), r"transforms\.json: fl_x: "),
     ],
 )
-def test_bad_data_sets_are_refused(recorded: Path, edit: object, message: str) -> None:
+def test_bad_data_sets_are_rejected(recorded: Path, edit: object, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         open_dataset(edited(recorded, edit))
 
@@ -105,7 +105,7 @@ def test_nerfstudio_with_the_angle_of_view(recorded: Path) -> None:
 
 
 @pytest.mark.parametrize("angle", BAD_ANGLES, ids=lambda angle: repr(angle)[:8])
-def test_angles_of_view_that_are_none_are_refused(recorded: Path, angle: object) -> None:
+def test_invalid_angles_of_view_are_rejected(recorded: Path, angle: object) -> None:
     def edit(content: dict) -> None:
         without_focal_length(content)
         content["camera_angle_x"] = angle
@@ -124,7 +124,7 @@ def test_an_angle_of_view_that_is_none_is_skipped(recorded: Path, angle: object)
 
 
 @pytest.mark.parametrize("name", ["w", "h"])
-def test_sides_that_are_no_floats_are_refused(recorded: Path, name: str) -> None:
+def test_image_sizes_that_are_no_numbers_are_rejected(recorded: Path, name: str) -> None:
     def edit(content: dict) -> None:
         for part in (content, *content["frames"]):
             part.pop("cx", None)
@@ -137,7 +137,7 @@ def test_sides_that_are_no_floats_are_refused(recorded: Path, name: str) -> None
 
 
 @pytest.mark.parametrize("unit", [0, -0.001])
-def test_units_of_depth_that_are_none_are_refused(recorded: Path, unit: float) -> None:
+def test_invalid_units_of_depth_are_rejected(recorded: Path, unit: float) -> None:
     edited(recorded, lambda c: c.update(depth_unit_scale_factor=unit))
     with pytest.raises(ValueError, match=r"json: depth_unit_scale_factor: .*greater than 0, got"):
         open_dataset(recorded)

@@ -1,4 +1,4 @@
-"""Bags of ROS 2: poses through chains of frames, pictures of each encoding, and lenses."""
+"""Bags of ROS 2: poses through chains of frames, images of each encoding, and lenses."""
 
 import struct
 from pathlib import Path
@@ -13,8 +13,8 @@ from robot_bags import (
     FRAME,
     RGB,
     RGB_INFO,
+    add_images,
     add_mount,
-    add_pictures,
     add_tf,
     encoded,
     robot_bag,
@@ -67,7 +67,7 @@ def test_a_robots_bag(tmp_path: Path, storage: str) -> None:
 def test_poses_of_a_topic(tmp_path: Path, kind: str, child: str) -> None:
     frames = frames_of_robot()
     bag = Recorder()
-    add_pictures(bag, frames)
+    add_images(bag, frames)
     add_mount(bag)
     of_child = {"/cam_link": OPTICAL, FRAME: np.eye(4)}.get(child, BASE_FROM_OPTICAL)
     for number, frame in enumerate(frames):
@@ -86,7 +86,7 @@ def test_a_camera_on_a_turning_head_goes_with_the_topic_of_poses(tmp_path: Path)
     """/tf tells how the head turns but ends at the robot: it is no world."""
     frames = frames_of_robot()
     bag = Recorder()
-    add_pictures(bag, frames)
+    add_images(bag, frames)
     bag.tf("/tf_static", START_NS, bag.transform(0, "head", FRAME, OPTICAL))
     for number, frame in enumerate(frames):
         head = np.eye(4)

@@ -72,14 +72,14 @@ def a_loop(bag: Recorder) -> None:
         ),
     ],
 )
-def test_bags_that_cannot_be_used_are_refused(tmp_path: Path, change: Any, message: str) -> None:
+def test_bags_that_cannot_be_used_are_rejected(tmp_path: Path, change: Any, message: str) -> None:
     path = write_changed(tmp_path, change)
     with pytest.raises(ValueError, match=message) as caught:
         open_dataset(path).frames[0].read()
     assert str(path) in str(caught.value)
 
 
-def test_damaged_pictures_are_named(tmp_path: Path) -> None:
+def test_damaged_images_are_named(tmp_path: Path) -> None:
     def cut(bag: Recorder) -> None:
         for _, topic, message in bag.messages:
             if topic == RGB:
@@ -99,7 +99,7 @@ def test_damaged_pictures_are_named(tmp_path: Path) -> None:
 
 
 def bomb(kind: str, width: int, height: int) -> bytes:
-    """A picture of 8 x 8 px that claims to have other sides."""
+    """An image of 8 x 8 px that claims to have other sides."""
     data = bytearray(encoded(np.zeros((8, 8, 3), np.uint8), kind))
     if kind == "PNG":
         data[16:24] = struct.pack(">II", width, height)
@@ -112,7 +112,7 @@ def bomb(kind: str, width: int, height: int) -> bytes:
 
 @pytest.mark.parametrize("kind", ["PNG", "JPEG"])
 @pytest.mark.parametrize("harm", ["error", "warning", "large", "truncated", "garbage", "empty"])
-def test_damaged_compressed_pictures_are_named(tmp_path: Path, kind: str, harm: str) -> None:
+def test_damaged_compressed_images_are_named(tmp_path: Path, kind: str, harm: str) -> None:
     """Pillow raises errors of its own above some sizes, and warns below."""
     harmed = {
         "error": bomb(kind, 60_000, 60_000),
@@ -162,7 +162,7 @@ def test_depth_of_another_size_is_named_with_both_sizes(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
-def test_bags_that_are_cut_off_are_refused(tmp_path: Path, storage: str) -> None:
+def test_truncated_bags_are_rejected(tmp_path: Path, storage: str) -> None:
     path = robot_bag(frames_of_robot()).write(tmp_path / "walk", storage)
     file = next(path.glob("walk.*"))
     whole = file.read_bytes()

@@ -73,8 +73,8 @@ def resize_tum(folder: Path, number: int, size: tuple[int, int]) -> None:
         f"rgb/{1305031102 + number}.000000.png",
         f"depth/{1305031102 + number}.012000.png",
     ):
-        with Image.open(folder / path) as picture:
-            small = picture.resize(size, Image.Resampling.NEAREST)
+        with Image.open(folder / path) as image:
+            small = image.resize(size, Image.Resampling.NEAREST)
         small.save(folder / path)
 
 
@@ -128,7 +128,7 @@ def test_bad_lines_of_tum_are_left_out_and_named(tmp_path: Path, name: str, line
     path.write_text("\n".join([*good[:2], line, *good[2:], *["?"] * 50]))
     skipped = open_dataset(folder).skipped
     assert skipped[0].startswith(f"{name}.txt: line 3: ")
-    # Lines of pictures are frames; of poses there are far more.
+    # Each image is a frame; there are far more poses.
     assert len(skipped) == (51 if name == "rgb" else 1)
     assert name == "rgb" or skipped[0].endswith(", and 50 lines more")
     path.write_text("\n".join(["# All others are bad.", line, "nan"]))
@@ -136,7 +136,7 @@ def test_bad_lines_of_tum_are_left_out_and_named(tmp_path: Path, name: str, line
         open_dataset(folder)
 
 
-def test_a_trajectory_with_a_bad_line_is_refused(tmp_path: Path) -> None:
+def test_a_trajectory_with_a_bad_line_is_rejected(tmp_path: Path) -> None:
     path = tmp_path / "way.txt"
     path.write_text("0 1 2 3 0 0 0 1\n1 1 2 3 0 0 0 nan\n")
     with pytest.raises(ValueError, match=r"way\.txt: line 2: .* is not 8 values"):

@@ -135,7 +135,7 @@ def test_lenses_that_hardly_distort_lose_no_border() -> None:
     assert lens_or_none((0, 0, 0, 0), fisheye=True) is not None
 
 
-def test_lenses_of_other_kinds_are_refused() -> None:
+def test_unknown_lens_models_are_rejected() -> None:
     with pytest.raises(ValueError, match="the lens has 3 coefficients"):
         Lens((0.1, 0.2, 0.3))
     with pytest.raises(ValueError, match="the lens has 8 coefficients"):

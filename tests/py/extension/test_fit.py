@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import store_maps
-from change_room import LOOKS, home, mapped, see
+from change_room import VIEWPOINTS, home, mapped, see
 
 from gslts.extension.exposure import recording_exposure
 from gslts.extension.fit import Patch, merge_patch, without_changes
@@ -56,8 +56,8 @@ def _known_space(frame) -> FrameSpace:
 def test_exposure_of_a_darker_recording_is_found() -> None:
     gain, offset = 0.8, 0.05
     frames = []
-    for look in LOOKS:
-        frame = see(home(), look)
+    for viewpoint in VIEWPOINTS:
+        frame = see(home(), viewpoint)
         darker = gain * (frame.rgb / 255.0) + offset
         frames.append(replace(frame, rgb=(255 * darker + 0.5).astype(np.uint8)))
     observations = [Observation.of(frame) for frame in frames]
@@ -67,7 +67,7 @@ def test_exposure_of_a_darker_recording_is_found() -> None:
 
 
 def test_exposure_is_the_identity_where_nothing_agrees() -> None:
-    frame = see(home(), LOOKS[0])
+    frame = see(home(), VIEWPOINTS[0])
     new = np.ones(frame.depth.shape, np.bool_)
     exposure = recording_exposure(
         mapped()[0], [Observation.of(frame)], [FrameSpace(new, ~new, ~new)]
@@ -77,7 +77,7 @@ def test_exposure_is_the_identity_where_nothing_agrees() -> None:
 
 
 def test_changes_are_masked_out_at_all_resolutions() -> None:
-    frame = see(home(), LOOKS[0])
+    frame = see(home(), VIEWPOINTS[0])
     changed = np.zeros(frame.depth.shape, np.bool_)
     changed[40:60, 40:60] = True
     nothing = np.zeros_like(changed)

@@ -4,7 +4,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from change_room import LOOKS, YELLOW, home, mapped, see, thing
+from change_room import VIEWPOINTS, YELLOW, home, mapped, see, thing
 
 from gslts.change.visibility import Visibility
 from gslts.extension.new_space import KnownSpace
@@ -30,8 +30,8 @@ def half_known() -> KnownSpace:
 
 
 def test_known_room_is_neither_new_nor_changed() -> None:
-    for look in LOOKS:
-        space = known().compare(see(home(), look))
+    for viewpoint in VIEWPOINTS:
+        space = known().compare(see(home(), viewpoint))
         assert space.new.mean() < 0.02
         assert space.changed.mean() < 0.02
 
@@ -39,7 +39,7 @@ def test_known_room_is_neither_new_nor_changed() -> None:
 def test_added_object_in_known_space_is_changed() -> None:
     box = thing("Box|3", 2.6, 1.7, YELLOW, "Block|1")
     changed = replace(home(), objects=(*home().objects, box))
-    frame, before = see(changed, LOOKS[0]), see(home(), LOOKS[0])
+    frame, before = see(changed, VIEWPOINTS[0]), see(home(), VIEWPOINTS[0])
     object_px = np.abs(frame.depth - before.depth) > 0.02
     space = known().compare(frame)
     assert space.changed[object_px].mean() > 0.5  # A cell of the grid is decided by its middle.
@@ -48,17 +48,17 @@ def test_added_object_in_known_space_is_changed() -> None:
 
 
 def test_removed_half_is_new() -> None:
-    look = Viewpoint(2.0, 2.8, 0.0, 20.0)
-    frame = see(home(), look)
+    viewpoint = Viewpoint(2.0, 2.8, 0.0, 20.0)
+    frame = see(home(), viewpoint)
     space = half_known().compare(frame)
     x, y, z = frame.camera.world_from_camera[:3, 2]
-    assert abs(x) > max(abs(y), abs(z))  # It looks along x.
+    assert abs(x) > max(abs(y), abs(z))  # It faces along x.
     assert space.new.mean() > 0.5
     assert space.changed.mean() < 0.05
 
 
 def test_without_depth_only_empty_pixels_are_new() -> None:
-    frame = see(home(), LOOKS[0])
+    frame = see(home(), VIEWPOINTS[0])
     blind = replace(frame, depth=np.zeros_like(frame.depth))
     assert known().compare(blind).new.mean() < 0.02
     assert not known().compare(blind).changed.any()
@@ -66,7 +66,7 @@ def test_without_depth_only_empty_pixels_are_new() -> None:
 
 def test_number_of_threads_does_not_matter() -> None:
     gaussian_map, cameras = mapped()
-    frame = see(home(), LOOKS[1])
+    frame = see(home(), VIEWPOINTS[1])
     spaces = [
         KnownSpace(gaussian_map, Visibility(gaussian_map, cameras.values(), n), n).compare(frame)
         for n in (1, 2)

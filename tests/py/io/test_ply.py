@@ -246,7 +246,7 @@ def test_bad_contents_are_a_value_error(tmp_path):
         gslts.read_ply(path)
 
 
-def test_what_the_system_refuses_is_an_os_error(tmp_path):
+def test_errors_of_the_system_are_os_errors(tmp_path):
     missing = tmp_path / "missing.ply"
     with pytest.raises(FileNotFoundError) as error:
         gslts.read_ply(missing)

@@ -35,7 +35,7 @@ def test_a_viewer_shows_the_same(tmp_path: Path) -> None:
 
 
 def test_every_byte_of_one_gaussian(tmp_path: Path) -> None:
-    one = scenes.single_gaussian(
+    gaussian = scenes.single_gaussian(
         np.float32,
         means=[[1.0, 2.0, 3.0]],
         quats=[[0.0, 2.0, 0.0, 0.0]],
@@ -43,7 +43,7 @@ def test_every_byte_of_one_gaussian(tmp_path: Path) -> None:
         logit_opacities=[np.log(3.0)],  # Opacity 0.75.
         sh=[[[0.25 / SH_C0, -9, 9]]],
     )
-    write_splat(one, tmp_path / "one.splat")
+    write_splat(gaussian, tmp_path / "one.splat")
     values = struct.unpack("<6f8B", (tmp_path / "one.splat").read_bytes())
     assert values[:6] == pytest.approx((1, 2, 3, 0.1, 0.2, 0.3))
     assert values[6:] == (191, 0, 255, 191, 128, 255, 128, 128)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from analytic_room import look
+from analytic_room import observe
 
 import gslts.mapping.lenses as mapping_lenses
 from gslts import Camera, look_at, render
@@ -51,7 +51,7 @@ def test_the_equations_hold_for_a_small_change(parameter: int) -> None:
     """Observe with the changed camera and render with the original one."""
     change = np.zeros(10)
     change[parameter] = 0.05 if parameter >= 8 else 3e-4
-    rendered, seen = look(start()), look(changed(start(), change))
+    rendered, seen = observe(start()), observe(changed(start(), change))
     alignment = align(start(), *rendered, *seen)
     for equations in (alignment.color, alignment.depth)[: 2 if parameter < 6 else 1]:
         expected = equations.hessian @ change
@@ -65,16 +65,16 @@ def test_the_equations_hold_for_a_small_change(parameter: int) -> None:
 def test_steps_lead_to_the_true_pose(kind: str) -> None:
     twist = np.array([0.01, -0.015, 0.012, 0.008, -0.01, 0.012])
     true = move(start(), twist)
-    seen, camera = look(true), start()
+    seen, camera = observe(true), start()
     for _ in range(8):
-        alignment = align(camera, *look(camera), *seen)
+        alignment = align(camera, *observe(camera), *seen)
         camera = move(camera, solved(getattr(alignment, kind)))
     left = np.linalg.inv(camera.world_from_camera) @ true.world_from_camera
     assert np.abs(twist_of(left)).max() < 2e-4
 
 
 def test_exposure_is_applied_to_the_rendering() -> None:
-    rgb, depth = look(start())
+    rgb, depth = observe(start())
     exposure = Exposure(gain=(0.8, 0.9, 1.1), offset=(0.05, 0.0, -0.02))
     photo = rgb * exposure.gain + exposure.offset
     assert np.abs(align(start(), rgb, depth, photo, depth).color.right).max() > 1
@@ -83,7 +83,7 @@ def test_exposure_is_applied_to_the_rendering() -> None:
 
 
 def test_outliers_edges_holes_and_masked_pixels_do_not_count() -> None:
-    rgb, depth = look(start())
+    rgb, depth = observe(start())
     photo, measured = rgb.copy(), 1.01 * depth
     mask = np.zeros(depth.shape, bool)
     mask[20:100, 20:140] = True
@@ -109,19 +109,19 @@ def test_outliers_edges_holes_and_masked_pixels_do_not_count() -> None:
 
 
 def test_results_do_not_depend_on_the_number_of_threads() -> None:
-    rendered = [image.astype(np.float32) for image in look(start())]
-    seen = [image.astype(np.float32) for image in look(move(start(), np.full(6, 0.01)))]
-    one, three = (align(start(), *rendered, *seen, threads=threads) for threads in (1, 3))
-    exact = align(start(), *look(start()), *look(move(start(), np.full(6, 0.01))))
+    rendered = [image.astype(np.float32) for image in observe(start())]
+    seen = [image.astype(np.float32) for image in observe(move(start(), np.full(6, 0.01)))]
+    single, three = (align(start(), *rendered, *seen, threads=threads) for threads in (1, 3))
+    exact = align(start(), *observe(start()), *observe(move(start(), np.full(6, 0.01))))
     for kind in ("color", "depth"):
-        first, second = getattr(one, kind), getattr(three, kind)
+        first, second = getattr(single, kind), getattr(three, kind)
         assert first.hessian.tobytes() == second.hessian.tobytes()
         assert first.right.tobytes() == second.right.tobytes()
         np.testing.assert_allclose(first.right, getattr(exact, kind).right, rtol=2e-2, atol=0.5)
 
 
 def test_images_that_do_not_fit_are_rejected() -> None:
-    rgb, depth = look(start())
+    rgb, depth = observe(start())
     with pytest.raises(
         ValueError, match=r"measured: expected .* \(120, 160\), got .* \(119, 160\)"
     ):
@@ -139,13 +139,13 @@ def test_intrinsics_are_found_although_all_poses_are_wrong(monkeypatch: pytest.M
     beside = move(camera_at(np.eye(4)), np.array([0.01, 0, 0, 0, 0, 0]))
     given = Lenses(camera_at(np.eye(4), fx=154.0, fy=149.0, cx=84.0), beside)
     poses = [look_at(eye, target) for eye, target in zip(EYES, TARGETS, strict=True)]
-    photos = [look(at_pose(true_color, pose))[0] for pose in poses]
+    photos = [observe(at_pose(true_color, pose))[0] for pose in poses]
     guesses = [
         move(at_pose(true_color, pose), rng.normal(0, 0.01, 6)).world_from_camera for pose in poses
     ]
     lenses = given
     for _ in range(15):
-        looks = []
+        steps = []
         for k, pose in enumerate(poses):
             camera = at_pose(lenses.color, guesses[k])
             # What the depth lens measured, taken to be where `lenses` says, seen by that camera.
@@ -154,12 +154,12 @@ def test_intrinsics_are_found_although_all_poses_are_wrong(monkeypatch: pytest.M
                 @ true_depth.world_from_camera
                 @ np.linalg.inv(camera.world_from_camera @ lenses.depth.world_from_camera)
             )
-            measured = look(at_pose(camera, error @ camera.world_from_camera))[1]
-            alignment = align(camera, *look(camera), photos[k], measured)
+            measured = observe(at_pose(camera, error @ camera.world_from_camera))[1]
+            alignment = align(camera, *observe(camera), photos[k], measured)
             twist = pose_step(alignment)
             guesses[k] = move(camera, twist).world_from_camera
-            looks.append(after_step(alignment, twist))
-        lenses = refine_lenses(lenses, given, looks)
+            steps.append(after_step(alignment, twist))
+        lenses = refine_lenses(lenses, given, steps)
     assert lenses.color.fx == pytest.approx(150.0, abs=0.05)
     assert lenses.color.fy == pytest.approx(152.0, abs=0.05)
     assert lenses.color.cx == pytest.approx(83.0, abs=0.05)
@@ -197,7 +197,7 @@ def test_turned_cameras_turn_the_world_by_how_far_away_they_see() -> None:
     assert left[0] > left[1] > left[2]
 
 
-def test_a_move_map_looks_the_same_from_a_moved_camera() -> None:
+def test_a_moved_map_is_rendered_alike_by_a_moved_camera() -> None:
     room = make_room("S")
     twist = np.array([0.05, -0.02, 0.03, 0.004, -0.003, 0.005])
     motion = move(at_pose(room.camera, np.eye(4)), twist).world_from_camera

@@ -13,7 +13,7 @@ TRUTH = look_at(np.array([0.3, -0.2, 1.4]), np.array([3.0, 0.4, 1.1]))
 CAMERA = camera_from_fov(640, 480, 1.2)
 
 
-def picture(seed: int = 0) -> np.ndarray:
+def gray_texture(seed: int = 0) -> np.ndarray:
     """Return [240,320] uint8 squares of 16 px."""
     random = np.random.default_rng(seed)
     return np.kron(random.integers(0, 256, (15, 20)), np.ones((16, 16))).astype(np.uint8)
@@ -42,7 +42,7 @@ def seen() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def test_features_have_pixels_and_descriptors() -> None:
-    pixels, descriptors = reloc.features_of(picture(), None, FeatureRule(count=120))
+    pixels, descriptors = reloc.features_of(gray_texture(), None, FeatureRule(count=120))
     assert pixels.shape == (120, 2)
     assert pixels.dtype == np.float32
     assert descriptors.shape == (120, 32)
@@ -55,13 +55,13 @@ def test_features_have_pixels_and_descriptors() -> None:
 
 def test_features_lie_inside_the_mask() -> None:
     mask = np.zeros((240, 320), bool)
-    assert len(reloc.features_of(picture(), mask, FeatureRule())[0]) == 0
+    assert len(reloc.features_of(gray_texture(), mask, FeatureRule())[0]) == 0
     mask[:, :160] = True
-    pixels, descriptors = reloc.features_of(picture(), mask, FeatureRule())
+    pixels, descriptors = reloc.features_of(gray_texture(), mask, FeatureRule())
     assert len(pixels) == len(descriptors) > 50
     assert pixels[:, 0].max() < 160
-    everywhere = reloc.features_of(picture(), ~np.zeros_like(mask), FeatureRule())
-    unmasked = reloc.features_of(picture(), None, FeatureRule())
+    everywhere = reloc.features_of(gray_texture(), ~np.zeros_like(mask), FeatureRule())
+    unmasked = reloc.features_of(gray_texture(), None, FeatureRule())
     for masked, expected in zip(everywhere, unmasked, strict=True):
         np.testing.assert_array_equal(masked, expected)
 
@@ -156,7 +156,7 @@ def test_rules_keep_their_settings(rule: Any, settings: dict[str, float]) -> Non
 
 
 def test_wrong_arrays_are_rejected() -> None:
-    grey = picture()
+    grey = gray_texture()
     with pytest.raises(ValueError, match="grey: expected a C-contiguous uint8"):
         reloc.features_of(grey.astype(np.float32), None, FeatureRule())
     with pytest.raises(ValueError, match="grey"):
@@ -176,13 +176,17 @@ def test_wrong_arrays_are_rejected() -> None:
     for k in (0, 17):
         with pytest.raises(ValueError, match=f"k must be in 1..16, got {k}"):
             index.match(descriptors, k)
-    pixels, looks, depths = seen()
+    pixels, seen_descriptors, depths = seen()
     rule = HypothesisRule()
     with pytest.raises(ValueError, match="pixels: expected"):
-        reloc.hypotheses_of(CAMERA, pixels[1:], looks, depths, index, rule)
+        reloc.hypotheses_of(CAMERA, pixels[1:], seen_descriptors, depths, index, rule)
     with pytest.raises(ValueError, match="depths: expected"):
-        reloc.hypotheses_of(CAMERA, pixels, looks, depths[1:], index, rule)
+        reloc.hypotheses_of(CAMERA, pixels, seen_descriptors, depths[1:], index, rule)
     with pytest.raises(ValueError, match=r"features\.pixels must be finite, got nan"):
-        reloc.hypotheses_of(CAMERA, np.full_like(pixels, np.nan), looks, depths, index, rule)
+        reloc.hypotheses_of(
+            CAMERA, np.full_like(pixels, np.nan), seen_descriptors, depths, index, rule
+        )
     with pytest.raises(ValueError, match=r"rule\.min_inliers must be at least 4, got 3"):
-        reloc.hypotheses_of(CAMERA, pixels, looks, depths, index, HypothesisRule(min_inliers=3))
+        reloc.hypotheses_of(
+            CAMERA, pixels, seen_descriptors, depths, index, HypothesisRule(min_inliers=3)
+        )

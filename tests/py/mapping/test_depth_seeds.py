@@ -48,7 +48,7 @@ def fused(frames: list, voxel_m: float, step: int = 2) -> tuple[np.ndarray, ...]
     return surfaces.voxels()
 
 
-def test_points_lie_on_surfaces_and_normals_look_at_the_camera(frames: list) -> None:
+def test_points_lie_on_surfaces_and_normals_face_the_camera(frames: list) -> None:
     _, sums, _ = fused(frames[:1], 0.013)  # Mostly one point each.
     assert np.quantile(sums[:, 0], 0.9) <= 2
     points, normals, colors = (sums[:, k : k + 3] / sums[:, :1] for k in (1, 4, 7))
@@ -97,10 +97,10 @@ def test_seeds_are_those_of_voxels_seen_twice(frames: list) -> None:
     assert seeds.size == len(sums)
     orders = [np.lexsort(np.floor(each.means / edge_m).T) for each in (seeds, flats)]
     for name in ("means", "quats", "log_scales", "logit_opacities", "sh"):
-        one, other = (
+        actual, other = (
             getattr(each, name)[o] for each, o in zip((seeds, flats), orders, strict=True)
         )
-        np.testing.assert_allclose(one, other, atol=1e-5, err_msg=name)
+        np.testing.assert_allclose(actual, other, atol=1e-5, err_msg=name)
 
 
 def test_seeds_are_flat_on_the_surfaces_and_as_dense_as_voxels(frames: list) -> None:
@@ -166,9 +166,9 @@ def test_the_maximum_number_of_seeds_is_kept(frames: list, max_gaussians: int) -
 def test_pixels_outside_the_mask_give_no_points(frames: list) -> None:
     mask = np.zeros((120, 160), bool)
     mask[:, :80] = True
-    one = frames[0]
-    masked = RgbdFrame(one.rgb, one.depth, one.camera, mask=mask)
-    counts = [fused([frame], VOXEL_M)[1][:, 0].sum() for frame in (masked, one)]
+    frame = frames[0]
+    masked = RgbdFrame(frame.rgb, frame.depth, frame.camera, mask=mask)
+    counts = [fused([frame], VOXEL_M)[1][:, 0].sum() for frame in (masked, frame)]
     assert 0 < counts[0] < 0.6 * counts[1]
 
 
@@ -182,8 +182,8 @@ def test_arrays_of_any_memory_order_are_accepted(frames: list) -> None:
         )
         for frame in frames
     ]
-    one, other = (seed_from_depth(of, VOXEL_M) for of in (frames, turned))
-    np.testing.assert_array_equal(one.means, other.means)
+    seeds, other = (seed_from_depth(of, VOXEL_M) for of in (frames, turned))
+    np.testing.assert_array_equal(seeds.means, other.means)
 
 
 def test_bad_arrays_and_voxels_are_rejected(frames: list) -> None:
@@ -191,37 +191,37 @@ def test_bad_arrays_and_voxels_are_rejected(frames: list) -> None:
         seed_from_depth(frames, 0.0)
     with pytest.raises(ValueError, match="a point is too far from the first camera"):
         seed_from_depth(frames, 1e-7)
-    surfaces, one = SurfaceVoxels(VOXEL_M, 2), frames[0]
+    surfaces, frame = SurfaceVoxels(VOXEL_M, 2), frames[0]
     with pytest.raises(ValueError, match=r"depth: expected .* float32 .*\(120, 160\), got float64"):
-        surfaces.add(one.depth.astype(np.float64), one.rgb, one.camera, None)
+        surfaces.add(frame.depth.astype(np.float64), frame.rgb, frame.camera, None)
     with pytest.raises(ValueError, match=r"rgb: expected .*\(120, 160, 3\), got .*\(120, 160\)"):
-        surfaces.add(one.depth, one.rgb[..., 0].copy(), one.camera, None)
+        surfaces.add(frame.depth, frame.rgb[..., 0].copy(), frame.camera, None)
     with pytest.raises(ValueError, match=r"mask: expected .*bool .*, got uint8"):
-        surfaces.add(one.depth, one.rgb, one.camera, np.ones((120, 160), np.uint8))
-    infinite = np.full_like(one.depth, np.inf)
+        surfaces.add(frame.depth, frame.rgb, frame.camera, np.ones((120, 160), np.uint8))
+    infinite = np.full_like(frame.depth, np.inf)
     with pytest.raises(ValueError, match="finite and not negative, or NaN, got inf in row 0"):
-        surfaces.add(infinite, one.rgb, one.camera, None)
+        surfaces.add(infinite, frame.rgb, frame.camera, None)
     assert len(surfaces.voxels()[0]) == 0
 
 
 def test_holes_are_filled_at_the_depth_around_them(frames: list) -> None:
-    one = frames[0]
+    frame = frames[0]
     seeds = seed_from_depth(frames, VOXEL_M)
-    columns, rows, z = project(one.camera, seeds.means.astype(np.float64))
+    columns, rows, z = project(frame.camera, seeds.means.astype(np.float64))
     hole = (np.abs(columns - 80) < 20) & (np.abs(rows - 100) < 15) & (z > 0)  # In the floor.
     torn = seeds.select(~hole)
-    images = gslts.render(torn, one.camera)
-    measured = np.zeros_like(one.depth)
-    new = seed_holes(one.camera, images, one.rgb / 255, measured, 0)
+    images = gslts.render(torn, frame.camera)
+    measured = np.zeros_like(frame.depth)
+    new = seed_holes(frame.camera, images, frame.rgb / 255, measured, 0)
     assert new is not None
-    columns, rows, z = project(one.camera, new.means.astype(np.float64))
+    columns, rows, z = project(frame.camera, new.means.astype(np.float64))
     inside = (np.abs(columns - 80) < 16) & (np.abs(rows - 100) < 11)
     assert inside.sum() > 20
-    at = one.depth[rows[inside].astype(int), columns[inside].astype(int)]
+    at = frame.depth[rows[inside].astype(int), columns[inside].astype(int)]
     assert np.median(np.abs(z[inside] - at) / at) < 0.08
-    whole = gslts.render(seeds, one.camera)
+    whole = gslts.render(seeds, frame.camera)
     closed = replace(whole, alpha=np.maximum(whole.alpha, 0.4))
-    assert seed_holes(one.camera, closed, one.rgb / 255, one.depth, 0) is None
+    assert seed_holes(frame.camera, closed, frame.rgb / 255, frame.depth, 0) is None
 
 
 def test_zeros_are_filled_from_all_sides() -> None:

@@ -46,7 +46,7 @@ def random_pair(rng: np.random.Generator) -> GaussianMap:
 def test_moments_are_those_of_the_mixture(seed: int) -> None:
     rng = np.random.default_rng(seed)
     pair, weights = random_pair(rng), rng.uniform(1, 5, 2)
-    one = merge(pair, 1, weights)
+    merged = merge(pair, 1, weights)
     share = weights / weights.sum()
     # Directly: moments about the origin.
     mean = sum(share[k] * pair.means[k] for k in (0, 1))
@@ -54,14 +54,14 @@ def test_moments_are_those_of_the_mixture(seed: int) -> None:
         share[k] * (covars(pair)[k] + np.outer(pair.means[k], pair.means[k])) for k in (0, 1)
     )
     covar = squares - np.outer(mean, mean)
-    np.testing.assert_allclose(one.means[0], mean, atol=1e-12)
-    wider = covars(one)[0] / covar
+    np.testing.assert_allclose(merged.means[0], mean, atol=1e-12)
+    wider = covars(merged)[0] / covar
     assert wider.min() > 1 - 1e-9
     np.testing.assert_allclose(wider, wider[0, 0], rtol=1e-6)
-    np.testing.assert_allclose(one.sh[0], np.tensordot(share, pair.sh, 1), atol=1e-12)
-    np.testing.assert_allclose(one.features[0], share @ pair.features, atol=1e-12)
-    assert one.ids[0] == pair.ids[np.argmax(weights)]
-    assert (one.origin == pair.origin).all()
+    np.testing.assert_allclose(merged.sh[0], np.tensordot(share, pair.sh, 1), atol=1e-12)
+    np.testing.assert_allclose(merged.features[0], share @ pair.features, atol=1e-12)
+    assert merged.ids[0] == pair.ids[np.argmax(weights)]
+    assert (merged.origin == pair.origin).all()
 
 
 def test_without_weights_area_is_the_weight_and_is_kept() -> None:
@@ -75,33 +75,33 @@ def test_without_weights_area_is_the_weight_and_is_kept() -> None:
         for name in ("means", "quats", "log_scales", "logit_opacities", "sh")
     }
     pair = GaussianMap(**arrays)
-    one = merge(pair, 1)
-    assert one.means[0, 0] == pytest.approx(0.1 * 4 / 5, rel=1e-5)
-    assert one.ids[0] == 1
+    merged = merge(pair, 1)
+    assert merged.means[0, 0] == pytest.approx(0.1 * 4 / 5, rel=1e-5)
+    assert merged.ids[0] == 1
 
     def covered(some: GaussianMap) -> float:
         scales_m = np.sort(np.exp(some.log_scales), axis=1)
         return float((opacities(some) * scales_m[:, 1] * scales_m[:, 2]).sum())
 
-    assert covered(one) == pytest.approx(covered(pair), rel=1e-5)
+    assert covered(merged) == pytest.approx(covered(pair), rel=1e-5)
 
 
 def test_two_equal_gaussians_merge_to_the_same() -> None:
     twins = flats(np.ones((2, 3)), np.tile([0, 1.0, 1], (2, 1)), np.full((2, 3), 0.3), opacity=0.6)
-    one = merge(twins, 1)
-    np.testing.assert_allclose(one.means[0], twins.means[0], rtol=1e-6)
-    np.testing.assert_allclose(covars(one)[0], covars(twins)[0], atol=1e-9)
-    np.testing.assert_allclose(one.sh[0], twins.sh[0], rtol=1e-6)
-    assert opacities(one)[0] == pytest.approx(1 - 0.4**2), "what shines through both"
+    merged = merge(twins, 1)
+    np.testing.assert_allclose(merged.means[0], twins.means[0], rtol=1e-6)
+    np.testing.assert_allclose(covars(merged)[0], covars(twins)[0], atol=1e-9)
+    np.testing.assert_allclose(merged.sh[0], twins.sh[0], rtol=1e-6)
+    assert opacities(merged)[0] == pytest.approx(1 - 0.4**2), "what shines through both"
 
 
 def test_unseen_gaussians_leave_no_trace() -> None:
     pair = random_pair(np.random.default_rng(1))
-    one = merge(pair, 1, np.array([0.0, 3.0]))
-    np.testing.assert_allclose(one.means[0], pair.means[1], atol=1e-12)
-    np.testing.assert_allclose(covars(one)[0], covars(pair)[1], rtol=1e-9)
-    np.testing.assert_allclose(opacities(one)[0], opacities(pair)[1], rtol=1e-9)
-    assert one.ids[0] == pair.ids[1]
+    merged = merge(pair, 1, np.array([0.0, 3.0]))
+    np.testing.assert_allclose(merged.means[0], pair.means[1], atol=1e-12)
+    np.testing.assert_allclose(covars(merged)[0], covars(pair)[1], rtol=1e-9)
+    np.testing.assert_allclose(opacities(merged)[0], opacities(pair)[1], rtol=1e-9)
+    assert merged.ids[0] == pair.ids[1]
 
 
 def test_plain_neighbours_merge_before_colours_and_edges() -> None:
@@ -133,7 +133,7 @@ def plain() -> GaussianMap:
     return wall(30, np.random.default_rng(0))
 
 
-def test_a_plain_wall_looks_the_same_with_half(plain: GaussianMap) -> None:
+def test_a_plain_wall_is_rendered_alike_with_half(plain: GaussianMap) -> None:
     pose = look_at((0.3, 0.2, -1.2), (0, 0, 0), (0, -1, 0))
     camera = Camera(fx=150, fy=150, cx=80, cy=60, width=160, height=120, world_from_camera=pose)
 
@@ -223,5 +223,5 @@ def test_bad_arguments(plain: GaussianMap) -> None:
 
 
 def test_colours_are_harmonics_of_0_5_and_more(plain: GaussianMap) -> None:
-    one = merge(plain, 1)
-    np.testing.assert_allclose(0.5 + SH_C0 * one.sh[0, 0], [0.7, 0.5, 0.3], atol=1e-3)
+    merged = merge(plain, 1)
+    np.testing.assert_allclose(0.5 + SH_C0 * merged.sh[0, 0], [0.7, 0.5, 0.3], atol=1e-3)

@@ -60,7 +60,7 @@ class Page(HTMLParser):
         if self.open and self.open[-1] in ("td", "th"):
             self.rows[-1][-1] += data
 
-    def pictures(self) -> list[Image.Image]:
+    def images(self) -> list[Image.Image]:
         found = [re.match(r"data:image/(jpeg|png);base64,(.*)", source) for source in self.sources]
         return [Image.open(io.BytesIO(base64.b64decode(m[2]))) for m in found if m]
 
@@ -122,7 +122,7 @@ def test_the_page_holds_all_parts(tmp_path: Path) -> None:
 
 
 def test_images_are_those_of_the_view(tmp_path: Path) -> None:
-    shown = written(tmp_path, REPORT).pictures()[2:]  # After two legends.
+    shown = written(tmp_path, REPORT).images()[2:]  # After two legends.
     photo, render, error, measured, rendered = (np.asarray(image.convert("RGB")) for image in shown)
     assert photo.shape == (48, 64, 3)
     assert np.abs(photo.astype(int) - (200, 100, 50)).max() < 4
@@ -139,7 +139,7 @@ def test_pixels_outside_the_mask_are_no_errors(tmp_path: Path) -> None:
     seen = np.ones((48, 64), np.bool_)
     seen[:, 32:] = False
     report = replace(REPORT, views=[view(mask=seen)])
-    error = np.asarray(written(tmp_path, report).pictures()[4].convert("RGB"))
+    error = np.asarray(written(tmp_path, report).images()[4].convert("RGB"))
     assert error[:, :28].mean() > 60
     assert error[:, 40:].max() < 16
     bad = view("odd", mask=seen[1:])
@@ -165,17 +165,15 @@ def test_views_of_a_result_have_the_mask() -> None:
 
 
 def test_errors_are_bright_and_equal_images_black() -> None:
-    picture = np.full((4, 4, 3), 100, np.uint8)
-    black = error_image(picture, picture, 0.2)
+    image = np.full((4, 4, 3), 100, np.uint8)
+    black = error_image(image, image, 0.2)
     assert black.max() < 8
-    other = picture.copy()
+    other = image.copy()
     other[0, 0], other[1, 1] = 151, 110  # 0.2 of the range, and less.
-    shown = error_image(other, picture, 0.2).astype(int).sum(axis=2)
+    shown = error_image(other, image, 0.2).astype(int).sum(axis=2)
     assert shown[0, 0] > 600
     assert shown[3, 3] < shown[1, 1] < shown[0, 0]
-    np.testing.assert_array_equal(
-        error_image(other, picture, 0.2), error_image(picture, other, 0.2)
-    )
+    np.testing.assert_array_equal(error_image(other, image, 0.2), error_image(image, other, 0.2))
 
 
 def test_foreign_names_are_escaped(tmp_path: Path) -> None:
@@ -220,9 +218,9 @@ def test_the_size_of_the_page_is_bounded(tmp_path: Path) -> None:
     assert "25 of 51 are shown" in text
     assert "view 0" in text
     assert "view 50" in text
-    shown = page.pictures()[2:]
+    shown = page.images()[2:]
     assert len(shown) == 5 * MAX_VIEWS
-    assert {picture.size for picture in shown} == {(320, 240)}
+    assert {image.size for image in shown} == {(320, 240)}
 
 
 def test_shrunk_depths_are_measured_depths() -> None:
@@ -255,7 +253,9 @@ def test_the_same_report_is_the_same_page(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("poor", "warns"), [(0, False), (1, False), (2, True), (10, True)])
-def test_a_map_that_does_not_show_its_training_frames_is_told(poor: int, warns: bool) -> None:
+def test_a_map_that_does_not_show_its_training_frames_gives_a_warning(
+    poor: int, warns: bool
+) -> None:
     good_db, poor_db = MIN_TRAINING_PSNR_DB + 5, MIN_TRAINING_PSNR_DB - 3
     psnrs_db = {f"{k:03}": poor_db if k < poor else good_db for k in range(10)}
     warning = warning_of(SimpleNamespace(training_psnrs_db=psnrs_db))

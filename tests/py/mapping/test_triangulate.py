@@ -83,7 +83,7 @@ def test_half_a_pixel_and_the_wrong_handedness_fail(frames: list[RgbdFrame]) -> 
     assert len(cloud.points) < 50 or np.median(blob_room.from_planes(cloud.points)) > 0.1
 
 
-def test_two_pictures_are_enough(frames: list[RgbdFrame]) -> None:
+def test_two_images_are_enough(frames: list[RgbdFrame]) -> None:
     cloud = triangulate([frames[0], frames[5]])
     assert len(cloud.points) > 15
     assert np.median(blob_room.from_planes(cloud.points)) < 0.02
@@ -161,8 +161,8 @@ def visit() -> tuple[Home, list[Viewpoint]]:
 def test_points_of_a_simulated_visit(
     noise: str, visit: tuple[Home, list[Viewpoint]], tmp_path: Path
 ) -> None:
-    home, looks = visit
-    capture(Controller(home, width=320, height=240, noise=noise), looks, tmp_path / "visit")
+    home, viewpoints = visit
+    capture(Controller(home, width=320, height=240, noise=noise), viewpoints, tmp_path / "visit")
     frames = [frame.read() for frame in open_dataset(tmp_path / "visit").frames]
     blind = [
         RgbdFrame(frame.rgb, np.zeros(frame.rgb.shape[:2], np.float32), frame.camera)
@@ -179,7 +179,7 @@ def test_points_of_a_simulated_visit(
     assert np.quantile(off, 0.95) < most_m
 
 
-def test_partners_look_the_same_way_from_elsewhere() -> None:
+def test_partners_have_the_same_direction_from_another_position() -> None:
     def camera(place: tuple, turn_rad: float) -> Camera:
         x, y, z = place
         target = np.array([x + np.cos(turn_rad), y + np.sin(turn_rad), z])
@@ -193,18 +193,18 @@ def test_partners_look_the_same_way_from_elsewhere() -> None:
     partners = {j for i, j in found if i == 0}
     assert 1 in partners, "the next one"
     assert max(partners) >= 38, "a far one"
-    assert 40 not in {j for pair in found for j in pair}, "it looks elsewhere"
+    assert 40 not in {j for pair in found for j in pair}, "it faces another direction"
     assert (5, 41) not in found, "it stands at the same place"
     assert choose_pairs([]) == [] == choose_pairs(line[:1])
 
 
-def test_tracks_join_pictures_and_leave_out_what_contradicts_itself() -> None:
+def test_tracks_join_images_without_contradictory_matches() -> None:
     def matches(i: int, j: int, *rows: tuple[int, int, float]) -> Matches:
         table = np.array(rows)
         return Matches((i, j), table[:, :2].astype(np.intp), table[:, 2])
 
     # 0.0-1.0-2.0 is one point, 0.1-1.1 one that is too far off the line, and 0.2-1.2-0.3 is one in
-    # whose first picture it would be twice.
+    # whose first image it would be twice.
     table = [
         matches(0, 1, (0, 0, 0.1), (1, 1, 3.0), (2, 2, 0.0), (3, 2, 0.0)),
         matches(1, 2, (0, 0, 0.5), (2, 2, 0.5)),

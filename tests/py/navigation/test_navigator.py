@@ -197,8 +197,8 @@ def test_a_robot_outside_the_map_has_lost_track() -> None:
 def test_a_recording_is_a_robot_too() -> None:
     controller = Controller(surfel_room.home(), width=160, height=120)
     frames = []
-    for look in (START, Viewpoint(1.25, 1.5, 0.0, 30.0)):
-        controller.go(look)
+    for viewpoint in (START, Viewpoint(1.25, 1.5, 0.0, 30.0)):
+        controller.go(viewpoint)
         frames.append(controller.observe())
     found = navigator().go(RecordedRobot(frames), "Mug")
     assert found.status in ("reached", "unreachable", "not found")

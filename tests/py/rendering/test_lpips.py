@@ -41,8 +41,8 @@ def by_hand(first: np.ndarray, second: np.ndarray, weights: tuple[Path, Path]) -
     shift = torch.tensor([-0.030, -0.088, -0.188]).reshape(1, 3, 1, 1)
     scale = torch.tensor([0.458, 0.448, 0.450]).reshape(1, 3, 1, 1)
     layers = []
-    for picture in (first, second):
-        x = torch.tensor(picture.transpose(2, 0, 1)[None]) * 2 - 1
+    for image in (first, second):
+        x = torch.tensor(image.transpose(2, 0, 1)[None]) * 2 - 1
         x = (x - shift) / scale
         outputs = []
         for number, layer in enumerate(alexnet):
@@ -51,9 +51,9 @@ def by_hand(first: np.ndarray, second: np.ndarray, weights: tuple[Path, Path]) -
                 outputs.append(x / (torch.sqrt(torch.sum(x**2, dim=1, keepdim=True)) + 1e-10))
         layers.append(outputs)
     total = 0.0
-    for number, (one, other) in enumerate(zip(*layers, strict=True)):
+    for number, (a, b) in enumerate(zip(*layers, strict=True)):
         head = heads[f"lin{number}.model.1.weight"]
-        total += float(functional.conv2d((one - other) ** 2, head).mean().detach())
+        total += float(functional.conv2d((a - b) ** 2, head).mean().detach())
     return total
 
 

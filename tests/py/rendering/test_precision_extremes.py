@@ -56,7 +56,7 @@ def test_needle_keeps_its_energy_at_every_angle(dtype):
     assert max(sums) / min(sums) < 1.1
 
 
-def test_map_far_from_the_worlds_origin_looks_the_same_in_float32():
+def test_map_far_from_the_worlds_origin_is_rendered_alike_in_float32():
     origin = (1e6, -2e6, 500.0)
     near = gslts.render(scenes.random_map(100, dtype=np.float32), scenes.orbit_camera())
     far = gslts.render(

@@ -61,11 +61,11 @@ def test_each_instance_has_a_box_and_noise_is_dropped() -> None:
     stray = block((0.3, 0.6, 1), (0.32, 0.62, 1.02))
     found = queries(WALL, ("Mug", FIRST), ("Mug", SECOND), ("Mug", stray)).find("mug")
     assert len(found) == 2
-    for one, points in zip(found, (FIRST, SECOND), strict=True):
-        np.testing.assert_allclose(one.low, points.min(axis=0) + ORIGIN, atol=0.003)
-        np.testing.assert_allclose(one.high, points.max(axis=0) + ORIGIN, atol=0.003)
-        assert one.score > Oracle.threshold
-        assert len(one.rows) == len(points)
+    for instance, points in zip(found, (FIRST, SECOND), strict=True):
+        np.testing.assert_allclose(instance.low, points.min(axis=0) + ORIGIN, atol=0.003)
+        np.testing.assert_allclose(instance.high, points.max(axis=0) + ORIGIN, atol=0.003)
+        assert instance.score > Oracle.threshold
+        assert len(instance.rows) == len(points)
 
 
 def test_a_large_map_origin_does_not_change_results() -> None:
@@ -74,21 +74,23 @@ def test_a_large_map_origin_does_not_change_results() -> None:
     expected = SemanticQueries(near, autoencoder(), Oracle()).find("mug")
     found = SemanticQueries(replace(near, origin=far), autoencoder(), Oracle()).find("mug")
     assert len(found) == len(expected) == 2
-    for one, other in zip(found, expected, strict=True):
-        np.testing.assert_array_equal(one.rows, other.rows)
-        np.testing.assert_allclose(one.low - far, other.low - ORIGIN, atol=1e-6)
-        np.testing.assert_allclose(one.corners - far[:2], other.corners - ORIGIN[:2], atol=1e-6)
+    for instance, other in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(instance.rows, other.rows)
+        np.testing.assert_allclose(instance.low - far, other.low - ORIGIN, atol=1e-6)
+        np.testing.assert_allclose(
+            instance.corners - far[:2], other.corners - ORIGIN[:2], atol=1e-6
+        )
 
 
 def test_large_objects_are_clustered_in_larger_cells(monkeypatch: pytest.MonkeyPatch) -> None:
     rows = [block((y, 0, 0), (y + 0.4, 1, 1)) for y in (0.0, 0.5, 1.2)]
     some = queries(*(("Shelf", points) for points in rows))
-    expected = [one.rows for one in some.find("shelf")]
+    expected = [instance.rows for instance in some.find("shelf")]
     monkeypatch.setattr(queries_module, "MAX_CELLS", 500)
-    found = [one.rows for one in some.find("shelf")]
+    found = [instance.rows for instance in some.find("shelf")]
     assert len(found) == len(expected) == 3
-    for one, other in zip(found, expected, strict=True):
-        np.testing.assert_array_equal(one, other)
+    for instance, other in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(instance, other)
 
 
 def test_a_rotated_object_has_a_rotated_box() -> None:
@@ -96,8 +98,8 @@ def test_a_rotated_object_has_a_rotated_box() -> None:
     sides = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
     points = block((0, 0, 0), (0.6, 0.2, 0.3))
     points[:, :2] = points[:, :2] @ sides
-    (one,) = queries(("Sofa", points)).find("sofa")
-    edges = np.linalg.norm(np.diff(one.corners[:3], axis=0), axis=1)
+    (instance,) = queries(("Sofa", points)).find("sofa")
+    edges = np.linalg.norm(np.diff(instance.corners[:3], axis=0), axis=1)
     np.testing.assert_allclose(sorted(edges), (0.2, 0.6), atol=0.01)
 
 
@@ -113,7 +115,7 @@ def test_vertical_pieces_are_joined_unless_another_object_is_between(
     parts = [base, shade] if between is None else [base, shade, between]
     found = queries(*parts).find("lamp")
     assert len(found) == count
-    assert max(one.high[2] - one.low[2] for one in found) == pytest.approx(
+    assert max(instance.high[2] - instance.low[2] for instance in found) == pytest.approx(
         0.5 if count == 1 else 0.2, abs=0.01
     )
 

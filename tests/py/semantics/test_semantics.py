@@ -37,7 +37,7 @@ def test_oracle_embeddings_of_types_differ() -> None:
 
 
 def test_the_oracle_needs_labels() -> None:
-    frame = change_room.see(change_room.home(), change_room.LOOKS[0])
+    frame = change_room.see(change_room.home(), change_room.VIEWPOINTS[0])
     segments = Oracle().segments(frame)
     assert frame.labels is not None
     assert segments.labels.shape == (1, 120, 160)

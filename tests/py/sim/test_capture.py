@@ -21,7 +21,7 @@ from gslts_sim.home import Home
 from gslts_sim.ray_scene import Hits, RayScene
 from gslts_sim.robot_body import Viewpoint
 
-LOOKS = [Viewpoint(1.0, y, yaw, 30.0) for y, yaw in ((1.0, 0.0), (1.0, 45.0), (2.5, 330.0))]
+VIEWPOINTS = [Viewpoint(1.0, y, yaw, 30.0) for y, yaw in ((1.0, 0.0), (1.0, 45.0), (2.5, 330.0))]
 
 
 def robot(noise: str = "none") -> Controller:
@@ -53,11 +53,11 @@ def points_in_world(header: dict, frame: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def test_points_of_all_frames_lie_on_the_objects(tmp_path: Path) -> None:
-    assert capture(robot(), LOOKS, tmp_path / "set") == len(LOOKS)
+    assert capture(robot(), VIEWPOINTS, tmp_path / "set") == len(VIEWPOINTS)
     header, frames = read(tmp_path / "set")
     objects = json.loads((tmp_path / "set" / "objects.json").read_text())
     assert header["camera_model"] == "OPENCV"
-    assert len(frames) == len(LOOKS)
+    assert len(frames) == len(VIEWPOINTS)
     seen = set()
     for frame in frames:
         assert frame["file_path"].dtype == np.uint8
@@ -76,7 +76,7 @@ def test_points_of_all_frames_lie_on_the_objects(tmp_path: Path) -> None:
 
 def test_points_of_one_frame_are_rendered_where_the_next_one_sees_them(tmp_path: Path) -> None:
     """The rasterizer, poses and depths read back agree within half a pixel."""
-    capture(robot(), LOOKS, tmp_path / "set")
+    capture(robot(), VIEWPOINTS, tmp_path / "set")
     header, frames = read(tmp_path / "set")
     camera = gslts.Camera(
         fx=header["fl_x"],
@@ -118,8 +118,8 @@ def test_points_of_one_frame_are_rendered_where_the_next_one_sees_them(tmp_path:
 
 
 def test_the_recorded_pose_is_the_believed_one(tmp_path: Path) -> None:
-    capture(robot("kinect"), LOOKS[:2], tmp_path / "noisy")
-    capture(robot("none"), LOOKS[:2], tmp_path / "true")
+    capture(robot("kinect"), VIEWPOINTS[:2], tmp_path / "noisy")
+    capture(robot("none"), VIEWPOINTS[:2], tmp_path / "true")
     (_, noisy), (_, true) = read(tmp_path / "noisy"), read(tmp_path / "true")
     shift = noisy[0]["world_from_camera"][:3, 3] - true[0]["world_from_camera"][:3, 3]
     assert 0 < np.linalg.norm(shift) < 0.05
@@ -128,8 +128,8 @@ def test_the_recorded_pose_is_the_believed_one(tmp_path: Path) -> None:
 
 
 def test_true_poses_are_those_of_the_robot(tmp_path: Path) -> None:
-    capture(robot("kinect"), LOOKS[:2], tmp_path / "visit")
-    capture(robot("none"), LOOKS[:2], tmp_path / "true")
+    capture(robot("kinect"), VIEWPOINTS[:2], tmp_path / "visit")
+    capture(robot("none"), VIEWPOINTS[:2], tmp_path / "true")
     poses = true_poses(tmp_path / "visit")
     assert list(poses) == ["00000", "00001"]
     _, frames = read(tmp_path / "true")
@@ -166,7 +166,7 @@ def test_a_full_disk_leaves_complete_frames(
     with pytest.raises(
         OSError, match=rf"set: No space left on device; {whole} complete frames"
     ) as e:
-        capture(robot(), LOOKS, folder)
+        capture(robot(), VIEWPOINTS, folder)
     assert "\n" not in str(e.value)
     left = sorted(path.name for path in folder.glob("*/*.png"))
     assert len(left) == 3 * whole
@@ -183,24 +183,24 @@ def test_frames_are_dropped_until_their_list_fits(
     from gslts_sim import capture as module
 
     full_after(monkeypatch, 6)
-    write, refusals = module.write_atomic, [1]
+    write, rejections = module.write_atomic, [1]
 
-    def refusing(path: Path, content: bytes) -> None:
-        if path.name == "transforms.json" and refusals[0]:
-            refusals[0] -= 1
+    def failing_write(path: Path, content: bytes) -> None:
+        if path.name == "transforms.json" and rejections[0]:
+            rejections[0] -= 1
             raise OSError(errno.ENOSPC, "No space left on device")
         write(path, content)
 
-    monkeypatch.setattr(module, "write_atomic", refusing)
+    monkeypatch.setattr(module, "write_atomic", failing_write)
     with pytest.raises(OSError, match="1 complete frames are kept"):
-        capture(robot(), LOOKS, tmp_path / "set")
+        capture(robot(), VIEWPOINTS, tmp_path / "set")
     assert len(read(tmp_path / "set")[1]) == 1
     assert len(list((tmp_path / "set").glob("*/*.png"))) == 3
 
 
 def test_an_interruption_leaves_complete_frames(tmp_path: Path) -> None:
     def interrupted():
-        yield from LOOKS[:2]
+        yield from VIEWPOINTS[:2]
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -211,14 +211,14 @@ def test_an_interruption_leaves_complete_frames(tmp_path: Path) -> None:
 def test_nothing_is_overwritten(tmp_path: Path) -> None:
     (tmp_path / "precious").write_text("data")
     with pytest.raises(ValueError, match="is not empty"):
-        capture(robot(), LOOKS, tmp_path)
+        capture(robot(), VIEWPOINTS, tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["precious"]
 
 
 def test_a_blocked_viewpoint_is_named(tmp_path: Path) -> None:
     blocked = Viewpoint(2.5, 1.9, 0.0, 0.0)
     with pytest.raises(ValueError, match=r"capture: Teleport: the robot cannot stand at \(2\.5"):
-        capture(robot(), [*LOOKS[:1], blocked], tmp_path / "set")
+        capture(robot(), [*VIEWPOINTS[:1], blocked], tmp_path / "set")
     assert len(read(tmp_path / "set")[1]) == 1
 
 

@@ -143,7 +143,7 @@ def test_the_believed_pose_has_noise_and_takes_no_frame() -> None:
     np.testing.assert_array_equal(asked.observe().rgb, silent.observe().rgb)
 
 
-def test_it_looks_down_as_far_as_it_can(controller: Controller) -> None:
+def test_it_tilts_down_to_its_limit(controller: Controller) -> None:
     for pitch_rad, expected in (
         (0.5, np.rad2deg(0.5)),
         (None, np.rad2deg(0.5)),
@@ -162,7 +162,7 @@ def test_bad_actions_are_named(controller: Controller) -> None:
         controller.step("MoveAhead", speed=3)
 
 
-def test_a_full_room_is_refused() -> None:
+def test_a_full_room_is_rejected() -> None:
     home = sim_scenes.simple_home()
     full = sim_scenes.box_object("Block|2", (0, 0, 0), (5, 4, 1.0), sim_scenes.plain(90))
     with pytest.raises(ValueError, match="simple: the robot can stand nowhere"):

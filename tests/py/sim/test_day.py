@@ -91,7 +91,7 @@ def test_files_without_a_day_are_named(
         read_day(path)
 
 
-def test_more_changes_than_a_home_allows_are_refused(
+def test_more_changes_than_a_home_allows_are_rejected(
     source_and_home: tuple[HomeSource, Home],
 ) -> None:
     setting = TaskSettings(width=64, height=48, receptacle_id="Floor|1", object_id="Nothing|1")

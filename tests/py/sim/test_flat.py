@@ -63,8 +63,8 @@ def test_same_seed_makes_the_same_flat() -> None:
 def test_viewpoints_of_a_room() -> None:
     hall = flat().rooms[0].box.mean(axis=0)
     bedroom = flat().rooms[3].box.mean(axis=0)
-    looks = [Viewpoint(float(x), float(y), 0.0, 0.0) for x, y, _ in (hall, bedroom)]
-    assert viewpoints_in(flat(), ["hall"], looks) == looks[:1]
-    assert viewpoints_in(flat(), ["hall", "bedroom"], looks) == looks
+    viewpoints = [Viewpoint(float(x), float(y), 0.0, 0.0) for x, y, _ in (hall, bedroom)]
+    assert viewpoints_in(flat(), ["hall"], viewpoints) == viewpoints[:1]
+    assert viewpoints_in(flat(), ["hall", "bedroom"], viewpoints) == viewpoints
     with pytest.raises(ValueError, match="no room 'cellar'; it has bedroom, hall, kitchen"):
-        viewpoints_in(flat(), ["cellar"], looks)
+        viewpoints_in(flat(), ["cellar"], viewpoints)

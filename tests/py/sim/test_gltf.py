@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from gltf_files import CUBE, Gltf, flat, one, sized
+from gltf_files import CUBE, Gltf, flat, only_object, sized
 from home_checks import digest, signed_volume
 from PIL import Image
 
@@ -87,7 +87,7 @@ def test_extras_win_over_type_and_size(tmp_path):
     small = file.mesh(file.primitive(sized(0.55, 0.1, 0.1)))
     extras = {"type": "Relic", "movable": False, "receptacle": True}
     file.node(name="Mug|1", mesh=small, extras=extras)
-    obj = one(tmp_path, file)
+    obj = only_object(tmp_path, file)
     assert (obj.id, obj.type, obj.movable, obj.receptacle) == (
         "Mug|1",
         "Relic",
@@ -124,7 +124,7 @@ def test_tilted_object_stands_upright_in_its_own_frame(tmp_path):
     angle = np.radians(30)
     tilt = [np.sin(angle / 2), 0, 0, np.cos(angle / 2)]
     file.node(name="Plank", mesh=file.mesh(file.primitive(sized(1, 0.2, 0.02))), rotation=tilt)
-    obj = one(tmp_path, file)
+    obj = only_object(tmp_path, file)
     np.testing.assert_array_equal(obj.world_from_object[:3, :3], np.eye(3))
     vertices = obj.surfaces[0].vertices
     assert vertices[:, 2].min() == 0
@@ -137,7 +137,7 @@ def test_mirrors_leave_the_outside_outside(tmp_path, scale):
     file = Gltf()
     child = file.node(root=False, name="Cube", mesh=file.mesh(file.primitive(CUBE)))
     file.node(name="Mirror", children=[child], scale=scale, rotation=[0, 0.6, 0, 0.8])
-    surface = one(tmp_path, file).surfaces[0]
+    surface = only_object(tmp_path, file).surfaces[0]
     volume = signed_volume(surface.vertices, surface.faces)
     assert volume == pytest.approx(abs(np.prod(scale)), rel=1e-5)
 
@@ -149,7 +149,7 @@ def test_shear_of_turn_within_scale_is_applied(tmp_path):
         rotation=[0, np.sin(0.3), 0, np.cos(0.3)],
     )  # fmt: skip
     file.node(name="Wide", children=[child], scale=[3, 1, 1])
-    obj = one(tmp_path, file)
+    obj = only_object(tmp_path, file)
     turn = trimesh.transformations.rotation_matrix(0.6, [0, 1, 0])
     expected = (CUBE @ turn[:3, :3].T) * (3, 1, 1)
     z_up = np.stack([expected[..., 0], -expected[..., 2], expected[..., 1]], axis=-1)
@@ -162,7 +162,7 @@ def test_matrix_is_read_by_columns(tmp_path):
     matrix = np.eye(4)
     matrix[:3, 3] = 3, 5, 7
     file.node(name="A", mesh=file.mesh(file.primitive(CUBE)), matrix=matrix.T.ravel().tolist())
-    np.testing.assert_allclose(one(tmp_path, file).world_from_object[:3, 3], [3, -7, 0])
+    np.testing.assert_allclose(only_object(tmp_path, file).world_from_object[:3, 3], [3, -7, 0])
 
 
 def test_strips_indices_and_lines(tmp_path):
@@ -173,7 +173,7 @@ def test_strips_indices_and_lines(tmp_path):
     line = {"attributes": position, "mode": 1}
     mesh = file.mesh(line, {"attributes": position, "indices": indices, "mode": 5})
     file.node(name="Quad", mesh=mesh)
-    obj = one(tmp_path, file)
+    obj = only_object(tmp_path, file)
     assert len(obj.surfaces) == 1
     corners = world(obj)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -195,7 +195,7 @@ def test_interleaved_arrays_and_quantised_numbers(tmp_path):
     white = file.material(Image.new("RGB", (2, 2)))
     attributes = {"POSITION": 0, "TEXCOORD_0": 1}
     file.node(name="A", mesh=file.mesh({"attributes": attributes, "material": white}))
-    obj = one(tmp_path, file)
+    obj = only_object(tmp_path, file)
     np.testing.assert_allclose(np.ptp(obj.surfaces[0].vertices, axis=0), [1, 0, 1])
     expected = np.array([[0, 0], [1, 0], [0, 32768 / 65535]], np.float32)
     np.testing.assert_array_equal(obj.surfaces[0].uvs[0], expected)
@@ -212,7 +212,7 @@ def test_written_home_comes_back(tmp_path, room_type):
     for obj, other in zip(home.objects, again.objects, strict=True):
         assert (obj.id, obj.type) == (other.id, other.type)
         assert (obj.movable, obj.receptacle) == (other.movable, other.receptacle)
-        turns = [one.world_from_object[:3, :3] for one in (obj, other)]
+        turns = [item.world_from_object[:3, :3] for item in (obj, other)]
         np.testing.assert_allclose(*turns, atol=1e-6)
         np.testing.assert_allclose(other.box_in_world, obj.box_in_world, atol=1e-5)
         bounds = np.stack([other.boxes[:, 0].min(axis=0), other.boxes[:, 1].max(axis=0)])

@@ -19,7 +19,7 @@ from gslts_sim.gltf import objects as gltf_objects
 from gslts_sim.gltf import parts as gltf_parts
 
 
-def assert_refused(path: Path, match: str, error: type[Exception] = ValueError) -> None:
+def assert_rejected(path: Path, match: str, error: type[Exception] = ValueError) -> None:
     with pytest.raises(error, match=match) as caught:
         load_home(path)
     message = str(caught.value)
@@ -34,10 +34,10 @@ def test_file_cut_short_at_any_byte(tmp_path):
     path = tmp_path / "cut.glb"
     for length in range(len(data)):
         path.write_bytes(data[:length])
-        assert_refused(path, "load_home: ")
+        assert_rejected(path, "load_home: ")
 
 
-def test_any_wrong_byte_is_refused_or_read(tmp_path):
+def test_any_wrong_byte_is_rejected_or_read(tmp_path):
     data = quad(four_colours()).glb()
     rng = np.random.default_rng(5)
     path = tmp_path / "wrong.glb"
@@ -74,7 +74,7 @@ def test_any_wrong_byte_is_refused_or_read(tmp_path):
 def test_false_containers_are_rejected(tmp_path, change, match):
     path = tmp_path / "bad.glb"
     path.write_bytes(change(flat().glb()))
-    assert_refused(path, match)
+    assert_rejected(path, match)
 
 
 def edit(*keys, value):
@@ -142,7 +142,7 @@ def edit(*keys, value):
 def test_false_json_is_rejected(tmp_path, change, match):
     file = quad(four_colours())
     change(file)
-    assert_refused(file.write(tmp_path / "bad.glb"), match)
+    assert_rejected(file.write(tmp_path / "bad.glb"), match)
 
 
 def test_numbers_too_large_for_floats(tmp_path):
@@ -150,7 +150,7 @@ def test_numbers_too_large_for_floats(tmp_path):
     file.tree["nodes"][0]["scale"] = [1, 77777, 1]
     path = tmp_path / "bad.glb"
     path.write_bytes(file.glb().replace(b"77777", b"1e400", 1))
-    assert_refused(path, "not finite|trimesh cannot read it")
+    assert_rejected(path, "not finite|trimesh cannot read it")
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf])
@@ -159,14 +159,14 @@ def test_vertices_must_be_finite(tmp_path, wrong):
     corners = CUBE.copy()
     corners[0, 1, 2] = wrong
     file.node(name="Mug", mesh=file.mesh(file.primitive(corners)))
-    assert_refused(file.write(tmp_path / "bad.glb"), rf"node 0 \(Mug\): vertex 1 is .*{wrong}")
+    assert_rejected(file.write(tmp_path / "bad.glb"), rf"node 0 \(Mug\): vertex 1 is .*{wrong}")
 
 
 def test_triangles_with_missing_vertices(tmp_path):
     file = Gltf()
     indices = file.array(np.array([0, 1, 36], np.uint16))
     file.node(name="Mug", mesh=file.mesh(file.primitive(CUBE, indices=indices)))
-    assert_refused(file.write(tmp_path / "bad.glb"), "Mug.*vertex 36 of 36")
+    assert_rejected(file.write(tmp_path / "bad.glb"), "Mug.*vertex 36 of 36")
 
 
 def test_cycles_of_nodes(tmp_path):
@@ -175,9 +175,9 @@ def test_cycles_of_nodes(tmp_path):
     file.node(name="A", mesh=mesh)
     for child in (2, 3, 1):
         file.node(root=False, name="B", children=[child])
-    assert_refused(file.write(tmp_path / "bad.glb"), "is in a cycle or below")
+    assert_rejected(file.write(tmp_path / "bad.glb"), "is in a cycle or below")
     file.tree["scenes"] = [{"nodes": [2]}]
-    assert_refused(file.write(tmp_path / "bad.glb"), "is in a cycle or below")
+    assert_rejected(file.write(tmp_path / "bad.glb"), "is in a cycle or below")
 
 
 def test_nodes_deep_below_each_other(tmp_path):
@@ -186,14 +186,14 @@ def test_nodes_deep_below_each_other(tmp_path):
     for _ in range(300):
         below = file.node(root=False, name="B", children=[below])
     file.tree["scenes"] = [{"nodes": [below]}]
-    assert_refused(file.write(tmp_path / "bad.glb"), "below 200 others")
+    assert_rejected(file.write(tmp_path / "bad.glb"), "below 200 others")
 
 
 def test_file_without_names(tmp_path):
     file = Gltf()
     child = file.node(root=False, mesh=file.mesh(file.primitive(CUBE)))
     file.node(children=[child])
-    assert_refused(file.write(tmp_path / "bad.glb"), "node 0 has a mesh, but neither")
+    assert_rejected(file.write(tmp_path / "bad.glb"), "node 0 has a mesh, but neither")
 
 
 def test_links_out_of_the_folder(tmp_path):
@@ -202,13 +202,13 @@ def test_links_out_of_the_folder(tmp_path):
     (tmp_path / "in" / "link.png").symlink_to(tmp_path / "secret.png")
     file = quad(four_colours())
     file.tree["images"][0] = {"uri": "link.png"}
-    assert_refused(file.write(tmp_path / "in" / "bad.glb"), "not lead into the folder")
+    assert_rejected(file.write(tmp_path / "in" / "bad.glb"), "not lead into the folder")
 
 
 def test_paths_without_a_file(tmp_path):
-    assert_refused(tmp_path / "none.glb", "does not exist", FileNotFoundError)
+    assert_rejected(tmp_path / "none.glb", "does not exist", FileNotFoundError)
     (tmp_path / "folder.glb").mkdir()
-    assert_refused(tmp_path / "folder.glb", "is not a file")
+    assert_rejected(tmp_path / "folder.glb", "is not a file")
     file = quad(four_colours())
     file.tree["images"][0] = {"uri": "missing.png"}
     with pytest.raises(FileNotFoundError, match=r"missing\.png does not exist"):
@@ -228,7 +228,7 @@ def test_limits(tmp_path, monkeypatch):
     ):
         with monkeypatch.context() as limit:
             limit.setattr(module, name, value)
-            assert_refused(path, match)
+            assert_rejected(path, match)
 
 
 @pytest.mark.parametrize("floor", [True, False])
@@ -238,7 +238,7 @@ def test_sizes_of_no_home(tmp_path, side, floor):
     mesh = file.mesh(file.primitive(sized(side, 0.75 * side, 0.1 * side)))
     file.node(name="Floor|1" if floor else "Thing|1", mesh=mesh)
     path = file.write(tmp_path / "size.glb")
-    assert_refused(path, f"its rooms measure {side:.4g} x .* m; homes in metres have 0.5 to 100 m")
+    assert_rejected(path, f"its rooms measure {side:.4g} x .* m; homes in metres have 0.5 to 100 m")
     file.tree["nodes"][0]["scale"] = [2 / side] * 3
     assert len(load_home(file.write(path)).rooms) == 1
 
@@ -258,7 +258,7 @@ def test_one_mesh_at_many_nodes_counts_each_time(tmp_path, monkeypatch):
     for k in range(4):
         file.node(name=f"A{k}", mesh=mesh)
     monkeypatch.setattr(gltf_parts, "MAX_CORNERS", 4 * 72 - 1)
-    assert_refused(file.write(tmp_path / "many.glb"), "vertices and corners")
+    assert_rejected(file.write(tmp_path / "many.glb"), "vertices and corners")
 
 
 def test_image_that_would_be_huge(tmp_path):
@@ -270,12 +270,12 @@ def test_image_that_would_be_huge(tmp_path):
     data[29:33] = struct.pack(">I", zlib.crc32(data[12:29]))
     gltf = quad(four_colours())
     gltf.tree["images"][0] = {"bufferView": gltf.view(bytes(data))}
-    assert_refused(gltf.write(tmp_path / "bomb.glb"), r"images\[0\]")
+    assert_rejected(gltf.write(tmp_path / "bomb.glb"), r"images\[0\]")
 
 
 def test_gltf_is_not_glb(tmp_path):
     path = tmp_path / "alone.gltf"
     path.write_text(json.dumps(flat().tree | {"buffers": [{"byteLength": 4}]}))
-    assert_refused(path, "is missing")
+    assert_rejected(path, "is missing")
     path.write_bytes(glb(b"{}", b""))
-    assert_refused(path, "asset.version is None")
+    assert_rejected(path, "asset.version is None")

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gltf_files import QUAD_UV, four_colours, one, quad
+from gltf_files import QUAD_UV, four_colours, only_object, quad
 from PIL import Image
 
 from gslts.core.camera import camera_from_fov, look_at
@@ -28,7 +28,7 @@ def test_textures_are_upright(tmp_path):
 
 
 def test_texture_bytes_and_coordinates_are_untouched(tmp_path):
-    surface = one(tmp_path, quad(four_colours(), 2.5 * QUAD_UV)).surfaces[0]
+    surface = only_object(tmp_path, quad(four_colours(), 2.5 * QUAD_UV)).surfaces[0]
     np.testing.assert_array_equal(surface.texture, np.asarray(four_colours()))
     np.testing.assert_array_equal(surface.uvs.reshape(-1, 2), 2.5 * QUAD_UV)
 
@@ -36,7 +36,9 @@ def test_texture_bytes_and_coordinates_are_untouched(tmp_path):
 def test_factor_is_multiplied_in_linear_light(tmp_path):
     factor = np.array([0.5, 0.25, 1.0])
     texture = (
-        one(tmp_path, quad(four_colours(), baseColorFactor=[*factor, 0.3])).surfaces[0].texture
+        only_object(tmp_path, quad(four_colours(), baseColorFactor=[*factor, 0.3]))
+        .surfaces[0]
+        .texture
     )
     linear = LINEAR_OF_BYTE[np.asarray(four_colours())] * factor
     np.testing.assert_array_equal(texture, np.rint(255 * srgb_from_linear(linear)))
@@ -44,7 +46,7 @@ def test_factor_is_multiplied_in_linear_light(tmp_path):
 
 
 def test_factor_without_a_texture_is_the_colour(tmp_path):
-    texture = one(tmp_path, quad(baseColorFactor=[0.2158605, 1, 0, 1])).surfaces[0].texture
+    texture = only_object(tmp_path, quad(baseColorFactor=[0.2158605, 1, 0, 1])).surfaces[0].texture
     assert texture.tolist() == [[[128, 255, 0]]]
 
 
@@ -58,14 +60,14 @@ def test_other_kinds_of_images(tmp_path, mode):
         if mode == "RGBA":
             image.putalpha(40)
         expected = [[0, 255], [128, 1]]
-    texture = one(tmp_path, quad(image)).surfaces[0].texture
+    texture = only_object(tmp_path, quad(image)).surfaces[0].texture
     np.testing.assert_array_equal(texture, np.repeat(np.array(expected)[..., None], 3, axis=2))
 
 
 def test_palette_with_opacity(tmp_path):
     image = four_colours().quantize(4)
     image.info["transparency"] = bytes([0, 128, 255, 255])
-    texture = one(tmp_path, quad(image)).surfaces[0].texture
+    texture = only_object(tmp_path, quad(image)).surfaces[0].texture
     np.testing.assert_array_equal(texture, np.asarray(four_colours()))
 
 
@@ -75,7 +77,7 @@ def test_transform_of_textures(tmp_path):
     file = quad(four_colours(), baseColorTexture={"extensions": {"KHR_texture_transform": change}})
     attributes = file.tree["meshes"][0]["primitives"][0]["attributes"]
     attributes["TEXCOORD_1"], attributes["TEXCOORD_0"] = attributes["TEXCOORD_0"], 0
-    uvs = one(tmp_path, file).surfaces[0].uvs.reshape(-1, 2)
+    uvs = only_object(tmp_path, file).surfaces[0].uvs.reshape(-1, 2)
     np.testing.assert_allclose(uvs.min(axis=0), [0, 0.5], atol=1e-6)
     np.testing.assert_allclose(uvs.max(axis=0), [0.5, 1], atol=1e-6)
     np.testing.assert_allclose(uvs[1], [0.5, 0.5], atol=1e-6)  # From (1, 1).
@@ -86,7 +88,7 @@ def test_colours_at_vertices(tmp_path):
     colours = np.array([[1, 1, 0]] * 3 + [[0, 0, 1]] * 3, np.float32)
     primitive = file.tree["meshes"][0]["primitives"][0]
     primitive["attributes"]["COLOR_0"] = file.array(colours)
-    surface = one(tmp_path, file).surfaces[0]
+    surface = only_object(tmp_path, file).surfaces[0]
     height, width = surface.texture.shape[:2]
     column, row = np.floor(surface.uvs[:, 0] * (width, height)).astype(int).T
     assert surface.texture[row, column].tolist() == [[255, 188, 0], [0, 0, 255]]

@@ -74,7 +74,7 @@ def test_grain_runs_along_the_longest_edge():
     assert np.ptp(mesh.uvs_m[:, :, 0]) == pytest.approx(0.7)
 
 
-def test_a_disc_looks_up():
+def test_a_disc_faces_up():
     corners = disc(0.1).vertices[disc(0.1).faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     assert (normals[:, 2] > 0).all()

@@ -105,10 +105,10 @@ def test_sheet_of_a_tiny_home(tmp_path):
         assert sheet.size == (1650, 704)
 
 
-def test_sheet_of_a_picture_without_depth(tmp_path):
-    home = load_home(quad().write(tmp_path / "picture.glb"))
-    write_contact_sheet(home, tmp_path / "picture.png")
-    with Image.open(tmp_path / "picture.png") as sheet:
+def test_sheet_of_a_flat_image(tmp_path):
+    home = load_home(quad().write(tmp_path / "image.glb"))
+    write_contact_sheet(home, tmp_path / "image.png")
+    with Image.open(tmp_path / "image.png") as sheet:
         assert sheet.size == (1650, 704)
 
 
@@ -131,5 +131,5 @@ def test_names_are_no_formulas_on_sheets_of_tasks(tmp_path):
     maker = TaskMaker(TaskSettings(width=32, height=24, object_id=MATH), 0)
     (task,) = maker.make(source, home, 1)
     write_task_sheet(task, home, tmp_path / "task.png")
-    with Image.open(tmp_path / "task.png") as picture:
-        assert picture.size[0] > 1000
+    with Image.open(tmp_path / "task.png") as image:
+        assert image.size[0] > 1000

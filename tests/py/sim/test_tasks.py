@@ -126,7 +126,7 @@ def test_same_seed_same_tasks(tasks: list[Task], source_and_home: tuple[HomeSour
 def test_scripts_replay_bit_for_bit(task_file: Path) -> None:
     """Replay from the file alone, as on another machine."""
 
-    def pictures(*numbers: int) -> list[bytes]:
+    def images(*numbers: int) -> list[bytes]:
         task = read_task(task_file)
         home = task.home.load(task_file.parent)
         taken: dict[tuple[bool, int], list[bytes]] = {}
@@ -138,8 +138,8 @@ def test_scripts_replay_bit_for_bit(task_file: Path) -> None:
                 taken[changed, number] = [frame.rgb.tobytes(), frame.depth.tobytes(), pose]
         return [part for key in sorted(taken) for part in taken[key]]
 
-    first = pictures(0, 3, 11)
-    assert pictures(11, 0, 3) == first, "the order of the looks must not count"
+    first = images(0, 3, 11)
+    assert images(11, 0, 3) == first, "the order of the viewpoints must not count"
     assert len(set(first)) == len(first), "the change, the noise and the move must show"
 
 
@@ -270,7 +270,7 @@ def test_homes_in_files_are_found_beside_the_script(tmp_path: Path) -> None:
         ("flat.gltf", r"flat\.gltf: tasks need a \.glb file, which holds all of its home"),
     ],
 )
-def test_files_of_homes_are_not_trusted(tmp_path: Path, file: str, message: str) -> None:
+def test_invalid_files_of_homes_are_rejected(tmp_path: Path, file: str, message: str) -> None:
     (tmp_path / "flat.gltf").write_text("{}")
     with pytest.raises((OSError, ValueError), match=message):
         FileSource(file=file, sha256="0").load(tmp_path)

@@ -157,7 +157,7 @@ def test_a_robot_that_cannot_move_says_so(
     unity.reachable = []
     assert robot.reachable_positions().shape == (0, 2)
     assert not robot.move_towards(np.zeros(2), 0.0)
-    unity.refusal = "the agent fell through the floor"
+    unity.failure = "the agent fell through the floor"
     with pytest.raises(RuntimeError, match="GetReachablePositions: the agent fell through"):
         robot.reachable_positions()
 
@@ -172,7 +172,7 @@ def test_changes_take_positions_in_the_world(
     assert unity.actions[-1]["objectId"] == "Mug|1"
     robot.step("InitialRandomSpawn", randomSeed=3)
     assert unity.actions[-1]["randomSeed"] == 3
-    unity.refusal = "No object with ID Cup|9"
+    unity.failure = "No object with ID Cup|9"
     event = robot.step("DisableObject", objectId="Cup|9")
     assert event is robot.last_event
     assert not event.metadata["lastActionSuccess"]
@@ -181,7 +181,7 @@ def test_changes_take_positions_in_the_world(
         robot.step("EnableObject", objectId="Cup|9")
 
 
-def test_actions_in_unitys_frame_are_refused(controller: StandInController) -> None:
+def test_actions_in_unitys_frame_are_rejected(controller: StandInController) -> None:
     robot = ThorRobot(controller)
     with pytest.raises(ValueError, match=r"one of InitialRandomSpawn, .*, got 'TeleportFull'"):
         robot.step("TeleportFull", x=1.0, y=0.9, z=2.0)
@@ -234,7 +234,7 @@ def build_in(home: Path) -> Path:
     return folder
 
 
-def test_without_a_build_it_says_where_it_looked(home: Path) -> None:
+def test_without_a_build_the_error_names_the_folders(home: Path) -> None:
     with pytest.raises(FileNotFoundError) as caught:
         start_thor("FloorPlan1")
     message = str(caught.value)

@@ -16,7 +16,7 @@ from gslts.store.camera_files import read_camera_path, read_cameras
 
 
 @pytest.mark.parametrize("roll_rad", [0.0, np.pi])
-def test_orbits_are_smooth_and_look_inside(roll_rad: float) -> None:
+def test_orbits_are_smooth_and_face_inside(roll_rad: float) -> None:
     cameras = orbit(list(around(12, roll_rad=roll_rad).values()), 240)
     poses = np.stack([camera.world_from_camera for camera in cameras])
     eyes, forward = poses[:, :3, 3], poses[:, :3, 2]

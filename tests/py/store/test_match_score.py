@@ -37,14 +37,14 @@ def test_the_score_is_that_of_the_detector(seed: int) -> None:
     first = surface(rng)
     near = np.asarray(first.color_histogram) if seed % 2 else None
     second = surface(rng, near)
-    looks = []
-    for one in (first, second):
-        change = Change("addition", 0.9, one.point, (None, (LOW, HIGH)), after=one)
-        look = change_record(change).appearances[1]
-        assert look is not None
-        looks.append(look)
+    appearances = []
+    for seen in (first, second):
+        change = Change("addition", 0.9, seen.point, (None, (LOW, HIGH)), after=seen)
+        appearance = change_record(change).appearances[1]
+        assert appearance is not None
+        appearances.append(appearance)
     expected = match_score(first, second)
-    assert score_of_history(*looks) == pytest.approx(expected, abs=0.02)
+    assert score_of_history(*appearances) == pytest.approx(expected, abs=0.02)
     assert (expected > 0.5) == bool(seed % 2), "pairs of both kinds"
 
 

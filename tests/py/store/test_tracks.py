@@ -17,7 +17,7 @@ A, B, C, D = (1.0, 1.0, 0.5), (3.0, 1.0, 0.5), (1.0, 4.0, 0.5), (4.0, 4.0, 0.5)
 RED, BLUE = "001ff", "900ff"
 """Histograms of one bin."""
 
-Told = list[tuple[str, list[tuple[str, int]]]]
+EventNames = list[tuple[str, list[tuple[str, int]]]]
 """Names of tracks, and kind and version of their events."""
 
 
@@ -78,13 +78,13 @@ def commit(
     store: MapStore, number_of_round: int | None, *events: ObjectEvent, colors: str | None = None
 ) -> None:
     """Add a version that shows object changes, all of one colour."""
-    look = None if colors is None else Appearance(area_m2=0.04, colors=colors)
+    appearance = None if colors is None else Appearance(area_m2=0.04, colors=colors)
     changes = tuple(
         ChangeRecord(
             kind=event.kind,
             confidence=0.9,
             boxes=event.boxes,
-            appearances=(look, look),
+            appearances=(appearance, appearance),
             motion=event.motion,
         )
         for event in events
@@ -92,7 +92,7 @@ def commit(
     store.commit(store.read(), UpdateCause(round=number_of_round, changes=changes), events)
 
 
-def told(tracks: Sequence[Track]) -> Told:
+def events_by_object(tracks: Sequence[Track]) -> EventNames:
     """Return what tracks tell."""
     return [
         (track.name, [(event.kind, event.version) for event in track.events]) for track in tracks
@@ -103,14 +103,14 @@ def test_an_object_comes_moves_and_goes(store: MapStore) -> None:
     commit(store, 0, came(A))
     commit(store, 1, moved(A, B))
     commit(store, 2, gone(B))
-    assert told(store.tracks()) == [
+    assert events_by_object(store.tracks()) == [
         ("Pillow", [("addition", 2), ("relocation", 3), ("removal", 4)])
     ]
 
 
 def test_an_object_gone_and_found_elsewhere_rounds_later_has_moved(store: MapStore) -> None:
     commit(store, 0, gone(A, "Ottoman"))
-    assert told(store.tracks()) == [("Ottoman", [("removal", 2)])]
+    assert events_by_object(store.tracks()) == [("Ottoman", [("removal", 2)])]
     commit(store, 5, came(B, "Ottoman"))
     (track,) = store.tracks()
     (event,) = track.events
@@ -127,7 +127,7 @@ def test_the_new_position_may_be_found_first(store: MapStore) -> None:
     commit(store, 3, came(B, "Ottoman"))
     commit(store, 3, came(C, "Statue"))
     commit(store, 4, gone(A, "Ottoman"))
-    assert told(store.tracks()) == [
+    assert events_by_object(store.tracks()) == [
         ("Ottoman", [("relocation", 4)]),
         ("Statue", [("addition", 3)]),
     ]
@@ -136,13 +136,16 @@ def test_the_new_position_may_be_found_first(store: MapStore) -> None:
 def test_an_object_that_goes_long_after_another_came_is_another_one(store: MapStore) -> None:
     commit(store, 0, came(B))
     commit(store, 2, gone(A))
-    assert told(store.tracks()) == [("Pillow", [("addition", 2)]), ("Pillow 2", [("removal", 3)])]
+    assert events_by_object(store.tracks()) == [
+        ("Pillow", [("addition", 2)]),
+        ("Pillow 2", [("removal", 3)]),
+    ]
 
 
 def test_an_object_that_comes_back_to_its_position_has_not_moved(store: MapStore) -> None:
     commit(store, 0, gone(A))
     commit(store, 3, came(A))
-    assert told(store.tracks()) == [("Pillow", [("removal", 2), ("addition", 3)])]
+    assert events_by_object(store.tracks()) == [("Pillow", [("removal", 2), ("addition", 3)])]
 
 
 def test_two_equal_objects_are_two_tracks(store: MapStore) -> None:
@@ -151,7 +154,7 @@ def test_two_equal_objects_are_two_tracks(store: MapStore) -> None:
     commit(store, 2, moved(A, C))
     commit(store, 3, gone(B))
     commit(store, 4, came(D))
-    assert told(store.tracks()) == [
+    assert events_by_object(store.tracks()) == [
         ("Pillow", [("addition", 2), ("relocation", 4)]),
         ("Pillow 2", [("addition", 3), ("relocation", 6)]),
     ]
@@ -161,23 +164,23 @@ def test_of_two_objects_that_are_gone_the_one_of_the_same_colour_is_found(store:
     commit(store, 0, gone(A), colors=RED)
     commit(store, 0, gone(B), colors=BLUE)
     commit(store, 1, came(C), colors=RED)
-    assert told(store.tracks()) == [
+    assert events_by_object(store.tracks()) == [
         ("Pillow", [("relocation", 4)]),
         ("Pillow 2", [("removal", 3)]),
     ]
 
 
-def test_objects_without_a_name_are_told_apart_by_colour_and_size(store: MapStore) -> None:
+def test_objects_without_a_name_are_distinguished_by_colour_and_size(store: MapStore) -> None:
     commit(store, 0, gone(A, "object"), colors=RED)
     commit(store, 0, came(B, "object"), colors=BLUE)
     commit(store, 1, came(C, "object"), colors=RED)
-    assert told(store.tracks()) == [
+    assert events_by_object(store.tracks()) == [
         ("object", [("relocation", 4)]),
         ("object 2", [("addition", 3)]),
     ]
 
 
-def test_a_change_that_is_reported_again_is_told_once(store: MapStore) -> None:
+def test_a_change_that_is_reported_again_is_one_event(store: MapStore) -> None:
     near = (A[0] + 0.1, A[1], A[2])
     commit(store, 0, came(A))
     commit(store, 4, came(near))
@@ -194,7 +197,7 @@ def test_a_change_that_is_reported_again_is_told_once(store: MapStore) -> None:
 def test_parts_of_an_object_are_one_object(store: MapStore) -> None:
     commit(store, 0, gone((2.0, 2.0, 1.4), "FloorLamp"))
     commit(store, 0, gone((2.1, 1.9, 0.1), "FloorLamp"))
-    assert told(store.tracks()) == [("FloorLamp", [("removal", 2)])]
+    assert events_by_object(store.tracks()) == [("FloorLamp", [("removal", 2)])]
 
 
 def test_a_relocation_joins_ends_that_were_reported_before(store: MapStore) -> None:
@@ -202,17 +205,20 @@ def test_a_relocation_joins_ends_that_were_reported_before(store: MapStore) -> N
     commit(store, 0, moved(A, B))
     commit(store, 1, came(D, "Book"))
     commit(store, 1, moved(C, D, "Book"))
-    assert told(store.tracks()) == [("Pillow", [("relocation", 3)]), ("Book", [("relocation", 5)])]
+    assert events_by_object(store.tracks()) == [
+        ("Pillow", [("relocation", 3)]),
+        ("Book", [("relocation", 5)]),
+    ]
 
 
 def test_a_restored_version_has_the_tracks_of_its_lineage(store: MapStore) -> None:
     commit(store, 0, gone(A))
     commit(store, 1, came(B))
     store.restore(2)
-    assert told(store.tracks()) == [("Pillow", [("removal", 2)])]
+    assert events_by_object(store.tracks()) == [("Pillow", [("removal", 2)])]
     commit(store, 2, came(C))
-    assert told(store.tracks()) == [("Pillow", [("relocation", 5)])]
-    assert told(store.tracks(3)) == [("Pillow", [("relocation", 3)])]
+    assert events_by_object(store.tracks()) == [("Pillow", [("relocation", 5)])]
+    assert events_by_object(store.tracks(3)) == [("Pillow", [("relocation", 3)])]
     assert describe_versions(store) == {
         1: [],
         2: ["Pillow: see version 5"],
@@ -236,7 +242,7 @@ def test_a_shift_is_one_event_and_the_object_stays(store: MapStore) -> None:
     commit(store, 3, shifted(A, motion(0.07, 0, 3, about=A[:2])), colors=BLUE)
     commit(store, 6, shifted((1.07, 1.0, 0.5), motion(0, -0.1)))
     commit(store, 9, gone((1.07, 0.9, 0.5), "Table"), colors=RED)
-    assert told(store.tracks()) == [
+    assert events_by_object(store.tracks()) == [
         ("Table", [("addition", 2), ("shift", 3), ("shift", 4), ("removal", 5)])
     ]
     lines = describe_versions(store)
@@ -248,7 +254,7 @@ def test_a_shift_is_one_event_and_the_object_stays(store: MapStore) -> None:
 def test_a_shifted_object_that_the_first_map_shows_is_one_object(store: MapStore) -> None:
     commit(store, 0, shifted(A, motion(0.08, 0)))
     commit(store, 5, moved((1.08, 1.0, 0.5), B, "Table"))
-    assert told(store.tracks()) == [("Table", [("shift", 2), ("relocation", 3)])]
+    assert events_by_object(store.tracks()) == [("Table", [("shift", 2), ("relocation", 3)])]
 
 
 def test_what_stands_on_a_shifted_object_keeps_its_identity(store: MapStore) -> None:
@@ -261,13 +267,13 @@ def test_what_stands_on_a_shifted_object_keeps_its_identity(store: MapStore) -> 
         kind="removal", type="object", boxes=(box((mug[0] + 0.48, 1.0, 0.95), 0.1), None)
     )
     commit(store, 9, left)
-    assert told(store.tracks()) == [
+    assert events_by_object(store.tracks()) == [
         ("object", [("addition", 2), ("removal", 7)]),
         ("object 2", [("shift", version) for version in (3, 4, 5, 6)]),
     ]
 
 
-def test_a_shift_of_an_unknown_place_is_told_without_a_distance() -> None:
+def test_a_shift_of_an_unknown_position_has_no_distance() -> None:
     event = ObjectEvent(
         kind="shift", type="Chair", boxes=(None, None), motion=motion(0.1, 0, -4, about=(5, 5))
     )

@@ -55,7 +55,7 @@ def lines(folder: Path) -> list[dict[str, Any]]:
     """Return the kept results without times, which differ."""
     (path,) = (folder / "work" / "detect").iterdir()
     results = [json.loads(line) for line in path.read_text().splitlines()]
-    return [{key: value for key, value in one.items() if key not in TIMES} for one in results]
+    return [{key: value for key, value in record.items() if key not in TIMES} for record in results]
 
 
 def cases_file(folder: Path) -> Path:
@@ -93,25 +93,25 @@ def test_images_are_named_by_what_they_show(done: Path) -> None:
     names = [path.stem.split("_") for path in (done / "images").iterdir()]
     shown = {"_".join(name[:4]) for name in names}
     assert 1 <= len(names) == len(shown) <= 20
-    assert shown <= {one["case"].replace("/", "_") for one in records}
+    assert shown <= {record["case"].replace("/", "_") for record in records}
     assert {name[4] for name in names} == {"objects"}
     assert {name[5] for name in names} <= {"right", "wrong"}
     for path in (done / "images").iterdir():
-        with Image.open(path) as picture:
-            assert picture.size == (3 * 480, 360)  # Enlarged, so that words can be read.
+        with Image.open(path) as image:
+            assert image.size == (3 * 480, 360)  # Enlarged, so that words can be read.
 
 
 def test_nothing_is_made_twice(done: Path) -> None:
     (path,) = (done / "work" / "detect").iterdir()
     before = path.read_bytes()
-    maps = [one.stat().st_mtime_ns for one in (done / "work").rglob("versions.sqlite")]
+    maps = [path.stat().st_mtime_ns for path in (done / "work").rglob("versions.sqlite")]
     assert len(maps) == 1
     again = gslts(*RUN, cwd=done)
     assert again.returncode == 0, again.stderr
     tables = [text.partition("|")[2] for text in (again.stdout, (done / "stdout").read_text())]
     assert tables[0] == tables[1], "the same tables, to the last time"
     assert path.read_bytes() == before
-    assert [one.stat().st_mtime_ns for one in (done / "work").rglob("versions.sqlite")] == maps
+    assert [path.stat().st_mtime_ns for path in (done / "work").rglob("versions.sqlite")] == maps
 
 
 def test_a_killed_run_goes_on_where_it_stopped(done: Path, copied: Path) -> None:
@@ -147,9 +147,9 @@ def test_a_task_that_errors_is_named_and_ends_in_1(done: Path, copied: Path) -> 
     path.write_bytes(cases_file(done).read_bytes())
     healed = gslts(*RUN, cwd=copied)
     assert healed.returncode == 0, healed.stderr
-    errors = [one for one in lines(copied) if one["error"] is not None]
+    errors = [record for record in lines(copied) if record["error"] is not None]
     assert len(errors) == 4, "one for each detector"
-    rest = [one for one in lines(copied) if one["error"] is None]
+    rest = [record for record in lines(copied) if record["error"] is None]
     assert sorted(map(str, rest)) == sorted(map(str, lines(done)))
 
 
@@ -171,8 +171,8 @@ def test_the_trade_is_measured_and_drawn(copied: Path) -> None:
         record["part"] for record in result["records"] if record["variant"] == "quarter, gradients"
     )
     assert parts == {"single": 6}
-    with Image.open(copied / "trade.png") as picture:
-        assert picture.size[0] > 500
+    with Image.open(copied / "trade.png") as image:
+        assert image.size[0] > 500
 
 
 @pytest.mark.parametrize(
@@ -198,10 +198,10 @@ def test_bad_input_is_rejected_in_one_line(
 ) -> None:
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "a").touch()
-    refused = gslts("bench", "detect", "--work", "work", *arguments, cwd=tmp_path)
-    assert refused.returncode in (1, 2)
-    assert "Traceback" not in refused.stderr
-    assert message in refused.stderr
+    rejected = gslts("bench", "detect", "--work", "work", *arguments, cwd=tmp_path)
+    assert rejected.returncode in (1, 2)
+    assert "Traceback" not in rejected.stderr
+    assert message in rejected.stderr
     assert not (tmp_path / "work").exists()
 
 
@@ -220,7 +220,7 @@ def test_single_cases_are_tasks(done: Path) -> None:
 
 
 def test_several_changes_are_all_seen(done: Path) -> None:
-    """Each from the same look, before and after all of them, as a single task must be."""
+    """Each from the same viewpoint, before and after all of them, as a single task must be."""
     cases = cases_in(done)
     before = BENCH.default_state(cases.initial_actions)
     several = [case for case in cases.cases if case.part in ("pair", "triple")]
@@ -260,7 +260,9 @@ def test_visits_err_as_they_should(done: Path) -> None:
     assert len(visits) == COUNTS["unchanged"]
     assert len({case.sensor_seed for case in visits}) == len(visits)
     transforms = json.loads(next((done / "work").rglob("transforms.json")).read_text())
-    recorded = np.array([one["true_transform_matrix"] for one in transforms["frames"]])[:, :3, 3]
+    recorded = np.array([frame["true_transform_matrix"] for frame in transforms["frames"]])[
+        :, :3, 3
+    ]
     for case in visits:
         assert case.light_shift_m is not None
         assert np.linalg.norm(case.light_shift_m) == pytest.approx(LIGHT_SHIFT_M, abs=1e-3)
@@ -305,9 +307,11 @@ def test_the_light_moves_and_the_lamp_does_not(done: Path) -> None:
 
 def test_work_is_spread_evenly() -> None:
     counts = counts_of(301, 12)
-    assert sorted(one.single for one in counts) == [25] * 11 + [26]
-    assert sum(one.pair for one in counts) == sum(one.triple for one in counts) == 50
-    assert sum(one.unchanged for one in counts) == 200
-    assert sum(one.unchanged for one in counts_of(30, 3)) == 20
+    assert sorted(numbers.single for numbers in counts) == [25] * 11 + [26]
+    assert (
+        sum(numbers.pair for numbers in counts) == sum(numbers.triple for numbers in counts) == 50
+    )
+    assert sum(numbers.unchanged for numbers in counts) == 200
+    assert sum(numbers.unchanged for numbers in counts_of(30, 3)) == 20
     homes = homes_of(range(4), [], HomeSetup(), Path("work"))
     assert len({home.name for home in homes}) == 12

@@ -23,8 +23,10 @@ def test_a_foreign_home_is_measured_and_named(tmp_path: Path) -> None:
     (made_of,) = (subject["made_of"] for subject in result["subjects"].values())
     assert made_of["recording"]["home"] == "flat.glb_0"
     assert len(made_of["recording"]["sha256"]) == 64
-    singles = [one for one in result["records"] if one["part"] == "single"]
-    assert {truth["change"]["object_type"] for one in singles for truth in one["truths"]} == {"Cup"}
+    singles = [record for record in result["records"] if record["part"] == "single"]
+    assert {truth["change"]["object_type"] for record in singles for truth in record["truths"]} == {
+        "Cup"
+    }
 
 
 @pytest.mark.parametrize(
@@ -37,8 +39,8 @@ def test_a_foreign_home_is_measured_and_named(tmp_path: Path) -> None:
 )
 def test_a_bad_home_is_one_line(tmp_path: Path, arguments: tuple[str, ...], message: str) -> None:
     (tmp_path / "text.glb").write_text("text")
-    refused = gslts("bench", "detect", *arguments, *SMALL, cwd=tmp_path)
-    assert refused.returncode == 1
-    assert message in refused.stderr
-    assert len(refused.stderr.strip().splitlines()) == 1
+    rejected = gslts("bench", "detect", *arguments, *SMALL, cwd=tmp_path)
+    assert rejected.returncode == 1
+    assert message in rejected.stderr
+    assert len(rejected.stderr.strip().splitlines()) == 1
     assert not (tmp_path / "out").exists()

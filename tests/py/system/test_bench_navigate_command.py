@@ -44,22 +44,22 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., tuple[str, di
 
 def test_a_run_is_kept(run: Callable[..., tuple[str, dict[str, Any]]]) -> None:
     text, found = run("one")
-    ids = [one["id"] for one in found["records"]]
+    ids = [record["id"] for record in found["records"]]
     assert ids[:3] == [f"kitchen_3/00{k}" for k in range(3)]
     moved = found["records"][3:]
-    assert {one["id"].rpartition("/")[0] for one in moved} == {
+    assert {record["id"].rpartition("/")[0] for record in moved} == {
         f"kitchen_3/moved_{k:02}" for k in range(2)
     }
     assert found["summary"]["moved"]["relocations"][1] == 2
-    walked = [one for one in moved if one["status"] != NOT_UPDATED]
+    walked = [record for record in moved if record["status"] != NOT_UPDATED]
     assert found["summary"]["moved"]["episodes"] == len(walked)
     assert found["errors"] == {}
     assert "| kitchen |" in text
     assert found["summary"]["rooms"]["kitchen"]["episodes"] == 3
-    assert sum(one["success"] for one in found["records"][:3]) >= 2
-    for one in found["records"]:
-        assert one["success"] == (one["spl"] > 0)
-        assert one["walked_m"] == 0 or one["walked_m"] >= 0.25
+    assert sum(record["success"] for record in found["records"][:3]) >= 2
+    for record in found["records"]:
+        assert record["success"] == (record["spl"] > 0)
+        assert record["walked_m"] == 0 or record["walked_m"] >= 0.25
     again_text, again = run("two")
     assert again["records"] == found["records"]
     assert again_text.partition("| Room")[2] == text.partition("| Room")[2]

@@ -51,8 +51,8 @@ def test_tables_and_plot(done: Path) -> None:
     text = (done / "stdout").read_text()
     assert "| GS-LTS (GT), as printed |" in text
     assert text.count("\n| d = ") == 4
-    with Image.open(done / "trade.png") as picture:
-        assert picture.size[0] > 900
+    with Image.open(done / "trade.png") as image:
+        assert image.size[0] > 900
 
 
 def test_an_interrupted_run_goes_on(done: Path) -> None:

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import change_room
 import pytest
-from change_room import LOOKS
+from change_room import VIEWPOINTS
 from command import gslts
 from PIL import Image
-from shared import looks_all_around
+from shared import viewpoints_all_around
 
 from gslts_bench.real.boxes import marked_rooms
 from gslts_sim.capture import capture
@@ -20,13 +20,15 @@ from gslts_sim.controller import Controller
 def rooms(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Record visits of a simulated room under the names of the real one."""
     folder = tmp_path_factory.mktemp("rooms")
-    looks = [*looks_all_around("change_room", change_room.home(), 48)[:16], *LOOKS]
+    viewpoints = [*viewpoints_all_around("change_room", change_room.home(), 48)[:16], *VIEWPOINTS]
     added = change_room.thing("Box|3", 2.6, 1.8, change_room.YELLOW, "Block|1")
-    capture(Controller(change_room.home(), **change_room.SIZE), looks, folder / "Office/scene1")
+    capture(
+        Controller(change_room.home(), **change_room.SIZE), viewpoints, folder / "Office/scene1"
+    )
     for visit, images in marked_rooms()["Office"].visits.items():
         recorded = folder / "Office" / visit
         home = change_room.home().with_object(added)
-        capture(Controller(home, **change_room.SIZE), [LOOKS[0]] * len(images), recorded)
+        capture(Controller(home, **change_room.SIZE), [VIEWPOINTS[0]] * len(images), recorded)
         text = (recorded / "transforms.json").read_text()
         header = json.loads(text)
         for frame, file in zip(header["frames"], images, strict=True):

@@ -34,8 +34,8 @@ def records(path: Path) -> list[dict[str, Any]]:
 
 def test_each_frame_is_localized_with_each_variant(done: Path) -> None:
     asked: dict[tuple[str, str], set[str]] = {}
-    for one in records(done / "all.json"):
-        asked.setdefault((one["part"], one["frame"]), set()).add(one["variant"])
+    for record in records(done / "all.json"):
+        asked.setdefault((record["part"], record["frame"]), set()).add(record["variant"])
     expected = {
         "held-out": {OURS, *ABLATION},
         "as mapped": {OURS, *ABLATION, *TRADE},
@@ -55,11 +55,11 @@ STRANGERS = ("bedroom_2", "kitchen_3")
 
 
 def test_only_frames_of_the_home_are_judged_by_a_true_pose(done: Path) -> None:
-    for one in records(done / "all.json"):
-        located, own = one["located"], one["part"] != "another home"
+    for record in records(done / "all.json"):
+        located, own = record["located"], record["part"] != "another home"
         assert located["s"] > 0
         assert (located["off"] is not None) == (own and located["status"] != "lost")
-        assert (one["tracked"] is not None) == (own and one["variant"] == OURS)
+        assert (record["tracked"] is not None) == (own and record["variant"] == OURS)
         if not own:
             assert located["status"] != "ok"
 
@@ -77,8 +77,8 @@ def test_tables_and_plot(done: Path) -> None:
     )
     assert text.count("\n| bedroom | 4 |") == 7
     assert text.count("\n| without depth | 12 |") == 1
-    with Image.open(done / "t.png") as picture:
-        assert picture.size[0] > 900
+    with Image.open(done / "t.png") as image:
+        assert image.size[0] > 900
 
 
 def test_an_interrupted_run_goes_on(done: Path) -> None:
@@ -90,15 +90,17 @@ def test_an_interrupted_run_goes_on(done: Path) -> None:
     assert process.returncode == 0, process.stderr
     before, after = records(done / "all.json"), records(done / "again.json")
     assert before[:-2] == after[:-2]
-    for one, other in zip(before[-2:], after[-2:], strict=True):
-        assert timeless(one) == timeless(other), "the same but for the times"
+    for first, other in zip(before[-2:], after[-2:], strict=True):
+        assert timeless(first) == timeless(other), "the same but for the times"
     assert sorted((done / "work" / "maps").iterdir()) == maps
 
 
 def test_held_out_frames_are_those_that_the_map_was_made_without(done: Path) -> None:
     (map_cameras,) = (done / "work" / "maps").glob("bedroom_3_*/cameras.json")
-    kept = {one["frame"] for one in records(done / "all.json") if one["part"] == "held-out"}
-    assert not {one.partition("kept_")[2] for one in kept} & set(
+    kept = {
+        record["frame"] for record in records(done / "all.json") if record["part"] == "held-out"
+    }
+    assert not {name.partition("kept_")[2] for name in kept} & set(
         json.loads(map_cameras.read_text())
     )
 
@@ -116,13 +118,13 @@ def test_a_recorded_room(done: Path) -> None:
     process = gslts(*run, "--json", "room.json", cwd=done)
     assert process.returncode == 0, process.stderr
     found = records(done / "room.json")
-    assert [one["id"] for one in found] == [f"{k:05}" for k in range(1, 32, FOLDS)]
+    assert [record["id"] for record in found] == [f"{k:05}" for k in range(1, 32, FOLDS)]
     content = json.loads((done / "room.json").read_text())
     assert content["errors"] == {}
     assert content["summary"]["corrected"]["far"] >= 2
     assert content["summary"]["given"]["far"] >= 2
     (made_of,) = (done / "work" / "maps").glob("*_without_1_*/cameras.json")
-    assert not set(json.loads(made_of.read_text())) & {one["id"] for one in found}
+    assert not set(json.loads(made_of.read_text())) & {record["id"] for record in found}
     assert "| by the given poses | 4 |" in process.stdout
     again = gslts(*run, cwd=done)
     assert again.stdout.splitlines()[-5:] == process.stdout.splitlines()[-5:], "the same table"

@@ -34,19 +34,19 @@ def found(folder: Path) -> dict[str, Any]:
 
 def test_each_change_goes_on_from_the_map_after_the_one_before(done: Path) -> None:
     records = found(done)["records"]
-    assert [one["id"] for one in records[:-1]] == [f"kitchen_4/00{k}" for k in range(1, 5)]
-    steps = [one["step"] for one in records[:-1]]
-    assert [one["psnr_db"] is not None for one in steps] == [False, True, False, True]
+    assert [record["id"] for record in records[:-1]] == [f"kitchen_4/00{k}" for k in range(1, 5)]
+    steps = [record["step"] for record in records[:-1]]
+    assert [step["psnr_db"] is not None for step in steps] == [False, True, False, True]
     end = found(done)["records"][-1]["end"]
     size = end["gaussians"][BEFORE]
     updated = 0
-    for one in steps:
-        if one["changes"] == 0 or one["rejected"] is not None:
-            assert one["gaussians"] == size
+    for step in steps:
+        if step["changes"] == 0 or step["rejected"] is not None:
+            assert step["gaussians"] == size
         else:
             updated += 1
-            assert one["seconds"] > 0
-        size = one["gaussians"]
+            assert step["seconds"] > 0
+        size = step["gaussians"]
     assert size == end["gaussians"][UPDATED]
     assert updated > 0
 

@@ -34,8 +34,8 @@ def records(folder: Path) -> list[dict[str, Any]]:
 
 def test_each_detected_change_is_updated_with_each_method(done: Path) -> None:
     by_task: dict[str, set[str]] = {}
-    for one in records(done):
-        by_task.setdefault(one["task"], set()).add(one["method"])
+    for record in records(done):
+        by_task.setdefault(record["task"], set()).add(record["method"])
     assert len(by_task) == 3
     detected = [methods for methods in by_task.values() if methods != {"not detected"}]
     assert detected
@@ -46,32 +46,32 @@ def test_each_detected_change_is_updated_with_each_method(done: Path) -> None:
 
 def test_records_hold_counts_and_times(done: Path) -> None:
     by_method: dict[str, list[dict[str, Any]]] = {}
-    for one in records(done):
-        by_method.setdefault(one["method"], []).append(one)
-    for one in by_method["ours"]:
-        before, after = one["gaussians"]
-        if one["rejected"] is None:
-            assert after == before - one["removed"] + one["added"]
-        assert set(one["seconds"]) >= {"update", "collecting"}
-    for one in by_method["no update"]:
-        assert one["gaussians"][0] == one["gaussians"][1]
+    for record in records(done):
+        by_method.setdefault(record["method"], []).append(record)
+    for record in by_method["ours"]:
+        before, after = record["gaussians"]
+        if record["rejected"] is None:
+            assert after == before - record["removed"] + record["added"]
+        assert set(record["seconds"]) >= {"update", "collecting"}
+    for record in by_method["no update"]:
+        assert record["gaussians"][0] == record["gaussians"][1]
     for plain, none in zip(by_method["plain fine-tuning"], by_method["no update"], strict=True):
         assert plain["scores"]["near"]["psnr_db"] > none["scores"]["near"]["psnr_db"]
         assert plain["scores"]["near"]["lpips"] is None
-    updated = {one["task"] for one in by_method["ours"] if one["rejected"] is None}
+    updated = {record["task"] for record in by_method["ours"] if record["rejected"] is None}
     assert updated
-    for one in by_method["curve, ours"]:
-        within = {"50 of 250"} if one["task"] in updated else set()
-        assert set(one["curve"]) == {*map(str, MARKS)} | within
+    for record in by_method["curve, ours"]:
+        within = {"50 of 250"} if record["task"] in updated else set()
+        assert set(record["curve"]) == {*map(str, MARKS)} | within
 
 
 def test_the_curve_starts_without_an_update(done: Path) -> None:
-    found = {one["id"]: one for one in records(done)}
-    for one in found.values():
-        if one["method"] == "curve, plain fine-tuning":
-            none = found[f"{one['task']}: no update"]["scores"]
+    found = {record["id"]: record for record in records(done)}
+    for record in found.values():
+        if record["method"] == "curve, plain fine-tuning":
+            none = found[f"{record['task']}: no update"]["scores"]
             expected = [none[view]["psnr_db"] for view in ("near", "far")]
-            assert one["curve"]["0"] == pytest.approx(expected)
+            assert record["curve"]["0"] == pytest.approx(expected)
 
 
 def test_tables_and_images_are_made(done: Path) -> None:
@@ -79,11 +79,11 @@ def test_tables_and_images_are_made(done: Path) -> None:
     for name in METHODS:
         assert f"| {name} | near |" in text
     assert "PSNR against iterations" in text
-    pictures = sorted((done / "images").iterdir())
-    updated = {one["task"] for one in records(done) if one["method"] == "ours"}
-    assert len(pictures) == len(updated)
-    with Image.open(pictures[0]) as picture, Image.open(done / "curve.png") as curve:
-        assert picture.size == (5 * 120, 4 * 90)
+    images = sorted((done / "images").iterdir())
+    updated = {record["task"] for record in records(done) if record["method"] == "ours"}
+    assert len(images) == len(updated)
+    with Image.open(images[0]) as image, Image.open(done / "curve.png") as curve:
+        assert image.size == (5 * 120, 4 * 90)
         assert curve.size[0] > 500
 
 
@@ -94,7 +94,9 @@ def test_finished_results_are_reused(done: Path) -> None:
     assert process.returncode == 0, process.stderr
     assert kept.read_bytes() == before
     again = json.loads((done / "again.json").read_text())
-    assert {one["id"] for one in again["records"]} == {one["id"] for one in records(done)}
+    assert {record["id"] for record in again["records"]} == {
+        record["id"] for record in records(done)
+    }
 
 
 def test_bad_input_is_named(tmp_path: Path) -> None:

@@ -75,7 +75,9 @@ def test_scores_are_best_for_the_image_itself() -> None:
     assert good.flip < bad.flip
     assert good.lpips is None
     shown = judge.render(gaussian_map, judge.views[0], judge.views[0].camera)
-    perfect = Judge([replace(one, photo=shown) for one in judge.views]).scores(gaussian_map)["near"]
+    perfect = Judge([replace(view, photo=shown) for view in judge.views]).scores(gaussian_map)[
+        "near"
+    ]
     assert perfect.psnr_db == pytest.approx(100)
     assert perfect.ssim == pytest.approx(1, abs=1e-5)
     assert perfect.flip == pytest.approx(0, abs=1e-5)

@@ -7,7 +7,7 @@ from pathlib import Path
 import change_room
 import numpy as np
 import pytest
-from change_room import LOOKS, SIZE
+from change_room import SIZE, VIEWPOINTS
 from command import gslts
 from PIL import Image
 
@@ -25,9 +25,9 @@ def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("detect")
     change_room.write_room_map(folder / "map")
     home = change_room.home().without(["Box|1"])
-    capture(Controller(home, **SIZE, noise="kinect"), LOOKS, folder / "visit")
+    capture(Controller(home, **SIZE, noise="kinect"), VIEWPOINTS, folder / "visit")
     # The rule of GS-LTS needs the depth at one pixel, which noise may take away.
-    capture(Controller(home, **SIZE), LOOKS, folder / "clean")
+    capture(Controller(home, **SIZE), VIEWPOINTS, folder / "clean")
     for visit in ("visit", "clean"):
         dark = folder / visit / "images" / "00002.png"
         Image.fromarray(np.zeros((SIZE["height"], SIZE["width"], 3), np.uint8)).save(dark)

@@ -30,10 +30,10 @@ def changed_home(kind: str) -> Home:
 
 
 def detect_all(home: Home) -> list[Detection]:
-    """Compare coarse frames from all looks at the block with the map."""
+    """Compare coarse frames from all viewpoints of the block with the map."""
     return [
-        change_room.detector().detect(coarse(change_room.see(home, look, "kinect", seed=seed)))
-        for look in change_room.LOOKS
+        change_room.detector().detect(coarse(change_room.see(home, viewpoint, "kinect", seed=seed)))
+        for viewpoint in change_room.VIEWPOINTS
         for seed in SEEDS
     ]
 
@@ -59,8 +59,8 @@ def test_nothing_is_found_where_nothing_changed() -> None:
 
 
 def test_mirrored_frames_are_unreliable() -> None:
-    for look in change_room.LOOKS:
-        frame = coarse(change_room.see(change_room.home(), look))
+    for viewpoint in change_room.VIEWPOINTS:
+        frame = coarse(change_room.see(change_room.home(), viewpoint))
         mirrored = replace(
             frame,
             rgb=np.ascontiguousarray(frame.rgb[:, ::-1]),

@@ -6,7 +6,7 @@ from pathlib import Path
 import change_room
 import numpy as np
 import pytest
-from change_room import BLUE, LOOKS, YELLOW, see, thing
+from change_room import BLUE, VIEWPOINTS, YELLOW, see, thing
 
 from gslts.change.changes import Change
 from gslts.change.config import DetectionConfig
@@ -25,7 +25,7 @@ NEAR_M = 0.3
 RED_M, BLUE_M, FREE_M = (2.2, 1.85, 0.9), (3.0, 1.95, 0.9), (2.6, 1.85, 0.9)
 """Middles of the boxes on the block, and a free position between them, m."""
 
-looks = pytest.mark.parametrize("look", LOOKS, ids=["front", "back", "corner"])
+viewpoints = pytest.mark.parametrize("viewpoint", VIEWPOINTS, ids=["front", "back", "corner"])
 noises = pytest.mark.parametrize("noise", ["none", "kinect"])
 
 
@@ -46,24 +46,28 @@ def without_depth(frame: RgbdFrame) -> RgbdFrame:
 
 
 def summary(changes: tuple[Change, ...]) -> list[tuple[str, np.ndarray]]:
-    return [(one.kind, one.point) for one in changes]
+    return [(change.kind, change.point) for change in changes]
 
 
 def require(detection: Detection, *expected: tuple[str, tuple[float, float, float]]) -> None:
     """Require these changes and no others, each within 0.3 m."""
     assert detection.unreliable is None
-    assert sorted(one.kind for one in detection.changes) == sorted(kind for kind, _ in expected)
+    assert sorted(change.kind for change in detection.changes) == sorted(
+        kind for kind, _ in expected
+    )
     for kind, point in expected:
         distances = [
-            np.linalg.norm(one.point - point) for one in detection.changes if one.kind == kind
+            np.linalg.norm(change.point - point)
+            for change in detection.changes
+            if change.kind == kind
         ]
         assert min(distances) < NEAR_M, summary(detection.changes)
 
 
-@looks
+@viewpoints
 @noises
-def test_an_added_object_is_found(look: object, noise: str) -> None:
-    detection = change_room.detector().detect(see(added(change_room.home()), look, noise))
+def test_an_added_object_is_found(viewpoint: object, noise: str) -> None:
+    detection = change_room.detector().detect(see(added(change_room.home()), viewpoint, noise))
     require(detection, ("addition", FREE_M))
     (change,) = detection.changes
     before, after = change.masks
@@ -76,10 +80,10 @@ def test_an_added_object_is_found(look: object, noise: str) -> None:
     assert (after & yellow).sum() > 0.6 * after.sum()
 
 
-@looks
+@viewpoints
 @noises
-def test_a_removed_object_is_found(look: object, noise: str) -> None:
-    detection = change_room.detector().detect(see(removed(change_room.home()), look, noise))
+def test_a_removed_object_is_found(viewpoint: object, noise: str) -> None:
+    detection = change_room.detector().detect(see(removed(change_room.home()), viewpoint, noise))
     require(detection, ("removal", RED_M))
     (change,) = detection.changes
     before, after = change.masks
@@ -90,10 +94,10 @@ def test_a_removed_object_is_found(look: object, noise: str) -> None:
     assert (before & (red > 2 * blue) & (red > 2 * green)).sum() > 0.6 * before.sum()
 
 
-@looks
+@viewpoints
 @noises
-def test_without_depth_an_added_object_is_found_in_the_image(look: object, noise: str) -> None:
-    frame = without_depth(see(added(change_room.home()), look, noise))
+def test_without_depth_an_added_object_is_found_in_the_image(viewpoint: object, noise: str) -> None:
+    frame = without_depth(see(added(change_room.home()), viewpoint, noise))
     detection = change_room.detector().detect(frame)
     assert detection.changes
     red, green, blue = detection.observed_rgb.transpose(2, 0, 1)
@@ -104,10 +108,12 @@ def test_without_depth_an_added_object_is_found_in_the_image(look: object, noise
         assert (change.masks[1] & yellow).sum() > 0.6 * change.masks[1].sum()
 
 
-@looks
+@viewpoints
 @noises
-def test_without_depth_a_removed_object_is_where_the_map_has_it(look: object, noise: str) -> None:
-    frame = without_depth(see(removed(change_room.home()), look, noise))
+def test_without_depth_a_removed_object_is_where_the_map_has_it(
+    viewpoint: object, noise: str
+) -> None:
+    frame = without_depth(see(removed(change_room.home()), viewpoint, noise))
     change = change_room.detector().detect(frame).changes[0]
     assert change.kind == "removal"
     assert change.is_measured
@@ -116,15 +122,15 @@ def test_without_depth_a_removed_object_is_where_the_map_has_it(look: object, no
 
 def test_the_rule_of_gs_lts_needs_depth() -> None:
     detector = ChangeDetector(change_room.mapped()[0], DetectionConfig(strategy="gs_lts"))
-    detection = detector.detect(without_depth(see(change_room.home(), LOOKS[0])))
+    detection = detector.detect(without_depth(see(change_room.home(), VIEWPOINTS[0])))
     assert detection.unreliable is not None
     assert "hardly any depth is measured" in detection.unreliable
 
 
-@looks
+@viewpoints
 @noises
-def test_a_moved_object_is_found_at_both_ends(look: object, noise: str) -> None:
-    detection = change_room.detector().detect(see(moved(change_room.home()), look, noise))
+def test_a_moved_object_is_found_at_both_ends(viewpoint: object, noise: str) -> None:
+    detection = change_room.detector().detect(see(moved(change_room.home()), viewpoint, noise))
     require(detection, ("relocation", FREE_M))
     (change,) = detection.changes
     for box, place_m in zip(change.boxes, (RED_M, FREE_M), strict=True):
@@ -133,36 +139,36 @@ def test_a_moved_object_is_found_at_both_ends(look: object, noise: str) -> None:
     assert all(mask is not None and mask.any() for mask in change.masks)
 
 
-@looks
+@viewpoints
 @noises
-def test_an_unchanged_room_has_no_change(look: object, noise: str) -> None:
+def test_an_unchanged_room_has_no_change(viewpoint: object, noise: str) -> None:
     for seed in range(3):
-        frame = see(change_room.home(), look, noise, seed)
+        frame = see(change_room.home(), viewpoint, noise, seed)
         require(change_room.detector().detect(frame))
 
 
-@looks
+@viewpoints
 @noises
-def test_two_changes_at_once_are_both_found(look: object, noise: str) -> None:
+def test_two_changes_at_once_are_both_found(viewpoint: object, noise: str) -> None:
     home = added(change_room.home()).without(["Box|2"])
-    detection = change_room.detector().detect(see(home, look, noise))
+    detection = change_room.detector().detect(see(home, viewpoint, noise))
     require(detection, ("addition", FREE_M), ("removal", BLUE_M))
-    masks = [mask for one in detection.changes for mask in one.masks if mask is not None]
+    masks = [mask for change in detection.changes for mask in change.masks if mask is not None]
     assert not (masks[0] & masks[1]).any()
     both_gone = change_room.home().without(["Box|1", "Box|2"])
-    detection = change_room.detector().detect(see(both_gone, look, noise))
+    detection = change_room.detector().detect(see(both_gone, viewpoint, noise))
     require(detection, ("removal", RED_M), ("removal", BLUE_M))
 
 
 def test_an_addition_on_the_floor_is_found() -> None:
     home = change_room.home().with_object(thing("Box|3", 1.4, 2.0, BLUE, "Floor|1"))
-    for look in LOOKS:
-        require(change_room.detector().detect(see(home, look)), ("addition", (1.4, 2.0, 0.15)))
+    for viewpoint in VIEWPOINTS:
+        require(change_room.detector().detect(see(home, viewpoint)), ("addition", (1.4, 2.0, 0.15)))
 
 
 def test_boxes_are_around_the_object() -> None:
     """The visible part of a box of 0.24 x 0.24 x 0.3 m is measured to 6 cm."""
-    changed = see(added(change_room.home()), LOOKS[0])
+    changed = see(added(change_room.home()), VIEWPOINTS[0])
     (change,) = change_room.detector().detect(changed).changes
     box = change.boxes[1]
     assert box is not None
@@ -180,13 +186,13 @@ def test_gs_lts_finds_one_change_per_frame() -> None:
         (removed(change_room.home()), "removal", RED_M),
         (moved(change_room.home()), "relocation", np.mean([RED_M, FREE_M], axis=0)),
     ):
-        require(detector.detect(see(home, LOOKS[0])), (kind, tuple(point)))
-    require(detector.detect(see(change_room.home(), LOOKS[0])))
+        require(detector.detect(see(home, VIEWPOINTS[0])), (kind, tuple(point)))
+    require(detector.detect(see(change_room.home(), VIEWPOINTS[0])))
 
 
 def test_results_are_the_same_for_any_number_of_threads() -> None:
-    frame = see(added(removed(change_room.home())), LOOKS[2], "kinect")
-    one, two = (
+    frame = see(added(removed(change_room.home())), VIEWPOINTS[2], "kinect")
+    single, two = (
         ChangeDetector(
             change_room.mapped()[0],
             replace(change_room.CONFIG, threads=threads),
@@ -194,29 +200,29 @@ def test_results_are_the_same_for_any_number_of_threads() -> None:
         ).detect(frame)
         for threads in (1, 2)
     )
-    assert len(one.changes) == len(two.changes) >= 1
-    for a, b in zip(one.changes, two.changes, strict=True):
+    assert len(single.changes) == len(two.changes) >= 1
+    for a, b in zip(single.changes, two.changes, strict=True):
         assert (a.kind, a.confidence) == (b.kind, b.confidence)
         np.testing.assert_array_equal(a.point, b.point)
         for side in (0, 1):
             np.testing.assert_array_equal(a.masks[side], b.masks[side])
             np.testing.assert_array_equal(a.boxes[side], b.boxes[side])
     for name in ("observed_rgb", "rendered_rgb", "pixel_mask", "feature_mask", "combined_mask"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(two, name), err_msg=name)
-    np.testing.assert_array_equal(one.camera.world_from_camera, two.camera.world_from_camera)
+        np.testing.assert_array_equal(getattr(single, name), getattr(two, name), err_msg=name)
+    np.testing.assert_array_equal(single.camera.world_from_camera, two.camera.world_from_camera)
 
 
 def test_changes_come_by_falling_confidence() -> None:
     home = added(change_room.home()).without(["Box|1", "Box|2"])
-    for look in LOOKS:
-        detection = change_room.detector().detect(see(home, look))
-        certain = [one.confidence for one in detection.changes]
+    for viewpoint in VIEWPOINTS:
+        detection = change_room.detector().detect(see(home, viewpoint))
+        certain = [change.confidence for change in detection.changes]
         assert certain == sorted(certain, reverse=True)
-        assert all(0 < one <= 1 for one in certain)
+        assert all(0 < confidence <= 1 for confidence in certain)
 
 
 def test_a_pose_that_is_a_little_off_is_corrected() -> None:
-    frame = see(removed(change_room.home()), LOOKS[0])
+    frame = see(removed(change_room.home()), VIEWPOINTS[0])
     off = frame.camera.world_from_camera.copy()
     off[:3, 3] += 0.02, -0.015, 0.01
     camera = at_pose(frame.camera, off)
@@ -228,7 +234,7 @@ def test_a_pose_that_is_a_little_off_is_corrected() -> None:
 
 
 def test_masked_pixels_have_not_changed() -> None:
-    frame = see(removed(change_room.home()), LOOKS[0])
+    frame = see(removed(change_room.home()), VIEWPOINTS[0])
     mask = np.ones((120, 160), np.bool_)
     mask[:75, 40:] = False  # The block's top, and all behind it, right of the corner.
     require(change_room.detector().detect(replace(frame, mask=mask)))
@@ -246,18 +252,18 @@ def test_a_surface_that_no_frame_measured_is_no_removal() -> None:
             gaussian_map.ids, ~near, np.full((gaussian_map.size, 2), np.nan, np.float32)
         ),
     )
-    detection = detector.detect(see(removed(change_room.home()), LOOKS[0]))
+    detection = detector.detect(see(removed(change_room.home()), VIEWPOINTS[0]))
     require(detection)
     reasons = [region.reason for region in detection.unknown]
     assert "no frame of the map measured its depth" in reasons
     again = detector.with_map(gaussian_map, cameras.values())
-    require(again.detect(see(removed(change_room.home()), LOOKS[0])))
+    require(again.detect(see(removed(change_room.home()), VIEWPOINTS[0])))
 
 
 def test_an_object_in_unseen_space_is_no_addition() -> None:
     """If no training camera saw through the space, the object may have been there before."""
     gaussian_map, _ = change_room.mapped()
-    frame = see(added(change_room.home()), LOOKS[0])
+    frame = see(added(change_room.home()), VIEWPOINTS[0])
     # In a corner of the room, looking into it.
     pose = look_at(np.array([0.5, 3.5, 0.3]), np.array([0.0, 4.0, 0.2]))
     elsewhere = camera_from_fov(160, 120, 1.0, pose)
@@ -269,8 +275,8 @@ def test_an_object_in_unseen_space_is_no_addition() -> None:
 def test_a_detector_of_a_map_folder_knows_its_training_cameras(tmp_path: Path) -> None:
     change_room.write_room_map(tmp_path / "map")
     detector = ChangeDetector.of_map(tmp_path / "map", change_room.CONFIG)
-    frame = see(removed(change_room.home()), LOOKS[0], "kinect")
-    found, expected = (one.detect(frame).changes for one in (detector, change_room.detector()))
+    frame = see(removed(change_room.home()), VIEWPOINTS[0], "kinect")
+    found, expected = (each.detect(frame).changes for each in (detector, change_room.detector()))
     assert [change.confidence for change in found] == [change.confidence for change in expected]
     require(detector.detect(frame), ("removal", RED_M))
     with pytest.raises(OSError, match="gone"):
@@ -289,7 +295,7 @@ def test_tiny_frames_and_double_maps_are_rejected() -> None:
 
 
 def test_the_overlay_shows_the_detection() -> None:
-    detection = change_room.detector().detect(see(added(change_room.home()), LOOKS[0]))
+    detection = change_room.detector().detect(see(added(change_room.home()), VIEWPOINTS[0]))
     large = overlay(detection)
     assert large.shape == (3 * 120, 3 * 3 * 160, 3)  # Three times as large.
     assert large.dtype == np.uint8
@@ -312,7 +318,7 @@ def test_the_overlay_shows_the_detection() -> None:
 
 
 def see_nothing() -> RgbdFrame:
-    frame = see(change_room.home(), LOOKS[0])
+    frame = see(change_room.home(), VIEWPOINTS[0])
     return replace(frame, rgb=np.zeros_like(frame.rgb))
 
 
@@ -320,7 +326,7 @@ def test_many_cameras_are_thinned_evenly() -> None:
     cameras = [camera_from_fov(8 + k, 8, 1.0, np.eye(4)) for k in range(3 * MAX_CAMERAS)]
     assert choose_evenly(cameras[:7], MAX_CAMERAS) == cameras[:7]
     assert choose_evenly((), MAX_CAMERAS) == []
-    kept = [one.width for one in choose_evenly(cameras, MAX_CAMERAS)]
+    kept = [camera.width for camera in choose_evenly(cameras, MAX_CAMERAS)]
     assert len(kept) == MAX_CAMERAS
     assert (kept[0], kept[-1]) == (cameras[0].width, cameras[-1].width)
     assert np.ptp(np.diff(kept)) <= 1

@@ -8,7 +8,7 @@ import change_room
 import numpy as np
 import pytest
 from change_images import texture
-from change_room import LOOKS, see
+from change_room import VIEWPOINTS, see
 
 from gslts.change.detector import ChangeDetector
 from gslts.change.features import FeatureExtractor, feature_extractor
@@ -163,10 +163,10 @@ def test_tokens_of_dinov2_are_those_of_their_patches(tmp_path: Path) -> None:
     """Without the class token: a patch changes its own features most."""
     write_dinov2(tmp_path)
     encoder = feature_extractor(f"transformers:{tmp_path}")
-    picture = np.full((64, 64, 3), 0.5, np.float32)
-    changed = picture.copy()
+    image = np.full((64, 64, 3), 0.5, np.float32)
+    changed = image.copy()
     changed[16:32, 48:64] = 1, 0, 0
-    before, after = encoder(picture), encoder(changed)
+    before, after = encoder(image), encoder(changed)
     assert before.shape == (4, 4, 16)
     assert before.dtype == np.float32
     change = np.abs(after - before).sum(axis=-1)
@@ -316,8 +316,8 @@ def test_the_detector_works_with_features_of_models(tmp_path: Path, kind: str) -
     features: FeatureExtractor = feature_extractor(name)
     detector = ChangeDetector(change_room.mapped()[0], change_room.CONFIG, features=features)
     added = change_room.thing("Box|3", 2.6, 1.8, change_room.YELLOW, "Block|1")
-    for look in LOOKS:
-        detection = detector.detect(see(change_room.home().with_object(added), look))
+    for viewpoint in VIEWPOINTS:
+        detection = detector.detect(see(change_room.home().with_object(added), viewpoint))
         assert [change.kind for change in detection.changes] == ["addition"]
         assert detection.feature_mask is not None
         assert detection.feature_mask.shape == (120, 160)

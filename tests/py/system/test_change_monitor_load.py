@@ -2,11 +2,12 @@
 
 import change_room
 import numpy as np
-from change_room import LOOKS, see
+from change_room import VIEWPOINTS, see
 from watching import LONG_S, Gated
 
+from gslts.change.confirmation import MonitorConfig, Report
 from gslts.change.detector import ChangeDetector
-from gslts.change.monitor import ChangeMonitor, MonitorConfig, Report
+from gslts.change.monitor import ChangeMonitor
 from gslts.core.frame import RgbdFrame
 
 
@@ -14,7 +15,7 @@ def test_under_load_with_the_real_detector() -> None:
     """A box is removed, and comes back, while frames come faster than they are processed."""
     full, empty = change_room.home(), change_room.home().without(["Box|1"])
     views = [
-        [see(home, look, "kinect", seed) for seed in range(2) for look in LOOKS]
+        [see(home, viewpoint, "kinect", seed) for seed in range(2) for viewpoint in VIEWPOINTS]
         for home in (full, empty)
     ]
     detector = Gated(ChangeDetector(change_room.mapped()[0], change_room.CONFIG))

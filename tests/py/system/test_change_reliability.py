@@ -8,16 +8,16 @@ import change_room
 import cv2
 import numpy as np
 import pytest
-from change_room import LOOKS, see
+from change_room import VIEWPOINTS, see
 
 from gslts.core.camera import Camera, at_pose
 from gslts.core.frame import RgbdFrame
 from gslts_sim.robot_body import Viewpoint
 
 VIEWS = {
-    "front": LOOKS[0],
-    "back": LOOKS[1],
-    "corner": LOOKS[2],
+    "front": VIEWPOINTS[0],
+    "back": VIEWPOINTS[1],
+    "corner": VIEWPOINTS[2],
     "along": Viewpoint(0.6, 2.0, 0.0, 20.0),
     "across": Viewpoint(4.2, 3.3, 225.0, 20.0),
     "wall": Viewpoint(1.0, 3.2, 200.0, 10.0),
@@ -36,17 +36,17 @@ def with_rgb(frame: RgbdFrame, rgb: np.ndarray) -> RgbdFrame:
 
 def with_focal(frame: RgbdFrame, fx: float, fy: float) -> RgbdFrame:
     """Scale the focal lengths."""
-    one = frame.camera
-    camera = Camera(
-        fx=fx * one.fx,
-        fy=fy * one.fy,
-        cx=one.cx,
-        cy=one.cy,
-        width=one.width,
-        height=one.height,
-        world_from_camera=one.world_from_camera,
+    camera = frame.camera
+    scaled = Camera(
+        fx=fx * camera.fx,
+        fy=fy * camera.fy,
+        cx=camera.cx,
+        cy=camera.cy,
+        width=camera.width,
+        height=camera.height,
+        world_from_camera=camera.world_from_camera,
     )
-    return replace(frame, camera=camera)
+    return replace(frame, camera=scaled)
 
 
 def shifted(frame: RgbdFrame, *metres: float) -> RgbdFrame:
@@ -70,29 +70,29 @@ def smeared(rgb: np.ndarray, length_px: int) -> np.ndarray:
 
 
 SPOILED: dict[str, tuple[Spoil, str]] = {
-    "black": (lambda one: with_rgb(one, one.rgb // 50), "black"),
-    "white": (lambda one: with_rgb(one, 0 * one.rgb + 255), "saturated"),
-    "overexposed": (lambda one: with_rgb(one, 15 * one.rgb.astype(int)), "saturated"),
+    "black": (lambda frame: with_rgb(frame, frame.rgb // 50), "black"),
+    "white": (lambda frame: with_rgb(frame, 0 * frame.rgb + 255), "saturated"),
+    "overexposed": (lambda frame: with_rgb(frame, 15 * frame.rgb.astype(int)), "saturated"),
     "out of focus": (
-        lambda one: with_rgb(one, cv2.GaussianBlur(one.rgb, (0, 0), 4)),
+        lambda frame: with_rgb(frame, cv2.GaussianBlur(frame.rgb, (0, 0), 4)),
         "blurred",
     ),
-    "smeared": (lambda one: with_rgb(one, smeared(one.rgb, 25)), "blurred"),
-    "outside": (lambda one: shifted(one, 20, 0, 0), "the map covers"),
-    "below": (lambda one: shifted(one, 0, 0, -4), "the map covers"),
-    "fx 40 % too large": (lambda one: with_focal(one, 1.4, 1), ""),
-    "fx 40 % too small": (lambda one: with_focal(one, 0.6, 1), ""),
-    "f 40 % too large": (lambda one: with_focal(one, 1.4, 1.4), ""),
-    "f 40 % too small": (lambda one: with_focal(one, 0.6, 0.6), ""),
-    "1 m to x": (lambda one: shifted(one, 1, 0, 0), ""),
-    "1 m to -x": (lambda one: shifted(one, -1, 0, 0), ""),
-    "1 m to y": (lambda one: shifted(one, 0, 1, 0), ""),
-    "1 m to -y": (lambda one: shifted(one, 0, -1, 0), ""),
-    "1 m up": (lambda one: shifted(one, 0, 0, 1), ""),
-    "1 m down": (lambda one: shifted(one, 0, 0, -1), ""),
-    "turned": (lambda one: turned(one, 20), ""),
-    "turned back": (lambda one: turned(one, 180), ""),
-    "depth in mm": (lambda one: with_depth(one, 1000 * one.depth), "depths agree in 0 %"),
+    "smeared": (lambda frame: with_rgb(frame, smeared(frame.rgb, 25)), "blurred"),
+    "outside": (lambda frame: shifted(frame, 20, 0, 0), "the map covers"),
+    "below": (lambda frame: shifted(frame, 0, 0, -4), "the map covers"),
+    "fx 40 % too large": (lambda frame: with_focal(frame, 1.4, 1), ""),
+    "fx 40 % too small": (lambda frame: with_focal(frame, 0.6, 1), ""),
+    "f 40 % too large": (lambda frame: with_focal(frame, 1.4, 1.4), ""),
+    "f 40 % too small": (lambda frame: with_focal(frame, 0.6, 0.6), ""),
+    "1 m to x": (lambda frame: shifted(frame, 1, 0, 0), ""),
+    "1 m to -x": (lambda frame: shifted(frame, -1, 0, 0), ""),
+    "1 m to y": (lambda frame: shifted(frame, 0, 1, 0), ""),
+    "1 m to -y": (lambda frame: shifted(frame, 0, -1, 0), ""),
+    "1 m up": (lambda frame: shifted(frame, 0, 0, 1), ""),
+    "1 m down": (lambda frame: shifted(frame, 0, 0, -1), ""),
+    "turned": (lambda frame: turned(frame, 20), ""),
+    "turned back": (lambda frame: turned(frame, 180), ""),
+    "depth in mm": (lambda frame: with_depth(frame, 1000 * frame.depth), "depths agree in 0 %"),
 }
 
 

@@ -23,7 +23,7 @@ def test_home_lists_objects(tmp_path: Path) -> None:
     assert movable == [obj.movable for obj in objects]
 
 
-def test_homes_files_tasks_and_pictures(tmp_path: Path) -> None:
+def test_homes_files_tasks_and_images(tmp_path: Path) -> None:
     """Make tasks from the file of a home, and an image of one task."""
     write_glb(make_home("bedroom", 1, detail=0.1), tmp_path / "flat.glb")
     done = gslts("sim", "tasks", "flat.glb", "--count", "3", "--out", "tasks", cwd=tmp_path)
@@ -31,13 +31,13 @@ def test_homes_files_tasks_and_pictures(tmp_path: Path) -> None:
     scripts = sorted((tmp_path / "tasks").iterdir())
     assert [path.name.split("_")[1] for path in scripts] == ["addition", "removal", "relocation"]
     assert {read_task(path).home.file for path in scripts} == {"../flat.glb"}
-    done = gslts("sim", "show", scripts[2], "--out", "pictures", cwd=tmp_path)
+    done = gslts("sim", "show", scripts[2], "--out", "images", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    with Image.open(tmp_path / "pictures" / f"{scripts[2].stem}.png") as picture:
-        assert picture.size[0] > 1000
-    done = gslts("sim", "show", "flat.glb", "--out", "pictures", cwd=tmp_path)
+    with Image.open(tmp_path / "images" / f"{scripts[2].stem}.png") as image:
+        assert image.size[0] > 1000
+    done = gslts("sim", "show", "flat.glb", "--out", "images", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert (tmp_path / "pictures" / "flat.png").exists()
+    assert (tmp_path / "images" / "flat.png").exists()
 
 
 @pytest.mark.smoke
@@ -53,7 +53,7 @@ def test_captures_are_data_sets(tmp_path: Path) -> None:
     assert again.stderr.splitlines()[-1] == "gslts: set is not empty"
 
 
-def refused(tmp_path: Path, *arguments: str) -> str:
+def rejected(tmp_path: Path, *arguments: str) -> str:
     """Return the error line of a command; assert that it writes no file."""
     before = sorted(tmp_path.rglob("*"))
     done = gslts("sim", *arguments, cwd=tmp_path)
@@ -85,7 +85,7 @@ def test_a_replayed_task_shows_its_change_first(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("command", ["home", "show", "capture"])
 def test_unknown_rooms_are_named(tmp_path: Path, command: str) -> None:
-    line = refused(tmp_path, command, "attic", *(() if command == "home" else ("--out", "o")))
+    line = rejected(tmp_path, command, "attic", *(() if command == "home" else ("--out", "o")))
     assert "expected one of kitchen, living_room, bedroom, flat or a .glb or .gltf file" in line
     assert "'attic'" in line
 
@@ -94,31 +94,31 @@ def test_invalid_seeds_are_named(tmp_path: Path) -> None:
     done = gslts("sim", "home", "kitchen", "--", "-1", cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr.splitlines()[-1].startswith("Error: Invalid value for 'seed': ")
-    assert str(2**63) in refused(tmp_path, "home", "kitchen", str(2**63))
+    assert str(2**63) in rejected(tmp_path, "home", "kitchen", str(2**63))
 
 
 def test_files_without_a_home_are_named(tmp_path: Path) -> None:
     (tmp_path / "bad.glb").write_bytes(b"glTF nonsense")
     for command in ("home", "show", "capture", "tasks"):
         out = () if command == "home" else ("--out", "o")
-        assert "bad.glb" in refused(tmp_path, command, "bad.glb", *out)
-    assert "gone.glb" in refused(tmp_path, "home", "gone.glb")
+        assert "bad.glb" in rejected(tmp_path, command, "bad.glb", *out)
+    assert "gone.glb" in rejected(tmp_path, "home", "gone.glb")
     (tmp_path / "bad.json").write_text('{"schema_version": 7}')
-    line = refused(tmp_path, "show", "bad.json", "--out", "o")
+    line = rejected(tmp_path, "show", "bad.json", "--out", "o")
     assert line == "gslts: bad.json: schema_version is 7, this gslts reads 1"
 
 
 def test_unknown_noise_is_named(tmp_path: Path) -> None:
     for arguments in (("capture", "kitchen"), ("tasks", "kitchen")):
-        line = refused(tmp_path, *arguments, "--noise", "loud", "--out", "o")
+        line = rejected(tmp_path, *arguments, "--noise", "loud", "--out", "o")
         assert "noise must be one of none, kinect, got 'loud'" in line
 
 
 def test_tasks_name_impossible_changes_and_why(tmp_path: Path) -> None:
     arguments = ("tasks", "kitchen", "--first-seed", "4", "--out", "o")
-    line = refused(tmp_path, *arguments, "--object", "Fridge|1")
+    line = rejected(tmp_path, *arguments, "--object", "Fridge|1")
     assert line == "gslts: kitchen 4: Fridge|1 is not movable"
-    line = refused(tmp_path, *arguments, "--object", "Mug|1", "--on", "Wall|1")
+    line = rejected(tmp_path, *arguments, "--object", "Mug|1", "--on", "Wall|1")
     assert line == "gslts: kitchen 4: there is no receptacle Wall|1"
     done = gslts(
         "sim", *arguments, "--object", "Chair|1", "--on", "DiningTable|1", "--count", "3",

@@ -54,8 +54,8 @@ def image_by_transformers(folder: Path, rgb: np.ndarray) -> np.ndarray:
     processor = CLIPImageProcessorPil(
         size={"shortest_edge": side}, crop_size={"height": side, "width": side}
     )
-    Image.fromarray(rgb).save(folder / "picture.png")
-    pixels = processor(Image.open(folder / "picture.png"), return_tensors="pt").pixel_values
+    Image.fromarray(rgb).save(folder / "image.png")
+    pixels = processor(Image.open(folder / "image.png"), return_tensors="pt").pixel_values
     with torch.no_grad():
         found = CLIPModel.from_pretrained(folder).get_image_features(pixels).pooler_output[0]
     return (found / found.norm()).numpy()
@@ -66,17 +66,17 @@ def test_image_embeddings_are_those_of_transformers(tmp_path: Path) -> None:
     encoder = ClipEncoder(tmp_path, threads=1)
     assert (encoder.dims, encoder.side_px) == (tiny_models.DIMS, tiny_models.SIDE_PX)
     ramp = noise(32, 32) // 2 + np.linspace(0, 120, 32).astype(np.uint8)[:, None]
-    pictures = [plain(RED), noise(32, 32), ramp]
-    found = encoder.encode_images(pictures)
+    images = [plain(RED), noise(32, 32), ramp]
+    found = encoder.encode_images(images)
     assert found.dtype == np.float32
     np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1, rtol=1e-6)
-    expected = [image_by_transformers(tmp_path, picture) for picture in pictures]
+    expected = [image_by_transformers(tmp_path, image) for image in images]
     np.testing.assert_allclose(found, expected, atol=1e-4)
     # A wrong order of channels or axes gives other embeddings.
     for wrong in (ramp[..., ::-1], ramp.transpose(1, 0, 2), ramp[::-1], ramp[:, ::-1]):
         (other,) = encoder.encode_images([np.ascontiguousarray(wrong)])
         assert np.abs(other - expected[2]).max() > 0.02
-    np.testing.assert_array_equal(encoder.encode_images(pictures), found)
+    np.testing.assert_array_equal(encoder.encode_images(images), found)
     assert encoder.encode_images([]).shape == (0, tiny_models.DIMS)
 
 
@@ -210,7 +210,7 @@ def test_a_level_without_masks_is_empty(tmp_path: Path) -> None:
 
 def two_boxes() -> list[RgbdFrame]:
     """Return frames of a red box and a blue one."""
-    return [change_room.see(change_room.home(), look) for look in change_room.LOOKS]
+    return [change_room.see(change_room.home(), viewpoint) for viewpoint in change_room.VIEWPOINTS]
 
 
 def true_masks(frames: list[RgbdFrame]) -> Callable[[np.ndarray], list[np.ndarray]]:
@@ -241,10 +241,8 @@ def test_segments_are_the_visible_masks(tmp_path: Path) -> None:
     expected = np.full((3, 6, 8), -1)
     expected[0, :, :4], expected[0, :, 4:7], expected[1, :, :4] = 0, 1, 2
     np.testing.assert_array_equal(segments.labels, expected)
-    pictures = [
-        crop_to_mask(frame.rgb, mask & seen, encoder.side_px) for mask in (left, right, left)
-    ]
-    np.testing.assert_array_equal(segments.embeddings, encoder.encode_images(pictures))
+    images = [crop_to_mask(frame.rgb, mask & seen, encoder.side_px) for mask in (left, right, left)]
+    np.testing.assert_array_equal(segments.embeddings, encoder.encode_images(images))
     with pytest.raises(ValueError, match="it has no SAM to segment frames with"):
         ClipSource(encoder).segments(frame)
 
@@ -282,7 +280,7 @@ def test_commands_add_semantics_and_answer_queries(
     tiny_models.write_clip(tmp_path / "clip")
     tiny_models.write_sam(tmp_path / "sam")
     robot = Controller(change_room.home(), **change_room.SIZE)
-    capture(robot, change_room.LOOKS[:2], tmp_path / "visit")
+    capture(robot, change_room.VIEWPOINTS[:2], tmp_path / "visit")
     cameras = {frame.name: frame.read().camera for frame in open_dataset(tmp_path / "visit").frames}
     write_map_folder(tmp_path / "map", change_room.mapped()[0], {}, cameras)
     clip, sam = ["--clip", str(tmp_path / "clip")], ["--sam", str(tmp_path / "sam")]

@@ -3,7 +3,7 @@
 import change_room
 import numpy as np
 import pytest
-from shared import looks_all_around
+from shared import viewpoints_all_around
 
 from gslts._core.map import GaussianViewFloat
 from gslts._core.raster import RasterizerFloat, RenderOptions
@@ -29,8 +29,8 @@ def test_fewer_gaussians_fill_about_the_same_volume() -> None:
 
 def test_a_coarse_image_of_fewer_gaussians_is_about_the_same() -> None:
     gaussian_map = change_room.mapped()[0]
-    look = looks_all_around("change_room", change_room.home(), 9)[0]
-    frame = change_room.see(change_room.home(), look).halved()
+    viewpoint = viewpoints_all_around("change_room", change_room.home(), 9)[0]
+    frame = change_room.see(change_room.home(), viewpoint).halved()
     maps = CoarseMaps(gaussian_map)
 
     def rendered(view: GaussianViewFloat) -> np.ndarray:

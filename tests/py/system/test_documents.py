@@ -30,7 +30,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "demo").mkdir()
     change_room.write_room_map(folder / "demo" / "map")
     robot = Controller(change_room.home().without(["Box|1"]), **change_room.SIZE)
-    capture(robot, change_room.LOOKS[:2], folder / "demo" / "after")
+    capture(robot, change_room.VIEWPOINTS[:2], folder / "demo" / "after")
     return folder
 
 

@@ -77,7 +77,7 @@ def test_a_stopped_robot_does_not_move(folder: Path) -> None:
             return super().move_towards(*where)  # type: ignore[arg-type]
 
     robot = Robot(update_room.changed_home("removal"), **change_room.SIZE)
-    robot.go(change_room.LOOKS[0])
+    robot.go(change_room.VIEWPOINTS[0])
     with MapKeeper(folder, LOOP, should_stop=lambda: True) as keeper:
         watched = WatchedRobot(robot, keeper)
         for _ in range(3):

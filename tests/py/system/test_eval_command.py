@@ -53,8 +53,8 @@ def test_eval_command(weights: tuple[Path, Path], tmp_path: Path) -> None:
 
 def test_eval_skips_bad_frames_and_reports_them(tmp_path: Path) -> None:
     robot = Controller(sim_scenes.simple_home(), width=64, height=48, noise="none")
-    looks = [Viewpoint(1.0, 1.0, yaw, 20.0) for yaw in np.arange(0.0, 360.0, 20.0)]
-    capture(robot, looks, tmp_path / "set")
+    viewpoints = [Viewpoint(1.0, 1.0, yaw, 20.0) for yaw in np.arange(0.0, 360.0, 20.0)]
+    capture(robot, viewpoints, tmp_path / "set")
     frames = open_dataset(tmp_path / "set").frames
     gaussian_map = scenes.random_map(100, dtype=np.float32)
     cameras = {frame.name: frame.camera for k, frame in enumerate(frames) if k % 8}

@@ -1,4 +1,4 @@
-"""The examples run, and a short fit already makes the pictures better."""
+"""The examples run, and a short fit already improves the images."""
 
 import json
 import re

@@ -35,7 +35,7 @@ def test_export_command(tmp_path: Path) -> None:
     assert "rounded" not in done.stdout
 
 
-def test_rounded_centres_are_told(tmp_path: Path) -> None:
+def test_rounded_centres_give_a_warning(tmp_path: Path) -> None:
     far = scenes.random_map(9, dtype=np.float32, origin=(0.0, 5_432_109.5, 0.0))
     write_map_folder(tmp_path / "map", far, {}, {})
     done = run("export", "map", "a.splat", cwd=tmp_path)

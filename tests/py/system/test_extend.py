@@ -149,7 +149,7 @@ def test_known_space_alone_changes_nothing(tmp_path):
     assert outcome.version.number == 1
 
 
-def test_another_place_is_refused_and_nothing_written(tmp_path):
+def test_another_scene_is_rejected_and_nothing_written(tmp_path):
     from gslts_sim import make_home
     from gslts_sim.capture import capture
     from gslts_sim.controller import Controller
@@ -157,9 +157,9 @@ def test_another_place_is_refused_and_nothing_written(tmp_path):
 
     path = half_room.map_of_half(tmp_path / "map")
     bedroom = make_home("bedroom", 3, detail=0.1)
-    looks, _ = explore(bedroom, 6)
-    capture(Controller(bedroom, **change_room.SIZE), looks, tmp_path / "visit")
-    with pytest.raises(ValueError, match="another place"):
+    viewpoints, _ = explore(bedroom, 6)
+    capture(Controller(bedroom, **change_room.SIZE), viewpoints, tmp_path / "visit")
+    with pytest.raises(ValueError, match="another scene"):
         extend_map(path, open_dataset(tmp_path / "visit"), half_room.CONFIG)
     with open_map(path) as store:
         assert store.version().number == 1

@@ -28,9 +28,9 @@ main()
 @pytest.fixture(scope="module")
 def visit(tmp_path_factory: pytest.TempPathFactory) -> Path:
     robot = Controller(sim_scenes.simple_home(), width=64, height=48)
-    looks = [Viewpoint(1.0, 1.0, yaw, 20.0) for yaw in np.arange(0.0, 360.0, 30.0)]
+    viewpoints = [Viewpoint(1.0, 1.0, yaw, 20.0) for yaw in np.arange(0.0, 360.0, 30.0)]
     folder = tmp_path_factory.mktemp("visit") / "room"
-    capture(robot, looks, folder)
+    capture(robot, viewpoints, folder)
     return folder
 
 

@@ -120,7 +120,7 @@ def test_an_update_adds_landmarks_of_new_gaussians(folder: Path) -> None:
     assert fresh.all()
     used = [view.camera.world_from_camera for view in addition().views]
     for pose in new.world_from_keyframe:
-        assert any(np.array_equal(pose, one) for one in used)
+        assert any(np.array_equal(pose, known) for known in used)
     assert_same(read_landmarks(Path(f"{folder}@1")), found())
     with open_map(folder, writable=True) as store:
         store.restore(1)
@@ -132,8 +132,8 @@ def test_an_update_adds_landmarks_of_new_gaussians(folder: Path) -> None:
 
 def test_an_update_without_keypoints_adds_none(folder: Path) -> None:
     views = [
-        replace(one, frame=replace(one.frame, rgb=np.full_like(one.frame.rgb, 90)))
-        for one in addition().views
+        replace(view, frame=replace(view.frame, rgb=np.full_like(view.frame.rgb, 90)))
+        for view in addition().views
     ]
     publish_update(folder, replace(addition(), views=tuple(views)))
     assert len(files_of(folder)) == 1

@@ -51,14 +51,14 @@ def test_landmarks_are_on_the_surfaces() -> None:
 
 
 def test_each_landmark_is_a_keypoint_of_its_keyframe() -> None:
-    poses = [one.camera.world_from_camera for one in frames()]
+    poses = [frame.camera.world_from_camera for frame in frames()]
     for row, pose in enumerate(found().world_from_keyframe):
-        (number,) = (k for k, one in enumerate(poses) if np.array_equal(one, pose))
+        (number,) = (k for k, known in enumerate(poses) if np.array_equal(known, pose))
         own = found().select(found().keyframes == row)
         rule = reloc.FeatureRule(count=4000)
-        pixels, looks = reloc.features_of(gray_image(frames()[number].rgb), None, rule)
+        pixels, descriptors = reloc.features_of(gray_image(frames()[number].rgb), None, rule)
         apart_px = np.linalg.norm(pixels_of(own, frames()[number])[:, None] - pixels, axis=2)
-        same = (own.descriptors[:, None] == looks).all(axis=2)
+        same = (own.descriptors[:, None] == descriptors).all(axis=2)
         assert ((apart_px < 0.01) & same).any(axis=1).mean() > 0.9
 
 
@@ -77,13 +77,13 @@ def test_landmarks_do_not_depend_on_the_number_of_threads() -> None:
 
 def test_frames_from_one_pose_are_one_keyframe() -> None:
     gaussian_map, _ = change_room.mapped()
-    one = extract_landmarks(gaussian_map, frames()[:1], threads=1)
-    assert_same(extract_landmarks(gaussian_map, frames()[:1] * 3, threads=1), one)
-    assert len(one.world_from_keyframe) == 1
+    single = extract_landmarks(gaussian_map, frames()[:1], threads=1)
+    assert_same(extract_landmarks(gaussian_map, frames()[:1] * 3, threads=1), single)
+    assert len(single.world_from_keyframe) == 1
 
 
 def test_depth_need_not_be_measured() -> None:
-    blind = [replace(one, depth=np.zeros_like(one.depth)) for one in frames()]
+    blind = [replace(frame, depth=np.zeros_like(frame.depth)) for frame in frames()]
     landmarks = extract_landmarks(change_room.mapped()[0], blind, threads=1)
     assert landmarks.size > 0.5 * found().size
     assert np.quantile(off_surfaces_m(landmarks.positions), 0.95) < 0.03
@@ -136,10 +136,10 @@ def test_the_size_is_limited_evenly_over_keyframes() -> None:
 
 def flipped(landmarks: Landmarks, bits: int, shift_m: float) -> Landmarks:
     """Return the same landmarks with a few other bits and positions."""
-    one = np.unpackbits(landmarks.descriptors, axis=1)
-    one[:, :bits] ^= 1
+    flipped_bits = np.unpackbits(landmarks.descriptors, axis=1)
+    flipped_bits[:, :bits] ^= 1
     positions = landmarks.positions + np.float32([0, 0, shift_m])
-    return replace(landmarks, positions=positions, descriptors=np.packbits(one, axis=1))
+    return replace(landmarks, positions=positions, descriptors=np.packbits(flipped_bits, axis=1))
 
 
 def test_duplicates_are_removed() -> None:
@@ -210,14 +210,14 @@ def test_selected_landmarks_keep_their_keyframes() -> None:
     ],
 )
 def test_invalid_arrays_are_rejected(name: str, array: np.ndarray) -> None:
-    one = {
+    arrays = {
         "positions": np.zeros((1, 3), np.float32),
         "descriptors": np.zeros((1, 32), np.uint8),
         "keyframes": np.zeros(1, np.int32),
         "world_from_keyframe": np.eye(4)[None],
         "gaussians": np.zeros(1, np.uint64),
     }
-    Landmarks(**one)
+    Landmarks(**arrays)
     named = "keyframes" if array.shape == (0, 4, 4) else name
     with pytest.raises(ValueError, match=f"Landmarks: {named}: "):
-        Landmarks(**{**one, name: array})
+        Landmarks(**{**arrays, name: array})

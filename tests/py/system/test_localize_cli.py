@@ -12,7 +12,7 @@ import change_room
 import numpy as np
 import pytest
 import update_room
-from change_room import LOOKS, SIZE
+from change_room import SIZE, VIEWPOINTS
 from command import gslts
 from PIL import Image
 from update_room import viewpoints_of_the_change
@@ -42,7 +42,7 @@ def visited(tmp_path_factory: pytest.TempPathFactory) -> Path:
     change_room.write_room_map(folder / "bare")
     write_ply(read_map(folder / "map"), folder / "map.ply")
     home = change_room.home().without(["Box|1"])
-    capture(Controller(home, **SIZE), [*LOOKS, LOOKS[0]], folder / "visit")
+    capture(Controller(home, **SIZE), [*VIEWPOINTS, VIEWPOINTS[0]], folder / "visit")
     darken(folder / "visit", "00003")
     adrift.set_adrift(folder / "visit", folder / "adrift")
     lens = camera_to_json(true_cameras(folder)[0])
@@ -54,7 +54,7 @@ def visited(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ):
         (folder / name).write_text(json.dumps(content))
     (folder / "broken.json").write_text("{")
-    (folder / "text.png").write_text("no picture")
+    (folder / "text.png").write_text("no image")
     Image.fromarray(np.zeros((90, 120, 3), np.uint8)).save(folder / "small.jpg")
     (folder / "vast.png").write_bytes(
         b"\x89PNG\r\n\x1a\n"
@@ -164,7 +164,7 @@ def test_poses_of_a_data_set_are_not_used(visited: Path, track: tuple[str, ...])
 
 
 def test_tracking_starts_at_the_previous_pose(visited: Path, tmp_path: Path) -> None:
-    capture(Controller(change_room.home(), **SIZE), [LOOKS[0]] * 3, tmp_path / "still")
+    capture(Controller(change_room.home(), **SIZE), [VIEWPOINTS[0]] * 3, tmp_path / "still")
     done = gslts("localize", "map", tmp_path / "still", "--track", *FAST, cwd=visited)
     assert done.returncode == 0, done.stderr
     first, second, third, _ = done.stdout.splitlines()
@@ -198,9 +198,9 @@ def test_frames_without_poses_are_localized_and_compared(visited: Path, tmp_path
     for frame in content["frames"]:
         del frame["transform_matrix"]
     file.write_text(json.dumps(content))
-    refused = gslts("detect", visited / "map", "bare", *FAST, cwd=tmp_path)
-    assert refused.returncode == 1
-    assert "0 usable frames, at least 2 are needed; 00000: it has no pose" in refused.stderr
+    rejected = gslts("detect", visited / "map", "bare", *FAST, cwd=tmp_path)
+    assert rejected.returncode == 1
+    assert "0 usable frames, at least 2 are needed; 00000: it has no pose" in rejected.stderr
     found = gslts("localize", visited / "map", "bare", *FAST, cwd=tmp_path)
     assert found.returncode == 0, found.stderr
     assert "00001: ok at (" in found.stdout
@@ -273,7 +273,7 @@ def test_without_landmarks_nothing_is_localized(visited: Path, command: tuple[st
 
 def test_a_recording_of_lost_frames_is_an_error(visited: Path, tmp_path: Path) -> None:
     robot = Controller(change_room.home(), **SIZE)
-    capture(robot, LOOKS[:2], tmp_path / "dark")
+    capture(robot, VIEWPOINTS[:2], tmp_path / "dark")
     for name in ("00000", "00001"):
         darken(tmp_path / "dark", name)
     done = gslts("run", "map", "--frames", tmp_path / "dark", "--localize", cwd=visited)

@@ -11,12 +11,13 @@ import pytest
 import sim_scenes
 import update_room
 from adrift import ODOMETRY_FROM_WORLD, Adrift
-from change_room import LOOKS, SIZE, see
+from change_room import SIZE, VIEWPOINTS, see
 from update_room import LOOP
 from watching import LONG_S
 
+from gslts.change.confirmation import MonitorConfig
 from gslts.change.detector import ChangeDetector, Detection
-from gslts.change.monitor import ChangeMonitor, MonitorConfig
+from gslts.change.monitor import ChangeMonitor
 from gslts.core.camera import at_pose, look_at
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
@@ -95,9 +96,9 @@ def at(x: float) -> RgbdFrame:
     return replace(frame, camera=at_pose(frame.camera, shifted(x)))
 
 
-@pytest.mark.parametrize("look", LOOKS)
-def test_a_frame_is_localized_whatever_its_odometry(look: object) -> None:
-    true = see(change_room.home(), look, "kinect")
+@pytest.mark.parametrize("viewpoint", VIEWPOINTS)
+def test_a_frame_is_localized_whatever_its_odometry(viewpoint: object) -> None:
+    true = see(change_room.home(), viewpoint, "kinect")
     localizer = adrift.localizer()
     found = localizer.localize_frame(afar(true))
     assert found.fault is None
@@ -110,7 +111,7 @@ def test_a_frame_is_localized_whatever_its_odometry(look: object) -> None:
 
 def test_chains_of_rounded_poses_stay_rigid() -> None:
     """A camera may be off by a millionth; products of cameras would be off by more."""
-    frame = change_room.see(change_room.home(), change_room.LOOKS[0])
+    frame = change_room.see(change_room.home(), change_room.VIEWPOINTS[0])
     sheared = np.eye(4)
     sheared[0, 1] = 9e-7
     for _ in range(4):
@@ -120,7 +121,7 @@ def test_chains_of_rounded_poses_stay_rigid() -> None:
 
 
 def test_a_separate_depth_camera_moves_along() -> None:
-    frame = see(change_room.home(), LOOKS[0])
+    frame = see(change_room.home(), VIEWPOINTS[0])
     beside = at_pose(frame.camera, frame.camera.world_from_camera @ shifted(0.03))
     found = adrift.localizer().localize_frame(afar(replace(frame, depth_camera=beside)))
     color, depth = found.camera.world_from_camera, found.depth_camera.world_from_camera
@@ -131,9 +132,9 @@ def test_a_separate_depth_camera_moves_along() -> None:
 def test_a_localized_robot_is_tracked_by_its_odometry() -> None:
     """Tracking needs the odometry between distant views."""
     localizer = adrift.localizer()
-    first = localizer.localize(afar(see(change_room.home(), LOOKS[0])))
+    first = localizer.localize(afar(see(change_room.home(), VIEWPOINTS[0])))
     assert first.inliers > 0
-    true = see(change_room.home(), LOOKS[1])
+    true = see(change_room.home(), VIEWPOINTS[1])
     tracked = localizer.localize(afar(true))
     assert (tracked.status, tracked.inliers) == ("ok", 0)
     metres, _ = pose_distance(tracked.world_from_camera, true.camera.world_from_camera)
@@ -142,7 +143,7 @@ def test_a_localized_robot_is_tracked_by_its_odometry() -> None:
 
 def test_a_kidnapped_robot_is_relocalized() -> None:
     localizer = adrift.localizer()
-    here, there = (see(change_room.home(), look) for look in LOOKS[:2])
+    here, there = (see(change_room.home(), viewpoint) for viewpoint in VIEWPOINTS[:2])
     localizer.localize(afar(here))
     # The odometry has not noticed.
     carried = replace(there, camera=afar(here).camera)
@@ -179,7 +180,7 @@ def test_failed_tracking_is_followed_by_relocalization(tracked: Localization) ->
     localizer = Localizer(relocalizer)
     localizer.localize(at(1.0))
     assert localizer.localize(at(2.0)) is relocalizer.localized
-    assert [one is None for one in relocalizer.asked] == [True, False, True]
+    assert [prior is None for prior in relocalizer.asked] == [True, False, True]
     np.testing.assert_allclose(localizer.world_from_odometry, shifted(2.0))
 
 
@@ -200,13 +201,15 @@ def test_an_uncertain_frame_keeps_the_predicted_pose_and_has_a_fault(
     expected = localizer.localize_frame(at(2.0))
     np.testing.assert_allclose(expected.camera.world_from_camera, shifted(5.0))
     np.testing.assert_allclose(localizer.world_from_odometry, shifted(3.0))
-    for one in (unknown, expected):
-        assert one.fault == f"{unsure.status}: no luck"
-        assert not one.depth.any()
-        assert one.registered().fault == one.halved().fault == one.fault
+    for frame in (unknown, expected):
+        assert frame.fault == f"{unsure.status}: no luck"
+        assert not frame.depth.any()
+        assert frame.registered().fault == frame.halved().fault == frame.fault
 
 
-@pytest.mark.parametrize("spoilt", [lambda: black(see(change_room.home(), LOOKS[0])), elsewhere])
+@pytest.mark.parametrize(
+    "spoilt", [lambda: black(see(change_room.home(), VIEWPOINTS[0])), elsewhere]
+)
 def test_a_lost_frame_has_no_changes(spoilt: Callable[[], RgbdFrame]) -> None:
     found = adrift.localizer().localize_frame(spoilt())
     assert found.fault.startswith("lost: ")
@@ -218,26 +221,31 @@ def test_a_lost_frame_has_no_changes(spoilt: Callable[[], RgbdFrame]) -> None:
 @pytest.mark.parametrize("kind", ["removal", "addition", "relocation"])
 def test_changes_are_detected_as_with_true_poses(kind: update_room.Kind) -> None:
     localizer = adrift.localizer()
-    for look in LOOKS:
-        true = see(update_room.changed_home(kind), look)
+    for viewpoint in VIEWPOINTS:
+        true = see(update_room.changed_home(kind), viewpoint)
         assert detected(afar(true)).unreliable is not None
         expected, found = detected(true), detected(localizer.localize_frame(afar(true)))
         assert found.unreliable is None
-        assert [one.kind for one in found.changes] == [one.kind for one in expected.changes]
-        for one, other in zip(found.changes, expected.changes, strict=True):
-            np.testing.assert_allclose(one.point, other.point, atol=0.05)
+        assert [change.kind for change in found.changes] == [
+            change.kind for change in expected.changes
+        ]
+        for change, other in zip(found.changes, expected.changes, strict=True):
+            np.testing.assert_allclose(change.point, other.point, atol=0.05)
 
 
 def test_a_black_image_without_depth_is_not_tracked() -> None:
     localizer = adrift.localizer()
-    frame = afar(see(change_room.home(), LOOKS[0]))
+    frame = afar(see(change_room.home(), VIEWPOINTS[0]))
     assert localizer.localize(frame).status == "ok"
     nothing = replace(black(frame), depth=np.zeros_like(frame.depth))
     assert localizer.localize(nothing).status == "lost"
 
 
 def test_the_monitor_localizes_frames() -> None:
-    changed = [see(update_room.changed_home("removal"), look) for look in (*LOOKS, *LOOKS)]
+    changed = [
+        see(update_room.changed_home("removal"), viewpoint)
+        for viewpoint in (*VIEWPOINTS, *VIEWPOINTS)
+    ]
     config = MonitorConfig(rate_hz=1e6, queue=9)
     localize_frame = adrift.localizer().localize_frame
     with ChangeMonitor(change_room.detector(), config, localize=localize_frame) as monitor:
@@ -271,7 +279,7 @@ def test_a_robot_moves_to_positions_of_the_map(far: tuple[float, float, float]) 
 
 
 def test_a_recorded_frame_is_localized_once() -> None:
-    frames = [see(change_room.home(), look) for look in LOOKS[:2]]
+    frames = [see(change_room.home(), viewpoint) for viewpoint in VIEWPOINTS[:2]]
     relocalizer = Scripted(LOST, ok(frames[0].camera.world_from_camera))
     robot = LocalizedRobot(RecordedRobot(frames), Localizer(relocalizer))
     first = robot.observe()
@@ -323,7 +331,7 @@ def test_a_robot_with_drift_keeps_a_map_up_to_date(
     assert update_room.opaque_in(updated, update_room.REMOVED, 0.04) == 0
     detector = ChangeDetector(updated, change_room.CONFIG)
     home = update_room.changed_home("removal")
-    views = [see(home, look, "kinect", seed) for look in LOOKS for seed in range(4)]
+    views = [see(home, viewpoint, "kinect", seed) for viewpoint in VIEWPOINTS for seed in range(4)]
     for view in views:
         assert detected(view).changes, "the map before shows the box"
     assert sum(detector.detect(view).changes == () for view in views) >= 10

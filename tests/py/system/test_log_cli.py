@@ -1,4 +1,4 @@
-"""`gslts log` of a map in which an object moved, told by two versions."""
+"""`gslts log` of a map in which an object moved between two versions."""
 
 import json
 from pathlib import Path
@@ -28,7 +28,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_move_is_told_in_the_later_version(folder: Path) -> None:
+def test_a_move_is_an_event_of_the_later_version(folder: Path) -> None:
     lines = gslts("log", "map", cwd=folder).stdout.splitlines()
     assert lines[0].split()[0] == "3"
     assert lines[1].strip() == MOVE

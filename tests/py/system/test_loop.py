@@ -117,9 +117,9 @@ def test_a_stopped_and_continued_round_gives_the_same_map(folder: Path, tmp_path
                 assert keeper.state == read_state(folder)
     assert stops == 3
     assert read_state(folder).round == 1
-    one, other = read_map(folder), read_map(tmp_path / "other")
+    continued, other = read_map(folder), read_map(tmp_path / "other")
     for name in ("means", "quats", "log_scales", "logit_opacities", "sh", "ids"):
-        assert np.array_equal(getattr(one, name), getattr(other, name)), name
+        assert np.array_equal(getattr(continued, name), getattr(other, name)), name
 
 
 def test_a_change_that_cannot_be_integrated_is_deferred_and_retried(folder: Path) -> None:

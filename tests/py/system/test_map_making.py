@@ -1,8 +1,5 @@
-"""Maps of simulated recordings, made by the engine and by `gslts map`."""
+"""Maps of simulated recordings, made by the engine."""
 
-import json
-import shutil
-import signal
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,18 +8,13 @@ import blob_room
 import numpy as np
 import pytest
 from clocks import make_mapping_tick
-from command import gslts as run
-from command import stopped_at
-from sim_scenes import textured_home
+from map_recordings import CONFIG, record_room, require_same
 
 import gslts
 from gslts.core.camera import at_pose, shift_origin
 from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import twist_of
 from gslts.datasets import Dataset, Frame, open_dataset
-from gslts.localization.landmark_files import read_landmarks
-from gslts.mapping.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from gslts.mapping.config import MappingConfig
 from gslts.mapping.engine import MappingResult, has_converged, make_map
 from gslts.mapping.evaluation.evaluate import Quality, evaluate
 from gslts.mapping.evaluation.variants import MIN_GAIN_DB, choose_variant
@@ -32,35 +24,12 @@ from gslts.mapping.optimize import Progress
 from gslts.mapping.report.data import CurvePoint
 from gslts.mapping.report.summary import summary_of, write_result
 from gslts.rendering.losses import fit_exposure
-from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
-from gslts.store.measurements import read_measurements
-from gslts_sim.capture import capture
-from gslts_sim.controller import Controller
-from gslts_sim.explore import explore
-
-# Images are 160 px wide: Gaussians of 5 cm are a few pixels wide there.
-CONFIG = MappingConfig(
-    iterations=500,
-    patience=1.0,
-    rough_epochs=5,
-    voxel_m=0.05,
-    coarse_share=0.3,
-    variant_steps=0,
-)
-MAP_ARRAYS = ("means", "quats", "log_scales", "logit_opacities", "sh", "ids")
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Record a room with the errors of a real camera, and without."""
-    folders = {}
-    home = textured_home()
-    looks, _ = explore(home, 60)
-    for noise in ("kinect", "none"):
-        folders[noise] = tmp_path_factory.mktemp("visit") / noise
-        capture(Controller(home, width=160, height=120, noise=noise), looks, folders[noise])
-    return folders
+def recorded() -> dict[str, Path]:
+    return record_room()
 
 
 def quality_of(result: MappingResult, folder: Path) -> Quality:
@@ -158,10 +127,10 @@ def test_exposures_are_not_in_the_map(recorded: dict[str, Path]) -> None:
             rgb = np.rint(self.gain * frame.rgb.astype(float)).astype(np.uint8)
             return replace(frame, rgb=rgb)
 
-    frames = tuple(Exposed(one, (0.5, 0.75)[k % 2]) for k, one in enumerate(plain.frames))
+    frames = tuple(Exposed(frame, (0.5, 0.75)[k % 2]) for k, frame in enumerate(plain.frames))
     result = make_map(Dataset("exposed", frames), CONFIG)
-    found = {name: np.mean(one.exposure.gain) for name, one in result.training.items()}
-    ratios = [found[one.name] / one.gain for one in frames if one.name in found]
+    found = {name: np.mean(frame.exposure.gain) for name, frame in result.training.items()}
+    ratios = [found[frame.name] / frame.gain for frame in frames if frame.name in found]
     assert np.std(ratios) < 0.03 * np.mean(ratios), "each frame's gain is its own"
     gains = []
     for frame in plain.frames[::8]:
@@ -169,7 +138,7 @@ def test_exposures_are_not_in_the_map(recorded: dict[str, Path]) -> None:
         images = gslts.render(result.gaussian_map, clean.camera())
         gains.append(np.mean(fit_exposure(images.rgb, clean.color()).gain))
     assert np.std(gains) < 0.03 * np.mean(gains), "the map is exposed alike everywhere"
-    steady = make_map(Dataset("dark", tuple(Exposed(one, 0.6) for one in plain.frames)), CONFIG)
+    steady = make_map(Dataset("dark", tuple(Exposed(frame, 0.6) for frame in plain.frames)), CONFIG)
     best_db = quality_of(steady, recorded["none"]).psnr_db
     assert quality_of(result, recorded["none"]).psnr_db > best_db - 0.5
 
@@ -182,15 +151,15 @@ def test_corrected_poses_are_nearer_to_the_truth(recorded: dict[str, Path]) -> N
         motions = [np.linalg.inv(pose) @ true[n].world_from_camera for n, pose in poses.items()]
         return np.median([np.abs(twist_of(motion)) for motion in motions], axis=0)
 
-    before = error({name: one.given_pose for name, one in result.training.items()})
-    after = error({name: one.world_from_camera for name, one in result.training.items()})
+    before = error({name: frame.given_pose for name, frame in result.training.items()})
+    after = error({name: frame.world_from_camera for name, frame in result.training.items()})
     # At 160 px a shift of 3 mm moves the image by a few tenths of a pixel.
     assert after[:3].mean() < before[:3].mean()
     assert after[3:].mean() < 0.75 * before[3:].mean()
     # The map as a whole is not moved.
     shifts = [
-        one.world_from_camera[:3, 3] - true[n].world_from_camera[:3, 3]
-        for n, one in result.training.items()
+        frame.world_from_camera[:3, 3] - true[n].world_from_camera[:3, 3]
+        for n, frame in result.training.items()
     ]
     assert np.abs(np.mean(shifts, axis=0)).max() < 0.003
 
@@ -202,82 +171,6 @@ def test_the_number_of_threads_changes_nothing(recorded: dict[str, Path]) -> Non
         for threads in (1, 2)
     ]
     require_same(*maps)
-
-
-def require_same(first: MappingResult, second: MappingResult) -> None:
-    for name in MAP_ARRAYS:
-        one, other = (getattr(result.gaussian_map, name) for result in (first, second))
-        assert one.tobytes() == other.tobytes(), name
-    for one, other in zip(first.training.values(), second.training.values(), strict=True):
-        np.testing.assert_array_equal(one.world_from_camera, other.world_from_camera)
-        assert one.lenses == other.lenses
-
-
-def test_a_resumed_run_makes_the_same_map(
-    recorded: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("gslts.mapping.engine.SAVE_EVERY_S", 0.0)
-    dataset = open_dataset(recorded["kinect"])
-    config = CONFIG.model_copy(update={"iterations": 300, "variant_steps": 2})
-    saved: list[Path] = []
-
-    def save(checkpoint: Checkpoint) -> None:
-        saved.append(tmp_path / f"{len(saved)}.npz")
-        write_checkpoint(saved[-1], checkpoint)
-
-    whole = make_map(dataset, config, save=save)
-    assert len(saved) >= 5
-    for path in (saved[0], saved[3], saved[-1]):
-        rest = make_map(dataset, config, resume=read_checkpoint(path))
-        require_same(whole, rest)
-        assert [p.iteration for p in rest.curve] == [p.iteration for p in whole.curve]
-        assert rest.quality == whole.quality
-        assert [one.psnr_db for one in rest.variants] == [one.psnr_db for one in whole.variants]
-    start = read_checkpoint(saved[0])
-    with pytest.raises(ValueError, match="the checkpoint is of other settings"):
-        make_map(dataset, CONFIG, resume=start)
-    with pytest.raises(ValueError, match="the checkpoint is of other frames"):
-        make_map(open_dataset(recorded["none"]), config, resume=replace(start, frames=("a",)))
-
-
-def test_damaged_checkpoints_are_rejected(recorded: dict[str, Path], tmp_path: Path) -> None:
-    saved = []
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("gslts.mapping.engine.SAVE_EVERY_S", 0.0)
-        config = CONFIG.model_copy(update={"iterations": 60})
-        make_map(open_dataset(recorded["kinect"]), config, save=saved.append)
-    path = tmp_path / "map.checkpoint.npz"
-    write_checkpoint(path, saved[0])
-    content = path.read_bytes()
-    for torn in (b"", content[:1000], content[:-100], content.replace(b"gslts-", b"other-")):
-        path.write_bytes(torn)
-        with pytest.raises(ValueError, match="not a checkpoint of a map"):
-            read_checkpoint(path)
-
-
-def test_a_killed_run_can_be_resumed(recorded: dict[str, Path], tmp_path: Path) -> None:
-    arguments = ["map", recorded["kinect"], "--out", "map", "--preset", "fast"]
-    arguments += ["--iterations", "150", "--threads", "1"]
-    save_often = "import gslts.mapping.engine as engine; engine.SAVE_EVERY_S = 0.0\n"
-    once = save_often + stopped_at("gslts.mapping.checkpoint:write_checkpoint", 1)
-    checkpoint = tmp_path / "map.checkpoint.npz"
-    for again in ((), ("--resume",), ("--resume",)):
-        killed = run(*arguments, *again, cwd=tmp_path, before=once)
-        assert killed.returncode == -signal.SIGKILL, killed.stderr
-        assert not (tmp_path / "map").exists()
-    assert checkpoint.exists()
-    done = run(*arguments, cwd=tmp_path)
-    assert done.returncode == 1
-    assert "continue it with --resume, or remove" in done.stderr
-    done = run(*arguments, "--resume", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert not checkpoint.exists()
-    resumed = read_map(tmp_path / "map")
-    arguments[3] = "whole"
-    assert run(*arguments, cwd=tmp_path).returncode == 0
-    whole = read_map(tmp_path / "whole")
-    for name in MAP_ARRAYS:
-        assert getattr(resumed, name).tobytes() == getattr(whole, name).tobytes(), name
 
 
 def test_budgets_are_kept(recorded: dict[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -353,82 +246,16 @@ def test_optimization_ends_when_validation_gains_nothing() -> None:
     assert not has_converged(curve(*[20.0] * 20), 1.0)
 
 
-@pytest.mark.smoke
-def test_the_commands(recorded: dict[str, Path], tmp_path: Path) -> None:
-    arguments = ("map", recorded["kinect"], "--iterations", "30", "--preset", "fast")
-    done = run(*arguments, "--out", "map", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "4 test frames" in done.stdout
-    page = (tmp_path / "map" / "report.html").read_text()
-    assert "poses corrected by neighbours" in page
-    manifest = json.loads((tmp_path / "map" / "manifest.json").read_text())
-    landmarks, cameras = read_landmarks(tmp_path / "map"), cameras_of_map(tmp_path / "map")
-    assert landmarks is not None
-    assert landmarks.size > 300
-    measurements = read_measurements(tmp_path / "map")
-    np.testing.assert_array_equal(measurements.ids, np.sort(read_map(tmp_path / "map").ids))
-    assert measurements.is_measured.mean() > 0.8
-    assert 0.002 < np.nanmedian(measurements.errors[:, 0]) < 0.1
-    poses = [camera.world_from_camera for camera in cameras.values()]
-    for pose in landmarks.world_from_keyframe:
-        assert any(np.allclose(pose, one) for one in poses), "of a held-out frame"
-    assert run("verify", "map", cwd=tmp_path).stdout == "1 versions are intact\n"
-    done = run("eval", "map", recorded["kinect"], "--json", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    again = json.loads(done.stdout)
-    for poses in ("given", "by_neighbours", "refined"):
-        assert again[poses] == pytest.approx(manifest["test"][poses], rel=1e-5)
-    done = run("eval", "map", recorded["none"], "--json", cwd=tmp_path)
-    assert json.loads(done.stdout)["refined"]["ssim"] > again["refined"]["ssim"], "without noise"
-    assert run("export", "map", "room.ply", cwd=tmp_path).returncode == 0
-    done = run("eval", "room.ply", recorded["none"], "--every", "20", "--json", cwd=tmp_path)
-    plain = json.loads(done.stdout)
-    assert plain["given"]["frames"] == 3
-    assert plain["by_neighbours"] is None
-    done = run(*arguments, "--out", "map", cwd=tmp_path)
-    assert done.returncode == 1
-    assert done.stderr.splitlines()[-1] == "gslts: map is there already"
-    few = ["map", recorded["kinect"], "--out", "few", "--every", "3", "--iterations", "10"]
-    done = run(*few, "--budget-s", "inf", cwd=tmp_path)
-    assert done.returncode == 1
-    assert done.stderr == "gslts: budget_s=inf: Input should be a finite number\n"
-    assert run(*few, cwd=tmp_path).returncode == 0
-    names = [frame.name for frame in open_dataset(recorded["kinect"]).frames[::3]]
-    assert set(cameras_of_map(tmp_path / "few")) == set(names) - set(names[::8])
-    done = run("map", tmp_path, "--out", "other", cwd=tmp_path)
-    assert done.returncode == 1
-    assert "no data set of a known format" in done.stderr.splitlines()[-1]
-    assert not (tmp_path / "other").exists()
-
-
-def test_a_map_of_frames_at_wrong_poses_is_told(recorded: dict[str, Path], tmp_path: Path) -> None:
-    shutil.copytree(recorded["kinect"], tmp_path / "mixed")
-    transforms = tmp_path / "mixed" / "transforms.json"
-    content = json.loads(transforms.read_text())
-    poses = [frame["transform_matrix"] for frame in content["frames"]]
-    for frame, pose in zip(content["frames"], poses[30:] + poses[:30], strict=True):
-        frame["transform_matrix"] = pose
-    transforms.write_text(json.dumps(content))
-    (tmp_path / "maps").mkdir()
-    settings = ("--iterations", "200", "--preset", "fast")
-    for dataset, warns in ((tmp_path / "mixed", True), (recorded["kinect"], False)):
-        done = run("map", dataset, "--out", dataset.name, *settings, cwd=tmp_path / "maps")
-        assert done.returncode == 0, done.stderr
-        told = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
-        assert len(told) == warns, done.stderr
-        manifest = json.loads((tmp_path / "maps" / dataset.name / "manifest.json").read_text())
-        trained = cameras_of_map(tmp_path / "maps" / dataset.name)
-        assert set(manifest["training_psnrs_db"]) == set(trained)
-        assert (manifest["warning"] is not None) == warns
-        page = (tmp_path / "maps" / dataset.name / "report.html").read_text()
-        assert ("does not show" in page) == warns
-
-
 def test_variants_are_compared_on_validation_frames(recorded: dict[str, Path]) -> None:
     config = CONFIG.model_copy(update={"variant_steps": 60})
     result = make_map(open_dataset(recorded["kinect"]), config)
     chosen, half, double, harmonics = result.variants
-    assert [one.name for one in result.variants] == ["chosen", "half", "double", "SH degree 1"]
+    assert [variant.name for variant in result.variants] == [
+        "chosen",
+        "half",
+        "double",
+        "SH degree 1",
+    ]
     assert half.gaussian_map.size == pytest.approx(chosen.gaussian_map.size / 2, rel=0.01)
     assert (
         abs(double.gaussian_map.size - 2 * chosen.gaussian_map.size)
@@ -463,7 +290,7 @@ def test_images_without_depth_make_a_map() -> None:
     assert result.quality.given.depth_l1_m is None
     assert result.quality.given.psnr_db > 25
     camera = frames[8].camera
-    images, depth = gslts.render(result.gaussian_map, camera), analytic_room.look(camera)[1]
+    images, depth = gslts.render(result.gaussian_map, camera), analytic_room.observe(camera)[1]
     assert (images.alpha > 0.5).mean() > 0.95
     assert np.median(np.abs(images.depth - depth) / depth) < 0.05
     assert "with refined poses, no depth measured;" in summary_of(result)

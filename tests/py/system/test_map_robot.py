@@ -26,18 +26,18 @@ def test_it_sees_renderings_of_the_map() -> None:
 
 
 def test_it_moves_to_free_positions_and_turns() -> None:
-    one = robot()
-    places = one.reachable_positions()
+    map_robot = robot()
+    places = map_robot.reachable_positions()
     assert len(places) > 500
-    assert one.move_towards(np.array([0.6, 1.0]), np.pi / 2, 0.3)
-    pose = one.observe().camera.world_from_camera
+    assert map_robot.move_towards(np.array([0.6, 1.0]), np.pi / 2, 0.3)
+    pose = map_robot.observe().camera.world_from_camera
     assert np.linalg.norm(places - pose[:2, 3], axis=1).min() < 1e-9
     assert np.linalg.norm(pose[:2, 3] - (0.6, 1.0)) < 0.05
     assert pose[2, 3] == CAMERA.world_from_camera[2, 3]
-    assert_allclose(one.pose(), pose)
+    assert_allclose(map_robot.pose(), pose)
     assert_allclose(pose[:3, 2], [0, np.cos(0.3), -np.sin(0.3)], atol=1e-9)
-    assert one.move_towards(np.array([0.6, 1.0]), np.pi)  # As far down as before.
-    ahead = one.observe().camera.world_from_camera[:3, 2]
+    assert map_robot.move_towards(np.array([0.6, 1.0]), np.pi)  # As far down as before.
+    ahead = map_robot.observe().camera.world_from_camera[:3, 2]
     assert_allclose(ahead, [-np.cos(0.3), 0, -np.sin(0.3)], atol=1e-9)
 
 

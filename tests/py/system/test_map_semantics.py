@@ -9,7 +9,7 @@ import change_room
 import numpy as np
 import pytest
 import update_room
-from semantic_room import embedded_map, frames, looks, map_semantics
+from semantic_room import embedded_map, frames, map_semantics, viewpoints
 from typer.testing import CliRunner
 from update_room import UPDATE
 
@@ -44,7 +44,7 @@ def updated(kind: update_room.Kind, *, labels: bool = True) -> UpdateResult:
             return frame if labels else replace(frame, labels=None)
 
     robot = Robot(update_room.changed_home(kind), **change_room.SIZE)
-    robot.go(change_room.LOOKS[0])
+    robot.go(change_room.VIEWPOINTS[0])
     detector = ChangeDetector(gaussian_map, change_room.CONFIG, cameras=cameras)
     change = update_room.detected(kind)
     return integrate_changes(
@@ -173,7 +173,7 @@ def run(*arguments: str) -> str:
 @pytest.mark.smoke
 def test_commands_add_semantics_and_answer_queries(tmp_path: Path) -> None:
     map_path, visit, image = tmp_path / "map", tmp_path / "visit", tmp_path / "box.png"
-    capture(Controller(change_room.home(), **change_room.SIZE), looks(), visit)
+    capture(Controller(change_room.home(), **change_room.SIZE), viewpoints(), visit)
     cameras = {frame.name: frame.read().camera for frame in open_dataset(visit).frames}
     write_map_folder(map_path, change_room.mapped()[0], {}, cameras)
     with pytest.raises(ValueError, match=r"has no semantic features; gslts semantics adds them"):
@@ -193,7 +193,7 @@ def test_commands_add_semantics_and_answer_queries(tmp_path: Path) -> None:
 
 def test_an_updated_map_is_rejected(tmp_path: Path) -> None:
     map_path, visit = tmp_path / "map", tmp_path / "visit"
-    capture(Controller(change_room.home(), **change_room.SIZE), change_room.LOOKS[:2], visit)
+    capture(Controller(change_room.home(), **change_room.SIZE), change_room.VIEWPOINTS[:2], visit)
     cameras = {frame.name: frame.read().camera for frame in open_dataset(visit).frames}
     write_map_folder(map_path, change_room.mapped()[0], {}, cameras)
     fewer = read_map(map_path).select(np.arange(100, change_room.mapped()[0].size))
@@ -208,7 +208,7 @@ def test_a_damaged_autoencoder_is_named(tmp_path: Path, monkeypatch: pytest.Monk
         "gslts.semantics.embed.train_autoencoder", partial(train_autoencoder, steps=20)
     )
     map_path, visit = tmp_path / "map", tmp_path / "visit"
-    capture(Controller(change_room.home(), **change_room.SIZE), change_room.LOOKS[:2], visit)
+    capture(Controller(change_room.home(), **change_room.SIZE), change_room.VIEWPOINTS[:2], visit)
     cameras = {frame.name: frame.read().camera for frame in open_dataset(visit).frames}
     write_map_folder(map_path, change_room.mapped()[0], {}, cameras)
     run("semantics", str(map_path), str(visit), "--code-dims", "8", "--threads", "1")

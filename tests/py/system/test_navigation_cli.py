@@ -28,8 +28,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     home = surfel_room.home()
     write_glb(home, folder / "home.glb")
     write_glb(home.without(["Mug|1"]), folder / "without.glb")
-    looks, _ = explore(home, 16)
-    capture(Controller(home, width=160, height=120), looks, folder / "visit")
+    viewpoints, _ = explore(home, 16)
+    capture(Controller(home, width=160, height=120), viewpoints, folder / "visit")
     cameras = {frame.name: frame.read().camera for frame in open_dataset(folder / "visit").frames}
     room = surfel_room.surfel_map()
     plain = replace(room, features=np.zeros((room.size, 0), np.float32))
@@ -51,8 +51,8 @@ def test_a_semantic_map_is_written(folder: Path) -> None:
     assert done.stdout == f"wrote {size} x {size} cells of 0.05 m to plan; not found: Sofa\n"
     assert set(np.unique(image)) == {0, 205, 254}
     assert abs((image == 254).sum() * 0.05**2 - (4 * 3 - 0.8 * 1.2 - 0.4 * 0.4)) < 1
-    picture = np.asarray(Image.open(folder / "plan" / "map.png")).astype(int)
-    assert (np.ptp(picture, axis=2) > 100).any()
+    plan = np.asarray(Image.open(folder / "plan" / "map.png")).astype(int)
+    assert (np.ptp(plan, axis=2) > 100).any()
 
 
 def test_a_map_without_semantics_has_no_categories(

@@ -52,10 +52,10 @@ def room_with_chairs() -> Home:
 
 
 def relocalizer_of(home: Home) -> Relocalizer:
-    looks = explore(home, 48)[0]
-    gaussian_map: GaussianMap = change_room.map_of(home, looks)[0]
+    viewpoints = explore(home, 48)[0]
+    gaussian_map: GaussianMap = change_room.map_of(home, viewpoints)[0]
     landmarks = extract_landmarks(
-        gaussian_map, [change_room.see(home, look) for look in looks[::2]], threads=1
+        gaussian_map, [change_room.see(home, viewpoint) for viewpoint in viewpoints[::2]], threads=1
     )
     return Relocalizer(gaussian_map, landmarks, RelocalizationConfig(threads=1))
 
@@ -73,11 +73,11 @@ def test_no_pose_is_confused_with_one_of_the_same_view(make) -> None:  # type: i
     right = 0
     for seed in range(24):
         place = np.array([rng.uniform(0.6, 4.4), rng.choice([0.6, 3.4])])
-        look = Viewpoint.at(place, float(rng.uniform(0, 360)), float(rng.uniform(-20, 40)))
-        true = change_room.see(home, look).camera.world_from_camera
-        frame = change_room.see(home, look, "kinect", seed)
+        viewpoint = Viewpoint.at(place, float(rng.uniform(0, 360)), float(rng.uniform(-20, 40)))
+        true = change_room.see(home, viewpoint).camera.world_from_camera
+        frame = change_room.see(home, viewpoint, "kinect", seed)
         found = relocalizer.localize(replace(frame, camera=at_pose(frame.camera, np.eye(4))))
         if found.status == "ok":
-            assert off_m(found, true) < ELSEWHERE_M, f"look {seed}"
+            assert off_m(found, true) < ELSEWHERE_M, f"viewpoint {seed}"
             right += 1
     assert right >= 2, "views that differ are localized"

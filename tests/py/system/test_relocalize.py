@@ -10,7 +10,7 @@ import pytest
 import update_room
 from landmark_room import found
 from landmark_room import frames as mapped_frames
-from shared import looks_all_around
+from shared import viewpoints_all_around
 
 from gslts.core.camera import at_pose
 from gslts.core.frame import RgbdFrame
@@ -36,11 +36,11 @@ def relocalizer() -> Relocalizer:
 @cache
 def views() -> tuple[RgbdFrame, ...]:
     """Return frames of the mapped room with the noise of a Kinect, at their true poses."""
-    looks = looks_all_around("change_room", change_room.home(), 9)
+    viewpoints = viewpoints_all_around("change_room", change_room.home(), 9)
     frames = []
-    for seed, look in enumerate(looks):
-        true = change_room.see(change_room.home(), look)
-        seen = change_room.see(change_room.home(), look, "kinect", seed)
+    for seed, viewpoint in enumerate(viewpoints):
+        true = change_room.see(change_room.home(), viewpoint)
+        seen = change_room.see(change_room.home(), viewpoint, "kinect", seed)
         frames.append(replace(seen, camera=true.camera))
     return tuple(frames)
 
@@ -87,10 +87,10 @@ def test_the_covariance_matches_the_errors() -> None:
 
 def test_the_pose_of_the_frame_is_not_used() -> None:
     frame = views()[0]
-    one = relocalizer().localize(without_pose(frame))
+    localized = relocalizer().localize(without_pose(frame))
     elsewhere = se3_retract(frame.camera.world_from_camera, np.full(6, 0.5))
     other = relocalizer().localize(replace(frame, camera=at_pose(frame.camera, elsewhere)))
-    np.testing.assert_array_equal(one.world_from_camera, other.world_from_camera)
+    np.testing.assert_array_equal(localized.world_from_camera, other.world_from_camera)
 
 
 def test_far_from_the_origin_of_the_world_poses_are_as_good() -> None:
@@ -117,9 +117,9 @@ def test_far_from_the_origin_of_the_world_poses_are_as_good() -> None:
 def test_any_number_of_threads_gives_the_same_pose() -> None:
     gaussian_map = change_room.mapped()[0]
     two = Relocalizer(gaussian_map, found(), RelocalizationConfig(threads=2))
-    one, other = relocalizer().localize(views()[1]), two.localize(views()[1])
-    np.testing.assert_array_equal(one.world_from_camera, other.world_from_camera)
-    np.testing.assert_array_equal(one.covariance, other.covariance)
+    localized, other = relocalizer().localize(views()[1]), two.localize(views()[1])
+    np.testing.assert_array_equal(localized.world_from_camera, other.world_from_camera)
+    np.testing.assert_array_equal(localized.covariance, other.covariance)
 
 
 def test_colours_alone_are_enough() -> None:
@@ -147,7 +147,7 @@ def test_tracking_corrects_centimetres() -> None:
 def test_tracking_from_a_distant_pose_is_lost() -> None:
     frame = views()[0]
     start = frame.camera.world_from_camera.copy()
-    start[:3, :3] = start[:3, :3] @ np.diag([-1.0, 1, -1])  # Looks behind itself.
+    start[:3, :3] = start[:3, :3] @ np.diag([-1.0, 1, -1])  # Turned by 180 degrees.
     across = frame.camera.world_from_camera.copy()
     across[:2, 3] = np.array([5.0, 4.0]) - across[:2, 3]  # Of a room of 5 x 4 m.
     for elsewhere in (start, across):
@@ -170,8 +170,8 @@ def test_a_blank_image_without_depth_is_lost(level: int) -> None:
 @pytest.mark.parametrize("kind", ["removal", "addition", "relocation"])
 def test_changes_of_the_room_do_not_matter(kind: update_room.Kind) -> None:
     home = update_room.changed_home(kind)
-    for look in change_room.LOOKS:
-        frame = change_room.see(home, look)
+    for viewpoint in change_room.VIEWPOINTS:
+        frame = change_room.see(home, viewpoint)
         result = relocalizer().localize(without_pose(frame))
         assert result.status == "ok", result.reason
         assert off(result, frame)[0] < 0.03
@@ -205,8 +205,8 @@ def test_images_without_the_map_are_lost(harmed) -> None:  # type: ignore[no-unt
 def test_a_large_image_is_localized_by_blocks() -> None:
     """Four resolutions of 640 x 480, three of them with thinned maps."""
     robot = Controller(change_room.home(), width=640, height=480)
-    for look in looks_all_around("change_room", change_room.home(), 3):
-        robot.go(look)
+    for viewpoint in viewpoints_all_around("change_room", change_room.home(), 3):
+        robot.go(viewpoint)
         frame = robot.observe()
         result = relocalizer().localize(without_pose(frame))
         assert result.status == "ok", result.reason

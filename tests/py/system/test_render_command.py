@@ -1,4 +1,4 @@
-"""`gslts render`: what it writes, and how it refuses."""
+"""`gslts render`: written files and errors."""
 
 import json
 import re
@@ -32,7 +32,7 @@ def folder(gaussian_map: gslts.GaussianMap, tmp_path: Path) -> Path:
     return tmp_path
 
 
-def picture(path: Path) -> np.ndarray:
+def read_image(path: Path) -> np.ndarray:
     with Image.open(path) as image:
         return np.asarray(image.convert("RGB"))
 
@@ -49,7 +49,7 @@ def test_one_view(folder: Path, gaussian_map: gslts.GaussianMap) -> None:
     assert done.returncode == 0, done.stderr
     assert [path.name for path in (folder / "a").iterdir()] == ["00000.png"]
     own = around(10)["in 3"]
-    np.testing.assert_array_equal(picture(folder / "a/00000.png"), expected(gaussian_map, own))
+    np.testing.assert_array_equal(read_image(folder / "a/00000.png"), expected(gaussian_map, own))
     odd = gslts.Camera(
         fx=50, fy=60, cx=20, cy=30, width=70, height=44, world_from_camera=own.world_from_camera
     )
@@ -57,13 +57,13 @@ def test_one_view(folder: Path, gaussian_map: gslts.GaussianMap) -> None:
     write_ply(gaussian_map, folder / "room.ply")
     done = run("render", "room.ply", "--pose", "odd.json", "--out", "b", cwd=folder)
     assert done.returncode == 0, done.stderr
-    np.testing.assert_array_equal(picture(folder / "b/00000.png"), expected(gaussian_map, odd))
+    np.testing.assert_array_equal(read_image(folder / "b/00000.png"), expected(gaussian_map, odd))
     (folder / "bare.json").write_text(json.dumps(entry(own, lens=False)))
     arguments = ("--width", "80", "--height", "40", "--fov-deg", "90")
     done = run("render", "map", "--pose", "bare.json", *arguments, "--out", "c", cwd=folder)
     assert done.returncode == 0, done.stderr
     wide = gslts.camera_from_fov(80, 40, np.pi / 2, own.world_from_camera)
-    np.testing.assert_array_equal(picture(folder / "c/00000.png"), expected(gaussian_map, wide))
+    np.testing.assert_array_equal(read_image(folder / "c/00000.png"), expected(gaussian_map, wide))
 
 
 def test_a_trajectory_in_the_format_of_tum(folder: Path, gaussian_map: gslts.GaussianMap) -> None:
@@ -80,13 +80,13 @@ def test_a_trajectory_in_the_format_of_tum(folder: Path, gaussian_map: gslts.Gau
     names = [f"{k:05}{end}.png" for k in range(3) for end in ("", "_depth")]
     assert sorted(path.name for path in (folder / "a").iterdir()) == sorted(names)
     for k, camera in enumerate(cameras):  # The lens is that of the map's first camera.
-        apart = picture(folder / f"a/{k:05}.png").astype(int) - expected(gaussian_map, camera)
+        apart = read_image(folder / f"a/{k:05}.png").astype(int) - expected(gaussian_map, camera)
         assert np.abs(apart).max() <= 1
     depth = gslts.render(gaussian_map, cameras[0]).depth
     scale = re.search(r"depth from (\S+) m \(red\) to (\S+) m \(blue\)", done.stdout)
     low, high = map(float, scale.groups())
     assert depth[depth > 0].min() < low < high < depth.max()
-    of_depth = picture(folder / "a/00000_depth.png")
+    of_depth = read_image(folder / "a/00000_depth.png")
     assert (of_depth[depth == 0] == 40).all()
     near, far = of_depth[(depth > 0) & (depth < low)], of_depth[depth > high]
     assert len(near) > 0
@@ -147,7 +147,7 @@ def frames_of(path: Path) -> Any:
         (("gone",), "gone"),
     ],
 )
-def test_refusals_are_one_line(folder: Path, arguments: tuple[str, ...], message: str) -> None:
+def test_errors_are_one_line(folder: Path, arguments: tuple[str, ...], message: str) -> None:
     done = run("render", *arguments, "--out", "new", cwd=folder)
     assert done.returncode == 1
     assert done.stderr.startswith("gslts: ")
@@ -165,7 +165,7 @@ def test_videos_need_one_size(folder: Path) -> None:
     assert not (folder / "new").exists()
     done = run("render", "map", "--trajectory", "two.json", "--out", "new", cwd=folder)
     assert done.returncode == 0, done.stderr
-    assert picture(folder / "new/00001.png").shape == (32, 24, 3)
+    assert read_image(folder / "new/00001.png").shape == (32, 24, 3)
 
 
 def test_what_cannot_be_written_ends_in_one_line(folder: Path) -> None:

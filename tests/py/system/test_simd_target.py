@@ -43,10 +43,10 @@ def test_an_empty_variable_restricts_nothing() -> None:
 
 
 @pytest.mark.parametrize("name", ["avx1024", "AVX2", "neon"])
-def test_other_names_are_refused_in_one_line(name: str) -> None:
+def test_other_names_are_rejected_in_one_line(name: str) -> None:
     if name in simd.targets():
         pytest.skip(f"this machine can use {name}")
     message = f'GSLTS_SIMD is "{name}", but this machine can use {", ".join(simd.targets())}'
-    refused = gslts("--version", simd=name)
-    assert (refused.returncode, refused.stderr, refused.stdout) == (1, f"gslts: {message}\n", "")
+    rejected = gslts("--version", simd=name)
+    assert (rejected.returncode, rejected.stderr, rejected.stdout) == (1, f"gslts: {message}\n", "")
     assert message in run([sys.executable, "-c", RENDER], name).stderr

@@ -57,7 +57,9 @@ def test_errors_are_those_of_the_images() -> None:
     """Against a comparison by hand, with a coarse setting."""
     gaussian_map, camera = scenes.random_map(100, dtype=np.float32), scenes.orbit_camera()
     coarse = tradeoff.Setting("alpha cut-off", "1/4", {"alpha_min": 0.25})
-    _, point = tradeoff.measure(gaussian_map, camera, rounds=1, settings=(tradeoff.DEFAULT, coarse))
+    _, point = tradeoff.measure(
+        gaussian_map, camera, rounds=1, settings=(tradeoff.SETTINGS[0], coarse)
+    )
     exact = gslts.render(
         gaussian_map.astype(np.float64),
         camera,
@@ -90,9 +92,9 @@ def test_the_command_writes_table_and_plot(tmp_path: Path, monkeypatch: pytest.M
         rows = list(csv.DictReader(file))
     assert [row["knob"] for row in rows] == [setting.knob for setting in tradeoff.SETTINGS]
     assert all(float(row["psnr_db"]) > 10 for row in rows if row["knob"] == "alpha cut-off")
-    with Image.open(tmp_path / "new" / "tradeoff_S.png") as picture:
-        assert picture.width > 1000
-        assert len(picture.convert("RGB").getcolors(1 << 24)) > 50
+    with Image.open(tmp_path / "new" / "tradeoff_S.png") as image:
+        assert image.width > 1000
+        assert len(image.convert("RGB").getcolors(1 << 24)) > 50
 
 
 def test_errors_name_what_is_wrong() -> None:

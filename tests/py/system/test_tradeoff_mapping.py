@@ -45,9 +45,9 @@ class Paths:
 def paths(tmp_path_factory: pytest.TempPathFactory) -> Paths:
     folder = tmp_path_factory.mktemp("tradeoff")
     home = textured_home()
-    looks, _ = explore(home, 40)
+    viewpoints, _ = explore(home, 40)
     visit, made, out = folder / "visit", folder / "map", folder / "out"
-    capture(Controller(home, width=96, height=72, noise="kinect"), looks, visit)
+    capture(Controller(home, width=96, height=72, noise="kinect"), viewpoints, visit)
     preset = ("--preset", "fast")
     call("map", visit, "--iterations", 200, *preset, "--out", made)
     arguments = (made, visit, "--seconds", "2,1", "--rounds", 1, *preset, "--out", out)
@@ -117,9 +117,9 @@ def test_plots_and_the_table_of_the_renderer(paths: Paths) -> None:
         "tradeoff_renderer.csv",
         "tradeoff_renderer.png",
     ]
-    with Image.open(paths.out / "tradeoff_mapping.png") as picture:
-        assert picture.width > 1000
-        assert len(picture.convert("RGB").getcolors(1 << 24)) > 50
+    with Image.open(paths.out / "tradeoff_mapping.png") as image:
+        assert image.width > 1000
+        assert len(image.convert("RGB").getcolors(1 << 24)) > 50
     with (paths.out / "tradeoff_renderer.csv").open() as file:
         assert {row["knob"] for row in csv.DictReader(file)} == {
             setting.knob for setting in SETTINGS
@@ -225,7 +225,7 @@ def into_a_file(paths: Paths, folder: Path) -> list[str | Path]:
         (elsewhere, "far.ply: it fills 1 % of the frames of visit; give the data set"),
     ],
 )
-def test_refusals(
+def test_rejections(
     paths: Paths,
     tmp_path: Path,
     arguments: Callable[[Paths, Path], list[str | Path]],
@@ -238,7 +238,7 @@ def test_refusals(
     assert message in str(result.exception)
 
 
-def test_a_refusal_is_one_line(paths: Paths, tmp_path: Path) -> None:
+def test_an_error_is_one_line(paths: Paths, tmp_path: Path) -> None:
     done = run("tradeoff", paths.map, paths.visit, "--seconds", "x", "--out", "o", cwd=tmp_path)
     assert done.returncode == 1
     assert done.stderr == (

@@ -62,8 +62,8 @@ def test_recorded_frames_update_a_map(workplace: Path, updated: list[str]) -> No
     new_views = len(cameras) - len(cameras_of_map(workplace / "map@1"))
     views = record.training_views + record.validation_views
     assert 0 < new_views <= views, "only new viewpoints"
-    with Image.open(workplace / "map" / "updates" / "00002.jpg") as picture:
-        assert picture.size == (3 * 160, 3 * 120)
+    with Image.open(workplace / "map" / "updates" / "00002.jpg") as image:
+        assert image.size == (3 * 160, 3 * 120)
 
 
 @pytest.mark.smoke
@@ -82,8 +82,8 @@ def test_the_history_is_printed(workplace: Path, updated: list[str]) -> None:
     assert "updates/00002.jpg" in shown
     apart = gslts("diff", "map", "1", "2", "--out", "apart.png", cwd=workplace).stdout
     assert "Gaussians removed" in apart
-    with Image.open(workplace / "apart.png") as picture:
-        assert picture.size[0] == 3 * 160
+    with Image.open(workplace / "apart.png") as image:
+        assert image.size[0] == 3 * 160
     assert gslts("verify", "map", cwd=workplace).stdout == "2 versions are intact\n"
     assert gslts("gc", "map", cwd=workplace).stdout == "0 bytes freed\n"
 
@@ -139,8 +139,8 @@ def test_without_a_change_the_map_is_unchanged(workplace: Path) -> None:
 
 def test_a_recording_of_few_frames_needs_fewer_of_them(tmp_path: Path) -> None:
     change_room.write_room_map(tmp_path / "map")
-    looks = viewpoints_of_the_change()
-    few = [looks[0], looks[6]]  # Two views of the change.
+    viewpoints = viewpoints_of_the_change()
+    few = [viewpoints[0], viewpoints[6]]  # Two views of the change.
     capture(update_room.robot_in(update_room.changed_home("removal")), few, tmp_path / "few")
     given = ("--frames", "few", "--iterations", "40", "--threads", "1")
     done = gslts("update", "map", *given, cwd=tmp_path)

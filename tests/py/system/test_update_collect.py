@@ -58,8 +58,8 @@ def collect_around(robot: Robot, config: CollectConfig = COLLECT) -> tuple[int, 
     """Return the number of views, and their bearings from the change in their order."""
     found = collect_views(robot, change_room.detector(), [update_room.detected("removal")], config)
     eyes = np.array([view.camera.world_from_camera[:2, 3] for view in found.views])
-    ways = eyes.reshape(-1, 2) - REGION.center[:2]
-    return len(found.views), np.arctan2(ways[:, 1], ways[:, 0])
+    directions = eyes.reshape(-1, 2) - REGION.center[:2]
+    return len(found.views), np.arctan2(directions[:, 1], directions[:, 0])
 
 
 def test_robot_moves_left_then_right_and_faces_the_region() -> None:

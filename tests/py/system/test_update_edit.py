@@ -187,8 +187,13 @@ def test_gs_lts_relocated_object_keeps_its_colors() -> None:
     new = new_of(edit)
     there = in_box(new, ADDED)
     assert there.any()
-    gone = {tuple(one) for one in before.sh[edit.removed].reshape(-1, 3 * before.sh.shape[1])}
-    assert {tuple(one) for one in new.sh[there].reshape(-1, 3 * before.sh.shape[1])} <= gone
+    gone = {
+        tuple(harmonics)
+        for harmonics in before.sh[edit.removed].reshape(-1, 3 * before.sh.shape[1])
+    }
+    assert {
+        tuple(harmonics) for harmonics in new.sh[there].reshape(-1, 3 * before.sh.shape[1])
+    } <= gone
 
 
 BLUE_BOX = (np.array([2.88, 1.83, 0.75]), np.array([3.12, 2.07, 1.05]))
@@ -280,14 +285,14 @@ def test_remains_among_removed_gaussians_are_swept(monkeypatch: pytest.MonkeyPat
 def test_edits_are_the_same_for_any_number_of_threads() -> None:
     found = update_room.collected("relocation")
     gaussian_map, _ = change_room.mapped()
-    one, two = (
+    single, two = (
         pre_edit(
             gaussian_map, found.views, found.regions_by_change, SMALL, threads=threads
         ).gaussian_map
         for threads in (1, 2)
     )
     for name in ("means", "sh", "log_scales", "ids"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
+        np.testing.assert_array_equal(getattr(single, name), getattr(two, name))
 
 
 def test_a_map_may_have_its_origin_anywhere() -> None:
@@ -298,8 +303,8 @@ def test_a_map_may_have_its_origin_anywhere() -> None:
         gaussian_map, means=(gaussian_map.means - origin).astype(np.float32), origin=origin
     )
     here, there = (
-        pre_edit(one, found.views, found.regions_by_change, SMALL, threads=1)
-        for one in (gaussian_map, moved)
+        pre_edit(each, found.views, found.regions_by_change, SMALL, threads=1)
+        for each in (gaussian_map, moved)
     )
     assert here.added == pytest.approx(there.added, rel=0.06)
     np.testing.assert_array_equal(there.gaussian_map.origin, origin)
@@ -307,7 +312,7 @@ def test_a_map_may_have_its_origin_anywhere() -> None:
     means = new_of(there).means + origin
     low, high = new_of(here).means.min(axis=0), new_of(here).means.max(axis=0)
     assert ((means > low - 0.02) & (means < high + 0.02)).all()
-    colors = [new_of(one).sh[:, 0].mean(axis=0) for one in (here, there)]
+    colors = [new_of(edited).sh[:, 0].mean(axis=0) for edited in (here, there)]
     np.testing.assert_allclose(*colors, atol=0.05)
 
 

@@ -14,7 +14,7 @@ from update_room import UPDATE
 
 import gslts
 from gslts.change.changes import Change
-from gslts.change.monitor import MonitorConfig
+from gslts.change.confirmation import MonitorConfig
 from gslts.core.frame import RgbdFrame
 from gslts.core.robot import Robot
 from gslts.rendering.rasterizer import render
@@ -111,10 +111,11 @@ def test_objects_in_few_frames_of_coarse_depth_are_added(folder: Path) -> None:
         change_room.thing("Box|4", 1.0, 2.6, change_room.BLUE, "Floor|1"),
     ]
     home = replace(home, objects=(*home.objects, *boxes))
-    looks = [Viewpoint(2.5, 0.5, 90, 30), Viewpoint(1.5, 0.75, 60, 30)]
-    looks += [Viewpoint(1.0, 1.0, 90, 30), Viewpoint(0.5, 1.25, 70, 30)]
+    viewpoints = [Viewpoint(2.5, 0.5, 90, 30), Viewpoint(1.5, 0.75, 60, 30)]
+    viewpoints += [Viewpoint(1.0, 1.0, 90, 30), Viewpoint(0.5, 1.25, 70, 30)]
     frames = [
-        coarse(change_room.see(home, look, "kinect", seed)) for seed, look in enumerate(looks)
+        coarse(change_room.see(home, viewpoint, "kinect", seed))
+        for seed, viewpoint in enumerate(viewpoints)
     ]
     before = read_map(folder)
     done = update_by_recording(folder, frames)
@@ -122,12 +123,12 @@ def test_objects_in_few_frames_of_coarse_depth_are_added(folder: Path) -> None:
     assert done.result is not None
     assert {change.kind for change in done.result.changes} == {"addition"}
     after = read_map(folder)
-    for box, look in zip(
+    for box, viewpoint in zip(
         boxes, (Viewpoint(2.25, 0.5, 80, 30), Viewpoint(0.75, 1.0, 80, 30)), strict=True
     ):
-        test = change_room.see(home, look)
-        without = tuple(one for one in home.objects if one.id != box.id)
-        shown = test.depth < change_room.see(replace(home, objects=without), look).depth - 0.01
+        test = change_room.see(home, viewpoint)
+        without = tuple(item for item in home.objects if item.id != box.id)
+        shown = test.depth < change_room.see(replace(home, objects=without), viewpoint).depth - 0.01
         assert shown.sum() > 100
         errors = [
             np.mean((render(each, test.camera).rgb - test.rgb / 255)[shown] ** 2)
@@ -157,7 +158,8 @@ def test_a_spoiled_visit_gives_no_version(
 ) -> None:
     home = update_room.changed_home("removal")
     frames = [
-        change_room.see(home, look, "kinect") for look in update_room.viewpoints_of_the_change()
+        change_room.see(home, viewpoint, "kinect")
+        for viewpoint in update_room.viewpoints_of_the_change()
     ]
     frames = [spoil(coarse(frame) if rounded else frame) for frame in frames]
     done = update_by_recording(folder, frames)

@@ -31,8 +31,8 @@ def shifted() -> UpdateResult:
 
 def psnr_db(gaussian_map: GaussianMap, home: Home) -> float:
     errors = []
-    for look in change_room.LOOKS:
-        frame = change_room.see(home, look)
+    for viewpoint in change_room.VIEWPOINTS:
+        frame = change_room.see(home, viewpoint)
         rgb = render(gaussian_map, frame.camera).rgb
         errors.append(np.mean((rgb.clip(0, 1) - frame.rgb / 255) ** 2))
     return psnr_from_mse_db(float(np.mean(errors)))
@@ -115,8 +115,8 @@ def test_the_history_tells_the_shift(tmp_path: Path) -> None:
         assert np.linalg.norm(low[:2] - BLOCK[0][:2]) < 0.15
         assert np.linalg.norm(high[:2] - BLOCK[1][:2]) < 0.15
         (line,) = describe_versions(store)[2]
-    told = re.fullmatch(r"(\w+) shifted by (\d+) cm and (\d)°", line)
-    assert told is not None
-    assert told[1] == event.type
-    assert abs(int(told[2]) - 10) <= 2
-    assert abs(int(told[3]) - 2) <= 1
+    shift = re.fullmatch(r"(\w+) shifted by (\d+) cm and (\d)°", line)
+    assert shift is not None
+    assert shift[1] == event.type
+    assert abs(int(shift[2]) - 10) <= 2
+    assert abs(int(shift[3]) - 2) <= 1

@@ -60,8 +60,8 @@ def rejection_of(result: UpdateResult) -> str:
 
 def psnr_db(gaussian_map: GaussianMap, home: Home) -> float:
     errors = []
-    for look in change_room.LOOKS:
-        frame = change_room.see(home, look)
+    for viewpoint in change_room.VIEWPOINTS:
+        frame = change_room.see(home, viewpoint)
         rgb = render(gaussian_map, frame.camera).rgb
         errors.append(np.mean((rgb.clip(0, 1) - frame.rgb / 255) ** 2))
     return psnr_from_mse_db(float(np.mean(errors)))
@@ -266,7 +266,7 @@ def test_an_update_that_does_not_fit_validation_views_is_rejected() -> None:
     seen = [
         view
         if k % 4 != 2
-        else replace(view, frame=change_room.see(change_room.home(), change_room.LOOKS[0]))
+        else replace(view, frame=change_room.see(change_room.home(), change_room.VIEWPOINTS[0]))
         for k, view in enumerate(found.views)
     ]
     result, _, record = integrate_views(

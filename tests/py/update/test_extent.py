@@ -7,7 +7,7 @@ import change_room
 import numpy as np
 import pytest
 import sim_scenes
-from change_room import BLOCK_TOP_M, LOOKS, YELLOW
+from change_room import BLOCK_TOP_M, VIEWPOINTS, YELLOW
 
 from gslts.rendering.losses import Exposure
 from gslts.update.extent import extend_regions
@@ -35,9 +35,9 @@ def with_sheet() -> Home:
 def views(*, changed: bool) -> tuple[View, ...]:
     """Return views of the block without detections, and renderings of the block as it was."""
     seen = []
-    for look in LOOKS:
-        frame = change_room.see(with_sheet() if changed else change_room.home(), look)
-        old = change_room.see(change_room.home(), look, "kinect")
+    for viewpoint in VIEWPOINTS:
+        frame = change_room.see(with_sheet() if changed else change_room.home(), viewpoint)
+        old = change_room.see(change_room.home(), viewpoint, "kinect")
         colors = old.rgb.astype(np.float32) / np.float32(255)
         nothing = np.zeros(frame.depth.shape, np.bool_)
         seen.append(View(frame, Exposure(), old.depth, colors, nothing, nothing))

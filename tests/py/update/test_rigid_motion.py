@@ -142,7 +142,7 @@ def test_the_selection_is_the_same_for_any_number_of_threads() -> None:
 
 
 @pytest.mark.parametrize("degree", [0, 1, 2, 3])
-def test_a_moved_map_looks_the_same_from_a_moved_camera(degree: int) -> None:
+def test_a_moved_map_is_rendered_alike_by_a_moved_camera(degree: int) -> None:
     rng = np.random.default_rng(degree)
     before, _ = room()
     sh = rng.normal(0, 0.2, (before.size, (degree + 1) ** 2, 3))

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import change_room
 import numpy as np
-from change_room import LOOKS, YELLOW
+from change_room import VIEWPOINTS, YELLOW
 
 from gslts.rendering.losses import Exposure
 from gslts.update.views import FRONT_M, View, bring_to_front
@@ -14,8 +14,8 @@ def added_box() -> View:
     """Return a view of a box that was added, with its depth rounded up to that of the block."""
     home = change_room.home()
     box = change_room.thing("Box|3", 2.6, 1.9, YELLOW, "Block|1")
-    frame = change_room.see(replace(home, objects=(*home.objects, box)), LOOKS[0])
-    old = change_room.see(home, LOOKS[0])
+    frame = change_room.see(replace(home, objects=(*home.objects, box)), VIEWPOINTS[0])
+    old = change_room.see(home, VIEWPOINTS[0])
     after = np.abs(frame.depth - old.depth) > 1e-4
     rgb = old.rgb.astype(np.float32) / np.float32(255)
     return View(frame, Exposure(), old.depth, rgb, np.zeros_like(after), after)

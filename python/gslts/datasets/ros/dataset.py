@@ -23,8 +23,6 @@ SAME_PX = 0.01
 """Tolerance of intrinsics of one camera, px; messages store them in double precision."""
 WORLDS = ("earth", "map", "odom", "world")
 """Fixed frames by REP 105 and custom; the name of the robot may precede them."""
-FILES = (".mcap", ".db3")
-"""Endings of single files that are bags."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +104,7 @@ def is_rosbag(path: Path) -> bool:
         path: Any path.
     """
     if path.is_file():
-        return path.suffix in FILES
+        return path.suffix in (".mcap", ".db3")
     metadata = path / "metadata.yaml"
     if not metadata.is_file():
         return False

@@ -10,8 +10,6 @@ from gslts.datasets.ros.poses import frame_name
 
 TF, TF_STATIC = "/tf", "/tf_static"
 """Topics of moving and of fixed transforms (tf2)."""
-IMAGE_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
-"""Message types of images."""
 POSE_TYPES = (
     "geometry_msgs/msg/PoseStamped",
     "geometry_msgs/msg/PoseWithCovarianceStamped",
@@ -69,7 +67,8 @@ def choose_topics(bag: Bag) -> tuple[ImageTopic, ImageTopic | None]:
     Raises:
         ValueError: There is no colour image, or several cameras; the message lists the topics.
     """
-    images = [_image_topic(bag, topic) for topic, kind in bag.topics.items() if kind in IMAGE_TYPES]
+    types = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+    images = [_image_topic(bag, topic) for topic, kind in bag.topics.items() if kind in types]
     with_info = [image for image in images if image.info is not None]
     colours = [image for image in with_info if image.kind == "colour"]
     greys = [image for image in with_info if image.kind == "grey"]

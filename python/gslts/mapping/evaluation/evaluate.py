@@ -15,9 +15,6 @@ from gslts.rendering.losses import apply_exposure, fit_exposure
 from gslts.rendering.metrics import psnr_db, ssim
 from gslts.rendering.rasterizer import Images, Rasterizer, RenderOptions
 
-POSE_LEVELS = (1, 0)
-"""Resolutions at which a pose is refined, coarse to fine."""
-
 
 @dataclass(frozen=True)
 class Quality:
@@ -129,7 +126,7 @@ def refine_pose(
         observation: Frame at its initial pose.
         threads: Number of threads; 0 means all.
     """
-    frames = [observation.rgbd(level) for level in POSE_LEVELS]
+    frames = [observation.rgbd(level) for level in (1, 0)]  # Coarse to fine.
     return observation.at_pose(align_pose(gaussian_map, frames, threads=threads))
 
 
