@@ -117,8 +117,8 @@ class ChangeDetector:
         self.config = DetectionConfig() if config is None else config
         self._map, self._measurements = gaussian_map, measurements
         ids = gaussian_map.ids
-        features = np.column_stack([measurements.is_measured_of(ids), measurements.errors_of(ids)])
-        self._drawn = replace(gaussian_map, features=features.astype(np.float32))
+        drawn = np.column_stack([measurements.is_measured_of(ids), measurements.errors_of(ids)])
+        self._drawn = replace(gaussian_map, features=drawn.astype(np.float32))
         self._features = OrientedGradients() if features is None else features
         self.cameras = tuple(cameras)
         self._visibility = Visibility(
