@@ -98,9 +98,8 @@ def place_fault(
     dissimilar = float((similarity[known] < SIMILAR).mean())
     appearance = f"{100 * dissimilar:.0f} % appear different: pose or intrinsics are wrong"
     if depth == "none":
-        return (
-            None if dissimilar <= MAX_DEPTHLESS_DISSIMILAR_SHARE else f"of the pixels {appearance}"
-        )
+        is_same = dissimilar <= MAX_DEPTHLESS_DISSIMILAR_SHARE
+        return None if is_same else f"of the pixels {appearance}"
     both = known & (observed_depth > 0) & (rendered_depth > 0)
     if not both.any():
         return "no depth is measured where the map is known"

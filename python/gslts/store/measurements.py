@@ -47,7 +47,7 @@ def surface_margin_m(depth_m: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Measurements:
-    """What the recording of a map tells of each Gaussian.
+    """Comparison of a map with its recording, for each Gaussian.
 
     Behind windows, in black skies and on dark surfaces a sensor measures nothing, and mapping puts
     Gaussians anywhere along the ray: these are not measured.
