@@ -28,7 +28,7 @@ SURFACE_MARGIN_M, SURFACE_MARGIN_SHARE = 0.03, 0.02
 TYPICAL_ERRORS = (0.012, 0.05)
 """Errors of depth, m, and colours where nothing is known: between those of simulated homes and of
 real rooms."""
-TYPICAL_NOISE = (0.01, 0.0024)
+TYPICAL_NOISE = (0.0083, 0.002)
 """Noise of the depth, m and 1/m, where nothing is known: about a consumer depth camera with a map
 whose poses err by millimetres."""
 

@@ -18,7 +18,7 @@ namespace gslts::detect {
 /// deviations of the depth, the constant part measured across the surface, plus the change of its
 /// depth within `step_px` pixels.
 struct ObjectRule {
-  double step_sigmas = 2.5;
+  double step_sigmas = 3;
   double step_px = 1;                ///< px
   int edge_tolerance_px = 2;         ///< By which edges may be misplaced, px.
   double min_area_m2 = 6e-4;         ///< Minimum area facing the camera, m^2.

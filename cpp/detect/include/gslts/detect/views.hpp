@@ -10,8 +10,8 @@ namespace gslts::detect {
 /// Standard deviation of the difference of measured and rendered depths of an unchanged surface:
 /// constant_m + per_m depth^2. The defaults are for maps of which nothing is known.
 struct DepthNoise {
-  double constant_m = 0.01;  ///< m
-  double per_m = 0.0024;     ///< 1/m
+  double constant_m = 0.0083;  ///< m
+  double per_m = 0.002;        ///< 1/m
 };
 
 struct Views {
