@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from functools import cached_property
 from math import isqrt, pi, sqrt
 from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from gslts._core.map import GaussianViewDouble, GaussianViewFloat
+from gslts._core.map import ChunkBounds, GaussianViewDouble, GaussianViewFloat
 
 SH_C0 = 0.5 / sqrt(pi)
 """Value of the constant spherical harmonic: the colour of SH degree 0 is 0.5 + SH_C0 * sh."""
+
+MIN_BOUNDED = 1 << 16
+"""Minimum number of Gaussians of a map with an index by which rendering skips those out of view: a
+smaller one, of 16 chunks, gains little."""
 
 FloatArray = NDArray[np.float32] | NDArray[np.float64]
 
@@ -72,7 +77,7 @@ class GaussianMap:
             if value is None:
                 value = defaults.get(field.name)
             object.__setattr__(self, field.name, _read_only(field.name, value))
-        self.view().require_finite("GaussianMap")
+        self._view(None).require_finite("GaussianMap")
         _check_ids(self.ids, size)
 
     def __repr__(self) -> str:
@@ -108,6 +113,17 @@ class GaussianMap:
 
     def view(self) -> GaussianViewFloat | GaussianViewDouble:
         """Return the map as the C++ core takes it, without a copy; it keeps the arrays alive."""
+        return self._view(self.bounds)
+
+    @cached_property
+    def bounds(self) -> ChunkBounds | None:
+        """Index by which rendering skips Gaussians out of view; None for a small map.
+
+        It bounds runs of Gaussians that follow each other in the arrays, see `sort_by_place`.
+        """
+        return self._view(None).chunk_bounds() if self.size >= MIN_BOUNDED else None
+
+    def _view(self, bounds: ChunkBounds | None) -> GaussianViewFloat | GaussianViewDouble:
         if self.dtype not in _VIEW_TYPES:
             raise ValueError(f"means: expected dtype float32 or float64, got {self.dtype}")
         return _VIEW_TYPES[self.dtype](
@@ -118,6 +134,7 @@ class GaussianMap:
             sh=self.sh,
             features=self.features,
             origin=self.origin,
+            bounds=bounds,
         )
 
     def astype(self, dtype: DTypeLike) -> GaussianMap:
