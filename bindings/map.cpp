@@ -153,6 +153,25 @@ GaussianView<T> make_view(const py::array& means, const py::array& quats,
   return view;
 }
 
+/// Returns the boxes of the chunks as an array [C,2,3].
+py::array_t<double> boxes_of(const ChunkBounds& bounds) {
+  Array<double> corners;
+  for (const ChunkBounds::Box& box : bounds.chunks) {
+    corners.insert(corners.end(), box.low, box.low + 3);
+    corners.insert(corners.end(), box.high, box.high + 3);
+  }
+  return to_numpy(std::move(corners), {static_cast<py::ssize_t>(bounds.chunks.size()), 2, 3});
+}
+
+void define_chunk_bounds(py::module_& m) {
+  m.attr("CHUNK_SIZE") = kChunkSize;
+  py::class_<ChunkBounds>(m, "ChunkBounds",
+                          "Bounds of chunks, runs of CHUNK_SIZE consecutive Gaussians: an index by "
+                          "which renderers skip those out of view.")
+      .def("boxes", &boxes_of,
+           "Return [C,2,3] lowest and highest centres of each chunk, m, relative to the origin.");
+}
+
 template <typename T>
 void define_gaussian_view(py::module_& m, const char* name) {
   using View = GaussianView<T>;
@@ -190,9 +209,7 @@ void define_scatter_rows(py::module_& m, const char* name) {
 void define_map(py::module_ m) {
   define_camera(m);
   define_camera_functions(m);
-  py::class_<ChunkBounds>(m, "ChunkBounds",
-                          "Bounds of runs of consecutive Gaussians: an index by which renderers skip "
-                          "those out of view.");
+  define_chunk_bounds(m);
   define_gaussian_view<float>(m, "GaussianViewFloat");
   define_gaussian_view<double>(m, "GaussianViewDouble");
   define_scatter_rows<float>(m, "scatter_rows_float");

@@ -1,3 +1,5 @@
+#include "gslts/raster/chunks_in_view.hpp"
+
 #include "chunks_in_view.hpp"
 
 #include <algorithm>
@@ -41,11 +43,11 @@ Plane plane_in_map(const RenderSetup<T>& setup, const std::array<double, 3>& nor
   return plane;
 }
 
-/// Computes the five planes of the view: `BoundingCircle::meets`, times the depth z > 0. With the
+/// Computes the six planes of the view: `BoundingCircle::meets`, times the depth z > 0. With the
 /// radius r = a s / z + b of a Gaussian of the standard deviation s, x + r > x0 for its centre
 /// x = fx X / z + cx becomes fx X + (cx - x0 + b) z + a s > 0, and so on.
 template <typename T>
-std::array<Plane, 5> view_planes(const RenderSetup<T>& setup) {
+std::array<Plane, 6> view_planes(const RenderSetup<T>& setup) {
   // A little beyond the circles of `BoundingCircle`, whose radii have 1.01 here, for their rounding.
   const double extent = 1.02 * std::sqrt(-2 * kLn2 * double(setup.log2_alpha_min));
   const auto largest = [](T low, T high) { return double(std::max(std::abs(low), std::abs(high))); };
@@ -55,6 +57,7 @@ std::array<Plane, 5> view_planes(const RenderSetup<T>& setup) {
   const double a = extent * secant * std::max(fx, fy);
   const double b = 1.02 + extent * std::sqrt(double(setup.eps2d_px2));
   return {plane_in_map(setup, {0, 0, 1}, -double(setup.near_m), 0),
+          plane_in_map(setup, {0, 0, -1}, double(setup.far_m), 0),
           plane_in_map(setup, {fx, 0, cx - setup.region.x0 + b}, 0, a),
           plane_in_map(setup, {-fx, 0, setup.region.x1 - cx + b}, 0, a),
           plane_in_map(setup, {0, fy, cy - setup.region.y0 + b}, 0, a),
@@ -69,7 +72,7 @@ std::vector<std::uint32_t> chunks_in_view(const GaussianView<T>& gaussians,
   std::vector<std::uint32_t> chunks((gaussians.size + kChunkSize - 1) / kChunkSize);
   std::iota(chunks.begin(), chunks.end(), 0u);
   if (!gaussians.bounds) return chunks;
-  const std::array<Plane, 5> planes = view_planes(setup);
+  const std::array<Plane, 6> planes = view_planes(setup);
   const auto out_of_view = [&](std::uint32_t chunk) {
     const ChunkBounds::Box& box = gaussians.bounds->chunks[chunk];
     return !std::all_of(planes.begin(), planes.end(),
@@ -79,6 +82,17 @@ std::vector<std::uint32_t> chunks_in_view(const GaussianView<T>& gaussians,
   return chunks;
 }
 
+template <typename T>
+std::vector<std::uint32_t> chunks_in_view(const GaussianView<T>& gaussians, const Camera& camera,
+                                          const RenderOptions& options) {
+  gslts::validate(gaussians, "chunks_in_view");
+  return chunks_in_view(gaussians, make_setup(gaussians, camera, options));
+}
+
+template std::vector<std::uint32_t> chunks_in_view(const GaussianView<float>&, const Camera&,
+                                                   const RenderOptions&);
+template std::vector<std::uint32_t> chunks_in_view(const GaussianView<double>&, const Camera&,
+                                                   const RenderOptions&);
 template std::vector<std::uint32_t> chunks_in_view(const GaussianView<float>&,
                                                    const RenderSetup<float>&);
 template std::vector<std::uint32_t> chunks_in_view(const GaussianView<double>&,

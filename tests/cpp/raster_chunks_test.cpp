@@ -86,6 +86,7 @@ TYPED_TEST(Chunks, BoundsChangeNoBit) {
     options.alpha_min = trial % 5 ? 1.0 / 512 : 1e-20;
     options.eps2d_px2 = trial % 4 ? 0.3 : 0;
     options.near_m = trial % 7 ? 0.05 : 3;
+    if (trial % 4 == 1) options.far_m = 12;
     options.threads = 1;
     Result<T> expected, got;
     expected.images = plain.forward(map.view(), camera, options, view_of(mask, camera));

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from gslts._core.map import ChunkBounds, GaussianViewDouble, GaussianViewFloat
+from gslts._core.map import CHUNK_SIZE, ChunkBounds, GaussianViewDouble, GaussianViewFloat
+from gslts.types import Floats, Indices
 
 SH_C0 = 0.5 / sqrt(pi)
 """Value of the constant spherical harmonic: the colour of SH degree 0 is 0.5 + SH_C0 * sh."""
@@ -136,6 +137,50 @@ class GaussianMap:
             origin=self.origin,
             bounds=bounds,
         )
+
+    def rows_in_box(self, low: Floats, high: Floats) -> Indices:
+        """Return all Gaussians with centres in a box, and others: whole chunks near it.
+
+        Args:
+            low: (3,) corner, world, m.
+            high: (3,) opposite corner, world, m.
+
+        Returns:
+            [M] rows, ascending; all rows of a small map.
+        """
+        if self.bounds is None:
+            return np.arange(self.size)
+        boxes = self.bounds.boxes() + self.origin
+        near = ((boxes[:, 0] <= high) & (boxes[:, 1] >= low)).all(axis=1)
+        return self.rows_of_chunks(np.flatnonzero(near))
+
+    def rows_of_chunks(self, chunks: NDArray[Any]) -> Indices:
+        """Return the Gaussians of chunks of `bounds`.
+
+        Args:
+            chunks: [C] chunks, ascending.
+
+        Returns:
+            [M] rows, ascending.
+        """
+        rows = chunks.astype(np.intp)[:, None] * CHUNK_SIZE + np.arange(CHUNK_SIZE)
+        return rows[rows < self.size]
+
+    def with_features(self, features: FloatArray) -> GaussianMap:
+        """Return the map with other features; it costs no copy and no check of the other arrays.
+
+        Args:
+            features: [N,D] of the dtype of the map.
+
+        Raises:
+            ValueError: The array has another shape or dtype, or holds a number that is not finite.
+        """
+        result = object.__new__(GaussianMap)
+        result.__dict__.update(self.__dict__, features=_read_only("features", features))
+        result._view(None)  # Checks shape and dtype.
+        if not np.isfinite(features).all():
+            raise ValueError("GaussianMap: features: must be finite")
+        return result
 
     def astype(self, dtype: DTypeLike) -> GaussianMap:
         """Return the map in another dtype; ids and origin do not change.

@@ -146,7 +146,7 @@ def make_map(
     optimize(optimizer, split, curve, clock, report, save_sometimes)
     gaussian_map = optimizer.adam.map
     weights = max_weights(gaussian_map, observations, config.threads)
-    gaussian_map = gaussian_map.select(weights > MIN_WEIGHT)
+    gaussian_map = sort_by_place(gaussian_map.select(weights > MIN_WEIGHT))
     clock.note("optimization")
     return _evaluate(gaussian_map, config, split, given, curve, start.seeds, clock)
 

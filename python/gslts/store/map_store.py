@@ -24,6 +24,7 @@ from gslts.store.causes import (
     UpdateCause,
 )
 from gslts.store.delta import (
+    Delta,
     apply_deltas,
     compute_delta,
     delta_from_arrays,
@@ -137,6 +138,8 @@ class MapStore(History):
         gaussian_map: GaussianMap,
         cause: UpdateCause | ExtensionCause,
         events: Sequence[ObjectEvent] = (),
+        *,
+        delta: Delta | None = None,
     ) -> Version:
         """Add a version, durably: it is on disk when this returns.
 
@@ -145,6 +148,8 @@ class MapStore(History):
                 new ones with ids of `next_id` or higher.
             cause: Why the version exists.
             events: Object changes that it shows.
+            delta: What the map differs in from the newest version, if that is known: neither is
+                read as a whole then. None means that they are compared.
 
         Returns:
             The new version.
@@ -154,7 +159,10 @@ class MapStore(History):
             ValueError: The map was not made from the newest version.
         """
         newest = self._index.newest()
-        delta = compute_delta(self.read(newest.number), gaussian_map)
+        if delta is None:
+            delta = compute_delta(self.read(newest.number), gaussian_map)
+        elif newest.gaussians - len(delta.removed) + delta.added.size != gaussian_map.size:
+            raise ValueError(f"commit: delta: it does not lead from version {newest.number} there")
         if delta.added.size and int(delta.added.ids[0]) < newest.next_id:
             raise ValueError(
                 f"commit: ids of new Gaussians must be {newest.next_id} or higher, "

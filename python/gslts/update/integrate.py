@@ -20,9 +20,12 @@ from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
 from gslts.rendering.metrics import psnr_from_mse_db
+from gslts.rendering.rasterizer import RenderOptions, rows_in_view
+from gslts.rendering.view_range import MIN_RANGE_M, view_range_m
 from gslts.semantics.map_semantics import MapSemantics
 from gslts.store.causes import UpdateRecord
-from gslts.types import Bools
+from gslts.store.delta import Delta, apply_deltas, compare_by_ids
+from gslts.types import Bools, Indices
 from gslts.update.config import UpdateConfig
 from gslts.update.edit import pre_edit
 from gslts.update.refine import OnStep
@@ -60,6 +63,7 @@ class UpdateResult:
         record: Timings, counts, and the reason if the update was rejected.
         views: Collected views, training views first.
         regions: Regions of the changes.
+        delta: Changes of the Gaussians; none if the update was rejected.
         moved: [N] bool for each of `changes`: Gaussians of the map before the update that a shift
             moved.
     """
@@ -70,6 +74,7 @@ class UpdateResult:
     record: UpdateRecord
     views: tuple[View, ...]
     regions: tuple[Region, ...]
+    delta: Delta
     moved: tuple[Bools, ...] = ()
 
     @property
@@ -129,13 +134,16 @@ def integrate_changes(
         progress=lambda: progress("collecting"),
     )
     clock.stop("collecting")
+    rows = _rows_of_update(gaussian_map, cameras, collection)
+    before = gaussian_map.select(rows)
+    whole = collection
     updated, collection, record = integrate_views(
-        gaussian_map,
+        before,
         cameras,
-        collection,
+        whole.of_part(rows),
         config,
         detector=detector,
-        first_id=first_id,
+        first_id=int(gaussian_map.ids.max()) + 1 if first_id is None else first_id,
         on_step=lambda *_: progress("refining"),
     )
     record = record.model_copy(update={"seconds": {**clock.seconds, **record.seconds}})
@@ -147,12 +155,44 @@ def integrate_changes(
         rejected += tuple((change, record.rejected) for change in confirmed)
         confirmed = ()
     elif semantics is not None:
-        new = _needs_features(gaussian_map, updated, collection, config.edit.margin_m)
+        new = _needs_features(before, updated, collection, config.edit.margin_m)
         frames = [(view.frame, view.changed) for view in training]
         updated = semantics.update_features(updated, new, frames, config.threads)
     views = (*training, *validation)
-    moved = collection.moved if confirmed else ()
-    return UpdateResult(updated, confirmed, rejected, record, views, collection.regions, moved)
+    moved: tuple[Bools, ...] = ()
+    delta = compare_by_ids(before, before if record.rejected is not None else updated)
+    if confirmed:
+        gaussian_map = apply_deltas(gaussian_map, [delta])
+        moved = tuple(_spread(part, rows, whole.moved[0].size) for part in collection.moved)
+    return UpdateResult(
+        gaussian_map, confirmed, rejected, record, views, collection.regions, delta, moved
+    )
+
+
+def _rows_of_update(
+    gaussian_map: GaussianMap, cameras: Sequence[Camera], collection: Collection
+) -> Indices:
+    """Return the rows [M] of Gaussians that an update may read or change.
+
+    Chunks in view of the collected views, and of the training cameras that show a change.
+    """
+    regions = collection.regions
+    seeing = [
+        camera
+        for camera in cameras
+        if any(region.project_center(camera) is not None for region in regions)
+    ]
+    range_m = max([MIN_RANGE_M, *(view_range_m(view.depth) for view in collection.views)])
+    options = RenderOptions(far_m=range_m)
+    views = [view.camera for view in collection.views]
+    return rows_in_view(gaussian_map, [*views, *seeing], options)
+
+
+def _spread(part: Bools, rows: Indices, size: int) -> Bools:
+    """Return [N] marks of a whole map from marks [M] of its rows."""
+    marks = np.zeros(size, np.bool_)
+    marks[rows] = part
+    return marks
 
 
 def integrate_views(

@@ -79,7 +79,10 @@ def publish(
     lineage = store.lineage_numbers()  # A restore undid the events of other versions.
     events = [event for event in store.events() if event.version in lineage]
     version = store.commit(
-        result.gaussian_map, cause, object_events(before, result, events, semantics)
+        result.gaussian_map,
+        cause,
+        object_events(before, result, events, semantics),
+        delta=result.delta,
     )
     for change, reason in result.rejected_changes:
         store.add_rejection(
@@ -115,8 +118,7 @@ def _write_landmarks(
         threads=threads,
     )
     # The views also show landmarks of old Gaussians, which the map has already.
-    new = ~np.isin(landmarks.gaussians, before.ids)
-    landmarks = landmarks.select(np.flatnonzero(new))
+    landmarks = landmarks.select(np.flatnonzero(landmarks.gaussians > before.ids[-1]))
     return write_landmarks(landmarks, store.folder) if landmarks.size else None
 
 
