@@ -182,8 +182,8 @@ void define_gaussian_view(py::module_& m, const char* name) {
            py::arg("origin"), py::arg("bounds") = py::none(), py::keep_alive<1, 2>(),
            py::keep_alive<1, 3>(), py::keep_alive<1, 4>(), py::keep_alive<1, 5>(),
            py::keep_alive<1, 6>(), py::keep_alive<1, 7>(), py::keep_alive<1, 9>())
-      .def("chunk_bounds", &chunk_bounds<T>, py::call_guard<py::gil_scoped_release>(),
-           "Compute the bounds of the chunks of these Gaussians.")
+      .def("chunk_bounds", &chunk_bounds<T>, py::arg("function"),
+           "Compute the bounds of the chunks of these Gaussians; raises as `require_finite`.")
       .def("require_finite", &require_finite<T>, py::arg("function"),
            "Raises ValueError naming `function`, the first array with a number that is not finite "
            "and its index.");

@@ -176,7 +176,7 @@ bool project_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup
   const std::size_t begin = out.chunks[index] * kChunkSize, first_slot = index * kChunkSize;
   const std::size_t n = std::min(kChunkSize, gaussians.size - begin);
   out.counts[index] = 0;
-  if (!chunk_is_finite(gaussians, begin, n)) return false;
+  if (!gaussians.bounds && !chunk_is_finite(gaussians, begin, n)) return false;
 
   Row rows[kChunkSize + 2 * kBlockPixels];
   const std::size_t candidates = cull_chunk(gaussians, setup, begin, n, rows);

@@ -25,7 +25,7 @@ GaussianMap wavy_map(std::size_t size) {
 TEST(ChunkBounds, EveryGaussianIsInTheTightBoxOfItsChunk) {
   for (std::size_t size : {std::size_t(0), std::size_t(1), kChunkSize, 2 * kChunkSize + 5}) {
     const GaussianMap map = wavy_map(size);
-    const ChunkBounds bounds = chunk_bounds(map.view());
+    const ChunkBounds bounds = chunk_bounds(map.view(), "test");
     EXPECT_EQ(bounds.size, size);
     ASSERT_EQ(bounds.chunks.size(), (size + kChunkSize - 1) / kChunkSize);
     for (std::size_t chunk = 0; chunk < bounds.chunks.size(); ++chunk) {
@@ -49,17 +49,17 @@ TEST(ChunkBounds, EveryGaussianIsInTheTightBoxOfItsChunk) {
 TEST(ChunkBounds, NumbersThatAreNotFiniteAreRejected) {
   for (float bad : {std::numeric_limits<float>::quiet_NaN(), HUGE_VALF}) {
     GaussianMap map = wavy_map(kChunkSize + 3);
-    map.log_scales.back() = bad;
-    EXPECT_THROW(chunk_bounds(map.view()), std::invalid_argument);
+    map.sh.back() = bad;
+    EXPECT_THROW(chunk_bounds(map.view(), "test"), std::invalid_argument);
     map = wavy_map(kChunkSize + 3);
     map.means.front() = bad;
-    EXPECT_THROW(chunk_bounds(map.view()), std::invalid_argument);
+    EXPECT_THROW(chunk_bounds(map.view(), "test"), std::invalid_argument);
   }
 }
 
 TEST(ChunkBounds, BoundsOfAnotherMapAreRejected) {
   const GaussianMap map = wavy_map(10), other = wavy_map(11);
-  const ChunkBounds bounds = chunk_bounds(other.view());
+  const ChunkBounds bounds = chunk_bounds(other.view(), "test");
   GaussianView<float> view = map.view();
   view.bounds = &bounds;
   EXPECT_THROW(validate(view, "test"), std::invalid_argument);

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from functools import cached_property
+from dataclasses import dataclass, field
 from math import isqrt, pi, sqrt
 from typing import Any
 
@@ -22,6 +21,17 @@ smaller one, of 16 chunks, gains little."""
 
 FloatArray = NDArray[np.float32] | NDArray[np.float64]
 
+_ARRAYS = (
+    "means",
+    "quats",
+    "log_scales",
+    "logit_opacities",
+    "sh",
+    "features",
+    "ids",
+    "origin",
+)
+"""Arrays of a map."""
 _VIEW_TYPES: dict[np.dtype[Any], type[GaussianViewFloat] | type[GaussianViewDouble]] = {
     np.dtype(np.float32): GaussianViewFloat,
     np.dtype(np.float64): GaussianViewDouble,
@@ -50,6 +60,10 @@ class GaussianMap:
         origin: (3,) float64, map origin in the world, m; zero by default. A map far from the
             world's origin keeps its full resolution in float32.
 
+    Attributes:
+        bounds: Index by which rendering skips the Gaussians out of view: bounds of runs of Gaussians
+            that follow each other in the arrays, see `gslts.mapping.order`. None for a small map.
+
     Raises:
         TypeError: An argument is no numpy array.
         ValueError: An array has a wrong shape or dtype, or holds a number that is not finite (the
@@ -64,6 +78,7 @@ class GaussianMap:
     features: FloatArray = None  # type: ignore[assignment]  # set in __post_init__
     ids: NDArray[np.uint64] = None  # type: ignore[assignment]  # set in __post_init__
     origin: NDArray[np.float64] = None  # type: ignore[assignment]  # set in __post_init__
+    bounds: ChunkBounds | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
         means = _read_only("means", self.means)
@@ -73,12 +88,15 @@ class GaussianMap:
             "ids": np.arange(size, dtype=np.uint64),
             "origin": np.zeros(3),
         }
-        for field in fields(self):
-            value = getattr(self, field.name)
+        for name in _ARRAYS:
+            value = getattr(self, name)
             if value is None:
-                value = defaults.get(field.name)
-            object.__setattr__(self, field.name, _read_only(field.name, value))
-        self._view(None).require_finite("GaussianMap")
+                value = defaults.get(name)
+            object.__setattr__(self, name, _read_only(name, value))
+        if self.size >= MIN_BOUNDED:
+            object.__setattr__(self, "bounds", self.view().chunk_bounds("GaussianMap"))
+        else:
+            self.view().require_finite("GaussianMap")
         _check_ids(self.ids, size)
 
     def __repr__(self) -> str:
@@ -100,7 +118,7 @@ class GaussianMap:
     @property
     def nbytes(self) -> int:
         """Bytes of the arrays in memory, and on the disk but for headers."""
-        return sum(getattr(self, field.name).nbytes for field in fields(self))
+        return sum(getattr(self, name).nbytes for name in _ARRAYS)
 
     @property
     def sh_degree(self) -> int:
@@ -114,17 +132,6 @@ class GaussianMap:
 
     def view(self) -> GaussianViewFloat | GaussianViewDouble:
         """Return the map as the C++ core takes it, without a copy; it keeps the arrays alive."""
-        return self._view(self.bounds)
-
-    @cached_property
-    def bounds(self) -> ChunkBounds | None:
-        """Index by which rendering skips Gaussians out of view; None for a small map.
-
-        It bounds runs of Gaussians that follow each other in the arrays, see `sort_by_place`.
-        """
-        return self._view(None).chunk_bounds() if self.size >= MIN_BOUNDED else None
-
-    def _view(self, bounds: ChunkBounds | None) -> GaussianViewFloat | GaussianViewDouble:
         if self.dtype not in _VIEW_TYPES:
             raise ValueError(f"means: expected dtype float32 or float64, got {self.dtype}")
         return _VIEW_TYPES[self.dtype](
@@ -135,7 +142,7 @@ class GaussianMap:
             sh=self.sh,
             features=self.features,
             origin=self.origin,
-            bounds=bounds,
+            bounds=self.bounds,
         )
 
     def rows_in_box(self, low: Floats, high: Floats) -> Indices:
@@ -177,7 +184,7 @@ class GaussianMap:
         """
         result = object.__new__(GaussianMap)
         result.__dict__.update(self.__dict__, features=_read_only("features", features))
-        result._view(None)  # Checks shape and dtype.
+        result.view()  # Checks shape and dtype.
         if not np.isfinite(features).all():
             raise ValueError("GaussianMap: features: must be finite")
         return result

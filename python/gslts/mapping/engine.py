@@ -29,6 +29,7 @@ from gslts.mapping.initialize import Start, initialize
 from gslts.mapping.lenses import Lenses
 from gslts.mapping.observation import Observation
 from gslts.mapping.optimize import Optimizer, Progress, Schedule
+from gslts.mapping.order import sort_by_place
 from gslts.mapping.report.data import CurvePoint
 
 VALIDATIONS = 20

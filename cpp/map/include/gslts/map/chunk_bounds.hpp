@@ -26,8 +26,8 @@ struct ChunkBounds {
 };
 
 /// Computes the bounds of a map.
-/// @throws std::invalid_argument  if a mean or a scale is not finite.
+/// @throws std::invalid_argument  naming the caller, if a number of the map is not finite.
 template <typename T>
-ChunkBounds chunk_bounds(const GaussianView<T>& gaussians);
+ChunkBounds chunk_bounds(const GaussianView<T>& gaussians, const char* function);
 
 }  // namespace gslts

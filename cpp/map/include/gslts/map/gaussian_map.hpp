@@ -27,8 +27,8 @@ struct GaussianView {
   const T* sh = nullptr;               ///< [N,K,3] spherical harmonics, colour = 0.5 + SH, >= 0
   const T* features = nullptr;         ///< [N,D], or null when D is 0
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();  ///< Map origin in the world, m
-  /// Bounds of these Gaussians, or null. With bounds, a renderer reads only the chunks that may be
-  /// in view, and checks only these for numbers that are not finite.
+  /// Bounds of these Gaussians, or null. With bounds, which exist only of finite numbers, a renderer
+  /// reads only the chunks that may be in view, and does not check the numbers again.
   const ChunkBounds* bounds = nullptr;
 };
 
