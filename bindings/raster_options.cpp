@@ -12,19 +12,20 @@ namespace py = pybind11;
 using raster::RenderOptions;
 
 RenderOptions make_options(std::array<double, 3> background, double near_m, double far_m,
-                           double near_sigmas, int sh_degree, bool clamp_colors, double eps2d_px2, bool antialias,
-                           bool surface_depth, double alpha_min, double transmittance_min,
-                           int exp_degree, int threads) {
-  return {background,   near_m,    far_m,     near_sigmas,   sh_degree,
-          clamp_colors, eps2d_px2, antialias, surface_depth, alpha_min,
+                           double near_sigmas, int sh_degree, bool clamp_colors, double eps2d_px2,
+                           bool antialias, bool surface_depth, double alpha_min,
+                           double transmittance_min, int exp_degree, int threads) {
+  return {background,        near_m,     far_m,     near_sigmas,   sh_degree,
+          clamp_colors,      eps2d_px2,  antialias, surface_depth, alpha_min,
           transmittance_min, exp_degree, threads};
 }
 
 /// Lists the arguments of `make_options`.
 py::tuple fields(const RenderOptions& o) {
   return py::make_tuple(py::make_tuple(o.background[0], o.background[1], o.background[2]), o.near_m,
-                        o.far_m, o.near_sigmas, o.sh_degree, o.clamp_colors, o.eps2d_px2, o.antialias,
-                        o.surface_depth, o.alpha_min, o.transmittance_min, o.exp_degree, o.threads);
+                        o.far_m, o.near_sigmas, o.sh_degree, o.clamp_colors, o.eps2d_px2,
+                        o.antialias, o.surface_depth, o.alpha_min, o.transmittance_min,
+                        o.exp_degree, o.threads);
 }
 
 constexpr const char* kOptionsDoc =
@@ -95,7 +96,8 @@ void define_raster_options(py::module_ m) {
       .def("__repr__",
            [](const RenderOptions& o) {
              return py::
-                 str("RenderOptions(background={}, near_m={}, far_m={}, near_sigmas={}, sh_degree={}, "
+                 str("RenderOptions(background={}, near_m={}, far_m={}, near_sigmas={}, "
+                     "sh_degree={}, "
                      "clamp_colors={}, eps2d_px2={}, antialias={}, surface_depth={}, alpha_min={}, "
                      "transmittance_min={}, exp_degree={}, threads={})")
                      .format(*fields(o));
@@ -104,8 +106,8 @@ void define_raster_options(py::module_ m) {
         return make_options(state[0].cast<std::array<double, 3>>(), state[1].cast<double>(),
                             state[2].cast<double>(), state[3].cast<double>(), state[4].cast<int>(),
                             state[5].cast<bool>(), state[6].cast<double>(), state[7].cast<bool>(),
-                            state[8].cast<bool>(), state[9].cast<double>(), state[10].cast<double>(),
-                            state[11].cast<int>(), state[12].cast<int>());
+                            state[8].cast<bool>(), state[9].cast<double>(),
+                            state[10].cast<double>(), state[11].cast<int>(), state[12].cast<int>());
       }));
 }
 

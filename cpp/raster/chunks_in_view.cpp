@@ -1,17 +1,17 @@
 #include "gslts/raster/chunks_in_view.hpp"
 
-#include "chunks_in_view.hpp"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <numeric>
 
+#include "chunks_in_view.hpp"
+
 namespace gslts::raster {
 namespace {
 
-/// Share of the sizes of the terms of a plane by which its distances may err in the float arithmetic
-/// of `cull_chunk`; about 100 roundings.
+/// Share of the sizes of the terms of a plane by which its distances may err in the float
+/// arithmetic of `cull_chunk`; about 100 roundings.
 constexpr double kPlaneRounding = 1e-5;
 
 /// Half space normal . x_in_map + offset + reach exp(log_scale) > 0 in which a Gaussian is in view.
@@ -48,9 +48,12 @@ Plane plane_in_map(const RenderSetup<T>& setup, const std::array<double, 3>& nor
 /// x = fx X / z + cx becomes fx X + (cx - x0 + b) z + a s > 0, and so on.
 template <typename T>
 std::array<Plane, 6> view_planes(const RenderSetup<T>& setup) {
-  // A little beyond the circles of `BoundingCircle`, whose radii have 1.01 here, for their rounding.
+  // A little beyond the circles of `BoundingCircle`, whose radii have 1.01 here, for their
+  // rounding.
   const double extent = 1.02 * std::sqrt(-2 * kLn2 * double(setup.log2_alpha_min));
-  const auto largest = [](T low, T high) { return double(std::max(std::abs(low), std::abs(high))); };
+  const auto largest = [](T low, T high) {
+    return double(std::max(std::abs(low), std::abs(high)));
+  };
   const double secant = std::hypot(1.0, largest(setup.min_tan_x, setup.max_tan_x),
                                    largest(setup.min_tan_y, setup.max_tan_y));
   const double fx = setup.fx, fy = setup.fy, cx = setup.cx, cy = setup.cy;

@@ -49,8 +49,9 @@ class Visibility:
     def __init__(
         self, gaussian_map: GaussianMap, cameras: Iterable[Camera], threads: int = 0
     ) -> None:
-        self._map, self._options = gaussian_map, RenderOptions(
-            far_m=VISIBILITY_RANGE_M, threads=threads
+        self._map, self._options = (
+            gaussian_map,
+            RenderOptions(far_m=VISIBILITY_RANGE_M, threads=threads),
         )
         self._rasterizer = Rasterizer(np.float32)
         self._cameras = small = [_scale(camera) for camera in cameras]

@@ -61,7 +61,7 @@ class GaussianMap:
             world's origin keeps its full resolution in float32.
 
     Attributes:
-        bounds: Index by which rendering skips the Gaussians out of view: bounds of runs of Gaussians
+        bounds: Index by which rendering skips Gaussians out of view: bounds of runs of Gaussians
             that follow each other in the arrays, see `gslts.mapping.order`. None for a small map.
 
     Raises:
@@ -170,7 +170,7 @@ class GaussianMap:
         Returns:
             [M] rows, ascending.
         """
-        rows = chunks.astype(np.intp)[:, None] * CHUNK_SIZE + np.arange(CHUNK_SIZE)
+        rows: Indices = chunks.astype(np.intp)[:, None] * CHUNK_SIZE + np.arange(CHUNK_SIZE)
         return rows[rows < self.size]
 
     def with_features(self, features: FloatArray) -> GaussianMap:

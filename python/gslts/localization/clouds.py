@@ -60,4 +60,5 @@ class SurfaceCloud:
         rows = self._map.rows_in_box(low + self._map.origin, high + self._map.origin)
         points = self._map.means[rows]
         solid = self._map.logit_opacities[rows] > np.log(SOLID_OPACITY / (1 - SOLID_OPACITY))
-        return points[solid & ((points > low) & (points < high)).all(axis=1)]
+        near: Floats32 = points[solid & ((points > low) & (points < high)).all(axis=1)]
+        return near

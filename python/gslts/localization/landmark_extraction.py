@@ -144,4 +144,3 @@ def _nearest(gaussian_map: GaussianMap, points: Floats32) -> tuple[NDArray[np.ui
     assert isinstance(view, GaussianViewFloat)  # It was rendered as such.
     rows, distances_m = _edit.nearest_gaussians(view, points, 1)
     return near.ids[rows[:, 0]], distances_m[:, 0]
-

@@ -9,7 +9,7 @@ from gslts.types import Floats32
 MIN_RANGE_M, RANGE_SHARE = 6.0, 1.25
 """Minimum range, m, and range over the largest depth of a frame. Maps leak light: without a limit,
 all rooms behind a wall are rendered, and add 1 % to its colours. The first keeps what a new object
-hides, the second what lies behind one that is gone from the map's walls, which err by centimetres."""
+hides, the second is a margin for errors of map and measurement."""
 
 
 def view_range_m(depth: Floats32) -> float:

@@ -203,7 +203,8 @@ class SemanticQueries:
         rows = self.gaussian_map.rows_in_box(low + origin, high + origin)
         scored = np.searchsorted(self._rows, rows)
         scored = scored[(np.append(self._rows, -1)[scored] == rows)]
-        return self._points[np.setdiff1d(scored, indices, assume_unique=True)]
+        others: Floats = self._points[np.setdiff1d(scored, indices, assume_unique=True)]
+        return others
 
     def _instance(self, points: Floats, scores: Floats32, rows: Indices) -> Instance:
         low, high = np.percentile(points, [TRIM_PERCENT, 100 - TRIM_PERCENT], axis=0)

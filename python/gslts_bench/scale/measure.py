@@ -18,8 +18,9 @@ import cv2
 
 from gslts.change.config import DetectionConfig
 from gslts.change.detector import ChangeDetector
+from gslts.localization.config import RelocalizationConfig
 from gslts.localization.landmark_files import read_landmarks
-from gslts.localization.relocalizer import Relocalizer, RelocalizationConfig
+from gslts.localization.relocalizer import Relocalizer
 from gslts.semantics.autoencoder import read_autoencoder
 from gslts.semantics.queries import SemanticQueries
 from gslts.semantics.source import Oracle
@@ -67,7 +68,6 @@ def measure(job: dict[str, Any]) -> dict[str, Any]:
             gaussian_map, read_autoencoder(autoencoder, autoencoder.stem), Oracle()
         )
         objects = _often(seconds, "query", lambda: queries.find(job["query"]))
-        del queries, relocalizer
         config = UpdateConfig(threads=1)
         result = _once(
             seconds,
@@ -111,4 +111,4 @@ def _often(seconds: dict[str, float], stage: str, call: Callable[[], T]) -> T:
 
 
 if __name__ == "__main__":
-    print(json.dumps(measure(json.loads(Path(sys.argv[1]).read_text()))))
+    sys.stdout.write(json.dumps(measure(json.loads(Path(sys.argv[1]).read_text()))))

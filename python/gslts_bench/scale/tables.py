@@ -43,10 +43,10 @@ def tabulate(found: Mapping[str, Any]) -> list[Table]:
 
 
 NOTE = (
-    "CPU time of one thread, and the maximum memory of the process; in brackets the factor over the "
-    "smallest map. `open` reads the map, `index` makes a detector for it, `first detect` also "
-    "renders the training cameras that see what changed. The update is that of GS-LTS's editing and "
-    "our refinement without the robot's collection, commit includes landmarks and the image."
+    "CPU time of one thread, and the maximum memory of the process; in brackets the factor over "
+    "the smallest map. `open` reads the map, `index` makes a detector for it, `first detect` also "
+    "renders the training cameras that see what changed. `update` is all but the collection of "
+    "views by the robot; `commit` includes landmarks and the image."
 )
 
 

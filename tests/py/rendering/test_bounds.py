@@ -35,7 +35,7 @@ def without_bounds(gaussian_map: GaussianMap) -> GaussianMap:
 def test_images_and_gradients_are_the_same(large: GaussianMap) -> None:
     plain = without_bounds(large)
     for seed in range(4):
-        camera = orbit_camera(seed)
+        camera = orbit_camera(angle_rad=seed)
         assert len(rows_in_view(large, [camera])) < 0.7 * large.size
         results = []
         for gaussian_map in (large, plain):
@@ -48,13 +48,13 @@ def test_images_and_gradients_are_the_same(large: GaussianMap) -> None:
 
 
 def test_gaussians_out_of_view_contribute_nothing(large: GaussianMap) -> None:
-    camera = orbit_camera(2)
+    camera = orbit_camera(angle_rad=2)
     part = large.select(rows_in_view(large, [camera]))
     assert image_bytes(gslts.render(part, camera)) == image_bytes(gslts.render(large, camera))
 
 
 def test_far_plane_bounds_what_is_seen(large: GaussianMap) -> None:
-    camera, options = orbit_camera(2), gslts.RenderOptions(far_m=6)
+    camera, options = orbit_camera(angle_rad=2), gslts.RenderOptions(far_m=6)
     near = gslts.render(large, camera, options)
     assert near.depth.max() < 6.5
     assert image_bytes(near) == image_bytes(gslts.render(without_bounds(large), camera, options))

@@ -9,8 +9,8 @@
 
 namespace gslts::raster {
 
-/// Lists the chunks of a map that a rendering reads, ascending: all of them if the map has no bounds.
-/// Gaussians of other chunks contribute nothing.
+/// Lists the chunks of a map that a rendering reads, ascending: all of them if the map has no
+/// bounds. Gaussians of other chunks contribute nothing.
 /// @throws std::invalid_argument  for a bad map, camera or option.
 template <typename T>
 std::vector<std::uint32_t> chunks_in_view(const GaussianView<T>& gaussians, const Camera& camera,
