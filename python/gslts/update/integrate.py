@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -57,25 +58,32 @@ class UpdateResult:
     """Result of an update of a map.
 
     Attributes:
-        gaussian_map: Updated map, or the given one if the update was rejected.
+        before: Map before the update.
+        part: Gaussians of the updated map that the update may have read or changed.
+        delta: Changes from the map before; none if the update was rejected.
         changes: Changes that the map shows now; empty if the update was rejected.
         rejected_changes: Changes that the map does not show, with the reasons.
         record: Timings, counts, and the reason if the update was rejected.
         views: Collected views, training views first.
         regions: Regions of the changes.
-        delta: Changes of the Gaussians; none if the update was rejected.
         moved: [N] bool for each of `changes`: Gaussians of the map before the update that a shift
             moved.
     """
 
-    gaussian_map: GaussianMap
+    before: GaussianMap
+    part: GaussianMap
+    delta: Delta
     changes: tuple[Change, ...]
     rejected_changes: tuple[tuple[Change, str], ...]
     record: UpdateRecord
     views: tuple[View, ...]
     regions: tuple[Region, ...]
-    delta: Delta
     moved: tuple[Bools, ...] = ()
+
+    @cached_property
+    def gaussian_map(self) -> GaussianMap:
+        """Updated map, or the given one if the update was rejected; a copy made at first use."""
+        return apply_deltas(self.before, [self.delta]) if self.delta.touched else self.before
 
     @property
     def rejected(self) -> str | None:
@@ -136,11 +144,10 @@ def integrate_changes(
     clock.stop("collecting")
     rows = _rows_of_update(gaussian_map, cameras, collection)
     before = gaussian_map.select(rows)
-    whole = collection
     updated, collection, record = integrate_views(
         before,
         cameras,
-        whole.of_part(rows),
+        collection.of_part(rows),
         config,
         detector=detector,
         first_id=int(gaussian_map.ids.max()) + 1 if first_id is None else first_id,
@@ -160,12 +167,20 @@ def integrate_changes(
         updated = semantics.update_features(updated, new, frames, config.threads)
     views = (*training, *validation)
     moved: tuple[Bools, ...] = ()
-    delta = compare_by_ids(before, before if record.rejected is not None else updated)
     if confirmed:
-        gaussian_map = apply_deltas(gaussian_map, [delta])
-        moved = tuple(_spread(part, rows, whole.moved[0].size) for part in collection.moved)
+        moved = tuple(_spread(part, rows, gaussian_map.size) for part in collection.moved)
+    else:
+        updated = before
     return UpdateResult(
-        gaussian_map, confirmed, rejected, record, views, collection.regions, delta, moved
+        before=gaussian_map,
+        part=updated,
+        delta=compare_by_ids(before, updated),
+        changes=confirmed,
+        rejected_changes=rejected,
+        record=record,
+        views=views,
+        regions=collection.regions,
+        moved=moved,
     )
 
 

@@ -60,8 +60,8 @@ def object_events(
             rows = np.flatnonzero(own)
             old = _box_of(before, rows) or old
             kept = np.flatnonzero(own & ~removed)
-            same = np.searchsorted(result.gaussian_map.ids, before.ids[kept])
-            new = _box_of(result.gaussian_map, same) or new
+            same = np.searchsorted(result.part.ids, before.ids[kept])
+            new = _box_of(result.part, same) or new
         elif change.boxes[0] is not None:
             old = _box_of(before, rows_of(Region("before", *change.boxes[0]))) or old
         records.append(

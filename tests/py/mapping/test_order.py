@@ -1,7 +1,7 @@
 """Order of Gaussians: a curve through space."""
 
 import numpy as np
-from tests.support.store_maps import random_map
+from store_maps import random_map
 
 from gslts.mapping.order import morton_codes, sort_by_place
 

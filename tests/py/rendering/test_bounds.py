@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.support.scenes import image_bytes, orbit_camera
-from tests.support.store_maps import random_map
+from scenes import image_bytes, orbit_camera
+from store_maps import random_map
 
 import gslts
 from gslts._core.map import CHUNK_SIZE
