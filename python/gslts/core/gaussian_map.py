@@ -93,10 +93,11 @@ class GaussianMap:
             if value is None:
                 value = defaults.get(name)
             object.__setattr__(self, name, _read_only(name, value))
+        view = self.view()  # Checks shapes and dtypes.
         if self.size >= MIN_BOUNDED:
-            object.__setattr__(self, "bounds", self.view().chunk_bounds("GaussianMap"))
+            object.__setattr__(self, "bounds", view.chunk_bounds("GaussianMap"))
         else:
-            self.view().require_finite("GaussianMap")
+            view.require_finite("GaussianMap")
         _check_ids(self.ids, size)
 
     def __repr__(self) -> str:

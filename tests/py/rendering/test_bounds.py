@@ -19,9 +19,9 @@ def large() -> GaussianMap:
     """Return clusters of small Gaussians, most of them out of view of a camera."""
     gaussian_map = random_map(MIN_BOUNDED + 1000, features=1)
     rng = np.random.default_rng(1)
-    centres = 15 * rng.normal(size=(40, 3)).astype(np.float32)
-    means = gaussian_map.means + centres[rng.integers(40, size=gaussian_map.size)]
-    log_scales = gaussian_map.log_scales - np.float32(4)
+    centres = 15 * rng.normal(size=(8, 3)).astype(np.float32)
+    means = gaussian_map.means + centres[rng.integers(8, size=gaussian_map.size)]
+    log_scales = gaussian_map.log_scales - np.float32(5)
     origin = np.zeros(3)
     return sort_by_place(replace(gaussian_map, means=means, log_scales=log_scales, origin=origin))
 
@@ -36,7 +36,7 @@ def test_images_and_gradients_are_the_same(large: GaussianMap) -> None:
     plain = without_bounds(large)
     for seed in range(4):
         camera = orbit_camera(angle_rad=seed)
-        assert len(rows_in_view(large, [camera])) < 0.7 * large.size
+        assert len(rows_in_view(large, [camera])) < 0.9 * large.size
         results = []
         for gaussian_map in (large, plain):
             rasterizer = Rasterizer()
@@ -58,8 +58,9 @@ def test_far_plane_bounds_what_is_seen(large: GaussianMap) -> None:
     near = gslts.render(large, camera, options)
     assert near.depth.max() < 6.5
     assert image_bytes(near) == image_bytes(gslts.render(without_bounds(large), camera, options))
-    fewer = rows_in_view(large, [camera], options)
-    assert set(fewer) < set(rows_in_view(large, [camera]))
+    around = orbit_camera(angle_rad=2, distance_m=60)
+    assert len(rows_in_view(large, [around], options)) == 0
+    assert len(rows_in_view(large, [around])) > 0
 
 
 @pytest.mark.parametrize("far_m", [0.01, np.nan, -1.0])
