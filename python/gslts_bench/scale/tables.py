@@ -45,8 +45,8 @@ def tabulate(found: Mapping[str, Any]) -> list[Table]:
 NOTE = (
     "CPU time of one thread, and the maximum memory of the process; in brackets the factor over "
     "the smallest map. `open` reads the map, `index` makes a detector for it, `first detect` also "
-    "renders the training cameras that see what changed. `update` is all but the collection of "
-    "views by the robot; `commit` includes landmarks and the image."
+    "renders the training cameras that see what changed. `update` is all after the robot's "
+    "tour; `commit` includes landmarks and the image."
 )
 
 
