@@ -135,6 +135,7 @@ class GaussianMap:
         """Return the map as the C++ core takes it, without a copy; it keeps the arrays alive."""
         if self.dtype not in _VIEW_TYPES:
             raise ValueError(f"means: expected dtype float32 or float64, got {self.dtype}")
+        bounds: Any = self.bounds  # The core takes a null pointer, too; its stub does not say so.
         return _VIEW_TYPES[self.dtype](
             means=self.means,
             quats=self.quats,
@@ -143,7 +144,7 @@ class GaussianMap:
             sh=self.sh,
             features=self.features,
             origin=self.origin,
-            bounds=self.bounds,
+            bounds=bounds,
         )
 
     def rows_in_box(self, low: Floats, high: Floats) -> Indices:

@@ -34,6 +34,7 @@ from gslts_sim.task import Task
 REPEATS = 3
 """Number of measurements, of which the median counts; one more comes first, which fills caches."""
 T = TypeVar("T")
+"""Type of the result of a stage."""
 
 
 def measure(job: dict[str, Any]) -> dict[str, Any]:

@@ -9,6 +9,14 @@ from gslts_bench.runner import Benchmark
 from gslts_bench.scale.run import STAGES, Record
 from gslts_bench.tables import Table
 
+NOTE = (
+    "CPU time of one thread, and the maximum memory of the process; in brackets the factor over "
+    "the smallest map. `open` reads the map, `index` makes a detector for it, `first detect` also "
+    "renders the training cameras that see what changed. `update` is all after the robot's "
+    "tour; `commit` includes landmarks and the image."
+)
+"""Sentence below a table."""
+
 
 def summarize(records: Sequence[Record]) -> dict[str, Any]:
     """Return the records of each home, the smallest map first.
@@ -40,14 +48,6 @@ def tabulate(found: Mapping[str, Any]) -> list[Table]:
         )
         for home, records in found.items()
     ]
-
-
-NOTE = (
-    "CPU time of one thread, and the maximum memory of the process; in brackets the factor over "
-    "the smallest map. `open` reads the map, `index` makes a detector for it, `first detect` also "
-    "renders the training cameras that see what changed. `update` is all after the robot's "
-    "tour; `commit` includes landmarks and the image."
-)
 
 
 def _row(record: Mapping[str, Any], first: Mapping[str, Any]) -> list[str]:
