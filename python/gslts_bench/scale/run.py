@@ -15,16 +15,23 @@ from typing import Any
 
 from pydantic import Field, FiniteFloat
 
+from gslts.change.config import DetectionConfig
+from gslts.change.detector import ChangeDetector
 from gslts.localization.landmark_files import read_landmarks, write_landmarks
 from gslts.semantics.autoencoder import autoencoder_bytes
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import write_map_folder
+from gslts_bench.detection.run import Report
+from gslts_bench.detection.score import fits
 from gslts_bench.homes import BenchHome
 from gslts_bench.processes import Add
 from gslts_bench.queries.semantic_map import SemanticMap, read_semantic_map
 from gslts_bench.runner import BenchRecord, BenchUnit, attempt
 from gslts_bench.scale.tile import tile_room
+from gslts_sim.task import Task
 
+MAX_TASKS = 20
+"""Maximum number of changes of which one must be detected."""
 STAGES = ("open", "index", "first detect", "detect", "localize", "query", "update", "commit")
 """Stages in the order of the table."""
 
@@ -84,17 +91,27 @@ class ScaleUnit(BenchUnit[Record, BenchHome]):
             done: Ids of the results of earlier runs.
             add: Receives each result.
         """
-        semantic = read_semantic_map(self.bench)
+        semantic, task = read_semantic_map(self.bench), self._detected_task()
         for wanted in self.gaussians:
             rooms = max(1, round(wanted / semantic.gaussian_map.size))
             record = Record(id=f"{self.name}: {wanted}", home=self.name, rooms=rooms)
             if record.id not in done:
-                measured = attempt(record, partial(self._measure, semantic, rooms))
+                measured = attempt(record, partial(self._measure, semantic, task, rooms))
                 add(measured.model_dump(mode="json"))
 
-    def _measure(self, semantic: SemanticMap, rooms: int) -> dict[str, Any]:
+    def _detected_task(self) -> Task:
+        """Return the first task whose change is detected where the robot starts."""
+        detector = ChangeDetector.of_map(self.bench.map(), DetectionConfig(threads=1))
+        home = self.bench.load()
+        for task in self.bench.tasks(MAX_TASKS):
+            found = detector.detect(task.start(home, changed=True).observe()).changes
+            if any(fits(Report.of(change), task.change) for change in found):
+                return task
+        raise ValueError(f"{self.name}: none of {MAX_TASKS} changes is detected in its map")
+
+    def _measure(self, semantic: SemanticMap, task: Task, rooms: int) -> dict[str, Any]:
         """Make a map of some rooms and measure it in a process of its own."""
-        folder, task = self.bench.map(), self.bench.tasks(1)[0]
+        folder = self.bench.map()
         landmarks = read_landmarks(folder)
         assert landmarks is not None  # `make_map` extracts them.
         content = autoencoder_bytes(semantic.autoencoder)
