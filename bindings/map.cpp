@@ -134,8 +134,10 @@ Raises:
 template <typename T>
 GaussianView<T> make_view(const py::array& means, const py::array& quats,
                           const py::array& log_scales, const py::array& logit_opacities,
-                          const py::array& sh, const py::array& features, const py::array& origin) {
+                          const py::array& sh, const py::array& features, const py::array& origin,
+                          const ChunkBounds* bounds) {
   GaussianView<T> view;
+  view.bounds = bounds;
   view.means = require_array<T>(means, "means", {kAnyLength, 3});
   const py::ssize_t size = means.shape(0);
   view.size = static_cast<std::size_t>(size);
@@ -151,6 +153,25 @@ GaussianView<T> make_view(const py::array& means, const py::array& quats,
   return view;
 }
 
+/// Returns the boxes of the chunks as an array [C,2,3].
+py::array_t<double> boxes_of(const ChunkBounds& bounds) {
+  Array<double> corners;
+  for (const ChunkBounds::Box& box : bounds.chunks) {
+    corners.insert(corners.end(), box.low, box.low + 3);
+    corners.insert(corners.end(), box.high, box.high + 3);
+  }
+  return to_numpy(std::move(corners), {static_cast<py::ssize_t>(bounds.chunks.size()), 2, 3});
+}
+
+void define_chunk_bounds(py::module_& m) {
+  m.attr("CHUNK_SIZE") = kChunkSize;
+  py::class_<ChunkBounds>(m, "ChunkBounds",
+                          "Bounds of chunks, runs of CHUNK_SIZE consecutive Gaussians: an index by "
+                          "which renderers skip those out of view.")
+      .def("boxes", &boxes_of,
+           "Return [C,2,3] lowest and highest centres of each chunk, m, relative to the origin.");
+}
+
 template <typename T>
 void define_gaussian_view(py::module_& m, const char* name) {
   using View = GaussianView<T>;
@@ -158,9 +179,11 @@ void define_gaussian_view(py::module_& m, const char* name) {
   py::class_<View>(m, name, "Read-only view of the arrays of N Gaussians; it copies nothing.")
       .def(py::init(&make_view<T>), py::kw_only(), py::arg("means"), py::arg("quats"),
            py::arg("log_scales"), py::arg("logit_opacities"), py::arg("sh"), py::arg("features"),
-           py::arg("origin"), py::keep_alive<1, 2>(), py::keep_alive<1, 3>(),
-           py::keep_alive<1, 4>(), py::keep_alive<1, 5>(), py::keep_alive<1, 6>(),
-           py::keep_alive<1, 7>())
+           py::arg("origin"), py::arg("bounds") = py::none(), py::keep_alive<1, 2>(),
+           py::keep_alive<1, 3>(), py::keep_alive<1, 4>(), py::keep_alive<1, 5>(),
+           py::keep_alive<1, 6>(), py::keep_alive<1, 7>(), py::keep_alive<1, 9>())
+      .def("chunk_bounds", &chunk_bounds<T>, py::arg("function"),
+           "Compute the bounds of the chunks of these Gaussians; raises as `require_finite`.")
       .def("require_finite", &require_finite<T>, py::arg("function"),
            "Raises ValueError naming `function`, the first array with a number that is not finite "
            "and its index.");
@@ -186,6 +209,7 @@ void define_scatter_rows(py::module_& m, const char* name) {
 void define_map(py::module_ m) {
   define_camera(m);
   define_camera_functions(m);
+  define_chunk_bounds(m);
   define_gaussian_view<float>(m, "GaussianViewFloat");
   define_gaussian_view<double>(m, "GaussianViewDouble");
   define_scatter_rows<float>(m, "scatter_rows_float");

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "arrays.hpp"
+#include "gslts/raster/chunks_in_view.hpp"
 #include "gslts/raster/rasterizer.hpp"
 
 namespace gslts::python {
@@ -198,10 +199,25 @@ void define_rasterizer(py::module_& m, const char* name) {
       .def("lift", &Class::lift, py::arg("gaussians"), py::arg("features"), kLiftDoc);
 }
 
+template <typename T>
+void define_chunks_in_view(py::module_& m) {
+  m.def(
+      "chunks_in_view",
+      [](const GaussianView<T>& gaussians, const Camera& camera, const RenderOptions& options) {
+        const auto chunks = raster::chunks_in_view(gaussians, camera, options);
+        const auto size = static_cast<py::ssize_t>(chunks.size());
+        return to_numpy(Array<std::uint32_t>(chunks.begin(), chunks.end()), {size});
+      },
+      py::arg("gaussians"), py::arg("camera"), py::arg("options"),
+      "List the chunks [C] of a map that a rendering reads, ascending; all if it has no bounds.");
+}
+
 }  // namespace
 
 void define_raster(py::module_ m) {
   define_raster_options(m);
+  define_chunks_in_view<float>(m);
+  define_chunks_in_view<double>(m);
   define_rasterizer<float>(m, "RasterizerFloat");
   define_rasterizer<double>(m, "RasterizerDouble");
 }

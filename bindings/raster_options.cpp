@@ -11,19 +11,21 @@ namespace {
 namespace py = pybind11;
 using raster::RenderOptions;
 
-RenderOptions make_options(std::array<double, 3> background, double near_m, double near_sigmas,
-                           int sh_degree, bool clamp_colors, double eps2d_px2, bool antialias,
-                           bool surface_depth, double alpha_min, double transmittance_min,
-                           int exp_degree, int threads) {
-  return {background, near_m,        near_sigmas, sh_degree,         clamp_colors, eps2d_px2,
-          antialias,  surface_depth, alpha_min,   transmittance_min, exp_degree,   threads};
+RenderOptions make_options(std::array<double, 3> background, double near_m, double far_m,
+                           double near_sigmas, int sh_degree, bool clamp_colors, double eps2d_px2,
+                           bool antialias, bool surface_depth, double alpha_min,
+                           double transmittance_min, int exp_degree, int threads) {
+  return {background,        near_m,     far_m,     near_sigmas,   sh_degree,
+          clamp_colors,      eps2d_px2,  antialias, surface_depth, alpha_min,
+          transmittance_min, exp_degree, threads};
 }
 
 /// Lists the arguments of `make_options`.
 py::tuple fields(const RenderOptions& o) {
   return py::make_tuple(py::make_tuple(o.background[0], o.background[1], o.background[2]), o.near_m,
-                        o.near_sigmas, o.sh_degree, o.clamp_colors, o.eps2d_px2, o.antialias,
-                        o.surface_depth, o.alpha_min, o.transmittance_min, o.exp_degree, o.threads);
+                        o.far_m, o.near_sigmas, o.sh_degree, o.clamp_colors, o.eps2d_px2,
+                        o.antialias, o.surface_depth, o.alpha_min, o.transmittance_min,
+                        o.exp_degree, o.threads);
 }
 
 constexpr const char* kOptionsDoc =
@@ -35,6 +37,7 @@ The defaults are those of 3DGS (Kerbl et al. 2023) but for the near plane and al
 Args:
     background: RGB behind the Gaussians.
     near_m: Near plane: Gaussians with centre depth z <= near_m are culled, m. > 0
+    far_m: Far plane: Gaussians with centre depth z > far_m are culled, m. > near_m
     near_sigmas: Gaussians within so many standard deviations of depth of the camera are culled: the
         affine projection is invalid there, and turns a wall beside the camera into fog (the guard
         band of Kerbl et al. 2023, sec. 6). >= 0
@@ -62,7 +65,8 @@ void define_raster_options(py::module_ m) {
   const RenderOptions defaults;
   py::class_<RenderOptions>(m, "RenderOptions", kOptionsDoc)
       .def(py::init(&make_options), py::kw_only(), py::arg("background") = defaults.background,
-           py::arg("near_m") = defaults.near_m, py::arg("near_sigmas") = defaults.near_sigmas,
+           py::arg("near_m") = defaults.near_m, py::arg("far_m") = defaults.far_m,
+           py::arg("near_sigmas") = defaults.near_sigmas,
            py::arg("sh_degree").noconvert() = defaults.sh_degree,
            py::arg("clamp_colors") = defaults.clamp_colors,
            py::arg("eps2d_px2") = defaults.eps2d_px2, py::arg("antialias") = defaults.antialias,
@@ -74,6 +78,7 @@ void define_raster_options(py::module_ m) {
       .def_property_readonly("background",
                              [](const RenderOptions& o) { return fields(o)[0].cast<py::tuple>(); })
       .def_readonly("near_m", &RenderOptions::near_m)
+      .def_readonly("far_m", &RenderOptions::far_m)
       .def_readonly("near_sigmas", &RenderOptions::near_sigmas)
       .def_readonly("sh_degree", &RenderOptions::sh_degree)
       .def_readonly("clamp_colors", &RenderOptions::clamp_colors)
@@ -91,17 +96,18 @@ void define_raster_options(py::module_ m) {
       .def("__repr__",
            [](const RenderOptions& o) {
              return py::
-                 str("RenderOptions(background={}, near_m={}, near_sigmas={}, sh_degree={}, "
+                 str("RenderOptions(background={}, near_m={}, far_m={}, near_sigmas={}, "
+                     "sh_degree={}, "
                      "clamp_colors={}, eps2d_px2={}, antialias={}, surface_depth={}, alpha_min={}, "
                      "transmittance_min={}, exp_degree={}, threads={})")
                      .format(*fields(o));
            })
       .def(py::pickle(&fields, [](const py::tuple& state) {
         return make_options(state[0].cast<std::array<double, 3>>(), state[1].cast<double>(),
-                            state[2].cast<double>(), state[3].cast<int>(), state[4].cast<bool>(),
-                            state[5].cast<double>(), state[6].cast<bool>(), state[7].cast<bool>(),
-                            state[8].cast<double>(), state[9].cast<double>(), state[10].cast<int>(),
-                            state[11].cast<int>());
+                            state[2].cast<double>(), state[3].cast<double>(), state[4].cast<int>(),
+                            state[5].cast<bool>(), state[6].cast<double>(), state[7].cast<bool>(),
+                            state[8].cast<bool>(), state[9].cast<double>(),
+                            state[10].cast<double>(), state[11].cast<int>(), state[12].cast<int>());
       }));
 }
 

@@ -73,11 +73,13 @@ Args:
     depth_scale: The same of a relative depth difference.
     depth_weight: Weight of depth against colour.
     alpha_min: Minimum alpha where the map is known.
+    far_m: Far plane of the rendering, m.
     threads: 0 means one per hardware thread.)")
       .def(py::init([](int iterations, double min_step_m, double color_scale, double depth_scale,
-                       double depth_weight, double alpha_min, int threads) {
+                       double depth_weight, double alpha_min, double far_m, int threads) {
              RefineRule rule;
              rule.cost = {color_scale, depth_scale, depth_weight, alpha_min, {}};
+             rule.cost.render.far_m = far_m;
              rule.cost.render.threads = threads;
              rule.iterations = iterations;
              rule.min_step_m = min_step_m;
@@ -86,7 +88,8 @@ Args:
            py::kw_only(), py::arg("iterations") = refine.iterations,
            py::arg("min_step_m") = refine.min_step_m, py::arg("color_scale") = cost.color_scale,
            py::arg("depth_scale") = cost.depth_scale, py::arg("depth_weight") = cost.depth_weight,
-           py::arg("alpha_min") = cost.alpha_min, py::arg("threads") = cost.render.threads);
+           py::arg("alpha_min") = cost.alpha_min, py::arg("far_m") = cost.render.far_m,
+           py::arg("threads") = cost.render.threads);
 }
 
 void define_results(py::module_& m) {

@@ -155,6 +155,10 @@ void validate(const GaussianView<T>& gaussians, const char* function) {
       require_pointer(gaussians.features, "features must point to [N,D] numbers");
     }
   }
+  if (gaussians.bounds && gaussians.bounds->size != gaussians.size) {
+    fail(function, "bounds must be those of the Gaussians, got bounds of a map of size",
+         gaussians.bounds->size);
+  }
   for (int i = 0; i < 3; ++i) {
     if (!std::isfinite(gaussians.origin(i))) {
       fail(function, "origin must be finite", gaussians.origin(i));

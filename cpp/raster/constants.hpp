@@ -23,9 +23,6 @@ constexpr int kLog2TileSize = 5;
 constexpr int kTileSize = 1 << kLog2TileSize;
 static_assert(kTileSize == kBlockSize * kBlocksPerRow);
 
-/// Gaussians projected by one task; few enough for their parameters to stay in the L2 cache.
-constexpr int kChunkSize = 4096;
-
 /// Maximum number of Gaussians of a map: slots are numbered in 32 bits, with room for the
 /// arithmetic on them.
 constexpr std::size_t kMaxGaussians = std::size_t{1} << 27;

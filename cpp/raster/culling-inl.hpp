@@ -55,12 +55,14 @@ struct BoundingCircle {
     const V y0 = hn::Set(d, T(setup.region.y0)), y1 = hn::Set(d, T(setup.region.y1));
     const auto in_x = hn::And(hn::Gt(hn::Add(x, radius), x0), hn::Lt(hn::Sub(x, radius), x1));
     const auto in_y = hn::And(hn::Gt(hn::Add(y, radius), y0), hn::Lt(hn::Sub(y, radius), y1));
-    return hn::And(hn::Gt(depth, hn::Set(d, setup.near_m)), hn::And(in_x, in_y));
+    const auto in_z =
+        hn::And(hn::Gt(depth, hn::Set(d, setup.near_m)), hn::Le(depth, hn::Set(d, setup.far_m)));
+    return hn::And(in_z, hn::And(in_x, in_y));
   }
 };
 
-/// Lists the Gaussians of a chunk that may touch the wanted region: in front of the near plane, and
-/// with a bounding circle that meets the region.
+/// Lists the Gaussians of a chunk that may touch the wanted region: between the near and the far
+/// plane, and with a bounding circle that meets the region.
 /// @param begin  First Gaussian of the chunk.
 /// @param n  Number of Gaussians of the chunk.
 /// @param rows  Receives their rows, relative to `begin`.

@@ -14,11 +14,11 @@
 
 namespace gslts::raster {
 
-/// Projects the Gaussians of one chunk into the chunk's slots.
+/// Projects the Gaussians of chunk splats.chunks[index] of the map into the chunk's slots.
 /// @return  false if a number among them is not finite.
 template <typename T>
 bool project_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup,
-                   const WantedPixels& wanted, std::size_t chunk, Splats<T>& splats);
+                   const WantedPixels& wanted, std::size_t index, Splats<T>& splats);
 
 /// Number of the sums of a tile: per block, kBlockPixels values of each of red, green, blue,
 /// sum w z, sum w, features; before the background and the division of the depth.

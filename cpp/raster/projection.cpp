@@ -169,14 +169,14 @@ HWY_INLINE void store_splats(D d, const SplatLanes<D>& s, std::size_t count, Spl
 
 template <typename T>
 bool project_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup,
-                   const WantedPixels& wanted, std::size_t chunk, Splats<T>& out) {
+                   const WantedPixels& wanted, std::size_t index, Splats<T>& out) {
   const Lanes<T> d;
   using Row = hn::TFromD<hn::RebindToSigned<decltype(d)>>;
   const std::size_t lanes = hn::Lanes(d);
-  const std::size_t begin = chunk * kChunkSize;
-  const std::size_t n = std::min<std::size_t>(kChunkSize, gaussians.size - begin);
-  out.counts[chunk] = 0;
-  if (!chunk_is_finite(gaussians, begin, n)) return false;
+  const std::size_t begin = out.chunks[index] * kChunkSize, first_slot = index * kChunkSize;
+  const std::size_t n = std::min(kChunkSize, gaussians.size - begin);
+  out.counts[index] = 0;
+  if (!gaussians.bounds && !chunk_is_finite(gaussians, begin, n)) return false;
 
   Row rows[kChunkSize + 2 * kBlockPixels];
   const std::size_t candidates = cull_chunk(gaussians, setup, begin, n, rows);
@@ -185,7 +185,7 @@ bool project_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup
   std::fill(rows + candidates, rows + candidates + lanes, rows[candidates - 1]);
 
   const GaussianView<T> chunk_rows = rows_from(gaussians, begin);
-  ChunkSlots<T> slots = {out.splats.data() + begin, out.keys.data() + begin};
+  ChunkSlots<T> slots = {out.splats.data() + first_slot, out.keys.data() + first_slot};
   for (std::size_t i = 0; i < candidates; i += lanes) {
     const SplatLanes<Lanes<T>> s = project_splats(d, chunk_rows, setup, rows + i);
     if (hn::AllFalse(d, s.seen)) continue;
@@ -197,8 +197,8 @@ bool project_chunk(const GaussianView<T>& gaussians, const RenderSetup<T>& setup
     }
     store_splats(d, s, count, splats);
   }
-  out.counts[chunk] = std::uint32_t(slots.count);
-  out.areas[chunk] = slots.area;
+  out.counts[index] = std::uint32_t(slots.count);
+  out.areas[index] = slots.area;
   return true;
 }
 
@@ -216,13 +216,13 @@ HWY_EXPORT(project_chunk_double);
 
 template <>
 bool project_chunk(const GaussianView<float>& gaussians, const RenderSetup<float>& setup,
-                   const WantedPixels& wanted, std::size_t chunk, Splats<float>& splats) {
-  return HWY_DYNAMIC_DISPATCH(project_chunk_float)()(gaussians, setup, wanted, chunk, splats);
+                   const WantedPixels& wanted, std::size_t index, Splats<float>& splats) {
+  return HWY_DYNAMIC_DISPATCH(project_chunk_float)()(gaussians, setup, wanted, index, splats);
 }
 template <>
 bool project_chunk(const GaussianView<double>& gaussians, const RenderSetup<double>& setup,
-                   const WantedPixels& wanted, std::size_t chunk, Splats<double>& splats) {
-  return HWY_DYNAMIC_DISPATCH(project_chunk_double)()(gaussians, setup, wanted, chunk, splats);
+                   const WantedPixels& wanted, std::size_t index, Splats<double>& splats) {
+  return HWY_DYNAMIC_DISPATCH(project_chunk_double)()(gaussians, setup, wanted, index, splats);
 }
 
 }  // namespace gslts::raster

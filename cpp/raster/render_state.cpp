@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "chunks_in_view.hpp"
 #include "gslts/parallel/parallel_for.hpp"
 
 namespace gslts::raster {
@@ -49,14 +50,16 @@ Images<T> RenderState<T>::render(const GaussianView<T>& gaussians) {
 
 template <typename T>
 void RenderState<T>::project(const GaussianView<T>& gaussians) {
-  const std::size_t chunks = (gaussians.size + kChunkSize - 1) / kChunkSize;
-  splats.splats.resize(gaussians.size);
-  splats.keys.resize(gaussians.size);
+  splats.chunks = chunks_in_view(gaussians, *setup);
+  const std::size_t chunks = splats.chunks.size();
+  const std::size_t slots = std::min(chunks * kChunkSize, gaussians.size);
+  splats.splats.resize(slots);
+  splats.keys.resize(slots);
   splats.counts.assign(chunks, 0);
   splats.areas.assign(chunks, 0);
   std::vector<std::uint8_t> finite(chunks, 1);
-  parallel::parallel_for(chunks, setup->threads, [&](std::size_t chunk) {
-    finite[chunk] = project_chunk(gaussians, *setup, wanted, chunk, splats);
+  parallel::parallel_for(chunks, setup->threads, [&](std::size_t index) {
+    finite[index] = project_chunk(gaussians, *setup, wanted, index, splats);
   });
   if (std::find(finite.begin(), finite.end(), 0) != finite.end()) {
     require_finite(gaussians, "Rasterizer::forward");

@@ -27,6 +27,7 @@ void validate(const RenderOptions& options) {
   }
   require(options.near_m > 0 && std::isfinite(options.near_m), "near_m", "positive",
           options.near_m);
+  require(options.far_m > options.near_m, "far_m", "greater than near_m", options.far_m);
   require(options.near_sigmas >= 0 && std::isfinite(options.near_sigmas), "near_sigmas",
           "at least 0", options.near_sigmas);
   require(options.sh_degree >= 0 && options.sh_degree <= 3, "sh_degree", "0, 1, 2 or 3",
@@ -98,6 +99,7 @@ void set_options(const RenderOptions& options, RenderSetup<T>& setup) {
   for (int i = 0; i < 3; ++i) setup.background[i] = T(options.background[i]);
   setup.min_color = options.clamp_colors ? T(0) : -std::numeric_limits<T>::infinity();
   setup.near_m = T(options.near_m);
+  setup.far_m = T(options.far_m);
   setup.near_variances = T(options.near_sigmas * options.near_sigmas);
   setup.eps2d_px2 = T(options.eps2d_px2);
   setup.alpha_min = T(options.alpha_min);

@@ -22,7 +22,7 @@ struct RenderSetup {
   T camera_in_map[3];                            ///< Camera centre, m.
   T fx, fy, cx, cy;                              ///< px
   T min_tan_x, max_tan_x, min_tan_y, max_tan_y;  ///< Limits of x/z and y/z in the Jacobian.
-  T near_m, near_variances;                      ///< The latter is the square of near_sigmas.
+  T near_m, far_m, near_variances;               ///< The last is the square of near_sigmas.
   T eps2d_px2;
   T alpha_min, log2_alpha_min, transmittance_min;
   T background[3];

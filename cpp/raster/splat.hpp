@@ -7,6 +7,7 @@
 
 #include "constants.hpp"
 #include "gslts/map/array.hpp"
+#include "gslts/map/chunk_bounds.hpp"
 
 namespace gslts::raster {
 
@@ -49,14 +50,16 @@ struct SplatKey {
   DepthBits<T> depth;
 };
 
-/// The Gaussians that the camera sees. Chunk c of the map owns the slots from c * kChunkSize on and
-/// fills the first counts[c] of them, in the order of the map; the slots between hold nothing.
+/// The Gaussians that the camera sees, of C chunks of the map that may be in view. Chunk c of these
+/// owns the slots from c * kChunkSize on and fills the first counts[c] of them, in the order of the
+/// map; the slots between hold nothing.
 template <typename T>
 struct Splats {
   Array<Splat<T>> splats;
   Array<SplatKey<T>> keys;
-  std::vector<std::uint32_t> counts;
-  std::vector<std::uint64_t> areas;  ///< Area of the rectangles of each chunk, in tiles.
+  std::vector<std::uint32_t> chunks;  ///< [C] rows of the chunks in the map, ascending
+  std::vector<std::uint32_t> counts;  ///< [C]
+  std::vector<std::uint64_t> areas;   ///< [C] area of the rectangles of each chunk, in tiles.
 };
 
 }  // namespace gslts::raster

@@ -106,6 +106,9 @@ TYPED_TEST(RasterErrors, OptionsOutOfRangeAreNamed) {
   EXPECT_THAT(error_after([](auto& o) { o.sh_degree = -1; }), HasSubstr("options.sh_degree"));
   for (double bad : {0.0, -1.0, nan, inf}) {
     EXPECT_THAT(error_after([&](auto& o) { o.near_m = bad; }), HasSubstr("options.near_m"));
+    if (!(bad > 0)) {
+      EXPECT_THAT(error_after([&](auto& o) { o.far_m = bad; }), HasSubstr("options.far_m"));
+    }
   }
   for (double bad : {-0.1, nan, inf}) {
     EXPECT_THAT(error_after([&](auto& o) { o.eps2d_px2 = bad; }), HasSubstr("options.eps2d_px2"));

@@ -85,6 +85,7 @@ std::vector<Case> make_cases() {
     c.shape.min_scale_px = 0.5;
   });
   add("WideLowPass", [](Case& c) { c.options.eps2d_px2 = 4; });
+  add("FarPlane", [](Case& c) { c.options.far_m = 3; });
   add("FarNearPlane", [](Case& c) { c.options.near_m = 2; });
   add("PrincipalPointOffCentre", [](Case& c) { c.principal_shift_px = {20, -14}; });
   add("PrincipalPointOutside", [](Case& c) { c.principal_shift_px = {-60, 40}; });

@@ -103,7 +103,7 @@ std::vector<Splat> project(const BasicGaussianMap<double>& map, const Camera& ca
   for (std::size_t row = 0; row < map.size(); ++row) {
     const Vector3d ray = Vector3d::Map(&map.means[3 * row]) - camera_in_map;
     const Vector3d p = camera_from_world * ray;
-    if (p.z() <= options.near_m) continue;
+    if (p.z() <= options.near_m || p.z() > options.far_m) continue;
 
     const Vector3d scale = Vector3d::Map(&map.log_scales[3 * row]).array().exp();
     const Matrix3d axes = camera_from_world * rotation_of(&map.quats[4 * row]) * scale.asDiagonal();

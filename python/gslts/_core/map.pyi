@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy
 import numpy.typing
 import typing
-__all__: list[str] = ['Camera', 'GaussianViewDouble', 'GaussianViewFloat', 'camera_from_fov', 'look_at', 'scatter_rows_double', 'scatter_rows_float', 'scatter_rows_uint32']
+__all__: list[str] = ['CHUNK_SIZE', 'Camera', 'ChunkBounds', 'GaussianViewDouble', 'GaussianViewFloat', 'camera_from_fov', 'look_at', 'scatter_rows_double', 'scatter_rows_float', 'scatter_rows_uint32']
 class Camera:
     """
     A pinhole camera at a pose in the world; immutable.
@@ -81,12 +81,24 @@ class Camera:
         """
         [4,4] float64, a copy of the pose: x_in_world = world_from_camera @ x_in_camera.
         """
+class ChunkBounds:
+    """
+    Bounds of chunks, runs of CHUNK_SIZE consecutive Gaussians: an index by which renderers skip those out of view.
+    """
+    def boxes(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Return [C,2,3] lowest and highest centres of each chunk, m, relative to the origin.
+        """
 class GaussianViewFloat:
     """
     Read-only view of the arrays of N Gaussians; it copies nothing.
     """
-    def __init__(self, *, means: numpy.ndarray, quats: numpy.ndarray, log_scales: numpy.ndarray, logit_opacities: numpy.ndarray, sh: numpy.ndarray, features: numpy.ndarray, origin: numpy.ndarray) -> None:
+    def __init__(self, *, means: numpy.ndarray, quats: numpy.ndarray, log_scales: numpy.ndarray, logit_opacities: numpy.ndarray, sh: numpy.ndarray, features: numpy.ndarray, origin: numpy.ndarray, bounds: ChunkBounds = None) -> None:
         ...
+    def chunk_bounds(self, function: str) -> ChunkBounds:
+        """
+        Compute the bounds of the chunks of these Gaussians; raises as `require_finite`.
+        """
     def require_finite(self, function: str) -> None:
         """
         Raises ValueError naming `function`, the first array with a number that is not finite and its index.
@@ -95,8 +107,12 @@ class GaussianViewDouble:
     """
     Read-only view of the arrays of N Gaussians; it copies nothing.
     """
-    def __init__(self, *, means: numpy.ndarray, quats: numpy.ndarray, log_scales: numpy.ndarray, logit_opacities: numpy.ndarray, sh: numpy.ndarray, features: numpy.ndarray, origin: numpy.ndarray) -> None:
+    def __init__(self, *, means: numpy.ndarray, quats: numpy.ndarray, log_scales: numpy.ndarray, logit_opacities: numpy.ndarray, sh: numpy.ndarray, features: numpy.ndarray, origin: numpy.ndarray, bounds: ChunkBounds = None) -> None:
         ...
+    def chunk_bounds(self, function: str) -> ChunkBounds:
+        """
+        Compute the bounds of the chunks of these Gaussians; raises as `require_finite`.
+        """
     def require_finite(self, function: str) -> None:
         """
         Raises ValueError naming `function`, the first array with a number that is not finite and its index.
@@ -141,3 +157,4 @@ def scatter_rows_uint32(rows: numpy.ndarray, values: numpy.ndarray, size: typing
     """
     Scatter `values` [V,K] to `rows` [V] uint32, ascending, of an array of zeros [size,K].
     """
+CHUNK_SIZE: int = 4096

@@ -7,7 +7,7 @@ import gslts._core.map
 import numpy
 import numpy.typing
 import typing
-__all__: list[str] = ['RasterizerDouble', 'RasterizerFloat', 'RenderOptions']
+__all__: list[str] = ['RasterizerDouble', 'RasterizerFloat', 'RenderOptions', 'chunks_in_view']
 class RenderOptions:
     """
     Options of rendering; immutable. Each rendering checks the values.
@@ -18,6 +18,7 @@ class RenderOptions:
     Args:
         background: RGB behind the Gaussians.
         near_m: Near plane: Gaussians with centre depth z <= near_m are culled, m. > 0
+        far_m: Far plane: Gaussians with centre depth z > far_m are culled, m. > near_m
         near_sigmas: Gaussians within so many standard deviations of depth of the camera are culled: the
             affine projection is invalid there, and turns a wall beside the camera into fog (the guard
             band of Kerbl et al. 2023, sec. 6). >= 0
@@ -44,7 +45,7 @@ class RenderOptions:
         ...
     def __getstate__(self) -> tuple:
         ...
-    def __init__(self, *, background: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.0], near_m: typing.SupportsFloat | typing.SupportsIndex = 0.05, near_sigmas: typing.SupportsFloat | typing.SupportsIndex = 3.0, sh_degree: int = 3, clamp_colors: bool = True, eps2d_px2: typing.SupportsFloat | typing.SupportsIndex = 0.3, antialias: bool = False, surface_depth: bool = True, alpha_min: typing.SupportsFloat | typing.SupportsIndex = 0.001953125, transmittance_min: typing.SupportsFloat | typing.SupportsIndex = 0.0001, exp_degree: int = 3, threads: int = 0) -> None:
+    def __init__(self, *, background: typing.Annotated[collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"] = [0.0, 0.0, 0.0], near_m: typing.SupportsFloat | typing.SupportsIndex = 0.05, far_m: typing.SupportsFloat | typing.SupportsIndex = ..., near_sigmas: typing.SupportsFloat | typing.SupportsIndex = 3.0, sh_degree: int = 3, clamp_colors: bool = True, eps2d_px2: typing.SupportsFloat | typing.SupportsIndex = 0.3, antialias: bool = False, surface_depth: bool = True, alpha_min: typing.SupportsFloat | typing.SupportsIndex = 0.001953125, transmittance_min: typing.SupportsFloat | typing.SupportsIndex = 0.0001, exp_degree: int = 3, threads: int = 0) -> None:
         ...
     def __repr__(self) -> str:
         ...
@@ -67,6 +68,9 @@ class RenderOptions:
         ...
     @property
     def exp_degree(self) -> int:
+        ...
+    @property
+    def far_m(self) -> float:
         ...
     @property
     def near_m(self) -> float:
@@ -206,3 +210,13 @@ class RasterizerDouble:
             ValueError: The sizes differ from those of the forward, or a feature is not finite.
             RuntimeError: There was no forward, or another thread uses the rasterizer.
         """
+@typing.overload
+def chunks_in_view(gaussians: gslts._core.map.GaussianViewFloat, camera: gslts._core.map.Camera, options: RenderOptions) -> numpy.typing.NDArray[numpy.uint32]:
+    """
+    List the chunks [C] of a map that a rendering reads, ascending; all if it has no bounds.
+    """
+@typing.overload
+def chunks_in_view(gaussians: gslts._core.map.GaussianViewDouble, camera: gslts._core.map.Camera, options: RenderOptions) -> numpy.typing.NDArray[numpy.uint32]:
+    """
+    List the chunks [C] of a map that a rendering reads, ascending; all if it has no bounds.
+    """

@@ -191,9 +191,10 @@ class RefineRule:
         depth_scale: The same of a relative depth difference.
         depth_weight: Weight of depth against colour.
         alpha_min: Minimum alpha where the map is known.
+        far_m: Far plane of the rendering, m.
         threads: 0 means one per hardware thread.
     """
-    def __init__(self, *, iterations: typing.SupportsInt | typing.SupportsIndex = 8, min_step_m: typing.SupportsFloat | typing.SupportsIndex = 0.0001, color_scale: typing.SupportsFloat | typing.SupportsIndex = 0.08, depth_scale: typing.SupportsFloat | typing.SupportsIndex = 0.03, depth_weight: typing.SupportsFloat | typing.SupportsIndex = 0.1, alpha_min: typing.SupportsFloat | typing.SupportsIndex = 0.9, threads: typing.SupportsInt | typing.SupportsIndex = 0) -> None:
+    def __init__(self, *, iterations: typing.SupportsInt | typing.SupportsIndex = 8, min_step_m: typing.SupportsFloat | typing.SupportsIndex = 0.0001, color_scale: typing.SupportsFloat | typing.SupportsIndex = 0.08, depth_scale: typing.SupportsFloat | typing.SupportsIndex = 0.03, depth_weight: typing.SupportsFloat | typing.SupportsIndex = 0.1, alpha_min: typing.SupportsFloat | typing.SupportsIndex = 0.9, far_m: typing.SupportsFloat | typing.SupportsIndex = ..., threads: typing.SupportsInt | typing.SupportsIndex = 0) -> None:
         ...
 class Fit:
     """

@@ -117,6 +117,9 @@ MAX_MODEL_SIDE_PX = 4096
 """Maximum side of the input image of a model, px; bounds the memory of a damaged or hostile one."""
 
 # Visibility.
+VISIBILITY_RANGE_M = 10.0
+"""Maximum distance of surfaces in the depth images of the training cameras, m: depth cameras
+measure to 10 m at most, and what is seen through has a surface behind it."""
 VISIBILITY_WIDTH_PX = 160
 """Width of the depth images of the training cameras: a pixel is about 2 cm at 3 m."""
 MAX_PROJECTIONS = 1 << 18

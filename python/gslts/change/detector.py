@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +39,7 @@ from gslts.core.gaussian_map import GaussianMap
 from gslts.localization.alignment import align_pose
 from gslts.rendering.losses import Exposure, apply_exposure
 from gslts.rendering.rasterizer import Images, Rasterizer, RenderOptions
+from gslts.rendering.view_range import view_range_m
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
 from gslts.store.measurements import NO_MEASUREMENTS, Measurements, read_measurements
@@ -118,7 +119,7 @@ class ChangeDetector:
         self._map, self._measurements = gaussian_map, measurements
         ids = gaussian_map.ids
         drawn = np.column_stack([measurements.is_measured_of(ids), measurements.errors_of(ids)])
-        self._drawn = replace(gaussian_map, features=drawn.astype(np.float32))
+        self._drawn = gaussian_map.with_features(drawn.astype(np.float32))
         self._features = OrientedGradients() if features is None else features
         self.cameras = tuple(cameras)
         self._visibility = Visibility(
@@ -225,7 +226,9 @@ class ChangeDetector:
         Without fine depth colours decide alone.
         """
         config = self.config
-        options = RenderOptions(near_sigmas=NEAR_SIGMAS, threads=config.threads)
+        options = RenderOptions(
+            far_m=view_range_m(observed_depth), near_sigmas=NEAR_SIGMAS, threads=config.threads
+        )
         images = self._rasterizer.forward(self._drawn, camera, options)
         alpha = images.alpha if mask is None else np.where(mask, images.alpha, np.float32(0))
         known = alpha >= config.masks.alpha_min

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from gslts.change.constants import (
     MAX_PROJECTIONS,
+    VISIBILITY_RANGE_M,
     VISIBILITY_WIDTH_PX,
 )
 from gslts.core.camera import Camera
@@ -48,7 +49,10 @@ class Visibility:
     def __init__(
         self, gaussian_map: GaussianMap, cameras: Iterable[Camera], threads: int = 0
     ) -> None:
-        self._map, self._options = gaussian_map, RenderOptions(threads=threads)
+        self._map, self._options = (
+            gaussian_map,
+            RenderOptions(far_m=VISIBILITY_RANGE_M, threads=threads),
+        )
         self._rasterizer = Rasterizer(np.float32)
         self._cameras = small = [_scale(camera) for camera in cameras]
         # All depth images in one array; the first element stands for pixels outside every image.

@@ -2,20 +2,36 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field
 from math import isqrt, pi, sqrt
 from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from gslts._core.map import GaussianViewDouble, GaussianViewFloat
+from gslts._core.map import CHUNK_SIZE, ChunkBounds, GaussianViewDouble, GaussianViewFloat
+from gslts.types import Floats, Indices
 
 SH_C0 = 0.5 / sqrt(pi)
 """Value of the constant spherical harmonic: the colour of SH degree 0 is 0.5 + SH_C0 * sh."""
 
+MIN_BOUNDED = 1 << 16
+"""Minimum number of Gaussians of a map with an index by which rendering skips those out of view: a
+smaller one, of 16 chunks, gains little."""
+
 FloatArray = NDArray[np.float32] | NDArray[np.float64]
 
+_ARRAYS = (
+    "means",
+    "quats",
+    "log_scales",
+    "logit_opacities",
+    "sh",
+    "features",
+    "ids",
+    "origin",
+)
+"""Arrays of a map."""
 _VIEW_TYPES: dict[np.dtype[Any], type[GaussianViewFloat] | type[GaussianViewDouble]] = {
     np.dtype(np.float32): GaussianViewFloat,
     np.dtype(np.float64): GaussianViewDouble,
@@ -44,6 +60,10 @@ class GaussianMap:
         origin: (3,) float64, map origin in the world, m; zero by default. A map far from the
             world's origin keeps its full resolution in float32.
 
+    Attributes:
+        bounds: Index by which rendering skips Gaussians out of view: bounds of runs of Gaussians
+            that follow each other in the arrays, see `gslts.mapping.order`. None for a small map.
+
     Raises:
         TypeError: An argument is no numpy array.
         ValueError: An array has a wrong shape or dtype, or holds a number that is not finite (the
@@ -58,6 +78,7 @@ class GaussianMap:
     features: FloatArray = None  # type: ignore[assignment]  # set in __post_init__
     ids: NDArray[np.uint64] = None  # type: ignore[assignment]  # set in __post_init__
     origin: NDArray[np.float64] = None  # type: ignore[assignment]  # set in __post_init__
+    bounds: ChunkBounds | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
         means = _read_only("means", self.means)
@@ -67,12 +88,16 @@ class GaussianMap:
             "ids": np.arange(size, dtype=np.uint64),
             "origin": np.zeros(3),
         }
-        for field in fields(self):
-            value = getattr(self, field.name)
+        for name in _ARRAYS:
+            value = getattr(self, name)
             if value is None:
-                value = defaults.get(field.name)
-            object.__setattr__(self, field.name, _read_only(field.name, value))
-        self.view().require_finite("GaussianMap")
+                value = defaults.get(name)
+            object.__setattr__(self, name, _read_only(name, value))
+        view = self.view()  # Checks shapes and dtypes.
+        if self.size >= MIN_BOUNDED:
+            object.__setattr__(self, "bounds", view.chunk_bounds("GaussianMap"))
+        else:
+            view.require_finite("GaussianMap")
         _check_ids(self.ids, size)
 
     def __repr__(self) -> str:
@@ -94,7 +119,7 @@ class GaussianMap:
     @property
     def nbytes(self) -> int:
         """Bytes of the arrays in memory, and on the disk but for headers."""
-        return sum(getattr(self, field.name).nbytes for field in fields(self))
+        return sum(getattr(self, name).nbytes for name in _ARRAYS)
 
     @property
     def sh_degree(self) -> int:
@@ -110,6 +135,7 @@ class GaussianMap:
         """Return the map as the C++ core takes it, without a copy; it keeps the arrays alive."""
         if self.dtype not in _VIEW_TYPES:
             raise ValueError(f"means: expected dtype float32 or float64, got {self.dtype}")
+        bounds: Any = self.bounds  # The core takes a null pointer, too; its stub does not say so.
         return _VIEW_TYPES[self.dtype](
             means=self.means,
             quats=self.quats,
@@ -118,7 +144,52 @@ class GaussianMap:
             sh=self.sh,
             features=self.features,
             origin=self.origin,
+            bounds=bounds,
         )
+
+    def rows_in_box(self, low: Floats, high: Floats) -> Indices:
+        """Return all Gaussians with centres in a box, and others: whole chunks near it.
+
+        Args:
+            low: (3,) corner, world, m.
+            high: (3,) opposite corner, world, m.
+
+        Returns:
+            [M] rows, ascending; all rows of a small map.
+        """
+        if self.bounds is None:
+            return np.arange(self.size)
+        boxes = self.bounds.boxes() + self.origin
+        near = ((boxes[:, 0] <= high) & (boxes[:, 1] >= low)).all(axis=1)
+        return self.rows_of_chunks(np.flatnonzero(near))
+
+    def rows_of_chunks(self, chunks: NDArray[Any]) -> Indices:
+        """Return the Gaussians of chunks of `bounds`.
+
+        Args:
+            chunks: [C] chunks, ascending.
+
+        Returns:
+            [M] rows, ascending.
+        """
+        rows: Indices = chunks.astype(np.intp)[:, None] * CHUNK_SIZE + np.arange(CHUNK_SIZE)
+        return rows[rows < self.size]
+
+    def with_features(self, features: FloatArray) -> GaussianMap:
+        """Return the map with other features; it costs no copy and no check of the other arrays.
+
+        Args:
+            features: [N,D] of the dtype of the map.
+
+        Raises:
+            ValueError: The array has another shape or dtype, or holds a number that is not finite.
+        """
+        result = object.__new__(GaussianMap)
+        result.__dict__.update(self.__dict__, features=_read_only("features", features))
+        result.view()  # Checks shape and dtype.
+        if not np.isfinite(features).all():
+            raise ValueError("GaussianMap: features: must be finite")
+        return result
 
     def astype(self, dtype: DTypeLike) -> GaussianMap:
         """Return the map in another dtype; ids and origin do not change.

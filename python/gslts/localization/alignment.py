@@ -25,6 +25,7 @@ from gslts.localization.constants import (
 )
 from gslts.rendering.losses import Exposure, fit_exposure
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
+from gslts.rendering.view_range import view_range_m
 from gslts.types import Bools, Floats
 
 
@@ -189,7 +190,7 @@ def align_pose(
     Raises:
         ValueError: There is no frame.
     """
-    rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
+    rasterizer = Rasterizer(np.float32)
     pose: Floats | None = None
     # Without a prior, a millionth keeps a frame that sees nothing where it is.
     prior = np.full(6, 1e-6) if stds is None else CORRELATED_PIXELS / np.repeat(stds, 3) ** 2
@@ -197,6 +198,7 @@ def align_pose(
         camera = frame.camera if pose is None else at_pose(frame.camera, pose)
         observed_rgb = frame.rgb.astype(np.float32) / np.float32(255)
         observed_depth = np.nan_to_num(frame.depth)
+        options = RenderOptions(far_m=view_range_m(observed_depth), threads=threads)
         last: _Step | None = None
         for _ in range(MAX_ALIGN_STEPS):
             images = rasterizer.forward(gaussian_map, camera, options)

@@ -10,7 +10,7 @@ from gslts.core.gaussian_map import GaussianMap
 from gslts.core.se3 import inverse_transform, transform
 from gslts.localization.constants import CLOUD_LEVEL, CLOUD_MARGIN_M, SOLID_OPACITY
 from gslts.localization.image_pyramid import ImagePyramid
-from gslts.types import Floats
+from gslts.types import Floats, Floats32
 
 
 class SurfaceCloud:
@@ -21,9 +21,7 @@ class SurfaceCloud:
     """
 
     def __init__(self, gaussian_map: GaussianMap) -> None:
-        solid = gaussian_map.logit_opacities > np.log(SOLID_OPACITY / (1 - SOLID_OPACITY))
-        self._origin = gaussian_map.origin
-        self._points = np.ascontiguousarray(gaussian_map.means[solid])
+        self._map = gaussian_map
 
     def register(self, pyramid: ImagePyramid, world_from_camera: Floats) -> Floats:
         """Move a pose so that the depth of a frame lies on the surfaces of the map.
@@ -42,18 +40,25 @@ class SurfaceCloud:
         in_world = unproject(camera, pixels, depth[rows, columns].astype(np.float64))
         in_camera = inverse_transform(camera.world_from_camera, in_world)
         guess = world_from_camera.copy()
-        guess[:3, 3] -= self._origin
+        guess[:3, 3] -= self._map.origin
         in_map = transform(guess, in_camera)
         if len(in_map) == 0:
             return world_from_camera
         low, high = in_map.min(axis=0) - CLOUD_MARGIN_M, in_map.max(axis=0) + CLOUD_MARGIN_M
-        near = ((self._points > low) & (self._points < high)).all(axis=1)
         found = _core.register_clouds(
             in_camera.astype(np.float32),
-            np.ascontiguousarray(self._points[near]),
+            self._points(low, high),
             guess,
             rule=_core.CloudRule(),
         )
         pose = np.array(found.target_from_source)
-        pose[:3, 3] += self._origin
+        pose[:3, 3] += self._map.origin
         return pose
+
+    def _points(self, low: Floats, high: Floats) -> Floats32:
+        """Return the centres [P,3] of solid Gaussians between two corners (3,) in the map, m."""
+        rows = self._map.rows_in_box(low + self._map.origin, high + self._map.origin)
+        points = self._map.means[rows]
+        solid = self._map.logit_opacities[rows] > np.log(SOLID_OPACITY / (1 - SOLID_OPACITY))
+        near: Floats32 = points[solid & ((points > low) & (points < high)).all(axis=1)]
+        return near

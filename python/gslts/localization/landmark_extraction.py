@@ -127,10 +127,20 @@ def _on_surfaces(frame: RgbdFrame, depth: Floats32, solid: Bools) -> Bools:
 
 
 def _nearest(gaussian_map: GaussianMap, points: Floats32) -> tuple[NDArray[np.uint64], Floats32]:
-    """Return the id of the Gaussian with the nearest centre to each point, and its distance, m."""
+    """Return the id of the Gaussian with the nearest centre to each point, and its distance, m.
+
+    A distance above `MAX_GAUSSIAN_DISTANCE_M` may be that of another Gaussian.
+    """
     if len(points) == 0:
         return np.zeros(0, np.uint64), np.zeros(0, np.float32)
-    view = gaussian_map.view()
+    world = points + gaussian_map.origin
+    low, high = world.min(axis=0), world.max(axis=0)
+    near = gaussian_map.select(
+        gaussian_map.rows_in_box(low - MAX_GAUSSIAN_DISTANCE_M, high + MAX_GAUSSIAN_DISTANCE_M)
+    )
+    if near.size == 0:
+        return np.zeros(len(points), np.uint64), np.full(len(points), np.inf, np.float32)
+    view = near.view()
     assert isinstance(view, GaussianViewFloat)  # It was rendered as such.
     rows, distances_m = _edit.nearest_gaussians(view, points, 1)
-    return gaussian_map.ids[rows[:, 0]], distances_m[:, 0]
+    return near.ids[rows[:, 0]], distances_m[:, 0]

@@ -41,6 +41,7 @@ from gslts.localization.pose_quality import (
     inlier_fault,
     pose_covariance,
 )
+from gslts.rendering.view_range import view_range_m
 from gslts.store.map_folder import read_map
 from gslts.types import Floats
 
@@ -211,7 +212,10 @@ class Relocalizer:
             measured=[pyramid.depths[level] for level in levels],
             masks=[pyramid.used_pixels(level) for level in levels],
             rule=_core.RefineRule(
-                iterations=config.iterations, min_step_m=MIN_STEP_M, threads=config.threads
+                iterations=config.iterations,
+                min_step_m=MIN_STEP_M,
+                far_m=view_range_m(pyramid.depths[0]),
+                threads=config.threads,
             ),
         )
 

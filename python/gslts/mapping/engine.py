@@ -29,6 +29,7 @@ from gslts.mapping.initialize import Start, initialize
 from gslts.mapping.lenses import Lenses
 from gslts.mapping.observation import Observation
 from gslts.mapping.optimize import Optimizer, Progress, Schedule
+from gslts.mapping.order import sort_by_place
 from gslts.mapping.report.data import CurvePoint
 
 VALIDATIONS = 20
@@ -146,7 +147,7 @@ def make_map(
     optimize(optimizer, split, curve, clock, report, save_sometimes)
     gaussian_map = optimizer.adam.map
     weights = max_weights(gaussian_map, observations, config.threads)
-    gaussian_map = gaussian_map.select(weights > MIN_WEIGHT)
+    gaussian_map = sort_by_place(gaussian_map.select(weights > MIN_WEIGHT))
     clock.note("optimization")
     return _evaluate(gaussian_map, config, split, given, curve, start.seeds, clock)
 

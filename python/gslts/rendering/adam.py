@@ -79,6 +79,8 @@ class Adam:
         self._map = GaussianMap(
             **self._core.arrays(), ids=gaussian_map.ids, origin=gaussian_map.origin
         )
+        # Bounds would not follow the steps.
+        object.__setattr__(self._map, "bounds", None)
 
     @property
     def map(self) -> GaussianMap:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields, replace
 from math import prod
 from typing import Any
@@ -11,12 +11,20 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from gslts._core.map import scatter_rows_double, scatter_rows_float, scatter_rows_uint32
-from gslts._core.raster import RasterizerDouble, RasterizerFloat, RenderOptions
+from gslts._core.raster import RasterizerDouble, RasterizerFloat, RenderOptions, chunks_in_view
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import FloatArray, GaussianMap
-from gslts.types import Bools, Floats, UInts32
+from gslts.types import Bools, Floats, Indices, UInts32
 
-__all__ = ["Gradients", "Images", "LiftedFeatures", "Rasterizer", "RenderOptions", "render"]
+__all__ = [
+    "Gradients",
+    "Images",
+    "LiftedFeatures",
+    "Rasterizer",
+    "RenderOptions",
+    "render",
+    "rows_in_view",
+]
 
 _RASTERIZERS: dict[np.dtype[Any], type[RasterizerFloat] | type[RasterizerDouble]] = {
     np.dtype(np.float32): RasterizerFloat,
@@ -263,6 +271,28 @@ def render(
         ValueError: The mask has the wrong shape or dtype, or an option is out of range.
     """
     return Rasterizer(gaussian_map.dtype).forward(gaussian_map, camera, options, mask=mask)
+
+
+def rows_in_view(
+    gaussian_map: GaussianMap, cameras: Iterable[Camera], options: RenderOptions | None = None
+) -> Indices:
+    """Return all Gaussians that renderings may show, and others: whole chunks that may be in view.
+
+    Args:
+        gaussian_map: Any map.
+        cameras: Cameras of the renderings.
+        options: Options of the renderings; None means `RenderOptions()`.
+
+    Returns:
+        [M] rows, ascending; all rows of a small map.
+
+    Raises:
+        ValueError: An option is out of range.
+    """
+    view: Any = gaussian_map.view()
+    options = RenderOptions() if options is None else options
+    chunks = [chunks_in_view(view, camera, options) for camera in cameras]
+    return gaussian_map.rows_of_chunks(np.unique(np.concatenate([np.zeros(0, np.uint32), *chunks])))
 
 
 def scatter_rows(rows: UInts32, values: NDArray[Any], size: int) -> NDArray[Any]:

@@ -100,9 +100,11 @@ class SemanticQueries:
         self._rows = np.flatnonzero(has_features & (opacities >= MIN_OPACITY))
         # Relative to the origin of the map, to which cells are aligned.
         self._points = gaussian_map.means[self._rows].astype(np.float64)
-        self._cells, self._cell_of = np.unique(
-            cell_keys(self._points, NEIGHBOURHOOD_M), return_inverse=True
-        )
+        keys = cell_keys(self._points, NEIGHBOURHOOD_M)
+        # Cell by cell, so that a query reads only the cells around matches.
+        self._by_cell = np.argsort(keys, kind="stable")
+        self._cells, starts = np.unique(keys[self._by_cell], return_index=True)
+        self._cell_ends = np.append(starts, len(keys))
 
     @classmethod
     def of_map(cls, path: Path, clip: Path | None = None, threads: int = 0) -> SemanticQueries:
@@ -171,10 +173,11 @@ class SemanticQueries:
 
     def _neighbourhood(self, indices: Indices) -> Indices:
         """Return all scored Gaussians in the cells of some and in the 26 neighbours of these."""
-        own = self._cells[np.unique(self._cell_of[indices])]
+        own = np.unique(cell_keys(self._points[indices], NEIGHBOURHOOD_M))
         neighbours = np.array(list(product((-1, 0, 1), repeat=3))) @ CELL_STRIDES
-        is_near = np.isin(self._cells, own[:, None] + neighbours)
-        return np.flatnonzero(is_near[self._cell_of])
+        near = np.flatnonzero(np.isin(self._cells, own[:, None] + neighbours))
+        parts = [self._by_cell[self._cell_ends[k] : self._cell_ends[k + 1]] for k in near]
+        return np.sort(np.concatenate(parts))
 
     def _instances(self, indices: Indices, scores: Floats32) -> list[Instance]:
         """Cluster matching Gaussians into objects; drop noise and small fragments."""
@@ -183,8 +186,7 @@ class SemanticQueries:
         counts = np.bincount(labels + 1)[1:]  # Without noise, -1.
         large = np.flatnonzero(counts >= MIN_GAUSSIANS)
         pieces = [np.flatnonzero(labels == label) for label in large]
-        others = np.delete(self._points, indices, axis=0)
-        groups = _join_pieces([points[piece] for piece in pieces], others)
+        groups = _join_pieces([points[piece] for piece in pieces], self._others(points, indices))
         members = [np.concatenate([pieces[piece] for piece in group]) for group in groups]
         largest = max(map(len, members), default=0)
         instances = [
@@ -193,6 +195,16 @@ class SemanticQueries:
             if len(own) >= MIN_SHARE_OF_LARGEST * largest
         ]
         return sorted(instances, key=lambda instance: -instance.score * np.sqrt(len(instance.rows)))
+
+    def _others(self, points: Floats, indices: Indices) -> Floats:
+        """Return [P,3] scored Gaussians in the box of some, m, without these."""
+        low, high = points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)
+        origin = self.gaussian_map.origin
+        rows = self.gaussian_map.rows_in_box(low + origin, high + origin)
+        scored = np.searchsorted(self._rows, rows)
+        scored = scored[(np.append(self._rows, -1)[scored] == rows)]
+        others: Floats = self._points[np.setdiff1d(scored, indices, assume_unique=True)]
+        return others
 
     def _instance(self, points: Floats, scores: Floats32, rows: Indices) -> Instance:
         low, high = np.percentile(points, [TRIM_PERCENT, 100 - TRIM_PERCENT], axis=0)

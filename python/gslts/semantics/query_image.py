@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -48,7 +47,7 @@ def draw_query(
     rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
     is_best = np.zeros((gaussian_map.size, 1), np.float32)
     is_best[instances[0].rows] = 1
-    marked = replace(gaussian_map, features=is_best)
+    marked = gaussian_map.with_features(is_best)
 
     def visibility(camera: Camera) -> float:
         """Share of the image that shows the object, less what touches the image border."""
@@ -59,7 +58,7 @@ def draw_query(
 
     camera = max(_candidates(list(cameras), instances[0].center), key=visibility)
     heat = (relevance[:, None] - MIN_RELEVANCE) / (MAX_RELEVANCE - MIN_RELEVANCE)
-    heat_map = replace(gaussian_map, features=heat.clip(0, 1).astype(np.float32))
+    heat_map = gaussian_map.with_features(heat.clip(0, 1).astype(np.float32))
     images = rasterizer.forward(heat_map, camera, options)
     image = heat_image(to_rgb8(images.rgb), images.features[..., 0])
     for instance in instances:

@@ -105,6 +105,8 @@ def apply_deltas(base: GaussianMap, deltas: Iterable[Delta]) -> GaussianMap:
         ValueError: A delta names a Gaussian that does not exist.
     """
     steps = list(deltas)
+    if not steps:
+        return base
     parts = [base, *(step.added for step in steps)]
     ids = np.concatenate([part.ids for part in parts])
     arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ARRAYS}

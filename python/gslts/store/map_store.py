@@ -24,6 +24,7 @@ from gslts.store.causes import (
     UpdateCause,
 )
 from gslts.store.delta import (
+    Delta,
     apply_deltas,
     compute_delta,
     delta_from_arrays,
@@ -135,15 +136,16 @@ class MapStore(History):
 
     def commit(
         self,
-        gaussian_map: GaussianMap,
+        change: GaussianMap | Delta,
         cause: UpdateCause | ExtensionCause,
         events: Sequence[ObjectEvent] = (),
     ) -> Version:
         """Add a version, durably: it is on disk when this returns.
 
         Args:
-            gaussian_map: Made from the newest version: Gaussians that stay, in the same order, then
-                new ones with ids of `next_id` or higher.
+            change: Map made from the newest version: Gaussians that stay, in the same order, then
+                new ones with ids of `next_id` or higher. Or how it differs from the newest version,
+                as `compute_delta` returns it; the map is not read then.
             cause: Why the version exists.
             events: Object changes that it shows.
 
@@ -155,7 +157,11 @@ class MapStore(History):
             ValueError: The map was not made from the newest version.
         """
         newest = self._index.newest()
-        delta = compute_delta(self.read(newest.number), gaussian_map)
+        if isinstance(change, Delta):
+            delta = change
+            _require_delta_of(newest, delta)
+        else:
+            delta = compute_delta(self.read(newest.number), change)
         if delta.added.size and int(delta.added.ids[0]) < newest.next_id:
             raise ValueError(
                 f"commit: ids of new Gaussians must be {newest.next_id} or higher, "
@@ -166,15 +172,17 @@ class MapStore(History):
             parent=newest.number,
             gslts=metadata.version("gslts"),
             time_s=self._now_s(newest),
-            gaussians=gaussian_map.size,
-            next_id=_next_id(gaussian_map, newest.next_id),
+            gaussians=newest.gaussians - len(delta.removed) + delta.added.size,
+            next_id=_next_id(delta.added, newest.next_id),
             delta=self._blobs.write(delta_to_arrays(delta)),
             touched=delta.touched,
             cause=cause,
         )
         snapshot = None
         if self._needs_snapshot(version):
-            snapshot = self._blobs.write(map_to_arrays(gaussian_map))
+            if isinstance(change, Delta):
+                change = apply_deltas(self.read(newest.number), [delta])
+            snapshot = self._blobs.write(map_to_arrays(change))
         self._index.add(version, snapshot, events)
         return version
 
@@ -383,6 +391,14 @@ class MapStore(History):
         if self._lock is not None:
             self._lock.close()
             self._lock = None
+
+
+def _require_delta_of(newest: Version, delta: Delta) -> None:
+    """Raise ValueError if a difference cannot be one from the newest version."""
+    require_rising_ids(delta.added, "commit: added")
+    for name, ids in (("removed", delta.removed), ("changed", delta.changed.ids)):
+        if len(ids) > newest.gaussians or (ids >= newest.next_id).any():
+            raise ValueError(f"commit: {name}: not all are Gaussians of version {newest.number}")
 
 
 def _next_id(gaussian_map: GaussianMap, at_least: int) -> int:

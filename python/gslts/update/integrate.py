@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -20,9 +21,12 @@ from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
 from gslts.rendering.metrics import psnr_from_mse_db
+from gslts.rendering.rasterizer import RenderOptions, rows_in_view
+from gslts.rendering.view_range import MIN_RANGE_M, view_range_m
 from gslts.semantics.map_semantics import MapSemantics
 from gslts.store.causes import UpdateRecord
-from gslts.types import Bools
+from gslts.store.delta import Delta, apply_deltas, compare_by_ids
+from gslts.types import Bools, Indices
 from gslts.update.config import UpdateConfig
 from gslts.update.edit import pre_edit
 from gslts.update.refine import OnStep
@@ -54,7 +58,9 @@ class UpdateResult:
     """Result of an update of a map.
 
     Attributes:
-        gaussian_map: Updated map, or the given one if the update was rejected.
+        before: Map before the update.
+        part: Gaussians of the updated map that the update may have read or changed.
+        delta: Changes from the map before; none if the update was rejected.
         changes: Changes that the map shows now; empty if the update was rejected.
         rejected_changes: Changes that the map does not show, with the reasons.
         record: Timings, counts, and the reason if the update was rejected.
@@ -64,13 +70,20 @@ class UpdateResult:
             moved.
     """
 
-    gaussian_map: GaussianMap
+    before: GaussianMap
+    part: GaussianMap
+    delta: Delta
     changes: tuple[Change, ...]
     rejected_changes: tuple[tuple[Change, str], ...]
     record: UpdateRecord
     views: tuple[View, ...]
     regions: tuple[Region, ...]
     moved: tuple[Bools, ...] = ()
+
+    @cached_property
+    def gaussian_map(self) -> GaussianMap:
+        """Updated map, or the given one if the update was rejected; a copy made at first use."""
+        return apply_deltas(self.before, [self.delta]) if self.delta.touched else self.before
 
     @property
     def rejected(self) -> str | None:
@@ -129,13 +142,15 @@ def integrate_changes(
         progress=lambda: progress("collecting"),
     )
     clock.stop("collecting")
+    rows = _rows_of_update(gaussian_map, cameras, collection)
+    before = gaussian_map.select(rows)
     updated, collection, record = integrate_views(
-        gaussian_map,
+        before,
         cameras,
-        collection,
+        collection.of_part(rows),
         config,
         detector=detector,
-        first_id=first_id,
+        first_id=int(gaussian_map.ids.max()) + 1 if first_id is None else first_id,
         on_step=lambda *_: progress("refining"),
     )
     record = record.model_copy(update={"seconds": {**clock.seconds, **record.seconds}})
@@ -147,12 +162,52 @@ def integrate_changes(
         rejected += tuple((change, record.rejected) for change in confirmed)
         confirmed = ()
     elif semantics is not None:
-        new = _needs_features(gaussian_map, updated, collection, config.edit.margin_m)
+        new = _needs_features(before, updated, collection, config.edit.margin_m)
         frames = [(view.frame, view.changed) for view in training]
         updated = semantics.update_features(updated, new, frames, config.threads)
     views = (*training, *validation)
-    moved = collection.moved if confirmed else ()
-    return UpdateResult(updated, confirmed, rejected, record, views, collection.regions, moved)
+    moved: tuple[Bools, ...] = ()
+    if confirmed:
+        moved = tuple(_spread(part, rows, gaussian_map.size) for part in collection.moved)
+    else:
+        updated = before
+    return UpdateResult(
+        before=gaussian_map,
+        part=updated,
+        delta=compare_by_ids(before, updated),
+        changes=confirmed,
+        rejected_changes=rejected,
+        record=record,
+        views=views,
+        regions=collection.regions,
+        moved=moved,
+    )
+
+
+def _rows_of_update(
+    gaussian_map: GaussianMap, cameras: Sequence[Camera], collection: Collection
+) -> Indices:
+    """Return the rows [M] of Gaussians that an update may read or change.
+
+    Chunks in view of the collected views, and of the training cameras that show a change.
+    """
+    regions = collection.regions
+    seeing = [
+        camera
+        for camera in cameras
+        if any(region.project_center(camera) is not None for region in regions)
+    ]
+    range_m = max([MIN_RANGE_M, *(view_range_m(view.depth) for view in collection.views)])
+    options = RenderOptions(far_m=range_m)
+    views = [view.camera for view in collection.views]
+    return rows_in_view(gaussian_map, [*views, *seeing], options)
+
+
+def _spread(part: Bools, rows: Indices, size: int) -> Bools:
+    """Return [N] marks of a whole map from marks [M] of its rows."""
+    marks = np.zeros(size, np.bool_)
+    marks[rows] = part
+    return marks
 
 
 def integrate_views(

@@ -41,7 +41,8 @@ def object_events(
         detection may include the surface behind it; so are both boxes of a shifted one, because a
         detection shows only its edges.
     """
-    removed = ~np.isin(before.ids, result.gaussian_map.ids)
+    removed = np.zeros(before.size, np.bool_)
+    removed[np.searchsorted(before.ids, result.delta.removed)] = True
     records = []
     for row, change in enumerate(result.changes):
         own = removed
@@ -58,8 +59,9 @@ def object_events(
         if change.kind == "shift":
             rows = np.flatnonzero(own)
             old = _box_of(before, rows) or old
-            same = np.flatnonzero(np.isin(result.gaussian_map.ids, before.ids[rows]))
-            new = _box_of(result.gaussian_map, same) or new
+            kept = np.flatnonzero(own & ~removed)
+            same = np.searchsorted(result.part.ids, before.ids[kept])
+            new = _box_of(result.part, same) or new
         elif change.boxes[0] is not None:
             old = _box_of(before, rows_of(Region("before", *change.boxes[0]))) or old
         records.append(

@@ -78,9 +78,7 @@ def publish(
     )
     lineage = store.lineage_numbers()  # A restore undid the events of other versions.
     events = [event for event in store.events() if event.version in lineage]
-    version = store.commit(
-        result.gaussian_map, cause, object_events(before, result, events, semantics)
-    )
+    version = store.commit(result.delta, cause, object_events(before, result, events, semantics))
     for change, reason in result.rejected_changes:
         store.add_rejection(
             RejectedUpdateCause(
@@ -108,15 +106,14 @@ def _write_landmarks(
         return None
     training = result.views[: result.record.training_views]
     landmarks = extract_landmarks(
-        result.gaussian_map,
+        result.part,
         [view.frame for view in training],
         [view.changed for view in training],
         max_bytes=MAX_LANDMARK_BYTES,
         threads=threads,
     )
     # The views also show landmarks of old Gaussians, which the map has already.
-    new = ~np.isin(landmarks.gaussians, before.ids)
-    landmarks = landmarks.select(np.flatnonzero(new))
+    landmarks = landmarks.select(np.flatnonzero(landmarks.gaussians > before.ids[-1]))
     return write_landmarks(landmarks, store.folder) if landmarks.size else None
 
 
@@ -124,7 +121,7 @@ def _write_image(
     store: MapStore, version: Version, before: GaussianMap, result: UpdateResult, threads: int
 ) -> None:
     """Write the image of an update: frames, and the map before and after."""
-    image = Image.fromarray(draw_update(before, result.gaussian_map, result.views, threads))
+    image = Image.fromarray(draw_update(before, result.part, result.views, threads))
     image.thumbnail((MAX_IMAGE_PX, MAX_IMAGE_PX))
     content = BytesIO()
     image.save(content, "JPEG", quality=JPEG_QUALITY)

@@ -11,6 +11,7 @@ from gslts.core.gaussian_map import GaussianMap
 from gslts.io.images import RgbImage, draw_text, to_rgb8
 from gslts.rendering.losses import apply_exposure
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
+from gslts.rendering.view_range import view_range_m
 from gslts.update.views import View
 
 MAX_ROWS = 3
@@ -35,11 +36,12 @@ def draw_update(
     Returns:
         [H,W,3] uint8 sRGB; one row per view.
     """
-    rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
+    rasterizer = Rasterizer(np.float32)
     rows = []
     views = [view for view in views if view.frame.rgb.shape == views[0].frame.rgb.shape]
     for index in np.unique(np.linspace(0, len(views) - 1, MAX_ROWS).astype(int)):
         view = views[index]
+        options = RenderOptions(far_m=view_range_m(view.depth), threads=threads)
         tiles = [view.frame.rgb.copy()]
         for gaussian_map in (before, after):
             rgb = rasterizer.forward(gaussian_map, view.camera, options).rgb

@@ -112,9 +112,11 @@ def gaussians_in_regions(
     Returns:
         [N] bool.
     """
-    centers = gaussian_map.means + gaussian_map.origin
-    inside = [region.contains(centers, margin_m) for region in regions]
-    return np.any(inside, axis=0) if inside else np.zeros(gaussian_map.size, np.bool_)
+    inside = np.zeros(gaussian_map.size, np.bool_)
+    for region in regions:
+        rows = gaussian_map.rows_in_box(region.low - margin_m, region.high + margin_m)
+        inside[rows] |= region.contains(gaussian_map.means[rows] + gaussian_map.origin, margin_m)
+    return inside
 
 
 def float_view(gaussian_map: GaussianMap) -> GaussianViewFloat:

@@ -17,7 +17,7 @@ from gslts.change.detector import ChangeDetector, Detection
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
-from gslts.types import Bools
+from gslts.types import Bools, Indices
 from gslts.update.config import CollectConfig
 from gslts.update.evidence import confirm, join_shifts
 from gslts.update.extent import extend_regions
@@ -74,6 +74,14 @@ class Collection:
             if change.motion is not None and rows.any():
                 gaussian_map = move_gaussians(gaussian_map, rows, change.motion)
         return gaussian_map
+
+    def of_part(self, rows: Indices) -> Collection:
+        """Return the collection for some Gaussians of the map.
+
+        Args:
+            rows: [M] rows of the map before the update.
+        """
+        return replace(self, moved=tuple(marks[rows] for marks in self.moved))
 
     def reject(
         self, reasons: Sequence[str | None], gaussian_map: GaussianMap, threads: int = 0

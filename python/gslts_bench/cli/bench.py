@@ -300,6 +300,36 @@ def _relocalize_room(options: HomeOptions, path: Path, folds: list[int]) -> None
 
 
 @bench.command()
+@on_homes(seeds="3:4", preset=Preset.FAST, frames=80, size="320x240")
+def scale(
+    options: HomeOptions,
+    gaussians: Annotated[
+        list[int] | None,
+        typer.Option(min=1, help="Size of a map; may be repeated. Default: 0.1, 1, 10 million."),
+    ] = None,
+    plot: Annotated[Path | None, typer.Option(help="PNG of a plot of costs by size.")] = None,
+) -> None:
+    """Measure what a frame of one room costs in maps of more and more rooms.
+
+    A mapped room is surrounded by copies of itself. Detection, localization, a query, an update and
+    its commit should cost what they touch, whatever the size of the map. An interrupted run
+    continues where it stopped.
+
+    Example: gslts bench scale --room living_room --json out/scale.json --plot out/scale.png
+    """
+    from gslts_bench.scale.plot import write_plot
+    from gslts_bench.scale.run import units_of
+    from gslts_bench.scale.tables import BENCHMARK
+
+    units = units_of(options.homes(), gaussians or [130_000, 1_200_000, 10_900_000])
+    options.prepare(None, plot)
+    outcome = options.run(BENCHMARK, units)
+    if plot is not None:
+        write_plot(outcome.summary, plot)
+    finish(outcome.errors)
+
+
+@bench.command()
 def real(
     folder: Annotated[
         Path | None, typer.Argument(help="Folder with a folder per room, such as real_changes.")

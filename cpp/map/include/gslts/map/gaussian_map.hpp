@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "gslts/map/array.hpp"
+#include "gslts/map/chunk_bounds.hpp"
 
 namespace gslts {
 
@@ -26,6 +27,9 @@ struct GaussianView {
   const T* sh = nullptr;               ///< [N,K,3] spherical harmonics, colour = 0.5 + SH, >= 0
   const T* features = nullptr;         ///< [N,D], or null when D is 0
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();  ///< Map origin in the world, m
+  /// Bounds of these Gaussians, or null. With bounds, which exist only of finite numbers, a
+  /// renderer reads only the chunks that may be in view, and does not check the numbers again.
+  const ChunkBounds* bounds = nullptr;
 };
 
 /// A set of 3D Gaussians with identities that survive editing.
@@ -58,7 +62,8 @@ BasicGaussianMap<T> make_gaussian_map(std::size_t size, int sh_bases, int featur
 template <typename T>
 BasicGaussianMap<T> select(const BasicGaussianMap<T>& map, const std::vector<std::uint32_t>& rows);
 
-/// Checks shapes and pointers, not values (the kernels check the values that they read).
+/// Checks shapes, pointers and the size of the bounds, not values (the kernels check the values
+/// that they read).
 /// @throws std::invalid_argument  naming the caller, the field and the value.
 template <typename T>
 void validate(const GaussianView<T>& gaussians, const char* function);

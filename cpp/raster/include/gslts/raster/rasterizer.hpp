@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <memory>
 
 #include "gslts/map/array.hpp"
@@ -18,6 +19,8 @@ namespace gslts::raster {
 struct RenderOptions {
   std::array<double, 3> background{0.0, 0.0, 0.0};  ///< RGB behind the Gaussians.
   double near_m = 0.05;  ///< Near plane: Gaussians with centre depth z <= near_m are culled, m. > 0
+  /// Far plane: Gaussians with centre depth z > far_m are culled, m. > near_m
+  double far_m = std::numeric_limits<double>::infinity();
   /// Gaussians within so many standard deviations of depth of the camera are culled: the affine
   /// projection is invalid there, and turns a wall beside the camera into fog (the guard band of
   /// Kerbl et al. 2023, sec. 6). >= 0

@@ -1,0 +1,108 @@
+"""Large maps have bounds, by which rendering skips what is out of view without another image."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import image_bytes, orbit_camera
+from store_maps import random_map
+
+import gslts
+from gslts._core.map import CHUNK_SIZE
+from gslts.core.gaussian_map import MIN_BOUNDED, GaussianMap
+from gslts.mapping.order import sort_by_place
+from gslts.rendering.rasterizer import Rasterizer, rows_in_view
+
+
+@pytest.fixture(scope="module")
+def large() -> GaussianMap:
+    """Return clusters of small Gaussians, most of them out of view of a camera."""
+    gaussian_map = random_map(MIN_BOUNDED + 1000, features=1)
+    rng = np.random.default_rng(1)
+    centres = 15 * rng.normal(size=(8, 3)).astype(np.float32)
+    means = gaussian_map.means + centres[rng.integers(8, size=gaussian_map.size)]
+    log_scales = gaussian_map.log_scales - np.float32(5)
+    origin = np.zeros(3)
+    return sort_by_place(replace(gaussian_map, means=means, log_scales=log_scales, origin=origin))
+
+
+def without_bounds(gaussian_map: GaussianMap) -> GaussianMap:
+    result = gaussian_map.select(np.arange(gaussian_map.size))
+    object.__setattr__(result, "bounds", None)
+    return result
+
+
+def test_images_and_gradients_are_the_same(large: GaussianMap) -> None:
+    plain = without_bounds(large)
+    for seed in range(4):
+        camera = orbit_camera(angle_rad=seed)
+        assert len(rows_in_view(large, [camera])) < 0.9 * large.size
+        results = []
+        for gaussian_map in (large, plain):
+            rasterizer = Rasterizer()
+            images = rasterizer.forward(gaussian_map, camera, gslts.RenderOptions(threads=2))
+            gradients = rasterizer.backward(dL_drgb=np.ones_like(images.rgb))
+            results.append((image_bytes(images), gradients.rows.tobytes(), gradients.dL_dmeans))
+        assert results[0][:2] == results[1][:2]
+        assert np.array_equal(results[0][2], results[1][2])
+
+
+def test_gaussians_out_of_view_contribute_nothing(large: GaussianMap) -> None:
+    camera = orbit_camera(angle_rad=2)
+    part = large.select(rows_in_view(large, [camera]))
+    assert image_bytes(gslts.render(part, camera)) == image_bytes(gslts.render(large, camera))
+
+
+def test_far_plane_bounds_what_is_seen(large: GaussianMap) -> None:
+    camera, options = orbit_camera(angle_rad=2), gslts.RenderOptions(far_m=6)
+    near = gslts.render(large, camera, options)
+    assert near.depth.max() < 6.5
+    assert image_bytes(near) == image_bytes(gslts.render(without_bounds(large), camera, options))
+    around = orbit_camera(angle_rad=2, distance_m=60)
+    assert len(rows_in_view(large, [around], options)) == 0
+    assert len(rows_in_view(large, [around])) > 0
+
+
+@pytest.mark.parametrize("far_m", [0.01, np.nan, -1.0])
+def test_far_plane_must_be_behind_the_near_plane(far_m: float) -> None:
+    with pytest.raises(ValueError, match="far_m must be greater than near_m"):
+        gslts.render(random_map(3), orbit_camera(), gslts.RenderOptions(far_m=far_m))
+
+
+def test_rows_in_box_has_all_centres(large: GaussianMap) -> None:
+    low, high = np.array([-3.0, -2.0, -5.0]), np.array([4.0, 5.0, 3.0])
+    rows = large.rows_in_box(low, high)
+    inside = ((large.means >= low) & (large.means <= high)).all(axis=1)
+    assert np.isin(np.flatnonzero(inside), rows).all()
+    assert len(rows) < large.size
+    assert (np.diff(rows) > 0).all()
+    small = random_map(10)
+    assert small.bounds is None
+    assert small.rows_in_box(low, high).tolist() == list(range(10))
+
+
+def test_other_features_share_the_rest(large: GaussianMap) -> None:
+    features = np.ones((large.size, 3), np.float32)
+    changed = large.with_features(features)
+    assert changed.bounds is large.bounds
+    assert changed.means is large.means
+    assert np.array_equal(changed.features, features)
+    with pytest.raises(ValueError, match="features"):
+        large.with_features(features[1:])
+    features[5, 1] = np.nan
+    with pytest.raises(ValueError, match="features: must be finite"):
+        large.with_features(features)
+
+
+def test_numbers_that_are_not_finite_are_named(large: GaussianMap) -> None:
+    sh = large.sh.copy()
+    sh[-1, 0, 0] = np.nan
+    with pytest.raises(ValueError, match=r"GaussianMap: sh\[66535,0,0\] is nan"):
+        replace(large, sh=sh)
+
+
+def test_maps_of_an_optimizer_have_no_bounds(large: GaussianMap) -> None:
+    """Its arrays change with every step."""
+    assert gslts.Adam(large).map.bounds is None
+    assert large.bounds is not None
+    assert len(large.bounds.boxes()) == -(-large.size // CHUNK_SIZE)
