@@ -33,8 +33,8 @@ NOISE_BINS, NOISE_STRIDE = 8, 7
 MIN_NOISE_SAMPLES = 100
 """Minimum number of samples of a bin."""
 MIN_NOISE_M = 0.005
-"""Minimum constant part of the noise: with less, bumps of a map become surfaces. Of simulated homes,
-fits give 2.7 to 4.9 mm, of a real room 7.6 mm."""
+"""Minimum constant part of the noise: with less, bumps of a map become surfaces. Fits give 2.7 to
+5.2 mm in simulated homes, and 7.6 mm in a real room."""
 SIGMA_OF_MEDIAN = 1.4826
 """Standard deviation of a normal distribution over its median magnitude."""
 

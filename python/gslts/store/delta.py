@@ -126,6 +126,23 @@ def apply_deltas(base: GaussianMap, deltas: Iterable[Delta]) -> GaussianMap:
     return GaussianMap(**kept, ids=ids[alive], origin=base.origin)
 
 
+def require_delta_of(delta: Delta, gaussians: int, next_id: int) -> None:
+    """Check that a difference can be one from a map, as far as that can be told without the map.
+
+    Args:
+        delta: The difference.
+        gaussians: Number of Gaussians of the map.
+        next_id: Greater than all ids of the map.
+
+    Raises:
+        ValueError: It is one from another map.
+    """
+    require_rising_ids(delta.added, "added")
+    for name, ids in (("removed", delta.removed), ("changed", delta.changed.ids)):
+        if len(ids) > gaussians or (ids >= next_id).any():
+            raise ValueError(f"commit: {name}: not all are Gaussians of the newest version")
+
+
 def require_rising_ids(gaussian_map: GaussianMap, name: str) -> None:
     """Check that ids rise from Gaussian to Gaussian.
 

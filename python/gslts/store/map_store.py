@@ -31,6 +31,7 @@ from gslts.store.delta import (
     delta_to_arrays,
     map_from_arrays,
     map_to_arrays,
+    require_delta_of,
     require_rising_ids,
 )
 from gslts.store.history import INDEX, History
@@ -159,7 +160,7 @@ class MapStore(History):
         newest = self._index.newest()
         if isinstance(change, Delta):
             delta = change
-            _require_delta_of(newest, delta)
+            require_delta_of(delta, newest.gaussians, newest.next_id)
         else:
             delta = compute_delta(self.read(newest.number), change)
         if delta.added.size and int(delta.added.ids[0]) < newest.next_id:
@@ -391,14 +392,6 @@ class MapStore(History):
         if self._lock is not None:
             self._lock.close()
             self._lock = None
-
-
-def _require_delta_of(newest: Version, delta: Delta) -> None:
-    """Raise ValueError if a difference cannot be one from the newest version."""
-    require_rising_ids(delta.added, "commit: added")
-    for name, ids in (("removed", delta.removed), ("changed", delta.changed.ids)):
-        if len(ids) > newest.gaussians or (ids >= newest.next_id).any():
-            raise ValueError(f"commit: {name}: not all are Gaussians of version {newest.number}")
 
 
 def _next_id(gaussian_map: GaussianMap, at_least: int) -> int:

@@ -391,29 +391,3 @@ def test_a_clock_that_goes_back_is_logged(
         version = store.restore(1)
     assert version.number == 3
     assert "s behind version 2" in caplog.text
-
-
-def test_difference_is_committed_like_the_map(tmp_path: Path) -> None:
-    first = random_map(200)
-    second = edited(first, 1, 200)
-    keys = []
-    for name, change in (("map", second), ("delta", compute_delta(first, second))):
-        (tmp_path / name).mkdir()
-        MapStore.create(tmp_path / name, first, ROOM)
-        with MapStore(tmp_path / name, writable=True) as store:
-            version = store.commit(change, UpdateCause())
-            assert version.gaussians == second.size
-            assert version.delta is not None
-            keys.append((version.delta.key, version.next_id, version.touched))
-            assert np.array_equal(store.read().means, second.means)
-    assert keys[0] == keys[1]
-
-
-def test_difference_from_another_map_is_rejected(tmp_path: Path) -> None:
-    first, other = random_map(20), random_map(50)
-    MapStore.create(tmp_path, first, ROOM)
-    delta = compute_delta(other, other.select(np.arange(40)))
-    with MapStore(tmp_path, writable=True) as store:
-        with pytest.raises(ValueError, match="removed: not all are Gaussians of version 1"):
-            store.commit(delta, UpdateCause())
-        assert len(store.versions()) == 1
