@@ -30,8 +30,11 @@ std::array<double, kConfidenceFeatures> confidence_features(const Surface& surfa
   const double log_area = std::log(surface.area_m2 + 1e-6);
   const double log_depth = std::log(surface.depth_m + 1e-3);
   const bool before = surface.side == Side::kBefore, flat = surface.flat;
+  const double log_step =
+      std::log(evidence.step_ratio * (kColorlessStep + (1 - kColorlessStep) * colors) + 0.01);
   return {
-      std::log(evidence.step_ratio * (kColorlessStep + (1 - kColorlessStep) * colors) + 0.01),
+      flat ? 0 : log_step,
+      flat ? log_step : 0,
       std::max(0.0, std::log(kNearDepth_m) - log_depth),
       std::log(surface.area_px + 1.0),
       std::log(evidence.thickness_m + 1e-3),
@@ -48,7 +51,6 @@ std::array<double, kConfidenceFeatures> confidence_features(const Surface& surfa
       before ? 1.0 : 0.0,
       std::log(evidence.depth_error_m + kMinDepthError_m),
       std::log(evidence.color_error + kMinColorError),
-      log_depth,
   };
 }
 

@@ -141,27 +141,28 @@ constexpr double kMaxFlatArea_m2 = 0.1;
 /// Depth, m, below which a frame shows more detail than a map has.
 constexpr double kNearDepth_m = 0.8;
 
-/// Logistic regression found by benchmarks/fit_confidence.py on 21 simulated homes and a real room.
-constexpr double kConfidenceOffset = -7.289;
+/// Logistic regression found by benchmarks/fit_confidence.py on simulated homes, a foreign home and a
+/// real room (benchmarks/results/detection.md).
+constexpr double kConfidenceOffset = -18.337;
 constexpr std::array<double, kConfidenceFeatures> kConfidenceWeights{
-    1.076,    // depth step
-    -4.054,   // nearness
-    -0.373,   // area in the image
-    2.862,    // thickness
-    -4.021,   // attached share
-    0.826,    // residual colour
-    -2.231,   // correlation, raised
-    -6.450,   // correlation, flat
-    -2.522,   // depth change around
-    -10.178,  // colour change around, flat
-    -2.281,   // large area, flat
-    11.821,   // known visibility
-    -0.349,   // seen through, in the map
-    0.289,    // seen through, in the frame
-    -2.816,   // in the map
-    0,        // expected error of the depth
-    0,        // expected error of the colours
-    0,        // depth
+    2.063,   // depth step
+    -0.330,  // colour step, flat
+    -5.812,  // nearness
+    -0.439,  // area in the image
+    2.766,   // thickness
+    -3.846,  // attached share
+    1.626,   // residual colour
+    -2.820,  // correlation, raised
+    -4.364,  // correlation, flat
+    -2.082,  // depth change around
+    -8.295,  // colour change around, flat
+    -3.579,  // large area, flat
+    18.029,  // known visibility
+    -0.186,  // seen through, in the map
+    0.726,   // seen through, in the frame
+    -3.118,  // in the map
+    -1.923,  // expected error of the depth
+    -0.539,  // expected error of the colours
 };
 
 // Light (color_constancy.cpp).

@@ -39,9 +39,8 @@ def test_errors_are_means_over_the_surface() -> None:
     assert found.evidence.depth_error_m == pytest.approx(0.01, rel=0.05)
     assert found.evidence.color_error == pytest.approx(0.3, rel=0.05)
     features = core.confidence_features(found)
-    assert features[15] == pytest.approx(np.log(found.evidence.depth_error_m + 0.003))
-    assert features[16] == pytest.approx(np.log(found.evidence.color_error + 0.02))
-    assert features[17] == pytest.approx(np.log(found.depth_m + 0.001))
+    assert features[16] == pytest.approx(np.log(found.evidence.depth_error_m + 0.003))
+    assert features[17] == pytest.approx(np.log(found.evidence.color_error + 0.02))
 
 
 def test_without_errors_typical_ones_count() -> None:
