@@ -160,7 +160,8 @@ Raises:
            py::arg("rendered_rgb"), py::arg("observed_depth"), py::arg("rendered_depth"),
            py::arg("alpha"), py::arg("similarity"), py::arg("depth_error") = std::nullopt,
            py::arg("color_error") = std::nullopt,
-           py::arg("noise") = std::pair(detect::DepthNoise().constant_m, detect::DepthNoise().per_m));
+           py::arg("noise") =
+               std::pair(detect::DepthNoise().constant_m, detect::DepthNoise().per_m));
 }
 
 void define_masks(py::module_& m) {

@@ -82,10 +82,10 @@ void define_object_rule(py::module_& m) {
                        double min_area_m2, int min_area_px, double min_flat_area_m2,
                        double min_flat_color, double min_flat_step_m, double min_flat_contrast,
                        double min_match_score, double min_confidence) {
-             return ObjectRule{
-                 step_sigmas,     step_px,          edge_tolerance_px,
-                 min_area_m2,     min_area_px,       min_flat_area_m2, min_flat_color,
-                 min_flat_step_m, min_flat_contrast, min_match_score,  min_confidence};
+             return ObjectRule{step_sigmas,     step_px,         edge_tolerance_px,
+                               min_area_m2,     min_area_px,     min_flat_area_m2,
+                               min_flat_color,  min_flat_step_m, min_flat_contrast,
+                               min_match_score, min_confidence};
            }),
            py::kw_only(), py::arg("step_sigmas") = rule.step_sigmas,
            py::arg("step_px") = rule.step_px,

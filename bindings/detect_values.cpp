@@ -60,8 +60,7 @@ Args:
            py::arg("residual_color") = none.residual_color,
            py::arg("correlation") = none.correlation, py::arg("ring_depth_m") = none.ring_depth_m,
            py::arg("ring_color_ratio") = none.ring_color_ratio,
-           py::arg("depth_error_m") = none.depth_error_m,
-           py::arg("color_error") = none.color_error)
+           py::arg("depth_error_m") = none.depth_error_m, py::arg("color_error") = none.color_error)
       .def_readonly("step_ratio", &Evidence::step_ratio)
       .def_readonly("changed_share", &Evidence::changed_share)
       .def_readonly("thickness_m", &Evidence::thickness_m)

@@ -141,8 +141,8 @@ constexpr double kMaxFlatArea_m2 = 0.1;
 /// Depth, m, below which a frame shows more detail than a map has.
 constexpr double kNearDepth_m = 0.8;
 
-/// Logistic regression found by benchmarks/fit_confidence.py on simulated homes, a foreign home and a
-/// real room (benchmarks/results/detection.md).
+/// Logistic regression found by benchmarks/fit_confidence.py on simulated homes, a foreign home and
+/// a real room (benchmarks/results/detection.md).
 constexpr double kConfidenceOffset = -18.337;
 constexpr std::array<double, kConfidenceFeatures> kConfidenceWeights{
     2.063,   // depth step

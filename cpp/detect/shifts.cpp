@@ -85,8 +85,8 @@ class Scene {
     const double z = pixel.depth_m;
     const float depth = depth_of(side)[k];
     if (!known_[k] || !has_depth(depth)) return Answer::kUnknown;
-    const double tolerance_m = kShiftDepth_m + kShiftDepthPerM * z * z +
-                               rule_.step_px * double(slope_.ptr<float>()[k]);
+    const double tolerance_m =
+        kShiftDepth_m + kShiftDepthPerM * z * z + rule_.step_px * double(slope_.ptr<float>()[k]);
     if (depth < z - tolerance_m) return Answer::kUnknown;
     const float* color = rgb_of(side) + 3 * k;
     if (depth > z + tolerance_m || color_difference(color, point.color) > rule_.min_flat_color) {

@@ -60,12 +60,12 @@ class ObjectRule:
     """
     Thresholds that separate objects that changed from errors of sensor, pose and map; immutable.
     
-    A surface counts as nearer than that of the other image if it is so by step_m, measured across the
-    surface, plus step_per_m depth^2, plus the change of its depth within step_px pixels.
+    A surface counts as nearer than that of the other image if it is so by `step_sigmas` standard
+    deviations of the depth, the constant part measured across the surface, plus the change of its depth
+    within `step_px` pixels.
     
     Args:
-        step_m: Constant part of the step, m.
-        step_per_m: Part that grows with the square of the depth, 1/m.
+        step_sigmas: Minimum step, in standard deviations.
         step_px: Part for the slope of the surface, px.
         edge_tolerance_px: By which edges may be misplaced, px.
         min_area_m2: Minimum area of a surface, facing the camera, m^2.
@@ -79,7 +79,7 @@ class ObjectRule:
         min_match_score: Minimum `match_score` of the two ends of a relocation, 0 to 1.
         min_confidence: Minimum confidence of a reported change, 0 to 1.
     """
-    def __init__(self, *, step_m: typing.SupportsFloat | typing.SupportsIndex = 0.025, step_per_m: typing.SupportsFloat | typing.SupportsIndex = 0.006, step_px: typing.SupportsFloat | typing.SupportsIndex = 1.0, edge_tolerance_px: int = 2, min_area_m2: typing.SupportsFloat | typing.SupportsIndex = 0.0006, min_area_px: int = 25, min_flat_area_m2: typing.SupportsFloat | typing.SupportsIndex = 0.0015, min_flat_color: typing.SupportsFloat | typing.SupportsIndex = 0.15, min_flat_step_m: typing.SupportsFloat | typing.SupportsIndex = 0.006, min_flat_contrast: typing.SupportsFloat | typing.SupportsIndex = 0.03, min_match_score: typing.SupportsFloat | typing.SupportsIndex = 0.25, min_confidence: typing.SupportsFloat | typing.SupportsIndex = 0.5) -> None:
+    def __init__(self, *, step_sigmas: typing.SupportsFloat | typing.SupportsIndex = 3.0, step_px: typing.SupportsFloat | typing.SupportsIndex = 1.0, edge_tolerance_px: int = 2, min_area_m2: typing.SupportsFloat | typing.SupportsIndex = 0.0006, min_area_px: int = 25, min_flat_area_m2: typing.SupportsFloat | typing.SupportsIndex = 0.0015, min_flat_color: typing.SupportsFloat | typing.SupportsIndex = 0.15, min_flat_step_m: typing.SupportsFloat | typing.SupportsIndex = 0.006, min_flat_contrast: typing.SupportsFloat | typing.SupportsIndex = 0.03, min_match_score: typing.SupportsFloat | typing.SupportsIndex = 0.25, min_confidence: typing.SupportsFloat | typing.SupportsIndex = 0.5) -> None:
         ...
     @property
     def edge_tolerance_px(self) -> int:
@@ -109,13 +109,10 @@ class ObjectRule:
     def min_match_score(self) -> float:
         ...
     @property
-    def step_m(self) -> float:
-        ...
-    @property
-    def step_per_m(self) -> float:
-        ...
-    @property
     def step_px(self) -> float:
+        ...
+    @property
+    def step_sigmas(self) -> float:
         ...
 class ChangeType:
     """
@@ -225,8 +222,10 @@ class Evidence:
         correlation: Of the brightness of both images, on it and beside it, -1 to 1.
         ring_depth_m: Median absolute difference of the depths around it, m.
         ring_color_ratio: Colour change around it, as a share of that on it.
+        depth_error_m: Mean expected error of the rendered depth, m.
+        color_error: Mean expected error of the rendered colour, summed over the channels.
     """
-    def __init__(self, *, step_ratio: typing.SupportsFloat | typing.SupportsIndex = 0.0, changed_share: typing.SupportsFloat | typing.SupportsIndex = 0.0, thickness_m: typing.SupportsFloat | typing.SupportsIndex = 0.0, attached_share: typing.SupportsFloat | typing.SupportsIndex = 0.0, residual_color: typing.SupportsFloat | typing.SupportsIndex = 0.0, correlation: typing.SupportsFloat | typing.SupportsIndex = 0.0, ring_depth_m: typing.SupportsFloat | typing.SupportsIndex = 0.0, ring_color_ratio: typing.SupportsFloat | typing.SupportsIndex = 0.0) -> None:
+    def __init__(self, *, step_ratio: typing.SupportsFloat | typing.SupportsIndex = 0.0, changed_share: typing.SupportsFloat | typing.SupportsIndex = 0.0, thickness_m: typing.SupportsFloat | typing.SupportsIndex = 0.0, attached_share: typing.SupportsFloat | typing.SupportsIndex = 0.0, residual_color: typing.SupportsFloat | typing.SupportsIndex = 0.0, correlation: typing.SupportsFloat | typing.SupportsIndex = 0.0, ring_depth_m: typing.SupportsFloat | typing.SupportsIndex = 0.0, ring_color_ratio: typing.SupportsFloat | typing.SupportsIndex = 0.0, depth_error_m: typing.SupportsFloat | typing.SupportsIndex = 0.012, color_error: typing.SupportsFloat | typing.SupportsIndex = 0.05) -> None:
         ...
     @property
     def attached_share(self) -> float:
@@ -235,7 +234,13 @@ class Evidence:
     def changed_share(self) -> float:
         ...
     @property
+    def color_error(self) -> float:
+        ...
+    @property
     def correlation(self) -> float:
+        ...
+    @property
+    def depth_error_m(self) -> float:
         ...
     @property
     def residual_color(self) -> float:
@@ -485,11 +490,15 @@ class Views:
         rendered_depth: [H,W] float32, z in the camera frame, m; 0 where nothing is.
         alpha: [H,W] float32, opacity of the map, 0 to 1.
         similarity: [H,W] float32, cosine of the features of both images, -1 to 1.
+        depth_error: [H,W] float32, expected error of the rendered depth, m; None if it is not known.
+        color_error: [H,W] float32, expected error of the rendered colours, summed over the channels.
+        noise: (a, b), m and 1/m: the standard deviation of the difference of measured and rendered
+            depths z of an unchanged surface is a + b z^2.
     
     Raises:
         ValueError: An array has another shape, type or layout.
     """
-    def __init__(self, *, camera: gslts._core.map.Camera, observed_rgb: numpy.ndarray, rendered_rgb: numpy.ndarray, observed_depth: numpy.ndarray, rendered_depth: numpy.ndarray, alpha: numpy.ndarray, similarity: numpy.ndarray) -> None:
+    def __init__(self, *, camera: gslts._core.map.Camera, observed_rgb: numpy.ndarray, rendered_rgb: numpy.ndarray, observed_depth: numpy.ndarray, rendered_depth: numpy.ndarray, alpha: numpy.ndarray, similarity: numpy.ndarray, depth_error: numpy.ndarray | None = None, color_error: numpy.ndarray | None = None, noise: tuple[typing.SupportsFloat | typing.SupportsIndex, typing.SupportsFloat | typing.SupportsIndex] = (0.0083, 0.002)) -> None:
         ...
 class Masks:
     """
@@ -540,7 +549,7 @@ def confidence(surface: Surface) -> float:
     Returns:
         Calibrated probability, 0 to 1.
     """
-def confidence_features(surface: Surface) -> typing.Annotated[list[float], "FixedSize(15)"]:
+def confidence_features(surface: Surface) -> typing.Annotated[list[float], "FixedSize(18)"]:
     """
     Compute the numbers that `confidence` weighs.
     

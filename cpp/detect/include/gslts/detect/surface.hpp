@@ -24,7 +24,7 @@ struct Evidence {
   double residual_color = 0;
   double correlation = 0;   ///< Correlation of both brightness images, on and beside it, -1 to 1.
   double ring_depth_m = 0;  ///< Median absolute difference of the depths around it, m.
-  double ring_color_ratio = 0;  ///< Colour change around it, as a share of that on it.
+  double ring_color_ratio = 0;   ///< Colour change around it, as a share of that on it.
   double depth_error_m = 0.012;  ///< Mean expected error of the rendered depth, m.
   double color_error = 0.05;     ///< Mean expected error of the rendered colour, over the channels.
 };
