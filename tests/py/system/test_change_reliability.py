@@ -120,7 +120,7 @@ DEPTHS: dict[str, Spoil] = {
 }
 
 
-@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize("view", ["front", "wall"])
 @pytest.mark.parametrize("how", [name for name in SPOILED if "depth" not in name])
 def test_a_spoiled_frame_without_depth_is_unreliable(how: str, view: str) -> None:
     spoil, _ = SPOILED[how]
@@ -130,7 +130,7 @@ def test_a_spoiled_frame_without_depth_is_unreliable(how: str, view: str) -> Non
     assert detection.changes == ()
 
 
-@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize("view", ["front", "wall"])
 @pytest.mark.parametrize("how", DEPTHS)
 def test_an_unchanged_frame_without_depth_has_no_change(how: str, view: str) -> None:
     frame = DEPTHS[how](see(change_room.home(), VIEWS[view], "kinect", seed=1))
