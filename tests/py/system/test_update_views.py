@@ -12,7 +12,7 @@ from gslts.update.views import View, align_view
 
 
 def wall_beside(view: View) -> GaussianMap:
-    """Return a wide Gaussian at the left edge of a view, 4 sigma from the camera."""
+    """Return a wide grey Gaussian at the left edge of a view, 4 sigma from the camera."""
     gaussian_map, _ = change_room.mapped()
     wall = gaussian_map.select(np.arange(1))
     pose = view.camera.world_from_camera
@@ -22,6 +22,7 @@ def wall_beside(view: View) -> GaussianMap:
         means=position[None].astype(np.float32),
         log_scales=np.log(np.full((1, 3), 0.1, np.float32)),
         logit_opacities=np.full_like(wall.logit_opacities, 3),
+        sh=np.zeros_like(wall.sh),
     )
 
 
