@@ -21,6 +21,7 @@ from logistic_regression import fit, logistic
 from tqdm import tqdm
 
 from gslts._core import detect as _core
+from gslts.change.depth_quality import DepthQuality
 from gslts.change.detector import ChangeDetector
 from gslts.core.camera import Camera, unproject
 from gslts.core.frame import RgbdFrame
@@ -53,7 +54,7 @@ class RegionDetector(ChangeDetector):
 
     regions: Sequence[_core.Region] = ()
 
-    def _changes(self, views: _core.Views, masks: _core.Masks, _is_coarse: bool) -> Any:
+    def _changes(self, views: _core.Views, masks: _core.Masks, _depth: DepthQuality) -> Any:
         self.regions = _core.find_regions(views, masks, self.config.objects)
         return (), (), np.zeros(1, np.int32)
 
