@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gslts.cli.mapping import BAR, Dataset, Map, Preset, Threads
+from gslts.cli.mapping import (
+    BAR,
+    Dataset,
+    Map,
+    Poses,
+    PosesOption,
+    Preset,
+    Threads,
+    open_with_poses,
+)
 
 if TYPE_CHECKING:
     from gslts.extension.pipeline import MapExtension
@@ -22,6 +31,7 @@ def extend(
     every: Annotated[
         int, typer.Option(min=1, help="Use every n-th frame, for long recordings.")
     ] = 1,
+    poses: PosesOption = Poses.GIVEN,
     threads: Threads = 0,
 ) -> None:
     """Add what a recording shows and the map does not know, as a new version.
@@ -33,17 +43,13 @@ def extend(
 
     Example: gslts extend out/map out/next_room
     """
-    from dataclasses import replace
-
     from tqdm import tqdm
 
-    from gslts.datasets import open_dataset
     from gslts.extension.pipeline import extend_map
     from gslts.mapping.config import PRESETS
     from gslts.mapping.optimize import Progress
 
-    opened = open_dataset(dataset)
-    opened = replace(opened, frames=opened.frames[::every])
+    opened = open_with_poses(dataset, poses, every)
     config = PRESETS[preset].with_settings([f"threads={threads}"])
     with (
         tqdm(desc="placing", unit="frame", disable=None) as placing,

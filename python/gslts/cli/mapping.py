@@ -30,6 +30,21 @@ class Preset(StrEnum):
     BEST = "best"
 
 
+class Poses(StrEnum):
+    """Source of the poses of a recording."""
+
+    GIVEN = "given"
+    CORRECT = "correct"
+    ESTIMATE = "estimate"
+
+
+PosesOption = Annotated[
+    Poses,
+    typer.Option(
+        help="Poses of the frames: as the recording gives them, these corrected by loop closures, "
+        "or estimated from the images alone."
+    ),
+]
 Dataset = Annotated[
     Path,
     typer.Argument(
@@ -65,6 +80,7 @@ def make(
     every: Annotated[
         int, typer.Option(min=1, help="Use every n-th frame, for long recordings.")
     ] = 1,
+    poses: PosesOption = Poses.GIVEN,
     settings: Annotated[
         list[str] | None,
         typer.Option(
@@ -86,13 +102,14 @@ def make(
     A warning tells if the map does not show the frames that it was made from.
 
     The folder of the map holds the Gaussians, a manifest, the corrected cameras and report.html.
-    During the run, OUT.checkpoint.npz holds the state for --resume.
+    During the run, OUT.checkpoint.npz and OUT.trajectory.json hold the state for --resume.
+
+    With --poses correct or estimate, frames that cannot be placed are named and left out.
 
     Example: gslts map out/kitchen_3 --out out/map
-    """
-    from dataclasses import replace
 
-    from gslts.datasets import open_dataset
+    Example: gslts map recording --poses estimate --out out/map
+    """
     from gslts.mapping.checkpoint import read_checkpoint
     from gslts.mapping.config import PRESETS
     from gslts.mapping.report.summary import summary_of, warning_of, write_result
@@ -100,10 +117,13 @@ def make(
     if out.exists():
         raise FileExistsError(f"{out} is there already")
     saved = out.with_name(f"{out.name}.checkpoint.npz")
+    trajectory = out.with_name(f"{out.name}.trajectory.json")
     if saved.exists() and not resume:
         raise FileExistsError(
             f"{saved}: an interrupted run; continue it with --resume, or remove the file"
         )
+    if not resume:
+        trajectory.unlink(missing_ok=True)
     options = {
         "iterations": iterations,
         "budget_s": budget_s,
@@ -113,17 +133,66 @@ def make(
     chosen = [f"{name}={value}" for name, value in options.items() if value is not None]
     config = PRESETS[preset].with_settings([*chosen, *(settings or [])])
     start = read_checkpoint(saved) if resume else None
-    opened = open_dataset(dataset)
-    opened = replace(opened, frames=opened.frames[::every])
     out.parent.mkdir(parents=True, exist_ok=True)
+    opened = open_with_poses(dataset, poses, every, trajectory)
     result = _map_with_bar(opened, config, start, saved)
-    write_result(out, result, opened.name)
+    write_result(out, result, opened.name, None if poses is Poses.GIVEN else opened)
     saved.unlink(missing_ok=True)
+    trajectory.unlink(missing_ok=True)
     for reason in result.skipped:
         typer.echo(f"skipped {reason}", err=True)
     if (warning := warning_of(result)) is not None:
         typer.echo(f"warning: {warning}", err=True)
     typer.echo(f"wrote {out}: {summary_of(result)}")
+
+
+def open_with_poses(
+    dataset: Path, poses: Poses, every: int = 1, saved: Path | None = None
+) -> OpenedDataset:
+    """Open a data set at given, corrected or estimated poses, with progress bars.
+
+    Args:
+        dataset: Folder or file.
+        poses: Source of the poses.
+        every: Use every n-th frame.
+        saved: File that keeps the poses that were found; if it exists, they are read from it.
+
+    Raises:
+        OSError: The path does not exist or cannot be read.
+        ValueError: It is no data set, or no pose can be estimated.
+    """
+    from dataclasses import replace
+
+    from tqdm import tqdm
+
+    from gslts.datasets import open_dataset
+    from gslts.datasets.posed import with_poses
+    from gslts.store.trajectory_file import read_trajectory, write_trajectory
+    from gslts.trajectory.estimate import estimate_poses
+
+    if poses is Poses.GIVEN:
+        opened = open_dataset(dataset)
+        return replace(opened, frames=opened.frames[::every])
+    opened = open_dataset(dataset, posed=False)
+    opened = replace(opened, frames=opened.frames[::every])
+    if saved is not None and saved.exists():
+        return with_poses(opened, read_trajectory(saved))
+    found = estimate_poses(
+        opened,
+        correct=poses is Poses.CORRECT,
+        show_frames=lambda frames: tqdm(frames, desc="odometry", unit="frame", disable=None),
+        show_loops=lambda loops: tqdm(loops, desc="loop closures", unit="pair", disable=None),
+    )
+    for reason in found.unplaced:
+        typer.echo(f"not placed: {reason}", err=True)
+    typer.echo(
+        f"placed {len(found.dataset.frames)} of {len(opened.frames)} frames: {found.keyframes} "
+        f"keyframes, {found.loops} loop closures",
+        err=True,
+    )
+    if saved is not None:
+        write_trajectory(saved, found.dataset)
+    return found.dataset
 
 
 def _map_with_bar(
@@ -184,18 +253,18 @@ def judge(
     """
     from tqdm import tqdm
 
-    from gslts.datasets import open_dataset
     from gslts.mapping.evaluation.evaluate import evaluate_held_out
     from gslts.mapping.evaluation.held_out import TrainingRecord, read_test_frames
     from gslts.mapping.evaluation.rendering import evaluate_rendering
     from gslts.rendering.metrics import Lpips
     from gslts.store.map_folder import read_map
+    from gslts.store.trajectory_file import open_recording
 
     weights = both_weights(lpips_backbone, lpips_heads)
     lpips = None if weights is None else Lpips(*weights)
     gaussian_map = read_map(map_path)
     frames, skipped = read_test_frames(
-        open_dataset(dataset),
+        open_recording(map_path, dataset),
         TrainingRecord.read(map_path),
         every,
         lambda frames: tqdm(frames, desc="reading", unit="frame", disable=None),

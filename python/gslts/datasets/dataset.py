@@ -95,6 +95,7 @@ class Dataset:
         skipped: Frames that cannot be used: name and reason, one line each.
         points: Points of the scene; None if the data set has none.
         unposed: Frames without a pose; the pose of their cameras is the identity.
+        why_unposed: Reason why they have none.
     """
 
     name: str
@@ -102,6 +103,7 @@ class Dataset:
     skipped: tuple[str, ...] = ()
     points: PointCloud | None = None
     unposed: tuple[Frame, ...] = ()
+    why_unposed: str = "it has no pose"
 
 
 @dataclass(frozen=True, eq=False)

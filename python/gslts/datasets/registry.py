@@ -47,6 +47,8 @@ def open_dataset(path: str | os.PathLike[str], *, posed: bool = True) -> Dataset
             dataset = _select_usable(open_path(path), posed)
             if len(dataset.frames) < MIN_FRAMES:
                 why = f"; {dataset.skipped[0]}" if dataset.skipped else ""
+                if len(dataset.unposed) >= MIN_FRAMES:
+                    why += "; gslts map --poses estimate finds poses by the images"
                 raise ValueError(
                     f"{path}: {len(dataset.frames)} usable frames, at least {MIN_FRAMES} are "
                     f"needed{why}"
@@ -58,5 +60,5 @@ def open_dataset(path: str | os.PathLike[str], *, posed: bool = True) -> Dataset
 def _select_usable(dataset: Dataset, posed: bool) -> Dataset:
     if not posed:
         return replace(dataset, frames=(*dataset.frames, *dataset.unposed))
-    without_pose = tuple(f"{frame.name}: it has no pose" for frame in dataset.unposed)
+    without_pose = tuple(f"{frame.name}: {dataset.why_unposed}" for frame in dataset.unposed)
     return replace(dataset, skipped=(*dataset.skipped, *without_pose))

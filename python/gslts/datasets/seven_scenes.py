@@ -1,5 +1,7 @@
 """7-Scenes (Shotton et al. 2013): frame-N.color, .depth.png and .pose.txt in one folder.
 
+Without any .pose.txt, frames have no pose.
+
 The images come from a Kinect without registration: the poses, found by KinectFusion, are those of
 the depth camera.
 """
@@ -40,7 +42,7 @@ def is_seven_scenes(path: Path) -> bool:
     Args:
         path: Any path.
     """
-    return any(path.glob("frame-*.pose.txt"))
+    return any(path.glob("frame-*.pose.txt")) or any(path.glob("frame-*.color.*"))
 
 
 def open_seven_scenes(path: Path) -> Dataset:
@@ -58,15 +60,16 @@ def open_seven_scenes(path: Path) -> Dataset:
     matrix = read_numbers(intrinsics, (3, 3)) if intrinsics.exists() else None
     frames: list[ImageFrame] = []
     skipped: list[str] = []
-    for pose_path in sorted(path.glob("frame-*.pose.txt")):
-        stem = pose_path.name.removesuffix(".pose.txt")
+    poses = sorted(path.glob("frame-*.pose.txt"))
+    named = poses or sorted(path.glob("frame-*.color.*"))
+    for stem in (file.name.split(".")[0] for file in named):
         try:
             rgb = next(path.glob(f"{stem}.color.*"), None)
             if rgb is None:
                 raise ValueError("there is no colour image")
             size = image_size(rgb)
             depth = path / f"{stem}.depth.png"
-            pose = rigid(read_numbers(pose_path, (4, 4)))
+            pose = rigid(read_numbers(path / f"{stem}.pose.txt", (4, 4))) if poses else np.eye(4)
             frames.append(
                 ImageFrame(
                     rgb,
@@ -79,7 +82,8 @@ def open_seven_scenes(path: Path) -> Dataset:
             )
         except (OSError, ValueError) as error:
             skipped.append(f"{stem}: {error}")
-    return Dataset(name_of(path), tuple(frames), tuple(skipped))
+    posed, unposed = (tuple(frames), ()) if poses else ((), tuple(frames))
+    return Dataset(name_of(path), posed, tuple(skipped), unposed=unposed)
 
 
 def _color_camera(size: tuple[int, int], pose: Floats) -> Camera:

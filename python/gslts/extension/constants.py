@@ -6,10 +6,6 @@ MAX_SCOUTS = 40
 """Maximum number of frames that are localized without a prior, evenly spread over the recording."""
 MIN_ANCHORS = 2
 """Minimum number of frames that must be localized in the map and agree with the odometry."""
-MAX_DRIFT_M, MAX_DRIFT_SHARE = 0.15, 0.05
-MAX_DRIFT_RAD = 0.1
-"""Maximum difference between the motion of two localized frames and that of the odometry: m, plus a
-share of the path between them, and rad. Wheel odometry drifts by 1 to 2 % of the path."""
 
 GRID_COLUMNS = 40
 """Number of cells in a row of the grid on which a frame is compared with the map."""

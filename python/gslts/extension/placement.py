@@ -13,16 +13,14 @@ from itertools import pairwise
 import numpy as np
 
 from gslts.core.frame import RgbdFrame
-from gslts.core.se3 import pose_distance, product, relative, se3_retract, twist_of
+from gslts.core.se3 import product, relative, se3_retract, twist_of
 from gslts.extension.constants import (
-    MAX_DRIFT_M,
-    MAX_DRIFT_RAD,
-    MAX_DRIFT_SHARE,
     MAX_SCOUTS,
     MIN_ANCHORS,
 )
 from gslts.localization.relocalizer import Localization, Relocalizer
 from gslts.mapping.observation import Observation
+from gslts.trajectory.drift import DriftingPoses
 from gslts.types import Floats
 
 
@@ -87,17 +85,16 @@ class _Track:
     ) -> None:
         self.frames, self.anchors = frames, dict[int, Floats]()
         self._relocalizer, self._on_frame = relocalizer, on_frame
-        self._given = [frame.world_from_camera for frame in frames]
-        centres = np.array([pose[:3, 3] for pose in self._given])
-        steps_m = np.linalg.norm(np.diff(centres, axis=0), axis=1)
-        self._path_m = np.concatenate([[0], np.cumsum(steps_m)])
+        self._given = DriftingPoses([frame.world_from_camera for frame in frames])
 
     def find_scouts(self) -> None:
         """Localize some frames: near the given poses, or anywhere if these are of another world."""
         count = len(self.frames)
         scouts = np.unique(np.linspace(0, count - 1, min(count, MAX_SCOUTS)).astype(int))
         for k in scouts.tolist():
-            if not self._keep(k, self._relocalizer.track(self._frame(k), self._given[k])):
+            if not self._keep(
+                k, self._relocalizer.track(self._frame(k), self.frames[k].world_from_camera)
+            ):
                 self._keep(k, self._relocalizer.localize(self._frame(k)))
             self._on_frame()
 
@@ -132,8 +129,8 @@ class _Track:
             return poses[0]
         assert before is not None
         assert after is not None
-        length_m = self._path_m[after] - self._path_m[before]
-        share = (self._path_m[k] - self._path_m[before]) / max(length_m, 1e-9)
+        length_m = self._given.path_m(before, after)
+        share = self._given.path_m(before, k) / max(length_m, 1e-9)
         return se3_retract(poses[0], share * twist_of(relative(poses[0], poses[1])))
 
     def broken_gap(self, k: int) -> tuple[int, int] | None:
@@ -158,14 +155,11 @@ class _Track:
         return before, min((end for end in self.anchors if end > k), default=None)
 
     def _from_anchor(self, anchor: int, k: int) -> Floats:
-        motion = relative(self._given[anchor], self._given[k])
-        return product(self.anchors[anchor], motion)
+        return product(self.anchors[anchor], self._given.motion(anchor, k))
 
     def _agree(self, a: int, b: int) -> bool:
         """Test if the motion between two anchors is that of the given poses, up to drift."""
-        metres, turn_rad = pose_distance(self._from_anchor(a, b), self.anchors[b])
-        path_m = self._path_m[b] - self._path_m[a]
-        return metres <= MAX_DRIFT_M + MAX_DRIFT_SHARE * path_m and turn_rad <= MAX_DRIFT_RAD
+        return self._given.allows(a, b, relative(self.anchors[a], self.anchors[b]))
 
 
 def _move(frame: Observation, world_from_camera: Floats) -> Observation:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from gslts._core import reloc as _core
-from gslts.core.camera import unproject
+from gslts.core.camera import at_pose, unproject
 from gslts.core.gaussian_map import GaussianMap
-from gslts.core.se3 import inverse_transform, transform
+from gslts.core.se3 import transform
 from gslts.localization.constants import CLOUD_LEVEL, CLOUD_MARGIN_M, SOLID_OPACITY
 from gslts.localization.image_pyramid import ImagePyramid
 from gslts.types import Floats, Floats32
@@ -33,12 +33,7 @@ class SurfaceCloud:
         Returns:
             [4,4] world_from_camera, m; the initial pose if too few points overlap.
         """
-        level = min(CLOUD_LEVEL, len(pyramid.frames) - 1)
-        depth, camera = pyramid.depths[level], pyramid.frames[level].camera
-        rows, columns = np.nonzero(depth)
-        pixels = np.column_stack([columns, rows]).astype(np.float64) + 0.5
-        in_world = unproject(camera, pixels, depth[rows, columns].astype(np.float64))
-        in_camera = inverse_transform(camera.world_from_camera, in_world)
+        in_camera = depth_points(pyramid)
         guess = world_from_camera.copy()
         guess[:3, 3] -= self._map.origin
         in_map = transform(guess, in_camera)
@@ -62,3 +57,16 @@ class SurfaceCloud:
         solid = self._map.logit_opacities[rows] > np.log(SOLID_OPACITY / (1 - SOLID_OPACITY))
         near: Floats32 = points[solid & ((points > low) & (points < high)).all(axis=1)]
         return near
+
+
+def depth_points(pyramid: ImagePyramid) -> Floats:
+    """Return the measured points [P,3] of a frame in its camera frame, m, at `CLOUD_LEVEL`.
+
+    Args:
+        pyramid: Images of the frame.
+    """
+    level = min(CLOUD_LEVEL, len(pyramid.frames) - 1)
+    depth, camera = pyramid.depths[level], at_pose(pyramid.frames[level].camera, np.eye(4))
+    rows, columns = np.nonzero(depth)
+    pixels = np.column_stack([columns, rows]).astype(np.float64) + 0.5
+    return unproject(camera, pixels, depth[rows, columns].astype(np.float64))

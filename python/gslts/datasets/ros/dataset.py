@@ -115,6 +115,8 @@ def is_rosbag(path: Path) -> bool:
 def open_rosbag(path: Path) -> Dataset:
     """Open a bag; all colour images that have a pose become frames.
 
+    Without a source of poses, all of them are frames without a pose.
+
     `choose_topics` chooses the topics. Poses come from /tf and /tf_static if the root above the
     camera's optical frame is fixed, such as map or odom, or if there is no other source; otherwise
     from the one topic of poses. Odometry names its child frame; other types do not, and are taken
@@ -126,7 +128,8 @@ def open_rosbag(path: Path) -> Dataset:
     Raises:
         ImportError: The package rosbags is missing.
         OSError: The bag cannot be read.
-        ValueError: The bag is damaged, or topics are missing or ambiguous; the message lists them.
+        ValueError: The bag is damaged, or topics of images are missing or ambiguous; the message
+            lists them.
     """
     bag = Bag(path)
     colour, depth = choose_topics(bag)
@@ -135,7 +138,11 @@ def open_rosbag(path: Path) -> Dataset:
     if depth is not None and depth.info is not None:
         depth_camera = _camera(bag, depth)
     tree, tracks = _poses(bag)
-    poses = _PoseSource(path, tree, tracks, rgb_camera.frame)
+    poses, why_unposed = None, ""
+    try:
+        poses = _PoseSource(tree, tracks, rgb_camera.frame)
+    except ValueError as error:
+        why_unposed = str(error)
     wanted = [colour.topic] if depth is None else [colour.topic, depth.topic]
     keys = bag.keys(wanted)
     depth_keys = [] if depth is None else keys[depth.topic]
@@ -146,7 +153,9 @@ def open_rosbag(path: Path) -> Dataset:
     for key in keys[colour.topic]:
         frame = RosFrame(bag, key, rgb_camera.camera, rgb_camera.lens)
         try:
-            camera = at_pose(rgb_camera.camera, poses.world_from_camera(key.time_ns))
+            camera = rgb_camera.camera
+            if poses is not None:
+                camera = at_pose(camera, poses.world_from_camera(key.time_ns))
             posed_depth_camera = None
             if depth_camera is not None and not _same_view(rgb_camera, depth_camera):
                 rgb_from_depth = tree.find(rgb_camera.frame, depth_camera.frame, key.time_ns)
@@ -167,6 +176,8 @@ def open_rosbag(path: Path) -> Dataset:
         except ValueError as error:
             skipped.append(f"{frame.name}: {error}")
     name = path.stem if path.is_file() else name_of(path)
+    if poses is None:
+        return Dataset(name, (), tuple(skipped), unposed=tuple(frames), why_unposed=why_unposed)
     return Dataset(name, tuple(frames), tuple(skipped))
 
 
@@ -225,21 +236,16 @@ def _poses(bag: Bag) -> tuple[FrameTree, dict[str, _PoseTopic]]:
 class _PoseSource:
     """Finds poses of a camera in tf2 or in a topic of poses."""
 
-    def __init__(
-        self, path: Path, tree: FrameTree, topics: dict[str, _PoseTopic], frame: str
-    ) -> None:
+    def __init__(self, tree: FrameTree, topics: dict[str, _PoseTopic], frame: str) -> None:
         self._tree, self._frame = tree, frame
         self._topic: _PoseTopic | None = None
-        try:
-            self._top = tree.ancestors(frame)[-1]
-            moves = tree.moves(frame)
-        except ValueError as error:
-            raise ValueError(f"{path}: {error}") from None
+        self._top = tree.ancestors(frame)[-1]
+        moves = tree.moves(frame)
         if moves and (self._top.rpartition("/")[2] in WORLDS or not topics):
             return
         if len(topics) != 1:
             raise ValueError(
-                f"{path}: no fixed frame ({', '.join(WORLDS)}) is above {frame} in {TF}; then one "
+                f"no fixed frame ({', '.join(WORLDS)}) is above {frame} in {TF}; then one "
                 f"topic with poses is needed, and there are {', '.join(topics) or 'none'}"
             )
         (self._topic,) = topics.values()

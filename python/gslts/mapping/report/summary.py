@@ -11,6 +11,7 @@ import numpy as np
 
 from gslts.core.gaussian_map import FloatArray
 from gslts.core.se3 import twist_of
+from gslts.datasets import Dataset
 from gslts.localization.landmark_extraction import extract_landmarks
 from gslts.localization.landmark_files import KEY as LANDMARKS
 from gslts.localization.landmark_files import write_landmarks
@@ -25,6 +26,7 @@ from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.store.map_folder import camera_to_json, write_map_folder
 from gslts.store.measurements import KEY as MEASUREMENTS
 from gslts.store.measurements import write_measurements
+from gslts.store.trajectory_file import TRAJECTORY, write_trajectory
 from gslts.types import Bytes, Floats
 
 MIN_TRAINING_PSNR_DB = 19.0
@@ -41,13 +43,16 @@ MEASURING_FRAMES = 200
 Gaussians."""
 
 
-def write_result(folder: Path, result: MappingResult, dataset: str) -> None:
+def write_result(
+    folder: Path, result: MappingResult, dataset: str, estimated: Dataset | None = None
+) -> None:
     """Write the folder of a map with landmarks, measurements and report atomically.
 
     Args:
         folder: New folder; must not exist.
         result: Result of `make_map`.
         dataset: Name of the data set.
+        estimated: The data set at poses that were estimated for it; None if it gave the poses.
 
     Raises:
         OSError: The folder cannot be written, or exists.
@@ -65,6 +70,8 @@ def write_result(folder: Path, result: MappingResult, dataset: str) -> None:
 
     def finish(part: Path) -> dict[str, str]:
         write_report(part / "report.html", report_of(result, dataset))
+        if estimated is not None:
+            write_trajectory(part / TRAJECTORY, estimated)
         return {
             LANDMARKS: write_landmarks(landmarks, part),
             MEASUREMENTS: write_measurements(measurements, part),

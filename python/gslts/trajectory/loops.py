@@ -1,0 +1,36 @@
+"""Search for keyframes that show the same place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gslts._core import reloc as _core
+from gslts.trajectory.constants import LOOP_CANDIDATES, MIN_VOTES, VOTE_NEIGHBOURS, VOTE_STEP
+from gslts.trajectory.features import FrameFeatures
+
+
+def find_loops(keyframes: Sequence[FrameFeatures]) -> list[tuple[int, int]]:
+    """Find pairs of keyframes that share many keypoints, beside those that follow each other.
+
+    Args:
+        keyframes: In the order of the recording.
+
+    Returns:
+        Pairs of indices, the later one first, without repetition.
+    """
+    voters = [np.ascontiguousarray(frame.descriptors[::VOTE_STEP]) for frame in keyframes]
+    owners = np.repeat(np.arange(len(voters), dtype=np.int32), [len(found) for found in voters])
+    if len(owners) == 0:
+        return []
+    points = np.concatenate([frame.points[::VOTE_STEP] for frame in keyframes])
+    index = _core.LandmarkIndex(points, np.concatenate(voters), owners)
+    pairs: set[tuple[int, int]] = set()
+    for k, found in enumerate(voters):
+        rows, _ = index.match(found, VOTE_NEIGHBOURS + 1)
+        votes = np.bincount(owners[rows[rows >= 0]], minlength=len(keyframes))
+        votes[max(0, k - 1) : k + 2] = 0
+        best = np.argsort(-votes, kind="stable")[:LOOP_CANDIDATES]
+        pairs |= {(max(k, int(j)), min(k, int(j))) for j in best if votes[j] >= MIN_VOTES}
+    return sorted(pairs)

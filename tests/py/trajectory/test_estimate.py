@@ -1,0 +1,216 @@
+"""Estimation of the poses of a recording from its images."""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import turn
+
+from gslts.core.camera import Camera, at_pose
+from gslts.core.frame import RgbdFrame
+from gslts.core.se3 import pose_distance, product, relative, rotation
+from gslts.datasets import Dataset
+from gslts.datasets.poses import inverse
+from gslts.trajectory.estimate import estimate_poses
+from gslts.trajectory.pose_graph import Edge, optimize_poses
+from gslts.trajectory.registration import Motion
+
+DRIFT = np.eye(4)
+DRIFT[:2, 3] = 0.01, 0.005
+DRIFT[:3, :3] = rotation(np.array([0, 0, 0.01]))
+"""Error of each step of a drifting odometry: 0.6 degrees and 11 mm."""
+BESIDE = np.eye(4)
+BESIDE[0, 3] = 0.02
+"""Pose of a depth camera beside the colour camera."""
+
+
+@dataclass(frozen=True, eq=False)
+class KeptFrame:
+    """A frame in memory."""
+
+    name: str
+    frame: RgbdFrame
+
+    @property
+    def camera(self) -> Camera:
+        return self.frame.camera
+
+    def read(self) -> RgbdFrame:
+        return self.frame
+
+
+class BrokenFrame:
+    """A frame whose file is damaged."""
+
+    name = "broken"
+
+    def read(self) -> RgbdFrame:
+        raise ValueError("damaged.png: not an image")
+
+
+@pytest.fixture(scope="module")
+def recording() -> Dataset:
+    return dataset_of(turn.frames())
+
+
+def dataset_of(frames: list[RgbdFrame]) -> Dataset:
+    return Dataset("turn", tuple(KeptFrame(f"{k:03}", frame) for k, frame in enumerate(frames)))
+
+
+def at_poses(dataset: Dataset, poses: np.ndarray) -> Dataset:
+    """Return a recording that gives other poses [F,4,4]."""
+    frames = [frame.read() for frame in dataset.frames]
+    return dataset_of(
+        [
+            replace(frame, camera=at_pose(frame.camera, pose))
+            for frame, pose in zip(frames, poses, strict=True)
+        ]
+    )
+
+
+def poses_of(dataset: Dataset) -> np.ndarray:
+    return np.array([frame.camera.world_from_camera for frame in dataset.frames])
+
+
+def errors_of(found: Dataset, true: Dataset) -> tuple[np.ndarray, np.ndarray]:
+    """Return errors of the poses relative to the first one, m and rad."""
+    given = {frame.name: frame.camera.world_from_camera for frame in true.frames}
+    names = [frame.name for frame in found.frames]
+    poses = poses_of(found)
+    pairs = [
+        pose_distance(relative(poses[0], pose), relative(given[names[0]], given[name]))
+        for pose, name in zip(poses, names, strict=True)
+    ]
+    metres, turns_rad = np.array(pairs).T
+    return metres, turns_rad
+
+
+def test_poses(recording):
+    found = estimate_poses(recording)
+    assert found.unplaced == ()
+    assert [f.name for f in found.dataset.frames] == [f.name for f in recording.frames]
+    metres, turns_rad = errors_of(found.dataset, recording)
+    assert np.median(metres) < 0.005
+    assert np.median(turns_rad) < np.deg2rad(0.15)
+    assert metres.max() < 0.02
+    assert turns_rad.max() < np.deg2rad(0.5)
+    assert 5 < found.keyframes < 30
+    assert found.loops > 5
+
+
+def test_world_has_z_up_and_begins_at_the_first_camera(recording):
+    poses = poses_of(estimate_poses(recording).dataset)
+    np.testing.assert_allclose(poses[0][:3, 3], 0, atol=1e-9)
+    assert poses[0][0, 2] > 0.9
+    assert abs(poses[0][1, 2]) < 1e-6
+    true = poses_of(recording)
+    up = poses[0][:3, :3] @ true[0][:3, :3].T @ (0, 0, 1)
+    assert np.arccos(up[2]) < np.deg2rad(0.3)
+
+
+def test_given_poses_are_not_used(recording):
+    moved = at_poses(recording, poses_of(recording)[::-1])
+    found, again = (estimate_poses(dataset).dataset for dataset in (recording, moved))
+    np.testing.assert_array_equal(poses_of(found), poses_of(again))
+
+
+def test_frames_keep_their_images(recording):
+    frame = recording.frames[5].read()
+    depth_camera = at_pose(frame.camera, product(frame.camera.world_from_camera, BESIDE))
+    frames = [other.read() for other in recording.frames]
+    frames[5] = replace(frame, depth_camera=depth_camera)
+    found = estimate_poses(dataset_of(frames)).dataset.frames[5]
+    read = found.read()
+    assert found.name == "005"
+    np.testing.assert_array_equal(read.rgb, frame.rgb)
+    np.testing.assert_array_equal(read.camera.world_from_camera, found.camera.world_from_camera)
+    beside = relative(read.camera.world_from_camera, read.depth_camera.world_from_camera)
+    np.testing.assert_allclose(beside, BESIDE, atol=1e-9)
+
+
+def test_drift_of_the_given_poses_is_corrected(recording):
+    true = poses_of(recording)
+    given = [np.array(true[0])]
+    for before, after in pairwise(true):
+        given.append(product(given[-1], product(relative(before, after), DRIFT)))
+    drifting = at_poses(recording, np.array(given))
+    before, _ = errors_of(drifting, recording)
+    found = estimate_poses(drifting, correct=True).dataset
+    after, turns_rad = errors_of(found, recording)
+    assert before.max() > 0.1
+    assert after.max() < 0.02
+    assert turns_rad.max() < np.deg2rad(0.5)
+    np.testing.assert_allclose(poses_of(found)[0], given[0], atol=1e-9)
+
+
+def test_given_poses_serve_where_images_tell_nothing(recording):
+    frames = [frame.read() for frame in recording.frames]
+    for k in range(10, 14):
+        frames[k] = replace(frames[k], depth=np.zeros_like(frames[k].depth))
+    dark = dataset_of(frames)
+    found = estimate_poses(dark, correct=True)
+    assert found.unplaced == ()
+    metres, _ = errors_of(found.dataset, recording)
+    assert metres.max() < 0.02
+    without = estimate_poses(dark)
+    assert [reason.split(":")[0] for reason in without.unplaced] == ["010", "011", "012", "013"]
+
+
+def test_frames_of_another_place_are_named(recording):
+    turned = [frame.read() for frame in recording.frames]
+    found = estimate_poses(dataset_of([*turned, turn.frame_elsewhere()]))
+    assert found.unplaced == ("030: no other frame surely shows the same place",)
+    assert len(found.dataset.frames) == 30
+
+
+def test_a_frame_that_cannot_be_read_is_named(recording):
+    broken = replace(recording, frames=(*recording.frames[:20], BrokenFrame()))
+    assert estimate_poses(broken).unplaced == ("broken: damaged.png: not an image",)
+
+
+def test_without_depth_no_pose_is_estimated(recording):
+    frames = [frame.read() for frame in recording.frames[:4]]
+    dark = [replace(frame, depth=np.zeros_like(frame.depth)) for frame in frames]
+    with pytest.raises(ValueError, match=r"turn: no two frames show the same place.*record depth"):
+        estimate_poses(dataset_of(dark))
+
+
+def test_frames_with_and_without_poses_are_ordered_by_name(recording):
+    first, *others = recording.frames
+    mixed = replace(recording, frames=(*others, first), unposed=(first,))
+    found = estimate_poses(mixed, correct=True)
+    assert [frame.name for frame in found.dataset.frames] == [f.name for f in recording.frames]
+
+
+def test_loop_closures_that_contradict_are_pruned():
+    """A ring of nodes, and a false loop closure."""
+    step = np.eye(4)
+    step[0, 3] = 1.0
+    motion = Motion(step, 1000 * np.eye(6), 0.9)
+    edges = [Edge(k, k + 1, Motion(inverse(step), motion.information, 0.9)) for k in range(9)]
+    far = np.eye(4)
+    far[1, 3] = 3.0
+    edges += [Edge(9, 0, Motion(far, motion.information, 0.9))]
+    edges += [
+        Edge(k + 2, k, Motion(product(step, step), motion.information, 0.9)) for k in range(8)
+    ]
+    poses = optimize_poses(10, edges)
+    positions = np.array([poses[k][:3, 3] for k in range(10)])
+    np.testing.assert_allclose(positions, np.outer(np.arange(10), (1, 0, 0)), atol=1e-3)
+
+
+def test_largest_connected_part_is_placed():
+    motion = Motion(np.eye(4), 1000 * np.eye(6), 0.9)
+    edges = [Edge(1, 0, motion, True), Edge(3, 2, motion, True), Edge(4, 3, motion, True)]
+    assert sorted(optimize_poses(6, edges)) == [2, 3, 4]
+    assert sorted(optimize_poses(1, [])) == [0]
+    assert optimize_poses(0, []) == {}
+
+
+def test_motions_that_may_be_wrong_need_a_third_frame():
+    motion = Motion(np.eye(4), 1000 * np.eye(6), 0.9)
+    edges = [Edge(1, 0, motion, True), Edge(2, 1, motion, True), Edge(3, 0, motion)]
+    assert sorted(optimize_poses(4, edges)) == [0, 1, 2]
+    edges.append(Edge(3, 1, motion))
+    assert sorted(optimize_poses(4, edges)) == [0, 1, 2, 3]
