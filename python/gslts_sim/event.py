@@ -119,7 +119,8 @@ def make_event(
         instances=truth.instances,
         color_to_object_id={color: name for name, color in palette.color_of.items()},
         metadata={**metadata, "objects": objects},
-        observation=replace(frame, labels=Labels(truth.instances, types)),
+        # A copy: the original keeps all samples of the rendering in memory.
+        observation=replace(frame, labels=Labels(truth.instances.copy(), types)),
         camera=camera,
     )
 

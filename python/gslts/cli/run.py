@@ -16,10 +16,10 @@ from gslts.cli.mapping import BAR, Threads
 
 if TYPE_CHECKING:
     from gslts.core.camera import Camera
+    from gslts.core.frame import RgbdFrame
     from gslts.core.robot import Robot
     from gslts.keeper.keeper import KeeperConfig
     from gslts.keeper.schedule import DeferredChange
-    from gslts.localization.localizer import Localizer
     from gslts.robots.sources import RobotSource
 
     RoundOf = Callable[[int], tuple[Robot, Mapping[str, Camera] | None]]
@@ -46,6 +46,10 @@ def run(
         int, typer.Option(min=0, help="Maximum number of refinement steps.")
     ] = 250,
     localize: Localize = False,
+    extend: Annotated[
+        bool,
+        typer.Option("--extend", help="After each round, also map space that the map lacks."),
+    ] = False,
     threads: Threads = 0,
 ) -> None:
     """Run rounds through a home, and keep its map up to date.
@@ -54,7 +58,10 @@ def run(
     the map (gslts log), or is deferred to a later round. Ctrl-C or SIGTERM stops after the present
     transaction; the same command continues there, also after a crash.
 
-    Example: gslts run out/map --robot out/day/day.json
+    With --extend, the robot looks around where no camera of the map ever saw, such as behind a door
+    that is open now, and the map grows; a recording adds what it shows.
+
+    Example: gslts run out/map --robot out/day/day.json --extend
     """
     from tqdm import tqdm
 
@@ -62,11 +69,12 @@ def run(
     from gslts.robots.sources import open_robot
 
     if robot is not None and frames is None:
-        opened = open_robot(robot)
+        opened, recording = open_robot(robot), None
         round_of, available, source = _rounds_of_robot(opened), opened.rounds, opened.digest
     elif frames is not None and robot is None:
         localizer = localizer_of(map_path, threads) if localize else None
-        round_of, available = _rounds_of_recording(frames, localizer), None
+        recording = read_frames(frames, localizer)
+        round_of, available = _rounds_of_recording(recording), None
         source = str(frames.resolve())
     else:
         raise ValueError("give either --robot or --frames")
@@ -99,7 +107,12 @@ def run(
                 for number in range(first, last):
                     bar.set_description(f"round {number}", refresh=False)
                     bar.reset(total=0)
-                    keeper.go_round(*round_of(number))
+                    driven, viewpoints = round_of(number)
+                    keeper.go_round(driven, viewpoints)
+                    if extend and recording is not None:
+                        keeper.extend(recording, str(frames))
+                    elif extend:
+                        keeper.explore(driven)
             except StoppedError:
                 raise RuntimeError(
                     f"stopped in round {keeper.state.round}; the same command continues there"
@@ -145,11 +158,13 @@ def _config(iterations: int, threads: int, *, relocalize: bool) -> KeeperConfig:
     from gslts.change.config import DetectionConfig
     from gslts.keeper.keeper import KeeperConfig
     from gslts.localization.config import RelocalizationConfig
+    from gslts.mapping.config import PRESETS
     from gslts.update import RefineConfig, UpdateConfig
 
     return KeeperConfig(
         detection=DetectionConfig(threads=threads),
         update=UpdateConfig(refine=RefineConfig(iterations=iterations), threads=threads),
+        extension=PRESETS["fast"].with_settings([f"threads={threads}"]),
         relocalization=RelocalizationConfig(threads=threads) if relocalize else None,
     )
 
@@ -159,11 +174,10 @@ def _rounds_of_robot(source: RobotSource) -> RoundOf:
     return lambda number: (source.robot(number + 1), None)
 
 
-def _rounds_of_recording(path: Path, localizer: Localizer | None) -> RoundOf:
+def _rounds_of_recording(frames: Mapping[str, RgbdFrame]) -> RoundOf:
     """Return a robot that replays frames, and their cameras as viewpoints."""
     from gslts.robots.recorded import RecordedRobot
 
-    read = read_frames(path, localizer)
-    robot = RecordedRobot(list(read.values()))
-    cameras = {name: frame.camera for name, frame in read.items()}
+    robot = RecordedRobot(list(frames.values()))
+    cameras = {name: frame.camera for name, frame in frames.items()}
     return lambda _: (robot, cameras)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gslts.change.visibility import Visibility
@@ -79,49 +79,80 @@ def extend_map(
     config = MappingConfig() if config is None else config
     clock = Clock(None, {})
     with open_map(path, writable=True) as store:
-        newest, gaussian_map = store.version(), store.read()
-        cameras = list(cameras_of_map(path).values())
         require_memory(dataset.name, dataset.frames)
         mapped = TrainingRecord(lenses=TrainingRecord.read(path).lenses)
         frames, skipped = read_usable(dataset, mapped.observe, show_frames)
         clock.note("reading")
-        relocalizer = Relocalizer(gaussian_map, read_landmarks(path, gaussian_map))
-        placement = place_frames(frames, relocalizer, on_placed)
-        clock.note("placing")
-        visibility = Visibility(gaussian_map, cameras, config.threads)
-        spaces = compare_frames(gaussian_map, visibility, placement.frames, config.threads)
-        clock.note("comparing")
-        changed = tuple(
-            name for name, space in spaces.items() if space.changed.mean() > MIN_CHANGED_SHARE
+        outcome = extend_store(
+            store, frames, dataset.name, config, clock, on_placed=on_placed, report=report
         )
-        growth = grow_map(
-            gaussian_map,
-            cameras,
-            visibility,
-            placement.frames,
-            spaces,
-            config,
-            newest.next_id,
-            clock,
-            report,
-        )
-        if growth is None:
-            return MapExtension(newest, None, placement, skipped, changed)
-        extended = _add_semantics(path, growth, spaces, newest.next_id, config.threads)
-        test_psnr_db = measure_test_psnr_db(extended, growth.split, config.threads)
-        clock.note("evaluation")
-        record = ExtensionRecord(
-            frames=len(frames),
-            placed=len(placement.frames),
-            new=len(growth.split.names),
-            added=int((extended.ids >= newest.next_id).sum()),
-            refined=growth.refined,
-            iterations=growth.iterations,
-            test_psnr_db=test_psnr_db,
-            seconds=clock.stages,
-        )
-        version = _publish(store, extended, cameras, growth.split, spaces, dataset.name, record)
-    return MapExtension(version, record, placement, skipped, changed)
+    return replace(outcome, skipped=skipped)
+
+
+def extend_store(
+    store: MapStore,
+    frames: Mapping[str, Observation],
+    source: str,
+    config: MappingConfig,
+    clock: Clock,
+    *,
+    on_placed: Callable[[], None] = lambda: None,
+    report: ShowProgress = lambda _: None,
+) -> MapExtension:
+    """Add the space that frames in memory show and the map does not know; see `extend_map`.
+
+    Args:
+        store: Of the map, open for writing.
+        frames: By name, in the order in which they were taken.
+        source: Name of the recording or the robot.
+        config: Settings of the mapping.
+        clock: Notes the stages.
+        on_placed: Called after each frame that was compared with the map.
+        report: Called after each step of the optimization.
+
+    Raises:
+        OSError: A file cannot be read or written.
+        ValueError: Too few frames show what the map knows.
+    """
+    path, newest, gaussian_map = store.folder, store.version(), store.read()
+    cameras = list(cameras_of_map(path).values())
+    relocalizer = Relocalizer(gaussian_map, read_landmarks(path, gaussian_map))
+    placement = place_frames(frames, relocalizer, on_placed)
+    clock.note("placing")
+    visibility = Visibility(gaussian_map, cameras, config.threads)
+    spaces = compare_frames(gaussian_map, visibility, placement.frames, config.threads)
+    clock.note("comparing")
+    changed = tuple(
+        name for name, space in spaces.items() if space.changed.mean() > MIN_CHANGED_SHARE
+    )
+    growth = grow_map(
+        gaussian_map,
+        cameras,
+        visibility,
+        placement.frames,
+        spaces,
+        config,
+        newest.next_id,
+        clock,
+        report,
+    )
+    if growth is None:
+        return MapExtension(newest, None, placement, (), changed)
+    extended = _add_semantics(path, growth, spaces, newest.next_id, config.threads)
+    test_psnr_db = measure_test_psnr_db(extended, growth.split, config.threads)
+    clock.note("evaluation")
+    record = ExtensionRecord(
+        frames=len(frames),
+        placed=len(placement.frames),
+        new=len(growth.split.names),
+        added=int((extended.ids >= newest.next_id).sum()),
+        refined=growth.refined,
+        iterations=growth.iterations,
+        test_psnr_db=test_psnr_db,
+        seconds=clock.stages,
+    )
+    version = _publish(store, extended, cameras, growth.split, spaces, source, record)
+    return MapExtension(version, record, placement, (), changed)
 
 
 def _publish(

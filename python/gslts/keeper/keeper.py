@@ -11,17 +11,23 @@ from gslts.change.config import DetectionConfig
 from gslts.change.confirmation import MonitorConfig, latest_changes
 from gslts.change.detector import ChangeDetector
 from gslts.change.monitor import ChangeMonitor
+from gslts.change.visibility import Visibility
 from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
+from gslts.extension.pipeline import extend_store
 from gslts.keeper.coverage import go_to, plan_viewpoints
+from gslts.keeper.exploration import look_around, plan_exploration
 from gslts.keeper.schedule import defer, select_changes
 from gslts.keeper.state import KeeperState, read_state, write_state
 from gslts.localization.config import RelocalizationConfig
 from gslts.localization.landmark_files import require_landmarks
 from gslts.localization.localizer import Localizer
 from gslts.localization.relocalizer import Relocalizer
+from gslts.mapping.clock import Clock
+from gslts.mapping.config import PRESETS, MappingConfig
+from gslts.mapping.observation import Observation
 from gslts.robots.localized import LocalizedRobot
 from gslts.semantics.map_semantics import MapSemantics
 from gslts.store.camera_files import cameras_of_map, cameras_of_version
@@ -49,6 +55,7 @@ class KeeperConfig:
         detection: Settings of the change detection.
         update: Settings of updates.
         relocalization: Localize the robot in the map by its frames; None uses its odometry.
+        extension: Settings of the mapping of unmapped space.
 
     Raises:
         ValueError: A number is not positive.
@@ -60,6 +67,7 @@ class KeeperConfig:
     detection: DetectionConfig = field(default_factory=DetectionConfig)
     update: UpdateConfig = field(default_factory=UpdateConfig)
     relocalization: RelocalizationConfig | None = None
+    extension: MappingConfig = PRESETS["fast"]
 
     def __post_init__(self) -> None:
         for name in ("max_viewpoints", "max_frames"):
@@ -210,6 +218,63 @@ class MapKeeper:
             source_rounds=self.state.source_rounds + 1,
             deferred=deferred,
         )
+
+    def explore(self, robot: Robot) -> None:
+        """Look around in space that the robot can reach and the map does not know, and map it.
+
+        Args:
+            robot: In the home; placed in the map by its frames, and by its odometry between them.
+
+        Raises:
+            StoppedError: A stop was requested.
+            OSError: A file cannot be written; the map is that of its newest version.
+        """
+        threads, cameras = self._config.extension.threads, list(self._cameras.values())
+        positions = plan_exploration(robot, Visibility(self._map, cameras, threads))
+        if len(positions) == 0:
+            return
+        self._log(f"unmapped space: exploring {len(positions)} positions")
+        frames = {}
+        for number, frame in enumerate(look_around(robot, positions, cameras)):
+            self._stop_if_requested()
+            self._progress(f"exploring, frame {number}")
+            frames[f"round {self.state.round}/{number:03}"] = frame
+        self.extend(frames, "exploration")
+
+    def extend(self, frames: Mapping[str, RgbdFrame], source: str) -> None:
+        """Add the space that frames show and the map does not know, as a new version.
+
+        Args:
+            frames: By name, in the order in which they were taken.
+            source: Name of the recording, for the log.
+
+        Raises:
+            StoppedError: A stop was requested.
+            OSError: A file cannot be written; the map is that of its newest version.
+        """
+
+        def on_step(*_: object) -> None:
+            self._stop_if_requested()
+            self._progress("extending")
+
+        observed = {name: Observation.of(frame) for name, frame in frames.items()}
+        try:
+            outcome = extend_store(
+                self._store,
+                observed,
+                source,
+                self._config.extension,
+                Clock(None, {}),
+                on_placed=on_step,
+                report=on_step,
+            )
+        except ValueError as error:
+            self._log(f"not extended: {error}")
+            return
+        if outcome.record is None:
+            return
+        self._log(f"version {outcome.version.number}: {outcome.record.added} Gaussians added")
+        self._use_map(self._store.read(), outcome.version)
 
     def _plan(self) -> tuple[str, ...]:
         threads = self._config.update.threads
