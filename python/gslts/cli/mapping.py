@@ -104,7 +104,8 @@ def make(
     The folder of the map holds the Gaussians, a manifest, the corrected cameras and report.html.
     During the run, OUT.checkpoint.npz and OUT.trajectory.json hold the state for --resume.
 
-    With --poses correct or estimate, frames that cannot be placed are named and left out.
+    With --poses correct or estimate, frames that cannot be placed are named and left out. With
+    estimate, DATASET may also be a folder of photographs; OUT.colmap gets their poses.
 
     Example: gslts map out/kitchen_3 --out out/map
 
@@ -118,10 +119,11 @@ def make(
         raise FileExistsError(f"{out} is there already")
     saved = out.with_name(f"{out.name}.checkpoint.npz")
     trajectory = out.with_name(f"{out.name}.trajectory.json")
-    if saved.exists() and not resume:
-        raise FileExistsError(
-            f"{saved}: an interrupted run; continue it with --resume, or remove the file"
-        )
+    for kept in (saved, out.with_name(f"{out.name}.colmap")):
+        if kept.exists() and not resume:
+            raise FileExistsError(
+                f"{kept}: an interrupted run; continue it with --resume, or remove it"
+            )
     if not resume:
         trajectory.unlink(missing_ok=True)
     options = {
@@ -169,10 +171,13 @@ def open_with_poses(
     from gslts.datasets.posed import with_poses
     from gslts.store.trajectory_file import read_trajectory, write_trajectory
     from gslts.trajectory.estimate import estimate_poses
+    from gslts.trajectory.photographs import is_photographs
 
     if poses is Poses.GIVEN:
         opened = open_dataset(dataset)
         return replace(opened, frames=opened.frames[::every])
+    if is_photographs(dataset):
+        return _open_photographs(dataset, every, saved)
     opened = open_dataset(dataset, posed=False)
     opened = replace(opened, frames=opened.frames[::every])
     if saved is not None and saved.exists():
@@ -193,6 +198,35 @@ def open_with_poses(
     if saved is not None:
         write_trajectory(saved, found.dataset)
     return found.dataset
+
+
+def _open_photographs(folder: Path, every: int, saved: Path | None) -> OpenedDataset:
+    """Estimate the poses of photographs, and keep them in a data set beside the map."""
+    from tqdm import tqdm
+
+    from gslts.datasets import open_dataset
+    from gslts.trajectory.photographs import place_photographs
+
+    if saved is None:
+        raise ValueError(f"{folder}: photographs do not tell the scale of the map")
+    out = saved.with_name(saved.name.replace(".trajectory.json", ".colmap"))
+    if out.exists():
+        return open_dataset(out)
+    with tqdm(total=4, bar_format=BAR, disable=None) as bar:
+
+        def report(stage: str) -> None:
+            bar.set_description(stage)
+            bar.update()
+
+        placed = place_photographs(folder, out, every, report)
+    for reason in placed.unplaced:
+        typer.echo(f"not placed: {reason}", err=True)
+    typer.echo(
+        f"placed {len(placed.dataset.frames)} photographs; {out} is a data set with their poses. "
+        "Their scale is a guess",
+        err=True,
+    )
+    return placed.dataset
 
 
 def _map_with_bar(

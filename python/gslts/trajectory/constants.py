@@ -60,6 +60,8 @@ LOOP_DISTANCE_M = 0.05
 PRUNE_BELOW = 0.25
 """Confidence below which a motion is removed, as in Open3D's reconstruction."""
 
+MEAN_UP_WEIGHT = 0.02
+"""Weight of the mean upward axis of the cameras against that of their x axes."""
 UP_CONES_RAD = tuple(np.deg2rad((25, 12, 6, 3)))
 """Maximum angles between the upward axis and the normals of horizontal surfaces, step by step from
 that of the cameras."""

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from gslts.core.se3 import product
+import numpy as np
+
+from gslts.core.se3 import product, transform
 from gslts.datasets import Dataset, Frame
 from gslts.datasets.posed import with_poses
 from gslts.datasets.poses import inverse
@@ -97,7 +99,7 @@ def estimate_poses(
     if first in given:
         world = product(given[first], inverse(poses[first]))
     else:
-        world = upright_world(placed, {k: odometry.keyframes[k].cloud for k in placed})
+        world = _upright(placed, odometry.keyframes)
     unplaced += [
         f"{name}: no other frame surely shows the same place"
         for name in odometry.anchors
@@ -105,6 +107,12 @@ def estimate_poses(
     ]
     posed = with_poses(dataset, {name: product(world, pose) for name, pose in poses.items()})
     return EstimatedPoses(posed, tuple(unplaced), len(odometry.keyframes), len(loops))
+
+
+def _upright(placed: Mapping[int, Floats], keyframes: Sequence[FrameFeatures]) -> Floats:
+    """Return the motion [4,4] to a world with z up."""
+    points = [transform(pose, keyframes[k].cloud.astype(np.float64)) for k, pose in placed.items()]
+    return upright_world(np.array(list(placed.values())), np.concatenate(points))
 
 
 def _in_order(dataset: Dataset) -> tuple[Frame, ...]:
