@@ -50,7 +50,7 @@ def _normals(points: Floats) -> Floats:
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
     cloud = cloud.voxel_down_sample(UP_VOXEL_M)
     cloud.estimate_normals(o3d.geometry.KDTreeSearchParamRadius(NORMAL_RADIUS_M))
-    normals = np.asarray(cloud.normals, np.float64).reshape(-1, 3)
+    normals: Floats = np.asarray(cloud.normals, np.float64).reshape(-1, 3)
     return normals[(normals != (0, 0, 1)).any(axis=1)]  # Points with too few neighbours.
 
 
