@@ -51,7 +51,9 @@ def _normals(points: Floats) -> Floats:
     cloud = cloud.voxel_down_sample(UP_VOXEL_M)
     cloud.estimate_normals(o3d.geometry.KDTreeSearchParamRadius(NORMAL_RADIUS_M))
     normals: Floats = np.asarray(cloud.normals, np.float64).reshape(-1, 3)
-    return normals[(normals != (0, 0, 1)).any(axis=1)]  # Points with too few neighbours.
+    has_neighbours = (normals != (0, 0, 1)).any(axis=1)  # Open3D's value without.
+    known: Floats = normals[has_neighbours]
+    return known
 
 
 def _frame_of(up: Floats, first: Floats) -> Floats:
