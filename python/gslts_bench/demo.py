@@ -35,16 +35,23 @@ from gslts.store.records import Event
 from gslts.update.config import RefineConfig, UpdateConfig
 from gslts_bench.series.events import was_found
 from gslts_bench.series.run import mean_psnr_db, new_frames
+from gslts_sim import make_home
+from gslts_sim.actions import SceneState
 from gslts_sim.capture import capture
 from gslts_sim.change_sampler import TaskSettings
 from gslts_sim.controller import Controller
 from gslts_sim.day import Day, make_day
 from gslts_sim.explore import explore
-from gslts_sim.home import Home
+from gslts_sim.home import Home, Room
 from gslts_sim.home_source import HomeSource
+from gslts_sim.procedural.flat import open_door
+from gslts_sim.procedural.homes import ROOM_TYPES
+from gslts_sim.procedural.model import Kit
 
 ROOM, SEED, CHANGES = "living_room", 7, 6
 """Home of the demonstration, and number of its changes."""
+NEXT_ROOM = "bedroom"
+"""Room behind the door that opens after the last change."""
 EVENING_FRAMES = 12
 """Number of frames recorded after the day, for detection against the map of the morning."""
 
@@ -123,25 +130,26 @@ def run_day(out: Path, scale: Scale, *, threads: int, bar: Bar, say: Callable[[s
     )
     say("added semantics from the simulator's labels")
     note("adding semantics")
-    update = UpdateConfig(threads=threads, refine=RefineConfig(iterations=scale.iterations))
-    _go_rounds(out / "map", day, home, KeeperConfig(update=update), bar, say)
-    robot = day.robot(home, len(day.rounds))
+    config = KeeperConfig(
+        update=UpdateConfig(threads=threads, refine=RefineConfig(iterations=scale.iterations)),
+        extension=scale.mapping.model_copy(update={"threads": threads, "budget_s": None}),
+    )
+    evening = _open_door(day, home)
+    _go_rounds(out / "map", day, home, evening, config, bar, say)
+    robot = _robot_in(evening, day)
     capture(robot, explore(robot.home, EVENING_FRAMES)[0], out / "after")
     note("keeping it up to date")
     report = out / "report.html"
     with open_map(out / "map") as store:
         events = store.events()
-        walk = _walk(
-            out / "map", day.robot(home, len(day.rounds)), _relocated_type(day, home, events), say
-        )
+        walk = _walk(out / "map", _robot_in(evening, day), _relocated_type(day, home, events), say)
         note("a query and a walk")
-        state = day.state(home, len(day.rounds))
-        frames = new_frames(state, day.sensor, SEED, scale.new_views)
+        frames = new_frames(SceneState(evening), day.sensor, SEED, scale.new_views)
         sections = [
             section("True changes", _truth(day, events)),
             section("Path to a relocated object", walk),
             section("Localization of an image", _localize(out / "map", frames[0], threads, say)),
-            section("Quality of the map at the end", _quality(out, frames)),
+            section("Quality of the map at the end", _quality(out, evening, frames)),
             section("Seconds", table(("", "s"), [(k, f"{v:.0f}") for k, v in seconds.items()])),
         ]
         write_history(report, store, f"A day in a {ROOM.replace('_', ' ')}", sections)
@@ -158,15 +166,38 @@ def _make_day(out: Path, scale: Scale) -> tuple[Day, Home]:
     return day, source.load(out)
 
 
+def _open_door(day: Day, home: Home) -> Home:
+    """Return the home after the day, with the next room behind its open door."""
+    after = day.state(home, len(day.rounds)).home
+    return open_door(after, make_home(NEXT_ROOM, SEED), Kit((SEED, len(ROOM_TYPES)), 1.0))
+
+
+def _robot_in(home: Home, day: Day) -> Controller:
+    """Return the robot in the evening."""
+    sensor, seed = day.sensor, day.sensor.seed_after + len(day.rounds) + 1
+    size = {"width": sensor.width, "height": sensor.height}
+    return Controller(home, **size, noise=sensor.noise, seed=seed)
+
+
 def _go_rounds(
-    folder: Path, day: Day, home: Home, config: KeeperConfig, bar: Bar, say: Callable[[str], None]
+    folder: Path,
+    day: Day,
+    home: Home,
+    evening: Home,
+    config: KeeperConfig,
+    bar: Bar,
+    say: Callable[[str], None],
 ) -> None:
-    """Keep the map up to date through the rounds of the day."""
+    """Keep the map up to date through the rounds of the day, and extend it in the evening."""
     with MapKeeper(folder, config, log=lambda words: say(f"  {words}")) as keeper:
         for gone, happened in enumerate(bar(day.rounds, "rounds"), start=1):
             for event in happened:
                 say(f"{event.change.kind} of {event.change.object_id}")
             keeper.go_round(day.robot(home, gone))
+        say(f"the door to the {NEXT_ROOM} opens")
+        robot = _robot_in(evening, day)
+        keeper.go_round(robot)
+        keeper.explore(robot)
 
 
 def _make_map(out: Path, scale: Scale, threads: int, bar: Bar) -> str:
@@ -256,11 +287,22 @@ def _localize(folder: Path, frame: RgbdFrame, threads: int, say: Callable[[str],
     )
 
 
-def _quality(out: Path, frames: Sequence[RgbdFrame]) -> str:
+def _quality(out: Path, home: Home, frames: Sequence[RgbdFrame]) -> str:
+    """Return the PSNR of the maps of morning and evening, in each room."""
     maps = {"as mapped in the morning": "map@1", "as it is in the evening": "map"}
+    parts = [[frame for frame in frames if _is_in(frame, room)] for room in home.rooms]
     rows = []
     for words, path in maps.items():
         known = read_map(out / path)
-        rows.append((words, f"{known.size:,}", number(mean_psnr_db(known, frames))))
-    head = ("map", "Gaussians", f"PSNR of {len(frames)} new viewpoints, dB")
-    return table(head, rows)
+        figures = [number(mean_psnr_db(known, part)) if part else "" for part in parts]
+        rows.append((words, f"{known.size:,}", *figures))
+    rooms = (
+        f"{len(part)} new viewpoints in the {room.type.replace('_', ' ')}, dB"
+        for room, part in zip(home.rooms, parts, strict=True)
+    )
+    return table(("map", "Gaussians", *rooms), rows)
+
+
+def _is_in(frame: RgbdFrame, room: Room) -> bool:
+    position = frame.camera.world_from_camera[:3, 3]
+    return bool(((position > room.box[0]) & (position < room.box[1])).all())

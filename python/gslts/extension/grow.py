@@ -11,7 +11,7 @@ import numpy as np
 from gslts.change.visibility import Visibility
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
-from gslts.extension.constants import MIN_NEW_SHARE, MIN_SEEN
+from gslts.extension.constants import MIN_NEW_SHARE, MIN_SEEN, SEAM_SHARE
 from gslts.extension.exposure import recording_exposure
 from gslts.extension.fit import Patch, make_patch, merge_patch, replay_frames, without_changes
 from gslts.extension.new_space import FrameSpace, KnownSpace
@@ -104,7 +104,7 @@ def grow_map(
     )
     clock.note("seeding")
     config = _settings(config, len(training) + len(replays), len(cameras))
-    optimizer = _fit(patch, replays, split, exposure, config, clock, report)
+    optimizer = _fit(patch, replays, split, exposure, config, first_id, clock, report)
     fitted = _without_errors(optimizer, training, visibility, first_id)
     clock.note("optimization")
     return Growth(
@@ -148,21 +148,33 @@ def _fit(
     split: FrameSplit,
     exposure: Exposure,
     config: MappingConfig,
+    first_id: int,
     clock: Clock,
     report: ShowProgress,
 ) -> Optimizer:
-    """Fit the free Gaussians of a patch to the training frames and the replays."""
+    """Fit the free Gaussians of a patch to the training frames and the replays.
+
+    New ones are fitted alone at first, then together with the old ones at the seam.
+    """
     training = [*split.training.values(), *replays]
+    old = patch.gaussian_map.ids < first_id
     optimizer = Optimizer(
         patch.gaussian_map,
         training,
         training[0].lenses,
         config,
         Schedule(config.iterations, ((config.coarse_share, 1), (float("inf"), 0))),
-        patch.fixed,
+        old,
         exposure,
     )
-    optimize(optimizer, split, [], clock, report)
+    fixed_ids = patch.gaussian_map.ids[patch.fixed]
+
+    def free_seam() -> None:
+        # As long as new walls are transparent, what is behind them would take their colours.
+        if optimizer.share >= SEAM_SHARE:
+            optimizer.fixed = np.isin(optimizer.adam.map.ids, fixed_ids)
+
+    optimize(optimizer, split, [], clock, report, free_seam)
     return optimizer
 
 

@@ -27,8 +27,8 @@ MAX_POSITIONS = 30
 """Maximum number of positions of one exploration: a room of 20 m2."""
 DIRECTIONS = 8
 """Number of directions at each position; neighbours share half of a field of view of 90 degrees."""
-PITCH_RAD = np.deg2rad(20)
-"""Angle of the camera below the horizon, as in the recordings of whole homes."""
+PITCHES_RAD = (np.deg2rad(20), np.deg2rad(-10))
+"""Angles of the camera below the horizon, in turn: floor and furniture, and the ceiling."""
 
 
 def plan_exploration(robot: Robot, visibility: Visibility) -> Floats:
@@ -63,8 +63,9 @@ def look_around(robot: Robot, positions: Floats, cameras: Sequence[Camera]) -> I
     """
     yield from _known_views(robot, positions[0], cameras)
     for position in positions:
-        for yaw_rad in np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS):
-            if robot.move_towards(position, float(yaw_rad), PITCH_RAD):
+        for number in range(DIRECTIONS):
+            yaw_rad, pitch_rad = 2 * np.pi * number / DIRECTIONS, PITCHES_RAD[number % 2]
+            if robot.move_towards(position, yaw_rad, float(pitch_rad)):
                 yield robot.observe()
     yield from _known_views(robot, positions[-1], cameras)
 

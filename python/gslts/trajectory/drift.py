@@ -30,11 +30,21 @@ class DriftingPoses:
         self._path_m = np.concatenate([[0], np.cumsum(steps_m)])
 
     def motion(self, a: int, b: int) -> Floats:
-        """Return a_from_b [4,4] of two frames, given by index."""
+        """Return the motion of the odometry between two frames, a_from_b [4,4].
+
+        Args:
+            a: Index of a frame.
+            b: Index of another one.
+        """
         return relative(self._poses[a], self._poses[b])
 
     def path_m(self, a: int, b: int) -> float:
-        """Return the length of the path between two frames, given by index, m."""
+        """Return the length of the path between two frames, m.
+
+        Args:
+            a: Index of a frame.
+            b: Index of another one.
+        """
         return float(abs(self._path_m[b] - self._path_m[a]))
 
     def allows(self, a: int, b: int, a_from_b: Floats) -> bool:

@@ -21,7 +21,7 @@ from gslts.types import Bytes, Floats32
 
 @dataclass(frozen=True, eq=False)
 class FrameFeatures:
-    """What is kept of a frame.
+    """Part of a frame that is kept for its registration.
 
     Attributes:
         camera: Intrinsics; the pose is the identity.

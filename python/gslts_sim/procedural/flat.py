@@ -54,6 +54,36 @@ def join_rooms(name: str, rooms: list[Home], kit: Kit, ambient: Floats) -> Home:
     )
 
 
+def open_door(home: Home, other: Home, kit: Kit) -> Home:
+    """Open the door of a room to another room behind it.
+
+    Args:
+        home: Of one room with one door; all of it but the door stays as it is.
+        other: Such a room, too. It is turned and moved, and its objects get new ids.
+        kit: Materials of the floor in the doorway.
+
+    Returns:
+        A home of two rooms.
+    """
+    door, back = (_door_of(each) for each in (home, other))
+    yaw = yaw_of(door)
+    outward = np.array([-np.sin(yaw), np.cos(yaw), 0.0])
+    at = door.world_from_object[:3, 3]
+    turn = pose(0, 0, 0, yaw + np.pi - yaw_of(back))
+    turn[:3, 3] = np.round(at + WALL_M * outward - (turn @ back.world_from_object)[:3, 3], 6)
+    behind = _move_room(other, back, turn, 1)
+    scene = Scene(kit, "hall", (1.0, 1.0, 1.0))
+    x, y, _ = at + WALL_M / 2 * outward
+    sill = scene.add(scene.build(_sill), pose(x, y, -THICKNESS_M, yaw), None)
+    return Home(
+        home.name,
+        (*home.rooms, *behind.rooms),
+        (*(o for o in home.objects if o is not door), replace(sill, id="Sill|1"), *behind.objects),
+        (*home.lights, *behind.lights),
+        home.ambient,
+    )
+
+
 def _hall(
     kit: Kit, size: tuple[float, float, float], doors: list[tuple[int, float]], ambient: Floats
 ) -> Home:
@@ -95,16 +125,25 @@ def _turn_to_hall(room: Home, number: int, corner: Floats, *, north: bool) -> tu
     Returns:
         The room, and the position of its door along x, m.
     """
-    door = next(obj for obj in room.objects if obj.type == "Doorway")
+    door = _door_of(room)
     turn = pose(0, 0, 0, (np.pi if north else 0.0) - yaw_of(door))
     low, high = _turned_box(room.rooms[0].box, turn)
     shift = corner - np.array([low[0], low[1] if north else high[1]])
     turn[:2, 3] = np.round(shift, 6)
+    door_x = float((turn @ door.world_from_object)[0, 3])
+    return _move_room(room, door, turn, number), door_x
+
+
+def _door_of(room: Home) -> HomeObject:
+    return next(obj for obj in room.objects if obj.type == "Doorway")
+
+
+def _move_room(room: Home, door: HomeObject, turn: Floats, number: int) -> Home:
+    """Return a room after a motion [4,4], with an open door and `number` in the ids of objects."""
     objects = [_move(obj, turn, number) for obj in room.objects if obj is not door]
     lights = [_move_light(light, turn, number) for light in room.lights]
     moved = Room(room.rooms[0].type, _turned_box(room.rooms[0].box, turn))
-    door_x = float((turn @ door.world_from_object)[0, 3])
-    return Home(room.name, (moved,), tuple(objects), tuple(lights), room.ambient), door_x
+    return Home(room.name, (moved,), tuple(objects), tuple(lights), room.ambient)
 
 
 def _turned_box(corners: Floats, turn: Floats) -> Floats:
