@@ -224,3 +224,9 @@ def test_a_distant_object_does_not_block_the_robot() -> None:
     assert (first[:, 0] < 1.9).all()
     assert go(controller, "DisableObject", objectId="Block|3")
     np.testing.assert_array_equal(controller.reachable_positions(), first)
+
+
+def test_frames_do_not_keep_the_samples_of_the_rendering() -> None:
+    labels = Controller(sim_scenes.simple_home(), width=64, height=48).observe().labels
+    assert labels is not None
+    assert labels.instances.flags.owndata

@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from gslts_sim import make_home
+from gslts_sim.controller import Controller
 from gslts_sim.explore import viewpoints_in
 from gslts_sim.home import Home
 from gslts_sim.physics import problems
+from gslts_sim.procedural.flat import open_door
 from gslts_sim.procedural.homes import ROOM_TYPES
+from gslts_sim.procedural.model import Kit
 from gslts_sim.robot_body import Viewpoint
 from gslts_sim.walkable import walkable_floor
 
@@ -68,3 +71,25 @@ def test_viewpoints_of_a_room() -> None:
     assert viewpoints_in(flat(), ["hall", "bedroom"], viewpoints) == viewpoints
     with pytest.raises(ValueError, match="no room 'cellar'; it has bedroom, hall, kitchen"):
         viewpoints_in(flat(), ["cellar"], viewpoints)
+
+
+@pytest.mark.parametrize(
+    ("room", "other", "seed"), [("living_room", "bedroom", 7), ("kitchen", "bedroom", 2)]
+)
+def test_the_door_of_a_room_opens_to_another_one(room: str, other: str, seed: int) -> None:
+    before = make_home(room, seed, detail=DETAIL)
+    after = open_door(before, make_home(other, seed, detail=DETAIL), Kit((seed, 4), DETAIL))
+    assert [known.type for known in after.rooms] == [room, other]
+    first, second = (known.box for known in after.rooms)
+    assert np.maximum(first[0] - second[1], second[0] - first[1])[:2].max() >= 0.2
+    assert problems(after) == []
+    ids = [obj.id for obj in after.objects]
+    assert len(set(ids)) == len(ids)
+    kept = {obj.id: obj for obj in before.objects if obj.type != "Doorway"}
+    assert all(obj is kept[obj.id] for obj in after.objects if obj.id in kept)
+    assert kept.keys() <= set(ids)
+    inside = Controller(before).reachable_positions()
+    both = Controller(after).reachable_positions()
+    beyond = ((both >= second[0, :2]) & (both <= second[1, :2])).all(axis=1)
+    assert beyond.sum() > 20, "the robot goes through"
+    assert len(both) - beyond.sum() > 0.9 * len(inside)
