@@ -21,6 +21,9 @@ SUFFIXES = (".jpg", ".jpeg", ".png")
 """Endings of the names of photographs."""
 MIN_PHOTOGRAPHS = 4
 """Minimum number of photographs that are placed together, as a map needs."""
+MIN_POINTS = 50
+"""Minimum number of points that a photograph shares with others: those with right poses share 100
+and more in a real room and in simulated ones, wrong ones are held by some 20 to 40."""
 EXHAUSTIVE = 200
 """Maximum number of photographs of which all pairs are matched; of more, each is matched with those
 taken shortly before and after it."""
@@ -80,7 +83,7 @@ def place_photographs(
     with TemporaryDirectory() as folder:
         models = _reconstruct(pycolmap, path, names, Path(folder), report)
         model = max(models, key=lambda found: found.num_reg_images(), default=None)
-        placed = set() if model is None else {image.name for image in model.images.values()}
+        placed = set() if model is None else _keep_sure(model)
         if model is None or len(placed) < MIN_PHOTOGRAPHS:
             raise ValueError(
                 f"{path}: {len(placed)} of {len(names)} photographs show the same place, "
@@ -91,7 +94,11 @@ def place_photographs(
         (out / "sparse").mkdir(parents=True)
         model.write_text(out / "sparse")
     (out / "images").symlink_to(path.resolve())
-    unplaced += [f"{name}: it matches no other one" for name in names if name not in placed]
+    unplaced += [
+        f"{name}: fewer than {MIN_POINTS} of its points are in other photographs"
+        for name in names
+        if name not in placed
+    ]
     return PlacedPhotographs(open_colmap(out), tuple(unplaced))
 
 
@@ -130,11 +137,21 @@ def _reconstruct(
     return list(pycolmap.incremental_mapping(database, path, folder / "models").values())
 
 
+def _keep_sure(model: Any) -> set[str]:
+    """Remove the photographs from a model that hold to it by few points; return the others."""
+    unsure = [image for image in model.images.values() if image.num_points3D < MIN_POINTS]
+    for frame in {image.frame_id for image in unsure}:
+        model.deregister_frame(frame)
+    return {image.name for image in model.images.values() if image.has_pose}
+
+
 def _to_world(pycolmap: Any, model: Any) -> Any:
     """Return the similarity to a world with z up and a typical scale."""
     cameras, depths = [], []
     points = {key: point.xyz for key, point in model.points3D.items()}
     for image in model.images.values():
+        if not image.has_pose:
+            continue
         world_from_camera = inverse(_matrix(image.cam_from_world()))
         cameras.append(world_from_camera)
         seen = [p.point3D_id for p in image.points2D if p.has_point3D()]
