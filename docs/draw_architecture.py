@@ -16,33 +16,37 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 OUT = ROOT / "docs" / "images" / "architecture.svg"
-WIDTH, HEIGHT = 1140, 715
+WIDTH, HEIGHT = 1150, 750
 BOX_WIDTH, BOX_HEIGHT = 155, 92
 CAPTION_CHARACTERS = 23
 
 BOXES = {
     "datasets": (20, 60),
     "robots": (20, 205),
-    "mapping": (215, 60),
+    "trajectory": (215, 60),
+    "mapping": (410, 60),
     "localization": (410, 205),
     "change": (605, 205),
     "update": (800, 205),
+    "extension": (970, 205),
     "store": (605, 60),
     "semantics": (800, 60),
     "navigation": (970, 60),
 }
 """Upper left corners of the packages of the data flow, px."""
 ARROWS = (
-    ("datasets", "mapping", "frames"),
+    ("datasets", "trajectory", "frames"),
+    ("trajectory", "mapping", "poses"),
     ("robots", "localization", "frames"),
-    ("mapping", "store", "Gaussian map"),
+    ("mapping", "store", "map"),
     ("localization", "change", "poses"),
     ("change", "update", "changes"),
     ("update", "store", "version"),
+    ("extension", "store", ""),
     ("store", "semantics", ""),
     ("semantics", "navigation", ""),
 )
-KEEPER = (395, 188, 575, 126)
+KEEPER = (395, 188, 740, 126)
 """Frame of the packages that the keeper runs in rounds: x, y, width, height."""
 SHARED = {"core", "io", "rendering", "torch", "cli", "keeper"}
 """Packages that the data flow shows otherwise or not: bases, the frame, and ways to use it all."""

@@ -1,1 +1,1 @@
-"""Poses of the frames of a recording, estimated from its RGB-D images."""
+"""Poses of the frames of a recording, estimated from its images."""
