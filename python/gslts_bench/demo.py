@@ -136,8 +136,8 @@ def run_day(out: Path, scale: Scale, *, threads: int, bar: Bar, say: Callable[[s
     )
     evening = _open_door(day, home)
     _go_rounds(out / "map", day, home, evening, config, bar, say)
-    robot = _robot_in(evening, day)
-    capture(robot, explore(robot.home, EVENING_FRAMES)[0], out / "after")
+    known = day.state(home, len(day.rounds)).home  # The room of the morning.
+    capture(_robot_in(evening, day), explore(known, EVENING_FRAMES)[0], out / "after")
     note("keeping it up to date")
     report = out / "report.html"
     with open_map(out / "map") as store:
