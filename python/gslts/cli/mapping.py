@@ -173,11 +173,13 @@ def open_with_poses(
     from gslts.trajectory.estimate import estimate_poses
     from gslts.trajectory.photographs import is_photographs
 
+    if is_photographs(dataset):
+        if poses is not Poses.ESTIMATE:
+            raise ValueError(f"{dataset}: photographs without poses; --poses estimate finds them")
+        return _open_photographs(dataset, every, saved)
     if poses is Poses.GIVEN:
         opened = open_dataset(dataset)
         return replace(opened, frames=opened.frames[::every])
-    if is_photographs(dataset):
-        return _open_photographs(dataset, every, saved)
     opened = open_dataset(dataset, posed=False)
     opened = replace(opened, frames=opened.frames[::every])
     if saved is not None and saved.exists():

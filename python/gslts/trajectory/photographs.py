@@ -14,6 +14,7 @@ from gslts.datasets import FORMATS, Dataset
 from gslts.datasets.colmap import open_colmap
 from gslts.datasets.dataset import MAX_PIXELS, image_size
 from gslts.datasets.poses import inverse
+from gslts.io.atomic_files import remove_tree, temporary_path
 from gslts.trajectory.upright import upright_world
 from gslts.types import Floats
 
@@ -91,9 +92,7 @@ def place_photographs(
                 "before showed, from different places"
             )
         model.transform(_to_world(pycolmap, model))
-        (out / "sparse").mkdir(parents=True)
-        model.write_text(out / "sparse")
-    (out / "images").symlink_to(path.resolve())
+        _write_dataset(model, path, out)
     unplaced += [
         f"{name}: fewer than {MIN_POINTS} of its points are in other photographs"
         for name in names
@@ -135,6 +134,19 @@ def _reconstruct(
     (folder / "models").mkdir()
     report("placing")
     return list(pycolmap.incremental_mapping(database, path, folder / "models").values())
+
+
+def _write_dataset(model: Any, photographs: Path, out: Path) -> None:
+    """Write a model and a link to its photographs; the folder appears whole or not at all."""
+    part = temporary_path(out)
+    try:
+        (part / "sparse").mkdir(parents=True)
+        model.write_text(part / "sparse")
+        (part / "images").symlink_to(photographs.resolve())
+        part.rename(out)
+    except BaseException:
+        remove_tree(part)
+        raise
 
 
 def _keep_sure(model: Any) -> set[str]:

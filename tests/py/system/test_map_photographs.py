@@ -71,6 +71,13 @@ def test_too_few_photographs_of_one_place(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["few"]
 
 
+@pytest.mark.parametrize("poses", ["given", "correct"])
+def test_photographs_have_no_poses(photographs, poses, tmp_path):
+    done = run("map", photographs[0], "--poses", poses, "--out", "map", cwd=tmp_path)
+    assert done.returncode == 1
+    assert done.stderr.endswith("photographs without poses; --poses estimate finds them\n")
+
+
 def test_photographs_do_not_extend_a_map(photographs, tmp_path):
     change_room.write_room_map(tmp_path / "map")
     done = run("extend", "map", photographs[0], "--poses", "estimate", cwd=tmp_path)
