@@ -23,12 +23,12 @@ MIN_POSITIONS = 2
 KNOWN_VIEWS = 4
 """Number of training cameras whose views the robot takes before and after it looks around: by these
 frames, all others are placed in the map."""
-MAX_POSITIONS = 30
-"""Maximum number of positions of one exploration: a room of 20 m2."""
-DIRECTIONS = 8
-"""Number of directions at each position; neighbours share half of a field of view of 90 degrees."""
-PITCHES_RAD = (np.deg2rad(20), np.deg2rad(-10))
-"""Angles of the camera below the horizon, in turn: floor and furniture, and the ceiling."""
+MAX_POSITIONS = 20
+"""Maximum number of positions of one exploration: a room of 13 m2; a later one goes on."""
+RINGS = ((8, np.deg2rad(20)), (4, np.deg2rad(-10)))
+"""Views at each position: number of directions all around, and the angle of the camera below the
+horizon, rad. At a field of view of 90 degrees, neighbours of the first ring, which shows floor and
+furniture, share half of it; the second one shows the ceiling."""
 
 
 def plan_exploration(robot: Robot, visibility: Visibility) -> Floats:
@@ -63,10 +63,10 @@ def look_around(robot: Robot, positions: Floats, cameras: Sequence[Camera]) -> I
     """
     yield from _known_views(robot, positions[0], cameras)
     for position in positions:
-        for number in range(DIRECTIONS):
-            yaw_rad, pitch_rad = 2 * np.pi * number / DIRECTIONS, PITCHES_RAD[number % 2]
-            if robot.move_towards(position, yaw_rad, float(pitch_rad)):
-                yield robot.observe()
+        for count, pitch_rad in RINGS:
+            for number in range(count):
+                if robot.move_towards(position, 2 * np.pi * number / count, float(pitch_rad)):
+                    yield robot.observe()
     yield from _known_views(robot, positions[-1], cameras)
 
 
