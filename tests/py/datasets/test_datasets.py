@@ -12,6 +12,7 @@ from recorded_frames import frames_of_robot
 from gslts.core.camera import Camera
 from gslts.datasets import open_dataset
 from gslts.datasets.dataset import ImageFrame, read_image, read_numbers, with_unique_names
+from gslts.datasets.posed import with_poses
 
 
 def write_seven_scenes(folder: Path) -> list:
@@ -83,6 +84,44 @@ def test_other_data_sets_are_named_from_inside(
         write_seven_scenes(folder)
     monkeypatch.chdir(folder)
     assert open_dataset(".").name == "room"
+
+
+def test_seven_scenes_without_poses(tmp_path: Path) -> None:
+    write_seven_scenes(tmp_path / "chess")
+    for pose in (tmp_path / "chess").glob("*.pose.txt"):
+        pose.unlink()
+    hint = r"it has no pose; gslts map --poses estimate finds poses by the images"
+    with pytest.raises(ValueError, match=hint):
+        open_dataset(tmp_path / "chess")
+    dataset = open_dataset(tmp_path / "chess", posed=False)
+    assert len(dataset.frames) == 3
+    assert dataset.unposed == dataset.frames
+    read = dataset.frames[0].read()
+    assert read.depth_camera is not None
+    beside = np.linalg.inv(read.camera.world_from_camera) @ read.depth_camera.world_from_camera
+    np.testing.assert_allclose(beside[:3, 3], (-0.025, 0, 0), atol=1e-9)
+
+
+def test_frames_at_other_poses(tmp_path: Path) -> None:
+    write_seven_scenes(tmp_path / "chess")
+    dataset = open_dataset(tmp_path / "chess")
+    first, second = dataset.frames[:2]
+    pose = np.eye(4)
+    pose[:3, 3] = 1, 2, 3
+    moved = with_poses(dataset, {second.name: pose})
+    (frame,) = moved.frames
+    assert frame.name == second.name != first.name
+    np.testing.assert_array_equal(frame.camera.world_from_camera, pose)
+    read, given = frame.read(), second.read()
+    np.testing.assert_array_equal(read.rgb, given.rgb)
+    np.testing.assert_array_equal(read.camera.world_from_camera, pose)
+    assert read.depth_camera is not None
+    assert given.depth_camera is not None
+    np.testing.assert_allclose(
+        np.linalg.inv(pose) @ read.depth_camera.world_from_camera,
+        np.linalg.inv(given.camera.world_from_camera) @ given.depth_camera.world_from_camera,
+        atol=1e-9,
+    )
 
 
 def test_seven_scenes_of_another_size_has_the_focal_lengths_of_that_size(tmp_path: Path) -> None:

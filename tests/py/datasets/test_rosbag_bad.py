@@ -51,6 +51,18 @@ def a_loop(bag: Recorder) -> None:
     bag.tf("/tf_static", START_NS, bag.transform(0, "base_link", "map", np.eye(4)))
 
 
+def test_a_bag_without_poses_has_frames_without_poses(tmp_path: Path) -> None:
+    bag = robot_bag(frames_of_robot())
+    without("/tf")(bag)
+    dataset = open_dataset(bag.write(tmp_path / "bag", "mcap"), posed=False)
+    assert len(dataset.frames) == len(frames_of_robot())
+    assert dataset.unposed == dataset.frames
+    assert "no fixed frame" in dataset.why_unposed
+    read = dataset.frames[1].read()
+    np.testing.assert_array_equal(read.rgb, frames_of_robot()[1].rgb)
+    np.testing.assert_array_equal(read.camera.world_from_camera, np.eye(4))
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
