@@ -52,8 +52,17 @@ class CondensedCost final : public ceres::SizedCostFunction<7, 6> {
     Linearization cost = view_.linearize(pose);
     change_variables(x, cost);
     Eigen::Map<Jacobian> jacobian(jacobians[0]);
-    return condense(cost, residual, jacobian);
+    if (!condense(cost, residual, jacobian)) {
+      // Ceres would print that the evaluation failed.
+      failed_ = true;
+      residual.setZero();
+      jacobian.setZero();
+    }
+    return true;
   }
+
+  /// True if derivatives could not be used at some pose: then the result is of no use.
+  bool failed() const { return failed_; }
 
  private:
   using Vector7 = Eigen::Matrix<double, 7, 1>;
@@ -89,6 +98,7 @@ class CondensedCost final : public ceres::SizedCostFunction<7, 6> {
 
   ViewCost<float>& view_;
   Eigen::Isometry3d start_;
+  mutable bool failed_ = false;
 };
 
 /// Ends a solve after a step that is too short to matter.
@@ -134,7 +144,7 @@ std::optional<RefinedPose> minimize(ViewCost<float>& cost, const Eigen::Isometry
   options.callbacks.push_back(&short_step);
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
-  if (!summary.IsSolutionUsable() || !x.allFinite()) return std::nullopt;
+  if (condensed.failed() || !summary.IsSolutionUsable() || !x.allFinite()) return std::nullopt;
   RefinedPose result;
   result.world_from_camera = se3_retract(pose, x);
   result.iterations = int(summary.num_successful_steps);
