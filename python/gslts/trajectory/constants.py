@@ -28,6 +28,10 @@ MAX_CONTRADICTION = 0.025
 """Maximum share of the points that one frame shows and the other one saw through. Of frames of the
 same place it is at most 0.023 in a real room and 0.005 in simulated homes; of places in a store and
 in a tiled room that look alike, 75 % have more than 0.033."""
+MAX_SEEN_THROUGH, MIN_SHARED_POINTS, MIN_WITNESSES = 0.01, 200, 2
+"""The same share over all placed frames, at most, for a frame that a single motion places: in four
+recordings it is at most 0.003 for the right places. At least so many of them must share so many
+points with it (of every seventh)."""
 MARGIN_M, MARGIN_PER_M = 0.05, 0.03
 """Distance before the surface that a frame measured, from which on it saw through a point, m, and
 per metre of depth: noise and the error of the registration."""

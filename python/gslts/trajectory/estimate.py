@@ -11,6 +11,7 @@ from gslts.core.se3 import product, transform
 from gslts.datasets import Dataset, Frame
 from gslts.datasets.posed import with_poses
 from gslts.datasets.poses import inverse
+from gslts.trajectory.completion import place_rest
 from gslts.trajectory.drift import DriftingPoses
 from gslts.trajectory.features import FrameFeatures
 from gslts.trajectory.loops import find_loops
@@ -86,7 +87,9 @@ def estimate_poses(
         odometry.add(frame.name, features, given.get(frame.name))
     loops = list(_close_loops(odometry.keyframes, show_loops))
     loops = _allowed_by(given, odometry.names, loops)
-    placed = optimize_poses(len(odometry.keyframes), [*odometry.edges, *loops])
+    edges = [*odometry.edges, *loops]
+    placed = optimize_poses(len(odometry.keyframes), edges)
+    placed = place_rest(placed, edges, odometry.keyframes)
     in_keyframes = odometry.anchors.items()
     poses = {name: product(placed[k], motion) for name, (k, motion) in in_keyframes if k in placed}
     if len(poses) < 2:

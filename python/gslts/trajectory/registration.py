@@ -62,7 +62,8 @@ def register_frames(
     if found.overlap < MIN_OVERLAP:
         return None
     motion = np.array(found.target_from_source)
-    if _contradiction(source, target, motion) > MAX_CONTRADICTION:
+    through, seen = count_seen(source, target, motion)
+    if through > MAX_CONTRADICTION * seen:
         return None
     return Motion(motion, _information(source, motion, found.overlap), found.overlap)
 
@@ -91,15 +92,21 @@ def _information(source: FrameFeatures, motion: Floats, overlap: float) -> Float
     return overlap * (flat.T @ flat)
 
 
-def _contradiction(source: FrameFeatures, target: FrameFeatures, motion: Floats) -> float:
-    """Return the share of points of either frame through which the other one saw, 0 to 1.
+def count_seen(source: FrameFeatures, target: FrameFeatures, motion: Floats) -> tuple[int, int]:
+    """Count the points of two frames through which the other one saw, and all that it could see.
 
     Places that look alike, such as two shelves, differ in what is beside them.
+
+    Args:
+        source: A frame.
+        target: Another one.
+        motion: [4,4] target_from_source, m.
     """
-    counts = np.add(
-        _seen_points(source, target, motion), _seen_points(target, source, inverse(motion))
+    there, back = (
+        _seen_points(source, target, motion),
+        _seen_points(target, source, inverse(motion)),
     )
-    return float(counts[0] / max(1, counts[1]))
+    return there[0] + back[0], there[1] + back[1]
 
 
 def _seen_points(source: FrameFeatures, target: FrameFeatures, motion: Floats) -> tuple[int, int]:

@@ -12,7 +12,9 @@ from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import pose_distance, product, relative, rotation
 from gslts.datasets import Dataset
 from gslts.datasets.poses import inverse
+from gslts.trajectory.completion import place_rest
 from gslts.trajectory.estimate import estimate_poses
+from gslts.trajectory.features import FrameFeatures
 from gslts.trajectory.pose_graph import Edge, optimize_poses
 from gslts.trajectory.registration import Motion
 
@@ -214,3 +216,18 @@ def test_motions_that_may_be_wrong_need_a_third_frame():
     assert sorted(optimize_poses(4, edges)) == [0, 1, 2]
     edges.append(Edge(3, 1, motion))
     assert sorted(optimize_poses(4, edges)) == [0, 1, 2, 3]
+
+
+def test_a_keyframe_that_one_motion_connects_is_placed_where_it_fits(recording):
+    keyframes = [FrameFeatures.of(frame.read()) for frame in recording.frames[:8]]
+    true = poses_of(recording)[:8]
+    placed = {k: pose for k, pose in enumerate(true) if k != 4}
+    right = Edge(4, 3, Motion(relative(true[3], true[4]), 1000 * np.eye(6), 0.8))
+    np.testing.assert_allclose(place_rest(placed, [right], keyframes)[4], true[4], atol=1e-9)
+    turned = np.eye(4)
+    turned[:3, :3] = rotation(np.array([0, np.deg2rad(40), 0]))
+    wrong = Edge(4, 3, Motion(product(turned, relative(true[3], true[4])), 1000 * np.eye(6), 0.8))
+    assert 4 not in place_rest(placed, [wrong], keyframes)
+    assert 4 not in place_rest({3: true[3]}, [right], keyframes), "one frame is no witness"
+    back = Edge(3, 4, Motion(relative(true[4], true[3]), 1000 * np.eye(6), 0.8))
+    np.testing.assert_allclose(place_rest(placed, [back], keyframes)[4], true[4], atol=1e-9)

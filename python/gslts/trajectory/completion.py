@@ -1,0 +1,70 @@
+"""Placement of keyframes that a single motion connects with the others."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from gslts.core.se3 import product, relative
+from gslts.datasets.poses import inverse
+from gslts.trajectory.constants import MAX_SEEN_THROUGH, MIN_SHARED_POINTS, MIN_WITNESSES
+from gslts.trajectory.features import FrameFeatures
+from gslts.trajectory.pose_graph import Edge
+from gslts.trajectory.registration import count_seen
+from gslts.types import Floats
+
+
+def place_rest(
+    poses: Mapping[int, Floats], edges: Sequence[Edge], keyframes: Sequence[FrameFeatures]
+) -> dict[int, Floats]:
+    """Place further keyframes where the frames placed before do not contradict.
+
+    A motion that no third frame supports may be wrong. At a wrong place, a keyframe shows surfaces
+    where others saw through, or the other way round.
+
+    Args:
+        poses: World_from_camera [4,4] of placed keyframes, m, by index.
+        edges: Motions between all keyframes.
+        keyframes: All keyframes.
+
+    Returns:
+        Poses of these and of further keyframes.
+    """
+    placed = dict(poses)
+    while True:
+        found = next(_fitting(placed, edges, keyframes), None)
+        if found is None:
+            return placed
+        placed[found[0]] = found[1]
+
+
+def _fitting(
+    placed: Mapping[int, Floats], edges: Sequence[Edge], keyframes: Sequence[FrameFeatures]
+) -> Iterator[tuple[int, Floats]]:
+    """Yield keyframes that are not placed and fit where a motion puts them, with their poses."""
+    for edge in edges:
+        motion = edge.motion.target_from_source
+        if edge.target in placed and edge.source not in placed:
+            node, pose = edge.source, product(placed[edge.target], motion)
+        elif edge.source in placed and edge.target not in placed:
+            node, pose = edge.target, product(placed[edge.source], inverse(motion))
+        else:
+            continue
+        if _fits(keyframes[node], pose, placed, keyframes):
+            yield node, pose
+
+
+def _fits(
+    frame: FrameFeatures,
+    pose: Floats,
+    placed: Mapping[int, Floats],
+    keyframes: Sequence[FrameFeatures],
+) -> bool:
+    """Test a pose [4,4] by the points that the frame and the placed ones see of each other."""
+    counts = np.array(
+        [count_seen(frame, keyframes[node], relative(at, pose)) for node, at in placed.items()]
+    )
+    through, seen = counts.sum(axis=0)
+    witnesses = int((counts[:, 1] > MIN_SHARED_POINTS).sum())
+    return bool(through <= MAX_SEEN_THROUGH * seen and witnesses >= MIN_WITNESSES)
