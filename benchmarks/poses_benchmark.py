@@ -129,7 +129,10 @@ def measure(home: str, folder: Path) -> list[list[str]]:
     for frame in chosen:
         Image.fromarray(frame.read().rgb).save(photographs / f"{frame.name}.png")
     start_s = time.perf_counter()
-    placed = place_photographs(photographs, folder / "colmap").dataset
+    try:
+        placed = place_photographs(photographs, folder / "colmap").dataset
+    except ValueError:  # Too few show the same place.
+        return [*rows, [f"{home}: photographs", str(len(chosen)), "0", *5 * ["-"]]]
     seconds = time.perf_counter() - start_s
     rows.append(row_of(f"{home}: photographs", len(chosen), placed, true, seconds, scaled=True))
     return rows
