@@ -23,6 +23,7 @@ from PIL import Image
 
 from gslts.core.se3 import pose_distance
 from gslts.datasets import Dataset, open_dataset
+from gslts.datasets.nerfstudio import OPENGL_FROM_OPENCV
 from gslts.io.atomic_files import write_atomic
 from gslts.trajectory.estimate import estimate_poses
 from gslts.trajectory.photographs import place_photographs
@@ -36,8 +37,8 @@ from gslts_sim.home_source import open_home
 
 FRAMES, PHOTOGRAPHS = 200, 50
 """Maximum number of frames of a recording, and number of photographs."""
-OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 HEADER = ("", "frames", "placed", "median", "", "maximum", "", "time")
+"""Names of the columns."""
 
 
 def true_poses(recording: Path) -> dict[str, Floats]:
@@ -51,7 +52,7 @@ def true_poses(recording: Path) -> dict[str, Floats]:
     """
     frames = json.loads((recording / "transforms.json").read_text())["frames"]
     return {
-        Path(frame["file_path"]).stem: np.array(frame["true_transform_matrix"]) @ OPENCV_FROM_OPENGL
+        Path(frame["file_path"]).stem: np.array(frame["true_transform_matrix"]) @ OPENGL_FROM_OPENCV
         for frame in frames
     }
 

@@ -56,6 +56,9 @@ Map = Annotated[
 ]
 BAR = "{desc}: {percentage:3.0f}%|{bar}| {elapsed}<{remaining}{postfix}"
 """Format of progress bars: stage, share, time passed and time left."""
+CHECKPOINT, TRAJECTORY, COLMAP = ".checkpoint.npz", ".trajectory.json", ".colmap"
+"""Endings of what a run keeps beside the folder of the map: its state, estimated poses, and the
+data set of photographs."""
 Threads = Annotated[int, typer.Option(min=0, help="Number of threads; 0: all hardware threads.")]
 
 
@@ -117,13 +120,13 @@ def make(
 
     if out.exists():
         raise FileExistsError(f"{out} is there already")
-    saved = out.with_name(f"{out.name}.checkpoint.npz")
-    trajectory = out.with_name(f"{out.name}.trajectory.json")
-    for kept in (saved, out.with_name(f"{out.name}.colmap")):
-        if kept.exists() and not resume:
-            raise FileExistsError(
-                f"{kept}: an interrupted run; continue it with --resume, or remove it"
-            )
+    saved, trajectory, colmap = (_beside(out, e) for e in (CHECKPOINT, TRAJECTORY, COLMAP))
+    if saved.exists() and not resume:
+        raise FileExistsError(
+            f"{saved}: an interrupted run; continue it with --resume, or remove the file"
+        )
+    if colmap.exists() and not resume:
+        raise FileExistsError(f"{colmap} is there already; map this data set, or remove it")
     if not resume:
         trajectory.unlink(missing_ok=True)
     options = {
@@ -135,8 +138,8 @@ def make(
     chosen = [f"{name}={value}" for name, value in options.items() if value is not None]
     config = PRESETS[preset].with_settings([*chosen, *(settings or [])])
     start = read_checkpoint(saved) if resume else None
+    opened = open_with_poses(dataset, poses, every, out)
     out.parent.mkdir(parents=True, exist_ok=True)
-    opened = open_with_poses(dataset, poses, every, trajectory)
     result = _map_with_bar(opened, config, start, saved)
     write_result(out, result, opened.name, None if poses is Poses.GIVEN else opened)
     saved.unlink(missing_ok=True)
@@ -148,8 +151,13 @@ def make(
     typer.echo(f"wrote {out}: {summary_of(result)}")
 
 
+def _beside(out: Path, ending: str) -> Path:
+    """Return the path of a file of the run that makes a map."""
+    return out.with_name(out.name + ending)
+
+
 def open_with_poses(
-    dataset: Path, poses: Poses, every: int = 1, saved: Path | None = None
+    dataset: Path, poses: Poses, every: int = 1, out: Path | None = None
 ) -> OpenedDataset:
     """Open a data set at given, corrected or estimated poses, with progress bars.
 
@@ -157,7 +165,8 @@ def open_with_poses(
         dataset: Folder or file.
         poses: Source of the poses.
         every: Use every n-th frame.
-        saved: File that keeps the poses that were found; if it exists, they are read from it.
+        out: Folder of the map that is made. Poses that were found are kept beside it, and read
+            from there if they were found before. None if they serve another map.
 
     Raises:
         OSError: The path does not exist or cannot be read.
@@ -176,12 +185,13 @@ def open_with_poses(
     if is_photographs(dataset):
         if poses is not Poses.ESTIMATE:
             raise ValueError(f"{dataset}: photographs without poses; --poses estimate finds them")
-        return _open_photographs(dataset, every, saved)
+        return _open_photographs(dataset, every, out)
     if poses is Poses.GIVEN:
         opened = open_dataset(dataset)
         return replace(opened, frames=opened.frames[::every])
     opened = open_dataset(dataset, posed=False)
     opened = replace(opened, frames=opened.frames[::every])
+    saved = None if out is None else _beside(out, TRAJECTORY)
     if saved is not None and saved.exists():
         return with_poses(opened, read_trajectory(saved))
     found = estimate_poses(
@@ -198,34 +208,35 @@ def open_with_poses(
         err=True,
     )
     if saved is not None:
+        saved.parent.mkdir(parents=True, exist_ok=True)
         write_trajectory(saved, found.dataset)
     return found.dataset
 
 
-def _open_photographs(folder: Path, every: int, saved: Path | None) -> OpenedDataset:
+def _open_photographs(folder: Path, every: int, out: Path | None) -> OpenedDataset:
     """Estimate the poses of photographs, and keep them in a data set beside the map."""
     from tqdm import tqdm
 
     from gslts.datasets import open_dataset
     from gslts.trajectory.photographs import place_photographs
 
-    if saved is None:
+    if out is None:
         raise ValueError(f"{folder}: photographs do not tell the scale of the map")
-    out = saved.with_name(saved.name.replace(".trajectory.json", ".colmap"))
-    if out.exists():
-        return open_dataset(out)
+    colmap = _beside(out, COLMAP)
+    if colmap.exists():
+        return open_dataset(colmap)
     with tqdm(total=4, bar_format=BAR, disable=None) as bar:
 
         def report(stage: str) -> None:
             bar.set_description(stage)
             bar.update()
 
-        placed = place_photographs(folder, out, every, report)
+        placed = place_photographs(folder, colmap, every, report)
     for reason in placed.unplaced:
         typer.echo(f"not placed: {reason}", err=True)
     typer.echo(
-        f"placed {len(placed.dataset.frames)} photographs; {out} is a data set with their poses. "
-        "Their scale is a guess",
+        f"placed {len(placed.dataset.frames)} photographs; {colmap} is a data set with their "
+        "poses. Their scale is a guess",
         err=True,
     )
     return placed.dataset

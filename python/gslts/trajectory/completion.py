@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -31,28 +31,24 @@ def place_rest(
     Returns:
         Poses of these and of further keyframes.
     """
-    placed = dict(poses)
-    while True:
-        found = next(_fitting(placed, edges, keyframes), None)
-        if found is None:
-            return placed
-        placed[found[0]] = found[1]
+    placed, before = dict(poses), 0
+    while len(placed) > before:
+        before = len(placed)
+        for edge in edges:
+            found = _put(edge, placed)
+            if found is not None and _fits(keyframes[found[0]], found[1], placed, keyframes):
+                placed[found[0]] = found[1]
+    return placed
 
 
-def _fitting(
-    placed: Mapping[int, Floats], edges: Sequence[Edge], keyframes: Sequence[FrameFeatures]
-) -> Iterator[tuple[int, Floats]]:
-    """Yield keyframes that are not placed and fit where a motion puts them, with their poses."""
-    for edge in edges:
-        motion = edge.motion.target_from_source
-        if edge.target in placed and edge.source not in placed:
-            node, pose = edge.source, product(placed[edge.target], motion)
-        elif edge.source in placed and edge.target not in placed:
-            node, pose = edge.target, product(placed[edge.source], inverse(motion))
-        else:
-            continue
-        if _fits(keyframes[node], pose, placed, keyframes):
-            yield node, pose
+def _put(edge: Edge, placed: Mapping[int, Floats]) -> tuple[int, Floats] | None:
+    """Return the node that a motion puts beside a placed one, and its pose; None otherwise."""
+    motion = edge.motion.target_from_source
+    if edge.target in placed and edge.source not in placed:
+        return edge.source, product(placed[edge.target], motion)
+    if edge.source in placed and edge.target not in placed:
+        return edge.target, product(placed[edge.source], inverse(motion))
+    return None
 
 
 def _fits(

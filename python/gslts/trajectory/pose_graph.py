@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -90,9 +90,7 @@ def _by_support(edges: Sequence[Edge]) -> list[Edge]:
     return [edges[k] for k in order if edges[k].is_certain or supporters[k] > 0]
 
 
-def _largest_part(
-    nodes: Sequence[int] | dict[int, Floats], edges: Sequence[Edge]
-) -> dict[int, Floats]:
+def _largest_part(nodes: Iterable[int], edges: Sequence[Edge]) -> dict[int, Floats]:
     """Return poses [4,4] of the largest connected part, along the first edges that connect it."""
     largest: dict[int, Floats] = {}
     left = set(nodes)
