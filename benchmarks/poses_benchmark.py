@@ -21,13 +21,14 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from gslts.core.se3 import pose_distance
+from gslts.core.se3 import fit_rigid_motion, pose_distance, product
 from gslts.datasets import Dataset, open_dataset
 from gslts.datasets.nerfstudio import OPENGL_FROM_OPENCV
 from gslts.io.atomic_files import write_atomic
 from gslts.trajectory.estimate import estimate_poses
 from gslts.trajectory.photographs import place_photographs
 from gslts.types import Floats
+from gslts_bench.extension.run import TYPICAL_DISTANCE_M
 from gslts_bench.provenance import describe_run
 from gslts_bench.tables import Table
 from gslts_sim.capture import capture
@@ -82,7 +83,7 @@ def row_of(
 
 
 def errors_of(poses: Floats, true: Floats, *, scaled: bool) -> Floats:
-    """Return errors after the best rotation, and translation and scale in the median.
+    """Return errors after the best rigid motion, and the median scale.
 
     Args:
         poses: [F,4,4] estimated.
@@ -92,18 +93,16 @@ def errors_of(poses: Floats, true: Floats, *, scaled: bool) -> Floats:
     Returns:
         [F,2] m and rad.
     """
-    u, _, v = np.linalg.svd(np.einsum("nij,nkj->ik", true[:, :3, :3], poses[:, :3, :3]))
-    turn = u @ np.diag([1, 1, np.linalg.det(u @ v)]) @ v
-    moved = np.tile(np.eye(4), (len(poses), 1, 1))
-    moved[:, :3, :3] = turn @ poses[:, :3, :3]
-    pairs = np.triu_indices(len(poses), 1)
-    far_m, found = (
-        np.linalg.norm(p[pairs[0], :3, 3] - p[pairs[1], :3, 3], axis=1) for p in (true, poses)
-    )
-    scale = np.median(far_m[found > 0] / found[found > 0]) if scaled else 1.0
-    centres = scale * poses[:, :3, 3] @ turn.T
-    moved[:, :3, 3] = centres + np.median(true[:, :3, 3] - centres, axis=0)
-    return np.array([pose_distance(a, b) for a, b in zip(moved, true, strict=True)])
+    moved = poses.copy()
+    if scaled:
+        pairs = np.triu_indices(len(poses), 1)
+        far, found = (
+            np.linalg.norm(p[pairs[0], :3, 3] - p[pairs[1], :3, 3], axis=1) for p in (true, poses)
+        )
+        moved[:, :3, 3] *= np.median(far[found > 0] / found[found > 0])
+    motion = fit_rigid_motion(moved, true, TYPICAL_DISTANCE_M)
+    pairs_of_poses = zip(moved, true, strict=True)
+    return np.array([pose_distance(product(motion, a), b) for a, b in pairs_of_poses])
 
 
 def measure(home: str, folder: Path) -> list[list[str]]:
