@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from gslts.core.camera import Camera
     from gslts.core.frame import RgbdFrame
     from gslts.core.robot import Robot
-    from gslts.keeper.keeper import KeeperConfig
+    from gslts.keeper.config import KeeperConfig
     from gslts.keeper.schedule import DeferredChange
     from gslts.robots.sources import RobotSource
 
@@ -50,6 +50,10 @@ def run(
         bool,
         typer.Option("--extend", help="After each round, also map space that the map lacks."),
     ] = False,
+    consolidate: Annotated[
+        bool,
+        typer.Option("--consolidate", help="After the last round, refine what has changed."),
+    ] = False,
     threads: Threads = 0,
 ) -> None:
     """Run rounds through a home, and keep its map up to date.
@@ -60,6 +64,8 @@ def run(
 
     With --extend, the robot looks around where no camera of the map ever saw, such as behind a door
     that is open now, and the map grows; a recording adds what it shows.
+
+    With --consolidate, it ends with more views of all changes, as gslts consolidate does.
 
     Example: gslts run out/map --robot out/day/day.json --extend
     """
@@ -113,6 +119,8 @@ def run(
                         keeper.extend(recording, str(frames))
                     elif extend:
                         keeper.explore(driven)
+                if consolidate:
+                    keeper.consolidate(round_of(max(first, last - 1))[0])
             except StoppedError:
                 raise RuntimeError(
                     f"stopped in round {keeper.state.round}; the same command continues there"
@@ -156,7 +164,7 @@ def stop_signals() -> Iterator[list[int]]:
 
 def _config(iterations: int, threads: int, *, relocalize: bool) -> KeeperConfig:
     from gslts.change.config import DetectionConfig
-    from gslts.keeper.keeper import KeeperConfig
+    from gslts.keeper.config import KeeperConfig
     from gslts.localization.config import RelocalizationConfig
     from gslts.mapping.config import PRESETS
     from gslts.update import RefineConfig, UpdateConfig

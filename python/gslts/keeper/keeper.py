@@ -3,78 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 
 from gslts.change.changes import Change
-from gslts.change.config import DetectionConfig
-from gslts.change.confirmation import MonitorConfig, latest_changes
+from gslts.change.confirmation import latest_changes
 from gslts.change.detector import ChangeDetector
 from gslts.change.monitor import ChangeMonitor
 from gslts.change.visibility import Visibility
+from gslts.consolidation.pipeline import consolidate_store
 from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
 from gslts.extension.pipeline import extend_store
-from gslts.keeper.coverage import go_to, plan_viewpoints
+from gslts.keeper.config import KeeperConfig
+from gslts.keeper.coverage import plan_viewpoints
 from gslts.keeper.exploration import look_around, plan_exploration
 from gslts.keeper.schedule import defer, select_changes
 from gslts.keeper.state import KeeperState, read_state, write_state
-from gslts.localization.config import RelocalizationConfig
 from gslts.localization.landmark_files import require_landmarks
 from gslts.localization.localizer import Localizer
 from gslts.localization.relocalizer import Relocalizer
 from gslts.mapping.clock import Clock
-from gslts.mapping.config import PRESETS, MappingConfig
 from gslts.mapping.observation import Observation
+from gslts.robots.driving import go_to
 from gslts.robots.localized import LocalizedRobot
 from gslts.semantics.map_semantics import MapSemantics
 from gslts.store.camera_files import cameras_of_map, cameras_of_version
 from gslts.store.map_folder import open_map
 from gslts.store.measurements import read_measurements
 from gslts.store.records import Version
-from gslts.update.config import UpdateConfig
 from gslts.update.integrate import UpdateResult, integrate_changes
 from gslts.update.publish import publish
-
-
-def _process_every_frame() -> MonitorConfig:
-    """Return settings of a monitor that processes every frame: the robot waits for its result."""
-    return MonitorConfig(rate_hz=1e6)
-
-
-@dataclass(frozen=True)
-class KeeperConfig:
-    """Settings of the rounds.
-
-    Attributes:
-        max_viewpoints: Maximum number of viewpoints in a round.
-        max_frames: Maximum number of frames at one viewpoint, while a change is not confirmed.
-        monitor: Settings of the confirmation of changes.
-        detection: Settings of the change detection.
-        update: Settings of updates.
-        relocalization: Localize the robot in the map by its frames; None uses its odometry.
-        extension: Settings of the mapping of unmapped space.
-
-    Raises:
-        ValueError: A number is not positive.
-    """
-
-    max_viewpoints: int = 40
-    max_frames: int = 4
-    monitor: MonitorConfig = field(default_factory=_process_every_frame)
-    detection: DetectionConfig = field(default_factory=DetectionConfig)
-    update: UpdateConfig = field(default_factory=UpdateConfig)
-    relocalization: RelocalizationConfig | None = None
-    extension: MappingConfig = PRESETS["fast"]
-
-    def __post_init__(self) -> None:
-        for name in ("max_viewpoints", "max_frames"):
-            if getattr(self, name) < 1:
-                raise ValueError(
-                    f"KeeperConfig: {name} must be positive, got {getattr(self, name)}"
-                )
 
 
 class StoppedError(Exception):
@@ -197,8 +157,7 @@ class MapKeeper:
             OSError: A file cannot be written; the map is that of its newest version.
         """
         cameras = self._cameras if viewpoints is None else viewpoints
-        if self._localizer is not None:
-            robot = LocalizedRobot(robot, self._localizer)
+        robot = self._localize(robot)
         self._monitor.publish(self._detector)  # Deferred changes may be reported again.
         if self.state.remaining is None:
             self._set_state(remaining=self._plan() if viewpoints is None else tuple(viewpoints))
@@ -276,6 +235,32 @@ class MapKeeper:
         self._log(f"version {outcome.version.number}: {outcome.record.added} Gaussians added")
         self._use_map(self._store.read(), outcome.version)
 
+    def consolidate(self, robot: Robot) -> None:
+        """Refine what updates have changed since the last consolidation, as a new version.
+
+        Args:
+            robot: In the home; takes the views.
+
+        Raises:
+            StoppedError: A stop was requested.
+            OSError: A file cannot be written; the map is that of its newest version.
+        """
+        try:
+            done = consolidate_store(
+                self._store,
+                self._localize(robot),
+                threads=self._config.update.threads,
+                progress=self._on_progress,
+            )
+        except ValueError as error:
+            self._log(f"not consolidated: {error}")
+            return
+        if done.record is None:
+            self._log(f"not consolidated: {done.reason}")
+            return
+        self._log(f"version {done.version.number}: {done.record.refined} Gaussians refined")
+        self._use_map(self._store.read(), done.version)
+
     def _plan(self) -> tuple[str, ...]:
         threads = self._config.update.threads
         return plan_viewpoints(self._map, self._cameras, self._config.max_viewpoints, threads)
@@ -310,11 +295,6 @@ class MapKeeper:
 
     def _update(self, robot: Robot, changes: list[Change]) -> None:
         """Publish a version that shows the changes, or defer them."""
-
-        def on_progress(stage: str) -> None:
-            self._stop_if_requested()
-            self._progress(stage)
-
         config, cameras = self._config.update, list(self._cameras.values())
         result = integrate_changes(
             self._map,
@@ -325,7 +305,7 @@ class MapKeeper:
             detector=self._detector,
             first_id=self._store.version().next_id,
             semantics=self._semantics,
-            progress=on_progress,
+            progress=self._on_progress,
         )
         version = publish(
             self._store, self._map, cameras, result, config, self.state.round, self._semantics
@@ -384,6 +364,14 @@ class MapKeeper:
         state = KeeperState.model_validate({**self.state.model_dump(), **changed})
         write_state(state, self._folder)
         self.state = state
+
+    def _localize(self, robot: Robot) -> Robot:
+        """Return the robot, placed in the map by its frames if configured."""
+        return robot if self._localizer is None else LocalizedRobot(robot, self._localizer)
+
+    def _on_progress(self, stage: str) -> None:
+        self._stop_if_requested()
+        self._progress(stage)
 
     def _stop_if_requested(self) -> None:
         """Raise StoppedError if a stop was requested. Called only between transactions."""

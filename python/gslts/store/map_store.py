@@ -15,13 +15,12 @@ from gslts.core.gaussian_map import GaussianMap
 from gslts.io.atomic_files import sync_folder
 from gslts.store.blobs import Blobs
 from gslts.store.causes import (
-    ExtensionCause,
     ImportCause,
     MappingCause,
     RejectedUpdateCause,
     RestoreCause,
     SemanticsCause,
-    UpdateCause,
+    ViewsCause,
 )
 from gslts.store.delta import (
     Delta,
@@ -138,7 +137,7 @@ class MapStore(History):
     def commit(
         self,
         change: GaussianMap | Delta,
-        cause: UpdateCause | ExtensionCause,
+        cause: ViewsCause,
         events: Sequence[ObjectEvent] = (),
     ) -> Version:
         """Add a version, durably: it is on disk when this returns.
