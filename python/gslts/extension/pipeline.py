@@ -25,8 +25,8 @@ from gslts.mapping.frames import FrameSplit, ShowFrames, read_usable, require_me
 from gslts.mapping.observation import Observation
 from gslts.semantics.map_semantics import MapSemantics
 from gslts.store.camera_files import cameras_of_map, frame_records
-from gslts.store.causes import ExtensionCause, ExtensionRecord
-from gslts.store.map_folder import open_map
+from gslts.store.causes import CameraRecord, ExtensionCause, ExtensionRecord
+from gslts.store.map_folder import camera_to_json, open_map
 from gslts.store.map_store import MapStore
 from gslts.store.records import Version
 
@@ -168,8 +168,12 @@ def _publish(
     cause = ExtensionCause(
         dataset=dataset,
         record=record,
+        names=tuple(split.training),
         frames=frame_records(cameras, [frame.camera() for frame in split.training.values()]),
-        test_frames=tuple(split.test.observations),
+        test_frames={
+            name: CameraRecord(**camera_to_json(frame.camera()))
+            for name, frame in split.test.observations.items()
+        },
         landmarks=_write_landmarks(store, extended, split, spaces),
     )
     return store.commit(extended, cause)

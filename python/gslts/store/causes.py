@@ -214,16 +214,17 @@ class ExtensionCause(_Cause):
     Attributes:
         dataset: Name of the recording.
         record: Counts, times and quality.
-        frames: Cameras of the training frames.
-        test_frames: Names of the test frames.
+        names, frames: Names of the training frames, and their cameras in the map.
+        test_frames: Cameras of the test frames in the map, by name.
         landmarks: SHA-256 of the file of landmarks that were added; None if there are none.
     """
 
     kind: Literal["extension"] = "extension"
     dataset: str
     record: ExtensionRecord
+    names: tuple[str, ...]
     frames: tuple[UpdateFrame, ...]
-    test_frames: tuple[str, ...]
+    test_frames: dict[str, CameraRecord]
     landmarks: Sha256 | None
 
 
