@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from gslts_bench.processes import Add
+from gslts.fleet.jobs import Add
 
 
 @dataclass(frozen=True)

@@ -58,7 +58,7 @@ def detect(
         write_plot(outcome.summary["detectors"], title, trade)
     if images is not None:
         with progress_bar("drawing") as bar:
-            errors |= overlays.draw(units, outcome.records, images, options.jobs, bar)
+            errors |= overlays.draw(units, outcome.records, images, options.workers, bar)
     finish(errors, outcome.missing, tasks)
 
 

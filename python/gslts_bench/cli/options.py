@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
+from gslts.cli.arguments import NumberOfJobs, Scheduler, workers_of
 from gslts.cli.mapping import Preset
 
 if TYPE_CHECKING:
@@ -53,9 +54,8 @@ class HomeOptions:
             "the seeds of the tasks: each withholds other objects, and has a map of its own.",
         ),
     ] = None
-    jobs: Annotated[
-        int, typer.Option(min=1, help="Number of processes; each works on one home at a time.")
-    ] = 1
+    jobs: NumberOfJobs = None
+    scheduler: Scheduler = None
     json_path: Annotated[
         Path | None, typer.Option("--json", help="File for the complete result.")
     ] = None
@@ -83,6 +83,11 @@ class HomeOptions:
         if not (first.isdecimal() and end.isdecimal() and int(first) < int(end)):
             raise ValueError(f"--seeds: expected A:B with 0 <= A < B, got {self.seeds!r}")
         return range(int(first), int(end))
+
+    @property
+    def workers(self) -> int | str:
+        """Workers of the jobs; see `workers_of`."""
+        return workers_of(self.jobs, self.scheduler)
 
     @property
     def setup(self) -> HomeSetup:
@@ -156,7 +161,7 @@ class HomeOptions:
         from gslts_bench.homes import split_of
 
         with progress_bar(benchmark.doing) as bar:
-            outcome = benchmark.measure(units, self.jobs, bar)
+            outcome = benchmark.measure(units, self.workers, bar)
         homes: dict[str, Any] = {}
         if on_homes:
             seeds = self.seed_range

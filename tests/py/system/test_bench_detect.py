@@ -115,7 +115,7 @@ def test_nothing_is_made_twice(done: Path) -> None:
 
 
 def test_a_killed_run_goes_on_where_it_stopped(done: Path, copied: Path) -> None:
-    at_the_third = stopped_at("gslts_bench.processes:_keep", 3)
+    at_the_third = stopped_at("gslts.fleet.jobs:_keep", 3)
     killed = gslts(*RUN, cwd=copied, before=at_the_third, session=True)
     assert killed.returncode == -signal.SIGKILL
     kept = list((copied / "work").glob("detect/*"))

@@ -13,7 +13,7 @@ import pytest
 from bench_units import Bar, CountingUnit
 from command import LONG_S
 
-from gslts_bench.processes import read_results, run_units
+from gslts.fleet.jobs import read_results, run_units
 
 
 def squares(results: list[dict]) -> dict[str, int]:
@@ -94,7 +94,7 @@ import sys
 from pathlib import Path
 sys.path.insert(0, {support!r})
 from bench_units import Bar, CountingUnit
-from gslts_bench.processes import run_units
+from gslts.fleet.jobs import run_units
 if __name__ == "__main__":
     # What a shell runs in the background ignores it from the start.
     signal.signal(signal.SIGINT, signal.default_int_handler)
