@@ -6,13 +6,16 @@ stopped, continues with the results that are missing.
 
 from __future__ import annotations
 
+import asyncio
 import fcntl
 import json
 import logging
 import os
 import pickle
+import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Protocol
@@ -21,7 +24,7 @@ from uuid import uuid4
 from gslts.fleet.installation import describe_installation
 
 if TYPE_CHECKING:
-    from distributed import Client, Worker
+    from distributed import Client, LocalCluster, Worker
 
 Result = dict[str, Any]
 """JSON values; `id` identifies a result within its unit, `error` is the reason if there is none."""
@@ -30,11 +33,13 @@ Add = Callable[[Result], None]
 Jobs = int | str
 """Number of processes of this machine, `LOCAL`, or the address of a Dask scheduler."""
 
+IGNORE_CTRL_C = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
+"""Python code that workers of this machine run first, also those that replace lost ones."""
 LOCAL = "local"
 """A process for each core of this machine."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Environment variables that restrict libraries to one core, as times are those of one."""
-CONNECT_S, CLOSE_S = 10.0, 1.0
+CONNECT_S, CLOSE_S = 5.0, 1.0
 """Maximum time for a scheduler's answer, and for a worker of this machine to end by itself."""
 
 
@@ -89,15 +94,10 @@ def run_units(units: Sequence[Unit], jobs: Jobs, bar: Any) -> dict[str, list[Res
     left = {unit.name: max(0, unit.count - len(read_results(unit.results))) for unit in units}
     bar.reset(total=sum(left.values()))
     topic, waiting = f"gslts-{uuid4()}", iter(units)
-
-    def count(event: tuple[float, str]) -> None:
-        left[event[1]] -= 1
-        bar.update(1)
-
     with _connected(jobs) as client:
         from distributed import CancelledError, KilledWorker, as_completed
 
-        client.subscribe_topic(topic, count)
+        client.subscribe_topic(topic, partial(_count, left, bar))
         expected = _expected()
         found: dict[str, list[Result]] = {}
         running, units_of = as_completed(), {}
@@ -169,57 +169,92 @@ def message_of(error: Exception) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())
 
 
+def _count(left: dict[str, int], bar: Any, event: tuple[float, str]) -> None:
+    """Count a new result of the unit that an event names."""
+    left[event[1]] -= 1
+    bar.update(1)
+
+
 def _failure(unit: Unit, reason: str) -> Result:
     return {"id": unit.name, "error": reason}
 
 
 @contextmanager
 def _connected(jobs: Jobs) -> Iterator[Client]:
-    """Connect to workers, and check that they run what runs here."""
+    """Connect to workers that run what runs here."""
     try:
-        import dask
-        from distributed import Client, LocalCluster
+        from distributed import Client
     except ImportError as error:
         raise ImportError("jobs need Dask: pip install 'gslts[fleet]'") from error
-    if isinstance(jobs, str) and jobs != LOCAL:
-        try:
-            client = Client(jobs, timeout=CONNECT_S)
-        except (OSError, ValueError) as error:
-            raise OSError(f"{jobs}: no scheduler answers there ({error})") from error
-        with client:
-            if not client.nthreads():
-                raise RuntimeError(f"{jobs}: no workers; run dask worker {jobs} --nthreads 1")
-            for answer in client.run(_difference, _expected(), on_error="return").values():
-                if answer is not None:
-                    raise RuntimeError(f"{jobs}: {answer}")
-            yield client
+    if isinstance(jobs, int) or jobs == LOCAL:
+        with _local_cluster(None if jobs == LOCAL else int(jobs)) as cluster:
+            yield cluster.get_client()
         return
+    try:
+        asyncio.run(asyncio.wait_for(_try_connection(jobs), CONNECT_S))
+        client = Client(jobs, timeout=CONNECT_S)
+    except (OSError, TypeError, ValueError) as error:
+        reason = str(error) or f"nothing came in {CONNECT_S:g} s"
+        raise OSError(f"{jobs!r}: no scheduler answers there: {reason}") from error
+    with client:
+        if not client.nthreads():
+            raise RuntimeError(f"{jobs}: no workers; start some: dask worker {jobs} --nthreads 1")
+        for answer in client.run(_difference, _expected(), on_error="return").values():
+            if answer is not None:
+                raise RuntimeError(f"{jobs}: {answer}")
+        yield client
+
+
+async def _try_connection(address: str) -> None:
+    """Connect once: a client would wait for ever for a server that says nothing."""
+    from distributed import Security
+    from distributed.comm import connect
+
+    comm = await connect(address, CONNECT_S, **Security().get_connection_args("client"))
+    await comm.close()
+
+
+@contextmanager
+def _local_cluster(processes: int | None) -> Iterator[LocalCluster]:
+    """Start so many workers on this machine, or one for each core; end them at once."""
+    import dask
+    from distributed import LocalCluster
+
     os.environ.update(dict.fromkeys(THREADS, "1"))  # Dask passes them on to its workers.
     no_pages = {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
-    with (
-        dask.config.set(no_pages),
-        LocalCluster(
-            n_workers=jobs if isinstance(jobs, int) else None,
+    with _without_ctrl_c(), dask.config.set(no_pages):
+        cluster = LocalCluster(
+            n_workers=processes,
             threads_per_worker=1,
             memory_limit=None,
+            preload=IGNORE_CTRL_C,
             host="127.0.0.1",
             dashboard_address="127.0.0.1:0",  # None would be port 8787, which may be in use.
             scheduler_kwargs={"dashboard": False},
             security=True,  # With keys of its own: other users of this machine cannot connect.
             silence_logs=logging.CRITICAL,
-        ) as cluster,
-        Client(cluster) as client,
-    ):
-        try:
-            yield client
-        finally:
-            for nanny in cluster.workers.values():
-                cluster.sync(nanny.close, timeout=CLOSE_S)
+        )
+    try:
+        yield cluster
+    finally:
+        with _without_ctrl_c(), cluster:
+            closing = [nanny.close(timeout=CLOSE_S) for nanny in cluster.workers.values()]
+            cluster.sync(asyncio.gather, *closing)
+
+
+@contextmanager
+def _without_ctrl_c() -> Iterator[None]:
+    """Ignore Ctrl-C, here and in processes that are started."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _expected() -> dict[str, Any]:
     """Return what workers must have: the installation, single threads, and the current folder."""
-    single = {**dict.fromkeys(THREADS, "1"), "threads of the worker": 1}
+    single = {**dict.fromkeys(THREADS, "1"), "number of threads": 1}
     return {**describe_installation(), **single, "folder": str(Path.cwd())}
 
 
@@ -231,13 +266,13 @@ def _difference(expected: dict[str, Any], dask_worker: Worker | None = None) -> 
     own = {
         **describe_installation(),
         **{name: os.environ.get(name) for name in THREADS},
-        "threads of the worker": worker.state.nthreads,
+        "number of threads": worker.state.nthreads,
         "folder": expected["folder"] if Path(expected["folder"]).is_dir() else None,
     }
     for name in {**expected, **own}:
         theirs, ours = own.get(name), expected.get(name)
         if theirs != ours:
-            return f"worker {worker.address} has {name} {theirs}, but {ours} is needed"
+            return f"worker {worker.address}: {name} is {theirs}, but must be {ours}"
     return None
 
 

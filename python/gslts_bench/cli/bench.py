@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
+from gslts.cli.jobs import progress_bar
 from gslts.cli.mapping import Preset, both_weights
-from gslts_bench.cli.options import HomeOptions, finish, on_homes, progress_bar
+from gslts_bench.cli.options import HomeOptions, finish, on_homes
 from gslts_bench.cli.real import real
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.

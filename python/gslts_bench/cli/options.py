@@ -12,21 +12,16 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from gslts.cli.arguments import NumberOfJobs, Scheduler, workers_of
+from gslts.cli.jobs import NumberOfJobs, Scheduler, progress_bar, workers_of
 from gslts.cli.mapping import Preset
 
 if TYPE_CHECKING:
-    from tqdm import tqdm
-
     from gslts_bench.homes import BenchHome, HomeSetup
     from gslts_bench.runner import Benchmark, BenchRecord, BenchUnit, Outcome
 
     R = TypeVar("R", bound=BenchRecord)
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
-
-BAR = "{desc}: {n:.0f} of {total:.0f} |{bar}| {elapsed}<{remaining}{postfix}"
-"""Format of the progress bar, in results."""
 
 
 @dataclass(frozen=True)
@@ -210,17 +205,6 @@ def on_homes(**defaults: Any) -> Callable[[Callable[..., None]], Callable[..., N
 
 KEYWORD = inspect.Parameter.KEYWORD_ONLY
 """Kind of the parameters of commands, which typer passes by name."""
-
-
-def progress_bar(doing: str) -> tqdm[Any]:
-    """Return a bar of results, whose total comes later.
-
-    Args:
-        doing: Description of the bar.
-    """
-    from tqdm import tqdm
-
-    return tqdm(total=1, desc=doing, bar_format=BAR, smoothing=0.05, disable=None)
 
 
 def finish(errors: dict[str, str], missing: int = 0, tasks: int = 0) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gslts.cli.arguments import NumberOfJobs, Scheduler
+from gslts.cli.jobs import NumberOfJobs, Scheduler
 from gslts.cli.mapping import Preset
 from gslts_bench.cli.options import HomeOptions, finish
 
