@@ -7,7 +7,15 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-LIBRARIES = ("gslts", "numpy", "opencv-contrib-python-headless", "open3d-cpu", "open3d", "torch")
+LIBRARIES = (
+    "gslts",
+    "distributed",
+    "numpy",
+    "open3d",
+    "open3d-cpu",
+    "opencv-contrib-python-headless",
+    "torch",
+)
 """Distributions whose versions are named in results, where they are installed."""
 
 

@@ -13,9 +13,11 @@ import logging
 import os
 import pickle
 import signal
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
+from importlib import import_module
 from itertools import islice
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Protocol
@@ -104,8 +106,11 @@ def run_units(units: Sequence[Unit], jobs: Jobs, bar: Any) -> dict[str, list[Res
 
         def start(number: int) -> None:
             for unit in islice(waiting, number):
-                # A scheduler unpickles what it passes on, but it needs no unit.
-                future = client.submit(_work, pickle.dumps(unit), expected, topic, pure=False)
+                job = (pickle.dumps(unit), expected, topic)
+                # A lambda is sent as code: the scheduler unpickles it, and need not have gslts.
+                future = client.submit(
+                    lambda *job: import_module("gslts.fleet.jobs")._work(*job), *job, pure=False
+                )
                 units_of[future.key] = unit
                 running.add(future)
 
@@ -186,22 +191,25 @@ def _connected(jobs: Jobs) -> Iterator[Client]:
         from distributed import Client
     except ImportError as error:
         raise ImportError("jobs need Dask: pip install 'gslts[fleet]'") from error
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # Errors are raised.
     if isinstance(jobs, int) or jobs == LOCAL:
         with _local_cluster(None if jobs == LOCAL else int(jobs)) as cluster:
             yield cluster.get_client()
         return
     try:
         asyncio.run(asyncio.wait_for(_try_connection(jobs), CONNECT_S))
-        client = Client(jobs, timeout=CONNECT_S)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # Versions are compared below.
+            client = Client(jobs, timeout=CONNECT_S)
     except (OSError, TypeError, ValueError) as error:
         reason = str(error) or f"nothing came in {CONNECT_S:g} s"
         raise OSError(f"{jobs!r}: no scheduler answers there: {reason}") from error
     with client:
         if not client.nthreads():
             raise RuntimeError(f"{jobs}: no workers; start some: dask worker {jobs} --nthreads 1")
-        for answer in client.run(_difference, _expected(), on_error="return").values():
+        for worker, answer in client.run(_difference, _expected(), on_error="return").items():
             if answer is not None:
-                raise RuntimeError(f"{jobs}: {answer}")
+                raise RuntimeError(f"{jobs}: worker {worker}: {answer}")
         yield client
 
 
@@ -262,17 +270,16 @@ def _difference(expected: dict[str, Any], dask_worker: Worker | None = None) -> 
     """Return in what the worker that runs this differs from what is expected."""
     from distributed import get_worker
 
-    worker = dask_worker or get_worker()
     own = {
         **describe_installation(),
         **{name: os.environ.get(name) for name in THREADS},
-        "number of threads": worker.state.nthreads,
+        "number of threads": (dask_worker or get_worker()).state.nthreads,
         "folder": expected["folder"] if Path(expected["folder"]).is_dir() else None,
     }
     for name in {**expected, **own}:
         theirs, ours = own.get(name), expected.get(name)
         if theirs != ours:
-            return f"worker {worker.address}: {name} is {theirs}, but must be {ours}"
+            return f"its {name} is {theirs}, but must be {ours}"
     return None
 
 
@@ -282,7 +289,7 @@ def _work(pickled: bytes, expected: dict[str, Any], topic: str) -> list[Result]:
     from distributed import get_worker
 
     if (difference := _difference(expected)) is not None:  # It may have come after the others.
-        raise RuntimeError(difference)
+        raise RuntimeError(f"worker {get_worker().address}: {difference}")
     os.chdir(expected["folder"])
     cv2.setNumThreads(1)
     unit: Unit = pickle.loads(pickled)

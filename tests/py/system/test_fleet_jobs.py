@@ -194,7 +194,7 @@ def test_a_worker_with_other_code_is_rejected(tmp_path: Path) -> None:
         ) as process:
             try:
                 wait_for(lambda: cluster.scheduler.workers)
-                with pytest.raises(RuntimeError, match=r"worker tcp.*: code is \w+, but must"):
+                with pytest.raises(RuntimeError, match=r"worker tcp.*: its code is \w+, but must"):
                     run_units([CountingUnit("a", tmp_path)], cluster.scheduler_address, Bar())
             finally:
                 process.terminate()
