@@ -191,7 +191,7 @@ def _connected(jobs: Jobs) -> Iterator[Client]:
         from distributed import Client
     except ImportError as error:
         raise ImportError("jobs need Dask: pip install 'gslts[fleet]'") from error
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # Errors are raised.
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # It raises errors.
     if isinstance(jobs, int) or jobs == LOCAL:
         with _local_cluster(None if jobs == LOCAL else int(jobs)) as cluster:
             yield cluster.get_client()
