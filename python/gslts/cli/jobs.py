@@ -52,6 +52,21 @@ def workers_of(jobs: int | None, scheduler: str | None) -> int | str:
     return scheduler
 
 
+def fail(errors: dict[str, str]) -> None:
+    """Print the errors of jobs.
+
+    Args:
+        errors: Reason by id of the result or name of the unit that failed.
+
+    Raises:
+        RuntimeError: There is an error.
+    """
+    for name, error in errors.items():
+        typer.echo(f"{name}: {error}", err=True)
+    if errors:
+        raise RuntimeError(f"{len(errors)} results failed, named above")
+
+
 @contextmanager
 def progress_bar(doing: str) -> Iterator[tqdm[Any]]:
     """Show a bar of results, whose total comes later; say after Ctrl-C that a run can go on.

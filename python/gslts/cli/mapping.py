@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gslts.cli.jobs import NumberOfJobs, Scheduler, workers_of
+
 if TYPE_CHECKING:
     from gslts.core.gaussian_map import GaussianMap
     from gslts.datasets import Dataset as OpenedDataset
@@ -63,8 +65,18 @@ Threads = Annotated[int, typer.Option(min=0, help="Number of threads; 0: all har
 
 
 def make(
-    dataset: Dataset,
-    out: Annotated[Path, typer.Option(help="New folder of the map.")],
+    datasets: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="DATASET...",
+            help="Folders in the layout of nerfstudio, 7-Scenes, TUM RGB-D or COLMAP, or ROS 2 "
+            "bags.",
+        ),
+    ],
+    out: Annotated[
+        Path,
+        typer.Option(help="New folder of the map; of several data sets, folder of their maps."),
+    ],
     preset: Annotated[Preset, typer.Option(help="Speed against accuracy.")] = Preset.BALANCED,
     iterations: Annotated[
         int | None, typer.Option(min=1, help="Optimisation steps. Default: those of the preset.")
@@ -96,6 +108,8 @@ def make(
         bool, typer.Option("--resume", help="Continue an interrupted run from its checkpoint.")
     ] = False,
     threads: Threads = 0,
+    jobs: NumberOfJobs = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Make a map of posed RGB-D frames.
 
@@ -110,17 +124,39 @@ def make(
     With --poses correct or estimate, frames that cannot be placed are named and left out. With
     estimate, DATASET may also be a folder of photographs; OUT.colmap gets their poses.
 
+    Each of several data sets gets a map in OUT, in a folder of its name; with --jobs and
+    --scheduler, they are made at the same time, on one thread each unless --threads says more. The
+    same command continues an interrupted run.
+
     Example: gslts map out/kitchen_3 --out out/map
 
     Example: gslts map recording --poses estimate --out out/map
+
+    Example: gslts map monday tuesday --out out/maps --scheduler local
     """
+    if len(datasets) > 1 or jobs is not None or scheduler is not None:
+        from gslts.cli.map_jobs import make_maps
+
+        options = {
+            "preset": preset,
+            "iterations": iterations,
+            "budget_s": budget_s,
+            "max_gaussians": max_gaussians,
+            "every": every,
+            "poses": poses,
+            "settings": settings,
+            "threads": threads or 1,
+        }
+        make_maps(datasets, out, options, workers_of(jobs, scheduler))
+        return
+    (dataset,) = datasets
     from gslts.mapping.checkpoint import read_checkpoint
     from gslts.mapping.config import PRESETS
     from gslts.mapping.report.summary import summary_of, warning_of, write_result
 
     if out.exists():
         raise FileExistsError(f"{out} is there already")
-    saved, trajectory, colmap = (_beside(out, e) for e in (CHECKPOINT, TRAJECTORY, COLMAP))
+    saved, trajectory, colmap = (beside(out, e) for e in (CHECKPOINT, TRAJECTORY, COLMAP))
     if saved.exists() and not resume:
         raise FileExistsError(
             f"{saved}: an interrupted run; continue it with --resume, or remove the file"
@@ -151,7 +187,7 @@ def make(
     typer.echo(f"wrote {out}: {summary_of(result)}")
 
 
-def _beside(out: Path, ending: str) -> Path:
+def beside(out: Path, ending: str) -> Path:
     """Return the path of a file of the run that makes a map."""
     return out.with_name(out.name + ending)
 
@@ -191,7 +227,7 @@ def open_with_poses(
         return replace(opened, frames=opened.frames[::every])
     opened = open_dataset(dataset, posed=False)
     opened = replace(opened, frames=opened.frames[::every])
-    saved = None if out is None else _beside(out, TRAJECTORY)
+    saved = None if out is None else beside(out, TRAJECTORY)
     if saved is not None and saved.exists():
         return with_poses(opened, read_trajectory(saved))
     found = estimate_poses(
@@ -222,7 +258,7 @@ def _open_photographs(folder: Path, every: int, out: Path | None) -> OpenedDatas
 
     if out is None:
         raise ValueError(f"{folder}: photographs do not tell the scale of the map")
-    colmap = _beside(out, COLMAP)
+    colmap = beside(out, COLMAP)
     if colmap.exists():
         return open_dataset(colmap)
     with tqdm(total=4, bar_format=BAR, disable=None) as bar:

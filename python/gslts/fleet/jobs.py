@@ -41,6 +41,14 @@ LOCAL = "local"
 """A process for each core of this machine."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Environment variables that restrict libraries to one core, as times are those of one."""
+LOCAL_CONFIG = {
+    "distributed.scheduler.http.routes": [],
+    "distributed.worker.http.routes": [],
+    "distributed.worker.profile.enabled": False,
+    "distributed.nanny.pre-spawn-environ": dict.fromkeys(THREADS, "1"),
+}
+"""Settings of Dask on this machine: no pages, no profiler, and an allocator that keeps memory for
+the next array, which Dask would return to the system each time (MALLOC_TRIM_THRESHOLD_)."""
 CONNECT_S, CLOSE_S = 5.0, 1.0
 """Maximum time for a scheduler's answer, and for a worker of this machine to end by itself."""
 
@@ -229,8 +237,7 @@ def _local_cluster(processes: int | None) -> Iterator[LocalCluster]:
     from distributed import LocalCluster
 
     os.environ.update(dict.fromkeys(THREADS, "1"))  # Dask passes them on to its workers.
-    no_pages = {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
-    with _without_ctrl_c(), dask.config.set(no_pages):
+    with _without_ctrl_c(), dask.config.set(LOCAL_CONFIG):
         cluster = LocalCluster(
             n_workers=processes,
             threads_per_worker=1,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from gslts.cli.jobs import NumberOfJobs, Scheduler, progress_bar, workers_of
+from gslts.cli.jobs import NumberOfJobs, Scheduler, fail, progress_bar, workers_of
 from gslts.cli.mapping import Preset
 
 if TYPE_CHECKING:
@@ -218,9 +218,6 @@ def finish(errors: dict[str, str], missing: int = 0, tasks: int = 0) -> None:
     Raises:
         RuntimeError: Some of it failed or is missing.
     """
-    for name, error in errors.items():
-        typer.echo(f"{name}: {error}", err=True)
-    if errors:
-        raise RuntimeError(f"{len(errors)} results failed, named above")
+    fail(errors)
     if missing:
         raise RuntimeError(f"the homes gave {tasks - missing} of {tasks} tasks")

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gslts.cli import output
-from gslts.cli.jobs import NumberOfJobs, Scheduler, progress_bar, workers_of
+from gslts.cli.jobs import NumberOfJobs, Scheduler, fail, progress_bar, workers_of
 from gslts.cli.mapping import Preset
-from gslts_bench.cli.options import finish
 
 if TYPE_CHECKING:
     from gslts.core.camera import Camera
@@ -233,7 +232,7 @@ def _points(
     with progress_bar("maps") as bar:
         found = run_units(units, workers, bar)
     last = [found[unit.name][-1] for unit in units]
-    finish({result["id"]: result["error"] for result in last if "error" in result})
+    fail({result["id"]: result["error"] for result in last if "error" in result})
     yield from map(point_of, last)
 
 
