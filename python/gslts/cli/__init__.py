@@ -11,6 +11,7 @@ import typer
 
 from gslts.cli import history, mapping, navigation, output
 from gslts.cli.detect import detect
+from gslts.cli.evaluation import judge
 from gslts.cli.extend import extend
 from gslts.cli.localize import localize
 from gslts.cli.query import query
@@ -27,7 +28,7 @@ app = typer.Typer(
     rich_markup_mode=None,  # Errors in one line and not in a box.
 )
 app.command("map")(mapping.make)
-app.command("eval")(mapping.judge)
+app.command("eval")(judge)
 app.command("render")(output.render)
 app.command("export")(output.export)
 app.command("localize")(localize)

@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
+from gslts.cli.evaluation import both_weights
 from gslts.cli.jobs import progress_bar
-from gslts.cli.mapping import Preset, both_weights
+from gslts.cli.mapping import Preset
 from gslts_bench.cli.options import HomeOptions, finish, on_homes
 from gslts_bench.cli.real import real
 

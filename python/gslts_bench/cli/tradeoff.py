@@ -86,7 +86,7 @@ def tradeoff(
     if mapped is not None:
         if dataset is None or map_path is not None:
             raise ValueError("give MAP and DATASET, or --map alone")
-        workers = None if jobs is scheduler is None else workers_of(jobs, scheduler)
+        workers = None if jobs is None and scheduler is None else workers_of(jobs, scheduler)
         _measure_mapping(
             mapped, dataset, out, _budgets(seconds), preset, threads, rounds, pose, workers
         )
