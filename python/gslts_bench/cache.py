@@ -70,7 +70,7 @@ def source_files(*names: str, without: tuple[str, ...] = ()) -> list[Path]:
         ValueError: A module does not exist.
     """
     # These only distribute and keep work: their changes keep cached results valid.
-    distributing = ("gslts_bench.cache", "gslts_bench.processes", "gslts_bench.runner")
+    distributing = ("gslts.fleet", "gslts_bench.cache", "gslts_bench.runner")
     skipped = (*without, *distributing)
     left: list[Path] = []
     for name in names:

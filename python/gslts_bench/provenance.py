@@ -8,12 +8,10 @@ import shlex
 import subprocess
 import sys
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-LIBRARIES = ("gslts", "numpy", "opencv-contrib-python-headless", "open3d-cpu", "open3d", "torch")
-"""Distributions whose versions are named in results, where they are installed."""
+from gslts.fleet.installation import library_versions
 
 
 def describe_run() -> dict[str, Any]:
@@ -30,17 +28,6 @@ def describe_run() -> dict[str, Any]:
         "machine": {**describe_machine(), "instruction_set": simd.target()},
         "versions": library_versions(),
     }
-
-
-def library_versions() -> dict[str, str]:
-    """Return the versions of `LIBRARIES` that are installed, by name."""
-    found = {}
-    for name in LIBRARIES:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:  # Open3D has two names, and torch is optional.
-            continue
-    return found
 
 
 def describe_machine() -> dict[str, Any]:

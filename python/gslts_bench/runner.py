@@ -11,8 +11,8 @@ from typing import Any, ClassVar, Generic, Protocol, TypeVar, cast
 
 from pydantic import BaseModel
 
+from gslts.fleet.jobs import Add, Jobs, Result, message_of, run_units
 from gslts_bench.cache import code_digest, digest, native_digest
-from gslts_bench.processes import Add, Result, message_of, run_units
 from gslts_bench.provenance import describe_run
 from gslts_bench.tables import Table, result_markdown
 from gslts_sim.strict_model import STRICT
@@ -185,20 +185,19 @@ class Benchmark(Generic[R]):
     summarize: Callable[[Sequence[R]], dict[str, Any]]
     tabulate: Callable[[Mapping[str, Any]], list[Table]]
 
-    def measure(self, units: Sequence[BenchUnit[R, Any]], jobs: int, bar: Any) -> Outcome[R]:
+    def measure(self, units: Sequence[BenchUnit[R, Any]], jobs: Jobs, bar: Any) -> Outcome[R]:
         """Do what is left of all units and summarize all records that are asked for.
 
         Args:
             units: Units of different names.
-            jobs: Number of processes.
+            jobs: Workers.
             bar: Progress bar; see `run_units`.
 
         Returns:
             The outcome.
 
         Raises:
-            OSError: Results cannot be read or written.
-            ValueError: A file of results is damaged.
+            ImportError, OSError, RuntimeError, ValueError: See `run_units`.
         """
         found = run_units(units, jobs, bar)
         records: list[R] = []

@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from gslts_bench.processes import Add
+from gslts.fleet.jobs import Add
 
 
 @dataclass(frozen=True)
@@ -18,6 +18,7 @@ class CountingUnit:
     count: int = 5
     raises_at: int | None = None
     dies_at: int | None = None
+    deaths: int = 100
     waits_at: int | None = None
 
     @property
@@ -31,12 +32,25 @@ class CountingUnit:
                 continue
             if number == self.raises_at:
                 raise ValueError("no such\nluck")
-            if number == self.dies_at:
+            if number == self.dies_at and self._count_death() <= self.deaths:
                 os.kill(os.getpid(), signal.SIGKILL)
             if number == self.waits_at:
                 (self.folder / f"{os.getpid()}.pid").touch()
                 time.sleep(3600)
             add({"id": name, "square": number**2, "process": os.getpid()})
+
+    def _count_death(self) -> int:
+        with (self.folder / f"{self.name}.deaths").open("ab") as file:
+            file.write(b"+")
+            return file.tell()
+
+
+class UnkeptUnit(CountingUnit):
+    """Keeps no results."""
+
+    @property
+    def results(self) -> None:  # type: ignore[override]
+        return
 
 
 class Bar:

@@ -12,6 +12,7 @@ import typer
 from gslts.cli import history, mapping, navigation, output
 from gslts.cli.consolidate import consolidate
 from gslts.cli.detect import detect
+from gslts.cli.evaluation import judge
 from gslts.cli.extend import extend
 from gslts.cli.localize import localize
 from gslts.cli.query import query
@@ -28,7 +29,7 @@ app = typer.Typer(
     rich_markup_mode=None,  # Errors in one line and not in a box.
 )
 app.command("map")(mapping.make)
-app.command("eval")(mapping.judge)
+app.command("eval")(judge)
 app.command("render")(output.render)
 app.command("export")(output.export)
 app.command("localize")(localize)

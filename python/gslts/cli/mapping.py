@@ -1,23 +1,20 @@
-"""The commands `gslts map` and `gslts eval`."""
+"""The command `gslts map`."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gslts.cli.jobs import NumberOfJobs, Scheduler, workers_of
+
 if TYPE_CHECKING:
-    from gslts.core.gaussian_map import GaussianMap
     from gslts.datasets import Dataset as OpenedDataset
     from gslts.mapping.checkpoint import Checkpoint
     from gslts.mapping.config import MappingConfig
     from gslts.mapping.engine import MappingResult
-    from gslts.mapping.evaluation.evaluate import HeldOutQuality
-    from gslts.mapping.evaluation.rendering import RenderingQuality
 
 # Commands import what they need inside, so that `gslts --help` is fast.
 
@@ -63,8 +60,18 @@ Threads = Annotated[int, typer.Option(min=0, help="Number of threads; 0: all har
 
 
 def make(
-    dataset: Dataset,
-    out: Annotated[Path, typer.Option(help="New folder of the map.")],
+    datasets: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="DATASET...",
+            help="Folders in the layout of nerfstudio, 7-Scenes, TUM RGB-D or COLMAP, or ROS 2 "
+            "bags.",
+        ),
+    ],
+    out: Annotated[
+        Path,
+        typer.Option(help="New folder of the map; of several data sets, folder of their maps."),
+    ],
     preset: Annotated[Preset, typer.Option(help="Speed against accuracy.")] = Preset.BALANCED,
     iterations: Annotated[
         int | None, typer.Option(min=1, help="Optimisation steps. Default: those of the preset.")
@@ -96,6 +103,8 @@ def make(
         bool, typer.Option("--resume", help="Continue an interrupted run from its checkpoint.")
     ] = False,
     threads: Threads = 0,
+    jobs: NumberOfJobs = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Make a map of posed RGB-D frames.
 
@@ -110,17 +119,39 @@ def make(
     With --poses correct or estimate, frames that cannot be placed are named and left out. With
     estimate, DATASET may also be a folder of photographs; OUT.colmap gets their poses.
 
+    Each of several data sets gets a map in OUT, in a folder of its name; with --jobs and
+    --scheduler, they are made at the same time, on one thread each unless --threads says more. The
+    same command continues an interrupted run.
+
     Example: gslts map out/kitchen_3 --out out/map
 
     Example: gslts map recording --poses estimate --out out/map
+
+    Example: gslts map monday tuesday --out out/maps --scheduler local
     """
+    if len(datasets) > 1 or jobs is not None or scheduler is not None:
+        from gslts.cli.map_jobs import make_maps
+
+        options = {
+            "preset": preset,
+            "iterations": iterations,
+            "budget_s": budget_s,
+            "max_gaussians": max_gaussians,
+            "every": every,
+            "poses": poses,
+            "settings": settings,
+            "threads": threads or 1,
+        }
+        make_maps(datasets, out, options, workers_of(jobs, scheduler))
+        return
+    (dataset,) = datasets
     from gslts.mapping.checkpoint import read_checkpoint
     from gslts.mapping.config import PRESETS
     from gslts.mapping.report.summary import summary_of, warning_of, write_result
 
     if out.exists():
         raise FileExistsError(f"{out} is there already")
-    saved, trajectory, colmap = (_beside(out, e) for e in (CHECKPOINT, TRAJECTORY, COLMAP))
+    saved, trajectory, colmap = (beside(out, e) for e in (CHECKPOINT, TRAJECTORY, COLMAP))
     if saved.exists() and not resume:
         raise FileExistsError(
             f"{saved}: an interrupted run; continue it with --resume, or remove the file"
@@ -151,8 +182,13 @@ def make(
     typer.echo(f"wrote {out}: {summary_of(result)}")
 
 
-def _beside(out: Path, ending: str) -> Path:
-    """Return the path of a file of the run that makes a map."""
+def beside(out: Path, ending: str) -> Path:
+    """Return the path of a file of the run that makes a map.
+
+    Args:
+        out: Folder of the map.
+        ending: Ending of the file, such as `CHECKPOINT`.
+    """
     return out.with_name(out.name + ending)
 
 
@@ -191,7 +227,7 @@ def open_with_poses(
         return replace(opened, frames=opened.frames[::every])
     opened = open_dataset(dataset, posed=False)
     opened = replace(opened, frames=opened.frames[::every])
-    saved = None if out is None else _beside(out, TRAJECTORY)
+    saved = None if out is None else beside(out, TRAJECTORY)
     if saved is not None and saved.exists():
         return with_poses(opened, read_trajectory(saved))
     found = estimate_poses(
@@ -222,7 +258,7 @@ def _open_photographs(folder: Path, every: int, out: Path | None) -> OpenedDatas
 
     if out is None:
         raise ValueError(f"{folder}: photographs do not tell the scale of the map")
-    colmap = _beside(out, COLMAP)
+    colmap = beside(out, COLMAP)
     if colmap.exists():
         return open_dataset(colmap)
     with tqdm(total=4, bar_format=BAR, disable=None) as bar:
@@ -272,119 +308,3 @@ def _map_with_bar(
             show_frames=lambda frames: tqdm(frames, desc="reading", unit="frame", disable=None),
             report=report,
         )
-
-
-def judge(
-    map_path: Map,
-    dataset: Dataset,
-    every: Annotated[
-        int | None,
-        typer.Option(min=1, help="Use every n-th frame instead of the test frames."),
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-    threads: Threads = 0,
-    lpips_backbone: Annotated[
-        Path | None, typer.Option(help="Weights of torchvision's AlexNet, for LPIPS.")
-    ] = None,
-    lpips_heads: Annotated[
-        Path | None, typer.Option(help="alex.pth of the package lpips, for LPIPS.")
-    ] = None,
-) -> None:
-    """Evaluate a map on its test frames: frames that neither trained nor validated it.
-
-    Figures are given for poses of the data set, for poses corrected by those of neighbouring
-    training frames, and for poses refined against the map; the exposure of each frame is fitted.
-    Frames that cannot be used are skipped. A recording that extended the map is evaluated at its
-    poses in the map.
-
-    Example: gslts eval out/map out/kitchen_3
-    """
-    from tqdm import tqdm
-
-    from gslts.mapping.evaluation.evaluate import evaluate_held_out
-    from gslts.mapping.evaluation.held_out import TrainingRecord, read_test_frames
-    from gslts.mapping.evaluation.rendering import evaluate_rendering
-    from gslts.rendering.metrics import Lpips
-    from gslts.store.map_folder import read_map
-    from gslts.store.trajectory_file import open_recording
-
-    weights = both_weights(lpips_backbone, lpips_heads)
-    lpips = None if weights is None else Lpips(*weights)
-    gaussian_map = read_map(map_path)
-    opened = open_recording(map_path, dataset)
-    frames, skipped = read_test_frames(
-        opened,
-        TrainingRecord.read(map_path, opened.name),
-        every,
-        lambda frames: tqdm(frames, desc="reading", unit="frame", disable=None),
-    )
-    for reason in skipped:
-        typer.echo(f"skipped {reason}", err=True)
-    quality, _ = evaluate_held_out(gaussian_map, frames, threads)
-    rgbd = [frame.rgbd() for frame in frames.observations.values()]
-    rest = evaluate_rendering(gaussian_map, rgbd, lpips, threads)
-    if as_json:
-        typer.echo(_quality_json(gaussian_map, quality, rest, skipped))
-    else:
-        _echo_quality(gaussian_map, quality, rest)
-
-
-def _quality_json(
-    gaussian_map: GaussianMap,
-    quality: HeldOutQuality,
-    rest: RenderingQuality,
-    skipped: Sequence[str],
-) -> str:
-    from dataclasses import asdict
-
-    sizes = {
-        "gaussians": gaussian_map.size,
-        "bytes": gaussian_map.nbytes,
-        "bytes_per_gaussian": gaussian_map.nbytes / max(1, gaussian_map.size),
-    }
-    return json.dumps({**asdict(quality), **asdict(rest), **sizes, "skipped": skipped})
-
-
-def _echo_quality(
-    gaussian_map: GaussianMap, quality: HeldOutQuality, rest: RenderingQuality
-) -> None:
-    from dataclasses import asdict
-
-    for name, figures in asdict(quality).items():
-        if figures is not None:
-            depth_m = figures["depth_l1_m"]
-            depth = "" if depth_m is None else f", depth error {100 * depth_m:.2f} cm"
-            typer.echo(
-                f"{figures['frames']} frames, poses {name.replace('_', ' ')}: "
-                f"{figures['psnr_db']:.2f} dB, SSIM {figures['ssim']:.3f}{depth}"
-            )
-    per_gaussian = gaussian_map.nbytes / max(1, gaussian_map.size)
-    typer.echo(
-        f"{gaussian_map.size} Gaussians in {gaussian_map.nbytes} bytes, {per_gaussian:.1f} each; "
-        f"{rest.render_ms:.1f} ms a rendering"
-    )
-    typer.echo(
-        "no LPIPS: it needs weights, --lpips-backbone and --lpips-heads"
-        if rest.lpips is None
-        else f"LPIPS {rest.lpips:.4f}"
-    )
-
-
-def both_weights(backbone: Path | None, heads: Path | None) -> tuple[Path, Path] | None:
-    """Check that the files of `gslts.rendering.metrics.Lpips` are both given, or neither.
-
-    Args:
-        backbone: Weights of AlexNet.
-        heads: Weights of LPIPS.
-
-    Returns:
-        Both files; None without them.
-
-    Raises:
-        ValueError: Only one is given.
-    """
-    if backbone is None and heads is None:
-        return None
-    if backbone is None or heads is None:
-        raise ValueError("LPIPS needs both --lpips-backbone and --lpips-heads")
-    return backbone, heads

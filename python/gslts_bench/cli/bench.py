@@ -7,8 +7,10 @@ from typing import Annotated
 
 import typer
 
-from gslts.cli.mapping import Preset, both_weights
-from gslts_bench.cli.options import HomeOptions, finish, on_homes, progress_bar
+from gslts.cli.evaluation import both_weights
+from gslts.cli.jobs import progress_bar
+from gslts.cli.mapping import Preset
+from gslts_bench.cli.options import HomeOptions, finish, on_homes
 from gslts_bench.cli.real import real
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
@@ -58,7 +60,7 @@ def detect(
         write_plot(outcome.summary["detectors"], title, trade)
     if images is not None:
         with progress_bar("drawing") as bar:
-            errors |= overlays.draw(units, outcome.records, images, options.jobs, bar)
+            errors |= overlays.draw(units, outcome.records, images, options.workers, bar)
     finish(errors, outcome.missing, tasks)
 
 

@@ -12,20 +12,16 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
+from gslts.cli.jobs import NumberOfJobs, Scheduler, fail, progress_bar, workers_of
 from gslts.cli.mapping import Preset
 
 if TYPE_CHECKING:
-    from tqdm import tqdm
-
     from gslts_bench.homes import BenchHome, HomeSetup
     from gslts_bench.runner import Benchmark, BenchRecord, BenchUnit, Outcome
 
     R = TypeVar("R", bound=BenchRecord)
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
-
-BAR = "{desc}: {n:.0f} of {total:.0f} |{bar}| {elapsed}<{remaining}{postfix}"
-"""Format of the progress bar, in results."""
 
 
 @dataclass(frozen=True)
@@ -53,9 +49,8 @@ class HomeOptions:
             "the seeds of the tasks: each withholds other objects, and has a map of its own.",
         ),
     ] = None
-    jobs: Annotated[
-        int, typer.Option(min=1, help="Number of processes; each works on one home at a time.")
-    ] = 1
+    jobs: NumberOfJobs = None
+    scheduler: Scheduler = None
     json_path: Annotated[
         Path | None, typer.Option("--json", help="File for the complete result.")
     ] = None
@@ -83,6 +78,11 @@ class HomeOptions:
         if not (first.isdecimal() and end.isdecimal() and int(first) < int(end)):
             raise ValueError(f"--seeds: expected A:B with 0 <= A < B, got {self.seeds!r}")
         return range(int(first), int(end))
+
+    @property
+    def workers(self) -> int | str:
+        """Workers of the jobs; see `workers_of`."""
+        return workers_of(self.jobs, self.scheduler)
 
     @property
     def setup(self) -> HomeSetup:
@@ -156,7 +156,7 @@ class HomeOptions:
         from gslts_bench.homes import split_of
 
         with progress_bar(benchmark.doing) as bar:
-            outcome = benchmark.measure(units, self.jobs, bar)
+            outcome = benchmark.measure(units, self.workers, bar)
         homes: dict[str, Any] = {}
         if on_homes:
             seeds = self.seed_range
@@ -207,17 +207,6 @@ KEYWORD = inspect.Parameter.KEYWORD_ONLY
 """Kind of the parameters of commands, which typer passes by name."""
 
 
-def progress_bar(doing: str) -> tqdm[Any]:
-    """Return a bar of results, whose total comes later.
-
-    Args:
-        doing: Description of the bar.
-    """
-    from tqdm import tqdm
-
-    return tqdm(total=1, desc=doing, bar_format=BAR, smoothing=0.05, disable=None)
-
-
 def finish(errors: dict[str, str], missing: int = 0, tasks: int = 0) -> None:
     """End a benchmark.
 
@@ -229,9 +218,6 @@ def finish(errors: dict[str, str], missing: int = 0, tasks: int = 0) -> None:
     Raises:
         RuntimeError: Some of it failed or is missing.
     """
-    for name, error in errors.items():
-        typer.echo(f"{name}: {error}", err=True)
-    if errors:
-        raise RuntimeError(f"{len(errors)} results failed, named above")
+    fail(errors)
     if missing:
         raise RuntimeError(f"the homes gave {tasks - missing} of {tasks} tasks")

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from gslts.cli.jobs import NumberOfJobs, Scheduler
 from gslts.cli.mapping import Preset
 from gslts_bench.cli.options import HomeOptions, finish
 
@@ -52,7 +53,8 @@ def real(
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="Mapping setting, as for gslts map."),
     ] = None,
-    jobs: Annotated[int, typer.Option(min=1, help="Number of processes, one per map.")] = 1,
+    jobs: NumberOfJobs = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Measure change detection in real rooms: on visits with changes, or in one recorded room.
 
@@ -77,7 +79,12 @@ def real(
     if without_depth and (updates or folder is None):
         raise ValueError("bench real: --without-depth needs a FOLDER of visits, and no --updates")
     options = HomeOptions(
-        json_path=json_path, work=work, preset=preset, settings=settings, jobs=jobs
+        json_path=json_path,
+        work=work,
+        preset=preset,
+        settings=settings,
+        jobs=jobs,
+        scheduler=scheduler,
     )
     options.prepare(images)
     if dataset is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gslts.cli import output
+from gslts.cli.jobs import NumberOfJobs, Scheduler, fail, progress_bar, workers_of
 from gslts.cli.mapping import Preset
 
 if TYPE_CHECKING:
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     from gslts.datasets import Dataset
     from gslts.mapping.frames import FrameSplit
     from gslts_bench.tradeoff.mapping import MappingPoint
+    from gslts_bench.tradeoff.units import PointUnit
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
 
@@ -49,8 +52,8 @@ def tradeoff(
         int | None,
         typer.Option(
             min=0,
-            help="0 means one per hardware thread. By default, maps are made with all of them and "
-            "rendering is measured on one.",
+            help="0 means one per hardware thread. By default, maps are made with all of them, as "
+            "jobs with one, and rendering is measured on one.",
         ),
     ] = None,
     rounds: Annotated[
@@ -60,6 +63,8 @@ def tradeoff(
         Path | None, typer.Option("--map", help="A map to render instead: its folder or .ply file.")
     ] = None,
     pose: output.Pose = None,
+    jobs: NumberOfJobs = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Measure accuracy against time, number of Gaussians and settings of the renderer.
 
@@ -67,6 +72,9 @@ def tradeoff(
     with an eighth to double as many Gaussians; all are evaluated on test frames. Settings of the
     renderer are measured on a map from --pose, or from its first camera; without any map, in a
     synthetic room.
+
+    With --jobs or --scheduler, each map of DATASET is a job. An interrupted run continues where it
+    stopped; OUT.points holds its results until the end.
 
     Example: gslts tradeoff --scene M --out out/tradeoff
 
@@ -78,8 +86,13 @@ def tradeoff(
     if mapped is not None:
         if dataset is None or map_path is not None:
             raise ValueError("give MAP and DATASET, or --map alone")
-        _measure_mapping(mapped, dataset, out, _budgets(seconds), preset, threads, rounds, pose)
+        workers = None if jobs is None and scheduler is None else workers_of(jobs, scheduler)
+        _measure_mapping(
+            mapped, dataset, out, _budgets(seconds), preset, threads, rounds, pose, workers
+        )
         return
+    if jobs is not None or scheduler is not None:
+        raise ValueError("--jobs and --scheduler are for maps of a data set: give MAP and DATASET")
     render_threads = 1 if threads is None else threads
     if map_path is not None:
         gaussian_map, camera = read_map(map_path), output.find_camera(map_path, pose)
@@ -142,9 +155,11 @@ def _measure_mapping(
     threads: int | None,
     rounds: int,
     pose: str | None,
+    workers: int | str | None,
 ) -> None:
-    """Measure renderer and mapping; the table grows with each result."""
+    """Measure renderer and mapping; without workers, the table grows with each result."""
     import json
+    import shutil
     from dataclasses import asdict
 
     from tqdm import tqdm
@@ -152,43 +167,35 @@ def _measure_mapping(
     from gslts.datasets import open_dataset
     from gslts.io.atomic_files import empty_folder
     from gslts.mapping.config import PRESETS
-    from gslts.store.manifest import read_manifest, split_version
     from gslts.store.map_folder import read_map
     from gslts_bench.provenance import describe_run
-    from gslts_bench.tradeoff import mapping as bench
     from gslts_bench.tradeoff.mapping_plot import write_plot
     from gslts_bench.tradeoff.rendering import write_csv
+    from gslts_bench.tradeoff.units import units_of
 
     gaussian_map, opened = read_map(map_path), open_dataset(dataset)
-    folder, _ = split_version(map_path)
-    made_in_s = bench.seconds_of(read_manifest(folder)) if folder.is_dir() else None
     split = _split_of_map(map_path, gaussian_map, opened, threads or 0)
     first = next(iter(split.training.values()))
     camera = output.find_camera(map_path, pose) if pose else first.camera()
     empty_folder(out)
-    stem, render_threads = "tradeoff_renderer", 1 if threads is None else threads
-    _measure_rendering(gaussian_map, camera, f"Map {map_path}", out, stem, render_threads, rounds)
-
-    config = PRESETS[preset].model_copy(update={"threads": threads or 0})
+    all_or_one = 0 if workers is None else 1
+    config = PRESETS[preset].model_copy(
+        update={"threads": all_or_one if threads is None else threads}
+    )
+    kept = out.with_name(f"{out.name}.points")
+    units = units_of(map_path, dataset, config, budgets_s, None if workers is None else kept)
     csv_path, json_path, plot_path = (
         out / f"tradeoff_mapping.{kind}" for kind in ("csv", "json", "png")
     )
+    measured = _points(units, gaussian_map, split, workers)
+    del split
     points: list[MappingPoint] = []
-    total = len(bench.COUNTS) + 1 + len(budgets_s)
-    with tqdm(total=total, desc="maps", unit="map", disable=None) as bar:
-
-        def add(point: MappingPoint) -> None:
-            points.append(point)
-            write_csv(points, csv_path)
-            bar.write(_line(point))
-            bar.update()
-
-        add(bench.measure_map(gaussian_map, split, made_in_s, config.threads))
-        for point in bench.measure_counts(gaussian_map, split, config):
-            add(point)
-        del split  # Maps from scratch read the frames themselves.
-        for point in bench.measure_budgets(opened, config, budgets_s):
-            add(point)
+    for point in measured:
+        points.append(point)
+        write_csv(points, csv_path)
+        tqdm.write(_line(point))
+    stem, render_threads = "tradeoff_renderer", 1 if threads is None else threads
+    _measure_rendering(gaussian_map, camera, f"Map {map_path}", out, stem, render_threads, rounds)
     result = {
         **describe_run(),
         "map": str(map_path),
@@ -199,7 +206,34 @@ def _measure_mapping(
     }
     json_path.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     write_plot(points, f"Maps of {opened.name}, preset {preset}; the map is {map_path}", plot_path)
+    shutil.rmtree(kept, ignore_errors=True)
     typer.echo(f"wrote {csv_path}, {json_path} and {plot_path}")
+
+
+def _points(
+    units: list[PointUnit],
+    gaussian_map: GaussianMap,
+    split: FrameSplit | None,
+    workers: int | str | None,
+) -> Iterator[MappingPoint]:
+    """Measure maps one after the other here, or as jobs of workers."""
+    from tqdm import tqdm
+
+    from gslts.fleet.jobs import run_units
+    from gslts_bench.tradeoff.units import point_of
+
+    if workers is None:
+        for unit in tqdm(units, desc="maps", unit="map", disable=None):
+            if unit.budget_s is not None:
+                split = None  # Maps from scratch read the frames themselves.
+            yield unit.measure(gaussian_map, split)
+        return
+    del split
+    with progress_bar("maps") as bar:
+        found = run_units(units, workers, bar)
+    last = [found[unit.name][-1] for unit in units]
+    fail({result["id"]: result["error"] for result in last if "error" in result})
+    yield from map(point_of, last)
 
 
 def _split_of_map(

@@ -11,12 +11,12 @@ from typing import Any
 from PIL import Image
 
 from gslts.change.overlay import overlay
+from gslts.fleet.jobs import Add, Jobs, run_units
 from gslts.io.atomic_files import empty_folder
 from gslts_bench.detection.cases import take_frame
 from gslts_bench.detection.run import Detectors, DetectUnit, Record
 from gslts_bench.detection.score import NONE, UNRELIABLE, is_right
 from gslts_bench.detection.variants import STRATEGIES
-from gslts_bench.processes import Add, run_units
 
 OVERLAYS = 20
 """Number of images of a run: half of them right, or more of one where the other has too few."""
@@ -71,7 +71,7 @@ class OverlayUnit:
 
 
 def draw(
-    units: Sequence[DetectUnit], records: Sequence[Record], folder: Path, jobs: int, bar: Any
+    units: Sequence[DetectUnit], records: Sequence[Record], folder: Path, jobs: Jobs, bar: Any
 ) -> dict[str, str]:
     """Write overlays of right and wrong answers of the default detector.
 
@@ -79,7 +79,7 @@ def draw(
         units: Units of the run.
         records: Records of the run.
         folder: New or empty folder.
-        jobs: Number of processes.
+        jobs: Workers.
         bar: Progress bar; see `run_units`.
 
     Returns:
@@ -88,6 +88,7 @@ def draw(
     Raises:
         OSError: The folder cannot be written.
         ValueError: The folder is not empty.
+        ImportError, RuntimeError: See `run_units`.
     """
     empty_folder(folder)
     chosen = choose(records, next(iter(STRATEGIES)))

@@ -14,6 +14,7 @@ from pydantic import BaseModel, Field, FiniteFloat
 from gslts.change.changes import Change, Kind
 from gslts.change.detector import ChangeDetector
 from gslts.core.frame import RgbdFrame
+from gslts.fleet.jobs import Add
 from gslts.io.atomic_files import write_atomic
 from gslts.localization.config import RelocalizationConfig
 from gslts.localization.landmark_files import read_landmarks
@@ -35,7 +36,6 @@ from gslts_bench.detection.truth import Motion, Truth, as_motion
 from gslts_bench.detection.variants import STRATEGIES, VARIANTS
 from gslts_bench.detection.watch import WATCH, WATCHED, turn_views, watch
 from gslts_bench.homes import BenchHome
-from gslts_bench.processes import Add
 from gslts_bench.runner import BenchRecord, BenchUnit, attempt
 from gslts_sim.actions import SceneState
 from gslts_sim.strict_model import STRICT

@@ -15,6 +15,7 @@ from pydantic import FiniteFloat
 from gslts.core.se3 import fit_rigid_motion, pose_distance, product
 from gslts.datasets import Dataset, open_dataset
 from gslts.extension.pipeline import extend_map
+from gslts.fleet.jobs import Add
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.engine import make_map
 from gslts.mapping.evaluation.evaluate import evaluate, refine_pose
@@ -23,7 +24,6 @@ from gslts.mapping.report.summary import write_result
 from gslts.store.map_folder import read_map
 from gslts_bench.extension.visits import split_visits
 from gslts_bench.homes import BenchHome
-from gslts_bench.processes import Add
 from gslts_bench.runner import BenchRecord, BenchUnit, attempt
 
 TYPICAL_DISTANCE_M = 2.0

@@ -11,6 +11,7 @@ import numpy as np
 from gslts.change.detector import ChangeDetector
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
+from gslts.fleet.jobs import Add, message_of
 from gslts.navigation.navigator import Navigator
 from gslts.semantics.map_semantics import MapSemantics
 from gslts.semantics.source import Oracle
@@ -23,7 +24,6 @@ from gslts_bench.homes import BenchHome, even_shares
 from gslts_bench.navigation.episodes import Episode, starts_to
 from gslts_bench.navigation.run import Ground, NavigateUnit, Record, run_episode
 from gslts_bench.navigation.truth import Truth
-from gslts_bench.processes import Add, message_of
 from gslts_bench.queries.semantic_map import SemanticMap, read_semantic_map
 from gslts_bench.runner import BenchUnit
 from gslts_sim.home import Home

@@ -10,6 +10,7 @@ from typing import Any
 
 from pydantic import FiniteFloat
 
+from gslts.fleet.jobs import Add
 from gslts.io.images import write_image
 from gslts.navigation.navigator import Navigator
 from gslts.navigation.semantic_map_files import draw_semantic_map
@@ -18,7 +19,6 @@ from gslts_bench.homes import BenchHome
 from gslts_bench.navigation.episodes import Episode, categories_of, episodes_of
 from gslts_bench.navigation.truth import Truth, succeeds
 from gslts_bench.navigation.walker import Walker
-from gslts_bench.processes import Add
 from gslts_bench.queries.semantic_map import read_semantic_map
 from gslts_bench.runner import BenchRecord, BenchUnit, attempt
 from gslts_sim.actions import SceneState

@@ -15,13 +15,13 @@ import numpy as np
 from pydantic import BaseModel, FiniteFloat
 from scipy.optimize import linear_sum_assignment
 
+from gslts.fleet.jobs import Add
 from gslts.semantics.embed import embed_semantics
 from gslts.semantics.queries import Instance, SemanticQueries
 from gslts.semantics.source import Oracle
 from gslts.store.map_folder import read_map
 from gslts.types import Floats
 from gslts_bench.homes import BenchHome, movable_types
-from gslts_bench.processes import Add
 from gslts_bench.queries.semantic_map import mapped_frames
 from gslts_bench.runner import BenchRecord, BenchUnit, attempt
 from gslts_sim.strict_model import STRICT

@@ -18,12 +18,12 @@ from gslts.change.monitor import confirm_changes
 from gslts.change.overlay import overlay
 from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
+from gslts.fleet.jobs import Add
 from gslts.io.images import write_image
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
 from gslts_bench.detection.run import Detectors
 from gslts_bench.detection.variants import STRATEGIES
-from gslts_bench.processes import Add
 from gslts_bench.real.map_changes import SIDES_OF, MapChange, make_changes
 from gslts_bench.real.score import MIN_IOU, iou
 from gslts_bench.relocalization.room import RecordedRoom, RoomFold

@@ -16,6 +16,7 @@ from gslts.change.changes import Change
 from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
+from gslts.fleet.jobs import Add
 from gslts.io.images import write_image
 from gslts.rendering.losses import Exposure, apply_exposure
 from gslts.rendering.metrics import psnr_from_mse_db
@@ -27,7 +28,6 @@ from gslts.update.config import UpdateConfig
 from gslts.update.evidence import MIN_VIEWS
 from gslts.update.pipeline import update_map
 from gslts.update.region import Region, regions_of
-from gslts_bench.processes import Add
 from gslts_bench.real.boxes import BoxPx, MarkedObject
 from gslts_bench.real.score import MIN_IOU, iou
 from gslts_bench.real.visit_score import CONFIRMATION

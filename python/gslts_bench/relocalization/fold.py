@@ -12,10 +12,10 @@ from functools import partial
 from typing import Any
 
 from gslts.datasets import Frame
+from gslts.fleet.jobs import Add
 from gslts.localization.relocalizer import Relocalizer
 from gslts.mapping.evaluation.held_out import TrainingRecord
 from gslts.types import Floats
-from gslts_bench.processes import Add
 from gslts_bench.relocalization.room import FOLDS, RecordedRoom, RoomFold, transfer
 from gslts_bench.relocalization.run import Relocalizers
 from gslts_bench.relocalization.score import Answer, TimedAnswer

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from gslts.core.frame import RgbdFrame
+from gslts.fleet.jobs import Add
 from gslts.localization.landmark_files import read_landmarks
 from gslts.localization.relocalizer import Relocalizer
 from gslts.store.map_folder import read_map
 from gslts.types import Floats
 from gslts_bench.homes import BenchHome
-from gslts_bench.processes import Add
 from gslts_bench.relocalization.frames import PARTS, Part
 from gslts_bench.relocalization.score import Answer, TimedAnswer, start_near
 from gslts_bench.relocalization.variants import ABLATION, OURS, TRADE, VARIANTS

@@ -17,6 +17,7 @@ from pydantic import Field, FiniteFloat
 
 from gslts.change.config import DetectionConfig
 from gslts.change.detector import ChangeDetector
+from gslts.fleet.jobs import Add
 from gslts.localization.landmark_files import read_landmarks, write_landmarks
 from gslts.semantics.autoencoder import autoencoder_bytes
 from gslts.store.camera_files import cameras_of_map
@@ -24,7 +25,6 @@ from gslts.store.map_folder import write_map_folder
 from gslts_bench.detection.run import Report
 from gslts_bench.detection.score import fits
 from gslts_bench.homes import BenchHome
-from gslts_bench.processes import Add
 from gslts_bench.queries.semantic_map import SemanticMap, read_semantic_map
 from gslts_bench.runner import BenchRecord, BenchUnit, attempt
 from gslts_bench.scale.tile import tile_room

@@ -16,6 +16,7 @@ from gslts.core.camera import Camera, new_viewpoints
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
+from gslts.fleet.jobs import Add
 from gslts.rendering.losses import apply_exposure
 from gslts.rendering.metrics import psnr_db
 from gslts.store.camera_files import cameras_of_map
@@ -28,7 +29,6 @@ from gslts_bench.detection.run import Report
 from gslts_bench.detection.score import fits
 from gslts_bench.detection.visits import draw_visit
 from gslts_bench.homes import BenchHome
-from gslts_bench.processes import Add
 from gslts_bench.runner import BenchRecord, BenchUnit
 from gslts_bench.update.score import align_with_map
 from gslts_sim.actions import SceneState

@@ -7,7 +7,7 @@ and all are refined for the same number of steps.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Any
@@ -113,54 +113,50 @@ def measure_map(
     return _point("map", "the map", seconds, None, gaussian_map.size, quality)
 
 
-def measure_counts(
-    gaussian_map: GaussianMap, split: FrameSplit, config: MappingConfig
-) -> Iterator[MappingPoint]:
-    """Measure the map with each share of `COUNTS` of its Gaussians, refined alike.
+def measure_count(
+    gaussian_map: GaussianMap, split: FrameSplit, config: MappingConfig, name: str
+) -> MappingPoint:
+    """Measure the map with a share of its Gaussians, refined.
 
     Args:
         gaussian_map: A finished map, float32.
         split: Frames of the data set that it was made from.
         config: Rates and losses of the refinement.
+        name: The share, of `COUNTS`.
     """
-    training = list(split.training.values())
+    training, share = list(split.training.values()), COUNTS[name]
     steps = max(MIN_STEPS, MIN_VISITS * len(training))
     if not split.has_depth:
         config = config.for_photographs(split.extent_m)
     config = config.model_copy(update={"variant_steps": steps})
-    for name, share in COUNTS.items():
-        if share > 1:
-            start = split_gaussians(gaussian_map, np.arange(gaussian_map.size))
-        else:
-            count = max(1, int(share * gaussian_map.size))
-            start = merge_to(gaussian_map, count, training, config.threads)
-        finished = refine_map(start, training, config)
-        quality = _evaluate(finished, split, config.threads)
-        yield _point("gaussians", name, None, steps, finished.size, quality)
+    if share > 1:
+        start = split_gaussians(gaussian_map, np.arange(gaussian_map.size))
+    else:
+        count = max(1, int(share * gaussian_map.size))
+        start = merge_to(gaussian_map, count, training, config.threads)
+    finished = refine_map(start, training, config)
+    quality = _evaluate(finished, split, config.threads)
+    return _point("gaussians", name, None, steps, finished.size, quality)
 
 
-def measure_budgets(
-    dataset: Dataset, config: MappingConfig, budgets_s: Iterable[float]
-) -> Iterator[MappingPoint]:
-    """Make a map from scratch for each budget, with a schedule of that length, and measure it.
+def measure_budget(dataset: Dataset, config: MappingConfig, budget_s: float) -> MappingPoint:
+    """Make a map from scratch with a schedule of the length of a budget, and measure it.
 
     Args:
         dataset: The data set.
         config: Settings of the mapping.
-        budgets_s: Budgets.
+        budget_s: The budget.
 
     Raises:
         ValueError: No map can be made of the data set, see `make_map`, or it has too few frames to
             hold out any.
     """
-    for budget_s in budgets_s:
-        update = {"budget_s": budget_s, "variant_steps": 0}
-        result = make_map(dataset, config.model_copy(update=update))
-        if result.quality is None:
-            raise ValueError(f"{dataset.name}: {len(result.training)} frames are too few to test")
-        steps = result.curve[-1].iteration if result.curve else 0
-        size = result.gaussian_map.size
-        yield _point("time", f"{budget_s:g} s", result.used_s, steps, size, result.quality)
+    result = make_map(dataset, config.model_copy(update={"budget_s": budget_s, "variant_steps": 0}))
+    if result.quality is None:
+        raise ValueError(f"{dataset.name}: {len(result.training)} frames are too few to test")
+    steps = result.curve[-1].iteration if result.curve else 0
+    size = result.gaussian_map.size
+    return _point("time", f"{budget_s:g} s", result.used_s, steps, size, result.quality)
 
 
 def seconds_of(manifest: Mapping[str, Any]) -> float | None:

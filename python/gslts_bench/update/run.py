@@ -15,6 +15,7 @@ from pydantic import Field, FiniteFloat
 from gslts.change.detector import ChangeDetector
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
+from gslts.fleet.jobs import Add, message_of
 from gslts.rendering.metrics import Lpips
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.map_folder import read_map
@@ -24,7 +25,6 @@ from gslts_bench.detection.cases import MIN_TASKS
 from gslts_bench.detection.run import Report
 from gslts_bench.detection.score import fits
 from gslts_bench.homes import BenchHome, even_shares
-from gslts_bench.processes import Add, message_of
 from gslts_bench.runner import BenchRecord, BenchUnit
 from gslts_bench.update.comparison import compare
 from gslts_bench.update.methods import ABLATION, METHODS, Method, update_with

@@ -115,12 +115,12 @@ def test_nothing_is_made_twice(done: Path) -> None:
 
 
 def test_a_killed_run_goes_on_where_it_stopped(done: Path, copied: Path) -> None:
-    at_the_third = stopped_at("gslts_bench.processes:_keep", 3)
+    at_the_third = stopped_at("gslts.fleet.jobs:_count", 3)
     killed = gslts(*RUN, cwd=copied, before=at_the_third, session=True)
     assert killed.returncode == -signal.SIGKILL
     kept = list((copied / "work").glob("detect/*"))
     first = kept[0].read_bytes()
-    assert first.count(b"\n") == 3
+    assert first.count(b"\n") >= 3
     again = gslts(*RUN, cwd=copied)
     assert again.returncode == 0, again.stderr
     assert kept[0].read_bytes().startswith(first)

@@ -69,6 +69,32 @@ def test_the_commands(recorded: dict[str, Path], tmp_path: Path) -> None:
     assert not (tmp_path / "other").exists()
 
 
+def test_several_data_sets_are_mapped_as_alone(recorded: dict[str, Path], tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        shutil.copytree(recorded["kinect"], tmp_path / name)
+    (tmp_path / "c").mkdir()
+    options = ("--every", "4", "--iterations", "5", "--preset", "fast")
+    assert run("map", "a", *options, "--out", "alone", cwd=tmp_path).returncode == 0
+    shutil.copytree(tmp_path / "alone", tmp_path / "maps" / "a")
+    before = sorted(path.stat().st_mtime_ns for path in (tmp_path / "maps/a").rglob("*"))
+    arguments = ("map", "a", "b", "c", *options, "--out", "maps", "--jobs", "2")
+    done = run(*arguments, cwd=tmp_path)
+    assert done.returncode == 1, "c is no data set"
+    assert done.stdout.startswith("maps/a is there already\n")
+    assert "wrote maps/b: " in done.stdout
+    errors = done.stderr.splitlines()
+    assert "maps/c: ValueError: " in errors[-2]
+    assert errors[-1] == "gslts: 1 results failed, named above"
+    after = sorted(path.stat().st_mtime_ns for path in (tmp_path / "maps/a").rglob("*"))
+    assert after == before
+    alone, made = read_map(tmp_path / "alone"), read_map(tmp_path / "maps/b")
+    for name in ("means", "quats", "log_scales", "logit_opacities", "sh"):
+        np.testing.assert_array_equal(getattr(made, name), getattr(alone, name))
+    assert {path.name for path in (tmp_path / "maps").iterdir()} == {"a", "b"}
+    twice = run("map", "a", "a", "--out", "twice", cwd=tmp_path)
+    assert twice.stderr == "gslts: data sets need different names, got a, a\n"
+
+
 def test_a_map_of_frames_at_wrong_poses_gives_a_warning(
     recorded: dict[str, Path], tmp_path: Path
 ) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bench_units import Bar
 from clocks import make_mapping_tick
 from command import gslts as run
 from PIL import Image
@@ -16,13 +17,16 @@ from typer.testing import CliRunner, Result
 
 from gslts.cli import app
 from gslts.datasets import Dataset, open_dataset
+from gslts.fleet.jobs import read_results, run_units
 from gslts.io.ply import write_ply
+from gslts.mapping.config import PRESETS
 from gslts.mapping.evaluation.held_out import TrainingRecord
 from gslts.store.manifest import read_manifest
 from gslts.store.map_folder import read_map
 from gslts_bench.tradeoff import mapping as tradeoff_mapping
 from gslts_bench.tradeoff.mapping import COUNTS, seconds_of, split_of
 from gslts_bench.tradeoff.rendering import SETTINGS
+from gslts_bench.tradeoff.units import point_of, units_of
 from gslts_sim.capture import capture
 from gslts_sim.controller import Controller
 from gslts_sim.explore import explore
@@ -141,6 +145,23 @@ def test_a_plain_file_is_judged_without_neighbours(
     assert (tmp_path / "out" / "tradeoff_mapping.png").exists()
 
 
+def test_workers_measure_the_same(paths: Paths, tmp_path: Path) -> None:
+    config = PRESETS["fast"].model_copy(update={"threads": 1})
+    units = units_of(paths.map, paths.visit, config, [1.0], tmp_path)
+    names = [unit.name for unit in units]
+    assert names == ["the map", *COUNTS, "1 s"]
+    again = units_of(paths.map, paths.visit, config, [1.0], tmp_path)
+    assert again == units, "the files of results must be the same"
+    chosen = [unit for unit in units if unit.name in ("the map", "an eighth")]
+    found = run_units(chosen, 2, Bar())
+    for unit in chosen:
+        alone: list[dict] = []
+        unit.run(frozenset(), alone.append)
+        assert found[unit.name] == alone
+        assert point_of(alone[0]).name == unit.name
+        assert read_results(unit.results) == alone
+
+
 class Torn:
     """A frame that cannot be read."""
 
@@ -215,6 +236,7 @@ def into_a_file(paths: Paths, folder: Path) -> list[str | Path]:
             for seconds in ("", "ten", "10,0.5", "nan", "5,inf", "10;20")
         ),
         (lambda p, _: [p.map], "give MAP and DATASET, or --map alone"),
+        (lambda p, _: ["--map", p.map, "--jobs", "2"], "are for maps of a data set"),
         (lambda p, _: [p.map, p.visit, "--map", p.map], "give MAP and DATASET, or --map alone"),
         (lambda p, f: [f / "none", p.visit], "none"),
         (lambda p, f: [p.map, f / "none"], "there is no such file or folder"),
