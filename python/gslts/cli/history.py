@@ -34,7 +34,7 @@ def log(
         Path | None, typer.Option(help="Write the whole history with images to this page.")
     ] = None,
 ) -> None:
-    """List the versions of a map, newest first, with the object changes and rejected updates.
+    """List the versions of a map, newest first, with their robots, object changes and rejections.
 
     Each change of an object is listed once: a move whose ends two versions show, in the later one.
     Every command takes an old version of a map as MAP@NUMBER, such as out/map@2.
@@ -204,32 +204,32 @@ def _history_json(store: History, name: str | None) -> str:
 
 
 def _print_history(store: History) -> None:
-    from gslts.store.describe import describe_rejection, describe_versions, format_time
+    from gslts.store.describe import describe_rejection, describe_versions, format_made
 
     lines, rejections = describe_versions(store), store.rejections()
     for version in reversed(store.versions()):
         for rejection in rejections:
             if rejection.version == version.number:
-                when = format_time(rejection.time_s)
-                typer.echo(f"        {when}  {describe_rejection(rejection)}")
+                made = format_made(rejection)
+                typer.echo(f"        {made}  {describe_rejection(rejection)}")
         typer.echo(_line(version))
         for line in lines[version.number]:
             typer.echo(f"        {line}")
 
 
 def _print_track(store: History, name: str) -> None:
-    from gslts.store.describe import describe_event, format_time
+    from gslts.store.describe import describe_event, format_made
 
     track = store.track(name)
     for event in reversed(track.events):
-        when = format_time(store.version(event.version).time_s)
-        typer.echo(f"{event.version:6}  {when}  {describe_event(event, track.name)}")
+        made = format_made(store.version(event.version))
+        typer.echo(f"{event.version:6}  {made}  {describe_event(event, track.name)}")
 
 
 def _line(version: Version) -> str:
-    from gslts.store.describe import describe_version, format_time
+    from gslts.store.describe import describe_version, format_made
 
-    return f"{version.number:6}  {format_time(version.time_s)}  {describe_version(version)}"
+    return f"{version.number:6}  {format_made(version)}  {describe_version(version)}"
 
 
 def _describe_delta(delta: Delta) -> str:

@@ -134,6 +134,16 @@ class MapStore(MapReader):
             OSError: A file cannot be written; then the newest version is still the old one.
             ValueError: The map was not made from the newest version.
         """
+        return self._commit(change, cause, events)
+
+    def _commit(
+        self,
+        change: GaussianMap | Delta,
+        cause: UpdateCause | ExtensionCause,
+        events: Sequence[ObjectEvent],
+        **made: Any,
+    ) -> Version:
+        """Add a version; `made` replaces what it records of time, robot and program."""
         newest = self._index.newest()
         if isinstance(change, Delta):
             delta = change
@@ -153,6 +163,7 @@ class MapStore(MapReader):
             delta=self._blobs.write(delta_to_arrays(delta)),
             touched=delta.touched,
             cause=cause,
+            **made,
         )
         snapshot = None
         if self._needs_snapshot(version):
@@ -297,13 +308,13 @@ class MapStore(MapReader):
 
     def _after(self, newest: Version, **fields: Any) -> Version:
         """Return the version after the newest one, made now by this robot."""
-        return Version(
-            number=newest.number + 1,
-            gslts=metadata.version("gslts"),
-            time_s=self._now_s(newest),
-            robot=robot_name(),
-            **fields,
-        )
+        if "time_s" not in fields:
+            fields |= {
+                "gslts": metadata.version("gslts"),
+                "time_s": self._now_s(newest),
+                "robot": robot_name(),
+            }
+        return Version(number=newest.number + 1, **fields)
 
     def _now_s(self, newest: Version) -> float:
         now_s = time.time()

@@ -1,0 +1,1 @@
+"""Maps that several robots share through a bucket or a folder."""
