@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gslts.cli.arguments import Folder, MapFolder, WritableMap
 from gslts.cli.mapping import BAR, Threads
 
 if TYPE_CHECKING:
@@ -19,12 +20,11 @@ if TYPE_CHECKING:
 
 # Imports are inside the commands, so that `gslts --help` starts fast.
 
-Folder = Annotated[Path, typer.Argument(metavar="MAP", help="Folder of a map.")]
 Number = Annotated[int, typer.Argument(min=1, help="Number of a version, from gslts log.")]
 
 
 def log(
-    map_path: Folder,
+    map_path: MapFolder,
     name: Annotated[
         str | None,
         typer.Option("--object", metavar="NAME", help='History of one object, such as "Pillow 2".'),
@@ -59,7 +59,7 @@ def log(
             _print_history(store)
 
 
-def show(map_path: Folder, number: Number) -> None:
+def show(map_path: MapFolder, number: Number) -> None:
     """Show the record of a version: its cause, settings, timings and counts.
 
     Example: gslts show out/map 2
@@ -80,7 +80,7 @@ def show(map_path: Folder, number: Number) -> None:
 
 
 def diff(
-    map_path: Folder,
+    map_path: MapFolder,
     before: Number,
     after: Number,
     out: Annotated[
@@ -114,7 +114,7 @@ def diff(
         typer.echo(f"wrote {out}")
 
 
-def restore(map_path: Folder, number: Number) -> None:
+def restore(map_path: WritableMap, number: Number) -> None:
     """Make an old version the newest one again; later versions stay in the history.
 
     Example: gslts restore out/map 2
@@ -126,7 +126,7 @@ def restore(map_path: Folder, number: Number) -> None:
     typer.echo(_line(version))
 
 
-def verify(map_path: Folder) -> None:
+def verify(map_path: MapFolder) -> None:
     """Check every file of every version against its checksum, with landmarks and semantics.
 
     Example: gslts verify out/map

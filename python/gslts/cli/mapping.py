@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gslts.cli.arguments import Map
+
 if TYPE_CHECKING:
     from gslts.core.gaussian_map import GaussianMap
     from gslts.datasets import Dataset as OpenedDataset
@@ -50,9 +52,6 @@ Dataset = Annotated[
     typer.Argument(
         help="Folder in the layout of nerfstudio, 7-Scenes, TUM RGB-D or COLMAP, or a ROS 2 bag."
     ),
-]
-Map = Annotated[
-    Path, typer.Argument(metavar="MAP", help="Folder of a map, or a .ply file of 3DGS.")
 ]
 BAR = "{desc}: {percentage:3.0f}%|{bar}| {elapsed}<{remaining}{postfix}"
 """Format of progress bars: stage, share, time passed and time left."""

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gslts.cli.arguments import WritableMap
 from gslts.cli.localize import Localize, localizer_of, read_frames
 from gslts.cli.mapping import BAR, Threads
 
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 
 
 def run(
-    map_path: Annotated[Path, typer.Argument(metavar="MAP", help="Folder of a map.")],
+    map_path: WritableMap,
     robot: Annotated[
         str | None,
         typer.Option(metavar="ROBOT", help="A simulated robot: day.json of gslts sim day."),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gslts.cli.arguments import MapFolder
+from gslts.cli.arguments import Folder
 
 if TYPE_CHECKING:
     from gslts.fleet.exchange import Exchange
@@ -38,12 +38,12 @@ def clone(
     typer.echo(f"{folder} is version {version.number}: {version.gaussians} Gaussians")
 
 
-def pull(map_path: MapFolder, url: KnownUrl = None) -> None:
+def pull(map_path: Folder, url: KnownUrl = None) -> None:
     """Bring the versions of other robots into a map; own versions follow them.
 
     Own changes elsewhere keep their result and get new numbers. Own changes of a region that others
     changed, too, are verified anew, and given up if the map shows them already or others saw the
-    region later; gslts log names the reason.
+    object later; gslts log names the reason.
 
     Example: gslts pull out/map
     """
@@ -52,7 +52,7 @@ def pull(map_path: MapFolder, url: KnownUrl = None) -> None:
     _echo(map_path, pull_map(map_path, url))
 
 
-def push(map_path: MapFolder, url: KnownUrl = None) -> None:
+def push(map_path: Folder, url: KnownUrl = None) -> None:
     """Give the versions of a map to other robots, after those that came before (gslts pull).
 
     A new URL gets the whole map. GSLTS_ROBOT names this robot in gslts log; it is the host by

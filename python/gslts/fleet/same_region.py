@@ -77,11 +77,12 @@ class Attempt:
         points = touched_points(difference, self.before)
         return not any(is_near(points, box).any() for box in self.boxes)
 
-    def rivals(self, boxes: Iterable[Box | None]) -> list[SharedVersion]:
+    def rivals(self, boxes: Iterable[Box | None], margin_m: float) -> list[SharedVersion]:
         """Return the versions of others with changes near some boxes.
 
         Args:
             boxes: World, m; None is at no position.
+            margin_m: Maximum distance along each axis, m.
 
         Returns:
             Oldest first.
@@ -90,7 +91,7 @@ class Attempt:
         return [
             shared
             for shared in self.theirs
-            if any(_overlap(box, other) for box in wanted for other in _boxes_of(shared))
+            if any(_overlap(box, other, margin_m) for box in wanted for other in _boxes_of(shared))
         ]
 
     def describe_rival(self, boxes: Iterable[Box | None]) -> str:
@@ -99,7 +100,7 @@ class Attempt:
         Args:
             boxes: World, m; None is at no position.
         """
-        version = [*self.theirs, *self.rivals(boxes)][-1].version
+        version = [*self.theirs, *self.rivals(boxes, REACH_M)][-1].version
         return f"version {version.number} of {version.robot or 'another robot'}"
 
 
@@ -140,9 +141,9 @@ def _boxes_of(shared: SharedVersion) -> list[Box]:
     return [box for change in changes for box in change.boxes if box is not None]
 
 
-def _overlap(box: Box, other: Box) -> bool:
-    """Return whether two boxes are within `REACH_M` of each other."""
+def _overlap(box: Box, other: Box, margin_m: float) -> bool:
+    """Return whether two boxes are within a distance of each other along each axis."""
     return all(
-        box[0][axis] - REACH_M <= other[1][axis] and other[0][axis] - REACH_M <= box[1][axis]
+        box[0][axis] - margin_m <= other[1][axis] and other[0][axis] - margin_m <= box[1][axis]
         for axis in range(3)
     )

@@ -30,7 +30,7 @@ from gslts.store.delta import Delta, apply_deltas
 from gslts.store.map_folder import camera_from_json
 from gslts.store.measurements import read_measurements
 from gslts.types import Bools, Floats, Floats32
-from gslts.update.region import Region
+from gslts.update.region import NEAR_M, Region
 from gslts.update.verify import remaining_confidence
 
 MAX_FRAMES = 6
@@ -67,8 +67,8 @@ def reject_all(cause: VersionCause, reason: str) -> Verdict:
 def verify_anew(replica: Replica, attempt: Attempt) -> Verdict:
     """Verify the changes of a version against the newest map of others.
 
-    A change is given up if others saw its region later, or if the newest map shows it already. What
-    is left must not show to the detector any more once it is applied.
+    A change is given up if the newest map shows it already, or if others saw the same position
+    later, by their clock. What is left must not show to the detector any more once it is applied.
 
     Args:
         replica: Clone of the map; its newest version is `attempt.head`.
@@ -115,11 +115,11 @@ def verify_anew(replica: Replica, attempt: Attempt) -> Verdict:
 
 def _reason_to_give_up(attempt: Attempt, change: ChangeRecord, is_missing: bool) -> str | None:
     """Return why a change is given up; None if the newest map should show it and does not."""
-    rivals = attempt.rivals(change.boxes)
-    if any(rival.version.time_s > attempt.own.version.time_s for rival in rivals):
-        return f"{attempt.describe_rival(change.boxes)} saw the region later"
     if not is_missing:
         return f"the map shows it already, since {attempt.describe_rival(change.boxes)}"
+    rivals = attempt.rivals(change.boxes, NEAR_M)
+    if any(rival.version.time_s > attempt.own.version.time_s for rival in rivals):
+        return f"{attempt.describe_rival(change.boxes)} saw the object later"
     return None
 
 
