@@ -6,7 +6,7 @@ from datetime import timedelta
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from obstore.store import ClientConfig, RetryConfig
+    from obstore.store import RetryConfig
 
 MAX_VERSION_BYTES = 16 << 20
 """Maximum size of a version object: bounds the memory for a hostile one. An update with 12 frames
@@ -28,9 +28,6 @@ RETRIES: RetryConfig = {
     },
 }
 """Repetition of requests that failed for a reason that may pass, within obstore."""
-CLIENT: ClientConfig = {"timeout": "120s", "connect_timeout": "5s"}
-"""Maximum time of a request with its content, and of a connection. Large blobs are sent in parts of
-5 MB, which take less over 1 Mbit/s."""
 CREATE_ATTEMPTS, CREATE_WAIT_S = 6, 0.2
 """Maximum number of attempts to learn if a version object was created, when answers are lost or a
 store shows new objects late, and the wait after the first one, s; it doubles each time: 6 s."""

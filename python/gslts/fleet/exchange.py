@@ -208,7 +208,8 @@ def _pull(
     if fetched:
         outcome = _add(replica, remote, state.number, fetched)
         state = fetched[-1].state
-    write_remote_state(state, replica.folder)
+    if state.number:
+        write_remote_state(state, replica.folder)
     newest = replica.version()
     return state, Exchange(newest, len(fetched), 0, outcome.replayed, tuple(outcome.given_up))
 

@@ -13,7 +13,6 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 
 from gslts.fleet.constants import (
-    CLIENT,
     CONNECTIONS,
     CREATE_ATTEMPTS,
     CREATE_WAIT_S,
@@ -47,7 +46,7 @@ CREDENTIALS = {
 NO_CREDENTIALS = re.compile("169\\.254\\.169\\.254|Account must be specified|MissingAccount")
 """Errors of obstore without credentials: it asks the host of a virtual machine for some."""
 MAX_MESSAGE = 200
-"""Maximum length of an error of a store in ours, characters."""
+"""Maximum length of a reason of a store in an error, characters."""
 
 
 class RemoteStore:
@@ -72,7 +71,7 @@ class RemoteStore:
                     raise FileNotFoundError(f"{url}: there is no such folder")
                 self._store: Any = LocalStore(folder, mkdir=create)
             else:
-                self._store = from_url(self.url, client_options=CLIENT, retry_config=RETRIES)
+                self._store = from_url(self.url, retry_config=RETRIES)
 
     def read_version(self, number: int) -> bytes | None:
         """Read a version object.
@@ -231,10 +230,10 @@ class RemoteStore:
         try:
             yield
         except AlreadyExistsError as error:
-            raise FileExistsError(f"{self.url}: {_first_line(error)}") from error
+            raise FileExistsError(f"{self.url}: {_reason(error)}") from error
         except (PermissionDeniedError, UnauthenticatedError) as error:
             raise PermissionError(
-                f"{self.url}: not permitted with these credentials: {_first_line(error)}"
+                f"{self.url}: not permitted; check the credentials, and the clock of this machine"
             ) from error
         except BaseError as error:
             if NO_CREDENTIALS.search(str(error)):
@@ -242,7 +241,7 @@ class RemoteStore:
                 raise PermissionError(
                     f"{self.url}: there are no credentials: set {variables}"
                 ) from error
-            raise OSError(f"{self.url}: {_first_line(error)}") from error
+            raise OSError(f"{self.url}: {_reason(error)}") from error
 
 
 def version_name(number: int) -> str:
@@ -267,6 +266,9 @@ def _is(content: bytes, blob: Blob) -> bool:
     return len(content) == blob.size and hashlib.sha256(content).hexdigest() == blob.key
 
 
-def _first_line(error: BaseException) -> str:
-    text = str(error).split("\n", 1)[0]
-    return text if len(text) <= MAX_MESSAGE else f"{text[:MAX_MESSAGE]}..."
+def _reason(error: BaseException) -> str:
+    """Return the reason of an error of obstore: its first line without times and XML."""
+    text = re.sub(r" in [\d.]+.?s\b.*? - ", ": ", str(error).split("\n", 1)[0]).split("<?xml")[0]
+    if "error sending request" in text:
+        return "the store cannot be reached; check the network, the endpoint and the URL"
+    return text.strip(" :")[:MAX_MESSAGE]

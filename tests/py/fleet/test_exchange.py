@@ -5,14 +5,16 @@ import shutil
 from pathlib import Path
 
 import pytest
-from shared_maps import change_room, write_rooms
+import synthetic_rooms
 from store_maps import assert_same
+from synthetic_rooms import write_rooms
 
 from gslts.fleet.exchange import clone_map, pull_map, push_map
 from gslts.fleet.state import read_remote_state
 from gslts.store.causes import UpdateCause
 from gslts.store.history import INDEX
 from gslts.store.map_folder import open_map, read_map
+from gslts.store.records import Version
 
 pytestmark = pytest.mark.usefixtures("url")
 
@@ -25,6 +27,13 @@ def url(tmp_path: Path) -> str:
     push_map(tmp_path / "a", url)
     clone_map(url, tmp_path / "b")
     return url
+
+
+def change_room(folder: Path, room: int, number: int = 0, robot: str = "r1") -> Version:
+    """Commit an update of a room by a robot."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("GSLTS_ROBOT", robot)
+        return synthetic_rooms.change_room(folder, room, number)
 
 
 def versions_of(folder: Path) -> list[tuple[int, str | None, int | None]]:
@@ -52,9 +61,9 @@ def test_a_clone_holds_the_same_bits(tmp_path: Path, url: str) -> None:
 
 
 def test_who_comes_second_follows(tmp_path: Path) -> None:
-    change_room(tmp_path / "a", 0, seed=1, robot="r1")
-    change_room(tmp_path / "b", 1, seed=2, robot="r2")
-    change_room(tmp_path / "b", 1, seed=3, robot="r2")
+    change_room(tmp_path / "a", 0, number=1, robot="r1")
+    change_room(tmp_path / "b", 1, number=2, robot="r2")
+    change_room(tmp_path / "b", 1, number=3, robot="r2")
     assert push_map(tmp_path / "a").pushed == 1
     done = push_map(tmp_path / "b")
     assert (done.pulled, done.pushed, done.replayed, done.given_up) == (1, 2, 2, ())
@@ -67,11 +76,11 @@ def test_who_comes_second_follows(tmp_path: Path) -> None:
 def test_a_change_elsewhere_is_bit_identical_to_having_been_second(
     tmp_path: Path, url: str
 ) -> None:
-    change_room(tmp_path / "b", 1, seed=2)
-    change_room(tmp_path / "a", 0, seed=1)
+    change_room(tmp_path / "b", 1, number=2)
+    change_room(tmp_path / "a", 0, number=1)
     push_map(tmp_path / "a")
     clone_map(url, tmp_path / "second")
-    second = change_room(tmp_path / "second", 1, seed=2)
+    second = change_room(tmp_path / "second", 1, number=2)
     push_map(tmp_path / "b")
     assert_same(read_map(tmp_path / "b"), read_map(tmp_path / "second"))
     with open_map(tmp_path / "b") as store:
@@ -80,8 +89,8 @@ def test_a_change_elsewhere_is_bit_identical_to_having_been_second(
 
 
 def test_a_change_of_the_same_region_is_not_applied_blindly(tmp_path: Path) -> None:
-    change_room(tmp_path / "b", 0, seed=2, robot="r2")
-    change_room(tmp_path / "a", 0, seed=1, robot="r1")
+    change_room(tmp_path / "b", 0, number=2, robot="r2")
+    change_room(tmp_path / "a", 0, number=1, robot="r1")
     push_map(tmp_path / "a")
     done = push_map(tmp_path / "b")
     assert (done.pushed, done.replayed) == (0, 0)
@@ -91,7 +100,7 @@ def test_a_change_of_the_same_region_is_not_applied_blindly(tmp_path: Path) -> N
         (rejection,) = store.rejections()
     assert (rejection.version, rejection.robot, rejection.cause.round) == (2, "r2", 2)
     # Others hear of it with the next version.
-    change_room(tmp_path / "b", 1, seed=3, robot="r2")
+    change_room(tmp_path / "b", 1, number=3, robot="r2")
     push_map(tmp_path / "b")
     pull_map(tmp_path / "a")
     with open_map(tmp_path / "a") as store:
@@ -99,10 +108,10 @@ def test_a_change_of_the_same_region_is_not_applied_blindly(tmp_path: Path) -> N
 
 
 def test_what_follows_a_given_up_version_is_kept_where_it_is_elsewhere(tmp_path: Path) -> None:
-    change_room(tmp_path / "b", 0, seed=2)
-    change_room(tmp_path / "b", 1, seed=3)
-    change_room(tmp_path / "b", 0, seed=4)  # Changes what the first one added.
-    change_room(tmp_path / "a", 0, seed=1)
+    change_room(tmp_path / "b", 0, number=2)
+    change_room(tmp_path / "b", 1, number=3)
+    change_room(tmp_path / "b", 0, number=4)  # Changes what the first one added.
+    change_room(tmp_path / "a", 0, number=1)
     push_map(tmp_path / "a")
     done = push_map(tmp_path / "b")
     assert (done.pushed, len(done.given_up)) == (1, 2)
@@ -110,12 +119,12 @@ def test_what_follows_a_given_up_version_is_kept_where_it_is_elsewhere(tmp_path:
 
 
 def test_a_restored_version_is_given_up_if_others_changed_the_map(tmp_path: Path) -> None:
-    change_room(tmp_path / "a", 0, seed=1)
+    change_room(tmp_path / "a", 0, number=1)
     push_map(tmp_path / "a")
     pull_map(tmp_path / "b")
     with open_map(tmp_path / "b", writable=True) as store:
         store.restore(1)
-    change_room(tmp_path / "a", 1, seed=2)
+    change_room(tmp_path / "a", 1, number=2)
     push_map(tmp_path / "a")
     done = push_map(tmp_path / "b")
     assert done.given_up == ("others changed the map before; run gslts restore again",)
@@ -129,16 +138,16 @@ def test_a_restored_version_is_given_up_if_others_changed_the_map(tmp_path: Path
 def test_an_exchange_that_was_interrupted_goes_on(tmp_path: Path) -> None:
     """A robot that was killed after a version object was created does not know it."""
     state = (tmp_path / "b" / "remote.json").read_bytes()
-    change_room(tmp_path / "b", 0, seed=1)
+    change_room(tmp_path / "b", 0, number=1)
     push_map(tmp_path / "b")
     (tmp_path / "b" / "remote.json").write_bytes(state)
-    change_room(tmp_path / "b", 0, seed=2)
+    change_room(tmp_path / "b", 0, number=2)
     assert push_map(tmp_path / "b").pushed == 1
     assert [round_ for _, _, round_ in versions_of(tmp_path / "b")] == [None, 1, 2]
 
 
 def test_a_map_goes_to_a_second_bucket(tmp_path: Path, url: str) -> None:
-    change_room(tmp_path / "a", 0, seed=1)
+    change_room(tmp_path / "a", 0, number=1)
     other = f"file://{tmp_path}/other"
     assert push_map(tmp_path / "a", other).pushed == 2
     state = read_remote_state(tmp_path / "a")
