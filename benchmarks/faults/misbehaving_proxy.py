@@ -2,7 +2,7 @@
 
     python benchmarks/faults/misbehaving_proxy.py --store-port 10000 --rate 0.2
 
-prints its port, and at the end (SIGTERM) how often it did what:
+prints its port, and at the end (SIGTERM) the bytes of all requests, and how often it did what:
 
 - error: the request is not passed on; the answer is 503.
 - lost: the request is passed on; the connection is closed without an answer.
@@ -19,6 +19,7 @@ import json
 import random
 import signal
 from collections import Counter
+from typing import Any
 
 FAULTS = ("error", "lost", "late", "delayed", "doubled")
 """Names of what the proxy does besides passing on."""
@@ -42,7 +43,7 @@ class Proxy:
     def __init__(self, port: int, rate: float, seed: int) -> None:
         self._port, self._rate, self._rng = port, rate, random.Random(seed)
         self.counts: Counter[str] = Counter()
-        self._pending: set[asyncio.Task[bytes]] = set()
+        self._pending: set[asyncio.Task[Any]] = set()  # The event loop does not keep them.
 
     async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Answer one request, and close the connection.
@@ -51,8 +52,10 @@ class Proxy:
             reader: Of the connection.
             writer: Of the connection.
         """
+        self._keep(asyncio.current_task())
         try:
             request = await _read_request(reader)
+            self.counts["bytes"] += len(request)
             answer = await self._answer(request) if request else b""
             writer.write(answer)
             await writer.drain()
@@ -81,7 +84,10 @@ class Proxy:
             await asyncio.sleep(delay_s)
             return await self._pass(request)
 
-        task = asyncio.create_task(wait_and_pass())
+        self._keep(asyncio.create_task(wait_and_pass()))
+
+    def _keep(self, task: asyncio.Task[Any] | None) -> None:
+        assert task is not None
         self._pending.add(task)
         task.add_done_callback(self._pending.discard)
 

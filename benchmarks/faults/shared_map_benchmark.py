@@ -187,16 +187,33 @@ def shared_map(store: str, folder: Path, rate: float, seed: int) -> Iterator[tup
         yield f"file://{folder}", "", ""
         return
     with object_store() as port:
-        program = [sys.executable, str(Path(__file__).with_name("misbehaving_proxy.py"))]
-        options = ["--store-port", str(port), "--rate", str(rate), "--seed", str(seed)]
-        proxy = subprocess.Popen([*program, *options], stdout=subprocess.PIPE, text=True)
+        with proxy_before(port, rate, seed) as (faulty, counts):
+            yield f"az://{CONTAINER}/rooms", faulty, str(port)
+        print(f"requests: {counts}", flush=True)
+
+
+@contextmanager
+def proxy_before(port: int, rate: float, seed: int = 0) -> Iterator[tuple[str, dict[str, int]]]:
+    """Start the proxy.
+
+    Args:
+        port: Of the store.
+        rate: Share of the requests with a fault.
+        seed: Of the faults.
+
+    Yields:
+        Port of the proxy, and what it counts, which is filled at the end.
+    """
+    program = [sys.executable, str(Path(__file__).with_name("misbehaving_proxy.py"))]
+    options = ["--store-port", str(port), "--rate", str(rate), "--seed", str(seed)]
+    counts: dict[str, int] = {}
+    with subprocess.Popen([*program, *options], stdout=subprocess.PIPE, text=True) as proxy:
         assert proxy.stdout is not None
         try:
-            yield f"az://{CONTAINER}/rooms", proxy.stdout.readline().strip(), str(port)
+            yield proxy.stdout.readline().strip(), counts
         finally:
             proxy.terminate()
-            print(f"requests: {proxy.stdout.read().strip()}", flush=True)
-            proxy.wait()
+            counts |= json.loads(proxy.stdout.read())
 
 
 def prepare(folder: Path, url: str) -> None:

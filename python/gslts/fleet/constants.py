@@ -13,6 +13,9 @@ MAX_VERSION_BYTES = 16 << 20
 takes 10 kB."""
 MAX_BLOB_BYTES = 8 << 30
 """Maximum size of a blob: bounds the memory for a hostile one. 80 million Gaussians take less."""
+MAX_COMPRESSED_BYTES = 4 << 20
+"""Size up to which blobs are compressed in the store, a part of its format: updates lose a fifth.
+Snapshots of rooms are larger: their compression would take seconds, and save a tenth."""
 MAX_PROBES = 64
 """Maximum number of version objects that are asked for at once. Half as many make a clone of a long
 history over a slow network slower; more would ask for more objects that do not exist."""

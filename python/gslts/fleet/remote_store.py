@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 import time
+import zlib
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -17,6 +18,7 @@ from gslts.fleet.constants import (
     CREATE_ATTEMPTS,
     CREATE_WAIT_S,
     MAX_BLOB_BYTES,
+    MAX_COMPRESSED_BYTES,
     MAX_PROBES,
     MAX_VERSION_BYTES,
     RETRIES,
@@ -45,6 +47,8 @@ CREDENTIALS = {
 """Environment variables of credentials, by scheme."""
 NO_CREDENTIALS = re.compile("169\\.254\\.169\\.254|Account must be specified|MissingAccount")
 """Errors of obstore without credentials: it asks the host of a virtual machine for some."""
+MAX_OVERHEAD_BYTES = 4096
+"""Maximum number of bytes by which compression may enlarge a blob; zlib's worst case is smaller."""
 MAX_MESSAGE = 200
 """Maximum length of a reason of a store in an error, characters."""
 
@@ -198,7 +202,7 @@ class RemoteStore:
             raise ValueError(f"{path}: damaged: its checksum is not that of its version")
         try:
             with self._named_errors():
-                obstore.put(self._store, blob_name(blob), content)
+                obstore.put(self._store, blob_name(blob), _compress(content))
         except FileNotFoundError as error:
             raise FileNotFoundError(
                 f"{self.url}: there is no such bucket; create it, or check the URL"
@@ -213,7 +217,8 @@ class RemoteStore:
         try:
             with self._named_errors():
                 found = obstore.get(self._store, name)
-                content = bytes(found.bytes()) if found.meta["size"] == blob.size else b""
+                is_small = found.meta["size"] <= blob.size + MAX_OVERHEAD_BYTES
+                content = _decompress(bytes(found.bytes()), blob.size) if is_small else b""
         except FileNotFoundError:
             raise FileNotFoundError(f"{self.url}/{name}: missing; push it again") from None
         if not _is(content, blob):
@@ -260,6 +265,20 @@ def blob_name(blob: Blob) -> str:
         blob: With a key of hexadecimal digits.
     """
     return f"blobs/{blob.key[:2]}/{blob.key}"
+
+
+def _compress(content: bytes) -> bytes:
+    return content if len(content) > MAX_COMPRESSED_BYTES else zlib.compress(content)
+
+
+def _decompress(content: bytes, size: int) -> bytes:
+    """Return the content of a blob of a size; damaged content gives another one."""
+    if size > MAX_COMPRESSED_BYTES:
+        return content
+    try:
+        return zlib.decompressobj().decompress(content, size + 1)  # Bounds the memory.
+    except zlib.error:
+        return b""
 
 
 def _is(content: bytes, blob: Blob) -> bool:
