@@ -36,7 +36,7 @@ def work(folder: Path, url: str, room: int, updates: int) -> None:
     os.environ[VARIABLE] = f"robot{room}"
     rng = random.Random()
     for _ in range(updates):
-        number = 1 + max(known_rounds(folder), default=0)
+        number = 1 + max({*own_rounds(folder).values(), *given_up_rounds(folder)}, default=0)
         version = change_room(folder, SHARED_ROOM if rng.random() < SHARED_RATE else room, number)
         report("committed", {version.number: number})
         if rng.random() < PUSH_RATE:
@@ -65,12 +65,11 @@ def own_rounds(folder: Path) -> dict[int, int]:
         }
 
 
-def known_rounds(folder: Path) -> set[int]:
-    """Return the rounds of all updates of this robot, also of those that were given up."""
+def given_up_rounds(folder: Path) -> set[int]:
+    """Return the rounds of the updates of this robot that were given up."""
     with open_map(folder) as store:
-        rejected = {
+        return {
             rejection.cause.round
             for rejection in store.rejections()
             if rejection.cause.round is not None and rejection.robot == robot_name()
         }
-    return rejected | set(own_rounds(folder).values())
