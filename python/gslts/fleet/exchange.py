@@ -12,7 +12,12 @@ from gslts.fleet.rebase import Rebased, rebase
 from gslts.fleet.remote_store import RemoteStore, version_name
 from gslts.fleet.replica import Replica
 from gslts.fleet.shared_version import SharedVersion, file_path, parse_shared_version
-from gslts.fleet.state import RemoteState, read_remote_state, write_remote_state
+from gslts.fleet.state import (
+    RemoteState,
+    read_remote_state,
+    require_remote_state,
+    write_remote_state,
+)
 from gslts.io.atomic_files import remove_tree, sync_folder, temporary_path, write_atomic
 from gslts.store.history import INDEX
 from gslts.store.index import Index
@@ -153,17 +158,13 @@ def _connect(
     replica: Replica, url: str | None, *, create: bool = False
 ) -> tuple[RemoteStore, RemoteState]:
     """Return the shared map of a clone, and what is known of it."""
-    state = read_remote_state(replica.folder)
     if url is None:
-        if state is None:
-            raise ValueError(
-                f"{replica.folder}: it was never shared: gslts push {replica.folder} URL shares it"
-            )
-        url = state.url
-    remote = RemoteStore(url, create=create)
-    if state is None or state.url != remote.url:
-        state = RemoteState(url=remote.url)
-    return remote, state
+        state = require_remote_state(replica.folder)
+        return RemoteStore(state.url), state
+    remote, known = RemoteStore(url, create=create), read_remote_state(replica.folder)
+    if known is not None and known.url == remote.url:
+        return remote, known
+    return remote, RemoteState(url=remote.url)
 
 
 def _fetch(
