@@ -220,10 +220,14 @@ def _add(replica: Replica, remote: RemoteStore, after: int, fetched: list[_Fetch
     own = replica.own_versions(after)
     theirs = [version.shared for version in fetched]
     remote.download([file for shared in theirs for file in replica.paths(shared)])
-    with replica.replacing(after, theirs):
-        rebased = rebase(replica, after, theirs, own)
-    for number, image in rebased.images.items():
-        write_atomic(update_image_path(replica.folder, number), image)
+    images = {item.version.number: item.image for item in own if item.image is not None}
+    try:
+        with replica.replacing(after, theirs):
+            rebased = rebase(replica, after, theirs, own)
+        images = rebased.images
+    finally:  # Theirs may have the numbers of own ones, which are own again after an error.
+        for number, image in images.items():
+            write_atomic(update_image_path(replica.folder, number), image)
     return rebased
 
 
@@ -231,8 +235,9 @@ def _push(replica: Replica, remote: RemoteStore, state: RemoteState) -> RemoteSt
     """Create own versions until another robot is faster, and return the state after the last."""
     for own in replica.own_versions(state.number):
         shared = replica.share(own, state.digest)
-        remote.upload(replica.paths(shared))
         content, number = shared.to_bytes(), own.version.number
+        parse_shared_version(content, f"{replica.folder}: version {number}", number)
+        remote.upload(replica.paths(shared))
         if not remote.create_version(number, content):
             break
         digest = hashlib.sha256(content).hexdigest()
