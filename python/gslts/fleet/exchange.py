@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -178,8 +178,7 @@ def _fetch(
         shared = parse_shared_version(content, f"{remote.url}/{version_name(number)}", number)
         if origin is not None and shared.origin != origin:
             raise ValueError(
-                f"{remote.url}: it holds another map than {replica and replica.folder}; choose "
-                "another URL, or clone that map"
+                f"{remote.url}: it holds another map; choose another URL, or clone that map"
             )
         previous, digest = digest, hashlib.sha256(content).hexdigest()
         if digest != state.digest if number == state.number else shared.previous != previous:
@@ -219,16 +218,27 @@ def _add(replica: Replica, remote: RemoteStore, after: int, fetched: list[_Fetch
     """Add versions of others after a version, and own versions anew after them."""
     own = replica.own_versions(after)
     theirs = [version.shared for version in fetched]
-    remote.download([file for shared in theirs for file in replica.paths(shared)])
-    images = {item.version.number: item.image for item in own if item.image is not None}
+    images = {item.version.number: item.image for item in own}
     try:
+        remote.download([file for shared in theirs for file in replica.paths(shared)])
         with replica.replacing(after, theirs):
             rebased = rebase(replica, after, theirs, own)
-        images = rebased.images
+        theirs_have = {shared.version.number for shared in theirs if "image" in shared.files}
+        numbers = {*images, *rebased.images} - theirs_have
+        images = {number: rebased.images.get(number) for number in numbers}
     finally:  # Theirs may have the numbers of own ones, which are own again after an error.
-        for number, image in images.items():
-            write_atomic(update_image_path(replica.folder, number), image)
+        _write_images(replica.folder, images)
     return rebased
+
+
+def _write_images(folder: Path, images: Mapping[int, bytes | None]) -> None:
+    """Write the images of updates by number, and remove those that are None."""
+    for number, image in images.items():
+        path = update_image_path(folder, number)
+        if image is None:
+            path.unlink(missing_ok=True)
+        else:
+            write_atomic(path, image)
 
 
 def _push(replica: Replica, remote: RemoteStore, state: RemoteState) -> RemoteState:
