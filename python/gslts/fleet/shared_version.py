@@ -31,6 +31,8 @@ FileName = Literal[
     "manifest", "cameras", "measurements", "trajectory", "landmarks", "autoencoder", "image"
 ]
 """Files of a version besides its Gaussians."""
+LATER_FILES = {"landmarks", "autoencoder", "image"}
+"""Files that versions after the first one may have."""
 
 
 class SharedVersion(Record):
@@ -60,8 +62,12 @@ class SharedVersion(Record):
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
         number = self.version.number
-        if (number == 1) != (self.previous is None) or (number == 1) != ("manifest" in self.files):
-            raise ValueError("version: only the first has a manifest and no previous one")
+        if (number == 1) != (self.previous is None):
+            raise ValueError("previous: all versions but the first have one")
+        if number == 1 and not {"manifest", "cameras"} <= self.files.keys():
+            raise ValueError("files: the first version has a manifest and cameras")
+        if number > 1 and not self.files.keys() <= LATER_FILES:
+            raise ValueError("files: later versions do not change those of the first one")
         if any(rejection.version >= number for rejection in self.rejections):
             raise ValueError("rejections: they must be of earlier versions")
         return self

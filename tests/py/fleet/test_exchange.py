@@ -223,6 +223,9 @@ def damage(tmp_path: Path, kind: str) -> None:
     elif kind == "hostile path":
         content["version"]["delta"]["key"] = "../../../etc/passwd"
         version.write_text(json.dumps(content))
+    elif kind == "other cameras":
+        content["files"] = {"cameras": content["version"]["delta"]}
+        version.write_text(json.dumps(content))
     elif kind == "terminal codes":
         content["version"]["cause"]["config"] = {"x": [{"y": "\x1b[2J"}]}
         version.write_text(json.dumps(content))
@@ -241,6 +244,7 @@ def damage(tmp_path: Path, kind: str) -> None:
         ("newer format", "its format is version 2, this gslts reads 1; a newer gslts wrote it"),
         ("other history", "version 2 is not the one that came before"),
         ("hostile path", "version.delta.key: String should match pattern"),
+        ("other cameras", "later versions do not change those of the first one"),
         ("terminal codes", "a text has control characters"),
         ("wrong count", "has not the number of Gaussians that it tells; nothing was pulled"),
         ("no JSON", "00000002.json: Expecting property name"),
