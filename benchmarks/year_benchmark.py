@@ -82,6 +82,9 @@ def main() -> None:
     parser.add_argument("--changes", type=int, default=1095)
     parser.add_argument("--every", type=int, default=50, help="changes per row of the table")
     parser.add_argument("--iterations", type=int, default=60, help="refinement steps")
+    parser.add_argument(
+        "--consolidate", type=int, default=30, help="changes per consolidation; 0 for none"
+    )
     parser.add_argument("--width", type=int, default=320, help="width of the images, px")
     parser.add_argument("--out", type=Path, default=Path("out/year"))
     given = parser.parse_args()
@@ -102,6 +105,7 @@ def main() -> None:
     print("| --: | --: | --: | --: | --: | --: | --: | --: |", flush=True)
     with MapKeeper(folder, config) as keeper, (given.out / "cycles.jsonl").open("w") as log:
         cycles: list[tuple[float, float]] = []
+        consolidations: list[float] = []
         for done in tqdm(range(1, given.changes + 1), desc="a year"):
             state = task.apply_change(state)
             robot = robot_in(state, task.sensor, task.sensor.seed_after)
@@ -110,6 +114,10 @@ def main() -> None:
             start_s, start_cpu_s = time.perf_counter(), time.process_time()
             keeper.go_round(robot, {"first": frame.camera})
             cycles.append((time.perf_counter() - start_s, time.process_time() - start_cpu_s))
+            if given.consolidate and done % given.consolidate == 0:
+                start_s = time.perf_counter()
+                keeper.consolidate(robot)
+                consolidations.append(time.perf_counter() - start_s)
             version = keeper.version
             row = {
                 "changes": done,
@@ -133,6 +141,8 @@ def main() -> None:
                 )
             if done < given.changes:
                 task = next(tasks)
+    if consolidations:
+        print(f"{len(consolidations)} consolidations, {np.median(consolidations):.0f} s each")
     sensor = task.sensor
     again = make_home_map(robot_in(state, sensor, sensor.seed_after), given.out / "again")
     frames = new_frames(state, sensor, given.seed)

@@ -16,7 +16,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 OUT = ROOT / "docs" / "images" / "architecture.svg"
-WIDTH, HEIGHT = 1150, 750
+WIDTH, HEIGHT = 1320, 785
 BOX_WIDTH, BOX_HEIGHT = 155, 92
 CAPTION_CHARACTERS = 23
 
@@ -29,6 +29,7 @@ BOXES = {
     "change": (605, 205),
     "update": (800, 205),
     "extension": (970, 205),
+    "consolidation": (1140, 205),
     "store": (605, 60),
     "semantics": (800, 60),
     "navigation": (970, 60),
@@ -43,10 +44,11 @@ ARROWS = (
     ("change", "update", "changes"),
     ("update", "store", "version"),
     ("extension", "store", ""),
+    ("consolidation", "store", ""),
     ("store", "semantics", ""),
     ("semantics", "navigation", ""),
 )
-KEEPER = (395, 188, 740, 126)
+KEEPER = (395, 188, 910, 126)
 """Frame of the packages that the keeper runs in rounds: x, y, width, height."""
 SHARED = {"core", "io", "rendering", "torch", "cli", "fleet", "keeper"}
 """Packages that the data flow shows otherwise or not: bases, the frame, and ways to use it all."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gslts.change.detector import ChangeDetector
     from gslts.change.monitor import ChangeMonitor
+    from gslts.consolidation.pipeline import consolidate_map
     from gslts.core.camera import Camera, camera_from_fov, look_at
     from gslts.core.frame import RgbdFrame
     from gslts.core.gaussian_map import GaussianMap
@@ -49,6 +50,7 @@ __all__ = [
     "SemanticQueries",
     "__version__",
     "camera_from_fov",
+    "consolidate_map",
     "extend_map",
     "look_at",
     "losses",
@@ -81,6 +83,7 @@ _MODULE_OF = {
     "Robot": "gslts.core.robot",
     "SemanticQueries": "gslts.semantics.queries",
     "camera_from_fov": "gslts.core.camera",
+    "consolidate_map": "gslts.consolidation.pipeline",
     "extend_map": "gslts.extension.pipeline",
     "look_at": "gslts.core.camera",
     "make_map": "gslts.mapping.engine",

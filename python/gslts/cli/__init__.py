@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from gslts.cli import history, mapping, navigation, output
+from gslts.cli.consolidate import consolidate
 from gslts.cli.detect import detect
 from gslts.cli.extend import extend
 from gslts.cli.localize import localize
@@ -35,6 +36,7 @@ app.command("localize")(localize)
 app.command("detect")(detect)
 app.command("update")(update)
 app.command("extend")(extend)
+app.command("consolidate")(consolidate)
 app.command("run")(run)
 app.command("log")(history.log)
 app.command("show")(history.show)

@@ -293,7 +293,8 @@ def judge(
 
     Figures are given for poses of the data set, for poses corrected by those of neighbouring
     training frames, and for poses refined against the map; the exposure of each frame is fitted.
-    Frames that cannot be used are skipped.
+    Frames that cannot be used are skipped. A recording that extended the map is evaluated at its
+    poses in the map.
 
     Example: gslts eval out/map out/kitchen_3
     """
@@ -309,9 +310,10 @@ def judge(
     weights = both_weights(lpips_backbone, lpips_heads)
     lpips = None if weights is None else Lpips(*weights)
     gaussian_map = read_map(map_path)
+    opened = open_recording(map_path, dataset)
     frames, skipped = read_test_frames(
-        open_recording(map_path, dataset),
-        TrainingRecord.read(map_path),
+        opened,
+        TrainingRecord.read(map_path, opened.name),
         every,
         lambda frames: tqdm(frames, desc="reading", unit="frame", disable=None),
     )

@@ -55,6 +55,10 @@ def run(
         bool,
         typer.Option("--share", help="After each round, exchange versions with other robots."),
     ] = False,
+    consolidate: Annotated[
+        bool,
+        typer.Option("--consolidate", help="After the last round, refine what has changed."),
+    ] = False,
     threads: Threads = 0,
 ) -> None:
     """Run rounds through a home, and keep its map up to date.
@@ -68,6 +72,8 @@ def run(
 
     With --share, versions of a map that was pushed or cloned are exchanged after each round, as
     gslts push does; without a network, the robot works on and tries again after the next round.
+
+    With --consolidate, it ends with more views of all changes, as gslts consolidate does.
 
     Example: gslts run out/map --robot out/day/day.json --extend
     """
@@ -126,6 +132,8 @@ def run(
                         keeper.explore(driven)
                     if share:
                         keeper.let_others_write(lambda: _exchange(map_path, log))
+                if consolidate:
+                    keeper.consolidate(round_of(max(first, last - 1))[0])
             except StoppedError:
                 raise RuntimeError(
                     f"stopped in round {keeper.state.round}; the same command continues there"

@@ -90,7 +90,7 @@ def update(
     config = _config(iterations, strategy, threads)
     localizer = localizer_of(map_path, threads) if localize else None
     recorded = None if frames is None else list(read_frames(frames, localizer).values())
-    scout = RecordedRobot(recorded) if recorded else _open_robot(str(robot), localizer)
+    scout = RecordedRobot(recorded) if recorded else open_robot_of(str(robot), localizer)
 
     with tqdm(total=0, desc="detecting", bar_format=BAR, disable=None) as bar:
 
@@ -146,7 +146,17 @@ def _config(iterations: int, strategy: EditStrategy, threads: int) -> UpdateConf
     )
 
 
-def _open_robot(name: str, localizer: Localizer | None) -> Robot:
+def open_robot_of(name: str, localizer: Localizer | None) -> Robot:
+    """Open a robot in its present surroundings.
+
+    Args:
+        name: Of the robot, as `gslts.robots.sources` knows it.
+        localizer: Places it in the map by its frames; None uses its odometry.
+
+    Raises:
+        OSError: A file cannot be read.
+        ValueError: Nobody knows the name.
+    """
     from gslts.robots.localized import LocalizedRobot
     from gslts.robots.sources import open_robot
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gslts.core.camera import Camera, downscale, shift_origin
-from gslts.core.frame import RgbdFrame, halve_mask
+from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.extension.constants import (
     MAX_LOOSE_SHARE,
@@ -23,7 +23,7 @@ from gslts.extension.new_space import FrameSpace
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.density.control import join
 from gslts.mapping.measure import count_measurements
-from gslts.mapping.observation import LEVELS, Observation
+from gslts.mapping.observation import Observation
 from gslts.mapping.seeding.depth_seeds import seed_from_depth
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
 from gslts.types import Bools, Floats
@@ -143,12 +143,8 @@ def without_changes(frame: Observation, space: FrameSpace) -> Observation:
         frame: Of the extension.
         space: What it shows.
     """
-    mask = frame.mask()
-    masks = [~space.changed if mask is None else mask & ~space.changed]
-    for _ in range(LEVELS - 1):
-        masks.append(halve_mask(masks[-1]))
     shows_known = float((space.new | space.changed).mean()) < MAX_LOOSE_SHARE
-    return replace(frame, masks=tuple(masks), shows_known=shows_known)
+    return replace(frame.with_mask(~space.changed), shows_known=shows_known)
 
 
 def replay_frames(

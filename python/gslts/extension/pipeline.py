@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gslts.change.visibility import Visibility
-from gslts.core.camera import Camera, new_viewpoints
+from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
 from gslts.datasets import Dataset
 from gslts.extension.constants import MIN_CHANGED_SHARE
@@ -24,8 +24,8 @@ from gslts.mapping.evaluation.held_out import TrainingRecord
 from gslts.mapping.frames import FrameSplit, ShowFrames, read_usable, require_memory
 from gslts.mapping.observation import Observation
 from gslts.semantics.map_semantics import MapSemantics
-from gslts.store.camera_files import cameras_of_map
-from gslts.store.causes import ExtensionCause, ExtensionRecord, UpdateFrame
+from gslts.store.camera_files import cameras_of_map, frame_records
+from gslts.store.causes import CameraRecord, ExtensionCause, ExtensionRecord
 from gslts.store.map_folder import camera_to_json, open_map
 from gslts.store.map_store import MapStore
 from gslts.store.records import Version
@@ -168,8 +168,12 @@ def _publish(
     cause = ExtensionCause(
         dataset=dataset,
         record=record,
-        frames=_camera_records(cameras, split.training.values()),
-        test_frames=tuple(split.test.observations),
+        names=tuple(split.training),
+        frames=frame_records(cameras, [frame.camera() for frame in split.training.values()]),
+        test_frames={
+            name: CameraRecord(**camera_to_json(frame.camera()))
+            for name, frame in split.test.observations.items()
+        },
         landmarks=_write_landmarks(store, extended, split, spaces),
     )
     return store.commit(extended, cause)
@@ -207,13 +211,3 @@ def _write_landmarks(
         (spaces[name].new for name in split.training),
     )
     return write_landmarks(landmarks, store.folder) if landmarks.size else None
-
-
-def _camera_records(
-    known: Iterable[Camera], frames: Iterable[Observation]
-) -> tuple[UpdateFrame, ...]:
-    cameras = [frame.camera() for frame in frames]
-    return tuple(
-        UpdateFrame(**camera_to_json(camera), new_viewpoint=new)
-        for camera, new in zip(cameras, new_viewpoints(known, cameras), strict=True)
-    )

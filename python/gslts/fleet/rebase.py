@@ -13,9 +13,12 @@ from gslts.fleet.same_region import Attempt
 from gslts.fleet.shared_version import SharedVersion
 from gslts.fleet.verification import Verdict, reject_all, verify_anew
 from gslts.localization.landmark_files import read_landmark_file, write_landmarks
-from gslts.store.causes import ExtensionCause, UpdateCause
+from gslts.store.causes import ConsolidationCause, ExtensionCause, UpdateCause, ViewsCause
 from gslts.store.delta import Delta, apply_deltas
 from gslts.types import UInts64
+
+AGAIN = "others changed the map before; run gslts {} again"
+"""Reason to give up what was computed for the map as it was."""
 
 
 @dataclass
@@ -60,17 +63,17 @@ def rebase(
     lost: str | None = None
     for item in own:
         cause = item.version.cause
-        if lost is None and isinstance(cause, UpdateCause | ExtensionCause):
+        if lost is None and isinstance(cause, ViewsCause):
             delta = ids.of_delta(replica.read_delta(item.version))
             attempt = Attempt(item, cause, delta, before, head, theirs)
             verdict = _judge(replica, attempt)
             before = attempt.after
             if verdict.delta is not None:
                 head = apply_deltas(head, [verdict.delta])
-                _commit(replica, item, cause, verdict, ids, rebased)
+                _commit(replica, attempt, verdict, ids, rebased)
         else:
             # What was restored or computed for the whole map does not fit the map of others.
-            lost = lost or f"others changed the map before; run gslts {cause.kind} again"
+            lost = lost or AGAIN.format(cause.kind)
             verdict = reject_all(cause, lost)
         for rejected in verdict.rejected:
             replica.reject_again(item.version, rejected)
@@ -82,6 +85,8 @@ def rebase(
 
 def _judge(replica: Replica, attempt: Attempt) -> Verdict:
     """Decide which changes of a version can follow the newest version of others."""
+    if isinstance(attempt.cause, ConsolidationCause):  # Of changes all over the map.
+        return reject_all(attempt.cause, AGAIN.format("consolidate"))
     if attempt.delta.added.feature_dims != attempt.head.feature_dims:
         return reject_all(attempt.cause, "the map has other semantic features; observe it again")
     if attempt.is_elsewhere:
@@ -90,15 +95,12 @@ def _judge(replica: Replica, attempt: Attempt) -> Verdict:
 
 
 def _commit(
-    replica: Replica,
-    item: OwnVersion,
-    cause: UpdateCause | ExtensionCause,
-    verdict: Verdict,
-    ids: _NewIds,
-    rebased: Rebased,
+    replica: Replica, attempt: Attempt, verdict: Verdict, ids: _NewIds, rebased: Rebased
 ) -> None:
     """Commit the changes of a version that were not given up."""
+    item, cause = attempt.own, attempt.cause
     assert verdict.delta is not None
+    assert isinstance(cause, UpdateCause | ExtensionCause)
     landmarks, events = cause.landmarks, item.events
     if landmarks is not None:
         added = read_landmark_file(replica.folder, landmarks)

@@ -17,7 +17,7 @@ import numpy as np
 from gslts.core.gaussian_map import GaussianMap
 from gslts.fleet.replica import OwnVersion
 from gslts.fleet.shared_version import SharedVersion
-from gslts.store.causes import Box, ChangeRecord, ExtensionCause, UpdateCause
+from gslts.store.causes import Box, ChangeRecord, UpdateCause, ViewsCause
 from gslts.store.delta import Delta, apply_deltas, compare_by_ids
 from gslts.types import Bools, Floats
 
@@ -41,7 +41,7 @@ class Attempt:
     """
 
     own: OwnVersion
-    cause: UpdateCause | ExtensionCause
+    cause: ViewsCause
     delta: Delta
     before: GaussianMap
     head: GaussianMap

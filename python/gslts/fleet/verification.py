@@ -84,6 +84,7 @@ def verify_anew(replica: Replica, attempt: Attempt) -> Verdict:
     cause, rival = attempt.cause, attempt.describe_rival(attempt.boxes)
     if isinstance(cause, ExtensionCause):
         return reject_all(cause, f"{rival} changed the same space; run gslts extend again")
+    assert isinstance(cause, UpdateCause)
     regions = [_regions(change) for change in cause.changes]
     frames = _remembered_frames(attempt, [region for own in regions for region in own])
     if not frames:

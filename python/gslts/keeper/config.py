@@ -1,4 +1,4 @@
-"""Settings of long-term operation."""
+"""Settings of the long-term operation."""
 
 from __future__ import annotations
 

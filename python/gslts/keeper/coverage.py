@@ -9,7 +9,7 @@ import numpy as np
 from gslts.change.visibility import Visibility
 from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
-from gslts.core.robot import Robot
+from gslts.robots.driving import short_path
 
 MAX_POINTS = 4000
 """Approximate number of Gaussians that represent the map."""
@@ -20,8 +20,6 @@ MAX_DEPTH_M = 2.5
 be detected."""
 MIN_COVERAGE = 0.95
 """Share of the visible surfaces that a round must cover."""
-METRES_PER_RAD = 0.5
-"""Cost of a turn when the next viewpoint is chosen, m/rad."""
 
 
 def plan_viewpoints(
@@ -57,33 +55,6 @@ def plan_viewpoints(
     while len(chosen) < max_viewpoints and uncovered.sum() > enough:
         chosen.append(int(np.argmax((visible & uncovered).sum(axis=1))))
         uncovered &= ~visible[chosen[-1]]
-    return _short_path([names[row] for row in chosen or [0]], cameras)
-
-
-def go_to(robot: Robot, camera: Camera) -> bool:
-    """Move a robot to the pose of a camera.
-
-    Args:
-        robot: To move.
-        camera: Its pose in the world frame.
-
-    Returns:
-        True if the robot arrived.
-    """
-    pose = camera.world_from_camera
-    x, y, z = pose[:3, 2]
-    return robot.move_towards(
-        pose[:2, 3], float(np.arctan2(y, x)), float(np.arctan2(-z, np.hypot(x, y)))
-    )
-
-
-def _short_path(names: list[str], cameras: Mapping[str, Camera]) -> tuple[str, ...]:
-    """Return the names in the order of the nearest neighbour, starting with the first one."""
-    path, left = names[:1], names[1:]
-    while left:
-        here = cameras[path[-1]].world_from_camera
-        poses = np.array([cameras[name].world_from_camera for name in left])
-        metres = np.linalg.norm(poses[:, :3, 3] - here[:3, 3], axis=1)
-        turns_rad = np.arccos(np.clip(poses[:, :3, 2] @ here[:3, 2], -1, 1))
-        path.append(left.pop(int(np.argmin(metres + METRES_PER_RAD * turns_rad))))
-    return tuple(path)
+    first, *others = [names[row] for row in chosen or [0]]
+    poses = np.array([cameras[name].world_from_camera for name in others]).reshape(-1, 4, 4)
+    return first, *(others[row] for row in short_path(poses, cameras[first].world_from_camera))

@@ -10,7 +10,7 @@ from gslts.change.visibility import Visibility
 from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
 from gslts.core.robot import Robot
-from gslts.keeper.coverage import go_to
+from gslts.robots.driving import go_to, short_path
 from gslts.types import Floats
 
 SPACING_M = 0.8
@@ -43,14 +43,16 @@ def plan_exploration(robot: Robot, visibility: Visibility) -> Floats:
         space.
     """
     positions = _thin(robot.reachable_positions())
-    here = robot.pose()[:3, 3]
-    points = np.column_stack([positions, np.full(len(positions), here[2])])
+    here = robot.pose()
+    points = np.column_stack([positions, np.full(len(positions), here[2, 3])])
     counts = visibility.counts(points, np.full(len(points), MAX_DEPTH_M))
     known = counts.through + counts.on >= MIN_SEEN
     unmapped = positions[~known]
     if len(unmapped) < MIN_POSITIONS:
         return np.zeros((0, 2))
-    return _short_path(unmapped, here[:2])[:MAX_POSITIONS]
+    poses = np.tile(here, (len(unmapped), 1, 1))
+    poses[:, :2, 3] = unmapped
+    return unmapped[short_path(poses, here)[:MAX_POSITIONS]]
 
 
 def look_around(robot: Robot, positions: Floats, cameras: Sequence[Camera]) -> Iterator[RgbdFrame]:
@@ -85,13 +87,3 @@ def _thin(positions: Floats) -> Floats:
     order = np.lexsort((offsets_m, squares[:, 1], squares[:, 0]))
     _, rows = np.unique(squares[order], axis=0, return_index=True)
     return positions[order[rows]]
-
-
-def _short_path(positions: Floats, start: Floats) -> Floats:
-    """Return positions [P,2] in the order of the nearest neighbour of the last one."""
-    left, path, here = list(range(len(positions))), [], start
-    while left:
-        metres = np.linalg.norm(positions[left] - here, axis=1)
-        path.append(left.pop(int(np.argmin(metres))))
-        here = positions[path[-1]]
-    return positions[path]

@@ -10,13 +10,14 @@ from gslts.change.confirmation import latest_changes
 from gslts.change.detector import ChangeDetector
 from gslts.change.monitor import ChangeMonitor
 from gslts.change.visibility import Visibility
+from gslts.consolidation.pipeline import consolidate_store
 from gslts.core.camera import Camera
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
 from gslts.extension.pipeline import extend_store
 from gslts.keeper.config import KeeperConfig
-from gslts.keeper.coverage import go_to, plan_viewpoints
+from gslts.keeper.coverage import plan_viewpoints
 from gslts.keeper.exploration import look_around, plan_exploration
 from gslts.keeper.schedule import defer, select_changes
 from gslts.keeper.state import KeeperState, read_state, write_state
@@ -25,6 +26,7 @@ from gslts.localization.localizer import Localizer
 from gslts.localization.relocalizer import Relocalizer
 from gslts.mapping.clock import Clock
 from gslts.mapping.observation import Observation
+from gslts.robots.driving import go_to
 from gslts.robots.localized import LocalizedRobot
 from gslts.semantics.map_semantics import MapSemantics
 from gslts.store.camera_files import cameras_of_map, cameras_of_version
@@ -155,8 +157,7 @@ class MapKeeper:
             OSError: A file cannot be written; the map is that of its newest version.
         """
         cameras = self._cameras if viewpoints is None else viewpoints
-        if self._localizer is not None:
-            robot = LocalizedRobot(robot, self._localizer)
+        robot = self._localize(robot)
         self._monitor.publish(self._detector)  # Deferred changes may be reported again.
         if self.state.remaining is None:
             self._set_state(remaining=self._plan() if viewpoints is None else tuple(viewpoints))
@@ -253,6 +254,32 @@ class MapKeeper:
             self._cameras = cameras_of_map(self._folder)
             self._use_map(self._store.read(), self.version)
 
+    def consolidate(self, robot: Robot) -> None:
+        """Refine what updates have changed since the last consolidation, as a new version.
+
+        Args:
+            robot: In the home; takes the views.
+
+        Raises:
+            StoppedError: A stop was requested.
+            OSError: A file cannot be written; the map is that of its newest version.
+        """
+        try:
+            done = consolidate_store(
+                self._store,
+                self._localize(robot),
+                threads=self._config.update.threads,
+                progress=self._on_progress,
+            )
+        except ValueError as error:
+            self._log(f"not consolidated: {error}")
+            return
+        if done.record is None:
+            self._log(f"not consolidated: {done.reason}")
+            return
+        self._log(f"version {done.version.number}: {done.record.refined} Gaussians refined")
+        self._use_map(self._store.read(), done.version)
+
     def _plan(self) -> tuple[str, ...]:
         threads = self._config.update.threads
         return plan_viewpoints(self._map, self._cameras, self._config.max_viewpoints, threads)
@@ -287,11 +314,6 @@ class MapKeeper:
 
     def _update(self, robot: Robot, changes: list[Change]) -> None:
         """Publish a version that shows the changes, or defer them."""
-
-        def on_progress(stage: str) -> None:
-            self._stop_if_requested()
-            self._progress(stage)
-
         config, cameras = self._config.update, list(self._cameras.values())
         result = integrate_changes(
             self._map,
@@ -302,7 +324,7 @@ class MapKeeper:
             detector=self._detector,
             first_id=self._store.version().next_id,
             semantics=self._semantics,
-            progress=on_progress,
+            progress=self._on_progress,
         )
         version = publish(
             self._store, self._map, cameras, result, config, self.state.round, self._semantics
@@ -361,6 +383,14 @@ class MapKeeper:
         state = KeeperState.model_validate({**self.state.model_dump(), **changed})
         write_state(state, self._folder)
         self.state = state
+
+    def _localize(self, robot: Robot) -> Robot:
+        """Return the robot, placed in the map by its frames if configured."""
+        return robot if self._localizer is None else LocalizedRobot(robot, self._localizer)
+
+    def _on_progress(self, stage: str) -> None:
+        self._stop_if_requested()
+        self._progress(stage)
 
     def _stop_if_requested(self) -> None:
         """Raise StoppedError if a stop was requested. Called only between transactions."""

@@ -58,19 +58,16 @@ class Observation:
             frame: Full resolution; its depth may be unregistered.
         """
         rgb, raw_depth = [frame.rgb], [np.nan_to_num(frame.depth)]
-        masks = None if frame.mask is None else [frame.mask]
         for _ in range(LEVELS - 1):
             rgb.append(halve_rgb(rgb[-1]))
             raw_depth.append(halve_depth(raw_depth[-1]))
-            if masks is not None:
-                masks.append(halve_mask(masks[-1]))
         color = at_pose(frame.camera, np.eye(4))
         depth_lens = frame.depth_camera or frame.camera
         color_from_depth = relative(frame.camera.world_from_camera, depth_lens.world_from_camera)
         return cls(
             rgb=tuple(rgb),
             raw_depth=tuple(raw_depth),
-            masks=None if masks is None else tuple(masks),
+            masks=None if frame.mask is None else _halve_masks(frame.mask),
             given_world_from_depth=depth_lens.world_from_camera,
             world_from_camera=frame.camera.world_from_camera,
             lenses=Lenses(
@@ -102,6 +99,15 @@ class Observation:
             world_from_camera: [4,4] of the colour camera.
         """
         return replace(self, world_from_camera=world_from_camera)
+
+    def with_mask(self, mask: Bools) -> Observation:
+        """Return the observation with a mask in addition to its own.
+
+        Args:
+            mask: [H,W] pixels that count, in full resolution.
+        """
+        own = self.mask()
+        return replace(self, masks=_halve_masks(mask if own is None else own & mask))
 
     def set_lenses(self, lenses: Lenses) -> None:
         """Replace the lenses; depth is registered anew when it is next asked for.
@@ -161,3 +167,11 @@ class Observation:
         """
         depth, camera, mask = self.depth(level), self.camera(level), self.mask(level)
         return RgbdFrame(self.rgb[level], depth, camera, mask=mask)
+
+
+def _halve_masks(mask: Bools) -> tuple[Bools, ...]:
+    """Return a mask in all resolutions."""
+    masks = [mask]
+    for _ in range(LEVELS - 1):
+        masks.append(halve_mask(masks[-1]))
+    return tuple(masks)

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
-from gslts.core.camera import Camera, at_pose
+from gslts.core.camera import Camera, at_pose, new_viewpoints
 from gslts.datasets.dataset import MAX_PIXELS, MAX_SIDE_PX, rigid
 from gslts.datasets.tum import read_trajectory
-from gslts.store.causes import ExtensionCause, UpdateCause, first_problem
+from gslts.store.causes import UpdateFrame, ViewsCause, first_problem
 from gslts.store.history import History
 from gslts.store.manifest import CAMERAS, split_version
-from gslts.store.map_folder import open_map
+from gslts.store.map_folder import camera_to_json, open_map
 from gslts.store.records import Version
 
 MAX_BYTES = 1 << 28
@@ -71,7 +72,7 @@ def cameras_of_map(path: Path) -> dict[str, Camera]:
         path: Folder of a map, `FOLDER@NUMBER`, or a PLY file.
 
     Returns:
-        Cameras of mapping, and of updates and extensions where the viewpoint was new. Empty for a
+        Cameras of mapping, and of later views where the viewpoint was new. Empty for a
         PLY file.
 
     Raises:
@@ -99,18 +100,18 @@ def cameras_of_store(store: History, number: int | None = None) -> dict[str, Cam
 
 
 def cameras_of_version(version: Version) -> dict[str, Camera]:
-    """Return the cameras with a new viewpoint of the update or extension that led to a version.
+    """Return the cameras with a new viewpoint of the views that led to a version.
 
     Args:
         version: Of any kind.
 
     Returns:
-        The cameras by name; empty if the version is neither.
+        The cameras by name; empty if no views led to it.
 
     Raises:
         ValueError: A pose is not rigid.
     """
-    if not isinstance(version.cause, UpdateCause | ExtensionCause):
+    if not isinstance(version.cause, ViewsCause):
         return {}
     names = {f"version {version.number}/{k}": f for k, f in enumerate(version.cause.frames)}
     return {
@@ -118,6 +119,19 @@ def cameras_of_version(version: Version) -> dict[str, Camera]:
         for name, frame in names.items()
         if frame.new_viewpoint
     }
+
+
+def frame_records(known: Iterable[Camera], cameras: Sequence[Camera]) -> tuple[UpdateFrame, ...]:
+    """Return the records of the cameras of new views, for the cause of a version.
+
+    Args:
+        known: Training cameras of the map so far.
+        cameras: Of the views.
+    """
+    return tuple(
+        UpdateFrame(**camera_to_json(camera), new_viewpoint=new)
+        for camera, new in zip(cameras, new_viewpoints(known, cameras), strict=True)
+    )
 
 
 def read_camera(path: Path, intrinsics: Camera | None = None) -> Camera:

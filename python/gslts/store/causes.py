@@ -214,17 +214,58 @@ class ExtensionCause(_Cause):
     Attributes:
         dataset: Name of the recording.
         record: Counts, times and quality.
-        frames: Cameras of the training frames.
-        test_frames: Names of the test frames.
+        names, frames: Names of the training frames, and their cameras in the map.
+        test_frames: Cameras of the test frames in the map, by name.
         landmarks: SHA-256 of the file of landmarks that were added; None if there are none.
     """
 
     kind: Literal["extension"] = "extension"
     dataset: str
     record: ExtensionRecord
+    names: tuple[str, ...]
     frames: tuple[UpdateFrame, ...]
-    test_frames: tuple[str, ...]
+    test_frames: dict[str, CameraRecord]
     landmarks: Sha256 | None
+
+
+class ConsolidationRecord(Record):
+    """Record of a consolidation.
+
+    Attributes:
+        views, held_out: Number of training views, and of those held out to judge the result.
+        refined, removed: Number of Gaussians.
+        iterations: Optimization steps.
+        psnr_before_db, psnr_after_db: PSNR around past changes in the test views.
+        seconds: Run time of each stage, s.
+    """
+
+    views: Count
+    held_out: Count
+    refined: Count
+    removed: Count
+    iterations: Count
+    psnr_before_db: FiniteFloat | None
+    psnr_after_db: FiniteFloat | None
+    seconds: dict[str, FiniteFloat]
+
+
+class ConsolidationCause(_Cause):
+    """A version in which Gaussians around past changes were refined by new views.
+
+    Attributes:
+        since: Number of the version whose changes are the first ones.
+        record: Counts, times and quality.
+        frames: Cameras of the views.
+    """
+
+    kind: Literal["consolidation"] = "consolidation"
+    since: Number
+    record: ConsolidationRecord
+    frames: tuple[UpdateFrame, ...]
+
+
+ViewsCause = UpdateCause | ExtensionCause | ConsolidationCause
+"""Cause of a version that was made from views of a later time than the first one."""
 
 
 class RejectedUpdateCause(_Cause):
@@ -288,7 +329,7 @@ class SemanticsCause(_Cause):
 
 
 VersionCause = Annotated[
-    MappingCause | ImportCause | UpdateCause | ExtensionCause | RestoreCause | SemanticsCause,
+    MappingCause | ImportCause | ViewsCause | RestoreCause | SemanticsCause,
     Field(discriminator="kind"),
 ]
 _VERSION_CAUSE: TypeAdapter[VersionCause] = TypeAdapter(VersionCause)

@@ -8,6 +8,7 @@ from datetime import datetime
 
 from gslts.store.causes import (
     Box,
+    ConsolidationCause,
     ExtensionCause,
     ImportCause,
     MappingCause,
@@ -36,6 +37,8 @@ def describe_version(version: Version) -> str:
             what = f"imported from {file}"
         case ExtensionCause(dataset=dataset, record=record):
             what = f"extended by {record.added} from {dataset}"
+        case ConsolidationCause(record=record, since=since):
+            what = f"consolidated since version {since}: {record.refined} refined"
         case RestoreCause(version=number):
             what = f"version {number} restored"
         case SemanticsCause(source=source):

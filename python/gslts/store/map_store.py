@@ -16,13 +16,12 @@ from gslts.core.gaussian_map import GaussianMap
 from gslts.io.atomic_files import sync_folder
 from gslts.store.blobs import Blobs
 from gslts.store.causes import (
-    ExtensionCause,
     ImportCause,
     MappingCause,
     RejectedUpdateCause,
     RestoreCause,
     SemanticsCause,
-    UpdateCause,
+    ViewsCause,
 )
 from gslts.store.delta import (
     Delta,
@@ -115,7 +114,7 @@ class MapStore(MapReader):
     def commit(
         self,
         change: GaussianMap | Delta,
-        cause: UpdateCause | ExtensionCause,
+        cause: ViewsCause,
         events: Sequence[ObjectEvent] = (),
     ) -> Version:
         """Add a version, durably: it is on disk when this returns.
@@ -139,7 +138,7 @@ class MapStore(MapReader):
     def _commit(
         self,
         change: GaussianMap | Delta,
-        cause: UpdateCause | ExtensionCause,
+        cause: ViewsCause,
         events: Sequence[ObjectEvent],
         **made: Any,
     ) -> Version:

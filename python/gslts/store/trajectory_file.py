@@ -1,16 +1,19 @@
-"""Estimated poses of the recording of a map: `trajectory.json` in the folder of the map."""
+"""Poses of recordings in the frame of a map: estimated in `trajectory.json`, or of extensions."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
 
+import numpy as np
+
 from gslts.datasets import Dataset, open_dataset
 from gslts.datasets.posed import with_poses
 from gslts.io.atomic_files import write_atomic
 from gslts.store.camera_files import read_cameras
-from gslts.store.manifest import split_version
-from gslts.store.map_folder import camera_to_json
+from gslts.store.causes import ExtensionCause
+from gslts.store.manifest import read_manifest, split_version
+from gslts.store.map_folder import camera_to_json, open_map
 from gslts.types import Floats
 
 TRAJECTORY = "trajectory.json"
@@ -48,19 +51,52 @@ def read_trajectory(path: Path) -> dict[str, Floats]:
 
 
 def open_recording(map_path: Path, dataset: Path) -> Dataset:
-    """Open a recording of the scene of a map, at the poses that were estimated for it.
+    """Open a recording of the scene of a map, at its poses in the map if these are known.
 
     Args:
         map_path: Folder of the map, `FOLDER@NUMBER`, or a PLY file.
-        dataset: Recording that the map was made of, or another one with poses in its frame.
+        dataset: Recording that the map was made of or extended by, or another one with poses in its
+            frame. Of an extension, only the training and test frames are there.
 
     Raises:
         OSError: A file cannot be read.
         ValueError: A file is damaged, or frames have no pose.
     """
+    unposed = open_dataset(dataset, posed=False)
+    extension = extension_by(map_path, unposed.name)
+    if extension is not None:
+        frames = dict(zip(extension.names, extension.frames, strict=True))
+        cameras = {**frames, **extension.test_frames}
+        poses = {name: np.array(camera.world_from_camera) for name, camera in cameras.items()}
+        return with_poses(unposed, poses)
     saved = split_version(map_path)[0] / TRAJECTORY
     if saved.exists():
-        opened = with_poses(open_dataset(dataset, posed=False), read_trajectory(saved))
+        opened = with_poses(unposed, read_trajectory(saved))
         if opened.frames:
             return opened
     return open_dataset(dataset)
+
+
+def extension_by(map_path: Path, recording: str) -> ExtensionCause | None:
+    """Return the last extension of a map by a recording.
+
+    Args:
+        map_path: Folder of the map, `FOLDER@NUMBER`, or a PLY file.
+        recording: Name of the data set.
+
+    Returns:
+        The cause of the version; None if the map was made of a recording of that name, or not
+        extended by one.
+
+    Raises:
+        OSError: A file cannot be read.
+        ValueError: A file is damaged.
+    """
+    folder, number = split_version(map_path)
+    if not folder.is_dir() or read_manifest(folder).get("dataset") == recording:
+        return None
+    with open_map(folder) as store:
+        for version in reversed(store.lineage(number)):
+            if isinstance(version.cause, ExtensionCause) and version.cause.dataset == recording:
+                return version.cause
+    return None

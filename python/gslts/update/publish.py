@@ -8,15 +8,15 @@ from io import BytesIO
 import numpy as np
 from PIL import Image
 
-from gslts.core.camera import Camera, new_viewpoints
+from gslts.core.camera import Camera
 from gslts.core.gaussian_map import GaussianMap
 from gslts.io.atomic_files import write_atomic
 from gslts.localization.landmark_extraction import extract_landmarks
 from gslts.localization.landmark_files import has_landmarks, write_landmarks
 from gslts.semantics.map_semantics import MapSemantics
-from gslts.store.causes import RejectedUpdateCause, UpdateCause, UpdateFrame, UpdateRecord
+from gslts.store.camera_files import frame_records
+from gslts.store.causes import RejectedUpdateCause, UpdateCause, UpdateRecord
 from gslts.store.manifest import update_image_path
-from gslts.store.map_folder import camera_to_json
 from gslts.store.map_store import MapStore
 from gslts.store.records import Version
 from gslts.update.config import UpdateConfig
@@ -73,7 +73,7 @@ def publish(
         changes=tuple(change_record(change) for change in result.changes),
         record=result.record,
         config=config.model_dump(mode="json"),
-        frames=_frame_records(cameras, [view.camera for view in result.views]),
+        frames=frame_records(cameras, [view.camera for view in result.views]),
         landmarks=_write_landmarks(store, before, result, config.threads),
     )
     lineage = store.lineage_numbers()  # A restore undid the events of other versions.
@@ -89,13 +89,6 @@ def publish(
         )
     _write_image(store, version, before, result, config.threads)
     return version
-
-
-def _frame_records(known: Iterable[Camera], cameras: list[Camera]) -> tuple[UpdateFrame, ...]:
-    return tuple(
-        UpdateFrame(**camera_to_json(camera), new_viewpoint=new)
-        for camera, new in zip(cameras, new_viewpoints(known, cameras), strict=True)
-    )
 
 
 def _write_landmarks(

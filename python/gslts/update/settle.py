@@ -123,11 +123,25 @@ def active_gaussians(edit: Edit, regions: Sequence[Region], reach_m: float) -> B
     Returns:
         [N] bool.
     """
-    gaussian_map = edit.gaussian_map
-    centers = gaussian_map.means + gaussian_map.origin
-    radii_m = RADIUS_SIGMAS * np.exp(gaussian_map.log_scales.max(axis=1))
-    active = np.zeros(gaussian_map.size, np.bool_)
-    for region in regions:
-        active |= region.contains(centers, reach_m - radii_m[:, None])
+    active = near_regions(edit.gaussian_map, regions, reach_m)
     active[active.size - edit.added :] = True
     return active
+
+
+def near_regions(gaussian_map: GaussianMap, regions: Sequence[Region], reach_m: float) -> Bools:
+    """Return the Gaussians that lie near some regions as a whole.
+
+    Args:
+        gaussian_map: Any map.
+        regions: Regions of changes.
+        reach_m: Maximum distance from a region to the far side of a Gaussian, m.
+
+    Returns:
+        [N] bool.
+    """
+    centers = gaussian_map.means + gaussian_map.origin
+    radii_m = RADIUS_SIGMAS * np.exp(gaussian_map.log_scales.max(axis=1))
+    near = np.zeros(gaussian_map.size, np.bool_)
+    for region in regions:
+        near |= region.contains(centers, reach_m - radii_m[:, None])
+    return near

@@ -98,9 +98,7 @@ def replay_targets(
     rasterizer, options = Rasterizer(np.float32), RenderOptions(threads=threads)
     targets = []
     for camera in spread_cameras(cameras, regions, config.replay_views):
-        mask = np.zeros((camera.height, camera.width), np.bool_)
-        for region in regions:
-            _add_rectangle(mask, region.project_box(camera, config.margin_px))
+        mask = region_mask(camera, regions, config.margin_px)
         new = rasterizer.forward(edited, camera, options, mask=mask)
         old = rasterizer.forward(before, camera, options, mask=mask)
         is_edited = np.abs(new.rgb - old.rgb).max(axis=2) > MAX_EDIT_DIFFERENCE
@@ -167,13 +165,25 @@ def region_pixels(view: View, regions: Sequence[Region], margin_px: int) -> Bool
     Returns:
         [H,W] bool.
     """
-    mask = np.zeros(view.changed.shape, np.bool_)
-    for region in regions:
-        _add_rectangle(mask, region.project_box(view.camera, margin_px))
+    mask = region_mask(view.camera, regions, margin_px)
     return mask if view.frame.mask is None else mask & view.frame.mask
 
 
-def _add_rectangle(mask: Bools, rectangle: tuple[int, int, int, int] | None) -> None:
-    if rectangle is not None:
-        x0, y0, x1, y1 = rectangle
-        mask[y0:y1, x0:x1] = True
+def region_mask(camera: Camera, regions: Iterable[Region], margin_px: int) -> Bools:
+    """Return the pixels in the bounding rectangles of regions.
+
+    Args:
+        camera: Of the image.
+        regions: Regions of the changes.
+        margin_px: Enlarges the rectangles on all sides.
+
+    Returns:
+        [H,W] bool.
+    """
+    mask = np.zeros((camera.height, camera.width), np.bool_)
+    for region in regions:
+        rectangle = region.project_box(camera, margin_px)
+        if rectangle is not None:
+            x0, y0, x1, y1 = rectangle
+            mask[y0:y1, x0:x1] = True
+    return mask

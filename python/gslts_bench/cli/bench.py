@@ -156,19 +156,23 @@ def series(
     options: HomeOptions,
     changes: Annotated[int, typer.Option(min=1, help="Number of changes in each home.")] = 100,
     every: Annotated[int, typer.Option(min=1, help="Measure PSNR after so many changes.")] = 10,
+    consolidate: Annotated[
+        int, typer.Option(min=0, help="Consolidate the map after so many changes; 0 for never.")
+    ] = 0,
     plot: Annotated[Path | None, typer.Option(help="PNG of PSNR and number of Gaussians.")] = None,
 ) -> None:
     """Measure many changes in a row: the updated map against one that is rebuilt at the end.
 
     Each change starts where the one before ended, and from the map that was made of it; what is not
-    detected in the first frame stays as it is until it is seen again.
+    detected in the first frame stays as it is until it is seen again. With --consolidate, the robot
+    takes more views of all changes every now and then.
 
     Example: gslts bench series --room kitchen --changes 100 --plot out/series.png
     """
     from gslts_bench.series.run import SeriesUnit
     from gslts_bench.series.tables import BENCHMARK, write_plot
 
-    units = [SeriesUnit(home, changes, every) for home in options.homes()]
+    units = [SeriesUnit(home, changes, every, consolidate) for home in options.homes()]
     options.prepare(None, plot)
     outcome = options.run(BENCHMARK, units)
     if plot is not None:

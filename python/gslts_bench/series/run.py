@@ -11,15 +11,19 @@ import numpy as np
 from pydantic import BaseModel, FiniteFloat
 
 from gslts.change.detector import ChangeDetector
-from gslts.core.camera import new_viewpoints
+from gslts.consolidation.consolidate import consolidate
+from gslts.core.camera import Camera, new_viewpoints
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
+from gslts.core.robot import Robot
 from gslts.rendering.losses import apply_exposure
 from gslts.rendering.metrics import psnr_db
 from gslts.store.camera_files import cameras_of_map
+from gslts.store.delta import apply_deltas
 from gslts.store.map_folder import read_map
 from gslts.update.config import UpdateConfig
 from gslts.update.integrate import integrate_changes
+from gslts.update.region import Region, regions_of
 from gslts_bench.detection.run import Report
 from gslts_bench.detection.score import fits
 from gslts_bench.detection.visits import draw_visit
@@ -92,6 +96,7 @@ class SeriesUnit(BenchUnit[Record, BenchHome]):
     Attributes:
         changes: Number of changes in a row.
         every: PSNR is measured after so many changes.
+        consolidate: The map is consolidated after so many changes; 0 for never.
     """
 
     topic = "series"
@@ -99,6 +104,7 @@ class SeriesUnit(BenchUnit[Record, BenchHome]):
 
     changes: int
     every: int
+    consolidate: int = 0
 
     @property
     def results(self) -> None:
@@ -124,6 +130,7 @@ class SeriesUnit(BenchUnit[Record, BenchHome]):
         detector = ChangeDetector.of_map(folder)
         tasks = self._tasks()
         home = self.bench.load()
+        regions: list[Region] = []
         for number, task in enumerate(tasks, start=1):
             robot = task.start(home, changed=True)
             detector = detector.with_map(updated, cameras)
@@ -136,6 +143,10 @@ class SeriesUnit(BenchUnit[Record, BenchHome]):
             if result.rejected is None:  # As `gslts update` does.
                 seen_from = [view.camera for view in result.views]
                 cameras += compress(seen_from, new_viewpoints(cameras, seen_from))
+            regions += [region for change in result.changes for region in regions_of(change)]
+            if regions and self.consolidate and number % self.consolidate == 0:
+                updated = _consolidate(updated, cameras, regions, robot)
+                regions = []
             frames = []
             if number % self.every == 0 or number == len(tasks):
                 frames = new_frames(task.states(home)[1], task.sensor, number)
@@ -168,6 +179,14 @@ class SeriesUnit(BenchUnit[Record, BenchHome]):
         if len(tasks) < self.changes:
             raise ValueError(f"{self.name}: {len(tasks)} of {self.changes} changes are possible")
         return tasks
+
+
+def _consolidate(
+    gaussian_map: GaussianMap, cameras: Sequence[Camera], regions: Sequence[Region], robot: Robot
+) -> GaussianMap:
+    """Return the map after a consolidation; the same map if that was rejected."""
+    delta = consolidate(gaussian_map, cameras, regions, robot, threads=1).delta
+    return gaussian_map if delta is None else apply_deltas(gaussian_map, [delta])
 
 
 def new_frames(

@@ -12,7 +12,7 @@ from synthetic_rooms import write_rooms
 from gslts.cli.history import gc
 from gslts.fleet.exchange import clone_map, pull_map, push_map
 from gslts.fleet.state import read_remote_state
-from gslts.store.causes import UpdateCause
+from gslts.store.causes import ConsolidationCause, ConsolidationRecord, UpdateCause
 from gslts.store.history import INDEX
 from gslts.store.manifest import update_image_path
 from gslts.store.map_folder import open_map, read_map
@@ -135,6 +135,27 @@ def test_a_restored_version_is_given_up_if_others_changed_the_map(tmp_path: Path
     push_map(tmp_path / "b")
     pull_map(tmp_path / "a")
     assert_same(read_map(tmp_path / "a"), read_map(Path(f"{tmp_path}/a@1")))
+
+
+def test_a_consolidation_is_given_up_if_others_changed_the_map(tmp_path: Path) -> None:
+    record = ConsolidationRecord(
+        views=1,
+        held_out=1,
+        refined=1,
+        removed=0,
+        iterations=1,
+        psnr_before_db=20,
+        psnr_after_db=21,
+        seconds={},
+    )
+    with open_map(tmp_path / "b", writable=True) as store:
+        store.commit(store.read(), ConsolidationCause(since=1, record=record, frames=()))
+    change_room(tmp_path / "b", 1, number=1)
+    change_room(tmp_path / "a", 0, number=2)
+    push_map(tmp_path / "a")
+    done = push_map(tmp_path / "b")
+    assert done.given_up == ("others changed the map before; run gslts consolidate again",)
+    assert (done.pushed, done.replayed) == (1, 1)
 
 
 def test_an_exchange_that_was_interrupted_goes_on(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Extension of a map of one half of a room by a recording of the other."""
 
+import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -9,15 +10,18 @@ import half_room
 import numpy as np
 import pytest
 from change_room import YELLOW
+from command import gslts as run
 
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.se3 import pose_distance, product
 from gslts.datasets import open_dataset
 from gslts.extension.pipeline import MapExtension, extend_map
 from gslts.mapping.evaluation.evaluate import evaluate, refine_pose
+from gslts.mapping.evaluation.held_out import TrainingRecord
 from gslts.mapping.observation import Observation
 from gslts.store.causes import ExtensionCause
 from gslts.store.map_folder import open_map, read_map
+from gslts.store.trajectory_file import extension_by, open_recording
 
 TURN_RAD = 0.7
 MOTION = np.array(
@@ -35,7 +39,7 @@ MOTION = np.array(
 def extended(tmp_path_factory):
     """Return the folder of the map, the recording and the outcome."""
     folder = tmp_path_factory.mktemp("extended")
-    path, visit = half_room.map_of_half(folder / "map"), half_room.recording(folder / "visit")
+    path, visit = half_room.map_of_half(folder / "map"), half_room.recording(folder / "far_half")
     return path, visit, extend_map(path, open_dataset(visit), half_room.CONFIG)
 
 
@@ -82,7 +86,24 @@ def test_cameras_landmarks_and_cause_are_stored(extended):
     assert cause.dataset == visit.name
     assert cause.landmarks is not None
     held_out = outcome.record.new - len(cause.frames)
+    assert len(cause.names) == len(cause.frames)
     assert len(cause.test_frames) in (held_out // 2, held_out - held_out // 2)
+
+
+def test_test_frames_of_an_extension_are_evaluated(extended, tmp_path):
+    """Whatever the world of the recording: the frames are at their poses in the map."""
+    path, visit, outcome = extended
+    done = run("eval", str(path), str(visit), "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    quality = json.loads(done.stdout)
+    cause = outcome.version.cause
+    assert quality["refined"]["frames"] == len(cause.test_frames)
+    assert quality["refined"]["psnr_db"] == pytest.approx(outcome.record.test_psnr_db, abs=0.3)
+    assert quality["given"]["psnr_db"] > outcome.record.test_psnr_db - 3
+    record = TrainingRecord.read(path, visit.name)
+    assert set(record.cameras) == set(cause.names)
+    assert open_recording(path, visit).frames[0].name in {*cause.names, *cause.test_frames}
+    assert extension_by(path, "another") is None
 
 
 def test_second_time_nothing_is_new(extended, tmp_path):

@@ -24,11 +24,11 @@ from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
 from gslts.core.se3 import pose_distance, rotation
 from gslts.keeper import keeper as keeper_module
-from gslts.keeper.coverage import go_to
 from gslts.keeper.keeper import MapKeeper
 from gslts.localization.constants import TRACKING_M
 from gslts.localization.localizer import Localizer, in_world
 from gslts.localization.relocalizer import Localization, Relocalizer
+from gslts.robots.driving import go_to
 from gslts.robots.localized import LocalizedRobot
 from gslts.robots.recorded import RecordedRobot
 from gslts.store.map_folder import read_map

@@ -16,10 +16,11 @@ from gslts.change.visibility import Visibility
 from gslts.core.camera import Camera, at_pose, look_at
 from gslts.core.robot import Robot
 from gslts.keeper import coverage as rounds
-from gslts.keeper.coverage import go_to, plan_viewpoints
+from gslts.keeper.coverage import plan_viewpoints
 from gslts.keeper.keeper import MapKeeper, StoppedError
 from gslts.keeper.schedule import MAX_DELAY_ROUNDS, DeferredChange, defer, select_changes
 from gslts.keeper.state import STATE, KeeperState, read_state, write_state
+from gslts.robots.driving import go_to
 from gslts.store.map_folder import open_map, read_map
 from gslts_sim.controller import Controller
 

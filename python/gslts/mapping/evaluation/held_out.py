@@ -23,6 +23,7 @@ from gslts.mapping.observation import Observation
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.manifest import read_manifest, split_version
 from gslts.store.map_folder import camera_from_json
+from gslts.store.trajectory_file import extension_by
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,11 +41,13 @@ class TrainingRecord:
     lenses: tuple[Lenses, Lenses] | None = None
 
     @classmethod
-    def read(cls, path: Path) -> TrainingRecord:
+    def read(cls, path: Path, recording: str | None = None) -> TrainingRecord:
         """Read the record of a map.
 
         Args:
             path: Folder of the map, or a PLY file.
+            recording: Name of a data set; if the map was extended by it, the frames are those of
+                the extension.
 
         Raises:
             OSError: A file cannot be read.
@@ -54,6 +57,13 @@ class TrainingRecord:
         if not folder.is_dir():
             return cls()
         manifest, cameras = read_manifest(folder), cameras_of_map(path)
+        extension = None if recording is None else extension_by(path, recording)
+        if extension is not None:
+            records = (
+                camera_from_json(frame.model_dump(exclude={"new_viewpoint"}))
+                for frame in extension.frames
+            )
+            cameras = dict(zip(extension.names, records, strict=True))
         validation = manifest.get("validation_frames", [])
         if not isinstance(validation, list) or not all(isinstance(n, str) for n in validation):
             raise ValueError(f"{path}: validation_frames of the manifest: expected a list of names")
