@@ -18,6 +18,7 @@ from gslts.cli.localize import localize
 from gslts.cli.query import query
 from gslts.cli.run import run
 from gslts.cli.semantics import semantics
+from gslts.cli.share import clone, pull, push
 from gslts.cli.update import update
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
@@ -45,6 +46,9 @@ app.command("restore")(history.restore)
 app.command("verify")(history.verify)
 app.command("gc")(history.gc)
 app.command("import")(history.import_ply)
+app.command("clone")(clone)
+app.command("pull")(pull)
+app.command("push")(push)
 app.command("semantics")(semantics)
 app.command("query")(query)
 app.command("semantic-map")(navigation.semantic_map)

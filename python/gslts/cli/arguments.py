@@ -2,12 +2,81 @@
 
 from __future__ import annotations
 
+import re
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-MapFolder = Annotated[Path, typer.Argument(metavar="MAP", help="Folder of a map.")]
+from gslts.fleet.url import is_url
+
+
+def _read_map(text: str) -> Path:
+    """Return the path of a map; of a URL, that of a clone with the newest version."""
+    if not is_url(text):
+        return Path(text)
+    from gslts.fleet.cache import cached_clone
+
+    url, version = re.fullmatch(r"(.+?)(@\d{1,9})?", text).groups()  # type: ignore[union-attr]
+    folder = cached_clone(url)
+    return folder.with_name(f"{folder.name}{version or ''}")
+
+
+def _write_map(context: typer.Context, text: str) -> Path:
+    """Return the path of a map; of a URL, that of a clone that is pushed after the command."""
+    path = _read_map(text)
+    if is_url(text):
+        context.call_on_close(lambda: _push(path))
+    return path
+
+
+def _push(path: Path) -> None:
+    """Push a clone, also after a command that failed: what it committed before counts."""
+    from gslts.fleet.exchange import push_map
+
+    failed = sys.exc_info()[0] is not None
+    try:
+        done = push_map(path)
+    except (OSError, ValueError) as error:
+        if not failed:
+            raise
+        print(f"gslts: not pushed: {error}", file=sys.stderr)  # The command has its own error.
+        return
+    for reason in done.given_up:
+        typer.echo(f"given up: {reason}")
+    if done.pushed:
+        typer.echo(f"version {done.version.number} is pushed")
+
+
+Folder = Annotated[Path, typer.Argument(metavar="MAP", help="Folder of a map.")]
+MapFolder = Annotated[
+    Path,
+    typer.Argument(
+        metavar="MAP",
+        parser=str,
+        callback=_read_map,
+        help="Folder of a map, or the URL of a shared one.",
+    ),
+]
+Map = Annotated[
+    Path,
+    typer.Argument(
+        metavar="MAP",
+        parser=str,
+        callback=_read_map,
+        help="Folder or URL of a map, or a .ply file of 3DGS.",
+    ),
+]
+WritableMap = Annotated[
+    Path,
+    typer.Argument(
+        metavar="MAP",
+        parser=str,
+        callback=_write_map,
+        help="Folder of a map, or the URL of a shared one, to which new versions are pushed.",
+    ),
+]
 Clip = Annotated[
     Path | None,
     typer.Option(metavar="DIR", help="CLIP of the semantics of the map, if it was moved."),

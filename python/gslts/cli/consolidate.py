@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gslts.cli.arguments import WritableMap
 from gslts.cli.localize import Localize, localizer_of, read_frames
-from gslts.cli.mapping import BAR, Map, Threads
+from gslts.cli.mapping import BAR, Threads
 from gslts.cli.update import open_robot_of
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def consolidate(
-    map_path: Map,
+    map_path: WritableMap,
     robot: Annotated[
         str | None,
         typer.Option(metavar="ROBOT", help="A simulated robot, such as day.json of gslts sim day."),

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gslts.cli.arguments import Map
 from gslts.cli.localize import Localize, localizer_of
-from gslts.cli.mapping import Dataset, Map, Threads
+from gslts.cli.mapping import Dataset, Threads
 
 if TYPE_CHECKING:
     from gslts.change.changes import Change

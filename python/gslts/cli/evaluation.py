@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gslts.cli.mapping import Dataset, Map, Threads
+from gslts.cli.arguments import Map
+from gslts.cli.mapping import Dataset, Threads
 
 if TYPE_CHECKING:
     from gslts.core.gaussian_map import GaussianMap

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gslts.cli.arguments import WritableMap
 from gslts.cli.mapping import (
     BAR,
     Dataset,
-    Map,
     Poses,
     PosesOption,
     Preset,
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def extend(
-    map_path: Map,
+    map_path: WritableMap,
     dataset: Dataset,
     preset: Annotated[Preset, typer.Option(help="Speed against accuracy.")] = Preset.BALANCED,
     every: Annotated[

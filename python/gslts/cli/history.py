@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gslts.cli.arguments import Folder, MapFolder, WritableMap
 from gslts.cli.mapping import BAR, Threads
 
 if TYPE_CHECKING:
@@ -19,12 +20,11 @@ if TYPE_CHECKING:
 
 # Imports are inside the commands, so that `gslts --help` starts fast.
 
-Folder = Annotated[Path, typer.Argument(metavar="MAP", help="Folder of a map.")]
 Number = Annotated[int, typer.Argument(min=1, help="Number of a version, from gslts log.")]
 
 
 def log(
-    map_path: Folder,
+    map_path: MapFolder,
     name: Annotated[
         str | None,
         typer.Option("--object", metavar="NAME", help='History of one object, such as "Pillow 2".'),
@@ -34,7 +34,7 @@ def log(
         Path | None, typer.Option(help="Write the whole history with images to this page.")
     ] = None,
 ) -> None:
-    """List the versions of a map, newest first, with the object changes and rejected updates.
+    """List the versions of a map, newest first, with their robots, object changes and rejections.
 
     Each change of an object is listed once: a move whose ends two versions show, in the later one.
     Every command takes an old version of a map as MAP@NUMBER, such as out/map@2.
@@ -59,7 +59,7 @@ def log(
             _print_history(store)
 
 
-def show(map_path: Folder, number: Number) -> None:
+def show(map_path: MapFolder, number: Number) -> None:
     """Show the record of a version: its cause, settings, timings and counts.
 
     Example: gslts show out/map 2
@@ -80,7 +80,7 @@ def show(map_path: Folder, number: Number) -> None:
 
 
 def diff(
-    map_path: Folder,
+    map_path: MapFolder,
     before: Number,
     after: Number,
     out: Annotated[
@@ -114,7 +114,7 @@ def diff(
         typer.echo(f"wrote {out}")
 
 
-def restore(map_path: Folder, number: Number) -> None:
+def restore(map_path: WritableMap, number: Number) -> None:
     """Make an old version the newest one again; later versions stay in the history.
 
     Example: gslts restore out/map 2
@@ -126,7 +126,7 @@ def restore(map_path: Folder, number: Number) -> None:
     typer.echo(_line(version))
 
 
-def verify(map_path: Folder) -> None:
+def verify(map_path: MapFolder) -> None:
     """Check every file of every version against its checksum, with landmarks and semantics.
 
     Example: gslts verify out/map
@@ -160,12 +160,18 @@ def gc(
 ) -> None:
     """Remove files that no version needs, and old versions on request; the log stays complete.
 
+    Of a shared map, versions that were not pushed stay, with the last one before them.
+
     Example: gslts gc out/map --keep 100
     """
+    from gslts.fleet.state import read_remote_state
     from gslts.localization.landmark_files import remove_unneeded_landmarks
     from gslts.store.map_folder import open_map
 
     with open_map(map_path, writable=True) as store:
+        shared = read_remote_state(map_path)
+        if keep is not None and shared is not None:
+            keep = max(keep, store.version().number - shared.number + 1)
         freed = store.collect_garbage() if keep is None else store.compact(keep)
         freed += remove_unneeded_landmarks(store)
     typer.echo(f"{freed} bytes freed")
@@ -204,32 +210,32 @@ def _history_json(store: History, name: str | None) -> str:
 
 
 def _print_history(store: History) -> None:
-    from gslts.store.describe import describe_rejection, describe_versions, format_time
+    from gslts.store.describe import describe_rejection, describe_versions, format_made
 
     lines, rejections = describe_versions(store), store.rejections()
     for version in reversed(store.versions()):
         for rejection in rejections:
             if rejection.version == version.number:
-                when = format_time(rejection.time_s)
-                typer.echo(f"        {when}  {describe_rejection(rejection)}")
+                made = format_made(rejection)
+                typer.echo(f"        {made}  {describe_rejection(rejection)}")
         typer.echo(_line(version))
         for line in lines[version.number]:
             typer.echo(f"        {line}")
 
 
 def _print_track(store: History, name: str) -> None:
-    from gslts.store.describe import describe_event, format_time
+    from gslts.store.describe import describe_event, format_made
 
     track = store.track(name)
     for event in reversed(track.events):
-        when = format_time(store.version(event.version).time_s)
-        typer.echo(f"{event.version:6}  {when}  {describe_event(event, track.name)}")
+        made = format_made(store.version(event.version))
+        typer.echo(f"{event.version:6}  {made}  {describe_event(event, track.name)}")
 
 
 def _line(version: Version) -> str:
-    from gslts.store.describe import describe_version, format_time
+    from gslts.store.describe import describe_version, format_made
 
-    return f"{version.number:6}  {format_time(version.time_s)}  {describe_version(version)}"
+    return f"{version.number:6}  {format_made(version)}  {describe_version(version)}"
 
 
 def _describe_delta(delta: Delta) -> str:

@@ -48,9 +48,6 @@ Dataset = Annotated[
         help="Folder in the layout of nerfstudio, 7-Scenes, TUM RGB-D or COLMAP, or a ROS 2 bag."
     ),
 ]
-Map = Annotated[
-    Path, typer.Argument(metavar="MAP", help="Folder of a map, or a .ply file of 3DGS.")
-]
 BAR = "{desc}: {percentage:3.0f}%|{bar}| {elapsed}<{remaining}{postfix}"
 """Format of progress bars: stage, share, time passed and time left."""
 CHECKPOINT, TRAJECTORY, COLMAP = ".checkpoint.npz", ".trajectory.json", ".colmap"

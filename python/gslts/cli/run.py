@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gslts.cli.arguments import WritableMap
 from gslts.cli.localize import Localize, localizer_of, read_frames
 from gslts.cli.mapping import BAR, Threads
 
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 
 
 def run(
-    map_path: Annotated[Path, typer.Argument(metavar="MAP", help="Folder of a map.")],
+    map_path: WritableMap,
     robot: Annotated[
         str | None,
         typer.Option(metavar="ROBOT", help="A simulated robot: day.json of gslts sim day."),
@@ -50,6 +51,10 @@ def run(
         bool,
         typer.Option("--extend", help="After each round, also map space that the map lacks."),
     ] = False,
+    share: Annotated[
+        bool,
+        typer.Option("--share", help="After each round, exchange versions with other robots."),
+    ] = False,
     consolidate: Annotated[
         bool,
         typer.Option("--consolidate", help="After the last round, refine what has changed."),
@@ -65,15 +70,21 @@ def run(
     With --extend, the robot looks around where no camera of the map ever saw, such as behind a door
     that is open now, and the map grows; a recording adds what it shows.
 
+    With --share, versions of a map that was pushed or cloned are exchanged after each round, as
+    gslts push does; without a network, the robot works on and tries again after the next round.
+
     With --consolidate, it ends with more views of all changes, as gslts consolidate does.
 
     Example: gslts run out/map --robot out/day/day.json --extend
     """
     from tqdm import tqdm
 
+    from gslts.fleet.state import require_remote_state
     from gslts.keeper.keeper import MapKeeper, StoppedError
     from gslts.robots.sources import open_robot
 
+    if share:
+        require_remote_state(map_path)
     if robot is not None and frames is None:
         opened, recording = open_robot(robot), None
         round_of, available, source = _rounds_of_robot(opened), opened.rounds, opened.digest
@@ -119,6 +130,8 @@ def run(
                         keeper.extend(recording, str(frames))
                     elif extend:
                         keeper.explore(driven)
+                    if share:
+                        keeper.let_others_write(lambda: _exchange(map_path, log))
                 if consolidate:
                     keeper.consolidate(round_of(max(first, last - 1))[0])
             except StoppedError:
@@ -131,6 +144,20 @@ def run(
         f"{last - first} round(s); {map_path} is version {version.number} now, "
         f"{len(keeper.state.deferred)} deferred; see gslts log {map_path}"
     )
+
+
+def _exchange(map_path: Path, log: Callable[[str], None]) -> None:
+    """Exchange versions with other robots; without a network, log why not."""
+    from gslts.fleet.exchange import push_map
+
+    try:
+        done = push_map(map_path)
+    except OSError as error:
+        log(f"not shared: {error}")
+        return
+    for reason in done.given_up:
+        log(f"given up: {reason}")
+    log(f"shared version {done.version.number}: {done.pulled} pulled, {done.pushed} pushed")
 
 
 def _echo_deferred(deferred: Iterable[DeferredChange]) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from gslts.cli.arguments import MapFolder
+from gslts.cli.arguments import WritableMap
 from gslts.cli.mapping import Dataset, Threads
 
 # Imports of commands are inside the functions, so that `gslts --help` answers at once.
@@ -22,7 +22,7 @@ class Source(StrEnum):
 
 
 def semantics(
-    map_path: MapFolder,
+    map_path: WritableMap,
     dataset: Dataset,
     source: Annotated[
         Source,

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gslts.cli.arguments import WritableMap
 from gslts.cli.localize import Localize, localizer_of, read_frames
-from gslts.cli.mapping import BAR, Map, Threads
+from gslts.cli.mapping import BAR, Threads
 
 if TYPE_CHECKING:
     from gslts.change.changes import Change
@@ -35,7 +36,7 @@ class EditStrategy(StrEnum):
 
 
 def update(
-    map_path: Map,
+    map_path: WritableMap,
     robot: Annotated[
         str | None,
         typer.Option(

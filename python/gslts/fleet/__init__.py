@@ -1,1 +1,1 @@
-"""Work on more than one machine."""
+"""Many robots and machines: shared maps, buildings of maps, and jobs on a cluster."""

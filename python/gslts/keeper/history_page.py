@@ -56,7 +56,16 @@ def write_history(
 
 
 def _timeline(versions: Sequence[Version], lines: _Lines) -> str:
-    head = ("version", "time", "round", "changes", "Gaussians changed", "PSNR, dB", "seconds")
+    head = (
+        "version",
+        "time",
+        "robot",
+        "round",
+        "changes",
+        "Gaussians changed",
+        "PSNR, dB",
+        "seconds",
+    )
     return table(head, [_row(version, lines) for version in versions])
 
 
@@ -67,6 +76,7 @@ def _row(version: Version, lines: _Lines) -> list[str]:
     return [
         str(version.number),
         format_time(version.time_s),
+        version.robot or "",
         "" if cause is None or cause.round is None else str(cause.round),
         _changes(version, lines),
         f"{version.touched:,}",

@@ -235,6 +235,25 @@ class MapKeeper:
         self._log(f"version {outcome.version.number}: {outcome.record.added} Gaussians added")
         self._use_map(self._store.read(), outcome.version)
 
+    def let_others_write(self, write: Callable[[], None]) -> None:
+        """Close the map between rounds, let something else write it, and go on with the result.
+
+        Args:
+            write: Writes the map, such as `gslts.fleet.exchange.push_map`.
+
+        Raises:
+            OSError: The map cannot be read, or another process writes it.
+        """
+        before = self.version
+        self._store.close()
+        try:
+            write()
+        finally:
+            self._store = open_map(self._folder, writable=True)
+        if self.version != before:
+            self._cameras = cameras_of_map(self._folder)
+            self._use_map(self._store.read(), self.version)
+
     def consolidate(self, robot: Robot) -> None:
         """Refine what updates have changed since the last consolidation, as a new version.
 

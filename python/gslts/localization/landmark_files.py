@@ -52,7 +52,7 @@ def write_landmarks(landmarks: Landmarks, folder: Path) -> str:
     names = [field.name for field in fields(Landmarks)]
     content = save({name: np.ascontiguousarray(getattr(landmarks, name)) for name in names})
     digest = hashlib.sha256(content).hexdigest()
-    path = _path_of(folder, digest)
+    path = landmark_path(folder, digest)
     path.parent.mkdir(exist_ok=True)
     write_atomic(path, content)
     sync_folder(folder)
@@ -95,7 +95,7 @@ def read_landmarks(path: Path, gaussian_map: GaussianMap | None = None) -> Landm
         ids = (store.read(versions[-1].number) if gaussian_map is None else gaussian_map).ids
     # Two updates that added the same landmarks share one file.
     digests = dict.fromkeys(digest for _, digest in _digests(folder, versions))
-    parts = [_read(folder, digest).of_gaussians(ids) for digest in digests]
+    parts = [read_landmark_file(folder, digest).of_gaussians(ids) for digest in digests]
     return limit_size(concatenate(parts), VERSION_BYTES)
 
 
@@ -132,7 +132,7 @@ def landmark_problems(store: MapStore) -> list[str]:
         return [f"version 1: {error}"]
     for number, digest in digests:
         try:
-            _read(store.folder, digest)
+            read_landmark_file(store.folder, digest)
         except (OSError, ValueError) as error:
             problems.append(f"version {number}: {error}")
     return problems
@@ -152,7 +152,7 @@ def remove_unneeded_landmarks(store: MapStore) -> int:
         ValueError: The manifest is damaged, or a file that a version names is missing.
     """
     folder = store.folder
-    needed = {_path_of(folder, digest) for _, digest in _digests(folder, store.versions())}
+    needed = {landmark_path(folder, digest) for _, digest in _digests(folder, store.versions())}
     missing = [path for path in needed if not path.exists()]
     if missing:
         raise ValueError(f"{missing[0]}: it is missing; {REPAIR}; nothing was removed")
@@ -189,12 +189,31 @@ def _digest_of_manifest(folder: Path) -> str | None:
     raise ValueError(f"{folder / MANIFEST}: {KEY}: expected a SHA-256, got {str(digest)[:80]!r}")
 
 
-def _path_of(folder: Path, digest: str) -> Path:
+def landmark_path(folder: Path, digest: str) -> Path:
+    """Return the path of a file of landmarks.
+
+    Args:
+        folder: Map folder.
+        digest: SHA-256 of the file.
+    """
     return folder / FOLDER / f"{digest}{SUFFIX}"
 
 
-def _read(folder: Path, digest: str) -> Landmarks:
-    path = _path_of(folder, digest)
+def read_landmark_file(folder: Path, digest: str) -> Landmarks:
+    """Read the landmarks that a version added.
+
+    Args:
+        folder: Map folder.
+        digest: SHA-256 of the file.
+
+    Returns:
+        Landmarks of any Gaussians.
+
+    Raises:
+        OSError: The file cannot be read.
+        ValueError: The file is damaged.
+    """
+    path = landmark_path(folder, digest)
     try:
         with name_in_errors(path), path.open("rb") as file:
             content = file.read(MAX_FILE_BYTES + 1)

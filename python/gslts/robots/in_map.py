@@ -10,11 +10,9 @@ from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot_body import RobotBody
 from gslts.navigation.planner import free_cells
 from gslts.navigation.semantic_map import SemanticMap
-from gslts.rendering.rasterizer import Rasterizer, RenderOptions
+from gslts.rendering.rendered_frame import render_frame
 from gslts.types import Floats
 
-MIN_ALPHA = 0.5
-"""Minimum opacity of a pixel with a depth: below it, the rendering shows no surface."""
 MAX_PITCH_RAD = 1.2
 """Maximum angle of the camera below or above the horizon; at pi/2 its yaw would be undefined."""
 
@@ -43,15 +41,11 @@ class MapRobot:
             semantic_map.explored, semantic_map.obstacles, body.radius_m / grid.cell_m
         )
         self._positions = grid.centers(np.argwhere(room))
-        self._map, self._camera = gaussian_map, camera
-        self._rasterizer, self._options = Rasterizer(np.float32), RenderOptions(threads=threads)
+        self._map, self._camera, self._threads = gaussian_map, camera, threads
 
     def observe(self) -> RgbdFrame:
         """Render the map from the camera of the robot."""
-        images = self._rasterizer.forward(self._map, self._camera, self._options)
-        rgb = np.rint(255 * images.rgb.clip(0, 1)).astype(np.uint8)
-        depth = np.where(images.alpha >= MIN_ALPHA, images.depth, 0).astype(np.float32)
-        return RgbdFrame(rgb, depth, self._camera)
+        return render_frame(self._map, self._camera, self._threads)
 
     def pose(self) -> Floats:
         """Return [4,4] world_from_camera, m."""

@@ -35,7 +35,7 @@ def write_autoencoder(model: Autoencoder, folder: Path) -> str:
     """
     content = autoencoder_bytes(model)
     digest = hashlib.sha256(content).hexdigest()
-    path = _path_of(folder, digest)
+    path = autoencoder_path(folder, digest)
     path.parent.mkdir(exist_ok=True)
     write_atomic(path, content)
     sync_folder(folder)
@@ -101,8 +101,14 @@ def semantics_problems(store: MapStore) -> list[str]:
 
 
 def _read_autoencoder(cause: SemanticsCause, folder: Path) -> Autoencoder:
-    return read_autoencoder(_path_of(folder, cause.autoencoder), cause.autoencoder)
+    return read_autoencoder(autoencoder_path(folder, cause.autoencoder), cause.autoencoder)
 
 
-def _path_of(folder: Path, digest: str) -> Path:
+def autoencoder_path(folder: Path, digest: str) -> Path:
+    """Return the path of the file of an autoencoder.
+
+    Args:
+        folder: The map folder.
+        digest: SHA-256 of the file.
+    """
     return folder / FOLDER / f"{digest[:16]}.safetensors"

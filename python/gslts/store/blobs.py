@@ -46,7 +46,7 @@ class Blobs:
         """
         content = save({name: np.ascontiguousarray(array) for name, array in arrays.items()})
         key = hashlib.sha256(content).hexdigest()
-        path = self._path(key)
+        path = self.path(key)
         if not (path.exists() and path.read_bytes() == content):
             path.parent.mkdir(parents=True, exist_ok=True)
             write_atomic(path, content)
@@ -99,7 +99,7 @@ class Blobs:
         Raises:
             OSError: The file cannot be removed.
         """
-        path = self._path(key)
+        path = self.path(key)
         size = path.stat().st_size
         path.unlink()
         return size
@@ -109,11 +109,16 @@ class Blobs:
         for path in self._folder.glob("??/.*.part"):
             remove_tree(path)
 
-    def _path(self, key: str) -> Path:
+    def path(self, key: str) -> Path:
+        """Return the path of a file.
+
+        Args:
+            key: Of the file.
+        """
         return self._folder / key[:2] / f"{key}{SUFFIX}"
 
     def _read_checked(self, blob: Blob) -> bytes:
-        path = self._path(blob.key)
+        path = self.path(blob.key)
         try:
             with name_in_errors(path), path.open("rb") as file:
                 content = file.read(blob.size + 1)  # More is not needed to see that it differs.

@@ -14,6 +14,7 @@ from gslts.core.camera import Camera, at_pose, new_viewpoints
 from gslts.datasets.dataset import MAX_PIXELS, MAX_SIDE_PX, rigid
 from gslts.datasets.tum import read_trajectory
 from gslts.store.causes import UpdateFrame, ViewsCause, first_problem
+from gslts.store.history import History
 from gslts.store.manifest import CAMERAS, split_version
 from gslts.store.map_folder import camera_to_json, open_map
 from gslts.store.records import Version
@@ -81,10 +82,19 @@ def cameras_of_map(path: Path) -> dict[str, Camera]:
     folder, number = split_version(path)
     if not folder.is_dir():
         return {}
-    cameras = read_cameras(folder / CAMERAS)
     with open_map(folder) as store:
-        lineage = store.lineage(number)
-    for version in lineage:
+        return cameras_of_store(store, number)
+
+
+def cameras_of_store(store: History, number: int | None = None) -> dict[str, Camera]:
+    """Read the training cameras of a version of an open map; see `cameras_of_map`.
+
+    Args:
+        store: History of the map.
+        number: Of the version; None means the newest.
+    """
+    cameras = read_cameras(store.folder / CAMERAS)
+    for version in store.lineage(number):
         cameras |= cameras_of_version(version)
     return cameras
 

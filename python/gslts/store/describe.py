@@ -106,6 +106,18 @@ def describe_rejection(rejection: Rejection) -> str:
     return f"update rejected: {rejection.cause.reason}"
 
 
+def format_made(record: Version | Rejection) -> str:
+    """Format when a version or a rejection was made, and by which robot.
+
+    Args:
+        record: From a history.
+
+    Returns:
+        Time and name; a dash stands for the robot of a record of an older gslts.
+    """
+    return f"{format_time(record.time_s)}  {record.robot or '-'}"
+
+
 def format_time(time_s: float) -> str:
     """Format a time in the time zone of this machine.
 

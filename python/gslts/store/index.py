@@ -104,9 +104,10 @@ class Index(IndexFile):
             None if delta is None else delta.size,
             version.touched,
             version.cause.model_dump_json(),
+            version.robot,
         )
         with self.transaction() as connection:
-            connection.execute("INSERT INTO versions VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", row)
+            connection.execute(f"INSERT INTO versions VALUES ({', '.join('?' * len(row))})", row)
             if snapshot is not None:
                 _insert_snapshot(connection, number, snapshot)
             connection.executemany(
@@ -141,9 +142,10 @@ class Index(IndexFile):
             rejection.gslts,
             rejection.time_s,
             rejection.cause.model_dump_json(),
+            rejection.robot,
         )
         with self.transaction() as connection:
-            connection.execute("INSERT INTO rejections VALUES (?, ?, ?, ?)", row)
+            connection.execute("INSERT INTO rejections VALUES (?, ?, ?, ?, ?)", row)
 
     def forget_before(self, number: int) -> None:
         """Forget the files of the versions before a number; their records stay.
@@ -159,6 +161,20 @@ class Index(IndexFile):
             connection.execute(
                 "UPDATE versions SET delta = NULL, delta_bytes = NULL WHERE number < ?", (number,)
             )
+
+    def remove_after(self, number: int) -> None:
+        """Remove the versions after a number, with all that belongs to them.
+
+        Args:
+            number: Of the last version that stays.
+
+        Raises:
+            OSError: The file cannot be written.
+        """
+        with self.transaction() as connection:
+            for table in ("events", "rejections", "snapshots"):
+                connection.execute(f"DELETE FROM {table} WHERE version > ?", (number,))
+            connection.execute("DELETE FROM versions WHERE number > ?", (number,))
 
     def _read(
         self, query: str, parse: Callable[[sqlite3.Row], Parsed], parameters: tuple[Any, ...] = ()
@@ -188,6 +204,7 @@ def _version(row: sqlite3.Row) -> Version:
         delta=None if row["delta"] is None else Blob(key=row["delta"], size=row["delta_bytes"]),
         touched=row["touched"],
         cause=cause,
+        robot=_added_column(row, "robot"),
     )
 
 
@@ -197,6 +214,7 @@ def _rejection(row: sqlite3.Row) -> Rejection:
         gslts=row["gslts"],
         time_s=row["time_s"],
         cause=rejected_cause_from_json(row["cause"]),
+        robot=_added_column(row, "robot"),
     )
 
 
@@ -206,7 +224,7 @@ def _event_columns(event: ObjectEvent) -> tuple[str, str, str, str | None]:
 
 
 def _event(row: sqlite3.Row) -> Event:
-    motion = row["motion"] if "motion" in row.keys() else None  # noqa: SIM118  # Schema 3 has none.
+    motion = _added_column(row, "motion")
     return Event(
         version=row["version"],
         kind=row["kind"],
@@ -214,6 +232,11 @@ def _event(row: sqlite3.Row) -> Event:
         boxes=json.loads(row["boxes"]),
         motion=None if motion is None else json.loads(motion),
     )
+
+
+def _added_column(row: sqlite3.Row, name: str) -> str | None:
+    """Return a value of `ADDED_COLUMNS`; None in a file of an older schema."""
+    return row[name] if name in row.keys() else None  # noqa: SIM118  # A row is not a mapping.
 
 
 def _snapshot(row: sqlite3.Row) -> tuple[int, Blob]:

@@ -10,10 +10,12 @@ from typing import Any
 
 from gslts.io.atomic_files import name_in_errors
 
-SCHEMA, OLDEST_SCHEMA = 4, 2
+SCHEMA, OLDEST_SCHEMA = 5, 2
 """Version of the tables, and the oldest one that is read. Raise the first with every change of
-`TABLES` or of a cause. In schema 2, causes have no appearances; in schema 3, there are no shifts,
-and events have no motion."""
+`TABLES` or of a cause. In schema 2, causes have no appearances; in schema 3, there are no shifts;
+columns were added as `ADDED_COLUMNS` tells."""
+ADDED_COLUMNS = ((4, "events", "motion"), (5, "versions", "robot"), (5, "rejections", "robot"))
+"""First schema, table and name of each column that older files lack; all are texts or NULL."""
 APPLICATION_ID = 0x67736C74
 """`gslt` in ASCII; SQLite keeps it in the header of the file."""
 BUSY_S = 10.0
@@ -41,7 +43,8 @@ CREATE TABLE versions (
     delta TEXT,
     delta_bytes INTEGER,
     touched INTEGER NOT NULL,
-    cause TEXT NOT NULL
+    cause TEXT NOT NULL,
+    robot TEXT
 ) STRICT;
 CREATE TABLE snapshots (
     version INTEGER PRIMARY KEY REFERENCES versions (number),
@@ -52,7 +55,8 @@ CREATE TABLE rejections (
     version INTEGER NOT NULL REFERENCES versions (number),
     gslts TEXT NOT NULL,
     time_s REAL NOT NULL,
-    cause TEXT NOT NULL
+    cause TEXT NOT NULL,
+    robot TEXT
 ) STRICT;
 CREATE TABLE events (
     version INTEGER NOT NULL REFERENCES versions (number),
@@ -120,6 +124,8 @@ class IndexFile:
     def transaction(self) -> Iterator[sqlite3.Connection]:
         """Open a transaction: commit at the end, roll back on an exception.
 
+        Inside of another one, it is a part of that.
+
         Yields:
             The connection. A commit is on disk when the context ends.
 
@@ -127,6 +133,9 @@ class IndexFile:
             OSError: The file cannot be written.
         """
         with self._named_errors():
+            if self._connection.in_transaction:
+                yield self._connection
+                return
             self._connection.execute("BEGIN IMMEDIATE")
             try:
                 yield self._connection
@@ -207,7 +216,9 @@ class IndexFile:
         if OLDEST_SCHEMA <= schema < SCHEMA:
             if writable:  # An older gslts could not read what is written now.
                 with self.transaction() as connection:
-                    connection.execute("ALTER TABLE events ADD COLUMN motion TEXT")
+                    for since, table, column in ADDED_COLUMNS:
+                        if schema < since:
+                            connection.execute(f"ALTER TABLE {table} ADD COLUMN {column} TEXT")
                     connection.execute(f"PRAGMA user_version = {SCHEMA}")
         elif schema != SCHEMA:
             step = (

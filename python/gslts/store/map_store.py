@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -26,25 +27,22 @@ from gslts.store.delta import (
     Delta,
     apply_deltas,
     compute_delta,
-    delta_from_arrays,
     delta_to_arrays,
-    map_from_arrays,
     map_to_arrays,
     require_delta_of,
     require_rising_ids,
 )
-from gslts.store.history import INDEX, History
+from gslts.store.history import INDEX
 from gslts.store.index import Index
-from gslts.store.records import Blob, ObjectEvent, Rejection, Version
-from gslts.store.verification import find_problems
+from gslts.store.map_reader import BLOBS, MapReader
+from gslts.store.records import ObjectEvent, Rejection, Version
+from gslts.store.robot_name import robot_name
 from gslts.store.writer_lock import lock_for_writing
 
-BLOBS = "blobs"
-"""Folder of the files of arrays, in the folder of a map."""
 _logger = logging.getLogger(__name__)
 
 
-class MapStore(History):
+class MapStore(MapReader):
     """Reads and adds versions of one map. A context manager.
 
     A version is stored as a delta to its parent. A snapshot of all Gaussians is added as soon as
@@ -62,7 +60,6 @@ class MapStore(History):
     """
 
     def __init__(self, folder: Path, *, writable: bool = False) -> None:
-        self._blobs = Blobs(folder / BLOBS)
         self._lock = lock_for_writing(folder) if writable else None
         try:
             super().__init__(folder, writable=writable)
@@ -101,6 +98,7 @@ class MapStore(History):
                 delta=None,
                 touched=gaussian_map.size,
                 cause=cause,
+                robot=robot_name(),
             )
             with closing(Index(folder / INDEX, new=True)) as index:
                 index.add(version, snapshot)
@@ -112,27 +110,6 @@ class MapStore(History):
         """Close the store and release the writer lock."""
         super().close()
         self._unlock()
-
-    def read(self, number: int | None = None) -> GaussianMap:
-        """Read a version of the map, bit by bit as it was committed.
-
-        Args:
-            number: Counted from 1; None means the newest.
-
-        Returns:
-            The map.
-
-        Raises:
-            OSError: A file is missing or cannot be read.
-            ValueError: There is no such version, or a file is damaged.
-        """
-        snapshots = self._index.snapshots()
-        try:
-            return self._read(number)
-        except FileNotFoundError:
-            if self._index.snapshots() == snapshots:
-                raise
-            return self._read(number)  # A writer compacted the store meanwhile.
 
     def commit(
         self,
@@ -156,6 +133,16 @@ class MapStore(History):
             OSError: A file cannot be written; then the newest version is still the old one.
             ValueError: The map was not made from the newest version.
         """
+        return self._commit(change, cause, events)
+
+    def _commit(
+        self,
+        change: GaussianMap | Delta,
+        cause: ViewsCause,
+        events: Sequence[ObjectEvent],
+        **made: Any,
+    ) -> Version:
+        """Add a version; `made` replaces what it records of time, robot and program."""
         newest = self._index.newest()
         if isinstance(change, Delta):
             delta = change
@@ -167,16 +154,15 @@ class MapStore(History):
                 f"commit: ids of new Gaussians must be {newest.next_id} or higher, "
                 f"got {delta.added.ids[0]}"
             )
-        version = Version(
-            number=newest.number + 1,
+        version = self._after(
+            newest,
             parent=newest.number,
-            gslts=metadata.version("gslts"),
-            time_s=self._now_s(newest),
             gaussians=newest.gaussians - len(delta.removed) + delta.added.size,
             next_id=_next_id(delta.added, newest.next_id),
             delta=self._blobs.write(delta_to_arrays(delta)),
             touched=delta.touched,
             cause=cause,
+            **made,
         )
         snapshot = None
         if self._needs_snapshot(version):
@@ -206,11 +192,9 @@ class MapStore(History):
                 raise ValueError(
                     f"commit_features: {name} are not those of version {newest.number}"
                 )
-        version = Version(
-            number=newest.number + 1,
+        version = self._after(
+            newest,
             parent=newest.number,
-            gslts=metadata.version("gslts"),
-            time_s=self._now_s(newest),
             gaussians=gaussian_map.size,
             next_id=newest.next_id,
             delta=None,
@@ -235,11 +219,9 @@ class MapStore(History):
         """
         old, newest = self.version(number), self._index.newest()
         self.read(number)  # A version that cannot be read is not restored.
-        version = Version(
-            number=newest.number + 1,
+        version = self._after(
+            newest,
             parent=old.number,
-            gslts=metadata.version("gslts"),
-            time_s=self._now_s(newest),
             gaussians=old.gaussians,
             next_id=newest.next_id,
             delta=None,
@@ -264,24 +246,9 @@ class MapStore(History):
             gslts=metadata.version("gslts"),
             time_s=self._now_s(newest),
             cause=cause,
+            robot=robot_name(),
         )
         self._index.add_rejection(rejection)
-
-    def find_problems(self, progress: Callable[[], None] = lambda: None) -> list[str]:
-        """Check every file of every version against its checksum.
-
-        Args:
-            progress: Called after each version.
-
-        Returns:
-            One line for each file that is missing or damaged; empty if all is well.
-        """
-        while True:
-            versions, snapshots = self.versions(), self._index.snapshots()
-            problems = find_problems(self._index, self._blobs, versions, snapshots, progress)
-            same = (versions, snapshots) == (self.versions(), self._index.snapshots())
-            if not problems or same:  # Otherwise a writer compacted the store meanwhile.
-                return problems
 
     def collect_garbage(self) -> int:
         """Remove files that no version needs, such as those of interrupted commits.
@@ -330,44 +297,6 @@ class MapStore(History):
         self._index.forget_before(first)
         return self.collect_garbage()
 
-    def _read(self, number: int | None) -> GaussianMap:
-        version = self.version(number)
-        snapshots = self._index.snapshots()
-        damage: OSError | ValueError | None = None
-        while True:
-            try:
-                start, deltas = self._reconstruction(version.number, snapshots)
-            except ValueError as error:
-                raise damage or error from None
-            try:
-                base = self._blobs.read(snapshots.pop(start))
-                break
-            except (OSError, ValueError) as error:
-                damage = error  # An older snapshot and more deltas lead to the same version.
-        if damage is not None:
-            _logger.warning("%s. Version %d is read without it", damage, version.number)
-        steps = [self._blobs.read(delta) for delta in deltas]
-        try:
-            return apply_deltas(map_from_arrays(base), map(delta_from_arrays, steps))
-        except ValueError as error:
-            raise ValueError(f"{self._folder}: version {version.number}: {error}") from error
-
-    def _reconstruction(self, number: int, snapshots: Mapping[int, Blob]) -> tuple[int, list[Blob]]:
-        """Return the version with a snapshot to start from, and the deltas to apply to it."""
-        deltas: list[Blob] = []
-        for ancestor in self._index.lineage(number):
-            if ancestor in snapshots:
-                return ancestor, deltas[::-1]
-            version = self._index.version(ancestor)
-            if version.delta is not None:
-                deltas.append(version.delta)
-            if isinstance(version.cause, SemanticsCause):
-                break
-        raise ValueError(
-            f"{self._folder}: version {number} was compacted and cannot be read any more; "
-            "gslts log shows its record"
-        )
-
     def _needs_snapshot(self, version: Version) -> bool:
         """Return whether the deltas since the last snapshot take more bytes than the snapshot."""
         assert version.parent is not None
@@ -375,6 +304,16 @@ class MapStore(History):
         snapshots = self._index.snapshots()
         start, deltas = self._reconstruction(version.parent, snapshots)
         return sum(delta.size for delta in (*deltas, version.delta)) > snapshots[start].size
+
+    def _after(self, newest: Version, **fields: Any) -> Version:
+        """Return the version after the newest one, made now by this robot."""
+        if "time_s" not in fields:
+            fields |= {
+                "gslts": metadata.version("gslts"),
+                "time_s": self._now_s(newest),
+                "robot": robot_name(),
+            }
+        return Version(number=newest.number + 1, **fields)
 
     def _now_s(self, newest: Version) -> float:
         now_s = time.time()

@@ -14,14 +14,17 @@ from gslts.store.causes import (
     Number,
     Record,
     RejectedUpdateCause,
+    Sha256,
     VersionCause,
     require_motion,
 )
+from gslts.store.robot_name import NAME
 
 UNKNOWN = "object"
 """Type of an object that nothing names."""
 
 
+RobotName = Annotated[str, Field(pattern=f"^{NAME}$")]
 # Before the end of the year 9999: `datetime` formats no later time.
 Time = Annotated[float, Field(ge=0, lt=253_402_300_800)]
 
@@ -34,7 +37,7 @@ class Blob(Record):
         size: Length of the content, bytes.
     """
 
-    key: str
+    key: Sha256
     size: Count
 
 
@@ -51,6 +54,7 @@ class Version(Record):
         delta: File of the changes since the parent; None if there is none.
         touched: Number of Gaussians that were removed, added or changed.
         cause: Why the version exists.
+        robot: Name of the robot that made it; None if unknown.
     """
 
     number: Number
@@ -62,6 +66,7 @@ class Version(Record):
     delta: Blob | None
     touched: Count
     cause: VersionCause
+    robot: RobotName | None = None
 
     @property
     def kind(self) -> str:
@@ -83,12 +88,14 @@ class Rejection(Record):
         gslts: Version of the program that wrote it.
         time_s: Time, s since 1970 (UTC), by the clock of that machine.
         cause: The attempt and the reason.
+        robot: Name of the robot that tried it; None if unknown.
     """
 
     version: Number
     gslts: str
     time_s: Time
     cause: RejectedUpdateCause
+    robot: RobotName | None = None
 
 
 class ObjectEvent(Record):

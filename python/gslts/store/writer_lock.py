@@ -23,7 +23,8 @@ def lock_for_writing(folder: Path) -> TextIO:
         The open file; close it to release the lock.
 
     Raises:
-        OSError: Another process holds the lock, or the file cannot be created.
+        BlockingIOError: Another process holds the lock.
+        OSError: The file cannot be created.
     """
     path = folder / LOCK
     try:
@@ -36,7 +37,9 @@ def lock_for_writing(folder: Path) -> TextIO:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         lock.close()
-        raise OSError(f"{folder}: another process writes this map; wait until it ends") from None
+        raise BlockingIOError(
+            f"{folder}: another process writes this map; wait until it ends"
+        ) from None
     except BaseException:
         lock.close()
         raise

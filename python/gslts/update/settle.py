@@ -71,9 +71,10 @@ def refine_edit(
     if detector is None:
         return refine_once(edit.gaussian_map)
     seen_from = [*cameras, *(view.camera for view in training)]
+    frames = [view.frame for view in training]
 
     def confidence(gaussian_map: GaussianMap) -> float:
-        return remaining_confidence(detector.with_map(gaussian_map, seen_from), training, regions)
+        return remaining_confidence(detector.with_map(gaussian_map, seen_from), frames, regions)
 
     settled = SETTLED_SHARE * detector.config.objects.min_confidence
     return refine_until_settled(edit.gaussian_map, refine_once, confidence, settled)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from gslts._core.detect import confidence
 from gslts.change.detector import ChangeDetector
+from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.rendering.losses import apply_exposure
 from gslts.rendering.rasterizer import Rasterizer, RenderOptions
@@ -76,13 +77,13 @@ def error_in_regions(
 
 
 def remaining_confidence(
-    detector: ChangeDetector, views: Sequence[View], regions: Sequence[Region]
+    detector: ChangeDetector, frames: Iterable[RgbdFrame], regions: Sequence[Region]
 ) -> float:
     """Return the highest confidence with which a detector still sees a change in some regions.
 
     Args:
-        detector: Of the updated map.
-        views: Of the changes.
+        detector: Of the map.
+        frames: Of the changes.
         regions: Regions of the changes.
 
     Returns:
@@ -90,8 +91,8 @@ def remaining_confidence(
     """
     found = [
         confidence(surface)
-        for view in views
-        for surface in detector.detect(view.frame).surfaces
+        for frame in frames
+        for surface in detector.detect(frame).surfaces
         if any(region.contains(surface.point, NEAR_M) for region in regions)
     ]
     return max(found, default=0.0)

@@ -287,7 +287,7 @@ def test_a_newer_schema_is_named(folder: Path) -> None:
     connection = sqlite3.connect(folder / INDEX)
     connection.execute("PRAGMA user_version = 99")
     connection.close()
-    with pytest.raises(ValueError, match=f"{INDEX}: its schema is version 99, this gslts reads 4"):
+    with pytest.raises(ValueError, match=f"{INDEX}: its schema is version 99, this gslts reads 5"):
         MapStore(folder)
 
 
@@ -300,13 +300,14 @@ def test_an_older_schema_is_read_and_becomes_new_when_written(folder: Path) -> N
 
     connection = sqlite3.connect(folder / INDEX)
     connection.execute("PRAGMA user_version = 2")
-    connection.execute("ALTER TABLE events DROP COLUMN motion")
+    for table, column in (("events", "motion"), ("versions", "robot"), ("rejections", "robot")):
+        connection.execute(f"ALTER TABLE {table} DROP COLUMN {column}")
     connection.execute("INSERT INTO events VALUES (1, 'removal', 'Mug', '[null, null]')")
     connection.commit()
     connection.close()
     mug = Event(version=1, kind="removal", type="Mug", boxes=(None, None))
     with MapStore(folder) as store:
-        assert store.version().number == 1
+        assert (store.version().number, store.version().robot) == (1, None)
         assert store.events() == [mug]
     assert schema() == 2
     pose = ((1.0, 0.0, 0.0, 0.1), (0.0, 1.0, 0.0, 0.2), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
@@ -314,7 +315,7 @@ def test_an_older_schema_is_read_and_becomes_new_when_written(folder: Path) -> N
     with MapStore(folder, writable=True) as store:
         store.commit(store.read(), UpdateCause(), [shift])
         assert store.events() == [mug, Event(version=2, **dict(shift))]
-    assert schema() == 4
+    assert schema() == 5
 
 
 @pytest.mark.parametrize("content", [b"", b"no database" * 100])

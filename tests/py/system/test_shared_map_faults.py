@@ -1,0 +1,85 @@
+"""Four robots on one shared map, killed and with failing requests; errors of a store."""
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import object_store
+import pytest
+from command import gslts
+from synthetic_rooms import change_room, write_rooms
+
+BENCHMARK = Path(object_store.__file__).with_name("shared_map_benchmark.py")
+AZURITE = pytest.mark.skipif(
+    object_store.find_azurite() is None,
+    reason="azurite-blob is not installed: npm install azurite, and set AZURITE",
+)
+URL = f"az://{object_store.CONTAINER}/rooms"
+
+
+@pytest.mark.parametrize("store", ["folder", pytest.param("azurite", marks=AZURITE)])
+def test_no_update_is_lost_or_doubled(store: str) -> None:
+    done = subprocess.run(
+        [sys.executable, BENCHMARK, "--store", store, "--moments", "8"],
+        text=True,
+        capture_output=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    name, _, killed, _, versions, _, problems = re.split(r" *\| *", done.stdout.splitlines()[-1])[
+        1:-1
+    ]
+    assert (name, killed, problems) == (store, "8", "0")
+    assert int(versions) > 1
+
+
+@pytest.fixture
+def store(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+    """Return the port of a store that is named by the environment."""
+    with object_store.object_store() as port:
+        for name, value in object_store.store_environment(port).items():
+            monkeypatch.setenv(name, value)
+        yield port
+
+
+@AZURITE
+def test_errors_of_a_store_are_one_line(
+    tmp_path: Path, store: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_rooms(tmp_path / "map")
+    assert gslts("push", "map", URL, cwd=tmp_path).returncode == 0
+    change_room(tmp_path / "map", 0)
+    state = (tmp_path / "map" / "remote.json").read_bytes()
+
+    def failed(*arguments: str) -> str:
+        done = gslts(*arguments, cwd=tmp_path)
+        assert (done.returncode, done.stdout) == (1, "")
+        return done.stderr
+
+    absent = "az://absent/rooms"
+    assert failed("push", "map", absent) == (
+        f"gslts: {absent}: there is no such bucket; create it, or check the URL\n"
+    )
+    assert failed("clone", absent, "new") == (
+        f"gslts: {absent}: there is no shared map; check the URL and the bucket, or push one\n"
+    )
+    monkeypatch.delenv("AZURE_STORAGE_ACCOUNT_KEY")
+    assert failed("push", "map") == (
+        f"gslts: {URL}: there are no credentials: set AZURE_STORAGE_ACCOUNT_NAME and "
+        "AZURE_STORAGE_ACCOUNT_KEY\n"
+    )
+    reading = object_store.store_environment(store, read_only=True)
+    monkeypatch.setenv("AZURE_STORAGE_SAS_KEY", reading["AZURE_STORAGE_SAS_KEY"])
+    assert failed("push", "map") == (
+        f"gslts: {URL}: not permitted; check the credentials, and the clock of this machine\n"
+    )
+    assert (
+        gslts("clone", URL, "clone", cwd=tmp_path).stdout == "clone is version 1: 300 Gaussians\n"
+    )
+    monkeypatch.setenv("AZURE_STORAGE_ENDPOINT", f"http://127.0.0.1:{object_store.free_port()}/x")
+    assert failed("pull", "map") == (
+        f"gslts: {URL}: the store cannot be reached; check the network, the endpoint and the URL\n"
+    )
+    assert (tmp_path / "map" / "remote.json").read_bytes() == state
