@@ -103,9 +103,7 @@ class Terrain:
         Returns:
             The path, or the reason why there is none.
         """
-        return plan_path(
-            self._grid, self._free, start, start_cells(self._grid, self._free, goal)
-        )
+        return plan_path(self._grid, self._free, start, start_cells(self._grid, self._free, goal))
 
     def plan_to_any(self, start: Floats, goals: Floats) -> PlannedPath:
         """Plan the shortest path to the nearest of several positions.

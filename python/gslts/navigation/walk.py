@@ -78,9 +78,7 @@ class Walk:
             False as soon as a new path must be planned.
         """
         goal, corners = path.points[-1], list(path.points[1:])
-        while (
-            np.linalg.norm(goal - self.position) > POSITION_TOLERANCE_M / 2 and not self.is_over
-        ):
+        while np.linalg.norm(goal - self.position) > POSITION_TOLERANCE_M / 2 and not self.is_over:
             step = self._next_step(corners)
             x, y = (step - self.position).tolist()
             arrived = self.move(step, float(np.arctan2(y, x)), PATH_PITCH_RAD)
