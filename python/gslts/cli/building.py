@@ -224,27 +224,29 @@ def _print_rooms(
     now_s: float,
 ) -> None:
     """Print a table of the rooms, with changes below each."""
-    width = max((len(name) for name in ("room", *opened.rooms)), default=0)
-    typer.echo(f"{'room':{width}}  version  Gaussians   changed  observed  robots, map")
+    robots = {name: ", ".join(history.robots) or "-" for name, history in histories.items()}
+    width, robots_width = (
+        max(map(len, names)) for names in (("room", *opened.rooms), ("robots", *robots.values()))
+    )
+    typer.echo(
+        f"{'room':{width}}  version  Gaussians  changed  observed  {'robots':{robots_width}}  map"
+    )
     for name, room in opened.rooms.items():
         if name in problems:
             typer.echo(f"{name:{width}}  cannot be read: {problems[name]}")
             continue
         history = histories[name]
-        ages = (
-            f"{_format_age(now_s - time_s):>8}"
-            for time_s in (history.changed_s, history.observed_s)
+        changed, observed = (
+            _format_age(now_s - time_s) for time_s in (history.changed_s, history.observed_s)
         )
-        robots = ", ".join(history.robots) or "-"
         typer.echo(
-            f"{name:{width}}  {history.version:7}  {history.gaussians:9}  {'  '.join(ages)}  "
-            f"{robots}, {room.map}"
+            f"{name:{width}}  {history.version:7}  {history.gaussians:9}  {changed:>7}  "
+            f"{observed:>8}  {robots[name]:{robots_width}}  {room.map}"
         )
         for change in history.changes:
-            age = _format_age(now_s - change.time_s)
             typer.echo(
-                f"{'':{width}}  {change.text}; version {change.version}, {age}, "
-                f"by {change.robot or '-'}"
+                f"{'':{width}}  {change.text}: version {change.version}, "
+                f"{_format_age(now_s - change.time_s)} ago, by {change.robot or '-'}"
             )
 
 

@@ -47,7 +47,7 @@ class Room(_Strict):
         building_from_map: [4,4] rigid transform, m; None if the map is in the building frame.
     """
 
-    map: Annotated[str, Field(min_length=1, max_length=1024)]
+    map: Annotated[str, Field(pattern=r"^\P{C}+$", max_length=1024)]
     building_from_map: Motion | None = None
 
     @field_validator("building_from_map")
@@ -162,17 +162,17 @@ def locate_map(name: str, room: Room, location: str) -> str:
             path nor by a URL; or a file behind a URL has a whole path.
     """
     path = PurePosixPath(room.map)
-    if "://" in room.map:
-        return require_url(room.map)
-    if path.is_absolute():
-        if is_url(location):
-            raise ValueError(f"rooms.{name}.map: {room.map} is a path of one machine; push the map")
-        return room.map
-    if ".." in path.parts:
-        raise ValueError(
-            f"rooms.{name}.map: {room.map} is outside of the folder of this file; give the whole "
-            "path or a URL"
-        )
+    try:
+        if "://" in room.map:
+            return require_url(room.map)
+        if path.is_absolute() and is_url(location):
+            raise ValueError(f"{room.map} is a path of one machine; push the map, and give its URL")
+        if ".." in path.parts:
+            raise ValueError(
+                f"{room.map} is outside of the folder of this file; give the whole path or a URL"
+            )
+    except ValueError as error:
+        raise ValueError(f"rooms.{name}.map: {error}") from None
     if is_url(location):
         return f"{location.rpartition('/')[0]}/{path}"
     return str(Path(location).parent / path)

@@ -63,7 +63,7 @@ def query_building(
     An object that the maps of two rooms show, through a door, is found once.
     """
     if not text.strip():
-        raise ValueError("TEXT: expected the name of an object, got nothing")
+        raise ValueError("WORDS: expected the name of an object, got nothing")
     sources: dict[tuple[str, str | None], SemanticSource] = {}
 
     def open_source(cause: SemanticsCause) -> SemanticSource:

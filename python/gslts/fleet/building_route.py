@@ -152,8 +152,8 @@ class RoomFloor:
             return ""
         x, y = free[nearest].tolist()
         return (
-            f"the {door} is {distances_m[nearest]:.2f} m from the free floor of {self._room}, "
-            f"which ends at ({x:.2f}, {y:.2f}) m"
+            f"the {door} is {distances_m[nearest]:.2f} m from the free floor of {self._room}; its "
+            f"nearest point is ({x:.2f}, {y:.2f}) m"
         )
 
     def _lift(self, positions: Floats) -> Floats:

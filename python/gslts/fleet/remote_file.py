@@ -5,6 +5,7 @@ from __future__ import annotations
 import obstore
 
 from gslts.fleet.remote_store import RemoteStore
+from gslts.fleet.url import is_url, require_url
 
 
 class _RemoteFolder(RemoteStore):
@@ -30,7 +31,9 @@ def read_remote_file(url: str, max_bytes: int) -> bytes:
 
     Raises:
         OSError: The file cannot be read.
-        ValueError: It is too large.
+        ValueError: It is too large, or the URL is none of a file.
     """
-    folder, _, name = url.rpartition("/")
+    folder, _, name = require_url(url).rpartition("/")
+    if not is_url(folder):
+        raise ValueError(f"{url}: expected a file in a bucket or a folder")
     return _RemoteFolder(folder).read(name, max_bytes)
