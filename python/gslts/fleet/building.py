@@ -25,7 +25,7 @@ if TYPE_CHECKING:  # `show` needs neither semantics nor path planning.
     from gslts.fleet.building_route import Route
     from gslts.types import Floats
 
-T = TypeVar("T")
+Read = TypeVar("Read")
 
 DAY_S = 86400.0
 """Age up to which changes are listed, s."""
@@ -108,6 +108,8 @@ class Building:
     def query(self, text: str, clip: Path | None = None, threads: int = 0) -> BuildingAnswer:
         """Find the objects in all rooms that match a text.
 
+        An object that the maps of two rooms show, through a door, is found once.
+
         Args:
             text: Such as "alarm clock".
             clip: Folder of the CLIP of the maps, if it was moved.
@@ -152,7 +154,7 @@ class Building:
         planner = RoutePlanner(self, answer, body)
         return planner.plan(start, planner.rooms_at(start) if room is None else [room])
 
-    def for_each_room(self, read: Callable[[str], T]) -> tuple[dict[str, T], dict[str, str]]:
+    def for_each_room(self, read: Callable[[str], Read]) -> tuple[dict[str, Read], dict[str, str]]:
         """Read something of each room; a map that cannot be read does not stop the others.
 
         Args:
@@ -161,7 +163,7 @@ class Building:
         Returns:
             Results by room, and the reasons of failures by room.
         """
-        results: dict[str, T] = {}
+        results: dict[str, Read] = {}
         problems: dict[str, str] = {}
         for room in self.rooms:
             try:

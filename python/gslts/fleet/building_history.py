@@ -7,7 +7,7 @@ from pathlib import Path
 from gslts.store.causes import Record
 from gslts.store.describe import describe_event
 from gslts.store.history import open_history
-from gslts.store.records import TrackEvent
+from gslts.store.records import Rejection, Version
 
 
 class RoomChange(Record):
@@ -64,31 +64,26 @@ def read_room_history(path: Path, since_s: float) -> RoomHistory:
     """
     with open_history(path) as store:
         versions, rejections, tracks = store.versions(), store.rejections(), store.tracks()
-    newest = versions[-1]
-    records = sorted([*versions, *rejections], key=lambda record: -record.time_s)
+    records: list[Version | Rejection] = [*versions, *rejections]
+    records.sort(key=lambda record: -record.time_s)
     made = {version.number: version for version in versions}
-
-    def change(event: TrackEvent, name: str) -> RoomChange:
-        version, text = made[event.version], describe_event(event, name)
-        return RoomChange(
-            name=name,
-            text=text,
-            version=version.number,
-            time_s=version.time_s,
-            robot=version.robot,
+    changes = [
+        RoomChange(
+            name=track.name,
+            text=describe_event(event, track.name),
+            version=event.version,
+            time_s=made[event.version].time_s,
+            robot=made[event.version].robot,
         )
-
-    changes = [change(event, track.name) for track in tracks for event in track.events]
+        for track in tracks
+        for event in track.events
+        if made[event.version].time_s >= since_s
+    ]
     return RoomHistory(
-        version=newest.number,
-        gaussians=newest.gaussians,
-        changed_s=newest.time_s,
-        observed_s=max(newest.time_s, records[0].time_s),
+        version=versions[-1].number,
+        gaussians=versions[-1].gaussians,
+        changed_s=versions[-1].time_s,
+        observed_s=records[0].time_s,
         robots=tuple(dict.fromkeys(record.robot for record in records if record.robot)),
-        changes=tuple(
-            sorted(
-                (recent for recent in changes if recent.time_s >= since_s),
-                key=lambda recent: -recent.time_s,
-            )
-        ),
+        changes=tuple(sorted(changes, key=lambda change: -change.time_s)),
     )

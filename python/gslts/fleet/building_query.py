@@ -58,10 +58,7 @@ class BuildingAnswer:
 def query_building(
     building: Building, text: str, clip: Path | None = None, threads: int = 0
 ) -> BuildingAnswer:
-    """Find the objects in all rooms that match a text; see `Building.query`.
-
-    An object that the maps of two rooms show, through a door, is found once.
-    """
+    """See `Building.query`."""
     if not text.strip():
         raise ValueError("WORDS: expected the name of an object, got nothing")
     sources: dict[tuple[str, str | None], SemanticSource] = {}
