@@ -20,7 +20,8 @@ from tqdm import tqdm
 
 from gslts.datasets import open_dataset
 from gslts.io.atomic_files import empty_folder, write_atomic
-from gslts.keeper.keeper import KeeperConfig, MapKeeper
+from gslts.keeper.config import KeeperConfig
+from gslts.keeper.keeper import MapKeeper
 from gslts.mapping.config import PRESETS
 from gslts.mapping.engine import make_map
 from gslts.mapping.report.summary import write_result

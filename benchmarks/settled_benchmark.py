@@ -28,7 +28,8 @@ from tqdm import tqdm
 from gslts.change.config import DetectionConfig
 from gslts.change.detector import ChangeDetector
 from gslts.datasets import open_dataset
-from gslts.keeper.keeper import KeeperConfig, MapKeeper
+from gslts.keeper.config import KeeperConfig
+from gslts.keeper.keeper import MapKeeper
 from gslts.mapping.config import MappingConfig
 from gslts.mapping.engine import make_map
 from gslts.rendering.metrics import psnr_from_mse_db

@@ -23,7 +23,8 @@ from gslts.change.config import DetectionConfig
 from gslts.core.gaussian_map import GaussianMap
 from gslts.datasets import open_dataset
 from gslts.io.atomic_files import empty_folder
-from gslts.keeper.keeper import KeeperConfig, MapKeeper
+from gslts.keeper.config import KeeperConfig
+from gslts.keeper.keeper import MapKeeper
 from gslts.mapping.config import PRESETS
 from gslts.mapping.engine import make_map
 from gslts.store.map_folder import read_map, write_map_folder

@@ -48,7 +48,7 @@ ARROWS = (
 )
 KEEPER = (395, 188, 740, 126)
 """Frame of the packages that the keeper runs in rounds: x, y, width, height."""
-SHARED = {"core", "io", "rendering", "torch", "cli", "keeper"}
+SHARED = {"core", "io", "rendering", "torch", "cli", "fleet", "keeper"}
 """Packages that the data flow shows otherwise or not: bases, the frame, and ways to use it all."""
 OUTSIDE = ("gslts_sim", "gslts_bench")
 

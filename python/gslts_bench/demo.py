@@ -15,8 +15,9 @@ from gslts.core.se3 import pose_distance
 from gslts.datasets import open_dataset
 from gslts.io.atomic_files import empty_folder, write_atomic
 from gslts.io.html_page import number, plots, section, table
+from gslts.keeper.config import KeeperConfig
 from gslts.keeper.history_page import write_history
-from gslts.keeper.keeper import KeeperConfig, MapKeeper
+from gslts.keeper.keeper import MapKeeper
 from gslts.localization.config import RelocalizationConfig
 from gslts.localization.relocalizer import Relocalizer
 from gslts.localization.side_by_side import side_by_side

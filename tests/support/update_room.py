@@ -12,7 +12,7 @@ from gslts.change.changes import Change
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
-from gslts.keeper.keeper import KeeperConfig
+from gslts.keeper.config import KeeperConfig
 from gslts.update.config import CollectConfig, EditConfig, RefineConfig, UpdateConfig
 from gslts.update.integrate import UpdateResult, integrate_changes
 from gslts.update.view_collection import Collection, collect_views

@@ -160,12 +160,18 @@ def gc(
 ) -> None:
     """Remove files that no version needs, and old versions on request; the log stays complete.
 
+    Of a shared map, versions that were not pushed stay, with the last one before them.
+
     Example: gslts gc out/map --keep 100
     """
+    from gslts.fleet.state import read_remote_state
     from gslts.localization.landmark_files import remove_unneeded_landmarks
     from gslts.store.map_folder import open_map
 
     with open_map(map_path, writable=True) as store:
+        shared = read_remote_state(map_path)
+        if keep is not None and shared is not None:
+            keep = max(keep, store.version().number - shared.number + 1)
         freed = store.collect_garbage() if keep is None else store.compact(keep)
         freed += remove_unneeded_landmarks(store)
     typer.echo(f"{freed} bytes freed")

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from gslts.core.camera import Camera
     from gslts.core.frame import RgbdFrame
     from gslts.core.robot import Robot
-    from gslts.keeper.keeper import KeeperConfig
+    from gslts.keeper.config import KeeperConfig
     from gslts.keeper.schedule import DeferredChange
     from gslts.robots.sources import RobotSource
 
@@ -51,6 +51,10 @@ def run(
         bool,
         typer.Option("--extend", help="After each round, also map space that the map lacks."),
     ] = False,
+    share: Annotated[
+        bool,
+        typer.Option("--share", help="After each round, exchange versions with other robots."),
+    ] = False,
     threads: Threads = 0,
 ) -> None:
     """Run rounds through a home, and keep its map up to date.
@@ -62,13 +66,19 @@ def run(
     With --extend, the robot looks around where no camera of the map ever saw, such as behind a door
     that is open now, and the map grows; a recording adds what it shows.
 
+    With --share, versions of a map that was pushed or cloned are exchanged after each round, as
+    gslts push does; without a network, the robot works on and tries again after the next round.
+
     Example: gslts run out/map --robot out/day/day.json --extend
     """
     from tqdm import tqdm
 
+    from gslts.fleet.state import require_remote_state
     from gslts.keeper.keeper import MapKeeper, StoppedError
     from gslts.robots.sources import open_robot
 
+    if share:
+        require_remote_state(map_path)
     if robot is not None and frames is None:
         opened, recording = open_robot(robot), None
         round_of, available, source = _rounds_of_robot(opened), opened.rounds, opened.digest
@@ -114,6 +124,8 @@ def run(
                         keeper.extend(recording, str(frames))
                     elif extend:
                         keeper.explore(driven)
+                    if share:
+                        keeper.let_others_write(lambda: _exchange(map_path, log))
             except StoppedError:
                 raise RuntimeError(
                     f"stopped in round {keeper.state.round}; the same command continues there"
@@ -124,6 +136,20 @@ def run(
         f"{last - first} round(s); {map_path} is version {version.number} now, "
         f"{len(keeper.state.deferred)} deferred; see gslts log {map_path}"
     )
+
+
+def _exchange(map_path: Path, log: Callable[[str], None]) -> None:
+    """Exchange versions with other robots; without a network, log why not."""
+    from gslts.fleet.exchange import push_map
+
+    try:
+        done = push_map(map_path)
+    except OSError as error:
+        log(f"not shared: {error}")
+        return
+    for reason in done.given_up:
+        log(f"given up: {reason}")
+    log(f"shared version {done.version.number}: {done.pulled} pulled, {done.pushed} pushed")
 
 
 def _echo_deferred(deferred: Iterable[DeferredChange]) -> None:
@@ -157,7 +183,7 @@ def stop_signals() -> Iterator[list[int]]:
 
 def _config(iterations: int, threads: int, *, relocalize: bool) -> KeeperConfig:
     from gslts.change.config import DetectionConfig
-    from gslts.keeper.keeper import KeeperConfig
+    from gslts.keeper.config import KeeperConfig
     from gslts.localization.config import RelocalizationConfig
     from gslts.mapping.config import PRESETS
     from gslts.update import RefineConfig, UpdateConfig

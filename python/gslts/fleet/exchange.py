@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +12,12 @@ from gslts.fleet.rebase import Rebased, rebase
 from gslts.fleet.remote_store import RemoteStore, version_name
 from gslts.fleet.replica import Replica
 from gslts.fleet.shared_version import SharedVersion, file_path, parse_shared_version
-from gslts.fleet.state import RemoteState, read_remote_state, write_remote_state
+from gslts.fleet.state import (
+    RemoteState,
+    read_remote_state,
+    require_remote_state,
+    write_remote_state,
+)
 from gslts.io.atomic_files import remove_tree, sync_folder, temporary_path, write_atomic
 from gslts.store.history import INDEX
 from gslts.store.index import Index
@@ -153,17 +158,13 @@ def _connect(
     replica: Replica, url: str | None, *, create: bool = False
 ) -> tuple[RemoteStore, RemoteState]:
     """Return the shared map of a clone, and what is known of it."""
-    state = read_remote_state(replica.folder)
     if url is None:
-        if state is None:
-            raise ValueError(
-                f"{replica.folder}: it was never shared: gslts push {replica.folder} URL shares it"
-            )
-        url = state.url
-    remote = RemoteStore(url, create=create)
-    if state is None or state.url != remote.url:
-        state = RemoteState(url=remote.url)
-    return remote, state
+        state = require_remote_state(replica.folder)
+        return RemoteStore(state.url), state
+    remote, known = RemoteStore(url, create=create), read_remote_state(replica.folder)
+    if known is not None and known.url == remote.url:
+        return remote, known
+    return remote, RemoteState(url=remote.url)
 
 
 def _fetch(
@@ -177,8 +178,7 @@ def _fetch(
         shared = parse_shared_version(content, f"{remote.url}/{version_name(number)}", number)
         if origin is not None and shared.origin != origin:
             raise ValueError(
-                f"{remote.url}: it holds another map than {replica and replica.folder}; choose "
-                "another URL, or clone that map"
+                f"{remote.url}: it holds another map; choose another URL, or clone that map"
             )
         previous, digest = digest, hashlib.sha256(content).hexdigest()
         if digest != state.digest if number == state.number else shared.previous != previous:
@@ -218,20 +218,36 @@ def _add(replica: Replica, remote: RemoteStore, after: int, fetched: list[_Fetch
     """Add versions of others after a version, and own versions anew after them."""
     own = replica.own_versions(after)
     theirs = [version.shared for version in fetched]
-    remote.download([file for shared in theirs for file in replica.paths(shared)])
-    with replica.replacing(after, theirs):
-        rebased = rebase(replica, after, theirs, own)
-    for number, image in rebased.images.items():
-        write_atomic(update_image_path(replica.folder, number), image)
+    images = {item.version.number: item.image for item in own}
+    try:
+        remote.download([file for shared in theirs for file in replica.paths(shared)])
+        with replica.replacing(after, theirs):
+            rebased = rebase(replica, after, theirs, own)
+        theirs_have = {shared.version.number for shared in theirs if "image" in shared.files}
+        numbers = {*images, *rebased.images} - theirs_have
+        images = {number: rebased.images.get(number) for number in numbers}
+    finally:  # Theirs may have the numbers of own ones, which are own again after an error.
+        _write_images(replica.folder, images)
     return rebased
+
+
+def _write_images(folder: Path, images: Mapping[int, bytes | None]) -> None:
+    """Write the images of updates by number, and remove those that are None."""
+    for number, image in images.items():
+        path = update_image_path(folder, number)
+        if image is None:
+            path.unlink(missing_ok=True)
+        else:
+            write_atomic(path, image)
 
 
 def _push(replica: Replica, remote: RemoteStore, state: RemoteState) -> RemoteState:
     """Create own versions until another robot is faster, and return the state after the last."""
     for own in replica.own_versions(state.number):
         shared = replica.share(own, state.digest)
-        remote.upload(replica.paths(shared))
         content, number = shared.to_bytes(), own.version.number
+        parse_shared_version(content, f"{replica.folder}: version {number}", number)
+        remote.upload(replica.paths(shared))
         if not remote.create_version(number, content):
             break
         digest = hashlib.sha256(content).hexdigest()

@@ -7,8 +7,10 @@ the SHA-256 of the one before, so that nobody can exchange the history of a map.
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -20,6 +22,8 @@ from gslts.store.measurements import FILE as MEASUREMENTS
 from gslts.store.records import Blob, ObjectEvent, Rejection, Version
 from gslts.store.trajectory_file import TRAJECTORY
 
+CONTROL_CHARACTERS = re.compile("[\\x00-\\x1f\\x7f-\\x9f]")
+"""Characters by which a text of a version could write anywhere on a terminal."""
 FORMAT_VERSION = 1
 """Layout of a version object. Raise it with every change of the object or of a cause."""
 
@@ -27,6 +31,8 @@ FileName = Literal[
     "manifest", "cameras", "measurements", "trajectory", "landmarks", "autoencoder", "image"
 ]
 """Files of a version besides its Gaussians."""
+LATER_FILES = {"landmarks", "autoencoder", "image"}
+"""Files that versions after the first one may have."""
 
 
 class SharedVersion(Record):
@@ -56,8 +62,12 @@ class SharedVersion(Record):
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
         number = self.version.number
-        if (number == 1) != (self.previous is None) or (number == 1) != ("manifest" in self.files):
-            raise ValueError("version: only the first has a manifest and no previous one")
+        if (number == 1) != (self.previous is None):
+            raise ValueError("previous: all versions but the first have one")
+        if number == 1 and not {"manifest", "cameras"} <= self.files.keys():
+            raise ValueError("files: the first version has a manifest and cameras")
+        if number > 1 and not self.files.keys() <= LATER_FILES:
+            raise ValueError("files: later versions do not change those of the first one")
         if any(rejection.version >= number for rejection in self.rejections):
             raise ValueError("rejections: they must be of earlier versions")
         return self
@@ -91,6 +101,8 @@ def parse_shared_version(content: bytes, name: str, number: int) -> SharedVersio
                 f"its format is version {found}, this gslts reads {FORMAT_VERSION}; a newer gslts "
                 "wrote it: install that version"
             )
+        if any(CONTROL_CHARACTERS.search(text) for text in _texts(marks)):
+            raise ValueError("a text has control characters")
         shared = SharedVersion.model_validate_json(content)
         if shared.version.number != number:
             raise ValueError(f"it holds version {shared.version.number}")
@@ -99,6 +111,19 @@ def parse_shared_version(content: bytes, name: str, number: int) -> SharedVersio
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{name}: {error}") from None
     return shared
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """Yield all texts in a JSON value."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict):
+        for name, part in value.items():
+            yield name
+            yield from _texts(part)
+    elif isinstance(value, list):
+        for part in value:
+            yield from _texts(part)
 
 
 def file_path(folder: Path, name: FileName, number: int, blob: Blob) -> Path:

@@ -58,6 +58,22 @@ def read_remote_state(folder: Path) -> RemoteState | None:
         ) from None
 
 
+def require_remote_state(folder: Path) -> RemoteState:
+    """Read the state of a map that must have been shared; see `read_remote_state`.
+
+    Args:
+        folder: Folder of the map.
+
+    Raises:
+        OSError: The file cannot be read.
+        ValueError: The map was never shared, or the file is damaged.
+    """
+    state = read_remote_state(folder)
+    if state is None:
+        raise ValueError(f"{folder}: it was never shared: gslts push {folder} URL shares it")
+    return state
+
+
 def write_remote_state(state: RemoteState, folder: Path) -> None:
     """Write the state of a clone, atomically.
 

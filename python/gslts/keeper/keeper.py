@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 
 from gslts.change.changes import Change
-from gslts.change.config import DetectionConfig
-from gslts.change.confirmation import MonitorConfig, latest_changes
+from gslts.change.confirmation import latest_changes
 from gslts.change.detector import ChangeDetector
 from gslts.change.monitor import ChangeMonitor
 from gslts.change.visibility import Visibility
@@ -17,16 +15,15 @@ from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.core.robot import Robot
 from gslts.extension.pipeline import extend_store
+from gslts.keeper.config import KeeperConfig
 from gslts.keeper.coverage import go_to, plan_viewpoints
 from gslts.keeper.exploration import look_around, plan_exploration
 from gslts.keeper.schedule import defer, select_changes
 from gslts.keeper.state import KeeperState, read_state, write_state
-from gslts.localization.config import RelocalizationConfig
 from gslts.localization.landmark_files import require_landmarks
 from gslts.localization.localizer import Localizer
 from gslts.localization.relocalizer import Relocalizer
 from gslts.mapping.clock import Clock
-from gslts.mapping.config import PRESETS, MappingConfig
 from gslts.mapping.observation import Observation
 from gslts.robots.localized import LocalizedRobot
 from gslts.semantics.map_semantics import MapSemantics
@@ -34,47 +31,8 @@ from gslts.store.camera_files import cameras_of_map, cameras_of_version
 from gslts.store.map_folder import open_map
 from gslts.store.measurements import read_measurements
 from gslts.store.records import Version
-from gslts.update.config import UpdateConfig
 from gslts.update.integrate import UpdateResult, integrate_changes
 from gslts.update.publish import publish
-
-
-def _process_every_frame() -> MonitorConfig:
-    """Return settings of a monitor that processes every frame: the robot waits for its result."""
-    return MonitorConfig(rate_hz=1e6)
-
-
-@dataclass(frozen=True)
-class KeeperConfig:
-    """Settings of the rounds.
-
-    Attributes:
-        max_viewpoints: Maximum number of viewpoints in a round.
-        max_frames: Maximum number of frames at one viewpoint, while a change is not confirmed.
-        monitor: Settings of the confirmation of changes.
-        detection: Settings of the change detection.
-        update: Settings of updates.
-        relocalization: Localize the robot in the map by its frames; None uses its odometry.
-        extension: Settings of the mapping of unmapped space.
-
-    Raises:
-        ValueError: A number is not positive.
-    """
-
-    max_viewpoints: int = 40
-    max_frames: int = 4
-    monitor: MonitorConfig = field(default_factory=_process_every_frame)
-    detection: DetectionConfig = field(default_factory=DetectionConfig)
-    update: UpdateConfig = field(default_factory=UpdateConfig)
-    relocalization: RelocalizationConfig | None = None
-    extension: MappingConfig = PRESETS["fast"]
-
-    def __post_init__(self) -> None:
-        for name in ("max_viewpoints", "max_frames"):
-            if getattr(self, name) < 1:
-                raise ValueError(
-                    f"KeeperConfig: {name} must be positive, got {getattr(self, name)}"
-                )
 
 
 class StoppedError(Exception):
@@ -275,6 +233,25 @@ class MapKeeper:
             return
         self._log(f"version {outcome.version.number}: {outcome.record.added} Gaussians added")
         self._use_map(self._store.read(), outcome.version)
+
+    def let_others_write(self, write: Callable[[], None]) -> None:
+        """Close the map between rounds, let something else write it, and go on with the result.
+
+        Args:
+            write: Writes the map, such as `gslts.fleet.exchange.push_map`.
+
+        Raises:
+            OSError: The map cannot be read, or another process writes it.
+        """
+        before = self.version
+        self._store.close()
+        try:
+            write()
+        finally:
+            self._store = open_map(self._folder, writable=True)
+        if self.version != before:
+            self._cameras = cameras_of_map(self._folder)
+            self._use_map(self._store.read(), self.version)
 
     def _plan(self) -> tuple[str, ...]:
         threads = self._config.update.threads

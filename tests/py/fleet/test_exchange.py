@@ -9,10 +9,12 @@ import synthetic_rooms
 from store_maps import assert_same
 from synthetic_rooms import write_rooms
 
+from gslts.cli.history import gc
 from gslts.fleet.exchange import clone_map, pull_map, push_map
 from gslts.fleet.state import read_remote_state
 from gslts.store.causes import UpdateCause
 from gslts.store.history import INDEX
+from gslts.store.manifest import update_image_path
 from gslts.store.map_folder import open_map, read_map
 from gslts.store.records import Version
 
@@ -160,10 +162,48 @@ def test_another_map_is_rejected(tmp_path: Path, url: str) -> None:
     write_rooms(tmp_path / "foreign")
     before = sorted(path for path in tmp_path.rglob("*"))
     for exchange in (push_map, pull_map):
-        with pytest.raises(ValueError, match=r"holds another map than .*foreign; choose another"):
+        with pytest.raises(ValueError, match="it holds another map; choose another URL"):
             exchange(tmp_path / "foreign", url)
     after = {path.name for path in set(tmp_path.rglob("*")) - set(before)}
     assert after <= {"writer.lock", f"{INDEX}-wal", f"{INDEX}-shm"}
+
+
+def test_versions_that_were_not_pushed_are_not_compacted(tmp_path: Path, url: str) -> None:
+    change_room(tmp_path / "b", 1, number=1)
+    change_room(tmp_path / "b", 1, number=2)
+    gc(tmp_path / "b", keep=1)
+    change_room(tmp_path / "a", 0, number=3)
+    push_map(tmp_path / "a")
+    assert push_map(tmp_path / "b").replayed == 2
+    gc(tmp_path / "b", keep=1)
+    clone_map(url, tmp_path / "c")
+    assert_same(read_map(tmp_path / "b"), read_map(tmp_path / "c"))
+    with pytest.raises(ValueError, match="version 3 was compacted"):
+        read_map(Path(f"{tmp_path / 'b'}@3"))
+
+
+def test_images_follow_their_versions(tmp_path: Path, url: str) -> None:
+    for name, room in (("a", 0), ("b", 1)):
+        change_room(tmp_path / name, room)
+        image = update_image_path(tmp_path / name, 2)
+        image.parent.mkdir()
+        image.write_text(name)
+    push_map(tmp_path / "a")
+    damage(tmp_path, "wrong count")
+    with pytest.raises(ValueError, match="nothing was pulled"):
+        pull_map(tmp_path / "b")
+    assert update_image_path(tmp_path / "b", 2).read_text() == "b"
+    update_image_path(tmp_path / "b", 2).unlink()
+    with pytest.raises(ValueError, match="nothing was pulled"):
+        pull_map(tmp_path / "b")
+    assert not update_image_path(tmp_path / "b", 2).exists()
+    update_image_path(tmp_path / "b", 2).write_text("b")
+    push_map(tmp_path / "a", f"{url}2")
+    push_map(tmp_path / "b", f"{url}2")
+    clone_map(f"{url}2", tmp_path / "c")
+    for name in "bc":
+        texts = [update_image_path(tmp_path / name, number).read_text() for number in (2, 3)]
+        assert texts == ["a", "b"]
 
 
 def damage(tmp_path: Path, kind: str) -> None:
@@ -183,6 +223,12 @@ def damage(tmp_path: Path, kind: str) -> None:
     elif kind == "hostile path":
         content["version"]["delta"]["key"] = "../../../etc/passwd"
         version.write_text(json.dumps(content))
+    elif kind == "other cameras":
+        content["files"] = {"cameras": content["version"]["delta"]}
+        version.write_text(json.dumps(content))
+    elif kind == "terminal codes":
+        content["version"]["cause"]["config"] = {"x": [{"y": "\x1b[2J"}]}
+        version.write_text(json.dumps(content))
     elif kind == "wrong count":
         content["version"]["gaussians"] += 1
         version.write_text(json.dumps(content))
@@ -198,6 +244,8 @@ def damage(tmp_path: Path, kind: str) -> None:
         ("newer format", "its format is version 2, this gslts reads 1; a newer gslts wrote it"),
         ("other history", "version 2 is not the one that came before"),
         ("hostile path", "version.delta.key: String should match pattern"),
+        ("other cameras", "later versions do not change those of the first one"),
+        ("terminal codes", "a text has control characters"),
         ("wrong count", "has not the number of Gaussians that it tells; nothing was pulled"),
         ("no JSON", "00000002.json: Expecting property name"),
     ],

@@ -11,8 +11,9 @@ from command import gslts as run
 
 from gslts.change.visibility import Visibility
 from gslts.datasets import open_dataset
+from gslts.keeper.config import KeeperConfig
 from gslts.keeper.exploration import look_around, plan_exploration
-from gslts.keeper.keeper import KeeperConfig, MapKeeper, StoppedError
+from gslts.keeper.keeper import MapKeeper, StoppedError
 from gslts.store.camera_files import cameras_of_map
 from gslts.store.causes import ExtensionCause
 from gslts.store.map_folder import open_map, read_map

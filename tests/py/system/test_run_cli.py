@@ -9,6 +9,7 @@ import update_room
 from command import gslts, stopped_at
 from update_room import viewpoints_of_the_change
 
+from gslts.fleet.exchange import clone_map, pull_map, push_map
 from gslts.keeper.state import KeeperState, read_state, write_state
 from gslts.store.map_folder import open_map, read_map
 from gslts_sim.capture import capture
@@ -152,3 +153,28 @@ def test_a_second_writer_is_rejected(workplace: Path, new_map: str) -> None:
     assert done.stderr.splitlines()[-1].endswith(
         "another process writes this map; wait until it ends"
     )
+
+
+def test_versions_are_exchanged_after_each_round(workplace: Path, new_map: str) -> None:
+    run = ("run", new_map, "--frames", "visit", "--share", "--rounds", "2", *QUICK)
+    done = gslts(*run, cwd=workplace)
+    assert (
+        done.stderr
+        == f"gslts: {new_map}: it was never shared: gslts push {new_map} URL shares it\n"
+    )
+    url = f"file://{workplace}/bucket"
+    push_map(workplace / new_map, url)
+    clone_map(url, workplace / "other")
+    with open_map(workplace / "other", writable=True) as store:
+        store.restore(1)
+    push_map(workplace / "other")
+    done = gslts(*run, cwd=workplace)
+    assert done.returncode == 0, done.stderr
+    shared = [line for line in done.stdout.splitlines() if line.startswith("shared")]
+    assert shared == [
+        "shared version 3: 1 pulled, 1 pushed",
+        "shared version 3: 0 pulled, 0 pushed",
+    ]
+    assert done.stdout.splitlines()[-1].startswith(f"2 round(s); {new_map} is version 3 now")
+    pull_map(workplace / "other")
+    assert update_room.opaque_in(read_map(workplace / "other"), update_room.REMOVED, 0.04) == 0

@@ -1,6 +1,7 @@
 """Two robots change one region of a shared map."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import change_room
@@ -10,8 +11,9 @@ from shared import made_once
 from store_maps import assert_same
 
 import gslts
-from gslts.fleet.exchange import push_map
-from gslts.store.map_folder import read_map
+from gslts.fleet.exchange import pull_map, push_map
+from gslts.store.causes import UpdateCause
+from gslts.store.map_folder import open_map, read_map
 from gslts_sim.home import Home
 
 
@@ -76,3 +78,34 @@ def test_another_change_of_the_region_counts(shared: Path) -> None:
     final = read_map(second)
     assert update_room.opaque_in(final, update_room.REMOVED, 0.04) == 0
     assert update_room.opaque_in(final, update_room.ADDED, 0.0) > 20
+
+
+def test_a_part_of_an_update_is_given_up(shared: Path) -> None:
+    red = update_room.changed_home("removal")
+    both = replace(red, objects=(*red.objects, update_room.yellow()))
+    first, second = join(shared, updated("first", red), updated("both", both))
+    url = f"file://{shared}/bucket"
+    push_map(first, url)
+    done = push_map(second, url)
+    assert done.given_up == ("the map shows it already, since version 2 of first",)
+    assert (done.pushed, done.replayed) == (1, 1)
+    with open_map(second) as store:
+        cause, (rejection,) = store.version().cause, store.rejections()
+        (event,) = (event for event in store.events() if event.version == 3)
+    assert isinstance(cause, UpdateCause)
+    assert [change.kind for change in cause.changes] == ["addition"]
+    assert [change.kind for change in rejection.cause.changes] == ["removal"]
+    assert event.kind == "addition"
+    assert update_room.opaque_in(read_map(second), update_room.ADDED, 0.0) > 20
+    pull_map(first)
+    assert_same(read_map(first), read_map(second))
+
+
+def test_the_later_of_two_contradicting_changes_counts(shared: Path) -> None:
+    early = updated("early", update_room.changed_home("relocation"))
+    late = updated("late", update_room.changed_home("addition"))
+    second, first = join(shared, early, late)
+    url = f"file://{shared}/bucket"
+    push_map(first, url)
+    assert push_map(second, url).given_up == ("version 2 of late saw the object later",)
+    assert_same(read_map(first), read_map(second))
