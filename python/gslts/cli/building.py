@@ -81,7 +81,7 @@ def door(
 
     The maps of both rooms must show free floor there.
 
-    Example: gslts building door home/building.json kitchen hall 3.2 -1.5
+    Example: gslts building door home/building.json kitchen hall 3.2 1.5
     """
     from gslts.fleet.building_edit import add_door
 

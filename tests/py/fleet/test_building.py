@@ -113,7 +113,7 @@ def test_the_room_of_a_robot_is_where_its_map_has_floor(
     assert nowhere.reason.endswith("to any mug: no map has floor there")
 
 
-def test_a_door_that_the_maps_do_not_reach_is_no_way(own: Path, mug: BuildingAnswer) -> None:
+def test_a_door_that_the_maps_do_not_reach_is_not_used(own: Path, mug: BuildingAnswer) -> None:
     content = json.loads(own.read_text())
     content["doors"] = [{"rooms": ["kitchen", "hall"], "position_m": [2, -3, 0]}]
     own.write_text(json.dumps(content))
