@@ -87,8 +87,8 @@ class Building:
             known = ", ".join(self.rooms) or "none"
             raise ValueError(f"{self.location}: there is no room {room}; rooms: {known}")
         if room not in self._paths:
-            place = locate_map(room, self.rooms[room], self.location)
-            self._paths[room] = cached_clone(place) if is_url(place) else Path(place)
+            source = locate_map(room, self.rooms[room], self.location)
+            self._paths[room] = cached_clone(source) if is_url(source) else Path(source)
         return self._paths[room]
 
     def histories(

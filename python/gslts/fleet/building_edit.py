@@ -41,10 +41,13 @@ def add_room(file: str | Path, name: str, map_path: str, transform: Path | None 
     pose = None if transform is None else _read_transform(transform)
     try:
         room = Room(map=map_path, building_from_map=pose)
+    except ValidationError as error:
+        raise ValueError(f"{transform or map_path}: {first_problem(error)}") from None
+    try:
         content = BuildingFile(rooms={**old.rooms, name: room}, doors=old.doors)
         locate_map(name, room, str(path))
     except ValidationError as error:
-        raise ValueError(f"{transform or path}: {first_problem(error)}") from None
+        raise ValueError(f"{path}: {first_problem(error)}") from None
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     building = Building(str(path), content)

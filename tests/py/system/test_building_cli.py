@@ -173,7 +173,11 @@ def test_a_building_and_its_maps_lie_behind_a_url(folder: Path) -> None:
         (("add", "building.json", "attic", "../attic"), "../attic is outside of the folder"),
         (("add", "building.json", "a/b", "hall"), "building.json: rooms.a/b"),
         (("add", "building.json", "attic", "hall", "--transform", "wrong.txt"), "got 3"),
-        (("add", "building.json", "attic", "hall", "--transform", "flat.txt"), "not rigid"),
+        (
+            ("add", "building.json", "attic", "hall", "--transform", "flat.txt"),
+            "flat.txt: building",
+        ),
+        (("add", "building.json", "a/b", "hall", "--transform", "hall.txt"), "json: rooms.a/b"),
         (("add", "s3://maps/building.json", "attic", "hall"), "edit a file on this disk"),
         (("add", "building.json", "attic", "file:///none"), "file:///none: there is no such"),
         (("door", "building.json", "hall", "attic", "1", "2"), "there is no room attic"),
