@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from gslts.cli import history, mapping, navigation, output
+from gslts.cli.building import building
 from gslts.cli.consolidate import consolidate
 from gslts.cli.detect import detect
 from gslts.cli.evaluation import judge
@@ -49,6 +50,7 @@ app.command("import")(history.import_ply)
 app.command("clone")(clone)
 app.command("pull")(pull)
 app.command("push")(push)
+app.add_typer(building, name="building")
 app.command("semantics")(semantics)
 app.command("query")(query)
 app.command("semantic-map")(navigation.semantic_map)

@@ -104,7 +104,7 @@ def go(
     from gslts.io.images import write_image
     from gslts.navigation.navigator import Navigator
     from gslts.navigation.semantic_map_files import draw_semantic_map
-    from gslts.navigation.trip import MAX_MOVES
+    from gslts.navigation.walk import MAX_MOVES
     from gslts.robots.sources import open_robot
 
     if not text.strip():

@@ -36,12 +36,12 @@ def query(
     queries = SemanticQueries.of_map(map_path, clip, threads)
     instances = queries.find(text)
     if as_json:
-        typer.echo(json.dumps([_plain(instance) for instance in instances]))
+        typer.echo(json.dumps([instance_to_json(instance) for instance in instances]))
     elif not instances:
         typer.echo(f"{text}: not found")
     else:
         for instance in instances:
-            typer.echo(f"{text} {_describe(instance)}")
+            typer.echo(f"{text} {describe_instance(instance)}")
     if image is not None and instances:
         _draw(map_path, queries, text, instances, image, threads)
 
@@ -67,14 +67,24 @@ def _draw(
     typer.echo(f"wrote {path}", err=True)
 
 
-def _describe(instance: Instance) -> str:
+def describe_instance(instance: Instance) -> str:
+    """Describe position, size and score of an object.
+
+    Args:
+        instance: Result of a query.
+    """
     x, y, z = instance.center
     width, depth, height = instance.high - instance.low
     size = f"{width:.2f} x {depth:.2f} x {height:.2f} m"
     return f"at ({x:.2f}, {y:.2f}, {z:.2f}) m, {size}, score {instance.score:.2f}"
 
 
-def _plain(instance: Instance) -> dict[str, Any]:
+def instance_to_json(instance: Instance) -> dict[str, Any]:
+    """Convert an object to JSON values.
+
+    Args:
+        instance: Result of a query.
+    """
     return {
         "low_m": instance.low.tolist(),
         "high_m": instance.high.tolist(),

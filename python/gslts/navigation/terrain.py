@@ -93,6 +93,34 @@ class Terrain:
         path = plan_path(self._grid, self._free, start, goals)
         return path if path.reason else PlannedPath(np.array([*path.points, goal]))
 
+    def plan_near(self, start: Floats, goal: Floats) -> PlannedPath:
+        """Plan the shortest path to the free floor nearest to a position.
+
+        Args:
+            start: (2,) x and y in the world, m.
+            goal: (2,) x and y in the world, m.
+
+        Returns:
+            The path, or the reason why there is none.
+        """
+        return plan_path(self._grid, self._free, start, start_cells(self._grid, self._free, goal))
+
+    def plan_to_any(self, start: Floats, goals: Floats) -> PlannedPath:
+        """Plan the shortest path to the nearest of several positions.
+
+        Args:
+            start: (2,) x and y in the world, m.
+            goals: [K,2] x and y in the world, m; those that are not free are ignored.
+
+        Returns:
+            The path, or the reason why there is none.
+        """
+        return plan_path(self._grid, self._free, start, self._grid.mask(goals))
+
+    def free_positions(self) -> Floats:
+        """Return [P,2] centres of the free cells, x and y in the world, m."""
+        return self._grid.centers(np.argwhere(self._free))
+
     def is_free(self, path: Sequence[Floats]) -> bool:
         """Test if the straight lines of a path are free.
 

@@ -17,6 +17,7 @@ from gslts.core.robot import Robot
 from gslts.navigation.terrain import Terrain
 from gslts.navigation.viewpoints import Target, TargetView, ViewpointRenderer
 from gslts.navigation.visibility import matching_points, visible_points
+from gslts.navigation.walk import MAX_MOVES, Walk
 from gslts.semantics.source import SemanticSource
 from gslts.types import Floats
 
@@ -26,13 +27,6 @@ SUCCESS_DISTANCE_M = 1.0
 """Maximum distance along the floor to the nearest point of the object, that of SAVN."""
 GOAL_DISTANCE_M = 0.98
 """Maximum distance of a goal position from the object: poses err by about a centimetre."""
-STEP_M = 0.25
-"""Length of a step along a path: the grid of the simulated robot."""
-POSITION_TOLERANCE_M = 0.2
-"""Maximum distance between the target of a step and the position after it. A robot on a grid of
-0.25 m is up to 0.18 m off."""
-MAX_MOVES = 200
-"""Number of moves after which a trip is given up."""
 MAX_VIEWPOINTS = 4
 """Number of viewpoints tried before an object counts as gone."""
 YAW_OFFSETS_RAD = (0.0, 0.4, -0.4)
@@ -42,8 +36,6 @@ MIN_VISIBLE_SHARE = 0.5
 MIN_MATCHING_SHARE = 0.25
 """Minimum share of the expected points at which the frame matches the text; a flat object that is
 gone does not change depth."""
-PATH_PITCH_RAD = 0.4
-"""Pitch of the camera on a path: the floor is visible from about 0.7 m ahead."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,21 +101,12 @@ class Trip:
         source: SemanticSource,
         on_move: Callable[[], None],
     ) -> None:
-        self._robot, self._text, self._on_move = robot, text, on_move
-        self._terrain, self._source = terrain, source
-        self._frame = robot.observe()
+        self._walk = Walk(robot, terrain, on_move)
+        self._text, self._terrain, self._source = text, terrain, source
         self._positions = robot.reachable_positions()
-        self._renderer = ViewpointRenderer(gaussian_map, self._frame.camera)
+        self._renderer = ViewpointRenderer(gaussian_map, self._walk.frame.camera)
         self._views: dict[tuple[int, int], TargetView] = {}
         self._excluded: set[tuple[int, int]] = set()
-        self._path = [self._position]
-        self._replans = self._moves = 0
-
-    @property
-    def _position(self) -> Floats:
-        """(2,) position that the robot believes, x and y in the world, m."""
-        position: Floats = self._frame.camera.world_from_camera[:2, 3].copy()
-        return position
 
     def go_to_any(self, targets: Sequence[Target]) -> NavigationResult:
         """Go to the nearest target that the robot can see at the end.
@@ -137,32 +120,37 @@ class Trip:
         name = self._text
         if not targets:
             return self._result("not found", f"the map has no {name}")
-        if not self._terrain.is_known(self._position):
-            x, y = self._position.tolist()
+        if not self._terrain.is_known(self._walk.position):
+            x, y = self._walk.position.tolist()
             return self._result("lost track", f"the map has no floor around ({x:.2f}, {y:.2f})")
         tried = [0] * len(targets)
-        while self._moves < MAX_MOVES:
+        while not self._walk.is_over:
             candidates = [k for k, count in enumerate(tried) if count < MAX_VIEWPOINTS]
             goal = self._nearest_goal(candidates, targets)
             if goal is None and any(tried):
                 return self._result("not found", f"no {name} is where the map has one")
             if goal is None:
                 return self._result("unreachable", self._unreachable_reason(targets))
-            if not self._follow_path(goal):
+            path = self._terrain.plan(self._walk.position, goal.position)
+            if path.reason:
+                self._excluded.add(goal.key)
+                continue
+            if not self._walk.follow(path):
                 continue
             target = targets[goal.key[0]]
             if self._search(target, goal):
-                distance_m = float(target.distances_m(self._position[None])[0])
+                distance_m = float(target.distances_m(self._walk.position[None])[0])
                 return self._result("reached", "", distance_m)
             tried[goal.key[0]] += 1
             self._excluded.add(goal.key)
-        return self._result("lost track", f"the robot did not arrive after {self._moves} moves")
+        return self._result("lost track", f"the robot did not arrive after {MAX_MOVES} moves")
 
     def _result(
         self, status: Status, reason: str, distance_m: float | None = None
     ) -> NavigationResult:
-        path = np.array(self._path)
-        return NavigationResult(status, reason, path, self._frame, self._replans, distance_m)
+        walk = self._walk
+        path = np.array(walk.path)
+        return NavigationResult(status, reason, path, walk.frame, walk.replans, distance_m)
 
     def _unreachable_reason(self, targets: Sequence[Target]) -> str:
         where = f"within {SUCCESS_DISTANCE_M:g} m of any {self._text}"
@@ -173,7 +161,7 @@ class Trip:
 
     def _nearest_goal(self, candidates: Sequence[int], targets: Sequence[Target]) -> _Goal | None:
         """Return the goal with the shortest path from which a candidate should be visible."""
-        lengths_m = self._terrain.path_lengths_m(self._position, self._positions)
+        lengths_m = self._terrain.path_lengths_m(self._walk.position, self._positions)
         keys = []
         for number in candidates:
             near = targets[number].distances_m(self._positions) <= GOAL_DISTANCE_M
@@ -189,57 +177,14 @@ class Trip:
                 return _Goal(position, key, self._views[key])
         return None
 
-    def _follow_path(self, goal: _Goal) -> bool:
-        """Move to a goal in steps; return False as soon as a new path must be planned."""
-        path = self._terrain.plan(self._position, goal.position)
-        if path.reason:
-            self._excluded.add(goal.key)
-            return False
-        corners = list(path.points[1:])
-        while (
-            np.linalg.norm(goal.position - self._position) > POSITION_TOLERANCE_M / 2
-            and self._moves < MAX_MOVES
-        ):
-            step = self._next_step(corners)
-            x, y = (step - self._position).tolist()
-            arrived = self._move(step, float(np.arctan2(y, x)), PATH_PITCH_RAD)
-            is_off = not arrived or np.linalg.norm(self._position - step) > POSITION_TOLERANCE_M
-            if is_off:
-                self._terrain.block(step, self._position)
-            has_new = self._terrain.add_obstacles(self._frame)
-            if is_off or (has_new and not self._terrain.is_free([self._position, *corners[:-1]])):
-                self._replans += 1
-                return False
-            if step is corners[-1]:
-                break
-        return True
-
-    def _next_step(self, corners: list[Floats]) -> Floats:
-        """Return (2,) the point a step ahead on a path; remove the corners that are passed."""
-        left_m, at = STEP_M, self._position
-        while len(corners) > 1 and np.linalg.norm(corners[0] - at) <= left_m:
-            left_m -= float(np.linalg.norm(corners[0] - at))
-            at = corners.pop(0)
-        offset = corners[0] - at
-        length_m = float(np.linalg.norm(offset))
-        return corners[0] if length_m <= left_m else at + offset * (left_m / length_m)
-
-    def _move(self, position: Floats, yaw_rad: float, pitch_rad: float) -> bool:
-        arrived = self._robot.move_towards(position, yaw_rad, pitch_rad)
-        self._frame = self._robot.observe()
-        self._moves += 1
-        self._path.append(self._position)
-        self._on_move()
-        return arrived
-
     def _search(self, target: Target, goal: _Goal) -> bool:
         """Look for a target from a goal; return True if it is visible and near."""
         view = goal.view
         expected = target.points[view.visible]
         for offset_rad in YAW_OFFSETS_RAD:
-            self._move(goal.position, view.yaw_rad + offset_rad, view.pitch_rad)
-            frame = self._frame.registered()
-            near = target.distances_m(self._position[None])[0] <= SUCCESS_DISTANCE_M
+            self._walk.move(goal.position, view.yaw_rad + offset_rad, view.pitch_rad)
+            frame = self._walk.frame.registered()
+            near = target.distances_m(self._walk.position[None])[0] <= SUCCESS_DISTANCE_M
             if near and self._is_visible(frame, expected):
                 return True
         return False

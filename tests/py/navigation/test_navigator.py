@@ -11,7 +11,8 @@ from gslts.core.camera import at_pose
 from gslts.core.frame import RgbdFrame
 from gslts.core.gaussian_map import GaussianMap
 from gslts.navigation.navigator import Navigator
-from gslts.navigation.trip import MAX_MOVES, SUCCESS_DISTANCE_M, NavigationResult
+from gslts.navigation.trip import SUCCESS_DISTANCE_M, NavigationResult
+from gslts.navigation.walk import MAX_MOVES
 from gslts.robots.recorded import RecordedRobot
 from gslts.semantics.source import Oracle
 from gslts_bench.navigation.truth import Truth, floor_distances_m, succeeds
