@@ -56,6 +56,9 @@ def require_map_folder(path: Path) -> None:
     """
     if path.is_file():
         raise ValueError(f"{path}: a file has no versions; gslts import makes a map of it")
+    folder, number = split_version(path)
+    if number is not None:
+        raise ValueError(f"{path}: give the folder of the map, {folder}, not one version of it")
     read_manifest(path)
 
 
