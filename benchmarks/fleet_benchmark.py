@@ -3,14 +3,14 @@
     python benchmarks/fleet_benchmark.py --rooms 1000
     python benchmarks/fleet_benchmark.py --rooms 1000 --store azurite
 
-makes a map of some floor Gaussians for each room and pushes it. In each room a robot commits updates
-with frames, landmarks, an image and an object change, and pushes each. Another client reads
+makes a map of some floor Gaussians for each room and pushes it. In each room a robot commits
+updates with frames, landmarks, an image and an object change, and pushes each. Another client reads
 `building.json` from the bucket, clones the maps, pulls the news, and plans a route through the
-building. At last a single map gets a long history, and is cloned. The bucket is a folder, or Azurite
-(`faults/object_store.py`).
+building. At last a map of the size of a real room gets a long history, and is cloned. The bucket is
+a folder, or Azurite (`faults/object_store.py`).
 
-The same day is lived in a few rooms first. Costs of a room there, times the number of rooms, are the
-computed costs of many rooms; computed requests are those of `fleet_capacity.py`.
+The same day is lived in a few rooms first. Costs of a room there, times the number of rooms, are
+the computed costs of many rooms; computed requests are those of `fleet_capacity.py`.
 """
 
 from __future__ import annotations
@@ -20,23 +20,30 @@ import json
 import math
 import os
 import tempfile
-import threading
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import obstore
 from fleet_capacity import UPDATE_PUTS, version_requests
-from share_benchmark import CONTAINER, commit_update, object_store, store_environment
+from request_meter import Cost, Meter
+from share_benchmark import (
+    CONTAINER,
+    commit_update,
+    object_store,
+    random_delta,
+    random_map,
+    store_environment,
+)
+from store_benchmark import camera, size_of
 
 from gslts.core.gaussian_map import GaussianMap
 from gslts.fleet.building import Building
 from gslts.fleet.building_file import MAX_FILE_BYTES, BuildingFile, Door, Room, write_building_file
-from gslts.fleet.exchange import clone_map, push_map
+from gslts.fleet.exchange import clone_map, pull_map, push_map
 from gslts.semantics.files import write_autoencoder
 from gslts.semantics.source import Oracle
 from gslts.semantics.train_autoencoder import train_autoencoder
@@ -49,80 +56,12 @@ ROOM_M, OVERLAP_M, SPACING_M = 3.0, 0.75, 0.5
 """Edge of a room, the floor of the neighbours that its map shows, and distance of Gaussians, m."""
 CODE_DIMS, FLOOR = 8, "Floor"
 """Length of the semantic features of the last room, and the name of all that it shows."""
+GAUSSIANS, TOUCHED = 130_000, 3000
+"""Gaussians of the map of a real room, and of an update of it."""
 NEW_MAP_PUTS = 4
 """Objects of a new map without measurements: Gaussians, manifest, cameras, version."""
 UPDATES = 3
-"""Updates of a room."""
-
-
-@dataclass(frozen=True)
-class Cost:
-    """Cost of an operation on all rooms.
-
-    Attributes:
-        calls: How often it ran.
-        seconds, cpu_s: Wall and CPU time, s.
-        requests, bytes: Requests to the bucket, and bytes of the objects that they carried.
-    """
-
-    calls: int
-    seconds: float
-    cpu_s: float
-    requests: int
-    bytes: int
-
-
-class Meter:
-    """Measures operations, with the requests that pass obstore."""
-
-    def __init__(self) -> None:
-        self.costs: dict[str, Cost] = {}
-        self._lock = threading.Lock()
-        self._requests = self._bytes = 0
-
-    @contextmanager
-    def measuring(self, name: str, calls: int) -> Iterator[None]:
-        """Measure what is done within.
-
-        Args:
-            name: Of the operation.
-            calls: How often it runs.
-        """
-        before = (time.perf_counter(), time.process_time(), self._requests, self._bytes)
-        yield
-        after = (time.perf_counter(), time.process_time(), self._requests, self._bytes)
-        spent = Cost(calls, *(new - old for new, old in zip(after, before, strict=True)))
-        if name in self.costs:
-            old = self.costs[name]
-            both = zip(vars(old).values(), vars(spent).values(), strict=True)
-            spent = Cost(*(a + b for a, b in both))
-        self.costs[name] = spent
-
-    @contextmanager
-    def counting(self) -> Iterator[None]:
-        """Count the requests of this process."""
-        get, put = obstore.get, obstore.put
-
-        def counted_get(store: Any, name: str) -> Any:
-            self._count(1, 0)
-            found = get(store, name)
-            self._count(0, found.meta["size"])
-            return found
-
-        def counted_put(store: Any, name: str, content: bytes, **options: Any) -> Any:
-            self._count(1, len(content))
-            return put(store, name, content, **options)
-
-        obstore.get, obstore.put = counted_get, counted_put
-        try:
-            yield
-        finally:
-            obstore.get, obstore.put = get, put
-
-    def _count(self, requests: int, size: int) -> None:
-        with self._lock:
-            self._requests += requests
-            self._bytes += size
+"""Updates of a room with a tiny map."""
 
 
 def floor_map() -> GaussianMap:
@@ -271,24 +210,55 @@ def show(meter: Meter, name: str, url: str, rooms: int) -> dict[str, Any]:
     return histories
 
 
-def clone_long_history(folder: Path, url: str, versions: int) -> dict[str, Cost]:
-    """Commit many versions of a map, push and clone it.
+def measure_room(folder: Path, url: str, updates: int) -> dict[str, float]:
+    """Measure a map of a real room, and clone its history.
 
     Args:
         folder: Empty.
         url: Of the new shared map.
-        versions: Number of versions.
+        updates: Number of updates of 3,000 Gaussians.
+
+    Returns:
+        Numbers by name.
     """
     rng, meter = np.random.default_rng(0), Meter()
-    write_map_folder(folder / "own", floor_map(), {"dataset": "long"}, {})
-    for _ in range(versions - 1):
-        commit_update(folder / "own", rng, repaint, 10, 1000)
+    own, pulled, cloned = folder / "own", folder / "pulled", folder / "cloned"
+    cameras = {f"{k:05}": camera(rng) for k in range(200)}
+    write_map_folder(own, random_map(rng, GAUSSIANS, 0), {"dataset": "room"}, cameras)
+    before = size_of(own)
     with meter.counting():
-        with meter.measuring("push a long history", versions):
-            push_map(folder / "own", url)
-        with meter.measuring("clone a long history", versions):
-            clone_map(url, folder / "clone")
-    return meter.costs
+        with meter.measuring("push", 1):
+            push_map(own, url)
+        clone_map(url, pulled)
+        with meter.measuring("no news", 1):
+            pull_map(pulled)
+        for _ in range(updates):
+            commit_update(own, rng, lambda now, first: random_delta(rng, now, TOUCHED, first))
+            with meter.measuring("updates", 1):
+                push_map(own)
+            with meter.measuring("news", 1):
+                pull_map(pulled)
+        with meter.measuring("clone", 1):
+            clone_map(url, cloned)
+    with open_map(own) as store:
+        delta = store.version(2).delta
+    assert delta is not None
+    costs = meter.costs
+    return {
+        "new map: bytes in the bucket": costs["push"].bytes,
+        "new map: bytes of a clone": before,
+        "update: bytes in the bucket": costs["updates"].bytes / updates,
+        "update: bytes of a clone": (size_of(own) - before) / updates,
+        "update: bytes of its delta": delta.size,
+        "push of an update: CPU s": costs["updates"].cpu_s / updates,
+        "pull of an update: CPU s": costs["news"].cpu_s / updates,
+        "pull without news: CPU s": costs["no news"].cpu_s,
+        "clone: versions": updates + 1,
+        "clone: requests": costs["clone"].requests,
+        "clone: bytes": costs["clone"].bytes,
+        "clone: s": costs["clone"].seconds,
+        "clone: CPU s": costs["clone"].cpu_s,
+    }
 
 
 def computed_requests(rooms: int) -> dict[str, int]:
@@ -319,7 +289,8 @@ def print_table(few: dict[str, Cost], many: dict[str, Cost], rooms: tuple[int, i
     """Print measured against computed costs of many rooms.
 
     Args:
-        few, many: Costs by operation in buildings of few and of many rooms.
+        few: Costs by operation in a building of few rooms.
+        many: The same in a building of many rooms.
         rooms: Numbers of rooms of both.
     """
     factor, requests = rooms[1] / rooms[0], computed_requests(rooms[1])
@@ -347,7 +318,7 @@ def main() -> None:
     )
     parser.add_argument("--rooms", type=int, default=1000)
     parser.add_argument("--few", type=int, default=20, help="rooms of the building before")
-    parser.add_argument("--versions", type=int, default=1000, help="of the long history")
+    parser.add_argument("--updates", type=int, default=100, help="of the map of a real room")
     parser.add_argument("--store", choices=["folder", "azurite"], default="folder")
     given = parser.parse_args()
     azurite = given.store == "azurite"
@@ -359,12 +330,12 @@ def main() -> None:
             bucket = f"az://{CONTAINER}"
         few, _ = live_day(_new(folder / "few"), f"{bucket}/few", given.few)
         many, numbers = live_day(_new(folder / "many"), f"{bucket}/many", given.rooms)
-        long = clone_long_history(_new(folder / "long"), f"{bucket}/long", given.versions)
+        room = measure_room(_new(folder / "room"), f"{bucket}/room", given.updates)
     print_table(few, many, (given.few, given.rooms))
     numbers["building.json, maximum number of rooms"] = (
         MAX_FILE_BYTES // numbers["building.json, bytes a room"]
     )
-    print(json.dumps({**numbers, **{name: vars(cost) for name, cost in long.items()}}, indent=1))
+    print(json.dumps(numbers | room, indent=1))
 
 
 def _new(folder: Path) -> Path:

@@ -10,29 +10,31 @@ requests, and that costs grow in proportion, with real stores.
 from __future__ import annotations
 
 import argparse
+import math
 from dataclasses import dataclass, fields
 
 from gslts.fleet.constants import MAX_PROBES
 
-DAY_S, MONTH_DAYS, YEAR_DAYS = 86400, 30, 365
+MONTH_DAYS, YEAR_DAYS = 30, 365
 GIB, GB = 2**30, 10**9
 
-MAP_BYTES = 130_000 * 64
-"""Size of a new map of a room, bytes: 130,000 Gaussians of 64 bytes, as the 32 MB of 500,000 of
-`share_benchmark.py`."""
-UPDATE_BYTES = 288_660
-"""Bytes of the requests of an update of 3,000 Gaussians: `share_benchmark.py`."""
-SNAPSHOT_BYTES = UPDATE_BYTES - 106_000 - 32_000 - 4_000
-"""Share of an update in the next snapshot, bytes. A snapshot follows as soon as the deltas since the
-last one are as large, so that it adds about the size of each delta: of an update without its image,
-landmarks and version object."""
+MAP_BYTES, MAP_CACHE_BYTES = 8_329_602, 8_419_471
+"""Size of a new map of 130,000 Gaussians in the bucket and in a clone, bytes:
+`fleet_benchmark.py`."""
+UPDATE_BYTES, UPDATE_CACHE_BYTES = 288_660, 326_000
+"""Size of an update of 3,000 Gaussians in the bucket, with the heads of its requests
+(`share_benchmark.py`), and in a clone, uncompressed (`fleet_benchmark.py`), bytes."""
+SNAPSHOT_BYTES = 184_968
+"""Share of an update in snapshots, bytes: the size of its delta, uncompressed. A snapshot follows
+as soon as the deltas since the last one are as large, here after each 45 updates
+(`fleet_benchmark.py`)."""
 UPDATE_PUTS = 4
 """Objects of an update: Gaussians, landmarks, image, version."""
-PULL_CPU_S = 0.12
-"""CPU time of a pull with news, s, of a map of 500,000 Gaussians: `share_benchmark.py`."""
+NEWS_CPU_S, NO_NEWS_CPU_S = 0.041, 0.009
+"""CPU time of a pull of an update, and of one without news, s: `fleet_benchmark.py`."""
 DETECT_CPU_S, FIRST_DETECT_CPU_S, LOCALIZE_CPU_S = 0.104, 1.106, 0.685
-"""CPU time of the detection in a frame and in the first one of a round, and of localization, s, of a
-map of 128,286 Gaussians: `gslts bench scale`, AVX2."""
+"""CPU time of the detection in a frame and in the first frame of a round, and of localization, s,
+in a map of 128,286 Gaussians: `gslts bench scale`."""
 UPDATE_CPU_S = 27.4 + 0.83
 """CPU time of an update and of its commit, s, there. In small maps with few iterations it takes a
 ninth: `year_benchmark.py`."""
@@ -46,7 +48,7 @@ class Day:
         updates: Updates a day, of 3,000 Gaussians each.
         rounds: Rounds a day; the robot exchanges versions after each.
         frames: Frames with a detection in a round.
-        pulls: Pulls a day of all other clients together, such as another robot or `building show`.
+        pulls: Pulls a day of one other client, such as another robot or `building show`.
         busy_h: Hours in which all of this happens.
         building: Rooms of a building: a client has clones of these.
     """
@@ -74,7 +76,7 @@ def version_requests(known: int, newest: int) -> int:
         first, count = first + count, min(2 * count, MAX_PROBES)
 
 
-def describe_capacity(rooms: int, day: Day) -> dict[str, str]:
+def compute_capacity(rooms: int, day: Day) -> dict[str, float]:
     """Compute what rooms need.
 
     Args:
@@ -82,38 +84,43 @@ def describe_capacity(rooms: int, day: Day) -> dict[str, str]:
         day: Of each room.
 
     Returns:
-        Texts with units by name.
+        Numbers by name with unit.
     """
-    puts = rooms * day.updates * UPDATE_PUTS
     with_news = min(day.updates, day.pulls)
-    news = day.updates / max(with_news, 1)
-    found = version_requests(1, 1 + round(news)) + (UPDATE_PUTS - 1) * news
+    news = math.ceil(day.updates / max(with_news, 1))
+    without_news = day.pulls - with_news
+    puts = rooms * day.updates * UPDATE_PUTS
     gets = rooms * (
-        version_requests(1, 1) * (day.rounds + day.pulls - with_news) + found * with_news
+        (day.rounds + without_news) * version_requests(1, 1)
+        + with_news * version_requests(1, 1 + news)
+        + day.updates * (UPDATE_PUTS - 1)
     )
-    stored = day.updates * (UPDATE_BYTES + SNAPSHOT_BYTES)
-    robot_s = day.updates * UPDATE_CPU_S + day.rounds * (
+    robot_cpu_s = day.updates * UPDATE_CPU_S + day.rounds * (
         LOCALIZE_CPU_S + FIRST_DETECT_CPU_S + (day.frames - 1) * DETECT_CPU_S
     )
-    cores = rooms / (day.busy_h * 3600)
-    busy = (puts + gets) / (day.busy_h * 3600)
-    first_gib = MAP_BYTES / GIB
-    year_gib = first_gib + YEAR_DAYS * stored / GIB
-    month_days = MONTH_DAYS * rooms
-    clones = min(rooms, day.building)
+    client_cpu_s = with_news * NEWS_CPU_S + without_news * NO_NEWS_CPU_S
+    busy_s = day.busy_h * 3600
+    day_bytes = rooms * day.updates * (UPDATE_BYTES + SNAPSHOT_BYTES)
+    year_updates = YEAR_DAYS * day.updates
+    cache_bytes = MAP_CACHE_BYTES + year_updates * (UPDATE_CACHE_BYTES + SNAPSHOT_BYTES)
+    own_rooms = min(rooms, day.building)
     return {
-        "maps at first": f"{rooms * MAP_BYTES / GB:,.2f} GB",
-        "storage, a day": f"{rooms * stored / GB:,.3f} GB",
-        "storage, after a year": f"{rooms * year_gib * GIB / GB:,.0f} GB",
-        "storage, in month 12, GB-months": f"{rooms * year_gib * GIB / GB:,.0f}",
-        "writes (PUT), millions a month": f"{puts * MONTH_DAYS / 1e6:,.3f}",
-        "reads (GET), millions a month": f"{gets * MONTH_DAYS / 1e6:,.2f}",
-        "read from the bucket, a month": f"{month_days * stored / GB:,.1f} GB for each client",
-        "requests a second, busy hours": f"{busy:,.2f}",
-        "cores of robots, busy hours": f"{cores * robot_s:,.2f}",
-        "cores of clients that pull": f"{cores * with_news * PULL_CPU_S:,.3f}",
-        "cache of a client, first day": f"{clones * first_gib:,.2f} GiB",
-        "cache of a client, after a year": f"{clones * year_gib:,.1f} GiB",
+        "storage: new maps, GB": rooms * MAP_BYTES / GB,
+        "storage: a day, GB": day_bytes / GB,
+        "storage: after a year, GB (GB-months a month)": (rooms * MAP_BYTES + YEAR_DAYS * day_bytes)
+        / GB,
+        "writes (PUT), millions a month": puts * MONTH_DAYS / 1e6,
+        "reads (GET), millions a month": gets * MONTH_DAYS / 1e6,
+        "bytes read, GB a month": day_bytes * MONTH_DAYS / GB,
+        "requests a second, busy hours": (puts + gets) / busy_s,
+        "cores of robots, busy hours": rooms * robot_cpu_s / busy_s,
+        "cores of clients, busy hours": rooms * client_cpu_s / busy_s,
+        f"cache of a client of {day.building} rooms, new maps, GiB": (
+            own_rooms * MAP_CACHE_BYTES / GIB
+        ),
+        f"cache of a client of {day.building} rooms, after a year, GiB": (
+            own_rooms * cache_bytes / GIB
+        ),
     }
 
 
@@ -127,11 +134,17 @@ def main() -> None:
         parser.add_argument(f"--{field.name.replace('_', '-')}", type=int, default=field.default)
     given = vars(parser.parse_args())
     counts = given.pop("rooms")
-    columns = [describe_capacity(rooms, Day(**given)) for rooms in counts]
+    columns = [compute_capacity(rooms, Day(**given)) for rooms in counts]
     print("| rooms |", " | ".join(f"{rooms:,}" for rooms in counts), "|")
     print("| :-- |", " | ".join("--:" for _ in counts), "|")
     for name in columns[0]:
-        print(f"| {name} |", " | ".join(column[name] for column in columns), "|")
+        print(f"| {name} |", " | ".join(_format(column[name]) for column in columns), "|")
+
+
+def _format(value: float) -> str:
+    """Return a number with two digits, or all before its point."""
+    digits = max(0, 1 - math.floor(math.log10(value))) if value else 0
+    return f"{value:,.{digits}f}"
 
 
 if __name__ == "__main__":
