@@ -245,9 +245,9 @@ def measure_room(folder: Path, url: str, updates: int) -> dict[str, float]:
     assert delta is not None
     costs = meter.costs
     return {
-        "new map: bytes in the bucket": costs["push"].bytes,
+        "new map: bytes of its push": costs["push"].bytes,
         "new map: bytes of a clone": before,
-        "update: bytes in the bucket": costs["updates"].bytes / updates,
+        "update: bytes of its push": costs["updates"].bytes / updates,
         "update: bytes of a clone": (size_of(own) - before) / updates,
         "update: bytes of its delta": delta.size,
         "push of an update: CPU s": costs["updates"].cpu_s / updates,
