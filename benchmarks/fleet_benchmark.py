@@ -6,8 +6,7 @@
 makes a map of some floor Gaussians for each room and pushes it. In each room a robot commits
 updates with frames, landmarks, an image and an object change, and pushes each. Another client reads
 `building.json` from the bucket, clones the maps, pulls the news, and plans a route through the
-building. At last a map of the size of a real room gets a long history, and is cloned. The bucket is
-a folder, or Azurite (`faults/object_store.py`).
+building. The bucket is a folder, or Azurite (`faults/object_store.py`).
 
 The same day is lived in a few rooms first. Costs of a room there, times the number of rooms, are
 the computed costs of many rooms; computed requests are those of `fleet_capacity.py`.
@@ -30,20 +29,12 @@ import numpy as np
 import obstore
 from fleet_capacity import UPDATE_PUTS, version_requests
 from request_meter import Cost, Meter
-from share_benchmark import (
-    CONTAINER,
-    commit_update,
-    object_store,
-    random_delta,
-    random_map,
-    store_environment,
-)
-from store_benchmark import camera, size_of
+from share_benchmark import CONTAINER, commit_update, object_store, store_environment
 
 from gslts.core.gaussian_map import GaussianMap
 from gslts.fleet.building import Building
 from gslts.fleet.building_file import MAX_FILE_BYTES, BuildingFile, Door, Room, write_building_file
-from gslts.fleet.exchange import clone_map, pull_map, push_map
+from gslts.fleet.exchange import push_map
 from gslts.semantics.files import write_autoencoder
 from gslts.semantics.source import Oracle
 from gslts.semantics.train_autoencoder import train_autoencoder
@@ -56,8 +47,6 @@ ROOM_M, OVERLAP_M, SPACING_M = 3.0, 0.75, 0.5
 """Edge of a room, the floor of the neighbours that its map shows, and distance of Gaussians, m."""
 CODE_DIMS, FLOOR = 8, "Floor"
 """Length of the semantic features of the last room, and the name of all that it shows."""
-GAUSSIANS, TOUCHED = 130_000, 3000
-"""Gaussians of the map of a real room, and of an update of it."""
 NEW_MAP_PUTS = 4
 """Objects of a new map without measurements: Gaussians, manifest, cameras, version."""
 UPDATES = 3
@@ -210,57 +199,6 @@ def show(meter: Meter, name: str, url: str, rooms: int) -> dict[str, Any]:
     return histories
 
 
-def measure_room(folder: Path, url: str, updates: int) -> dict[str, float]:
-    """Measure a map of a real room, and clone its history.
-
-    Args:
-        folder: Empty.
-        url: Of the new shared map.
-        updates: Number of updates of 3,000 Gaussians.
-
-    Returns:
-        Numbers by name.
-    """
-    rng, meter = np.random.default_rng(0), Meter()
-    own, pulled, cloned = folder / "own", folder / "pulled", folder / "cloned"
-    cameras = {f"{k:05}": camera(rng) for k in range(200)}
-    write_map_folder(own, random_map(rng, GAUSSIANS, 0), {"dataset": "room"}, cameras)
-    before = size_of(own)
-    with meter.counting():
-        with meter.measuring("push", 1):
-            push_map(own, url)
-        clone_map(url, pulled)
-        with meter.measuring("no news", 1):
-            pull_map(pulled)
-        for _ in range(updates):
-            commit_update(own, rng, lambda now, first: random_delta(rng, now, TOUCHED, first))
-            with meter.measuring("updates", 1):
-                push_map(own)
-            with meter.measuring("news", 1):
-                pull_map(pulled)
-        with meter.measuring("clone", 1):
-            clone_map(url, cloned)
-    with open_map(own) as store:
-        delta = store.version(2).delta
-    assert delta is not None
-    costs = meter.costs
-    return {
-        "new map: bytes of its push": costs["push"].bytes,
-        "new map: bytes of a clone": before,
-        "update: bytes of its push": costs["updates"].bytes / updates,
-        "update: bytes of a clone": (size_of(own) - before) / updates,
-        "update: bytes of its delta": delta.size,
-        "push of an update: CPU s": costs["updates"].cpu_s / updates,
-        "pull of an update: CPU s": costs["news"].cpu_s / updates,
-        "pull without news: CPU s": costs["no news"].cpu_s,
-        "clone: versions": updates + 1,
-        "clone: requests": costs["clone"].requests,
-        "clone: bytes": costs["clone"].bytes,
-        "clone: s": costs["clone"].seconds,
-        "clone: CPU s": costs["clone"].cpu_s,
-    }
-
-
 def computed_requests(rooms: int) -> dict[str, int]:
     """Return the requests of the operations on all rooms, as `fleet_capacity.py` counts them.
 
@@ -318,7 +256,6 @@ def main() -> None:
     )
     parser.add_argument("--rooms", type=int, default=1000)
     parser.add_argument("--few", type=int, default=20, help="rooms of the building before")
-    parser.add_argument("--updates", type=int, default=100, help="of the map of a real room")
     parser.add_argument("--store", choices=["folder", "azurite"], default="folder")
     given = parser.parse_args()
     azurite = given.store == "azurite"
@@ -330,12 +267,11 @@ def main() -> None:
             bucket = f"az://{CONTAINER}"
         few, _ = live_day(_new(folder / "few"), f"{bucket}/few", given.few)
         many, numbers = live_day(_new(folder / "many"), f"{bucket}/many", given.rooms)
-        room = measure_room(_new(folder / "room"), f"{bucket}/room", given.updates)
     print_table(few, many, (given.few, given.rooms))
     numbers["building.json, maximum number of rooms"] = (
         MAX_FILE_BYTES // numbers["building.json, bytes a room"]
     )
-    print(json.dumps(numbers | room, indent=1))
+    print(json.dumps(numbers, indent=1))
 
 
 def _new(folder: Path) -> Path:
