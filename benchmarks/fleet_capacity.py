@@ -3,8 +3,8 @@
     python benchmarks/fleet_capacity.py
     python benchmarks/fleet_capacity.py --rooms 500 --updates 10 --rounds 48
 
-prints the table of `docs/fleet.md`, or that of other buildings. `fleet_benchmark.py` checks the
-requests, and that costs grow in proportion, with real stores.
+prints the table of `docs/fleet.md`, or that of other buildings. `fleet_benchmark.py` checks with
+real stores the requests, and that costs grow in proportion to the rooms.
 """
 
 from __future__ import annotations
@@ -18,20 +18,24 @@ from gslts.fleet.constants import MAX_PROBES
 MONTH_DAYS, YEAR_DAYS = 30, 365
 GIB, GB = 2**30, 10**9
 
-MAP_BYTES, MAP_CACHE_BYTES = 8_329_602, 8_419_471
+MAP_BYTES, MAP_CACHE_BYTES = 8_329_618, 8_419_496
 """Size of a new map of 130,000 Gaussians in the bucket and in a clone, bytes:
-`fleet_benchmark.py`."""
-UPDATE_BYTES, UPDATE_CACHE_BYTES = 288_660, 326_000
-"""Size of an update of 3,000 Gaussians in the bucket, with the heads of its requests
-(`share_benchmark.py`), and in a clone, uncompressed (`fleet_benchmark.py`), bytes."""
+`history_benchmark.py`."""
+UPDATE_BYTES, UPDATE_CACHE_BYTES = 288_660, 324_240
+"""Size of an update of 3,000 Gaussians, bytes: of the requests of its push (`share_benchmark.py`),
+and in a clone, uncompressed (`history_benchmark.py`, 15 versions)."""
 SNAPSHOT_BYTES = 184_968
 """Share of an update in snapshots, bytes: the size of its delta, uncompressed. A snapshot follows
-as soon as the deltas since the last one are as large, here after each 45 updates
-(`fleet_benchmark.py`)."""
+as soon as the deltas since the last one are as large, here after each 45 updates:
+`history_benchmark.py`."""
+VERSION_BYTES = 10_000
+"""Size of a version object with 12 frames, bytes (`gslts.fleet.constants`): a pull without news
+reads the newest one."""
 UPDATE_PUTS = 4
 """Objects of an update: Gaussians, landmarks, image, version."""
-NEWS_CPU_S, NO_NEWS_CPU_S = 0.041, 0.009
-"""CPU time of a pull of an update, and of one without news, s: `fleet_benchmark.py`."""
+NEWS_CPU_S, NO_NEWS_CPU_S, SHOW_CPU_S = 0.42, 0.01, 0.37
+"""CPU time of a pull of an update, of one without news, and of reading what happened, s, after a
+year of three updates a day: `history_benchmark.py`. With 15 versions: 0.05, 0.003 and 0.002."""
 DETECT_CPU_S, FIRST_DETECT_CPU_S, LOCALIZE_CPU_S = 0.104, 1.106, 0.685
 """CPU time of the detection in a frame and in the first frame of a round, and of localization, s,
 in a map of 128,286 Gaussians: `gslts bench scale`."""
@@ -48,7 +52,7 @@ class Day:
         updates: Updates a day, of 3,000 Gaussians each.
         rounds: Rounds a day; the robot exchanges versions after each.
         frames: Frames with a detection in a round.
-        pulls: Pulls a day of one other client, such as another robot or `building show`.
+        pulls: How often a day another client runs `gslts building show`.
         busy_h: Hours in which all of this happens.
         building: Rooms of a building: a client has clones of these.
     """
@@ -98,7 +102,8 @@ def compute_capacity(rooms: int, day: Day) -> dict[str, float]:
     robot_cpu_s = day.updates * UPDATE_CPU_S + day.rounds * (
         LOCALIZE_CPU_S + FIRST_DETECT_CPU_S + (day.frames - 1) * DETECT_CPU_S
     )
-    client_cpu_s = with_news * NEWS_CPU_S + without_news * NO_NEWS_CPU_S
+    client_cpu_s = with_news * NEWS_CPU_S + without_news * NO_NEWS_CPU_S + day.pulls * SHOW_CPU_S
+    unchanged = rooms * (day.rounds + without_news)
     busy_s = day.busy_h * 3600
     day_bytes = rooms * day.updates * (UPDATE_BYTES + SNAPSHOT_BYTES)
     year_updates = YEAR_DAYS * day.updates
@@ -111,7 +116,7 @@ def compute_capacity(rooms: int, day: Day) -> dict[str, float]:
         / GB,
         "writes (PUT), millions a month": puts * MONTH_DAYS / 1e6,
         "reads (GET), millions a month": gets * MONTH_DAYS / 1e6,
-        "bytes read, GB a month": day_bytes * MONTH_DAYS / GB,
+        "bytes read, GB a month": ((day_bytes + unchanged * VERSION_BYTES) * MONTH_DAYS / GB),
         "requests a second, busy hours": (puts + gets) / busy_s,
         "cores of robots, busy hours": rooms * robot_cpu_s / busy_s,
         "cores of clients, busy hours": rooms * client_cpu_s / busy_s,
