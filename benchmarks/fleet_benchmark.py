@@ -8,7 +8,7 @@ updates with frames, landmarks, an image and an object change, and pushes each. 
 `building.json` from the bucket, clones the maps, pulls the news, and plans a route through the
 building. The bucket is a folder, or Azurite (`faults/object_store.py`).
 
-The same day is lived in a few rooms first. Costs of a room there, times the number of rooms, are
+The same day is simulated in a few rooms first. Costs of a room there, times the number of rooms, are
 the computed costs of many rooms; computed requests are those of `fleet_capacity.py`.
 """
 
@@ -47,6 +47,8 @@ ROOM_M, OVERLAP_M, SPACING_M = 3.0, 0.75, 0.5
 """Edge of a room, the floor of the neighbours that its map shows, and distance of Gaussians, m."""
 CODE_DIMS, FLOOR = 8, "Floor"
 """Length of the semantic features of the last room, and the name of all that it shows."""
+BOX = ((0.0, 0.0, 0.0), (0.1, 0.1, 0.1))
+"""Box of the objects of all updates, m."""
 NEW_MAP_PUTS = 4
 """Objects of a new map without measurements: Gaussians, manifest, cameras, version."""
 UPDATES = 3
@@ -128,8 +130,8 @@ def room_name(number: int) -> str:
     return f"room_{number:05}"
 
 
-def live_day(folder: Path, url: str, rooms: int) -> tuple[dict[str, Cost], dict[str, float]]:
-    """Let robots and a client work in a building for a day.
+def simulate_day(folder: Path, url: str, rooms: int) -> tuple[dict[str, Cost], dict[str, float]]:
+    """Simulate robots and a client in a building for a day.
 
     Args:
         folder: Empty, for the maps of the robots and the cache of the client.
@@ -154,7 +156,7 @@ def live_day(folder: Path, url: str, rooms: int) -> tuple[dict[str, Cost], dict[
                 push_map(path, f"{url}/{path.name}")
         show(meter, "show, cloning", url, rooms)
         for number in range(UPDATES):
-            event = ObjectEvent(kind="addition", type=f"Mug {number}", boxes=(None, _box()))
+            event = ObjectEvent(kind="addition", type=f"Mug {number}", boxes=(None, BOX))
             for path in folders:
                 with meter.measuring("commit", 1):
                     commit_update(path, rng, repaint, 10, 1000, [event])
@@ -178,10 +180,6 @@ def live_day(folder: Path, url: str, rooms: int) -> tuple[dict[str, Cost], dict[
         "length of the route, m": route.length_m,
     }
     return meter.costs, numbers
-
-
-def _box() -> Any:
-    return ((0.0, 0.0, 0.0), (0.1, 0.1, 0.1))
 
 
 def show(meter: Meter, name: str, url: str, rooms: int) -> dict[str, Any]:
@@ -265,8 +263,8 @@ def main() -> None:
         if azurite:
             os.environ.update(store_environment(port))
             bucket = f"az://{CONTAINER}"
-        few, _ = live_day(_new(folder / "few"), f"{bucket}/few", given.few)
-        many, numbers = live_day(_new(folder / "many"), f"{bucket}/many", given.rooms)
+        few, _ = simulate_day(_new(folder / "few"), f"{bucket}/few", given.few)
+        many, numbers = simulate_day(_new(folder / "many"), f"{bucket}/many", given.rooms)
     print_table(few, many, (given.few, given.rooms))
     numbers["building.json, maximum number of rooms"] = (
         MAX_FILE_BYTES // numbers["building.json, bytes a room"]
