@@ -8,8 +8,8 @@ updates with frames, landmarks, an image and an object change, and pushes each. 
 `building.json` from the bucket, clones the maps, pulls the news, and plans a route through the
 building. The bucket is a folder, or Azurite (`faults/object_store.py`).
 
-The same day is simulated in a few rooms first. Costs of a room there, times the number of rooms, are
-the computed costs of many rooms; computed requests are those of `fleet_capacity.py`.
+The same day is simulated in a few rooms first. Costs of a room there, times the number of rooms,
+are the computed costs of many rooms; computed requests are those of `fleet_capacity.py`.
 """
 
 from __future__ import annotations
