@@ -16,7 +16,7 @@ import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -31,6 +31,7 @@ from gslts.store.causes import UpdateCause, UpdateFrame
 from gslts.store.delta import Delta
 from gslts.store.manifest import update_image_path
 from gslts.store.map_folder import camera_to_json, open_map, write_map_folder
+from gslts.store.records import ObjectEvent
 from gslts.update.publish import MAX_LANDMARK_BYTES
 
 sys.path.insert(0, str(Path(__file__).with_name("faults")))
@@ -75,25 +76,40 @@ def random_delta(
     return Delta(gone, random_map(rng, touched - changed - removed, next_id), refined)
 
 
-def commit_update(folder: Path, rng: np.random.Generator, touched: int) -> None:
-    """Commit an update of random Gaussians, as large as one of a robot."""
-    count = MAX_LANDMARK_BYTES // LANDMARK_BYTES
+def commit_update(
+    folder: Path,
+    rng: np.random.Generator,
+    make_delta: Callable[[GaussianMap, int], Delta],
+    landmarks: int = MAX_LANDMARK_BYTES // LANDMARK_BYTES,
+    image_bytes: int = IMAGE_BYTES,
+    events: Sequence[ObjectEvent] = (),
+) -> None:
+    """Commit an update with frames, landmarks and an image, as large as those of a robot.
+
+    Args:
+        folder: Of the map.
+        rng: For the content.
+        make_delta: Given the map, and the id of the next new Gaussian.
+        landmarks: Number of landmarks.
+        image_bytes: Size of the image, bytes.
+        events: Object changes of the update.
+    """
     frames = [UpdateFrame(**camera_to_json(camera(rng)), new_viewpoint=k == 0) for k in range(12)]
     with open_map(folder, writable=True) as store:
         next_id = store.version().next_id
-        landmarks = Landmarks(
-            rng.normal(size=(count, 3)).astype(np.float32),
-            rng.integers(256, size=(count, 32)).astype(np.uint8),
-            np.zeros(count, np.int32),
+        points = Landmarks(
+            rng.normal(size=(landmarks, 3)).astype(np.float32),
+            rng.integers(256, size=(landmarks, 32)).astype(np.uint8),
+            np.zeros(landmarks, np.int32),
             np.eye(4)[None],
-            np.full(count, next_id, np.uint64),
+            np.full(landmarks, next_id, np.uint64),
         )
-        digest = write_landmarks(landmarks, folder)
+        digest = write_landmarks(points, folder)
         cause = UpdateCause(frames=tuple(frames), landmarks=digest)
-        version = store.commit(random_delta(rng, store.read(), touched, next_id), cause)
+        version = store.commit(make_delta(store.read(), next_id), cause, events)
     path = update_image_path(folder, version.number)
     path.parent.mkdir(exist_ok=True)
-    path.write_bytes(rng.bytes(IMAGE_BYTES))
+    path.write_bytes(rng.bytes(image_bytes))
 
 
 def seconds(work: Callable[[], object]) -> float:
@@ -113,6 +129,10 @@ def main() -> None:
     parser.add_argument("--updates", type=int, default=5)
     given = parser.parse_args()
     rng = np.random.default_rng(0)
+
+    def make_delta(before: GaussianMap, next_id: int) -> Delta:
+        return random_delta(rng, before, given.touched, next_id)
+
     with tempfile.TemporaryDirectory() as name, object_store() as port:
         os.environ.update(store_environment(port))
         first, second = Path(name) / "first", Path(name) / "second"
@@ -128,10 +148,10 @@ def main() -> None:
             clones_s.append(seconds(lambda: clone_map(URL, second)))
         pushes_s, pulls_s = [], []
         for _ in range(given.updates):
-            commit_update(first, rng, given.touched)
+            commit_update(first, rng, make_delta)
             pushes_s.append(seconds(lambda: push_map(first)))
             pulls_s.append(seconds(lambda: pull_map(second)))
-        commit_update(first, rng, given.touched)
+        commit_update(first, rng, make_delta)
         with proxy_before(port, rate=0.0) as (faulty, counts):
             os.environ.update(store_environment(faulty))
             push_map(first)

@@ -201,7 +201,8 @@ def _pull(
 ) -> tuple[RemoteState, Exchange]:
     """Add the versions of others, and move own ones behind them."""
     fetched = list(_fetch(remote, state, replica))
-    own = {version.number: version for version in replica.versions()}
+    # Parsing a year of versions takes tenths of a second, and most pulls bring nothing.
+    own = {version.number: version for version in replica.versions()} if fetched else {}
     while fetched and _is_same(own.get(state.number + 1), fetched[0].shared.version):
         state = fetched.pop(0).state
     outcome = Rebased()
@@ -243,6 +244,8 @@ def _write_images(folder: Path, images: Mapping[int, bytes | None]) -> None:
 
 def _push(replica: Replica, remote: RemoteStore, state: RemoteState) -> RemoteState:
     """Create own versions until another robot is faster, and return the state after the last."""
+    if state.number == replica.version().number:
+        return state
     for own in replica.own_versions(state.number):
         shared = replica.share(own, state.digest)
         content, number = shared.to_bytes(), own.version.number
