@@ -42,6 +42,7 @@ def consolidate(
     """
     from tqdm import tqdm
 
+    from gslts.change.config import DetectionConfig
     from gslts.consolidation.constants import EPOCHS, MAX_VIEWS
     from gslts.consolidation.pipeline import consolidate_map
     from gslts.robots.recorded import RecordedRobot
@@ -60,7 +61,13 @@ def consolidate(
             bar.set_description(stage, refresh=False)
             bar.update()
 
-        done = consolidate_map(map_path, scout, threads=threads, progress=advance)
+        done = consolidate_map(
+            map_path,
+            scout,
+            detection=DetectionConfig(threads=threads),
+            threads=threads,
+            progress=advance,
+        )
     _echo(map_path, done)
 
 

@@ -13,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 
+from gslts.change.detector import ChangeDetector
 from gslts.change.visibility import Visibility
 from gslts.consolidation.constants import MAX_CORRECTION_M, MAX_VIEWS, MIN_GAIN_DB
 from gslts.consolidation.fit import Fit, refine_regions, region_psnr_db
@@ -61,29 +62,32 @@ def consolidate(
     regions: Sequence[Region],
     robot: Robot,
     *,
+    detector: ChangeDetector | None = None,
     threads: int = 0,
     progress: Progress = lambda _: None,
 ) -> Consolidation:
     """Refine the Gaussians around past changes by new views; all others stay bit-identical.
 
-    Pixels that show another state of the home than the map are left out. The result is rejected
-    if held-out views do not fit better.
+    Pixels that show another state of the home than the map are left out, and so are views that the
+    detector cannot compare with it. The result is rejected if held-out views do not fit better.
 
     Args:
         gaussian_map: float32.
         cameras: Training cameras of the map; the robot takes views from those that see a change.
         regions: Boxes of the changes.
         robot: In the home.
+        detector: Of the map; finds views of another place. None means one with default settings.
         threads: 0 uses all hardware threads.
         progress: Called after each view and after each step of the refinement.
 
     Raises:
         ValueError: Too few views show a change.
     """
+    detector = detector or ChangeDetector(gaussian_map, cameras=cameras)
     clock = Clock(None, {})
     frames = _collect(robot, spread_cameras(cameras, regions, MAX_VIEWS), progress)
     clock.note("collecting")
-    placed, skipped = _place(frames, gaussian_map, threads)
+    placed, skipped = _place(frames, detector, threads)
     if len(placed) < MIN_FRAMES_TO_HOLD_OUT:
         why = f"; {skipped[-1]}" if skipped else ""
         raise ValueError(
@@ -129,16 +133,19 @@ def _collect(robot: Robot, cameras: Sequence[Camera], progress: Progress) -> lis
 
 
 def _place(
-    frames: Sequence[RgbdFrame], gaussian_map: GaussianMap, threads: int
+    frames: Sequence[RgbdFrame], detector: ChangeDetector, threads: int
 ) -> tuple[dict[str, Observation], tuple[str, ...]]:
     """Return frames aligned with the map by name, and reasons for skipping others."""
     placed, skipped = dict[str, Observation](), []
     for number, frame in enumerate(frames):
-        view = refine_pose(gaussian_map, Observation.of(frame), threads)
-        if np.linalg.norm(view.correction[:3, 3]) < MAX_CORRECTION_M:
-            placed[f"{number:03}"] = view
-        else:
+        view = refine_pose(detector.gaussian_map, Observation.of(frame), threads)
+        unreliable = detector.detect(frame).unreliable
+        if unreliable is not None:
+            skipped.append(f"view {number}: {unreliable}")
+        elif not np.linalg.norm(view.correction[:3, 3]) < MAX_CORRECTION_M:
             skipped.append(f"view {number} fits the map at another pose")
+        else:
+            placed[f"{number:03}"] = view
     return placed, tuple(skipped)
 
 

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from gslts.change.config import DetectionConfig
+from gslts.change.detector import ChangeDetector
 from gslts.consolidation.consolidate import Progress, consolidate
 from gslts.core.robot import Robot
 from gslts.store.camera_files import cameras_of_map, frame_records
@@ -14,6 +16,7 @@ from gslts.store.causes import ConsolidationCause, ConsolidationRecord, UpdateCa
 from gslts.store.history import History
 from gslts.store.map_folder import open_map
 from gslts.store.map_store import MapStore
+from gslts.store.measurements import read_measurements
 from gslts.store.records import Version
 from gslts.update.region import Region
 
@@ -36,7 +39,12 @@ class MapConsolidation:
 
 
 def consolidate_map(
-    path: Path, robot: Robot, *, threads: int = 0, progress: Progress = lambda _: None
+    path: Path,
+    robot: Robot,
+    *,
+    detection: DetectionConfig | None = None,
+    threads: int = 0,
+    progress: Progress = lambda _: None,
 ) -> MapConsolidation:
     """Refine what updates have changed since the last consolidation, as a new version of a map.
 
@@ -45,6 +53,7 @@ def consolidate_map(
     Args:
         path: Folder of the map. The newest version is consolidated.
         robot: Takes the views.
+        detection: Settings of the change detection; None means the defaults.
         threads: 0 uses all hardware threads.
         progress: Called after each view and after each step of the refinement.
 
@@ -56,17 +65,25 @@ def consolidate_map(
         ValueError: The path is no folder of a map, or too few views show a change.
     """
     with open_map(path, writable=True) as store:
-        return consolidate_store(store, robot, threads=threads, progress=progress)
+        return consolidate_store(
+            store, robot, detection=detection, threads=threads, progress=progress
+        )
 
 
 def consolidate_store(
-    store: MapStore, robot: Robot, *, threads: int = 0, progress: Progress = lambda _: None
+    store: MapStore,
+    robot: Robot,
+    *,
+    detection: DetectionConfig | None = None,
+    threads: int = 0,
+    progress: Progress = lambda _: None,
 ) -> MapConsolidation:
     """Consolidate an open map; see `consolidate_map`.
 
     Args:
         store: Of the map, open for writing.
         robot: Takes the views.
+        detection: Settings of the change detection; None means the defaults.
         threads: 0 uses all hardware threads.
         progress: Called after each view and after each step of the refinement.
 
@@ -78,8 +95,19 @@ def consolidate_store(
     since, regions = touched_regions(store)
     if not regions:
         return MapConsolidation(newest, None, "nothing changed since the last consolidation")
-    cameras = list(cameras_of_map(store.folder).values())
-    done = consolidate(store.read(), cameras, regions, robot, threads=threads, progress=progress)
+    gaussian_map, cameras = store.read(), list(cameras_of_map(store.folder).values())
+    detector = ChangeDetector(
+        gaussian_map, detection, cameras=cameras, measurements=read_measurements(store.folder)
+    )
+    done = consolidate(
+        gaussian_map,
+        cameras,
+        regions,
+        robot,
+        detector=detector,
+        threads=threads,
+        progress=progress,
+    )
     if done.delta is None or done.record is None:
         return MapConsolidation(newest, None, done.rejected, done.skipped)
     cause = ConsolidationCause(

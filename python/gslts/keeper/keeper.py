@@ -268,6 +268,7 @@ class MapKeeper:
             done = consolidate_store(
                 self._store,
                 self._localize(robot),
+                detection=self._config.detection,
                 threads=self._config.update.threads,
                 progress=self._on_progress,
             )

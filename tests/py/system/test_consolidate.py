@@ -7,13 +7,16 @@ from pathlib import Path
 import change_room
 import numpy as np
 import pytest
+import sim_scenes
 import update_room
 from command import gslts as run
 from update_room import LOOP, UPDATE
 
 import gslts
 from gslts.consolidation.fit import refine_regions
+from gslts.consolidation.pipeline import MapConsolidation
 from gslts.core.gaussian_map import GaussianMap
+from gslts.core.robot import Robot
 from gslts.keeper.keeper import MapKeeper, StoppedError
 from gslts.mapping.observation import Observation
 from gslts.rendering.losses import fit_exposure
@@ -52,6 +55,10 @@ def folder(updated: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(updated, tmp_path / "map"))
 
 
+def consolidate(folder: Path, robot: Robot, threads: int = 0) -> MapConsolidation:
+    return gslts.consolidate_map(folder, robot, detection=change_room.CONFIG, threads=threads)
+
+
 def added_region() -> Region:
     return Region("after", *update_room.ADDED)
 
@@ -72,7 +79,7 @@ def mean_psnr_db(gaussian_map: GaussianMap) -> float:
 @pytest.mark.smoke
 def test_a_consolidation_becomes_a_version_that_fits_better(folder: Path) -> None:
     before = read_map(folder)
-    done = gslts.consolidate_map(folder, update_room.robot_in(AFTER), threads=2)
+    done = consolidate(folder, update_room.robot_in(AFTER), threads=2)
     after = read_map(folder)
     assert (done.version.number, done.reason) == (3, None)
     assert isinstance(done.version.cause, ConsolidationCause)
@@ -91,7 +98,7 @@ def test_a_consolidation_becomes_a_version_that_fits_better(folder: Path) -> Non
 
 def test_gaussians_away_from_the_changes_stay_bit_by_bit(folder: Path) -> None:
     before = read_map(folder)
-    gslts.consolidate_map(folder, update_room.robot_in(AFTER))
+    consolidate(folder, update_room.robot_in(AFTER))
     after = read_map(folder)
     assert np.isin(after.ids, before.ids).all(), "none is added"
     far = ~added_region().contains(before.means, 0.8)
@@ -108,16 +115,24 @@ def test_what_changed_since_is_left_to_updates(folder: Path) -> None:
     """The red box is gone when the robot takes the views; the map still shows it afterwards."""
     before = update_room.opaque_in(read_map(folder), update_room.REMOVED, 0.02)
     gone = replace(AFTER, objects=AFTER.without(["Box|1"]).objects)
-    gslts.consolidate_map(folder, update_room.robot_in(gone))
+    consolidate(folder, update_room.robot_in(gone))
     after = update_room.opaque_in(read_map(folder), update_room.REMOVED, 0.02)
     assert before > 20
     assert after > 0.9 * before
 
 
+def test_another_home_leaves_the_map(folder: Path) -> None:
+    done = consolidate(folder, update_room.robot_in(sim_scenes.simple_home()))
+    assert done.reason is not None
+    assert done.reason.startswith("validation views do not fit better: ")
+    with open_map(folder) as store:
+        assert store.version().number == 2
+
+
 def test_a_map_is_consolidated_once(folder: Path) -> None:
     robot = update_room.robot_in(AFTER)
-    assert gslts.consolidate_map(folder, robot).version.number == 3
-    again = gslts.consolidate_map(folder, robot)
+    assert consolidate(folder, robot).version.number == 3
+    again = consolidate(folder, robot)
     assert (again.version.number, again.record) == (3, None)
     assert again.reason == "nothing changed since the last consolidation"
 
@@ -148,13 +163,13 @@ def standing() -> Standing:
 
 def test_a_robot_that_reaches_too_few_views_leaves_the_map(folder: Path) -> None:
     with pytest.raises(ValueError, match=r"^0 usable views show what changed, 10 are needed: let"):
-        gslts.consolidate_map(folder, standing())
+        consolidate(folder, standing())
     dark = [
         replace(frame, rgb=np.zeros_like(frame.rgb), depth=np.zeros_like(frame.depth))
         for frame in (update_room.robot_in(AFTER).observe() for _ in range(12))
     ]
     with pytest.raises(ValueError, match="usable views show what changed"):
-        gslts.consolidate_map(folder, RecordedRobot(dark))
+        consolidate(folder, RecordedRobot(dark))
     with open_map(folder) as store:
         assert store.version().number == 2
 
