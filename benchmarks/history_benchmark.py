@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 from request_meter import Cost, Meter
-from share_benchmark import commit_update, random_delta, random_map
-from store_benchmark import camera, size_of
+from share_benchmark import SH_DEGREE, commit_update, random_delta
+from store_benchmark import camera, random_map, size_of
 
 from gslts.core.gaussian_map import GaussianMap
 from gslts.fleet.building_history import read_room_history
@@ -83,7 +83,9 @@ def main() -> None:
         own, other, clone = (Path(name) / part for part in ("own", "other", "clone"))
         url, bucket = f"file://{name}/bucket", Path(name) / "bucket"
         cameras = {f"{k:05}": camera(rng) for k in range(200)}
-        write_map_folder(own, random_map(rng, GAUSSIANS, 0), {"dataset": "room"}, cameras)
+        write_map_folder(
+            own, random_map(rng, GAUSSIANS, 0, SH_DEGREE), {"dataset": "room"}, cameras
+        )
         push_map(own, url)
         clone_map(url, other)
         sizes = size_of(bucket), size_of(other)

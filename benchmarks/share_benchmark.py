@@ -21,7 +21,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from store_benchmark import camera, size_of
+from store_benchmark import camera, random_map, size_of
 
 from gslts.core.gaussian_map import GaussianMap
 from gslts.fleet.exchange import clone_map, pull_map, push_map
@@ -45,21 +45,9 @@ CHANGED_SHARE = 0.9
 half are removed and half are added."""
 LANDMARK_BYTES = 64
 """Size of a landmark, bytes, about."""
+SH_DEGREE = 0
+"""Of the maps: one colour each, as `gslts map --preset fast` makes."""
 URL = f"az://{CONTAINER}/map"
-
-
-def random_map(rng: np.random.Generator, count: int, first_id: int) -> GaussianMap:
-    """Return a map of random Gaussians with one colour each, as `gslts map --preset fast` makes."""
-    return GaussianMap(
-        means=rng.normal(size=(count, 3)).astype(np.float32),
-        quats=rng.normal(size=(count, 4)).astype(np.float32),
-        log_scales=rng.normal(size=(count, 3)).astype(np.float32),
-        logit_opacities=rng.normal(size=count).astype(np.float32),
-        sh=rng.normal(size=(count, 1, 3)).astype(np.float32),
-        features=np.zeros((count, 0), np.float32),
-        ids=np.arange(first_id, first_id + count, dtype=np.uint64),
-        origin=np.zeros(3),
-    )
 
 
 def random_delta(
@@ -71,9 +59,9 @@ def random_delta(
     start = int(rng.integers(before.size - changed - removed))
     rows = np.arange(start, start + changed)
     ids = before.ids[rows]
-    refined = replace(random_map(rng, changed, 0), quats=before.quats[rows], ids=ids)
+    refined = replace(random_map(rng, changed, 0, SH_DEGREE), quats=before.quats[rows], ids=ids)
     gone = before.ids[start + changed : start + changed + removed]
-    return Delta(gone, random_map(rng, touched - changed - removed, next_id), refined)
+    return Delta(gone, random_map(rng, touched - changed - removed, next_id, SH_DEGREE), refined)
 
 
 def commit_update(
@@ -137,7 +125,7 @@ def main() -> None:
         os.environ.update(store_environment(port))
         first, second = Path(name) / "first", Path(name) / "second"
         cameras = {f"{k:05}": camera(rng) for k in range(200)}
-        write_map_folder(first, random_map(rng, given.gaussians, 0), {}, cameras)
+        write_map_folder(first, random_map(rng, given.gaussians, 0, SH_DEGREE), {}, cameras)
         results = {
             "map, bytes": size_of(first),
             "push all, s": seconds(lambda: push_map(first, URL)),

@@ -24,14 +24,16 @@ ARRAYS = ("means", "quats", "log_scales", "logit_opacities", "sh", "features")
 """Arrays of a map, besides ids."""
 
 
-def random_map(rng: np.random.Generator, count: int, first_id: int) -> GaussianMap:
-    """Return a map of random Gaussians with spherical harmonics of degree 1."""
+def random_map(
+    rng: np.random.Generator, count: int, first_id: int, sh_degree: int = 1
+) -> GaussianMap:
+    """Return a map of random Gaussians."""
     return GaussianMap(
         means=rng.normal(size=(count, 3)).astype(np.float32),
         quats=rng.normal(size=(count, 4)).astype(np.float32),
         log_scales=rng.normal(size=(count, 3)).astype(np.float32),
         logit_opacities=rng.normal(size=count).astype(np.float32),
-        sh=rng.normal(size=(count, 4, 3)).astype(np.float32),
+        sh=rng.normal(size=(count, (sh_degree + 1) ** 2, 3)).astype(np.float32),
         features=np.zeros((count, 0), np.float32),
         ids=np.arange(first_id, first_id + count, dtype=np.uint64),
         origin=np.zeros(3),

@@ -138,11 +138,12 @@ def _place(
     """Return frames aligned with the map by name, and reasons for skipping others."""
     placed, skipped = dict[str, Observation](), []
     for number, frame in enumerate(frames):
-        view = refine_pose(detector.gaussian_map, Observation.of(frame), threads)
         unreliable = detector.detect(frame).unreliable
         if unreliable is not None:
             skipped.append(f"view {number}: {unreliable}")
-        elif not np.linalg.norm(view.correction[:3, 3]) < MAX_CORRECTION_M:
+            continue
+        view = refine_pose(detector.gaussian_map, Observation.of(frame), threads)
+        if not np.linalg.norm(view.correction[:3, 3]) < MAX_CORRECTION_M:
             skipped.append(f"view {number} fits the map at another pose")
         else:
             placed[f"{number:03}"] = view

@@ -2,24 +2,8 @@
 
 from __future__ import annotations
 
-import obstore
-
 from gslts.fleet.remote_store import RemoteStore
 from gslts.fleet.url import is_url, require_url
-
-
-class _RemoteFolder(RemoteStore):
-    """Folder of a bucket."""
-
-    def read(self, name: str, max_bytes: int) -> bytes:
-        try:
-            with self._named_errors():
-                found = obstore.get(self._store, name)
-                if found.meta["size"] > max_bytes:
-                    raise ValueError(f"{self.url}/{name}: larger than {max_bytes} bytes")
-                return bytes(found.bytes())
-        except FileNotFoundError:
-            raise FileNotFoundError(f"{self.url}/{name}: there is no such file") from None
 
 
 def read_remote_file(url: str, max_bytes: int) -> bytes:
@@ -36,4 +20,7 @@ def read_remote_file(url: str, max_bytes: int) -> bytes:
     folder, _, name = require_url(url).rpartition("/")
     if not is_url(folder):
         raise ValueError(f"{url}: expected a file in a bucket or a folder")
-    return _RemoteFolder(folder).read(name, max_bytes)
+    content = RemoteStore(folder).read_object(name, max_bytes)
+    if content is None:
+        raise FileNotFoundError(f"{url}: there is no such file")
+    return content

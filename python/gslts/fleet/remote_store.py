@@ -90,12 +90,27 @@ class RemoteStore:
             OSError: The store cannot be read.
             ValueError: The object is too large.
         """
-        name = version_name(number)
+        return self.read_object(version_name(number), MAX_VERSION_BYTES)
+
+    def read_object(self, name: str, max_bytes: int) -> bytes | None:
+        """Read a small object.
+
+        Args:
+            name: Below the URL.
+            max_bytes: Maximum size.
+
+        Returns:
+            Its content; None if there is no such object.
+
+        Raises:
+            OSError: The store cannot be read.
+            ValueError: The object is too large.
+        """
         try:
             with self._named_errors():
                 found = obstore.get(self._store, name)
-                if found.meta["size"] > MAX_VERSION_BYTES:
-                    raise ValueError(f"{self.url}/{name}: larger than {MAX_VERSION_BYTES} bytes")
+                if found.meta["size"] > max_bytes:
+                    raise ValueError(f"{self.url}/{name}: larger than {max_bytes} bytes")
                 return bytes(found.bytes())
         except FileNotFoundError:
             return None
