@@ -84,5 +84,25 @@ class NodeConfig(BaseModel):
     threads: Annotated[int, Field(ge=0)] = 0
 
 
+def parse_mount(text: str) -> Mount:
+    """Parse the option --mount.
+
+    Args:
+        text: Six numbers, separated by commas.
+
+    Raises:
+        ValueError: These are not six finite numbers.
+    """
+    try:
+        x, y, z, roll, pitch, yaw = (float(part) for part in text.split(","))
+    except ValueError:
+        raise ValueError(
+            f"--mount: expected six numbers x,y,z,roll,pitch,yaw, got {text!r}"
+        ) from None
+    if not all(abs(value) < 100 for value in (x, y, z, roll, pitch, yaw)):
+        raise ValueError(f"--mount: expected metres and radians, got {text!r}")
+    return x, y, z, roll, pitch, yaw
+
+
 def _base(topic: str) -> str:
     return topic.removesuffix("/compressed").removesuffix("/compressedDepth")
