@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -38,6 +40,8 @@ MAX_LAG_TICKS = 25
 """Number of ticks that are made up for after a pause; after a longer one the robot stood still."""
 LOG_S = 5.0
 """Minimum time between two warnings about the same fault, s."""
+FAST_DDS_PROFILE = Path(__file__).with_name("fastdds.xml")
+"""Settings of Fast DDS, the default middleware of ROS 2, unless the user has some of his own."""
 WORLD = "home"
 """Frame of the true pose."""
 
@@ -188,6 +192,7 @@ def spin(
         interval_s: Time between changes that happen by themselves, s; None for none.
         should_stop: Asked several times a second.
     """
+    os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(FAST_DDS_PROFILE))
     # The signal handlers of rclpy would end publishers while they are in use.
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     executor, stopped = MultiThreadedExecutor(2), threading.Event()
