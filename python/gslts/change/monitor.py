@@ -15,7 +15,7 @@ from gslts.change.confirmation import (
     ChangeConfirmation,
     MonitorConfig,
     Report,
-    latest_changes,
+    latest_reports,
 )
 from gslts.change.detector import ChangeDetector, Detection
 from gslts.core.frame import RgbdFrame
@@ -241,4 +241,5 @@ def confirm_changes(
             monitor.offer(frame)
         monitor.wait()
         reports, counts = monitor.poll(), monitor.counts
-    return sorted(latest_changes(reports), key=lambda change: -change.confidence), counts
+    changes = [report.change for report in latest_reports(reports)]
+    return sorted(changes, key=lambda change: -change.confidence), counts

@@ -137,13 +137,13 @@ def query(
 
     Example: gslts building query home/building.json "alarm clock"
     """
-    from gslts.cli.query import describe_instance, instance_to_json
+    from gslts.cli.query import describe_instance
     from gslts.fleet.building import Building
 
     answer = Building.read(file).query(text, clip, threads)
     _print_silent(answer)
     if as_json:
-        found = [{"room": item.room, **instance_to_json(item.instance)} for item in answer.found]
+        found = [{"room": item.room, **item.instance.to_json()} for item in answer.found]
         typer.echo(json.dumps(found))
     for item in () if as_json else answer.found:
         typer.echo(f"{text} in {item.room} {describe_instance(item.instance)}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -36,7 +36,7 @@ def query(
     queries = SemanticQueries.of_map(map_path, clip, threads)
     instances = queries.find(text)
     if as_json:
-        typer.echo(json.dumps([instance_to_json(instance) for instance in instances]))
+        typer.echo(json.dumps([instance.to_json() for instance in instances]))
     elif not instances:
         typer.echo(f"{text}: not found")
     else:
@@ -77,18 +77,3 @@ def describe_instance(instance: Instance) -> str:
     width, depth, height = instance.high - instance.low
     size = f"{width:.2f} x {depth:.2f} x {height:.2f} m"
     return f"at ({x:.2f}, {y:.2f}, {z:.2f}) m, {size}, score {instance.score:.2f}"
-
-
-def instance_to_json(instance: Instance) -> dict[str, Any]:
-    """Convert an object to JSON values.
-
-    Args:
-        instance: Result of a query.
-    """
-    return {
-        "low_m": instance.low.tolist(),
-        "high_m": instance.high.tolist(),
-        "corners_m": instance.corners.tolist(),
-        "score": instance.score,
-        "gaussians": len(instance.rows),
-    }

@@ -147,6 +147,31 @@ def rotation_of_quat(quat: Floats) -> Floats:
     )
 
 
+def quats_of_rotations(turns: Floats) -> Floats:
+    """Return the unit quaternions [N,4] wxyz of rotations (Shepperd 1978).
+
+    Args:
+        turns: [N,3,3].
+    """
+    xx, yy, zz = turns[:, 0, 0], turns[:, 1, 1], turns[:, 2, 2]
+    # 4 q q^T: each of its rows is a multiple of the quaternion, and the longest is exact.
+    w = [1 + xx + yy + zz, turns[:, 2, 1] - turns[:, 1, 2], turns[:, 0, 2] - turns[:, 2, 0]]
+    w.append(turns[:, 1, 0] - turns[:, 0, 1])
+    xy, xz, yz = (turns[:, i, j] + turns[:, j, i] for i, j in ((0, 1), (0, 2), (1, 2)))
+    outer = np.stack(
+        [
+            np.stack(w, axis=1),
+            np.stack([w[1], 1 + xx - yy - zz, xy, xz], axis=1),
+            np.stack([w[2], xy, 1 - xx + yy - zz, yz], axis=1),
+            np.stack([w[3], xz, yz, 1 - xx - yy + zz], axis=1),
+        ],
+        axis=1,
+    )
+    longest = np.einsum("nii->ni", outer).argmax(axis=1)
+    quats = outer[np.arange(len(outer)), longest]
+    return np.asarray(quats / np.linalg.norm(quats, axis=1, keepdims=True))
+
+
 def fit_rigid_motion(poses: Floats, given: Floats, arm_m: float) -> Floats:
     """Fit the rigid motion of the world that brings poses nearest to given ones.
 

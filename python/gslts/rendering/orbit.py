@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gslts.core.camera import Camera, at_pose
-from gslts.core.se3 import rotation_of_quat
+from gslts.core.se3 import quats_of_rotations, rotation_of_quat
 from gslts.types import Floats
 
 SECTORS = 12
@@ -35,7 +35,7 @@ def orbit(cameras: Sequence[Camera], count: int) -> list[Camera]:
         raise ValueError("orbit: there is no camera")
     poses = np.stack([camera.world_from_camera for camera in cameras])
     up, keys = -poses[:, :3, 1].mean(axis=0), _keys(poses)
-    positions, quats = keys[:, :3, 3], _align(np.stack([_quat(key[:3, :3]) for key in keys]))
+    positions, quats = keys[:, :3, 3], _align(quats_of_rotations(keys[:, :3, :3]))
     turns_rad = 2 * np.arccos(np.abs((quats * np.roll(quats, -1, axis=0)).sum(axis=1)).clip(0, 1))
     steps_m = np.linalg.norm(np.roll(positions, -1, axis=0) - positions, axis=1)
     ends = np.concatenate([[0], np.cumsum(steps_m + M_PER_RAD * turns_rad + 1e-9)])
@@ -85,21 +85,6 @@ def _align(quats: Floats) -> Floats:
         if quats[row] @ quats[row - 1] < 0:
             quats[row] *= -1
     return quats
-
-
-def _quat(turn: Floats) -> Floats:
-    """Return the quaternion (4,) wxyz of a rotation [3,3] (Bar-Itzhack 2000)."""
-    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = turn
-    symmetric = np.array(
-        [
-            [xx + yy + zz, zy - yz, xz - zx, yx - xy],
-            [zy - yz, xx - yy - zz, xy + yx, xz + zx],
-            [xz - zx, xy + yx, yy - xx - zz, yz + zy],
-            [yx - xy, xz + zx, yz + zy, zz - xx - yy],
-        ]
-    )
-    quat: Floats = np.linalg.eigh(symmetric)[1][:, -1]
-    return quat
 
 
 def _pose(row: Floats, up: Floats) -> Floats:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import combinations, product
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -73,6 +74,16 @@ class Instance:
         """(3,) centre of the axis-aligned box, world, m."""
         center: Floats = (self.low + self.high) / 2
         return center
+
+    def to_json(self) -> dict[str, Any]:
+        """Convert to JSON values: boxes in the world, m, score, and number of Gaussians."""
+        return {
+            "low_m": self.low.tolist(),
+            "high_m": self.high.tolist(),
+            "corners_m": self.corners.tolist(),
+            "score": self.score,
+            "gaussians": len(self.rows),
+        }
 
 
 class SemanticQueries:

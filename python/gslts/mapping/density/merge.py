@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gslts.core.gaussian_map import SH_C0, FloatArray, GaussianMap
+from gslts.core.se3 import quats_of_rotations
 from gslts.mapping.density.control import axes_of
 from gslts.mapping.density.mixture import Splats, mixture
 from gslts.mapping.seeding.point_seeds import nearest
@@ -151,7 +152,7 @@ def _map_of(gaussian_map: GaussianMap, splats: Splats, left: Ints, changed: Ints
     axes[:, :, 0] *= np.linalg.det(axes)[:, None]  # A rotation, not a reflection.
     arrays = {
         "means": new.means,
-        "quats": _quats_of(axes),
+        "quats": quats_of_rotations(axes),
         "log_scales": 0.5 * np.log(np.maximum(variances, MIN_VARIANCE_M2)),
         "logit_opacities": np.log(new.opacities / (1 - new.opacities)),
         "sh": (new.colors / SH_C0).reshape(-1, *gaussian_map.sh.shape[1:]),
@@ -162,24 +163,3 @@ def _map_of(gaussian_map: GaussianMap, splats: Splats, left: Ints, changed: Ints
         whole[name] = getattr(gaussian_map, name).copy()
         whole[name][changed] = values
     return GaussianMap(**whole, ids=gaussian_map.ids, origin=gaussian_map.origin).select(left)
-
-
-def _quats_of(axes: Floats) -> Floats:
-    """Return unit quaternions [N,4] wxyz of rotations [N,3,3] (Shepperd 1978)."""
-    xx, yy, zz = axes[:, 0, 0], axes[:, 1, 1], axes[:, 2, 2]
-    # 4 q q^T: each of its rows is a multiple of the quaternion, and the longest is exact.
-    w = [1 + xx + yy + zz, axes[:, 2, 1] - axes[:, 1, 2], axes[:, 0, 2] - axes[:, 2, 0]]
-    w.append(axes[:, 1, 0] - axes[:, 0, 1])
-    xy, xz, yz = (axes[:, i, j] + axes[:, j, i] for i, j in ((0, 1), (0, 2), (1, 2)))
-    outer = np.stack(
-        [
-            np.stack(w, axis=1),
-            np.stack([w[1], 1 + xx - yy - zz, xy, xz], axis=1),
-            np.stack([w[2], xy, 1 - xx + yy - zz, yz], axis=1),
-            np.stack([w[3], xz, yz, 1 - xx - yy + zz], axis=1),
-        ],
-        axis=1,
-    )
-    longest = np.einsum("nii->ni", outer).argmax(axis=1)
-    quats = outer[np.arange(len(outer)), longest]
-    return np.asarray(quats / np.linalg.norm(quats, axis=1, keepdims=True))
