@@ -58,6 +58,16 @@ def depth_image(depth: Floats32, time_ns: int) -> Any:
     return _image(np.rint(1000 * known).astype("<u2"), "16UC1", time_ns)
 
 
+def label_image(instances: NDArray[np.int32], time_ns: int) -> Any:
+    """Return the object at each pixel as an Image with encoding 16UC1; 0 for none.
+
+    Args:
+        instances: [H,W] row of the object, -1 for none.
+        time_ns: Stamp, ns.
+    """
+    return _image((instances + 1).astype("<u2"), "16UC1", time_ns)
+
+
 def camera_info(camera: Camera, time_ns: int) -> Any:
     """Return the CameraInfo of an image without distortion.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import json
 import threading
 import time
 from collections.abc import Callable
@@ -18,10 +19,10 @@ try:
     from nav_msgs.msg import Odometry
     from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
     from rclpy.executors import MultiThreadedExecutor
-    from rclpy.qos import qos_profile_sensor_data
+    from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
     from rclpy.signals import SignalHandlerOptions
     from sensor_msgs.msg import CameraInfo, Image
-    from std_msgs.msg import Float64MultiArray
+    from std_msgs.msg import Float64MultiArray, String
     from std_srvs.srv import Trigger
 except ImportError as error:
     raise ImportError(
@@ -70,6 +71,10 @@ class RobotNode:
         self._info = node.create_publisher(
             CameraInfo, "/camera/color/camera_info", qos_profile_sensor_data
         )
+        self._labels = node.create_publisher(Image, "/camera/labels", qos_profile_sensor_data)
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._label_names = node.create_publisher(String, "/camera/label_names", latched)
+        self._label_names.publish(String(data=json.dumps(robot.label_names)))
         self._odometry = node.create_publisher(Odometry, "/odom", QUEUE)
         self._camera_pose = node.create_publisher(PoseStamped, "/camera/pose", QUEUE)
         self._true_pose = node.create_publisher(PoseStamped, "/robot/true_pose", QUEUE)
@@ -106,6 +111,8 @@ class RobotNode:
             frame = self._robot.observe(state)
             stamp = self._stamp_ns(state)
             self._info.publish(messages.camera_info(frame.camera, stamp))
+            if frame.labels is not None and self._labels.get_subscription_count():
+                self._labels.publish(messages.label_image(frame.labels.instances, stamp))
             self._depth.publish(messages.depth_image(frame.depth, stamp))
             self._colour.publish(messages.colour_image(frame.rgb, stamp))
 
