@@ -83,6 +83,9 @@ def ros(
     rate: Annotated[
         float, typer.Option(min=0.1, max=100, help="Maximum frames per second to be compared.")
     ] = 4.0,
+    viewpoints: Annotated[
+        int, typer.Option(min=1, max=1000, help="Maximum number of viewpoints of a round.")
+    ] = 40,
     radius: Radius = 0.2,
     height: Height = 1.2,
     step: Step = 0.02,
@@ -125,6 +128,7 @@ def ros(
         build=build,
         record=record,
         rate_hz=rate,
+        max_viewpoints=viewpoints,
         body=RobotBody(radius_m=radius, height_m=height, step_m=step),
         threads=threads,
     )
