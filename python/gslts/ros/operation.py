@@ -267,6 +267,9 @@ class Operation:
         self._activity = "updating the map"
         try:
             keeper.integrate(self.robot, reports, frames)
+        except RobotLostError:
+            waiting.add(reports)
+            raise
         finally:
             self._show_changes(waiting)
         return True
