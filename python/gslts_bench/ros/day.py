@@ -149,7 +149,7 @@ def _direct(
     note: Callable[[str], None],
     log: Callable[[str], None],
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Ask for the steps of the day; return the answer to the query, and the result of the errand."""
+    """Ask for the steps of the day; return the answer to the query, and that to the errand."""
     director.wait("event", "explored")
     note("exploration")
     director.wait("event", "built")
