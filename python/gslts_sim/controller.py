@@ -27,12 +27,11 @@ from gslts_sim.actions import (
 )
 from gslts_sim.changes import ChangeError
 from gslts_sim.event import Event, Palette, make_event, xyz
-from gslts_sim.home import Home, pose
-from gslts_sim.oriented_boxes import OrientedBoxes
+from gslts_sim.home import Home
 from gslts_sim.raycast import RayCaster
-from gslts_sim.robot_body import BODY, FOV_RAD, HORIZON_DEG, Viewpoint, robot_camera
+from gslts_sim.robot_body import FOV_RAD, HORIZON_DEG, Viewpoint, body_boxes, robot_camera
 from gslts_sim.sensor import Sensor, SensorNoise
-from gslts_sim.walkable import floor_of
+from gslts_sim.walkable import floor_of, start_position
 
 _MOVES_DEG = {"MoveAhead": 0.0, "MoveLeft": 90.0, "MoveBack": 180.0, "MoveRight": -90.0}
 """Direction of each step relative to the robot's yaw, degrees."""
@@ -74,11 +73,7 @@ class Controller:
         state = SceneState(home) if isinstance(home, Home) else home
         self._palette = Palette([*state.home.objects, *state.removed.values()])
         self._set_state(state)
-        positions = self._floor.grid_positions(GRID_M)
-        if len(positions) == 0:
-            raise ValueError(f"Controller: {state.home.name}: the robot can stand nowhere")
-        middle = state.home.space.box.mean(axis=0)[:2]
-        self._position = positions[np.argmin(np.linalg.norm(positions - middle, axis=1))]
+        self._position = start_position(state.home, self._floor)
         self._yaw_deg, self._horizon_deg = 0.0, 0.0
         self._last_pose: Floats | None = None
         self._last_event: Event | None = None
@@ -231,7 +226,7 @@ class Controller:
                     height = float(self.home.space.box[0, 2])
                     return [xyz((x, y, height)) for x, y in self.reachable_positions()]
             case _:
-                self._set_state(self._state.apply(action, self._body()))
+                self._set_state(self._state.apply(action, body_boxes(self.home, self._position)))
         return None
 
     def _move(self, towards_deg: float, metres: float) -> None:
@@ -254,14 +249,6 @@ class Controller:
         if action.rotation is not None:
             self._yaw_deg = action.rotation % 360
         self._position, self._last_pose = position, None  # No motion blur after a teleport.
-
-    def _body(self) -> OrientedBoxes:
-        """Return the box that the robot fills."""
-        low = float(self.home.space.box[0, 2]) + BODY.step_m
-        radius = BODY.radius_m
-        box = np.array([(-radius, -radius, 0.0), (radius, radius, BODY.height_m)])
-        x, y = self._position.tolist()
-        return OrientedBoxes.from_object(box[None], pose(x, y, low, 0.0))
 
     def _camera(self) -> Camera:
         """Return the camera at its true pose."""

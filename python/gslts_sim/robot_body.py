@@ -9,7 +9,8 @@ from pydantic.dataclasses import dataclass
 from gslts.core.camera import Camera, camera_from_fov, look_at
 from gslts.core.robot_body import RobotBody
 from gslts.types import Floats
-from gslts_sim.home import Home
+from gslts_sim.home import Home, pose
+from gslts_sim.oriented_boxes import OrientedBoxes
 
 HORIZON_DEG = (-30.0, 60.0)
 """Range of the camera's angle below the horizon, degrees: AI2-THOR's limits."""
@@ -53,6 +54,20 @@ class Viewpoint:
     def position(self) -> Floats:
         """(2,) x and y, m."""
         return np.array([self.x, self.y])
+
+
+def body_boxes(home: Home, position: Floats) -> OrientedBoxes:
+    """Return the box that the robot fills.
+
+    Args:
+        home: Defines the height of the floor.
+        position: (2,) x and y of the robot, m.
+    """
+    low = float(home.space.box[0, 2]) + BODY.step_m
+    radius = BODY.radius_m
+    box = np.array([(-radius, -radius, 0.0), (radius, radius, BODY.height_m)])
+    x, y = position.tolist()
+    return OrientedBoxes.from_object(box[None], pose(x, y, low, 0.0))
 
 
 def robot_camera(

@@ -8,6 +8,7 @@ import numpy as np
 
 from gslts.core.robot_body import RobotBody
 from gslts.types import Bools, Floats
+from gslts_sim.actions import GRID_M
 from gslts_sim.home import Home, Room
 from gslts_sim.oriented_boxes import OrientedBoxes
 from gslts_sim.physics import boxes_in_world
@@ -152,6 +153,27 @@ def floor_of(home: Home) -> WalkableFloor:
         home: With all its objects.
     """
     return walkable_floor(home, home.space)
+
+
+def start_position(home: Home, floor: WalkableFloor) -> Floats:
+    """Return the grid position nearest to the middle of a home, at which a robot starts.
+
+    Args:
+        home: The home.
+        floor: Its floor.
+
+    Returns:
+        (2,) x and y, m.
+
+    Raises:
+        ValueError: The robot can stand nowhere.
+    """
+    positions = floor.grid_positions(GRID_M)
+    if len(positions) == 0:
+        raise ValueError(f"{home.name}: the robot can stand nowhere")
+    middle = home.space.box.mean(axis=0)[:2]
+    start: Floats = positions[np.argmin(np.linalg.norm(positions - middle, axis=1))]
+    return start
 
 
 def _in_rooms(

@@ -223,11 +223,11 @@ class ChangeConfirmation:
         return end is not None and float(np.linalg.norm(end - change.point)) <= self.config.near_m
 
 
-def latest_changes(reports: Sequence[Report]) -> list[Change]:
-    """Return the changes of reports that no later one replaces.
+def latest_reports(reports: Sequence[Report]) -> list[Report]:
+    """Return the reports that no later one replaces.
 
     Args:
         reports: Reports of one monitor, in their order.
     """
     replaced = {report.replaces for report in reports}
-    return [report.change for report in reports if report.number not in replaced]
+    return [report for report in reports if report.number not in replaced]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -85,7 +86,7 @@ class Detection:
 class ChangeDetector:
     """Detects changes between one version of a map and frames of the same home.
 
-    Not for concurrent calls; several threads may use one in turn.
+    Several threads may use it; they wait for each other.
 
     Args:
         gaussian_map: float32.
@@ -126,6 +127,7 @@ class ChangeDetector:
             gaussian_map, choose_evenly(self.cameras, MAX_CAMERAS), self.config.threads
         )
         self._rasterizer = Rasterizer(np.float32)
+        self._in_use = threading.Lock()
 
     @classmethod
     def of_map(
@@ -188,6 +190,10 @@ class ChangeDetector:
         Raises:
             ValueError: A setting is out of range, or the frame is too small to be halved.
         """
+        with self._in_use:
+            return self._detect(frame)
+
+    def _detect(self, frame: RgbdFrame) -> Detection:
         pyramid = [frame.registered()]
         for _ in range(MAX_HALVINGS):
             pyramid.append(pyramid[-1].halved())

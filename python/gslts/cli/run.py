@@ -81,6 +81,7 @@ def run(
 
     from gslts.fleet.state import require_remote_state
     from gslts.keeper.keeper import MapKeeper, StoppedError
+    from gslts.robots.localized import localized
     from gslts.robots.sources import open_robot
 
     if share:
@@ -125,7 +126,7 @@ def run(
                     bar.set_description(f"round {number}", refresh=False)
                     bar.reset(total=0)
                     driven, viewpoints = round_of(number)
-                    keeper.go_round(driven, viewpoints)
+                    keeper.go_round(localized(driven, keeper.localizer), viewpoints)
                     if extend and recording is not None:
                         keeper.extend(recording, str(frames))
                     elif extend:
@@ -133,7 +134,8 @@ def run(
                     if share:
                         keeper.let_others_write(lambda: _exchange(map_path, log))
                 if consolidate:
-                    keeper.consolidate(round_of(max(first, last - 1))[0])
+                    driven = round_of(max(first, last - 1))[0]
+                    keeper.consolidate(localized(driven, keeper.localizer))
             except StoppedError:
                 raise RuntimeError(
                     f"stopped in round {keeper.state.round}; the same command continues there"
@@ -167,8 +169,11 @@ def _echo_deferred(deferred: Iterable[DeferredChange]) -> None:
 
 
 @contextmanager
-def stop_signals() -> Iterator[list[int]]:
+def stop_signals(on_signal: Callable[[], None] = lambda: None) -> Iterator[list[int]]:
     """Collect SIGINT and SIGTERM; a second one of the same kind ends the program.
+
+    Args:
+        on_signal: Called for each of them.
 
     Yields:
         Numbers of the signals received so far.
@@ -177,6 +182,7 @@ def stop_signals() -> Iterator[list[int]]:
 
     def note(number: int, _: object) -> None:
         received.append(number)
+        on_signal()
         signal.signal(number, previous[number])
 
     previous: dict[int, Any] = {}

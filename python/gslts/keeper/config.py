@@ -26,7 +26,7 @@ class KeeperConfig:
         monitor: Settings of the confirmation of changes.
         detection: Settings of the change detection.
         update: Settings of updates.
-        relocalization: Localize the robot in the map by its frames; None uses its odometry.
+        relocalization: Settings of the localizer of the keeper; None makes none.
         extension: Settings of the mapping of unmapped space.
 
     Raises:

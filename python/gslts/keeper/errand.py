@@ -56,7 +56,7 @@ class WatchedRobot:
         Returns:
             True if the robot arrived.
         """
-        self._keeper.integrate_reported(self._robot)
+        self._keeper.integrate(self._robot, self._keeper.reports())
         return self._robot.move_towards(position, yaw_rad, pitch_rad)
 
 
@@ -93,7 +93,7 @@ def run_errand(
             keeper.gaussian_map, semantics.autoencoder, semantics.source, categories=[text]
         )
         result = navigator.go(watched, text, on_move)
-        keeper.integrate_reported(robot)
+        keeper.integrate(robot, keeper.reports())
         if result.status == "reached" or keeper.version.number == version:
             break
     return navigator, result

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from gslts.change.changes import Change
-from gslts.change.confirmation import latest_changes
+from gslts.change.confirmation import Report, latest_reports
 from gslts.change.detector import ChangeDetector
 from gslts.change.monitor import ChangeMonitor
 from gslts.change.visibility import Visibility
@@ -19,7 +19,7 @@ from gslts.extension.pipeline import extend_store
 from gslts.keeper.config import KeeperConfig
 from gslts.keeper.coverage import plan_viewpoints
 from gslts.keeper.exploration import look_around, plan_exploration
-from gslts.keeper.schedule import defer, select_changes
+from gslts.keeper.schedule import defer, is_deferred, select_changes
 from gslts.keeper.state import KeeperState, read_state, write_state
 from gslts.localization.landmark_files import require_landmarks
 from gslts.localization.localizer import Localizer
@@ -27,7 +27,6 @@ from gslts.localization.relocalizer import Relocalizer
 from gslts.mapping.clock import Clock
 from gslts.mapping.observation import Observation
 from gslts.robots.driving import go_to
-from gslts.robots.localized import LocalizedRobot
 from gslts.semantics.map_semantics import MapSemantics
 from gslts.store.camera_files import cameras_of_map, cameras_of_version
 from gslts.store.map_folder import open_map
@@ -50,6 +49,13 @@ class MapKeeper:
         should_stop: Polled between transactions; True stops the run.
         progress: Called with the name of each step that takes long.
         log: Called with one line of text for each event.
+
+    Attributes:
+        state: Progress of the rounds.
+        monitor: Confirms changes over the frames.
+        semantics: Of the map; None if it has none, or its models are not available.
+        localizer: In the newest version of the map, for a `LocalizedRobot`; None if the odometry of
+            the robot is in the coordinates of the map.
 
     Raises:
         OSError: The map cannot be read, or another process writes it.
@@ -74,12 +80,12 @@ class MapKeeper:
             self._map = self._store.read()
             self._cameras = cameras_of_map(folder)
             self._measurements = read_measurements(folder)
-            self._semantics = MapSemantics.of_map(folder, self._config.update.threads)
+            self.semantics = MapSemantics.of_map(folder, self._config.update.threads)
             self._detector = self._new_detector()
-            self._localizer = None
+            self.localizer: Localizer | None = None
             if self._config.relocalization is not None:
-                self._localizer = Localizer(self._new_relocalizer())
-            self._monitor = ChangeMonitor(self._detector, self._config.monitor)
+                self.localizer = Localizer(self._new_relocalizer())
+            self.monitor = ChangeMonitor(self._detector, self._config.monitor)
         except BaseException:
             self._store.close()
             raise
@@ -89,7 +95,7 @@ class MapKeeper:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._monitor.close()
+        self.monitor.close()
         self._store.close()
 
     @property
@@ -102,31 +108,43 @@ class MapKeeper:
         """Gaussians of the newest version."""
         return self._map
 
-    @property
-    def semantics(self) -> MapSemantics | None:
-        """Semantics of the map; None if it has none, or its models are not available."""
-        return self._semantics
-
     def watch(self, frame: RgbdFrame) -> None:
         """Look for changes in a frame, and wait for the result.
 
         Args:
             frame: RGB-D frame that a robot observed.
         """
-        self._monitor.offer(frame)
-        self._monitor.wait()
+        self.monitor.offer(frame)
+        self.monitor.wait()
 
-    def integrate_reported(self, robot: Robot) -> None:
-        """Integrate the confirmed changes into the map; the robot collects views of them.
+    def reports(self) -> list[Report]:
+        """Return the changes that were confirmed since the last call, without deferred ones."""
+        state, latest = self.state, latest_reports(self.monitor.poll())
+        return [r for r in latest if not is_deferred(state.deferred, r.change, state.round)]
+
+    def integrate(
+        self, robot: Robot, reports: Sequence[Report], recorded: Sequence[RgbdFrame] = ()
+    ) -> None:
+        """Integrate confirmed changes into the map, the most confident and nearest first.
 
         Args:
-            robot: In the home.
+            robot: In the home; collects views of them.
+            reports: Of the changes.
+            recorded: Frames that the robot took since the changes; they are views as well.
 
         Raises:
             StoppedError: A stop was requested.
             OSError: A file cannot be written; the map is that of its newest version.
         """
-        self._integrate(robot, self._reported_changes())
+        waiting = [report.change for report in reports]
+        while waiting:
+            self._stop_if_requested()
+            group = select_changes(waiting, robot.pose()[:2, 3])
+            waiting = [w for w in waiting if all(w is not change for change in group)]
+            for change in group:
+                x, y, z = change.point
+                self._log(f"{change.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m")
+            self._update(robot, group, recorded)
 
     def begin_source(self, source: str) -> int:
         """Continue the rounds of a source of frames; another source starts with its first round.
@@ -157,8 +175,7 @@ class MapKeeper:
             OSError: A file cannot be written; the map is that of its newest version.
         """
         cameras = self._cameras if viewpoints is None else viewpoints
-        robot = self._localize(robot)
-        self._monitor.publish(self._detector)  # Deferred changes may be reported again.
+        self.monitor.publish(self._detector)  # Deferred changes may be reported again.
         if self.state.remaining is None:
             self._set_state(remaining=self._plan() if viewpoints is None else tuple(viewpoints))
         while self.state.remaining:
@@ -166,8 +183,16 @@ class MapKeeper:
             self._stop_if_requested()
             if name in cameras and go_to(robot, cameras[name]):
                 self._progress(name)
-                self._integrate(robot, self._observe(robot))
+                self.integrate(robot, self._observe(robot))
             self._set_state(remaining=self.state.remaining[1:])
+        self.end_round()
+
+    def end_round(self) -> None:
+        """End the present round: deferred changes that are due are reported again if they last.
+
+        Raises:
+            OSError: The state cannot be written.
+        """
         # A deferred change that was due and was not detected again no longer exists.
         number = self.state.round
         deferred = tuple(change for change in self.state.deferred if change.retry_round > number)
@@ -267,7 +292,7 @@ class MapKeeper:
         try:
             done = consolidate_store(
                 self._store,
-                self._localize(robot),
+                robot,
                 detection=self._config.detection,
                 threads=self._config.update.threads,
                 progress=self._on_progress,
@@ -285,7 +310,7 @@ class MapKeeper:
         threads = self._config.update.threads
         return plan_viewpoints(self._map, self._cameras, self._config.max_viewpoints, threads)
 
-    def _observe(self, robot: Robot) -> list[Change]:
+    def _observe(self, robot: Robot) -> list[Report]:
         """Observe until changes are confirmed or discarded, and return the confirmed ones."""
         for _ in range(self._config.max_frames):
             frame = robot.observe()
@@ -293,27 +318,11 @@ class MapKeeper:
                 break
             self._last_frame = frame
             self.watch(frame)
-            if not self._monitor.is_pending:
+            if not self.monitor.is_pending:
                 break
-        return self._reported_changes()
+        return self.reports()
 
-    def _reported_changes(self) -> list[Change]:
-        """Return the changes that were confirmed since the last call, without deferred ones."""
-        changes = latest_changes(self._monitor.poll())
-        return [change for change in changes if not self._is_deferred(change)]
-
-    def _integrate(self, robot: Robot, waiting: list[Change]) -> None:
-        """Integrate changes, the most confident and nearest first."""
-        while waiting:
-            self._stop_if_requested()
-            changes = select_changes(waiting, robot.pose()[:2, 3])
-            waiting = [w for w in waiting if all(w is not change for change in changes)]
-            for change in changes:
-                x, y, z = change.point
-                self._log(f"{change.kind} at ({x:.2f}, {y:.2f}, {z:.2f}) m")
-            self._update(robot, changes)
-
-    def _update(self, robot: Robot, changes: list[Change]) -> None:
+    def _update(self, robot: Robot, changes: list[Change], recorded: Sequence[RgbdFrame]) -> None:
         """Publish a version that shows the changes, or defer them."""
         config, cameras = self._config.update, list(self._cameras.values())
         result = integrate_changes(
@@ -323,12 +332,13 @@ class MapKeeper:
             robot,
             config,
             detector=self._detector,
+            recorded=recorded,
             first_id=self._store.version().next_id,
-            semantics=self._semantics,
+            semantics=self.semantics,
             progress=self._on_progress,
         )
         version = publish(
-            self._store, self._map, cameras, result, config, self.state.round, self._semantics
+            self._store, self._map, cameras, result, config, self.state.round, self.semantics
         )
         self._defer_rejected(result)
         if version is None:
@@ -347,9 +357,9 @@ class MapKeeper:
         self._map = gaussian_map
         self._cameras |= cameras_of_version(version)
         self._detector = self._new_detector()
-        self._monitor.publish(self._detector)
-        if self._localizer is not None:
-            self._localizer.publish(self._new_relocalizer())
+        self.monitor.publish(self._detector)
+        if self.localizer is not None:
+            self.localizer.publish(self._new_relocalizer())
 
     def _defer_rejected(self, result: UpdateResult) -> None:
         """Defer the changes that the map does not show."""
@@ -359,13 +369,6 @@ class MapKeeper:
             self._log(f"{change.kind} deferred: {reason}")
         if result.rejected_changes:
             self._set_state(deferred=deferred)
-
-    def _is_deferred(self, change: Change) -> bool:
-        number = self.state.round
-        return any(
-            deferred.matches(change) and deferred.retry_round > number
-            for deferred in self.state.deferred
-        )
 
     def _new_detector(self) -> ChangeDetector:
         return ChangeDetector(
@@ -384,10 +387,6 @@ class MapKeeper:
         state = KeeperState.model_validate({**self.state.model_dump(), **changed})
         write_state(state, self._folder)
         self.state = state
-
-    def _localize(self, robot: Robot) -> Robot:
-        """Return the robot, placed in the map by its frames if configured."""
-        return robot if self._localizer is None else LocalizedRobot(robot, self._localizer)
 
     def _on_progress(self, stage: str) -> None:
         self._stop_if_requested()

@@ -101,6 +101,17 @@ def defer(
     return (*others, new)
 
 
+def is_deferred(deferred: Sequence[DeferredChange], change: Change, number_of_round: int) -> bool:
+    """Return whether a change must wait for a later round.
+
+    Args:
+        deferred: Deferred changes.
+        change: As detected.
+        number_of_round: Present round.
+    """
+    return any(d.matches(change) and d.retry_round > number_of_round for d in deferred)
+
+
 def _gap_m(first: Change, second: Change) -> float:
     """Return the distance between the nearest regions of two changes, m."""
     pairs = ((a, b) for a in regions_of(first) for b in regions_of(second))

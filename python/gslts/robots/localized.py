@@ -80,3 +80,13 @@ class LocalizedRobot:
         # planar motion is made exact at the position of the last localization.
         here = (motion[:3, :3] @ position + motion[:3, 3])[:2]
         return turn, here - turn @ position[:2], turn_rad
+
+
+def localized(robot: Robot, localizer: Localizer | None) -> Robot:
+    """Return a robot in the coordinates of a map.
+
+    Args:
+        robot: In the coordinates of its odometry.
+        localizer: In the map; None if these are those of the map.
+    """
+    return robot if localizer is None else LocalizedRobot(robot, localizer)

@@ -1,1 +1,1 @@
-"""ROS 2 node: messages in and out. Its modules need the Python packages of a ROS installation."""
+"""ROS 2 node: keeps the map of a robot up to date by what the robot sees."""

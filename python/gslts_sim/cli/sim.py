@@ -8,19 +8,13 @@ from typing import Annotated, Any
 
 import typer
 
+from gslts_sim.cli.arguments import Height, Noise, Seed, Source, Width
+from gslts_sim.cli.ros import ros
+
 # Imports are inside the commands, so that `gslts --help` answers at once.
 
 sim = typer.Typer(no_args_is_help=True, help="Simulated homes.")
-
-Source = Annotated[
-    str,
-    typer.Argument(help="kitchen, living_room or bedroom, or a .glb or .gltf file of a home."),
-]
-"""Argument of the commands that open a home."""
-Seed = Annotated[int, typer.Argument(min=0, help="Same seed, same home.")]
-"""Argument: seed of a generated home."""
-Noise = Annotated[str, typer.Option(help="Noise of the camera: none or kinect.")]
-"""Option: preset of the camera's noise."""
+sim.command()(ros)
 
 
 @sim.command()
@@ -93,8 +87,8 @@ def capture(
     frames: Annotated[int, typer.Option(min=1, help="Maximum number.")] = 200,
     noise: Noise = "kinect",
     visit: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
-    width: Annotated[int, typer.Option(min=16, max=4096, help="px")] = 640,
-    height: Annotated[int, typer.Option(min=16, max=4096, help="px")] = 480,
+    width: Width = 640,
+    height: Height = 480,
     rooms: Annotated[
         list[str] | None,
         typer.Option(
@@ -191,8 +185,8 @@ def day(
     changes: Annotated[int, typer.Option(min=1, help="Number of changes.")] = 6,
     frames: Annotated[int, typer.Option(min=1, help="Maximum number of frames.")] = 150,
     noise: Noise = "kinect",
-    width: Annotated[int, typer.Option(min=16, max=4096, help="px")] = 640,
-    height: Annotated[int, typer.Option(min=16, max=4096, help="px")] = 480,
+    width: Width = 640,
+    height: Height = 480,
 ) -> None:
     """Write the changes of a home in a day (day.json), and record its state before (before/).
 

@@ -180,7 +180,7 @@ def test_frames_are_dropped_until_their_list_fits(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The list of frames fits only after a frame is removed."""
-    from gslts_sim import capture as module
+    from gslts.datasets import recording as module
 
     full_after(monkeypatch, 6)
     write, rejections = module.write_atomic, [1]

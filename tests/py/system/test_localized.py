@@ -29,7 +29,7 @@ from gslts.localization.constants import TRACKING_M
 from gslts.localization.localizer import Localizer, in_world
 from gslts.localization.relocalizer import Localization, Relocalizer
 from gslts.robots.driving import go_to
-from gslts.robots.localized import LocalizedRobot
+from gslts.robots.localized import LocalizedRobot, localized
 from gslts.robots.recorded import RecordedRobot
 from gslts.store.map_folder import read_map
 from gslts_sim.controller import Controller
@@ -322,7 +322,7 @@ def test_a_robot_with_drift_keeps_a_map_up_to_date(
 
     monkeypatch.setattr(keeper_module, "Relocalizer", noted)
     with MapKeeper(folder, replace(LOOP, relocalization=adrift.CONFIG)) as keeper:
-        keeper.go_round(robot)
+        keeper.go_round(localized(robot, keeper.localizer))
         assert keeper.version.number > 1
         versions = keeper.version.number
     updated = read_map(folder)
@@ -340,7 +340,7 @@ def test_a_robot_with_drift_keeps_a_map_up_to_date(
 def test_a_robot_in_another_home_changes_nothing(tmp_path: Path) -> None:
     folder = adrift.write_room_map(tmp_path / "map")
     with MapKeeper(folder, replace(LOOP, max_viewpoints=3, relocalization=adrift.CONFIG)) as keeper:
-        keeper.go_round(Controller(sim_scenes.simple_home(), **SIZE))
+        keeper.go_round(localized(Controller(sim_scenes.simple_home(), **SIZE), keeper.localizer))
         assert keeper.version.number == 1
         assert keeper.state.deferred == ()
 

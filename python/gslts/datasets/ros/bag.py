@@ -118,12 +118,8 @@ class Bag:
         """
         found: dict[str, list[MessageKey]] = {topic: [] for topic in topics}
         for topic, recorded_ns, _, raw in self._raw(topics):
-            if len(raw) < 12:
-                raise ValueError(f"{self.path}: {topic}: a message of {len(raw)} bytes")
-            order: Any = "little" if raw[1] & 1 else "big"  # Of CDR's encapsulation header.
-            seconds = int.from_bytes(raw[4:8], order, signed=True)
-            nanoseconds = int.from_bytes(raw[8:12], order)
-            time_ns = seconds * 1_000_000_000 + nanoseconds
+            with self._naming(topic):
+                time_ns = header_time_ns(raw)
             found[topic].append(MessageKey(topic, recorded_ns, time_ns))
         for keys in found.values():
             keys.sort(key=lambda key: key.time_ns)
@@ -172,3 +168,19 @@ class Bag:
             raise
         except Exception as error:
             raise ValueError(f"{self.path}: {what}: {reason_of(error)}") from error
+
+
+def header_time_ns(message: bytes) -> int:
+    """Return the time stamp of a serialized message that begins with a header, ns.
+
+    Args:
+        message: In CDR.
+
+    Raises:
+        ValueError: It is too short.
+    """
+    if len(message) < 12:
+        raise ValueError(f"a message of {len(message)} bytes has no header")
+    order: Any = "little" if message[1] & 1 else "big"  # Of CDR's encapsulation header.
+    seconds = int.from_bytes(message[4:8], order, signed=True)
+    return seconds * 1_000_000_000 + int.from_bytes(message[8:12], order)

@@ -79,18 +79,33 @@ def depth_of(message: Any) -> Floats32:
         ValueError: The message is damaged, or its encoding is not supported.
     """
     encoding = encoding_of(message)
-    if hasattr(message, "encoding"):
-        if encoding not in DEPTH_ENCODINGS:
-            raise ValueError(f"the encoding {encoding} is not one of depth")
-        order = ">" if message.is_bigendian else "<"
-        kind = np.dtype(f"{order}f4" if encoding == "32FC1" else f"{order}u2")
-        steps = _rows(message, kind, 1)[..., 0]
-    elif "compressedDepth" in message.format:
+    if not hasattr(message, "encoding") and "compressedDepth" in message.format:
         return _compressed_depth(message, encoding)
-    else:
-        steps = _decode(message.data, "I")
+    steps = steps_of(message)
     depth = steps.astype(np.float32) * np.float32(1 if encoding == "32FC1" else MILLIMETRE)
     return np.where(np.isfinite(depth) & (depth > 0), depth, np.float32(0))
+
+
+def steps_of(message: Any) -> NDArray[Any]:
+    """Decode an image of 16-bit integers or floats, such as of depth or of instances.
+
+    Args:
+        message: An Image, or a CompressedImage with a PNG.
+
+    Returns:
+        [H,W] as stored.
+
+    Raises:
+        ValueError: The message is damaged, or its encoding is not supported.
+    """
+    if not hasattr(message, "encoding"):
+        return _decode(message.data, "I")
+    encoding = encoding_of(message)
+    if encoding not in DEPTH_ENCODINGS:
+        raise ValueError(f"the encoding {encoding} is not one of depth")
+    order = ">" if message.is_bigendian else "<"
+    kind = np.dtype(f"{order}f4" if encoding == "32FC1" else f"{order}u2")
+    return np.asarray(_rows(message, kind, 1)[..., 0])
 
 
 def _compressed_depth(message: Any, encoding: str) -> Floats32:

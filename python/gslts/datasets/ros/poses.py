@@ -43,11 +43,37 @@ class Track:
         self.numbers.append((*numbers, *(getattr(rotation, name) for name in "xyzw")))
         self._sorted = None
 
-    def at(self, time_ns: int) -> Floats:
+    def keep(self, first_ns: int, last_ns: int) -> None:
+        """Forget the poses outside a time, but for the newest one before it if none is in it.
+
+        Args:
+            first_ns: Start of the time, ns.
+            last_ns: End of the time, ns.
+        """
+        until = [row for row, t in enumerate(self.times_ns) if t <= last_ns]
+        kept = [row for row in until if self.times_ns[row] >= first_ns]
+        if not kept and until:
+            kept = [max(until, key=lambda row: self.times_ns[row])]
+        self.times_ns = [self.times_ns[row] for row in kept]
+        self.numbers = [self.numbers[row] for row in kept]
+        self._sorted = None
+
+    def newest_ns(self) -> int:
+        """Return the time of the newest pose, ns.
+
+        Raises:
+            ValueError: There is no pose.
+        """
+        if not self.times_ns:
+            raise ValueError("there is no pose yet")
+        return max(self.times_ns)
+
+    def at(self, time_ns: int, max_gap_ns: int = MAX_GAP_NS) -> Floats:
         """Interpolate the pose between its two neighbours in time.
 
         Args:
             time_ns: Time, ns.
+            max_gap_ns: Maximum time between the neighbours, ns.
 
         Returns:
             [4,4] rigid transform.
@@ -59,9 +85,9 @@ class Track:
         after = int(np.searchsorted(times, time_ns))
         if after < len(times) and times[after] == time_ns:
             return _pose(numbers[after])
-        if after in (0, len(times)) or times[after] - times[after - 1] > MAX_GAP_NS:
+        if after in (0, len(times)) or times[after] - times[after - 1] > max_gap_ns:
             raise ValueError(
-                f"there are no two poses around it at most {MAX_GAP_NS / 1e9:g} s apart"
+                f"there are no two poses around it at most {max_gap_ns / 1e9:g} s apart"
             )
         share = (time_ns - times[after - 1]) / (times[after] - times[after - 1])
         return interpolate_pose(_pose(numbers[after - 1]), _pose(numbers[after]), float(share))
@@ -112,6 +138,32 @@ class FrameTree:
             track.numbers.clear()
         track.add(0 if fixed else time_of(header), pose.translation, pose.rotation)
 
+    def keep(self, first_ns: int, last_ns: int) -> None:
+        """Forget moving transforms outside a time; see `Track.keep`.
+
+        Args:
+            first_ns: Start of the time, ns.
+            last_ns: End of the time, ns.
+        """
+        for _, track, fixed in self._parents.values():
+            if not fixed:
+                track.keep(first_ns, last_ns)
+
+    def newest_ns(self, target: str, source: str) -> int:
+        """Return the newest time at which the transform between two frames is known, ns.
+
+        Args:
+            target: Name of a frame.
+            source: Name of a frame.
+
+        Raises:
+            ValueError: The frames are not connected, or one has no transform yet.
+        """
+        targets, sources, shared = self._common(target, source)
+        names = [*targets[: targets.index(shared)], *sources[: sources.index(shared)]]
+        moving = [self._parents[name][1] for name in names if not self._parents[name][2]]
+        return min((track.newest_ns() for track in moving), default=0)
+
     def ancestors(self, frame: str) -> list[str]:
         """List a frame, its parent, and so on up to the root.
 
@@ -141,13 +193,14 @@ class FrameTree:
         """
         return any(not self._parents[name][2] for name in self.ancestors(frame)[:-1])
 
-    def find(self, target: str, source: str, time_ns: int) -> Floats:
+    def find(self, target: str, source: str, time_ns: int, max_gap_ns: int = MAX_GAP_NS) -> Floats:
         """Return the transform between two frames at a time.
 
         Args:
             target: Name of a frame.
             source: Name of a frame.
             time_ns: Time, ns.
+            max_gap_ns: Maximum time between two transforms to interpolate, ns.
 
         Returns:
             [4,4] target_from_source, m.
@@ -155,19 +208,25 @@ class FrameTree:
         Raises:
             ValueError: The frames are not connected, or their poses at that time are not known.
         """
-        targets, sources = self.ancestors(target), self.ancestors(source)
-        shared = next((name for name in sources if name in targets), None)
-        if shared is None:
-            raise ValueError(f"the frames {target} and {source} are not connected")
-        return inverse(self._up(targets, shared, time_ns)) @ self._up(sources, shared, time_ns)
+        targets, sources, shared = self._common(target, source)
+        up = [self._up(names, shared, time_ns, max_gap_ns) for names in (targets, sources)]
+        return inverse(up[0]) @ up[1]
 
-    def _up(self, names: list[str], top: str, time_ns: int) -> Floats:
+    def _common(self, first: str, second: str) -> tuple[list[str], list[str], str]:
+        """Return the ancestors of two frames, and the first one that they share."""
+        firsts, seconds = self.ancestors(first), self.ancestors(second)
+        shared = next((name for name in seconds if name in firsts), None)
+        if shared is None:
+            raise ValueError(f"the frames {first} and {second} are not connected")
+        return firsts, seconds, shared
+
+    def _up(self, names: list[str], top: str, time_ns: int, max_gap_ns: int) -> Floats:
         """Return top_from_frame [4,4] for the first of some ancestors."""
         pose = np.eye(4)
         for name in names[: names.index(top)]:
             parent, track, fixed = self._parents[name]
             try:
-                pose = track.at(0 if fixed else time_ns) @ pose
+                pose = track.at(0 if fixed else time_ns, max_gap_ns) @ pose
             except ValueError as error:
                 raise ValueError(f"{parent} to {name}: {error}") from None
         return pose

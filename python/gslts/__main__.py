@@ -1,0 +1,6 @@
+"""The command `gslts` as `python -m gslts`."""
+
+from gslts.cli import main
+
+if __name__ == "__main__":
+    main()

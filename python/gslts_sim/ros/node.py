@@ -1,0 +1,230 @@
+"""ROS 2 node `robot`: publishes what the simulated robot measures, and obeys goals."""
+
+from __future__ import annotations
+
+import os
+import json
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+try:
+    import rclpy
+    from geometry_msgs.msg import PoseStamped
+    from nav_msgs.msg import Odometry
+    from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+    from rclpy.executors import MultiThreadedExecutor
+    from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+    from rclpy.signals import SignalHandlerOptions
+    from sensor_msgs.msg import CameraInfo, Image
+    from std_msgs.msg import Float64MultiArray, String
+    from std_srvs.srv import Trigger
+except ImportError as error:
+    raise ImportError(
+        f"{error}: source ROS 2 first, such as /opt/ros/jazzy/setup.bash, or use the interpreter "
+        "of `scripts/setup ros`"
+    ) from error
+
+from gslts_sim.changes import ChangeError
+from gslts_sim.ros import messages
+from gslts_sim.ros.robot import TICK_S, RobotState, SimulatedRobot, base_from_camera
+
+TICK_NS = round(TICK_S * 1e9)
+QUEUE = 10
+"""Depth of the queues of reliable topics."""
+MAX_LAG_TICKS = 25
+"""Number of ticks that are made up for after a pause; after a longer one the robot stood still."""
+LOG_S = 5.0
+"""Minimum time between two warnings about the same fault, s."""
+FAST_DDS_PROFILE = Path(__file__).with_name("fastdds.xml")
+"""Settings of Fast DDS, the default middleware of ROS 2, unless the user has some of his own."""
+WORLD = "home"
+"""Frame of the true pose."""
+
+
+class RobotNode:
+    """Publishers, subscriptions and services of the robot.
+
+    Motion, goals and tilts are handled in one thread, changes in another one, and images are
+    rendered in a third one: receiving never waits for rendering.
+
+    Args:
+        robot: The robot.
+        rate_hz: Maximum number of frames per second.
+        interval_s: Time between changes that happen by themselves, s; None for none.
+    """
+
+    def __init__(self, robot: SimulatedRobot, rate_hz: float, interval_s: float | None) -> None:
+        self._robot, self._period_s = robot, 1 / rate_hz
+        self.node = node = rclpy.create_node("robot")
+        self._colour = node.create_publisher(
+            Image, "/camera/color/image_raw", qos_profile_sensor_data
+        )
+        self._depth = node.create_publisher(
+            Image, "/camera/aligned_depth_to_color/image_raw", qos_profile_sensor_data
+        )
+        self._info = node.create_publisher(
+            CameraInfo, "/camera/color/camera_info", qos_profile_sensor_data
+        )
+        self._labels = node.create_publisher(Image, "/camera/labels", qos_profile_sensor_data)
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._label_names = node.create_publisher(String, "/camera/label_names", latched)
+        self._label_names.publish(String(data=json.dumps(robot.label_names)))
+        self._odometry = node.create_publisher(Odometry, "/odom", QUEUE)
+        self._camera_pose = node.create_publisher(PoseStamped, "/camera/pose", QUEUE)
+        self._true_pose = node.create_publisher(PoseStamped, "/robot/true_pose", QUEUE)
+        self._send_transforms = _transform_sender(node)
+        self._start_ns: int = node.get_clock().now().nanoseconds
+        self._start_s = time.monotonic()
+        moving, changing = MutuallyExclusiveCallbackGroup(), MutuallyExclusiveCallbackGroup()
+        node.create_timer(TICK_S, self._catch_up, moving)
+        node.create_subscription(
+            PoseStamped, "/goal_pose", self._on_goal, QUEUE, callback_group=moving
+        )
+        node.create_subscription(
+            Float64MultiArray,
+            "/tilt_controller/commands",
+            self._on_tilt,
+            QUEUE,
+            callback_group=moving,
+        )
+        node.create_service(Trigger, "/robot/carry_away", self._carry_away, callback_group=moving)
+        node.create_service(Trigger, "/robot/change", self._change, callback_group=changing)
+        if interval_s is not None:
+            node.create_timer(interval_s, self._change_by_itself, changing)
+
+    def send_images(self, stopped: threading.Event) -> None:
+        """Publish frames until the robot is stopped.
+
+        Args:
+            stopped: Set by another thread.
+        """
+        due_s = time.monotonic()
+        while not stopped.wait(max(0.0, due_s - time.monotonic())):
+            due_s = max(due_s + self._period_s, time.monotonic())
+            state = self._robot.state
+            frame = self._robot.observe(state)
+            stamp = self._stamp_ns(state)
+            self._info.publish(messages.camera_info(frame.camera, stamp))
+            if frame.labels is not None and self._labels.get_subscription_count():
+                self._labels.publish(messages.label_image(frame.labels.instances, stamp))
+            self._depth.publish(messages.depth_image(frame.depth, stamp))
+            self._colour.publish(messages.colour_image(frame.rgb, stamp))
+
+    def _stamp_ns(self, state: RobotState) -> int:
+        return self._start_ns + state.tick * TICK_NS
+
+    def _catch_up(self) -> None:
+        """Let the ticks pass that are due, and publish the poses of each."""
+        due = int((time.monotonic() - self._start_s) / TICK_S) - self._robot.state.tick
+        if due > MAX_LAG_TICKS:
+            self._start_s += (due - 1) * TICK_S
+            self._start_ns += (due - 1) * TICK_NS
+            due = 1
+        for _ in range(due):
+            state = self._robot.advance()
+            stamp = self._stamp_ns(state)
+            base, mount = state.believed.matrix(), base_from_camera(state.tilt_rad)
+            self._odometry.publish(
+                messages.odometry(base, state.speed_m_s, state.turn_rad_s, stamp)
+            )
+            self._camera_pose.publish(messages.pose_stamped(base @ mount, stamp, messages.ODOM))
+            true = state.true.matrix(self._robot.floor_m) @ mount
+            self._true_pose.publish(messages.pose_stamped(true, stamp, WORLD))
+            self._send_transforms(
+                [
+                    messages.transform(base, stamp, messages.ODOM, messages.BASE),
+                    messages.transform(mount, stamp, messages.BASE, messages.OPTICAL),
+                ]
+            )
+
+    def _on_goal(self, message: Any) -> None:
+        frame = message.header.frame_id
+        if frame != messages.ODOM:
+            self._warn(
+                f"/goal_pose: ignored: expected frame_id {messages.ODOM}, got {frame[:80]!r}"
+            )
+            return
+        try:
+            goal = messages.planar_pose(message.pose)
+        except ValueError as error:
+            self._warn(f"/goal_pose: ignored: {error}")
+            return
+        if reason := self._robot.go_to(goal):
+            self._warn(f"/goal_pose: the robot stays: {reason}")
+
+    def _on_tilt(self, message: Any) -> None:
+        if len(message.data) != 1 or not np.isfinite(message.data[0]):
+            self._warn("/tilt_controller/commands: ignored: expected one finite angle, rad")
+            return
+        self._robot.tilt(message.data[0])
+
+    def _carry_away(self, _: Any, response: Any) -> Any:
+        self._robot.carry_away()
+        response.success, response.message = True, "the robot was put down elsewhere"
+        return response
+
+    def _change(self, _: Any, response: Any) -> Any:
+        try:
+            response.message = self._robot.change()
+            response.success = True
+        except ChangeError as reason:
+            response.message = str(reason)
+        self.node.get_logger().info(f"change: {response.message}")
+        return response
+
+    def _change_by_itself(self) -> None:
+        self._change(None, Trigger.Response())
+
+    def _warn(self, text: str) -> None:
+        self.node.get_logger().warning(text, throttle_duration_sec=LOG_S)
+
+
+def spin(
+    robot: SimulatedRobot,
+    rate_hz: float,
+    interval_s: float | None,
+    should_stop: Callable[[], bool],
+) -> None:
+    """Run the node until it is stopped.
+
+    Args:
+        robot: The robot.
+        rate_hz: Maximum number of frames per second.
+        interval_s: Time between changes that happen by themselves, s; None for none.
+        should_stop: Asked several times a second.
+    """
+    os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(FAST_DDS_PROFILE))
+    # The signal handlers of rclpy would end publishers while they are in use.
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    executor, stopped = MultiThreadedExecutor(2), threading.Event()
+    try:
+        robot_node = RobotNode(robot, rate_hz, interval_s)
+        executor.add_node(robot_node.node)
+        with ThreadPoolExecutor(1) as pool:
+            images = pool.submit(robot_node.send_images, stopped)
+            try:
+                while not should_stop() and not images.done():
+                    executor.spin_once(timeout_sec=0.2)
+            finally:
+                stopped.set()
+            images.result()
+        executor.shutdown()
+        robot_node.node.destroy_node()
+    finally:
+        rclpy.shutdown()
+
+
+def _transform_sender(node: Any) -> Callable[[list[Any]], None]:
+    """Return a function that publishes transforms where tf2_msgs is installed."""
+    try:
+        from tf2_msgs.msg import TFMessage
+    except ImportError:
+        return lambda _: None
+    publisher = node.create_publisher(TFMessage, "/tf", 100)
+    return lambda transforms: publisher.publish(TFMessage(transforms=transforms))
