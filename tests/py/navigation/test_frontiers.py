@@ -8,7 +8,7 @@ import pytest
 from gslts.core.camera import Camera, look_at
 from gslts.core.frame import RgbdFrame
 from gslts.core.robot_body import RobotBody
-from gslts.keeper.first_exploration import explore_home
+from gslts.keeper.exploration import RINGS
 from gslts.navigation.frontiers import REPEAT_M, SPACING_M, FrontierExplorer
 from gslts.navigation.observed_floor import ObservedFloor
 from gslts.types import Bools, Floats
@@ -30,6 +30,23 @@ def small_robot(room: str, seed: int) -> Controller:
     return Controller(open_home(room, seed), width=160, height=120, noise="none")
 
 
+def explore(robot: Controller, own: FrontierExplorer) -> list[RgbdFrame]:
+    """Look around at all goals, as a robot on its first visit; return the frames."""
+    frames, position = [], robot.pose()[:2, 3]
+    while True:
+        for count, pitch_rad in RINGS:
+            for number in range(count):
+                if robot.move_towards(position, 2 * np.pi * number / count, float(pitch_rad)):
+                    frames.append(robot.observe())
+                    own.floor.add(frames[-1])
+        goal = own.next_goal(robot.pose()[:2, 3])
+        if goal is None:
+            return frames
+        position = goal.position
+        if not robot.move_towards(position, goal.yaw_rad):
+            own.block(position)
+
+
 def at(mask: Bools, floor: ObservedFloor, points: Floats) -> Bools:
     cells = floor.grid.cells(points)
     inside = floor.grid.contains(cells)
@@ -45,7 +62,7 @@ def test_a_robot_explores_all_floor_that_it_can_reach(
 ) -> None:
     robot = small_robot(room, seed)
     own = explorer(robot)
-    frames = list(explore_home(robot, own))
+    frames = explore(robot, own)
     truth = floor_of(robot.home)
     rows, columns = np.nonzero(truth.largest)
     reachable = truth.origin + truth.cell_m * np.column_stack([columns, rows])
@@ -70,7 +87,7 @@ def test_floor_that_the_robot_does_not_reach_is_given_up() -> None:
 
     robot = FencedRobot(open_home("kitchen", 3), width=160, height=120, noise="none")
     fence_m = float(robot.pose()[0, 3]) + 0.3
-    frames = list(explore_home(robot, explorer(robot)))
+    frames = explore(robot, explorer(robot))
     assert 12 <= len(frames) < 150
     assert max(frame.camera.world_from_camera[0, 3] for frame in frames) < fence_m + 0.2
 
@@ -79,7 +96,7 @@ def test_exploration_stays_in_its_square() -> None:
     robot = small_robot("living_room", 3)
     own = explorer(robot, side_m=2.0)
     start = robot.pose()[:2, 3]
-    frames = list(explore_home(robot, own))
+    frames = explore(robot, own)
     offsets_m = [abs(frame.camera.world_from_camera[:2, 3] - start).max() for frame in frames]
     assert max(offsets_m) < 1.0 + 0.2
     assert own.floor.semantic_map.layers.shape == (2, 40, 40)
