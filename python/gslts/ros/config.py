@@ -65,7 +65,9 @@ class NodeConfig(BaseModel):
         build: Build the map from what the robot sees if there is none.
         record: Folder for a recording of the frames; None for none.
         rate_hz: Maximum number of frames per second that are compared with the map.
+        max_viewpoints: Maximum number of viewpoints of a round.
         body: Size of the robot.
+        sim_time: Take the time from /clock.
         threads: 0 uses all hardware threads.
     """
 
@@ -80,7 +82,9 @@ class NodeConfig(BaseModel):
     build: bool = False
     record: Path | None = None
     rate_hz: Annotated[float, Field(gt=0, le=100)] = 4.0
+    max_viewpoints: Annotated[int, Field(ge=1, le=1000)] = 40
     body: RobotBody = RobotBody()
+    sim_time: bool = False
     threads: Annotated[int, Field(ge=0)] = 0
 
 

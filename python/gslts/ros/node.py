@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
+from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -14,6 +15,7 @@ try:
     from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
     from nav_msgs.msg import OccupancyGrid, Odometry
     from rclpy.executors import SingleThreadedExecutor
+    from rclpy.parameter import Parameter
     from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
     from rclpy.serialization import deserialize_message
     from rclpy.signals import SignalHandlerOptions
@@ -49,6 +51,8 @@ MAP_FRAME = "map"
 """Frame of all that the node publishes."""
 QUEUE = 10
 """Depth of the queues of reliable topics."""
+OWN_GOALS = 8
+"""Number of last goals of the node by which it knows its own messages when it receives them."""
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Late subscribers get the last message, as Nav2 and RViz expect of maps."""
 
@@ -62,7 +66,8 @@ class GsltsNode:
     """
 
     def __init__(self, config: NodeConfig, stop: threading.Event) -> None:
-        self.node = node = rclpy.create_node("gslts")
+        clock = Parameter("use_sim_time", value=config.sim_time)
+        self.node = node = rclpy.create_node("gslts", parameter_overrides=[clock])
         self._config = config
         logger = node.get_logger()
         self._problems = Problems(logger.warning)
@@ -70,7 +75,7 @@ class GsltsNode:
         self.intake = Intake(config.topics, self._poses, self._decode, self._problems)
         self._types = self._subscribe_images()
         self._publish_as()
-        self._goal: tuple[float, float] | None = None
+        self._own_goals = deque[tuple[float, float]](maxlen=OWN_GOALS)
         self._rasterizer, self._view_s = Rasterizer(np.float32), 0.0
         self._latencies_s: list[float] = []
         self.operation = Operation(
@@ -166,7 +171,7 @@ class GsltsNode:
     def _on_goal(self, message: PoseStamped) -> None:
         """Leave the robot alone if somebody else gave it a goal."""
         position = message.pose.position
-        if (position.x, position.y) != self._goal and self.operation.robot is not None:
+        if (position.x, position.y) not in self._own_goals and self.operation.robot is not None:
             self.operation.robot.leave_alone()
 
     # Goals ---------------------------------------------------------------------------------------
@@ -175,7 +180,7 @@ class GsltsNode:
         """Publish a goal; see `Goals.drive_to`."""
         message = PoseStamped(header=self._header(self._poses.world))
         message.pose = pose_message(yaw_pose(position, yaw_rad))
-        self._goal = message.pose.position.x, message.pose.position.y
+        self._own_goals.append((message.pose.position.x, message.pose.position.y))
         self._goals.publish(message)
 
     def tilt_to(self, pitch_rad: float) -> None:

@@ -172,6 +172,7 @@ class Operation:
             except RobotLostError as error:
                 self._log(f"exploration ended: {error}")
             else:
+                self._outbox.event("explored")
                 return
         while not self._stop.is_set():
             judge.require_working()
@@ -266,6 +267,9 @@ class Operation:
         self._activity = "updating the map"
         try:
             keeper.integrate(self.robot, reports, frames)
+        except RobotLostError:
+            waiting.add(reports)
+            raise
         finally:
             self._show_changes(waiting)
         return True
@@ -338,6 +342,7 @@ def _keeper_config(config: NodeConfig) -> KeeperConfig:
     threads = config.threads
     update = UpdateConfig(threads=threads)
     return KeeperConfig(
+        max_viewpoints=config.max_viewpoints,
         detection=DetectionConfig(threads=threads),
         update=update,
         extension=PRESETS["fast"].with_settings([f"threads={threads}"]),
