@@ -93,6 +93,14 @@ def ros(
     height: Height = 1.2,
     step: Step = 0.02,
     threads: Threads = 0,
+    ros_arguments: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[-- --ros-args ...]",
+            help="Arguments of ROS: -r __ns:=/robot1, -p use_sim_time:=true, -r FROM:=TO.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """Keep a map up to date on a robot with ROS 2, as the node gslts.
 
@@ -135,6 +143,7 @@ def ros(
         sim_time=sim_time,
         body=RobotBody(radius_m=radius, height_m=height, step_m=step),
         threads=threads,
+        ros_arguments=tuple(ros_arguments or ()),
     )
     stop = threading.Event()
     with stop_signals(stop.set):

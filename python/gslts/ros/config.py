@@ -69,6 +69,7 @@ class NodeConfig(BaseModel):
         body: Size of the robot.
         sim_time: Take the time from /clock.
         threads: 0 uses all hardware threads.
+        ros_arguments: Arguments of ROS, such as --ros-args -p use_sim_time:=true.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -86,6 +87,7 @@ class NodeConfig(BaseModel):
     body: RobotBody = RobotBody()
     sim_time: bool = False
     threads: Annotated[int, Field(ge=0)] = 0
+    ros_arguments: tuple[str, ...] = ()
 
 
 def parse_mount(text: str) -> Mount:

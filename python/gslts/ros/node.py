@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import threading
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -66,8 +67,8 @@ class GsltsNode:
     """
 
     def __init__(self, config: NodeConfig, stop: threading.Event) -> None:
-        clock = Parameter("use_sim_time", value=config.sim_time)
-        self.node = node = rclpy.create_node("gslts", parameter_overrides=[clock])
+        clock = [Parameter("use_sim_time", value=True)] if config.sim_time else []
+        self.node = node = rclpy.create_node("gslts", parameter_overrides=clock)
         self._config = config
         logger = node.get_logger()
         self._problems = Problems(logger.warning)
@@ -75,6 +76,7 @@ class GsltsNode:
         self.intake = Intake(config.topics, self._poses, self._decode, self._problems)
         self._types = self._subscribe_images()
         self._publish_as()
+        self._typed: Any = None
         self._own_goals = deque[tuple[float, float]](maxlen=OWN_GOALS)
         self._rasterizer, self._view_s = Rasterizer(np.float32), 0.0
         self._latencies_s: list[float] = []
@@ -83,9 +85,9 @@ class GsltsNode:
         )
         for topic, kind in (("query", "query"), ("go", "go"), ("command", "command")):
             node.create_subscription(
-                String, f"/gslts/{topic}", lambda m, k=kind: self._on_words(k, m.data), QUEUE
+                String, f"gslts/{topic}", lambda m, k=kind: self._on_words(k, m.data), QUEUE
             )
-        node.create_subscription(PoseStamped, "/goal_pose", self._on_goal, QUEUE)
+        node.create_subscription(PoseStamped, "goal_pose", self._on_goal, QUEUE)
         node.create_timer(DIAGNOSTICS_PERIOD_S, self._diagnose)
 
     def now_s(self) -> float:
@@ -192,14 +194,14 @@ class GsltsNode:
 
     def _publish_as(self) -> None:
         node, tilt = self.node, self._config.topics.tilt
-        self._goals = node.create_publisher(PoseStamped, "/goal_pose", QUEUE)
+        self._goals = node.create_publisher(PoseStamped, "goal_pose", QUEUE)
         self._tilt = node.create_publisher(Float64MultiArray, tilt, QUEUE) if tilt else None
-        self._markers = node.create_publisher(MarkerArray, "/gslts/changes", LATCHED)
-        self._grid = node.create_publisher(OccupancyGrid, "/gslts/grid", LATCHED)
-        self._pose = node.create_publisher(PoseWithCovarianceStamped, "/gslts/pose", QUEUE)
-        self._view = node.create_publisher(Image, "/gslts/view", qos_profile_sensor_data)
-        self._answers = node.create_publisher(String, "/gslts/answer", QUEUE)
-        self._events = node.create_publisher(String, "/gslts/events", QUEUE)
+        self._markers = node.create_publisher(MarkerArray, "gslts/changes", LATCHED)
+        self._grid = node.create_publisher(OccupancyGrid, "gslts/grid", LATCHED)
+        self._pose = node.create_publisher(PoseWithCovarianceStamped, "gslts/pose", QUEUE)
+        self._view = node.create_publisher(Image, "gslts/view", qos_profile_sensor_data)
+        self._answers = node.create_publisher(String, "gslts/answer", QUEUE)
+        self._events = node.create_publisher(String, "gslts/events", QUEUE)
         self._diagnostics, self._detections = None, None
         try:
             from diagnostic_msgs.msg import DiagnosticArray
@@ -210,9 +212,9 @@ class GsltsNode:
         try:
             from vision_msgs.msg import Detection3DArray
 
-            self._detections = node.create_publisher(Detection3DArray, "/gslts/detections", LATCHED)
+            self._detections = node.create_publisher(Detection3DArray, "gslts/detections", LATCHED)
         except ImportError:
-            node.get_logger().info("no /gslts/detections: vision_msgs cannot be imported")
+            node.get_logger().info("no gslts/detections: vision_msgs cannot be imported")
 
     def judged(self, judged: Judged, gaussian_map: GaussianMap | None) -> None:
         """Publish the pose of a frame, and a rendering there; see `Outbox.judged`."""
@@ -253,6 +255,19 @@ class GsltsNode:
     def answer(self, text: str) -> None:
         """Publish an answer; see `Outbox.answer`."""
         self._answers.publish(String(data=text))
+        if self._typed is not None:
+            self._typed.on_answer(text)
+
+    @contextmanager
+    def typed_requests(self) -> Iterator[None]:
+        """Answer the service and the action of gslts_msgs too, where it can be imported."""
+        try:
+            from gslts.ros.typed_requests import TypedRequests
+        except ImportError:
+            yield
+            return
+        with TypedRequests(self.operation) as self._typed:
+            yield
 
     def _diagnose(self) -> None:
         if self._diagnostics is None:
@@ -285,7 +300,11 @@ def run_node(config: NodeConfig, stop: threading.Event) -> None:
         RuntimeError: A lane failed.
     """
     # The signal handlers of rclpy would end publishers while they are in use.
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        rclpy.init(args=config.ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        given, reason = " ".join(config.ros_arguments), str(error).partition(", at ")[0]
+        raise ValueError(f"arguments of ROS: {given}: {reason}") from None
     executor = SingleThreadedExecutor()
     try:
         gslts_node = GsltsNode(config, stop)
@@ -293,7 +312,8 @@ def run_node(config: NodeConfig, stop: threading.Event) -> None:
         spinning = threading.Thread(target=executor.spin, name="gslts-ros", daemon=True)
         spinning.start()
         try:
-            gslts_node.operation.run()
+            with gslts_node.typed_requests():
+                gslts_node.operation.run()
         finally:
             executor.shutdown()
             spinning.join()
