@@ -63,9 +63,7 @@ def capture(robot: Controller, viewpoints: Iterable[Viewpoint], folder: Path) ->
         writer.keep_complete_frames()
         if isinstance(error, OSError):
             reason = error.strerror or str(error)
-            raise OSError(
-                f"{folder}: {reason}; {writer.count} complete frames are kept"
-            ) from None
+            raise OSError(f"{folder}: {reason}; {writer.count} complete frames are kept") from None
         raise
     return writer.count
 

@@ -317,9 +317,7 @@ class MapKeeper:
                 break
         return self.reports()
 
-    def _update(
-        self, robot: Robot, changes: list[Change], recorded: Sequence[RgbdFrame]
-    ) -> None:
+    def _update(self, robot: Robot, changes: list[Change], recorded: Sequence[RgbdFrame]) -> None:
         """Publish a version that shows the changes, or defer them."""
         config, cameras = self._config.update, list(self._cameras.values())
         result = integrate_changes(

@@ -43,8 +43,7 @@ class FrameMemory:
             self._newest = frame
             pose = frame.camera.world_from_camera
             is_key = frame.fault is None and (
-                not self._keyframes
-                or has_moved(self._keyframes[-1].camera.world_from_camera, pose)
+                not self._keyframes or has_moved(self._keyframes[-1].camera.world_from_camera, pose)
             )
             if is_key:
                 self._keyframes.append(frame)

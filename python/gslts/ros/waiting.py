@@ -17,7 +17,6 @@ SAME_CHANGE_M = 0.3
 """Maximum distance between two reports of one change, m; that of the monitor."""
 
 
-
 class WaitingChanges:
     """Keeps reports of changes until the frames since then show them from enough positions.
 

@@ -193,9 +193,7 @@ class FrameTree:
         """
         return any(not self._parents[name][2] for name in self.ancestors(frame)[:-1])
 
-    def find(
-        self, target: str, source: str, time_ns: int, max_gap_ns: int = MAX_GAP_NS
-    ) -> Floats:
+    def find(self, target: str, source: str, time_ns: int, max_gap_ns: int = MAX_GAP_NS) -> Floats:
         """Return the transform between two frames at a time.
 
         Args:
