@@ -63,6 +63,7 @@ class ChangeMonitor:
         self._confirmation = ChangeConfirmation(self.config)
         self._reports: deque[Report] = deque()
         self._counts = Counts()
+        self._fault: str | None = None
         self._failure: Exception | None = None
         self._closing = False
         self._changed = threading.Condition()
@@ -133,6 +134,12 @@ class ChangeMonitor:
         """Numbers of frames so far."""
         with self._changed:
             return self._counts
+
+    @property
+    def fault(self) -> str | None:
+        """Reason why the last frame cannot be compared; None if it can."""
+        with self._changed:
+            return self._fault
 
     @property
     def is_pending(self) -> bool:
@@ -211,6 +218,7 @@ class ChangeMonitor:
             number = counts.processed + 1
             unreliable = counts.unreliable + (detection.unreliable is not None)
             self._counts = replace(counts, processed=number, unreliable=unreliable)
+            self._fault = detection.unreliable
             if detector is self._detector:
                 rule = detector.config.objects
                 self._reports += self._confirmation.observe(

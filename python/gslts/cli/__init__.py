@@ -17,6 +17,7 @@ from gslts.cli.evaluation import judge
 from gslts.cli.extend import extend
 from gslts.cli.localize import localize
 from gslts.cli.query import query
+from gslts.cli.ros import ros
 from gslts.cli.run import run
 from gslts.cli.semantics import semantics
 from gslts.cli.share import clone, pull, push
@@ -40,6 +41,7 @@ app.command("update")(update)
 app.command("extend")(extend)
 app.command("consolidate")(consolidate)
 app.command("run")(run)
+app.command("ros")(ros)
 app.command("log")(history.log)
 app.command("show")(history.show)
 app.command("diff")(history.diff)

@@ -169,8 +169,11 @@ def _echo_deferred(deferred: Iterable[DeferredChange]) -> None:
 
 
 @contextmanager
-def stop_signals() -> Iterator[list[int]]:
+def stop_signals(on_signal: Callable[[], None] = lambda: None) -> Iterator[list[int]]:
     """Collect SIGINT and SIGTERM; a second one of the same kind ends the program.
+
+    Args:
+        on_signal: Called for each of them.
 
     Yields:
         Numbers of the signals received so far.
@@ -179,6 +182,7 @@ def stop_signals() -> Iterator[list[int]]:
 
     def note(number: int, _: object) -> None:
         received.append(number)
+        on_signal()
         signal.signal(number, previous[number])
 
     previous: dict[int, Any] = {}

@@ -27,9 +27,10 @@ PNG_LEVEL = 1
 
 
 class RecordingWriter:
-    """Writes frames as a data set: `transforms.json` with `images`, `depth` (16-bit, mm; 0: no
-    measurement) and `instances` (16-bit, 1 + row of the object, 0: background).
+    """Writes frames as a data set.
 
+    It has `transforms.json`, and the folders `images`, `depth` (16-bit, mm; 0: no measurement) and
+    `instances` (16-bit, 1 + row of the object, 0: background).
     After a failure or an interruption, the frames of the last list remain as a valid data set; the
     next writer of the folder continues it.
 

@@ -52,6 +52,8 @@ class MapKeeper:
 
     Attributes:
         state: Progress of the rounds.
+        monitor: Confirms changes over the frames.
+        semantics: Of the map; None if it has none, or its models are not available.
         localizer: In the newest version of the map, for a `LocalizedRobot`; None if the odometry of
             the robot is in the coordinates of the map.
 
@@ -78,12 +80,12 @@ class MapKeeper:
             self._map = self._store.read()
             self._cameras = cameras_of_map(folder)
             self._measurements = read_measurements(folder)
-            self._semantics = MapSemantics.of_map(folder, self._config.update.threads)
+            self.semantics = MapSemantics.of_map(folder, self._config.update.threads)
             self._detector = self._new_detector()
             self.localizer: Localizer | None = None
             if self._config.relocalization is not None:
                 self.localizer = Localizer(self._new_relocalizer())
-            self._monitor = ChangeMonitor(self._detector, self._config.monitor)
+            self.monitor = ChangeMonitor(self._detector, self._config.monitor)
         except BaseException:
             self._store.close()
             raise
@@ -93,7 +95,7 @@ class MapKeeper:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._monitor.close()
+        self.monitor.close()
         self._store.close()
 
     @property
@@ -106,23 +108,18 @@ class MapKeeper:
         """Gaussians of the newest version."""
         return self._map
 
-    @property
-    def semantics(self) -> MapSemantics | None:
-        """Semantics of the map; None if it has none, or its models are not available."""
-        return self._semantics
-
     def watch(self, frame: RgbdFrame) -> None:
         """Look for changes in a frame, and wait for the result.
 
         Args:
             frame: RGB-D frame that a robot observed.
         """
-        self._monitor.offer(frame)
-        self._monitor.wait()
+        self.monitor.offer(frame)
+        self.monitor.wait()
 
     def reports(self) -> list[Report]:
         """Return the changes that were confirmed since the last call, without deferred ones."""
-        state, latest = self.state, latest_reports(self._monitor.poll())
+        state, latest = self.state, latest_reports(self.monitor.poll())
         return [r for r in latest if not is_deferred(state.deferred, r.change, state.round)]
 
     def integrate(
@@ -178,7 +175,7 @@ class MapKeeper:
             OSError: A file cannot be written; the map is that of its newest version.
         """
         cameras = self._cameras if viewpoints is None else viewpoints
-        self._monitor.publish(self._detector)  # Deferred changes may be reported again.
+        self.monitor.publish(self._detector)  # Deferred changes may be reported again.
         if self.state.remaining is None:
             self._set_state(remaining=self._plan() if viewpoints is None else tuple(viewpoints))
         while self.state.remaining:
@@ -188,6 +185,14 @@ class MapKeeper:
                 self._progress(name)
                 self.integrate(robot, self._observe(robot))
             self._set_state(remaining=self.state.remaining[1:])
+        self.end_round()
+
+    def end_round(self) -> None:
+        """End the present round: deferred changes that are due are reported again if they last.
+
+        Raises:
+            OSError: The state cannot be written.
+        """
         # A deferred change that was due and was not detected again no longer exists.
         number = self.state.round
         deferred = tuple(change for change in self.state.deferred if change.retry_round > number)
@@ -313,7 +318,7 @@ class MapKeeper:
                 break
             self._last_frame = frame
             self.watch(frame)
-            if not self._monitor.is_pending:
+            if not self.monitor.is_pending:
                 break
         return self.reports()
 
@@ -329,11 +334,11 @@ class MapKeeper:
             detector=self._detector,
             recorded=recorded,
             first_id=self._store.version().next_id,
-            semantics=self._semantics,
+            semantics=self.semantics,
             progress=self._on_progress,
         )
         version = publish(
-            self._store, self._map, cameras, result, config, self.state.round, self._semantics
+            self._store, self._map, cameras, result, config, self.state.round, self.semantics
         )
         self._defer_rejected(result)
         if version is None:
@@ -352,7 +357,7 @@ class MapKeeper:
         self._map = gaussian_map
         self._cameras |= cameras_of_version(version)
         self._detector = self._new_detector()
-        self._monitor.publish(self._detector)
+        self.monitor.publish(self._detector)
         if self.localizer is not None:
             self.localizer.publish(self._new_relocalizer())
 

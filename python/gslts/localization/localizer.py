@@ -72,7 +72,15 @@ class Localizer:
             The frame at its localized pose. If it is lost or ambiguous, it is at the predicted
             pose, without depth and with a fault, so that nothing is concluded from it.
         """
-        found = self.localize(frame)
+        return self.placed(frame, self.localize(frame))
+
+    def placed(self, frame: RgbdFrame, found: Localization) -> RgbdFrame:
+        """Return the frame that was localized last at its pose in the map; see `localize_frame`.
+
+        Args:
+            frame: As for `localize`.
+            found: Its localization.
+        """
         placed = frame
         if self._world_from_odometry is not None:
             placed = in_world(frame, self._world_from_odometry)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from gslts.core.camera import unproject
 from gslts.core.frame import RgbdFrame
 from gslts.core.robot_body import RobotBody
-from gslts.core.se3 import transform
 from gslts.navigation.semantic_map import SemanticMap
-from gslts.types import Bools
+from gslts.types import Bools, Floats
 
 MIN_DEPTH_M, MAX_DEPTH_M = 0.3, 2.0
 """Range of depths that are accurate enough to tell an obstacle from the floor."""
@@ -40,21 +40,7 @@ def detect_obstacles(
     Returns:
         [M,M] bool, cells with new obstacles.
     """
-    registered = frame.registered()
-    camera, step = registered.camera, max(1, registered.camera.width // SAMPLED_COLUMNS)
-    depth = registered.depth[::step, ::step].astype(np.float64)
-    rows, columns = np.indices(depth.shape) * step
-    rays = np.stack(
-        [
-            (columns + 0.5 - camera.cx) / camera.fx,
-            (rows + 0.5 - camera.cy) / camera.fy,
-            np.ones(depth.shape),
-        ],
-        axis=-1,
-    )
-    measured = (depth > MIN_DEPTH_M) & (depth < MAX_DEPTH_M)
-    in_camera = rays[measured] * depth[measured, None]
-    points = transform(camera.world_from_camera, in_camera)
+    points, _ = depth_points(frame, SAMPLED_COLUMNS, MIN_DEPTH_M, MAX_DEPTH_M)
     heights = points[:, 2] - semantic_map.floor_m
     is_obstacle = (heights > body.step_m + HEIGHT_MARGIN_M) & (heights < body.height_m)
     counts = semantic_map.grid.sums(points[is_obstacle], np.ones(int(is_obstacle.sum())))
@@ -63,3 +49,27 @@ def detect_obstacles(
     )
     new: Bools = (counts >= MIN_POINTS) & semantic_map.explored & (near_known == 0)
     return new
+
+
+def depth_points(
+    frame: RgbdFrame, columns: int, min_depth_m: float, max_depth_m: float
+) -> tuple[Floats, Floats]:
+    """Compute the points that the depth of a frame shows.
+
+    Args:
+        frame: With depth, at the pose that the robot believes.
+        columns: Number of columns to which depth is subsampled, at most; bounds time.
+        min_depth_m: Depths up to here are ignored, m.
+        max_depth_m: Depths from here on are ignored, m.
+
+    Returns:
+        [P,3] points in the world, m, and [P] their depths, m.
+    """
+    registered = frame.registered()
+    step = max(1, registered.camera.width // columns)
+    depth = registered.depth[::step, ::step].astype(np.float64)
+    measured = (depth > min_depth_m) & (depth < max_depth_m)
+    rows, at = np.nonzero(measured)
+    depths: Floats = depth[measured]
+    pixels = step * np.column_stack([at, rows]).astype(np.float64) + 0.5
+    return unproject(registered.camera, pixels, depths), depths

@@ -65,8 +65,11 @@ class NodeConfig(BaseModel):
         build: Build the map from what the robot sees if there is none.
         record: Folder for a recording of the frames; None for none.
         rate_hz: Maximum number of frames per second that are compared with the map.
+        max_viewpoints: Maximum number of viewpoints of a round.
         body: Size of the robot.
+        sim_time: Take the time from /clock.
         threads: 0 uses all hardware threads.
+        ros_arguments: Arguments of ROS, such as --ros-args -p use_sim_time:=true.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -80,8 +83,31 @@ class NodeConfig(BaseModel):
     build: bool = False
     record: Path | None = None
     rate_hz: Annotated[float, Field(gt=0, le=100)] = 4.0
+    max_viewpoints: Annotated[int, Field(ge=1, le=1000)] = 40
     body: RobotBody = RobotBody()
+    sim_time: bool = False
     threads: Annotated[int, Field(ge=0)] = 0
+    ros_arguments: tuple[str, ...] = ()
+
+
+def parse_mount(text: str) -> Mount:
+    """Parse the option --mount.
+
+    Args:
+        text: Six numbers, separated by commas.
+
+    Raises:
+        ValueError: These are not six finite numbers.
+    """
+    try:
+        x, y, z, roll, pitch, yaw = (float(part) for part in text.split(","))
+    except ValueError:
+        raise ValueError(
+            f"--mount: expected six numbers x,y,z,roll,pitch,yaw, got {text!r}"
+        ) from None
+    if not all(abs(value) < 100 for value in (x, y, z, roll, pitch, yaw)):
+        raise ValueError(f"--mount: expected metres and radians, got {text!r}")
+    return x, y, z, roll, pitch, yaw
 
 
 def _base(topic: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
+from collections.abc import Callable
 
 from gslts.core.frame import RgbdFrame
 from gslts.core.se3 import pose_distance
@@ -50,11 +51,11 @@ class FrameMemory:
             self._new.notify_all()
             return is_key
 
-    def wait_after(self, time_s: float, timeout_s: float) -> RgbdFrame | None:
-        """Wait for a frame that was taken after a time.
+    def wait_after(self, newest_s: Callable[[], float], timeout_s: float) -> RgbdFrame | None:
+        """Wait for a frame that is taken from now on.
 
         Args:
-            time_s: Stamp, s.
+            newest_s: Returns the stamp of the newest image so far, s.
             timeout_s: Maximum time to wait, s.
 
         Returns:
@@ -62,6 +63,7 @@ class FrameMemory:
         """
         self.wanted.set()
         try:
+            time_s = newest_s()
             with self._new:
                 came = self._new.wait_for(
                     lambda: self._newest is not None and self._newest.time_s > time_s, timeout_s

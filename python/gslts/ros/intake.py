@@ -151,15 +151,24 @@ class Intake:
             self._counts = replace(self._counts, taken=taken, dropped=dropped)
         return frame
 
+    @property
+    def newest_s(self) -> float:
+        """Stamp of the newest colour image, s; 0 before the first one."""
+        with self._new:
+            images = self._images[self._topics.rgb]
+            return images[-1][0] * 1e-9 if images else 0.0
+
     def latest_pose(self) -> Floats:
-        """Return the newest pose of the camera, [4,4] world_from_camera, m.
+        """Return the newest pose of the camera by its source, [4,4] world_from_camera, m.
 
         Raises:
-            ValueError: It is not known.
+            ValueError: It is not known, or there is no source.
         """
         with self._new:
             info = self._infos.get(self._topics.rgb_info)
-        return self._poses.latest("" if info is None else self._frame_of(info))
+        if info is None:
+            raise ValueError(f"no CameraInfo has come on {self._topics.rgb_info}")
+        return self._poses.latest(self._frame_of(info))
 
     def _choose(self) -> FrameMessages | None:
         """Return the messages of the newest complete frame; None if there is none."""

@@ -56,9 +56,9 @@ class NoPoses:
         """Return the identity; see `LivePoses.at`."""
         return np.eye(4)
 
-    def latest(self, frame: str) -> Floats:
-        """Return the identity; see `LivePoses.latest`."""
-        return self.at(0, frame)
+    def latest(self, frame: str) -> Floats:  # noqa: ARG002
+        """Raise ValueError: nobody knows if the camera moves; see `LivePoses.latest`."""
+        raise ValueError("there is no source of poses")
 
 
 class TopicPoses:
@@ -181,8 +181,10 @@ def mount_matrix(mount: Mount) -> Floats:
 
 
 def _memory(newest_ns: int, time_ns: int) -> tuple[int, int]:
-    """Return the time that is remembered, ns, after a pose has come: the last seconds, up to the
-    newest pose; up to this one if the clock was set back."""
+    """Return first and last time that is remembered after a pose has come, ns.
+
+    The last one is that of the newest pose, or of this one if the clock was set back.
+    """
     last_ns = time_ns if time_ns < newest_ns - CLOCK_JUMP_NS else max(newest_ns, time_ns)
     return last_ns - POSE_HISTORY_NS, last_ns
 

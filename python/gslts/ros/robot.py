@@ -64,7 +64,7 @@ class RosRobot:
         believed_pose: Returns the newest [4,4] pose of the odometry; raises ValueError without one.
         map_from_odometry: Returns the [4,4] correction of the odometry.
         newest_s: Returns the stamp of the newest image, s.
-        positions: Returns [P,2] free positions of the map.
+        positions: Returns [P,2] free positions of the map; None without a map.
         goals: Drives the robot; None if it is only watched, and has no reachable positions.
         stop: Set if waiting should end.
     """
@@ -75,7 +75,7 @@ class RosRobot:
         believed_pose: Callable[[], Floats],
         map_from_odometry: Callable[[], Floats],
         newest_s: Callable[[], float],
-        positions: Callable[[], Floats],
+        positions: Callable[[], Floats] | None,
         goals: Goals | None,
         stop: threading.Event,
     ) -> None:
@@ -101,7 +101,7 @@ class RosRobot:
         Raises:
             RobotLostError: None comes.
         """
-        frame = self._memory.wait_after(self._newest_s(), OBSERVE_TIMEOUT_S)
+        frame = self._memory.wait_after(self._newest_s, OBSERVE_TIMEOUT_S)
         if frame is None:
             raise RobotLostError(f"no frame came within {OBSERVE_TIMEOUT_S:g} s")
         return frame
@@ -119,7 +119,7 @@ class RosRobot:
 
     def reachable_positions(self) -> Floats:
         """Return [P,2] free positions of the map, x and y, m; none if the robot is only watched."""
-        if self._goals is None or self.is_left_alone:
+        if self._positions is None or self._goals is None or self.is_left_alone:
             return np.zeros((0, 2))
         return self._positions()
 
@@ -148,9 +148,7 @@ class RosRobot:
         # the goal is given relative to the present pose.
         here, believed = self.pose(), self._believed_pose()
         turn_rad = _yaw_of(believed) - _yaw_of(here)
-        turn = np.array(
-            [[np.cos(turn_rad), -np.sin(turn_rad)], [np.sin(turn_rad), np.cos(turn_rad)]]
-        )
+        turn = yaw_pose(np.zeros(2), turn_rad)[:2, :2]
         goal = believed[:2, 3] + turn @ (position - here[:2, 3])
         self._goals.drive_to(goal, yaw_rad + turn_rad)
         return self._wait_until_at(goal, yaw_rad + turn_rad)
@@ -171,6 +169,22 @@ class RosRobot:
             if now_s - moved_s > (TILT_S if is_there else STUCK_S):
                 return bool(is_there)
         return False
+
+
+def yaw_pose(position: Floats, yaw_rad: float) -> Floats:
+    """Return the pose of a base on the floor.
+
+    Args:
+        position: (2,) x and y, m.
+        yaw_rad: About z, rad.
+
+    Returns:
+        [4,4] rigid, at height 0, m.
+    """
+    pose = np.eye(4)
+    pose[:2, :2] = [[np.cos(yaw_rad), -np.sin(yaw_rad)], [np.sin(yaw_rad), np.cos(yaw_rad)]]
+    pose[:2, 3] = position
+    return pose
 
 
 def _yaw_of(pose: Floats) -> float:

@@ -28,8 +28,10 @@ class WaitingChanges:
         self._views = views
         self._waiting: list[tuple[Report, float]] = []
 
-    def __len__(self) -> int:
-        return len(self._waiting)
+    @property
+    def changes(self) -> list[Change]:
+        """The waiting changes."""
+        return [report.change for report, _ in self._waiting]
 
     def add(self, reports: Sequence[Report]) -> None:
         """Add reports; a new report of a waiting change replaces the old one.
@@ -68,6 +70,12 @@ class WaitingChanges:
             return [], []
         frames = list(frames_since(max(since_s for _, since_s in ready)))
         return [report for report, _ in ready], frames
+
+    def take_all(self) -> list[Report]:
+        """Take all reports: the robot itself drives to where it sees more."""
+        reports = [report for report, _ in self._waiting]
+        self._waiting = []
+        return reports
 
     def _is_ready(
         self, change: Change, since_s: float, now_s: float, frames: Sequence[RgbdFrame]

@@ -12,6 +12,7 @@ from gslts.cli.jobs import progress_bar
 from gslts.cli.mapping import Preset
 from gslts_bench.cli.options import HomeOptions, finish, on_homes
 from gslts_bench.cli.real import real
+from gslts_bench.cli.ros import ros
 
 # What a command needs is imported inside it, so that `gslts --help` answers at once.
 
@@ -337,3 +338,4 @@ def scale(
 
 
 bench.command()(real)
+bench.command()(ros)

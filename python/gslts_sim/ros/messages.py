@@ -13,7 +13,7 @@ from std_msgs.msg import Header
 from gslts.core.camera import Camera
 from gslts.ros.image_message import image_message
 from gslts.ros.pose_message import pose_message
-from gslts.types import Floats, Floats32
+from gslts.types import Floats, Floats32, Ints32
 from gslts_sim.ros.planar_pose import PlanarPose
 
 OPTICAL = "camera_color_optical_frame"
@@ -48,6 +48,16 @@ def depth_image(depth: Floats32, time_ns: int) -> Image:
     known = np.where(depth <= MAX_DEPTH_M, depth, 0)
     millimetres = np.rint(1000 * known).astype("<u2")
     return image_message(header(time_ns, OPTICAL), millimetres, "16UC1")
+
+
+def label_image(instances: Ints32, time_ns: int) -> Image:
+    """Return the object at each pixel as an Image with encoding 16UC1; 0 for none.
+
+    Args:
+        instances: [H,W] row of the object, -1 for none.
+        time_ns: Stamp, ns.
+    """
+    return image_message(header(time_ns, OPTICAL), (instances + 1).astype("<u2"), "16UC1")
 
 
 def camera_info(camera: Camera, time_ns: int) -> CameraInfo:

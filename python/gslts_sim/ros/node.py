@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import threading
 import time
@@ -18,10 +19,10 @@ try:
     from nav_msgs.msg import Odometry
     from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
     from rclpy.executors import MultiThreadedExecutor
-    from rclpy.qos import qos_profile_sensor_data
+    from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
     from rclpy.signals import SignalHandlerOptions
     from sensor_msgs.msg import CameraInfo, Image
-    from std_msgs.msg import Float64MultiArray
+    from std_msgs.msg import Float64MultiArray, String
     from std_srvs.srv import Trigger
 except ImportError as error:
     raise ImportError(
@@ -73,6 +74,10 @@ class RobotNode:
         self._info = node.create_publisher(
             CameraInfo, "/camera/color/camera_info", qos_profile_sensor_data
         )
+        self._labels = node.create_publisher(Image, "/camera/labels", qos_profile_sensor_data)
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._label_names = node.create_publisher(String, "/camera/label_names", latched)
+        self._label_names.publish(String(data=json.dumps(robot.label_names)))
         self._odometry = node.create_publisher(Odometry, "/odom", QUEUE)
         self._camera_pose = node.create_publisher(PoseStamped, "/camera/pose", QUEUE)
         self._true_pose = node.create_publisher(PoseStamped, "/robot/true_pose", QUEUE)
@@ -109,6 +114,8 @@ class RobotNode:
             state, stamp = self._latest
             frame = self._robot.observe(state)
             self._info.publish(messages.camera_info(frame.camera, stamp))
+            if frame.labels is not None and self._labels.get_subscription_count():
+                self._labels.publish(messages.label_image(frame.labels.instances, stamp))
             self._depth.publish(messages.depth_image(frame.depth, stamp))
             header = messages.header(stamp, messages.OPTICAL)
             self._colour.publish(image_message(header, frame.rgb))

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gslts.core.camera import camera_from_fov, look_at
-from gslts.core.frame import RgbdFrame
+from gslts.core.frame import Labels, RgbdFrame
 from gslts.core.se3 import product
 from gslts.types import Floats
 from gslts_sim.actions import GRID_M
@@ -181,13 +181,20 @@ class SimulatedRobot:
             state: Of this robot.
 
         Returns:
-            The frame, with the camera at its true pose.
+            The frame with labels, and the camera at its true pose.
         """
         pose = product(state.true.matrix(self.floor_m), base_from_camera(state.tilt_rad))
         camera = camera_from_fov(*self._size, FOV_RAD, pose)
-        frame, _ = self._sensor.take(self._home.scene.caster, camera, self._frames)
+        scene = self._home.scene
+        frame, truth = self._sensor.take(scene.caster, camera, self._frames)
         self._frames += 1
-        return frame
+        rows = np.append(scene.label_rows, np.int32(-1))  # -1 is the background.
+        return replace(frame, labels=Labels(rows[truth.instances], self.label_names))
+
+    @property
+    def label_names(self) -> tuple[str, ...]:
+        """Types of the labelled objects."""
+        return self._home.label_names
 
 
 def base_from_camera(tilt_rad: float) -> Floats:

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gslts.types import Floats
 from gslts_sim.actions import SceneState
 from gslts_sim.changes import ChangeError
@@ -23,11 +26,13 @@ class Scene:
         state: The home, and what was removed from it.
         floor: On which the robot drives.
         caster: Renders what its camera sees.
+        label_rows: [O] int32, row of each object of the home in `ScriptedHome.label_names`.
     """
 
     state: SceneState
     floor: WalkableFloor
     caster: RayCaster
+    label_rows: NDArray[np.int32]
 
 
 class ScriptedHome:
@@ -41,10 +46,14 @@ class ScriptedHome:
     Attributes:
         scene: Present state. It is replaced as a whole: who reads it in another thread sees the
             state before or after a change.
+        label_names: Types of all objects, of removed ones as well.
     """
 
     def __init__(self, state: SceneState, events: Iterable[ChangeEvent], sensor: Sensor) -> None:
         self._events, self._sensor = list(events), sensor
+        objects = [*state.home.objects, *state.removed.values()]
+        self.label_names = tuple(obj.type for obj in objects)
+        self._rows = {obj.id: row for row, obj in enumerate(objects)}
         self.scene = self._scene_of(state)
 
     @property
@@ -81,4 +90,5 @@ class ScriptedHome:
 
     def _scene_of(self, state: SceneState) -> Scene:
         caster = RayCaster(state.home, self._sensor.lights(state.home))
-        return Scene(state, floor_of(state.home), caster)
+        rows = np.array([self._rows[obj.id] for obj in state.home.objects], np.int32)
+        return Scene(state, floor_of(state.home), caster, rows)

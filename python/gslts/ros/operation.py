@@ -1,0 +1,350 @@
+"""Operation of the node: builds the map if there is none, then keeps it up to date.
+
+Lanes: the thread of ROS receives messages, `Judge` judges the newest frame, `QueryLane` answers
+queries, `Recorder` writes frames, and updates, rounds and errands run in the thread of
+`Operation.run`. None of them waits for another one; all that waits is bounded.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+from gslts.change.config import DetectionConfig
+from gslts.change.confirmation import Report
+from gslts.core.frame import RgbdFrame
+from gslts.keeper.config import KeeperConfig
+from gslts.keeper.errand import run_errand
+from gslts.keeper.keeper import MapKeeper, StoppedError
+from gslts.localization.config import RelocalizationConfig
+from gslts.mapping.config import PRESETS
+from gslts.ros.answers import errand_answer, failure_answer
+from gslts.ros.build import build_map, recording_of
+from gslts.ros.config import NodeConfig
+from gslts.ros.constants import ROUND_S
+from gslts.ros.exploring import explore
+from gslts.ros.frame_memory import FrameMemory
+from gslts.ros.free_floor import FreeFloor
+from gslts.ros.intake import Intake
+from gslts.ros.judge import Judge, Judged
+from gslts.ros.outbox import Outbox
+from gslts.ros.problems import Problems
+from gslts.ros.query_lane import QueryLane
+from gslts.ros.recorder import Recorder
+from gslts.ros.requests import Request, Requests
+from gslts.ros.robot import Goals, RobotLostError, RosRobot
+from gslts.ros.shown_change import detected_changes, published_changes
+from gslts.ros.statuses import Status
+from gslts.ros.waiting import WaitingChanges
+from gslts.store.history import open_history
+from gslts.types import Floats
+from gslts.update.config import UpdateConfig
+
+WAIT_S = 0.1
+"""Time between two tests for reports and requests, s."""
+NEEDS_ACTIVE = "needs --active: the node may not drive the robot"
+"""Reason for rejecting requests."""
+
+
+class Operation:
+    """Runs until a stop is requested.
+
+    Args:
+        config: Settings.
+        intake: Frames of the robot.
+        goals: Drives the robot; used if `config.active`.
+        outbox: Publishes results.
+        problems: Gets what goes wrong.
+        stop: Set if the node should end at the next safe point.
+        now_s: Returns the time of the stamps, s.
+        log: Called with one line for each event.
+
+    Attributes:
+        requests: Of other nodes.
+        robot: The robot; None before the first map or exploration.
+    """
+
+    def __init__(
+        self,
+        config: NodeConfig,
+        intake: Intake,
+        goals: Goals,
+        outbox: Outbox,
+        problems: Problems,
+        stop: threading.Event,
+        now_s: Callable[[], float],
+        log: Callable[[str], None],
+    ) -> None:
+        self._config, self._intake, self._outbox = config, intake, outbox
+        self._goals = goals if config.active else None
+        self._problems, self._stop, self._now_s, self._log = problems, stop, now_s, log
+        self.requests = Requests()
+        self.robot: RosRobot | None = None
+        self._queries: QueryLane | None = None
+        self._keeper: MapKeeper | None = None
+        self._activity = "starting"
+
+    def run(self) -> None:
+        """Build the map if there is none, then keep it up to date until a stop is requested.
+
+        Raises:
+            OSError: A file cannot be read or written.
+            ValueError: There is no map and none should be built, or it is damaged.
+            RuntimeError: A lane failed.
+        """
+        config = self._config
+        try:
+            if not config.map_path.exists():
+                if not config.build:
+                    raise ValueError(f"{config.map_path}: there is no map; --build makes one")
+                self._build()
+            if not self._stop.is_set():
+                self._keep()
+        except StoppedError:
+            pass
+
+    def ask(self, words: str) -> None:
+        """Answer a query beside everything else.
+
+        Args:
+            words: Such as "sofa".
+
+        Raises:
+            ValueError: There is no map yet, or too many queries wait.
+        """
+        if self._queries is None:
+            raise ValueError("there is no map yet")
+        self._queries.add(words)
+
+    def status(self) -> Status:
+        """Return the state of the map and of the robot, for diagnostics."""
+        keeper, robot = self._keeper, self.robot
+        if keeper is None or robot is None:
+            return Status("operation", "ok", self._activity)
+        activity = "the robot follows another goal" if robot.is_left_alone else self._activity
+        fault, values = (
+            keeper.monitor.fault,
+            {"unreliable frames": keeper.monitor.counts.unreliable},
+        )
+        return Status("operation", "ok" if fault is None else "warn", fault or activity, values)
+
+    def _build(self) -> None:
+        """Record frames until the word "build" comes, or until the robot has explored the room."""
+        config = self._config
+        recording = recording_of(config.map_path, config.record)
+        memory = FrameMemory()
+        while not config.map_path.exists():
+            recorder = Recorder(recording, self._problems)
+
+            def record(judged: Judged, is_key: bool, recorder: Recorder = recorder) -> None:
+                self._outbox.judged(judged, None)
+                if is_key:
+                    recorder.add(judged.frame)
+
+            try:
+                with Judge(
+                    self._intake, memory, config.rate_hz, self._now_s, on_judged=record
+                ) as judge:
+                    self._start_robot(judge, memory, None)
+                    self._gather(judge, memory)
+            finally:
+                recorder.close()
+            if self._stop.is_set():
+                raise StoppedError
+            self._activity = "building the map"
+            try:
+                build_map(recording, config.map_path, config.threads, self._stop, self._log)
+            except (ValueError, RuntimeError) as error:
+                if self._stop.is_set():
+                    raise StoppedError from None
+                self._log(f"not built: {error}")
+                self._outbox.event("not built", reason=str(error))
+        self._outbox.event("built")
+
+    def _gather(self, judge: Judge, memory: FrameMemory) -> None:
+        """Let the robot explore, or wait for the word "build"."""
+        self._activity = "recording, there is no map yet"
+        self._log("no map yet: recording; the command build makes a map of the recording")
+        if self._goals is not None and self.robot is not None:
+            try:
+                explore(self.robot, memory, self._config.body, self._stop, self._log)
+            except RobotLostError as error:
+                self._log(f"exploration ended: {error}")
+            else:
+                self._outbox.event("explored")
+                return
+        while not self._stop.is_set():
+            judge.require_working()
+            request = self.requests.take(WAIT_S)
+            if request is not None and (request.kind, request.words) == ("command", "build"):
+                return
+            if request is not None:
+                self._fail(request, "there is no map yet")
+
+    def _keep(self) -> None:
+        config, memory = self._config, FrameMemory()
+        recorder = None if config.record is None else Recorder(config.record, self._problems)
+        keeper_config = _keeper_config(config)
+        waiting = WaitingChanges(keeper_config.update.collect.steps + 1)
+        with MapKeeper(
+            config.map_path,
+            keeper_config,
+            should_stop=self._stop.is_set,
+            log=self._say,
+        ) as keeper:
+
+            def on_judged(judged: Judged, is_key: bool) -> None:
+                self._outbox.judged(judged, keeper.gaussian_map)
+                if is_key and recorder is not None:
+                    recorder.add(judged.frame)
+
+            floor, self._keeper = FreeFloor(config.body), keeper
+            try:
+                with (
+                    QueryLane(config.map_path, keeper, self._outbox) as self._queries,
+                    Judge(
+                        self._intake,
+                        memory,
+                        config.rate_hz,
+                        self._now_s,
+                        localizer=keeper.localizer,
+                        watch=keeper.watch,
+                        is_pending=lambda: keeper.monitor.is_pending,
+                        on_judged=on_judged,
+                    ) as judge,
+                ):
+                    self._start_robot(judge, memory, lambda: floor.positions(keeper.gaussian_map))
+                    self._log(f"{config.map_path} is version {keeper.version.number}")
+                    self._run_lane(keeper, judge, memory, waiting, floor)
+            finally:
+                self._queries = self._keeper = None
+                if recorder is not None:
+                    recorder.close()
+
+    def _run_lane(
+        self,
+        keeper: MapKeeper,
+        judge: Judge,
+        memory: FrameMemory,
+        waiting: WaitingChanges,
+        floor: FreeFloor,
+    ) -> None:
+        """Integrate changes and follow requests until a stop is requested."""
+        shown_version, round_end_s = 0, time.monotonic() + ROUND_S
+        while not self._stop.is_set():
+            judge.require_working()
+            if keeper.version.number != shown_version:
+                shown_version = keeper.version.number
+                self._show_map(keeper, floor)
+            if time.monotonic() > round_end_s:
+                keeper.end_round()
+                round_end_s = time.monotonic() + ROUND_S
+            try:
+                if not self._integrate(keeper, memory, waiting):
+                    self._activity = "watching"
+                    request = self.requests.take(WAIT_S)
+                    if request is not None:
+                        self._follow(request, keeper, memory)
+            except RobotLostError as error:
+                self._problems.report("robot", str(error))
+
+    def _integrate(self, keeper: MapKeeper, memory: FrameMemory, waiting: WaitingChanges) -> bool:
+        """Integrate changes that can be; return whether there were any."""
+        assert self.robot is not None
+        new = keeper.reports()
+        if new:
+            waiting.add(new)
+            self._show_changes(waiting)
+        reports: list[Report]
+        frames: list[RgbdFrame]
+        if self._goals is not None and not self.robot.is_left_alone:
+            reports, frames = waiting.take_all(), []
+        else:
+            reports, frames = waiting.take_ready(self._intake.newest_s, memory.since)
+        if not reports:
+            return False
+        self._activity = "updating the map"
+        try:
+            keeper.integrate(self.robot, reports, frames)
+        except RobotLostError:
+            waiting.add(reports)
+            raise
+        finally:
+            self._show_changes(waiting)
+        return True
+
+    def _follow(self, request: Request, keeper: MapKeeper, memory: FrameMemory) -> None:
+        """Follow a request; a failure is answered."""
+        robot, words = self.robot, request.words
+        assert robot is not None
+        self._activity = f"{request.kind}: {words}"
+        try:
+            if request.kind == "command" and words == "extend":
+                frames = {f"{frame.time_s:.3f}": frame for frame in memory.since(0)}
+                keeper.extend(frames, "ros")
+            elif words == "build" and request.kind == "command":
+                raise ValueError("there is a map already")
+            elif self._goals is None:
+                raise ValueError(NEEDS_ACTIVE)
+            elif request.kind == "go":
+                if keeper.semantics is None:
+                    raise ValueError("the map has no words; gslts semantics adds them")
+                _, result = run_errand(keeper, keeper.semantics, robot, words)
+                self._outbox.answer(errand_answer(words, "map", result))
+            elif words == "explore":
+                keeper.explore(robot)
+            elif words == "round":
+                keeper.go_round(robot)
+            else:
+                keeper.consolidate(robot)
+        except (ValueError, ImportError, RobotLostError) as error:
+            self._fail(request, str(error))
+        else:
+            self._outbox.event("done", kind=request.kind, words=words)
+
+    def _fail(self, request: Request, reason: str) -> None:
+        self._log(f"{request.kind} {request.words!r}: {reason}")
+        self._outbox.answer(failure_answer(request.kind, request.words, reason))
+
+    def _start_robot(
+        self, judge: Judge, memory: FrameMemory, positions: Callable[[], Floats] | None
+    ) -> None:
+        self.robot = RosRobot(
+            memory,
+            self._intake.latest_pose,
+            judge.map_from_odometry,
+            lambda: self._intake.newest_s,
+            positions,
+            self._goals,
+            self._stop,
+        )
+
+    def _show_map(self, keeper: MapKeeper, floor: FreeFloor) -> None:
+        """Publish what a new version shows."""
+        version = keeper.version
+        self._outbox.event("version", number=version.number, gaussians=version.gaussians)
+        self._outbox.grid(floor.semantic_map(keeper.gaussian_map))
+        self._show_changes(None)
+
+    def _show_changes(self, waiting: WaitingChanges | None) -> None:
+        with open_history(self._config.map_path) as history:
+            shown = published_changes(history.tracks())
+        detected = [] if waiting is None else detected_changes(waiting.changes)
+        self._outbox.changes([*shown, *detected])
+
+    def _say(self, line: str) -> None:
+        self._log(line)
+        self._outbox.event("log", line=line)
+
+
+def _keeper_config(config: NodeConfig) -> KeeperConfig:
+    threads = config.threads
+    update = UpdateConfig(threads=threads)
+    return KeeperConfig(
+        max_viewpoints=config.max_viewpoints,
+        detection=DetectionConfig(threads=threads),
+        update=update,
+        extension=PRESETS["fast"].with_settings([f"threads={threads}"]),
+        relocalization=RelocalizationConfig(threads=threads) if config.locate else None,
+    )

@@ -1,0 +1,1 @@
+"""The node of gslts as a ROS 2 package."""
