@@ -23,7 +23,6 @@ from typing import Any
 import numpy as np
 
 ROOT = Path(__file__).parents[2]
-MAIN = "import sys; from gslts.cli import main; sys.argv[0] = 'gslts'; main()"
 LONG_S = 60.0
 """More than anything here takes: what lasts so long has failed."""
 DOMAINS = range(1, 100)
@@ -58,7 +57,7 @@ class Ros:
             cwd: Folder in which it runs.
         """
         return subprocess.Popen(
-            [str(ros_python()), "-c", MAIN, *map(str, arguments)],
+            [str(ros_python()), "-m", "gslts", *map(str, arguments)],
             cwd=cwd,
             text=True,
             stdout=subprocess.PIPE,
