@@ -10,7 +10,7 @@ ARGUMENTS = {
     "depth_info": "Topic of the intrinsics of a depth image that is not registered.",
     "odometry": "Topic of poses: nav_msgs/Odometry. Without odometry and pose: tf.",
     "pose": "Topic of poses: geometry_msgs/PoseStamped.",
-    "mount": "Pose of the optical frame in the frame of the poses, x,y,z,roll,pitch,yaw, m and rad.",
+    "mount": "Pose of the optical frame in that of the poses, x,y,z,roll,pitch,yaw, m and rad.",
     "world": "Frame of tf for the poses; default: odom, or map with locate:=false.",
     "locate": "true: localize images in the map; false: the poses are those of the map.",
     "labels": "Topic of instance images (16UC1) of a segmentation node.",
