@@ -89,6 +89,13 @@ def ros(
     sim_time: Annotated[
         bool, typer.Option("--sim-time", help="Take the time from /clock (use_sim_time).")
     ] = False,
+    publish_tf: Annotated[
+        bool,
+        typer.Option(
+            "--publish-tf",
+            help="Publish map -> odom on /tf, if no other localization of the robot does.",
+        ),
+    ] = False,
     radius: Radius = 0.2,
     height: Height = 1.2,
     step: Step = 0.02,
@@ -129,6 +136,8 @@ def ros(
     )
     if odometry and pose:
         raise ValueError("give either --odometry or --pose")
+    if publish_tf and not locate:
+        raise ValueError("--publish-tf: with --no-locate, the poses are in the map already")
     config = NodeConfig(
         map_path=map_path,
         topics=topics,
@@ -143,6 +152,7 @@ def ros(
         sim_time=sim_time,
         body=RobotBody(radius_m=radius, height_m=height, step_m=step),
         threads=threads,
+        publish_tf=publish_tf,
         ros_arguments=tuple(ros_arguments or ()),
     )
     stop = threading.Event()

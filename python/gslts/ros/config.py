@@ -69,6 +69,7 @@ class NodeConfig(BaseModel):
         body: Size of the robot.
         sim_time: Take the time from /clock.
         threads: 0 uses all hardware threads.
+        publish_tf: Publish the transform from `map` to the frame of the poses.
         ros_arguments: Arguments of ROS, such as --ros-args -p use_sim_time:=true.
     """
 
@@ -87,6 +88,7 @@ class NodeConfig(BaseModel):
     body: RobotBody = RobotBody()
     sim_time: bool = False
     threads: Annotated[int, Field(ge=0)] = 0
+    publish_tf: bool = False
     ros_arguments: tuple[str, ...] = ()
 
 

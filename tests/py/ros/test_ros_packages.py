@@ -16,7 +16,7 @@ from gslts.cli import app
 ROOT = Path(__file__).parents[3]
 PACKAGE, MESSAGES = ROOT / "ros/gslts_ros", ROOT / "ros/gslts_msgs"
 NOT_LAUNCHED = {"help", "sim_time", "ros_arguments"}
-"""Parameters of the command that are no argument: the launch file has `use_sim_time` and the rest."""
+"""Parameters that are no arguments of the launch file; it has `use_sim_time` and those of ROS."""
 
 
 def module(name: str) -> ModuleType:
