@@ -86,6 +86,13 @@ def ros(
     viewpoints: Annotated[
         int, typer.Option(min=1, max=1000, help="Maximum number of viewpoints of a round.")
     ] = 40,
+    publish_tf: Annotated[
+        bool,
+        typer.Option(
+            "--publish-tf",
+            help="Publish map -> odom on /tf, if no other localization of the robot does.",
+        ),
+    ] = False,
     radius: Radius = 0.2,
     height: Height = 1.2,
     step: Step = 0.02,
@@ -126,6 +133,8 @@ def ros(
     )
     if odometry and pose:
         raise ValueError("give either --odometry or --pose")
+    if publish_tf and not locate:
+        raise ValueError("--publish-tf: with --no-locate, the poses are in the map already")
     config = NodeConfig(
         map_path=map_path,
         topics=topics,
@@ -139,6 +148,7 @@ def ros(
         max_viewpoints=viewpoints,
         body=RobotBody(radius_m=radius, height_m=height, step_m=step),
         threads=threads,
+        publish_tf=publish_tf,
         ros_arguments=tuple(ros_arguments or ()),
     )
     stop = threading.Event()

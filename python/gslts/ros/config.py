@@ -68,6 +68,7 @@ class NodeConfig(BaseModel):
         max_viewpoints: Maximum number of viewpoints of a round.
         body: Size of the robot.
         threads: 0 uses all hardware threads.
+        publish_tf: Publish the transform from `map` to the frame of the poses.
         ros_arguments: Arguments of ROS, such as --ros-args -p use_sim_time:=true.
     """
 
@@ -85,6 +86,7 @@ class NodeConfig(BaseModel):
     max_viewpoints: Annotated[int, Field(ge=1, le=1000)] = 40
     body: RobotBody = RobotBody()
     threads: Annotated[int, Field(ge=0)] = 0
+    publish_tf: bool = False
     ros_arguments: tuple[str, ...] = ()
 
 
