@@ -53,11 +53,20 @@ class NoPoses:
     world = ""
 
     def at(self, time_ns: int, frame: str) -> Floats:  # noqa: ARG002
-        """Return the identity; see `LivePoses.at`."""
+        """Return the identity; see `LivePoses.at`.
+
+        Args:
+            time_ns: Any time, ns.
+            frame: Any frame.
+        """
         return np.eye(4)
 
     def latest(self, frame: str) -> Floats:  # noqa: ARG002
-        """Raise ValueError: nobody knows if the camera moves; see `LivePoses.latest`."""
+        """Raise ValueError: nobody knows if the camera moves; see `LivePoses.latest`.
+
+        Args:
+            frame: Any frame.
+        """
         raise ValueError("there is no source of poses")
 
 
@@ -93,13 +102,22 @@ class TopicPoses:
             self._track.keep(*_memory(self._track.newest_ns(), time_ns))
 
     def at(self, time_ns: int, frame: str) -> Floats:
-        """Return the pose of the camera at a time; see `LivePoses.at`."""
+        """Return the pose of the camera at a time; see `LivePoses.at`.
+
+        Args:
+            time_ns: Time, ns.
+            frame: Optical frame of the camera.
+        """
         with self._lock:
             mount = self._camera_mount(frame)
             return rigid(self._track.at(time_ns, MAX_POSE_GAP_NS) @ mount)
 
     def latest(self, frame: str) -> Floats:
-        """Return the newest pose of the camera; see `LivePoses.latest`."""
+        """Return the newest pose of the camera; see `LivePoses.latest`.
+
+        Args:
+            frame: Optical frame of the camera.
+        """
         with self._lock:
             mount = self._camera_mount(frame)
             return rigid(self._track.at(self._track.newest_ns()) @ mount)
@@ -148,12 +166,21 @@ class TfPoses:
                     self._tree.keep(first_ns, self._newest_ns)
 
     def at(self, time_ns: int, frame: str) -> Floats:
-        """Return the pose of the camera at a time; see `LivePoses.at`."""
+        """Return the pose of the camera at a time; see `LivePoses.at`.
+
+        Args:
+            time_ns: Time, ns.
+            frame: Optical frame of the camera.
+        """
         with self._lock:
             return rigid(self._tree.find(self.world, frame, time_ns, MAX_POSE_GAP_NS))
 
     def latest(self, frame: str) -> Floats:
-        """Return the newest pose of the camera; see `LivePoses.latest`."""
+        """Return the newest pose of the camera; see `LivePoses.latest`.
+
+        Args:
+            frame: Optical frame of the camera.
+        """
         with self._lock:
             newest_ns = self._tree.newest_ns(self.world, frame)
             return rigid(self._tree.find(self.world, frame, newest_ns))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from gslts.ros.constants import (
 from gslts.ros.frame_memory import FrameMemory
 from gslts.types import Floats
 
+if TYPE_CHECKING:
+    from gslts.ros.goals import Goals  # Needs ROS.
+
 POLL_S = 0.05
 """Time between two tests if the robot has arrived, s."""
 TILT_S = 0.5
@@ -33,27 +36,6 @@ TILT_S = 0.5
 
 class RobotLostError(Exception):
     """The robot has no pose or no frame at present."""
-
-
-class Goals(Protocol):
-    """Gives goals to the navigation of a robot."""
-
-    def drive_to(self, position: Floats, yaw_rad: float) -> None:
-        """Give a goal.
-
-        Args:
-            position: (2,) x and y in the frame of the poses, m.
-            yaw_rad: Direction of the camera, rad.
-        """
-        ...
-
-    def tilt_to(self, pitch_rad: float) -> None:
-        """Tilt the camera if it can be tilted.
-
-        Args:
-            pitch_rad: Angle below the horizon, rad.
-        """
-        ...
 
 
 class RosRobot:
