@@ -86,9 +86,6 @@ def ros(
     viewpoints: Annotated[
         int, typer.Option(min=1, max=1000, help="Maximum number of viewpoints of a round.")
     ] = 40,
-    sim_time: Annotated[
-        bool, typer.Option("--sim-time", help="Take the time from /clock (use_sim_time).")
-    ] = False,
     publish_tf: Annotated[
         bool,
         typer.Option(
@@ -149,7 +146,6 @@ def ros(
         record=record,
         rate_hz=rate,
         max_viewpoints=viewpoints,
-        sim_time=sim_time,
         body=RobotBody(radius_m=radius, height_m=height, step_m=step),
         threads=threads,
         publish_tf=publish_tf,

@@ -16,7 +16,6 @@ try:
     from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
     from nav_msgs.msg import OccupancyGrid, Odometry
     from rclpy.executors import SingleThreadedExecutor
-    from rclpy.parameter import Parameter
     from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
     from rclpy.serialization import deserialize_message
     from rclpy.signals import SignalHandlerOptions
@@ -67,8 +66,7 @@ class GsltsNode:
     """
 
     def __init__(self, config: NodeConfig, stop: threading.Event) -> None:
-        clock = [Parameter("use_sim_time", value=True)] if config.sim_time else []
-        self.node = node = rclpy.create_node("gslts", parameter_overrides=clock)
+        self.node = node = rclpy.create_node("gslts")
         self._config = config
         logger = node.get_logger()
         self._problems = Problems(logger.warning)
@@ -317,8 +315,7 @@ def run_node(config: NodeConfig, stop: threading.Event) -> None:
     """
     # The signal handlers of rclpy would end publishers while they are in use.
     try:
-        arguments = list(config.ros_arguments)
-        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=list(config.ros_arguments), signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
         given, reason = " ".join(config.ros_arguments), str(error).partition(", at ")[0]
         raise ValueError(f"arguments of ROS: {given}: {reason}") from None

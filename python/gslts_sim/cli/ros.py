@@ -27,7 +27,7 @@ def ros(
         int, typer.Option("--seed", min=0, help="Seed of the noise and of the drift.")
     ] = 0,
     drift: Annotated[
-        float, typer.Option(min=0, max=100, help="Factor of the errors of odometry; 0 for none.")
+        float, typer.Option(min=0, max=10, help="Factor of the errors of odometry; 0 for none.")
     ] = 1.0,
     day: Annotated[
         Path | None, typer.Option(help="Changes of the home, written by gslts sim day.")

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
+
+import numpy as np
 
 from gslts.types import Floats
 from gslts_sim.ros.planar_pose import PlanarPose, wrap_angle
@@ -34,6 +37,12 @@ class Drive:
         self.pose = start
         self.corners: list[Floats] = []
         self.yaw_rad: float | None = None
+
+    @property
+    def length_m(self) -> float:
+        """Length of the path ahead, m."""
+        points = [self.pose.position, *self.corners]
+        return sum(float(np.linalg.norm(end - start)) for start, end in pairwise(points))
 
     def stop(self) -> None:
         """Stand still."""

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import array
+import math
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import PoseStamped, TransformStamped
 from nav_msgs.msg import Odometry
-from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
 from gslts.core.camera import Camera
-from gslts.types import Bytes, Floats, Floats32
+from gslts.ros.image_message import image_message
+from gslts.ros.pose_message import pose_message
+from gslts.types import Floats, Floats32, Ints32
 from gslts_sim.ros.planar_pose import PlanarPose
 
 OPTICAL = "camera_color_optical_frame"
@@ -23,9 +22,11 @@ BASE, ODOM = "base_link", "odom"
 """Frames of the robot and of its odometry (REP 105)."""
 MAX_DEPTH_M = 65.535
 """Largest depth in a 16UC1 image, m."""
+MAX_GOAL_M = 1e4
+"""Maximum distance of a goal from the start, m: beyond, it is a mistake in units."""
 
 
-def header(time_ns: int, frame: str) -> Any:
+def header(time_ns: int, frame: str) -> Header:
     """Return a Header.
 
     Args:
@@ -37,17 +38,7 @@ def header(time_ns: int, frame: str) -> Any:
     return result
 
 
-def colour_image(rgb: Bytes, time_ns: int) -> Any:
-    """Return an Image with encoding rgb8.
-
-    Args:
-        rgb: [H,W,3] uint8.
-        time_ns: Stamp, ns.
-    """
-    return _image(rgb, "rgb8", time_ns)
-
-
-def depth_image(depth: Floats32, time_ns: int) -> Any:
+def depth_image(depth: Floats32, time_ns: int) -> Image:
     """Return an Image with encoding 16UC1.
 
     Args:
@@ -55,20 +46,21 @@ def depth_image(depth: Floats32, time_ns: int) -> Any:
         time_ns: Stamp, ns.
     """
     known = np.where(depth <= MAX_DEPTH_M, depth, 0)
-    return _image(np.rint(1000 * known).astype("<u2"), "16UC1", time_ns)
+    millimetres = np.rint(1000 * known).astype("<u2")
+    return image_message(header(time_ns, OPTICAL), millimetres, "16UC1")
 
 
-def label_image(instances: NDArray[np.int32], time_ns: int) -> Any:
+def label_image(instances: Ints32, time_ns: int) -> Image:
     """Return the object at each pixel as an Image with encoding 16UC1; 0 for none.
 
     Args:
         instances: [H,W] row of the object, -1 for none.
         time_ns: Stamp, ns.
     """
-    return _image((instances + 1).astype("<u2"), "16UC1", time_ns)
+    return image_message(header(time_ns, OPTICAL), (instances + 1).astype("<u2"), "16UC1")
 
 
-def camera_info(camera: Camera, time_ns: int) -> Any:
+def camera_info(camera: Camera, time_ns: int) -> CameraInfo:
     """Return the CameraInfo of an image without distortion.
 
     Args:
@@ -89,20 +81,7 @@ def camera_info(camera: Camera, time_ns: int) -> Any:
     )
 
 
-def pose_stamped(pose: Floats, time_ns: int, frame: str) -> Any:
-    """Return a PoseStamped.
-
-    Args:
-        pose: [4,4] in the frame, m.
-        time_ns: Stamp, ns.
-        frame: Frame id.
-    """
-    result = PoseStamped(header=header(time_ns, frame))
-    _fill_pose(pose, result.pose.position, result.pose.orientation)
-    return result
-
-
-def odometry(pose: Floats, speed_m_s: float, turn_rad_s: float, time_ns: int) -> Any:
+def odometry(pose: Floats, speed_m_s: float, turn_rad_s: float, time_ns: int) -> Odometry:
     """Return an Odometry.
 
     Args:
@@ -112,23 +91,9 @@ def odometry(pose: Floats, speed_m_s: float, turn_rad_s: float, time_ns: int) ->
         time_ns: Stamp, ns.
     """
     result = Odometry(header=header(time_ns, ODOM), child_frame_id=BASE)
-    _fill_pose(pose, result.pose.pose.position, result.pose.pose.orientation)
+    result.pose.pose = pose_message(pose)
     result.twist.twist.linear.x = speed_m_s
     result.twist.twist.angular.z = turn_rad_s
-    return result
-
-
-def transform(pose: Floats, time_ns: int, parent: str, child: str) -> Any:
-    """Return a TransformStamped.
-
-    Args:
-        pose: [4,4] parent_from_child, m.
-        time_ns: Stamp, ns.
-        parent: Frame id.
-        child: Frame id.
-    """
-    result = TransformStamped(header=header(time_ns, parent), child_frame_id=child)
-    _fill_pose(pose, result.transform.translation, result.transform.rotation)
     return result
 
 
@@ -139,31 +104,12 @@ def planar_pose(pose: Any) -> PlanarPose:
         pose: Its roll and pitch are ignored.
 
     Raises:
-        ValueError: A number is not finite, or the quaternion has not length 1.
+        ValueError: The position is not within `MAX_GOAL_M`, or the quaternion has not length 1.
     """
-    quaternion = np.array([getattr(pose.orientation, name) for name in "xyzw"])
-    numbers = pose.position.x, pose.position.y
-    if not (np.isfinite(numbers).all() and abs(float(np.linalg.norm(quaternion)) - 1) < 0.01):
-        raise ValueError(f"position {numbers} and quaternion {quaternion.tolist()} are no pose")
-    x, y, z, w = (quaternion / np.linalg.norm(quaternion)).tolist()
-    return PlanarPose(*numbers, float(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))))
-
-
-def _image(pixels: NDArray[Any], encoding: str, time_ns: int) -> Any:
-    rows = np.ascontiguousarray(pixels)
-    data = array.array("B")  # What rclpy takes without a check of each byte.
-    data.frombytes(rows.tobytes())
-    return Image(
-        header=header(time_ns, OPTICAL),
-        height=rows.shape[0],
-        width=rows.shape[1],
-        encoding=encoding,
-        step=rows.strides[0],
-        data=data,
-    )
-
-
-def _fill_pose(pose: Floats, position: Any, orientation: Any) -> None:
-    position.x, position.y, position.z = pose[:3, 3].tolist()
-    quaternion = Rotation.from_matrix(pose[:3, :3]).as_quat().tolist()
-    orientation.x, orientation.y, orientation.z, orientation.w = quaternion
+    position, turn = pose.position, pose.orientation
+    length = math.hypot(turn.x, turn.y, turn.z, turn.w)
+    if not (math.hypot(position.x, position.y) <= MAX_GOAL_M and abs(length - 1) < 0.01):
+        numbers = position.x, position.y, turn.x, turn.y, turn.z, turn.w
+        raise ValueError(f"x, y and quaternion x, y, z, w are no pose in a home: {numbers}")
+    sine, cosine = turn.w * turn.z + turn.x * turn.y, turn.y * turn.y + turn.z * turn.z
+    return PlanarPose(position.x, position.y, math.atan2(2 * sine, length * length - 2 * cosine))

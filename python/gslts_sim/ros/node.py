@@ -7,7 +7,7 @@ import os
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +30,9 @@ except ImportError as error:
         "of `scripts/setup ros`"
     ) from error
 
+from gslts.core.se3 import product
+from gslts.ros.image_message import image_message
+from gslts.ros.pose_message import pose_message, transform_message
 from gslts_sim.changes import ChangeError
 from gslts_sim.ros import messages
 from gslts_sim.ros.robot import TICK_S, RobotState, SimulatedRobot, base_from_camera
@@ -81,6 +84,7 @@ class RobotNode:
         self._send_transforms = _transform_sender(node)
         self._start_ns: int = node.get_clock().now().nanoseconds
         self._start_s = time.monotonic()
+        self._latest = robot.state, self._start_ns
         moving, changing = MutuallyExclusiveCallbackGroup(), MutuallyExclusiveCallbackGroup()
         node.create_timer(TICK_S, self._catch_up, moving)
         node.create_subscription(
@@ -107,17 +111,14 @@ class RobotNode:
         due_s = time.monotonic()
         while not stopped.wait(max(0.0, due_s - time.monotonic())):
             due_s = max(due_s + self._period_s, time.monotonic())
-            state = self._robot.state
+            state, stamp = self._latest
             frame = self._robot.observe(state)
-            stamp = self._stamp_ns(state)
             self._info.publish(messages.camera_info(frame.camera, stamp))
             if frame.labels is not None and self._labels.get_subscription_count():
                 self._labels.publish(messages.label_image(frame.labels.instances, stamp))
             self._depth.publish(messages.depth_image(frame.depth, stamp))
-            self._colour.publish(messages.colour_image(frame.rgb, stamp))
-
-    def _stamp_ns(self, state: RobotState) -> int:
-        return self._start_ns + state.tick * TICK_NS
+            header = messages.header(stamp, messages.OPTICAL)
+            self._colour.publish(image_message(header, frame.rgb))
 
     def _catch_up(self) -> None:
         """Let the ticks pass that are due, and publish the poses of each."""
@@ -128,20 +129,25 @@ class RobotNode:
             due = 1
         for _ in range(due):
             state = self._robot.advance()
-            stamp = self._stamp_ns(state)
-            base, mount = state.believed.matrix(), base_from_camera(state.tilt_rad)
-            self._odometry.publish(
-                messages.odometry(base, state.speed_m_s, state.turn_rad_s, stamp)
-            )
-            self._camera_pose.publish(messages.pose_stamped(base @ mount, stamp, messages.ODOM))
-            true = state.true.matrix(self._robot.floor_m) @ mount
-            self._true_pose.publish(messages.pose_stamped(true, stamp, WORLD))
-            self._send_transforms(
-                [
-                    messages.transform(base, stamp, messages.ODOM, messages.BASE),
-                    messages.transform(mount, stamp, messages.BASE, messages.OPTICAL),
-                ]
-            )
+            self._latest = state, self._start_ns + state.tick * TICK_NS
+            self._publish_poses(*self._latest)
+
+    def _publish_poses(self, state: RobotState, stamp: int) -> None:
+        base, mount = state.believed.matrix(), base_from_camera(state.tilt_rad)
+        true = product(state.true.matrix(self._robot.floor_m), mount)
+        in_odom, in_base, in_world = (
+            messages.header(stamp, frame) for frame in (messages.ODOM, messages.BASE, WORLD)
+        )
+        self._odometry.publish(messages.odometry(base, state.speed_m_s, state.turn_rad_s, stamp))
+        pose = pose_message(product(base, mount))
+        self._camera_pose.publish(PoseStamped(header=in_odom, pose=pose))
+        self._true_pose.publish(PoseStamped(header=in_world, pose=pose_message(true)))
+        self._send_transforms(
+            [
+                transform_message(in_odom, messages.BASE, base),
+                transform_message(in_base, messages.OPTICAL, mount),
+            ]
+        )
 
     def _on_goal(self, message: Any) -> None:
         frame = message.header.frame_id
@@ -203,21 +209,20 @@ def spin(
     # The signal handlers of rclpy would end publishers while they are in use.
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     executor, stopped = MultiThreadedExecutor(2), threading.Event()
-    try:
-        robot_node = RobotNode(robot, rate_hz, interval_s)
-        executor.add_node(robot_node.node)
-        with ThreadPoolExecutor(1) as pool:
-            images = pool.submit(robot_node.send_images, stopped)
-            try:
-                while not should_stop() and not images.done():
-                    executor.spin_once(timeout_sec=0.2)
-            finally:
-                stopped.set()
-            images.result()
-        executor.shutdown()
-        robot_node.node.destroy_node()
-    finally:
-        rclpy.shutdown()
+    robot_node = RobotNode(robot, rate_hz, interval_s)
+    executor.add_node(robot_node.node)
+    with ThreadPoolExecutor(1) as pool:
+        images = pool.submit(robot_node.send_images, stopped)
+        try:
+            while not should_stop() and not images.done():
+                executor.spin_once(timeout_sec=0.2)
+        finally:
+            stopped.set()
+            wait([images])
+            executor.shutdown()
+            robot_node.node.destroy_node()
+            rclpy.shutdown()
+    images.result()
 
 
 def _transform_sender(node: Any) -> Callable[[list[Any]], None]:

@@ -8,12 +8,13 @@ import numpy as np
 
 from gslts.core.camera import camera_from_fov, look_at
 from gslts.core.frame import Labels, RgbdFrame
+from gslts.core.se3 import product
 from gslts.types import Floats
 from gslts_sim.actions import GRID_M
 from gslts_sim.robot_body import CAMERA_HEIGHT_M, FOV_RAD, HORIZON_DEG, camera_direction
 from gslts_sim.ros.drive import Drive
 from gslts_sim.ros.odometry import Odometry
-from gslts_sim.ros.planar_pose import PlanarPose
+from gslts_sim.ros.planar_pose import PlanarPose, wrap_angle
 from gslts_sim.ros.route import plan_route
 from gslts_sim.ros.scripted_home import ScriptedHome
 from gslts_sim.sensor import Sensor
@@ -24,6 +25,8 @@ TICK_S = 0.04
 load of the machine."""
 TILT_RAD_S = 0.8
 """Speed at which the camera tilts, rad/s."""
+ARRIVED_M, ARRIVED_RAD = 0.05, 1e-4
+"""Distance and angle by odometry at which a goal is reached, m and rad."""
 MIN_CARRY_M = 1.0
 """Minimum distance over which the robot is carried away, m, where the home has the room."""
 
@@ -89,13 +92,8 @@ class SimulatedRobot:
         Returns:
             The new state.
         """
-        if self._goal is not None and self._planned_in is not self._home.scene:
-            self.go_to(self._goal)  # A change may have blocked the path, or freed a shorter one.
+        self._steer()
         before, drive = self.state, self._drive
-        if self._goal is not None and not drive.corners:
-            # The robot turns by its odometry, which has drifted on the path.
-            drive.yaw_rad = self._goal.yaw_rad + drive.pose.yaw_rad - self._odometry.pose.yaw_rad
-            self._goal = None
         for turn_rad, forward_m in drive.advance(TICK_S):
             self._odometry.add(turn_rad, forward_m)
         believed = self._odometry.pose
@@ -109,6 +107,24 @@ class SimulatedRobot:
             (believed.yaw_rad - before.believed.yaw_rad) / TICK_S,
         )
         return self.state
+
+    def _steer(self) -> None:
+        """Plan again where that is needed; at the end of the path, turn to the goal's heading."""
+        drive, goal = self._drive, self._goal
+        if goal is None:
+            return
+        is_there = not drive.corners and drive.yaw_rad is None
+        # Odometry has drifted on the path, or a change has blocked it or freed a shorter one.
+        is_outdated = is_there or self._planned_in is not self._home.scene
+        if is_outdated and self.go_to(goal):
+            return
+        if is_there and drive.length_m < ARRIVED_M:
+            drive.corners = []
+        if not drive.corners:
+            turn_rad = wrap_angle(goal.yaw_rad - self._odometry.pose.yaw_rad)
+            drive.yaw_rad = drive.pose.yaw_rad + turn_rad
+            if abs(turn_rad) < ARRIVED_RAD:
+                self._goal = drive.yaw_rad = None
 
     def go_to(self, goal: PlanarPose) -> str:
         """Drive to a pose, or to the reachable position nearest to it; replaces an earlier goal.
@@ -167,7 +183,7 @@ class SimulatedRobot:
         Returns:
             The frame with labels, and the camera at its true pose.
         """
-        pose = state.true.matrix(self.floor_m) @ base_from_camera(state.tilt_rad)
+        pose = product(state.true.matrix(self.floor_m), base_from_camera(state.tilt_rad))
         camera = camera_from_fov(*self._size, FOV_RAD, pose)
         scene = self._home.scene
         frame, truth = self._sensor.take(scene.caster, camera, self._frames)

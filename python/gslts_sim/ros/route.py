@@ -27,14 +27,16 @@ def plan_route(floor: WalkableFloor, start: Floats, goal: Floats) -> PlannedPath
     size = max(reachable.shape)
     grid = Grid(floor.origin - floor.cell_m / 2, floor.cell_m, size)
     free = _square(reachable, size)
-    cells = np.argwhere(free)
-    if len(cells) == 0:
+    goals = grid.mask(goal[None]) & free
+    if goals.any():
+        path = plan_path(grid, free, start, goals)
+        path.points[-1:] = goal  # Exactly there, not at the centre of the cell.
+        return path
+    centers = grid.centers(np.argwhere(free))
+    if len(centers) == 0:
         return PlannedPath(np.zeros((0, 2)), "the robot can stand nowhere")
-    nearest = grid.centers(cells[[np.argmin(np.linalg.norm(grid.centers(cells) - goal, axis=1))]])
-    path = plan_path(grid, free, start, grid.mask(nearest))
-    if not path.reason and (grid.cells(goal[None]) == grid.cells(nearest)).all():
-        path.points[-1] = goal  # Exactly there, not at the centre of the cell.
-    return path
+    nearest = centers[np.argmin(np.linalg.norm(centers - goal, axis=1))]
+    return plan_path(grid, free, start, grid.mask(nearest[None]))
 
 
 def _square(mask: Bools, size: int) -> Bools:
