@@ -315,7 +315,8 @@ def run_node(config: NodeConfig, stop: threading.Event) -> None:
     """
     # The signal handlers of rclpy would end publishers while they are in use.
     try:
-        rclpy.init(args=list(config.ros_arguments), signal_handler_options=SignalHandlerOptions.NO)
+        arguments = list(config.ros_arguments)
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
         given, reason = " ".join(config.ros_arguments), str(error).partition(", at ")[0]
         raise ValueError(f"arguments of ROS: {given}: {reason}") from None
