@@ -13,6 +13,9 @@ from gslts.ros.config import Mount
 from gslts.ros.constants import CLOCK_JUMP_NS, MAX_POSE_GAP_NS, POSE_HISTORY_NS
 from gslts.types import Floats
 
+BASE = "base_link"
+"""Frame of the robot in tf (REP 105), which goals are for."""
+
 
 class LivePoses(Protocol):
     """Source of the poses that the robot believes.
@@ -46,6 +49,14 @@ class LivePoses(Protocol):
         """
         ...
 
+    def base_from_camera(self, frame: str) -> Floats | None:
+        """Return the pose of the camera on the robot, [4,4], m; None if it is not known.
+
+        Args:
+            frame: Optical frame of the camera.
+        """
+        ...
+
 
 class NoPoses:
     """Poses of a camera without odometry: all the same."""
@@ -68,6 +79,14 @@ class NoPoses:
             frame: Any frame.
         """
         raise ValueError("there is no source of poses")
+
+    def base_from_camera(self, frame: str) -> Floats | None:  # noqa: ARG002
+        """Return None: nobody knows; see `LivePoses.base_from_camera`.
+
+        Args:
+            frame: Any frame.
+        """
+        return None
 
 
 class TopicPoses:
@@ -121,6 +140,14 @@ class TopicPoses:
         with self._lock:
             mount = self._camera_mount(frame)
             return rigid(self._track.at(self._track.newest_ns()) @ mount)
+
+    def base_from_camera(self, frame: str) -> Floats | None:  # noqa: ARG002
+        """Return the mount; see `LivePoses.base_from_camera`.
+
+        Args:
+            frame: Any frame.
+        """
+        return None if self._mount is None else mount_matrix(self._mount)
 
     def _camera_mount(self, frame: str) -> Floats:
         """Return [4,4] child_from_camera."""
@@ -184,6 +211,19 @@ class TfPoses:
         with self._lock:
             newest_ns = self._tree.newest_ns(self.world, frame)
             return rigid(self._tree.find(self.world, frame, newest_ns))
+
+    def base_from_camera(self, frame: str) -> Floats | None:
+        """Return the transform from `BASE`; see `LivePoses.base_from_camera`.
+
+        Args:
+            frame: Optical frame of the camera.
+        """
+        with self._lock:
+            try:
+                newest_ns = self._tree.newest_ns(BASE, frame)
+                return rigid(self._tree.find(BASE, frame, newest_ns, MAX_POSE_GAP_NS))
+            except ValueError:
+                return None
 
 
 def mount_matrix(mount: Mount) -> Floats:

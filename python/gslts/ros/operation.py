@@ -317,6 +317,7 @@ class Operation:
         self.robot = RosRobot(
             memory,
             self._intake.latest_pose,
+            self._intake.base_from_camera,
             judge.map_from_odometry,
             lambda: self._intake.newest_s,
             positions,
